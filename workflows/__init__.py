@@ -1,0 +1,1 @@
+"""Scenes, commands, run folders and pictures: what turns the rooms below into a program."""

@@ -1,0 +1,5 @@
+"""`python -m workflows` is the `beadwave` command."""
+
+from workflows.cli import main
+
+main()
