@@ -1,0 +1,44 @@
+from rom.craig_bampton import craig_bampton
+from rom.exchange import load_h5, load_mat, load_npz, save_h5, save_mat, save_npz
+from rom.factorisation import Factor, Factorise, ReductionError, superlu
+from rom.free_modes import free_modes
+from rom.health import EffectiveMass, Health, RigidBody, effective_mass, health, rigid_body
+from rom.reduced_model import (
+    ModalWall,
+    ReducedModel,
+    full_order,
+    modal,
+    modal_compliance,
+    receptance,
+    reconstruct,
+    static_compliance,
+)
+
+__all__ = [
+    "EffectiveMass",
+    "Factor",
+    "Factorise",
+    "Health",
+    "ModalWall",
+    "ReducedModel",
+    "ReductionError",
+    "RigidBody",
+    "craig_bampton",
+    "effective_mass",
+    "free_modes",
+    "full_order",
+    "health",
+    "load_h5",
+    "load_mat",
+    "load_npz",
+    "modal",
+    "modal_compliance",
+    "receptance",
+    "reconstruct",
+    "rigid_body",
+    "save_h5",
+    "save_mat",
+    "save_npz",
+    "static_compliance",
+    "superlu",
+]

@@ -1,0 +1,263 @@
+"""One sparse symmetric factorisation of K - sigma M, and what is solved with it.
+
+Modes come by shift and invert, static responses directly (sigma = 0) or by conjugate gradients
+preconditioned with the shifted factor, so that a free-floating K needs no second factorisation.
+Rubin, AIAA J. 13 (1975); Bai, Demmel et al., Templates for eigenvalue problems, SIAM (2000).
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+from scipy.linalg import eigh
+from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
+EPS = np.finfo(float).eps
+DENSE = 300  # up to this many dofs LAPACK is faster than Lanczos
+BLOCK = 64  # right-hand sides solved at once
+
+
+class ReductionError(ValueError):
+    """The matrices handed in do not allow what was asked; the sentence says why."""
+
+
+class Factor(Protocol):
+    """What a factorisation can do: ``solve(b)`` for b (n,) or (n, k)."""
+
+    def solve(self, b: np.ndarray) -> np.ndarray: ...
+
+
+Factorise = Callable[[sp.csc_array], Factor]
+
+
+class Pencil(NamedTuple):
+    """K and M (n, n) with one factor of K - sigma M, sigma [rad^2/s^2]."""
+
+    K: sp.csc_array
+    M: sp.csc_array
+    factor: Factor
+    sigma: float
+
+
+class EigenPairs(NamedTuple):
+    """omega (k,) [rad/s] ascending, rigid-body modes as exact zeros; phi (n, k) mass-normalised."""
+
+    omega: np.ndarray
+    phi: np.ndarray
+
+
+def superlu(A: sp.csc_array) -> Factor:
+    """Symmetric-mode SuperLU factor of A (n, n): the default where no faster one is handed in."""
+    return splu(
+        sp.csc_array(A),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
+
+
+def symmetric(A: ArrayLike | sp.sparray | sp.spmatrix, name: str) -> sp.csc_array:
+    """A (n, n) as a sparse array; raises ReductionError unless square, finite and symmetric."""
+    A = sp.csc_array(A, dtype=float)
+    if A.shape[0] != A.shape[1]:
+        raise ReductionError(f"{name} is {A.shape[0]} x {A.shape[1]}; it must be square.")
+    if not np.isfinite(A.data).all():
+        raise ReductionError(f"{name} holds a value that is not finite.")
+    asymmetry = abs(A - A.T).max() / max(abs(A).max(), np.finfo(float).tiny)
+    if asymmetry > 1e-9:
+        raise ReductionError(
+            f"{name} is not symmetric (largest relative difference {asymmetry:.1e}, allowed 1e-9);"
+            f" symmetrise it where it is assembled."
+        )
+    return A
+
+
+def frequency_scale(K: sp.csc_array, M: sp.csc_array) -> float:
+    """Largest diagonal ratio K_jj / M_jj [rad^2/s^2], a lower bound of the largest eigenvalue."""
+    k, m = K.diagonal(), M.diagonal()
+    return float(np.max(k[m > 0] / m[m > 0], initial=0.0))
+
+
+def pencil(
+    K: sp.csc_array, M: sp.csc_array, factorise: Factorise, shift: float | None = None
+) -> Pencil:
+    """Factor of K, or of K - shift M where K floats freely and so has none.
+
+    ``shift`` [rad^2/s^2] is negative, of the order of -(omega_1 / 10)^2; without it a floating K
+    gets one from its own first elastic mode.
+    """
+    if shift is not None:
+        return Pencil(K, M, factorise(sp.csc_array(K - shift * M)), shift)
+    anchored = _anchored(K, M, factorise)
+    return anchored if anchored is not None else _floating(K, M, factorise)
+
+
+def _anchored(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil | None:
+    try:
+        factor = factorise(K)
+    except (RuntimeError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return None
+    lowest = _lowest_quotient(K, M, factor)
+    return Pencil(K, M, factor, 0.0) if lowest > _noise(K, M) else None
+
+
+def _lowest_quotient(K: sp.csc_array, M: sp.csc_array, factor: Factor) -> float:
+    x = np.random.default_rng(0).standard_normal(K.shape[0])
+    for _ in range(3):
+        x = factor.solve(M @ x)
+        if not np.isfinite(x).all() or not x.any():
+            return 0.0
+        x /= np.linalg.norm(x)
+    return float(x @ (K @ x) / (x @ (M @ x)))
+
+
+def _floating(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil:
+    guess = -1e-9 * frequency_scale(K, M)
+    rough = Pencil(K, M, factorise(sp.csc_array(K - guess * M)), guess)
+    omega = lowest_modes(rough, min(8, K.shape[0])).omega
+    if not omega.any():
+        raise ReductionError(
+            f"K has at least {len(omega)} rigid-body modes and no elastic one could be found; "
+            f"tie the parts that move on their own, or pass shift."
+        )
+    sigma = -((omega[omega > 0][0] / 10) ** 2)
+    if 1e-2 < sigma / guess < 1e2:
+        return rough
+    return Pencil(K, M, factorise(sp.csc_array(K - sigma * M)), sigma)
+
+
+def lowest_modes(problem: Pencil, n_modes: int) -> EigenPairs:
+    """The n_modes lowest modes of a pencil, checked mass-orthonormal.
+
+    Raises ReductionError if fewer modes exist, M is not positive on them, or K is indefinite.
+    """
+    K, M, _, _ = problem
+    n = K.shape[0]
+    if n_modes > n:
+        raise ReductionError(
+            f"{n_modes} modes were asked of {n} degrees of freedom; take at most {n}."
+        )
+    if n_modes == 0:
+        return EigenPairs(np.zeros(0), np.zeros((n, 0)))
+    phi = _dense_vectors(K, M, n_modes) if _small(n, n_modes) else _lanczos(problem, n_modes)
+    phi = _mass_normalised(phi, M)
+    squared = np.einsum("ij,ij->j", phi, K @ phi)
+    order = np.argsort(squared)
+    return EigenPairs(_circular_frequency(squared[order], _noise(K, M)), phi[:, order])
+
+
+def _small(n: int, n_modes: int) -> bool:
+    return n <= DENSE or n_modes > n // 3
+
+
+def _dense_vectors(K: sp.csc_array, M: sp.csc_array, n_modes: int) -> np.ndarray:
+    try:
+        return eigh(K.toarray(), M.toarray(), subset_by_index=(0, n_modes - 1))[1]
+    except np.linalg.LinAlgError:
+        raise ReductionError(
+            "M is not positive definite; every degree of freedom needs mass."
+        ) from None
+
+
+def _lanczos(problem: Pencil, n_modes: int) -> np.ndarray:
+    K, M, factor, sigma = problem
+    n = K.shape[0]
+    inverse = LinearOperator((n, n), matvec=factor.solve, dtype=float)
+    start = np.random.default_rng(1).standard_normal(n)
+    return eigsh(K, n_modes, M=M, sigma=sigma, OPinv=inverse, v0=M @ start)[1]
+
+
+def _mass_normalised(phi: np.ndarray, M: sp.csc_array) -> np.ndarray:
+    gram = phi.T @ (M @ phi)
+    mass = np.diag(gram)
+    if not (mass > 0).all():
+        raise ReductionError("M is not positive definite on the lowest modes; check the densities.")
+    norm = np.sqrt(mass)
+    coupling = np.abs(gram / np.outer(norm, norm) - np.eye(len(norm))).max()
+    if coupling > 1e-7:
+        raise ReductionError(
+            f"the modes are not mass-orthonormal (largest product {coupling:.1e}, allowed 1e-7); "
+            f"pass a shift nearer to -(omega_1 / 10)^2."
+        )
+    return phi / norm
+
+
+def known_modes(problem: Pencil, omega: ArrayLike, phi: ArrayLike) -> EigenPairs:
+    """Modes found elsewhere: checked mass-orthonormal, rigid-body ones set to frequency zero."""
+    squared = np.asarray(omega, dtype=float) ** 2
+    noise = _noise(problem.K, problem.M)
+    omega = np.sqrt(np.where(squared > noise, squared, 0.0))
+    return EigenPairs(omega, _mass_normalised(np.asarray(phi, dtype=float), problem.M))
+
+
+def _noise(K: sp.csc_array, M: sp.csc_array) -> float:
+    return 200 * EPS * frequency_scale(K, M)
+
+
+def _circular_frequency(squared: np.ndarray, noise: float) -> np.ndarray:
+    if squared[0] < -noise:
+        raise ReductionError(
+            f"K is indefinite: an eigenvalue is {squared[0]:.3g} rad^2/s^2; "
+            f"a stiffness matrix has none below zero."
+        )
+    return np.sqrt(np.where(squared > noise, squared, 0.0))
+
+
+def modes_below(problem: Pencil, cutoff_hz: float) -> EigenPairs:
+    """All modes of a pencil below cutoff_hz [Hz], by asking for more until one lies above."""
+    n, n_modes = problem.K.shape[0], 20
+    while True:
+        n_modes = min(n_modes, n)
+        pairs = lowest_modes(problem, n_modes)
+        below = int(np.count_nonzero(pairs.omega < 2 * np.pi * cutoff_hz))
+        if below < n_modes or n_modes == n:
+            return EigenPairs(pairs.omega[:below], pairs.phi[:, :below])
+        n_modes = _next_count(pairs.omega, 2 * np.pi * cutoff_hz)
+
+
+def _next_count(omega: np.ndarray, cutoff: float) -> int:
+    # modal density of a solid grows no faster than omega^2, of what is seen here about linearly
+    return int(len(omega) * np.clip(1.15 * (cutoff / omega[-1]) ** 1.5, 1.3, 3.0)) + 4
+
+
+def solutions(factor: Factor, B: sp.csc_array | np.ndarray) -> np.ndarray:
+    """X (n, k) with A X = B, in blocks of columns so that no dense copy of B is made."""
+    X = np.empty(B.shape)
+    for first in range(0, B.shape[1], BLOCK):
+        columns = B[:, first : first + BLOCK]
+        dense = columns.toarray() if sp.issparse(columns) else columns
+        X[:, first : first + BLOCK] = factor.solve(np.asfortranarray(dense))
+    return X
+
+
+def static_response(problem: Pencil, load: np.ndarray, rigid: np.ndarray) -> np.ndarray:
+    """u (n,) with K u = load, the rigid-body part taken out of both (inertia relief).
+
+    rigid (n, r) are the mass-normalised rigid-body modes, r = 0 for a held structure. For r > 0
+    the load is balanced by inertia forces, load - M R R^T load, and R^T M u = 0.
+    Raises ReductionError if the equations are left unsatisfied.
+    """
+    K, M, factor, _ = problem
+
+    def elastic_solve(residual: np.ndarray) -> np.ndarray:
+        z = factor.solve(residual)
+        return z - rigid @ (rigid.T @ (M @ z))
+
+    r = load - M @ (rigid @ (rigid.T @ load))
+    u, p, rho = np.zeros_like(r), np.zeros_like(r), 1.0
+    enough = None
+    for _ in range(200):
+        z = elastic_solve(r)
+        previous, rho = rho, float(r @ z)
+        enough = 1e-22 * rho if enough is None else enough
+        if rho <= enough:
+            return u
+        p = z + (rho / previous) * p
+        q = K @ p
+        step = rho / float(p @ q)
+        u, r = u + step * p, r - step * q
+    raise ReductionError(
+        "K u = w could not be solved; K is singular beyond the modes known as rigid."
+    )

@@ -1,0 +1,178 @@
+"""What a reduced model must still be true of: symmetry, definiteness, statics, mass, rigid motion.
+
+The require_ functions raise ReductionError with one sentence; health() measures a finished model,
+own or foreign, and only reports. After the checks of Craig and Kurdila (2006) and the
+Craig-Bampton model checks of NASA-STD-5002 (grounding, rigid-body mass, effective mass).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+
+from rom.factorisation import EPS, ReductionError, frequency_scale
+from rom.reduced_model import ReducedModel, modal, modal_compliance
+
+
+class Health(NamedTuple):
+    """Relative measures of a reduced model; findings says in sentences what is wrong.
+
+    asymmetry of K, M and C; lowest_mass and lowest_stiffness: smallest eigenvalue over the largest;
+    n_rigid: modes at zero frequency; static_compliance [m/N] at w; participation: share of the
+    modes that the contact moves at all.
+    """
+
+    asymmetry: float
+    lowest_mass: float
+    lowest_stiffness: float
+    n_rigid: int
+    static_compliance: float
+    participation: float
+    findings: tuple[str, ...]
+
+
+class RigidBody(NamedTuple):
+    """Rigid-body content of a reduced model of a free structure.
+
+    mass (6, 6) or (m, m): R^T M R as the reduced model has it; mass_error relative to the full one;
+    grounding: |K_r q_R| relative to the stiffness, 0 for a model that floats freely.
+    """
+
+    mass: np.ndarray
+    mass_error: float
+    grounding: float
+
+
+class EffectiveMass(NamedTuple):
+    """omega (k,) [rad/s]; mass (k,) [kg] each mode carries in a direction; total [kg]."""
+
+    omega: np.ndarray
+    mass: np.ndarray
+    total: float
+
+    @property
+    def captured(self) -> float:
+        """Share of the total mass that the modes carry."""
+        return float(self.mass.sum() / self.total)
+
+
+def health(reduced: ReducedModel) -> Health:
+    """Measure a reduced model without the matrices it came from; see Health."""
+    asymmetry = max(_asymmetry(A) for A in (reduced.K, reduced.M, reduced.C) if A is not None)
+    mass = np.linalg.eigvalsh(_unit_diagonal(reduced.M))
+    findings = []
+    if asymmetry > 1e-9:
+        findings.append(f"the matrices are not symmetric (relative difference {asymmetry:.1e}).")
+    if mass[0] < len(mass) * EPS * mass[-1]:
+        findings.append(f"M is not positive definite (lowest eigenvalue {mass[0]:.1e} of 1).")
+        return Health(asymmetry, mass[0] / mass[-1], np.nan, 0, np.nan, np.nan, tuple(findings))
+    return _with_modes(reduced, asymmetry, mass[0] / mass[-1], findings)
+
+
+def _with_modes(
+    reduced: ReducedModel, asymmetry: float, lowest_mass: float, findings: list[str]
+) -> Health:
+    stiffness = np.linalg.eigvalsh(_unit_diagonal(reduced.K))
+    lowest = stiffness[0] / stiffness[-1]
+    try:
+        wall = modal(reduced)
+    except ReductionError as indefinite:
+        findings.append(str(indefinite))
+        return Health(asymmetry, lowest_mass, lowest, 0, np.nan, np.nan, tuple(findings))
+    moved = np.abs(wall.phi) > 1e-9 * np.abs(wall.phi).max()
+    if (
+        wall.damping is not None
+        and np.linalg.eigvalsh(wall.damping)[0] < -1e-9 * np.abs(wall.damping).max()
+    ):
+        findings.append("C is indefinite; the damping would feed energy into the wall.")
+    n_rigid = int(np.count_nonzero(wall.omega == 0))
+    compliance = modal_compliance(wall)
+    return Health(
+        asymmetry, lowest_mass, lowest, n_rigid, compliance, float(moved.mean()), tuple(findings)
+    )
+
+
+def _asymmetry(A: np.ndarray) -> float:
+    return float(np.abs(A - A.T).max() / max(np.abs(A).max(), np.finfo(float).tiny))
+
+
+def _unit_diagonal(A: np.ndarray) -> np.ndarray:
+    diagonal = np.abs(np.diag(A))
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    return (A + A.T) / 2 * np.outer(scale, scale)
+
+
+def require_faithful(reduced: ReducedModel, K: sp.csc_array, M: sp.csc_array) -> None:
+    """Check K_r = T^T K T and M_r = T^T M T on a random vector, and that both are sound.
+
+    Raises ReductionError with the first finding.
+    """
+    q = np.random.default_rng(2).standard_normal(len(reduced.w))
+    q /= np.sqrt(np.abs(np.diag(reduced.M)))
+    u = reduced.T @ q
+    for name, full, small in (("K", K, reduced.K), ("M", M, reduced.M)):
+        mismatch = _relative(reduced.T.T @ (full @ u) - small @ q, small @ q)
+        if mismatch > 1e-6:
+            raise ReductionError(
+                f"the reduced {name} is not T^T {name} T (relative difference {mismatch:.1e}, "
+                f"allowed 1e-6); the factorisation was not accurate enough."
+            )
+    findings = health(reduced).findings
+    if findings:
+        raise ReductionError(f"the reduced model is unsound: {findings[0]}")
+
+
+def require_static_response(
+    reduced: ReducedModel, K: sp.csc_array, M: sp.csc_array, w: np.ndarray, rigid: np.ndarray
+) -> None:
+    """Check that T q with K_r q = w_r solves K u = w of the full structure (inertia relief)."""
+    wall = modal(reduced)
+    elastic = wall.omega > 0
+    u = reduced.T @ (wall.vectors[:, elastic] @ (wall.phi[elastic] / wall.omega[elastic] ** 2))
+    load = w - M @ (rigid @ (rigid.T @ w))
+    mismatch = _relative(K @ u - load, load)
+    noise = 1e3 * EPS * frequency_scale(K, M) * np.linalg.norm(M @ u) / np.linalg.norm(load)
+    if mismatch > max(1e-6, noise):
+        raise ReductionError(
+            f"the static response at the contact misses the load by {mismatch:.1e} (allowed 1e-6); "
+            f"the factorisation was not accurate enough."
+        )
+
+
+def _relative(difference: np.ndarray, reference: np.ndarray) -> float:
+    return float(np.linalg.norm(difference) / np.linalg.norm(reference))
+
+
+def rigid_body(reduced: ReducedModel, K: ArrayLike, M: ArrayLike, R: ArrayLike) -> RigidBody:
+    """Rigid-body mass and grounding of the reduced model of a free structure.
+
+    R (n, m) are rigid motions of the full model, translations and rotations. Mass, first moments
+    and inertia are entries of R^T M R. Raises ReductionError if the model came without its basis.
+    """
+    R = np.asarray(R, dtype=float)
+    if reduced.T is None:
+        raise ReductionError("a model without its basis T cannot be told its rigid motions.")
+    M = sp.csc_array(M)
+    q = np.linalg.solve(reduced.M, reduced.T.T @ (M @ R))
+    mass, full = q.T @ reduced.M @ q, R.T @ (M @ R)
+    stiffness = np.linalg.norm(reduced.K, 2) * np.linalg.norm(q, axis=0)
+    grounding = np.linalg.norm(reduced.K @ q, axis=0) / stiffness
+    norm = np.sqrt(np.diag(full))
+    return RigidBody(
+        mass, float(np.abs((mass - full) / np.outer(norm, norm)).max()), float(grounding.max())
+    )
+
+
+def effective_mass(reduced: ReducedModel, M: ArrayLike, direction: ArrayLike) -> EffectiveMass:
+    """Mass that each mode of the reduced model carries along direction (n,), e.g. ones in x.
+
+    m_j = (mode_j^T M e)^2; the sum over all modes of a full model is e^T M e.
+    Raises ReductionError if the model came without its basis.
+    """
+    if reduced.T is None:
+        raise ReductionError("a model without its basis T has no effective mass.")
+    e, wall = np.asarray(direction, dtype=float), modal(reduced)
+    inertia = sp.csc_array(M) @ e
+    participation = wall.vectors.T @ (reduced.T.T @ inertia)
+    return EffectiveMass(wall.omega, participation**2, float(e @ inertia))

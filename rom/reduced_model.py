@@ -1,0 +1,201 @@
+"""The reduced model M q'' + C q' + K q = w F, read through the same weights: u_w = w^T q.
+
+    u = T q,   K_r = T^T K T,   M_r = T^T M T,   w_r = T^T w
+
+A full-order model is the same type with T = I. The receptance at the contact is
+H(omega) = w^T (K - omega^2 M + i omega C)^-1 w.
+Craig and Kurdila, Fundamentals of Structural Dynamics (2006), ch. 17.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+from scipy.linalg import eigh
+
+from rom.factorisation import EPS, ReductionError, symmetric
+
+
+class ReducedModel(NamedTuple):
+    """A linear structure in few coordinates q (r,), with one contact functional.
+
+    K (r, r) [N/m * unit(q)^-2 ...], M (r, r), C (r, r) or None, w (r,): u_w = w^T q and the
+    contact force enters as w F. T (n, r) gives the full field back and is None where it is not
+    known. kind is "craig-bampton", "free-modes", "full-order" or "imported". The first n_boundary
+    coordinates are physical boundary displacements [m]. provenance holds the caller's notes.
+    n_residual of the last coordinates are residual-attachment vectors, not modes.
+    """
+
+    K: np.ndarray
+    M: np.ndarray
+    C: np.ndarray | None
+    w: np.ndarray
+    T: np.ndarray | None
+    kind: str
+    n_boundary: int
+    provenance: dict[str, str]
+    n_residual: int = 0
+
+
+class ModalWall(NamedTuple):
+    """The reduced model as oscillators: eta_j'' + omega_j^2 eta_j = phi_j F, u_w = sum phi_j eta_j.
+
+    omega (k,) [rad/s] ascending, rigid-body modes as exact zeros; phi (k,) [kg^-1/2] = w^T mode;
+    vectors (r, k) mass-normalised modes in q; damping (k, k) [1/s] = vectors^T C vectors, or None.
+    """
+
+    omega: np.ndarray
+    phi: np.ndarray
+    vectors: np.ndarray
+    damping: np.ndarray | None
+
+
+def reconstruct(reduced: ReducedModel, q: ArrayLike) -> np.ndarray:
+    """The full field u = T q, (n,) or (n, k) for q (r,) or (r, k).
+
+    Raises ReductionError if the model came without its basis.
+    """
+    if reduced.T is None:
+        raise ReductionError(
+            f"this {reduced.kind} model came without its basis T; the full field cannot be rebuilt."
+        )
+    return reduced.T @ np.asarray(q)
+
+
+def full_order(
+    K: ArrayLike | sp.sparray,
+    M: ArrayLike | sp.sparray,
+    w: ArrayLike,
+    *,
+    C: ArrayLike | sp.sparray | None = None,
+    provenance: dict[str, str] | None = None,
+) -> ReducedModel:
+    """The unreduced structure as a ReducedModel with T = I; for references on small meshes.
+
+    K, M, C (n, n), w (n,). Raises ReductionError above 5000 degrees of freedom.
+    """
+    K, M = symmetric(K, "K"), symmetric(M, "M")
+    n = K.shape[0]
+    if n > 5000:
+        raise ReductionError(
+            f"{n} degrees of freedom are too many to keep dense; reduce above 5000."
+        )
+    damping = None if C is None else symmetric(C, "C").toarray()
+    w = contact_functional(w, n)
+    notes = dict(provenance or {})
+    return ReducedModel(K.toarray(), M.toarray(), damping, w, np.eye(n), "full-order", 0, notes)
+
+
+def contact_functional(w: ArrayLike, n: int) -> np.ndarray:
+    """w (n,) as an array; raises ReductionError if its length is wrong or it is zero."""
+    w = np.asarray(w, dtype=float)
+    if w.shape != (n,):
+        raise ReductionError(f"w has shape {w.shape}; the matrices want ({n},).")
+    if not np.isfinite(w).all():
+        raise ReductionError("w holds a value that is not finite.")
+    if not w.any():
+        raise ReductionError(
+            "w is zero everywhere; the contact would neither load nor read the wall."
+        )
+    return w
+
+
+def modal(reduced: ReducedModel) -> ModalWall:
+    """All modes of the reduced pair (K, M) with their participation at the contact.
+
+    Raises ReductionError if M is not positive definite or K is indefinite.
+    """
+    _require_positive_mass(reduced.M)
+    omega, V = _held_modes(reduced.K, reduced.M) or _floating_modes(reduced.K, reduced.M)
+    damping = None if reduced.C is None else V.T @ reduced.C @ V
+    return ModalWall(omega, reduced.w @ V, V, damping)
+
+
+def _require_positive_mass(M: np.ndarray) -> None:
+    mass = np.diag(M)
+    if not (mass > 0).all():
+        raise ReductionError(
+            f"the reduced mass matrix has a diagonal value of {mass.min():.3g}; all must be > 0."
+        )
+
+
+def _held_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    # M v = v / omega^2 K keeps the lowest modes to rounding, K v = omega^2 M v the highest
+    stiffness = np.diag(K)
+    if not (stiffness > 0).all():
+        return None
+    scale = 1 / np.sqrt(stiffness)
+    try:
+        inverse_squared, V = eigh(M * np.outer(scale, scale), K * np.outer(scale, scale))
+    except np.linalg.LinAlgError:
+        return None
+    if inverse_squared[0] <= 10 * EPS * inverse_squared[-1]:
+        return None
+    V = scale[:, None] * V / np.sqrt(inverse_squared)
+    return 1 / np.sqrt(inverse_squared[::-1]), V[:, ::-1]
+
+
+def _floating_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    scale = 1 / np.sqrt(np.diag(M))
+    try:
+        squared, V = eigh(K * np.outer(scale, scale), M * np.outer(scale, scale))
+    except np.linalg.LinAlgError:
+        raise ReductionError(
+            "the reduced mass matrix is not positive definite; the reduction lost rank."
+        ) from None
+    noise = 20 * EPS * max(squared[-1], 0.0)
+    if squared[0] < -noise:
+        raise ReductionError(
+            f"the reduced stiffness is indefinite: its lowest eigenvalue is {squared[0]:.3g} "
+            f"rad^2/s^2, allowed is > {-noise:.1g}."
+        )
+    return np.sqrt(np.where(squared > noise, squared, 0.0)), scale[:, None] * V
+
+
+def static_compliance(reduced: ReducedModel) -> float:
+    """w^T K^-1 w [m/N]; of a floating model the part that is not rigid-body motion.
+
+    The latter is sum phi_j^2 / omega_j^2 over the elastic modes (inertia relief).
+    """
+    return modal_compliance(modal(reduced))
+
+
+def modal_compliance(wall: ModalWall) -> float:
+    """sum phi_j^2 / omega_j^2 [m/N] over the elastic modes of a wall."""
+    elastic = wall.omega > 0
+    return float(np.sum((wall.phi[elastic] / wall.omega[elastic]) ** 2))
+
+
+def receptance(
+    reduced: ReducedModel,
+    w_out: ArrayLike | None,
+    frequency_hz: ArrayLike,
+    *,
+    zeta: ArrayLike = 0.0,
+    loss: float = 0.0,
+) -> np.ndarray:
+    """H (k,) complex [m/N]: response w_out^T u to a unit harmonic contact force at frequency_hz.
+
+    w_out (n,) acts on the full field, or (r,) on q where T is None; None reads at the contact.
+    zeta is a modal damping ratio, one or (r,) of them, on top of C; loss a structural loss factor,
+    K (1 + i loss).
+    """
+    wall = modal(reduced)
+    out = wall.phi if w_out is None else _reading(reduced, w_out) @ wall.vectors
+    s = 2j * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=float))
+    stiffness = wall.omega**2 * (1 + 1j * loss) + 2 * np.outer(s, zeta * wall.omega)
+    if wall.damping is None:
+        return (wall.phi * out / (stiffness + s[:, None] ** 2)).sum(axis=1)
+    return np.array(
+        [
+            out @ np.linalg.solve(np.diag(k + si**2) + si * wall.damping, wall.phi)
+            for k, si in zip(stiffness, s, strict=True)
+        ]
+    )
+
+
+def _reading(reduced: ReducedModel, w_out: ArrayLike) -> np.ndarray:
+    w_out = np.asarray(w_out, dtype=float)
+    row = w_out if reduced.T is None else w_out @ reduced.T
+    return contact_functional(row, len(reduced.w))

@@ -1,0 +1,93 @@
+"""Reduced models written, read back, and read from elsewhere."""
+
+import numpy as np
+import pytest
+from scipy.io import loadmat, savemat
+
+from rom import (
+    ReducedModel,
+    ReductionError,
+    load_h5,
+    load_mat,
+    load_npz,
+    save_h5,
+    save_mat,
+    save_npz,
+)
+
+FORMATS = {"npz": (save_npz, load_npz), "mat": (save_mat, load_mat), "h5": (save_h5, load_h5)}
+
+
+def small_model(C=None, T=None):
+    K = np.array([[3.0e8, -1e8], [-1e8, 2e8]])
+    M = np.array([[2.0, 0.5], [0.5, 1.0]])
+    w = np.array([0.25, 0.75])
+    notes = {"patch": "1.6 mm", "weights": "hertz"}
+    return ReducedModel(K, M, C, w, T, "craig-bampton", 1, notes, 1)
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+@pytest.mark.parametrize("C", [None, np.diag([3.0, 4.0])])
+@pytest.mark.parametrize("T", [None, np.arange(6.0).reshape(3, 2)])
+def test_a_model_comes_back_as_it_was_written(tmp_path, ending, C, T):
+    if ending == "h5":
+        pytest.importorskip("h5py")
+    save, load = FORMATS[ending]
+    written = small_model(C, T)
+    save(tmp_path / f"rom.{ending}", written)
+    read = load(tmp_path / f"rom.{ending}")
+    for before, after in zip(written, read, strict=True):
+        np.testing.assert_array_equal(before, after) if isinstance(before, np.ndarray) else None
+        assert isinstance(before, np.ndarray) or before == after
+
+
+def test_the_basis_can_be_left_out(tmp_path):
+    save_npz(tmp_path / "rom.npz", small_model(T=np.ones((3, 2))), basis=False)
+    assert load_npz(tmp_path / "rom.npz").T is None
+
+
+def test_matlab_finds_matrices_and_a_column_of_weights(tmp_path):
+    save_mat(tmp_path / "rom.mat", small_model())
+    content = loadmat(tmp_path / "rom.mat")
+    assert {"K", "M", "w"} < set(content)
+    assert content["w"].shape == (2, 1)
+    assert content["kind"][0] == "craig-bampton"
+
+
+def test_matrices_made_elsewhere_read_as_an_imported_model(tmp_path):
+    model = small_model()
+    savemat(tmp_path / "foreign.mat", {"K": model.K, "M": model.M})
+    read = load_mat(tmp_path / "foreign.mat", w=[0.5, 0.5])
+    assert read.kind == "imported"
+    assert read.C is None
+    np.testing.assert_array_equal(read.w, [0.5, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ({"K": np.eye(2)}, "no matrix named M"),
+        ({"K": np.eye(2), "M": np.eye(2)}, "holds no w"),
+        ({"K": np.eye(2), "M": np.eye(3), "w": np.ones(2)}, "M is 3 x 3"),
+        ({"K": np.triu(np.ones((2, 2))), "M": np.eye(2), "w": np.ones(2)}, "not symmetric"),
+        ({"K": np.eye(2), "M": np.eye(2), "w": np.ones(3)}, "w has shape"),
+        ({"K": "stiff", "M": np.eye(2), "w": np.ones(2)}, "not a real matrix"),
+    ],
+)
+def test_a_file_that_is_no_reduced_model_is_refused(tmp_path, content, sentence):
+    savemat(tmp_path / "bad.mat", content)
+    with pytest.raises(ReductionError, match=sentence):
+        load_mat(tmp_path / "bad.mat")
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_a_broken_or_missing_file_is_refused(tmp_path, ending):
+    if ending == "h5":
+        pytest.importorskip("h5py")
+    load = FORMATS[ending][1]
+    broken = tmp_path / f"broken.{ending}"
+    broken.write_bytes(b"\x00\x01 this is no model")
+    with pytest.raises(ReductionError, match="cannot be read"):
+        load(broken)
+    with pytest.raises(FileNotFoundError):
+        load(tmp_path / f"absent.{ending}")

@@ -1,0 +1,287 @@
+"""Craig-Bampton and free modes + residual on chains of masses and springs with known answers."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from rom import (
+    ReductionError,
+    craig_bampton,
+    effective_mass,
+    free_modes,
+    full_order,
+    health,
+    modal,
+    receptance,
+    reconstruct,
+    rigid_body,
+    static_compliance,
+    superlu,
+)
+
+N = 600  # above the size where modes are computed densely
+STIFFNESS, MASS = 3.0e8, 0.02
+
+
+def spring_chain(n, held=True):
+    """n masses, springs between them and, where held, from the first one to the ground."""
+    diagonal = np.full(n, 2.0)
+    diagonal[-1] = 1
+    diagonal[0] = 2 if held else 1
+    K = STIFFNESS * sp.diags_array([-np.ones(n - 1), diagonal, -np.ones(n - 1)], offsets=[-1, 0, 1])
+    return K.tocsc(), MASS * sp.eye_array(n, format="csc")
+
+
+def end_patch(n, size=5):
+    w = np.zeros(n)
+    w[-size:] = 1 / size
+    return w
+
+
+def end_boundary(n, size=5):
+    return np.arange(n - size, n)
+
+
+def reduced_end(kind, K, M, n_modes):
+    w = end_patch(K.shape[0])
+    if kind == "free-modes":
+        return free_modes(K, M, w, n_modes=n_modes)
+    return craig_bampton(K, M, w, end_boundary(len(w)), n_modes=n_modes)
+
+
+KINDS = pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
+
+
+def test_published_four_mass_chain_reduces_to_its_published_matrices():
+    # JuliaFEM ModelReduction.jl, README
+    K = np.array([[2, -1, 0, 0], [-1, 2, -1, 0], [0, -1, 2, -1], [0, 0, -1, 1.0]])
+    reduced = craig_bampton(K, np.diag([2.0, 2, 2, 1]), [0, 0, 0, 1.0], [3], n_modes=1)
+    np.testing.assert_allclose(reduced.K, [[0.25, 0], [0, 0.292893]], atol=5e-7)
+    np.testing.assert_allclose(np.abs(reduced.M), [[2.75, 1.20711], [1.20711, 1]], atol=5e-6)
+
+
+@KINDS
+@pytest.mark.parametrize("n_modes", [0, 1, 12])
+def test_static_response_at_the_contact_is_exact_for_any_number_of_modes(kind, n_modes):
+    K, M = spring_chain(N)
+    w = end_patch(N)
+    reduced = reduced_end(kind, K, M, n_modes)
+    exact = superlu(K).solve(w)
+    assert static_compliance(reduced) == pytest.approx(w @ exact, rel=1e-9)
+    q = np.linalg.solve(reduced.K, reduced.w)
+    np.testing.assert_allclose(reconstruct(reduced, q), exact, rtol=1e-8)
+
+
+def test_free_modes_of_a_held_chain_have_its_closed_form_frequencies():
+    # omega_j = 2 sqrt(k/m) sin((2 j - 1) pi / (4 n + 2)), fixed - free
+    K, M = spring_chain(N)
+    j = np.arange(1, 13)
+    exact = 2 * np.sqrt(STIFFNESS / MASS) * np.sin((2 * j - 1) * np.pi / (4 * N + 2))
+    reduced = free_modes(K, M, end_patch(N), n_modes=12)
+    np.testing.assert_allclose(modal(reduced).omega[:12], exact, rtol=1e-9)
+
+
+def test_craig_bampton_frequencies_fall_to_the_exact_ones_from_above():
+    K, M = spring_chain(N)
+    exact = modal(free_modes(K, M, end_patch(N), n_modes=4)).omega[:4]
+    ratio = [modal(reduced_end("craig-bampton", K, M, k)).omega[:4] / exact for k in (4, 8, 16)]
+    assert (np.array(ratio) >= 1 - 1e-10).all()
+    assert (np.diff(ratio, axis=0) < 0).all()
+    np.testing.assert_allclose(ratio[-1], 1, atol=3e-4)  # 1.8e-4 measured
+
+
+def test_a_rod_of_finite_elements_shows_the_rods_frequencies():
+    # fixed - free steel rod, f_j = (2 j - 1) c / (4 L); consistent mass: error (k h)^2 / 24
+    E, rho, length, n = 210e9, 7850.0, 0.5, 400
+    h = length / n
+    K = (
+        E
+        / h
+        * sp.diags_array(
+            [-np.ones(n - 1), np.r_[np.full(n - 1, 2), 1], -np.ones(n - 1)], offsets=[-1, 0, 1]
+        )
+    )
+    M = (
+        rho
+        * h
+        / 6
+        * sp.diags_array(
+            [np.ones(n - 1), np.r_[np.full(n - 1, 4), 2], np.ones(n - 1)], offsets=[-1, 0, 1]
+        )
+    )
+    w = np.eye(n)[-1]
+    reduced = craig_bampton(K, M, w, [n - 1], cutoff_hz=120e3)
+    j = np.arange(1, 5)
+    exact = (2 * j - 1) / 4 / length * np.sqrt(E / rho)
+    np.testing.assert_allclose(modal(reduced).omega[:4] / 2 / np.pi, exact, rtol=1e-4)
+    assert static_compliance(reduced) == pytest.approx(length / E, rel=1e-9)
+
+
+@KINDS
+def test_a_free_structure_keeps_its_mass_and_is_not_grounded(kind):
+    K, M = spring_chain(N, held=False)
+    reduced = reduced_end(kind, K, M, 10)
+    body = rigid_body(reduced, K, M, np.ones((N, 1)))
+    assert body.mass[0, 0] == pytest.approx(N * MASS, rel=1e-10)
+    assert body.mass_error < 1e-10
+    assert body.grounding < 1e-10
+    assert modal(reduced).omega[0] == 0
+    assert effective_mass(reduced, M, np.ones(N)).captured == pytest.approx(1, rel=1e-10)
+
+
+def test_inertia_relief_of_a_free_chain_is_the_sum_over_its_elastic_modes():
+    K, M = spring_chain(N, held=False)
+    w = end_patch(N)
+    reference = modal(full_order(K, M, w))
+    elastic = reference.omega > 0
+    exact = np.sum((reference.phi[elastic] / reference.omega[elastic]) ** 2)
+    for n_modes in (1, 10):
+        reduced = free_modes(K, M, w, n_modes=n_modes)
+        assert static_compliance(reduced) == pytest.approx(exact, rel=1e-8)
+
+
+def test_a_given_shift_leaves_the_answer_as_it_is():
+    K, M = spring_chain(N)
+    w = end_patch(N)
+    plain = free_modes(K, M, w, n_modes=8)
+    shifted = free_modes(K, M, w, n_modes=8, shift=-((modal(plain).omega[0] / 10) ** 2))
+    np.testing.assert_allclose(modal(shifted).omega, modal(plain).omega, rtol=1e-8)
+    assert static_compliance(shifted) == pytest.approx(static_compliance(plain), rel=1e-9)
+
+
+def test_modes_that_are_there_already_are_used():
+    K, M = spring_chain(N)
+    w = end_patch(N)
+    plain = free_modes(K, M, w, n_modes=9)
+    again = free_modes(
+        K, M, w, modes=(np.sqrt(np.diag(plain.K))[:9], plain.T[:, :9]), cutoff_hz=400.0
+    )
+    assert 0 < again.K.shape[0] - 1 < 9
+    assert static_compliance(again) == pytest.approx(static_compliance(plain), rel=1e-9)
+
+
+@KINDS
+def test_receptance_error_falls_monotonically_with_the_number_of_modes(kind):
+    K, M = spring_chain(300)
+    frequency = np.linspace(50, 3000, 60)
+    exact = receptance(full_order(K, M, end_patch(300)), None, frequency, loss=0.02)
+    errors = [
+        np.linalg.norm(receptance(reduced_end(kind, K, M, k), None, frequency, loss=0.02) - exact)
+        / np.linalg.norm(exact)
+        for k in (20, 30, 45, 70)
+    ]
+    assert (np.diff(errors) < 0).all()
+    assert errors[-1] < 1e-4
+
+
+def test_receptance_elsewhere_reads_the_reconstructed_field():
+    K, M = spring_chain(300)
+    reading = np.eye(300)[100]
+    exact = receptance(full_order(K, M, end_patch(300)), reading, [0.0, 900.0], zeta=0.01)
+    reduced = free_modes(K, M, end_patch(300), n_modes=60)
+    close = receptance(reduced, reading, [0.0, 900.0], zeta=np.full(61, 0.01))
+    np.testing.assert_allclose(close, exact, rtol=2e-3)
+
+
+@KINDS
+def test_every_mode_kept_is_the_full_model(kind):
+    K, M = spring_chain(40)
+    n_modes = 40 if kind == "free-modes" else 35
+    reduced = reduced_end(kind, K, M, n_modes)
+    exact = modal(full_order(K, M, end_patch(40))).omega
+    np.testing.assert_allclose(modal(reduced).omega, exact, rtol=1e-9)
+
+
+def test_damping_is_projected_like_mass_and_stiffness():
+    K, M = spring_chain(N)
+    C = 3.0 * M + 1e-7 * K
+    for reduced in (
+        free_modes(K, M, end_patch(N), n_modes=6, C=C),
+        craig_bampton(K, M, end_patch(N), end_boundary(N), n_modes=6, C=C),
+    ):
+        np.testing.assert_allclose(
+            reduced.C, 3.0 * reduced.M + 1e-7 * reduced.K, atol=1e-9 * np.abs(reduced.C).max()
+        )
+
+
+def test_a_factorisation_can_be_handed_in_and_is_made_once():
+    made = []
+
+    def counting(A):
+        made.append(A.shape)
+        return superlu(A)
+
+    K, M = spring_chain(N)
+    free_modes(K, M, end_patch(N), n_modes=5, factorise=counting)
+    craig_bampton(K, M, end_patch(N), end_boundary(N), n_modes=5, factorise=counting)
+    assert made == [(N, N), (N - 5, N - 5)]
+
+
+def test_an_inaccurate_factorisation_is_noticed():
+    class Sloppy:
+        def __init__(self, A):
+            self.factor = superlu(A)
+
+        def solve(self, b):
+            return self.factor.solve(b) * (
+                1 + 1e-4 * np.arange(len(b)).reshape(-1, *[1] * (b.ndim - 1))
+            )
+
+    K, M = spring_chain(N)
+    with pytest.raises(ReductionError, match=r"constraint modes|not T\^T"):
+        craig_bampton(K, M, end_patch(N), end_boundary(N), n_modes=0, factorise=Sloppy)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (
+            lambda K, M, w: (K + sp.csc_array(np.triu(np.full((40, 40), 1e3), 1)), M, w),
+            "K is not symmetric",
+        ),
+        (lambda K, M, w: (-K, M, w), "indefinite|not positive"),
+        (lambda K, M, w: (K, -M, w), "not positive"),
+        (lambda K, M, w: (K * np.nan, M, w), "not finite"),
+        (lambda K, M, w: (K, M, 0 * w), "w is zero"),
+        (lambda K, M, w: (K, M, w[1:]), "w has shape"),
+    ],
+)
+def test_unsound_matrices_are_refused_in_one_sentence(change, sentence):
+    K, M, w = change(*spring_chain(40), end_patch(40))
+    with pytest.raises(ReductionError, match=sentence) as refusal:
+        free_modes(K, M, w, n_modes=3)
+    assert str(refusal.value).count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    ("boundary", "sentence"),
+    [
+        ([36, 37, 38, 39], "w loads 1 interior"),
+        ([35, 36, 37, 38, 39, 39], "twice"),
+        ([40], "from 0 to 39"),
+        ([], "at least one"),
+    ],
+)
+def test_a_boundary_that_cannot_work_is_refused(boundary, sentence):
+    K, M = spring_chain(40)
+    with pytest.raises(ReductionError, match=sentence):
+        craig_bampton(K, M, end_patch(40), boundary, n_modes=3)
+
+
+def test_a_part_that_floats_inside_is_refused():
+    K, M = spring_chain(40)
+    loose = sp.block_diag([K, K * 0], format="csc")
+    both = sp.block_diag([M, M], format="csc")
+    w = np.concatenate([end_patch(40), np.zeros(40)])
+    with pytest.raises(ReductionError, match=r"floats|rigid-body"):
+        craig_bampton(loose, both, w, np.arange(35, 40), n_modes=3)
+
+
+def test_health_finds_what_is_wrong_with_a_foreign_model():
+    K, M = spring_chain(40)
+    sound = reduced_end("craig-bampton", K, M, 4)
+    assert health(sound).findings == ()
+    assert "not symmetric" in health(sound._replace(K=np.triu(sound.K))).findings[0]
+    assert "M is not positive" in health(sound._replace(M=-sound.M)).findings[0]
+    assert "indefinite" in health(sound._replace(K=sound.K - 1e9 * sound.M)).findings[0]
+    assert "feed energy" in health(sound._replace(C=-sound.M)).findings[0]
