@@ -1,0 +1,46 @@
+from dem.chain import (
+    Chain,
+    Equilibrium,
+    InvalidChain,
+    NoEquilibrium,
+    State,
+    Wall,
+    dashpot_wall,
+    equilibrium,
+    one_dof_wall,
+    plate_wall,
+    rigid_wall,
+    row_of_spheres,
+)
+from dem.schemes import SCHEMES, Scheme
+from dem.step_control import (
+    Controlled,
+    StepReport,
+    march_to_error,
+    stability_limit,
+)
+from dem.trajectory import Trajectory, UnstableStep, march
+
+__all__ = [
+    "SCHEMES",
+    "Chain",
+    "Controlled",
+    "Equilibrium",
+    "InvalidChain",
+    "NoEquilibrium",
+    "Scheme",
+    "State",
+    "StepReport",
+    "Trajectory",
+    "UnstableStep",
+    "Wall",
+    "dashpot_wall",
+    "equilibrium",
+    "march",
+    "march_to_error",
+    "one_dof_wall",
+    "plate_wall",
+    "rigid_wall",
+    "row_of_spheres",
+    "stability_limit",
+]

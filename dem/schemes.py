@@ -1,0 +1,182 @@
+"""Symmetric splittings of a chain into drift (free flight, leaf springs, wall modes: exact) and
+kick (contacts), each a list of fractions of the step.
+
+A scheme is `a` (drifts) and `b` (kicks) in alternation. With one drift more than kicks it starts
+with a drift, with one kick more it starts with a kick; both are palindromes. `partitioned` schemes
+keep their order for any pair of flows. The others are Runge-Kutta-Nystrom splittings: they need
+a kick that depends on positions alone, so contact dissipation and a dashpot wall cost them order.
+
+[1] S. Blanes, P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313, tables 2 and 3.
+[2] M. Suzuki, Phys. Lett. A 146 (1990) 319.
+[3] W. Kahan, R.-C. Li, Math. Comput. 66 (1997) 1089.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Scheme(NamedTuple):
+    """Fractions of the step: `a` for drifts, `b` for kicks."""
+
+    name: str
+    order: int
+    a: np.ndarray
+    b: np.ndarray
+    partitioned: bool
+
+    @property
+    def evaluations(self):
+        """Contact force evaluations a step, the shared ones of neighbouring steps counted once."""
+        return min(self.a.size, self.b.size) if self.kick_first else self.b.size
+
+    @property
+    def kick_first(self):
+        return self.b.size > self.a.size
+
+
+class Schedule(NamedTuple):
+    """A scheme laid out for a run of steps whose first and last halves of a stage are merged.
+
+    lead kick, lead drift, then (kick b[i], drift a[i]) for each stage; the last pair of the last
+    step is (end_b, end_a).
+    """
+
+    lead_b: float
+    lead_a: float
+    b: np.ndarray
+    a: np.ndarray
+    end_b: float
+    end_a: float
+
+
+def schedule(scheme):
+    """The `Schedule` of a scheme."""
+    a, b = scheme.a, scheme.b
+    if scheme.kick_first:
+        return Schedule(b[0], a[0], np.append(b[1:-1], 2 * b[0]), np.append(a[1:], a[0]), b[0], 0.0)
+    return Schedule(0.0, a[0], b.copy(), np.append(a[1:-1], 2 * a[0]), b[-1], a[0])
+
+
+def _palindrome(half, n):
+    """The first terms of a palindrome of n terms with sum 1, completed."""
+    half = np.array(half)
+    rest = 1.0 - 2.0 * half.sum()
+    middle = [rest] if n == 2 * half.size + 1 else [rest / 2, rest / 2]
+    return np.concatenate([half, middle, half[::-1]])
+
+
+def _composition(gamma, n):
+    """Drift-kick-drift steps of the fractions gamma, neighbouring drifts merged."""
+    b = _palindrome(gamma, n)
+    a = 0.5 * np.concatenate([b[:1], b[1:] + b[:-1], b[-1:]])
+    return a, b
+
+
+_BM4 = (
+    _palindrome([0.245298957184271, 0.604872665711080], 6),
+    _palindrome([0.0829844064174052, 0.396309801498368, -0.0390563049223486], 7),
+)
+_BM6 = (
+    _palindrome(
+        [
+            0.123229775946271,
+            0.290553797799558,
+            -0.127049212625417,
+            -0.246331761062075,
+            0.357208872795928,
+        ],
+        11,
+    ),
+    _palindrome(
+        [
+            0.0414649985182624,
+            0.198128671918067,
+            -0.0400061921041533,
+            0.0752539843015807,
+            -0.0115113874206879,
+        ],
+        12,
+    ),
+)
+_BM6A = (
+    _palindrome(
+        [
+            0.0378593198406116,
+            0.102635633102435,
+            -0.0258678882665587,
+            0.314241403071447,
+            -0.130144459517415,
+            0.106417700369543,
+            -0.00879424312851058,
+        ],
+        15,
+    ),
+    _palindrome(
+        [
+            0.09171915262446165,
+            0.183983170005006,
+            -0.05653436583288827,
+            0.004914688774712854,
+            0.143761127168358,
+            0.328567693746804,
+        ],
+        14,
+    ),
+)
+_S4 = (
+    _palindrome([0.0792036964311957, 0.353172906049774, -0.0420650803577195], 7),
+    _palindrome([0.209515106613362, -0.143851773179818], 6),
+)
+_S6 = (
+    _palindrome(
+        [
+            0.0502627644003922,
+            0.413514300428344,
+            0.0450798897943977,
+            -0.188054853819569,
+            0.541960678450780,
+        ],
+        11,
+    ),
+    _palindrome([0.148816447901042, -0.132385865767784, 0.067307604692185, 0.432666402578175], 10),
+)
+_SUZUKI4 = _composition([1 / (4 - 4 ** (1 / 3))] * 2, 5)
+_KAHAN_LI6 = _composition(
+    [
+        0.39216144400731413928,
+        0.33259913678935943860,
+        -0.70624617255763935981,
+        0.082213596293550800230,
+    ],
+    9,
+)
+_KAHAN_LI8 = _composition(
+    [
+        0.13020248308889008088,
+        0.56116298177510838456,
+        -0.38947496264484728641,
+        0.15884190655515560090,
+        -0.39590389413323757734,
+        0.18453964097831570709,
+        0.25837438768632204729,
+        0.29501172360931029887,
+    ],
+    17,
+)
+
+SCHEMES = {
+    s.name: s
+    for s in (
+        Scheme("verlet", 2, np.array([1.0]), np.array([0.5, 0.5]), True),
+        Scheme("leapfrog", 2, np.array([0.5, 0.5]), np.array([1.0]), True),
+        Scheme("rkn4", 4, *_BM4, False),
+        Scheme("rkn6", 6, *_BM6, False),
+        Scheme("rkn6a", 6, *_BM6A, False),
+        Scheme("split4", 4, *_S4, True),
+        Scheme("split6", 6, *_S6, True),
+        Scheme("suzuki4", 4, *_SUZUKI4, True),
+        Scheme("kahan-li6", 6, *_KAHAN_LI6, True),
+        Scheme("kahan-li8", 8, *_KAHAN_LI8, True),
+    )
+}

@@ -1,0 +1,54 @@
+"""Elastic spheres and the Hertz law between two of them or between one and a flat.
+
+    F = A delta^(3/2),   A = 4/3 E* sqrt(R*),   1/R* = 1/R1 + 1/R2,
+    1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2
+
+K. L. Johnson, Contact Mechanics, Cambridge 1985, chap. 4. A flat is R = inf, a rigid body
+E = inf.
+"""
+
+import numpy as np
+
+
+def mass(radius, density):
+    """Mass of a solid sphere [kg]."""
+    return 4.0 / 3.0 * np.pi * np.asarray(radius, float) ** 3 * density
+
+
+def relative_radius(R1, R2=np.inf):
+    """R* [m]; `R2 = inf` is a flat."""
+    return 1.0 / (1.0 / np.asarray(R1, float) + 1.0 / np.asarray(R2, float))
+
+
+def contact_modulus(E1, nu1, E2=np.inf, nu2=0.0):
+    """E* [Pa]; `E2 = inf` is rigid."""
+    return 1.0 / ((1.0 - np.square(nu1)) / E1 + (1.0 - np.square(nu2)) / np.asarray(E2, float))
+
+
+def hertz_coefficient(R1, E1, nu1, R2=np.inf, E2=np.inf, nu2=0.0):
+    """A of F = A delta^(3/2) [N/m^(3/2)].
+
+    >>> float(round(hertz_coefficient(0.0127, 210e9, 0.3, 0.0127, 210e9, 0.3) / 1e10, 4))
+    1.2259
+    """
+    return 4.0 / 3.0 * contact_modulus(E1, nu1, E2, nu2) * np.sqrt(relative_radius(R1, R2))
+
+
+def contact_radius(force, R, E_star):
+    """a = (3 F R / 4 E*)^(1/3) [m] for the relative radius R and the contact modulus E*."""
+    return np.cbrt(0.75 * np.asarray(force, float) * R / E_star)
+
+
+def max_pressure(force, R, E_star):
+    """p0 = (6 F E*^2 / pi^3 R^2)^(1/3) [Pa], at the centre of the contact circle."""
+    return np.cbrt(6.0 * np.asarray(force, float) * E_star**2 / (np.pi**3 * R**2))
+
+
+def time_scale(m, A, speed):
+    """t_s = (m/A)^(2/5) V^(-1/5) [s], the natural unit of time of a Hertz chain."""
+    return (m / A) ** 0.4 * np.abs(speed) ** -0.2
+
+
+def force_scale(m, A, speed):
+    """F_s = A^(2/5) m^(3/5) V^(6/5) [N], the natural unit of force of a Hertz chain."""
+    return A**0.4 * m**0.6 * np.abs(speed) ** 1.2

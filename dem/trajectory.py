@@ -1,0 +1,197 @@
+"""March a chain and its wall through time with a fixed step, and what comes out of it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dem import kernels
+from dem.chain import LAWS, Equilibrium, InvalidChain, State, equilibrium, validate
+from dem.schemes import SCHEMES, schedule
+
+
+class UnstableStep(ValueError):
+    """A step for which the march has no meaning."""
+
+
+class Trajectory(NamedTuple):
+    """Saved states, forces and the energy ledger; k saves of n spheres."""
+
+    t: np.ndarray  # (k,)
+    x: np.ndarray  # (k, n)
+    v: np.ndarray  # (k, n)
+    contact_force: np.ndarray  # (k, n_contacts)
+    wall_x: np.ndarray  # (k,) modes and dashpot, without the residual spring
+    wall_v: np.ndarray  # (k,)
+    energy_kinetic: np.ndarray  # (k,) spheres
+    energy_contact: np.ndarray  # (k,)
+    energy_leaf: np.ndarray  # (k,)
+    energy_wall: np.ndarray  # (k,) kinetic and strain energy of the modes
+    energy_residual: np.ndarray  # (k,)
+    dissipated_contact: np.ndarray  # (k,)
+    dissipated_wall: np.ndarray  # (k,)
+    work_preload: np.ndarray  # (k,)
+    energy_total: np.ndarray  # (k,) constant if exact
+    dt: float
+    n_steps: int
+    scheme: str
+    energy_error: float  # largest |energy_total - start| / kinetic energy at the start
+    error_estimate: float | None  # relative velocity error; None for a step that was given
+    final: State
+
+
+class _Prepared(NamedTuple):
+    """Arrays of a chain and its wall as the kernels take them, but for the step."""
+
+    load: np.ndarray | None
+    leaf_rest: np.ndarray | None
+    leaf_springs: tuple | None
+    offset: float
+    residual: float | None
+    mobility: float | None
+    wall_force: float
+    static: Equilibrium
+    dissipation: tuple | None
+
+
+def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None):
+    """Trajectory from the static state with velocities v0 (n,), at n_save + 1 equal times.
+
+    The step taken is the largest that divides the saves' spacing and is not above dt. `state`
+    continues an earlier march instead (v0 is then ignored). Raises InvalidChain, NoEquilibrium,
+    UnstableStep.
+    """
+    validate(chain, wall, v0 if state is None else state.v)
+    name = scheme or default_scheme(chain, wall)
+    if name not in SCHEMES:
+        raise InvalidChain(f"scheme {name!r} is unknown; take one of {', '.join(SCHEMES)}")
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise InvalidChain(f"duration is {duration} s; it must be finite and above 0")
+    if not (np.isfinite(dt) and dt > 0.0):
+        raise InvalidChain(f"dt is {dt} s; it must be finite and above 0")
+    n_save = n_save or min(1000, int(np.ceil(duration / dt * (1 - 1e-9))))
+    prepared = prepare(chain, wall)
+    state = start(chain, wall, v0, prepared.static) if state is None else state
+    return run(chain, wall, prepared, state, duration, dt, SCHEMES[name], n_save)
+
+
+def default_scheme(chain, wall):
+    """Name of the scheme that measures best: Runge-Kutta-Nystrom where forces know no velocity."""
+    damped = chain.dissipation != "none" or (wall is not None and wall.mobility > 0.0)
+    return "split6" if damped else "rkn6"
+
+
+def start(chain, wall, v0, static):
+    """State at rest in equilibrium, with the velocities v0."""
+    n_modes = static.q.size
+    return State(static.x, np.array(v0, float), np.zeros(n_modes), np.zeros(n_modes), 0.0)
+
+
+def prepare(chain, wall):
+    """Static state and the optional parts of a chain and its wall, None where absent."""
+    static = equilibrium(chain, wall)
+    force = np.concatenate([[0.0], static.force, [0.0] if wall is None else []])
+    offset = 0.0 if wall is None else float(wall.phi @ static.q)
+    load = force[1:] - force[:-1]
+    leaf = chain.leaf_stiffness if np.any(chain.leaf_stiffness) else None
+    anchor = np.zeros_like(chain.mass) if chain.leaf_anchor is None else chain.leaf_anchor
+    return _Prepared(
+        load=load if load.any() else None,
+        leaf_rest=None if leaf is None else static.x,
+        leaf_springs=None if leaf is None else (leaf, anchor),
+        offset=offset,
+        residual=wall.residual_compliance or None if wall is not None else None,
+        mobility=wall.mobility or None if wall is not None else None,
+        wall_force=0.0 if wall is None else float(static.force[-1]),
+        static=static,
+        dissipation=_dissipation(chain, wall),
+    )
+
+
+def _dissipation(chain, wall):
+    if chain.dissipation == "none" or not np.any(chain.gamma):
+        return None
+    inverse = 1.0 / chain.mass
+    pair = inverse[:-1] + inverse[1:]
+    if wall is not None:
+        pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
+    return np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair
+
+
+def oscillator_turn(omega, zeta, t):
+    """(4, k): q -> qq q + qp p, p -> pq q + pp p after the time t of q'' + 2 zeta omega q' +
+    omega^2 q = 0, for any damping and omega = 0."""
+    decay, beat = zeta * omega, omega * np.sqrt(np.asarray(zeta**2 - 1.0, complex))
+    slow = -omega / (zeta + np.sqrt(np.maximum(zeta**2 - 1.0, 0.0)) + (zeta == 0.0))
+    over = zeta > 1.0
+    rise = np.where(over, slow, -decay + beat) * t
+    fall = (-decay - beat) * t
+    cosh = 0.5 * (np.exp(rise) + np.exp(fall))
+    z = beat * t
+    small = np.abs(z) < 1e-3
+    series = t * (1.0 + z**2 / 6.0 + z**4 / 120.0) * np.exp(-decay * t)
+    ratio = 0.5 * (np.exp(rise) - np.exp(fall)) / np.where(beat == 0.0, 1.0, beat)
+    sinh = np.where(small, series, ratio)
+    c, s = cosh.real, sinh.real
+    return np.array([c + decay * s, s, -(omega**2) * s, c - decay * s])
+
+
+def _turns(steps, omega, zeta):
+    return np.array([oscillator_turn(omega, zeta, t) for t in steps])
+
+
+def run(chain, wall, prepared, state, duration, dt, scheme, n_save):
+    """Trajectory of a validated and prepared chain; see `march`."""
+    n, n_contacts = chain.mass.size, chain.A.size
+    stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
+    h = duration / (n_save * stride)
+    plan = schedule(scheme)
+    drifts = h * np.concatenate([plan.a, [plan.lead_a, plan.end_a]])
+    x, v, q, p = (np.array(values, float) for values in state[:4])
+    modes = None
+    if q.size:
+        square = float(wall.phi @ wall.phi)
+        turn = _turns(drifts, wall.omega, wall.zeta)
+        modes = (q, p, wall.phi, square, prepared.wall_force, turn, prepared.static.q, wall.omega)
+    leaf = None
+    if prepared.leaf_springs is not None:
+        omega = np.sqrt(prepared.leaf_springs[0] / chain.mass)
+        leaf = prepared.leaf_rest, _turns(drifts, omega, np.zeros(n))[:, :3]
+    running = np.zeros(4)
+    running[kernels.DASH] = state.dashpot
+    if q.size:
+        running[kernels.U], running[kernels.V] = wall.phi @ q, wall.phi @ p
+        running[kernels.WORK] = 0.5 * (p @ p + (wall.omega * q) @ (wall.omega * q))
+    out = (
+        np.empty((n_save + 1, n)),
+        np.empty((n_save + 1, n)),
+        np.empty((n_save + 1, n_contacts)),
+        np.empty((n_save + 1, 2)),
+        np.zeros((n_save + 1, 8)),
+    )
+    saved = kernels.march(
+        x, v, chain.mass, chain.A, tuple(plan), h, n_save, stride, prepared.load, leaf,
+        prepared.leaf_springs, float(chain.preload), prepared.offset, prepared.residual,
+        prepared.mobility, modes, prepared.dissipation, running, out,
+    )  # fmt: skip
+    energies = out[4]
+    total = energies[:, :7].sum(axis=1) - energies[:, 7]
+    if saved < n_save:
+        raise UnstableStep(
+            f"the state is not finite at t = {saved * stride * h:.4g} s with dt = {h:.4g} s; "
+            "take a smaller dt, or a larger (less negative) residual compliance of the wall"
+        )
+    scale = energies[0, 0] or np.abs(total).max() or 1.0
+    return Trajectory(
+        np.linspace(0.0, duration, n_save + 1),
+        *out[:3],
+        out[3][:, 0],
+        out[3][:, 1],
+        *(energies[:, j] for j in range(8)),
+        total,
+        h,
+        n_save * stride,
+        scheme.name,
+        float(np.abs(total - total[0]).max() / scale),
+        None,
+        State(x, v, q, p, float(running[kernels.DASH])),
+    )

@@ -1,0 +1,114 @@
+"""Solitary waves picked from the velocity of one sphere, and what the literature reads off them.
+
+Incident waves are peaks of positive velocity (towards the wall), reflected ones of negative
+velocity. J. Yang, C. Silvestro, D. Khatri, L. De Nardo, C. Daraio, Phys. Rev. E 83 (2011) 046606.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Arrival(NamedTuple):
+    """One wave passing a sphere."""
+
+    time: float  # [s] of the peak
+    peak_velocity: float  # [m/s], negative for a reflected wave
+    width: float  # [s] full width at half maximum, nan if the record cuts it
+
+
+class Passage(NamedTuple):
+    """Incident and first reflected wave at one sphere."""
+
+    incident: Arrival
+    reflected: Arrival
+    tof: float  # [s] between the two peaks
+    arr: float  # |reflected| / incident peak velocity
+
+
+def arrivals(t, v, *, threshold=0.2):
+    """Waves in a record v (k,) at equal times t (k,), in order of time.
+
+    A wave is a peak of |v| above `threshold` times the largest, the highest between two passages
+    of |v| through that level; its time and height are those of a parabola through three samples.
+    """
+    t, v = np.asarray(t, float), np.asarray(v, float)
+    largest = np.abs(v).max(initial=0.0)
+    if largest == 0.0:
+        return []
+    above = np.where(np.abs(v) >= threshold * largest, np.sign(v), 0.0)
+    edges = np.flatnonzero(np.diff(above)) + 1
+    pieces = np.split(np.arange(v.size), edges)
+    return [_arrival(t, v, piece) for piece in pieces if above[piece[0]] and _peaks(v, piece)]
+
+
+def _peaks(v, piece):
+    k = piece[np.abs(v[piece]).argmax()]
+    return 0 < k < v.size - 1
+
+
+def _arrival(t, v, piece):
+    sign = np.sign(v[piece[0]])
+    k = piece[np.abs(v[piece]).argmax()]
+    offset, height = _vertex(sign * v[k - 1 : k + 2])
+    time = t[k] + offset * (t[1] - t[0])
+    return Arrival(float(time), float(sign * height), _width(t, sign * v, k, height / 2.0))
+
+
+def _vertex(y):
+    curvature = y[0] - 2.0 * y[1] + y[2]
+    if curvature >= 0.0:
+        return 0.0, y[1]
+    offset = 0.5 * (y[0] - y[2]) / curvature
+    return offset, y[1] - 0.25 * (y[0] - y[2]) * offset
+
+
+def _width(t, y, k, level):
+    below = np.flatnonzero(y < level)
+    before, after = below[below < k], below[below > k]
+    if not before.size or not after.size:
+        return float("nan")
+    i, j = before[-1], after[0]
+    left = t[i] + (level - y[i]) / (y[i + 1] - y[i]) * (t[i + 1] - t[i])
+    right = t[j] - (level - y[j]) / (y[j - 1] - y[j]) * (t[j] - t[j - 1])
+    return float(right - left)
+
+
+def passage(t, v, **options):
+    """Incident wave and the first reflected one after it, None if either is missing."""
+    waves = arrivals(t, v, **options)
+    incident = next((w for w in waves if w.peak_velocity > 0.0), None)
+    if incident is None:
+        return None
+    after = (w for w in waves if w.peak_velocity < 0.0 and w.time > incident.time)
+    reflected = next(after, None)
+    if reflected is None:
+        return None
+    return Passage(
+        incident,
+        reflected,
+        time_of_flight(incident, reflected),
+        amplitude_ratio(incident, reflected),
+    )
+
+
+def time_of_flight(incident, reflected):
+    """Time between the peaks of two arrivals [s]."""
+    return reflected.time - incident.time
+
+
+def amplitude_ratio(incident, reflected):
+    """|reflected| over incident peak velocity."""
+    return abs(reflected.peak_velocity / incident.peak_velocity)
+
+
+def velocity_sum_ratio(v_before, v_after):
+    """|sum of final| over sum of initial velocities: no measure of loss, 1.36 for 17 elastic beads
+    on a rigid wall (E. Falcon, C. Laroche, S. Fauve, C. Coste, Eur. Phys. J. B 3 (1998) 45)."""
+    return float(abs(np.sum(v_after)) / abs(np.sum(v_before)))
+
+
+def energy_restitution(mass, v_before, v_after):
+    """sqrt of final over initial kinetic energy: 1 without loss."""
+    before, after = mass @ np.square(v_before), mass @ np.square(v_after)
+    return float(np.sqrt(after / before))
