@@ -1,0 +1,111 @@
+"""The chain's stages: what it leans on, and the impact. Nothing of the assembly is loaded here."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import coupling
+import dem
+from dem import spheres
+from workflows.scene import (
+    DashpotWall,
+    OneDofWall,
+    RigidWall,
+    RomWall,
+    Scene,
+)
+
+
+class Surface(NamedTuple):
+    """Material that the last sphere touches."""
+
+    young: float  # [Pa]
+    poisson: float
+
+
+def surface(scene: Scene) -> Surface:
+    """The wall's material at the contact; a rigid wall has an infinite modulus."""
+    if isinstance(scene.wall, RigidWall):
+        return Surface(np.inf, 0.0)
+    return Surface(scene.wall.young, scene.wall.poisson)
+
+
+def chain(scene: Scene) -> dem.Chain:
+    """The spheres, their contacts and what holds them."""
+    c, contact, leaf = scene.chain, scene.contact, scene.leaf_springs
+    touched = Surface(np.inf, 0.0) if scene.wall is None else surface(scene)
+    return dem.row_of_spheres(
+        c.radius,
+        c.density,
+        c.young,
+        c.poisson,
+        count=c.count,
+        wall_young=touched.young,
+        wall_poisson=touched.poisson,
+        free=scene.wall is None,
+        stiffness_factor=np.asarray(contact.stiffness_factor),
+        dissipation=contact.dissipation,
+        gamma=np.asarray(contact.coefficient),
+        leaf_stiffness=np.asarray(leaf.stiffness) if leaf else None,
+        leaf_anchor=np.asarray(leaf.offset) if leaf else None,
+        preload=scene.preload.force if scene.preload else 0.0,
+    )
+
+
+def initial_velocity(scene: Scene) -> np.ndarray:
+    """(n,) [m/s]"""
+    if scene.chain.initial_velocity is not None:
+        return np.array(scene.chain.initial_velocity)
+    return np.array([scene.striker.velocity] + [0.0] * (scene.chain.count - 1))
+
+
+def impact(scene: Scene, wall: dem.Wall | None) -> coupling.Impact:
+    """The coupled run to the error asked for, or at the step given."""
+    time, observed = scene.time, scene.output.spheres
+    wanted = {"dt": time.dt}
+    if time.dt is None:
+        wanted = {"error": time.error, "observed": [sphere - 1 for sphere in observed] or None}
+    return coupling.impact(
+        chain(scene),
+        wall,
+        initial_velocity(scene),
+        duration=time.duration,
+        n_save=scene.output.samples - 1,
+        **wanted,
+    )
+
+
+def wall(scene: Scene, reduction: Any = None) -> dem.Wall | None:
+    """What the chain leans on; None for a free chain."""
+    match scene.wall:
+        case None:
+            return None
+        case OneDofWall(frequency=frequency, mass=mass, damping_ratio=ratio):
+            return dem.one_dof_wall(frequency, mass, ratio)
+        case DashpotWall(coefficient=coefficient):
+            return dem.dashpot_wall(coefficient)
+        case RomWall():
+            from workflows.reduced_wall import wall_of
+
+            return wall_of(scene, reduction)
+    return dem.rigid_wall()
+
+
+def contact_radius(scene: Scene, force: float) -> float:
+    """Radius of the Hertz contact at the wall [m]."""
+    row, touched = scene.chain, surface(scene)
+    R, E, nu = (np.atleast_1d(value)[-1] for value in (row.radius, row.young, row.poisson))
+    E_star = spheres.contact_modulus(E, nu, touched.young, touched.poisson)
+    return float(spheres.contact_radius(force, R, E_star))
+
+
+def save_trajectory(path: Path, trajectory: dem.Trajectory) -> None:
+    """Write every array of a trajectory over its saved times."""
+    k = len(trajectory.t)
+    arrays = {name: value for name, value in trajectory._asdict().items() if _over_time(value, k)}
+    np.savez_compressed(path, **arrays)
+
+
+def _over_time(value: Any, k: int) -> bool:
+    return isinstance(value, np.ndarray) and len(value) == k

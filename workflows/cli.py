@@ -1,0 +1,170 @@
+"""The `beadwave` command.
+
+Exit status 0 = done, 1 = the computation failed and says why, 2 = bad input; 130 = interrupted.
+Solvers and plotting are imported by the stage that runs them, so that a command pays only for
+what its scene holds.
+"""
+
+import sys
+from os import environ
+from pathlib import Path
+from typing import Annotated, Optional
+
+import click
+import typer
+
+from workflows.progress import StageProgress, printed
+from workflows.scene import InvalidScene
+from workflows.scene_file import built_in, scene_text
+from workflows.scene_file import scene as load
+
+app = typer.Typer(
+    name="beadwave",
+    help="A chain of steel spheres hits a bolted steel assembly: from geometry to impact.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+SceneName = Annotated[
+    Optional[str],  # noqa: UP045  typer reads the annotation
+    typer.Argument(metavar="[SCENE]", help="A built-in scene or a TOML file; default: rig-rom."),
+]
+Changes = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the scene, dotted key."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the result for machines.")]
+
+
+@app.command()
+def run(
+    scene: SceneName = None,
+    out: Annotated[Optional[Path], typer.Option(help="Run folder; default runs/NAME.")] = None,  # noqa: UP045
+    changes: Changes = None,
+    json: Json = False,
+) -> None:
+    """Run every stage that the scene needs and fill a run folder."""
+    from workflows.run import run as run_stages
+
+    chosen = load(scene, tuple(changes or ()))
+    folder = out or Path("runs") / chosen.name
+    with StageProgress(sys.stderr) as progress:
+        summary = run_stages(chosen, folder, source=_file(scene), watch=progress.stage)
+    printed(summary, json)
+    if not json:
+        typer.echo(f"written: {folder}/report.html")
+
+
+@app.command()
+def impact(
+    scene: SceneName = None,
+    rom: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="A reduced model (.npz, .mat, .h5) as the wall."),
+    ] = None,
+    out: Annotated[Optional[Path], typer.Option(help="Run folder to write.")] = None,  # noqa: UP045
+    changes: Changes = None,
+    json: Json = False,
+) -> None:
+    """The coupled run alone."""
+    from workflows.run import impact as run_impact
+
+    wall = (f'wall={{kind = "rom", file = "{rom.absolute()}"}}',) if rom else ()
+    chosen = load(scene, (*wall, *(changes or ())))
+    with StageProgress(sys.stderr) as progress:
+        summary = run_impact(chosen, out, source=_file(scene), watch=progress.stage)
+    printed(summary, json)
+
+
+@app.command()
+def scenes() -> None:
+    """Built-in scenes, a line each."""
+    for name, text in built_in().items():
+        typer.echo(f"{name:16}{text.splitlines()[0].removeprefix('# ')}")
+
+
+@app.command()
+def scene(name: Annotated[str, typer.Argument(help="A built-in scene.")]) -> None:
+    """Print a scene as commented TOML."""
+    typer.echo(scene_text(name).text, nl=False)
+
+
+@app.command()
+def modes(
+    scene: SceneName = None,
+    changes: Changes = None,
+    json: Json = False,
+) -> None:
+    """Frequencies beside the hammer test, MAC and participation at the contact."""
+    from workflows.assembly_report import mode_table
+
+    chosen = _with_assembly(load(scene, tuple(changes or ())))
+    with StageProgress(sys.stderr) as progress:
+        table = mode_table(chosen, watch=progress.stage)
+    typer.echo(table.model_dump_json(indent=2) if json else table.text())
+
+
+@app.command()
+def reduce(
+    out: Annotated[Path, typer.Option(help="rom.npz, .mat or .h5.")],
+    scene: SceneName = None,
+    changes: Changes = None,
+) -> None:
+    """Write the reduced model: M, K, C, w."""
+    from workflows.assembly_report import write_reduced
+
+    chosen = _with_assembly(load(scene, tuple(changes or ())))
+    with StageProgress(sys.stderr) as progress:
+        write_reduced(chosen, out, watch=progress.stage)
+    typer.echo(f"written: {out}")
+
+
+@app.command()
+def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")]) -> None:
+    """Write report.html of a run folder."""
+    from workflows.report import write_report
+
+    typer.echo(f"written: {write_report(folder)}")
+
+
+def _file(scene: str | None) -> Path | None:
+    return Path(scene) if scene and scene not in built_in() else None
+
+
+def _with_assembly(scene):
+    if scene.assembly is None:
+        raise InvalidScene(f"the scene {scene.name} has no [assembly]; add one, or take rig-rom.")
+    return scene
+
+
+def main() -> None:
+    """Run the command; every failure is one sentence on stderr."""
+    sys.exit(_status(app))
+
+
+def _status(command) -> int:
+    try:
+        return command(standalone_mode=False) or 0
+    except (KeyboardInterrupt, click.Abort):
+        return _failed(130, "interrupted; finished stages are kept, the same command goes on.")
+    except InvalidScene as error:
+        return _failed(2, str(error))
+    except click.ClickException as error:
+        return _failed(2, error.format_message())
+    except BrokenPipeError:
+        return 1
+    except Exception as error:
+        if environ.get("BEADWAVE_DEBUG"):
+            raise
+        return _failed(1, f"{error}" if isinstance(error, ValueError) else _unexpected(error))
+
+
+def _unexpected(error: Exception) -> str:
+    first = (str(error).splitlines() or [""])[0]
+    return f"{type(error).__name__}: {first} (BEADWAVE_DEBUG=1 shows where)"
+
+
+def _failed(status: int, sentence: str) -> int:
+    print(f"beadwave: {sentence}", file=sys.stderr)
+    return status

@@ -1,0 +1,88 @@
+"""Plots of a run as PNG: velocities, energies, the frequency response at the contact."""
+
+from io import BytesIO
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+matplotlib.use("Agg")
+from matplotlib.figure import Figure  # noqa: E402  the backend is chosen first
+
+Array = NDArray[np.float64]
+COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e")
+LEDGER = {
+    "energy_kinetic": "spheres, kinetic",
+    "energy_contact": "contacts",
+    "energy_leaf": "leaf springs",
+    "energy_wall": "wall modes",
+    "energy_residual": "wall, static",
+    "dissipated_contact": "dissipated in contacts",
+    "dissipated_wall": "dissipated in the wall",
+    "work_preload": "work of the preload",
+}
+
+
+def velocities(t: Array, v: Array, spheres: tuple[int, ...]) -> bytes:
+    """Velocities of the observed spheres, one panel each; t (k,) [s], v (k, n) [m/s]."""
+    figure = Figure(figsize=(8, 1 + 1.7 * len(spheres)), layout="constrained")
+    panels = figure.subplots(len(spheres), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    for panel, sphere, colour in zip(panels, spheres, _colours(len(spheres)), strict=True):
+        panel.plot(1e3 * t, v[:, sphere - 1], color=colour, linewidth=1.2)
+        panel.set_ylabel(f"sphere {sphere}\nvelocity [m/s]")
+        _plain(panel)
+    panels[-1].set_xlabel("time [ms]")
+    return _png(figure)
+
+
+def energies(t: Array, ledger: dict[str, Array]) -> bytes:
+    """The ledger over time and its closure; t (k,) [s], each term (k,) [J]."""
+    figure = Figure(figsize=(8, 5.6), layout="constrained")
+    terms, closure = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    shown = {name: value for name, value in ledger.items() if name in LEDGER and np.any(value)}
+    for (name, value), colour in zip(shown.items(), _colours(len(shown)), strict=True):
+        terms.plot(1e3 * t, 1e3 * value, color=colour, linewidth=1.2, label=LEDGER[name])
+    total = ledger["energy_total"]
+    terms.plot(1e3 * t, 1e3 * total, color="black", linewidth=1, linestyle="--", label="total")
+    terms.set_ylabel("energy [mJ]")
+    terms.legend(loc="center right", fontsize=8, frameon=True)
+    closure.plot(1e3 * t, (total - total[0]) / max(abs(total[0]), 1e-300), color="black", lw=0.9)
+    closure.set_ylabel("closure error\n[of the start]")
+    closure.set_xlabel("time [ms]")
+    for panel in (terms, closure):
+        _plain(panel)
+    return _png(figure)
+
+
+def frequency_response(
+    frequency: Array, reduced: Array, full_frequency: Array, full: Array, damping: str
+) -> bytes:
+    """Displacement per force at the contact, reduced model (line) against full order (dots)."""
+    figure = Figure(figsize=(8, 4.2), layout="constrained")
+    panel = figure.subplots()
+    panel.loglog(frequency, np.abs(reduced), color=COLOURS[0], linewidth=1.3, label="reduced model")
+    panel.loglog(
+        full_frequency, np.abs(full), "o", color=COLOURS[1], markersize=5, fillstyle="none",
+        label="full model, direct solution",
+    )  # fmt: skip
+    panel.set_xlabel("frequency [Hz]")
+    panel.set_ylabel("displacement per force [m/N]")
+    panel.set_title(damping, fontsize=9, loc="left")
+    panel.legend(frameon=False)
+    _plain(panel)
+    return _png(figure)
+
+
+def _colours(n: int) -> list[str]:
+    return [COLOURS[i % len(COLOURS)] for i in range(n)]
+
+
+def _plain(panel) -> None:
+    panel.grid(alpha=0.3, linewidth=0.6)
+    panel.spines[["top", "right"]].set_visible(False)
+
+
+def _png(figure: Figure) -> bytes:
+    raw = BytesIO()
+    figure.savefig(raw, format="png", dpi=130, metadata={"Software": None})
+    return raw.getvalue()

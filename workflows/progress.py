@@ -1,0 +1,66 @@
+"""What a person sees while a run goes on and when it is done; a pipe gets the end only."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TextIO
+
+import typer
+
+from workflows.summary import Summary, rows
+
+
+class StageProgress:
+    """A bar per stage on a terminal, nothing elsewhere."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._bars = _bars(stream) if stream.isatty() else None
+
+    def __enter__(self) -> "StageProgress":
+        if self._bars:
+            self._bars.start()
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self._bars:
+            self._bars.stop()
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Show a stage as running, then as done."""
+        task = self._bars.add_task(name, total=None) if self._bars else None
+        yield
+        if self._bars:
+            self._bars.update(task, total=1, completed=1)
+
+
+def _bars(stream: TextIO):
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = TextColumn("{task.description:>20}"), BarColumn(bar_width=24), TimeElapsedColumn()
+    return Progress(*columns, console=Console(file=stream))
+
+
+def printed(summary: Summary, json: bool) -> None:
+    """The summary on stdout: JSON for machines, lines for a person; warnings on stderr."""
+    if json:
+        typer.echo(summary.text(), nl=False)
+        return
+    for label, value in [("scene", summary.scene), *rows(summary), *_waves(summary)]:
+        typer.echo(f"{label:>26}  {value}")
+    for stage in summary.stages:
+        kept = "  (kept)" if stage.cached else ""
+        typer.echo(f"{stage.name:>26}  {stage.seconds:.2f} s{kept}")
+    for warning in summary.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+
+
+def _waves(summary: Summary) -> list[tuple[str, str]]:
+    return [
+        (f"waves at sphere {sphere}", ", ".join(_arrival(a) for a in waves.arrivals) or "none")
+        for sphere, waves in summary.waves.items()
+    ]
+
+
+def _arrival(arrival) -> str:
+    return f"{arrival.peak_velocity_m_s:+.3f} m/s at {1e3 * arrival.time_s:.3f} ms"

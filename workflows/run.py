@@ -1,0 +1,118 @@
+"""A run: the stages a scene needs, and what each leaves in the run folder as it ends."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from platform import python_version
+
+from joblib import Memory
+
+from dem import waves
+from workflows.chain_stages import contact_radius, save_trajectory
+from workflows.report import write_report
+from workflows.run_folder import RunFolder, write_pictures
+from workflows.scene import Scene
+from workflows.scene_file import toml
+from workflows.stages import (
+    LIBRARIES,
+    Pipeline,
+    library_versions,
+    memory,
+    needs_assembly,
+)
+from workflows.summary import ErrorEstimate, SphereWaves, StageTime, Summary, WaveArrival
+
+Watch = Callable[[str], AbstractContextManager]
+
+
+def run(scene: Scene, out: Path, *, source: Path | None, watch: Watch) -> Summary:
+    """Fill the run folder with all that the scene gives."""
+    folder = RunFolder(out)
+    folder.begin(toml(scene), source)
+    pipeline = _pipeline(scene, watch)
+    warnings: tuple[str, ...] = ()
+    if needs_assembly(scene):
+        from workflows.assembly_report import write_assembly
+
+        warnings = write_assembly(pipeline, folder)
+    if scene.chain:
+        _write_trajectory(pipeline, folder)
+        write_pictures(folder, pipeline("figures"))
+    summary = summary_of(pipeline, warnings)
+    folder.write("summary.json", summary.text())
+    write_report(folder.path)
+    return summary
+
+
+def impact(scene: Scene, out: Path | None, *, source: Path | None, watch: Watch) -> Summary:
+    """The coupled run alone; the folder, if any, gets scene, trajectory and summary."""
+    folder = RunFolder(out) if out else None
+    if folder:
+        folder.begin(toml(scene), source)
+    pipeline = _pipeline(scene, watch)
+    pipeline("impact")
+    summary = summary_of(pipeline)
+    if folder:
+        _write_trajectory(pipeline, folder)
+        folder.write("summary.json", summary.text())
+    return summary
+
+
+def _pipeline(scene: Scene, watch: Watch) -> Pipeline:
+    return Pipeline(scene, memory() or Memory(None, verbose=0), watch)
+
+
+def _write_trajectory(pipeline: Pipeline, folder: RunFolder) -> None:
+    trajectory = pipeline("impact").trajectory
+    with folder.writing("trajectory.npz") as path:
+        save_trajectory(path, trajectory)
+
+
+def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
+    """The numbers of a run; a stage that the run did not need is left at its absence."""
+    scene = pipeline.scene
+    found: dict = {}
+    if scene.chain:
+        warnings = (*warnings, *pipeline("impact").verdict.findings)
+    if needs_assembly(scene):
+        from workflows.assembly_report import assembly_numbers
+
+        found |= assembly_numbers(pipeline)
+    if scene.chain:
+        found |= _chain_numbers(pipeline)
+    return Summary(
+        scene=scene.name,
+        stages=tuple(StageTime(**report._asdict()) for report in pipeline.reports),
+        warnings=warnings,
+        versions={"python": python_version(), **library_versions(("beadwave", *LIBRARIES))},
+        **found,
+    )
+
+
+def _chain_numbers(pipeline: Pipeline) -> dict:
+    scene, trajectory, wall = pipeline.scene, pipeline("impact").trajectory, pipeline("wall")
+    numbers = {
+        "n_wall_modes": 0 if wall is None else len(wall.omega),
+        "dt_s": trajectory.dt,
+        "n_steps": trajectory.n_steps,
+        "energy_error": trajectory.energy_error,
+        "error_estimate": ErrorEstimate(time=trajectory.error_estimate),
+        "waves": {str(sphere): _waves(trajectory, sphere) for sphere in scene.output.spheres},
+    }
+    if wall is None:
+        return numbers
+    peak = float(trajectory.contact_force[:, -1].max())
+    return numbers | {"peak_wall_force_N": peak, "contact_radius_m": contact_radius(scene, peak)}
+
+
+def _waves(trajectory, sphere: int) -> SphereWaves:
+    t, v = trajectory.t, trajectory.v[:, sphere - 1]
+    passage = waves.passage(t, v)
+    return SphereWaves(
+        arrivals=[
+            WaveArrival(time_s=a.time, peak_velocity_m_s=a.peak_velocity)
+            for a in waves.arrivals(t, v)
+        ],
+        tof_s=passage and passage.tof,
+        arr=passage and passage.arr,
+    )

@@ -1,0 +1,85 @@
+"""The folder of a run: files appear complete or not at all."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from os import replace
+from pathlib import Path
+
+from typing import NamedTuple
+
+from workflows.scene import InvalidScene
+
+FILES = (
+    "summary.json",
+    "report.html",
+    "trajectory.npz",
+    "rom.npz",
+    "rom.mat",
+    "modes.vtu",
+    "figures/velocities.png",
+    "figures/energies.png",
+    "figures/frequency_response.png",
+    "figures/assembly.png",
+    "figures/modes.png",
+)
+
+
+class Picture(NamedTuple):
+    """A PNG for `figures/`."""
+
+    name: str
+    png: bytes
+
+
+class RunFolder:
+    """Writes beside and renames; what an earlier run of another scene left is removed first."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def begin(self, scene_toml: str, source: Path | None) -> None:
+        """Start a run of this scene; raises InvalidScene where the folder cannot take it."""
+        target = self.path / "scene.toml"
+        old = target.read_text(encoding="utf-8") if target.is_file() else None
+        if source and old != scene_toml and target.exists() and target.samefile(source):
+            raise InvalidScene(
+                f"--out {self.path} would overwrite the scene {source}; choose another."
+            )
+        self._make()
+        for left in self.path.rglob(".*.part.*"):
+            left.unlink()
+        for name in FILES if old != scene_toml else FILES[:2]:
+            (self.path / name).unlink(missing_ok=True)
+        self.write("scene.toml", scene_toml)
+
+    def _make(self) -> None:
+        try:
+            (self.path / "figures").mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InvalidScene(
+                f"--out {self.path} cannot be a folder ({error.strerror}); choose another."
+            ) from None
+
+    @contextmanager
+    def writing(self, name: str) -> Iterator[Path]:
+        """A path to write to, renamed to the file once it is complete."""
+        target = self.path / name
+        part = target.with_name(f".{target.stem}.part{target.suffix}")
+        try:
+            yield part
+            replace(part, target)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def write(self, name: str, content: str | bytes) -> Path:
+        """Write a whole file."""
+        raw = content.encode() if isinstance(content, str) else content
+        with self.writing(name) as part:
+            part.write_bytes(raw)
+        return self.path / name
+
+
+def write_pictures(folder: RunFolder, pictures: tuple[Picture, ...]) -> None:
+    """Write each picture to `figures/`."""
+    for picture in pictures:
+        folder.write(f"figures/{picture.name}.png", picture.png)

@@ -1,0 +1,267 @@
+"""What a scene may hold: one pydantic model per table, every key with its unit and limits.
+
+An absent table is an absent part. Nothing here loads a solver; the assembly, whose keys are the
+dimensions of `geometry.Assembly`, is checked by `workflows.assembly_table` when a scene has one.
+"""
+
+from difflib import get_close_matches
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+
+
+class InvalidScene(ValueError):
+    """One sentence: the key, the value found, the value allowed, what to do."""
+
+
+def nearest(word: str, known) -> str:
+    """A hint at the known word that was probably meant, or the known words."""
+    close = get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
+
+
+class Table(BaseModel):
+    """A table that takes its own keys and nothing else."""
+
+    model_config = ConfigDict(
+        strict=True, frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, table: Any) -> Any:
+        unknown = [key for key in table if key not in cls.model_fields] if _is_table(table) else []
+        if unknown:
+            raise ValueError(f"unknown key {unknown[0]!r}: {nearest(unknown[0], cls.model_fields)}")
+        return table
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict)
+
+
+def _exactly_one(table: Any, first: str, second: str, *, default: float) -> Any:
+    """The table with `first` at its default where neither key is given; both are refused."""
+    if not _is_table(table):
+        return table
+    if table.get(first) is not None and table.get(second) is not None:
+        raise ValueError(f"{first} and {second} exclude each other: keep one of them")
+    given = table.get(first) is not None or table.get(second) is not None
+    return table if given else {**table, first: default}
+
+
+def _shape(value: Any) -> str:
+    return "list" if isinstance(value, list | tuple) else "number"
+
+
+def _one_or_each(number) -> Any:
+    """A number for all, or a list with one number for each."""
+    each = Annotated[tuple[number, ...], Field(strict=False, min_length=1), Tag("list")]
+    return Annotated[Annotated[number, Tag("number")] | each, Discriminator(_shape)]
+
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Ratio = Annotated[float, Field(ge=0, lt=1)]
+Poisson = Annotated[float, Field(gt=-1, le=0.5)]
+JointStiffness = Annotated[float, Field(ge=0, allow_inf_nan=True)]
+Count = Annotated[int, Field(ge=1)]
+Point = Annotated[tuple[float, float], Field(strict=False)]
+
+
+class Chain(Table):
+    """Spheres in a row, the striker first: scalars, or one value per sphere."""
+
+    count: Count
+    radius: _one_or_each(Positive)  # [m]
+    density: _one_or_each(Positive)  # [kg/m^3]
+    young: _one_or_each(Positive)  # [Pa]
+    poisson: _one_or_each(Poisson)
+    initial_velocity: Annotated[tuple[float, ...], Field(strict=False)] | None = None  # [m/s]
+
+
+class Striker(Table):
+    """The first sphere arrives with a velocity, the others rest."""
+
+    velocity: float  # [m/s]
+
+
+class Contact(Table):
+    """The law between neighbours, and at the wall."""
+
+    law: Literal["hertz"] = "hertz"
+    dissipation: Literal["none", "linear", "linear-clipped", "hunt-crossley"] = "hunt-crossley"
+    coefficient: _one_or_each(NonNegative) = 0.0
+    stiffness_factor: _one_or_each(Positive) = 1.0  # one per contact, the last at the wall
+
+
+class LeafSprings(Table):
+    """A spring from each sphere to the ground; `offset` moves its anchor towards the wall."""
+
+    stiffness: _one_or_each(NonNegative) = 0.0  # [N/m]
+    offset: _one_or_each(float) = 0.0  # [m]
+
+
+class Preload(Table):
+    """A steady force on the last sphere, towards the wall."""
+
+    force: NonNegative = 0.0  # [N]
+
+
+class RigidWall(Table):
+    kind: Literal["rigid"]
+
+
+class HalfSpaceWall(Table):
+    kind: Literal["half-space"]
+    young: Positive = 210e9  # [Pa]
+    poisson: Poisson = 0.3
+
+
+class OneDofWall(Table):
+    """A mass on a spring and a dashpot; young and poisson are those of the surface struck."""
+
+    kind: Literal["1dof"]
+    frequency: Positive  # [Hz]
+    mass: Positive  # [kg]
+    damping_ratio: Ratio = 0.0
+    young: Positive = 210e9  # [Pa]
+    poisson: Poisson = 0.3
+
+
+class DashpotWall(Table):
+    """An infinite plate (Zener): the wall's velocity is the force over `coefficient`."""
+
+    kind: Literal["dashpot"]
+    coefficient: Positive  # [N s/m]
+    young: Positive = 210e9  # [Pa]
+    poisson: Poisson = 0.3
+
+
+class RomWall(Table):
+    """A reduced model: of [assembly], or from a file; its surface is the block's material."""
+
+    kind: Literal["rom"]
+    file: str | None = None
+    young: Positive = 210e9  # [Pa]
+    poisson: Poisson = 0.3
+
+
+Wall = Annotated[
+    RigidWall | HalfSpaceWall | OneDofWall | DashpotWall | RomWall, Discriminator("kind")
+]
+
+
+class JointStiffnesses(Table):
+    """Along x, y, z [N/m] and about them [N m/rad]; inf is a rigid direction."""
+
+    kx: JointStiffness = float("inf")
+    ky: JointStiffness = float("inf")
+    kz: JointStiffness = float("inf")
+    krx: JointStiffness = float("inf")
+    kry: JointStiffness = float("inf")
+    krz: JointStiffness = float("inf")
+
+
+class Joints(Table):
+    """Sheets on the block (head) and on their support (foot)."""
+
+    head: JointStiffnesses = JointStiffnesses()
+    foot: JointStiffnesses = JointStiffnesses()
+
+
+class Mesh(Table):
+    """Quadratic elements; `seed` is their size in the sheets, `contact_seed` at the patch."""
+
+    element: Literal["hex", "tet"] = "hex"
+    seed: Positive = 4e-3  # [m]
+    contact_seed: Positive = 1e-3  # [m]
+
+
+class Patch(Table):
+    """Where the last sphere touches the block's +x face, and how the face is averaged there."""
+
+    point: Point = (0.03, 0.0207)  # y, z [m]
+    radius: Positive = 2e-3  # [m]
+    weights: Literal["hertz", "area"] = "hertz"
+
+
+class Reduction(Table):
+    """Modes kept: a number, or all below `cutoff`."""
+
+    kind: Literal["craig-bampton", "free-modes"] = "craig-bampton"
+    modes: Count | None = None
+    cutoff: Positive | None = None  # [Hz]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_measure(cls, table: Any) -> Any:
+        return _exactly_one(table, "modes", "cutoff", default=40)
+
+
+class ModalDamping(Table):
+    """A ratio for all modes, or for the four of the hammer test and `others`."""
+
+    kind: Literal["modal"]
+    ratio: _one_or_each(Ratio) = 0.0
+    others: Ratio = 0.0
+
+
+class RayleighDamping(Table):
+    """C = alpha M + beta K."""
+
+    kind: Literal["rayleigh"]
+    alpha: NonNegative = 0.0  # [1/s]
+    beta: NonNegative = 0.0  # [s]
+
+
+class NoDamping(Table):
+    kind: Literal["none"] = "none"
+
+
+Damping = Annotated[ModalDamping | RayleighDamping | NoDamping, Discriminator("kind")]
+
+
+class Time(Table):
+    """How long, and the error asked for; `dt` replaces the error."""
+
+    duration: Positive = 3e-3  # [s]
+    error: Annotated[float, Field(gt=0, lt=1)] | None = None
+    dt: Positive | None = None  # [s]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_measure(cls, table: Any) -> Any:
+        return _exactly_one(table, "error", "dt", default=1e-4)
+
+
+class Output(Table):
+    """Spheres observed (1 = striker), and how many instants are written."""
+
+    spheres: Annotated[tuple[Count, ...], Field(strict=False)] = ()
+    samples: Annotated[int, Field(ge=2)] = 3001
+
+
+class Scene(Table):
+    """A whole run; the assembly's own keys are checked by `workflows.assembly_table`."""
+
+    name: Annotated[str, Field(pattern=r"^[\w.-]+$")]
+    chain: Chain | None = None
+    striker: Striker | None = None
+    contact: Contact | None = None
+    leaf_springs: LeafSprings | None = None
+    preload: Preload | None = None
+    wall: Wall | None = None
+    assembly: Any = None
+    joints: Joints | None = None
+    mesh: Mesh | None = None
+    patch: Patch | None = None
+    reduction: Reduction | None = None
+    damping: Damping | None = None
+    time: Time | None = None
+    output: Output | None = None
+
+    @property
+    def n_contacts(self) -> int:
+        """Contacts of the chain, the wall's included."""
+        return self.chain.count - (self.wall is None)

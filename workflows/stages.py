@@ -1,0 +1,216 @@
+"""Stages of a run as pure functions of the scene, each kept by content and computed on demand.
+
+    mesh -> model -> modes -> reduction -> wall -> impact
+
+A stage's key is what it reads of the scene, the keys of the stages it needs, the source of the
+rooms it runs and the versions of the libraries below them. A stage whose result is kept never
+looks at the stages it needs: a new sphere touches nothing of the finite elements.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from json import dumps
+from logging import ERROR, getLogger
+from os import environ
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from joblib import Memory
+from joblib import __version__ as joblib_version
+from platformdirs import user_cache_path
+
+from workflows.scene import RomWall, Scene
+
+CACHE_LIMIT = "8G"
+LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "gmsh")
+
+
+class Stage(NamedTuple):
+    """One step: its function, what it reads of the scene, what it needs, which rooms it runs."""
+
+    function: str  # "module:name", called with the scene and the results it needs
+    reads: Callable[[Scene], Any]
+    needs: tuple[str, ...]
+    rooms: tuple[str, ...]
+
+
+class StageReport(NamedTuple):
+    """What a stage took in this run."""
+
+    name: str
+    seconds: float
+    cached: bool
+
+
+def _reads(*tables: str) -> Callable[[Scene], Any]:
+    return lambda scene: {name: _plain(getattr(scene, name)) for name in tables}
+
+
+def _plain(table: Any) -> Any:
+    return table.model_dump() if hasattr(table, "model_dump") else table
+
+
+def _wall_reads(scene: Scene) -> Any:
+    file = getattr(scene.wall, "file", None)
+    content = sha256(Path(file).read_bytes()).hexdigest() if file else None
+    return {**_reads("wall", "damping", "patch", "assembly")(scene), "content": content}
+
+
+def _dimensions(scene: Scene) -> Any:
+    from workflows.assembly_table import assembly
+
+    return {"assembly": repr(assembly(scene.assembly)), **_reads("mesh", "patch")(scene)}
+
+
+ASSEMBLY = {
+    "mesh": Stage("workflows.assembly_stages:mesh", _dimensions, (), ("geometry",)),
+    "model": Stage(
+        "workflows.assembly_stages:model",
+        _reads("assembly", "joints"),
+        ("mesh",),
+        ("geometry", "fem"),
+    ),
+    "modes": Stage("workflows.assembly_stages:modes", _reads(), ("model",), ("fem",)),
+    "contact": Stage("workflows.assembly_stages:contact", _reads("patch"), ("model",), ("fem",)),
+    "reduction": Stage(
+        "workflows.assembly_stages:reduction",
+        _reads("reduction", "patch", "assembly"),
+        ("model", "contact"),
+        ("rom", "fem"),
+    ),
+}
+
+
+def _stages(scene: Scene) -> dict[str, Stage]:
+    """The stages that this scene may need; those of an assembly only where one is struck."""
+    needs = ("reduction",) if needs_assembly(scene) and scene.chain else ()
+    ends = {
+        "wall": Stage(
+            "workflows.chain_stages:wall", _wall_reads, needs, ("coupling", "rom", "dem")
+        ),
+        "impact": Stage(
+            "workflows.chain_stages:impact",
+            _reads(
+                "chain", "striker", "contact", "leaf_springs", "preload", "wall", "time", "output"
+            ),
+            ("wall",),
+            ("coupling", "dem"),
+        ),
+        "figures": Stage(
+            "workflows.figure_stages:of_chain",
+            _reads("output"),
+            ("impact",),
+            ("workflows.figures",),
+        ),
+    }
+    return {**ASSEMBLY, **ends}
+
+
+def needs_assembly(scene: Scene) -> bool:
+    """Whether a run of this scene builds the assembly."""
+    if scene.assembly is None:
+        return False
+    return scene.chain is None or (isinstance(scene.wall, RomWall) and scene.wall.file is None)
+
+
+class Pipeline:
+    """A scene's results, computed or read from the cache when they are asked for."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        memory: Memory,
+        watch: Callable[[str], AbstractContextManager] = lambda name: nullcontext(),
+    ) -> None:
+        self.scene = scene
+        self.reports: list[StageReport] = []
+        self._stages = _stages(scene)
+        self._results: dict[str, Any] = {}
+        self._computed: set[str] = set()
+        self._kept = memory.cache(_result, ignore=["pipeline"])
+        self._watch = watch
+
+    def __call__(self, name: str) -> Any:
+        """The result of a stage."""
+        if name not in self._results:
+            self._results[name] = self._timed(name)
+        return self._results[name]
+
+    def _timed(self, name: str) -> Any:
+        below = sum(report.seconds for report in self.reports)
+        started = perf_counter()
+        result = self._kept(name, self.key(name), self)
+        within = sum(report.seconds for report in self.reports) - below
+        seconds = perf_counter() - started - within
+        self.reports.append(StageReport(name, seconds, name not in self._computed))
+        return result
+
+    def compute(self, name: str) -> Any:
+        """Run a stage on the results it needs."""
+        stage = self._stages[name]
+        needed = [self(need) for need in stage.needs]
+        module, function = stage.function.split(":")
+        self._computed.add(name)
+        with self._watch(name):
+            return getattr(import_module(module), function)(self.scene, *needed)
+
+    def key(self, name: str) -> str:
+        """Changes with everything that the stage's result depends on."""
+        stage = self._stages[name]
+        module = stage.function.split(":")[0]
+        parts = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
+        sources = [fingerprint(room) for room in (*stage.rooms, module)]
+        return _digest([*parts, *sources, library_versions(LIBRARIES)])
+
+
+def _result(name: str, key: str, pipeline: Pipeline) -> Any:
+    return pipeline.compute(name)
+
+
+def _digest(content: Any) -> str:
+    return sha256(dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+
+
+@cache
+def fingerprint(module: str) -> str:
+    """A digest of the source of a module, or of all modules of a room, without importing it."""
+    origin = Path(find_spec(module).origin)
+    sources = sorted(origin.parent.glob("*.py")) if origin.name == "__init__.py" else [origin]
+    return sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
+
+
+def library_versions(names: tuple[str, ...]) -> dict[str, str]:
+    """Installed versions by distribution; those that are absent are left out."""
+    return {name: found for name in names if (found := _version(name))}
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def cache_folder() -> Path:
+    """Where results are kept: BEADWAVE_CACHE_DIR, or the user's cache."""
+    given = environ.get("BEADWAVE_CACHE_DIR")
+    return Path(given) if given else user_cache_path("beadwave")
+
+
+def memory() -> Memory | None:
+    """The cache, or None where its folder cannot be written."""
+    getLogger("joblib").setLevel(ERROR)  # a damaged entry is recomputed, no need to print why
+    folder = cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        kept = Memory(folder / f"joblib-{joblib_version}", verbose=0)
+        kept.reduce_size(bytes_limit=CACHE_LIMIT)
+    except OSError:
+        return None
+    return kept
