@@ -1,0 +1,32 @@
+from fem.contact_patch import ContactPatch, contact_patch, disc_quadrature, point_functional
+from fem.correlation import HAMMER_TEST_HZ, Pairing, mac, pair
+from fem.elasticity import Material, Structure, assemble
+from fem.factorisation import factorised
+from fem.joints import DIRECTIONS, Joint
+from fem.model import Model, full_tie, screw_tie, wires
+from fem.modes import Modes, modes
+from fem.response import receptance
+
+__all__ = [
+    "DIRECTIONS",
+    "HAMMER_TEST_HZ",
+    "ContactPatch",
+    "Joint",
+    "Material",
+    "Model",
+    "Modes",
+    "Pairing",
+    "Structure",
+    "assemble",
+    "contact_patch",
+    "disc_quadrature",
+    "factorised",
+    "full_tie",
+    "mac",
+    "modes",
+    "pair",
+    "point_functional",
+    "receptance",
+    "screw_tie",
+    "wires",
+]

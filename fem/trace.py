@@ -1,0 +1,87 @@
+"""Displacements at points of a named face, and the points of a face: the ways into and out of a mesh."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from skfem import Basis, FacetBasis
+
+
+def face_nodes(basis: Basis, face: str) -> NDArray[np.int64]:
+    """The displacement dofs of every node on a face, (n_nodes, 3)."""
+    x_dofs, y_dofs, z_dofs = (basis.get_dofs(face).all([f"u^{i + 1}"]) for i in range(3))
+    return np.column_stack([x_dofs, y_dofs, z_dofs])
+
+
+def face_area(basis: Basis, face: str) -> float:
+    """[m^2]"""
+    return float(FacetBasis(basis.mesh, basis.mesh.elem(), facets=face).dx.sum())
+
+
+def face_quadrature(
+    basis: Basis, face: str, order: int = 4
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (n, 3) [m] and weights (n,) [m^2] that integrate over a face."""
+    facets = FacetBasis(basis.mesh, basis.mesh.elem(), facets=face, intorder=order)
+    points = facets.mapping.G(facets.X, find=facets.find)
+    return points.reshape(3, -1).T, facets.dx.ravel()
+
+
+def trace(basis: Basis, face: str, points: NDArray[np.float64]) -> csr_matrix:
+    """P (3 n, ndof) with P @ u = the displacements at `points` (n, 3) of a face, point by point.
+
+    Raises ValueError when a point does not lie on the face.
+    """
+    mesh = basis.mesh
+    facets = mesh.boundaries[face]
+    size = np.ptp(mesh.p[:, mesh.facets[:, facets]], axis=(1, 2)).max()
+    point, facet = _candidates(mesh.p[:, mesh.facets[:, facets]], points, 1e-7 * size)
+    cells = mesh.f2t[0, facets[facet]]
+    target = points[point].T[:, :, None]
+    X = basis.mapping.invF(target, tind=cells)
+    outside = _outside(mesh.elem(), X[:, :, 0])
+    outside += np.linalg.norm((basis.mapping.F(X, tind=cells) - target)[:, :, 0], axis=0) / size
+    best = _least(point, outside, len(points))
+    if np.any(best < 0) or np.any(outside[best] > 1e-5):
+        bad = int(np.argmax(np.where(best < 0, np.inf, outside[best])))
+        raise ValueError(
+            f"the point {np.round(points[bad], 6).tolist()} m does not lie on the face {face!r}."
+        )
+    return _interpolation(basis, X[:, best, 0], cells[best])
+
+
+def _candidates(corners, points, tolerance: float):
+    """Pairs (point, facet) for which the point is in the facet's bounding box."""
+    lower, upper = corners.min(axis=1) - tolerance, corners.max(axis=1) + tolerance
+    inside = np.ones((len(points), corners.shape[2]), dtype=bool)
+    for axis in range(3):
+        x = points[:, axis, None]
+        inside &= (x >= lower[axis]) & (x <= upper[axis])
+    return np.nonzero(inside)
+
+
+def _outside(vertex_element, X) -> NDArray[np.float64]:
+    """How far local coordinates lie outside the cell: negative vertex functions."""
+    phi = [vertex_element.lbasis(X, i)[0] for i in range(vertex_element.doflocs.shape[0])]
+    return np.maximum(0.0, -np.min(phi, axis=0))
+
+
+def _least(group, value, n: int) -> NDArray[np.int64]:
+    """For each group 0..n-1 the position of its smallest value, -1 for an empty group."""
+    best = np.full(n, -1)
+    order = np.argsort(value, kind="stable")[::-1]
+    best[group[order]] = order
+    return best
+
+
+def _interpolation(basis: Basis, X, cells) -> csr_matrix:
+    scalar = basis.elem.elem
+    n_points, n_shapes = len(cells), basis.Nbfun // 3
+    phi = np.array([np.broadcast_to(scalar.lbasis(X, i)[0], n_points) for i in range(n_shapes)])
+    columns = basis.element_dofs[:, cells].reshape(n_shapes, 3, n_points)
+    rows = np.broadcast_to(
+        (3 * np.arange(n_points)[None, :] + np.arange(3)[:, None])[None], columns.shape
+    )
+    entries = np.broadcast_to(phi[:, None], columns.shape)
+    return csr_matrix(
+        (entries.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * n_points, basis.N)
+    )

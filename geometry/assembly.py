@@ -1,0 +1,301 @@
+"""The parametric assembly: a block on two bolted sheets above a sheets' support, support and plate.
+
+Axes: x = chain axis, y = normal of the sheets, z = vertical. The origin lies in the middle of the
+block's lower face, so that the sheets run from z = -(free length + foot overlap) to the head
+overlap, outside the faces y = +-block_y/2.
+
+              z
+              |   +-----------------+
+      chain ->x   |      block      |  z in [0, block_z]
+                  +--||---------||--+  <- head joints (screws), upper clamp line at z = 0
+                     ||  sheets ||
+                  +--||---------||--+  <- foot joints, lower clamp line at z = -free length
+                  | sheets' support |
+                  +-----------------+
+                       support
+                ------- plate --------
+
+The thesis gives no drawings; the dimensions here were inferred from its frequencies (tables 5.2
+and 5.3), every field says so in its metadata.
+"""
+
+from dataclasses import dataclass, field, fields
+from math import isfinite, pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+PARTS = ("block", "sheets", "sheets_support", "support", "plate")
+SIDES = {"sheet-y": -1.0, "sheet+y": 1.0}
+
+
+class InvalidGeometry(ValueError):
+    """Dimensions that no assembly can have; the message names the offending numbers."""
+
+
+def _length(value, provenance: str, description: str):
+    return field(
+        default=value,
+        metadata={"unit": "m", "provenance": provenance, "description": description},
+    )
+
+
+FITTED = "inferred: fitted to the frequencies of the thesis' table 5.2"
+ASSUMED = "assumed: not in the thesis"
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Dimensions in metres; raises :class:`InvalidGeometry` when they cannot be built."""
+
+    block_x: float = _length(0.131, FITTED, "block along the chain")
+    block_y: float = _length(0.099, FITTED, "block across, between the sheets")
+    block_z: float = _length(0.0414, FITTED, "block height")
+    sheet_thickness: float = _length(0.85e-3, FITTED, "sheet thickness")
+    sheet_width: float = _length(0.0655, FITTED, "sheet width along the chain")
+    sheet_free_length: float = _length(0.0325, FITTED, "sheet between the clamp lines")
+    head_overlap: float = _length(0.025, ASSUMED, "sheet on the block")
+    foot_overlap: float = _length(0.025, ASSUMED, "sheet on the sheets' support")
+    screw_x: tuple[float, ...] = _length((-0.015, 0.015), FITTED, "screws along x, in each joint")
+    head_screw_z: float = _length(0.0105, FITTED, "head screws above the block's lower edge")
+    foot_screw_z: float = _length(0.015, FITTED, "foot screws below the upper edge they hold to")
+    hole_radius: float = _length(0.003, ASSUMED, "screw hole in the sheet")
+    washer_radius: float = _length(0.0095, FITTED, "region held under a screw head")
+    sheets_support_x: float = _length(0.090, ASSUMED, "sheets' support along the chain")
+    sheets_support_y: float = _length(0.099, FITTED, "sheets' support across, as the block")
+    sheets_support_z: float = _length(0.030, ASSUMED, "sheets' support height")
+    support_x: float = _length(0.090, ASSUMED, "support along the chain")
+    support_y: float = _length(0.090, ASSUMED, "support across")
+    support_z: float = _length(0.060, ASSUMED, "support height")
+    plate_x: float = _length(0.200, ASSUMED, "plate along the chain")
+    plate_y: float = _length(0.200, ASSUMED, "plate across")
+    plate_z: float = _length(0.020, ASSUMED, "plate thickness")
+    pad: float = _length(0.020, ASSUMED, "side of the pads under the plate's corners")
+    parts: tuple[str, ...] = field(
+        default=PARTS, metadata={"unit": "", "provenance": "thesis", "description": "built parts"}
+    )
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+
+class Box(NamedTuple):
+    """A cuboid body between two corners."""
+
+    lower: NDArray[np.float64]  # (3,) [m]
+    upper: NDArray[np.float64]  # (3,) [m]
+
+
+class Interface(NamedTuple):
+    """Two faces that touch; the slave face lies inside the master face."""
+
+    slave: str  # face names of the mesh, "body:face"
+    master: str
+    screws: tuple[str, ...]  # washer faces on the slave side, one per screw; () without screws
+    halves: tuple[str, ...]  # each screw's share of the slave face
+    centres: NDArray[np.float64]  # (n_screws, 3) [m]
+
+
+def provenance(name: str) -> str:
+    """Where the default of a dimension comes from, and what the dimension is."""
+    metadata = {f.name: f.metadata for f in fields(Assembly)}[name]
+    return f"{metadata['description']} ({metadata['provenance']})"
+
+
+def boxes(assembly: Assembly) -> dict[str, Box]:
+    """The cuboid bodies that the assembly is built of, by name."""
+    a = assembly
+    top = -a.sheet_free_length
+    sizes = {
+        "sheets_support": (a.sheets_support_x, a.sheets_support_y, a.sheets_support_z),
+        "support": (a.support_x, a.support_y, a.support_z),
+        "plate": (a.plate_x, a.plate_y, a.plate_z),
+    }
+    built = {"block": _box((a.block_x, a.block_y, a.block_z), a.block_z)}
+    for name, size in sizes.items():
+        if name in a.parts:
+            built[name] = _box(size, top)
+            top -= size[2]
+    return built
+
+
+def sheets(assembly: Assembly) -> dict[str, float]:
+    """The sheets by name, with the y of the face that leans on the block [m]."""
+    if "sheets" not in assembly.parts:
+        return {}
+    return {name: side * assembly.block_y / 2 for name, side in SIDES.items()}
+
+
+def screw_z(assembly: Assembly) -> dict[str, float]:
+    """Height of the screws of either joint [m]."""
+    a = assembly
+    return {"head": a.head_screw_z, "foot": -a.sheet_free_length - a.foot_screw_z}
+
+
+def interfaces(assembly: Assembly) -> tuple[Interface, ...]:
+    """All pairs of touching faces, from the block downwards."""
+    a = assembly
+    joints = [
+        _bolted(a, sheet, joint, body)
+        for joint, body in (("head", "block"), ("foot", "sheets_support"))
+        if body in a.parts
+        for sheet in sheets(a)
+    ]
+    stack = [name for name in PARTS[2:] if name in a.parts]
+    return (*joints, *(_stacked(a, *pair) for pair in zip(stack, stack[1:], strict=False)))
+
+
+def held_faces(
+    assembly: Assembly, *, fixing: str = "flat", under_washers: bool = False
+) -> tuple[str, ...]:
+    """Faces fixed to the ground: the lowest part's underside, or the pads under the plate.
+
+    Without a sheets' support the sheets are held where they would be bolted to it, over the whole
+    overlap or only under the washers; a block alone is free.
+    """
+    lowest = assembly.parts[-1]
+    if lowest == "block":
+        return ()
+    if lowest == "sheets":
+        spots = [f"foot-washer-{i + 1}" for i in range(len(assembly.screw_x))]
+        return tuple(
+            f"{sheet}:{spot}"
+            for sheet in sheets(assembly)
+            for spot in (spots if under_washers else ["foot"])
+        )
+    return (f"{lowest}:pads",) if lowest == "plate" and fixing == "corners" else (f"{lowest}:-z",)
+
+
+def _box(size, top: float) -> Box:
+    x, y, z = size
+    return Box(np.array([-x / 2, -y / 2, top - z]), np.array([x / 2, y / 2, top]))
+
+
+def _bolted(a: Assembly, sheet: str, joint: str, body: str) -> Interface:
+    side = sheet[-2:]
+    n = range(1, len(a.screw_x) + 1)
+    y, z = SIDES[sheet] * a.block_y / 2, screw_z(a)[joint]
+    return Interface(
+        f"{sheet}:{joint}",
+        f"{body}:{side}",
+        tuple(f"{sheet}:{joint}-washer-{i}" for i in n),
+        tuple(f"{sheet}:{joint}-share-{i}" for i in n),
+        np.array([[x, y, z] for x in a.screw_x]),
+    )
+
+
+def _stacked(a: Assembly, upper: str, lower: str) -> Interface:
+    top, bottom = boxes(a)[upper], boxes(a)[lower]
+    inside = np.all(top.lower[:2] >= bottom.lower[:2]) and np.all(top.upper[:2] <= bottom.upper[:2])
+    faces = (f"{upper}:-z", f"{lower}:+z")
+    slave, master = faces if inside else faces[::-1]
+    return Interface(slave, master, (), (), np.empty((0, 3)))
+
+
+def washer_z_range(assembly: Assembly, joint: str) -> tuple[float, float]:
+    """The strip of sheet on the body that a joint holds to, lower and upper z [m]."""
+    a = assembly
+    if joint == "head":
+        return 0.0, a.head_overlap
+    return -a.sheet_free_length - a.foot_overlap, -a.sheet_free_length
+
+
+def screw_cells(assembly: Assembly) -> list[tuple[float, float]]:
+    """The x-range of sheet around each screw, split half-way between neighbours [m]."""
+    a = assembly
+    x = np.array(a.screw_x)
+    edges = [-a.sheet_width / 2, *(x[1:] + x[:-1]) / 2, a.sheet_width / 2]
+    return list(zip(edges[:-1], edges[1:], strict=True))
+
+
+def _check(a: Assembly) -> None:
+    _check_numbers(a)
+    _check_parts(a.parts)
+    if "sheets" in a.parts:
+        _check_screws(a)
+        _check_contacts(a)
+    _check_stack(a)
+
+
+def _check_numbers(a: Assembly) -> None:
+    for f in fields(a):
+        value = getattr(a, f.name)
+        if f.name not in ("parts", "screw_x") and not (isfinite(value) and value > 0):
+            raise InvalidGeometry(f"{f.name} = {value} m must be a positive finite length.")
+    if not a.screw_x or not np.all(np.isfinite(a.screw_x)) or np.any(np.diff(a.screw_x) <= 0):
+        raise InvalidGeometry(
+            f"screw_x = {list(a.screw_x)} must list at least one finite position, in ascending order."
+        )
+
+
+def _check_parts(parts: tuple[str, ...]) -> None:
+    if parts != PARTS[: len(parts)] or not parts:
+        raise InvalidGeometry(
+            f"parts = {list(parts)} must be the first few of {list(PARTS)}: each stands on the next."
+        )
+
+
+def _check_screws(a: Assembly) -> None:
+    if a.hole_radius >= a.washer_radius:
+        raise InvalidGeometry(
+            f"hole_radius = {a.hole_radius} m must be smaller than washer_radius = {a.washer_radius} m."
+        )
+    for joint, z in screw_z(a).items():
+        lower, upper = washer_z_range(a, joint)
+        if z - a.washer_radius <= lower or z + a.washer_radius >= upper:
+            raise InvalidGeometry(
+                f"{joint}_screw_z puts a washer at z = {z:.6g} m +- {a.washer_radius} m outside the "
+                f"sheet's overlap [{lower:.6g}, {upper:.6g}] m; move the screw or widen {joint}_overlap."
+            )
+    for x, (lower, upper) in zip(a.screw_x, screw_cells(a), strict=True):
+        if x - a.washer_radius <= lower or x + a.washer_radius >= upper:
+            raise InvalidGeometry(
+                f"screw_x = {x} m with washer_radius = {a.washer_radius} m does not fit its part "
+                f"[{lower:.6g}, {upper:.6g}] m of the sheet (sheet_width = {a.sheet_width} m)."
+            )
+
+
+def _check_contacts(a: Assembly) -> None:
+    limits = [("sheet_width", a.sheet_width, "block_x", a.block_x)]
+    limits += [("head_overlap", a.head_overlap, "block_z", a.block_z)]
+    if "sheets_support" in a.parts:
+        limits += [("sheet_width", a.sheet_width, "sheets_support_x", a.sheets_support_x)]
+        limits += [("foot_overlap", a.foot_overlap, "sheets_support_z", a.sheets_support_z)]
+        if abs(a.sheets_support_y - a.block_y) > 1e-9:
+            raise InvalidGeometry(
+                f"sheets_support_y = {a.sheets_support_y} m must equal block_y = {a.block_y} m: "
+                "the flat sheets touch both."
+            )
+    for name, value, limit_name, limit in limits:
+        if value > limit:
+            raise InvalidGeometry(f"{name} = {value} m must not exceed {limit_name} = {limit} m.")
+
+
+def _check_stack(a: Assembly) -> None:
+    stack = [boxes(a)[name] for name in PARTS[2:] if name in a.parts]
+    names = PARTS[2:]
+    for name, below, (top, bottom) in zip(
+        names, names[1:], zip(stack, stack[1:], strict=False), strict=False
+    ):
+        spans = [(b.upper - b.lower)[:2] for b in (top, bottom)]
+        if np.any(spans[0] < spans[1]) and np.any(spans[0] > spans[1]):
+            raise InvalidGeometry(
+                f"{name} ({spans[0][0]} x {spans[0][1]} m) and {below} ({spans[1][0]} x "
+                f"{spans[1][1]} m) overhang each other; one of the two faces must contain the other."
+            )
+    if "plate" in a.parts and 2 * a.pad >= min(a.plate_x, a.plate_y):
+        raise InvalidGeometry(
+            f"pad = {a.pad} m must be less than half of the plate's sides "
+            f"({a.plate_x} x {a.plate_y} m)."
+        )
+
+
+def volume(assembly: Assembly) -> float:
+    """Volume of the assembly [m^3]."""
+    a = assembly
+    solid = sum(float(np.prod(box.upper - box.lower)) for box in boxes(a).values())
+    length = a.foot_overlap + a.sheet_free_length + a.head_overlap
+    holes = 2 * len(a.screw_x) * pi * a.hole_radius**2
+    sheet = (length * a.sheet_width - holes) * a.sheet_thickness
+    return solid + len(sheets(a)) * sheet

@@ -1,0 +1,212 @@
+"""Graded hexahedra: boxes as tensor grids, sheets as quadrilaterals around the screws, extruded.
+
+Each sheet is one layer of elements, meant for quadratic shape functions. Around a screw the
+quadrilaterals form an O-grid: hole -> washer -> the screw's rectangle of the overlap.
+
+    +-----------------+
+    | \\      |      / |
+    |   \\ .-----. /   |      ring 1: hole to washer
+    |----(  hole  )---|      ring 2: washer to the rectangle
+    |   / '-----' \\   |
+    | /      |      \\ |
+    +-----------------+  <- clamp line
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshHex
+
+from geometry.assembly import (
+    PARTS,
+    Assembly,
+    boxes,
+    screw_cells,
+    screw_z,
+    sheets,
+    washer_z_range,
+)
+from geometry.naming import named
+
+Coordinates = NDArray[np.float64]
+GROWTH = 1.7  # of neighbouring elements where a grid is graded
+# skfem's order of the corners of a hexahedron, from the quadrilateral (0..3) and its copy (4..7)
+EXTRUDED = [0, 4, 3, 1, 7, 5, 2, 6]
+
+
+def hex_mesh(
+    assembly: Assembly,
+    *,
+    seed: float,
+    block_seed: float,
+    support_seed: float,
+    contact_seed: float | None = None,
+    contact_point: tuple[float, float] = (0.0, 0.0),
+) -> MeshHex:
+    """Every part meshed on its own, coincident faces unmerged, bodies and faces named.
+
+    Element sizes in metres: `seed` in the sheets, `block_seed` in the block, `support_seed` in the
+    parts below, `contact_seed` at `contact_point` (y, z from the middle of the block's +x face);
+    without a contact seed the block is meshed evenly.
+    """
+    a = assembly
+    pieces = {}
+    for name, box in boxes(a).items():
+        size = block_seed if name == "block" else support_seed
+        lines = [_even(box.lower[i], box.upper[i], size) for i in range(3)]
+        if name == "block" and contact_seed is not None:
+            lines = _graded_to_contact(a, lines, block_seed, contact_seed, contact_point)
+        pieces[name] = MeshHex.init_tensor(*_with_imprints(a, name, lines, size))
+    flat = _sheet_quadrilaterals(a, seed)
+    for name, y in sheets(a).items():
+        pieces[name] = _extruded(*flat, y, np.sign(y) * a.sheet_thickness)
+    return _joined(assembly, pieces)
+
+
+def _even(lower: float, upper: float, size: float) -> Coordinates:
+    return np.linspace(lower, upper, max(1, round((upper - lower) / size)) + 1)
+
+
+def graded(lower: float, upper: float, point: float, fine: float, coarse: float) -> Coordinates:
+    """Grid lines from `lower` to `upper`, spaced `fine` at `point` and growing up to `coarse`."""
+    left = point - _away(point - lower, fine, coarse)[::-1]
+    right = point + _away(upper - point, fine, coarse)
+    return np.concatenate([left, right[1:]]) if len(left) > 1 else right
+
+
+def _away(length: float, fine: float, coarse: float) -> Coordinates:
+    if length <= 0:
+        return np.zeros(1)
+    steps = [min(fine, coarse)]
+    while sum(steps) < length:
+        steps.append(min(steps[-1] * GROWTH, coarse))
+    if len(steps) > 1 and sum(steps) - length > 0.5 * steps[-1]:
+        steps.pop()
+    return np.concatenate([[0.0], np.cumsum(steps)]) * (length / sum(steps))
+
+
+def _graded_to_contact(a: Assembly, lines, coarse: float, fine: float, point):
+    x, y, z = lines
+    centre = (point[0], a.block_z / 2 + point[1])
+    return [
+        graded(x[0], x[-1], x[-1], fine, coarse),
+        graded(y[0], y[-1], centre[0], fine, coarse),
+        graded(z[0], z[-1], centre[1], fine, coarse),
+    ]
+
+
+def _with_imprints(a: Assembly, name: str, lines, size: float) -> list[Coordinates]:
+    """Grid lines where a neighbour in the stack ends, and along the pads under the plate."""
+    stack = [part for part in PARTS[2:] if part in a.parts]
+    if name not in stack:
+        return lines
+    i = stack.index(name)
+    neighbours = [boxes(a)[other] for other in stack[max(0, i - 1) : i + 2] if other != name]
+    imprinted = []
+    for axis, line in enumerate(lines[:2]):
+        values = [box[end][axis] for box in neighbours for end in (0, 1)]
+        values += [line[0] + a.pad, line[-1] - a.pad] if name == "plate" else []
+        imprinted.append(_with(line, values, size))
+    return [*imprinted, lines[2]]
+
+
+def _with(line: Coordinates, values, size: float) -> Coordinates:
+    """Even grid lines from end to end that meet every value in between."""
+    stops = np.unique(np.clip([line[0], *values, line[-1]], line[0], line[-1]).round(9))
+    pieces = [_even(*pair, size) for pair in zip(stops, stops[1:], strict=False)]
+    return np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
+
+
+def _sheet_quadrilaterals(a: Assembly, seed: float) -> tuple[Coordinates, NDArray[np.int64]]:
+    """The sheet in its plane: points (2, n) as x, z and quadrilaterals (4, m)."""
+    cells = screw_cells(a)
+    across = [_even(lower, upper, seed) for lower, upper in cells]
+    patches = []
+    for joint in ("head", "foot"):
+        clamp, rows = _overlap_rows(a, joint, seed)
+        for x, line in zip(a.screw_x, across, strict=True):
+            patches.append(np.array(np.meshgrid(line, clamp)))
+            patches += _around_screw(line, rows, (x, screw_z(a)[joint]), a, seed)
+    x = np.concatenate([across[0], *(line[1:] for line in across[1:])])
+    z = _clamped_at_both_ends(-a.sheet_free_length, 0.0, seed)
+    patches.append(np.array(np.meshgrid(x, z)))
+    return _merged(patches)
+
+
+def _overlap_rows(a: Assembly, joint: str, seed: float) -> tuple[Coordinates, Coordinates]:
+    """z of a thin row along the clamp line, where stresses are singular, and of the rest."""
+    lower, upper = washer_z_range(a, joint)
+    z = screw_z(a)[joint]
+    if joint == "head":
+        clamp = lower + min(seed / 10, (z - a.washer_radius - lower) / 2)
+        return np.array([lower, clamp]), _even(clamp, upper, seed)
+    clamp = upper - min(seed / 10, (upper - z - a.washer_radius) / 2)
+    return np.array([clamp, upper]), _even(lower, clamp, seed)
+
+
+def _clamped_at_both_ends(lower: float, upper: float, seed: float) -> Coordinates:
+    middle = (lower + upper) / 2
+    half = graded(lower, middle, lower, seed / 10, seed)
+    return np.concatenate([half, (lower + upper - half[::-1])[1:]])
+
+
+def _around_screw(x: Coordinates, z: Coordinates, centre, a: Assembly, seed: float) -> list:
+    """Two rings of quadrilaterals, each (2, n_radial + 1, n_around + 1), around one screw."""
+    rim = _rectangle(x, z)
+    angle = np.arctan2(rim[1] - centre[1], rim[0] - centre[0])
+    # equal-area polygons: the chords would otherwise make the hole and the washer too small
+    n = len(angle) - 1
+    turn = np.diff(np.unwrap(angle))
+    inflate = np.sqrt(2 * np.pi / np.sum(np.sin(turn)))
+    direction = np.array([np.cos(angle), np.sin(angle)])
+    hole, washer = (
+        np.array(centre)[:, None] + r * inflate * direction
+        for r in (a.hole_radius, a.washer_radius)
+    )
+    around = 2 * np.pi * a.washer_radius / n
+    n_washer = max(2, round((a.washer_radius - a.hole_radius) / max(around, seed / 2)))
+    gap = float(np.mean(np.hypot(*(rim - washer))))
+    return [_ruled(hole, washer, n_washer), _ruled(washer, rim, max(2, round(gap / seed)))]
+
+
+def _rectangle(x: Coordinates, z: Coordinates) -> Coordinates:
+    """Closed outline (2, n), anticlockwise from the lower left corner."""
+    bottom = np.array([x, np.full_like(x, z[0])])
+    right = np.array([np.full_like(z, x[-1]), z])
+    top = np.array([x[::-1], np.full_like(x, z[-1])])
+    left = np.array([np.full_like(z, x[0]), z[::-1]])
+    return np.concatenate([bottom, right[:, 1:], top[:, 1:], left[:, 1:]], axis=1)
+
+
+def _ruled(inner: Coordinates, outer: Coordinates, n: int) -> Coordinates:
+    s = np.linspace(0, 1, n + 1)[None, :, None]
+    return inner[:, None] * (1 - s) + outer[:, None] * s
+
+
+def _merged(patches) -> tuple[Coordinates, NDArray[np.int64]]:
+    """Structured patches (2, rows, columns) as one mesh; coincident points become one."""
+    points, quads, offset = [], [], 0
+    for patch in patches:
+        ix = offset + np.arange(patch[0].size).reshape(patch[0].shape)
+        corners = [ix[:-1, :-1], ix[:-1, 1:], ix[1:, 1:], ix[1:, :-1]]
+        quads.append(np.array([c.ravel() for c in corners]))
+        points.append(patch.reshape(2, -1))
+        offset += patch[0].size
+    p, t = np.concatenate(points, axis=1), np.concatenate(quads, axis=1)
+    _, first, inverse = np.unique(np.round(p, 10), axis=1, return_index=True, return_inverse=True)
+    return p[:, first], inverse.ravel()[t]
+
+
+def _extruded(p: Coordinates, t: NDArray[np.int64], y: float, thickness: float) -> MeshHex:
+    n = p.shape[1]
+    layers = [np.array([p[0], np.full(n, level), p[1]]) for level in (y, y + thickness)]
+    corners = np.concatenate([t, t + n])
+    return MeshHex(np.concatenate(layers, axis=1), np.ascontiguousarray(corners[EXTRUDED]))
+
+
+def _joined(assembly: Assembly, pieces: dict[str, MeshHex]) -> MeshHex:
+    offset = np.cumsum([0, *(m.p.shape[1] for m in pieces.values())])
+    first = np.cumsum([0, *(m.t.shape[1] for m in pieces.values())])
+    p = np.concatenate([m.p for m in pieces.values()], axis=1)
+    t = np.concatenate([m.t + o for m, o in zip(pieces.values(), offset, strict=False)], axis=1)
+    body = {name: np.arange(*first[i : i + 2]) for i, name in enumerate(pieces)}
+    return named(MeshHex(p, t), assembly, body)
