@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
-from scipy.linalg import eigh
+from scipy.linalg import eigh, solve
 
 from rom.factorisation import EPS, ReductionError, symmetric
 
@@ -156,9 +156,15 @@ def _floating_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def static_compliance(reduced: ReducedModel) -> float:
     """w^T K^-1 w [m/N]; of a floating model the part that is not rigid-body motion.
 
-    The latter is sum phi_j^2 / omega_j^2 over the elastic modes (inertia relief).
+    The latter is sum phi_j^2 / omega_j^2 over the elastic modes (inertia relief). A held model is
+    solved directly, independently of its modes.
     """
-    return modal_compliance(modal(reduced))
+    wall = modal(reduced)
+    if not wall.omega.all():
+        return modal_compliance(wall)
+    scale = 1 / np.sqrt(np.diag(reduced.K))
+    load = scale * reduced.w
+    return float(load @ solve(reduced.K * np.outer(scale, scale), load, assume_a="pos"))
 
 
 def modal_compliance(wall: ModalWall) -> float:

@@ -1,0 +1,50 @@
+from coupling.coupled_wall import (
+    CoupledWall,
+    EnergyGain,
+    as_coupled,
+    coupled_wall,
+    energy_gain,
+    march_coupled,
+)
+from coupling.damping import (
+    Damping,
+    ModalDamping,
+    RayleighDamping,
+    damping_ratios,
+    modal_coupling,
+    rayleigh,
+)
+from coupling.errors import CouplingError
+from coupling.march import Impact, impact
+from coupling.verdict import Verdict, predicted_peak_force, verdict
+from coupling.wall import (
+    half_space_compliance,
+    largest_monotone_force,
+    require_monotone,
+    wall_from_reduced,
+)
+
+__all__ = [
+    "CoupledWall",
+    "CouplingError",
+    "Damping",
+    "EnergyGain",
+    "Impact",
+    "ModalDamping",
+    "RayleighDamping",
+    "Verdict",
+    "as_coupled",
+    "coupled_wall",
+    "damping_ratios",
+    "energy_gain",
+    "half_space_compliance",
+    "impact",
+    "largest_monotone_force",
+    "march_coupled",
+    "modal_coupling",
+    "predicted_peak_force",
+    "rayleigh",
+    "require_monotone",
+    "verdict",
+    "wall_from_reduced",
+]

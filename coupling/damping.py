@@ -1,0 +1,159 @@
+"""Damping ratios of the wall's modes: given per mode, by Rayleigh, or by the matrix C of the model.
+
+    zeta_j from a table (f, zeta);   zeta = alpha / (2 omega) + beta omega / 2;
+    zeta_j = mode_j^T C mode_j / (2 omega_j) where C leaves the modes uncoupled
+Caughey and O'Kelly, J. Appl. Mech. 32 (1965) 583, for when it does.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from coupling.errors import CouplingError
+from rom import ModalWall
+
+UNCOUPLED = 1e-6  # largest normalised off-diagonal modal damping that counts as proportional
+
+
+class ModalDamping(NamedTuple):
+    """Damping ratios of modes: one number for all, or a table over frequency.
+
+    ratio () or (k,); frequency_hz None or (k,) ascending. pairing "interpolate" is linear between
+    the entries and constant outside; "nearest" gives each mode the entry nearest on a log scale.
+    """
+
+    ratio: ArrayLike
+    frequency_hz: ArrayLike | None = None
+    pairing: str = "interpolate"
+
+
+class RayleighDamping(NamedTuple):
+    """C = alpha M + beta K: alpha [1/s], beta [s]."""
+
+    alpha: float
+    beta: float
+
+
+Damping = ModalDamping | RayleighDamping
+
+
+def rayleigh(
+    frequency_1_hz: float, zeta_1: float, frequency_2_hz: float, zeta_2: float
+) -> RayleighDamping:
+    """The Rayleigh damping with two given ratios at two frequencies [Hz].
+
+    Raises CouplingError if the frequencies coincide or a coefficient comes out negative, since
+    modes outside the two would then be driven.
+    """
+    w = 2 * np.pi * np.array([frequency_1_hz, frequency_2_hz])
+    if w[0] == w[1] or (w <= 0).any():
+        raise CouplingError(
+            f"Rayleigh damping needs two different frequencies above 0 Hz, not {frequency_1_hz:g} "
+            f"and {frequency_2_hz:g}."
+        )
+    rows = np.column_stack([1 / (2 * w), w / 2])
+    alpha, beta = np.linalg.solve(rows, [zeta_1, zeta_2])
+    if alpha < 0 or beta < 0:
+        raise CouplingError(
+            f"damping ratios {zeta_1:g} at {frequency_1_hz:g} Hz and {zeta_2:g} at "
+            f"{frequency_2_hz:g} Hz want alpha={alpha:.3g}, beta={beta:.3g}; a negative one drives "
+            f"other modes, use modal ratios instead."
+        )
+    return RayleighDamping(float(alpha), float(beta))
+
+
+def damping_ratios(damping: Damping | None, omega: np.ndarray) -> np.ndarray:
+    """zeta (k,) of modes at omega (k,) [rad/s]; None is undamped.
+
+    Raises CouplingError for a negative or missing ratio, or for alpha on a rigid-body mode.
+    """
+    if damping is None:
+        return np.zeros_like(omega)
+    zeta = (
+        _rayleigh_ratios(damping, omega)
+        if isinstance(damping, RayleighDamping)
+        else _table_ratios(damping, omega)
+    )
+    if not (zeta >= 0).all():
+        worst = int(np.argmin(zeta))
+        raise CouplingError(
+            f"the damping ratio at {omega[worst] / 2 / np.pi:.4g} Hz is {zeta[worst]:.3g}; "
+            f"a wall that takes no energy from nowhere has ratios >= 0."
+        )
+    return np.where(omega > 0, zeta, 0.0)
+
+
+def _rayleigh_ratios(damping: RayleighDamping, omega: np.ndarray) -> np.ndarray:
+    alpha, beta = damping
+    if alpha and not omega.all():
+        raise CouplingError(
+            f"alpha={alpha:g} 1/s would brake the rigid-body motion of a wall that floats freely; "
+            f"use modal ratios or alpha=0."
+        )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(omega > 0, alpha / (2 * omega) + beta * omega / 2, 0.0)
+
+
+def _table_ratios(damping: ModalDamping, omega: np.ndarray) -> np.ndarray:
+    ratio = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
+    if damping.frequency_hz is None:
+        return _one_for_all(ratio, omega)
+    table = _table(np.asarray(damping.frequency_hz, dtype=float), ratio)
+    if damping.pairing == "interpolate":
+        return np.interp(omega / (2 * np.pi), table, ratio)
+    if damping.pairing == "nearest":
+        return ratio[_nearest(table, omega)]
+    raise CouplingError(f"pairing is {damping.pairing!r}; it can be 'interpolate' or 'nearest'.")
+
+
+def _one_for_all(ratio: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    if len(ratio) not in (1, len(omega)):
+        raise CouplingError(
+            f"{len(ratio)} damping ratios were given for {len(omega)} modes; give one, one each, "
+            f"or a table with frequency_hz."
+        )
+    return np.broadcast_to(ratio, omega.shape).copy()
+
+
+def _table(frequency_hz: np.ndarray, ratio: np.ndarray) -> np.ndarray:
+    if frequency_hz.shape != ratio.shape or not (np.diff(frequency_hz) > 0).all():
+        raise CouplingError(
+            f"the damping table has {frequency_hz.size} frequencies and {ratio.size} ratios; it "
+            f"wants as many of both, frequencies ascending."
+        )
+    if frequency_hz[0] <= 0:
+        raise CouplingError(f"the damping table starts at {frequency_hz[0]:g} Hz; start above 0.")
+    return frequency_hz
+
+
+def _nearest(table: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    log = np.log(np.maximum(omega, 1e-300) / (2 * np.pi))
+    return np.abs(log[:, None] - np.log(table)).argmin(axis=1)
+
+
+def matrix_ratios(wall: ModalWall, kept: np.ndarray) -> np.ndarray:
+    """zeta (k,) that the model's own C gives to the kept modes (k,), zeros without C.
+
+    Raises CouplingError if C couples the modes: then no ratios exist that stand for it.
+    """
+    if wall.damping is None or not kept.any():
+        return np.zeros(np.count_nonzero(kept))
+    D, omega = wall.damping[np.ix_(kept, kept)], wall.omega[kept]
+    own = np.diag(D)
+    coupling = modal_coupling(D)
+    if coupling > UNCOUPLED or (own[omega == 0] > UNCOUPLED * own.max()).any():
+        raise CouplingError(
+            f"the damping matrix C couples the wall's modes (by {coupling:.1e} of their own "
+            f"damping, allowed {UNCOUPLED:g}), so damping ratios cannot stand for it; march it "
+            f"with coupled_wall(), or leave C out of the reduction and give modal ratios."
+        )
+    return own / (2 * np.where(omega > 0, omega, np.inf))
+
+
+def modal_coupling(D: np.ndarray) -> float:
+    """Largest |D_jk| / sqrt(D_jj D_kk) off the diagonal of a modal damping matrix (k, k)."""
+    own = np.abs(np.diag(D))
+    norm = np.sqrt(np.maximum(own, 1e-12 * own.max()))
+    off = np.abs(D - np.diag(np.diag(D)))
+    return float((off / np.outer(norm, norm)).max()) if own.any() or off.any() else 0.0

@@ -1,0 +1,87 @@
+"""The coupled run: judge the chain and its wall, then march both."""
+
+from typing import NamedTuple
+
+from numpy.typing import ArrayLike
+
+from coupling.coupled_wall import CoupledWall, EnergyGain, energy_gain, march_coupled
+from coupling.errors import CouplingError
+from coupling.verdict import Verdict, verdict
+from dem import Chain, StepReport, Trajectory, Wall, march, march_to_error
+
+
+class Impact(NamedTuple):
+    """A coupled run: trajectory, the judgement before it, how its step was found (None for a given
+    step and for a CoupledWall), and the energy made of nothing (a passive wall: rounding)."""
+
+    trajectory: Trajectory
+    verdict: Verdict
+    step_report: StepReport | None
+    energy_gain: EnergyGain
+
+
+def impact(
+    chain: Chain,
+    wall: Wall | CoupledWall | None,
+    v0: ArrayLike,
+    *,
+    duration: float,
+    error: float | None = None,
+    dt: float | None = None,
+    horizon: float | None = None,
+    n_save: int = 1000,
+    **options,
+) -> Impact:
+    """Run a chain with velocities v0 (n,) [m/s] into a wall for duration [s].
+
+    Give error, the relative velocity error asked for, or the step dt [s]. With horizon [s] the
+    error is held up to there and the rest of the run keeps its step: after tens of impacts spheres
+    move chaotically, and no step holds a velocity error for long. options go to the march
+    (observed, scale, scheme, ...). A CoupledWall is marched by march_coupled, where error bounds
+    the error of a step. Raises CouplingError if the verdict says it cannot work.
+    """
+    if (error is None) == (dt is None):
+        raise CouplingError("give either error or dt to say how finely to march.")
+    judged = verdict(chain, wall, v0)
+    if not judged.possible:
+        raise CouplingError(judged.findings[0])
+    run = {"duration": duration, "n_save": n_save} | options
+    report = None
+    if isinstance(wall, CoupledWall):
+        trajectory = _coupled(chain, wall, v0, error, run)
+    elif dt is not None:
+        trajectory = march(chain, wall, v0, dt=dt, **run)
+    else:
+        trajectory, report = _controlled(chain, wall, v0, error, horizon, run)
+    return Impact(trajectory, judged, report, energy_gain(trajectory))
+
+
+def _coupled(
+    chain: Chain, wall: CoupledWall, v0: ArrayLike, error: float | None, run: dict
+) -> Trajectory:
+    if error is None:
+        raise CouplingError("a CoupledWall is marched to an error; give error instead of dt.")
+    return march_coupled(chain, wall, v0, error=error, **run)
+
+
+def _controlled(
+    chain: Chain,
+    wall: Wall | None,
+    v0: ArrayLike,
+    error: float,
+    horizon: float | None,
+    run: dict,
+) -> tuple[Trajectory, StepReport]:
+    if horizon is None or horizon >= run["duration"]:
+        return march_to_error(chain, wall, v0, error=error, **run)
+    opening, report = march_to_error(chain, wall, v0, error=error, **run | {"duration": horizon})
+    whole = march(
+        chain,
+        wall,
+        v0,
+        duration=run["duration"],
+        dt=opening.dt,
+        scheme=opening.scheme,
+        n_save=run["n_save"],
+    )
+    return whole._replace(error_estimate=report.error_estimate), report

@@ -1,0 +1,160 @@
+"""What can be said before the run: will the coupled system work, and which step suits it.
+
+Predicted peak force: one sphere on the wall, F = A^(2/5) (5/4 m V^2)^(3/5), which a chain does not
+reach (Hertz; Johnson, Contact Mechanics, sec. 11.4). Contact stiffness there:
+k = dF/d delta = 3/2 A^(2/3) F^(1/3), in series with the residual compliance k / (1 + s k).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from coupling.coupled_wall import CoupledWall
+from coupling.wall import largest_monotone_force
+from dem import Chain, Wall
+
+FALCON = 1.03  # peak force of a column of spheres over that of one sphere; 1.024 is the limit
+
+
+class Verdict(NamedTuple):
+    """A judgement of a chain and its wall at given velocities.
+
+    possible: the run can start; passive: the wall cannot make energy; frequencies in Hz, forces in
+    N, stiffness in N/m, suggested_dt in s; monotone_force: the largest force the series law
+    carries; findings: what forbids the run or spoils it; sentences: all of it for a reader.
+    """
+
+    possible: bool
+    passive: bool
+    n_wall_modes: int
+    largest_wall_frequency: float
+    contact_frequency: float
+    predicted_peak_force: float
+    contact_stiffness: float
+    monotone_force: float
+    suggested_dt: float
+    findings: tuple[str, ...]
+    sentences: tuple[str, ...]
+
+
+def predicted_peak_force(chain: Chain, v0: ArrayLike, A: float) -> float:
+    """Largest force [N] to expect at a contact of coefficient A [N/m^1.5], preload included."""
+    v0, mass = np.asarray(v0, dtype=float), np.asarray(chain.mass)
+    swing = max(v0.max(initial=0.0) - min(v0.min(initial=0.0), 0.0), 0.0)
+    one = FALCON * A**0.4 * (1.25 * mass.max() * swing**2) ** 0.6
+    everything = A**0.4 * (1.25 * (mass @ v0**2)) ** 0.6
+    return float(min(one, everything) + abs(chain.preload))
+
+
+def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Verdict:
+    """Judge a chain of n spheres with velocities v0 (n,) [m/s] against a wall, None for no wall."""
+    A = float(np.max(chain.A, initial=0.0)) if wall is None else float(chain.A[-1])
+    force = predicted_peak_force(chain, v0, A)
+    s = 0.0 if wall is None else wall.residual_compliance
+    hertz = 1.5 * A ** (2 / 3) * force ** (1 / 3)
+    limit = largest_monotone_force(s, A)
+    stiffness = hertz / (1 + s * hertz) if force < limit else np.inf
+    findings, passive = _findings(wall, s, force, limit)
+    omega = _kick_frequency(chain, wall, v0, stiffness)
+    fastest = 0.0 if wall is None else float(np.max(wall.omega, initial=0.0))
+    dt = _suggested_step(omega, fastest)
+    sentences = _sentences(wall, force, stiffness, omega, fastest, dt) + findings
+    return Verdict(
+        possible=bool(force < limit) and (passive or isinstance(wall, CoupledWall)),
+        passive=passive,
+        n_wall_modes=0 if wall is None else len(wall.omega),
+        largest_wall_frequency=fastest / (2 * np.pi),
+        contact_frequency=omega / (2 * np.pi),
+        predicted_peak_force=force,
+        contact_stiffness=float(stiffness),
+        monotone_force=float(limit),
+        suggested_dt=dt,
+        findings=findings,
+        sentences=sentences,
+    )
+
+
+def _findings(
+    wall: Wall | CoupledWall | None, s: float, force: float, limit: float
+) -> tuple[tuple[str, ...], bool]:
+    findings = []
+    if not force < limit:
+        findings.append(
+            f"The contact gives way at {limit:.3g} N, below the predicted peak of {force:.3g} N, "
+            f"since the residual compliance is {s:.3g} m/N; lower the cutoff frequency or load a "
+            f"larger patch."
+        )
+    unsound = _energy_source(wall)
+    if unsound:
+        findings.append(unsound)
+    if wall is not None and len(wall.omega) and not np.any(_reading(wall)):
+        findings.append(
+            "No wall mode moves the contact, so the wall acts as a rigid one; check the patch."
+        )
+    return tuple(findings), unsound is None
+
+
+def _reading(wall: Wall | CoupledWall) -> np.ndarray:
+    return wall.reading if isinstance(wall, CoupledWall) else wall.phi
+
+
+def _energy_source(wall: Wall | CoupledWall | None) -> str | None:
+    if isinstance(wall, CoupledWall):
+        if not wall.reciprocal:
+            return (
+                "The force enters through other weights than the displacement is read, so the "
+                "wall is not passive and will make energy; use one contact functional for both."
+            )
+        lowest = np.linalg.eigvalsh(wall.D)[0] if len(wall.D) else 0.0
+        return "The wall's damping is negative." if lowest < -1e-9 * np.abs(wall.D).max() else None
+    if wall is None or (np.all(wall.zeta >= 0) and wall.mobility >= 0):
+        return None
+    return (
+        f"The wall has a damping ratio of {np.min(wall.zeta, initial=0.0):.3g} and a mobility of "
+        f"{wall.mobility:.3g}; both must be >= 0, or it makes energy."
+    )
+
+
+def _kick_frequency(
+    chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike, stiffness: float
+) -> float:
+    """Largest circular frequency [rad/s] of the contacts at their peak forces: the step's limit."""
+    inverse, A = 1 / np.asarray(chain.mass), np.asarray(chain.A)
+    between = A[: len(inverse) - 1]
+    k = [1.5 * a ** (2 / 3) * predicted_peak_force(chain, v0, a) ** (1 / 3) for a in between]
+    k = np.append(k, [] if wall is None else stiffness)
+    last = 0.0 if wall is None else float(_reading(wall) @ _reading(wall))
+    pair = np.append(inverse[:-1] + inverse[1:], [] if wall is None else inverse[-1] + last)
+    squared = k * pair
+    # neighbours share a sphere: Gershgorin bound of the symmetrised contact matrix
+    shared = np.sqrt(k[:-1] * k[1:]) * inverse[: len(k)][1:] if len(k) > 1 else np.zeros(0)
+    return float(np.sqrt(np.max(squared + np.append(shared, 0) + np.append(0, shared), initial=0)))
+
+
+def _suggested_step(omega: float, fastest: float) -> float:
+    # a twentieth of the stability limit 2 / omega; two steps a period of the fastest mode, since
+    # kicks in step with a mode would pump it (Biesiadecki and Skeel, J. Comput. Phys. 109, 1993)
+    limits = [0.1 / omega if omega > 0 else np.inf, np.pi / fastest if fastest > 0 else np.inf]
+    return float(min(limits)) if np.isfinite(min(limits)) else np.inf
+
+
+def _sentences(
+    wall: Wall | CoupledWall | None,
+    force: float,
+    stiffness: float,
+    omega: float,
+    fastest: float,
+    dt: float,
+) -> tuple[str, ...]:
+    place = "between spheres" if wall is None else "at the wall"
+    lines = [
+        f"Predicted peak force {place} {force:.4g} N, contact stiffness {stiffness:.3g} N/m.",
+        f"Fastest contact oscillation {omega / 2 / np.pi:.4g} Hz; suggested step {dt:.3g} s.",
+    ]
+    if wall is not None and len(wall.omega):
+        lines.append(
+            f"The wall has {len(wall.omega)} modes up to {fastest / 2 / np.pi:.4g} Hz and a "
+            f"residual compliance of {wall.residual_compliance:.4g} m/N."
+        )
+    return tuple(lines)

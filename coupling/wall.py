@@ -1,0 +1,110 @@
+"""The reduced model as the chain sees it: modes below a cutoff, a massless spring for the rest.
+
+    u_w = sum_kept phi_j q_j + s F,   q_j'' + 2 zeta_j omega_j q_j' + omega_j^2 q_j = phi_j F
+    s = w^T K^-1 w - sum_kept phi_j^2 / omega_j^2 - half-space compliance of the loaded patch
+
+The Hertz law of the contact already holds the half-space; what is left of the static compliance
+belongs to the structure alone and depends neither on the mesh nor on the patch. s may be slightly
+negative. MacNeal, Computers & Structures 1 (1971) 581 for the static residual; Johnson, Contact
+Mechanics (1985), sec. 3.2 and 3.4 for the half-space.
+"""
+
+import numpy as np
+
+from coupling.damping import Damping, damping_ratios, matrix_ratios
+from coupling.errors import CouplingError
+from dem import Wall
+from rom import ModalWall, ReducedModel, modal, modal_compliance, static_compliance
+
+HALF_SPACE = {"hertz": 0.6, "area": 16 / (3 * np.pi**2)}
+
+
+def half_space_compliance(young: float, poisson: float, radius: float, kind: str) -> float:
+    """Compliance w^T G w [m/N] of a half-space loaded and read over a circle of radius [m].
+
+    "hertz": weights of the Hertz pressure, 0.6 (1 - nu^2) / (E b); "area": uniform weights,
+    16 (1 - nu^2) / (3 pi^2 E b). Raises CouplingError for another kind or a radius not positive.
+    """
+    if kind not in HALF_SPACE:
+        raise CouplingError(
+            f"the patch weights are {kind!r}; they can be {' or '.join(HALF_SPACE)}."
+        )
+    if not (radius > 0 and young > 0):
+        raise CouplingError(
+            f"a patch of radius {radius:g} m on E={young:g} Pa has no compliance; take both > 0."
+        )
+    return HALF_SPACE[kind] * (1 - poisson**2) / (young * radius)
+
+
+def wall_from_reduced(
+    reduced: ReducedModel,
+    *,
+    half_space: float,
+    damping: Damping | None = None,
+    cutoff_hz: float | None = None,
+    contact_coefficient: float | None = None,
+    largest_force: float | None = None,
+) -> Wall:
+    """The wall a chain leans on, from a reduced model.
+
+    half_space [m/N] is taken out of the static compliance (0 if the patch is not part of an
+    elastic body). Modes below cutoff_hz [Hz] move, the others answer statically; None keeps every
+    mode but the residual vectors of the reduction. damping adds to what C of the model gives.
+    With contact_coefficient A [N/m^1.5] of the last contact and largest_force [N], the series law
+    delta = (F/A)^(2/3) + s F is checked monotone up to that force. Raises CouplingError.
+    """
+    modes = modal(reduced)
+    kept = kept_modes(modes, reduced.n_residual, cutoff_hz)
+    residual = residual_compliance(reduced, modes, kept, half_space)
+    if contact_coefficient is not None and largest_force is not None:
+        require_monotone(residual, contact_coefficient, largest_force)
+    omega = modes.omega[kept]
+    zeta = damping_ratios(damping, omega) + matrix_ratios(modes, kept)
+    return Wall(omega, zeta, modes.phi[kept], residual, 0.0)
+
+
+def kept_modes(modes: ModalWall, n_residual: int, cutoff_hz: float | None) -> np.ndarray:
+    """Mask (r,) of the modes that move."""
+    if cutoff_hz is None:
+        # a residual vector is a static shape: as a mode it would only cost step size
+        return np.arange(len(modes.omega)) < len(modes.omega) - n_residual
+    return modes.omega < 2 * np.pi * cutoff_hz
+
+
+def residual_compliance(
+    reduced: ReducedModel, modes: ModalWall, kept: np.ndarray, half_space: float
+) -> float:
+    """Static compliance s [m/N] of all that does not move, the half-space taken out.
+
+    Raises CouplingError if the modes do not add up to the static compliance of the model.
+    """
+    total = static_compliance(reduced)
+    moving = modal_compliance(ModalWall(modes.omega[kept], modes.phi[kept], modes.vectors, None))
+    dropped = modal_compliance(ModalWall(modes.omega[~kept], modes.phi[~kept], modes.vectors, None))
+    if abs(moving + dropped - total) > 1e-6 * abs(total):
+        raise CouplingError(
+            f"the wall's modes add up to a static compliance of {moving + dropped:.6g} m/N, its "
+            f"stiffness matrix says {total:.6g}; the reduced model is too badly conditioned."
+        )
+    return total - moving - half_space
+
+
+def largest_monotone_force(residual: float, contact_coefficient: float) -> float:
+    """Force [N] up to which delta = (F/A)^(2/3) + s F grows with F; inf for s >= 0.
+
+    d delta / dF = 2/3 A^(-2/3) F^(-1/3) + s = 0 at F = (2 / (3 |s|))^3 / A^2.
+    """
+    if residual >= 0:
+        return np.inf
+    return (2 / (3 * abs(residual))) ** 3 / contact_coefficient**2
+
+
+def require_monotone(residual: float, contact_coefficient: float, largest_force: float) -> None:
+    """Raise CouplingError unless the series law is monotone up to largest_force [N]."""
+    limit = largest_monotone_force(residual, contact_coefficient)
+    if not largest_force < limit:
+        raise CouplingError(
+            f"the wall's residual compliance {residual:.3g} m/N makes the contact give way above "
+            f"{limit:.3g} N, below the predicted {largest_force:.3g} N; lower the cutoff frequency "
+            f"or load a larger patch."
+        )

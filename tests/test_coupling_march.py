@@ -1,0 +1,182 @@
+"""Chain and wall marched together: full order against reduced, energy, the scheme of the thesis."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import dem
+from coupling import (
+    CouplingError,
+    as_coupled,
+    coupled_wall,
+    energy_gain,
+    impact,
+    march_coupled,
+    wall_from_reduced,
+)
+from rom import craig_bampton, free_modes, full_order
+
+E, NU, RHO = 210e9, 0.3, 7850.0
+N = 120
+
+
+def bar(n=N, length=0.5, area=4e-4, held=True):
+    """Steel bar of n lumped masses, struck at its far end: half as heavy as a chain of spheres."""
+    h = length / n
+    diagonal = np.full(n, 2.0)
+    diagonal[-1] = 1
+    diagonal[0] = 2 if held else 1
+    K = (
+        E
+        * area
+        / h
+        * sp.diags_array([-np.ones(n - 1), diagonal, -np.ones(n - 1)], offsets=[-1, 0, 1])
+    )
+    M = RHO * area * h * sp.diags_array(np.r_[np.ones(n - 1), 0.5])
+    return K.tocsc(), M.tocsc(), np.eye(n)[-1]
+
+
+def chain_of(count, **parts):
+    return dem.row_of_spheres(
+        0.0127, 7800.0, E, NU, count=count, wall_young=E, wall_poisson=NU, **parts
+    )
+
+
+def struck(count, speed=0.31):
+    return np.r_[speed, np.zeros(count - 1)]
+
+
+def velocity_difference(run, reference):
+    return np.abs(run.trajectory.v - reference.trajectory.v).max() / 0.31
+
+
+def reduced_bar(kind, n_modes):
+    K, M, w = bar()
+    if kind == "free-modes":
+        return free_modes(K, M, w, n_modes=n_modes)
+    return craig_bampton(K, M, w, [N - 1], n_modes=n_modes)
+
+
+@pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
+def test_reduced_and_full_order_walls_send_back_the_same_waves(kind):
+    chain, v0 = chain_of(5), struck(5)
+    full = wall_from_reduced(full_order(*bar()), half_space=0)
+    reference = impact(chain, full, v0, duration=1.5e-3, error=1e-6)
+    difference = [
+        velocity_difference(
+            impact(
+                chain,
+                wall_from_reduced(reduced_bar(kind, n_modes), half_space=0),
+                v0,
+                duration=1.5e-3,
+                error=1e-6,
+            ),
+            reference,
+        )
+        for n_modes in (6, 12, 24)
+    ]
+    assert difference[0] > difference[1] > difference[2]
+    assert difference[2] < 1e-4
+
+
+def test_a_wall_without_participation_conserves_energy_but_sends_back_other_waves():
+    chain, v0 = chain_of(5), struck(5)
+    wall = wall_from_reduced(full_order(*bar()), half_space=0)
+    right = impact(chain, wall, v0, duration=1.5e-3, error=1e-5)
+    wrong = impact(chain, wall._replace(phi=0 * wall.phi), v0, duration=1.5e-3, error=1e-5)
+    assert wrong.trajectory.energy_error < 1e-8
+    assert velocity_difference(wrong, right) > 0.05
+    assert wrong.verdict.findings
+
+
+def test_the_wall_takes_the_momentum_that_the_chain_loses():
+    K, M, w = bar(held=False)
+    chain, v0 = chain_of(4), struck(4)
+    wall = wall_from_reduced(free_modes(K, M, w, n_modes=20), half_space=0)
+    run = impact(chain, wall, v0, duration=1e-3, error=1e-6).trajectory
+    rigid = abs(wall.phi[0])
+    bar_momentum = run.final.p[0] * np.sign(wall.phi[0]) / rigid  # phi = 1 / sqrt(mass)
+    assert bar_momentum > 0.1 * chain.mass[0] * 0.31
+    assert run.v[-1] @ chain.mass + bar_momentum == pytest.approx(chain.mass[0] * 0.31, rel=1e-8)
+
+
+def test_energy_stays_over_fifty_milliseconds_of_undamped_impacts():
+    # leaf springs bring the spheres back again and again
+    chain = chain_of(3, leaf_stiffness=2e4, preload=5.0)
+    wall = wall_from_reduced(reduced_bar("free-modes", 12), half_space=0, cutoff_hz=30e3)
+    run = impact(
+        chain, wall, struck(3), duration=50e-3, horizon=3e-3, error=1e-4, n_save=5000
+    ).trajectory
+    pushed = run.contact_force[:, -1] > 20
+    assert np.count_nonzero(np.diff(pushed.astype(int)) == 1) > 20
+    made = run.energy_total - run.energy_total[0]
+    assert np.abs(made).max() < 1e-6 * run.energy_kinetic[0]
+
+
+def test_two_independent_integrators_agree():
+    chain = chain_of(4, dissipation="hunt-crossley", gamma=0.2, leaf_stiffness=1e4, preload=3.0)
+    wall = wall_from_reduced(reduced_bar("free-modes", 8), half_space=5e-11)
+    split = impact(chain, wall, struck(4), duration=8e-4, error=1e-7)
+    whole = impact(chain, as_coupled(wall), struck(4), duration=8e-4, error=1e-10)
+    assert velocity_difference(whole, split) < 1e-6
+    for name in ("energy_wall", "energy_residual", "dissipated_contact", "wall_x"):
+        ours, theirs = getattr(whole.trajectory, name), getattr(split.trajectory, name)
+        np.testing.assert_allclose(ours, theirs, atol=1e-6 * np.abs(theirs).max())
+
+
+def test_force_at_one_node_and_reading_beside_it_makes_energy():
+    K, M, w = bar()
+    reading = np.zeros(N)
+    reading[[N - 14, N - 10]] = 0.5
+    reduced = full_order(K, M, w)
+    chain = chain_of(3, leaf_stiffness=2e4, preload=5.0)
+    thesis = coupled_wall(reduced, half_space=0, cutoff_hz=60e3, w_reading=reading)
+    ours = coupled_wall(reduced, half_space=0, cutoff_hz=60e3)
+    gained = impact(chain, thesis, struck(3), duration=6e-3, error=1e-9)
+    kept = impact(chain, ours, struck(3), duration=6e-3, error=1e-9)
+    assert not gained.verdict.passive and kept.verdict.passive
+    assert "not passive" in gained.verdict.findings[0]
+    assert gained.energy_gain.largest > 0.01
+    assert abs(kept.energy_gain.largest) < 1e-6
+
+
+def test_a_dashpot_inside_the_wall_is_marched_and_its_loss_is_in_the_ledger():
+    K, M, w = bar()
+    dashpot = sp.csc_array(([2e3], ([60], [60])), shape=K.shape)
+    chain, v0 = chain_of(4), struck(4)
+    reduced = free_modes(K, M, w, n_modes=24, C=dashpot)
+    full = coupled_wall(full_order(K, M, w, C=dashpot), half_space=0)
+    small = impact(chain, coupled_wall(reduced, half_space=0), v0, duration=1e-3, error=1e-8)
+    large = impact(chain, full, v0, duration=1e-3, error=1e-8)
+    assert small.trajectory.dissipated_wall[-1] > 0.02 * small.trajectory.energy_kinetic[0]
+    assert small.trajectory.energy_error < 1e-6
+    assert velocity_difference(small, large) < 2e-3
+
+
+def test_proportional_damping_marches_alike_as_ratios_and_as_a_matrix():
+    K, M, w = bar()
+    reduced = free_modes(K, M, w, n_modes=8, C=30 * M + 2e-8 * K)
+    chain, v0 = chain_of(3), struck(3)
+    ratios = impact(chain, wall_from_reduced(reduced, half_space=0), v0, duration=8e-4, error=1e-7)
+    matrix = impact(chain, coupled_wall(reduced, half_space=0), v0, duration=8e-4, error=1e-10)
+    assert ratios.trajectory.dissipated_wall[-1] > 0
+    assert velocity_difference(matrix, ratios) < 1e-6
+    assert energy_gain(ratios.trajectory).largest < 1e-7
+
+
+def test_a_run_that_cannot_work_is_refused_before_it_starts():
+    chain, v0 = chain_of(3), struck(3)
+    wall = wall_from_reduced(reduced_bar("free-modes", 8), half_space=0)
+    with pytest.raises(CouplingError, match="gives way"):
+        impact(chain, wall._replace(residual_compliance=-1e-7), v0, duration=1e-3, error=1e-4)
+    with pytest.raises(CouplingError, match="either error or dt"):
+        impact(chain, wall, v0, duration=1e-3)
+    with pytest.raises(CouplingError, match="instead of dt"):
+        impact(chain, as_coupled(wall), v0, duration=1e-3, dt=1e-7)
+
+
+def test_a_contact_that_gives_way_stops_the_coupled_march():
+    chain = chain_of(1)
+    wall = as_coupled(dem.rigid_wall())._replace(residual_compliance=-2e-8)
+    with pytest.raises(CouplingError, match="gave way"):
+        march_coupled(chain, wall, np.array([3.0]), duration=1e-3)
