@@ -1,4 +1,6 @@
-"""Stiffness and mass of linear elasticity, K_ij = int sigma(phi_i) : eps(phi_j), M_ij = int rho phi_i . phi_j.
+"""Stiffness and mass of linear elasticity.
+
+    K_ij = int sigma(phi_i) : eps(phi_j),    M_ij = int rho phi_i . phi_j
 
 Every part stands on its own here: nothing is joined and nothing is held. The shape functions come
 from scikit-fem, the element integrals are batched matrix products of their gradients,

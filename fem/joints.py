@@ -47,7 +47,7 @@ class Screw(NamedTuple):
 
 
 def rigid_motion(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
-    """G (3 n, 6): displacements of points (n, 3) under three shifts and three turns about a centre."""
+    """G (3 n, 6): displacements of points (n, 3) under three shifts and turns about a centre."""
     x, y, z = (points - centre).T
     G = np.zeros((len(points), 3, 6))
     G[:, range(3), range(3)] = 1.0
@@ -60,7 +60,7 @@ def rigid_motion(points: NDArray[np.float64], centre: NDArray[np.float64]) -> ND
 def distributing(
     points: NDArray[np.float64], weights: NDArray[np.float64], centre: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """C = (G^T W G)^-1 G^T W (6, 3 n): the rigid motion nearest to displacements of points (RBE3)."""
+    """C = (G^T W G)^-1 G^T W (6, 3 n): rigid motion nearest to displacements of points (RBE3)."""
     G = rigid_motion(points, centre)
     GtW = G.T * np.repeat(weights, 3)
     return np.linalg.solve(GtW @ G, GtW)

@@ -39,7 +39,7 @@ class Model(NamedTuple):
     stiffness: NDArray[np.float64]  # (n_springs,) [N/m] or [N m/rad]
 
     @property
-    def K(self) -> csc_matrix:
+    def K(self) -> csc_matrix:  # noqa: N802  the name of the field
         """(n, n) with the springs."""
         k = np.zeros(self.K0.shape[0])
         k[self.elongation] = self.stiffness

@@ -1,4 +1,4 @@
-"""Displacements at points of a named face, and the points of a face: the ways into and out of a mesh."""
+"""Points on named faces of a mesh: where they lie, and the displacements there."""
 
 import numpy as np
 from numpy.typing import NDArray

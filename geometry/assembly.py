@@ -20,6 +20,7 @@ and 5.3), every field says so in its metadata.
 """
 
 from dataclasses import dataclass, field, fields
+from itertools import pairwise
 from math import isfinite, pi
 from typing import NamedTuple
 
@@ -143,7 +144,7 @@ def interfaces(assembly: Assembly) -> tuple[Interface, ...]:
         for sheet in sheets(a)
     ]
     stack = [name for name in PARTS[2:] if name in a.parts]
-    return (*joints, *(_stacked(a, *pair) for pair in zip(stack, stack[1:], strict=False)))
+    return (*joints, *(_stacked(a, *pair) for pair in pairwise(stack)))
 
 
 def held_faces(
@@ -206,7 +207,7 @@ def screw_cells(assembly: Assembly) -> list[tuple[float, float]]:
     a = assembly
     x = np.array(a.screw_x)
     edges = [-a.sheet_width / 2, *(x[1:] + x[:-1]) / 2, a.sheet_width / 2]
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(pairwise(edges))
 
 
 def _check(a: Assembly) -> None:
@@ -225,28 +226,28 @@ def _check_numbers(a: Assembly) -> None:
             raise InvalidGeometry(f"{f.name} = {value} m must be a positive finite length.")
     if not a.screw_x or not np.all(np.isfinite(a.screw_x)) or np.any(np.diff(a.screw_x) <= 0):
         raise InvalidGeometry(
-            f"screw_x = {list(a.screw_x)} must list at least one finite position, in ascending order."
+            f"screw_x = {list(a.screw_x)} must list finite positions, at least one, ascending."
         )
 
 
 def _check_parts(parts: tuple[str, ...]) -> None:
     if parts != PARTS[: len(parts)] or not parts:
         raise InvalidGeometry(
-            f"parts = {list(parts)} must be the first few of {list(PARTS)}: each stands on the next."
+            f"parts = {list(parts)} must be the first of {list(PARTS)}: each stands on the next."
         )
 
 
 def _check_screws(a: Assembly) -> None:
     if a.hole_radius >= a.washer_radius:
         raise InvalidGeometry(
-            f"hole_radius = {a.hole_radius} m must be smaller than washer_radius = {a.washer_radius} m."
+            f"hole_radius = {a.hole_radius} m must be below washer_radius = {a.washer_radius} m."
         )
     for joint, z in screw_z(a).items():
         lower, upper = washer_z_range(a, joint)
         if z - a.washer_radius <= lower or z + a.washer_radius >= upper:
             raise InvalidGeometry(
-                f"{joint}_screw_z puts a washer at z = {z:.6g} m +- {a.washer_radius} m outside the "
-                f"sheet's overlap [{lower:.6g}, {upper:.6g}] m; move the screw or widen {joint}_overlap."
+                f"{joint}_screw_z puts a washer at z = {z:.6g} m +- {a.washer_radius} m, outside the "
+                f"overlap [{lower:.6g}, {upper:.6g}] m; move the screw or widen {joint}_overlap."
             )
     for x, (lower, upper) in zip(a.screw_x, screw_cells(a), strict=True):
         if x - a.washer_radius <= lower or x + a.washer_radius >= upper:
@@ -273,16 +274,12 @@ def _check_contacts(a: Assembly) -> None:
 
 
 def _check_stack(a: Assembly) -> None:
-    stack = [boxes(a)[name] for name in PARTS[2:] if name in a.parts]
-    names = PARTS[2:]
-    for name, below, (top, bottom) in zip(
-        names, names[1:], zip(stack, stack[1:], strict=False), strict=False
-    ):
-        spans = [(b.upper - b.lower)[:2] for b in (top, bottom)]
+    for pair in pairwise(name for name in PARTS[2:] if name in a.parts):
+        spans = [(boxes(a)[name].upper - boxes(a)[name].lower)[:2] for name in pair]
         if np.any(spans[0] < spans[1]) and np.any(spans[0] > spans[1]):
             raise InvalidGeometry(
-                f"{name} ({spans[0][0]} x {spans[0][1]} m) and {below} ({spans[1][0]} x "
-                f"{spans[1][1]} m) overhang each other; one of the two faces must contain the other."
+                f"{pair[0]} ({spans[0][0]} x {spans[0][1]} m) and {pair[1]} ({spans[1][0]} x "
+                f"{spans[1][1]} m) overhang each other; one of the faces must contain the other."
             )
     if "plate" in a.parts and 2 * a.pad >= min(a.plate_x, a.plate_y):
         raise InvalidGeometry(

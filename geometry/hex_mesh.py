@@ -12,6 +12,8 @@ quadrilaterals form an O-grid: hole -> washer -> the screw's rectangle of the ov
     +-----------------+  <- clamp line
 """
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshHex
@@ -112,7 +114,7 @@ def _with_imprints(a: Assembly, name: str, lines, size: float) -> list[Coordinat
 def _with(line: Coordinates, values, size: float) -> Coordinates:
     """Even grid lines from end to end that meet every value in between."""
     stops = np.unique(np.clip([line[0], *values, line[-1]], line[0], line[-1]).round(9))
-    pieces = [_even(*pair, size) for pair in zip(stops, stops[1:], strict=False)]
+    pieces = [_even(*pair, size) for pair in pairwise(stops)]
     return np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
 
 
