@@ -13,12 +13,8 @@ from dem.chain import (
     row_of_spheres,
 )
 from dem.schemes import SCHEMES, Scheme
-from dem.step_control import (
-    Controlled,
-    StepReport,
-    march_to_error,
-    stability_limit,
-)
+from dem.stability import stability_limit
+from dem.step_control import Controlled, StepReport, march_to_error
 from dem.trajectory import Trajectory, UnstableStep, march
 
 __all__ = [

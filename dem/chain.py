@@ -66,7 +66,12 @@ class State(NamedTuple):
     v: np.ndarray  # (n,)
     q: np.ndarray  # (n_modes,)
     p: np.ndarray  # (n_modes,)
-    dashpot: float  # displacement of the dashpot wall [m]
+    wall: np.ndarray  # (4,) u_w, v_w of the modes, displacement of the dashpot, work on the modes
+
+    def reversed(self):
+        """The same place with all velocities turned round."""
+        wall = self.wall * [1.0, -1.0, 1.0, 1.0]
+        return State(self.x, -self.v, self.q, -self.p, wall)
 
 
 class Equilibrium(NamedTuple):
@@ -213,7 +218,8 @@ def equilibrium(chain, wall):
     x, force = _rest(chain, wall, stiffness, anchor, compliance)
     q = np.zeros(n_modes)
     if n_modes and force[-1] > 0.0:
-        q = wall.phi * force[-1] / wall.omega**2
+        moving = wall.phi != 0.0
+        q[moving] = wall.phi[moving] * force[-1] / wall.omega[moving] ** 2
     return Equilibrium(x, force, q)
 
 
@@ -237,11 +243,11 @@ def _rest(chain, wall, stiffness, anchor, compliance):
         raise NoEquilibrium(
             f"a preload of {P:g} N finds no support; add leaf springs or a wall that holds it"
         )
-    overlap = (carried / A.min()) ** (2.0 / 3.0)
+    overlap = (carried / A.min(initial=np.inf)) ** (2.0 / 3.0)
     x = np.where(held, anchor, overlap)
     walled = wall is not None and np.isfinite(compliance)
     contacts = np.ascontiguousarray(A if walled else A[: n - 1])
-    floor = 1.5 * A.max() * np.sqrt(overlap)
+    floor = 1.5 * A.max(initial=0.0) * np.sqrt(overlap)
     left = kernels.rest(
         x, contacts, stiffness, anchor, P, compliance if walled else 0.0, floor, 500
     )

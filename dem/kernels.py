@@ -3,11 +3,18 @@
 All of them live in this one file because a cached compiled function does not notice an edit of
 another file (numba #1833). A part that a chain lacks is `None`: its branch is not compiled.
 
-Kick and drift change their arrays in place. `f (n + 1,)` holds the contact forces with f[0] = 0
-before the first sphere and f[n] at the wall (0 for a free chain). `wall (4,)` is the running state
-of the wall: displacement u_w and velocity v_w of the modes, displacement u_d of the dashpot,
-work done on the modes. Modes are measured from the static state, so a chain at rest in
-equilibrium stays there exactly.
+Functions named by a verb change their arrays in place. `f (n + 1,)` holds the contact forces, f[0]
+= 0 before the first sphere and f[n] at the wall (0 for a free chain). `modal (6, k)` has the rows
+q, p, phi, omega, static displacement, all measured from the static state, so that a chain at rest
+in equilibrium stays there exactly; `wall (4,)` is displacement u_w = phi q and velocity v_w = phi p
+of the modes, displacement u_d of the dashpot, work done on the modes. `ledger (2,)` is the energy
+lost in the contacts and in the dashpot.
+
+A contact that opens or closes inside a step costs any scheme all but order 2.5, because its force
+starts like tau^(3/2). The end correction for that singularity is known: a composite quadrature
+with nodes c and weights b misses the integral of (t - t_c)^p by  -h^(p+1) sum b zeta(-p, c - theta)
+with Hurwitz' zeta and theta = (t_c - t_0)/h  (I. Navot, J. Math. Phys. 40 (1961) 271; J. N.
+Lyness, B. W. Ninham, Math. Comput. 21 (1967) 162). `mend_crossings` adds it as an impulse.
 """
 
 import math
@@ -18,6 +25,7 @@ from numba import njit
 FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 NONE, LINEAR, LINEAR_CLIPPED, HUNT_CROSSLEY = range(4)
+Q, P, PHI, OMEGA, STATIC = range(5)
 U, V, DASH, WORK = range(4)
 
 
@@ -49,17 +57,18 @@ def hertz_indentation(gap, A, s):
 
 @njit(cache=True, fastmath=FAST)
 def sphere_forces(x, A, f):
+    """Elastic forces between neighbours into f[1:n]."""
     for i in range(x.size - 1):
-        d = max(x[i] - x[i + 1], 0.0)
+        d = x[i] - x[i + 1]
+        d = d if d > 0.0 else 0.0
         f[i + 1] = A[i] * d * math.sqrt(d)
 
 
 @njit(cache=True, fastmath=FAST)
-def wall_indentation(x, A, wall, offset, residual):
-    gap = x[-1] - wall[U] - wall[DASH] - offset
+def wall_indentation(gap, A, residual):
     if residual is None:
         return max(gap, 0.0)
-    return hertz_indentation(gap, A[-1], residual)
+    return hertz_indentation(gap, A, residual)
 
 
 @njit(cache=True, fastmath=FAST)
@@ -87,14 +96,11 @@ def dashpot_indentation(d, dt, A, residual, mobility):
 
 
 @njit(cache=True, fastmath=FAST)
-def wall_force(x, dt, A, wall, ledger, offset, residual, mobility):
-    """Mean force at the wall over a kick of length dt; moves the dashpot wall."""
-    d = wall_indentation(x, A, wall, offset, residual)
-    force = A[-1] * d * math.sqrt(d)
-    if mobility is None:
-        return force
-    d_new = dashpot_indentation(d, dt, A[-1], residual, mobility)
-    force_new = A[-1] * d_new * math.sqrt(d_new)
+def creep(d, dt, A, wall, ledger, residual, mobility):
+    """Move the dashpot wall for dt; its mean force."""
+    force = A * d * math.sqrt(d)
+    d_new = dashpot_indentation(d, dt, A, residual, mobility)
+    force_new = A * d_new * math.sqrt(d_new)
     moved = d - d_new
     ledger[1] += 0.4 * (force * d - force_new * d_new)
     if residual is not None:
@@ -105,31 +111,62 @@ def wall_force(x, dt, A, wall, ledger, offset, residual, mobility):
 
 
 @njit(cache=True, fastmath=FAST)
-def push_modes(impulse, wall, modes):
-    p, phi = modes[1], modes[2]
-    square = modes[3]
-    for j in range(p.size):
-        p[j] += phi[j] * impulse
+def wall_force(x, dt, A, wall, ledger, offset, residual, mobility):
+    """Mean force at the wall over a kick of length dt; moves the dashpot wall."""
+    d = wall_indentation(x - wall[U] - wall[DASH] - offset, A, residual)
+    if mobility is not None:
+        return creep(d, dt, A, wall, ledger, residual, mobility)
+    return A * d * math.sqrt(d)
+
+
+@njit(cache=True, fastmath=FAST)
+def push_spheres(v, dt, f, minv, load):
+    if load is None:
+        for i in range(v.size):
+            v[i] += dt * minv[i] * (f[i] - f[i + 1])
+    else:
+        for i in range(v.size):
+            v[i] += dt * minv[i] * (f[i] - f[i + 1] + load[i])
+
+
+@njit(cache=True, fastmath=FAST)
+def push_modes(impulse, square, wall, modal):
+    for j in range(modal.shape[1]):
+        modal[P, j] += modal[PHI, j] * impulse
     wall[WORK] += impulse * (wall[V] + 0.5 * square * impulse)
     wall[V] += square * impulse
 
 
 @njit(cache=True, fastmath=FAST)
-def push_spheres(v, dt, f, minv, load):
-    for i in range(v.size):
-        v[i] += dt * minv[i] * (f[i] - f[i + 1])
-    if load is not None:
-        for i in range(v.size):
-            v[i] += dt * minv[i] * load[i]
+def drift_spheres(k, dt, x, v, leaf):
+    """Free flight, or the exact swing on the leaf springs by the k-th drift."""
+    if leaf is None:
+        for i in range(x.size):
+            x[i] += dt * v[i]
+    else:
+        rest, turn = leaf
+        for i in range(x.size):
+            u = x[i] - rest[i]
+            x[i] = rest[i] + turn[k, 0, i] * u + turn[k, 1, i] * v[i]
+            v[i] = turn[k, 2, i] * u + turn[k, 0, i] * v[i]
 
 
 @njit(cache=True, fastmath=FAST)
-def elastic_kick(dt, x, v, f, minv, A, load, wall, ledger, offset, residual, mobility, modes):
-    if A.size == x.size:
-        f[x.size] = wall_force(x, dt, A, wall, ledger, offset, residual, mobility)
-    push_spheres(v, dt, f, minv, load)
-    if modes is not None:
-        push_modes(dt * (f[x.size] - modes[4]), wall, modes)
+def drift_modes(k, wall, modal, turn):
+    """Exact free motion of the damped modes by the k-th drift."""
+    u = 0.0
+    w = 0.0
+    for j in range(modal.shape[1]):
+        q = modal[Q, j]
+        p = modal[P, j]
+        q_new = turn[k, 0, j] * q + turn[k, 1, j] * p
+        p_new = turn[k, 2, j] * q + turn[k, 3, j] * p
+        modal[Q, j] = q_new
+        modal[P, j] = p_new
+        u += modal[PHI, j] * q_new
+        w += modal[PHI, j] * p_new
+    wall[U] = u
+    wall[V] = w
 
 
 @njit(cache=True, fastmath=FAST)
@@ -165,84 +202,209 @@ def damper(i, force, d, gamma, law):
 
 
 @njit(cache=True, fastmath=FAST)
-def damp_contacts(first, dt, x, v, f, minv, A, wall, ledger, offset, dissipation, modes):
+def damp_contacts(first, dt, x, v, f, minv, A, wall, ledger, offset, dissipation, square, modal):
     """Every second contact, from `first` on: they share no sphere."""
     gamma, law, inverse_mass = dissipation
     n = x.size
     for i in range(first, A.size, 2):
-        force = f[i + 1]
         if i < n - 1:
-            c = damper(i, force, x[i] - x[i + 1], gamma, law)
+            d = x[i] - x[i + 1]
             w = v[i] - v[i + 1]
         else:
-            c = damper(i, force, x[i] - wall[U] - wall[DASH] - offset, gamma, law)
+            d = x[i] - wall[U] - wall[DASH] - offset
             w = v[i] - wall[V]
+        c = damper(i, f[i + 1], d, gamma, law)
         if c == 0.0:
             continue
-        impulse = damping_impulse(w, dt, force, c, inverse_mass[i], law != LINEAR)
+        impulse = damping_impulse(w, dt, f[i + 1], c, inverse_mass[i], law != LINEAR)
         ledger[0] += impulse * (w - 0.5 * inverse_mass[i] * impulse)
         v[i] -= impulse * minv[i]
         if i < n - 1:
             v[i + 1] += impulse * minv[i + 1]
-        elif modes is not None:
-            push_modes(impulse, wall, modes)
-
-
-@njit(cache=True, fastmath=FAST)
-def kick(dt, x, v, f, minv, A, load, wall, ledger, offset, residual, mobility, modes, dissipation):
-    """v += dt F(x)/m on spheres and modes."""
-    sphere_forces(x, A, f)
-    if dissipation is None:
-        elastic_kick(dt, x, v, f, minv, A, load, wall, ledger, offset, residual, mobility, modes)
-    else:
-        elastic_kick(
-            0.5 * dt, x, v, f, minv, A, load, wall, ledger, offset, residual, mobility, modes
-        )
-        damp_contacts(0, 0.5 * dt, x, v, f, minv, A, wall, ledger, offset, dissipation, modes)
-        damp_contacts(1, dt, x, v, f, minv, A, wall, ledger, offset, dissipation, modes)
-        damp_contacts(0, 0.5 * dt, x, v, f, minv, A, wall, ledger, offset, dissipation, modes)
-        elastic_kick(
-            0.5 * dt, x, v, f, minv, A, load, wall, ledger, offset, residual, mobility, modes
-        )
-
-
-@njit(cache=True, fastmath=FAST)
-def rotate_modes(k, wall, modes):
-    """Exact free motion of the damped modes over the k-th drift of the schedule."""
-    q, p, phi, turn = modes[0], modes[1], modes[2], modes[5]
-    qq, qp, pq, pp = turn[k, 0], turn[k, 1], turn[k, 2], turn[k, 3]
-    u = 0.0
-    w = 0.0
-    for j in range(q.size):
-        q_new = qq[j] * q[j] + qp[j] * p[j]
-        p_new = pq[j] * q[j] + pp[j] * p[j]
-        q[j] = q_new
-        p[j] = p_new
-        u += phi[j] * q_new
-        w += phi[j] * p_new
-    wall[U] = u
-    wall[V] = w
-
-
-@njit(cache=True, fastmath=FAST)
-def drift(k, dt, x, v, wall, leaf, modes):
-    """Free flight, or exact swing on the leaf springs, and exact free motion of the wall."""
-    if leaf is None:
-        for i in range(x.size):
-            x[i] += dt * v[i]
-    else:
-        rest, turn = leaf
-        xx, xv, vx = turn[k, 0], turn[k, 1], turn[k, 2]
-        for i in range(x.size):
-            u = x[i] - rest[i]
-            x[i] = rest[i] + xx[i] * u + xv[i] * v[i]
-            v[i] = vx[i] * u + xx[i] * v[i]
-    if modes is not None:
-        rotate_modes(k, wall, modes)
+        elif modal is not None:
+            push_modes(impulse, square, wall, modal)
 
 
 @njit(cache=True)
-def total_forces(x, v, f, A, wall, offset, residual, mobility, dissipation):
+def zeta_sums(theta, b, c):
+    """sum b zeta(-p, c - theta) for p = 3/2, 5/2, 7/2 over the nodes of a step and all later
+    ones, nodes before theta left out. Euler-Maclaurin from four terms on."""
+    z3, z5, z7 = 0.0, 0.0, 0.0
+    for i in range(b.size):
+        s = c[i] - theta
+        s -= math.floor(s) if s < 0.0 else 0.0
+        e3, e5, e7 = 0.0, 0.0, 0.0
+        for _ in range(4):
+            root = s * math.sqrt(s)
+            e3 += root
+            e5 += root * s
+            e7 += root * s * s
+            s += 1.0
+        root = math.sqrt(s)
+        i2 = 1.0 / (s * s)
+        e3 += (
+            root
+            * s
+            * (
+                0.5
+                - 0.4 * s
+                + (-1.5 / 12.0) / s
+                - i2
+                / s
+                * ((1.5 * 0.5 * 0.5) / 720.0 + i2 * (1.5 * 0.5 * 0.5 * 1.5 * 2.5) / 30240.0)
+            )
+        )
+        e5 += (
+            root
+            * s
+            * s
+            * (
+                0.5
+                - s / 3.5
+                + (-2.5 / 12.0) / s
+                + i2
+                / s
+                * ((2.5 * 1.5 * 0.5) / 720.0 + i2 * (2.5 * 1.5 * 0.5 * 0.5 * 1.5) / 30240.0)
+            )
+        )
+        e7 += (
+            root
+            * s
+            * s
+            * s
+            * (
+                0.5
+                - s / 4.5
+                + (-3.5 / 12.0) / s
+                + i2
+                / s
+                * ((3.5 * 2.5 * 1.5) / 720.0 - i2 * (3.5 * 2.5 * 1.5 * 0.5 * 0.5) / 30240.0)
+            )
+        )
+        z3 += b[i] * e3
+        z5 += b[i] * e5
+        z7 += b[i] * e7
+    return z3, z5, z7
+
+
+@njit(cache=True)
+def crossing(g0, r0, g1, r1):
+    """Zero in (0, 1) of the cubic with values g and slopes r at the ends, slope and curvature."""
+    c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1
+    c3 = 2.0 * (g0 - g1) + r0 + r1
+    low, high = 0.0, 1.0
+    t = g0 / (g0 - g1)
+    for _ in range(60):
+        value = g0 + t * (r0 + t * (c2 + t * c3))
+        slope = r0 + t * (2.0 * c2 + t * 3.0 * c3)
+        if (value > 0.0) == (g1 > 0.0):
+            high = t
+        else:
+            low = t
+        step = -value / slope if slope != 0.0 else 2.0
+        t += step
+        if not low <= t <= high:
+            t = 0.5 * (low + high)
+        if abs(step) < 1e-15:
+            break
+    return t, r0 + t * (2.0 * c2 + t * 3.0 * c3), 2.0 * c2 + 6.0 * t * c3
+
+
+@njit(cache=True)
+def mend_crossing(A, dt, g0, r0, g1, r1, b, c):
+    """Impulse and displacement-times-mass that the scheme misses at a contact whose overlap went
+    from g0 to g1 with rates r0, r1; also the rate at the crossing."""
+    theta, slope, curvature = crossing(g0, dt * r0, g1, dt * r1)
+    if (slope > 0.0) != (g1 > 0.0) or slope == 0.0:
+        return 0.0, 0.0, 0.0
+    closes = slope > 0.0
+    z3, z5, z7 = zeta_sums(theta if closes else 1.0 - theta, b, c)
+    bend = 0.75 * curvature / abs(slope)
+    bend = min(max(bend, -1.0), 1.0)
+    size = A * dt * abs(slope) * math.sqrt(abs(slope))
+    lever = 1.0 - theta
+    impulse = -(z3 + bend * z5)
+    moment = -(z5 + bend * z7)
+    if closes:
+        shift = lever * impulse - moment
+    else:
+        shift = lever * impulse + moment
+    return size * impulse, dt * size * shift, slope / dt
+
+
+@njit(cache=True, fastmath=FAST)
+def crossed(x, x_old, A, wall, wall_old, offset):
+    """Did any contact open or close?"""
+    n = x.size
+    count = 0
+    for i in range(n - 1):
+        count += (x[i] > x[i + 1]) != (x_old[i] > x_old[i + 1])
+    if A.size == n:
+        before = x_old[n - 1] - wall_old[U] - wall_old[DASH] - offset
+        after = x[n - 1] - wall[U] - wall[DASH] - offset
+        count += (before > 0.0) != (after > 0.0)
+    return count > 0
+
+
+@njit(cache=True)
+def mend_crossings(
+    dt,
+    x,
+    v,
+    x_old,
+    v_old,
+    minv,
+    A,
+    wall,
+    wall_old,
+    ledger,
+    offset,
+    dissipation,
+    square,
+    modal,
+    b,
+    c,
+):
+    """Add what the scheme missed at the contacts that opened or closed in the last step.
+
+    Says whether there was any.
+    """
+    n = x.size
+    mended = False
+    for i in range(A.size):
+        if i < n - 1:
+            g0, g1 = x_old[i] - x_old[i + 1], x[i] - x[i + 1]
+        else:
+            g0 = x_old[i] - wall_old[U] - wall_old[DASH] - offset
+            g1 = x[i] - wall[U] - wall[DASH] - offset
+        if (g0 > 0.0) == (g1 > 0.0):
+            continue
+        if i < n - 1:
+            r0, r1 = v_old[i] - v_old[i + 1], v[i] - v[i + 1]
+        else:
+            r0, r1 = v_old[i] - wall_old[V], v[i] - wall[V]
+        impulse, shift, rate = mend_crossing(A[i], dt, g0, r0, g1, r1, b, c)
+        if dissipation is not None and dissipation[1] == HUNT_CROSSLEY:
+            factor = max(dissipation[0][i] * rate, -1.0)
+            ledger[0] += factor * impulse * rate
+            impulse *= 1.0 + factor
+            shift *= 1.0 + factor
+        v[i] -= minv[i] * impulse
+        x[i] -= minv[i] * shift
+        if i < n - 1:
+            v[i + 1] += minv[i + 1] * impulse
+            x[i + 1] += minv[i + 1] * shift
+        elif modal is not None:
+            push_modes(impulse, square, wall, modal)
+            wall[U] += square * shift
+            for j in range(modal.shape[1]):
+                modal[Q, j] += modal[PHI, j] * shift
+        mended = True
+    return mended
+
+
+@njit(cache=True)
+def total_forces(x, v, f, A, wall, offset, residual, dissipation):
     """Contact forces at an instant, dissipative part included, into f; elastic energies out."""
     n = x.size
     contact = 0.0
@@ -253,7 +415,7 @@ def total_forces(x, v, f, A, wall, offset, residual, mobility, dissipation):
             d = max(x[i] - x[i + 1], 0.0)
             w = v[i] - v[i + 1]
         else:
-            d = wall_indentation(x, A, wall, offset, residual)
+            d = wall_indentation(x[i] - wall[U] - wall[DASH] - offset, A[i], residual)
         force = A[i] * d * math.sqrt(d)
         contact += 0.4 * force * d
         if i == n - 1 and residual is not None:
@@ -268,25 +430,26 @@ def total_forces(x, v, f, A, wall, offset, residual, mobility, dissipation):
 
 
 @njit(cache=True)
-def modal_energy(modes):
+def modal_energy(modal):
     """Energy of the modes about the static state, and in all."""
-    q, p, static, omega = modes[0], modes[1], modes[6], modes[7]
     swing = 0.0
     absolute = 0.0
-    for j in range(q.size):
-        swing += 0.5 * (p[j] ** 2 + (omega[j] * q[j]) ** 2)
-        absolute += 0.5 * (p[j] ** 2 + omega[j] ** 2 * (q[j] + static[j]) ** 2)
+    for j in range(modal.shape[1]):
+        kinetic = 0.5 * modal[P, j] ** 2
+        stiffness = 0.5 * modal[OMEGA, j] ** 2
+        swing += kinetic + stiffness * modal[Q, j] ** 2
+        absolute += kinetic + stiffness * (modal[Q, j] + modal[STATIC, j]) ** 2
     return swing, absolute
 
 
 @njit(cache=True)
 def save(
-    k, x, v, f, mass, A, wall, ledger, offset, residual, mobility, modes, dissipation,
+    k, x, v, f, mass, A, wall, ledger, offset, residual, mobility, modal, dissipation,
     leaf_springs, preload, out,
 ):  # fmt: skip
     """Row k of the saved states, forces and energies."""
     xs, vs, fs, walls, energies = out
-    contact, spring = total_forces(x, v, f, A, wall, offset, residual, mobility, dissipation)
+    contact, spring = total_forces(x, v, f, A, wall, offset, residual, dissipation)
     kinetic = 0.0
     for i in range(x.size):
         xs[k, i] = x[i]
@@ -307,58 +470,86 @@ def save(
     walls[k, 1] = wall[V]
     if mobility is not None:
         walls[k, 1] += mobility * f[x.size]
-    if modes is not None:
-        swing, absolute = modal_energy(modes)
+    if modal is not None:
+        swing, absolute = modal_energy(modal)
         energies[k, 3] = absolute
         energies[k, 6] += wall[WORK] - swing
     energies[k, 7] = preload * (x[-1] - xs[0, -1])
+    total = 0.0
+    for e in range(8):
+        total += energies[k, e]
+    return abs(total) <= 1e300
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def march(
-    x, v, mass, A, schedule, dt, n_save, stride, load, leaf, leaf_springs, preload,
-    offset, residual, mobility, modes, dissipation, wall, out,
+    x, v, mass, A, a, b, dt, n_save, stride, load, leaf, leaf_springs, preload,
+    offset, residual, mobility, modes, dissipation, mend, wall, out,
 ):  # fmt: skip
-    """n_save times stride steps; the state is saved before and after each stride.
+    """n_save times stride steps of kick b[0], drift a[0], kick b[1], ..., kick b[-1].
 
-    Changes x, v and the modes in place. Ends early, and says after how many saves, when a state is
-    not finite.
+    The state is saved before and after each stride. Changes x, v, wall and the modes in place.
+    Ends early, and says after how many saves, when a state is not finite.
     """
-    lead_b, lead_a, b, a, end_b, end_a = schedule
-    n_stages = b.size
-    f = np.zeros(x.size + 1)
+    n = x.size
+    walled = A.size == n
+    f = np.zeros(n + 1)
+    saved_f = np.zeros(n + 1)
     ledger = np.zeros(2)
     minv = 1.0 / mass
-    save(
-        0, x, v, f, mass, A, wall, ledger, offset, residual, mobility, modes, dissipation,
-        leaf_springs, preload, out,
-    )  # fmt: skip
-    for k in range(1, n_save + 1):
-        if lead_b != 0.0:
-            kick(
-                lead_b * dt, x, v, f, minv, A, load, wall, ledger, offset, residual, mobility,
-                modes, dissipation,
-            )  # fmt: skip
-        drift(n_stages, lead_a * dt, x, v, wall, leaf, modes)
-        for step in range(stride):
-            for i in range(n_stages):
-                last = step == stride - 1 and i == n_stages - 1
-                kick(
-                    (end_b if last else b[i]) * dt, x, v, f, minv, A, load, wall, ledger,
-                    offset, residual, mobility, modes, dissipation,
+    x_old, v_old, wall_old = x.copy(), v.copy(), wall.copy()
+    modal, square = None, 0.0
+    if modes is not None:
+        modal, turn, square, rest_force = modes
+    stale = True
+    for k in range(n_save + 1):
+        for _step in range(stride if k > 0 else 0):
+            if mend is not None:
+                x_old[:] = x
+                v_old[:] = v
+                wall_old[:] = wall
+            for i in range(b.size):
+                if b[i] != 0.0:
+                    kick = b[i] * dt
+                    if stale:
+                        sphere_forces(x, A, f)
+                    if dissipation is not None:
+                        kick *= 0.5
+                    if walled and (stale or mobility is not None):
+                        f[n] = wall_force(
+                            x[n - 1], kick, A[n - 1], wall, ledger, offset, residual, mobility
+                        )
+                    push_spheres(v, kick, f, minv, load)
+                    if modes is not None:
+                        push_modes(kick * (f[n] - rest_force), square, wall, modal)
+                    if dissipation is not None:
+                        for first, share in ((0, 1.0), (1, 2.0), (0, 1.0)):
+                            damp_contacts(
+                                first, share * kick, x, v, f, minv, A, wall, ledger, offset,
+                                dissipation, square, modal,
+                            )  # fmt: skip
+                        if walled and mobility is not None:
+                            f[n] = wall_force(
+                                x[n - 1], kick, A[n - 1], wall, ledger, offset, residual, mobility
+                            )
+                        push_spheres(v, kick, f, minv, load)
+                        if modes is not None:
+                            push_modes(kick * (f[n] - rest_force), square, wall, modal)
+                    stale = False
+                if i < a.size and a[i] != 0.0:
+                    drift_spheres(i, a[i] * dt, x, v, leaf)
+                    if modes is not None:
+                        drift_modes(i, wall, modal, turn)
+                    stale = True
+            if mend is not None and crossed(x, x_old, A, wall, wall_old, offset):
+                stale |= mend_crossings(
+                    dt, x, v, x_old, v_old, minv, A, wall, wall_old, ledger, offset, dissipation,
+                    square, modal, mend[0], mend[1],
                 )  # fmt: skip
-                if not last:
-                    drift(i, a[i] * dt, x, v, wall, leaf, modes)
-                elif end_a != 0.0:
-                    drift(n_stages + 1, end_a * dt, x, v, wall, leaf, modes)
-        save(
-            k, x, v, f, mass, A, wall, ledger, offset, residual, mobility, modes, dissipation,
-            leaf_springs, preload, out,
-        )  # fmt: skip
-        total = 0.0
-        for e in range(8):
-            total += out[4][k, e]
-        if not math.isfinite(total):
+        if not save(
+            k, x, v, saved_f, mass, A, wall, ledger, offset, residual, mobility, modal,
+            dissipation, leaf_springs, preload, out,
+        ):  # fmt: skip
             return k
     return n_save
 

@@ -1,10 +1,11 @@
 """Symmetric splittings of a chain into drift (free flight, leaf springs, wall modes: exact) and
 kick (contacts), each a list of fractions of the step.
 
-A scheme is `a` (drifts) and `b` (kicks) in alternation. With one drift more than kicks it starts
-with a drift, with one kick more it starts with a kick; both are palindromes. `partitioned` schemes
-keep their order for any pair of flows. The others are Runge-Kutta-Nystrom splittings: they need
-a kick that depends on positions alone, so contact dissipation and a dashpot wall cost them order.
+A step is kick b[0], drift a[0], kick b[1], ..., kick b[-1], a palindrome; schemes that start with
+a drift have b[0] = 0. Three kinds differ in what they need to keep their order:
+"nystrom" a kick that depends on positions alone (no contact damping, no dashpot wall),
+"exact" the exact flow of the kick (no contact damping),
+"composed" nothing, being made of symmetric drift-kick-drift steps.
 
 [1] S. Blanes, P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313, tables 2 and 3.
 [2] M. Suzuki, Phys. Lett. A 146 (1990) 319.
@@ -23,39 +24,17 @@ class Scheme(NamedTuple):
     order: int
     a: np.ndarray
     b: np.ndarray
-    partitioned: bool
+    kind: str
 
     @property
     def evaluations(self):
-        """Contact force evaluations a step, the shared ones of neighbouring steps counted once."""
-        return min(self.a.size, self.b.size) if self.kick_first else self.b.size
+        """Contact force evaluations a step; the last kick shares its forces with the next first."""
+        return self.a.size if self.b[0] else self.b.size - 2
 
     @property
-    def kick_first(self):
-        return self.b.size > self.a.size
-
-
-class Schedule(NamedTuple):
-    """A scheme laid out for a run of steps whose first and last halves of a stage are merged.
-
-    lead kick, lead drift, then (kick b[i], drift a[i]) for each stage; the last pair of the last
-    step is (end_b, end_a).
-    """
-
-    lead_b: float
-    lead_a: float
-    b: np.ndarray
-    a: np.ndarray
-    end_b: float
-    end_a: float
-
-
-def schedule(scheme):
-    """The `Schedule` of a scheme."""
-    a, b = scheme.a, scheme.b
-    if scheme.kick_first:
-        return Schedule(b[0], a[0], np.append(b[1:-1], 2 * b[0]), np.append(a[1:], a[0]), b[0], 0.0)
-    return Schedule(0.0, a[0], b.copy(), np.append(a[1:-1], 2 * a[0]), b[-1], a[0])
+    def nodes(self):
+        """Instants of the kicks, as fractions of the step."""
+        return np.concatenate([[0.0], np.cumsum(self.a)])
 
 
 def _palindrome(half, n):
@@ -165,18 +144,31 @@ _KAHAN_LI8 = _composition(
     17,
 )
 
+
+def _scheme(name, order, a, b, kind):
+    if b.size < a.size:
+        b = np.concatenate([[0.0], b, [0.0]])
+    return Scheme(name, order, a, b, kind)
+
+
 SCHEMES = {
     s.name: s
     for s in (
-        Scheme("verlet", 2, np.array([1.0]), np.array([0.5, 0.5]), True),
-        Scheme("leapfrog", 2, np.array([0.5, 0.5]), np.array([1.0]), True),
-        Scheme("rkn4", 4, *_BM4, False),
-        Scheme("rkn6", 6, *_BM6, False),
-        Scheme("rkn6a", 6, *_BM6A, False),
-        Scheme("split4", 4, *_S4, True),
-        Scheme("split6", 6, *_S6, True),
-        Scheme("suzuki4", 4, *_SUZUKI4, True),
-        Scheme("kahan-li6", 6, *_KAHAN_LI6, True),
-        Scheme("kahan-li8", 8, *_KAHAN_LI8, True),
+        _scheme("verlet", 2, np.array([1.0]), np.array([0.5, 0.5]), "composed"),
+        _scheme("leapfrog", 2, np.array([0.5, 0.5]), np.array([1.0]), "composed"),
+        _scheme("rkn4", 4, *_BM4, "nystrom"),
+        _scheme("rkn6", 6, *_BM6, "nystrom"),
+        _scheme("rkn6a", 6, *_BM6A, "nystrom"),
+        _scheme("split4", 4, *_S4, "exact"),
+        _scheme("split6", 6, *_S6, "exact"),
+        _scheme("suzuki4", 4, *_SUZUKI4, "composed"),
+        _scheme("kahan-li6", 6, *_KAHAN_LI6, "composed"),
+        _scheme("kahan-li8", 8, *_KAHAN_LI8, "composed"),
     )
 }
+
+
+def default_scheme(chain, wall):
+    """Name of the scheme that measures best: Runge-Kutta-Nystrom where forces know no velocity."""
+    damped = chain.dissipation != "none" or (wall is not None and wall.mobility > 0.0)
+    return "kahan-li6" if damped else "rkn6"

@@ -1,19 +1,13 @@
-"""The step from the error asked for, and the largest step that makes sense."""
+"""The step from the error asked for."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from dem.chain import InvalidChain, validate
-from dem.schemes import SCHEMES, schedule
-from dem.trajectory import (
-    Trajectory,
-    UnstableStep,
-    default_scheme,
-    prepare,
-    run,
-    start,
-)
+from dem.schemes import SCHEMES, default_scheme
+from dem.stability import fastest_rate
+from dem.trajectory import Trajectory, UnstableStep, prepare, run, start
 
 ASSUMED_ORDER = 2.5
 
@@ -33,51 +27,6 @@ class Controlled(NamedTuple):
 
     trajectory: Trajectory
     step_report: StepReport
-
-
-def fastest_rate(chain, wall, v0):
-    """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
-    on top of the static force."""
-    prepared = prepare(chain, wall)
-    energy = 0.5 * float(chain.mass @ np.square(v0))
-    overlap = (2.5 * energy / chain.A) ** 0.4 + (prepared.static.force / chain.A) ** (2 / 3)
-    stiffness = 1.5 * chain.A * np.sqrt(overlap)
-    inverse = 1.0 / chain.mass
-    pair = inverse[:-1] + inverse[1:]
-    if wall is not None:
-        pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
-    return float(np.sqrt((stiffness * pair).max(initial=0.0)))
-
-
-def stability_interval(scheme):
-    """Largest dt * omega for which a linear contact of frequency omega stays bounded."""
-    plan = schedule(scheme)
-    z = np.arange(0.01, 12.0, 0.01)
-    x, v = np.tile(np.eye(2)[:, :, None], z.size)
-
-    def kick(fraction):
-        v[:] -= fraction * z * x
-
-    def drift(fraction):
-        x[:] += fraction * z * v
-
-    kick(plan.lead_b)
-    drift(plan.lead_a)
-    for b, a in zip(plan.b[:-1], plan.a[:-1], strict=True):
-        kick(b)
-        drift(a)
-    kick(plan.end_b)
-    drift(plan.end_a)
-    unstable = np.abs(x[0] + v[1]) > 2.0 + 1e-9
-    return float(z[unstable.argmax()]) if unstable.any() else float(z[-1])
-
-
-def stability_limit(chain, wall, v0, *, scheme=None):
-    """Largest meaningful step [s]; contacts that share a sphere can lower it by up to sqrt(2)."""
-    validate(chain, wall, v0)
-    name = scheme or default_scheme(chain, wall)
-    rate = fastest_rate(chain, wall, v0)
-    return stability_interval(SCHEMES[name]) / rate if rate > 0.0 else np.inf
 
 
 def march_to_error(
@@ -114,7 +63,7 @@ def march_to_error(
     energy_error = energy_error or _energy_target(chain, wall, error)
     rows = slice(None) if observed is None else np.asarray(observed)
     state = start(chain, wall, v0, prepared.static)
-    rate = max(fastest_rate(chain, wall, v0), 1.0 / duration)
+    rate = max(fastest_rate(chain, wall, v0, prepared.static), 1.0 / duration)
     step = 0.2 * method.order / rate
     coarse = run(chain, wall, prepared, state, duration, step, method, n_save)
     tried = [(coarse.dt, np.inf, coarse.energy_error)]

@@ -6,7 +6,8 @@ import numpy as np
 
 from dem import kernels
 from dem.chain import LAWS, Equilibrium, InvalidChain, State, equilibrium, validate
-from dem.schemes import SCHEMES, schedule
+from dem.schemes import SCHEMES, default_scheme
+from dem.stability import fastest_rate, stability_interval
 
 
 class UnstableStep(ValueError):
@@ -53,7 +54,7 @@ class _Prepared(NamedTuple):
     dissipation: tuple | None
 
 
-def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None):
+def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None, mend=True):
     """Trajectory from the static state with velocities v0 (n,), at n_save + 1 equal times.
 
     The step taken is the largest that divides the saves' spacing and is not above dt. `state`
@@ -68,22 +69,23 @@ def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None
         raise InvalidChain(f"duration is {duration} s; it must be finite and above 0")
     if not (np.isfinite(dt) and dt > 0.0):
         raise InvalidChain(f"dt is {dt} s; it must be finite and above 0")
-    n_save = n_save or min(1000, int(np.ceil(duration / dt * (1 - 1e-9))))
     prepared = prepare(chain, wall)
     state = start(chain, wall, v0, prepared.static) if state is None else state
-    return run(chain, wall, prepared, state, duration, dt, SCHEMES[name], n_save)
-
-
-def default_scheme(chain, wall):
-    """Name of the scheme that measures best: Runge-Kutta-Nystrom where forces know no velocity."""
-    damped = chain.dissipation != "none" or (wall is not None and wall.mobility > 0.0)
-    return "split6" if damped else "rkn6"
+    rate = fastest_rate(chain, wall, state.v, prepared.static)
+    limit = stability_interval(SCHEMES[name])
+    if dt * rate > limit:
+        raise UnstableStep(
+            f"dt = {dt:.3g} s is unstable for contacts of {rate:.3g} rad/s; "
+            f"take dt < {limit / rate:.3g} s"
+        )
+    n_save = n_save or min(1000, int(np.ceil(duration / dt * (1 - 1e-9))))
+    return run(chain, wall, prepared, state, duration, dt, SCHEMES[name], n_save, mend)
 
 
 def start(chain, wall, v0, static):
     """State at rest in equilibrium, with the velocities v0."""
     n_modes = static.q.size
-    return State(static.x, np.array(v0, float), np.zeros(n_modes), np.zeros(n_modes), 0.0)
+    return State(static.x, np.array(v0, float), np.zeros(n_modes), np.zeros(n_modes), np.zeros(4))
 
 
 def prepare(chain, wall):
@@ -139,47 +141,28 @@ def _turns(steps, omega, zeta):
     return np.array([oscillator_turn(omega, zeta, t) for t in steps])
 
 
-def run(chain, wall, prepared, state, duration, dt, scheme, n_save):
+def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
     """Trajectory of a validated and prepared chain; see `march`."""
-    n, n_contacts = chain.mass.size, chain.A.size
+    n = chain.mass.size
     stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
     h = duration / (n_save * stride)
-    plan = schedule(scheme)
-    drifts = h * np.concatenate([plan.a, [plan.lead_a, plan.end_a]])
-    x, v, q, p = (np.array(values, float) for values in state[:4])
-    modes = None
-    if q.size:
-        square = float(wall.phi @ wall.phi)
-        turn = _turns(drifts, wall.omega, wall.zeta)
-        modes = (q, p, wall.phi, square, prepared.wall_force, turn, prepared.static.q, wall.omega)
-    leaf = None
-    if prepared.leaf_springs is not None:
-        omega = np.sqrt(prepared.leaf_springs[0] / chain.mass)
-        leaf = prepared.leaf_rest, _turns(drifts, omega, np.zeros(n))[:, :3]
-    running = np.zeros(4)
-    running[kernels.DASH] = state.dashpot
-    if q.size:
-        running[kernels.U], running[kernels.V] = wall.phi @ q, wall.phi @ p
-        running[kernels.WORK] = 0.5 * (p @ p + (wall.omega * q) @ (wall.omega * q))
-    out = (
-        np.empty((n_save + 1, n)),
-        np.empty((n_save + 1, n)),
-        np.empty((n_save + 1, n_contacts)),
-        np.empty((n_save + 1, 2)),
-        np.zeros((n_save + 1, 8)),
-    )
+    x, v, running = state.x.copy(), state.v.copy(), state.wall.copy()
+    modes = _modes(wall, prepared, state, h * scheme.a)
+    out = _output(n_save + 1, n, chain.A.size)
     saved = kernels.march(
-        x, v, chain.mass, chain.A, tuple(plan), h, n_save, stride, prepared.load, leaf,
-        prepared.leaf_springs, float(chain.preload), prepared.offset, prepared.residual,
-        prepared.mobility, modes, prepared.dissipation, running, out,
+        x, v, chain.mass, chain.A, scheme.a, scheme.b, h, n_save, stride, prepared.load,
+        _leaf(chain, prepared, h * scheme.a), prepared.leaf_springs, float(chain.preload),
+        prepared.offset, prepared.residual, prepared.mobility, modes, prepared.dissipation,
+        (scheme.b, scheme.nodes) if mend and scheme.order > 2 else None, running, out,
     )  # fmt: skip
-    energies = out[4]
-    total = energies[:, :7].sum(axis=1) - energies[:, 7]
     if saved < n_save:
         raise UnstableStep(
             f"the state is not finite at t = {saved * stride * h:.4g} s with dt = {h:.4g} s; "
             "take a smaller dt, or a larger (less negative) residual compliance of the wall"
         )
+    q, p = (np.zeros(0), np.zeros(0)) if modes is None else modes[0][: kernels.PHI]
+    energies = out[4]
+    total = energies[:, :7].sum(axis=1) - energies[:, 7]
     scale = energies[0, 0] or np.abs(total).max() or 1.0
     return Trajectory(
         np.linspace(0.0, duration, n_save + 1),
@@ -193,5 +176,30 @@ def run(chain, wall, prepared, state, duration, dt, scheme, n_save):
         scheme.name,
         float(np.abs(total - total[0]).max() / scale),
         None,
-        State(x, v, q, p, float(running[kernels.DASH])),
+        State(x, v, q, p, running),
+    )
+
+
+def _modes(wall, prepared, state, drifts):
+    if not state.q.size:
+        return None
+    modal = np.array([state.q, state.p, wall.phi, wall.omega, prepared.static.q])
+    turn = _turns(drifts, wall.omega, wall.zeta)
+    return modal, turn, float(wall.phi @ wall.phi), prepared.wall_force
+
+
+def _leaf(chain, prepared, drifts):
+    if prepared.leaf_springs is None:
+        return None
+    omega = np.sqrt(prepared.leaf_springs[0] / chain.mass)
+    return prepared.leaf_rest, _turns(drifts, omega, np.zeros_like(omega))[:, :3].copy()
+
+
+def _output(k, n, n_contacts):
+    return (
+        np.empty((k, n)),
+        np.empty((k, n)),
+        np.empty((k, n_contacts)),
+        np.empty((k, 2)),
+        np.zeros((k, 8)),
     )
