@@ -86,8 +86,8 @@ def _stiffness(mesh, element, cells, order, material) -> NDArray[np.float64]:
     basis = Basis(mesh, element, intorder=order, elements=cells)
     gradient = np.stack([phi[0].grad for phi in basis.basis])  # (i, a, cell, point)
     n, dim = gradient.shape[:2]
-    G = (gradient * np.sqrt(basis.dx)).transpose(2, 0, 1, 3).reshape(len(cells), n * dim, -1)
-    D = (G @ G.transpose(0, 2, 1)).reshape(-1, n, dim, n, dim)
+    G = gradient.transpose(2, 0, 1, 3).reshape(len(cells), n * dim, -1)
+    D = ((G * basis.dx[:, None]) @ G.transpose(0, 2, 1)).reshape(-1, n, dim, n, dim)
     lam, mu = material.lame
     K = lam * D + mu * D.transpose(0, 1, 4, 3, 2)
     laplacian = mu * np.trace(D, axis1=2, axis2=4)
@@ -98,9 +98,9 @@ def _stiffness(mesh, element, cells, order, material) -> NDArray[np.float64]:
 
 def _mass(mesh, element, cells, order, material) -> NDArray[np.float64]:
     basis = Basis(mesh, element, intorder=order, elements=cells)
-    phi = np.stack([np.broadcast_to(p[0].value, basis.dx.shape) for p in basis.basis])
-    P = (phi * np.sqrt(material.density * basis.dx)).transpose(1, 0, 2)
-    return np.kron(P @ P.transpose(0, 2, 1), np.eye(3))
+    phi = np.stack([np.broadcast_to(np.asarray(p[0]), basis.dx.shape) for p in basis.basis])
+    P = phi.transpose(1, 0, 2)
+    return np.kron((P * material.density * basis.dx[:, None]) @ P.transpose(0, 2, 1), np.eye(3))
 
 
 def _scattered(local, dofs, like) -> csr_matrix:

@@ -50,21 +50,21 @@ ASSUMED = "assumed: not in the thesis"
 class Assembly:
     """Dimensions in metres; raises :class:`InvalidGeometry` when they cannot be built."""
 
-    block_x: float = _length(0.131, FITTED, "block along the chain")
-    block_y: float = _length(0.099, FITTED, "block across, between the sheets")
-    block_z: float = _length(0.0414, FITTED, "block height")
-    sheet_thickness: float = _length(0.85e-3, FITTED, "sheet thickness")
+    block_x: float = _length(0.1315, FITTED, "block along the chain")
+    block_y: float = _length(0.0982, FITTED, "block across, between the sheets")
+    block_z: float = _length(0.0415, FITTED, "block height")
+    sheet_thickness: float = _length(0.847e-3, FITTED, "sheet thickness")
     sheet_width: float = _length(0.0655, FITTED, "sheet width along the chain")
-    sheet_free_length: float = _length(0.0325, FITTED, "sheet between the clamp lines")
+    sheet_free_length: float = _length(0.0326, FITTED, "sheet between the clamp lines")
     head_overlap: float = _length(0.025, ASSUMED, "sheet on the block")
     foot_overlap: float = _length(0.025, ASSUMED, "sheet on the sheets' support")
     screw_x: tuple[float, ...] = _length((-0.015, 0.015), FITTED, "screws along x, in each joint")
-    head_screw_z: float = _length(0.0105, FITTED, "head screws above the block's lower edge")
-    foot_screw_z: float = _length(0.015, FITTED, "foot screws below the upper edge they hold to")
+    head_screw_z: float = _length(0.01065, FITTED, "head screws above the block's lower edge")
+    foot_screw_z: float = _length(0.0152, FITTED, "foot screws below the upper edge they hold to")
     hole_radius: float = _length(0.003, ASSUMED, "screw hole in the sheet")
-    washer_radius: float = _length(0.0095, FITTED, "region held under a screw head")
+    washer_radius: float = _length(0.0094, FITTED, "region held under a screw head")
     sheets_support_x: float = _length(0.090, ASSUMED, "sheets' support along the chain")
-    sheets_support_y: float = _length(0.099, FITTED, "sheets' support across, as the block")
+    sheets_support_y: float = _length(0.0982, FITTED, "sheets' support across, as the block")
     sheets_support_z: float = _length(0.030, ASSUMED, "sheets' support height")
     support_x: float = _length(0.090, ASSUMED, "support along the chain")
     support_y: float = _length(0.090, ASSUMED, "support across")
@@ -246,8 +246,8 @@ def _check_screws(a: Assembly) -> None:
         lower, upper = washer_z_range(a, joint)
         if z - a.washer_radius <= lower or z + a.washer_radius >= upper:
             raise InvalidGeometry(
-                f"{joint}_screw_z puts a washer at z = {z:.6g} m +- {a.washer_radius} m, outside the "
-                f"overlap [{lower:.6g}, {upper:.6g}] m; move the screw or widen {joint}_overlap."
+                f"{joint}_screw_z puts a washer at z = {z:.6g} m +- {a.washer_radius} m outside "
+                f"its overlap [{lower:.6g}, {upper:.6g}] m; move the screw or widen {joint}_overlap."
             )
     for x, (lower, upper) in zip(a.screw_x, screw_cells(a), strict=True):
         if x - a.washer_radius <= lower or x + a.washer_radius >= upper:

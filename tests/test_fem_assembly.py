@@ -1,0 +1,137 @@
+"""The steel assembly against the thesis' table 5.2, and its contact."""
+
+import numpy as np
+import pytest
+
+from fem import (
+    Joint,
+    Material,
+    assemble,
+    contact_patch,
+    disc_quadrature,
+    factorised,
+    full_tie,
+    mac,
+    modes,
+    pair,
+    point_functional,
+    receptance,
+    screw_tie,
+    wires,
+)
+from geometry import PARTS, Assembly, boxes, held_faces, hex_mesh, interfaces
+
+STEEL = Material(210e9, 0.3, 7850.0)
+STAGE_1 = Assembly(parts=PARTS[:2])
+
+
+def structure(assembly, contact_seed=None, seed=6e-3):
+    mesh = hex_mesh(
+        assembly,
+        seed=seed,
+        block_seed=14e-3,
+        support_seed=25e-3,
+        contact_seed=contact_seed,
+        contact_point=(0.03, 0.0),
+    )
+    return assemble(mesh, {body: STEEL for body in mesh.subdomains})
+
+
+@pytest.fixture(scope="module")
+def full():
+    return full_tie(structure(STAGE_1), interfaces(STAGE_1), held_faces(STAGE_1))
+
+
+@pytest.fixture(scope="module")
+def bolted():
+    rigid = Joint(kx=np.inf, ky=1.1e6, kz=2.56e7, kry=100.0)
+    joint = {"block": rigid, "sheets_support": Joint()}
+    return wires(structure(Assembly(), 3e-3), interfaces(Assembly()), held_faces(Assembly()), joint)
+
+
+def test_full_tie_matches_the_first_row_of_table_5_2(full):
+    found = modes(full.K, full.M, 18)
+    f = found.frequency_hz[pair(full, found).index]
+    np.testing.assert_allclose(f[:3], [55.105, 630, 1134], rtol=0.03)
+    assert f[3] == pytest.approx(8171.6, rel=0.01)
+
+
+def test_screw_tie_matches_its_first_row_of_table_5_2():
+    held = held_faces(STAGE_1, under_washers=True)
+    model = screw_tie(structure(STAGE_1, seed=5e-3), interfaces(STAGE_1), held)
+    found = modes(model.K, model.M, 29)
+    f = found.frequency_hz[pair(model, found).index]
+    np.testing.assert_allclose(f, [35.9, 480.5, 905, 8140], rtol=0.03)
+
+
+def test_modes_are_told_by_shape_not_by_order(bolted):
+    found = modes(bolted.K, bolted.M, 6)
+    pairing = pair(bolted, found)
+    np.testing.assert_array_equal(pairing.index[:3], [0, 1, 4])
+    np.testing.assert_allclose(found.frequency_hz[[0, 1, 4]], [51, 269, 907], rtol=0.05)
+    assert pairing.index[3] == -1 and pairing.score[3] == 0.0
+
+
+def test_the_structure_has_the_mass_of_its_bodies(full):
+    x = np.zeros(full.structure.basis.N)
+    x[0::3] = 1.0
+    block, a = boxes(STAGE_1)["block"], STAGE_1
+    solid = np.prod(block.upper - block.lower) * STEEL.density
+    mass = x @ full.structure.M @ x
+    sheets = 2 * a.sheet_thickness * a.sheet_width * STEEL.density
+    sheets *= a.head_overlap + a.sheet_free_length + a.foot_overlap
+    assert solid < mass < solid + sheets
+
+
+def test_mac_of_modes_with_themselves_is_the_identity_on_its_diagonal(full):
+    phi = modes(full.K, full.M, 4).phi
+    np.testing.assert_allclose(np.diag(mac(phi, -2 * phi)), 1.0)
+    assert mac(phi[:, :1], phi[:, 1:2]).item() < 0.1
+
+
+@pytest.mark.parametrize(("weights", "second_moment"), [("hertz", 0.4), ("area", 0.5)])
+def test_disc_weights_integrate_pressure_exactly(weights, second_moment):
+    # <r^2> = int r^2 p dA / int p dA: 2/5 for Hertz' pressure, 1/2 for a uniform one
+    points, share = disc_quadrature(weights, 4, 12)
+    assert share.sum() == pytest.approx(1.0, abs=1e-14)
+    assert share @ np.sum(points**2, axis=1) == pytest.approx(second_moment, abs=1e-14)
+    np.testing.assert_allclose(share @ points, 0.0, atol=1e-15)
+
+
+def test_the_contact_reads_a_rigid_shift_as_that_shift():
+    free = Assembly(parts=("block",))
+    model = full_tie(structure(free, 3e-3), [], [])
+    patch = contact_patch(model, "block:+x", (0.03, 0.0), 2e-3)
+    u = np.zeros(len(patch.w))
+    u[0::3] = -1.0  # the chain comes from +x and pushes along -x
+    assert patch.w @ u == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_allclose(patch.point, [free.block_x / 2, 0.03, free.block_z / 2])
+    read = np.flatnonzero(np.abs(patch.w) > 1e-12)
+    assert np.isin(read, patch.boundary).all() and len(patch.boundary) % 3 == 0
+
+
+def test_less_the_half_space_the_contact_does_not_feel_the_patch(bolted):
+    factor = factorised(bolted.K)
+    left = []
+    for b in (4e-3, 6e-3):
+        w = contact_patch(bolted, "block:+x", (0.03, 0.0), b).w
+        left.append(w @ factor.solve(w) - 0.6 * (1 - 0.3**2) / (210e9 * b))
+    assert left[0] == pytest.approx(left[1], rel=0.01)
+    node = point_functional(bolted, "block:+x", (0.03, 0.0))
+    assert node @ factor.solve(node) > 1.02 * left[0]
+
+
+def test_a_patch_over_the_edge_is_refused(full):
+    with pytest.raises(ValueError, match=r"\[y, z\] = \[0.03, 0.0199\] m .* leaves the face"):
+        contact_patch(full, "block:+x", (0.03, 0.0199), 2e-3)
+
+
+def test_receptance_at_rest_is_the_static_compliance_and_peaks_at_a_mode(full):
+    w = contact_patch(full, "block:+x", (0.03, 0.0), 6e-3).w
+    static = w @ factorised(full.K).solve(w)
+    f3 = modes(full.K, full.M, 3).frequency_hz[2]
+    assert receptance(full.K, full.M, w, [0.0])[0] == pytest.approx(static, rel=1e-9)
+    H = receptance(full.K, full.M, w, [f3], loss_factor=0.02)[0]
+    phi = w @ modes(full.K, full.M, 3).phi[:, 2]
+    peak = phi**2 / (2 * np.pi * f3) ** 2 / 0.02
+    assert abs(H.imag) == pytest.approx(peak, rel=0.02)
