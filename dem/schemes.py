@@ -169,6 +169,7 @@ SCHEMES = {
 
 
 def default_scheme(chain, wall):
-    """Name of the scheme that measures best: Runge-Kutta-Nystrom where forces know no velocity."""
-    damped = chain.dissipation != "none" or (wall is not None and wall.mobility > 0.0)
-    return "kahan-li6" if damped else "rkn6"
+    """Name of the scheme that measures best among those that keep their order."""
+    if chain.dissipation != "none":
+        return "suzuki4"
+    return "split4" if wall is not None and wall.mobility > 0.0 else "rkn6"

@@ -83,7 +83,7 @@ def test_energy_ledger_closes_with_every_part(damped):
     )
     wall = modal_wall(damped, residual_compliance=0.1)._replace(phi=np.array([0.0, -0.5, 0.4, 0.7]))
     run = march(chain, wall, struck(6), duration=30.0, dt=0.01, n_save=300)
-    assert run.energy_error < 1e-8
+    assert run.energy_error < (1e-7 if damped else 1e-8)
     for part in (
         run.energy_contact, run.energy_leaf, run.energy_wall, run.energy_residual,
         run.work_preload,
