@@ -1,3 +1,4 @@
+from dem.batch import Batch, march_batch
 from dem.chain import (
     Chain,
     Equilibrium,
@@ -19,6 +20,7 @@ from dem.trajectory import Trajectory, UnstableStep, march
 
 __all__ = [
     "SCHEMES",
+    "Batch",
     "Chain",
     "Controlled",
     "Equilibrium",
@@ -33,6 +35,7 @@ __all__ = [
     "dashpot_wall",
     "equilibrium",
     "march",
+    "march_batch",
     "march_to_error",
     "one_dof_wall",
     "plate_wall",

@@ -27,6 +27,7 @@ FAST = {"contract", "reassoc", "nsz", "arcp"}
 NONE, LINEAR, LINEAR_CLIPPED, HUNT_CROSSLEY = range(4)
 Q, P, PHI, OMEGA, STATIC = range(5)
 U, V, DASH, WORK = range(4)
+LANES = 16
 
 
 @njit(cache=True, fastmath=FAST)
@@ -226,65 +227,24 @@ def damp_contacts(first, dt, x, v, f, minv, A, wall, ledger, offset, dissipation
 
 
 @njit(cache=True)
-def zeta_sums(theta, b, c):
-    """sum b zeta(-p, c - theta) for p = 3/2, 5/2, 7/2 over the nodes of a step and all later
-    ones, nodes before theta left out. Euler-Maclaurin from four terms on."""
-    z3, z5, z7 = 0.0, 0.0, 0.0
+def zeta_sums(theta, b, c, tail):
+    """sum b zeta(-p, c - theta), p = 3/2, 5/2, 7/2, over the nodes of this and all later steps but
+    those before theta. `tail (3, m)` holds what starts two steps on, polynomials in 2 theta - 1."""
+    z = 2.0 * theta - 1.0
+    s3, s5, s7 = 0.0, 0.0, 0.0
+    for k in range(tail.shape[1]):
+        s3 = s3 * z + tail[0, k]
+        s5 = s5 * z + tail[1, k]
+        s7 = s7 * z + tail[2, k]
     for i in range(b.size):
-        s = c[i] - theta
-        s -= math.floor(s) if s < 0.0 else 0.0
-        e3, e5, e7 = 0.0, 0.0, 0.0
-        for _ in range(4):
-            root = s * math.sqrt(s)
-            e3 += root
-            e5 += root * s
-            e7 += root * s * s
-            s += 1.0
-        root = math.sqrt(s)
-        i2 = 1.0 / (s * s)
-        e3 += (
-            root
-            * s
-            * (
-                0.5
-                - 0.4 * s
-                + (-1.5 / 12.0) / s
-                - i2
-                / s
-                * ((1.5 * 0.5 * 0.5) / 720.0 + i2 * (1.5 * 0.5 * 0.5 * 1.5 * 2.5) / 30240.0)
-            )
-        )
-        e5 += (
-            root
-            * s
-            * s
-            * (
-                0.5
-                - s / 3.5
-                + (-2.5 / 12.0) / s
-                + i2
-                / s
-                * ((2.5 * 1.5 * 0.5) / 720.0 + i2 * (2.5 * 1.5 * 0.5 * 0.5 * 1.5) / 30240.0)
-            )
-        )
-        e7 += (
-            root
-            * s
-            * s
-            * s
-            * (
-                0.5
-                - s / 4.5
-                + (-3.5 / 12.0) / s
-                + i2
-                / s
-                * ((3.5 * 2.5 * 1.5) / 720.0 - i2 * (3.5 * 2.5 * 1.5 * 0.5 * 0.5) / 30240.0)
-            )
-        )
-        z3 += b[i] * e3
-        z5 += b[i] * e5
-        z7 += b[i] * e7
-    return z3, z5, z7
+        s = max(c[i] - theta, 0.0)
+        e = max(c[i] - theta + 1.0, 0.0)
+        near = b[i] * s * math.sqrt(s)
+        far = b[i] * e * math.sqrt(e)
+        s3 += near + far
+        s5 += near * s + far * e
+        s7 += near * s * s + far * e * e
+    return s3, s5, s7
 
 
 @njit(cache=True)
@@ -292,6 +252,8 @@ def crossing(g0, r0, g1, r1):
     """Zero in (0, 1) of the cubic with values g and slopes r at the ends, slope and curvature."""
     c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1
     c3 = 2.0 * (g0 - g1) + r0 + r1
+    if g0 == 0.0:
+        return 0.0, r0, 2.0 * c2
     low, high = 0.0, 1.0
     t = g0 / (g0 - g1)
     for _ in range(60):
@@ -305,20 +267,20 @@ def crossing(g0, r0, g1, r1):
         t += step
         if not low <= t <= high:
             t = 0.5 * (low + high)
-        if abs(step) < 1e-15:
+        if abs(step) < 1e-13:
             break
     return t, r0 + t * (2.0 * c2 + t * 3.0 * c3), 2.0 * c2 + 6.0 * t * c3
 
 
 @njit(cache=True)
-def mend_crossing(A, dt, g0, r0, g1, r1, b, c):
+def mend_crossing(A, dt, g0, r0, g1, r1, mend):
     """Impulse and displacement-times-mass that the scheme misses at a contact whose overlap went
     from g0 to g1 with rates r0, r1; also the rate at the crossing."""
     theta, slope, curvature = crossing(g0, dt * r0, g1, dt * r1)
     if (slope > 0.0) != (g1 > 0.0) or slope == 0.0:
         return 0.0, 0.0, 0.0
     closes = slope > 0.0
-    z3, z5, z7 = zeta_sums(theta if closes else 1.0 - theta, b, c)
+    z3, z5, z7 = zeta_sums(theta if closes else 1.0 - theta, mend[0], mend[1], mend[2])
     bend = 0.75 * curvature / abs(slope)
     bend = min(max(bend, -1.0), 1.0)
     size = A * dt * abs(slope) * math.sqrt(abs(slope))
@@ -348,29 +310,11 @@ def crossed(x, x_old, A, wall, wall_old, offset):
 
 @njit(cache=True)
 def mend_crossings(
-    dt,
-    x,
-    v,
-    x_old,
-    v_old,
-    minv,
-    A,
-    wall,
-    wall_old,
-    ledger,
-    offset,
-    dissipation,
-    square,
-    modal,
-    b,
-    c,
-):
-    """Add what the scheme missed at the contacts that opened or closed in the last step.
-
-    Says whether there was any.
-    """
+    dt, x, v, x_old, v_old, minv, A, wall, wall_old, ledger, offset, dissipation, square, modal,
+    mend,
+):  # fmt: skip
+    """Add what the scheme missed at the contacts that opened or closed in the last step."""
     n = x.size
-    mended = False
     for i in range(A.size):
         if i < n - 1:
             g0, g1 = x_old[i] - x_old[i + 1], x[i] - x[i + 1]
@@ -383,7 +327,7 @@ def mend_crossings(
             r0, r1 = v_old[i] - v_old[i + 1], v[i] - v[i + 1]
         else:
             r0, r1 = v_old[i] - wall_old[V], v[i] - wall[V]
-        impulse, shift, rate = mend_crossing(A[i], dt, g0, r0, g1, r1, b, c)
+        impulse, shift, rate = mend_crossing(A[i], dt, g0, r0, g1, r1, mend)
         if dissipation is not None and dissipation[1] == HUNT_CROSSLEY:
             factor = max(dissipation[0][i] * rate, -1.0)
             ledger[0] += factor * impulse * rate
@@ -399,8 +343,6 @@ def mend_crossings(
             wall[U] += square * shift
             for j in range(modal.shape[1]):
                 modal[Q, j] += modal[PHI, j] * shift
-        mended = True
-    return mended
 
 
 @njit(cache=True)
@@ -542,10 +484,11 @@ def march(
                         drift_modes(i, wall, modal, turn)
                     stale = True
             if mend is not None and crossed(x, x_old, A, wall, wall_old, offset):
-                stale |= mend_crossings(
+                mend_crossings(
                     dt, x, v, x_old, v_old, minv, A, wall, wall_old, ledger, offset, dissipation,
-                    square, modal, mend[0], mend[1],
+                    square, modal, mend,
                 )  # fmt: skip
+                stale = True
         if not save(
             k, x, v, saved_f, mass, A, wall, ledger, offset, residual, mobility, modal,
             dissipation, leaf_springs, preload, out,
@@ -633,3 +576,174 @@ def rest(x, A, stiffness, anchor, preload, compliance, floor, n_iterations):
         x[:] = trial
         norm = trial_norm
     return norm
+
+
+@njit(cache=True, fastmath=FAST)
+def forces_of_lanes(x, A, f):
+    for j in range(A.size):
+        d = x[j] - x[j + LANES]
+        d = d if d > 0.0 else 0.0
+        f[j + LANES] = A[j] * d * math.sqrt(d)
+
+
+@njit(cache=True, fastmath=FAST)
+def push_modes_of_lanes(impulse, q, p, phi, shift):
+    """p += phi impulse for every lane; with a shift, q += phi shift as well."""
+    for j in range(0, q.size, LANES):
+        for lane in range(LANES):
+            p[j + lane] += phi[j + lane] * impulse[lane]
+            if shift is not None:
+                q[j + lane] += phi[j + lane] * shift[lane]
+
+
+@njit(cache=True, fastmath=FAST)
+def read_modes_of_lanes(q, p, phi, u, w):
+    u[:] = 0.0
+    w[:] = 0.0
+    for j in range(0, q.size, LANES):
+        for lane in range(LANES):
+            u[lane] += phi[j + lane] * q[j + lane]
+            w[lane] += phi[j + lane] * p[j + lane]
+
+
+@njit(cache=True, fastmath=FAST)
+def drift_modes_of_lanes(q, p, turn):
+    for j in range(q.size):
+        q_new = turn[0, j] * q[j] + turn[1, j] * p[j]
+        p[j] = turn[2, j] * q[j] + turn[3, j] * p[j]
+        q[j] = q_new
+
+
+@njit(cache=True, fastmath=FAST)
+def crossed_row(x, x_old, row):
+    count = 0.0
+    for j in range(row, row + LANES):
+        before = 1.0 if x_old[j] > x_old[j + LANES] else 0.0
+        after = 1.0 if x[j] > x[j + LANES] else 0.0
+        count += abs(after - before)
+    return count > 0.0
+
+
+@njit(cache=True)
+def mend_lanes(dt, x, v, x_old, v_old, minv, A, mend, wall_impulse, wall_shift):
+    """`mend_crossings` for lanes; what the wall's modes get is left in the last two arguments.
+
+    Says whether there was any.
+    """
+    mended = False
+    wall_impulse[:] = 0.0
+    wall_shift[:] = 0.0
+    for row in range(0, A.size, LANES):
+        if not crossed_row(x, x_old, row):
+            continue
+        mended = True
+        for j in range(row, row + LANES):
+            k = j + LANES
+            g0, g1 = x_old[j] - x_old[k], x[j] - x[k]
+            if (g0 > 0.0) == (g1 > 0.0) or A[j] == 0.0:
+                continue
+            impulse, shift, _ = mend_crossing(
+                A[j], dt, g0, v_old[j] - v_old[k], g1, v[j] - v[k], mend
+            )
+            v[j] -= minv[j] * impulse
+            x[j] -= minv[j] * shift
+            v[k] += minv[k] * impulse
+            x[k] += minv[k] * shift
+            if k >= A.size:
+                wall_impulse[k - A.size] = impulse
+                wall_shift[k - A.size] = shift
+    return mended
+
+
+@njit(cache=True, fastmath=FAST)
+def energy_of_lanes(x, v, mass, A, q, p, omega, energy):
+    energy[:] = 0.0
+    for row in range(0, A.size, LANES):
+        for lane in range(LANES):
+            j = row + lane
+            d = x[j] - x[j + LANES]
+            d = d if d > 0.0 else 0.0
+            energy[lane] += 0.4 * A[j] * d * d * math.sqrt(d) + 0.5 * mass[j] * v[j] * v[j]
+    for row in range(0, q.size, LANES):
+        for lane in range(LANES):
+            j = row + lane
+            energy[lane] += 0.5 * (p[j] * p[j] + omega[j] * omega[j] * q[j] * q[j])
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def march_lanes(
+    v0, mass, A, phi, omega, turn, a, b, dt, n_save, stride, observed, mend, vs, walls, errors
+):
+    """March LANES bare chains side by side, block after block.
+
+    v0, mass, A (n_blocks, n), phi, omega (n_blocks, k), turn (n_blocks, n_drifts, 4,
+    k * LANES). Fills vs (n_blocks, n_save + 1, n_observed), walls (n_blocks, n_save + 1,
+    lanes) with the wall force and errors (n_blocks) with the energy error.
+    """
+    n_blocks, n = v0.shape[:2]
+    size = n * LANES
+    x = np.zeros(size + LANES)
+    v = np.zeros(size + LANES)
+    x_old = np.zeros(size + LANES)
+    v_old = np.zeros(size + LANES)
+    minv = np.zeros(size + LANES)
+    f = np.zeros(size + LANES)
+    impulse = np.zeros(LANES)
+    shift = np.zeros(LANES)
+    start = np.zeros(LANES)
+    energy = np.zeros(LANES)
+    modes = phi.shape[1] * LANES
+    for block in range(n_blocks):
+        stiffness = A[block].reshape(size)
+        inertia = mass[block].reshape(size)
+        minv[:size] = 1.0 / inertia
+        x[:] = 0.0
+        v[:size] = v0[block].reshape(size)
+        v[size:] = 0.0
+        q, p = np.zeros(modes), np.zeros(modes)
+        reading, swing = phi[block].reshape(modes), omega[block].reshape(modes)
+        stale = True
+        for k in range(n_save + 1):
+            for _step in range(stride if k > 0 else 0):
+                if mend is not None:
+                    x_old[:] = x
+                    v_old[:] = v
+                for i in range(b.size):
+                    if b[i] != 0.0:
+                        if stale:
+                            forces_of_lanes(x, stiffness, f)
+                        kick = b[i] * dt
+                        for j in range(size):
+                            v[j] += kick * minv[j] * (f[j] - f[j + LANES])
+                        if modes > 0:
+                            for lane in range(LANES):
+                                impulse[lane] = kick * f[size + lane]
+                            push_modes_of_lanes(impulse, q, p, reading, None)
+                        stale = False
+                    if i < a.size and a[i] != 0.0:
+                        drift = a[i] * dt
+                        for j in range(size):
+                            x[j] += drift * v[j]
+                        if modes > 0:
+                            drift_modes_of_lanes(q, p, turn[block, i])
+                            read_modes_of_lanes(q, p, reading, x[size:], v[size:])
+                        stale = True
+                if mend is not None:
+                    if modes > 0:
+                        read_modes_of_lanes(q, p, reading, x[size:], v[size:])
+                    if mend_lanes(dt, x, v, x_old, v_old, minv, stiffness, mend, impulse, shift):
+                        if modes > 0:
+                            push_modes_of_lanes(impulse, q, p, reading, shift)
+                            read_modes_of_lanes(q, p, reading, x[size:], v[size:])
+                        stale = True
+            energy_of_lanes(x, v, inertia, stiffness, q, p, swing, energy)
+            if k == 0:
+                start[:] = energy
+            for lane in range(LANES):
+                for i in range(observed.size):
+                    vs[block, k, i, lane] = v[observed[i] * LANES + lane]
+                d = max(x[size - LANES + lane] - x[size + lane], 0.0)
+                walls[block, k, lane] = stiffness[size - LANES + lane] * d * math.sqrt(d)
+                change = abs(energy[lane] - start[lane]) / start[lane]
+                if not change <= errors[block, lane]:
+                    errors[block, lane] = change

@@ -25,16 +25,12 @@ class Scheme(NamedTuple):
     a: np.ndarray
     b: np.ndarray
     kind: str
+    mend: tuple | None  # b, its instants and `_zeta_tail`, for contacts that open or close
 
     @property
     def evaluations(self):
         """Contact force evaluations a step; the last kick shares its forces with the next first."""
         return self.a.size if self.b[0] else self.b.size - 2
-
-    @property
-    def nodes(self):
-        """Instants of the kicks, as fractions of the step."""
-        return np.concatenate([[0.0], np.cumsum(self.a)])
 
 
 def _palindrome(half, n):
@@ -145,10 +141,33 @@ _KAHAN_LI8 = _composition(
 )
 
 
+def _hurwitz(p, a):
+    """zeta(-p, a) for a > 0 (Euler-Maclaurin from ten terms on)."""
+    head = sum((a + k) ** p for k in range(10))
+    a = a + 10
+    tail = -(a ** (p + 1)) / (p + 1) + a**p / 2
+    derivative = p
+    for k, bernoulli in enumerate((1 / 12, -1 / 720, 1 / 30240, -1 / 1209600)):
+        tail -= bernoulli * derivative * a ** (p - 1 - 2 * k)
+        derivative *= (p - 1 - 2 * k) * (p - 2 - 2 * k)
+    return head + tail
+
+
+def _zeta_tail(b, nodes, degree=14):
+    """(3, degree + 1) polynomials in 2 theta - 1, highest power first, of
+    sum b zeta(-p, 2 + nodes - theta) for p = 3/2, 5/2, 7/2."""
+    z = np.cos(np.pi * (np.arange(32) + 0.5) / 32)
+    a = 2.0 + nodes[:, None] - 0.5 * (z + 1.0)
+    sums = [b @ _hurwitz(p, a) for p in (1.5, 2.5, 3.5)]
+    return np.array([np.polynomial.Polynomial.fit(z, s, degree, [-1, 1]).coef[::-1] for s in sums])
+
+
 def _scheme(name, order, a, b, kind):
     if b.size < a.size:
         b = np.concatenate([[0.0], b, [0.0]])
-    return Scheme(name, order, a, b, kind)
+    nodes = np.concatenate([[0.0], np.cumsum(a)])
+    mend = (b, nodes, _zeta_tail(b, nodes)) if order > 2 else None
+    return Scheme(name, order, a, b, kind, mend)
 
 
 SCHEMES = {

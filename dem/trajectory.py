@@ -153,7 +153,7 @@ def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
         x, v, chain.mass, chain.A, scheme.a, scheme.b, h, n_save, stride, prepared.load,
         _leaf(chain, prepared, h * scheme.a), prepared.leaf_springs, float(chain.preload),
         prepared.offset, prepared.residual, prepared.mobility, modes, prepared.dissipation,
-        (scheme.b, scheme.nodes) if mend and scheme.order > 2 else None, running, out,
+        scheme.mend if mend else None, running, out,
     )  # fmt: skip
     if saved < n_save:
         raise UnstableStep(

@@ -1,0 +1,75 @@
+"""Many chains at once are the same chains one by one."""
+
+import numpy as np
+import pytest
+
+from dem import Chain, InvalidChain, Wall, march, march_batch, one_dof_wall, rigid_wall
+
+
+def scattered(count, n, A_wall=1.5):
+    rng = np.random.default_rng(1)
+    A = rng.lognormal(0.0, 0.05, (count, n if A_wall else n - 1))
+    if A_wall:
+        A[:, -1] *= A_wall
+    mass = rng.lognormal(0.0, 0.05, (count, n))
+    v0 = np.zeros((count, n))
+    v0[:, 0] = rng.uniform(0.5, 2.0, count)
+    return Chain(mass, np.full(n, 0.5), A), v0
+
+
+def moving_walls(count):
+    rng = np.random.default_rng(2)
+    omega = rng.uniform(0.0, 3.0, (count, 3))
+    return Wall(omega, rng.uniform(0.0, 0.3, (count, 3)), rng.normal(size=(count, 3)))
+
+
+def alone(chain, wall, v0, i, **options):
+    one = Chain(chain.mass[i], chain.radius, chain.A[i])
+    if wall is not None and wall.omega.ndim == 2:
+        wall = Wall(wall.omega[i], wall.zeta[i], wall.phi[i])
+    return march(one, wall, v0[i], **options)
+
+
+@pytest.mark.parametrize("kind", ["free", "rigid", "shared", "own"])
+def test_batch_is_the_chains_one_by_one(kind):
+    count, n = 37, 7
+    chain, v0 = scattered(count, n, A_wall=None if kind == "free" else 1.5)
+    wall = {
+        "free": None,
+        "rigid": rigid_wall(),
+        "shared": one_dof_wall(0.3, 2.0, 0.05),
+        "own": moving_walls(count),
+    }[kind]
+    options = dict(duration=25.0, dt=0.2, n_save=25)
+    batch = march_batch(chain, wall, v0, observed=[0, 4], threads=2, **options)
+    assert batch.v.shape == (count, 26, 2)
+    for i in (0, 15, 16, 36):
+        one = alone(chain, wall, v0, i, scheme="rkn6", **options)
+        assert batch.v[i] == pytest.approx(one.v[:, [0, 4]], abs=1e-12)
+        wall_force = one.contact_force[:, -1] if wall else np.zeros(26)
+        assert batch.wall_force[i] == pytest.approx(wall_force, abs=1e-12)
+        if kind != "own" and kind != "shared":
+            assert batch.energy_error[i] == pytest.approx(one.energy_error, abs=1e-12)
+
+
+def test_batch_reaches_the_error_it_reports():
+    chain, v0 = scattered(40, 17, 2.8)
+    batch = march_batch(chain, rigid_wall(), v0, duration=60.0, error=1e-4, n_save=60)
+    assert batch.error_estimate < 1e-4
+    off = []
+    for i in range(0, 40, 3):
+        one = alone(chain, rigid_wall(), v0, i, duration=60.0, dt=0.02, n_save=60)
+        off.append(np.abs(one.v - batch.v[i]).max() / v0[i, 0])
+    assert np.median(off) < 1e-4
+
+
+def test_batch_refuses_what_it_does_not_take():
+    chain, v0 = scattered(4, 5)
+    options = dict(duration=1.0, dt=0.1)
+    with pytest.raises(InvalidChain, match="found preload"):
+        march_batch(chain._replace(preload=1.0), rigid_wall(), v0, **options)
+    with pytest.raises(InvalidChain, match="either dt or error"):
+        march_batch(chain, rigid_wall(), v0, duration=1.0)
+    chain.A[2, 1] = np.nan
+    with pytest.raises(InvalidChain, match="not finite"):
+        march_batch(chain, rigid_wall(), v0, **options)
