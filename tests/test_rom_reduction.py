@@ -285,3 +285,21 @@ def test_health_finds_what_is_wrong_with_a_foreign_model():
     assert "M is not positive" in health(sound._replace(M=-sound.M)).findings[0]
     assert "indefinite" in health(sound._replace(K=sound.K - 1e9 * sound.M)).findings[0]
     assert "feed energy" in health(sound._replace(C=-sound.M)).findings[0]
+
+
+@pytest.mark.parametrize(("n", "n_modes"), [(450, 450), (450, 445), (700, 500)])
+def test_every_mode_of_a_chain_can_be_asked_for(n, n_modes):
+    K, M = spring_chain(n)
+    j = np.arange(1, n_modes + 1)
+    exact = 2 * np.sqrt(STIFFNESS / MASS) * np.sin((2 * j - 1) * np.pi / (4 * n + 2))
+    reduced = free_modes(K, M, end_patch(n), n_modes=n_modes)
+    np.testing.assert_allclose(modal(reduced).omega[:n_modes], exact, rtol=1e-10)
+
+
+def test_equal_parts_have_all_their_equal_modes():
+    K, M = spring_chain(300)
+    copies = 3
+    thrice = [sp.block_diag([A] * copies, format="csc") for A in (K, M)]
+    reduced = free_modes(*thrice, end_patch(300 * copies), cutoff_hz=500.0)
+    one = modal(free_modes(K, M, end_patch(300), cutoff_hz=500.0)).omega[:-1]
+    np.testing.assert_allclose(modal(reduced).omega[:-1], np.repeat(one, copies), rtol=1e-9)
