@@ -11,7 +11,7 @@ from geometry import PARTS, Assembly, InvalidGeometry, held_faces, interfaces, p
         ({"screw_x": (-0.03, 0.03)}, r"screw_x = -0.03 m .* does not fit"),
         ({"screw_x": ()}, r"screw_x = \[\] must list"),
         ({"screw_x": (0.015, -0.015)}, r"screw_x = .* ascending"),
-        ({"head_screw_z": 0.005}, r"head_screw_z puts a washer .* outside"),
+        ({"head_screw_z": 0.005}, r"head_screw_z puts a washer .* not in the overlap"),
         ({"hole_radius": 0.02}, r"hole_radius = 0.02 m must be below washer_radius"),
         ({"sheet_width": 0.2}, r"sheet_width = 0.2 m must not exceed block_x"),
         ({"head_overlap": 0.05}, r"head_overlap = 0.05 m must not exceed block_z"),
