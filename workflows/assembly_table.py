@@ -1,4 +1,4 @@
-"""The scene's [assembly]: every dimension of `geometry.Assembly`, the material, how parts are tied."""
+"""The scene's [assembly]: every dimension of `geometry.Assembly`, the material, the ties."""
 
 from dataclasses import fields
 from typing import Annotated, Literal

@@ -10,7 +10,6 @@ from os import environ
 from pathlib import Path
 from typing import Annotated, Optional
 
-import click
 import typer
 
 from workflows.progress import StageProgress, printed
@@ -98,10 +97,11 @@ def modes(
 ) -> None:
     """Frequencies beside the hammer test, MAC and participation at the contact."""
     from workflows.assembly_report import mode_table
+    from workflows.stages import pipeline_of
 
     chosen = _with_assembly(load(scene, tuple(changes or ())))
     with StageProgress(sys.stderr) as progress:
-        table = mode_table(chosen, watch=progress.stage)
+        table = mode_table(pipeline_of(chosen, progress.stage))
     typer.echo(table.model_dump_json(indent=2) if json else table.text())
 
 
@@ -113,10 +113,11 @@ def reduce(
 ) -> None:
     """Write the reduced model: M, K, C, w."""
     from workflows.assembly_report import write_reduced
+    from workflows.stages import pipeline_of
 
     chosen = _with_assembly(load(scene, tuple(changes or ())))
     with StageProgress(sys.stderr) as progress:
-        write_reduced(chosen, out, watch=progress.stage)
+        write_reduced(pipeline_of(chosen, progress.stage), out)
     typer.echo(f"written: {out}")
 
 
@@ -140,21 +141,24 @@ def _with_assembly(scene):
 
 def main() -> None:
     """Run the command; every failure is one sentence on stderr."""
+    # factors of sparse matrices call BLAS on small blocks, where its threads cost three times more
+    environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     sys.exit(_status(app))
 
 
 def _status(command) -> int:
     try:
         return command(standalone_mode=False) or 0
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         return _failed(130, "interrupted; finished stages are kept, the same command goes on.")
     except InvalidScene as error:
         return _failed(2, str(error))
-    except click.ClickException as error:
-        return _failed(2, error.format_message())
     except BrokenPipeError:
         return 1
     except Exception as error:
+        # typer keeps its own copy of click, so a usage error is told by what it can do
+        if hasattr(error, "format_message"):
+            return _failed(2, error.format_message())
         if environ.get("BEADWAVE_DEBUG"):
             raise
         return _failed(1, f"{error}" if isinstance(error, ValueError) else _unexpected(error))

@@ -15,16 +15,17 @@ class ModeField(NamedTuple):
     mesh: Mesh
     body: NDArray[np.int32]  # (n_cells,) index into body_names
     body_names: tuple[str, ...]
+    number: NDArray[np.int64]  # (k,) of the hammer-test mode
     frequency_hz: NDArray[np.float64]  # (k,)
     displacement: NDArray[np.float64]  # (k, n_vertices, 3) mass-normalised
 
 
 def write(path: Path, field: ModeField) -> None:
     """Write the mesh with the body of each cell and a vector field per mode."""
-    modes = zip(field.frequency_hz, field.displacement, strict=True)
+    modes = zip(field.number, field.frequency_hz, field.displacement, strict=True)
     content = to_meshio(
         field.mesh,
-        {f"mode {i}: {hz:.5g} Hz": u for i, (hz, u) in enumerate(modes, start=1)},
+        {f"mode {i}: {hz:.4g} Hz": u for i, hz, u in modes},
         {"body": [field.body]},
         encode_cell_data=False,
         encode_point_data=False,

@@ -2,12 +2,9 @@
 
 from io import BytesIO
 
-import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
-
-matplotlib.use("Agg")
-from matplotlib.figure import Figure  # noqa: E402  the backend is chosen first
 
 Array = NDArray[np.float64]
 COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e")
@@ -45,7 +42,7 @@ def energies(t: Array, ledger: dict[str, Array]) -> bytes:
     total = ledger["energy_total"]
     terms.plot(1e3 * t, 1e3 * total, color="black", linewidth=1, linestyle="--", label="total")
     terms.set_ylabel("energy [mJ]")
-    terms.legend(loc="center right", fontsize=8, frameon=True)
+    terms.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=8, frameon=False)
     closure.plot(1e3 * t, (total - total[0]) / max(abs(total[0]), 1e-300), color="black", lw=0.9)
     closure.set_ylabel("closure error\n[of the start]")
     closure.set_xlabel("time [ms]")
@@ -78,6 +75,7 @@ def _colours(n: int) -> list[str]:
 
 
 def _plain(panel) -> None:
+    panel.margins(x=0.01)
     panel.grid(alpha=0.3, linewidth=0.6)
     panel.spines[["top", "right"]].set_visible(False)
 

@@ -1,11 +1,7 @@
 """A run: the stages a scene needs, and what each leaves in the run folder as it ends."""
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 from platform import python_version
-
-from joblib import Memory
 
 from dem import waves
 from workflows.chain_stages import contact_radius, save_trajectory
@@ -16,20 +12,19 @@ from workflows.scene_file import toml
 from workflows.stages import (
     LIBRARIES,
     Pipeline,
+    Watch,
     library_versions,
-    memory,
     needs_assembly,
+    pipeline_of,
 )
 from workflows.summary import ErrorEstimate, SphereWaves, StageTime, Summary, WaveArrival
-
-Watch = Callable[[str], AbstractContextManager]
 
 
 def run(scene: Scene, out: Path, *, source: Path | None, watch: Watch) -> Summary:
     """Fill the run folder with all that the scene gives."""
     folder = RunFolder(out)
     folder.begin(toml(scene), source)
-    pipeline = _pipeline(scene, watch)
+    pipeline = pipeline_of(scene, watch)
     warnings: tuple[str, ...] = ()
     if needs_assembly(scene):
         from workflows.assembly_report import write_assembly
@@ -49,17 +44,13 @@ def impact(scene: Scene, out: Path | None, *, source: Path | None, watch: Watch)
     folder = RunFolder(out) if out else None
     if folder:
         folder.begin(toml(scene), source)
-    pipeline = _pipeline(scene, watch)
+    pipeline = pipeline_of(scene, watch)
     pipeline("impact")
     summary = summary_of(pipeline)
     if folder:
         _write_trajectory(pipeline, folder)
         folder.write("summary.json", summary.text())
     return summary
-
-
-def _pipeline(scene: Scene, watch: Watch) -> Pipeline:
-    return Pipeline(scene, memory() or Memory(None, verbose=0), watch)
 
 
 def _write_trajectory(pipeline: Pipeline, folder: RunFolder) -> None:
@@ -74,12 +65,12 @@ def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
     found: dict = {}
     if scene.chain:
         warnings = (*warnings, *pipeline("impact").verdict.findings)
+    if scene.chain:
+        found |= _chain_numbers(pipeline)
     if needs_assembly(scene):
         from workflows.assembly_report import assembly_numbers
 
         found |= assembly_numbers(pipeline)
-    if scene.chain:
-        found |= _chain_numbers(pipeline)
     return Summary(
         scene=scene.name,
         stages=tuple(StageTime(**report._asdict()) for report in pipeline.reports),
@@ -96,13 +87,21 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
         "dt_s": trajectory.dt,
         "n_steps": trajectory.n_steps,
         "energy_error": trajectory.energy_error,
-        "error_estimate": ErrorEstimate(time=trajectory.error_estimate),
+        "error_estimate": _errors(pipeline, trajectory.error_estimate),
         "waves": {str(sphere): _waves(trajectory, sphere) for sphere in scene.output.spheres},
     }
     if wall is None:
         return numbers
     peak = float(trajectory.contact_force[:, -1].max())
     return numbers | {"peak_wall_force_N": peak, "contact_radius_m": contact_radius(scene, peak)}
+
+
+def _errors(pipeline: Pipeline, time: float | None) -> ErrorEstimate:
+    if not needs_assembly(pipeline.scene):
+        return ErrorEstimate(time=time)
+    return ErrorEstimate(
+        time=time, reduction=pipeline("reduction-error"), mesh=pipeline("mesh-error")
+    )
 
 
 def _waves(trajectory, sphere: int) -> SphereWaves:

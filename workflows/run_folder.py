@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from os import replace
 from pathlib import Path
-
 from typing import NamedTuple
 
 from workflows.scene import InvalidScene

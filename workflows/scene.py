@@ -17,7 +17,7 @@ class InvalidScene(ValueError):
 def nearest(word: str, known) -> str:
     """A hint at the known word that was probably meant, or the known words."""
     close = get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
+    return f"the nearest known is {close[0]!r}" if close else f"known are {', '.join(known)}"
 
 
 class Table(BaseModel):
@@ -32,7 +32,7 @@ class Table(BaseModel):
     def _known_keys(cls, table: Any) -> Any:
         unknown = [key for key in table if key not in cls.model_fields] if _is_table(table) else []
         if unknown:
-            raise ValueError(f"unknown key {unknown[0]!r}: {nearest(unknown[0], cls.model_fields)}")
+            raise ValueError(f"unknown key {unknown[0]!r}, {nearest(unknown[0], cls.model_fields)}")
         return table
 
 
@@ -139,11 +139,15 @@ class DashpotWall(Table):
 
 
 class RomWall(Table):
-    """A reduced model: of [assembly], or from a file; its surface is the block's material."""
+    """A reduced model: of [assembly], or from a file.
+
+    Modes above `cutoff` answer statically; without it, those that the reduction cannot trust.
+    """
 
     kind: Literal["rom"]
     file: str | None = None
-    young: Positive = 210e9  # [Pa]
+    cutoff: Positive | None = None  # [Hz]
+    young: Positive = 210e9  # [Pa] of the surface struck
     poisson: Poisson = 0.3
 
 
@@ -173,15 +177,17 @@ class Joints(Table):
 class Mesh(Table):
     """Quadratic elements; `seed` is their size in the sheets, `contact_seed` at the patch."""
 
-    element: Literal["hex", "tet"] = "hex"
-    seed: Positive = 4e-3  # [m]
-    contact_seed: Positive = 1e-3  # [m]
+    element: Literal["hex"] = "hex"
+    seed: Positive = 6e-3  # [m]
+    block_seed: Positive = 25e-3  # [m]
+    support_seed: Positive = 30e-3  # [m]
+    contact_seed: Positive = 2e-3  # [m]
 
 
 class Patch(Table):
     """Where the last sphere touches the block's +x face, and how the face is averaged there."""
 
-    point: Point = (0.03, 0.0207)  # y, z [m]
+    point: Point = (0.03, 0.0)  # y, z from the middle of the face [m]
     radius: Positive = 2e-3  # [m]
     weights: Literal["hertz", "area"] = "hertz"
 
@@ -200,11 +206,10 @@ class Reduction(Table):
 
 
 class ModalDamping(Table):
-    """A ratio for all modes, or for the four of the hammer test and `others`."""
+    """A ratio for all modes, or one for each of the hammer test: others take the nearest one's."""
 
     kind: Literal["modal"]
     ratio: _one_or_each(Ratio) = 0.0
-    others: Ratio = 0.0
 
 
 class RayleighDamping(Table):

@@ -1,4 +1,4 @@
-"""Scenes from and to TOML: built-in or a user's file, changed by `--set`, refused in one sentence."""
+"""Scenes from and to TOML: built-in or a user's file, changed by `--set`, refused in a sentence."""
 
 import tomllib
 from importlib.resources import files
@@ -24,6 +24,12 @@ from workflows.scene import (
 )
 
 DEFAULT = "rig-rom"
+INSTEAD = {
+    "time.dt": "error",
+    "time.error": "dt",
+    "reduction.modes": "cutoff",
+    "reduction.cutoff": "modes",
+}
 
 
 class SceneText(NamedTuple):
@@ -61,7 +67,8 @@ def _file_text(name: str, scenes: dict[str, str]) -> str:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise InvalidScene(
-            f"no scene {name!r}: it is neither a file nor a built-in scene; {nearest(name, scenes)}."
+            f"no scene {name!r}: neither a file nor a built-in scene has this name; "
+            f"{nearest(name, scenes)}."
         ) from None
     except UnicodeDecodeError:
         raise InvalidScene(f"{name} is not a text file in UTF-8; give a scene in TOML.") from None
@@ -117,11 +124,12 @@ def _value(text: str) -> Any:
 
 
 def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[str, Any]:
-    """A copy of the table with the value at the path; another `kind` drops what the old one had."""
+    """A copy of the table with the value at the path; what it replaces is dropped."""
     first, *rest = path
     if not rest:
         switched = first == "kind" and key != "reduction.kind" and table.get("kind") != value
-        return {first: value} if switched else {**table, first: value}
+        replaced = {} if switched else {k: v for k, v in table.items() if k != INSTEAD.get(key)}
+        return {**replaced, first: value}
     below = table.get(first, {})
     if not isinstance(below, dict):
         raise InvalidScene(f"--set {key}: {first} = {below!r} is a value and has no keys below it.")
@@ -147,10 +155,14 @@ def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, 
             expected = error["ctx"]["expected_tags"]
             return f"{key}.kind = {found['kind']!r} must be one of {expected}; change it."
         case "value_error":
-            return f"{key}: {error['ctx']['error']}."
+            return f"{key}: {error['ctx']['error']}; change it."
+        case "tuple_type":
+            return f"{key} = {_shown(found)} must be a list; write {key} = [...]."
+        case "string_pattern_mismatch":
+            return f"{key} = {_shown(found)} must be letters, digits, '.', '-' and '_'; change it."
         case "model_type" | "model_attributes_type":
             return f"{key} = {found!r} must be a table; write [{key}] with keys below it."
-    return f"{key} = {_shown(found)} {allowed}; change it, or give --set {key}=VALUE."
+    return f"{key} = {_shown(found)} {allowed}; change it."
 
 
 def _shown(value: Any) -> str:

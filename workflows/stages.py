@@ -31,6 +31,9 @@ CACHE_LIMIT = "8G"
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "gmsh")
 
 
+Watch = Callable[[str], AbstractContextManager]
+
+
 class Stage(NamedTuple):
     """One step: its function, what it reads of the scene, what it needs, which rooms it runs."""
 
@@ -38,6 +41,7 @@ class Stage(NamedTuple):
     reads: Callable[[Scene], Any]
     needs: tuple[str, ...]
     rooms: tuple[str, ...]
+    kept: bool = True  # a quick stage with a large result is computed anew
 
 
 class StageReport(NamedTuple):
@@ -69,20 +73,32 @@ def _dimensions(scene: Scene) -> Any:
 
 
 ASSEMBLY = {
-    "mesh": Stage("workflows.assembly_stages:mesh", _dimensions, (), ("geometry",)),
+    "mesh": Stage("workflows.assembly_stages:mesh", _dimensions, (), ("geometry",), kept=False),
     "model": Stage(
         "workflows.assembly_stages:model",
         _reads("assembly", "joints"),
         ("mesh",),
         ("geometry", "fem"),
+        kept=False,
     ),
     "modes": Stage("workflows.assembly_stages:modes", _reads(), ("model",), ("fem",)),
-    "contact": Stage("workflows.assembly_stages:contact", _reads("patch"), ("model",), ("fem",)),
+    "contact": Stage(
+        "workflows.assembly_stages:contact", _reads("patch"), ("model",), ("fem",), kept=False
+    ),
     "reduction": Stage(
         "workflows.assembly_stages:reduction",
         _reads("reduction", "patch", "assembly"),
-        ("model", "contact"),
-        ("rom", "fem"),
+        ("model", "contact", "modes"),
+        ("rom", "fem", "coupling"),
+    ),
+    "response": Stage(
+        "workflows.response_stage:response",
+        _reads("patch", "damping"),
+        ("model", "contact", "reduction"),
+        ("fem", "rom", "coupling", "workflows.figures"),
+    ),
+    "pictures": Stage(
+        "workflows.picture_stage:pictures", _reads(), ("modes",), ("workflows.pictures",)
     ),
 }
 
@@ -101,6 +117,18 @@ def _stages(scene: Scene) -> dict[str, Stage]:
             ),
             ("wall",),
             ("coupling", "dem"),
+        ),
+        "reduction-error": Stage(
+            "workflows.error_stages:reduction_error",
+            _reads("time", "output"),
+            ("reduction", "wall", "impact"),
+            ("coupling", "dem"),
+        ),
+        "mesh-error": Stage(
+            "workflows.error_stages:mesh_error",
+            lambda scene: [_dimensions(scene), _reads("assembly", "joints", "damping")(scene)],
+            ("impact",),
+            ("geometry", "fem", "rom", "coupling", "dem", "workflows.assembly_stages"),
         ),
         "figures": Stage(
             "workflows.figure_stages:of_chain",
@@ -126,7 +154,7 @@ class Pipeline:
         self,
         scene: Scene,
         memory: Memory,
-        watch: Callable[[str], AbstractContextManager] = lambda name: nullcontext(),
+        watch: Watch = lambda name: nullcontext(),
     ) -> None:
         self.scene = scene
         self.reports: list[StageReport] = []
@@ -145,7 +173,8 @@ class Pipeline:
     def _timed(self, name: str) -> Any:
         below = sum(report.seconds for report in self.reports)
         started = perf_counter()
-        result = self._kept(name, self.key(name), self)
+        kept = self._stages[name].kept
+        result = self._kept(name, self.key(name), self) if kept else self.compute(name)
         within = sum(report.seconds for report in self.reports) - below
         seconds = perf_counter() - started - within
         self.reports.append(StageReport(name, seconds, name not in self._computed))
@@ -167,6 +196,11 @@ class Pipeline:
         parts = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
         sources = [fingerprint(room) for room in (*stage.rooms, module)]
         return _digest([*parts, *sources, library_versions(LIBRARIES)])
+
+
+def pipeline_of(scene: Scene, watch: Watch) -> Pipeline:
+    """The scene's pipeline on the user's cache, or without one where it cannot be written."""
+    return Pipeline(scene, memory() or Memory(None, verbose=0), watch)
 
 
 def _result(name: str, key: str, pipeline: Pipeline) -> Any:

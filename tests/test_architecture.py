@@ -1,0 +1,50 @@
+"""The rooms, their arrows, and what stays where."""
+
+import importlib.metadata
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from importlinter.cli import lint_imports
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("geometry", "fem", "rom", "dem", "coupling", "workflows")
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_other_distribution_owns_a_room(room):
+    owners = importlib.metadata.packages_distributions().get(room, [])
+    assert set(owners) <= {"beadwave"}
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_room_is_typed(room):
+    assert (ROOT / room / "py.typed").is_file()
+
+
+def test_arrows_point_down():
+    assert lint_imports(str(ROOT / "pyproject.toml"), no_cache=True) == 0
+
+
+def test_code_passes_the_linter():
+    ruff = subprocess.run(
+        [sys.executable, "-m", "ruff", "check", "--no-cache", "."],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert ruff.returncode == 0, ruff.stdout
+
+
+def test_tests_are_flat():
+    assert not [path for path in (ROOT / "tests").rglob("__init__.py")]
+    assert not {path.stem for path in (ROOT / "tests").glob("*.py")} & set(ROOMS)
+
+
+def test_readme_opens_with_the_two_lines():
+    blocks = (ROOT / "README.md").read_text(encoding="utf-8").split("```sh\n")[1:3]
+    lines = [block.split("```")[0].strip() for block in blocks]
+    assert all("\n" not in line and "./install.sh" in line for line in lines)
+    assert "beadwave run" in lines[0]
+    assert "pytest" in lines[1]

@@ -1,0 +1,148 @@
+"""Scenes: what is filled in, what is refused, and how it is said."""
+
+import math
+
+import pytest
+
+from workflows.scene import InvalidScene
+from workflows.scene_file import built_in, resolved, scene, toml
+
+MINIMAL = {
+    "name": "minimal",
+    "chain": {"count": 2, "radius": 0.01, "density": 7800.0, "young": 2e11, "poisson": 0.3},
+    "striker": {"velocity": 1.0},
+}
+
+
+def minimal(**tables):
+    return {**MINIMAL, **tables}
+
+
+@pytest.mark.parametrize("name", built_in())
+def test_a_resolved_scene_reads_back_as_itself(name, tmp_path):
+    first = scene(name)
+    path = tmp_path / "scene.toml"
+    path.write_text(toml(first))
+    assert scene(str(path)) == first
+
+
+@pytest.mark.parametrize("name", built_in())
+def test_a_built_in_scene_says_where_its_numbers_come_from(name):
+    for line in built_in()[name].splitlines():
+        key, equals, value = line.partition("=")
+        if equals and any(c.isdigit() for c in value.split("#")[0]) and key.strip() in SOURCED:
+            assert any(word in line for word in ("thesis", "inferred", "assumed")), line
+
+
+SOURCED = {"count", "radius", "density", "young", "poisson", "velocity", "frequency", "mass"} | {
+    "coefficient", "duration", "spheres", "point", "ratio", "damping_ratio", "block_x", "block_y",
+}  # fmt: skip
+
+
+def test_an_absent_table_is_an_absent_part():
+    found = resolved(MINIMAL, "minimal")
+    assert found.wall is None and found.assembly is None and found.preload is None
+    assert found.time.error == 1e-4
+
+
+def test_a_setting_changes_one_value():
+    assert scene("rig-rigid", ("chain.count=15",)).chain.count == 15
+    assert scene("rig-rigid", ("wall.kind=half-space",)).wall.kind == "half-space"
+    assert scene("rig-1dof", ("wall.kind=rigid",)).wall.kind == "rigid"
+
+
+def test_a_step_replaces_the_error_asked_for():
+    time = scene("rig-rigid", ("time.dt=1e-7",)).time
+    assert (time.dt, time.error) == (1e-7, None)
+
+
+def test_settings_apply_in_order():
+    assert scene("rig-rigid", ("chain.count=15", "chain.count=16")).chain.count == 16
+
+
+REFUSED = {
+    "chain.radius=-1": ("chain.radius", "-1", "greater than 0"),
+    "chain.radius='a'": ("chain.radius", "'a'", "number"),
+    "chain.radius=nan": ("chain.radius", "nan", "finite"),
+    "chain.young=inf": ("chain.young", "inf", "finite"),
+    "chain.count=3.5": ("chain.count", "3.5", "integer"),
+    "chain.count=true": ("chain.count", "True", "integer"),
+    "chain.count=0": ("chain.count", "0", "1"),
+    "chain.cuont=3": ("'cuont'", "'count'"),
+    "chian.count=3": ("'chian'", "'chain'"),
+    "chain=3": ("chain", "3", "table"),
+    "chain.radius=[0.1, 0.2]": ("chain.radius", "2 values", "17"),
+    "chain.radius=[0.1, -0.2]": ("chain.radius.1", "-0.2"),
+    "chain.poisson=0.6": ("chain.poisson", "0.6", "0.5"),
+    "contact.stiffness_factor=[1, 2]": ("contact.stiffness_factor", "2 values", "17"),
+    "contact.dissipation=foo": ("contact.dissipation", "'foo'", "hunt-crossley"),
+    "wall.kind=blob": ("wall.kind", "'blob'", "'half-space'"),
+    "wall.kind=rom": ("[assembly]", "wall.file"),
+    "wall.kind=1dof": ("wall.frequency", "missing"),
+    "wall={kind='rom', file='no.npz'}": ("wall.file", "no.npz", "does not exist"),
+    "output.spheres=[1, 44]": ("output.spheres", "44", "17"),
+    "time.duration=-1": ("time.duration", "-1"),
+    "time={dt=1e-7, error=1e-3}": ("dt", "error", "exclude"),
+    "preload.force=-1": ("preload.force", "-1"),
+    "name=a/b": ("name", "'a/b'"),
+    "chain": ("key=value",),
+    "chain.count.x=3": ("chain.count.x", "17"),
+}
+
+
+@pytest.mark.parametrize("change", REFUSED)
+def test_a_refusal_names_the_key_the_value_and_what_is_allowed(change):
+    with pytest.raises(InvalidScene) as refusal:
+        scene("rig-rigid", (change,))
+    sentence = str(refusal.value)
+    assert all(part in sentence for part in REFUSED[change]), sentence
+    assert "\n" not in sentence and sentence.endswith(".") and not sentence.endswith("..")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"", "empty"), (b"[chain", "not TOML"), (b"\xff\xfe", "UTF-8"), (b"name = 'x'", "[chain]")],
+)
+def test_a_broken_file_is_refused(tmp_path, content, words):
+    path = tmp_path / "scene.toml"
+    path.write_bytes(content)
+    with pytest.raises(InvalidScene, match=words.replace("[", r"\[")):
+        scene(str(path))
+
+
+def test_a_missing_file_is_refused_with_the_nearest_scene():
+    with pytest.raises(InvalidScene, match="'rig-rigid'"):
+        scene("rig-rigit")
+
+
+def test_parts_that_exclude_each_other_are_refused():
+    moving = {**MINIMAL["chain"], "initial_velocity": [1.0, 0.0]}
+    with pytest.raises(InvalidScene, match="initial_velocity"):
+        resolved(minimal(chain=moving), "minimal")
+    with pytest.raises(InvalidScene, match="nothing moves"):
+        resolved({"chain": MINIMAL["chain"]}, "minimal")
+    with pytest.raises(InvalidScene, match="preload"):
+        resolved(minimal(preload={"force": 2.0}), "minimal")
+
+
+def test_dimensions_that_cannot_be_built_are_refused():
+    for change, words in {
+        "assembly.sheet_thickness=-1e-3": "sheet_thickness",
+        "assembly.blok_x=0.1": "'block_x'",
+        "assembly.washer_radius=0.05": "washer",
+    }.items():
+        with pytest.raises(InvalidScene, match=words):
+            scene("rig-rom", (change,))
+
+
+def test_a_rigid_joint_direction_is_infinite():
+    found = scene("rig-rom", ("assembly.constraint=wires", "joints.head.kz=2e7"))
+    assert found.joints.head.kz == 2e7
+    assert math.isinf(found.joints.head.kx)
+    assert resolved(_tables(found), "again") == found
+
+
+def _tables(found):
+    import tomllib
+
+    return tomllib.loads(toml(found))

@@ -1,0 +1,114 @@
+"""What the assembly's stages leave behind: files of the run folder, numbers, tables."""
+
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel
+
+from workflows import field_file
+from workflows.assembly_stages import AssemblyModes
+from workflows.picture_stage import NoPicture
+from workflows.reduced_wall import HAMMER_TEST_HZ, save
+from workflows.run_folder import RunFolder, write_pictures
+from workflows.scene import InvalidScene
+from workflows.stages import Pipeline
+
+FORMATS = (".npz", ".mat", ".h5")
+
+
+def write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:
+    """Modes, reduced model and pictures, each as soon as it is there; warnings come back."""
+    modes = pipeline("modes")
+    with folder.writing("modes.vtu") as path:
+        field_file.write(path, modes.field)
+    for name in ("rom.npz", "rom.mat"):
+        with folder.writing(name) as path:
+            save(path, pipeline("reduction"))
+    write_pictures(folder, (pipeline("response").picture,))
+    try:
+        write_pictures(folder, pipeline("pictures"))
+    except NoPicture as missing:
+        return (str(missing),)
+    return ()
+
+
+def assembly_numbers(pipeline: Pipeline) -> dict:
+    """The assembly's part of the summary."""
+    modes = pipeline("modes")
+    return {"modes_hz": paired_hz(modes), "dofs": modes.n_dofs}
+
+
+def paired_hz(modes: AssemblyModes) -> dict[str, float]:
+    """Frequencies of the hammer-test modes that were found, by their number."""
+    hz = modes.omega / (2 * np.pi)
+    return {str(i + 1): float(hz[j]) for i, j in enumerate(modes.index) if j >= 0}
+
+
+class ModeRow(BaseModel):
+    """One computed mode; `hammer_mode` where it is paired with one of the test."""
+
+    number: int
+    frequency_hz: float
+    participation: float
+    hammer_mode: int | None = None
+    hammer_hz: float | None = None
+    difference_percent: float | None = None
+    score: float | None = None
+
+
+class ModeTable(BaseModel):
+    """All computed modes with their participation at the contact [kg^-1/2]."""
+
+    scene: str
+    rows: list[ModeRow]
+
+    def text(self) -> str:
+        """Aligned lines."""
+        lines = [f"{'mode':>5} {'Hz':>10} {'at contact':>11}  {'hammer test':<20}{'score':>6}"]
+        return "\n".join([*lines, *(_line(row) for row in self.rows)])
+
+
+def mode_table(pipeline: Pipeline) -> ModeTable:
+    """Modes beside the hammer test."""
+    modes = pipeline("modes")
+    participation = pipeline("contact").w @ modes.phi
+    tested = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
+    rows = [
+        _row(j, hz, participation[j], tested.get(j), modes.score)
+        for j, hz in enumerate(modes.omega / (2 * np.pi))
+    ]
+    return ModeTable(scene=pipeline.scene.name, rows=rows)
+
+
+def _row(j: int, hz: float, participation: float, tested: int | None, score) -> ModeRow:
+    row = ModeRow(number=j + 1, frequency_hz=hz, participation=abs(participation))
+    if tested is None:
+        return row
+    target = HAMMER_TEST_HZ[tested]
+    return row.model_copy(
+        update={
+            "hammer_mode": tested + 1,
+            "hammer_hz": target,
+            "difference_percent": 100 * (hz / target - 1),
+            "score": float(score[tested]),
+        }
+    )
+
+
+def _line(row: ModeRow) -> str:
+    line = f"{row.number:5} {row.frequency_hz:10.2f} {row.participation:11.4f}"
+    if row.hammer_mode is None:
+        return line
+    test = f"{row.hammer_mode}: {row.hammer_hz:g} Hz ({row.difference_percent:+.1f} %)"
+    return f"{line}  {test:<20}{row.score:6.2f}"
+
+
+def write_reduced(pipeline: Pipeline, path: Path) -> None:
+    """Write the reduced model; raises InvalidScene for an unknown ending."""
+    if path.suffix not in FORMATS:
+        raise InvalidScene(f"--out {path} must end in one of {', '.join(FORMATS)}.")
+    folder = RunFolder(path.parent)
+    reduced = pipeline("reduction")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with folder.writing(path.name) as part:
+        save(part, reduced)

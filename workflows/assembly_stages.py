@@ -1,0 +1,172 @@
+"""The assembly's stages: mesh, joined model, modes, contact patch, reduction."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Mesh
+
+import fem
+import geometry
+import rom
+from coupling import half_space_compliance
+from workflows.assembly_table import assembly
+from workflows.field_file import ModeField
+from workflows.scene import Joints, JointStiffnesses, Scene
+
+N_MODES = (30, 80)  # the second where the first do not reach all four of the hammer test
+MASTER = {"block": "head", "sheets_support": "foot"}  # body a sheet is bolted to: joint
+
+
+class AssemblyModes(NamedTuple):
+    """Modes of the joined assembly, and which of them are those of the hammer test."""
+
+    omega: NDArray[np.float64]  # (k,) [rad/s]
+    phi: NDArray[np.float64]  # (n, k) mass-normalised
+    index: NDArray[np.int64]  # (4,) -1 where none fits
+    score: NDArray[np.float64]  # (4,)
+    n_dofs: int
+    field: ModeField  # the paired modes on the mesh
+
+
+def mesh(scene: Scene) -> Mesh:
+    """The parts, meshed."""
+    m = scene.mesh
+    return geometry.hex_mesh(
+        assembly(scene.assembly),
+        seed=m.seed,
+        block_seed=m.block_seed,
+        support_seed=m.support_seed,
+        contact_seed=m.contact_seed,
+        contact_point=scene.patch.point,
+    )
+
+
+def model(scene: Scene, mesh: Mesh) -> fem.Model:
+    """The parts assembled, joined and held."""
+    table = scene.assembly
+    parts = assembly(table)
+    structure = fem.assemble(mesh, materials(table, mesh.subdomains))
+    touching = geometry.interfaces(parts)
+    held = geometry.held_faces(
+        parts, fixing=table.fixing, under_washers=table.constraint == "screw-tie"
+    )
+    match table.constraint:
+        case "full-tie":
+            return fem.full_tie(structure, touching, held)
+        case "screw-tie":
+            return fem.screw_tie(structure, touching, held)
+    return fem.wires(structure, touching, held, joints(scene.joints))
+
+
+def materials(table, bodies) -> dict[str, fem.Material]:
+    """What each body is made of: the assembly's material where its own table says nothing."""
+    return {body: material(table, _part(body)) for body in bodies}
+
+
+def material(table, part: str) -> fem.Material:
+    """What a part is made of."""
+    own = getattr(table, part) or table
+    return fem.Material(
+        own.young or table.young,
+        table.poisson if own.poisson is None else own.poisson,
+        own.density or table.density,
+    )
+
+
+def _part(body: str) -> str:
+    return "sheets" if body.startswith("sheet-") or body.startswith("sheet+") else body
+
+
+def joints(table: Joints) -> dict[str, fem.Joint]:
+    """Screw stiffnesses by the body that the sheets are bolted to."""
+    return {body: _joint(getattr(table, joint)) for body, joint in MASTER.items()}
+
+
+def _joint(stiffness: JointStiffnesses) -> fem.Joint:
+    return fem.Joint(**stiffness.model_dump())
+
+
+def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
+    """The lowest modes, those of the hammer test found by shape."""
+    for n_modes in N_MODES:
+        found = fem.modes(model.K, model.M, n_modes)
+        paired = fem.pair(model, found)
+        if np.all(paired.index >= 0):
+            break
+    return AssemblyModes(
+        found.omega,
+        found.phi,
+        paired.index,
+        paired.score,
+        model.M.shape[0],
+        _field(model, found, paired),
+    )
+
+
+def _field(model: fem.Model, found: fem.Modes, paired: fem.Pairing) -> ModeField:
+    number = np.flatnonzero(paired.index >= 0) + 1
+    index = paired.index[number - 1]
+    mesh, basis = model.structure.basis.mesh, model.structure.basis
+    u = model.T @ found.phi[:, index]
+    body = np.zeros(mesh.nelements, dtype=np.int32)
+    for i, cells in enumerate(mesh.subdomains.values()):
+        body[cells] = i
+    return ModeField(
+        mesh,
+        body,
+        tuple(mesh.subdomains),
+        number,
+        found.frequency_hz[index],
+        np.array([u[basis.nodal_dofs, j].T for j in range(len(index))]),
+    )
+
+
+def contact(scene: Scene, model: fem.Model) -> fem.ContactPatch:
+    """The patch that loads and reads the block."""
+    patch = scene.patch
+    return fem.contact_patch(model, "block:+x", patch.point, patch.radius, weights=patch.weights)
+
+
+def reduction(
+    scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes
+) -> rom.ReducedModel:
+    """The model in few coordinates at the contact, without the way back to the full field."""
+    size = {"n_modes": scene.reduction.modes, "cutoff_hz": scene.reduction.cutoff}
+    notes = provenance(scene, modes)
+    if scene.reduction.kind == "craig-bampton":
+        reduced = rom.craig_bampton(
+            model.K, model.M, contact.w, contact.boundary, **size,
+            factorise=fem.factorised, provenance=notes,
+        )  # fmt: skip
+    else:
+        ready = (modes.omega, modes.phi) if _enough(scene, modes) else None
+        reduced = rom.free_modes(
+            model.K, model.M, contact.w, **size, modes=ready,
+            factorise=fem.factorised, provenance=notes,
+        )  # fmt: skip
+    return reduced._replace(T=None)
+
+
+def _enough(scene: Scene, modes: AssemblyModes) -> bool:
+    wanted, cutoff = scene.reduction.modes, scene.reduction.cutoff
+    if wanted is not None:
+        return wanted <= len(modes.omega)
+    return 2 * np.pi * cutoff < modes.omega[-1]
+
+
+def provenance(scene: Scene, modes: AssemblyModes) -> dict[str, str]:
+    """What a reader of the reduced model has to know to couple it."""
+    hz = " ".join(f"{f:.9g}" for f in modes.field.frequency_hz)
+    return {"scene": scene.name, "hammer_modes_hz": hz, **patch_provenance(scene)}
+
+
+def patch_provenance(scene: Scene) -> dict[str, str]:
+    """The patch, and the half-space that it holds and that the Hertz law holds once more."""
+    patch, steel = scene.patch, material(scene.assembly, "block")
+    local = half_space_compliance(steel.young, steel.poisson, patch.radius, patch.weights)
+    return {
+        "patch_weights": patch.weights,
+        "patch_radius_m": repr(patch.radius),
+        "half_space_compliance_m_per_N": repr(local),
+    }

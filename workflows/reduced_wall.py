@@ -1,0 +1,69 @@
+"""The wall that a reduced model makes, of this scene's assembly or from a file."""
+
+from pathlib import Path
+
+import numpy as np
+
+import coupling
+import dem
+import rom
+from workflows.scene import Damping, InvalidScene, ModalDamping, RayleighDamping, Scene
+
+HAMMER_TEST_HZ = (51.0, 269.0, 907.0, 8425.0)
+
+
+def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall:
+    """Oscillators below the cutoff, a residual spring for the rest, the half-space taken out."""
+    reduced = loaded(Path(scene.wall.file)) if reduction is None else reduction
+    return coupling.wall_from_reduced(
+        reduced,
+        half_space=half_space(reduced),
+        damping=damping(scene.damping, reduced),
+        cutoff_hz=scene.wall.cutoff or trusted_hz(reduced),
+    )
+
+
+def half_space(reduced: rom.ReducedModel) -> float:
+    """What the Hertz law holds already [m/N], as the model's maker wrote it; 0 if unsaid."""
+    return float(reduced.provenance.get("half_space_compliance_m_per_N", 0.0))
+
+
+def trusted_hz(reduced: rom.ReducedModel) -> float | None:
+    """Where a Craig-Bampton model's own modes end; boundary shapes above answer statically."""
+    interior = np.diag(reduced.K)[reduced.n_boundary :]
+    if reduced.kind != "craig-bampton" or not len(interior):
+        return None
+    return float(np.sqrt(interior.max()) / (2 * np.pi))
+
+
+def damping(table: Damping, reduced: rom.ReducedModel) -> coupling.Damping | None:
+    """The scene's damping; ratios of the hammer-test modes go to the modes nearest to them."""
+    match table:
+        case RayleighDamping(alpha=alpha, beta=beta):
+            return coupling.RayleighDamping(alpha, beta)
+        case ModalDamping(ratio=float(ratio)):
+            return coupling.ModalDamping(ratio)
+        case ModalDamping(ratio=ratio):
+            return coupling.ModalDamping(ratio, _hammer_modes_hz(reduced), "nearest")
+    return None
+
+
+def _hammer_modes_hz(reduced: rom.ReducedModel) -> list[float]:
+    noted = reduced.provenance.get("hammer_modes_hz")
+    return [float(hz) for hz in noted.split()] if noted else list(HAMMER_TEST_HZ)
+
+
+def loaded(path: Path) -> rom.ReducedModel:
+    """A reduced model from .npz, .mat or .h5; raises InvalidScene where it is none."""
+    load = {".npz": rom.load_npz, ".mat": rom.load_mat, ".h5": rom.load_h5}.get(path.suffix)
+    if load is None:
+        raise InvalidScene(f"wall.file = {str(path)!r} must end in .npz, .mat or .h5.")
+    try:
+        return load(path)
+    except rom.ReductionError as error:
+        raise InvalidScene(f"wall.file: {error}") from None
+
+
+def save(path: Path, reduced: rom.ReducedModel) -> None:
+    """Write a reduced model in the format of the ending."""
+    {".npz": rom.save_npz, ".mat": rom.save_mat, ".h5": rom.save_h5}[path.suffix](path, reduced)
