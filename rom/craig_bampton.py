@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from rom.factorisation import (
+    EigenPairs,
     Factorise,
     Pencil,
     ReductionError,
@@ -25,8 +26,10 @@ from rom.factorisation import (
     superlu,
     symmetric,
 )
+from rom.free_modes import require_one_choice
 from rom.health import require_faithful
-from rom.reduced_model import ReducedModel, contact_functional
+from rom.reduced_model import ReducedModel, contact_functional, receptance
+from rom.truncation import DAMPING, frequencies, likely_cutoff_hz, rms
 
 
 class Partition(NamedTuple):
@@ -50,6 +53,8 @@ def craig_bampton(
     *,
     n_modes: int | None = None,
     cutoff_hz: float | None = None,
+    error: float | None = None,
+    to_hz: float | None = None,
     shift: float | None = None,
     C: ArrayLike | sp.sparray | None = None,
     factorise: Factorise = superlu,
@@ -57,37 +62,96 @@ def craig_bampton(
 ) -> ReducedModel:
     """Reduce K, M (n, n) to the dofs in boundary (b,) and k fixed-interface modes.
 
-    Give n_modes, or cutoff_hz [Hz] for all fixed-interface modes below it. w (n,) may only load
-    the boundary. One factorisation of K_ii serves the constraint modes and the fixed-interface
-    modes; factorise(A) returns an object with .solve. shift [rad^2/s^2] is for the modes of an
-    interior that is nearly singular; constraint modes need K_ii itself and refuse any other.
+    Give n_modes, or cutoff_hz [Hz] for all fixed-interface modes below it, or error and to_hz [Hz]
+    for as many as keep the receptance at the contact to a relative rms error up to that frequency;
+    with to_hz the result states its error. w (n,) may only load the boundary. One factorisation
+    of K_ii serves constraint modes and fixed-interface modes; factorise(A) returns an object with
+    .solve. shift is refused: constraint modes need K_ii itself, which a held boundary makes
+    positive definite even where K floats.
     Raises ReductionError with one sentence where the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
     part = partition(boundary, w)
-    if (n_modes is None) == (cutoff_hz is None):
-        raise ReductionError("give either n_modes or cutoff_hz to say how many modes to keep.")
-    K_bb, K_ib, K_ii = part.blocks(K)
-    interior = _held_interior(K_ii, part.blocks(M)[2], factorise, shift)
-    psi = -solutions(interior.factor, K_ib)
-    _require_constraint_modes(interior, K_ib, psi, w[part.boundary])
-    omega, phi = (
-        lowest_modes(interior, n_modes) if n_modes is not None else modes_below(interior, cutoff_hz)
-    )
+    require_one_choice(n_modes, cutoff_hz, error, to_hz)
+    interior = _held_interior(part, K, M, factorise, shift)
+    psi = -solutions(interior.factor, part.blocks(K)[1])
+    _require_constraint_modes(interior, part.blocks(K)[1], psi, w[part.boundary])
+    C = None if C is None else symmetric(C, "C")
+    cutoff = likely_cutoff_hz(error, to_hz) if error is not None else cutoff_hz
+    while True:
+        pairs = _fixed_interface_modes(interior, n_modes, cutoff)
+        reduced = _projected(part, K, M, C, w, psi, pairs, dict(provenance or {}))
+        if to_hz is not None:
+            reduced = reduced._replace(error=_error(interior, part, K, M, w, reduced, to_hz))
+        if error is None or reduced.error <= error:
+            break
+        cutoff *= 1.4
+    require_faithful(reduced, K, M)
+    return reduced
+
+
+def _fixed_interface_modes(
+    interior: Pencil, n_modes: int | None, cutoff_hz: float | None
+) -> EigenPairs:
+    if n_modes is not None:
+        return lowest_modes(interior, n_modes)
+    return modes_below(interior, cutoff_hz)
+
+
+def _projected(
+    part: Partition,
+    K: sp.csc_array,
+    M: sp.csc_array,
+    C: sp.csc_array | None,
+    w: np.ndarray,
+    psi: np.ndarray,
+    pairs: EigenPairs,
+    provenance: dict[str, str],
+) -> ReducedModel:
+    K_bb, K_ib, _ = part.blocks(K)
+    omega, phi = pairs
     T = basis(part, psi, phi)
-    reduced = ReducedModel(
+    return ReducedModel(
         K=_block_diagonal(K_bb + K_ib.T @ psi, omega**2),
         M=_projected_mass(part, M, psi, phi),
-        C=None if C is None else _symmetrised(T.T @ (symmetric(C, "C") @ T)),
+        C=None if C is None else _symmetrised(T.T @ (C @ T)),
         w=np.append(w[part.boundary], np.zeros(len(omega))),
         T=T,
         kind="craig-bampton",
         n_boundary=len(part.boundary),
-        provenance=dict(provenance or {}),
+        provenance=provenance,
     )
-    require_faithful(reduced, K, M)
-    return reduced
+
+
+def _error(
+    interior: Pencil,
+    part: Partition,
+    K: sp.csc_array,
+    M: sp.csc_array,
+    w: np.ndarray,
+    reduced: ReducedModel,
+    to_hz: float,
+) -> float:
+    """Relative rms error of the receptance up to to_hz, from the forces it leaves inside.
+
+    With r = w - D T q and T^T r = 0 the error is r^T D^-1 r; r lies in the interior beyond the
+    kept modes, where D is close to K_ii: |r_i^T K_ii^-1 r_i| / (1 - omega^2 / omega_{k+1}^2).
+    """
+    omega = np.sqrt(np.diag(reduced.K)[len(part.boundary) :])
+    if len(omega) == len(part.interior):
+        return 0.0
+    highest = omega[-1] if len(omega) else np.inf
+    if highest <= 2 * np.pi * to_hz:
+        return np.inf
+    left = []
+    for s in 2 * np.pi * frequencies(to_hz, 8):
+        stiffness = reduced.K * (1 + 2j * DAMPING) - s**2 * reduced.M
+        u = reduced.T @ np.linalg.solve(stiffness, reduced.w)
+        r = (w - K @ u * (1 + 2j * DAMPING) + s**2 * (M @ u))[part.interior]
+        inside = interior.factor.solve(np.column_stack([r.real, r.imag]))
+        left.append(r @ (inside @ [1, 1j]) / (1 - (s / highest) ** 2))
+    return rms(np.array(left)) / rms(receptance(reduced, None, frequencies(to_hz), zeta=DAMPING))
 
 
 def partition(boundary: ArrayLike, w: np.ndarray) -> Partition:
@@ -111,14 +175,14 @@ def partition(boundary: ArrayLike, w: np.ndarray) -> Partition:
 
 
 def _held_interior(
-    K_ii: sp.csc_array, M_ii: sp.csc_array, factorise: Factorise, shift: float | None
+    part: Partition, K: sp.csc_array, M: sp.csc_array, factorise: Factorise, shift: float | None
 ) -> Pencil:
     if shift:
         raise ReductionError(
             f"shift={shift:g} would make the constraint modes inexact; leave it out, K_ii is "
             f"positive definite once the boundary is held."
         )
-    held = pencil(K_ii, M_ii, factorise)
+    held = pencil(part.blocks(K)[2], part.blocks(M)[2], factorise)
     if held.sigma:
         raise ReductionError(
             "the interior still floats with the boundary held; "

@@ -79,12 +79,16 @@ def _dataset(dataset) -> object:
 
 def _fields(reduced: ReducedModel, basis: bool) -> dict[str, object]:
     arrays = {name: getattr(reduced, name) for name in ARRAYS if basis or name != "T"}
-    return {name: A for name, A in arrays.items() if A is not None} | {
-        "kind": reduced.kind,
-        "n_boundary": reduced.n_boundary,
-        "n_residual": reduced.n_residual,
-        "provenance": json.dumps(reduced.provenance),
-    }
+    return (
+        {name: A for name, A in arrays.items() if A is not None}
+        | {
+            "kind": reduced.kind,
+            "n_boundary": reduced.n_boundary,
+            "n_residual": reduced.n_residual,
+            "provenance": json.dumps(reduced.provenance),
+        }
+        | ({} if reduced.error is None else {"error": reduced.error})
+    )
 
 
 def _readable(path: str | Path, format_name: str, read: Callable):
@@ -116,6 +120,7 @@ def _model(content: Mapping[str, object], path: str | Path, w: ArrayLike | None)
             n_boundary=int(np.ravel(content.get("n_boundary", 0))[0]),
             provenance=json.loads(_text(content, "provenance", "{}")),
             n_residual=int(np.ravel(content.get("n_residual", 0))[0]),
+            error=float(np.ravel(content["error"])[0]) if "error" in content else None,
         ),
         path,
     )

@@ -8,6 +8,8 @@ to the contact force is exact whatever k. MacNeal, Computers & Structures 1 (197
 Rubin, AIAA Journal 13 (1975) 995.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
@@ -27,6 +29,7 @@ from rom.factorisation import (
 )
 from rom.health import require_faithful, require_static_response
 from rom.reduced_model import ReducedModel, contact_functional
+from rom.truncation import likely_cutoff_hz, tail_errors
 
 
 def free_modes(
@@ -36,6 +39,8 @@ def free_modes(
     *,
     n_modes: int | None = None,
     cutoff_hz: float | None = None,
+    error: float | None = None,
+    to_hz: float | None = None,
     shift: float | None = None,
     modes: tuple[np.ndarray, np.ndarray] | None = None,
     C: ArrayLike | sp.sparray | None = None,
@@ -44,50 +49,116 @@ def free_modes(
 ) -> ReducedModel:
     """Reduce K, M (n, n) to k free modes and the residual vector of the contact functional w (n,).
 
-    Give n_modes, or cutoff_hz [Hz] for all modes below it, or modes = (omega (k,) [rad/s],
-    phi (n, k) mass-normalised) that are already there (then n_modes and cutoff_hz cut them).
+    Give n_modes, or cutoff_hz [Hz] for all modes below it, or error and to_hz [Hz] for the fewest
+    whose receptance at the contact, the rest static, is right to a relative rms error up to that
+    frequency; with to_hz the result states its error. modes = (omega (k,) [rad/s], phi (n, k)
+    mass-normalised) are modes that are already there; the other three cut them.
     shift [rad^2/s^2], negative, is the sigma of K - sigma M that gets factorised; None takes K
     itself, or where K floats freely a shift of -(omega_1 / 10)^2. factorise(A) returns an object
     with .solve. Raises ReductionError with one sentence where the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
+    require_one_choice(n_modes, cutoff_hz, error, to_hz, modes)
     problem = pencil(K, M, factorise, shift)
-    omega, phi = _kept(problem, modes, n_modes, cutoff_hz)
-    rigid = phi[:, omega == 0]
-    residual = _residual(problem, w, omega, phi, rigid)
+    known = None if modes is None else known_modes(problem, *modes)
+    (omega, phi), static, stated = (
+        _as_told(problem, w, known, n_modes, cutoff_hz, to_hz)
+        if error is None
+        else _to_error(problem, w, known, error, to_hz)
+    )
+    residual = _residual(M, w, phi, static)
     T = phi if residual is None else np.column_stack([phi, residual])
     squared = omega**2 if residual is None else np.append(omega**2, residual @ (K @ residual))
-    damping = None if C is None else T.T @ (symmetric(C, "C") @ T)
     reduced = ReducedModel(
         K=np.diag(squared),
         M=np.eye(T.shape[1]),
-        C=damping,
+        C=None if C is None else T.T @ (symmetric(C, "C") @ T),
         w=T.T @ w,
         T=T,
         kind="free-modes",
         n_boundary=0,
         provenance=dict(provenance or {}),
         n_residual=0 if residual is None else 1,
+        error=stated,
     )
     require_faithful(reduced, K, M)
-    require_static_response(reduced, K, M, w, rigid)
+    require_static_response(reduced, K, M, w, phi[:, omega == 0])
     return reduced
 
 
-def _kept(
-    problem: Pencil,
-    modes: tuple[np.ndarray, np.ndarray] | None,
+def require_one_choice(
     n_modes: int | None,
     cutoff_hz: float | None,
-) -> EigenPairs:
-    if modes is None and (n_modes is None) == (cutoff_hz is None):
-        raise ReductionError("give either n_modes or cutoff_hz to say how many modes to keep.")
-    if modes is not None:
-        return _cut(known_modes(problem, *modes), n_modes, cutoff_hz)
-    if n_modes is not None:
-        return lowest_modes(problem, n_modes)
-    return modes_below(problem, cutoff_hz)
+    error: float | None,
+    to_hz: float | None,
+    modes: object = None,
+) -> None:
+    """Raise ReductionError unless exactly one of the ways to choose modes is taken."""
+    choices = sum(choice is not None for choice in (n_modes, cutoff_hz, error))
+    if choices > 1 or (choices == 0 and modes is None):
+        raise ReductionError("give one of n_modes, cutoff_hz or error to say which modes to keep.")
+    if error is not None and (to_hz is None or not (0 < error < 1)):
+        raise ReductionError(
+            f"error={error:g} with to_hz={to_hz}: an error lies between 0 and 1 and needs the "
+            f"frequency to_hz up to which it holds."
+        )
+
+
+class Choice(NamedTuple):
+    """Modes, the static response (n,) to the contact force, and the error the rest leaves."""
+
+    pairs: EigenPairs
+    static: np.ndarray
+    error: float | None
+
+
+def _as_told(
+    problem: Pencil,
+    w: np.ndarray,
+    known: EigenPairs | None,
+    n_modes: int | None,
+    cutoff_hz: float | None,
+    to_hz: float | None,
+) -> Choice:
+    if known is not None:
+        pairs = _cut(known, n_modes, cutoff_hz)
+    elif n_modes is not None:
+        pairs = lowest_modes(problem, n_modes)
+    else:
+        pairs = modes_below(problem, cutoff_hz)
+    static = static_response(problem, w, _rigid(pairs))
+    return Choice(pairs, static, to_hz and _errors(problem, pairs, w, static, to_hz)[-1])
+
+
+def _to_error(
+    problem: Pencil, w: np.ndarray, known: EigenPairs | None, error: float, to_hz: float
+) -> Choice:
+    cutoff = likely_cutoff_hz(error, to_hz)
+    while True:
+        pairs = known or modes_below(problem, cutoff)
+        static = static_response(problem, w, _rigid(pairs))
+        errors = _errors(problem, pairs, w, static, to_hz)
+        if errors.min() <= error:
+            n_modes = int(np.argmax(errors <= error))
+            return Choice(_cut(pairs, n_modes, None), static, errors[n_modes])
+        if known is not None:
+            raise ReductionError(
+                f"the {len(known.omega)} modes handed in leave an error of {errors.min():.1e} up "
+                f"to {to_hz:g} Hz, asked was {error:g}; hand in more, or leave modes out."
+            )
+        cutoff *= 1.4
+
+
+def _errors(
+    problem: Pencil, pairs: EigenPairs, w: np.ndarray, static: np.ndarray, to_hz: float
+) -> np.ndarray:
+    second_moment = static @ (problem.M @ static)
+    return tail_errors(pairs.omega, pairs.phi.T @ w, w @ static, second_moment, to_hz)
+
+
+def _rigid(pairs: EigenPairs) -> np.ndarray:
+    return pairs.phi[:, pairs.omega == 0]
 
 
 def _cut(pairs: EigenPairs, n_modes: int | None, cutoff_hz: float | None) -> EigenPairs:
@@ -98,12 +169,11 @@ def _cut(pairs: EigenPairs, n_modes: int | None, cutoff_hz: float | None) -> Eig
 
 
 def _residual(
-    problem: Pencil, w: np.ndarray, omega: np.ndarray, phi: np.ndarray, rigid: np.ndarray
+    M: sp.csc_array, w: np.ndarray, phi: np.ndarray, static: np.ndarray
 ) -> np.ndarray | None:
-    static = static_response(problem, w, rigid)
-    r = static - phi @ (phi.T @ (problem.M @ static))
-    r -= phi @ (phi.T @ (problem.M @ r))
+    r = static - phi @ (phi.T @ (M @ static))
+    r -= phi @ (phi.T @ (M @ r))
     # of a structure whose modes are all kept nothing remains but rounding
     if w @ r < 1e-12 * abs(w @ static):
         return None
-    return r / np.sqrt(r @ (problem.M @ r))
+    return r / np.sqrt(r @ (M @ r))

@@ -24,7 +24,8 @@ class ReducedModel(NamedTuple):
     contact force enters as w F. T (n, r) gives the full field back and is None where it is not
     known. kind is "craig-bampton", "free-modes", "full-order" or "imported". The first n_boundary
     coordinates are physical boundary displacements [m]. provenance holds the caller's notes.
-    n_residual of the last coordinates are residual-attachment vectors, not modes.
+    n_residual of the last coordinates are residual-attachment vectors, not modes. error is the
+    estimated relative rms error of the receptance at the contact, where it was asked for.
     """
 
     K: np.ndarray
@@ -36,6 +37,7 @@ class ReducedModel(NamedTuple):
     n_boundary: int
     provenance: dict[str, str]
     n_residual: int = 0
+    error: float | None = None
 
 
 class ModalWall(NamedTuple):

@@ -23,7 +23,7 @@ def small_model(C=None, T=None):
     M = np.array([[2.0, 0.5], [0.5, 1.0]])
     w = np.array([0.25, 0.75])
     notes = {"patch": "1.6 mm", "weights": "hertz"}
-    return ReducedModel(K, M, C, w, T, "craig-bampton", 1, notes, 1)
+    return ReducedModel(K, M, C, w, T, "craig-bampton", 1, notes, 1, 3e-5)
 
 
 @pytest.mark.parametrize("ending", FORMATS)
