@@ -1,7 +1,7 @@
 """Many bare chains at once: equal in length and wall modes, different in everything else.
 
 Chains lie side by side in the lanes of vector registers and in blocks on the threads. Bare means
-Hertz contacts, no dissipation, leaf springs, preload, residual spring or dashpot.
+Hertz contacts, no dissipation, yield, leaf springs, preload, residual spring or dashpot.
 """
 
 import os
@@ -96,6 +96,7 @@ class _Members:
 def _refuse_parts(chain, wall):
     parts = {
         "dissipation": chain.dissipation != "none",
+        "plastic contacts": chain.yield_overlap is not None,
         "leaf springs": np.any(chain.leaf_stiffness),
         "preload": chain.preload != 0.0,
         "a residual compliance": wall is not None and np.any(wall.residual_compliance),

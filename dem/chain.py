@@ -33,6 +33,7 @@ class Chain(NamedTuple):
 
     Damping force of a contact: "linear" and "linear-clipped" gamma delta' [N s/m] while it is
     closed, "hunt-crossley" gamma delta' A delta^(3/2), gamma in [s/m]. Only "linear" can pull.
+    Beyond its yield overlap a contact follows C. Thornton, J. Appl. Mech. 64 (1997) 383.
     """
 
     mass: np.ndarray  # (n,) [kg]
@@ -43,6 +44,7 @@ class Chain(NamedTuple):
     leaf_stiffness: np.ndarray | None = None  # (n,) [N/m]
     leaf_anchor: np.ndarray | None = None  # (n,) [m] offset towards the wall; None: 0
     preload: float = 0.0  # [N] on the last sphere, towards the wall
+    yield_overlap: np.ndarray | None = None  # [m] one per contact, where it turns plastic
 
 
 class Wall(NamedTuple):
@@ -67,11 +69,12 @@ class State(NamedTuple):
     q: np.ndarray  # (n_modes,)
     p: np.ndarray  # (n_modes,)
     wall: np.ndarray  # (4,) u_w, v_w of the modes, displacement of the dashpot, work on the modes
+    deepest: np.ndarray | None = None  # (n_contacts,) largest overlap so far, of plastic contacts
 
     def reversed(self):
         """The same place with all velocities turned round."""
         wall = self.wall * [1.0, -1.0, 1.0, 1.0]
-        return State(self.x, -self.v, self.q, -self.p, wall)
+        return State(self.x, -self.v, self.q, -self.p, wall, self.deepest)
 
 
 class Equilibrium(NamedTuple):
@@ -107,7 +110,7 @@ def row_of_spheres(
     A = hertz_coefficient(R[:-1], E[:-1], nu[:-1], R[1:], E[1:], nu[1:])
     if not free:
         A = np.append(A, hertz_coefficient(R[-1], E[-1], nu[-1], np.inf, wall_young, wall_poisson))
-    sizes = {"gamma": A.size, "leaf_stiffness": n, "leaf_anchor": n}
+    sizes = {"gamma": A.size, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": A.size}
     for name in sizes.keys() & parts.keys():
         if parts[name] is not None:
             parts[name] = np.broadcast_to(np.asarray(parts[name], float), sizes[name]).copy()
@@ -157,6 +160,8 @@ def validate(chain, wall, v0):
         _vector("leaf_anchor", chain.leaf_anchor, n)
         _require(chain.leaf_stiffness is not None, "leaf_anchor needs leaf_stiffness beside it")
     _scalar("preload", chain.preload)
+    if chain.yield_overlap is not None:
+        _vector("yield_overlap", chain.yield_overlap, n_contacts, positive=True)
     if wall is not None:
         _validate_wall(chain, wall)
 
@@ -168,6 +173,10 @@ def _validate_wall(chain, wall):
     _vector("wall phi", wall.phi, n_modes)
     _scalar("residual_compliance", wall.residual_compliance)
     _scalar("mobility", wall.mobility, at_least=0.0)
+    _require(
+        wall.mobility == 0.0 or chain.yield_overlap is None,
+        "a dashpot wall takes no plastic contacts; leave out yield_overlap or the dashpot",
+    )
     _require(
         wall.mobility == 0.0 or chain.dissipation == "none" or chain.gamma[-1] == 0.0,
         f"a dashpot wall takes no damping at the last contact, found gamma = "

@@ -27,6 +27,7 @@ FAST = {"contract", "reassoc", "nsz", "arcp"}
 NONE, LINEAR, LINEAR_CLIPPED, HUNT_CROSSLEY = range(4)
 Q, P, PHI, OMEGA, STATIC = range(5)
 U, V, DASH, WORK = range(4)
+TOP, COEFFICIENT, CRATER = range(3)
 LANES = 16
 
 
@@ -57,12 +58,62 @@ def hertz_indentation(gap, A, s):
 
 
 @njit(cache=True, fastmath=FAST)
-def sphere_forces(x, A, f):
+def plastic_force(i, d, A, plastic):
+    """Thornton's elastic-plastic contact: Hertz up to its yield overlap, straight on beyond, back
+    on the Hertz law of the flattened surface."""
+    limit, history = plastic
+    if d > history[TOP, i]:
+        yielded = A[i] * limit[i] * math.sqrt(limit[i])
+        return yielded * (1.0 + 1.5 * (d - limit[i]) / limit[i])
+    e = max(d - history[CRATER, i], 0.0)
+    return history[COEFFICIENT, i] * e * math.sqrt(e)
+
+
+@njit(cache=True, fastmath=FAST)
+def plastic_indentation(gap, A, residual, plastic):
+    """delta of  delta + s F(delta) = gap  at the last contact."""
+    if residual is None or gap <= 0.0:
+        return max(gap, 0.0)
+    last = A.size - 1
+    low, high = 0.0, gap
+    if residual < 0.0:
+        high = gap - residual * plastic_force(last, 2.0 * gap, A, plastic)
+    for _ in range(100):
+        d = 0.5 * (low + high)
+        if d + residual * plastic_force(last, d, A, plastic) > gap:
+            high = d
+        else:
+            low = d
+        if high - low <= 4e-16 * gap:
+            break
+    return 0.5 * (low + high)
+
+
+@njit(cache=True)
+def plastic_loss(i, top, A, plastic):
+    """Work lost for good once contact i has been pressed to the overlap `top`; also the
+    coefficient of the flattened surface and its crater."""
+    limit = plastic[0][i]
+    yielded = A[i] * limit * math.sqrt(limit)
+    beyond = (top - limit) / limit
+    force = yielded * (1.0 + 1.5 * beyond)
+    flat = yielded / force * ((2.0 * force + yielded) / (3.0 * yielded)) ** 1.5
+    coefficient = A[i] * math.sqrt(flat)
+    elastic = (force / coefficient) ** (2.0 / 3.0)
+    work = yielded * limit * (0.4 + beyond + 0.75 * beyond * beyond)
+    return work - 0.4 * force * elastic, coefficient, top - elastic
+
+
+@njit(cache=True, fastmath=FAST)
+def sphere_forces(x, A, f, plastic):
     """Elastic forces between neighbours into f[1:n]."""
     for i in range(x.size - 1):
         d = x[i] - x[i + 1]
-        d = d if d > 0.0 else 0.0
-        f[i + 1] = A[i] * d * math.sqrt(d)
+        if plastic is None:
+            d = d if d > 0.0 else 0.0
+            f[i + 1] = A[i] * d * math.sqrt(d)
+        else:
+            f[i + 1] = plastic_force(i, d, A, plastic)
 
 
 @njit(cache=True, fastmath=FAST)
@@ -112,12 +163,17 @@ def creep(d, dt, A, wall, ledger, residual, mobility):
 
 
 @njit(cache=True, fastmath=FAST)
-def wall_force(x, dt, A, wall, ledger, offset, residual, mobility):
+def wall_force(x, dt, A, wall, ledger, offset, residual, mobility, plastic):
     """Mean force at the wall over a kick of length dt; moves the dashpot wall."""
-    d = wall_indentation(x - wall[U] - wall[DASH] - offset, A, residual)
+    last = x.size - 1
+    gap = x[last] - wall[U] - wall[DASH] - offset
+    if plastic is not None:
+        d = plastic_indentation(gap, A, residual, plastic)
+        return plastic_force(last, d, A, plastic)
+    d = wall_indentation(gap, A[last], residual)
     if mobility is not None:
-        return creep(d, dt, A, wall, ledger, residual, mobility)
-    return A * d * math.sqrt(d)
+        return creep(d, dt, A[last], wall, ledger, residual, mobility)
+    return A[last] * d * math.sqrt(d)
 
 
 @njit(cache=True, fastmath=FAST)
@@ -195,26 +251,21 @@ def damping_impulse(w, dt, force, c, inverse_mass, clipped):
 
 
 @njit(cache=True, fastmath=FAST)
-def damper(i, force, d, gamma, law):
+def damper(i, force, gamma, law):
     """Coefficient c of the damping force c (approach velocity) of contact i."""
     if law == HUNT_CROSSLEY:
         return gamma[i] * force
-    return gamma[i] if d > 0.0 else 0.0
+    return gamma[i] if force > 0.0 else 0.0
 
 
 @njit(cache=True, fastmath=FAST)
-def damp_contacts(first, dt, x, v, f, minv, A, wall, ledger, offset, dissipation, square, modal):
+def damp_contacts(first, dt, v, f, minv, n_contacts, wall, ledger, dissipation, square, modal):
     """Every second contact, from `first` on: they share no sphere."""
     gamma, law, inverse_mass = dissipation
-    n = x.size
-    for i in range(first, A.size, 2):
-        if i < n - 1:
-            d = x[i] - x[i + 1]
-            w = v[i] - v[i + 1]
-        else:
-            d = x[i] - wall[U] - wall[DASH] - offset
-            w = v[i] - wall[V]
-        c = damper(i, f[i + 1], d, gamma, law)
+    n = v.size
+    for i in range(first, n_contacts, 2):
+        w = v[i] - (v[i + 1] if i < n - 1 else wall[V])
+        c = damper(i, f[i + 1], gamma, law)
         if c == 0.0:
             continue
         impulse = damping_impulse(w, dt, f[i + 1], c, inverse_mass[i], law != LINEAR)
@@ -295,39 +346,51 @@ def mend_crossing(A, dt, g0, r0, g1, r1, mend):
 
 
 @njit(cache=True, fastmath=FAST)
-def crossed(x, x_old, A, wall, wall_old, offset):
+def crossed(x, x_old, A, wall, wall_old, offset, plastic):
     """Did any contact open or close?"""
     n = x.size
     count = 0
     for i in range(n - 1):
-        count += (x[i] > x[i + 1]) != (x_old[i] > x_old[i + 1])
+        crater = 0.0 if plastic is None else plastic[1][CRATER, i]
+        count += (x[i] - x[i + 1] > crater) != (x_old[i] - x_old[i + 1] > crater)
     if A.size == n:
+        crater = 0.0 if plastic is None else plastic[1][CRATER, n - 1]
         before = x_old[n - 1] - wall_old[U] - wall_old[DASH] - offset
         after = x[n - 1] - wall[U] - wall[DASH] - offset
-        count += (before > 0.0) != (after > 0.0)
+        count += (before > crater) != (after > crater)
     return count > 0
+
+
+@njit(cache=True)
+def passage(i, x, v, x_old, v_old, wall, wall_old, offset):
+    """Overlap and its rate at contact i before and after the last step."""
+    if i < x.size - 1:
+        return (
+            x_old[i] - x_old[i + 1], v_old[i] - v_old[i + 1], x[i] - x[i + 1], v[i] - v[i + 1],
+        )  # fmt: skip
+    return (
+        x_old[i] - wall_old[U] - wall_old[DASH] - offset, v_old[i] - wall_old[V],
+        x[i] - wall[U] - wall[DASH] - offset, v[i] - wall[V],
+    )  # fmt: skip
 
 
 @njit(cache=True)
 def mend_crossings(
     dt, x, v, x_old, v_old, minv, A, wall, wall_old, ledger, offset, dissipation, square, modal,
-    mend,
+    plastic, mend,
 ):  # fmt: skip
     """Add what the scheme missed at the contacts that opened or closed in the last step."""
     n = x.size
     for i in range(A.size):
-        if i < n - 1:
-            g0, g1 = x_old[i] - x_old[i + 1], x[i] - x[i + 1]
-        else:
-            g0 = x_old[i] - wall_old[U] - wall_old[DASH] - offset
-            g1 = x[i] - wall[U] - wall[DASH] - offset
+        g0, r0, g1, r1 = passage(i, x, v, x_old, v_old, wall, wall_old, offset)
+        coefficient = A[i]
+        if plastic is not None:
+            g0 -= plastic[1][CRATER, i]
+            g1 -= plastic[1][CRATER, i]
+            coefficient = plastic[1][COEFFICIENT, i]
         if (g0 > 0.0) == (g1 > 0.0):
             continue
-        if i < n - 1:
-            r0, r1 = v_old[i] - v_old[i + 1], v[i] - v[i + 1]
-        else:
-            r0, r1 = v_old[i] - wall_old[V], v[i] - wall[V]
-        impulse, shift, rate = mend_crossing(A[i], dt, g0, r0, g1, r1, mend)
+        impulse, shift, rate = mend_crossing(coefficient, dt, g0, r0, g1, r1, mend)
         if dissipation is not None and dissipation[1] == HUNT_CROSSLEY:
             factor = max(dissipation[0][i] * rate, -1.0)
             ledger[0] += factor * impulse * rate
@@ -346,24 +409,55 @@ def mend_crossings(
 
 
 @njit(cache=True)
-def total_forces(x, v, f, A, wall, offset, residual, dissipation):
+def yield_contacts(dt, x, v, x_old, v_old, A, wall, wall_old, ledger, offset, residual, plastic):
+    """Deepen the craters of contacts that were pressed further than ever in the last step.
+
+    Says whether any was.
+    """
+    history = plastic[1]
+    deeper = False
+    for i in range(A.size):
+        g0, r0, g1, r1 = passage(i, x, v, x_old, v_old, wall, wall_old, offset)
+        peak = max(g0, g1)
+        if r0 > 0.0 and r1 < 0.0:
+            r0 *= dt
+            c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1 * dt
+            c3 = 2.0 * (g0 - g1) + r0 + r1 * dt
+            t = r0 / (math.sqrt(max(c2 * c2 - 3.0 * c3 * r0, 0.0)) - c2)
+            peak = max(peak, g0 + t * (r0 + t * (c2 + t * c3)))
+        if i == x.size - 1:
+            peak = plastic_indentation(peak, A, residual, plastic)
+        if peak > history[TOP, i]:
+            before = plastic_loss(i, history[TOP, i], A, plastic)[0]
+            loss, history[COEFFICIENT, i], history[CRATER, i] = plastic_loss(i, peak, A, plastic)
+            history[TOP, i] = peak
+            ledger[0] += loss - before
+            deeper = True
+    return deeper
+
+
+@njit(cache=True)
+def total_forces(x, v, f, A, wall, offset, residual, dissipation, plastic):
     """Contact forces at an instant, dissipative part included, into f; elastic energies out."""
     n = x.size
     contact = 0.0
     spring = 0.0
     for i in range(A.size):
-        w = v[i] - wall[V]
-        if i < n - 1:
-            d = max(x[i] - x[i + 1], 0.0)
-            w = v[i] - v[i + 1]
+        w = v[i] - (v[i + 1] if i < n - 1 else wall[V])
+        gap = x[i] - (x[i + 1] if i < n - 1 else wall[U] + wall[DASH] + offset)
+        s = None if residual is None else (0.0 if i < n - 1 else residual)
+        if plastic is None:
+            d = wall_indentation(gap, A[i], s)
+            force = A[i] * d * math.sqrt(d)
         else:
-            d = wall_indentation(x[i] - wall[U] - wall[DASH] - offset, A[i], residual)
-        force = A[i] * d * math.sqrt(d)
+            d = gap if i < n - 1 else plastic_indentation(gap, A, residual, plastic)
+            force = plastic_force(i, d, A, plastic)
+            d -= plastic[1][CRATER, i]
         contact += 0.4 * force * d
         if i == n - 1 and residual is not None:
             spring = 0.5 * residual * force * force
         if dissipation is not None:
-            extra = damper(i, force, d, dissipation[0], dissipation[1]) * w
+            extra = damper(i, force, dissipation[0], dissipation[1]) * w
             if dissipation[1] != LINEAR:
                 extra = max(extra, -force)
             force += extra
@@ -387,11 +481,11 @@ def modal_energy(modal):
 @njit(cache=True)
 def save(
     k, x, v, f, mass, A, wall, ledger, offset, residual, mobility, modal, dissipation,
-    leaf_springs, preload, out,
+    plastic, leaf_springs, preload, out,
 ):  # fmt: skip
     """Row k of the saved states, forces and energies."""
     xs, vs, fs, walls, energies = out
-    contact, spring = total_forces(x, v, f, A, wall, offset, residual, dissipation)
+    contact, spring = total_forces(x, v, f, A, wall, offset, residual, dissipation, plastic)
     kinetic = 0.0
     for i in range(x.size):
         xs[k, i] = x[i]
@@ -426,7 +520,7 @@ def save(
 @njit(cache=True, fastmath=FAST)
 def march(
     x, v, mass, A, a, b, dt, n_save, stride, load, leaf, leaf_springs, preload,
-    offset, residual, mobility, modes, dissipation, mend, wall, out,
+    offset, residual, mobility, modes, dissipation, plastic, mend, wall, out,
 ):  # fmt: skip
     """n_save times stride steps of kick b[0], drift a[0], kick b[1], ..., kick b[-1].
 
@@ -446,7 +540,7 @@ def march(
     stale = True
     for k in range(n_save + 1):
         for _step in range(stride if k > 0 else 0):
-            if mend is not None:
+            if mend is not None or plastic is not None:
                 x_old[:] = x
                 v_old[:] = v
                 wall_old[:] = wall
@@ -454,12 +548,12 @@ def march(
                 if b[i] != 0.0:
                     kick = b[i] * dt
                     if stale:
-                        sphere_forces(x, A, f)
+                        sphere_forces(x, A, f, plastic)
                     if dissipation is not None:
                         kick *= 0.5
                     if walled and (stale or mobility is not None):
                         f[n] = wall_force(
-                            x[n - 1], kick, A[n - 1], wall, ledger, offset, residual, mobility
+                            x, kick, A, wall, ledger, offset, residual, mobility, plastic
                         )
                     push_spheres(v, kick, f, minv, load)
                     if modes is not None:
@@ -467,12 +561,12 @@ def march(
                     if dissipation is not None:
                         for first, share in ((0, 1.0), (1, 2.0), (0, 1.0)):
                             damp_contacts(
-                                first, share * kick, x, v, f, minv, A, wall, ledger, offset,
-                                dissipation, square, modal,
+                                first, share * kick, v, f, minv, A.size, wall, ledger, dissipation,
+                                square, modal,
                             )  # fmt: skip
                         if walled and mobility is not None:
                             f[n] = wall_force(
-                                x[n - 1], kick, A[n - 1], wall, ledger, offset, residual, mobility
+                                x, kick, A, wall, ledger, offset, residual, mobility, plastic
                             )
                         push_spheres(v, kick, f, minv, load)
                         if modes is not None:
@@ -483,15 +577,19 @@ def march(
                     if modes is not None:
                         drift_modes(i, wall, modal, turn)
                     stale = True
-            if mend is not None and crossed(x, x_old, A, wall, wall_old, offset):
+            if mend is not None and crossed(x, x_old, A, wall, wall_old, offset, plastic):
                 mend_crossings(
                     dt, x, v, x_old, v_old, minv, A, wall, wall_old, ledger, offset, dissipation,
-                    square, modal, mend,
+                    square, modal, plastic, mend,
                 )  # fmt: skip
                 stale = True
+            if plastic is not None:
+                stale |= yield_contacts(
+                    dt, x, v, x_old, v_old, A, wall, wall_old, ledger, offset, residual, plastic
+                )
         if not save(
             k, x, v, saved_f, mass, A, wall, ledger, offset, residual, mobility, modal,
-            dissipation, leaf_springs, preload, out,
+            dissipation, plastic, leaf_springs, preload, out,
         ):  # fmt: skip
             return k
     return n_save

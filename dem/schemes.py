@@ -189,6 +189,6 @@ SCHEMES = {
 
 def default_scheme(chain, wall):
     """Name of the scheme that measures best among those that keep their order."""
-    if chain.dissipation != "none":
+    if chain.dissipation != "none" or chain.yield_overlap is not None:
         return "suzuki4"
     return "split4" if wall is not None and wall.mobility > 0.0 else "rkn6"

@@ -44,6 +44,12 @@ def max_pressure(force, R, E_star):
     return np.cbrt(6.0 * np.asarray(force, float) * E_star**2 / (np.pi**3 * R**2))
 
 
+def yield_overlap(R, E_star, contact_yield_stress):
+    """Overlap [m] at which the largest pressure reaches the contact yield stress, about 1.6 times
+    the yield stress of the softer material (C. Thornton, J. Appl. Mech. 64 (1997) 383)."""
+    return R * (0.5 * np.pi * contact_yield_stress / E_star) ** 2
+
+
 def time_scale(m, A, speed):
     """t_s = (m/A)^(2/5) V^(-1/5) [s], the natural unit of time of a Hertz chain."""
     return (m / A) ** 0.4 * np.abs(speed) ** -0.2

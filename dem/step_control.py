@@ -115,7 +115,7 @@ def _sparser(n_save, limit):
 
 def _energy_target(chain, wall, error):
     damped_wall = wall is not None and (wall.mobility > 0.0 or bool(np.any(wall.zeta)))
-    lossless = chain.dissipation == "none" and not damped_wall
+    lossless = chain.dissipation == "none" and chain.yield_overlap is None and not damped_wall
     return max(error * (1e-4 if lossless else 1e-2), 1e-12)
 
 

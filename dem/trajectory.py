@@ -91,6 +91,8 @@ def start(chain, wall, v0, static):
 def prepare(chain, wall):
     """Static state and the optional parts of a chain and its wall, None where absent."""
     static = equilibrium(chain, wall)
+    if chain.yield_overlap is not None:
+        _require_elastic(chain, static)
     force = np.concatenate([[0.0], static.force, [0.0] if wall is None else []])
     offset = 0.0 if wall is None else float(wall.phi @ static.q)
     load = force[1:] - force[:-1]
@@ -107,6 +109,16 @@ def prepare(chain, wall):
         static=static,
         dissipation=_dissipation(chain, wall),
     )
+
+
+def _require_elastic(chain, static):
+    overlap = (static.force / chain.A) ** (2.0 / 3.0)
+    i = int((overlap / chain.yield_overlap).argmax())
+    if overlap[i] > chain.yield_overlap[i]:
+        raise InvalidChain(
+            f"contact {i + 1} is pressed {overlap[i]:.3g} m at rest, beyond its yield overlap of "
+            f"{chain.yield_overlap[i]:.3g} m; lower the preload or the leaf anchors"
+        )
 
 
 def _dissipation(chain, wall):
@@ -148,11 +160,12 @@ def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
     h = duration / (n_save * stride)
     x, v, running = state.x.copy(), state.v.copy(), state.wall.copy()
     modes = _modes(wall, prepared, state, h * scheme.a)
+    plastic = _plastic(chain, state)
     out = _output(n_save + 1, n, chain.A.size)
     saved = kernels.march(
         x, v, chain.mass, chain.A, scheme.a, scheme.b, h, n_save, stride, prepared.load,
         _leaf(chain, prepared, h * scheme.a), prepared.leaf_springs, float(chain.preload),
-        prepared.offset, prepared.residual, prepared.mobility, modes, prepared.dissipation,
+        prepared.offset, prepared.residual, prepared.mobility, modes, prepared.dissipation, plastic,
         scheme.mend if mend else None, running, out,
     )  # fmt: skip
     if saved < n_save:
@@ -176,7 +189,7 @@ def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
         scheme.name,
         float(np.abs(total - total[0]).max() / scale),
         None,
-        State(x, v, q, p, running),
+        State(x, v, q, p, running, None if plastic is None else plastic[1][kernels.TOP]),
     )
 
 
@@ -186,6 +199,17 @@ def _modes(wall, prepared, state, drifts):
     modal = np.array([state.q, state.p, wall.phi, wall.omega, prepared.static.q])
     turn = _turns(drifts, wall.omega, wall.zeta)
     return modal, turn, float(wall.phi @ wall.phi), prepared.wall_force
+
+
+def _plastic(chain, state):
+    if chain.yield_overlap is None:
+        return None
+    limit = np.asarray(chain.yield_overlap, float)
+    history = np.array([limit, chain.A, np.zeros_like(limit)])
+    for i, top in enumerate([] if state.deepest is None else state.deepest):
+        history[kernels.TOP, i] = top
+        history[1:, i] = kernels.plastic_loss(i, top, chain.A, (limit, history))[1:]
+    return limit, history
 
 
 def _leaf(chain, prepared, drifts):
