@@ -14,7 +14,7 @@ from scipy.sparse import block_diag, csc_matrix, csr_matrix, diags_array
 
 from fem.constraints import Constraint, congruent, eliminated
 from fem.elasticity import Structure
-from fem.joints import Joint, Screw, screws, tie, widened
+from fem.joints import DIRECTIONS, Joint, Screw, screws, tie, widened
 from fem.trace import face_nodes
 
 
@@ -37,6 +37,7 @@ class Model(NamedTuple):
     structure: Structure
     elongation: NDArray[np.int64]  # (n_springs,) dofs of K0 on which a spring of finite k stands
     stiffness: NDArray[np.float64]  # (n_springs,) [N/m] or [N m/rad]
+    spring: tuple[str, ...]  # (n_springs,) "body.direction", equal for all screws of a body
 
     @property
     def K(self) -> csc_matrix:  # noqa: N802  the name of the field
@@ -72,10 +73,12 @@ def wires(
         for t in bolted
         for share, centre in zip(t.halves, t.centres, strict=True)
     ]
-    k = np.array([joint[s.master.split(":")[0]] for s in layout]).reshape(-1)
+    bodies = [s.master.split(":")[0] for s in layout]
+    k = np.array([joint[body] for body in bodies]).reshape(-1)
+    names = [f"{body}.{direction}" for body in bodies for direction in DIRECTIONS]
     ties = [tie(basis, t.slave, t.master) for t in touching if not len(t.screws)]
     taken = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in ties)])
-    return _joined(structure, [*ties, *screws(basis, layout, taken)], held, k)
+    return _joined(structure, [*ties, *screws(basis, layout, taken)], held, k, names)
 
 
 def _joined(
@@ -83,6 +86,7 @@ def _joined(
     constraints: list[Constraint],
     held: Sequence[str],
     stiffness: NDArray[np.float64] = np.empty(0),  # noqa: B008  an empty array has nothing to change
+    names: Sequence[str] = (),
 ) -> Model:
     basis = structure.basis
     n_total = basis.N + 2 * len(stiffness)  # u, elongations r, mean motions p
@@ -99,4 +103,5 @@ def _joined(
     is_spring = (reduction.free >= basis.N) & (reduction.free < basis.N + len(stiffness))
     springs = np.flatnonzero(is_spring)
     finite = reduction.free[springs] - basis.N
-    return Model(K0, M, reduction.T[: basis.N], structure, springs, stiffness[finite])
+    spring = tuple(names[i] for i in finite)
+    return Model(K0, M, reduction.T[: basis.N], structure, springs, stiffness[finite], spring)

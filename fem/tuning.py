@@ -1,0 +1,243 @@
+"""Joint stiffnesses fitted to measured frequencies on a small projection of the assembly.
+
+    K(k, e) = K0 + (e - 1) K_b + sum_j k_j e_j e_j^T,    M(d) = M + (d - 1) M_b
+
+with e and d the factors on the block's modulus and density. The projection V holds the modes at a
+stiff and at a soft setting and the static shapes of every spring pulled alone, so that no trial
+goes back to the mesh. Sensitivities are exact (Fox and Kapoor, AIAA J. 6 (1968) 2426):
+
+    d omega^2 / d k_j = phi_j^2,    d omega^2 / d e = phi^T K_b phi,
+    d omega^2 / d d = -omega^2 phi^T M_b phi.
+
+Modes are followed by shape; parameters move on a logarithmic scale within bounds.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.optimize import least_squares
+
+from fem.correlation import BodyForms, body_forms, mac, paired
+from fem.factorisation import factorised
+from fem.model import Model
+from fem.modes import Modes, modes
+
+STIFF, SOFT = 1e10, 1e6  # [N/m] settings whose modes span the projection
+LEVER = 1e-4  # [m^2] turns per shifts: a rotational stiffness is one at about 10 mm
+UNFITTED = 3.0  # log-frequency distance charged for a mode that lost its shape
+N_STARTS = 12
+
+
+class Parameter(NamedTuple):
+    """Springs that share one stiffness, or a factor on the block's modulus or density."""
+
+    name: str  # a spring's "block.ky", or "young", "density" of the body
+    springs: tuple[str, ...]  # names of the springs that take this value; () for a factor
+    start: float
+    lower: float
+    upper: float
+
+
+class TuningBasis(NamedTuple):
+    """The assembly projected on m shapes, springs and block apart."""
+
+    K0: NDArray[np.float64]  # (m, m) joints open
+    M: NDArray[np.float64]  # (m, m)
+    elongation: NDArray[np.float64]  # (n_springs, m)
+    spring: tuple[str, ...]  # (n_springs,) their names
+    stiffness: NDArray[np.float64]  # (n_springs,) where no parameter sets it
+    block: BodyForms  # in the same coordinates
+    reference: Modes  # at the stiff setting, paired to the test: the shapes MAC is taken with
+
+
+class Tuning(NamedTuple):
+    """The best fit found."""
+
+    parameters: tuple[Parameter, ...]
+    value: NDArray[np.float64]  # (p,) stiffnesses [N/m, N m/rad] and factors
+    modes_hz: NDArray[np.float64]  # (4,) of the projection
+    deviation: NDArray[np.float64]  # (p,) of ln(value) for the assumed frequency error
+    mac: NDArray[np.float64]  # (4,) with the stiff shapes
+    all_hz: NDArray[np.float64]  # every frequency up to the fourth mode
+    evaluations: int
+
+
+def tuning_basis(model: Model, *, body: str = "block", n_modes: int = 24) -> TuningBasis:
+    """Project a model of finite springs; takes two solves for modes and one for attachments."""
+    stiffness = np.where(_is_turn(model), LEVER, 1.0)
+    stiff, soft = (modes(_with(model, k * stiffness), model.M, n_modes) for k in (STIFF, SOFT))
+    K = _with(model, SOFT * stiffness)
+    pulls = np.zeros((K.shape[0], len(model.elongation)))
+    pulls[model.elongation, range(len(model.elongation))] = 1.0
+    shapes = [stiff.phi, soft.phi, factorised(K).solve(pulls)]
+    V = _orthonormal(np.hstack(shapes), model.M)
+    block = body_forms(model, body).within(V)
+    projected = TuningBasis(
+        V.T @ (model.K0 @ V),
+        np.eye(V.shape[1]),
+        V[model.elongation],
+        model.spring,
+        model.stiffness,
+        block,
+        stiff,
+    )
+    reference = _modes(projected, STIFF * stiffness, 1.0, 1.0)
+    kept = paired(block, reference).index
+    return projected._replace(reference=Modes(reference.omega[kept], reference.phi[:, kept]))
+
+
+def _with(model: Model, stiffness):
+    return model._replace(stiffness=stiffness).K
+
+
+def _is_turn(model: Model) -> NDArray[np.bool_]:
+    return np.array([".kr" in name for name in model.spring], dtype=bool)
+
+
+def _orthonormal(V: NDArray[np.float64], M) -> NDArray[np.float64]:
+    """Columns that span V, M-orthonormal, nearly dependent ones dropped."""
+    V = V / np.sqrt(np.sum(V * (M @ V), axis=0))
+    values, rotation = np.linalg.eigh(V.T @ (M @ V))
+    kept = values > 1e-10 * values[-1]
+    return V @ (rotation[:, kept] / np.sqrt(values[kept]))
+
+
+def _modes(basis: TuningBasis, k, young: float, density: float) -> Modes:
+    K = basis.K0 + (young - 1) * basis.block.K + (basis.elongation.T * k) @ basis.elongation
+    M = None if density == 1.0 else basis.M + (density - 1) * basis.block.M
+    omega2, phi = eigh(K, M, check_finite=False, driver="evd" if M is None else "gvd")
+    return Modes(np.sqrt(np.maximum(omega2, 0.0)), phi)
+
+
+def spectrum(
+    basis: TuningBasis, parameters: Sequence[Parameter], value: NDArray[np.float64]
+) -> Modes:
+    """All modes of the projection at the given values (p,)."""
+    return _modes(basis, *_setting(basis, parameters, value))
+
+
+def _setting(basis: TuningBasis, parameters, value):
+    k, factor = basis.stiffness.copy(), {"young": 1.0, "density": 1.0}
+    for p, x in zip(parameters, value, strict=True):
+        if p.springs:
+            k[np.isin(basis.spring, p.springs)] = x
+        else:
+            factor[p.name] = x
+    return k, factor["young"], factor["density"]
+
+
+def sensitivity(
+    basis: TuningBasis, parameters: Sequence[Parameter], value: NDArray[np.float64], found: Modes
+) -> NDArray[np.float64]:
+    """d ln(omega) / d ln(value), (k, p), for the modes given."""
+    stretch = (basis.elongation @ found.phi) ** 2
+    of_body = {
+        "young": np.sum(found.phi * (basis.block.K @ found.phi), axis=0),
+        "density": -(found.omega**2) * np.sum(found.phi * (basis.block.M @ found.phi), axis=0),
+    }
+    gradients = [
+        stretch[np.isin(basis.spring, p.springs)].sum(axis=0) if p.springs else of_body[p.name]
+        for p in parameters
+    ]
+    return np.array(gradients).T * value / (2 * found.omega[:, None] ** 2)
+
+
+def tune(
+    basis: TuningBasis,
+    parameters: Sequence[Parameter],
+    target_hz: Mapping[int, float],
+    *,
+    frequency_error: float = 1e-3,
+    regularisation: float = 1e-4,
+    n_starts: int = N_STARTS,
+    seed: int = 0,
+) -> Tuning:
+    """Parameters that bring the modes named in `target_hz` {1..4: Hz} to their frequencies.
+
+    Least squares in the logarithms, from the start values and from `n_starts - 1` random ones
+    within the bounds; a small pull towards the start values decides what the targets leave open.
+    `deviation` is the standard deviation of ln(value) for the relative `frequency_error`.
+    """
+    problem = _Problem(basis, tuple(parameters), target_hz, regularisation)
+    found = [_fit(problem, start) for start in problem.starts(n_starts, seed)]
+    best = min(found, key=lambda fit: fit.cost)
+    value = np.exp(best.x)
+    modes_there = spectrum(basis, parameters, value)
+    index = paired(basis.block, modes_there).index
+    return Tuning(
+        problem.parameters,
+        value,
+        modes_there.frequency_hz[index],
+        _deviation(best.jac[: len(target_hz)], frequency_error),
+        np.diag(mac(basis.reference.phi, modes_there.phi[:, index])),
+        modes_there.frequency_hz[: index.max() + 1],
+        sum(fit.nfev for fit in found),
+    )
+
+
+def _fit(problem: "_Problem", start: NDArray[np.float64]):
+    return least_squares(
+        problem.residual,
+        start,
+        problem.jacobian,
+        bounds=problem.bounds,
+        xtol=1e-10,
+        ftol=1e-12,
+        gtol=1e-12,
+        max_nfev=60,
+    )
+
+
+def _deviation(J: NDArray[np.float64], error: float) -> NDArray[np.float64]:
+    """Square root of the diagonal of error^2 (J^T J)^-1, inf where the data see nothing."""
+    _, s, Vt = np.linalg.svd(J, full_matrices=True)
+    seen = np.zeros(Vt.shape[0])
+    seen[: len(s)] = s
+    blind = seen <= 1e-9 * s.max()
+    spread = np.where(blind, 0.0, error / np.where(blind, 1.0, seen))
+    return np.where((Vt[blind] ** 2).sum(axis=0) > 1e-6, np.inf, np.sqrt((spread**2) @ Vt**2))
+
+
+class _Problem(NamedTuple):
+    """Residuals ln(f / target) and weak pulls ln(value / start), in x = ln(value)."""
+
+    basis: TuningBasis
+    parameters: tuple[Parameter, ...]
+    target_hz: Mapping[int, float]
+    regularisation: float
+
+    @property
+    def bounds(self):
+        return np.log([p.lower for p in self.parameters]), np.log(
+            [p.upper for p in self.parameters]
+        )
+
+    @property
+    def start(self) -> NDArray[np.float64]:
+        return np.log([p.start for p in self.parameters])
+
+    def starts(self, n: int, seed: int) -> list[NDArray[np.float64]]:
+        lower, upper = self.bounds
+        random = np.random.default_rng(seed).uniform(lower, upper, (n - 1, len(lower)))
+        return [np.clip(self.start, lower, upper), *random]
+
+    def residual(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        f, index, _ = self._matched(x)
+        targets = np.array(list(self.target_hz.values()))
+        error = np.where(index < 0, UNFITTED, np.log(np.maximum(f, 1e-3) / targets))
+        return np.concatenate([error, self.regularisation * (x - self.start)])
+
+    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        _, index, found = self._matched(x)
+        some = Modes(found.omega[index], found.phi[:, index])
+        J = sensitivity(self.basis, self.parameters, np.exp(x), some)
+        J[index < 0] = 0.0
+        return np.vstack([J, self.regularisation * np.eye(len(x))])
+
+    def _matched(self, x: NDArray[np.float64]):
+        found = spectrum(self.basis, self.parameters, np.exp(x))
+        index = paired(self.basis.block, found).index[[i - 1 for i in self.target_hz]]
+        return found.frequency_hz[index], index, found
