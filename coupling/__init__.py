@@ -16,6 +16,7 @@ from coupling.damping import (
 )
 from coupling.errors import CouplingError
 from coupling.march import Impact, impact
+from coupling.pruning import LeftOut, Pruning, mode_costs, prune
 from coupling.verdict import Verdict, predicted_peak_force, verdict
 from coupling.wall import (
     half_space_compliance,
@@ -30,7 +31,9 @@ __all__ = [
     "Damping",
     "EnergyGain",
     "Impact",
+    "LeftOut",
     "ModalDamping",
+    "Pruning",
     "RayleighDamping",
     "Verdict",
     "as_coupled",
@@ -42,7 +45,9 @@ __all__ = [
     "largest_monotone_force",
     "march_coupled",
     "modal_coupling",
+    "mode_costs",
     "predicted_peak_force",
+    "prune",
     "rayleigh",
     "require_monotone",
     "verdict",

@@ -67,7 +67,7 @@ def coupled_wall(
     modes = modal(reduced)
     force = _participation(reduced, modes, w_force)
     reading = _participation(reduced, modes, w_reading)
-    kept = kept_modes(modes, reduced.n_residual, cutoff_hz)
+    kept = kept_modes(modes, reduced, cutoff_hz)
     omega = modes.omega[kept]
     D = np.diag(2 * damping_ratios(damping, omega) * omega)
     if modes.damping is not None:

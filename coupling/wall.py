@@ -48,13 +48,14 @@ def wall_from_reduced(
     """The wall a chain leans on, from a reduced model.
 
     half_space [m/N] is taken out of the static compliance (0 if the patch is not part of an
-    elastic body). Modes below cutoff_hz [Hz] move, the others answer statically; None keeps every
-    mode but the residual vectors of the reduction. damping adds to what C of the model gives.
+    elastic body). Modes below cutoff_hz [Hz] move, the others answer statically; None lets all
+    modes move that are more than static shapes: no residual vectors, none above the highest
+    fixed-interface mode. damping adds to what C of the model gives.
     With contact_coefficient A [N/m^1.5] of the last contact and largest_force [N], the series law
     delta = (F/A)^(2/3) + s F is checked monotone up to that force. Raises CouplingError.
     """
     modes = modal(reduced)
-    kept = kept_modes(modes, reduced.n_residual, cutoff_hz)
+    kept = kept_modes(modes, reduced, cutoff_hz)
     residual = residual_compliance(reduced, modes, kept, half_space)
     if contact_coefficient is not None and largest_force is not None:
         require_monotone(residual, contact_coefficient, largest_force)
@@ -63,12 +64,24 @@ def wall_from_reduced(
     return Wall(omega, zeta, modes.phi[kept], residual, 0.0)
 
 
-def kept_modes(modes: ModalWall, n_residual: int, cutoff_hz: float | None) -> np.ndarray:
+def kept_modes(modes: ModalWall, reduced: ReducedModel, cutoff_hz: float | None) -> np.ndarray:
     """Mask (r,) of the modes that move."""
     if cutoff_hz is None:
-        # a residual vector is a static shape: as a mode it would only cost step size
-        return np.arange(len(modes.omega)) < len(modes.omega) - n_residual
+        cutoff_hz = own_cutoff_hz(modes, reduced)
     return modes.omega < 2 * np.pi * cutoff_hz
+
+
+def own_cutoff_hz(modes: ModalWall, reduced: ReducedModel) -> float:
+    """Where the modes of a reduced model end [Hz] and its static shapes begin.
+
+    A residual vector or a constraint mode of the boundary would only cost step size as a mode.
+    """
+    if reduced.n_residual:
+        return float(modes.omega[-reduced.n_residual] / (2 * np.pi))
+    inner = np.diag(reduced.K)[reduced.n_boundary :]
+    if reduced.kind == "craig-bampton" and len(inner):
+        return float(np.sqrt(inner.max()) / (2 * np.pi) * (1 + 1e-9))
+    return np.inf
 
 
 def residual_compliance(
