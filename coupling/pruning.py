@@ -97,29 +97,20 @@ def mode_costs(chain: Chain, wall: Wall, run: Trajectory) -> tuple[LeftOut, ...]
     h = run.t[1] - run.t[0]
     stiffness = 1.5 * chain.A[-1] ** (2 / 3) * np.cbrt(np.maximum(F, 0))
     stiffness = stiffness / (1 + wall.residual_compliance * stiffness)
-    momentum = chain.mass[-1] * np.sqrt(2 * run.energy_kinetic[0] / chain.mass[0])
-    scale = h * stiffness / momentum
-    costs = []
-    for j, (omega, zeta, phi) in enumerate(zip(wall.omega, wall.zeta, wall.phi, strict=True)):
-        u = phi**2 * oscillation(F - F[0], omega, zeta, h)
-        ways = {"frozen": u}
-        if omega > 0:
-            ways["static"] = u - (phi / omega) ** 2 * (F - F[0])
-        costs.append(
-            min(
-                (
-                    LeftOut(
-                        j,
-                        float(omega / (2 * np.pi)),
-                        how,
-                        float(np.abs(np.cumsum(scale * d)).max()),
-                    )
-                    for how, d in ways.items()
-                ),
-                key=lambda left: left.cost,
-            )
-        )
-    return tuple(costs)
+    momentum = chain.mass[-1] * np.abs(run.v[0]).max()
+    slope = h * stiffness / momentum
+    return tuple(_cheaper_way(wall, j, F - F[0], slope, h) for j in range(len(wall.omega)))
+
+
+def _cheaper_way(wall: Wall, j: int, F: np.ndarray, slope: np.ndarray, h: float) -> LeftOut:
+    omega, phi = wall.omega[j], wall.phi[j]
+    u = phi**2 * oscillation(F, omega, wall.zeta[j], h)
+    missing = {"frozen": u}
+    if omega > 0:
+        missing["static"] = u - (phi / omega) ** 2 * F
+    cost = {how: float(np.abs(np.cumsum(slope * d)).max()) for how, d in missing.items()}
+    how = min(cost, key=cost.get)
+    return LeftOut(j, float(omega / (2 * np.pi)), how, cost[how])
 
 
 def oscillation(F: np.ndarray, omega: float, zeta: float, h: float) -> np.ndarray:

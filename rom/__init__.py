@@ -13,6 +13,7 @@ from rom.reduced_model import (
     reconstruct,
     static_compliance,
 )
+from rom.substructure_file import Substructure, load_mtx, substructure
 
 __all__ = [
     "EffectiveMass",
@@ -23,6 +24,7 @@ __all__ = [
     "ReducedModel",
     "ReductionError",
     "RigidBody",
+    "Substructure",
     "craig_bampton",
     "effective_mass",
     "free_modes",
@@ -30,6 +32,7 @@ __all__ = [
     "health",
     "load_h5",
     "load_mat",
+    "load_mtx",
     "load_npz",
     "modal",
     "modal_compliance",
@@ -40,5 +43,6 @@ __all__ = [
     "save_mat",
     "save_npz",
     "static_compliance",
+    "substructure",
     "superlu",
 ]

@@ -9,10 +9,13 @@ from rom import (
     ReductionError,
     load_h5,
     load_mat,
+    load_mtx,
     load_npz,
     save_h5,
     save_mat,
     save_npz,
+    static_compliance,
+    substructure,
 )
 
 FORMATS = {"npz": (save_npz, load_npz), "mat": (save_mat, load_mat), "h5": (save_h5, load_h5)}
@@ -91,3 +94,58 @@ def test_a_broken_or_missing_file_is_refused(tmp_path, ending):
         load(broken)
     with pytest.raises(FileNotFoundError):
         load(tmp_path / f"absent.{ending}")
+
+
+MTX = """**
+** GENERATION OF SUBSTRUCTURE
+*USER ELEMENT, NODES=       3, LINEAR
+** ELEMENT NODES
+**      101,      102,
+**      900
+       1,       3
+       3,       1
+*MATRIX,TYPE=STIFFNESS
+ 2.0000000000000E+08 ,
+-1.0000000000000E+08 , 3.0D+08
+ 0., 0., 1.5E+08
+ 0., 0., -1e8, 2.E8
+ 0., 0., 0.,
+ 0., 4.0e6
+*MATRIX,TYPE=MASS
+ 1.0,
+ 0., 1.0
+ 0., 0., 1.0
+ 0., 0., 0., 1.0
+ 0., 0., 0., 0.25, 1.0
+"""
+
+
+def test_an_abaqus_substructure_is_read_with_its_coordinates(tmp_path):
+    (tmp_path / "sub.mtx").write_text(MTX)
+    made = substructure(tmp_path / "sub.mtx")
+    assert made.coordinates == ((101, 1), (101, 3), (102, 1), (102, 3), (900, 1))
+    assert made.K[0, 1] == made.K[1, 0] == -1e8
+    assert made.M[4, 3] == 0.25
+    read = load_mtx(tmp_path / "sub.mtx", {(101, 1): 0.25, (102, 1): 0.75})
+    np.testing.assert_array_equal(read.w, [0.25, 0, 0.75, 0, 0])
+    assert static_compliance(read) == pytest.approx(read.w @ np.linalg.solve(made.K, read.w))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (MTX.split("*MATRIX,TYPE=MASS")[0], "no .MATRIX,TYPE=MASS"),
+        (MTX.replace("0.25, 1.0", "0.25"), "fill no lower triangle"),
+        ("nothing", "no .MATRIX,TYPE=STIFFNESS"),
+    ],
+)
+def test_a_substructure_that_is_incomplete_is_refused(tmp_path, text, sentence):
+    (tmp_path / "sub.mtx").write_text(text)
+    with pytest.raises(ReductionError, match=sentence):
+        load_mtx(tmp_path / "sub.mtx", np.ones(5))
+
+
+def test_a_weight_on_a_coordinate_that_is_not_there_is_refused(tmp_path):
+    (tmp_path / "sub.mtx").write_text(MTX)
+    with pytest.raises(ReductionError, match=r"no coordinate .* \(101, 2\)"):
+        load_mtx(tmp_path / "sub.mtx", {(101, 2): 1.0})

@@ -1,0 +1,126 @@
+"""Abaqus substructure matrices from .mtx: *SUBSTRUCTURE MATRIX OUTPUT, OUTPUT FILE=USER DEFINED.
+
+    *USER ELEMENT, NODES=..., LINEAR
+    ** ELEMENT NODES
+    ** 101, 102, ...                 node numbers
+    1, 2, 3                          degrees of freedom of the first node and those after it,
+    2, 1                             until a line that begins with a node's position says otherwise
+    *MATRIX,TYPE=STIFFNESS           lower triangle row by row; then TYPE=MASS, TYPE=VISCOUS DAMPING
+
+Abaqus Keywords Reference, *USER ELEMENT and *MATRIX. Units are those of the file: take SI.
+"""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rom.factorisation import ReductionError
+from rom.reduced_model import ReducedModel, contact_functional
+
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
+
+
+class Substructure(NamedTuple):
+    """K, M, C (r, r) or None, and the (node, dof) of every coordinate (r,)."""
+
+    K: np.ndarray
+    M: np.ndarray
+    C: np.ndarray | None
+    coordinates: tuple[tuple[int, int], ...]
+
+
+def load_mtx(path: str | Path, w: ArrayLike | Mapping[tuple[int, int], float]) -> ReducedModel:
+    """A reduced model from a substructure's .mtx; w (r,), or {(node, dof): weight}.
+
+    Raises FileNotFoundError, or ReductionError with what is missing.
+    """
+    made = substructure(path)
+    weights = _by_name(w, made.coordinates, path) if isinstance(w, Mapping) else w
+    return ReducedModel(
+        K=made.K,
+        M=made.M,
+        C=made.C,
+        w=contact_functional(weights, len(made.K)),
+        T=None,
+        kind="imported",
+        n_boundary=0,
+        provenance={"file": Path(path).name},
+    )
+
+
+def substructure(path: str | Path) -> Substructure:
+    """The matrices of a substructure's .mtx and what their rows are."""
+    head, sections = _sections(Path(path).read_text(encoding="latin-1"))
+    matrices = {kind: _from_triangle(text, kind, path) for kind, text in sections.items()}
+    for kind in ("STIFFNESS", "MASS"):
+        if kind not in matrices:
+            raise ReductionError(
+                f"{path} holds no *MATRIX,TYPE={kind}; it has {sorted(matrices) or 'none'}, write "
+                f"the substructure with STIFFNESS=YES, MASS=YES."
+            )
+    K, M = matrices["STIFFNESS"], matrices["MASS"]
+    C = matrices.get("VISCOUS DAMPING", matrices.get("DAMPING"))
+    for kind, A in matrices.items():
+        if A.shape != K.shape:
+            raise ReductionError(f"{path}: {kind} is {len(A)} x {len(A)}, STIFFNESS {len(K)}.")
+    return Substructure(K, M, C, _coordinates(head, len(K)))
+
+
+def _sections(text: str) -> tuple[str, dict[str, str]]:
+    """What stands before the first matrix, and the numbers of each matrix by its type."""
+    parts = re.split(r"(?im)^\s*\*MATRIX\s*,\s*TYPE\s*=\s*([A-Z ]+?)\s*$", text)
+    kinds = [kind.upper() for kind in parts[1::2]]
+    bodies = [re.split(r"(?m)^\s*\*", body)[0] for body in parts[2::2]]
+    return parts[0], dict(zip(kinds, bodies, strict=True))
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(word.upper().replace("D", "E")) for word in NUMBER.findall(text)]
+
+
+def _from_triangle(text: str, kind: str, path: str | Path) -> np.ndarray:
+    values = np.array(_numbers(text))
+    r = int((np.sqrt(8 * len(values) + 1) - 1) / 2)
+    if not r or r * (r + 1) // 2 != len(values):
+        raise ReductionError(
+            f"{path}: {kind} has {len(values)} numbers, which fill no lower triangle; unsymmetric "
+            f"or cut off?"
+        )
+    A = np.zeros((r, r))
+    A[np.tril_indices(r)] = values
+    return A + np.tril(A, -1).T
+
+
+def _coordinates(head: str, r: int) -> tuple[tuple[int, int], ...]:
+    nodes = [int(n) for n in _numbers(_node_lines(head))]
+    lines = [line for line in head.splitlines() if line.strip() and not line.lstrip()[0] == "*"]
+    rows = [[int(n) for n in _numbers(line)] for line in lines]
+    changes = {1: rows[0]} | {row[0]: row[1:] for row in rows[1:]} if rows else {}
+    coordinates, dofs = [], []
+    for position, node in enumerate(nodes, start=1):
+        dofs = changes.get(position, dofs)
+        coordinates += [(node, dof) for dof in dofs]
+    return tuple(coordinates) if len(coordinates) == r else ()
+
+
+def _node_lines(head: str) -> str:
+    found = re.search(r"(?im)^\*\*\s*ELEMENT NODES\s*$((?:\n\s*\*\*.*)+)", head)
+    return found.group(1) if found else ""
+
+
+def _by_name(
+    w: Mapping[tuple[int, int], float],
+    coordinates: tuple[tuple[int, int], ...],
+    path: str | Path,
+) -> np.ndarray:
+    unknown = [name for name in w if name not in coordinates]
+    if unknown:
+        raise ReductionError(
+            f"{path} has no coordinate (node, dof) = {unknown[0]}; it has "
+            f"{', '.join(map(str, coordinates[:6])) or 'no list of them'} ..."
+        )
+    return np.array([w.get(name, 0.0) for name in coordinates])
