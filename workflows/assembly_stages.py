@@ -32,7 +32,7 @@ class AssemblyModes(NamedTuple):
 def mesh(scene: Scene) -> Mesh:
     """The parts, meshed."""
     m = scene.mesh
-    return geometry.hex_mesh(
+    return _mesher(m.element)(
         assembly(scene.assembly),
         seed=m.seed,
         block_seed=m.block_seed,
@@ -40,6 +40,14 @@ def mesh(scene: Scene) -> Mesh:
         contact_seed=m.contact_seed,
         contact_point=scene.patch.point,
     )
+
+
+def _mesher(element: str):
+    if element == "hex":
+        return geometry.hex_mesh
+    from geometry.tet_mesh import tet_mesh  # loads gmsh and its system libraries
+
+    return tet_mesh
 
 
 def model(scene: Scene, mesh: Mesh) -> fem.Model:
@@ -158,7 +166,7 @@ def _enough(scene: Scene, modes: AssemblyModes) -> bool:
 def provenance(scene: Scene, modes: AssemblyModes) -> dict[str, str]:
     """What a reader of the reduced model has to know to couple it."""
     hz = " ".join(f"{f:.9g}" for f in modes.field.frequency_hz)
-    return {"scene": scene.name, "hammer_modes_hz": hz, **patch_provenance(scene)}
+    return {"hammer_modes_hz": hz, **patch_provenance(scene)}
 
 
 def patch_provenance(scene: Scene) -> dict[str, str]:

@@ -17,6 +17,8 @@ from workflows.scene import InvalidScene
 from workflows.scene_file import built_in, scene_text
 from workflows.scene_file import scene as load
 
+INTERRUPTED = 130
+
 app = typer.Typer(
     name="beadwave",
     help="A chain of steel spheres hits a bolted steel assembly: from geometry to impact.",
@@ -148,9 +150,9 @@ def main() -> None:
 
 def _status(command) -> int:
     try:
-        return command(standalone_mode=False) or 0
+        status = command(standalone_mode=False) or 0  # typer turns Ctrl-C into a silent 130
     except (KeyboardInterrupt, typer.Abort):
-        return _failed(130, "interrupted; finished stages are kept, the same command goes on.")
+        status = INTERRUPTED
     except InvalidScene as error:
         return _failed(2, str(error))
     except BrokenPipeError:
@@ -162,6 +164,10 @@ def _status(command) -> int:
         if environ.get("BEADWAVE_DEBUG"):
             raise
         return _failed(1, f"{error}" if isinstance(error, ValueError) else _unexpected(error))
+
+    if status == INTERRUPTED:
+        return _failed(130, "interrupted; finished stages are kept, the same command goes on.")
+    return status
 
 
 def _unexpected(error: Exception) -> str:

@@ -177,7 +177,7 @@ class Joints(Table):
 class Mesh(Table):
     """Quadratic elements; `seed` is their size in the sheets, `contact_seed` at the patch."""
 
-    element: Literal["hex"] = "hex"
+    element: Literal["hex", "tet"] = "hex"
     seed: Positive = 6e-3  # [m]
     block_seed: Positive = 25e-3  # [m]
     support_seed: Positive = 30e-3  # [m]

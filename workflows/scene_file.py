@@ -216,6 +216,8 @@ def _assembly(tables: dict[str, Any], source: str):
 def _contradictions(scene: Scene):
     """Sentences on keys that are each allowed but not together."""
     yield from _missing_parts(scene)
+    if scene.assembly is not None:
+        yield from _outside_patch(scene)
     if scene.chain:
         yield from _wrong_lengths(scene)
         yield from _at_rest(scene)
@@ -236,6 +238,17 @@ def _missing_parts(scene: Scene):
         yield "chain.count = 1 must be at least 2 without a wall; add spheres or [wall]."
     if chain and wall is None and scene.preload and scene.preload.force > 0:
         yield f"preload.force = {scene.preload.force} needs a wall to push against; add [wall]."
+
+
+def _outside_patch(scene: Scene):
+    sides = (scene.assembly.block_y, scene.assembly.block_z)
+    for axis, at, side in zip("yz", scene.patch.point, sides, strict=True):
+        reach = side / 2 - scene.patch.radius
+        if abs(at) > reach:
+            yield (
+                f"patch.point has {axis} = {at} m, allowed is up to {reach:.6g} m from the middle of "
+                f"the block's face for patch.radius = {scene.patch.radius} m; move it or shrink it."
+            )
 
 
 def _wrong_lengths(scene: Scene):

@@ -69,7 +69,7 @@ def _wall_reads(scene: Scene) -> Any:
 def _dimensions(scene: Scene) -> Any:
     from workflows.assembly_table import assembly
 
-    return {"assembly": repr(assembly(scene.assembly)), **_reads("mesh", "patch")(scene)}
+    return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point]
 
 
 ASSEMBLY = {
@@ -93,7 +93,7 @@ ASSEMBLY = {
     ),
     "response": Stage(
         "workflows.response_stage:response",
-        _reads("patch", "damping"),
+        _reads(),
         ("model", "contact", "reduction"),
         ("fem", "rom", "coupling", "workflows.figures"),
     ),

@@ -1,0 +1,159 @@
+"""The assembly through all stages on a coarse mesh, and the files it leaves."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from geometry import Assembly
+from workflows import picture_stage
+from workflows.cli import main
+from workflows.scene import InvalidScene
+from workflows.scene_file import resolved, scene
+
+COARSE = (
+    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",
+    "reduction.modes=30", "output.samples=601",
+)  # fmt: skip
+
+
+def beadwave(*arguments):
+    """The exit status of a command."""
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
+        patch.setattr(sys, "argv", ["beadwave", *arguments])
+        main()
+    return end.value.code or 0
+
+
+def coarse(command, *more):
+    return beadwave(command, "rig-rom", *(f"--set={change}" for change in COARSE), *more)
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(autouse=True)
+def shared_cache(cache, tmp_path, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(cache))
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def run(cache, tmp_path_factory):
+    """Folder and summary of one coarse run."""
+    folder = tmp_path_factory.mktemp("run")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BEADWAVE_CACHE_DIR", str(cache))
+        assert coarse("run", f"--out={folder}") == 0
+    return folder, json.loads((folder / "summary.json").read_text())
+
+
+def test_the_folder_holds_every_file_of_the_contract(run):
+    folder, summary = run
+    wanted = {
+        "scene.toml", "summary.json", "trajectory.npz", "rom.npz", "rom.mat", "modes.vtu",
+        "report.html", "velocities.png", "energies.png", "frequency_response.png",
+    }  # fmt: skip
+    if not summary["warnings"]:
+        wanted |= {"assembly.png", "modes.png"}
+    assert {path.name for path in folder.rglob("*.*")} == wanted
+
+
+def test_the_four_modes_are_those_of_the_thesis(run):
+    """Table 5.2, full tie; a coarse mesh is some percent stiffer."""
+    modes = [run[1]["modes_hz"][str(i)] for i in (1, 2, 3, 4)]
+    np.testing.assert_allclose(modes, [55.105, 630, 1134, 8171.6], rtol=0.05)
+
+
+def test_every_error_stands_in_the_summary(run):
+    errors = run[1]["error_estimate"]
+    assert errors["time"] < 1e-4
+    assert 0 < errors["reduction"] < 0.02
+    assert 0 < errors["mesh"] < 0.1
+    assert run[1]["energy_error"] < 1e-6
+
+
+def test_the_wall_moves_and_takes_energy(run):
+    with np.load(run[0] / "trajectory.npz") as trajectory:
+        assert np.abs(trajectory["wall_x"]).max() > 1e-7
+        assert trajectory["energy_wall"][-1] > 0.01 * trajectory["energy_total"][0]
+
+
+def test_a_reduced_model_from_a_file_is_the_same_wall(run, capsys):
+    for name in ("rom.npz", "rom.mat"):
+        assert coarse("impact", f"--rom={run[0] / name}", "--json") == 0
+        found = json.loads(capsys.readouterr().out)
+        for number in ("peak_wall_force_N", "n_wall_modes"):
+            assert found[number] == pytest.approx(run[1][number], rel=1e-6)
+
+
+def test_the_reduced_model_is_written_alone(run, tmp_path):
+    assert coarse("reduce", "--out=rom.mat") == 0
+    assert (tmp_path / "rom.mat").exists()
+    assert coarse("reduce", "--out=rom.txt") == 2
+
+
+def test_modes_stand_beside_the_hammer_test(run, capsys):
+    assert coarse("modes", "--json") == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    tested = {row["hammer_mode"]: row for row in rows if row["hammer_mode"]}
+    assert set(tested) == {1, 2, 3, 4}
+    assert tested[3]["frequency_hz"] == pytest.approx(run[1]["modes_hz"]["3"])
+    assert tested[3]["participation"] > 0.1  # a blow beside the middle turns the block
+    assert coarse("modes") == 0
+    assert "907 Hz" in capsys.readouterr().out
+
+
+def test_a_scene_without_an_assembly_has_no_modes(capsys):
+    assert beadwave("modes", "rig-rigid") == 2
+    assert "[assembly]" in capsys.readouterr().err
+
+
+def test_a_killed_render_costs_the_pictures_only(run, monkeypatch, tmp_path, capsys):
+    killed = tmp_path / "python"
+    killed.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    killed.chmod(0o755)
+    monkeypatch.setattr(picture_stage.sys, "executable", str(killed))
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "fresh"))
+    assert coarse("run", "--out=out", "--json") == 0
+    printed = capsys.readouterr()
+    (warning,) = json.loads(printed.out)["warnings"]
+    assert "could not be rendered" in warning and "libosmesa6" in warning
+    assert not (tmp_path / "out" / "figures" / "modes.png").exists()
+    assert warning in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_wall_without_the_assembly_builds_none_of_it(run, capsys):
+    assert coarse("run", "--set=wall.kind=rigid", "--out=out", "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["modes_hz"] == {}
+    assert {stage["name"] for stage in summary["stages"]} == {"wall", "impact", "figures"}
+
+
+def test_the_built_in_scene_has_the_dimensions_of_the_geometry():
+    table, fitted = scene("rig-rom").assembly, Assembly()
+    assert all(
+        getattr(table, name) == getattr(fitted, name) for name in vars(fitted) if name != "parts"
+    )
+
+
+def test_a_patch_that_leaves_the_block_is_refused(capsys):
+    assert coarse("run", "--set=patch.point=[0.045, 0.0]", "--out=out") == 2
+    assert "patch.point" in capsys.readouterr().err
+
+
+def test_a_foreign_file_is_refused_in_a_sentence(tmp_path):
+    (tmp_path / "rom.npz").write_bytes(b"no model")
+    tables = {
+        "chain": {"count": 2, "radius": 0.01, "density": 7800.0, "young": 2e11, "poisson": 0.3},
+        "striker": {"velocity": 1.0},
+        "wall": {"kind": "rom", "file": "rom.npz"},
+    }
+    resolved(tables, "scene", tmp_path)
+    assert beadwave("impact", "rig-rigid", f"--rom={tmp_path / 'rom.npz'}") == 2
+    tables["wall"]["file"] = "absent.npz"
+    with pytest.raises(InvalidScene, match="absent"):
+        resolved(tables, "scene", tmp_path)

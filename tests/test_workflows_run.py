@@ -1,0 +1,281 @@
+"""Runs from the command to the folder: status, files, what is kept, what is loaded."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from workflows import stages
+from workflows.cli import main
+from workflows.run_folder import RunFolder
+from workflows.scene import InvalidScene
+from workflows.scene_file import scene
+
+SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+
+def beadwave(*arguments):
+    """The exit status of a command."""
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
+        patch.setattr(sys, "argv", ["beadwave", *arguments])
+        main()
+    return end.value.code or 0
+
+
+def small(command, name, *more):
+    return beadwave(command, name, *(f"--set={change}" for change in SMALL), *more)
+
+
+@pytest.mark.parametrize("name", ["rig-rigid", "free-chain", "rig-1dof", "rig-half-space"])
+def test_a_run_fills_its_folder(name, tmp_path, capsys):
+    assert small("run", name, "--out=out", "--json") == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert printed["energy_error"] < 1e-6
+    assert printed["error_estimate"]["time"] <= 1e-4
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"scene.toml", "summary.json", "trajectory.npz", "report.html", "figures"}
+
+
+CONTRACT = {
+    "scene", "modes_hz", "dofs", "n_wall_modes", "dt_s", "n_steps", "peak_wall_force_N",
+    "contact_radius_m", "energy_error", "error_estimate", "waves", "stages", "warnings", "versions",
+}  # fmt: skip
+
+
+def test_the_summary_has_the_keys_of_the_contract(capsys):
+    small("impact", "rig-1dof", "--json")
+    summary = json.loads(capsys.readouterr().out)
+    assert set(summary) == CONTRACT
+    assert set(summary["error_estimate"]) == {"time", "reduction", "mesh"}
+    assert set(summary["stages"][0]) == {"name", "seconds", "cached"}
+    assert set(summary["waves"]) == {"1", "4"}
+
+
+@pytest.mark.parametrize(("name", "n_contacts"), [("rig-1dof", 5), ("free-chain", 4)])
+def test_the_trajectory_file_has_the_arrays_of_the_contract(name, n_contacts, tmp_path):
+    small("impact", name, "--out=out")
+    with np.load(tmp_path / "out" / "trajectory.npz") as trajectory:
+        shapes = {key: trajectory[key].shape for key in trajectory.files}
+    k = 201
+    assert shapes.pop("x") == shapes.pop("v") == (k, 5)
+    assert shapes.pop("contact_force") == (k, n_contacts)
+    assert set(shapes) == {
+        "t", "wall_x", "wall_v", "energy_kinetic", "energy_contact", "energy_leaf", "energy_wall",
+        "energy_residual", "dissipated_contact", "dissipated_wall", "work_preload", "energy_total",
+    }  # fmt: skip
+    assert set(shapes.values()) == {(k,)}
+
+
+def test_the_step_follows_from_the_error_asked_for(capsys):
+    steps = []
+    for error in ("1e-2", "1e-7"):
+        small("impact", "rig-half-space", f"--set=time.error={error}", "--json")
+        summary = json.loads(capsys.readouterr().out)
+        assert summary["error_estimate"]["time"] <= float(error)
+        steps.append(summary["n_steps"])
+    assert steps[0] < steps[1]
+
+
+@pytest.mark.parametrize("name", ["rig-rigid", "free-chain"])
+def test_a_scene_without_an_assembly_loads_nothing_of_one(name):
+    code = (
+        "import sys; from workflows.cli import main\n"
+        "try: main()\n"
+        "except SystemExit as end: assert not end.code\n"
+        "assert not {'gmsh', 'skfem', 'pyvista', 'meshio', 'geometry', 'fem'} & set(sys.modules)"
+    )
+    changes = [f"--set={change}" for change in SMALL]
+    command = [sys.executable, "-c", code, "run", name, "--out=out", *changes]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+BAD = {
+    "typo": ["--set=chain.cuont=3"],
+    "text for a number": ["--set=chain.radius='a'"],
+    "not a number": ["--set=chain.radius=nan"],
+    "negative": ["--set=chain.radius=-1"],
+    "no such option": ["--sett=1"],
+}
+
+
+@pytest.mark.parametrize("arguments", BAD.values(), ids=BAD)
+def test_bad_input_is_one_sentence_and_leaves_nothing(arguments, tmp_path, capsys):
+    assert beadwave("run", "rig-rigid", "--out=out", *arguments) == 2
+    assert not (tmp_path / "out").exists()
+    assert _one_line(capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("content", [None, "", "[chain", "name = 3"])
+def test_a_bad_file_is_one_sentence_and_leaves_nothing(content, tmp_path, capsys):
+    if content is not None:
+        (tmp_path / "mine.toml").write_text(content)
+    assert beadwave("run", "mine.toml", "--out=out") == 2
+    assert not (tmp_path / "out").exists()
+    assert _one_line(capsys.readouterr().err)
+
+
+def test_a_run_that_cannot_work_says_why(capsys):
+    changes = ["--set=leaf_springs.stiffness=0", "--set=time.dt=1"]
+    assert small("impact", "rig-rigid", *changes) == 1
+    assert _one_line(capsys.readouterr().err)
+
+
+def _one_line(text):
+    return text.startswith("beadwave: ") and text.count("\n") == 1 and "Traceback" not in text
+
+
+def test_a_repeated_run_computes_nothing(capsys):
+    small("run", "rig-1dof", "--json")
+    small("run", "rig-1dof", "--json")
+    first, again = capsys.readouterr().out.split("}\n{")
+    again = json.loads("{" + again)
+    assert '"cached": false' in first
+    assert all(stage["cached"] for stage in again["stages"])
+
+
+def test_a_damaged_entry_is_computed_again(tmp_path, capsys):
+    small("run", "rig-1dof", "--json")
+    for entry in (tmp_path / "cache").rglob("output.pkl"):
+        entry.write_bytes(entry.read_bytes()[:40])
+    capsys.readouterr()
+    assert small("run", "rig-1dof", "--json") == 0
+    printed = capsys.readouterr()
+    assert not any(stage["cached"] for stage in json.loads(printed.out)["stages"])
+    assert printed.err == ""
+
+
+def test_without_a_writable_cache_a_run_works_all_the_same(monkeypatch, tmp_path):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    assert small("run", "rig-1dof") == 0
+
+
+FUNCTION = {
+    "wall": "workflows.chain_stages.wall",
+    "impact": "workflows.chain_stages.impact",
+    "figures": "workflows.figure_stages.of_chain",
+}
+
+
+def interrupted(*_):
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("stage", FUNCTION)
+def test_an_interrupted_run_goes_on_where_it_stopped(stage, monkeypatch, tmp_path, capsys):
+    with monkeypatch.context() as patch:
+        patch.setattr(FUNCTION[stage], interrupted)
+        assert small("run", "rig-1dof", "--out=out") == 130
+    assert _one_line(capsys.readouterr().err)
+    assert not (tmp_path / "out" / "summary.json").exists()
+    assert not list((tmp_path / "out").rglob("*.part*"))
+    assert small("run", "rig-1dof", "--out=out", "--json") == 0
+    report = {s["name"]: s["cached"] for s in json.loads(capsys.readouterr().out)["stages"]}
+    order = list(FUNCTION)
+    assert [report[name] for name in order] == [
+        order.index(name) < order.index(stage) for name in order
+    ]
+
+
+def key(stage, *changes):
+    chosen = scene("rig-rom", changes)
+    return stages.Pipeline(chosen, stages.Memory(None, verbose=0)).key(stage)
+
+
+FE = ("mesh", "model", "modes", "reduction", "response", "pictures")
+
+
+@pytest.mark.parametrize(
+    "change", ["chain.radius=0.01", "striker.velocity=1.0", "time.error=1e-5", "preload.force=3"]
+)
+def test_a_changed_chain_redoes_nothing_of_the_finite_elements(change):
+    assert all(key(stage, change) == key(stage) for stage in FE)
+    assert key("impact", change) != key("impact")
+
+
+@pytest.mark.parametrize(
+    ("change", "redone"),
+    [
+        ("assembly.sheet_width=0.064", set(FE)),
+        ("assembly.young=200e9", set(FE) - {"mesh"}),
+        ("patch.radius=0.0025", {"reduction", "response"}),
+        ("reduction.modes=50", {"reduction", "response"}),
+        ("damping.ratio=0.01", set()),
+    ],
+)
+def test_only_what_depends_on_a_change_is_redone(change, redone):
+    assert {stage for stage in FE if key(stage, change) != key(stage)} == redone
+    assert key("impact", change) != key("impact")
+
+
+def test_a_changed_source_redoes_its_stage(monkeypatch):
+    monkeypatch.setattr(stages, "fingerprint", lambda module: module)
+    before = key("modes"), key("reduction")
+    monkeypatch.setattr(stages, "fingerprint", lambda m: "edited" if m == "rom" else m)
+    assert key("modes") == before[0]
+    assert key("reduction") != before[1]
+
+
+def test_a_run_does_not_overwrite_the_scene_it_reads(tmp_path):
+    mine = tmp_path / "scene.toml"
+    mine.write_text("# mine\n")
+    with pytest.raises(InvalidScene, match="overwrite"):
+        RunFolder(tmp_path).begin("name = 'x'\n", mine)
+    assert mine.read_text() == "# mine\n"
+
+
+def test_what_another_scene_left_is_removed(tmp_path):
+    folder = RunFolder(tmp_path / "out")
+    folder.begin("name = 'a'\n", None)
+    folder.write("rom.npz", b"old")
+    folder.begin("name = 'a'\n", None)
+    assert (tmp_path / "out" / "rom.npz").exists()
+    folder.begin("name = 'b'\n", None)
+    assert not (tmp_path / "out" / "rom.npz").exists()
+
+
+def test_a_file_appears_complete_or_not_at_all(tmp_path):
+    folder = RunFolder(tmp_path)
+    with pytest.raises(ZeroDivisionError), folder.writing("summary.json") as path:
+        path.write_text("half")
+        raise ZeroDivisionError
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_report_is_one_page_that_needs_no_other(tmp_path):
+    small("run", "rig-1dof", "--out=out")
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 2
+    assert 'src="http' not in page and "href=" not in page
+    (tmp_path / "out" / "report.html").unlink()
+    assert beadwave("report", "out") == 0
+    assert (tmp_path / "out" / "report.html").read_text() == page
+
+
+def test_a_report_of_no_run_folder_is_refused(capsys):
+    assert beadwave("report", "nowhere") == 2
+    assert "nowhere" in capsys.readouterr().err
+
+
+def test_scenes_are_listed_and_printed(capsys):
+    assert beadwave("scenes") == 0
+    listed = capsys.readouterr().out
+    for name in ("rig-rom", "rig-1dof", "rig-half-space", "rig-rigid", "free-chain"):
+        assert name in listed
+        assert beadwave("scene", name) == 0
+        assert f'name = "{name}"' in capsys.readouterr().out
+
+
+def test_a_missing_scene_name_is_refused(capsys):
+    assert beadwave("scene", "rig-rum") == 2
+    assert "rig-rom" in capsys.readouterr().err
