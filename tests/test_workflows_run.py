@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from workflows.run_folder import RunFolder
 from workflows.scene import InvalidScene
 from workflows.scene_file import scene
 
+ROOT = Path(__file__).parents[1]
 SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
 
 
@@ -86,7 +88,7 @@ def test_the_step_follows_from_the_error_asked_for(capsys):
 
 
 @pytest.mark.parametrize("name", ["rig-rigid", "free-chain"])
-def test_a_scene_without_an_assembly_loads_nothing_of_one(name):
+def test_a_scene_without_an_assembly_loads_nothing_of_one(name, tmp_path):
     code = (
         "import sys; from workflows.cli import main\n"
         "try: main()\n"
@@ -94,8 +96,8 @@ def test_a_scene_without_an_assembly_loads_nothing_of_one(name):
         "assert not {'gmsh', 'skfem', 'pyvista', 'meshio', 'geometry', 'fem'} & set(sys.modules)"
     )
     changes = [f"--set={change}" for change in SMALL]
-    command = [sys.executable, "-c", code, "run", name, "--out=out", *changes]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-c", code, "run", name, f"--out={tmp_path}/out", *changes]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 

@@ -246,8 +246,8 @@ def _outside_patch(scene: Scene):
         reach = side / 2 - scene.patch.radius
         if abs(at) > reach:
             yield (
-                f"patch.point has {axis} = {at} m, allowed is up to {reach:.6g} m from the middle of "
-                f"the block's face for patch.radius = {scene.patch.radius} m; move it or shrink it."
+                f"patch.point has {axis} = {at} m, allowed is up to {reach:.6g} m from the "
+                f"middle of the block's face for patch.radius = {scene.patch.radius} m; move it."
             )
 
 
