@@ -595,6 +595,214 @@ def march(
     return n_save
 
 
+@njit(cache=True, error_model="numpy")
+def mean_hertz(d0, d1, A):
+    """Mean force of a Hertz contact between the overlaps d0 and d1, change of potential over change
+    of overlap, and its slope in d1; free of cancellation."""
+    if d0 > 0.0 and d1 > 0.0:
+        top = math.sqrt(max(d0, d1))
+        y, z = math.sqrt(d0) / top, math.sqrt(d1) / top
+        mean = 0.4 * A * top**3 * (z**4 + z**3 * y + z * z * y * y + z * y**3 + y**4) / (y + z)
+        slope = 0.2 * A * top * (3.0 * z**3 + 6.0 * z * z * y + 4.0 * z * y * y + 2.0 * y**3)
+        slope /= (y + z) ** 2
+        return mean, slope
+    if d1 > 0.0:
+        force = A * d1 * math.sqrt(d1)
+        mean = 0.4 * force * d1 / (d1 - d0)
+        return mean, (force - mean) / (d1 - d0)
+    if d0 > 0.0:
+        mean = 0.4 * A * d0 * d0 * math.sqrt(d0) / (d0 - d1)
+        return mean, mean / (d0 - d1)
+    return 0.0, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def mean_series(g0, g1, A, residual):
+    """`mean_hertz` of a Hertz contact and a spring in series, in terms of the gap of both."""
+    d0, d1 = hertz_indentation(g0, A, residual), hertz_indentation(g1, A, residual)
+    hertz, slope = mean_hertz(d0, d1, A)
+    y, z = math.sqrt(d0), math.sqrt(d1)
+    f0, f1 = A * d0 * y, A * d1 * z
+    if d0 > 0.0 and d1 > 0.0:
+        top = max(y, z)
+        y, z = y / top, z / top
+        secant = A * top * (z * z + z * y + y * y) / (y + z)
+        stretch = 1.0 + residual * secant
+        mean = (hertz + 0.5 * residual * (f0 + f1) * secant) / stretch
+        return mean, slope / stretch
+    if d0 <= 0.0 and d1 <= 0.0:
+        return 0.0, 0.0
+    stored = 0.4 * (f1 * d1 - f0 * d0) + 0.5 * residual * (f1 * f1 - f0 * f0)
+    mean = stored / (g1 - g0)
+    return mean, (f1 - mean) / (g1 - g0) if g1 > 0.0 else -mean / (g1 - g0)
+
+
+@njit(cache=True, error_model="numpy")
+def mean_force(i, last, g0, g1, dt, A, residual, dissipation):
+    """Mean total force of contact i over a step, its slope in g1, its elastic part."""
+    if residual is not None and last:
+        elastic, slope = mean_series(g0, g1, A[i], residual)
+    else:
+        elastic, slope = mean_hertz(g0, g1, A[i])
+    if dissipation is None:
+        return elastic, slope, elastic
+    gamma, law, _ = dissipation
+    if law == HUNT_CROSSLEY:
+        factor = 1.0 + gamma[i] * (g1 - g0) / dt
+        if factor <= 0.0:
+            return 0.0, 0.0, elastic
+        return elastic * factor, slope * factor + elastic * gamma[i] / dt, elastic
+    force = elastic + gamma[i] * (max(g1, 0.0) - max(g0, 0.0)) / dt
+    if law == LINEAR_CLIPPED and force <= 0.0:
+        return 0.0, 0.0, elastic
+    return force, slope + (gamma[i] / dt if g1 > 0.0 else 0.0), elastic
+
+
+@njit(cache=True, error_model="numpy")
+def implicit_step(
+    dt, x0, free, x1, give, load, A, f, elastic, residual, dissipation, lower, diagonal, upper, r,
+    change,
+):  # fmt: skip
+    """Positions x1 (n + 1,) that the mean contact forces lead to, by Newton's method in O(n).
+
+    Body i goes to free[i] + give[i] * (mean force on it); the last one is the wall. Each equation
+    is one row of a tridiagonal, diagonally dominant matrix.
+    """
+    n = x0.size - 1
+    x1[:] = free
+    norm = math.inf
+    share = 1.0
+    for _ in range(200):
+        for i in range(A.size):
+            f[i + 1], lower[i], elastic[i] = mean_force(
+                i, i == n - 1, x0[i] - x0[i + 1], x1[i] - x1[i + 1], dt, A, residual, dissipation
+            )
+        new_norm = 0.0
+        for i in range(n + 1):
+            net = f[i] - (f[i + 1] if i < n else 0.0)
+            if load is not None:
+                net += load[i]
+            r[i] = free[i] + give[i] * net - x1[i]
+            new_norm += r[i] * r[i]
+        if new_norm >= norm and share > 1e-9:
+            share *= 0.5
+            for i in range(n + 1):
+                x1[i] -= share * change[i]
+            if share * np.abs(change).max() > 1e-15 * np.abs(x1 - x0).max():
+                continue
+            break
+        if new_norm == 0.0 or share <= 1e-9:
+            break
+        norm = new_norm
+        share = 1.0
+        for i in range(n + 1):
+            left = lower[i - 1] if 0 < i <= A.size else 0.0
+            right = lower[i] if i < A.size else 0.0
+            diagonal[i] = 1.0 + give[i] * (left + right)
+            upper[i] = -give[i] * right
+        for i in range(1, n + 1):
+            below = -give[i] * (lower[i - 1] if i <= A.size else 0.0)
+            factor = below / diagonal[i - 1]
+            diagonal[i] -= factor * upper[i - 1]
+            r[i] -= factor * r[i - 1]
+        r[n] /= diagonal[n]
+        for i in range(n - 1, -1, -1):
+            r[i] = (r[i] - upper[i] * r[i + 1]) / diagonal[i]
+        for i in range(n + 1):
+            change[i] = r[i]
+            x1[i] += r[i]
+
+
+@njit(cache=True)
+def march_implicit(
+    x, v, mass, A, b, dt, n_save, stride, load, leaf, leaf_springs, preload, offset, residual,
+    mobility, modes, dissipation, wall, out,
+):  # fmt: skip
+    """As `march`, by steps b[i] dt in which every contact acts with its mean force.
+
+    Spheres and modes answer a constant force exactly, so energy is kept to rounding
+    (discrete gradient of O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449, contact by contact).
+    """
+    n = x.size
+    n_contacts = A.size
+    f, saved_f, elastic = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n_contacts)
+    ledger = np.zeros(2)
+    x0, free, x1, give = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
+    lower, diagonal, upper = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
+    r, advance = np.zeros(n + 1), np.zeros(n + 1)
+    modal = None
+    if modes is not None:
+        modal, turn, _square, rest_force, reach = modes
+    for k in range(n_save + 1):
+        for _step in range(stride if k > 0 else 0):
+            for s in range(b.size):
+                h = b[s] * dt
+                x0[:n] = x
+                x0[n] = wall[U] + wall[DASH] + offset
+                for i in range(n):
+                    free[i] = x[i] + h * v[i]
+                    give[i] = 0.5 * h * h / mass[i]
+                    if leaf is not None:
+                        rest, swing = leaf
+                        free[i] = (
+                            rest[i] + swing[s, 0, i] * (x[i] - rest[i]) + swing[s, 1, i] * v[i]
+                        )
+                        give[i] = swing[s, 3, i] / mass[i]
+                free[n], give[n] = x0[n], 0.0
+                if modal is not None:
+                    free[n] -= wall[U]
+                    for j in range(modal.shape[1]):
+                        q = turn[s, 0, j] * modal[Q, j] + turn[s, 1, j] * modal[P, j]
+                        q -= reach[s, j] * modal[PHI, j] * rest_force
+                        free[n] += modal[PHI, j] * q
+                        give[n] += modal[PHI, j] ** 2 * reach[s, j]
+                if mobility is not None:
+                    give[n] += mobility * h
+                implicit_step(
+                    h, x0, free, x1, give, load, A, f, elastic, residual, dissipation, lower,
+                    diagonal, upper, r, advance,
+                )  # fmt: skip
+                for i in range(n_contacts):
+                    change = (x1[i] - x1[i + 1]) - (x0[i] - x0[i + 1])
+                    ledger[0] += (f[i + 1] - elastic[i]) * change
+                for i in range(n):
+                    net = f[i] - f[i + 1]
+                    if load is not None:
+                        net += load[i]
+                    if leaf is None:
+                        v[i] += h * net / mass[i]
+                    else:
+                        rest, swing = leaf
+                        v[i] = (
+                            swing[s, 2, i] * (x[i] - rest[i])
+                            + swing[s, 0, i] * v[i]
+                            + swing[s, 1, i] * net / mass[i]
+                        )
+                    x[i] = x1[i]
+                if modal is not None:
+                    push = f[n] - rest_force
+                    u = 0.0
+                    w = 0.0
+                    for j in range(modal.shape[1]):
+                        q, p = modal[Q, j], modal[P, j]
+                        kick = modal[PHI, j] * push
+                        modal[Q, j] = turn[s, 0, j] * q + turn[s, 1, j] * p + reach[s, j] * kick
+                        modal[P, j] = turn[s, 2, j] * q + turn[s, 3, j] * p + turn[s, 1, j] * kick
+                        u += modal[PHI, j] * modal[Q, j]
+                        w += modal[PHI, j] * modal[P, j]
+                    wall[WORK] += push * (u - wall[U])
+                    wall[U], wall[V] = u, w
+                if mobility is not None:
+                    wall[DASH] += mobility * h * f[n]
+                    ledger[1] += mobility * h * f[n] * f[n]
+        if not save(
+            k, x, v, saved_f, mass, A, wall, ledger, offset, residual, mobility, modal,
+            dissipation, None, leaf_springs, preload, out,
+        ):  # fmt: skip
+            return k
+    return n_save
+
+
 @njit(cache=True)
 def static_residual(x, A, stiffness, anchor, preload, compliance, f, r):
     """Net force on every sphere at rest into r, contact forces into f."""

@@ -12,19 +12,26 @@ from dem.schemes import SCHEMES, default_scheme
 
 def fastest_rate(chain, wall, v0, static):
     """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
-    on top of the static force."""
+    on top of the static force. Wall modes faster than the contact itself are springs to it."""
     energy = 0.5 * float(chain.mass @ np.square(v0))
     overlap = (2.5 * energy / chain.A) ** 0.4 + (static.force / chain.A) ** (2 / 3)
     stiffness = 1.5 * chain.A * np.sqrt(overlap)
     inverse = 1.0 / chain.mass
     pair = inverse[:-1] + inverse[1:]
-    if wall is not None:
-        pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
-    return float(np.sqrt((stiffness * pair).max(initial=0.0)))
+    if wall is None:
+        return float(np.sqrt((stiffness * pair).max(initial=0.0)))
+    last = inverse[-1]
+    for omega, phi in sorted(zip(wall.omega, wall.phi, strict=True)):
+        if omega**2 > stiffness[-1] * last:
+            break
+        last += phi**2
+    return float(np.sqrt((stiffness * np.append(pair, last)).max()))
 
 
 def stability_interval(scheme):
     """Largest dt * omega for which a linear contact of frequency omega stays bounded."""
+    if scheme.kind == "implicit":
+        return np.inf
     z = np.arange(0.01, 12.0, 0.01)
     x, v = np.tile(np.eye(2)[:, :, None], z.size)
     for b, a in zip(scheme.b, np.append(scheme.a, 0.0), strict=True):

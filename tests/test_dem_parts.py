@@ -248,8 +248,8 @@ def test_order_while_contacts_stay_closed(name):
     assert errors[-1] < 1e-4
 
 
-@pytest.mark.parametrize("name", [s.name for s in SCHEMES.values() if s.kind == "composed"])
-def test_composed_schemes_keep_their_order_with_damped_contacts(name):
+@pytest.mark.parametrize("name", [s.name for s in SCHEMES.values() if s.kind[0] in "ci"])
+def test_composed_and_implicit_schemes_keep_their_order_with_damped_contacts(name):
     scheme = SCHEMES[name]
     steps = {2: (256, 512), 4: (64, 128), 6: (32, 48), 8: (24, 32)}[scheme.order]
     chain = squeezed(5, dissipation="linear", gamma=np.full(5, 0.2))
@@ -379,3 +379,42 @@ def test_bad_walls_velocities_and_times_are_refused():
             march(chain, wall, struck(3), duration=duration, dt=dt)
     with pytest.raises(InvalidChain, match="scheme"):
         march(chain, wall, struck(3), duration=1.0, dt=0.1, scheme="euler")
+
+
+@pytest.mark.parametrize("name", ["energy2", "energy4"])
+@pytest.mark.parametrize("law", ["none", "linear", "linear-clipped", "hunt-crossley"])
+def test_implicit_schemes_keep_energy_at_any_step(name, law):
+    chain = unit_chain(
+        7,
+        1.5,
+        dissipation=law,
+        gamma=np.full(7, 0.1),
+        leaf_stiffness=np.linspace(0.0, 0.4, 7),
+        leaf_anchor=np.linspace(0.1, 0.0, 7),
+        preload=0.2,
+    )
+    wall = modal_wall()._replace(phi=np.array([0.0, -0.5, 0.4, 0.7]))
+    unconditional = name == "energy2" and not law.startswith("linear")
+    for dt in (0.02, 0.2, 1.0, 10.0) if unconditional else (0.02, 0.1):
+        run = march(chain, wall, struck(7), duration=40.0, dt=dt, n_save=8, scheme=name)
+        assert run.energy_error < 1e-12
+    for residual in (0.2, -0.1):
+        springy = wall._replace(residual_compliance=residual)
+        run = march(chain, springy, struck(7), duration=40.0, dt=0.1, scheme=name)
+        assert run.energy_error < 1e-12
+
+
+def test_implicit_scheme_finds_the_same_trajectory():
+    chain = unit_chain(9, 1.5, dissipation="hunt-crossley", gamma=np.full(9, 0.05))
+    wall = modal_wall(residual_compliance=0.1)
+    one = march(chain, wall, struck(9), duration=30.0, dt=0.02, n_save=30)
+    two = march(chain, wall, struck(9), duration=30.0, dt=0.02, n_save=30, scheme="energy4")
+    assert two.v == pytest.approx(one.v, abs=1e-6)
+    assert two.dissipated_wall == pytest.approx(one.dissipated_wall, abs=1e-6)
+    dash = dashpot_wall(2.0)
+    one = march(unit_chain(4, 1.5), dash, struck(4), duration=12.0, dt=0.02, n_save=30)
+    two = march(
+        unit_chain(4, 1.5), dash, struck(4), duration=12.0, dt=0.02, n_save=30, scheme="energy4"
+    )
+    assert two.v == pytest.approx(one.v, abs=1e-6)
+    assert two.energy_error < 1e-12
