@@ -34,6 +34,7 @@ class Model(NamedTuple):
     K0: csc_matrix  # (n, n) joints open [N/m]
     M: csc_matrix  # (n, n) [kg]
     T: csr_matrix  # (ndof, n) displacements of the mesh: u_mesh = T @ u
+    free: NDArray[np.int64]  # (n,) where u stands among all dofs: mesh, elongations, mean motions
     structure: Structure
     elongation: NDArray[np.int64]  # (n_springs,) dofs of K0 on which a spring of finite k stands
     stiffness: NDArray[np.float64]  # (n_springs,) [N/m] or [N m/rad]
@@ -104,4 +105,5 @@ def _joined(
     springs = np.flatnonzero(is_spring)
     finite = reduction.free[springs] - basis.N
     spring = tuple(names[i] for i in finite)
-    return Model(K0, M, reduction.T[: basis.N], structure, springs, stiffness[finite], spring)
+    T = reduction.T[: basis.N].tocsr()
+    return Model(K0, M, T, reduction.free, structure, springs, stiffness[finite], spring)

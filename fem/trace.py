@@ -77,11 +77,12 @@ def _interpolation(basis: Basis, X, cells) -> csr_matrix:
     scalar = basis.elem.elem
     n_points, n_shapes = len(cells), basis.Nbfun // 3
     phi = np.array([np.broadcast_to(scalar.lbasis(X, i)[0], n_points) for i in range(n_shapes)])
+    phi[np.abs(phi) < 1e-12] = 0.0
     columns = basis.element_dofs[:, cells].reshape(n_shapes, 3, n_points)
     rows = np.broadcast_to(
         (3 * np.arange(n_points)[None, :] + np.arange(3)[:, None])[None], columns.shape
     )
     entries = np.broadcast_to(phi[:, None], columns.shape)
-    return csr_matrix(
-        (entries.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * n_points, basis.N)
-    )
+    P = csr_matrix((entries.ravel(), (rows.ravel(), columns.ravel())), (3 * n_points, basis.N))
+    P.eliminate_zeros()
+    return P

@@ -247,7 +247,7 @@ def _check_screws(a: Assembly) -> None:
         if z - a.washer_radius <= lower or z + a.washer_radius >= upper:
             raise InvalidGeometry(
                 f"{joint}_screw_z puts a washer at z = {z:.6g} m +- {a.washer_radius} m not in "
-                f"the overlap [{lower:.6g}, {upper:.6g}] m; move the screw or widen {joint}_overlap."
+                f"the overlap [{lower:.6g}, {upper:.6g}] m; move it or widen {joint}_overlap."
             )
     for x, (lower, upper) in zip(a.screw_x, screw_cells(a), strict=True):
         if x - a.washer_radius <= lower or x + a.washer_radius >= upper:

@@ -167,7 +167,7 @@ def _around_screw(x: Coordinates, z: Coordinates, centre, a: Assembly, seed: flo
     around = 2 * np.pi * a.washer_radius / n
     n_washer = max(2, round((a.washer_radius - a.hole_radius) / max(around, seed / 2)))
     gap = float(np.mean(np.hypot(*(rim - washer))))
-    return [_ruled(hole, washer, n_washer), _ruled(washer, rim, max(2, round(gap / seed)))]
+    return [_ruled(washer, hole, n_washer), _ruled(rim, washer, max(2, round(gap / seed)))]
 
 
 def _rectangle(x: Coordinates, z: Coordinates) -> Coordinates:
@@ -179,9 +179,9 @@ def _rectangle(x: Coordinates, z: Coordinates) -> Coordinates:
     return np.concatenate([bottom, right[:, 1:], top[:, 1:], left[:, 1:]], axis=1)
 
 
-def _ruled(inner: Coordinates, outer: Coordinates, n: int) -> Coordinates:
+def _ruled(outer: Coordinates, inner: Coordinates, n: int) -> Coordinates:
     s = np.linspace(0, 1, n + 1)[None, :, None]
-    return inner[:, None] * (1 - s) + outer[:, None] * s
+    return outer[:, None] * (1 - s) + inner[:, None] * s
 
 
 def _merged(patches) -> tuple[Coordinates, NDArray[np.int64]]:
@@ -200,7 +200,9 @@ def _merged(patches) -> tuple[Coordinates, NDArray[np.int64]]:
 
 def _extruded(p: Coordinates, t: NDArray[np.int64], y: float, thickness: float) -> MeshHex:
     n = p.shape[1]
-    layers = [np.array([p[0], np.full(n, level), p[1]]) for level in (y, y + thickness)]
+    # anticlockwise in (x, z) looks along -y: that way up the hexahedra are right-handed
+    levels = sorted((y, y + thickness), reverse=True)
+    layers = [np.array([p[0], np.full(n, level), p[1]]) for level in levels]
     corners = np.concatenate([t, t + n])
     return MeshHex(np.concatenate(layers, axis=1), np.ascontiguousarray(corners[EXTRUDED]))
 
