@@ -15,6 +15,9 @@ from workflows.field_file import ModeField
 from workflows.scene import Joints, JointStiffnesses, Scene
 
 N_MODES = (30, 80)  # the second where the first do not reach all four of the hammer test
+GMSH_NEEDS = (
+    "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
+)
 MASTER = {"block": "head", "sheets_support": "foot"}  # body a sheet is bolted to: joint
 
 
@@ -45,8 +48,13 @@ def mesh(scene: Scene) -> Mesh:
 def _mesher(element: str):
     if element == "hex":
         return geometry.hex_mesh
-    from geometry.tet_mesh import tet_mesh  # loads gmsh and its system libraries
-
+    try:
+        from geometry.tet_mesh import tet_mesh  # loads gmsh, and that its shared libraries
+    except OSError as missing:
+        raise ValueError(
+            f"gmsh cannot start ({missing}); install its shared libraries (Debian: {GMSH_NEEDS}), "
+            'or mesh with mesh.element = "hex".'
+        ) from None
     return tet_mesh
 
 

@@ -145,6 +145,8 @@ def main() -> None:
     """Run the command; every failure is one sentence on stderr."""
     # factors of sparse matrices call BLAS on small blocks, where its threads cost three times more
     environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # the cache of joblib is used, its processes are not: no probe of shared memory, no warning
+    environ.setdefault("JOBLIB_MULTIPROCESSING", "0")
     sys.exit(_status(app))
 
 
