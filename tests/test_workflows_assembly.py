@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from geometry import Assembly
-from workflows import picture_stage
+from workflows import picture_stage, thesis_tables
 from workflows.cli import main
 from workflows.scene import InvalidScene
 from workflows.scene_file import resolved, scene
@@ -157,3 +157,16 @@ def test_a_foreign_file_is_refused_in_a_sentence(tmp_path):
     tables["wall"]["file"] = "absent.npz"
     with pytest.raises(InvalidScene, match="absent"):
         resolved(tables, "scene", tmp_path)
+
+
+def test_a_table_of_the_thesis_is_rebuilt_beside_its_numbers(monkeypatch, capsys):
+    monkeypatch.setattr(thesis_tables, "TABLE_52", thesis_tables.TABLE_52[::3])
+    changes = [f"--set={change}" for change in COARSE]
+    assert beadwave("modes", "rig-rom", *changes, "--table=5.2", "--json") == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["model"] for row in rows] == ["full-tie", "screw-tie"]
+    for row in rows:
+        hz, thesis = np.array(row["modes_hz"]), np.array(row["thesis_hz"])
+        np.testing.assert_allclose(row["difference_percent"], 100 * (hz / thesis - 1), atol=1e-3)
+    assert rows[1]["modes_hz"][0] < rows[0]["modes_hz"][0]  # screws alone hold more softly
+    assert beadwave("modes", "--table=9.9") == 2

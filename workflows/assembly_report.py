@@ -8,10 +8,11 @@ from pydantic import BaseModel
 from workflows import field_file
 from workflows.assembly_stages import AssemblyModes
 from workflows.picture_stage import NoPicture
-from workflows.reduced_wall import HAMMER_TEST_HZ, save
+from workflows.reduced_wall import save
 from workflows.run_folder import RunFolder, write_pictures
 from workflows.scene import InvalidScene
 from workflows.stages import Pipeline
+from workflows.summary import HAMMER_TEST_HZ
 
 FORMATS = (".npz", ".mat", ".h5")
 

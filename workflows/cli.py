@@ -94,17 +94,27 @@ def scene(name: Annotated[str, typer.Argument(help="A built-in scene.")]) -> Non
 @app.command()
 def modes(
     scene: SceneName = None,
+    table: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(help="Rebuild a table of the thesis beside its numbers: 5.2."),
+    ] = None,
     changes: Changes = None,
     json: Json = False,
 ) -> None:
     """Frequencies beside the hammer test, MAC and participation at the contact."""
     from workflows.assembly_report import mode_table
     from workflows.stages import pipeline_of
+    from workflows.thesis_tables import table_52
 
+    if table not in (None, "5.2"):
+        raise InvalidScene(f"--table {table} is not known; known is 5.2.")
     chosen = _with_assembly(load(scene, tuple(changes or ())))
     with StageProgress(sys.stderr) as progress:
-        table = mode_table(pipeline_of(chosen, progress.stage))
-    typer.echo(table.model_dump_json(indent=2) if json else table.text())
+        if table:
+            found = table_52(chosen, progress.stage)
+        else:
+            found = mode_table(pipeline_of(chosen, progress.stage))
+    typer.echo(found.model_dump_json(indent=2) if json else found.text())
 
 
 @app.command()

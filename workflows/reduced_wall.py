@@ -2,14 +2,11 @@
 
 from pathlib import Path
 
-import numpy as np
-
 import coupling
 import dem
 import rom
 from workflows.scene import Damping, InvalidScene, ModalDamping, RayleighDamping, Scene
-
-HAMMER_TEST_HZ = (51.0, 269.0, 907.0, 8425.0)
+from workflows.summary import HAMMER_TEST_HZ
 
 
 def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall:
@@ -19,21 +16,13 @@ def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall:
         reduced,
         half_space=half_space(reduced),
         damping=damping(scene.damping, reduced),
-        cutoff_hz=scene.wall.cutoff or trusted_hz(reduced),
+        cutoff_hz=scene.wall.cutoff,
     )
 
 
 def half_space(reduced: rom.ReducedModel) -> float:
     """What the Hertz law holds already [m/N], as the model's maker wrote it; 0 if unsaid."""
     return float(reduced.provenance.get("half_space_compliance_m_per_N", 0.0))
-
-
-def trusted_hz(reduced: rom.ReducedModel) -> float | None:
-    """Where a Craig-Bampton model's own modes end; boundary shapes above answer statically."""
-    interior = np.diag(reduced.K)[reduced.n_boundary :]
-    if reduced.kind != "craig-bampton" or not len(interior):
-        return None
-    return float(np.sqrt(interior.max()) / (2 * np.pi))
 
 
 def damping(table: Damping, reduced: rom.ReducedModel) -> coupling.Damping | None:

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from workflows.run_folder import RunFolder
 from workflows.scene import InvalidScene
-from workflows.summary import Summary, rows
+from workflows.summary import HAMMER_TEST_HZ, Summary, rows
 
 CAPTIONS = {
     "velocities": "Velocities of the observed spheres. Positive is towards the wall: first the "
@@ -32,6 +32,7 @@ def write_report(folder: Path) -> Path:
     html = page.render(
         summary=summary,
         rows=rows(summary),
+        hammer_test_hz=HAMMER_TEST_HZ,
         pictures=_pictures(folder),
         scene=scene.read_text(encoding="utf-8") if scene.is_file() else "",
     )

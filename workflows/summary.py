@@ -4,6 +4,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
+HAMMER_TEST_HZ = (51.0, 269.0, 907.0, 8425.0)  # thesis, table 5.1
+
 
 class StageTime(BaseModel):
     """What a stage took in this run."""
@@ -66,11 +68,11 @@ def rows(summary: Summary) -> list[tuple[str, str]]:
     labelled = [
         ("modes 1 to 4", _joined(summary.modes_hz.values(), "Hz")),
         ("degrees of freedom", f"{summary.dofs:,}" if summary.dofs else None),
-        ("modes of the wall", str(summary.n_wall_modes)),
-        ("time step", _number(summary.dt_s, "s")),
-        ("steps", f"{summary.n_steps:,}"),
+        ("modes of the wall", str(summary.n_wall_modes) if summary.n_steps else None),
+        ("time step", _number(summary.dt_s, "µs", 1e6)),
+        ("steps", f"{summary.n_steps:,}" if summary.n_steps else None),
         ("peak force at the wall", _number(summary.peak_wall_force_N, "N")),
-        ("contact radius", _number(summary.contact_radius_m, "m")),
+        ("contact radius", _number(summary.contact_radius_m, "mm", 1e3)),
         ("energy error", _number(summary.energy_error)),
         ("error of the time step", _number(summary.error_estimate.time)),
         ("error of the reduction", _number(summary.error_estimate.reduction)),
@@ -79,8 +81,8 @@ def rows(summary: Summary) -> list[tuple[str, str]]:
     return [(label, value) for label, value in labelled if value]
 
 
-def _number(value: Any, unit: str = "") -> str | None:
-    return None if value is None else f"{value:.4g} {unit}".rstrip()
+def _number(value: Any, unit: str = "", scale: float = 1.0) -> str | None:
+    return None if value is None else f"{scale * value:.4g} {unit}".rstrip()
 
 
 def _joined(values, unit: str) -> str | None:
