@@ -82,6 +82,15 @@ def test_the_wall_moves_and_takes_energy(run):
         assert trajectory["energy_wall"][-1] > 0.01 * trajectory["energy_total"][0]
 
 
+def test_another_striker_builds_nothing_of_the_assembly(run, monkeypatch, capsys):
+    for name in ("mesh", "model", "modes", "contact", "reduction"):
+        monkeypatch.setattr(f"workflows.assembly_stages.{name}", None)
+    assert coarse("run", "--set=striker.velocity=0.4", "--out=out", "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["modes_hz"] == run[1]["modes_hz"]
+    assert summary["peak_wall_force_N"] > 1.2 * run[1]["peak_wall_force_N"]
+
+
 def test_a_reduced_model_from_a_file_is_the_same_wall(run, capsys):
     for name in ("rom.npz", "rom.mat"):
         assert coarse("impact", f"--rom={run[0] / name}", "--json") == 0

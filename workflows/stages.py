@@ -91,6 +91,12 @@ ASSEMBLY = {
         ("model", "contact", "modes"),
         ("rom", "fem", "coupling"),
     ),
+    "coarse-reduction": Stage(
+        "workflows.error_stages:coarse_reduction",
+        lambda scene: [_dimensions(scene), _reads("assembly", "joints", "patch")(scene)],
+        (),
+        ("geometry", "fem", "rom", "coupling", "workflows.assembly_stages"),
+    ),
     "response": Stage(
         "workflows.response_stage:response",
         _reads(),
@@ -126,9 +132,9 @@ def _stages(scene: Scene) -> dict[str, Stage]:
         ),
         "mesh-error": Stage(
             "workflows.error_stages:mesh_error",
-            lambda scene: [_dimensions(scene), _reads("assembly", "joints", "damping")(scene)],
-            ("impact",),
-            ("geometry", "fem", "rom", "coupling", "dem", "workflows.assembly_stages"),
+            _reads("damping", "time", "output"),
+            ("coarse-reduction", "impact"),
+            ("coupling", "dem"),
         ),
         "figures": Stage(
             "workflows.figure_stages:of_chain",
