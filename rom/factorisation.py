@@ -142,22 +142,28 @@ def lowest_modes(problem: Pencil, n_modes: int) -> EigenPairs:
         )
     if n_modes == 0:
         return EigenPairs(np.zeros(0), np.zeros((n, 0)))
-    omega, phi = modes_until(problem, lambda omega: len(omega) >= n_modes)
+    omega, phi = modes_until(problem, lambda omega, _: len(omega) >= n_modes)
     return EigenPairs(omega[:n_modes], phi[:, :n_modes])
 
 
 def modes_below(problem: Pencil, cutoff_hz: float) -> EigenPairs:
     """All modes of a pencil below cutoff_hz [Hz]."""
     cutoff = 2 * np.pi * cutoff_hz
-    omega, phi = modes_until(problem, lambda omega: len(omega) > 0 and omega[-1] >= cutoff)
+    omega, phi = modes_until(problem, lambda omega, _: omega.max(initial=0) >= cutoff)
     below = np.count_nonzero(omega < cutoff)
     return EigenPairs(omega[:below], phi[:, :below])
 
 
-def modes_until(problem: Pencil, enough: Callable[[np.ndarray], bool]) -> EigenPairs:
-    """The lowest modes, as many as it takes until enough(omega) holds, or all there are."""
+def modes_until(
+    problem: Pencil, enough: Callable[[np.ndarray, np.ndarray], bool], w: np.ndarray | None = None
+) -> EigenPairs:
+    """The lowest modes, as many as it takes until enough(omega, participation) holds, or all.
+
+    participation (k,) = modes^T w; zeros without w (n,).
+    """
     K, M = problem.K, problem.M
-    phi = _dense_vectors(K, M) if K.shape[0] <= DENSE else _lanczos(problem, enough)
+    w = np.zeros(K.shape[0]) if w is None else w
+    phi = _dense_vectors(K, M) if K.shape[0] <= DENSE else _lanczos(problem, enough, w)
     phi = _mass_normalised(phi, M)
     squared = np.einsum("ij,ij->j", phi, K @ phi)
     order = np.argsort(squared)
@@ -173,48 +179,61 @@ def _dense_vectors(K: sp.csc_array, M: sp.csc_array) -> np.ndarray:
         ) from None
 
 
-def _lanczos(problem: Pencil, enough: Callable[[np.ndarray], bool]) -> np.ndarray:
+def _lanczos(
+    problem: Pencil, enough: Callable[[np.ndarray, np.ndarray], bool], w: np.ndarray
+) -> np.ndarray:
     # block Lanczos on (K - sigma M)^-1 M, fully reorthogonalised in M: a block of right-hand sides
     # costs a third of as many single ones, and twins among the modes cannot be missed
-    M, factor, sigma = problem.M, problem.factor, problem.sigma
+    M, factor = problem.M, problem.factor
     start = np.random.default_rng(1).standard_normal((M.shape[0], BLOCK))
-    blocks = [_orthonormal(factor.solve(start), M)]
-    H = np.zeros((BLOCK, BLOCK))
+    block = _orthonormal(factor.solve(start), M)
+    Q, H = block, np.zeros((BLOCK, BLOCK))
     while True:
-        W = factor.solve(np.asfortranarray(M @ blocks[-1]))
+        W = factor.solve(np.asfortranarray(M @ block))
         norm = np.sqrt(np.einsum("ij,ij->j", W, M @ W).max())
-        h = _projected_out(W, blocks, M)
-        last = slice(len(H) - h.shape[1], None)
+        h = _projected_out(W, Q[:, : len(H)], M)
+        last = slice(len(H) - block.shape[1], None)
         H[:, last], H[last, :] = h, h.T
-        following = _orthonormal(W, M, norm)
-        if not following.shape[1] or len(blocks) % CHECK == 0:
-            theta, S = _ritz(H)
-            left = np.linalg.norm((following.T @ (M @ W)) @ S[last], axis=0)
-            converged = int(np.argmax(np.append(left > 1e-10 * np.abs(theta), True)))
-            squared = sigma + 1 / theta[:converged]
-            if not following.shape[1] or enough(np.sqrt(np.maximum(np.sort(squared), 0))):
-                return _combined(blocks, S[:, :converged])
-        blocks.append(following)
-        H = np.pad(H, (0, following.shape[1]))
+        block = _orthonormal(W, M, norm)
+        exhausted = block.shape[1] == 0
+        if exhausted or len(H) % (CHECK * BLOCK) == 0:
+            pairs = _converged(H, (block.T @ (M @ W)), last, problem.sigma)
+            basis = Q[:, : len(H)]
+            if exhausted or enough(pairs.omega, pairs.phi.T @ (basis.T @ w)):
+                return basis @ pairs.phi
+        Q = _with_columns(Q, len(H), block)
+        H = np.pad(H, (0, block.shape[1]))
 
 
-def _projected_out(W: np.ndarray, blocks: list[np.ndarray], M: sp.csc_array) -> np.ndarray:
-    """Take the blocks out of W, in place, twice; the coefficients come back."""
+def _projected_out(W: np.ndarray, Q: np.ndarray, M: sp.csc_array) -> np.ndarray:
+    """Take Q out of W, in place, twice; the coefficients come back."""
     total = 0.0
     for _ in range(2):
-        MW = M @ W
-        h = np.concatenate([Q.T @ MW for Q in blocks])
-        W -= _combined(blocks, h)
+        h = Q.T @ (M @ W)
+        W -= Q @ h
         total = total + h
     return total
 
 
-def _combined(blocks: list[np.ndarray], S: np.ndarray) -> np.ndarray:
-    out, row = np.zeros((len(blocks[0]), S.shape[1])), 0
-    for Q in blocks:
-        out += Q @ S[row : row + Q.shape[1]]
-        row += Q.shape[1]
-    return out
+def _with_columns(Q: np.ndarray, used: int, block: np.ndarray) -> np.ndarray:
+    """Q (n, capacity) with block behind the columns in use; twice the capacity where it is full."""
+    width = used + block.shape[1]
+    if width > Q.shape[1]:
+        larger = np.empty((len(Q), 2 * width), order="F")
+        larger[:, :used] = Q[:, :used]
+        Q = larger
+    Q[:, used:width] = block
+    return Q
+
+
+def _converged(H: np.ndarray, R: np.ndarray, last: slice, sigma: float) -> EigenPairs:
+    """Converged Ritz pairs of the projected inverse H; phi are coefficients in the basis."""
+    theta, S = eigh((H + H.T) / 2)
+    order = np.argsort(-np.abs(theta))
+    theta, S = theta[order], S[:, order]
+    left = np.linalg.norm(R @ S[last], axis=0)
+    n = int(np.argmax(np.append(left > 1e-10 * np.abs(theta), True)))
+    return EigenPairs(np.sqrt(np.maximum(sigma + 1 / theta[:n], 0)), S[:, :n])
 
 
 def _orthonormal(W: np.ndarray, M: sp.csc_array, norm: float = 0.0) -> np.ndarray:
@@ -227,12 +246,6 @@ def _orthonormal(W: np.ndarray, M: sp.csc_array, norm: float = 0.0) -> np.ndarra
         kept &= np.diag(U.T @ gram @ U) > (1e-13 * norm) ** 2
         W, norm = W @ (U[:, kept] / scale[:, None] / np.sqrt(size[kept])), 0.0
     return W
-
-
-def _ritz(H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    theta, S = eigh((H + H.T) / 2)
-    order = np.argsort(-np.abs(theta))
-    return theta[order], S[:, order]
 
 
 def _mass_normalised(phi: np.ndarray, M: sp.csc_array) -> np.ndarray:

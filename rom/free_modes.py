@@ -22,6 +22,7 @@ from rom.factorisation import (
     known_modes,
     lowest_modes,
     modes_below,
+    modes_until,
     pencil,
     static_response,
     superlu,
@@ -29,7 +30,7 @@ from rom.factorisation import (
 )
 from rom.health import require_faithful, require_static_response
 from rom.reduced_model import ReducedModel, contact_functional
-from rom.truncation import likely_cutoff_hz, tail_errors
+from rom.truncation import tail_errors
 
 
 def free_modes(
@@ -83,7 +84,7 @@ def free_modes(
         error=stated,
     )
     require_faithful(reduced, K, M)
-    require_static_response(reduced, K, M, w, phi[:, omega == 0])
+    require_static_response(reduced, K, M, w, _rigid(problem, EigenPairs(omega, phi)))
     return reduced
 
 
@@ -127,27 +128,28 @@ def _as_told(
         pairs = lowest_modes(problem, n_modes)
     else:
         pairs = modes_below(problem, cutoff_hz)
-    static = static_response(problem, w, _rigid(pairs))
+    static = static_response(problem, w, _rigid(problem, pairs))
     return Choice(pairs, static, to_hz and _errors(problem, pairs, w, static, to_hz)[-1])
 
 
 def _to_error(
     problem: Pencil, w: np.ndarray, known: EigenPairs | None, error: float, to_hz: float
 ) -> Choice:
-    cutoff = likely_cutoff_hz(error, to_hz)
-    while True:
-        pairs = known or modes_below(problem, cutoff)
-        static = static_response(problem, w, _rigid(pairs))
-        errors = _errors(problem, pairs, w, static, to_hz)
-        if errors.min() <= error:
-            n_modes = int(np.argmax(errors <= error))
-            return Choice(_cut(pairs, n_modes, None), static, errors[n_modes])
-        if known is not None:
-            raise ReductionError(
-                f"the {len(known.omega)} modes handed in leave an error of {errors.min():.1e} up "
-                f"to {to_hz:g} Hz, asked was {error:g}; hand in more, or leave modes out."
-            )
-        cutoff *= 1.4
+    static = static_response(problem, w, _rigid(problem, known))
+    moments = w @ static, static @ (problem.M @ static)
+
+    def enough(omega: np.ndarray, participation: np.ndarray) -> bool:
+        return tail_errors(omega, participation, *moments, to_hz).min() <= error
+
+    pairs = known or modes_until(problem, enough, w)
+    errors = tail_errors(pairs.omega, pairs.phi.T @ w, *moments, to_hz)
+    if errors.min() > error:
+        raise ReductionError(
+            f"{len(pairs.omega)} modes leave an error of {errors.min():.1e} up to {to_hz:g} Hz, "
+            f"asked was {error:g}; hand in more, or leave modes out."
+        )
+    n_modes = int(np.argmax(errors <= error))
+    return Choice(_cut(pairs, n_modes, None), static, errors[n_modes])
 
 
 def _errors(
@@ -157,8 +159,12 @@ def _errors(
     return tail_errors(pairs.omega, pairs.phi.T @ w, w @ static, second_moment, to_hz)
 
 
-def _rigid(pairs: EigenPairs) -> np.ndarray:
-    return pairs.phi[:, pairs.omega == 0]
+def _rigid(problem: Pencil, known: EigenPairs | None) -> np.ndarray:
+    """Rigid-body modes (n, r); a K that was factorised as it is has none."""
+    if problem.sigma == 0:
+        return np.zeros((problem.K.shape[0], 0))
+    omega, phi = known or lowest_modes(problem, min(8, problem.K.shape[0]))
+    return phi[:, omega == 0]
 
 
 def _cut(pairs: EigenPairs, n_modes: int | None, cutoff_hz: float | None) -> EigenPairs:
