@@ -2,6 +2,7 @@ from fem.contact_patch import ContactPatch, contact_patch, disc_quadrature, poin
 from fem.correlation import HAMMER_TEST_HZ, Pairing, mac, pair
 from fem.elasticity import Material, Structure, assemble
 from fem.factorisation import factorised
+from fem.half_space import half_space_on_mesh
 from fem.joints import DIRECTIONS, Joint
 from fem.model import Model, full_tie, screw_tie, wires
 from fem.modes import Modes, modes
@@ -22,6 +23,7 @@ __all__ = [
     "disc_quadrature",
     "factorised",
     "full_tie",
+    "half_space_on_mesh",
     "mac",
     "modes",
     "pair",

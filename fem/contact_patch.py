@@ -22,6 +22,8 @@ class ContactPatch(NamedTuple):
 
     w: NDArray[np.float64]  # (n,) u_w = w @ u [1]
     boundary: NDArray[np.int64]  # free dofs of the recovery nodes, those that w reads
+    on_mesh: NDArray[np.float64]  # (ndof,) the same functional on the displacements of the mesh
+    inward: float  # direction of the chain's travel along x, +1 or -1
     point: NDArray[np.float64]  # (3,) [m]
     radius: float  # [m]
     weights: str  # "hertz" or "area"
@@ -74,9 +76,8 @@ def contact_patch(
             f"{face!r}; move it or make it smaller ({outside})"
         ) from outside
     on_mesh = inward * (share @ P[0::3])
-    return ContactPatch(
-        model.T.T @ on_mesh, _recovery_dofs(model, on_mesh), centre, radius, weights
-    )
+    boundary = _recovery_dofs(model, on_mesh)
+    return ContactPatch(model.T.T @ on_mesh, boundary, on_mesh, inward, centre, radius, weights)
 
 
 def _middle(basis: Basis, face: str) -> tuple[NDArray[np.float64], float]:

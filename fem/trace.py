@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from skfem import Basis, FacetBasis
 
+NEWTON_STEPS = 12  # boxes and straight tetrahedra need one
+
 
 def face_nodes(basis: Basis, face: str) -> NDArray[np.int64]:
     """The displacement dofs of every node on a face, (n_nodes, 3)."""
@@ -37,7 +39,7 @@ def trace(basis: Basis, face: str, points: NDArray[np.float64]) -> csr_matrix:
     point, facet = _candidates(mesh.p[:, mesh.facets[:, facets]], points, 1e-7 * size)
     cells = mesh.f2t[0, facets[facet]]
     target = points[point].T[:, :, None]
-    X = basis.mapping.invF(target, tind=cells)
+    X = _local(basis.mapping, target, cells)
     outside = _outside(mesh.elem(), X[:, :, 0])
     outside += np.linalg.norm((basis.mapping.F(X, tind=cells) - target)[:, :, 0], axis=0) / size
     best = _least(point, outside, len(points))
@@ -57,6 +59,20 @@ def _candidates(corners, points, tolerance: float):
         x = points[:, axis, None]
         inside &= (x >= lower[axis]) & (x <= upper[axis])
     return np.nonzero(inside)
+
+
+def _local(mapping, x, cells) -> NDArray[np.float64]:
+    """Local coordinates (3, n, 1) of points in cells, by Newton's method.
+
+    scikit-fem's own inverse clips to the cell and gives up on a point a rounding error outside it.
+    """
+    X = np.full(x.shape, 0.5)
+    for _ in range(NEWTON_STEPS):
+        step = np.einsum("ijkl,jkl->ikl", mapping.invDF(X, cells), x - mapping.F(X, cells))
+        X = np.clip(X + step, -0.5, 1.5)
+        if np.abs(step).max(initial=0.0) < 1e-13:
+            break
+    return X
 
 
 def _outside(vertex_element, X) -> NDArray[np.float64]:

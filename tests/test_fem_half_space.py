@@ -1,0 +1,93 @@
+"""The contact singularity and its cure: a steel block struck in the middle of a held bar's end."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from skfem import MeshHex
+
+from fem import (
+    Material,
+    Model,
+    assemble,
+    contact_patch,
+    factorised,
+    full_tie,
+    half_space_on_mesh,
+    point_functional,
+)
+from fem.factorisation import Factor
+from fem.half_space import boussinesq
+from geometry.hex_mesh import graded
+
+STEEL = Material(210e9, 0.3, 7850.0)
+A, B, H = 0.131, 0.099, 0.041  # m
+
+
+def held_block(contact_seed):
+    lines = [graded(-L / 2, L / 2, 0.0, contact_seed, 12e-3) for L in (B, H)]
+    x = graded(0.0, A, A, contact_seed, 12e-3)
+    mesh = MeshHex.init_tensor(x, *lines)
+    faces = {
+        "block:+x": lambda x: np.abs(x[0] - A) < 1e-9,
+        "block:-x": lambda x: np.abs(x[0]) < 1e-9,
+    }
+    mesh = mesh.with_subdomains({"block": np.arange(mesh.nelements)}).with_boundaries(faces)
+    return full_tie(assemble(mesh, {"block": STEEL}), [], ["block:-x"])
+
+
+class Held(NamedTuple):
+    model: Model
+    factor: Factor
+
+    def compliance(self, w):
+        return w @ self.factor.solve(w)
+
+    def of_patch(self, radius, weights="hertz"):
+        """Of the whole block, and of the half-space on the same mesh."""
+        patch = contact_patch(self.model, "block:+x", (0.0, 0.0), radius, weights=weights)
+        local = half_space_on_mesh(self.model, "block:+x", patch, STEEL)
+        return self.compliance(patch.w), local
+
+
+@pytest.fixture(scope="module")
+def blocks():
+    models = {seed: held_block(seed) for seed in (8e-3, 4e-3)}
+    return {seed: Held(model, factorised(model.K)) for seed, model in models.items()}
+
+
+@pytest.mark.parametrize("weights", ["hertz", "area"])
+def test_what_is_left_of_the_block_is_a_property_of_the_block(blocks, weights):
+    # patches from an eighth of an element to more than an element wide
+    radii = (1e-3, 3.2e-3, 6.4e-3)
+    pairs = np.array([[b.of_patch(radius, weights) for radius in radii] for b in blocks.values()])
+    left = pairs[..., 0] - pairs[..., 1]
+    assert np.ptp(left[0]) < 0.05 * left.mean()
+    assert np.ptp(left[1]) < 0.01 * left.mean()
+    # the exact half-space leaves the same as far as the mesh resolves the patch
+    exact = {"hertz": 0.6, "area": 16 / (3 * np.pi**2)}[weights]
+    exact *= (1 - STEEL.poisson**2) / (STEEL.young * radii[-1])
+    assert pairs[1, 2, 0] - exact == pytest.approx(left[1, 2], rel=0.15)
+
+
+def test_the_meshed_half_space_approaches_the_exact_one(blocks):
+    exact = 0.6 * (1 - STEEL.poisson**2) / (STEEL.young * 6.4e-3)
+    error = [abs(b.of_patch(6.4e-3)[1] / exact - 1) for b in blocks.values()]
+    assert error[1] < 0.5 * error[0] and error[1] < 0.02
+
+
+def test_the_single_node_diverges_like_one_over_the_seed(blocks):
+    c = [b.compliance(point_functional(b.model, "block:+x", (0.0, 0.0))) for b in blocks.values()]
+    assert c[1] / c[0] > 1.8
+
+
+def test_boussinesq_is_the_surface_and_axis_solution_of_the_textbooks():
+    E, nu, r = STEEL.young, STEEL.poisson, 0.01
+    on_surface, on_axis = boussinesq(
+        np.array([[0.0, r, 0.0], [-r, 0.0, 0.0]]), np.zeros(3), -1.0, STEEL
+    )
+    # u_z = (1 - nu^2) / (pi E r), u_r = -(1 + nu)(1 - 2 nu) / (2 pi E r) on the surface;
+    # u_z = (1 + nu)(3 - 2 nu) / (2 pi E z) below the force
+    assert -on_surface[0] == pytest.approx((1 - nu**2) / (np.pi * E * r))
+    assert on_surface[1] == pytest.approx(-(1 + nu) * (1 - 2 * nu) / (2 * np.pi * E * r))
+    assert -on_axis[0] == pytest.approx((1 + nu) * (3 - 2 * nu) / (2 * np.pi * E * r))
