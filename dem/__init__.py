@@ -14,9 +14,9 @@ from dem.chain import (
     row_of_spheres,
 )
 from dem.schemes import SCHEMES, Scheme
-from dem.stability import stability_limit
+from dem.stability import UnstableStep, stability_limit
 from dem.step_control import Controlled, StepReport, march_to_error
-from dem.trajectory import Trajectory, UnstableStep, march
+from dem.trajectory import Trajectory, march
 
 __all__ = [
     "SCHEMES",

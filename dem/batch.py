@@ -13,8 +13,9 @@ import numpy as np
 from dem import kernels
 from dem.chain import InvalidChain, Wall, validate
 from dem.schemes import SCHEMES
+from dem.stability import UnstableStep
 from dem.step_control import march_to_error
-from dem.trajectory import UnstableStep, oscillator_turn
+from dem.trajectory import oscillator_turn
 
 LANES = kernels.LANES
 

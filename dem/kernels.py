@@ -31,7 +31,7 @@ TOP, COEFFICIENT, CRATER = range(3)
 LANES = 16
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def hertz_indentation(gap, A, s):
     """delta of  delta + s A delta^(3/2) = gap: a Hertz contact and a spring s in series.
 
@@ -47,6 +47,8 @@ def hertz_indentation(gap, A, s):
         top = -2.0 / (3.0 * e)
         if 3.0 * gap >= top * top:
             return math.nan
+    if y == 0.0:
+        return 0.0
     for _ in range(60):
         change = (gap - y * y * (1.0 + e * y)) / (y * (2.0 + 3.0 * e * y))
         y += change
@@ -57,7 +59,7 @@ def hertz_indentation(gap, A, s):
     return y * y
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def plastic_force(i, d, A, plastic):
     """Thornton's elastic-plastic contact: Hertz up to its yield overlap, straight on beyond, back
     on the Hertz law of the flattened surface."""
@@ -69,7 +71,7 @@ def plastic_force(i, d, A, plastic):
     return history[COEFFICIENT, i] * e * math.sqrt(e)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def plastic_indentation(gap, A, residual, plastic):
     """delta of  delta + s F(delta) = gap  at the last contact."""
     if residual is None or gap <= 0.0:
@@ -89,7 +91,7 @@ def plastic_indentation(gap, A, residual, plastic):
     return 0.5 * (low + high)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def plastic_loss(i, top, A, plastic):
     """Work lost for good once contact i has been pressed to the overlap `top`; also the
     coefficient of the flattened surface and its crater."""
@@ -104,7 +106,7 @@ def plastic_loss(i, top, A, plastic):
     return work - 0.4 * force * elastic, coefficient, top - elastic
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def sphere_forces(x, A, f, plastic):
     """Elastic forces between neighbours into f[1:n]."""
     for i in range(x.size - 1):
@@ -116,14 +118,14 @@ def sphere_forces(x, A, f, plastic):
             f[i + 1] = plastic_force(i, d, A, plastic)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def wall_indentation(gap, A, residual):
     if residual is None:
         return max(gap, 0.0)
     return hertz_indentation(gap, A, residual)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def dashpot_indentation(d, dt, A, residual, mobility):
     """Indentation after dt of creep  d(gap)/dt = -mobility A d^(3/2)  at a fixed sphere.
 
@@ -147,7 +149,7 @@ def dashpot_indentation(d, dt, A, residual, mobility):
     return 1.0 / (z * z)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def creep(d, dt, A, wall, ledger, residual, mobility):
     """Move the dashpot wall for dt; its mean force."""
     force = A * d * math.sqrt(d)
@@ -162,7 +164,7 @@ def creep(d, dt, A, wall, ledger, residual, mobility):
     return moved / (mobility * dt)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def wall_force(x, dt, A, wall, ledger, offset, residual, mobility, plastic):
     """Mean force at the wall over a kick of length dt; moves the dashpot wall."""
     last = x.size - 1
@@ -176,7 +178,7 @@ def wall_force(x, dt, A, wall, ledger, offset, residual, mobility, plastic):
     return A[last] * d * math.sqrt(d)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def push_spheres(v, dt, f, minv, load):
     if load is None:
         for i in range(v.size):
@@ -186,7 +188,7 @@ def push_spheres(v, dt, f, minv, load):
             v[i] += dt * minv[i] * (f[i] - f[i + 1] + load[i])
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def push_modes(impulse, square, wall, modal):
     for j in range(modal.shape[1]):
         modal[P, j] += modal[PHI, j] * impulse
@@ -194,7 +196,7 @@ def push_modes(impulse, square, wall, modal):
     wall[V] += square * impulse
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def drift_spheres(k, dt, x, v, leaf):
     """Free flight, or the exact swing on the leaf springs by the k-th drift."""
     if leaf is None:
@@ -208,7 +210,7 @@ def drift_spheres(k, dt, x, v, leaf):
             v[i] = turn[k, 2, i] * u + turn[k, 0, i] * v[i]
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def drift_modes(k, wall, modal, turn):
     """Exact free motion of the damped modes by the k-th drift."""
     u = 0.0
@@ -226,7 +228,7 @@ def drift_modes(k, wall, modal, turn):
     wall[V] = w
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def damping_impulse(w, dt, force, c, inverse_mass, clipped):
     """Impulse of a damper c on two bodies that approach at w, exact at frozen positions.
 
@@ -250,7 +252,7 @@ def damping_impulse(w, dt, force, c, inverse_mass, clipped):
     return done - w / inverse_mass * math.expm1(-z)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def damper(i, force, gamma, law):
     """Coefficient c of the damping force c (approach velocity) of contact i."""
     if law == HUNT_CROSSLEY:
@@ -258,7 +260,7 @@ def damper(i, force, gamma, law):
     return gamma[i] if force > 0.0 else 0.0
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def damp_contacts(first, dt, v, f, minv, n_contacts, wall, ledger, dissipation, square, modal):
     """Every second contact, from `first` on: they share no sphere."""
     gamma, law, inverse_mass = dissipation
@@ -277,7 +279,7 @@ def damp_contacts(first, dt, v, f, minv, n_contacts, wall, ledger, dissipation, 
             push_modes(impulse, square, wall, modal)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def zeta_sums(theta, b, c, tail):
     """sum b zeta(-p, c - theta), p = 3/2, 5/2, 7/2, over the nodes of this and all later steps but
     those before theta. `tail (3, m)` holds what starts two steps on, polynomials in 2 theta - 1."""
@@ -298,7 +300,7 @@ def zeta_sums(theta, b, c, tail):
     return s3, s5, s7
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def crossing(g0, r0, g1, r1):
     """Zero in (0, 1) of the cubic with values g and slopes r at the ends, slope and curvature."""
     c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1
@@ -323,7 +325,7 @@ def crossing(g0, r0, g1, r1):
     return t, r0 + t * (2.0 * c2 + t * 3.0 * c3), 2.0 * c2 + 6.0 * t * c3
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def mend_crossing(A, dt, g0, r0, g1, r1, mend):
     """Impulse and displacement-times-mass that the scheme misses at a contact whose overlap went
     from g0 to g1 with rates r0, r1; also the rate at the crossing."""
@@ -345,7 +347,7 @@ def mend_crossing(A, dt, g0, r0, g1, r1, mend):
     return size * impulse, dt * size * shift, slope / dt
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def crossed(x, x_old, A, wall, wall_old, offset, plastic):
     """Did any contact open or close?"""
     n = x.size
@@ -361,7 +363,7 @@ def crossed(x, x_old, A, wall, wall_old, offset, plastic):
     return count > 0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def passage(i, x, v, x_old, v_old, wall, wall_old, offset):
     """Overlap and its rate at contact i before and after the last step."""
     if i < x.size - 1:
@@ -374,7 +376,7 @@ def passage(i, x, v, x_old, v_old, wall, wall_old, offset):
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def mend_crossings(
     dt, x, v, x_old, v_old, minv, A, wall, wall_old, ledger, offset, dissipation, square, modal,
     plastic, mend,
@@ -408,7 +410,7 @@ def mend_crossings(
                 modal[Q, j] += modal[PHI, j] * shift
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def yield_contacts(dt, x, v, x_old, v_old, A, wall, wall_old, ledger, offset, residual, plastic):
     """Deepen the craters of contacts that were pressed further than ever in the last step.
 
@@ -436,7 +438,7 @@ def yield_contacts(dt, x, v, x_old, v_old, A, wall, wall_old, ledger, offset, re
     return deeper
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def total_forces(x, v, f, A, wall, offset, residual, dissipation, plastic):
     """Contact forces at an instant, dissipative part included, into f; elastic energies out."""
     n = x.size
@@ -465,7 +467,7 @@ def total_forces(x, v, f, A, wall, offset, residual, dissipation, plastic):
     return contact, spring
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def modal_energy(modal):
     """Energy of the modes about the static state, and in all."""
     swing = 0.0
@@ -478,7 +480,7 @@ def modal_energy(modal):
     return swing, absolute
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def save(
     k, x, v, f, mass, A, wall, ledger, offset, residual, mobility, modal, dissipation,
     plastic, leaf_springs, preload, out,
@@ -517,7 +519,7 @@ def save(
     return abs(total) <= 1e300
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def march(
     x, v, mass, A, a, b, dt, n_save, stride, load, leaf, leaf_springs, preload,
     offset, residual, mobility, modes, dissipation, plastic, mend, wall, out,
@@ -713,7 +715,7 @@ def implicit_step(
             x1[i] += r[i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def march_implicit(
     x, v, mass, A, b, dt, n_save, stride, load, leaf, leaf_springs, preload, offset, residual,
     mobility, modes, dissipation, wall, out,
@@ -803,7 +805,7 @@ def march_implicit(
     return n_save
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def static_residual(x, A, stiffness, anchor, preload, compliance, f, r):
     """Net force on every sphere at rest into r, contact forces into f."""
     n = x.size
@@ -819,7 +821,7 @@ def static_residual(x, A, stiffness, anchor, preload, compliance, f, r):
     r[n - 1] += preload
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def static_slope(x, A, stiffness, compliance, k):
     """Tangent stiffness of every contact into k."""
     n = x.size
@@ -831,7 +833,7 @@ def static_slope(x, A, stiffness, compliance, k):
             k[i] = hertz / (1.0 + compliance * hertz)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def thomas(lower, diagonal, rhs):
     """Solution of a symmetric tridiagonal system; overwrites its arguments."""
     n = diagonal.size
@@ -845,7 +847,7 @@ def thomas(lower, diagonal, rhs):
     return rhs
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def rest(x, A, stiffness, anchor, preload, compliance, floor, n_iterations):
     """Damped Newton for the static state, from x and in place; the net force that is left, out.
 
@@ -884,7 +886,7 @@ def rest(x, A, stiffness, anchor, preload, compliance, floor, n_iterations):
     return norm
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def forces_of_lanes(x, A, f):
     for j in range(A.size):
         d = x[j] - x[j + LANES]
@@ -892,7 +894,7 @@ def forces_of_lanes(x, A, f):
         f[j + LANES] = A[j] * d * math.sqrt(d)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def push_modes_of_lanes(impulse, q, p, phi, shift):
     """p += phi impulse for every lane; with a shift, q += phi shift as well."""
     for j in range(0, q.size, LANES):
@@ -902,7 +904,7 @@ def push_modes_of_lanes(impulse, q, p, phi, shift):
                 q[j + lane] += phi[j + lane] * shift[lane]
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def read_modes_of_lanes(q, p, phi, u, w):
     u[:] = 0.0
     w[:] = 0.0
@@ -912,7 +914,7 @@ def read_modes_of_lanes(q, p, phi, u, w):
             w[lane] += phi[j + lane] * p[j + lane]
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def drift_modes_of_lanes(q, p, turn):
     for j in range(q.size):
         q_new = turn[0, j] * q[j] + turn[1, j] * p[j]
@@ -920,7 +922,7 @@ def drift_modes_of_lanes(q, p, turn):
         q[j] = q_new
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def crossed_row(x, x_old, row):
     count = 0.0
     for j in range(row, row + LANES):
@@ -930,7 +932,7 @@ def crossed_row(x, x_old, row):
     return count > 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def mend_lanes(dt, x, v, x_old, v_old, minv, A, mend, wall_impulse, wall_shift):
     """`mend_crossings` for lanes; what the wall's modes get is left in the last two arguments.
 
@@ -961,7 +963,7 @@ def mend_lanes(dt, x, v, x_old, v_old, minv, A, mend, wall_impulse, wall_shift):
     return mended
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def energy_of_lanes(x, v, mass, A, q, p, omega, energy):
     energy[:] = 0.0
     for row in range(0, A.size, LANES):
@@ -976,7 +978,7 @@ def energy_of_lanes(x, v, mass, A, q, p, omega, energy):
             energy[lane] += 0.5 * (p[j] * p[j] + omega[j] * omega[j] * q[j] * q[j])
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=FAST)
 def march_lanes(
     v0, mass, A, phi, omega, turn, a, b, dt, n_save, stride, observed, mend, vs, walls, errors
 ):

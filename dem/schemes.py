@@ -198,11 +198,16 @@ SCHEMES = {
 }
 
 
-def default_scheme(chain, wall):
+def default_scheme(chain, wall, *, stiffly_damped=False):
     """Name of the scheme that measures best: the linear dampers jump when a contact closes, which
-    only the implicit schemes average."""
-    if chain.dissipation.startswith("linear") and chain.yield_overlap is None:
+    only the implicit schemes average; damping faster than the contacts bears no step back in time.
+    """
+    dashpot = wall is not None and wall.mobility > 0.0
+    jumps = chain.dissipation.startswith("linear") and chain.yield_overlap is None
+    if stiffly_damped:
+        return "energy2" if jumps or dashpot else "verlet"
+    if jumps:
         return "energy4"
     if chain.dissipation != "none" or chain.yield_overlap is not None:
         return "suzuki4"
-    return "split4" if wall is not None and wall.mobility > 0.0 else "rkn6"
+    return "split4" if dashpot else "rkn6"

@@ -9,13 +9,34 @@ import numpy as np
 from dem.chain import equilibrium, validate
 from dem.schemes import SCHEMES, default_scheme
 
+BACKWARD = 10.0  # rounding may grow by exp(BACKWARD) in a step back in time
+
+
+class UnstableStep(ValueError):
+    """A step for which the march has no meaning."""
+
+
+def refuse_step(chain, wall, v0, static, dt, scheme):
+    """Raise UnstableStep if the contacts or the damping make dt meaningless for the scheme."""
+    rate, limit = fastest_rate(chain, wall, v0, static), stability_interval(scheme)
+    if dt * rate > limit:
+        raise UnstableStep(
+            f"dt = {dt:.3g} s is unstable for contacts of {rate:.3g} rad/s; "
+            f"take dt < {limit / rate:.3g} s"
+        )
+    decay, back = fastest_decay(chain, wall, v0, static), backward_reach(scheme)
+    if dt * decay * back > 2.0 * BACKWARD:
+        raise UnstableStep(
+            f"dt = {dt:.3g} s is unstable for damping of {decay:.3g} 1/s with scheme "
+            f"{scheme.name!r}; take dt < {2.0 * BACKWARD / (decay * back):.3g} s or a scheme of "
+            "order 2"
+        )
+
 
 def fastest_rate(chain, wall, v0, static):
     """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
     on top of the static force. Wall modes faster than the contact itself are springs to it."""
-    energy = 0.5 * float(chain.mass @ np.square(v0))
-    overlap = (2.5 * energy / chain.A) ** 0.4 + (static.force / chain.A) ** (2 / 3)
-    stiffness = 1.5 * chain.A * np.sqrt(overlap)
+    stiffness = 1.5 * chain.A * np.sqrt(_deepest(chain, v0, static))
     inverse = 1.0 / chain.mass
     pair = inverse[:-1] + inverse[1:]
     if wall is None:
@@ -26,6 +47,38 @@ def fastest_rate(chain, wall, v0, static):
             break
         last += phi**2
     return float(np.sqrt((stiffness * np.append(pair, last)).max()))
+
+
+def fastest_decay(chain, wall, v0, static):
+    """Upper estimate of the largest rate [1/s] at which damping wears motion down."""
+    rates = [0.0]
+    if wall is not None and wall.omega.size:
+        over = np.sqrt(np.maximum(wall.zeta**2 - 1.0, 0.0))
+        rates.append((wall.omega * (wall.zeta + over)).max())
+    if wall is not None and wall.mobility > 0.0:
+        stiffness = 1.5 * chain.A[-1] * np.sqrt(_deepest(chain, v0, static)[-1])
+        rates.append(wall.mobility * stiffness)
+    if chain.dissipation != "none" and chain.A.size:
+        inverse = 1.0 / chain.mass
+        pair = inverse[:-1] + inverse[1:]
+        if wall is not None:
+            pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
+        force = chain.A * _deepest(chain, v0, static) ** 1.5
+        damper = chain.gamma * (force if chain.dissipation == "hunt-crossley" else 1.0)
+        rates.append((damper * pair).max())
+    return float(max(rates))
+
+
+def _deepest(chain, v0, static):
+    """Overlap [m] of every contact with all kinetic energy in it on top of the static force."""
+    energy = 0.5 * float(chain.mass @ np.square(v0))
+    return (2.5 * energy / chain.A) ** 0.4 + (static.force / chain.A) ** (2 / 3)
+
+
+def backward_reach(scheme):
+    """Largest part of the step that the scheme goes back in time; damping grows there."""
+    moves = scheme.b if scheme.kind == "implicit" else np.concatenate([scheme.a, scheme.b])
+    return float(max(0.0, -moves.min()))
 
 
 def stability_interval(scheme):

@@ -6,15 +6,21 @@ import numpy as np
 
 from dem.chain import InvalidChain, validate
 from dem.schemes import SCHEMES, default_scheme
-from dem.stability import fastest_rate, stability_interval
-from dem.trajectory import Trajectory, UnstableStep, prepare, run, start
+from dem.stability import (
+    BACKWARD,
+    UnstableStep,
+    fastest_decay,
+    fastest_rate,
+    stability_interval,
+)
+from dem.trajectory import Trajectory, prepare, run, start
 
 
 class StepReport(NamedTuple):
-    """How a step was found: one entry per march tried, coarse to fine."""
+    """How a step was found: one entry per comparison of two marches, coarse to fine."""
 
-    dt: np.ndarray  # [s]
-    difference: np.ndarray  # relative velocity change against the march before
+    dt: np.ndarray  # [s] of the finer march
+    difference: np.ndarray  # relative velocity change against the coarser march
     energy_error: np.ndarray
     error_estimate: float
     evaluations: int  # contact force evaluations of all marches
@@ -47,45 +53,47 @@ def march_to_error(
     observed: indices of spheres, None for all; scale: the largest initial speed unless given;
     energy_error: error / 10^4 without losses, error / 100 with them, unless given;
     max_evaluations: of all contacts, unless given as many as take about a minute. The estimate
-    divides the difference of two marches by what order 2.5 leaves (2 and, explicit, 1 for the
-    linear laws, whose force jumps), less than any scheme here keeps. Raises UnstableStep if `max_evaluations`
-    do not suffice.
+    divides the difference of two marches by what order 2 leaves (1 for the linear laws, whose
+    force jumps, with an explicit scheme), less than any scheme here keeps. Raises UnstableStep if
+    `max_evaluations` do not suffice.
     """
     validate(chain, wall, v0)
     _positive("error", error)
     _positive("duration", duration)
-    name = scheme or default_scheme(chain, wall)
+    prepared = prepare(chain, wall)
+    rate = max(fastest_rate(chain, wall, v0, prepared.static), 1.0 / duration)
+    decay = fastest_decay(chain, wall, v0, prepared.static)
+    name = scheme or default_scheme(chain, wall, stiffly_damped=decay > BACKWARD * rate)
     if name not in SCHEMES:
         raise InvalidChain(f"scheme {name!r} is unknown; take one of {', '.join(SCHEMES)}")
     method = SCHEMES[name]
-    prepared = prepare(chain, wall)
     scale = scale or float(np.abs(v0).max()) or 1.0
     energy_error = energy_error or _energy_target(chain, wall, error)
     observed = slice(None) if observed is None else np.asarray(observed)
-    order = 2.5
-    if chain.dissipation.startswith("linear"):
-        order = 2.0 if method.kind == "implicit" else 1.0
+    order = _assumed_order(chain, method)
     state = start(chain, wall, v0, prepared.static)
-    rate = max(fastest_rate(chain, wall, v0, prepared.static), 1.0 / duration)
     allowed = max_evaluations or 2e10 / (chain.mass.size + prepared.static.q.size)
+    if method.kind == "implicit":
+        allowed /= 20
 
     def attempt(step, saves):
-        return run(chain, wall, prepared, state, duration, step, method, saves)
+        try:
+            return run(chain, wall, prepared, state, duration, step, method, saves)
+        except UnstableStep:
+            return None
 
-    spacing = duration / n_save
-    step = min(_first_step(method, error, energy_error) / rate, spacing)
+    step = min(_first_step(method, error, energy_error) / rate, duration / n_save)
     coarse = attempt(2.0 * step, _sparser(n_save, duration / (2.0 * step)))
-    tried = [(coarse.dt, np.inf, coarse.energy_error)]
-    spent = coarse.n_steps * method.evaluations
+    tried = []
+    spent = duration / (2.0 * step) * method.evaluations
     while True:
-        spent += int(duration / step) * method.evaluations
+        spent += duration / step * method.evaluations
         if spent > allowed:
-            raise UnstableStep(
-                f"error {error:g} is not reached with dt = {coarse.dt:.3g} s, found "
-                f"{tried[-1][1]:.3g} in velocity and {tried[-1][2]:.3g} in energy; "
-                "ask for a larger error or allow more evaluations"
-            )
+            raise UnstableStep(_unreached(error, step, tried))
         fine = attempt(step, n_save)
+        if fine is None or coarse is None:
+            coarse, step = fine, step / (4.0 if fine is None else 2.0)
+            continue
         every = n_save // (coarse.t.size - 1)
         difference = float(np.abs(fine.v[::every] - coarse.v)[:, observed].max()) / scale
         estimate = difference / ((coarse.dt / fine.dt) ** order - 1.0)
@@ -93,10 +101,25 @@ def march_to_error(
         excess = max(estimate / error, fine.energy_error / energy_error)
         if excess <= 1.0:
             break
-        step = fine.dt / np.clip((2.0 * excess) ** (1.0 / max(order, 1.0)), 1.5, 8.0)
+        step = fine.dt / np.clip((2.0 * excess) ** (1.0 / order), 1.5, 8.0)
         coarse = fine
-    report = StepReport(*map(np.array, zip(*tried, strict=True)), estimate, spent)
+    report = StepReport(*map(np.array, zip(*tried, strict=True)), estimate, int(spent))
     return Controlled(fine._replace(error_estimate=estimate), report)
+
+
+def _assumed_order(chain, method):
+    jumps = chain.dissipation.startswith("linear") and method.kind != "implicit"
+    return 1.0 if jumps else 2.0
+
+
+def _unreached(error, step, tried):
+    found = "no march that stays finite (a negative residual compliance may be too large)"
+    if tried:
+        found = f"{tried[-1][1]:.3g} in velocity and {tried[-1][2]:.3g} in energy"
+    return (
+        f"error {error:g} is not reached with dt = {step:.3g} s, found {found}; "
+        "ask for a larger error or allow more evaluations"
+    )
 
 
 def _first_step(method, error, energy_error):

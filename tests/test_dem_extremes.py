@@ -1,0 +1,108 @@
+"""Stiff and extreme chains and walls: the error asked for is reached, or one sentence says why."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from dem import (
+    UnstableStep,
+    Wall,
+    dashpot_wall,
+    march,
+    march_to_error,
+    one_dof_wall,
+    rigid_wall,
+    row_of_spheres,
+)
+from dem.spheres import time_scale
+
+
+def rig(radius=0.0127, young=210e9, **parts):
+    return row_of_spheres(radius, 7800.0, young, 0.3, count=9, **parts)
+
+
+def struck(speed=0.31):
+    return speed * np.eye(9)[0]
+
+
+def controlled(chain, wall, v0, duration, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return march_to_error(
+            chain, wall, v0, duration=duration, error=1e-4, n_save=100, **options
+        ).trajectory
+
+
+@pytest.mark.parametrize(
+    ("radius", "young", "speed"),
+    [(0.0127, 210e9, 1e-6), (0.0127, 210e9, 100.0), (1e-6, 210e9, 1.0), (1.0, 1e6, 1.0)],
+)
+def test_scale_does_not_matter(radius, young, speed):
+    chain = rig(radius, young)
+    duration = 40.0 * time_scale(chain.mass[0], chain.A[0], speed)
+    run = controlled(chain, rigid_wall(), struck(speed), duration)
+    assert run.energy_error < 1e-8
+    assert run.v[-1, 0] / speed == pytest.approx(-0.98915, abs=1e-4)
+
+
+@pytest.mark.parametrize("frequency", [0.1, 1e3, 1e6])
+@pytest.mark.parametrize("ratio", [1e-3, 1.0, 1e6])
+def test_any_one_dof_wall(frequency, ratio):
+    chain = rig()
+    run = controlled(chain, one_dof_wall(frequency, ratio * chain.mass[0]), struck(), 1e-3)
+    assert run.error_estimate < 1e-4
+    assert run.energy_error < 1e-8
+
+
+@pytest.mark.parametrize("zeta", [1.0, 30.0, 1e3])
+def test_modes_damped_beyond_critical(zeta):
+    omega = 2 * np.pi * np.array([50.0, 1e3, 1e5])
+    wall = Wall(omega, np.full(3, zeta), np.full(3, 0.3))
+    run = controlled(rig(), wall, struck(), 1e-3)
+    assert run.energy_error < 1e-6
+    assert np.diff(run.dissipated_wall).min() > -1e-9 * run.energy_total[0]
+
+
+@pytest.mark.parametrize("coefficient", [1e-2, 1e2, 1e4, 1e9])
+def test_any_dashpot(coefficient):
+    chain, speed = rig(), np.full(9, 0.31)
+    run = controlled(chain, dashpot_wall(coefficient), speed, 1e-3)
+    assert run.energy_error < 1e-6
+    if coefficient == 1e-2:
+        assert run.v[-1] == pytest.approx(speed, abs=1e-4)
+
+
+@pytest.mark.parametrize("law", ["linear", "linear-clipped", "hunt-crossley"])
+@pytest.mark.parametrize("gamma", [1e-3, 1.0, 1e4])
+def test_any_damping(law, gamma):
+    chain = rig(dissipation=law, gamma=gamma * (1.0 if law == "hunt-crossley" else 10.0))
+    run = controlled(chain, rigid_wall(), struck(), 5e-4)
+    assert run.energy_error < 1e-6
+    assert np.diff(run.dissipated_contact).min() >= -1e-12 * run.energy_total[0]
+
+
+@pytest.mark.parametrize("force", [1.0, 1e5])
+def test_any_preload(force):
+    stiffness = 1e5 * np.eye(9)[0]
+    squeezed = rig(leaf_stiffness=stiffness, leaf_anchor=(force / 1e5 + 1e-4) * np.eye(9)[0])
+    for chain in (rig(preload=force), squeezed):
+        run = controlled(chain, rigid_wall(), struck(), 5e-4)
+        assert run.energy_error < 1e-8
+
+
+def test_fast_modes_do_not_pump():
+    wall = Wall(2 * np.pi * np.array([1e3, 1e7]), np.zeros(2), np.array([0.3, 300.0]))
+    run = controlled(rig(), wall, struck(), 5e-4)
+    assert run.energy_error < 1e-8
+    soft = Wall(wall.omega[:1], wall.zeta[:1], wall.phi[:1], (300.0 / wall.omega[1]) ** 2)
+    same = controlled(rig(), soft, struck(), 5e-4)
+    assert run.v == pytest.approx(same.v, abs=1e-4 * 0.31)
+
+
+def test_too_long_a_step_back_into_damping_is_refused():
+    wall = Wall(np.array([1e7]), np.array([100.0]), np.array([1.0]))
+    with pytest.raises(UnstableStep, match="scheme of order 2"):
+        march(rig(), wall, struck(), duration=1e-3, dt=1e-6, scheme="rkn6")
+    run = march(rig(), wall, struck(), duration=1e-3, dt=1e-6)
+    assert run.scheme == "verlet"
