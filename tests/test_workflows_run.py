@@ -246,6 +246,16 @@ def test_what_another_scene_left_is_removed(tmp_path):
     assert not (tmp_path / "out" / "rom.npz").exists()
 
 
+def test_a_new_file_replaces_the_old_one_at_once(tmp_path):
+    folder = RunFolder(tmp_path)
+    target = folder.write("summary.json", "old")
+    with folder.writing("summary.json") as path:
+        path.write_text("new")
+        assert target.read_text() == "old"
+        written = path.stat().st_ino
+    assert target.stat().st_ino == written
+
+
 def test_a_file_appears_complete_or_not_at_all(tmp_path):
     folder = RunFolder(tmp_path)
     with pytest.raises(ZeroDivisionError), folder.writing("summary.json") as path:
