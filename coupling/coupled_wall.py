@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 from coupling.damping import Damping, damping_ratios
 from coupling.errors import CouplingError
-from coupling.wall import kept_modes
+from coupling.wall import kept_modes, moving_modes
 from dem import Chain, State, Trajectory, Wall, equilibrium
 from rom import ModalWall, ReducedModel, modal
 
@@ -65,18 +65,31 @@ def coupled_wall(
     Raises CouplingError.
     """
     modes = modal(reduced)
-    force = _participation(reduced, modes, w_force)
-    reading = _participation(reduced, modes, w_reading)
+    own = w_force is None and w_reading is None
     kept = kept_modes(modes, reduced, cutoff_hz)
-    omega = modes.omega[kept]
-    D = np.diag(2 * damping_ratios(damping, omega) * omega)
-    if modes.damping is not None:
-        D = D + modes.damping[np.ix_(kept, kept)]
+    moving = moving_modes(modes, kept, "oscillator" if own else "spring")
+    force = _participation(reduced, moving, w_force)
+    reading = _participation(reduced, moving, w_reading)
+    D = np.diag(2 * damping_ratios(damping, moving.omega) * moving.omega)
+    if moving.damping is not None:
+        D = D + moving.damping
     if len(D) and np.linalg.eigvalsh(D)[0] < -1e-9 * np.abs(D).max():
         raise CouplingError("the wall's damping matrix is indefinite; it would make energy.")
-    static = ~kept & (modes.omega > 0)
-    residual = float(np.sum(force[static] * reading[static] / modes.omega[static] ** 2))
-    return CoupledWall(omega, D, force[kept], reading[kept], residual - half_space)
+    residual = 0.0 if own else _cross_compliance(reduced, modes, ~kept, w_force, w_reading)
+    return CoupledWall(moving.omega, D, force, reading, residual - half_space)
+
+
+def _cross_compliance(
+    reduced: ReducedModel,
+    modes: ModalWall,
+    static: np.ndarray,
+    w_force: ArrayLike | None,
+    w_reading: ArrayLike | None,
+) -> float:
+    """Displacement read per force [m/N] in the modes that do not move."""
+    static = static & (modes.omega > 0)
+    force, reading = (_participation(reduced, modes, w)[static] for w in (w_force, w_reading))
+    return float(np.sum(force * reading / modes.omega[static] ** 2))
 
 
 def _participation(

@@ -132,14 +132,14 @@ def _nearest(table: np.ndarray, omega: np.ndarray) -> np.ndarray:
     return np.abs(log[:, None] - np.log(table)).argmin(axis=1)
 
 
-def matrix_ratios(wall: ModalWall, kept: np.ndarray) -> np.ndarray:
-    """zeta (k,) that the model's own C gives to the kept modes (k,), zeros without C.
+def matrix_ratios(wall: ModalWall) -> np.ndarray:
+    """zeta (k,) that the model's own C gives to its modes, zeros without C.
 
     Raises CouplingError if C couples the modes: then no ratios exist that stand for it.
     """
-    if wall.damping is None or not kept.any():
-        return np.zeros(np.count_nonzero(kept))
-    D, omega = wall.damping[np.ix_(kept, kept)], wall.omega[kept]
+    D, omega = wall.damping, wall.omega
+    if D is None or not len(omega):
+        return np.zeros(len(omega))
     own = np.diag(D)
     coupling = modal_coupling(D)
     if coupling > UNCOUPLED or (own[omega == 0] > UNCOUPLED * own.max()).any():

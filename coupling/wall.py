@@ -1,12 +1,14 @@
-"""The reduced model as the chain sees it: modes below a cutoff, a massless spring for the rest.
+"""The reduced model as the chain sees it: modes below a cutoff, one oscillator for the rest.
 
-    u_w = sum_kept phi_j q_j + s F,   q_j'' + 2 zeta_j omega_j q_j' + omega_j^2 q_j = phi_j F
-    s = w^T K^-1 w - sum_kept phi_j^2 / omega_j^2 - half-space compliance of the loaded patch
+    u_w = sum phi_j q_j + phi_r q_r + s F,   q_j'' + 2 zeta_j omega_j q_j' + omega_j^2 q_j = phi_j F
 
-The Hertz law of the contact already holds the half-space; what is left of the static compliance
-belongs to the structure alone and depends neither on the mesh nor on the patch. s may be slightly
-negative. MacNeal, Computers & Structures 1 (1971) 581 for the static residual; Johnson, Contact
-Mechanics (1985), sec. 3.2 and 3.4 for the half-space.
+The modes above the cutoff have m_1 = sum phi_j^2 / omega_j^2 and m_2 = sum phi_j^2 / omega_j^4. One
+oscillator, omega_r^2 = m_1 / m_2 and phi_r^2 = m_1^2 / m_2, has both and so their receptance up to
+omega^4; as a massless spring m_1 they would be right up to omega^2 only. The Hertz law of the
+contact already holds the half-space under the patch, so s is minus its compliance (plus m_1 where
+the rest is a spring). What is left of the static compliance belongs to the structure alone and
+depends neither on the mesh nor on the patch. MacNeal, Computers & Structures 1 (1971) 581 for the
+residual; Johnson, Contact Mechanics (1985), sec. 3.2 and 3.4 for the half-space.
 """
 
 import numpy as np
@@ -42,26 +44,44 @@ def wall_from_reduced(
     half_space: float,
     damping: Damping | None = None,
     cutoff_hz: float | None = None,
+    remainder: str = "oscillator",
     contact_coefficient: float | None = None,
     largest_force: float | None = None,
 ) -> Wall:
     """The wall a chain leans on, from a reduced model.
 
     half_space [m/N] is taken out of the static compliance (0 if the patch is not part of an
-    elastic body). Modes below cutoff_hz [Hz] move, the others answer statically; None lets all
-    modes move that are more than static shapes: no residual vectors, none above the highest
-    fixed-interface mode. damping adds to what C of the model gives.
-    With contact_coefficient A [N/m^1.5] of the last contact and largest_force [N], the series law
-    delta = (F/A)^(2/3) + s F is checked monotone up to that force. Raises CouplingError.
+    elastic body). Modes below cutoff_hz [Hz] move one by one; None takes all that are more than
+    static shapes: no residual vectors, none above the highest fixed-interface mode. The rest is one
+    "oscillator", or a massless "spring" where its frequency would cost steps. damping adds to what
+    C of the model gives. With contact_coefficient A [N/m^1.5] of the last contact and largest_force
+    [N], the series law delta = (F/A)^(2/3) + s F is checked monotone up to that force.
+    Raises CouplingError.
     """
     modes = modal(reduced)
-    kept = kept_modes(modes, reduced, cutoff_hz)
-    residual = residual_compliance(reduced, modes, kept, half_space)
+    moving = moving_modes(modes, kept_modes(modes, reduced, cutoff_hz), remainder)
+    residual = residual_compliance(reduced, modes, moving, half_space)
     if contact_coefficient is not None and largest_force is not None:
         require_monotone(residual, contact_coefficient, largest_force)
-    omega = modes.omega[kept]
-    zeta = damping_ratios(damping, omega) + matrix_ratios(modes, kept)
-    return Wall(omega, zeta, modes.phi[kept], residual, 0.0)
+    zeta = damping_ratios(damping, moving.omega) + matrix_ratios(moving)
+    return Wall(moving.omega, zeta, moving.phi, residual, 0.0)
+
+
+def moving_modes(modes: ModalWall, kept: np.ndarray, remainder: str) -> ModalWall:
+    """The kept modes (r,) and, for the remainder "oscillator", one that stands for the others."""
+    if remainder not in ("oscillator", "spring"):
+        raise CouplingError(f"remainder is {remainder!r}; it can be 'oscillator' or 'spring'.")
+    columns = np.eye(len(modes.omega))[:, kept]
+    rest = ~kept & (modes.omega > 0)
+    if remainder == "oscillator" and modes.phi[rest].any():
+        shape = np.where(rest, modes.phi / np.where(rest, modes.omega, 1) ** 2, 0.0)
+        columns = np.column_stack([columns, shape / np.linalg.norm(shape)])
+    return ModalWall(
+        omega=np.sqrt((modes.omega**2) @ columns**2),
+        phi=modes.phi @ columns,
+        vectors=modes.vectors @ columns,
+        damping=None if modes.damping is None else columns.T @ modes.damping @ columns,
+    )
 
 
 def kept_modes(modes: ModalWall, reduced: ReducedModel, cutoff_hz: float | None) -> np.ndarray:
@@ -85,21 +105,20 @@ def own_cutoff_hz(modes: ModalWall, reduced: ReducedModel) -> float:
 
 
 def residual_compliance(
-    reduced: ReducedModel, modes: ModalWall, kept: np.ndarray, half_space: float
+    reduced: ReducedModel, modes: ModalWall, moving: ModalWall, half_space: float
 ) -> float:
     """Static compliance s [m/N] of all that does not move, the half-space taken out.
 
     Raises CouplingError if the modes do not add up to the static compliance of the model.
     """
-    total = static_compliance(reduced)
-    moving = modal_compliance(ModalWall(modes.omega[kept], modes.phi[kept], modes.vectors, None))
-    dropped = modal_compliance(ModalWall(modes.omega[~kept], modes.phi[~kept], modes.vectors, None))
-    if abs(moving + dropped - total) > 1e-6 * abs(total):
+    total, added_up = static_compliance(reduced), modal_compliance(modes)
+    if abs(added_up - total) > 1e-6 * abs(total):
         raise CouplingError(
-            f"the wall's modes add up to a static compliance of {moving + dropped:.6g} m/N, its "
-            f"stiffness matrix says {total:.6g}; the reduced model is too badly conditioned."
+            f"the wall's modes add up to a static compliance of {added_up:.6g} m/N, its stiffness "
+            f"matrix says {total:.6g}; the reduced model is too badly conditioned."
         )
-    return total - moving - half_space
+    static = total - modal_compliance(moving)
+    return (static if static > 1e-9 * total else 0.0) - half_space
 
 
 def largest_monotone_force(residual: float, contact_coefficient: float) -> float:

@@ -6,6 +6,7 @@ Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228, for block Lan
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -32,6 +33,7 @@ class Factor(Protocol):
 
 
 Factorise = Callable[[sp.csc_array], Factor]
+Enough = Callable[[np.ndarray, Callable[[], np.ndarray]], bool]
 
 
 class Pencil(NamedTuple):
@@ -154,16 +156,13 @@ def modes_below(problem: Pencil, cutoff_hz: float) -> EigenPairs:
     return EigenPairs(omega[:below], phi[:, :below])
 
 
-def modes_until(
-    problem: Pencil, enough: Callable[[np.ndarray, np.ndarray], bool], w: np.ndarray | None = None
-) -> EigenPairs:
-    """The lowest modes, as many as it takes until enough(omega, participation) holds, or all.
+def modes_until(problem: Pencil, enough: Enough) -> EigenPairs:
+    """The lowest modes, as many as it takes until enough(omega, shapes) holds, or all there are.
 
-    participation (k,) = modes^T w; zeros without w (n,).
+    shapes() gives the mode shapes (n, k), for the price of one product.
     """
     K, M = problem.K, problem.M
-    w = np.zeros(K.shape[0]) if w is None else w
-    phi = _dense_vectors(K, M) if K.shape[0] <= DENSE else _lanczos(problem, enough, w)
+    phi = _dense_vectors(K, M) if K.shape[0] <= DENSE else _lanczos(problem, enough)
     phi = _mass_normalised(phi, M)
     squared = np.einsum("ij,ij->j", phi, K @ phi)
     order = np.argsort(squared)
@@ -179,9 +178,7 @@ def _dense_vectors(K: sp.csc_array, M: sp.csc_array) -> np.ndarray:
         ) from None
 
 
-def _lanczos(
-    problem: Pencil, enough: Callable[[np.ndarray, np.ndarray], bool], w: np.ndarray
-) -> np.ndarray:
+def _lanczos(problem: Pencil, enough: Enough) -> np.ndarray:
     # block Lanczos on (K - sigma M)^-1 M, fully reorthogonalised in M: a block of right-hand sides
     # costs a third of as many single ones, and twins among the modes cannot be missed
     M, factor = problem.M, problem.factor
@@ -198,9 +195,9 @@ def _lanczos(
         exhausted = block.shape[1] == 0
         if exhausted or len(H) % (CHECK * BLOCK) == 0:
             pairs = _converged(H, (block.T @ (M @ W)), last, problem.sigma)
-            basis = Q[:, : len(H)]
-            if exhausted or enough(pairs.omega, pairs.phi.T @ (basis.T @ w)):
-                return basis @ pairs.phi
+            shapes = partial(np.matmul, Q[:, : len(H)], pairs.phi)
+            if exhausted or enough(pairs.omega, shapes):
+                return shapes()
         Q = _with_columns(Q, len(H), block)
         H = np.pad(H, (0, block.shape[1]))
 

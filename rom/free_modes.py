@@ -8,6 +8,7 @@ to the contact force is exact whatever k. MacNeal, Computers & Structures 1 (197
 Rubin, AIAA Journal 13 (1975) 995.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ from rom.factorisation import (
 )
 from rom.health import require_faithful, require_static_response
 from rom.reduced_model import ReducedModel, contact_functional
-from rom.truncation import tail_errors
+from rom.truncation import Moments, tail_errors
 
 
 def free_modes(
@@ -51,8 +52,8 @@ def free_modes(
     """Reduce K, M (n, n) to k free modes and the residual vector of the contact functional w (n,).
 
     Give n_modes, or cutoff_hz [Hz] for all modes below it, or error and to_hz [Hz] for the fewest
-    whose receptance at the contact, the rest static, is right to a relative rms error up to that
-    frequency; with to_hz the result states its error. modes = (omega (k,) [rad/s], phi (n, k)
+    that with the residual vector give the receptance at the contact to a relative rms error up to
+    that frequency; with to_hz the result states its error. modes = (omega (k,) [rad/s], phi (n, k)
     mass-normalised) are modes that are already there; the other three cut them.
     shift [rad^2/s^2], negative, is the sigma of K - sigma M that gets factorised; None takes K
     itself, or where K floats freely a shift of -(omega_1 / 10)^2. factorise(A) returns an object
@@ -128,21 +129,27 @@ def _as_told(
         pairs = lowest_modes(problem, n_modes)
     else:
         pairs = modes_below(problem, cutoff_hz)
-    static = static_response(problem, w, _rigid(problem, pairs))
-    return Choice(pairs, static, to_hz and _errors(problem, pairs, w, static, to_hz)[-1])
+    rigid = _rigid(problem, pairs)
+    static = static_response(problem, w, rigid)
+    if to_hz is None:
+        return Choice(pairs, static, None)
+    return Choice(pairs, static, _errors(problem, w, static, rigid, pairs, to_hz)[-1])
 
 
 def _to_error(
     problem: Pencil, w: np.ndarray, known: EigenPairs | None, error: float, to_hz: float
 ) -> Choice:
-    static = static_response(problem, w, _rigid(problem, known))
-    moments = w @ static, static @ (problem.M @ static)
+    rigid = _rigid(problem, known)
+    static = static_response(problem, w, rigid)
 
-    def enough(omega: np.ndarray, participation: np.ndarray) -> bool:
-        return tail_errors(omega, participation, *moments, to_hz).min() <= error
+    def enough(omega: np.ndarray, shapes: Callable[[], np.ndarray]) -> bool:
+        if omega.max(initial=0) < 2 * np.pi * to_hz:
+            return False
+        found = EigenPairs(omega, shapes())
+        return _errors(problem, w, static, rigid, found, to_hz).min() <= error
 
-    pairs = known or modes_until(problem, enough, w)
-    errors = tail_errors(pairs.omega, pairs.phi.T @ w, *moments, to_hz)
+    pairs = known or modes_until(problem, enough)
+    errors = _errors(problem, w, static, rigid, pairs, to_hz)
     if errors.min() > error:
         raise ReductionError(
             f"{len(pairs.omega)} modes leave an error of {errors.min():.1e} up to {to_hz:g} Hz, "
@@ -153,10 +160,19 @@ def _to_error(
 
 
 def _errors(
-    problem: Pencil, pairs: EigenPairs, w: np.ndarray, static: np.ndarray, to_hz: float
+    problem: Pencil,
+    w: np.ndarray,
+    static: np.ndarray,
+    rigid: np.ndarray,
+    pairs: EigenPairs,
+    to_hz: float,
 ) -> np.ndarray:
-    second_moment = static @ (problem.M @ static)
-    return tail_errors(pairs.omega, pairs.phi.T @ w, w @ static, second_moment, to_hz)
+    """Error after the first 0, 1, .. k modes of the pairs, (k + 1,)."""
+    r = _beyond(problem.M, pairs.phi, static)
+    inertia = problem.M @ r
+    third = inertia @ static_response(problem, inertia, rigid)
+    tail = Moments(float(w @ r), float(r @ inertia), float(third))
+    return tail_errors(pairs.omega, pairs.phi.T @ w, tail, to_hz)
 
 
 def _rigid(problem: Pencil, known: EigenPairs | None) -> np.ndarray:
@@ -177,9 +193,14 @@ def _cut(pairs: EigenPairs, n_modes: int | None, cutoff_hz: float | None) -> Eig
 def _residual(
     M: sp.csc_array, w: np.ndarray, phi: np.ndarray, static: np.ndarray
 ) -> np.ndarray | None:
-    r = static - phi @ (phi.T @ (M @ static))
-    r -= phi @ (phi.T @ (M @ r))
+    r = _beyond(M, phi, static)
     # of a structure whose modes are all kept nothing remains but rounding
     if w @ r < 1e-12 * abs(w @ static):
         return None
     return r / np.sqrt(r @ (M @ r))
+
+
+def _beyond(M: sp.csc_array, phi: np.ndarray, static: np.ndarray) -> np.ndarray:
+    """What the static response (n,) has beyond the modes; projected twice, once leaves rounding."""
+    r = static - phi @ (phi.T @ (M @ static))
+    return r - phi @ (phi.T @ (M @ r))

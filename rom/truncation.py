@@ -1,11 +1,16 @@
-"""How far a few modes and a static residual answer at the contact like all modes do.
+"""How far a few modes and a residual vector answer at the contact like all modes do.
 
-The static response u = K^-1 w knows the moments of the whole spectrum,
-    w^T u = sum phi_j^2 / omega_j^2,   u^T M u = sum phi_j^2 / omega_j^4,
-so what is missing in the receptance after k modes is bounded without knowing any further mode:
-    H - H_k = omega^2 sum_{j>k} phi_j^2 / (omega_j^2 (omega_j^2 - omega^2))
-           <= omega^2 tau_k / (1 - omega^2 / omega_{k+1}^2),   tau_k = u^T M u - sum_{j<=k} ...
+The residual vector r, what the static response K^-1 w has beyond the first k modes, knows the
+moments of all modes that were never computed,
+    m_1 = w^T r = sum_{j>k} phi_j^2 / omega_j^2,   m_2 = r^T M r,   m_3 = r^T M K^-1 M r,
+and as a coordinate it is one oscillator with the right m_1 and m_2. What is then missing in the
+receptance is bounded:
+    0 <= H - H_k <= omega^4 (m_3 - m_2^2 / m_1) / (1 - omega^2 / omega_{k+1}^2)^3,
+a one-point Gauss quadrature and its remainder. Golub and Meurant, Matrices, Moments and Quadrature
+(2010), ch. 6.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,30 +23,38 @@ def frequencies(to_hz: float, n: int = GRID) -> np.ndarray:
     return to_hz * np.arange(1, n + 1) / n
 
 
-def tail_errors(
-    omega: np.ndarray, phi: np.ndarray, compliance: float, second_moment: float, to_hz: float
-) -> np.ndarray:
+class Moments(NamedTuple):
+    """sum phi_j^2 / omega_j^(2 i) over the modes left out, i = 1, 2, 3: [m/N], [m s^2/N], ..."""
+
+    first: float
+    second: float
+    third: float
+
+
+def tail_errors(omega: np.ndarray, phi: np.ndarray, tail: Moments, to_hz: float) -> np.ndarray:
     """Relative rms error of the receptance up to to_hz after the first 0, 1, .. k modes, (k + 1,).
 
-    omega (k,) [rad/s] ascending, phi (k,) [kg^-1/2], compliance = w^T u [m/N] and
-    second_moment = u^T M u [m s^2/N] over all elastic modes. Infinite while the next mode lies
-    below to_hz.
+    omega (k,) [rad/s] ascending, phi (k,) [kg^-1/2], tail of what lies beyond the k-th. Infinite
+    while the next mode lies below to_hz.
     """
     s = 2 * np.pi * frequencies(to_hz)
-    elastic = omega > 0
-    known = np.where(elastic, phi, 0) ** 2 / np.where(elastic, omega, 1) ** 4
-    left = second_moment - np.append(0, np.cumsum(known))
-    left[left < 1e-12 * second_moment] = 0
+    squared = np.where(omega > 0, omega, np.inf) ** 2
+    # summed from the top: from the bottom the first mode would swallow all others
+    left = [
+        m + np.append(np.cumsum((phi**2 / squared**i)[::-1])[::-1], 0)
+        for i, m in enumerate(tail, start=1)
+    ]
     following = np.append(omega, omega[-1:] if len(omega) else 2 * s[-1])
-    scale = rms(_receptance(omega, phi, compliance, s))
-    missing = [_missing(*pair, s) for pair in zip(left, following, strict=True)]
-    return np.array(missing) / scale
+    scale = rms(_receptance(omega, phi, left[0][0], s))
+    missing = np.array([_missing(*parts, s) for parts in zip(*left, following, strict=True)])
+    return np.where(left[0] < 1e-12 * left[0][0], 0.0, missing / scale)
 
 
-def _missing(tau: float, following: float, s: np.ndarray) -> float:
-    if tau == 0:
-        return 0.0
-    return tau * rms(s**2 / (1 - (s / following) ** 2)) if following > s[-1] else np.inf
+def _missing(first: float, second: float, third: float, following: float, s: np.ndarray) -> float:
+    if following <= s[-1] or first <= 0:
+        return np.inf
+    remainder = max(third - second**2 / first, 0.0)
+    return remainder * rms(s**4 / (1 - (s / following) ** 2) ** 3)
 
 
 def _receptance(omega: np.ndarray, phi: np.ndarray, compliance: float, s: np.ndarray) -> np.ndarray:

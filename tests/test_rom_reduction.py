@@ -306,7 +306,7 @@ def test_equal_parts_have_all_their_equal_modes():
 
 
 def receptance_error(reduced, exact, frequency):
-    close = receptance(reduced, None, frequency, zeta=0.01)
+    close = receptance(reduced, None, frequency, loss=0.02)
     return np.linalg.norm(close - exact) / np.linalg.norm(exact)
 
 
@@ -315,33 +315,23 @@ def test_free_modes_asked_for_an_error_keep_it_with_few_modes_to_spare(error):
     K, M = spring_chain(300)
     w = end_patch(300)
     frequency = np.linspace(10, 4000, 400)
-    exact = receptance(full_order(K, M, w), None, frequency, zeta=0.01)
+    exact = receptance(full_order(K, M, w), None, frequency, loss=0.02)
     reduced = free_modes(K, M, w, error=error, to_hz=4000.0)
     n_modes = len(reduced.w) - 1
     assert reduced.error <= error
-    assert without_residual_motion(reduced, exact, frequency) < error
-    fewer = free_modes(K, M, w, n_modes=int(0.7 * n_modes), to_hz=4000.0)
+    assert receptance_error(reduced, exact, frequency) < error
+    fewer = free_modes(K, M, w, n_modes=n_modes - 2, to_hz=4000.0)
     assert fewer.error > error
 
 
-def without_residual_motion(reduced, exact, frequency):
-    """Error with the residual vector as a massless spring, the way a chain sees it."""
-    static = reduced.w[-1] ** 2 / reduced.K[-1, -1]
-    moving = reduced._replace(
-        K=reduced.K[:-1, :-1], M=reduced.M[:-1, :-1], w=reduced.w[:-1], T=None
-    )
-    close = receptance(moving, None, frequency, zeta=0.01) + static
-    return np.linalg.norm(close - exact) / np.linalg.norm(exact)
-
-
-@pytest.mark.parametrize("n_modes", [30, 45, 60])
+@pytest.mark.parametrize("n_modes", [25, 40, 60])
 def test_the_stated_error_of_free_modes_bounds_the_true_one_within_a_factor(n_modes):
     K, M = spring_chain(300)
     frequency = np.linspace(10, 4000, 400)
-    exact = receptance(full_order(K, M, end_patch(300)), None, frequency, zeta=0.01)
+    exact = receptance(full_order(K, M, end_patch(300)), None, frequency, loss=0.02)
     reduced = free_modes(K, M, end_patch(300), n_modes=n_modes, to_hz=4000.0)
-    true = without_residual_motion(reduced, exact, frequency)
-    assert true < reduced.error * 1.01 < 3 * true
+    true = receptance_error(reduced, exact, frequency)
+    assert true < reduced.error < 5 * true
 
 
 @pytest.mark.parametrize("error", [1e-2, 1e-3, 1e-4])
@@ -349,7 +339,7 @@ def test_craig_bampton_asked_for_an_error_keeps_it(error):
     K, M = spring_chain(300)
     w = end_patch(300)
     frequency = np.linspace(10, 4000, 400)
-    exact = receptance(full_order(K, M, w), None, frequency, zeta=0.01)
+    exact = receptance(full_order(K, M, w), None, frequency, loss=0.02)
     reduced = craig_bampton(K, M, w, end_boundary(300), error=error, to_hz=4000.0)
     assert reduced.error <= error
     assert receptance_error(reduced, exact, frequency) < error
