@@ -9,7 +9,6 @@ from skfem import Mesh
 import fem
 import geometry
 import rom
-from coupling import half_space_compliance
 from workflows.assembly_table import assembly
 from workflows.field_file import ModeField
 from workflows.scene import Joints, JointStiffnesses, Scene
@@ -18,6 +17,7 @@ N_MODES = (30, 80)  # the second where the first do not reach all four of the ha
 GMSH_NEEDS = (
     "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
 )
+STRUCK = "block:+x"  # the face that the chain leans on
 MASTER = {"block": "head", "sheets_support": "foot"}  # body a sheet is bolted to: joint
 
 
@@ -141,7 +141,7 @@ def _field(model: fem.Model, found: fem.Modes, paired: fem.Pairing) -> ModeField
 def contact(scene: Scene, model: fem.Model) -> fem.ContactPatch:
     """The patch that loads and reads the block."""
     patch = scene.patch
-    return fem.contact_patch(model, "block:+x", patch.point, patch.radius, weights=patch.weights)
+    return fem.contact_patch(model, STRUCK, patch.point, patch.radius, weights=patch.weights)
 
 
 def reduction(
@@ -149,7 +149,8 @@ def reduction(
 ) -> rom.ReducedModel:
     """The model in few coordinates at the contact, without the way back to the full field."""
     size = {"n_modes": scene.reduction.modes, "cutoff_hz": scene.reduction.cutoff}
-    notes = provenance(scene, modes)
+    hz = " ".join(f"{f:.9g}" for f in modes.field.frequency_hz)
+    notes = {"hammer_modes_hz": hz, **provenance(scene, model, contact)}
     if scene.reduction.kind == "craig-bampton":
         reduced = rom.craig_bampton(
             model.K, model.M, contact.w, contact.boundary, **size,
@@ -171,18 +172,11 @@ def _enough(scene: Scene, modes: AssemblyModes) -> bool:
     return 2 * np.pi * cutoff < modes.omega[-1]
 
 
-def provenance(scene: Scene, modes: AssemblyModes) -> dict[str, str]:
-    """What a reader of the reduced model has to know to couple it."""
-    hz = " ".join(f"{f:.9g}" for f in modes.field.frequency_hz)
-    return {"hammer_modes_hz": hz, **patch_provenance(scene)}
-
-
-def patch_provenance(scene: Scene) -> dict[str, str]:
-    """The patch, and the half-space that it holds and that the Hertz law holds once more."""
-    patch, steel = scene.patch, material(scene.assembly, "block")
-    local = half_space_compliance(steel.young, steel.poisson, patch.radius, patch.weights)
+def provenance(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> dict[str, str]:
+    """The patch, and the half-space within its compliance that the Hertz law holds once more."""
+    local = fem.half_space_on_mesh(model, STRUCK, contact, material(scene.assembly, "block"))
     return {
-        "patch_weights": patch.weights,
-        "patch_radius_m": repr(patch.radius),
+        "patch_weights": contact.weights,
+        "patch_radius_m": repr(contact.radius),
         "half_space_compliance_m_per_N": repr(local),
     }

@@ -29,13 +29,14 @@ def coarse_reduction(scene: Scene) -> rom.ReducedModel:
     """The assembly on elements half as large again, reduced the quickest way."""
     coarse = scene.model_copy(update={"mesh": _coarser(scene.mesh)})
     model = stages.model(coarse, stages.mesh(coarse))
+    contact = stages.contact(coarse, model)
     return rom.free_modes(
         model.K,
         model.M,
-        stages.contact(coarse, model).w,
+        contact.w,
         n_modes=stages.N_MODES[0],
         factorise=stages.fem.factorised,
-        provenance=stages.patch_provenance(scene),
+        provenance=stages.provenance(coarse, model, contact),
     )._replace(T=None)
 
 

@@ -179,9 +179,9 @@ class Mesh(Table):
 
     element: Literal["hex", "tet"] = "hex"
     seed: Positive = 6e-3  # [m]
-    block_seed: Positive = 25e-3  # [m]
+    block_seed: Positive = 20e-3  # [m]
     support_seed: Positive = 30e-3  # [m]
-    contact_seed: Positive = 2e-3  # [m]
+    contact_seed: Positive = 4e-3  # [m]
 
 
 class Patch(Table):

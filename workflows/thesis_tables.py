@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from workflows.assembly_report import paired_hz
+from workflows.assembly_table import BODIES
 from workflows.scene import Scene
 from workflows.stages import Watch, pipeline_of
 
@@ -59,7 +60,8 @@ def table_52(scene: Scene, watch: Watch) -> Table:
 def _row(scene: Scene, row: Row52, watch: Watch) -> TableRow:
     # the drop by the plate needs one that is held at its corners
     fixing = "corners" if row.constraint == "screw-tie" and "plate" in row.parts else "flat"
-    parts = {"parts": row.parts, "constraint": row.constraint, "fixing": fixing}
+    plain = dict.fromkeys(BODIES)  # the thesis' models are of one steel
+    parts = {"parts": row.parts, "constraint": row.constraint, "fixing": fixing, **plain}
     varied = scene.model_copy(update={"assembly": scene.assembly.model_copy(update=parts)})
     found = paired_hz(pipeline_of(varied, watch)("modes"))
     hz = [found.get(str(i)) for i in (1, 2, 3, 4)]
