@@ -9,6 +9,7 @@ import coupling
 import dem
 from dem import spheres
 from workflows.scene import (
+    Contact,
     DashpotWall,
     OneDofWall,
     RigidWall,
@@ -45,12 +46,19 @@ def chain(scene: Scene) -> dem.Chain:
         wall_poisson=touched.poisson,
         free=scene.wall is None,
         stiffness_factor=np.asarray(contact.stiffness_factor),
-        dissipation=contact.dissipation,
-        gamma=np.asarray(contact.coefficient),
+        **dissipation(contact),
         leaf_stiffness=np.asarray(leaf.stiffness) if leaf else None,
         leaf_anchor=np.asarray(leaf.offset) if leaf else None,
         preload=scene.preload.force if scene.preload else 0.0,
     )
+
+
+def dissipation(contact: Contact) -> dict[str, Any]:
+    """The law and its coefficients; a coefficient of zero is no law, and costs nothing."""
+    gamma = np.asarray(contact.coefficient)
+    if contact.dissipation == "none" or not np.any(gamma):
+        return {}
+    return {"dissipation": contact.dissipation, "gamma": gamma}
 
 
 def initial_velocity(scene: Scene) -> np.ndarray:
