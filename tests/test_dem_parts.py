@@ -13,6 +13,7 @@ from dem import (
     Wall,
     dashpot_wall,
     equilibrium,
+    kernels,
     march,
     march_to_error,
     one_dof_wall,
@@ -418,3 +419,33 @@ def test_implicit_scheme_finds_the_same_trajectory():
     )
     assert two.v == pytest.approx(one.v, abs=1e-6)
     assert two.energy_error < 1e-12
+
+
+@pytest.mark.parametrize("w", [-3.0, -0.6, 0.2])
+def test_clipped_damper_has_no_memory_of_how_its_time_is_cut(w):
+    force, c, inverse_mass, dt = 1.0, 2.0, 0.7, 3.0
+    whole = kernels.damping_impulse(w, dt, force, c, inverse_mass, True)
+    pieces, speed = 0.0, w
+    for _ in range(16):
+        piece = kernels.damping_impulse(speed, dt / 16, force, c, inverse_mass, True)
+        assert piece >= -force * dt / 16 * (1.0 + 1e-12)
+        speed -= inverse_mass * piece
+        pieces += piece
+    assert pieces == pytest.approx(whole, rel=1e-12)
+
+
+def test_opening_and_closing_contacts_keep_the_order():
+    chain, wall = unit_chain(17, 2.0**1.5), rigid_wall()
+    options = dict(duration=60.0, n_save=60)
+    exact = march(chain, wall, struck(17), dt=0.004, **options)
+    steps = (0.2, 0.05)
+    mended, plain = (
+        [
+            np.abs(march(chain, wall, struck(17), dt=dt, mend=mend, **options).v - exact.v).max()
+            for dt in steps
+        ]
+        for mend in (True, False)
+    )
+    assert np.log(mended[0] / mended[1]) / np.log(steps[0] / steps[1]) > 3.2
+    assert plain[0] > 8 * mended[0]
+    assert plain[1] > 8 * mended[1]
