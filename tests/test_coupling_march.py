@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from scipy.integrate import solve_ivp
 
 import dem
 from coupling import (
@@ -180,3 +181,23 @@ def test_a_contact_that_gives_way_stops_the_coupled_march():
     wall = as_coupled(dem.rigid_wall())._replace(residual_compliance=-2e-8)
     with pytest.raises(CouplingError, match="gave way"):
         march_coupled(chain, wall, np.array([3.0]), duration=1e-3)
+
+
+def test_damping_that_couples_the_modes_moves_the_wall_as_in_physical_coordinates():
+    # one sphere on two masses, a dashpot between them
+    K, M = np.array([[3e7, -1e7], [-1e7, 1e7]]), np.diag([0.3, 0.1])
+    C = 400.0 * np.array([[1, -1], [-1, 1]])
+    chain, v0 = chain_of(1), np.array([0.5])
+    wall = coupled_wall(full_order(K, M, [0, 1.0], C=C), half_space=0)
+    run = march_coupled(chain, wall, v0, duration=1e-3, error=1e-11)
+
+    def rate(t, y):
+        x, u, v = y[0], y[1:3], y[4:]
+        F = chain.A[0] * max(x - u[1], 0) ** 1.5
+        force = np.array([0, F]) - K @ u - C @ v
+        return np.concatenate([y[3:], [-F / chain.mass[0]], force / np.diag(M)])
+
+    start = np.array([0, 0, 0, 0.5, 0, 0])
+    physical = solve_ivp(rate, (0, 1e-3), start, "DOP853", run.t, rtol=1e-11, atol=1e-14)
+    np.testing.assert_allclose(run.wall_x, physical.y[2], atol=1e-7 * np.abs(run.wall_x).max())
+    np.testing.assert_allclose(run.v[:, 0], physical.y[3], atol=1e-7)

@@ -343,3 +343,32 @@ def test_craig_bampton_asked_for_an_error_keeps_it(error):
     reduced = craig_bampton(K, M, w, end_boundary(300), error=error, to_hz=4000.0)
     assert reduced.error <= error
     assert receptance_error(reduced, exact, frequency) < error
+
+
+def test_modes_handed_in_with_wrong_frequencies_are_noticed():
+    K, M = spring_chain(300)
+    omega, phi = known_pairs(K, M, 9)
+    with pytest.raises(ReductionError, match=r"not T\^T K T"):
+        free_modes(K, M, end_patch(300), modes=(1.001 * omega, phi))
+
+
+def test_modes_handed_in_that_are_not_normalised_are_noticed():
+    K, M = spring_chain(300)
+    omega, phi = known_pairs(K, M, 9)
+    with pytest.raises(ReductionError, match="not mass-orthonormal"):
+        free_modes(K, M, end_patch(300), modes=(omega, phi + 0.01 * phi[:, ::-1]))
+
+
+def test_rigid_body_modes_handed_in_with_rounding_for_a_frequency_are_rigid():
+    K, M = spring_chain(300, held=False)
+    omega, phi = known_pairs(K, M, 9)
+    omega[0] = 1e-3
+    reduced = free_modes(K, M, end_patch(300), modes=(omega, phi))
+    assert modal(reduced).omega[0] == 0
+    exact = static_compliance(full_order(K, M, end_patch(300)))
+    assert static_compliance(reduced) == pytest.approx(exact, rel=1e-8)
+
+
+def known_pairs(K, M, n_modes):
+    wall = modal(full_order(K, M, end_patch(K.shape[0])))
+    return wall.omega[:n_modes].copy(), wall.vectors[:, :n_modes]
