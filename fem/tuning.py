@@ -171,7 +171,7 @@ def tune(
         problem.parameters,
         value,
         modes_there.frequency_hz[index],
-        _deviation(best.jac[: len(target_hz)], frequency_error),
+        _deviation(best.jac[: len(target_hz)], frequency_error, problem.bounds),
         np.diag(mac(basis.reference.phi, modes_there.phi[:, index])),
         modes_there.frequency_hz[: index.max() + 1],
         sum(fit.nfev for fit in found),
@@ -191,14 +191,14 @@ def _fit(problem: "_Problem", start: NDArray[np.float64]):
     )
 
 
-def _deviation(J: NDArray[np.float64], error: float) -> NDArray[np.float64]:
-    """Square root of the diagonal of error^2 (J^T J)^-1, inf where the data see nothing."""
-    _, s, Vt = np.linalg.svd(J, full_matrices=True)
-    seen = np.zeros(Vt.shape[0])
-    seen[: len(s)] = s
-    blind = seen <= 1e-9 * s.max()
-    spread = np.where(blind, 0.0, error / np.where(blind, 1.0, seen))
-    return np.where((Vt[blind] ** 2).sum(axis=0) > 1e-6, np.inf, np.sqrt((spread**2) @ Vt**2))
+def _deviation(J: NDArray[np.float64], error: float, bounds) -> NDArray[np.float64]:
+    """Standard deviation of ln(value): data of relative `error`, evenly likely within the bounds.
+
+    inf where the data leave a parameter as uncertain as its bounds do.
+    """
+    prior = np.subtract(bounds[1], bounds[0]) / np.sqrt(12)
+    deviation = np.sqrt(np.diag(np.linalg.inv(J.T @ J / error**2 + np.diag(prior**-2.0))))
+    return np.where(deviation > 0.7 * prior, np.inf, deviation)
 
 
 class _Problem(NamedTuple):

@@ -117,6 +117,36 @@ def modes(
     typer.echo(found.model_dump_json(indent=2) if json else found.text())
 
 
+@app.command(name="tune")
+def tune_joints(
+    scene: SceneName = None,
+    match: Annotated[
+        str, typer.Option(help="Hammer-test modes to meet, as 1,3,4 or 1=51.2,3=905 [Hz].")
+    ] = "1,2,3,4",
+    free: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(help="What to vary, as head.ky,head.kt,block.young; default by the modes."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The tuned scene; default NAME-tuned.toml.")
+    ] = None,
+    changes: Changes = None,
+    json: Json = False,
+) -> None:
+    """Fit joint stiffnesses to chosen modes and write a scene."""
+    from workflows.tuning import targets, tuned, write_scene
+
+    chosen = _with_assembly(load(scene, tuple(changes or ())))
+    names = tuple(free.split(",")) if free else ()
+    with StageProgress(sys.stderr) as progress:
+        result, report = tuned(chosen, targets(match), names, progress.stage)
+    path = out or Path(f"{chosen.name}-tuned.toml")
+    write_scene(result.model_copy(update={"name": path.stem}), path, report)
+    typer.echo(report.model_dump_json(indent=2) if json else report.text())
+    if not json:
+        typer.echo(f"written: {path}")
+
+
 @app.command()
 def reduce(
     out: Annotated[Path, typer.Option(help="rom.npz, .mat or .h5.")],

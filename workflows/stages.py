@@ -81,6 +81,7 @@ ASSEMBLY = {
         ("geometry", "fem"),
         kept=False,
     ),
+    "tuning-basis": Stage("workflows.tuning:basis", _reads(), ("model",), ("fem",)),
     "modes": Stage("workflows.assembly_stages:modes", _reads(), ("model",), ("fem",)),
     "contact": Stage(
         "workflows.assembly_stages:contact", _reads("patch"), ("model",), ("fem",), kept=False

@@ -1,0 +1,205 @@
+"""Joint stiffnesses fitted to chosen hammer-test modes: from a scene to a tuned scene.
+
+One reduction to some fifty shapes, then a fit in tenths of a second, then the full model with the
+stiffnesses found as a judge.
+"""
+
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from pydantic import BaseModel
+
+import fem
+from fem.tuning import Parameter, Tuning, TuningBasis, tune
+from workflows.assembly_report import paired_hz
+from workflows.assembly_stages import MASTER
+from workflows.scene import InvalidScene, Scene, nearest
+from workflows.stages import Watch, pipeline_of
+from workflows.summary import HAMMER_TEST_HZ
+
+JOINT = {joint: body for body, joint in MASTER.items()}
+SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]
+TURN = (1e2, 1e-1, 1e8)  # [N m/rad]
+STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
+FACTOR = (1.0, 0.85, 1.15)  # of the block's modulus and density
+TANGENTIAL = ("kx", "kz")  # what "kt" stands for
+DISAGREEMENT = 1e-3  # of the full model and the projection, relative
+
+
+class TuningReport(BaseModel):
+    """What was fitted, what came out, and how far to believe it."""
+
+    scene: str
+    match: dict[str, float]
+    modes_hz: dict[str, float]
+    full_order_hz: dict[str, float]
+    stiffness: dict[str, float]
+    deviation: dict[str, float | None]
+    mac: dict[str, float]
+    between_hz: list[float]
+    evaluations: int
+    seconds: float
+    remarks: list[str]
+
+    def text(self) -> str:
+        """Aligned lines, then sentences."""
+        head = f"{'mode':>8} {'wanted':>10} {'fitted':>10} {'full model':>11} {'MAC':>6}"
+        modes = [self._mode(i) for i in self.modes_hz]
+        values = [self._value(name) for name in self.stiffness]
+        cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
+        return "\n".join([head, *modes, "", *values, "", cost, *self.remarks])
+
+    def _mode(self, i: str) -> str:
+        wanted = f"{self.match[i]:.2f}" if i in self.match else "-"
+        full = self.full_order_hz.get(i, float("nan"))
+        return f"{i:>8} {wanted:>10} {self.modes_hz[i]:10.3f} {full:11.3f} {self.mac[i]:6.3f}"
+
+    def _value(self, name: str) -> str:
+        spread = self.deviation[name]
+        seen = "not seen by these modes" if spread is None else f"+- {100 * spread:.2g} %"
+        return f"{name:>14} = {self.stiffness[name]:<12.5g} {seen}"
+
+
+def tuned(
+    scene: Scene, match: dict[int, float], free: tuple[str, ...], watch: Watch
+) -> tuple[Scene, TuningReport]:
+    """The scene with fitted joints, and the report; raises InvalidScene for what has no joints."""
+    if scene.assembly.constraint != "wires":
+        raise InvalidScene(
+            f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
+            "set assembly.constraint=wires."
+        )
+    parameters = [_parameter(name) for name in free or usual(match)]
+    loose = _loosened(scene, parameters)
+    basis = pipeline_of(loose, watch)("tuning-basis")
+    started = perf_counter()
+    found = tune(basis, parameters, match)
+    seconds = perf_counter() - started
+    result = _set(loose, parameters, found.value)
+    confirmed = paired_hz(pipeline_of(result, watch)("modes"))
+    return result, _report(scene, match, found, confirmed, seconds)
+
+
+def usual(match: dict[int, float]) -> tuple[str, ...]:
+    """What to free for the modes wanted: one tangential stiffness cannot meet both 2 and 3."""
+    joint = ("head.ky", "head.kz", "head.kry") if {2, 3} <= match.keys() else ("head.ky", "head.kt")
+    return (*joint, "block.young", "block.density") if 4 in match else joint
+
+
+def targets(match: str) -> dict[int, float]:
+    """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own."""
+    try:
+        pairs = [item.partition("=") for item in match.split(",")]
+        found = {int(n): float(hz) if eq else HAMMER_TEST_HZ[int(n) - 1] for n, eq, hz in pairs}
+    except (ValueError, IndexError):
+        found = {}
+    if not found or not all(1 <= n <= 4 and 0 < hz < np.inf for n, hz in found.items()):
+        raise InvalidScene(
+            f"--match {match} must name modes 1 to 4, as in 1,3,4 or 1=51.2,3=905 (Hz)."
+        )
+    return found
+
+
+def _parameter(name: str) -> Parameter:
+    part, _, key = name.partition(".")
+    if part == "block" and key in ("young", "density"):
+        return Parameter(key, (), *FACTOR)
+    directions = TANGENTIAL if key == "kt" else (key,)
+    if part not in JOINT or not set(directions) <= set(fem.DIRECTIONS):
+        raise InvalidScene(f"--free {name} is not known, {nearest(name, _known())}.")
+    springs = tuple(f"{JOINT[part]}.{direction}" for direction in directions)
+    return Parameter(name, springs, *STARTS.get(key, TURN if key.startswith("kr") else SHIFT))
+
+
+def _known() -> list[str]:
+    of_joints = [f"{joint}.{key}" for joint in JOINT for key in (*fem.DIRECTIONS, "kt")]
+    return [*of_joints, "block.young", "block.density"]
+
+
+def _loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
+    """The scene with finite springs to vary, and a block of the assembly's own steel."""
+    of_block = any(not p.springs for p in parameters)
+    plain = scene.assembly.model_copy(update={"block": None}) if of_block else scene.assembly
+    bare = scene.model_copy(update={"assembly": plain})
+    return _set(bare, parameters, np.array([p.start for p in parameters]))
+
+
+def _set(scene: Scene, parameters: list[Parameter], value) -> Scene:
+    """The scene with the parameters at these values."""
+    joints, steel = {}, {}
+    for p, x in zip(parameters, value, strict=True):
+        for spring in p.springs:
+            body, key = spring.split(".")
+            joints.setdefault(MASTER[body], {})[key] = float(x)
+        if not p.springs:
+            steel[p.name] = float(x) * getattr(scene.assembly, p.name)
+    tables = {name: getattr(scene.joints, name).model_copy(update=k) for name, k in joints.items()}
+    update = {"joints": scene.joints.model_copy(update=tables)}
+    if steel:
+        from workflows.assembly_table import Steel
+
+        update["assembly"] = scene.assembly.model_copy(update={"block": Steel(**steel)})
+    return scene.model_copy(update=update)
+
+
+def _report(scene, match, found: Tuning, confirmed, seconds) -> TuningReport:
+    names = [p.name if p.springs else f"block.{p.name}" for p in found.parameters]
+    numbers = [str(i) for i in range(1, 5)]
+    fitted = dict(zip(numbers, map(float, found.modes_hz), strict=True))
+    return TuningReport(
+        scene=scene.name,
+        match={str(n): hz for n, hz in match.items()},
+        modes_hz=fitted,
+        full_order_hz=confirmed,
+        stiffness=dict(zip(names, map(float, found.value), strict=True)),
+        deviation={
+            name: float(s) if np.isfinite(s) else None
+            for name, s in zip(names, found.deviation, strict=True)
+        },
+        mac=dict(zip(numbers, map(float, found.mac), strict=True)),
+        between_hz=[float(hz) for hz in found.all_hz if not np.any(np.isclose(hz, found.modes_hz))],
+        evaluations=found.evaluations,
+        seconds=seconds,
+        remarks=_remarks(match, fitted, confirmed, found),
+    )
+
+
+def _remarks(match, fitted, confirmed, found: Tuning) -> list[str]:
+    remarks = []
+    missed = {n: fitted[str(n)] / hz - 1 for n, hz in match.items()}
+    for n, error in missed.items():
+        if abs(error) > DISAGREEMENT:
+            remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
+    if {2, 3} <= match.keys() and max(map(abs, missed.values())) > DISAGREEMENT:
+        remarks.append(
+            "Modes 2 and 3 both shear the joints along x: one stiffness for x and z that is soft "
+            "enough for mode 2 pulls mode 3 down with it. Free head.kz and head.kry instead."
+        )
+    for i, hz in confirmed.items():
+        if abs(fitted[i] / hz - 1) > DISAGREEMENT:
+            remarks.append(f"the full model has mode {i} at {hz:.2f} Hz: the projection is off.")
+    for i, share in enumerate(found.mac, start=1):
+        if share < 0.8:
+            remarks.append(
+                f"the shape of mode {i} has a MAC of {share:.2f} with that of stiff joints: "
+                "a frequency that matches is no proof of the joint."
+            )
+    return remarks
+
+
+def write_scene(scene: Scene, path: Path, report: TuningReport) -> None:
+    """Write the tuned scene as TOML with a first line on where its joints come from."""
+    from workflows.run_folder import RunFolder
+    from workflows.scene_file import toml
+
+    wanted = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
+    text = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with RunFolder(path.parent).writing(path.name) as part:
+        part.write_text(text + toml(scene), encoding="utf-8")
+
+
+def basis(scene: Scene, model: fem.Model) -> TuningBasis:
+    """The stage: the assembly projected on the shapes that joints can move."""
+    return fem.tuning.tuning_basis(model)
