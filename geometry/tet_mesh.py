@@ -4,8 +4,10 @@ Screw holes, washers, the lines between screws and the clamp lines are imprinted
 the pads on the plate; the block is refined towards the contact.
 """
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import gmsh
 import numpy as np
@@ -42,14 +44,35 @@ def tet_mesh(
     a = assembly
     with _session():
         sizes = {"block": block_seed}
-        volumes = {name: _box(a, name) for name in boxes(a)}
-        volumes |= {name: _sheet(a, y) for name, y in sheets(a).items()}
+        volumes = _bodies(a)
         gmsh.model.occ.synchronize()
         for name, tags in volumes.items():
             _sized(tags, seed if name in sheets(a) else sizes.get(name, support_seed))
         if contact_seed is not None:
             _refined(a, contact_point, contact_seed, block_seed)
         return _meshed(assembly, volumes)
+
+
+def write_step(assembly: Assembly, path: Path) -> None:
+    """The bodies as a STEP file, lengths in metres."""
+    with _session():
+        _bodies(assembly)
+        gmsh.model.occ.synchronize()
+        with _silent():
+            gmsh.write(str(path))
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """OpenCASCADE prints its transfers to the process's own output, past every option of gmsh."""
+    kept = os.dup(1)
+    with open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 @contextmanager
@@ -65,6 +88,12 @@ def _session() -> Iterator[None]:
         raise ValueError(f"gmsh could not mesh the assembly: {error}") from error
     finally:
         gmsh.finalize()
+
+
+def _bodies(a: Assembly) -> dict[str, list[int]]:
+    """Volumes of every body in the current gmsh model."""
+    solid = {name: _box(a, name) for name in boxes(a)}
+    return solid | {name: _sheet(a, y) for name, y in sheets(a).items()}
 
 
 def _box(a: Assembly, name: str) -> list[int]:

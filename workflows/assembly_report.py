@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel
 
+from fem.abaqus import input_deck
 from workflows import field_file
-from workflows.assembly_stages import AssemblyModes
+from workflows.assembly_stages import AssemblyModes, materials
+from workflows.assembly_table import assembly
 from workflows.picture_stage import NoPicture
 from workflows.reduced_wall import save
 from workflows.run_folder import RunFolder, write_pictures
@@ -102,6 +104,26 @@ def _line(row: ModeRow) -> str:
         return line
     test = f"{row.hammer_mode}: {row.hammer_hz:g} Hz ({row.difference_percent:+.1f} %)"
     return f"{line}  {test:<20}{row.score:6.2f}"
+
+
+def write_model(pipeline: Pipeline, inp: Path | None, step: Path | None) -> None:
+    """The model as an input deck for CalculiX or Abaqus, the geometry as STEP."""
+    scene = pipeline.scene
+    if inp:
+        model = pipeline("model")
+        steel = materials(scene.assembly, model.structure.basis.mesh.subdomains)
+        with _beside(inp) as part:
+            part.write_text(input_deck(model, steel), encoding="utf-8")
+    if step:
+        from geometry.tet_mesh import write_step
+
+        with _beside(step) as part:
+            write_step(assembly(scene.assembly), part)
+
+
+def _beside(path: Path):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return RunFolder(path.parent).writing(path.name)
 
 
 def write_reduced(pipeline: Pipeline, path: Path) -> None:

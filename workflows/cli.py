@@ -96,22 +96,34 @@ def modes(
     scene: SceneName = None,
     table: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option(help="Rebuild a table of the thesis beside its numbers: 5.2."),
+        typer.Option(help="Rebuild a table of the thesis beside its numbers: 5.2 or 5.3."),
+    ] = None,
+    inp: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="Write the model for CalculiX or Abaqus (.inp)."),
+    ] = None,
+    step: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="Write the geometry (.step)."),
     ] = None,
     changes: Changes = None,
     json: Json = False,
 ) -> None:
     """Frequencies beside the hammer test, MAC and participation at the contact."""
-    from workflows.assembly_report import mode_table
+    from workflows.assembly_report import mode_table, write_model
     from workflows.stages import pipeline_of
-    from workflows.thesis_tables import table_52
+    from workflows.thesis_tables import table_52, table_53
 
-    if table not in (None, "5.2"):
-        raise InvalidScene(f"--table {table} is not known; known is 5.2.")
+    tables = {"5.2": table_52, "5.3": table_53}
+    if table is not None and table not in tables:
+        raise InvalidScene(f"--table {table} is not known; known are 5.2 and 5.3.")
     chosen = _with_assembly(load(scene, tuple(changes or ())))
     with StageProgress(sys.stderr) as progress:
+        if inp or step:
+            write_model(pipeline_of(chosen, progress.stage), inp, step)
+            return
         if table:
-            found = table_52(chosen, progress.stage)
+            found = tables[table](chosen, progress.stage)
         else:
             found = mode_table(pipeline_of(chosen, progress.stage))
     typer.echo(found.model_dump_json(indent=2) if json else found.text())

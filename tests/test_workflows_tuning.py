@@ -1,0 +1,82 @@
+"""`beadwave tune` and the models it judges by, on a coarse mesh."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from workflows.cli import main
+from workflows.scene import InvalidScene
+from workflows.scene_file import scene
+from workflows.tuning import targets, tuned, usual
+
+COARSE = ("mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.03")
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path_factory.getbasetemp() / "tuning"))
+
+
+def silent(name):
+    from contextlib import nullcontext
+
+    return nullcontext()
+
+
+def test_targets_are_hammer_test_modes_or_frequencies_of_ones_own():
+    assert targets("1,3,4") == {1: 51.0, 3: 907.0, 4: 8425.0}
+    assert targets("2=270.5") == {2: 270.5}
+    for wrong in ("", "5", "1,x", "1=-3", "1=nan"):
+        with pytest.raises(InvalidScene, match="must name modes 1 to 4"):
+            targets(wrong)
+
+
+def test_modes_two_and_three_together_free_the_turn():
+    assert usual({1: 51.0, 2: 269.0}) == ("head.ky", "head.kt")
+    assert usual({2: 269.0, 3: 907.0, 4: 8425.0})[2:] == (
+        "head.kry", "block.young", "block.density",
+    )  # fmt: skip
+
+
+def test_a_tuned_scene_meets_its_modes_in_the_full_model():
+    result, report = tuned(scene("rig-rom", COARSE), targets("1,2,3"), (), silent)
+    found = [report.full_order_hz[str(i)] for i in (1, 2, 3)]
+    np.testing.assert_allclose(found, [report.modes_hz[str(i)] for i in (1, 2, 3)], rtol=1e-3)
+    np.testing.assert_allclose(found, [51, 269, 907], rtol=5e-3)  # three springs, weak pulls
+    assert result.joints.head.ky == report.stiffness["head.ky"]
+    assert result.joints.head.kx == np.inf and report.seconds < 10
+
+
+def test_one_tangential_stiffness_tells_why_it_fails():
+    free = ("head.ky", "head.kt")
+    result, report = tuned(scene("rig-rom", COARSE), targets("1,2,3"), free, silent)
+    assert result.joints.head.kx == result.joints.head.kz
+    assert any("shear the joints along x" in remark for remark in report.remarks)
+
+
+@pytest.mark.parametrize(
+    ("name", "free", "sentence"),
+    [
+        ("rig-full-tie", (), "no springs to tune"),
+        ("rig-rom", ("head.kq",), "head.kq is not known"),
+        ("rig-rom", ("tail.ky",), "tail.ky is not known"),
+    ],
+)
+def test_what_cannot_be_tuned_is_refused(name, free, sentence):
+    with pytest.raises(InvalidScene, match=sentence):
+        tuned(scene(name, COARSE), targets("1"), free, silent)
+
+
+def test_the_command_writes_a_scene_that_reads_back(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    arguments = ["tune", "--match=1,2", "--json", *(f"--set={change}" for change in COARSE)]
+    monkeypatch.setattr(sys, "argv", ["beadwave", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert not end.value.code
+    report = json.loads(capsys.readouterr().out)
+    written = scene("rig-rom-tuned.toml")
+    assert written.joints.head.kz == report["stiffness"]["head.kt"]
+    assert written.name == "rig-rom-tuned"
