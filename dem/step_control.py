@@ -84,6 +84,8 @@ def march_to_error(
 
     step = min(_first_step(method, error, energy_error) / rate, duration / n_save)
     coarse = attempt(2.0 * step, _sparser(n_save, duration / (2.0 * step)))
+    if coarse is not None and coarse.dt < 1.5 * step:  # n_save saves left no room for a longer one
+        step = coarse.dt / 2.0
     tried = []
     spent = duration / (2.0 * step) * method.evaluations
     while True:

@@ -326,6 +326,16 @@ def test_march_to_error_reaches_the_error_it_reports(error, damped):
     assert run.energy_error <= error * (1e-2 if damped else 1e-4)
 
 
+@pytest.mark.parametrize("n_save", [3001, 997, 1, 59 * 61])
+def test_march_to_error_takes_any_number_of_saves(n_save):
+    """A prime number of saves leaves no longer step that meets some of them only."""
+    chain, wall = unit_chain(5, 1.5), rigid_wall()
+    run, report = march_to_error(chain, wall, struck(5), duration=6.0, error=1e-3, n_save=n_save)
+    exact = march(chain, wall, struck(5), duration=6.0, dt=1e-3, n_save=n_save)
+    assert run.t.size == n_save + 1
+    assert np.abs(run.v - exact.v).max() < max(report.error_estimate, 3e-8) <= 1e-3
+
+
 def test_march_to_error_says_when_it_cannot():
     with pytest.raises(UnstableStep, match="is not reached"):
         march_to_error(
