@@ -1,5 +1,5 @@
 from fem.contact_patch import ContactPatch, contact_patch, disc_quadrature, point_functional
-from fem.correlation import HAMMER_TEST_HZ, Pairing, mac, pair
+from fem.correlation import HAMMER_TEST_HZ, Pairing, body_shapes, mac, pair
 from fem.elasticity import Material, Structure, assemble
 from fem.factorisation import factorised
 from fem.half_space import half_space_on_mesh
@@ -19,6 +19,7 @@ __all__ = [
     "Pairing",
     "Structure",
     "assemble",
+    "body_shapes",
     "contact_patch",
     "disc_quadrature",
     "factorised",

@@ -74,14 +74,27 @@ def _characters(forms: BodyForms, modes: Modes) -> NDArray[np.float64]:
 def body_forms(model: Model, body: str) -> BodyForms:
     """Energies and rigid motions of a body in the free dofs of a model."""
     basis, K, M = model.structure
-    cells = basis.mesh.subdomains[body]
-    local = basis.element_dofs[:, cells].reshape(-1, 3, len(cells))
-    dofs = np.unique(local.transpose(0, 2, 1).reshape(-1, 3), axis=0).ravel()
+    dofs = _dofs_of(model, body)
     T, M = model.T[dofs], M[dofs][:, dofs]
     nodes = basis.doflocs[:, dofs[0::3]].T
     R = rigid_motion(nodes, _centre_of_mass(nodes, M))
     R = R @ np.linalg.inv(np.linalg.cholesky(R.T @ (M @ R))).T
     return BodyForms(T.T @ K[dofs][:, dofs] @ T, T.T @ M @ T, ((M @ R).T @ T))
+
+
+def body_shapes(
+    model: Model, phi: NDArray[np.float64], *, body: str = "block"
+) -> NDArray[np.float64]:
+    """Displacements of every node of a body (3 n_nodes, k) in the shapes phi (n, k) of a model."""
+    return model.T[_dofs_of(model, body)] @ phi
+
+
+def _dofs_of(model: Model, body: str) -> NDArray[np.int64]:
+    """x, y, z of the body's nodes, node after node, (3 n_nodes,)."""
+    basis = model.structure.basis
+    cells = basis.mesh.subdomains[body]
+    local = basis.element_dofs[:, cells].reshape(-1, 3, len(cells))
+    return np.unique(local.transpose(0, 2, 1).reshape(-1, 3), axis=0).ravel()
 
 
 def _centre_of_mass(nodes, M) -> NDArray[np.float64]:

@@ -112,8 +112,20 @@ def test_modes_stand_beside_the_hammer_test(run, capsys):
     assert set(tested) == {1, 2, 3, 4}
     assert tested[3]["frequency_hz"] == pytest.approx(run[1]["modes_hz"]["3"])
     assert tested[3]["participation"] > 0.1  # a blow beside the middle turns the block
+    assert all(0.95 < tested[i]["mac"] <= 1 for i in (1, 3, 4))
+    assert 0.5 < tested[2]["mac"] < 0.9  # the soft joints take the pitch out of mode 2
     assert coarse("modes") == 0
     assert "907 Hz" in capsys.readouterr().out
+
+
+def test_modes_of_tied_parts_are_their_own_reference(run, capsys):
+    assert coarse("modes", "--set=assembly.constraint=full-tie", "--json") == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["mac"] for row in rows if row["hammer_mode"]] == pytest.approx([1.0] * 4, abs=1e-9)
+
+
+def test_a_run_compares_no_shapes(run):
+    assert "likeness" not in {stage["name"] for stage in run[1]["stages"]}
 
 
 def test_a_scene_without_an_assembly_has_no_modes(capsys):

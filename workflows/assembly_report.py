@@ -48,7 +48,11 @@ def paired_hz(modes: AssemblyModes) -> dict[str, float]:
 
 
 class ModeRow(BaseModel):
-    """One computed mode; `hammer_mode` where it is paired with one of the test."""
+    """One computed mode; `hammer_mode` where it is paired with one of the test.
+
+    `score` is the share of its energy in that mode's motion of the block, `mac` its likeness to
+    that mode of stiff joints.
+    """
 
     number: int
     frequency_hz: float
@@ -57,6 +61,7 @@ class ModeRow(BaseModel):
     hammer_hz: float | None = None
     difference_percent: float | None = None
     score: float | None = None
+    mac: float | None = None
 
 
 class ModeTable(BaseModel):
@@ -67,23 +72,24 @@ class ModeTable(BaseModel):
 
     def text(self) -> str:
         """Aligned lines."""
-        lines = [f"{'mode':>5} {'Hz':>10} {'at contact':>11}  {'hammer test':<20}{'score':>6}"]
-        return "\n".join([*lines, *(_line(row) for row in self.rows)])
+        head = f"{'mode':>5} {'Hz':>10} {'at contact':>11}  {'hammer test':<20}"
+        lines = [f"{head}{'score':>6}{'MAC':>6}", *(_line(row) for row in self.rows)]
+        return "\n".join(lines)
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:
     """Modes beside the hammer test."""
     modes = pipeline("modes")
-    participation = pipeline("contact").w @ modes.phi
+    participation, likeness = pipeline("contact").w @ modes.phi, pipeline("likeness")
     tested = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
     rows = [
-        _row(j, hz, participation[j], tested.get(j), modes.score)
+        _row(j, hz, participation[j], tested.get(j), modes.score, likeness[j])
         for j, hz in enumerate(modes.omega / (2 * np.pi))
     ]
     return ModeTable(scene=pipeline.scene.name, rows=rows)
 
 
-def _row(j: int, hz: float, participation: float, tested: int | None, score) -> ModeRow:
+def _row(j: int, hz: float, participation: float, tested: int | None, score, mac) -> ModeRow:
     row = ModeRow(number=j + 1, frequency_hz=hz, participation=abs(participation))
     if tested is None:
         return row
@@ -94,6 +100,7 @@ def _row(j: int, hz: float, participation: float, tested: int | None, score) -> 
             "hammer_hz": target,
             "difference_percent": 100 * (hz / target - 1),
             "score": float(score[tested]),
+            "mac": None if np.isnan(mac[tested]) else float(mac[tested]),
         }
     )
 
@@ -103,7 +110,8 @@ def _line(row: ModeRow) -> str:
     if row.hammer_mode is None:
         return line
     test = f"{row.hammer_mode}: {row.hammer_hz:g} Hz ({row.difference_percent:+.1f} %)"
-    return f"{line}  {test:<20}{row.score:6.2f}"
+    mac = "-" if row.mac is None else f"{row.mac:.2f}"
+    return f"{line}  {test:<20}{row.score:6.2f}{mac:>6}"
 
 
 def write_model(pipeline: Pipeline, inp: Path | None, step: Path | None) -> None:

@@ -83,6 +83,12 @@ ASSEMBLY = {
     ),
     "tuning-basis": Stage("workflows.tuning:basis", _reads(), ("model",), ("fem",)),
     "modes": Stage("workflows.assembly_stages:modes", _reads(), ("model",), ("fem",)),
+    "likeness": Stage(
+        "workflows.shape_stage:likeness",
+        _reads(),
+        ("model", "modes"),
+        ("geometry", "fem", "workflows.assembly_stages"),
+    ),
     "contact": Stage(
         "workflows.assembly_stages:contact", _reads("patch"), ("model",), ("fem",), kept=False
     ),
