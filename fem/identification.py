@@ -19,6 +19,10 @@ BAND = 0.15  # half-width of the fitted band, of the peak's frequency
 FEWEST_LINES = 40  # in a fitted band
 LARGEST_ORDER = 12  # of the polynomial fitted to a band
 FEWEST_ORDERS = 4  # that must find a pole for it to count
+SAME = 0.005  # two peaks closer than this, of their frequency, are one
+CLOSE = 3  # bandwidths: two peaks this close disturb each other
+COARSE = 4  # lines in a bandwidth
+CLEAR = 8.0  # standard deviations of noise that a peak has to stand out
 WEAK = 2.0  # a peak less than this above its surroundings is weak
 DISAGREE = 0.15  # relative difference of the two damping ratios worth a sentence
 
@@ -46,11 +50,43 @@ def measured_modes(
     uneven or unordered frequencies, non-finite values, and too few lines.
     """
     f, H = _checked(frequency_hz, H)
-    amplitude = np.sqrt(np.mean(np.abs(H) ** 2, axis=0))
-    level = np.log(np.maximum(amplitude, np.finfo(float).tiny))
-    peaks, shape = find_peaks(level, prominence=np.log(prominence))
-    height = np.exp(shape["prominences"])
-    return [_read(f, H, amplitude, i, peaks, height) for i in range(len(peaks))]
+    peaks = _peaks(f, H, prominence)
+    return [_read(f, H, i, peaks) for i in range(len(peaks))]
+
+
+class _Peak(NamedTuple):
+    line: int
+    height: float  # factor above its surroundings
+    response: int  # where it stands out most
+
+
+def _peaks(f, H, prominence: float) -> list[_Peak]:
+    """Peaks of any response, each once: a mode may hide in one and stand clear in another."""
+    found = []
+    noise = _noise(H)
+    for response, a in enumerate(np.abs(H)):
+        level = np.log(np.maximum(a, np.finfo(float).tiny))
+        lines, shape = find_peaks(level, prominence=np.log(prominence))
+        heights = np.exp(shape["prominences"])
+        clear = a[lines] * (1 - 1 / heights) > CLEAR * noise[response]
+        lines, heights = lines[clear], heights[clear]
+        found += [_Peak(int(i), float(h), response) for i, h in zip(lines, heights, strict=True)]
+    kept: list[_Peak] = []
+    for peak in sorted(found, key=lambda peak: -peak.height):
+        near = max(SAME * f[peak.line], 2 * (f[1] - f[0]))
+        if all(abs(f[peak.line] - f[other.line]) > near for other in kept):
+            kept.append(peak)
+    return sorted(kept)
+
+
+def _noise(H) -> NDArray[np.float64]:
+    """Standard deviation of the noise of each response, (n,).
+
+    Second differences cancel what is smooth: of white noise they have 6 times its variance. Their
+    median is that of a Rayleigh variable, and does not see the few lines on resonances.
+    """
+    curvature = np.abs(H[:, 2:] - 2 * H[:, 1:-1] + H[:, :-2])
+    return np.median(curvature, axis=1) / np.sqrt(6) / np.sqrt(np.log(2))
 
 
 def _checked(f, H):
@@ -67,11 +103,13 @@ def _checked(f, H):
     return f, H
 
 
-def _read(f, H, amplitude, i, peaks, height) -> MeasuredMode:
-    f_peak, half_power = half_power_bandwidth(f, amplitude, peaks[i])
+def _read(f, H, i: int, peaks: list[_Peak]) -> MeasuredMode:
+    amplitude = np.abs(H[peaks[i].response])
+    f_peak, half_power = half_power_bandwidth(f, amplitude, peaks[i].line)
+    half_power = half_power if half_power > 0 else np.nan
     f_fit, zeta_fit = _fitted(f, H, f_peak)
     zeta = half_power / (2 * f_peak)
-    remarks = _remarks(f, peaks, height, i, zeta, zeta_fit, f_peak)
+    remarks = _remarks(f, i, peaks, zeta, zeta_fit)
     return MeasuredMode(f_peak if np.isnan(f_fit) else f_fit, zeta, zeta_fit, remarks)
 
 
@@ -103,7 +141,7 @@ def _crossing(f, amplitude, start: int, step: int, inverse_square: float) -> flo
         if there >= inverse_square:
             part = (inverse_square - here) / (there - here) if there > here else 0.0
             return float(f[i] + part * (f[i + step] - f[i]))
-        if there < here and i != start:
+        if there < 0.4 * inverse_square:  # higher than the peak: another one begins
             return np.nan
         i += step
     return np.nan
@@ -135,13 +173,16 @@ def _nearest(frequency, zeta, f_peak: float) -> tuple[float, float]:
     return float(real[i]), float(zeta[i])
 
 
-def _remarks(f, peaks, height, i, zeta, zeta_fit, f_peak) -> tuple[str, ...]:
-    remarks = []
-    if height[i] < WEAK:
-        remarks.append(f"weak: only {height[i]:.2g} times its surroundings")
-    gap = np.abs(np.delete(f[peaks], i) - f_peak)
-    if gap.size and gap.min() < 6 * zeta * f_peak:
-        remarks.append(f"another peak {gap.min():.3g} Hz away, within three bandwidths")
+def _remarks(f, i: int, peaks: list[_Peak], zeta: float, zeta_fit: float) -> tuple[str, ...]:
+    remarks, here = [], f[peaks[i].line]
+    if peaks[i].height < WEAK:
+        remarks.append(f"weak: only {peaks[i].height:.2g} times its surroundings")
+    gap = np.array([abs(f[p.line] - here) for j, p in enumerate(peaks) if j != i])
+    width = 2 * np.nanmax([zeta, zeta_fit, 0.0]) * here
+    if gap.size and gap.min() < CLOSE * width:
+        remarks.append(f"another peak {gap.min():.3g} Hz away, within {CLOSE} bandwidths")
+    if width < COARSE * (f[1] - f[0]):
+        remarks.append("lines too far apart for this bandwidth: the half-power value is poor")
     if np.isnan(zeta) or np.isnan(zeta_fit):
         lost = "half-power bandwidth" if np.isnan(zeta) else "complex-frequency fit"
         remarks.append(f"the {lost} found no damping here")

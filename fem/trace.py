@@ -102,3 +102,13 @@ def _interpolation(basis: Basis, X, cells) -> csr_matrix:
     P = csr_matrix((entries.ravel(), (rows.ravel(), columns.ravel())), (3 * n_points, basis.N))
     P.eliminate_zeros()
     return P
+
+
+def at_node(
+    basis: Basis, spot: NDArray[np.float64], direction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The functional (ndof,) that reads the node nearest to a spot (3,) [m] along a direction."""
+    node = int(np.argmin(np.linalg.norm(basis.doflocs[:, 0::3].T - spot, axis=1)))
+    row = np.zeros(basis.N)
+    row[3 * node : 3 * node + 3] = direction
+    return row

@@ -129,12 +129,47 @@ def modes(
     typer.echo(found.model_dump_json(indent=2) if json else found.text())
 
 
+@app.command()
+def hammer(
+    file: Annotated[Path, typer.Argument(help="Frequency responses, .csv or .uff.")],
+    scene: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(help="The scene whose modes they are paired with; default: rig-rom."),
+    ] = None,
+    synthetic: Annotated[
+        bool, typer.Option("--synthetic", help="Write a computed test to FILE (.uff) instead.")
+    ] = False,
+    changes: Changes = None,
+    json: Json = False,
+) -> None:
+    """Read a hammer test: frequencies and damping by two methods."""
+    from workflows.hammer import hammer_test, virtual_test
+    from workflows.hammer_file import write_synthetic
+    from workflows.summary import HAMMER_TEST_HZ
+
+    if synthetic:
+        chosen = _with_assembly(load(scene, tuple(changes or ())))
+        from workflows.stages import pipeline_of
+
+        with StageProgress(sys.stderr) as progress:
+            write_synthetic(file, virtual_test(pipeline_of(chosen, progress.stage)))
+        typer.echo(f"written: {file} (synthetic, not measured)")
+        return
+    report = hammer_test(file, dict(enumerate(HAMMER_TEST_HZ, start=1)))
+    typer.echo(report.model_dump_json(indent=2) if json else report.text())
+
+
 @app.command(name="tune")
 def tune_joints(
     scene: SceneName = None,
+    hammer_file: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("--hammer", help="A hammer test (.csv, .uff) to take frequencies from."),
+    ] = None,
     match: Annotated[
-        str, typer.Option(help="Hammer-test modes to meet, as 1,3,4 or 1=51.2,3=905 [Hz].")
-    ] = "1,2,3,4",
+        Optional[str],  # noqa: UP045
+        typer.Option(help="Modes to meet, as 1,3,4 or 1=51.2,3=905 [Hz]; default all four."),
+    ] = None,
     free: Annotated[
         Optional[str],  # noqa: UP045
         typer.Option(help="What to vary, as head.ky,head.kt,block.young; default by the modes."),
@@ -150,8 +185,13 @@ def tune_joints(
 
     chosen = _with_assembly(load(scene, tuple(changes or ())))
     names = tuple(free.split(",")) if free else ()
+    wanted = targets(match or "1,2,3,4")
+    if hammer_file:
+        from workflows.hammer import applied, hammer_test
+
+        chosen, wanted = applied(chosen, hammer_test(hammer_file, wanted), match)
     with StageProgress(sys.stderr) as progress:
-        result, report = tuned(chosen, targets(match), names, progress.stage)
+        result, report = tuned(chosen, wanted, names, progress.stage)
     path = out or Path(f"{chosen.name}-tuned.toml")
     write_scene(result.model_copy(update={"name": path.stem}), path, report)
     typer.echo(report.model_dump_json(indent=2) if json else report.text())

@@ -1,0 +1,106 @@
+"""Measured frequency responses in and out: CSV, and UFF58 through pyuff.
+
+CSV: a header line, then one line per frequency: frequency_hz, re_1, im_1, re_2, im_2, ...
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflows.run_folder import RunFolder
+from workflows.scene import InvalidScene
+
+RESPONSE = 4  # UFF58's function type of a frequency response
+SYNTHETIC = "SYNTHETIC: computed, not measured"
+
+
+class Responses(NamedTuple):
+    """Frequency responses of one test on common lines."""
+
+    frequency_hz: NDArray[np.float64]  # (k,)
+    H: NDArray[np.complex128]  # (n, k)
+    title: str
+
+
+def responses(path: Path) -> Responses:
+    """The responses of a file; raises InvalidScene where it holds none."""
+    read = {".csv": _csv, ".uff": _uff, ".unv": _uff}.get(path.suffix.lower())
+    if read is None:
+        raise InvalidScene(f"{path} must end in .csv, .uff or .unv.")
+    if not path.is_file():
+        raise InvalidScene(f"no file {path}; give a hammer test as .csv or .uff.")
+    try:
+        return read(path)
+    except (ValueError, KeyError, IndexError, UnicodeDecodeError) as error:
+        raise InvalidScene(
+            f"{path} holds no frequency responses that can be read ({error}); "
+            "CSV wants frequency_hz, re_1, im_1, ... below a header line."
+        ) from None
+
+
+def _csv(path: Path) -> Responses:
+    table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+    if table.shape[1] < 3 or table.shape[1] % 2 == 0:
+        raise ValueError(f"{table.shape[1]} columns, an odd number from 3 on is needed")
+    return Responses(table[:, 0], (table[:, 1::2] + 1j * table[:, 2::2]).T, path.stem)
+
+
+def _uff(path: Path) -> Responses:
+    pyuff = _pyuff()
+    file = pyuff.UFF(str(path))
+    sets = [file.read_sets(int(i)) for i in np.flatnonzero(file.get_set_types() == 58)]
+    sets = [s for s in sets if s["func_type"] == RESPONSE]
+    if not sets:
+        raise ValueError("no data set 58 with a frequency response")
+    if any(len(s["x"]) != len(sets[0]["x"]) for s in sets):
+        raise ValueError("responses with different numbers of lines")
+    H = np.array([np.asarray(s["data"], dtype=complex) for s in sets])
+    return Responses(np.asarray(sets[0]["x"], dtype=float), H, str(sets[0]["id1"]).strip())
+
+
+def write_uff(path: Path, test: Responses) -> None:
+    """Write as ASCII UFF58 (binary ones of this library cannot be read back)."""
+    file = _pyuff().UFF(str(path))
+    for i, h in enumerate(test.H, start=1):
+        file.write_sets(_data_set(test, i, h), mode="add" if i > 1 else "overwrite")
+
+
+def write_synthetic(path: Path, test: Responses) -> None:
+    """Write a computed test; raises InvalidScene for another ending than .uff."""
+    if path.suffix.lower() != ".uff":
+        raise InvalidScene(f"{path} must end in .uff.")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with RunFolder(path.parent).writing(path.name) as part:
+        write_uff(part, test)
+
+
+def _data_set(test: Responses, i: int, h) -> dict:
+    return _pyuff().prepare_58(
+        binary=0,
+        func_type=RESPONSE,
+        rsp_node=i,
+        rsp_dir=1,
+        ref_node=1,
+        ref_dir=1,
+        data=h,
+        x=test.frequency_hz,
+        id1=test.title,
+        rsp_ent_name=f"response {i}",
+        ref_ent_name="hammer",
+        abscissa_spacing=1,
+        abscissa_spec_data_type=18,
+        ordinate_spec_data_type=12,
+        orddenom_spec_data_type=13,
+    )
+
+
+def _pyuff():
+    try:
+        import pyuff
+    except ImportError:
+        raise InvalidScene(
+            "UFF58 files need pyuff; install the extra `identify`, or give the test as .csv."
+        ) from None
+    return pyuff
