@@ -216,6 +216,31 @@ def reduce(
 
 
 @app.command()
+def accuracy(
+    scene: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Argument(metavar="[SCENE]", help="A scene; default: the one each study is made for."),
+    ] = None,
+    stage: Annotated[
+        str, typer.Option(help="A study: time, chain-length, wall-modes, batch, parts; or all.")
+    ] = "all",
+    out: Annotated[Optional[Path], typer.Option(help="Folder for table, CSV and plots.")] = None,  # noqa: UP045
+    changes: Changes = None,
+    json: Json = False,
+) -> None:
+    """Error against run time, beside general-purpose integrators measured in the same run."""
+    from workflows import accuracy as studies
+
+    with StageProgress(sys.stderr) as progress:
+        study = studies.accuracy(
+            stage, lambda usual: load(scene or usual, tuple(changes or ())), progress.stage
+        )
+    if out:
+        studies.write(study, out)
+    typer.echo(studies.json(study) if json else studies.text(study))
+
+
+@app.command()
 def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")]) -> None:
     """Write report.html of a run folder."""
     from workflows.report import write_report

@@ -1,6 +1,7 @@
 """Plots of a run as PNG: velocities, energies, the frequency response at the contact."""
 
 from io import BytesIO
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -18,6 +19,15 @@ LEDGER = {
     "dissipated_wall": "dissipated in the wall",
     "work_preload": "work of the preload",
 }
+
+
+class Curve(NamedTuple):
+    """Points of a method, ours or somebody else's."""
+
+    name: str
+    x: Array
+    y: Array
+    ours: bool
 
 
 def velocities(t: Array, v: Array, spheres: tuple[int, ...]) -> bytes:
@@ -68,6 +78,46 @@ def frequency_response(
     panel.legend(frameon=False)
     _plain(panel)
     return _png(figure)
+
+
+def work_precision(curves: list[Curve], title: str) -> bytes:
+    """Error over run time; x warm time [ms], y relative velocity error."""
+    figure = Figure(figsize=(8, 5.2), layout="constrained")
+    panel = figure.subplots()
+    _curves(panel, curves)
+    panel.set_xlabel("run time, warm [ms]")
+    panel.set_ylabel("velocity error, relative to the fastest sphere at the start")
+    panel.set_title(title, fontsize=9, loc="left")
+    panel.set_ylim(top=1.0)
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    return _png(figure)
+
+
+def growth(curves: list[Curve], xlabel: str) -> bytes:
+    """Run time over a size; y [ms]."""
+    figure = Figure(figsize=(8, 4.2), layout="constrained")
+    panel = figure.subplots()
+    _curves(panel, curves)
+    panel.set_xlabel(xlabel)
+    panel.set_ylabel("run time, warm [ms]")
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    return _png(figure)
+
+
+def _curves(panel, curves: list[Curve]) -> None:
+    """Ours as full lines in colour, others dashed in greys."""
+    ours = [curve for curve in curves if curve.ours]
+    others = [curve for curve in curves if not curve.ours]
+    for curve, colour in zip(ours, [*COLOURS, "black"], strict=False):
+        panel.loglog(curve.x, curve.y, "o-", color=colour, ms=3.5, lw=1.4, label=curve.name)
+    for i, curve in enumerate(others):
+        grey = str(0.25 + 0.45 * i / max(len(others) - 1, 1))
+        marker = "sD^v<>PX"[i % 8]
+        panel.loglog(
+            curve.x, curve.y, linestyle="--", marker=marker, color=grey, ms=4, lw=1,
+            label=curve.name,
+        )  # fmt: skip
+    _plain(panel)
 
 
 def _colours(n: int) -> list[str]:

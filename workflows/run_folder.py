@@ -44,14 +44,15 @@ class RunFolder:
             raise InvalidScene(
                 f"--out {self.path} would overwrite the scene {source}; choose another."
             )
-        self._make()
+        self.make()
         for left in self.path.rglob(".*.part.*"):
             left.unlink()
         for name in FILES if old != scene_toml else FILES[:2]:
             (self.path / name).unlink(missing_ok=True)
         self.write("scene.toml", scene_toml)
 
-    def _make(self) -> None:
+    def make(self) -> None:
+        """Make the folder; raises InvalidScene where it cannot be one."""
         try:
             (self.path / "figures").mkdir(parents=True, exist_ok=True)
         except OSError as error:
