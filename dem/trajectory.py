@@ -167,7 +167,9 @@ def _reach(omega, zeta, t):
 
 
 def _turns(steps, omega, zeta):
-    return np.array([oscillator_turn(omega, zeta, t) for t in steps])
+    """(len(steps), 4, k) of `oscillator_turn`."""
+    turns = oscillator_turn(omega, zeta, np.asarray(steps)[:, None])
+    return np.ascontiguousarray(turns.transpose(1, 0, 2))
 
 
 def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
