@@ -1,10 +1,16 @@
-from fem.contact_patch import ContactPatch, contact_patch, disc_quadrature, point_functional
+from fem.contact_patch import (
+    ContactPatch,
+    contact_patch,
+    disc_quadrature,
+    node_patch,
+    point_functional,
+)
 from fem.correlation import HAMMER_TEST_HZ, Pairing, body_shapes, mac, pair
 from fem.elasticity import Material, Structure, assemble
 from fem.factorisation import factorised
 from fem.half_space import half_space_on_mesh
 from fem.joints import DIRECTIONS, Joint
-from fem.model import Model, full_tie, screw_tie, wires
+from fem.model import Model, Table, full_tie, screw_tie, wires
 from fem.modes import Modes, modes
 from fem.response import receptance
 
@@ -18,6 +24,7 @@ __all__ = [
     "Modes",
     "Pairing",
     "Structure",
+    "Table",
     "assemble",
     "body_shapes",
     "contact_patch",
@@ -27,6 +34,7 @@ __all__ = [
     "half_space_on_mesh",
     "mac",
     "modes",
+    "node_patch",
     "pair",
     "point_functional",
     "receptance",

@@ -6,6 +6,7 @@ of the disc itself, whose points are looked up in the elements of the face, so t
 than the disc is loaded as well as a finer one.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ class ContactPatch(NamedTuple):
     inward: float  # direction of the chain's travel along x, +1 or -1
     point: NDArray[np.float64]  # (3,) [m]
     radius: float  # [m]
-    weights: str  # "hertz" or "area"
+    weights: str  # "hertz", "area" or "nodes"
 
 
 def disc_quadrature(
@@ -80,6 +81,24 @@ def contact_patch(
     return ContactPatch(model.T.T @ on_mesh, boundary, on_mesh, inward, centre, radius, weights)
 
 
+def node_patch(model: Model, face: str, points: Sequence[tuple[float, float]]) -> ContactPatch:
+    """The plain mean of the nodes nearest to points (y, z) [m] from the middle of a face.
+
+    Its compliance grows like 1/h: nodes carry no area. The radius is that of the farthest node
+    from their middle.
+    """
+    basis = model.structure.basis
+    centre, inward = _middle(basis, face)
+    dofs = [_nearest(basis, face, centre + [0.0, *point]) for point in points]
+    on_mesh = np.zeros(basis.N)
+    np.add.at(on_mesh, dofs, inward / len(dofs))
+    spots = basis.doflocs[:, dofs].T
+    middle = spots.mean(axis=0)
+    radius = float(np.linalg.norm(spots - middle, axis=1).max())
+    boundary = _recovery_dofs(model, on_mesh)
+    return ContactPatch(model.T.T @ on_mesh, boundary, on_mesh, inward, middle, radius, "nodes")
+
+
 def _middle(basis: Basis, face: str) -> tuple[NDArray[np.float64], float]:
     mesh = basis.mesh
     corners = mesh.p[:, mesh.facets[:, mesh.boundaries[face]]].reshape(3, -1)
@@ -103,10 +122,10 @@ def _all_directions(basis: Basis) -> NDArray[np.int64]:
 
 def point_functional(model: Model, face: str, point: tuple[float, float]) -> NDArray[np.float64]:
     """w (n,) of the single node nearest to a point of the face: its compliance grows like 1/h."""
-    basis = model.structure.basis
-    centre, inward = _middle(basis, face)
+    return node_patch(model, face, [point]).w
+
+
+def _nearest(basis: Basis, face: str, spot: NDArray[np.float64]) -> int:
+    """The x displacement of the node of a face that is nearest to a spot (3,) [m]."""
     dofs = np.unique(basis.get_dofs(face).all(["u^1"]))
-    distance = np.linalg.norm(basis.doflocs[:, dofs].T - (centre + [0.0, *point]), axis=1)
-    on_mesh = np.zeros(basis.N)
-    on_mesh[dofs[np.argmin(distance)]] = inward
-    return model.T.T @ on_mesh
+    return int(dofs[np.argmin(np.linalg.norm(basis.doflocs[:, dofs].T - spot, axis=1))])

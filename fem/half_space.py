@@ -64,9 +64,16 @@ def _far_field(basis, dofs, patch: ContactPatch, material: Material) -> NDArray[
     """The exact displacement of each dof, by all points of the patch."""
     nodes, node = np.unique(dofs // 3, return_inverse=True)
     points = basis.doflocs[:, 3 * nodes].T
-    disc, share = disc_quadrature(patch.weights, 6, 18)
     total = np.zeros((len(nodes), 3))
-    for spot, part in zip(disc, share, strict=True):
-        source = patch.point + patch.radius * np.array([0.0, *spot])
+    for source, part in zip(*_sources(basis, patch), strict=True):
         total += part * boussinesq(points, source, patch.inward, material)
     return total[node, dofs % 3]
+
+
+def _sources(basis, patch: ContactPatch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (n, 3) [m] and shares (n,) of the force on a patch."""
+    if patch.weights == "nodes":
+        loaded = np.flatnonzero(patch.on_mesh)
+        return basis.doflocs[:, loaded].T, np.abs(patch.on_mesh[loaded])
+    disc, share = disc_quadrature(patch.weights, 6, 18)
+    return patch.point + patch.radius * np.column_stack([np.zeros(len(disc)), disc]), share

@@ -5,16 +5,17 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel
 
+import rom
 from fem.abaqus import input_deck
 from workflows import field_file
 from workflows.assembly_stages import AssemblyModes, materials
 from workflows.assembly_table import assembly
 from workflows.picture_stage import NoPicture
-from workflows.reduced_wall import save
+from workflows.reduced_wall import half_space, save
 from workflows.run_folder import RunFolder, write_pictures
 from workflows.scene import InvalidScene
 from workflows.stages import Pipeline
-from workflows.summary import HAMMER_TEST_HZ
+from workflows.summary import HAMMER_TEST_HZ, ReductionHealth
 
 FORMATS = (".npz", ".mat", ".h5")
 
@@ -37,8 +38,32 @@ def write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:
 
 def assembly_numbers(pipeline: Pipeline) -> dict:
     """The assembly's part of the summary."""
-    modes = pipeline("modes")
-    return {"modes_hz": paired_hz(modes), "dofs": modes.n_dofs}
+    modes, reduced = pipeline("modes"), pipeline("reduction")
+    return {
+        "modes_hz": paired_hz(modes),
+        "dofs": modes.n_dofs,
+        "reduction": reduction_health(reduced),
+    }
+
+
+def reduction_health(reduced: rom.ReducedModel) -> ReductionHealth:
+    """The health of a reduced model as the summary tells it."""
+    found, notes = rom.health(reduced), reduced.provenance
+    captured = notes.get("effective_mass_captured")
+    return ReductionHealth(
+        kind=reduced.kind,
+        coordinates=len(reduced.w),
+        static_compliance_m_per_N=found.static_compliance,
+        half_space_compliance_m_per_N=half_space(reduced),
+        effective_mass_captured=None if captured is None else float(captured),
+        asymmetry=found.asymmetry,
+        lowest_mass=found.lowest_mass,
+        lowest_stiffness=found.lowest_stiffness,
+        rigid_modes=found.n_rigid,
+        moved_by_the_contact=found.participation,
+        receptance_error=reduced.error,
+        findings=found.findings,
+    )
 
 
 def paired_hz(modes: AssemblyModes) -> dict[str, float]:

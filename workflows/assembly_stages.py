@@ -17,6 +17,7 @@ N_MODES = (30, 80)  # the second where the first do not reach all four of the ha
 GMSH_NEEDS = (
     "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
 )
+TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
 STRUCK = "block:+x"  # the face that the chain leans on
 MASTER = {"block": "head", "sheets_support": "foot"}  # body a sheet is bolted to: joint
 
@@ -139,8 +140,12 @@ def _field(model: fem.Model, found: fem.Modes, paired: fem.Pairing) -> ModeField
 
 
 def contact(scene: Scene, model: fem.Model) -> fem.ContactPatch:
-    """The patch that loads and reads the block."""
+    """The patch that loads and reads the block; of the thesis' scheme the node it loads."""
     patch = scene.patch
+    if patch.weights == "thesis":
+        return fem.node_patch(model, STRUCK, [patch.point])
+    if patch.nodes:
+        return fem.node_patch(model, STRUCK, patch.nodes)
     return fem.contact_patch(model, STRUCK, patch.point, patch.radius, weights=patch.weights)
 
 
@@ -148,12 +153,17 @@ def reduction(
     scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes
 ) -> rom.ReducedModel:
     """The model in few coordinates at the contact, without the way back to the full field."""
-    size = {"n_modes": scene.reduction.modes, "cutoff_hz": scene.reduction.cutoff}
+    table, w_reading = scene.reduction, reading(scene, model)
+    size = {"n_modes": table.modes, "cutoff_hz": table.cutoff, "error": table.error}
+    size["to_hz"] = table.to_hz or (TO_HZ if table.error else None)
     hz = " ".join(f"{f:.9g}" for f in modes.field.frequency_hz)
     notes = {"hammer_modes_hz": hz, **provenance(scene, model, contact)}
-    if scene.reduction.kind == "craig-bampton":
+    if table.kind == "craig-bampton":
+        # w reads x alone: y and z of its nodes would only be constraint modes to solve for
+        boundary = np.flatnonzero(contact.w if w_reading is None else contact.w + w_reading)
+        notes |= reading_note(w_reading, boundary)
         reduced = rom.craig_bampton(
-            model.K, model.M, contact.w, contact.boundary, **size,
+            model.K, model.M, contact.w, boundary, **size,
             factorise=fem.factorised, provenance=notes,
         )  # fmt: skip
     else:
@@ -162,19 +172,49 @@ def reduction(
             model.K, model.M, contact.w, **size, modes=ready,
             factorise=fem.factorised, provenance=notes,
         )  # fmt: skip
-    return reduced._replace(T=None)
+    captured = {"effective_mass_captured": f"{mass_captured(model, reduced):.9g}"}
+    return reduced._replace(T=None, provenance=reduced.provenance | captured)
 
 
 def _enough(scene: Scene, modes: AssemblyModes) -> bool:
-    wanted, cutoff = scene.reduction.modes, scene.reduction.cutoff
-    if wanted is not None:
-        return wanted <= len(modes.omega)
-    return 2 * np.pi * cutoff < modes.omega[-1]
+    table = scene.reduction
+    if table.modes is not None:
+        return table.modes <= len(modes.omega)
+    return table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
+
+
+def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
+    """w (n,) that reads the wall where the thesis' scheme does so elsewhere than it pushes."""
+    patch = scene.patch
+    if patch.weights != "thesis":
+        return None
+    y, z = patch.point
+    beside = ((y - patch.radius, z), (y + patch.radius, z))
+    return fem.node_patch(model, STRUCK, patch.nodes or beside).w
+
+
+def reading_note(
+    w_reading: NDArray[np.float64] | None, boundary: NDArray[np.int64]
+) -> dict[str, str]:
+    """The weights that read the boundary, as a reduced model carries them in its file."""
+    if w_reading is None:
+        return {}
+    return {"reading_weights": " ".join(f"{w!r}" for w in w_reading[boundary].tolist())}
+
+
+def mass_captured(model: fem.Model, reduced: rom.ReducedModel) -> float:
+    """Share of the assembly's mass that the reduced model carries along the chain."""
+    on_mesh = reduced._replace(T=model.T @ reduced.T)
+    along_x = np.arange(model.T.shape[0]) % 3 == 0
+    return rom.effective_mass(on_mesh, model.structure.M, along_x).captured
 
 
 def provenance(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> dict[str, str]:
     """The patch, and the half-space within its compliance that the Hertz law holds once more."""
-    local = fem.half_space_on_mesh(model, STRUCK, contact, material(scene.assembly, "block"))
+    local = 0.0  # the thesis reads far from the node it loads, and takes nothing off
+    if scene.patch.weights != "thesis":
+        steel = material(scene.assembly, "block")
+        local = fem.half_space_on_mesh(model, STRUCK, contact, steel)
     return {
         "patch_weights": contact.weights,
         "patch_radius_m": repr(contact.radius),

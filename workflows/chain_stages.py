@@ -17,6 +17,8 @@ from workflows.scene import (
     Scene,
 )
 
+PRUNED_AT = 1e-4  # error of the velocities where the scene gives a step instead
+
 
 class Surface(NamedTuple):
     """Material that the last sphere touches."""
@@ -68,12 +70,14 @@ def initial_velocity(scene: Scene) -> np.ndarray:
     return np.array([scene.striker.velocity] + [0.0] * (scene.chain.count - 1))
 
 
-def impact(scene: Scene, wall: dem.Wall | None) -> coupling.Impact:
+def impact(scene: Scene, wall: dem.Wall | coupling.CoupledWall | None) -> coupling.Impact:
     """The coupled run to the error asked for, or at the step given."""
     time, observed = scene.time, scene.output.spheres
     wanted = {"dt": time.dt}
     if time.dt is None:
-        wanted = {"error": time.error, "observed": [sphere - 1 for sphere in observed] or None}
+        wanted = {"error": time.error}
+    if time.dt is None and not isinstance(wall, coupling.CoupledWall):
+        wanted["observed"] = [sphere - 1 for sphere in observed] or None
     return coupling.impact(
         chain(scene),
         wall,
@@ -84,7 +88,7 @@ def impact(scene: Scene, wall: dem.Wall | None) -> coupling.Impact:
     )
 
 
-def wall(scene: Scene, reduction: Any = None) -> dem.Wall | None:
+def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall | None:
     """What the chain leans on; None for a free chain."""
     match scene.wall:
         case None:
@@ -98,6 +102,28 @@ def wall(scene: Scene, reduction: Any = None) -> dem.Wall | None:
 
             return wall_of(scene, reduction)
     return dem.rigid_wall()
+
+
+class PrunedWall(NamedTuple):
+    """A wall of fewer modes, and what was left out in sentences."""
+
+    wall: dem.Wall
+    sentences: tuple[str, ...]
+
+
+def pruning(scene: Scene, whole_wall: dem.Wall) -> PrunedWall:
+    """The wall without the modes that do not matter at the error asked for."""
+    if isinstance(whole_wall, coupling.CoupledWall):
+        raise ValueError("wall.prune needs a wall that is read where it is pushed; drop the key.")
+    v0 = initial_velocity(scene)
+    error = PRUNED_AT if scene.time.error is None else scene.time.error
+    found = coupling.prune(chain(scene), whole_wall, v0, duration=scene.time.duration, error=error)
+    return PrunedWall(found.wall, found.sentences)
+
+
+def pruned_wall(scene: Scene, pruning: PrunedWall) -> dem.Wall:
+    """What is left of the wall."""
+    return pruning.wall
 
 
 def contact_radius(scene: Scene, force: float) -> float:

@@ -48,6 +48,8 @@ def printed(summary: Summary, json: bool) -> None:
         return
     for label, value in [("scene", summary.scene), *rows(summary), *_waves(summary)]:
         typer.echo(f"{label:>26}  {value}")
+    for sentence in (*summary.verdict, *summary.wall_modes_left_out[-1:]):
+        typer.echo(f"{'verdict':>26}  {sentence}")
     for stage in summary.stages:
         kept = "  (kept)" if stage.cached else ""
         typer.echo(f"{stage.name:>26}  {stage.seconds:.2f} s{kept}")

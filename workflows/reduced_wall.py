@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 import coupling
 import dem
 import rom
@@ -9,15 +11,35 @@ from workflows.scene import Damping, InvalidScene, ModalDamping, RayleighDamping
 from workflows.summary import HAMMER_TEST_HZ
 
 
-def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall:
-    """Oscillators below the cutoff, a residual spring for the rest, the half-space taken out."""
+def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coupling.CoupledWall:
+    """Oscillators below the cutoff, one for the rest, the half-space taken out.
+
+    A model that is read elsewhere than it is pushed makes a coupled wall.
+    """
     reduced = loaded(Path(scene.wall.file)) if reduction is None else reduction
+    if "reading_weights" in reduced.provenance:
+        return coupling.coupled_wall(
+            reduced,
+            half_space=half_space(reduced),
+            damping=damping(scene.damping, reduced),
+            cutoff_hz=scene.wall.cutoff,
+            w_force=reduced.w,
+            w_reading=_reading_weights(reduced),
+        )
     return coupling.wall_from_reduced(
         reduced,
         half_space=half_space(reduced),
         damping=damping(scene.damping, reduced),
         cutoff_hz=scene.wall.cutoff,
     )
+
+
+def _reading_weights(reduced: rom.ReducedModel) -> np.ndarray:
+    """(r,) on the reduced coordinates; nothing but the boundary is read."""
+    weights = np.zeros(len(reduced.w))
+    noted = [float(w) for w in reduced.provenance["reading_weights"].split()]
+    weights[: len(noted)] = noted
+    return weights
 
 
 def half_space(reduced: rom.ReducedModel) -> float:

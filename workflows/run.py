@@ -3,6 +3,7 @@
 from pathlib import Path
 from platform import python_version
 
+from coupling import CoupledWall, Impact
 from dem import waves
 from workflows.chain_stages import contact_radius, save_trajectory
 from workflows.report import write_report
@@ -64,13 +65,13 @@ def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
     scene = pipeline.scene
     found: dict = {}
     if scene.chain:
-        warnings = (*warnings, *pipeline("impact").verdict.findings)
-    if scene.chain:
         found |= _chain_numbers(pipeline)
+        warnings = (*warnings, *_judged(pipeline("impact")))
     if needs_assembly(scene):
         from workflows.assembly_report import assembly_numbers
 
         found |= assembly_numbers(pipeline)
+        warnings = (*warnings, *found["reduction"].findings)
     return Summary(
         scene=scene.name,
         stages=tuple(StageTime(**report._asdict()) for report in pipeline.reports),
@@ -78,6 +79,18 @@ def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
         versions={"python": python_version(), **library_versions(("beadwave", *LIBRARIES))},
         **found,
     )
+
+
+def _judged(impact: Impact) -> tuple[str, ...]:
+    """What spoils the run, and the energy it made where the wall is not passive."""
+    judged, gain = impact.verdict, impact.energy_gain
+    if judged.passive:
+        return judged.findings
+    made = (
+        f"This wall does not keep energy: the largest gain is {gain.largest:.3g} of the striker's "
+        f"at {gain.time * 1e3:.3g} ms, at the end it is {gain.final:+.3g}."
+    )
+    return (*judged.findings, made)
 
 
 def _chain_numbers(pipeline: Pipeline) -> dict:
@@ -88,16 +101,19 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
         "n_steps": trajectory.n_steps,
         "energy_error": trajectory.energy_error,
         "error_estimate": _errors(pipeline, trajectory.error_estimate),
+        "verdict": pipeline("impact").verdict.sentences,
         "waves": {str(sphere): _waves(trajectory, sphere) for sphere in scene.output.spheres},
     }
     if wall is None:
         return numbers
+    if getattr(scene.wall, "prune", False):
+        numbers["wall_modes_left_out"] = pipeline("pruning").sentences
     peak = float(trajectory.contact_force[:, -1].max())
     return numbers | {"peak_wall_force_N": peak, "contact_radius_m": contact_radius(scene, peak)}
 
 
 def _errors(pipeline: Pipeline, time: float | None) -> ErrorEstimate:
-    if not needs_assembly(pipeline.scene):
+    if not needs_assembly(pipeline.scene) or isinstance(pipeline("wall"), CoupledWall):
         return ErrorEstimate(time=time)
     return ErrorEstimate(
         time=time, reduction=pipeline("reduction-error"), mesh=pipeline("mesh-error")

@@ -25,10 +25,11 @@ from workflows.scene import (
 
 DEFAULT = "rig-rom"
 INSTEAD = {
-    "time.dt": "error",
-    "time.error": "dt",
-    "reduction.modes": "cutoff",
-    "reduction.cutoff": "modes",
+    "time.dt": {"error"},
+    "time.error": {"dt"},
+    "reduction.modes": {"cutoff", "error"},
+    "reduction.cutoff": {"modes", "error"},
+    "reduction.error": {"modes", "cutoff"},
 }
 
 
@@ -128,7 +129,9 @@ def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[
     first, *rest = path
     if not rest:
         switched = first == "kind" and key != "reduction.kind" and table.get("kind") != value
-        replaced = {} if switched else {k: v for k, v in table.items() if k != INSTEAD.get(key)}
+        replaced = (
+            {} if switched else {k: v for k, v in table.items() if k not in INSTEAD.get(key, ())}
+        )
         return {**replaced, first: value}
     below = table.get(first, {})
     if not isinstance(below, dict):
@@ -218,6 +221,7 @@ def _contradictions(scene: Scene):
     yield from _missing_parts(scene)
     if scene.assembly is not None:
         yield from _outside_patch(scene)
+        yield from _unread_nodes(scene)
     if scene.chain:
         yield from _wrong_lengths(scene)
         yield from _at_rest(scene)
@@ -249,6 +253,27 @@ def _outside_patch(scene: Scene):
                 f"patch.point has {axis} = {at} m, allowed is up to {reach:.6g} m from the "
                 f"middle of the block's face for patch.radius = {scene.patch.radius} m; move it."
             )
+
+
+def _unread_nodes(scene: Scene):
+    half = (scene.assembly.block_y / 2, scene.assembly.block_z / 2)
+    for point in scene.patch.nodes or ():
+        if any(abs(at) > reach for at, reach in zip(point, half, strict=True)):
+            yield (
+                f"patch.nodes has {list(point)}, allowed are y, z up to {half[0]:.6g} and "
+                f"{half[1]:.6g} m from the middle of the block's face; move it."
+            )
+    if scene.patch.weights != "thesis":
+        return
+    if scene.reduction.kind != "craig-bampton":
+        yield (
+            'patch.weights = "thesis" reads nodes that only reduction.kind = "craig-bampton" '
+            "keeps; change one of them."
+        )
+    if scene.time and scene.time.dt is not None:
+        yield 'patch.weights = "thesis" is marched to an error; give time.error, not time.dt.'
+    if getattr(scene.wall, "prune", False):
+        yield 'patch.weights = "thesis" makes no modes to leave out; drop wall.prune.'
 
 
 def _wrong_lengths(scene: Scene):

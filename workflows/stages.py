@@ -119,22 +119,25 @@ ASSEMBLY = {
 def _stages(scene: Scene) -> dict[str, Stage]:
     """The stages that this scene may need; those of an assembly only where one is struck."""
     needs = ("reduction",) if needs_assembly(scene) and scene.chain else ()
+    wall = Stage("workflows.chain_stages:wall", _wall_reads, needs, ("coupling", "rom", "dem"))
+    run = ("chain", "striker", "contact", "leaf_springs", "preload", "time")
+    walls, whole = {"wall": wall}, "wall"
+    if getattr(scene.wall, "prune", False):
+        pruning, pruned = "workflows.chain_stages:pruning", "workflows.chain_stages:pruned_wall"
+        walls, whole = {"whole-wall": wall}, "whole-wall"
+        walls["pruning"] = Stage(pruning, _reads(*run), (whole,), ("coupling", "dem"))
+        walls["wall"] = Stage(pruned, _reads(), ("pruning",), ())
     ends = {
-        "wall": Stage(
-            "workflows.chain_stages:wall", _wall_reads, needs, ("coupling", "rom", "dem")
-        ),
         "impact": Stage(
             "workflows.chain_stages:impact",
-            _reads(
-                "chain", "striker", "contact", "leaf_springs", "preload", "wall", "time", "output"
-            ),
+            _reads(*run, "wall", "output"),
             ("wall",),
             ("coupling", "dem"),
         ),
         "reduction-error": Stage(
             "workflows.error_stages:reduction_error",
             _reads("time", "output"),
-            ("reduction", "wall", "impact"),
+            ("reduction", whole, "impact"),
             ("coupling", "dem"),
         ),
         "mesh-error": Stage(
@@ -150,7 +153,7 @@ def _stages(scene: Scene) -> dict[str, Stage]:
             ("workflows.figures",),
         ),
     }
-    return {**ASSEMBLY, **ends}
+    return {**ASSEMBLY, **walls, **ends}
 
 
 def needs_assembly(scene: Scene) -> bool:

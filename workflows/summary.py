@@ -38,6 +38,27 @@ class ErrorEstimate(BaseModel):
     mesh: float | None = None
 
 
+class ReductionHealth(BaseModel):
+    """What the reduced model is like; see rom.Health.
+
+    effective_mass_captured: share of the assembly's mass that moves along the chain with the
+    modes; half_space_compliance_m_per_N is what the Hertz law holds already and the wall gives up.
+    """
+
+    kind: str
+    coordinates: int
+    static_compliance_m_per_N: float
+    half_space_compliance_m_per_N: float
+    effective_mass_captured: float | None = None
+    asymmetry: float
+    lowest_mass: float
+    lowest_stiffness: float
+    rigid_modes: int
+    moved_by_the_contact: float
+    receptance_error: float | None = None
+    findings: tuple[str, ...] = ()
+
+
 class Summary(BaseModel):
     """Every number of a run that is worth comparing."""
 
@@ -54,6 +75,9 @@ class Summary(BaseModel):
     energy_error: float | None = None
     error_estimate: ErrorEstimate = ErrorEstimate()
     waves: dict[str, SphereWaves] = {}
+    reduction: ReductionHealth | None = None
+    verdict: tuple[str, ...] = ()
+    wall_modes_left_out: tuple[str, ...] = ()
     stages: tuple[StageTime, ...] = ()
     warnings: tuple[str, ...] = ()
     versions: dict[str, str] = {}
@@ -77,8 +101,24 @@ def rows(summary: Summary) -> list[tuple[str, str]]:
         ("error of the time step", _number(summary.error_estimate.time)),
         ("error of the reduction", _number(summary.error_estimate.reduction)),
         ("error of the mesh", _number(summary.error_estimate.mesh)),
+        *_reduction_rows(summary.reduction),
     ]
     return [(label, value) for label, value in labelled if value]
+
+
+def _reduction_rows(health: ReductionHealth | None) -> list[tuple[str, str | None]]:
+    if health is None:
+        return []
+    own = health.static_compliance_m_per_N - health.half_space_compliance_m_per_N
+    return [
+        ("reduced model", f"{health.kind}, {health.coordinates} coordinates"),
+        ("static compliance of the structure", _number(own, "m/N")),
+        ("static compliance with the contact", _number(health.static_compliance_m_per_N, "m/N")),
+        ("mass captured along the chain", _number(health.effective_mass_captured, "%", 100)),
+        ("modes that the contact moves", _number(health.moved_by_the_contact, "%", 100)),
+        ("asymmetry of the matrices", _number(health.asymmetry)),
+        ("error of the receptance", _number(health.receptance_error)),
+    ]
 
 
 def _number(value: Any, unit: str = "", scale: float = 1.0) -> str | None:
