@@ -48,16 +48,35 @@ class Model(NamedTuple):
         return (self.K0 + diags_array(k)).tocsc()
 
 
-def full_tie(structure: Structure, touching: Sequence[Touching], held: Sequence[str]) -> Model:
+class Table(NamedTuple):
+    """What the assembly stands on: a mass that sways along x and y with a frequency of its own."""
+
+    frequency_hz: float  # of table and assembly together, swaying as one
+    mass: float  # [kg] of the table
+
+
+def full_tie(
+    structure: Structure,
+    touching: Sequence[Touching],
+    held: Sequence[str],
+    *,
+    table: Table | None = None,
+) -> Model:
     """Every touching face follows its neighbour over the whole face."""
     ties = [tie(structure.basis, t.slave, t.master) for t in touching]
-    return _joined(structure, ties, held)
+    return _joined(structure, ties, held, table)
 
 
-def screw_tie(structure: Structure, touching: Sequence[Touching], held: Sequence[str]) -> Model:
+def screw_tie(
+    structure: Structure,
+    touching: Sequence[Touching],
+    held: Sequence[str],
+    *,
+    table: Table | None = None,
+) -> Model:
     """Bolted faces follow their neighbour under the washers, the other faces wholly."""
     pairs = [(face, t.master) for t in touching for face in (t.screws or (t.slave,))]
-    return _joined(structure, [tie(structure.basis, *pair) for pair in pairs], held)
+    return _joined(structure, [tie(structure.basis, *pair) for pair in pairs], held, table)
 
 
 def wires(
@@ -65,6 +84,8 @@ def wires(
     touching: Sequence[Touching],
     held: Sequence[str],
     joint: dict[str, Joint],
+    *,
+    table: Table | None = None,
 ) -> Model:
     """Bolted faces are held by screws; `joint` gives the stiffnesses for each master body."""
     basis = structure.basis
@@ -79,31 +100,67 @@ def wires(
     names = [f"{body}.{direction}" for body in bodies for direction in DIRECTIONS]
     ties = [tie(basis, t.slave, t.master) for t in touching if not len(t.screws)]
     taken = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in ties)])
-    return _joined(structure, [*ties, *screws(basis, layout, taken)], held, k, names)
+    return _joined(structure, [*ties, *screws(basis, layout, taken)], held, table, k, names)
 
 
 def _joined(
     structure: Structure,
     constraints: list[Constraint],
     held: Sequence[str],
+    table: Table | None,
     stiffness: NDArray[np.float64] = np.empty(0),  # noqa: B008  an empty array has nothing to change
     names: Sequence[str] = (),
 ) -> Model:
-    basis = structure.basis
-    n_total = basis.N + 2 * len(stiffness)  # u, elongations r, mean motions p
-    rigid = basis.N + np.flatnonzero(np.isinf(stiffness))
-    fixed = np.concatenate([rigid, *(face_nodes(basis, face).ravel() for face in held)])
+    """All dofs are U = [u, elongations r, mean motions p, sway of the table (2)]."""
+    n, n_springs = structure.basis.N, len(stiffness)
+    n_table = 2 if table else 0
+    n_total = n + 2 * n_springs + n_table
     wide = [widened(c, n_total) if c.A.shape[1] < n_total else c for c in constraints]
+    wide, grounded = _grounded(structure.basis, wide, held, n_total, n_table)
+    fixed = np.concatenate([n + np.flatnonzero(np.isinf(stiffness)), grounded])
     slaves = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in wide)])
     reduction = eliminated(n_total, wide, np.setdiff1d(fixed, slaves))
-    padding = csr_matrix((n_total - basis.N, n_total - basis.N))
-    K0, M = (
-        congruent(reduction.T, block_diag([A, padding], format="csr"))
-        for A in (structure.K, structure.M)
+    K, M = _with_table(structure, table, 2 * n_springs)
+    springs = np.flatnonzero((reduction.free >= n) & (reduction.free < n + n_springs))
+    finite = reduction.free[springs] - n
+    return Model(
+        congruent(reduction.T, K),
+        congruent(reduction.T, M),
+        reduction.T[:n].tocsr(),
+        reduction.free,
+        structure,
+        springs,
+        stiffness[finite],
+        tuple(names[i] for i in finite),
     )
-    is_spring = (reduction.free >= basis.N) & (reduction.free < basis.N + len(stiffness))
-    springs = np.flatnonzero(is_spring)
-    finite = reduction.free[springs] - basis.N
-    spring = tuple(names[i] for i in finite)
-    T = reduction.T[: basis.N].tocsr()
-    return Model(K0, M, T, reduction.free, structure, springs, stiffness[finite], spring)
+
+
+def _grounded(basis, constraints, held, n_total: int, n_table: int):
+    """Held faces: fixed dofs, or those that follow the table along x and y."""
+    nodes = np.concatenate([np.empty((0, 3), np.int64), *(face_nodes(basis, f) for f in held)])
+    nodes = np.unique(nodes, axis=0)
+    if not n_table:
+        return constraints, nodes.ravel()
+    taken = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in constraints)])
+    nodes = nodes[~np.isin(nodes[:, 0], taken)]
+    slaves = nodes[:, :2].ravel()
+    sway = n_total - n_table + np.tile(np.arange(n_table), len(nodes))
+    place = (np.ones(len(slaves)), (np.arange(len(slaves)), sway))
+    follow = Constraint(slaves, csr_matrix(place, shape=(len(slaves), n_total)))
+    return [*constraints, follow], nodes[:, 2]
+
+
+def _with_table(structure: Structure, table: Table | None, n_between: int):
+    """K and M of all dofs; the table's springs carry the assembly's mass as well."""
+    if table is None:
+        empty = csr_matrix((n_between, n_between))
+        return [block_diag([A, empty], format="csr") for A in (structure.K, structure.M)]
+    along_x = np.zeros(structure.basis.N)
+    along_x[0::3] = 1.0
+    moving = table.mass + along_x @ structure.M @ along_x
+    k = (2 * np.pi * table.frequency_hz) ** 2 * moving
+    none = [0.0] * n_between
+    return [
+        block_diag([A, diags_array([*none, value, value])], format="csr")
+        for A, value in ((structure.K, k), (structure.M, table.mass))
+    ]

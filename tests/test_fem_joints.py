@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skfem import MeshHex
 
-from fem import Joint, Material, assemble, full_tie, modes, wires
+from fem import Joint, Material, Table, assemble, full_tie, modes, wires
 from fem.constraints import Constraint, eliminated
 from fem.joints import distributing, rigid_motion
 
@@ -152,3 +152,15 @@ def test_constraints_in_a_circle_are_refused():
     twice = [Constraint(c.slaves, csr_matrix(c.A)) for c in (follow(0, 1), follow(0, 2))]
     with pytest.raises(ValueError, match="slave of two"):
         eliminated(3, twice, np.empty(0, int))
+
+
+def test_a_stiff_pair_of_blocks_sways_with_its_table_at_the_table_s_frequency(structure):
+    table = Table(frequency_hz=6.5, mass=2.0)
+    on_table = full_tie(structure, [Touching()], ["lower:base"], table=table)
+    found = modes(on_table.K, on_table.M, 3, shift_hz=1.0)
+    np.testing.assert_allclose(found.frequency_hz[:2], 6.5, rtol=1e-4)
+    assert found.frequency_hz[2] > 500
+    heavy = full_tie(structure, [Touching()], ["lower:base"], table=table._replace(mass=1e6))
+    held = full_tie(structure, [Touching()], ["lower:base"])
+    swaying = modes(heavy.K, heavy.M, 6, shift_hz=1.0).frequency_hz[2:]
+    np.testing.assert_allclose(swaying, frequencies(held), rtol=1e-4)

@@ -1,5 +1,6 @@
 """The assembly's stages: mesh, joined model, modes, contact patch, reduction."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from skfem import Mesh
 import fem
 import geometry
 import rom
+from workflows import mesh_file
 from workflows.assembly_table import assembly
 from workflows.field_file import ModeField
 from workflows.scene import Joints, JointStiffnesses, Scene
@@ -34,8 +36,12 @@ class AssemblyModes(NamedTuple):
 
 
 def mesh(scene: Scene) -> Mesh:
-    """The parts, meshed."""
+    """The parts, meshed, or the user's own mesh of them."""
     m = scene.mesh
+    if m.file:
+        parts = assembly(scene.assembly)
+        named = mesh_file.faces(geometry.interfaces(parts), held_faces(scene.assembly), STRUCK)
+        return mesh_file.mesh_of(Path(m.file), parts, named)
     return _mesher(m.element)(
         assembly(scene.assembly),
         seed=m.seed,
@@ -64,16 +70,20 @@ def model(scene: Scene, mesh: Mesh) -> fem.Model:
     table = scene.assembly
     parts = assembly(table)
     structure = fem.assemble(mesh, materials(table, mesh.subdomains))
-    touching = geometry.interfaces(parts)
-    held = geometry.held_faces(
-        parts, fixing=table.fixing, under_washers=table.constraint == "screw-tie"
-    )
+    touching, held = geometry.interfaces(parts), held_faces(table)
+    below = scene.table and fem.Table(scene.table.frequency, scene.table.mass)
     match table.constraint:
         case "full-tie":
-            return fem.full_tie(structure, touching, held)
+            return fem.full_tie(structure, touching, held, table=below)
         case "screw-tie":
-            return fem.screw_tie(structure, touching, held)
-    return fem.wires(structure, touching, held, joints(scene.joints))
+            return fem.screw_tie(structure, touching, held, table=below)
+    return fem.wires(structure, touching, held, joints(scene.joints), table=below)
+
+
+def held_faces(table) -> tuple[str, ...]:
+    """Faces that stand on the ground, or on the table."""
+    under_washers = table.constraint == "screw-tie"
+    return geometry.held_faces(assembly(table), fixing=table.fixing, under_washers=under_washers)
 
 
 def materials(table, bodies) -> dict[str, fem.Material]:

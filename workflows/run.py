@@ -5,7 +5,7 @@ from platform import python_version
 
 from coupling import CoupledWall, Impact
 from dem import waves
-from workflows.chain_stages import contact_radius, save_trajectory
+from workflows.chain_stages import contact_radius, save_trajectory, spoilt
 from workflows.report import write_report
 from workflows.run_folder import RunFolder, write_pictures
 from workflows.scene import Scene
@@ -66,7 +66,7 @@ def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
     found: dict = {}
     if scene.chain:
         found |= _chain_numbers(pipeline)
-        warnings = (*warnings, *_judged(pipeline("impact")))
+        warnings = (*warnings, *_judged(pipeline("impact")), *spoilt(scene, pipeline("impact")))
     if needs_assembly(scene):
         from workflows.assembly_report import assembly_numbers
 
@@ -115,8 +115,11 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
 def _errors(pipeline: Pipeline, time: float | None) -> ErrorEstimate:
     if not needs_assembly(pipeline.scene) or isinstance(pipeline("wall"), CoupledWall):
         return ErrorEstimate(time=time)
+    own = pipeline.scene.mesh.file is not None  # nobody knows how to coarsen it
     return ErrorEstimate(
-        time=time, reduction=pipeline("reduction-error"), mesh=pipeline("mesh-error")
+        time=time,
+        reduction=pipeline("reduction-error"),
+        mesh=None if own else pipeline("mesh-error"),
     )
 
 

@@ -184,6 +184,14 @@ class Mesh(Table):
     block_seed: Positive = 20e-3  # [m]
     support_seed: Positive = 30e-3  # [m]
     contact_seed: Positive = 4e-3  # [m]
+    file: str | None = None  # a mesh of one's own, with the names of ours
+
+
+class Standing(Table):
+    """A table below, swaying along x and y; `frequency` with the assembly on it."""
+
+    frequency: Positive  # [Hz]
+    mass: Positive  # [kg] of the table alone
 
 
 class Patch(Table):
@@ -273,6 +281,7 @@ class Scene(Table):
     wall: Wall | None = None
     assembly: Any = None
     joints: Joints | None = None
+    table: Standing | None = None
     mesh: Mesh | None = None
     patch: Patch | None = None
     reduction: Reduction | None = None

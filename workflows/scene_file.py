@@ -201,6 +201,9 @@ def _defaults(scene: Scene, tables: dict[str, Any], source: str, folder: Path) -
     if isinstance(scene.wall, RomWall) and scene.wall.file:
         path = str(folder / scene.wall.file)
         filled["wall"] = scene.wall.model_copy(update={"file": path})
+    if scene.mesh is not None and scene.mesh.file:
+        path = str(folder / scene.mesh.file)
+        filled["mesh"] = scene.mesh.model_copy(update={"file": path})
     return filled
 
 

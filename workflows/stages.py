@@ -69,14 +69,16 @@ def _wall_reads(scene: Scene) -> Any:
 def _dimensions(scene: Scene) -> Any:
     from workflows.assembly_table import assembly
 
-    return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point]
+    own = Path(scene.mesh.file) if scene.mesh.file else None
+    content = sha256(own.read_bytes()).hexdigest() if own and own.is_file() else None
+    return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point, content]
 
 
 ASSEMBLY = {
     "mesh": Stage("workflows.assembly_stages:mesh", _dimensions, (), ("geometry",), kept=False),
     "model": Stage(
         "workflows.assembly_stages:model",
-        _reads("assembly", "joints"),
+        _reads("assembly", "joints", "table"),
         ("mesh",),
         ("geometry", "fem"),
         kept=False,
@@ -100,7 +102,7 @@ ASSEMBLY = {
     ),
     "coarse-reduction": Stage(
         "workflows.error_stages:coarse_reduction",
-        lambda scene: [_dimensions(scene), _reads("assembly", "joints", "patch")(scene)],
+        lambda scene: [_dimensions(scene), _reads("assembly", "joints", "table", "patch")(scene)],
         (),
         ("geometry", "fem", "rom", "coupling", "workflows.assembly_stages"),
     ),
@@ -109,6 +111,9 @@ ASSEMBLY = {
         _reads(),
         ("model", "contact", "reduction"),
         ("fem", "rom", "coupling", "workflows.figures"),
+    ),
+    "direct-response": Stage(
+        "workflows.reduction_accuracy:direct", _reads(), ("model", "contact"), ("fem",)
     ),
     "pictures": Stage(
         "workflows.picture_stage:pictures", _reads(), ("modes",), ("workflows.pictures",)
