@@ -1,0 +1,70 @@
+"""Plots of a study: panels of curves as PNG."""
+
+from collections.abc import Sequence
+from io import BytesIO
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e", "#7f6000", "#990000")
+
+
+class Line(NamedTuple):
+    """A curve: its name (None for no entry in the legend), points, how it is drawn."""
+
+    name: str | None
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    style: str = "-"  # matplotlib's: "-", "--", "o-"
+    colour: int | None = None  # of COLOURS; None takes the next
+    width: float = 1.3
+
+
+class Panel(NamedTuple):
+    """One set of axes; `logarithmic` names the axes that are, "x", "y" or "xy"."""
+
+    title: str
+    x_label: str
+    y_label: str
+    lines: Sequence[Line]
+    logarithmic: str = ""
+    y_limits: tuple[float, float] | None = None
+
+
+def panels(sets: Sequence[Panel], *, columns: int = 1, size: tuple[float, float] = (8, 3)) -> bytes:
+    """The panels row by row, each of size (width, height) [inch]."""
+    rows = -(-len(sets) // columns)
+    figure = Figure(figsize=(columns * size[0], rows * size[1]), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for panel, axis in zip(sets, axes, strict=False):
+        _drawn(panel, axis)
+    for unused in axes[len(sets) :]:
+        unused.set_visible(False)
+    raw = BytesIO()
+    figure.savefig(raw, format="png", dpi=130, metadata={"Software": None})
+    return raw.getvalue()
+
+
+def _drawn(panel: Panel, axis) -> None:
+    for i, line in enumerate(panel.lines):
+        colour = COLOURS[(i if line.colour is None else line.colour) % len(COLOURS)]
+        axis.plot(
+            line.x, line.y, line.style, color=colour, linewidth=line.width, markersize=4,
+            label=line.name,
+        )  # fmt: skip
+    if "x" in panel.logarithmic:
+        axis.set_xscale("log")
+    if "y" in panel.logarithmic:
+        axis.set_yscale("log")
+    if panel.y_limits:
+        axis.set_ylim(*panel.y_limits)
+    axis.set_title(panel.title, fontsize=9, loc="left")
+    axis.set_xlabel(panel.x_label)
+    axis.set_ylabel(panel.y_label)
+    if any(line.name for line in panel.lines):
+        axis.legend(frameon=False, fontsize=8)
+    axis.margins(x=0.02)
+    axis.grid(alpha=0.3, linewidth=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
