@@ -83,11 +83,13 @@ def march_to_error(
             return None
 
     step = min(_first_step(method, error, energy_error) / rate, duration / n_save)
+    spent = duration / (2.0 * step) * method.evaluations
+    if not spent <= allowed:
+        raise UnstableStep(_unaffordable(error, duration, step, spent, allowed))
     coarse = attempt(2.0 * step, _sparser(n_save, duration / (2.0 * step)))
     if coarse is not None and coarse.dt < 1.5 * step:  # n_save saves left no room for a longer one
         step = coarse.dt / 2.0
     tried = []
-    spent = duration / (2.0 * step) * method.evaluations
     while True:
         spent += duration / step * method.evaluations
         if spent > allowed:
@@ -112,6 +114,13 @@ def march_to_error(
 def _assumed_order(chain, method):
     jumps = chain.dissipation.startswith("linear") and method.kind != "implicit"
     return 1.0 if jumps else min(2.0, method.order - 0.25)
+
+
+def _unaffordable(error, duration, step, needed, allowed):
+    return (
+        f"error {error:g} over {duration:g} s is not reached within {allowed:.2g} evaluations, it "
+        f"takes more than {needed:.2g} at dt = {step:.3g} s; ask for a larger error or less time"
+    )
 
 
 def _unreached(error, step, tried):

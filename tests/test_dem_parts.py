@@ -343,6 +343,12 @@ def test_march_to_error_says_when_it_cannot():
         )
 
 
+@pytest.mark.parametrize(("duration", "error"), [(1e12, 1e-3), (20.0, 1e-60)])
+def test_march_to_error_refuses_at_once_what_would_not_end(duration, error):
+    with pytest.raises(UnstableStep, match=r"is not reached within .* evaluations"):
+        march_to_error(unit_chain(5), None, struck(5), duration=duration, error=error)
+
+
 def test_a_step_beyond_the_limit_is_refused():
     chain = unit_chain(5, 1.5)
     limit = stability_limit(chain, rigid_wall(), struck(5))

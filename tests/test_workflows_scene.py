@@ -5,7 +5,7 @@ import math
 import pytest
 
 from workflows.scene import InvalidScene
-from workflows.scene_file import built_in, resolved, scene, toml
+from workflows.scene_file import built_in, resolved, scene, scene_text, toml
 
 MINIMAL = {
     "name": "minimal",
@@ -84,6 +84,15 @@ REFUSED = {
     "time.duration=-1": ("time.duration", "-1"),
     "time={dt=1e-7, error=1e-3}": ("dt", "error", "exclude"),
     "preload.force=-1": ("preload.force", "-1"),
+    "striker.velocity=0": ("striker.velocity", "0", "greater than 0"),
+    "striker.velocity=-0.3": ("striker.velocity", "-0.3", "greater than 0"),
+    "chain.radius=1e300": ("chain.radius", "1e+300", "between 1e-18 and 1e+18"),
+    "chain.density=1e-300": ("chain.density", "1e-300", "between 1e-18 and 1e+18"),
+    "chain.count=9999999999999999999999": ("chain.count", "1000000"),
+    "chain.radius=[]": ("chain.radius", "empty"),
+    "time.dt=1e-15": ("time.dt", "1e-15", "steps", "1e+09"),
+    "output.samples=1000000000": ("output.samples", "1000000"),
+    "chain.count=100000": ("output.samples", "chain.count = 100000", "1e+08"),
     "name=a/b": ("name", "'a/b'"),
     "chain": ("key=value",),
     "chain.count.x=3": ("chain.count.x", "17"),
@@ -101,7 +110,13 @@ def test_a_refusal_names_the_key_the_value_and_what_is_allowed(change):
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(b"", "empty"), (b"[chain", "not TOML"), (b"\xff\xfe", "UTF-8"), (b"name = 'x'", "[chain]")],
+    [
+        (b"\xef\xbb\xbf", "empty"),
+        (b"", "empty"),
+        (b"[chain", "not TOML"),
+        (b"\xff\xfe", "UTF-8"),
+        (b"name = 'x'", "[chain]"),
+    ],
 )
 def test_a_broken_file_is_refused(tmp_path, content, words):
     path = tmp_path / "scene.toml"
@@ -121,8 +136,22 @@ def test_parts_that_exclude_each_other_are_refused():
         resolved(minimal(chain=moving), "minimal")
     with pytest.raises(InvalidScene, match="nothing moves"):
         resolved({"chain": MINIMAL["chain"]}, "minimal")
+    with pytest.raises(InvalidScene, match="nothing moves"):
+        resolved({"chain": {**moving, "initial_velocity": [0.0, 0.0]}}, "minimal")
     with pytest.raises(InvalidScene, match="preload"):
         resolved(minimal(preload={"force": 2.0}), "minimal")
+
+
+def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(scene_text("rig-rigid").text, encoding="utf-8-sig")
+    assert scene(str(path)) == scene("rig-rigid")
+
+
+def test_a_mesh_that_fits_no_memory_is_refused():
+    for seed in ("seed", "block_seed", "support_seed"):
+        with pytest.raises(InvalidScene, match=rf"mesh\.{seed} = 1e-06 m makes .* elements"):
+            scene("rig-rom", (f"mesh.{seed}=1e-6",))
 
 
 def test_dimensions_that_cannot_be_built_are_refused():

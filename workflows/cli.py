@@ -6,6 +6,7 @@ what its scene holds.
 """
 
 import sys
+from json import dumps
 from os import environ
 from pathlib import Path
 from typing import Annotated, Optional
@@ -46,9 +47,9 @@ def run(
     json: Json = False,
 ) -> None:
     """Run every stage that the scene needs and fill a run folder."""
-    from workflows.run import run as run_stages
-
     chosen = load(scene, tuple(changes or ()))
+    from workflows.run import run as run_stages  # a scene that is refused loads no solver
+
     folder = out or Path("runs") / chosen.name
     with StageProgress(sys.stderr) as progress:
         summary = run_stages(chosen, folder, source=_file(scene), watch=progress.stage)
@@ -69,10 +70,10 @@ def impact(
     json: Json = False,
 ) -> None:
     """The coupled run alone."""
+    wall = (f'wall={{kind = "rom", file = {dumps(str(rom.absolute()))}}}',) if rom else ()
+    chosen = load(scene, (*wall, *(changes or ())))
     from workflows.run import impact as run_impact
 
-    wall = (f'wall={{kind = "rom", file = "{rom.absolute()}"}}',) if rom else ()
-    chosen = load(scene, (*wall, *(changes or ())))
     with StageProgress(sys.stderr) as progress:
         summary = run_impact(chosen, out, source=_file(scene), watch=progress.stage)
     printed(summary, json)

@@ -5,9 +5,18 @@ dimensions of `geometry.Assembly`, is checked by `workflows.assembly_table` when
 """
 
 from difflib import get_close_matches
+from math import isfinite
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    model_validator,
+)
 
 
 class InvalidScene(ValueError):
@@ -60,13 +69,22 @@ def _one_or_each(number) -> Any:
     return Annotated[Annotated[number, Tag("number")] | each, Discriminator(_shape)]
 
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
+def _representable(value: float) -> float:
+    """Products and powers of numbers of this size stay finite."""
+    if value and isfinite(value) and not LEAST <= abs(value) <= MOST:
+        raise ValueError(f"{value:g} must be 0 or between {LEAST:g} and {MOST:g} in size")
+    return value
+
+
+LEAST, MOST = 1e-18, 1e18
+Number = Annotated[float, AfterValidator(_representable)]
+Positive = Annotated[Number, Field(gt=0)]
+NonNegative = Annotated[Number, Field(ge=0)]
 Ratio = Annotated[float, Field(ge=0, lt=1)]
 Poisson = Annotated[float, Field(gt=-1, le=0.5)]
-JointStiffness = Annotated[float, Field(ge=0, allow_inf_nan=True)]
-Count = Annotated[int, Field(ge=1)]
-Point = Annotated[tuple[float, float], Field(strict=False)]
+JointStiffness = Annotated[float, Field(ge=0, allow_inf_nan=True), AfterValidator(_representable)]
+Count = Annotated[int, Field(ge=1, le=1_000_000)]
+Point = Annotated[tuple[Number, Number], Field(strict=False)]
 
 
 class Chain(Table):
@@ -77,13 +95,13 @@ class Chain(Table):
     density: _one_or_each(Positive)  # [kg/m^3]
     young: _one_or_each(Positive)  # [Pa]
     poisson: _one_or_each(Poisson)
-    initial_velocity: Annotated[tuple[float, ...], Field(strict=False)] | None = None  # [m/s]
+    initial_velocity: Annotated[tuple[Number, ...], Field(strict=False)] | None = None  # [m/s]
 
 
 class Striker(Table):
     """The first sphere arrives with a velocity, the others rest."""
 
-    velocity: float  # [m/s]
+    velocity: Positive  # [m/s] towards the wall
 
 
 class Contact(Table):
@@ -99,7 +117,7 @@ class LeafSprings(Table):
     """A spring from each sphere to the ground; `offset` moves its anchor towards the wall."""
 
     stiffness: _one_or_each(NonNegative) = 0.0  # [N/m]
-    offset: _one_or_each(float) = 0.0  # [m]
+    offset: _one_or_each(Number) = 0.0  # [m]
 
 
 class Preload(Table):
@@ -266,7 +284,7 @@ class Output(Table):
     """Spheres observed (1 = striker), and how many instants are written."""
 
     spheres: Annotated[tuple[Count, ...], Field(strict=False)] = ()
-    samples: Annotated[int, Field(ge=2)] = 3001
+    samples: Annotated[int, Field(ge=2, le=1_000_000)] = 3001
 
 
 class Scene(Table):

@@ -22,6 +22,7 @@ from workflows.scene import (
     Time,
     nearest,
 )
+from workflows.scene_size import too_large
 
 DEFAULT = "rig-rom"
 INSTEAD = {
@@ -65,7 +66,7 @@ def _file_text(name: str, scenes: dict[str, str]) -> str:
     if path.is_dir() and (path / "scene.toml").is_file():
         raise InvalidScene(f"{name} is a run folder; give its {path / 'scene.toml'}.")
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # some editors put a byte order mark
     except FileNotFoundError:
         raise InvalidScene(
             f"no scene {name!r}: neither a file nor a built-in scene has this name; "
@@ -159,6 +160,8 @@ def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, 
             return f"{key}.kind = {found['kind']!r} must be one of {expected}; change it."
         case "value_error":
             return f"{key}: {error['ctx']['error']}; change it."
+        case "too_short":
+            return f"{key} is an empty list; give at least one value."
         case "tuple_type":
             return f"{key} = {_shown(found)} must be a list; write {key} = [...]."
         case "string_pattern_mismatch":
@@ -225,6 +228,7 @@ def _contradictions(scene: Scene):
     if scene.assembly is not None:
         yield from _outside_patch(scene)
         yield from _unread_nodes(scene)
+    yield from too_large(scene)
     if scene.chain:
         yield from _wrong_lengths(scene)
         yield from _at_rest(scene)
@@ -299,7 +303,7 @@ def _at_rest(scene: Scene):
     given = scene.chain.initial_velocity is not None
     if given and scene.striker:
         yield "chain.initial_velocity replaces [striker]; drop one of them."
-    if not given and scene.striker is None:
+    if scene.striker is None and not any(scene.chain.initial_velocity or ()):
         yield "nothing moves; add [striker] velocity or chain.initial_velocity."
 
 
