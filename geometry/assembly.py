@@ -73,6 +73,8 @@ class Assembly:
     plate_y: float = _length(0.200, ASSUMED, "plate across")
     plate_z: float = _length(0.020, ASSUMED, "plate thickness")
     pad: float = _length(0.020, ASSUMED, "side of the pads under the plate's corners")
+    bolt_inset: float = _length(0.020, ASSUMED, "plate's bolts, from both edges of a corner")
+    bolt_washer: float = _length(0.018, ASSUMED, "side of the square held under a bolt")
     parts: tuple[str, ...] = field(
         default=PARTS, metadata={"unit": "", "provenance": "thesis", "description": "built parts"}
     )
@@ -150,7 +152,8 @@ def interfaces(assembly: Assembly) -> tuple[Interface, ...]:
 def held_faces(
     assembly: Assembly, *, fixing: str = "flat", under_washers: bool = False
 ) -> tuple[str, ...]:
-    """Faces fixed to the ground: the lowest part's underside, or the pads under the plate.
+    """Faces fixed to the ground: the lowest part's underside; of a plate also only the pads under
+    its corners (`fixing` "corners") or the squares around its bolts ("bolted").
 
     Without a sheets' support the sheets are held where they would be bolted to it, over the whole
     overlap or only under the washers; a block alone is free.
@@ -165,7 +168,15 @@ def held_faces(
             for sheet in sheets(assembly)
             for spot in (spots if under_washers else ["foot"])
         )
-    return (f"{lowest}:pads",) if lowest == "plate" and fixing == "corners" else (f"{lowest}:-z",)
+    spots = {"corners": "pads", "bolted": "bolts"}
+    return (f"{lowest}:{spots.get(fixing, '-z') if lowest == 'plate' else '-z'}",)
+
+
+def plate_spots(assembly: Assembly) -> dict[str, tuple[float, float]]:
+    """Squares under the plate: nearest and farthest distance from the edges of a corner [m]."""
+    a = assembly
+    half = a.bolt_washer / 2
+    return {"pads": (0.0, a.pad), "bolts": (a.bolt_inset - half, a.bolt_inset + half)}
 
 
 def _box(size, top: float) -> Box:
@@ -281,10 +292,18 @@ def _check_stack(a: Assembly) -> None:
                 f"{pair[0]} ({spans[0][0]} x {spans[0][1]} m) and {pair[1]} ({spans[1][0]} x "
                 f"{spans[1][1]} m) overhang each other; one of the faces must contain the other."
             )
-    if "plate" in a.parts and 2 * a.pad >= min(a.plate_x, a.plate_y):
+    if "plate" not in a.parts:
+        return
+    if 2 * a.pad >= min(a.plate_x, a.plate_y):
         raise InvalidGeometry(
             f"pad = {a.pad} m must be less than half of the plate's sides "
             f"({a.plate_x} x {a.plate_y} m)."
+        )
+    near, far = plate_spots(a)["bolts"]
+    if near < 0 or 2 * far >= min(a.plate_x, a.plate_y):
+        raise InvalidGeometry(
+            f"bolt_inset = {a.bolt_inset} m with bolt_washer = {a.bolt_washer} m puts the bolts' "
+            f"washers off a plate of {a.plate_x} x {a.plate_y} m."
         )
 
 

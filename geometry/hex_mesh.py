@@ -22,6 +22,7 @@ from geometry.assembly import (
     PARTS,
     Assembly,
     boxes,
+    plate_spots,
     screw_cells,
     screw_z,
     sheets,
@@ -106,7 +107,11 @@ def _with_imprints(a: Assembly, name: str, lines, size: float) -> list[Coordinat
     imprinted = []
     for axis, line in enumerate(lines[:2]):
         values = [box[end][axis] for box in neighbours for end in (0, 1)]
-        values += [line[0] + a.pad, line[-1] - a.pad] if name == "plate" else []
+        if name == "plate":
+            insets = [d for span in plate_spots(a).values() for d in span]
+            values += [
+                end + sign * d for end, sign in ((line[0], 1), (line[-1], -1)) for d in insets
+            ]
         imprinted.append(_with(line, values, size))
     return [*imprinted, lines[2]]
 

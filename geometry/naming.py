@@ -13,6 +13,7 @@ from geometry.assembly import (
     SIDES,
     Assembly,
     boxes,
+    plate_spots,
     screw_cells,
     screw_z,
     sheets,
@@ -41,7 +42,7 @@ def _box_faces(assembly: Assembly, name: str) -> dict:
         faces[f"-{letter}"] = _on_plane(axis, box.lower[axis])
         faces[f"+{letter}"] = _on_plane(axis, box.upper[axis])
     if name == "plate":
-        faces["pads"] = _pads(box, assembly.pad)
+        faces |= {name: _spots(box, *span) for name, span in plate_spots(assembly).items()}
     return faces
 
 
@@ -79,12 +80,14 @@ def _inside_circle(x: float, z: float, radius: float):
     return lambda corners: np.hypot(*(corners.mean(axis=1)[[0, 2]] - [[x], [z]])) < radius
 
 
-def _pads(box, side: float):
+def _spots(box, near: float, far: float):
+    """Facets of the underside that lie between two distances from both edges of a corner."""
+
     def test(corners):
-        reach = (box.upper - box.lower)[:2, None] / 2 - side
-        centred = np.abs(corners[:2] - ((box.upper + box.lower) / 2)[:2, None, None])
-        in_corner = np.all(centred > reach[:, :, None] - TOLERANCE, axis=(0, 1))
-        return in_corner & _on_plane(2, box.lower[2])(corners)
+        middle, half = (box.upper + box.lower) / 2, (box.upper - box.lower) / 2
+        inset = half[:2, None, None] - np.abs(corners[:2] - middle[:2, None, None])
+        inside = (inset > near - TOLERANCE) & (inset < far + TOLERANCE)
+        return np.all(inside, axis=(0, 1)) & _on_plane(2, box.lower[2])(corners)
 
     return test
 

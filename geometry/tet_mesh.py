@@ -17,6 +17,7 @@ from skfem import MeshTet
 from geometry.assembly import (
     Assembly,
     boxes,
+    plate_spots,
     screw_cells,
     screw_z,
     sheets,
@@ -101,13 +102,22 @@ def _box(a: Assembly, name: str) -> list[int]:
     volume = (3, gmsh.model.occ.addBox(*box.lower, *(box.upper - box.lower)))
     if name != "plate":
         return [volume[1]]
-    corners = [
-        (x, y)
-        for x in (box.lower[0], box.upper[0] - a.pad)
-        for y in (box.lower[1], box.upper[1] - a.pad)
-    ]
-    pads = [(2, gmsh.model.occ.addRectangle(*c, box.lower[2], a.pad, a.pad)) for c in corners]
-    return [tag for dim, tag in gmsh.model.occ.fragment([volume], pads)[0] if dim == 3]
+    squares = [(2, _square(box, *corner)) for corner in _plate_corners(a, box)]
+    return [tag for dim, tag in gmsh.model.occ.fragment([volume], squares)[0] if dim == 3]
+
+
+def _plate_corners(a: Assembly, box) -> list[tuple[float, float, float]]:
+    """x, y of the lower corner and side of every square to imprint under the plate."""
+    found = []
+    for near, far in plate_spots(a).values():
+        x = (box.lower[0] + near, box.upper[0] - far)
+        y = (box.lower[1] + near, box.upper[1] - far)
+        found += [(i, j, far - near) for i in x for j in y]
+    return found
+
+
+def _square(box, x: float, y: float, side: float) -> int:
+    return gmsh.model.occ.addRectangle(x, y, box.lower[2], side, side)
 
 
 def _sheet(a: Assembly, y: float) -> list[int]:

@@ -18,6 +18,7 @@ from geometry import PARTS, Assembly, InvalidGeometry, held_faces, interfaces, p
         ({"block_y": 0.09}, r"sheets_support_y = 0.0982 m must equal block_y = 0.09"),
         ({"support_x": 0.2}, r"overhang each other"),
         ({"pad": 0.1}, r"pad = 0.1 m must be less than half"),
+        ({"bolt_inset": 0.005}, r"bolt_inset = 0.005 m .* off a plate"),
         ({"parts": ("sheets", "block")}, r"parts = .* must be the first of"),
     ],
 )
@@ -44,6 +45,7 @@ def test_the_lowest_part_is_held():
     assert held[1] == ("sheet-y:foot", "sheet+y:foot")
     assert held[2:] == [("sheets_support:-z",), ("support:-z",), ("plate:-z",)]
     assert held_faces(Assembly(), fixing="corners") == ("plate:pads",)
+    assert held_faces(Assembly(), fixing="bolted") == ("plate:bolts",)
     under = held_faces(Assembly(parts=PARTS[:2]), under_washers=True)
     assert under[0] == "sheet-y:foot-washer-1" and len(under) == 4
 

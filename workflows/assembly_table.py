@@ -31,7 +31,7 @@ class _Constraint(Table):
     support: Steel | None = None
     plate: Steel | None = None
     constraint: Literal["full-tie", "screw-tie", "wires"] = "full-tie"
-    fixing: Literal["flat", "corners"] = "flat"
+    fixing: Literal["flat", "corners", "bolted"] = "flat"
 
 
 def _dimension(field):
