@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from coupling.coupled_wall import CoupledWall, EnergyGain, energy_gain, march_coupled
 from coupling.errors import CouplingError
 from coupling.verdict import Verdict, verdict
-from dem import Chain, StepReport, Trajectory, Wall, march, march_to_error
+from dem import Chain, StepReport, Trajectory, Wall, march, march_to_error, with_step_error
 
 
 class Impact(NamedTuple):
@@ -34,7 +34,8 @@ def impact(
 ) -> Impact:
     """Run a chain with velocities v0 (n,) [m/s] into a wall for duration [s].
 
-    Give error, the relative velocity error asked for, or the step dt [s]. With horizon [s] the
+    Give error, the relative velocity error asked for, or the step dt [s], whose error a march with
+    half of it estimates. With horizon [s] the
     error is held up to there and the rest of the run keeps its step: after tens of impacts spheres
     move chaotically, and no step holds a velocity error for long. options go to the march
     (observed, scale, scheme, ...). A CoupledWall is marched by march_coupled, where error bounds
@@ -50,7 +51,7 @@ def impact(
     if isinstance(wall, CoupledWall):
         trajectory = _coupled(chain, wall, v0, error, run)
     elif dt is not None:
-        trajectory = march(chain, wall, v0, dt=dt, **run)
+        trajectory = with_step_error(chain, wall, v0, march(chain, wall, v0, dt=dt, **run))
     else:
         trajectory, report = _controlled(chain, wall, v0, error, horizon, run)
     return Impact(trajectory, judged, report, energy_gain(trajectory))

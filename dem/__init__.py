@@ -15,8 +15,9 @@ from dem.chain import (
 )
 from dem.schemes import SCHEMES, Scheme
 from dem.stability import UnstableStep, stability_limit
-from dem.step_control import Controlled, StepReport, march_to_error
+from dem.step_control import Controlled, StepReport, march_to_error, with_step_error
 from dem.trajectory import Trajectory, march
+from dem.validity import Strain, outside, strain
 
 __all__ = [
     "SCHEMES",
@@ -29,6 +30,7 @@ __all__ = [
     "Scheme",
     "State",
     "StepReport",
+    "Strain",
     "Trajectory",
     "UnstableStep",
     "Wall",
@@ -38,8 +40,11 @@ __all__ = [
     "march_batch",
     "march_to_error",
     "one_dof_wall",
+    "outside",
     "plate_wall",
     "rigid_wall",
     "row_of_spheres",
     "stability_limit",
+    "strain",
+    "with_step_error",
 ]

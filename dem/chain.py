@@ -148,6 +148,8 @@ def validate(chain, wall, v0):
     _vector("radius", chain.radius, n, positive=True)
     _vector("A", chain.A, n_contacts, positive=True)
     _vector("initial velocity", v0, n)
+    with np.errstate(over="ignore"):
+        _scalar("kinetic energy of the start", 0.5 * np.dot(chain.mass, np.square(v0)))
     _require(
         chain.dissipation in LAWS,
         f"dissipation {chain.dissipation!r} is unknown; take one of {', '.join(LAWS)}",

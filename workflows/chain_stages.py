@@ -18,6 +18,7 @@ from workflows.scene import (
 )
 
 PRUNED_AT = 1e-4  # error of the velocities where the scene gives a step instead
+ROUGH = 0.01  # error of a given step that deserves a warning
 
 
 class Surface(NamedTuple):
@@ -124,6 +125,23 @@ def pruning(scene: Scene, whole_wall: dem.Wall) -> PrunedWall:
 def pruned_wall(scene: Scene, pruning: PrunedWall) -> dem.Wall:
     """What is left of the wall."""
     return pruning.wall
+
+
+def spoilt(scene: Scene, impact: coupling.Impact) -> tuple[str, ...]:
+    """What a run has left of its model, and a step that was given too large."""
+    run = impact.trajectory
+    found = dem.strain(chain(scene), scene.chain.young, run.contact_force, run.v)
+    return (*dem.outside(found), *rough(run.error_estimate))
+
+
+def rough(error: float | None) -> tuple[str, ...]:
+    """A sentence where a given step left too much."""
+    if error is None or error <= ROUGH:
+        return ()
+    return (
+        f"The step leaves an error of {error:.2g} in the velocities; take a smaller time.dt, or "
+        "ask for time.error.",
+    )
 
 
 def contact_radius(scene: Scene, force: float) -> float:

@@ -242,6 +242,25 @@ def accuracy(
 
 
 @app.command()
+def stability(
+    case: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(help="Only this case; may be repeated."),
+    ] = None,
+    out: Annotated[Optional[Path], typer.Option(help="Folder for the table as CSV.")] = None,  # noqa: UP045
+    json: Json = False,
+) -> None:
+    """Stiff and extreme cases, a verdict each."""
+    from workflows import stability as cases
+
+    with StageProgress(sys.stderr) as progress:
+        rows = cases.stability(cases.chosen(case), progress.stage)
+    if out:
+        cases.write(rows, out)
+    typer.echo(cases.json(rows) if json else cases.text(rows))
+
+
+@app.command()
 def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")]) -> None:
     """Write report.html of a run folder."""
     from workflows.report import write_report

@@ -1,0 +1,76 @@
+"""Where the contact law ends: how far a run has left the model that it is a run of.
+
+Hertz' law holds for contacts small beside the spheres, elastic material and impacts slow beside
+sound; a right solution of the equations beyond is no prediction.
+K. L. Johnson, Contact Mechanics, Cambridge 1985, sec. 4.2, 6.1 (first yield at a pressure of 1.6
+times the yield stress) and 11.4 (quasi-static impacts).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dem.spheres import contact_radius, max_pressure, relative_radius
+
+SMALL_CONTACT = 0.1  # contact radius over the smaller sphere's
+YIELD_STRAIN = 0.01  # yield stress over Young's modulus of hardened steel, a hard material
+FIRST_YIELD = 1.6  # pressure over the yield stress
+SLOW = 0.01  # speed over that of sound in a bar
+
+
+class Strain(NamedTuple):
+    """The worst of a run, each beside what the model bears."""
+
+    radius_ratio: float  # contact radius over the smaller radius
+    pressure: float  # [Pa] at the contact nearest to or farthest beyond first yield
+    yield_pressure: float  # [Pa] there, if the spheres were of hardened steel's yield strain
+    speed_ratio: float  # largest speed over the speed of sound
+
+
+def strain(chain, young, contact_force, v) -> Strain:
+    """Strain of a run; young (n,) [Pa], contact_force (k, n_contacts), v (k, n).
+
+    Contacts that yield by their own law (`yield_overlap`) count for the pressure no more.
+    """
+    young = np.broadcast_to(np.asarray(young, float), chain.mass.shape)
+    peak = np.asarray(contact_force).max(axis=0, initial=0.0)
+    R = np.append(relative_radius(chain.radius[:-1], chain.radius[1:]), chain.radius[-1:])
+    R, smaller, E = (values[: peak.size] for values in (R, _lesser(chain.radius), _lesser(young)))
+    E_star = 0.75 * chain.A / np.sqrt(R)
+    yielding = FIRST_YIELD * YIELD_STRAIN * E
+    pressure = max_pressure(peak, R, E_star) * (chain.yield_overlap is None)
+    worst = int((pressure / yielding).argmax()) if peak.size else None
+    sound = np.sqrt(young / (chain.mass / (4.0 / 3.0 * np.pi * chain.radius**3)))
+    return Strain(
+        float((contact_radius(peak, R, E_star) / smaller).max(initial=0.0)),
+        0.0 if worst is None else float(pressure[worst]),
+        np.inf if worst is None else float(yielding[worst]),
+        float((np.abs(v).max(axis=0) / sound).max()),
+    )
+
+
+def _lesser(values):
+    """Of each sphere and the next; the last one's own at the wall."""
+    return np.append(np.minimum(values[:-1], values[1:]), values[-1:])
+
+
+def outside(found: Strain) -> tuple[str, ...]:
+    """A sentence for each limit of the model that a run has passed."""
+    said = []
+    if found.radius_ratio > SMALL_CONTACT:
+        said.append(
+            f"A contact grows to {found.radius_ratio:.2g} of the sphere's radius, where Hertz' law "
+            f"asks for less than {SMALL_CONTACT:g}; strike softer or take a stiffer material."
+        )
+    if found.pressure > found.yield_pressure:
+        said.append(
+            f"The contact pressure reaches {found.pressure:.3g} Pa, above the "
+            f"{found.yield_pressure:.3g} Pa at which even hardened steel would yield; the elastic "
+            "contact is too stiff there."
+        )
+    if found.speed_ratio > SLOW:
+        said.append(
+            f"A sphere moves at {found.speed_ratio:.2g} of the speed of sound in it, where a "
+            f"static contact law asks for less than {SLOW:g}; strike slower."
+        )
+    return tuple(said)
