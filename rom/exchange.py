@@ -8,7 +8,7 @@ A file with K, M and w alone is a model made elsewhere and reads as kind "import
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from zipfile import BadZipFile
+from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
 import scipy.sparse as sp
@@ -33,8 +33,15 @@ def load_npz(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
 
     Raises FileNotFoundError, or ReductionError if the content is not a reduced model.
     """
-    with _readable(path, "npz", lambda: np.load(path, allow_pickle=False)) as archive:
-        return _model(dict(archive), path, w)
+    return _model(_readable(path, "npz", lambda: _archive(path)), path, w)
+
+
+def _archive(path: str | Path) -> dict[str, np.ndarray]:
+    with open(path, "rb") as file:
+        if not is_zipfile(file):
+            raise BadZipFile("it is no whole zip archive")
+    with np.load(path, allow_pickle=False) as archive:
+        return dict(archive)
 
 
 def save_mat(path: str | Path, reduced: ReducedModel, *, basis: bool = True) -> None:
@@ -68,13 +75,11 @@ def load_h5(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
     """
     import h5py
 
-    with _readable(path, "HDF5", lambda: h5py.File(path, "r")) as file:
-        return _model({name: _dataset(file[name]) for name in file}, path, w)
+    def content() -> dict[str, object]:
+        with h5py.File(path, "r") as file:
+            return {name: file[name][()] for name in file}
 
-
-def _dataset(dataset) -> object:
-    value = dataset[()]
-    return value.decode() if isinstance(value, bytes) else value
+    return _model(_readable(path, "HDF5", content), path, w)
 
 
 def _fields(reduced: ReducedModel, basis: bool) -> dict[str, object]:
@@ -101,6 +106,15 @@ def _readable(path: str | Path, format_name: str, read: Callable):
 
 
 def _model(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) -> ReducedModel:
+    try:
+        return _consistent(_read(content, path, w), path)
+    except ReductionError:
+        raise
+    except (ValueError, TypeError, IndexError) as odd:
+        raise ReductionError(f"{path} is not a reduced model: {odd}.") from odd
+
+
+def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) -> ReducedModel:
     matrices = {name: _matrix(content, name, path) for name in ("K", "M", "C")}
     for name in ("K", "M"):
         if matrices[name] is None:
@@ -111,18 +125,15 @@ def _model(content: Mapping[str, object], path: str | Path, w: ArrayLike | None)
     w = content.get("w") if w is None else w
     if w is None:
         raise ReductionError(f"{path} holds no w; pass the {r} weights of the contact.")
-    return _consistent(
-        ReducedModel(
-            **matrices,
-            w=contact_functional(np.ravel(np.asarray(w, dtype=float)), r),
-            T=_basis(content),
-            kind=_text(content, "kind", "imported"),
-            n_boundary=int(np.ravel(content.get("n_boundary", 0))[0]),
-            provenance=json.loads(_text(content, "provenance", "{}")),
-            n_residual=int(np.ravel(content.get("n_residual", 0))[0]),
-            error=float(np.ravel(content["error"])[0]) if "error" in content else None,
-        ),
-        path,
+    return ReducedModel(
+        **matrices,
+        w=contact_functional(np.ravel(np.asarray(w, dtype=float)), r),
+        T=_basis(content),
+        kind=_text(content, "kind", "imported"),
+        n_boundary=int(np.ravel(content.get("n_boundary", 0))[0]),
+        provenance=json.loads(_text(content, "provenance", "{}")),
+        n_residual=int(np.ravel(content.get("n_residual", 0))[0]),
+        error=float(np.ravel(content["error"])[0]) if "error" in content else None,
     )
 
 
@@ -131,7 +142,7 @@ def _matrix(content: Mapping[str, object], name: str, path: str | Path) -> np.nd
         return None
     A = content[name]
     dense = A.toarray() if sp.issparse(A) else np.asarray(A)
-    if dense.dtype.kind not in "fiu" or dense.ndim != 2:
+    if dense.dtype.kind not in "fiu" or dense.ndim != 2 or dense.size == 0:
         raise ReductionError(f"{path}: {name} is not a real matrix (shape {dense.shape}).")
     symmetric(dense, f"{path}: {name}")
     return np.array(dense, dtype=float)
@@ -143,7 +154,8 @@ def _basis(content: Mapping[str, object]) -> np.ndarray | None:
 
 
 def _text(content: Mapping[str, object], name: str, default: str) -> str:
-    return str(np.ravel(content.get(name, default))[0])
+    text = np.ravel(content.get(name, default))[0]
+    return text.decode() if isinstance(text, bytes) else str(text)
 
 
 def _consistent(reduced: ReducedModel, path: str | Path) -> ReducedModel:

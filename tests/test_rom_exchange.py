@@ -96,6 +96,30 @@ def test_a_broken_or_missing_file_is_refused(tmp_path, ending):
         load(tmp_path / f"absent.{ending}")
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"K": np.array([[{}]], dtype=object)},
+        {"K": np.zeros((0, 0))},
+        {"w": np.array(["a", "b"])},
+        {"provenance": "{"},
+        {"n_boundary": "many"},
+        {"n_residual": np.zeros(0)},
+    ],
+)
+def test_odd_content_is_refused_with_the_file_named(tmp_path, change):
+    save_npz(tmp_path / "good.npz", small_model())
+    np.savez(tmp_path / "odd.npz", **{**np.load(tmp_path / "good.npz"), **change})
+    with pytest.raises(ReductionError, match=r"odd\.npz"):
+        load_npz(tmp_path / "odd.npz")
+
+
+def test_a_single_array_is_no_archive(tmp_path):
+    np.save(tmp_path / "one.npy", np.eye(2))
+    with pytest.raises(ReductionError, match="no whole zip archive"):
+        load_npz(tmp_path / "one.npy")
+
+
 MTX = """**
 ** GENERATION OF SUBSTRUCTURE
 *USER ELEMENT, NODES=       3, LINEAR

@@ -105,6 +105,32 @@ def test_the_reduced_model_is_written_alone(run, tmp_path):
     assert coarse("reduce", "--out=rom.txt") == 2
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("reduce", "--out=folder.npz"), "folder.npz cannot be written, it is a folder"),
+        (("reduce", "--out=file/rom.npz"), "--out file/rom.npz cannot be a file"),
+        (("modes", "--inp=folder.npz"), "--inp folder.npz cannot be written"),
+        (("modes", "--step=bodies.stl"), "--step bodies.stl must end in .step"),
+        (("tune", "--out=folder.npz"), "--out folder.npz cannot be written"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_refused_before_anything_is_computed(
+    arguments, words, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("workflows.stages.Pipeline.__call__", None)
+    (tmp_path / "folder.npz").mkdir()
+    (tmp_path / "file").touch()
+    assert coarse(*arguments) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_hdf5_without_its_reader_is_refused_before_anything_is_computed(monkeypatch, capsys):
+    monkeypatch.setattr("workflows.reduced_wall.find_spec", lambda name: None)
+    assert coarse("reduce", "--out=rom.h5") == 2
+    assert "install.sh h5" in capsys.readouterr().err
+
+
 def test_modes_stand_beside_the_hammer_test(run, capsys):
     assert coarse("modes", "--json") == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
@@ -180,7 +206,8 @@ def test_a_foreign_file_is_refused_in_a_sentence(tmp_path):
         "striker": {"velocity": 1.0},
         "wall": {"kind": "rom", "file": "rom.npz"},
     }
-    resolved(tables, "scene", tmp_path)
+    with pytest.raises(InvalidScene, match=r"rom\.npz cannot be read"):
+        resolved(tables, "scene", tmp_path)
     assert beadwave("impact", "rig-rigid", f"--rom={tmp_path / 'rom.npz'}") == 2
     tables["wall"]["file"] = "absent.npz"
     with pytest.raises(InvalidScene, match="absent"):

@@ -127,6 +127,38 @@ def test_a_bad_file_is_one_sentence_and_leaves_nothing(content, tmp_path, capsys
     assert _one_line(capsys.readouterr().err)
 
 
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [("no.npz", "no whole zip archive"), ("no.mat", "cannot be read as mat"), ("no.txt", "npz")],
+)
+def test_a_wall_that_is_no_reduced_model_leaves_nothing(file, words, tmp_path, capsys):
+    (tmp_path / file).write_text("no model")
+    assert small("run", "rig-1dof", f"--set=wall={{kind='rom', file='{file}'}}", "--out=out") == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_value_of_several_lines_is_no_value(capsys):
+    assert small("run", "rig-1dof", "--set=time.error=1e-4\nextra=1", "--out=out") == 2
+    assert "time.error" in capsys.readouterr().err
+
+
+def test_a_run_clears_its_own_folder_only(tmp_path):
+    beside = tmp_path / "out" / "mine" / ".notes.part.txt"
+    beside.parent.mkdir(parents=True)
+    beside.touch()
+    (tmp_path / "out" / "scene.toml").write_bytes(b"\xff not ours")
+    (tmp_path / "out" / ".rom.part.npz").touch()
+    RunFolder(tmp_path / "out").begin("name = 'x'", None)
+    assert beside.exists() and not (tmp_path / "out" / ".rom.part.npz").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / "out" / "scene.toml").mkdir(parents=True)
+    with pytest.raises(InvalidScene, match="out cannot be written"):
+        RunFolder(tmp_path / "out").begin("name = 'x'", None)
+
+
 def test_a_run_that_cannot_work_says_why(capsys):
     changes = ["--set=leaf_springs.stiffness=0", "--set=time.dt=1"]
     assert small("impact", "rig-rigid", *changes) == 1

@@ -28,7 +28,7 @@ def silent(name):
 def test_targets_are_hammer_test_modes_or_frequencies_of_ones_own():
     assert targets("1,3,4") == {1: 51.0, 3: 907.0, 4: 8425.0}
     assert targets("2=270.5") == {2: 270.5}
-    for wrong in ("", "5", "1,x", "1=-3", "1=nan"):
+    for wrong in ("", "5", "1,x", "1=-3", "1=nan", "1,1", "1=51,2,1=60"):
         with pytest.raises(InvalidScene, match="must name modes 1 to 4"):
             targets(wrong)
 
@@ -62,6 +62,8 @@ def test_one_tangential_stiffness_tells_why_it_fails():
         ("rig-full-tie", (), "no springs to tune"),
         ("rig-rom", ("head.kq",), "head.kq is not known"),
         ("rig-rom", ("tail.ky",), "tail.ky is not known"),
+        ("rig-rom", ("head.kx", "head.kt"), "head.kx and head.kt set the same"),
+        ("rig-rom", ("block.young", "block.young"), "block.young and block.young set the same"),
     ],
 )
 def test_what_cannot_be_tuned_is_refused(name, free, sentence):
@@ -72,11 +74,12 @@ def test_what_cannot_be_tuned_is_refused(name, free, sentence):
 def test_the_command_writes_a_scene_that_reads_back(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     arguments = ["tune", "--match=1,2", "--json", *(f"--set={change}" for change in COARSE)]
+    arguments += ["--out=new/my rig.toml"]
     monkeypatch.setattr(sys, "argv", ["beadwave", *arguments])
     with pytest.raises(SystemExit) as end:
         main()
     assert not end.value.code
     report = json.loads(capsys.readouterr().out)
-    written = scene("rig-rom-tuned.toml")
+    written = scene("new/my rig.toml")
     assert written.joints.head.kz == report["stiffness"]["head.kt"]
-    assert written.name == "rig-rom-tuned"
+    assert written.name == "my-rig"  # a name has no blanks

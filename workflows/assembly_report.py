@@ -11,8 +11,8 @@ from workflows import field_file
 from workflows.assembly_stages import AssemblyModes, materials
 from workflows.assembly_table import assembly
 from workflows.picture_stage import NoPicture
-from workflows.reduced_wall import half_space, save
-from workflows.run_folder import RunFolder, write_pictures
+from workflows.reduced_wall import half_space, require_reader, save
+from workflows.run_folder import RunFolder, checked_file, write_pictures
 from workflows.scene import InvalidScene
 from workflows.stages import Pipeline
 from workflows.summary import HAMMER_TEST_HZ, ReductionHealth
@@ -142,6 +142,11 @@ def _line(row: ModeRow) -> str:
 def write_model(pipeline: Pipeline, inp: Path | None, step: Path | None) -> None:
     """The model as an input deck for CalculiX or Abaqus, the geometry as STEP."""
     scene = pipeline.scene
+    if step and step.suffix.lower() not in (".step", ".stp"):
+        raise InvalidScene(f"--step {step} must end in .step or .stp.")
+    for option, path in (("--inp", inp), ("--step", step)):
+        if path:
+            checked_file(path, option)
     if inp:
         model = pipeline("model")
         steel = materials(scene.assembly, model.structure.basis.mesh.subdomains)
@@ -155,7 +160,6 @@ def write_model(pipeline: Pipeline, inp: Path | None, step: Path | None) -> None
 
 
 def _beside(path: Path):
-    path.parent.mkdir(parents=True, exist_ok=True)
     return RunFolder(path.parent).writing(path.name)
 
 
@@ -163,8 +167,8 @@ def write_reduced(pipeline: Pipeline, path: Path) -> None:
     """Write the reduced model; raises InvalidScene for an unknown ending."""
     if path.suffix not in FORMATS:
         raise InvalidScene(f"--out {path} must end in one of {', '.join(FORMATS)}.")
-    folder = RunFolder(path.parent)
+    require_reader(path)
+    checked_file(path)
     reduced = pipeline("reduction")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with folder.writing(path.name) as part:
+    with _beside(path) as part:
         save(part, reduced)

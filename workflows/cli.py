@@ -9,6 +9,7 @@ import sys
 from json import dumps
 from os import environ
 from pathlib import Path
+from re import sub
 from typing import Annotated, Optional
 
 import typer
@@ -182,6 +183,7 @@ def tune_joints(
     json: Json = False,
 ) -> None:
     """Fit joint stiffnesses to chosen modes and write a scene."""
+    from workflows.run_folder import checked_file
     from workflows.tuning import targets, tuned, write_scene
 
     chosen = _with_assembly(load(scene, tuple(changes or ())))
@@ -191,10 +193,11 @@ def tune_joints(
         from workflows.hammer import applied, hammer_test
 
         chosen, wanted = applied(chosen, hammer_test(hammer_file, wanted), match)
+    path = checked_file(out or Path(f"{chosen.name}-tuned.toml"))
     with StageProgress(sys.stderr) as progress:
         result, report = tuned(chosen, wanted, names, progress.stage)
-    path = out or Path(f"{chosen.name}-tuned.toml")
-    write_scene(result.model_copy(update={"name": path.stem}), path, report)
+    name = sub(r"[^\w.-]", "-", path.stem)
+    write_scene(result.model_copy(update={"name": name}), path, report)
     typer.echo(report.model_dump_json(indent=2) if json else report.text())
     if not json:
         typer.echo(f"written: {path}")

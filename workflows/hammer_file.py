@@ -41,7 +41,10 @@ def responses(path: Path) -> Responses:
 
 
 def _csv(path: Path) -> Responses:
-    table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+    lines = path.read_text(encoding="utf-8-sig").splitlines()[1:]
+    if not any(line.strip() for line in lines):
+        raise ValueError("no lines below the header")
+    table = np.loadtxt(lines, delimiter=",", ndmin=2)
     if table.shape[1] < 3 or table.shape[1] % 2 == 0:
         raise ValueError(f"{table.shape[1]} columns, an odd number from 3 on is needed")
     return Responses(table[:, 0], (table[:, 1::2] + 1j * table[:, 2::2]).T, path.stem)

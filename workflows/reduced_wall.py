@@ -1,5 +1,6 @@
 """The wall that a reduced model makes, of this scene's assembly or from a file."""
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -69,10 +70,17 @@ def loaded(path: Path) -> rom.ReducedModel:
     load = {".npz": rom.load_npz, ".mat": rom.load_mat, ".h5": rom.load_h5}.get(path.suffix)
     if load is None:
         raise InvalidScene(f"wall.file = {str(path)!r} must end in .npz, .mat or .h5.")
+    require_reader(path)
     try:
         return load(path)
     except rom.ReductionError as error:
         raise InvalidScene(f"wall.file: {error}") from None
+
+
+def require_reader(path: Path) -> None:
+    """Raises InvalidScene for HDF5 where the extra that reads and writes it is not installed."""
+    if path.suffix == ".h5" and find_spec("h5py") is None:
+        raise InvalidScene(f"{path} needs h5py; ./install.sh h5 adds it, or take .npz or .mat.")
 
 
 def save(path: Path, reduced: rom.ReducedModel) -> None:

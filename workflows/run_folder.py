@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from os import replace
+from os import W_OK, access, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,15 +38,24 @@ class RunFolder:
 
     def begin(self, scene_toml: str, source: Path | None) -> None:
         """Start a run of this scene; raises InvalidScene where the folder cannot take it."""
+        try:
+            self._begin(scene_toml, source)
+        except OSError as error:
+            raise InvalidScene(
+                f"--out {self.path} cannot be written ({error.strerror}); choose another."
+            ) from None
+
+    def _begin(self, scene_toml: str, source: Path | None) -> None:
         target = self.path / "scene.toml"
-        old = target.read_text(encoding="utf-8") if target.is_file() else None
+        old = target.read_bytes().decode(errors="replace") if target.is_file() else None
         if source and old != scene_toml and target.exists() and target.samefile(source):
             raise InvalidScene(
                 f"--out {self.path} would overwrite the scene {source}; choose another."
             )
         self.make()
-        for left in self.path.rglob(".*.part.*"):
-            left.unlink()
+        for folder in (self.path, self.path / "figures"):
+            for left in folder.glob(".*.part.*"):
+                left.unlink()
         for name in FILES if old != scene_toml else FILES[:2]:
             (self.path / name).unlink(missing_ok=True)
         self.write("scene.toml", scene_toml)
@@ -77,6 +86,20 @@ class RunFolder:
         with self.writing(name) as part:
             part.write_bytes(raw)
         return self.path / name
+
+
+def checked_file(path: Path, option: str = "--out") -> Path:
+    """The path of a file to write, its folder made; raises InvalidScene where it cannot be one."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidScene(
+            f"{option} {path} cannot be a file ({error.strerror}); choose another."
+        ) from None
+    if path.is_dir() or not access(path.parent, W_OK):
+        why = "it is a folder" if path.is_dir() else "its folder is read-only"
+        raise InvalidScene(f"{option} {path} cannot be written, {why}; choose another.")
+    return path
 
 
 def write_pictures(folder: RunFolder, pictures: tuple[Picture, ...]) -> None:

@@ -120,9 +120,10 @@ def _changed(tables: dict[str, Any], changes: tuple[str, ...]) -> dict[str, Any]
 def _value(text: str) -> Any:
     """A TOML value; a bare word is a string."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        found = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return text
+    return found["value"] if len(found) == 1 else text  # more lines are more than a value
 
 
 def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[str, Any]:
@@ -225,6 +226,7 @@ def _assembly(tables: dict[str, Any], source: str):
 def _contradictions(scene: Scene):
     """Sentences on keys that are each allowed but not together."""
     yield from _missing_parts(scene)
+    yield from _unreadable_wall(scene)
     if scene.assembly is not None:
         yield from _outside_patch(scene)
         yield from _unread_nodes(scene)
@@ -249,6 +251,17 @@ def _missing_parts(scene: Scene):
         yield "chain.count = 1 must be at least 2 without a wall; add spheres or [wall]."
     if chain and wall is None and scene.preload and scene.preload.force > 0:
         yield f"preload.force = {scene.preload.force} needs a wall to push against; add [wall]."
+
+
+def _unreadable_wall(scene: Scene):
+    if not isinstance(scene.wall, RomWall) or not scene.wall.file:
+        return
+    from workflows.reduced_wall import loaded  # only a wall from a file pays for the reader
+
+    try:
+        loaded(Path(scene.wall.file))
+    except InvalidScene as error:
+        yield str(error)
 
 
 def _outside_patch(scene: Scene):

@@ -70,7 +70,7 @@ def tuned(
             f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
             "set assembly.constraint=wires."
         )
-    parameters = [_parameter(name) for name in free or usual(match)]
+    parameters = _parameters(free or usual(match))
     loose = _loosened(scene, parameters)
     basis = pipeline_of(loose, watch)("tuning-basis")
     started = perf_counter()
@@ -89,16 +89,29 @@ def usual(match: dict[int, float]) -> tuple[str, ...]:
 
 def targets(match: str) -> dict[int, float]:
     """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own."""
+    pairs = [item.partition("=") for item in match.split(",")]
     try:
-        pairs = [item.partition("=") for item in match.split(",")]
         found = {int(n): float(hz) if eq else HAMMER_TEST_HZ[int(n) - 1] for n, eq, hz in pairs}
     except (ValueError, IndexError):
         found = {}
-    if not found or not all(1 <= n <= 4 and 0 < hz < np.inf for n, hz in found.items()):
+    if len(found) < len(pairs) or not all(
+        1 <= n <= 4 and 0 < hz < np.inf for n, hz in found.items()
+    ):
         raise InvalidScene(
-            f"--match {match} must name modes 1 to 4, as in 1,3,4 or 1=51.2,3=905 (Hz)."
+            f"--match {match} must name modes 1 to 4, each once, as in 1,3,4 or 1=51.2,3=905 (Hz)."
         )
     return found
+
+
+def _parameters(names: tuple[str, ...]) -> list[Parameter]:
+    """What the names stand for; raises InvalidScene for a stiffness that two of them set."""
+    parameters, taken = [_parameter(name) for name in names], {}
+    for name, p in zip(names, parameters, strict=True):
+        for value in p.springs or (p.name,):
+            if value in taken:
+                raise InvalidScene(f"--free {taken[value]} and {name} set the same; drop one.")
+            taken[value] = name
+    return parameters
 
 
 def _parameter(name: str) -> Parameter:
@@ -195,7 +208,6 @@ def write_scene(scene: Scene, path: Path, report: TuningReport) -> None:
 
     wanted = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
     text = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
     with RunFolder(path.parent).writing(path.name) as part:
         part.write_text(text + toml(scene), encoding="utf-8")
 
