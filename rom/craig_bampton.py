@@ -185,8 +185,9 @@ def _held_interior(
     held = pencil(part.blocks(K)[2], part.blocks(M)[2], factorise)
     if held.sigma:
         raise ReductionError(
-            "the interior still floats with the boundary held; "
-            "add boundary degrees of freedom or tie the loose part."
+            "the interior still floats with the boundary held, or cannot be told from one that "
+            "does beside its largest stiffness; add boundary degrees of freedom, tie the loose "
+            "part, replace joints of extreme stiffness by rigid ones, or take free modes."
         )
     return held
 

@@ -86,8 +86,9 @@ def _work_precision(name: str, rows: Iterable[Row], title: str) -> Picture:
 
 
 def _curve(rows: list[Row], method: str, ours: bool) -> Curve:
-    points = [(1e3 * row.seconds, row.error) for row in rows if row.method == method]
-    return Curve(method, *np.array(points).reshape(-1, 2).T, ours)
+    runs = sorted((row for row in rows if row.method == method), key=lambda row: -row.setting)
+    points = np.array([(1e3 * row.seconds, row.error) for row in runs])
+    return Curve(method, *points.reshape(-1, 2).T, ours)
 
 
 def order_sentences(case: Problem, rows: Iterable[Row]) -> tuple[str, ...]:
@@ -112,7 +113,7 @@ def _pressed(case: Problem) -> Problem:
     A = row.A if row.A.size == n else np.append(row.A, row.A[-1])
     squeezed = n * (peak / A.min()) ** (2 / 3) + peak / stiffness
     row = row._replace(A=A, leaf_anchor=squeezed * first)
-    return case._replace(chain=row, wall=dem.rigid_wall(), v0=0.01 * case.v0)
+    return case._replace(chain=row, wall=dem.rigid_wall(), v0=0.01 * case.v0, n_save=10)
 
 
 def _orders(rows: Iterable[Row], floor: float, last: int) -> str:
@@ -239,13 +240,15 @@ def _exponent(rows: tuple[Row, ...], method: str, least: float) -> float:
 
 
 def _mode_growth(rows: tuple[Row, ...]) -> str:
-    """The growth of what the modes cost above a rigid wall, at a fixed step."""
-    fixed = _fixed(rows, FIXED)
-    rigid = fixed[0].seconds
-    costs = [(row.parameter, row.seconds - rigid) for row in fixed if row.parameter >= 50]
+    """The growth of what modes add to the cost of the first, at a fixed step."""
+    rigid, first, *more = _fixed(rows, FIXED)
+    modes = [row.parameter - 1 for row in more]
+    costs = [row.seconds - first.seconds for row in more]
     return (
-        f"what the wall modes add to {1e3 * rigid:.3g} ms grows from 50 on to the power of "
-        f"{growth_exponent(*zip(*costs, strict=True)):.2f} ({FIXED}, fixed step)"
+        f"{FIXED} at a fixed step: {1e3 * rigid.seconds:.3g} ms with a rigid wall, "
+        f"{1e3 * first.seconds:.3g} ms with a mode, "
+        f"{1e6 * costs[-1] / modes[-1]:.2g} µs more with every further one; what they add grows "
+        f"with their number to the power of {growth_exponent(modes, costs):.2f}"
     )
 
 

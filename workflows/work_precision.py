@@ -111,10 +111,16 @@ def scheme_rows(
     halvings: int = 11,
     until: float = 1e-9,
 ) -> Iterator[Row]:
-    """Each scheme with its stability limit halved again and again, until the error is reached."""
+    """Each scheme with its stability limit halved again and again, until the error is reached.
+
+    Steps end at the saves, so that of the longest only one is tried.
+    """
+    longest = problem.duration / problem.n_save
     for scheme in schemes:
-        for k in range(1, halvings):
-            dt = limit(problem, scheme) / 2.0**k
+        largest = limit(problem, scheme)
+        for dt in (largest / 2.0**k for k in range(1, halvings)):
+            if dt > 2.0 * longest:
+                continue
             row = scheme_row(study, problem, truth, scheme, dt, parameter)
             yield row
             if row.error < until or row.seconds > 0.1:

@@ -1,0 +1,187 @@
+"""The accuracy studies: references that agree, errors that are errors, a table and its files."""
+
+import csv
+import json
+import sys
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+import dem
+from workflows import accuracy, chain_studies, engine_studies, peers
+from workflows.accuracy import Row, Study
+from workflows.chain_studies import lengthened, modal_wall
+from workflows.cli import main
+from workflows.scene_file import scene
+from workflows.work_precision import (
+    Reference,
+    growth_exponent,
+    peer_rows,
+    ratio_sentences,
+    reference,
+    scheme_row,
+    seconds_at,
+    timed,
+)
+
+SHORT = ("chain.count=6", "output.spheres=[1,4]", "time.duration=0.8e-3")
+
+
+def quiet(name):
+    return nullcontext()
+
+
+@pytest.fixture(scope="module")
+def case():
+    return chain_studies.problem(scene("rig-rigid", SHORT), quiet)
+
+
+def every_part(case):
+    """The case with leaf springs, preload, a spring and modes behind the last contact."""
+    wall = modal_wall(None, 3)._replace(residual_compliance=-2e-10)
+    stiffness, anchor = np.full(6, 1e5), np.linspace(1e-5, 0.0, 6)
+    chain = case.chain._replace(leaf_stiffness=stiffness, leaf_anchor=anchor, preload=20.0)
+    return case._replace(chain=chain, wall=wall)
+
+
+def test_two_independent_methods_agree_to_ten_digits(case):
+    assert reference(case).difference < 1e-10
+
+
+def test_peers_solve_the_same_equations_with_every_part(case):
+    full = every_part(case)
+    truth = reference(full)
+    assert truth.difference < 1e-9
+    assert peers.energy_error(full, peers.SCIPY["DOP853"](full, 1e-12).y) < 1e-7
+
+
+@pytest.mark.parametrize("name", list(peers.SCIPY))
+def test_a_peer_gets_nearer_with_its_tolerance(case, name):
+    truth = reference(case)
+    solver = {name: peers.SCIPY[name]}
+    rough, fine = peer_rows("time", case, truth, solver, tolerances=(1e-4, 1e-8))
+    assert fine.error < 0.03 * rough.error < 0.03
+    assert fine.evaluations > rough.evaluations
+
+
+def test_sundials_gets_nearer_where_it_is_installed(case):
+    pytest.importorskip("sksundae")
+    truth = reference(case)
+    for row in peer_rows("time", case, truth, peers.SUNDIALS, tolerances=(1e-8,)):
+        assert row.error < 1e-3
+
+
+def test_errors_are_those_of_the_observed_spheres(case):
+    truth = reference(case)
+    shifted = Reference(truth.v + 0.031, truth.difference, truth.other)
+    row = scheme_row("time", case, shifted, "rkn6", 1e-6)
+    assert row.error == pytest.approx(0.1, abs=1e-6)
+    assert row.evaluations == 11 * row.steps
+
+
+def test_time_at_an_error_lies_on_the_line_between_two_runs():
+    rows = [Row("time", "m", 0.0, error, seconds) for error, seconds in [(1e-2, 1), (1e-6, 100)]]
+    assert seconds_at(rows, 1e-4) == pytest.approx(10.0)
+    assert seconds_at(rows, 1e-1) == 1.0
+    assert seconds_at(rows, 1e-8) == np.inf
+    outdone = [*rows, Row("time", "m", 0.0, 2e-2, 50.0)]
+    assert seconds_at(outdone, 1e-4) == pytest.approx(10.0)
+
+
+def test_ratio_names_the_fastest_of_each_kind():
+    rows = [
+        Row("time", method, 0.0, error, seconds)
+        for method, seconds in [("rkn6", 1e-3), ("verlet", 5e-3), ("LSODA", 0.06), ("RK45", 0.2)]
+        for error in (1e-5, 1e-7)
+    ]
+    sentence = ratio_sentences(tuple(rows), "here")[0]
+    assert sentence == "here, error 0.0001: rkn6 1 ms; LSODA 60 ms = 60 times"
+
+
+def test_growth_exponent_is_the_slope():
+    assert growth_exponent([1, 10, 100], [2, 20, 200]) == pytest.approx(1.0)
+
+
+def test_first_call_is_kept_apart_from_the_least():
+    calls = iter([0.02, 0.0, 0.0])
+    run = timed(lambda: __import__("time").sleep(next(calls, 0.0)), repeats=2)
+    assert run.cold > 0.015 > run.warm
+
+
+def test_orders_of_the_schemes_are_stated(case):
+    closed = chain_studies.order_sentences(case, ())[0].split(": ")[1]
+    found = dict(pair.split() for pair in closed.split(", "))
+    for name, scheme in dem.SCHEMES.items():
+        assert float(found[name]) == pytest.approx(scheme.order, abs=0.15), name
+
+
+def test_a_longer_chain_repeats_its_middle(case):
+    longer = lengthened(case, 50)
+    assert longer.chain.A.size == longer.v0.size == 50
+    assert longer.chain.A[-1] == case.chain.A[-1] != longer.chain.A[-2]
+    assert longer.v0.sum() == case.v0.sum()
+    free = case._replace(chain=case.chain._replace(A=case.chain.A[:-1]), wall=None)
+    assert lengthened(free, 50).chain.A.size == 49
+
+
+def test_walls_keep_their_own_modes_first():
+    own = dem.one_dof_wall(700.0, 2.0, 0.1)
+    wall = modal_wall(own, 4)
+    assert wall.omega[0] == own.omega[0] and wall.zeta[0] == 0.1
+    assert np.diff(wall.omega) == pytest.approx(2 * np.pi * 400.0)
+    assert modal_wall(None, 0).omega.size == 0
+
+
+def test_step_of_a_population_leaves_the_median_error_asked_for(case):
+    many = engine_studies.population(case._replace(n_save=20), 64)
+    dt, error = engine_studies.step_of_median(many, 1e-4)
+    assert 1e-6 < error <= 1e-4
+    assert 1e-6 < dt < 3e-5
+    assert np.std(many.A / case.chain.A) == pytest.approx(0.05, rel=0.15)
+
+
+def test_every_part_costs_and_leaves_a_small_error(case):
+    cases = engine_studies.with_parts(case)
+    rows = [engine_studies._part_row(name, one, "suzuki4") for name, one in cases.items()]
+    assert len(rows) == 10
+    assert all(row.error < 1e-4 and row.energy_error < 1e-4 for row in rows)
+
+
+def test_dissipation_is_refused_in_a_sentence():
+    damped = scene("rig-rigid", ("contact.coefficient=0.1",))
+    with pytest.raises(ValueError, match=r"contact\.coefficient"):
+        chain_studies.problem(damped, quiet)
+
+
+def test_study_becomes_table_csv_and_plots(tmp_path):
+    study = Study((Row("time", "rkn6", 1e-6, 2e-7, 3e-4, None),), ("ten times",), ())
+    accuracy.write(study, tmp_path)
+    with (tmp_path / "accuracy.csv").open(encoding="utf-8") as file:
+        (row,) = csv.DictReader(file)
+    assert row["method"] == "rkn6" and float(row["error"]) == 2e-7 and row["energy_error"] == ""
+    assert json.loads((tmp_path / "machine.json").read_text())["libraries"]["numpy"]
+    assert accuracy.text(study).splitlines()[-1] == "ten times"
+
+
+def test_command_prints_rows_for_machines(capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr(chain_studies, "LENGTHS", (100, 200))
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path))
+    changes = [part for change in SHORT for part in ("--set", change)]
+    command = ["beadwave", "accuracy", "--stage", "chain-length", "--json", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", [*command, *changes])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert {"study", "method", "parameter", "error", "seconds"} <= set(rows[0])
+    assert {row["parameter"] for row in rows} == {100, 200}
+    assert (tmp_path / "figures" / "accuracy_chain_length.png").stat().st_size > 10_000
+
+
+def test_unknown_stage_is_bad_input(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["beadwave", "accuracy", "--stage", "tme"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert "'time'" in capsys.readouterr().err
