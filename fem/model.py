@@ -89,7 +89,7 @@ def wires(
 ) -> Model:
     """Bolted faces are held by screws; `joint` gives the stiffnesses for each master body."""
     basis = structure.basis
-    bolted = [t for t in touching if len(t.screws)]
+    bolted = [t for t in touching if len(t.halves)]
     layout = [
         Screw(share, t.master, centre)
         for t in bolted
@@ -98,7 +98,7 @@ def wires(
     bodies = [s.master.split(":")[0] for s in layout]
     k = np.array([joint[body] for body in bodies]).reshape(-1)
     names = [f"{body}.{direction}" for body in bodies for direction in DIRECTIONS]
-    ties = [tie(basis, t.slave, t.master) for t in touching if not len(t.screws)]
+    ties = [tie(basis, t.slave, t.master) for t in touching if not len(t.halves)]
     taken = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in ties)])
     return _joined(structure, [*ties, *screws(basis, layout, taken)], held, table, k, names)
 

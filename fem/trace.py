@@ -9,7 +9,12 @@ NEWTON_STEPS = 12  # boxes and straight tetrahedra need one
 
 
 def face_nodes(basis: Basis, face: str) -> NDArray[np.int64]:
-    """The displacement dofs of every node on a face, (n_nodes, 3)."""
+    """The displacement dofs of every node on a face, (n_nodes, 3).
+
+    Raises ValueError for a face that the mesh does not have, or not a facet of.
+    """
+    if not len((basis.mesh.boundaries or {}).get(face, ())):
+        raise ValueError(f"the mesh has no facets named {face!r}; imprint that face on it.")
     x_dofs, y_dofs, z_dofs = (basis.get_dofs(face).all([f"u^{i + 1}"]) for i in range(3))
     return np.column_stack([x_dofs, y_dofs, z_dofs])
 

@@ -66,9 +66,11 @@ class Assembly:
     sheets_support_x: float = _length(0.090, ASSUMED, "sheets' support along the chain")
     sheets_support_y: float = _length(0.0982, FITTED, "sheets' support across, as the block")
     sheets_support_z: float = _length(0.030, ASSUMED, "sheets' support height")
-    support_x: float = _length(0.090, ASSUMED, "support along the chain")
-    support_y: float = _length(0.090, ASSUMED, "support across")
+    support_x: float = _length(0.078, FITTED, "support along the chain")
+    support_y: float = _length(0.078, FITTED, "support across")
     support_z: float = _length(0.060, ASSUMED, "support height")
+    stack_inset: float = _length(0.015, ASSUMED, "screws between the parts below, from both edges")
+    stack_washer: float = _length(0.016, ASSUMED, "side of the square held under such a screw")
     plate_x: float = _length(0.200, ASSUMED, "plate along the chain")
     plate_y: float = _length(0.200, ASSUMED, "plate across")
     plate_z: float = _length(0.020, ASSUMED, "plate thickness")
@@ -95,9 +97,9 @@ class Interface(NamedTuple):
 
     slave: str  # face names of the mesh, "body:face"
     master: str
-    screws: tuple[str, ...]  # washer faces on the slave side, one per screw; () without screws
-    halves: tuple[str, ...]  # each screw's share of the slave face
-    centres: NDArray[np.float64]  # (n_screws, 3) [m]
+    screws: tuple[str, ...]  # faces on the slave side that screws press on
+    halves: tuple[str, ...]  # of a sheet: each screw's share of the slave face
+    centres: NDArray[np.float64]  # (n_halves, 3) [m]
 
 
 def provenance(name: str) -> str:
@@ -172,11 +174,20 @@ def held_faces(
     return (f"{lowest}:{spots.get(fixing, '-z') if lowest == 'plate' else '-z'}",)
 
 
-def plate_spots(assembly: Assembly) -> dict[str, tuple[float, float]]:
-    """Squares under the plate: nearest and farthest distance from the edges of a corner [m]."""
+def corner_squares(assembly: Assembly, body: str) -> dict[str, tuple[str, float, float]]:
+    """Squares at the corners of a part's upper and lower face, by the name of their face.
+
+    Each is the face it lies on and its nearest and farthest distance from both edges [m].
+    """
     a = assembly
-    half = a.bolt_washer / 2
-    return {"pads": (0.0, a.pad), "bolts": (a.bolt_inset - half, a.bolt_inset + half)}
+    if body == "plate":
+        half = a.bolt_washer / 2
+        bolts = ("-z", a.bolt_inset - half, a.bolt_inset + half)
+        return {"pads": ("-z", 0.0, a.pad), "bolts": bolts}
+    half = a.stack_washer / 2
+    screwed = [i.slave.split(":") for i in interfaces(a) if not len(i.halves)]
+    span = (a.stack_inset - half, a.stack_inset + half)
+    return {f"{face}-screws": (face, *span) for name, face in screwed if name == body}
 
 
 def _box(size, top: float) -> Box:
@@ -202,7 +213,7 @@ def _stacked(a: Assembly, upper: str, lower: str) -> Interface:
     inside = np.all(top.lower[:2] >= bottom.lower[:2]) and np.all(top.upper[:2] <= bottom.upper[:2])
     faces = (f"{upper}:-z", f"{lower}:+z")
     slave, master = faces if inside else faces[::-1]
-    return Interface(slave, master, (), (), np.empty((0, 3)))
+    return Interface(slave, master, (f"{slave}-screws",), (), np.empty((0, 3)))
 
 
 def washer_z_range(assembly: Assembly, joint: str) -> tuple[float, float]:
@@ -292,6 +303,18 @@ def _check_stack(a: Assembly) -> None:
                 f"{pair[0]} ({spans[0][0]} x {spans[0][1]} m) and {pair[1]} ({spans[1][0]} x "
                 f"{spans[1][1]} m) overhang each other; one of the faces must contain the other."
             )
+    _check_squares(a)
+
+
+def _check_squares(a: Assembly) -> None:
+    near = a.stack_inset - a.stack_washer / 2
+    far = a.stack_inset + a.stack_washer / 2
+    sides = [(b.upper - b.lower)[:2].min() for name, b in boxes(a).items() if name in PARTS[2:4]]
+    if near < 0 or (sides and 2 * far >= min(sides)):
+        raise InvalidGeometry(
+            f"stack_inset = {a.stack_inset} m with stack_washer = {a.stack_washer} m puts screws "
+            f"off a part of {min(sides, default=0.0):.6g} m."
+        )
     if "plate" not in a.parts:
         return
     if 2 * a.pad >= min(a.plate_x, a.plate_y):
@@ -299,7 +322,7 @@ def _check_stack(a: Assembly) -> None:
             f"pad = {a.pad} m must be less than half of the plate's sides "
             f"({a.plate_x} x {a.plate_y} m)."
         )
-    near, far = plate_spots(a)["bolts"]
+    _, near, far = corner_squares(a, "plate")["bolts"]
     if near < 0 or 2 * far >= min(a.plate_x, a.plate_y):
         raise InvalidGeometry(
             f"bolt_inset = {a.bolt_inset} m with bolt_washer = {a.bolt_washer} m puts the bolts' "

@@ -22,7 +22,7 @@ from geometry.assembly import (
     PARTS,
     Assembly,
     boxes,
-    plate_spots,
+    corner_squares,
     screw_cells,
     screw_z,
     sheets,
@@ -98,7 +98,7 @@ def _graded_to_contact(a: Assembly, lines, coarse: float, fine: float, point):
 
 
 def _with_imprints(a: Assembly, name: str, lines, size: float) -> list[Coordinates]:
-    """Grid lines where a neighbour in the stack ends, and along the pads under the plate."""
+    """Grid lines where a neighbour in the stack ends, and around the squares at its corners."""
     stack = [part for part in PARTS[2:] if part in a.parts]
     if name not in stack:
         return lines
@@ -107,11 +107,8 @@ def _with_imprints(a: Assembly, name: str, lines, size: float) -> list[Coordinat
     imprinted = []
     for axis, line in enumerate(lines[:2]):
         values = [box[end][axis] for box in neighbours for end in (0, 1)]
-        if name == "plate":
-            insets = [d for span in plate_spots(a).values() for d in span]
-            values += [
-                end + sign * d for end, sign in ((line[0], 1), (line[-1], -1)) for d in insets
-            ]
+        for _, near, far in corner_squares(a, name).values():
+            values += [line[0] + near, line[0] + far, line[-1] - near, line[-1] - far]
         imprinted.append(_with(line, values, size))
     return [*imprinted, lines[2]]
 

@@ -13,7 +13,7 @@ from geometry.assembly import (
     SIDES,
     Assembly,
     boxes,
-    plate_spots,
+    corner_squares,
     screw_cells,
     screw_z,
     sheets,
@@ -41,8 +41,8 @@ def _box_faces(assembly: Assembly, name: str) -> dict:
     for axis, letter in enumerate("xyz"):
         faces[f"-{letter}"] = _on_plane(axis, box.lower[axis])
         faces[f"+{letter}"] = _on_plane(axis, box.upper[axis])
-    if name == "plate":
-        faces |= {name: _spots(box, *span) for name, span in plate_spots(assembly).items()}
+    for square, (face, near, far) in corner_squares(assembly, name).items():
+        faces[square] = _both(faces[face], _in_corner(box, near, far))
     return faces
 
 
@@ -80,14 +80,16 @@ def _inside_circle(x: float, z: float, radius: float):
     return lambda corners: np.hypot(*(corners.mean(axis=1)[[0, 2]] - [[x], [z]])) < radius
 
 
-def _spots(box, near: float, far: float):
-    """Facets of the underside that lie between two distances from both edges of a corner."""
+def _in_corner(box, near: float, far: float):
+    """Facets that lie between two distances from both edges of a corner, seen along z."""
 
     def test(corners):
+        # a facet's middle tells one that spans from corner to corner of the part
+        points = np.concatenate([corners[:2], corners[:2].mean(axis=1, keepdims=True)], axis=1)
         middle, half = (box.upper + box.lower) / 2, (box.upper - box.lower) / 2
-        inset = half[:2, None, None] - np.abs(corners[:2] - middle[:2, None, None])
+        inset = half[:2, None, None] - np.abs(points - middle[:2, None, None])
         inside = (inset > near - TOLERANCE) & (inset < far + TOLERANCE)
-        return np.all(inside, axis=(0, 1)) & _on_plane(2, box.lower[2])(corners)
+        return np.all(inside, axis=(0, 1))
 
     return test
 

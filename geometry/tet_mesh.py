@@ -17,7 +17,7 @@ from skfem import MeshTet
 from geometry.assembly import (
     Assembly,
     boxes,
-    plate_spots,
+    corner_squares,
     screw_cells,
     screw_z,
     sheets,
@@ -100,24 +100,25 @@ def _bodies(a: Assembly) -> dict[str, list[int]]:
 def _box(a: Assembly, name: str) -> list[int]:
     box = boxes(a)[name]
     volume = (3, gmsh.model.occ.addBox(*box.lower, *(box.upper - box.lower)))
-    if name != "plate":
+    squares = [(2, _square(*s)) for s in _squares(a, name, box)]
+    if not squares:
         return [volume[1]]
-    squares = [(2, _square(box, *corner)) for corner in _plate_corners(a, box)]
     return [tag for dim, tag in gmsh.model.occ.fragment([volume], squares)[0] if dim == 3]
 
 
-def _plate_corners(a: Assembly, box) -> list[tuple[float, float, float]]:
-    """x, y of the lower corner and side of every square to imprint under the plate."""
+def _squares(a: Assembly, name: str, box) -> list[tuple[float, float, float, float]]:
+    """Lower corner x, y, z and side of every square to imprint on a part."""
     found = []
-    for near, far in plate_spots(a).values():
+    for face, near, far in corner_squares(a, name).values():
+        z = (box.lower if face == "-z" else box.upper)[2]
         x = (box.lower[0] + near, box.upper[0] - far)
         y = (box.lower[1] + near, box.upper[1] - far)
-        found += [(i, j, far - near) for i in x for j in y]
+        found += [(i, j, z, far - near) for i in x for j in y]
     return found
 
 
-def _square(box, x: float, y: float, side: float) -> int:
-    return gmsh.model.occ.addRectangle(x, y, box.lower[2], side, side)
+def _square(x: float, y: float, z: float, side: float) -> int:
+    return gmsh.model.occ.addRectangle(x, y, z, side, side)
 
 
 def _sheet(a: Assembly, y: float) -> list[int]:

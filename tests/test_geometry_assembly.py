@@ -18,6 +18,7 @@ from geometry import PARTS, Assembly, InvalidGeometry, held_faces, interfaces, p
         ({"block_y": 0.09}, r"sheets_support_y = 0.0982 m must equal block_y = 0.09"),
         ({"support_x": 0.2}, r"overhang each other"),
         ({"pad": 0.1}, r"pad = 0.1 m must be less than half"),
+        ({"stack_inset": 0.004}, r"stack_inset = 0.004 m .* off a part of 0.078 m"),
         ({"bolt_inset": 0.005}, r"bolt_inset = 0.005 m .* off a plate"),
         ({"parts": ("sheets", "block")}, r"parts = .* must be the first of"),
     ],

@@ -37,6 +37,7 @@ def test_faces_have_their_areas(mesh):
     assert area(mesh, "block:+x") == pytest.approx(a.block_y * a.block_z)
     assert area(mesh, "plate:pads") == pytest.approx(4 * a.pad**2)
     assert area(mesh, "plate:bolts") == pytest.approx(4 * a.bolt_washer**2)
+    assert area(mesh, "support:+z-screws") == pytest.approx(4 * a.stack_washer**2)
     strip = a.sheet_width * a.head_overlap - holes
     assert area(mesh, "sheet+y:head") == pytest.approx(strip, rel=1e-3)
     ring = np.pi * (a.washer_radius**2 - a.hole_radius**2)

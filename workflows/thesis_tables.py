@@ -7,13 +7,16 @@ from pydantic import BaseModel
 
 from workflows.assembly_report import paired_hz
 from workflows.assembly_table import BODIES
-from workflows.scene import Scene
+from workflows.scene import Joints, JointStiffnesses, Scene
 from workflows.stages import Watch, pipeline_of
 from workflows.summary import HAMMER_TEST_HZ
 from workflows.tuning import tuned
 
 SUPPORT = ("block", "sheets", "sheets_support", "support")
 PLATE = (*SUPPORT, "plate")
+
+
+SEED_52 = 4e-3  # [m] in the sheets: mode 1 of the screw tie within about 1 % of convergence
 
 
 class Row52(NamedTuple):
@@ -33,6 +36,11 @@ TABLE_52 = (
     Row52("screw-tie + support", SUPPORT, "screw-tie", (35.0, 435.0, 854.0, 8136.0)),
     Row52("screw-tie + support + plate", PLATE, "screw-tie", (35.0, 397.0, 832.0, 8147.0)),
 )
+
+
+# [N m/rad] of the head joints in the plane of the sheets: rigid turns put mode 3 at 297 Hz when
+# mode 2 is met, loose ones at 604 Hz, nearer to the thesis' 709 Hz
+LOOSE_TURN = 100.0
 
 
 class Row53(NamedTuple):
@@ -81,16 +89,19 @@ def table_53(scene: Scene, watch: Watch) -> Table:
 
 def _tuned_row(scene: Scene, row: Row53, watch: Watch) -> TableRow:
     match = {i: HAMMER_TEST_HZ[i - 1] for i in row.match}
-    _, report = tuned(scene, match, (), watch)
+    bare = scene.model_copy(update={"joints": Joints(head=JointStiffnesses(kry=LOOSE_TURN))})
+    _, report = tuned(bare, match, (), watch)
     return _compared(row.model, report.full_order_hz, row.thesis_hz)
 
 
 def _row(scene: Scene, row: Row52, watch: Watch) -> TableRow:
-    # the drop by the plate needs one that is held at its corners
-    fixing = "corners" if row.constraint == "screw-tie" and "plate" in row.parts else "flat"
+    # screws hold the support and the plate as well: the plate's share, 435 to 397 Hz, needs them
+    fixing = "bolted" if row.constraint == "screw-tie" and "plate" in row.parts else "flat"
     plain = dict.fromkeys(BODIES)  # the thesis' models are of one steel
     parts = {"parts": row.parts, "constraint": row.constraint, "fixing": fixing, **plain}
-    varied = scene.model_copy(update={"assembly": scene.assembly.model_copy(update=parts)})
+    fine = scene.mesh.model_copy(update={"seed": min(scene.mesh.seed, SEED_52)})
+    assembly = scene.assembly.model_copy(update=parts)
+    varied = scene.model_copy(update={"assembly": assembly, "mesh": fine})
     return _compared(row.model, paired_hz(pipeline_of(varied, watch)("modes")), row.thesis_hz)
 
 
