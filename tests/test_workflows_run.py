@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from errno import ENOSPC
 from pathlib import Path
 
 import numpy as np
@@ -151,6 +152,23 @@ def test_a_run_clears_its_own_folder_only(tmp_path):
     (tmp_path / "out" / ".rom.part.npz").touch()
     RunFolder(tmp_path / "out").begin("name = 'x'", None)
     assert beside.exists() and not (tmp_path / "out" / ".rom.part.npz").exists()
+
+
+def _no_space(*_):
+    raise OSError(ENOSPC, "No space left on device")
+
+
+def test_a_full_disk_is_told_in_one_sentence(monkeypatch, capsys):
+    monkeypatch.setattr("workflows.run.save_trajectory", _no_space)
+    assert small("run", "rig-1dof", "--out=out") == 1
+    said = capsys.readouterr().err
+    assert "No space left on device; make room" in said and _one_line(said)
+
+
+def test_a_cache_that_takes_no_more_is_passed_over_in_silence(monkeypatch, capsys, recwarn):
+    monkeypatch.setattr("joblib.numpy_pickle.dump", _no_space)
+    assert small("run", "rig-1dof", "--out=out") == 0
+    assert not capsys.readouterr().err and not recwarn.list
 
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path):

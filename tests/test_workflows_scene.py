@@ -158,6 +158,8 @@ def test_dimensions_that_cannot_be_built_are_refused():
     for change, words in {
         "assembly.sheet_thickness=-1e-3": "sheet_thickness",
         "assembly.blok_x=0.1": "'block_x'",
+        "assembly.poisson=0.5": "less than 0.5",
+        "assembly.block.poisson=0.5": "less than 0.5",
         "assembly.washer_radius=0.05": "washer",
     }.items():
         with pytest.raises(InvalidScene, match=words):

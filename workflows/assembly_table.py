@@ -6,24 +6,27 @@ from typing import Annotated, Literal
 from pydantic import Field, create_model
 
 from geometry import Assembly
-from workflows.scene import Poisson, Positive, Table
+from workflows.scene import Positive, Table
 
 BODIES = ("block", "sheets", "sheets_support", "support", "plate")
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Names = Annotated[tuple[Literal[BODIES], ...], Field(strict=False)]  # type: ignore[valid-type]
 
 
+Compressible = Annotated[float, Field(gt=-1, lt=0.5)]  # an incompressible solid locks
+
+
 class Steel(Table):
     """What a body is made of, where it differs from the assembly's material."""
 
     young: Positive | None = None  # [Pa]
-    poisson: Poisson | None = None
+    poisson: Compressible | None = None
     density: Positive | None = None  # [kg/m^3]
 
 
 class _Constraint(Table):
     young: Positive = 210e9  # [Pa]
-    poisson: Poisson = 0.3
+    poisson: Compressible = 0.3
     density: Positive = 7850.0  # [kg/m^3]
     block: Steel | None = None
     sheets: Steel | None = None

@@ -6,6 +6,7 @@ what its scene holds.
 """
 
 import sys
+from errno import EDQUOT, EFBIG, ENOSPC
 from json import dumps
 from os import environ
 from pathlib import Path
@@ -305,11 +306,17 @@ def _status(command) -> int:
             return _failed(2, error.format_message())
         if environ.get("BEADWAVE_DEBUG"):
             raise
-        return _failed(1, f"{error}" if isinstance(error, ValueError) else _unexpected(error))
+        return _failed(1, _sentence(error))
 
     if status == INTERRUPTED:
         return _failed(130, "interrupted; finished stages are kept, the same command goes on.")
     return status
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError) and error.errno in (ENOSPC, EDQUOT, EFBIG):
+        return f"{error.strerror}; make room, finished stages are kept, the same command goes on."
+    return f"{error}" if isinstance(error, ValueError) else _unexpected(error)
 
 
 def _unexpected(error: Exception) -> str:

@@ -20,6 +20,7 @@ from os import environ
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
+from warnings import filterwarnings
 
 from joblib import Memory
 from joblib import __version__ as joblib_version
@@ -260,7 +261,9 @@ def cache_folder() -> Path:
 
 def memory() -> Memory | None:
     """The cache, or None where its folder cannot be written."""
-    getLogger("joblib").setLevel(ERROR)  # a damaged entry is recomputed, no need to print why
+    # an entry that is damaged or does not fit on the disk is computed again, no need to print why
+    getLogger("joblib").setLevel(ERROR)
+    filterwarnings("ignore", module="joblib")
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
