@@ -12,6 +12,7 @@ from geometry.assembly import (
 )
 from geometry.hex_mesh import hex_mesh
 from geometry.naming import named
+from geometry.quality import smallest_quality
 
 __all__ = [
     "PARTS",
@@ -25,5 +26,6 @@ __all__ = [
     "interfaces",
     "named",
     "provenance",
+    "smallest_quality",
     "volume",
 ]

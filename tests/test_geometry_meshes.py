@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from skfem import Basis, FacetBasis
+from skfem import Basis, FacetBasis, MeshHex, MeshTet
 
-from geometry import Assembly, hex_mesh, volume
+from geometry import Assembly, hex_mesh, smallest_quality, volume
 from geometry.tet_mesh import tet_mesh
 
 SIZES = {"seed": 6e-3, "block_seed": 15e-3, "support_seed": 25e-3}
@@ -53,6 +53,21 @@ def test_a_contact_seed_refines_only_around_the_contact(mesh):
     point = np.array([0.03, Assembly().block_z / 2])
     distance = np.hypot(*(corners.mean(axis=1) - point[:, None]))
     assert size[distance.argmin()] < 5e-3 and size.max() > 9e-3
+
+
+def test_quality_is_one_for_boxes_and_regular_tetrahedra_and_falls_with_the_shape():
+    box = MeshHex.init_tensor([0, 1.0], [0, 2.0], [0, 5.0])
+    assert smallest_quality(box) == pytest.approx(1.0)
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]]).T
+    regular = MeshTet(corners, np.array([[0], [1], [2], [3]]))
+    assert smallest_quality(regular) == pytest.approx(1.0)
+    # sheared by 45 degrees: the edges of a corner enclose sin(45)
+    sheared = MeshHex(box.p + np.array([[1.0], [0], [0]]) * box.p[1], box.t)
+    assert smallest_quality(sheared) == pytest.approx(np.sqrt(0.5))
+
+
+def test_meshes_of_the_assembly_have_no_bad_corner(mesh):
+    assert smallest_quality(mesh) > 0.01  # thin sheets: flat tetrahedra, good hexahedra
 
 
 def test_screws_may_be_many_or_one():

@@ -66,6 +66,7 @@ STUDIES = {
     "wall-modes": Entry("workflows.chain_studies:wall_modes", "rig-rigid"),
     "batch": Entry("workflows.engine_studies:batch", "rig-rigid"),
     "parts": Entry("workflows.engine_studies:parts", "rig-rigid"),
+    "mesh": Entry("workflows.mesh_accuracy:mesh", "rig-rom"),
     "reduction": Entry("workflows.reduction_accuracy:reduction", "rig-rom"),
 }
 

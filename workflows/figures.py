@@ -120,6 +120,24 @@ def _curves(panel, curves: list[Curve]) -> None:
     _plain(panel)
 
 
+def mesh_convergence(seed: Array, error: dict[str, Array]) -> bytes:
+    """Relative error of the four modes (k, 4) against the element size (k,) [m], by constraint."""
+    figure = Figure(figsize=(8, 3.8), layout="constrained")
+    panels = figure.subplots(1, len(error), sharey=True, squeeze=False)[0]
+    for panel, (constraint, values) in zip(panels, error.items(), strict=True):
+        for i, colour in enumerate(_colours(values.shape[1])):
+            panel.loglog(
+                1e3 * seed, 100 * values[:, i], "o-", color=colour, markersize=4, linewidth=1.2,
+                label=f"mode {i + 1}",
+            )  # fmt: skip
+        panel.set_title(constraint, fontsize=10, loc="left")
+        panel.set_xlabel("element size in the sheets [mm]")
+        _plain(panel)
+    panels[0].set_ylabel("frequency error [%]")
+    panels[0].legend(frameon=False, fontsize=8)
+    return _png(figure)
+
+
 def _colours(n: int) -> list[str]:
     return [COLOURS[i % len(COLOURS)] for i in range(n)]
 
