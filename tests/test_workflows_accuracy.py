@@ -179,6 +179,19 @@ def test_command_prints_rows_for_machines(capsys, monkeypatch, tmp_path):
     assert (tmp_path / "figures" / "accuracy_chain_length.png").stat().st_size > 10_000
 
 
+def test_a_peer_that_gives_up_leaves_no_row(case):
+    def gives_up(problem, tolerance):
+        return peers.Solution(np.zeros((3, 12)), None, 1)
+
+    assert not list(peer_rows("time", case, reference(case), {"one": gives_up}))
+
+
+def test_json_holds_no_number_that_is_not_finite():
+    study = Study((Row("time", "LSODA", 1e-6, np.nan, 1e-3, np.inf),), ())
+    (row,) = json.loads(accuracy.json(study), parse_constant=pytest.fail)["rows"]
+    assert row["error"] is row["energy_error"] is None
+
+
 def test_unknown_stage_is_bad_input(capsys, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["beadwave", "accuracy", "--stage", "tme"])
     with pytest.raises(SystemExit) as end:

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from importlib import import_module
 from io import StringIO
 from json import dumps
+from math import isfinite
 from os import cpu_count
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -114,10 +115,14 @@ def _processor() -> str:
 
 
 def json(study: Study) -> str:
-    """For machines."""
-    rows = [row._asdict() for row in study.rows]
+    """For machines; a number that is not finite is null."""
+    rows = [{name: _finite(value) for name, value in row._asdict().items()} for row in study.rows]
     content = {"rows": rows, "findings": study.findings, "machine": machine()._asdict()}
     return dumps(content, indent=1)
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def write(study: Study, out: Path) -> None:

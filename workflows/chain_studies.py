@@ -66,9 +66,14 @@ def time(scene: Scene, watch: Watch) -> Study:
     findings = (_agreement(scene.name, truth), *order_sentences(case, rows))
     return Study(
         rows,
-        (*findings, *ratio_sentences(rows, scene.name)),
+        (*findings, *ratio_sentences(rows, scene.name), *_absent()),
         (_work_precision("accuracy_time", rows, scene.name),),
     )
+
+
+def _absent() -> tuple[str, ...]:
+    wheel = "CVODE is not installed; pip install scikit-sundae puts it beside the others."
+    return () if peers.has_sundials() else (wheel,)
 
 
 def _agreement(where: str, truth: Reference) -> str:

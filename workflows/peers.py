@@ -213,7 +213,12 @@ SUNDIALS: dict[str, Solver] = {"CVODE-Adams": cvode("Adams"), "CVODE-BDF": cvode
 
 def peers() -> dict[str, Solver]:
     """All that are installed."""
-    return SCIPY if find_spec("sksundae") is None else {**SCIPY, **SUNDIALS}
+    return {**SCIPY, **SUNDIALS} if has_sundials() else SCIPY
+
+
+def has_sundials() -> bool:
+    """Whether the optional wheel of SUNDIALS is there."""
+    return find_spec("sksundae") is not None
 
 
 def energy_error(problem: Problem, y: np.ndarray) -> float | None:

@@ -40,7 +40,7 @@ class Reference(NamedTuple):
     other: str
 
 
-def timed(call: Callable[[], Any], *, budget: float = 0.1, repeats: int = 7) -> Timed:
+def timed(call: Callable[[], Any], *, budget: float = 0.1, repeats: int = 30) -> Timed:
     """Call once, which may compile, then again while the budget [s] lasts."""
     result, cold = _clocked(call)
     times: list[float] = []
@@ -177,10 +177,12 @@ def peer_rows(
     parameter: float | None = None,
     tolerances: tuple[float, ...] = TOLERANCES,
 ) -> Iterator[Row]:
-    """Each solver over tolerances, up to the first that is slow."""
+    """Each solver over tolerances, up to the first that is slow or gives up on the way."""
     for name, solver in solvers.items():
         for tolerance in tolerances:
             run = timed(lambda solver=solver, tolerance=tolerance: solver(problem, tolerance))
+            if len(run.result.y) <= problem.n_save:
+                break
             yield _peer_row(study, problem, truth, name, tolerance, parameter, run)
             if run.warm > SLOW:
                 break
