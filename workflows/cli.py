@@ -264,6 +264,32 @@ def stability(
     typer.echo(cases.json(rows) if json else cases.text(rows))
 
 
+@app.command(name="study")
+def run_study(
+    name: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Argument(metavar="[NAME]", help="A study; without it they are listed."),
+    ] = None,
+    scene: SceneName = None,
+    out: Annotated[Optional[Path], typer.Option(help="Folder for table, CSV and plots.")] = None,  # noqa: UP045
+    changes: Changes = None,
+    json: Json = False,
+) -> None:
+    """Figures of the thesis made again, each beside its cure."""
+    from workflows import study
+
+    if name is None:
+        typer.echo(study.listing())
+        return
+    with StageProgress(sys.stderr) as progress:
+        found = study.study(name, load(scene, tuple(changes or ())), progress.stage)
+    folder = out or Path("studies")
+    study.write(found, folder)
+    typer.echo(study.json(found) if json else study.text(found))
+    if not json:
+        typer.echo(f"written: {folder}/figures/{found.pictures[0].name}.png")
+
+
 @app.command()
 def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")]) -> None:
     """Write report.html of a run folder."""

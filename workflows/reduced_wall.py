@@ -23,7 +23,7 @@ def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coup
             reduced,
             half_space=half_space(reduced),
             damping=damping(scene.damping, reduced),
-            cutoff_hz=scene.wall.cutoff,
+            cutoff_hz=scene.wall.cutoff or np.inf,  # the thesis takes its matrices whole
             w_force=reduced.w,
             w_reading=_reading_weights(reduced),
         )

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e", "#7f6000", "#990000")
@@ -47,6 +48,11 @@ def panels(sets: Sequence[Panel], *, columns: int = 1, size: tuple[float, float]
     return raw.getvalue()
 
 
+def _narrow(panel: Panel) -> bool:
+    x = np.concatenate([np.ravel(line.x) for line in panel.lines])
+    return bool(x.max() < 15 * x.min())
+
+
 def _drawn(panel: Panel, axis) -> None:
     for i, line in enumerate(panel.lines):
         colour = COLOURS[(i if line.colour is None else line.colour) % len(COLOURS)]
@@ -56,6 +62,8 @@ def _drawn(panel: Panel, axis) -> None:
         )  # fmt: skip
     if "x" in panel.logarithmic:
         axis.set_xscale("log")
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_formatter("{x:g}" if _narrow(panel) else NullFormatter())
     if "y" in panel.logarithmic:
         axis.set_yscale("log")
     if panel.y_limits:

@@ -1,0 +1,108 @@
+"""An undamped wall under repeated impacts, and what the thesis' Rayleigh damping means.
+
+With force and reading at different nodes the wall makes energy, which the thesis saw as growing
+oscillations and met with damping. With one functional for both nothing grows and no damping is
+needed to say so. Thesis, figures 6.5 and 6.6, equation 6.1.
+"""
+
+import numpy as np
+
+import coupling
+from workflows import assembly_stages as stages
+from workflows.run_folder import Picture
+from workflows.scene import Scene
+from workflows.stages import Watch
+from workflows.studies.schemes import Body, Run, of_the_thesis, ours, require_rig, struck
+from workflows.study import Finding
+from workflows.study_figures import Line, Panel, panels
+from workflows.summary import HAMMER_TEST_HZ
+
+DURATION = 12e-3  # [s]
+THESIS = coupling.RayleighDamping(514.53, 1.72e-8)  # section 6.2
+FAR = "thesis, read at the block's other side"
+BAND_HZ = (10.0, 5e4)
+
+
+def damping(scene: Scene, watch: Watch) -> Finding:
+    """Three undamped runs, and the Rayleigh ratio over frequency."""
+    require_rig(scene)
+    runs = tuple(_runs(scene, watch))
+    zeta = coupling.damping_ratios(THESIS, 2 * np.pi * np.array(HAMMER_TEST_HZ))
+    rows = (
+        *((f"undamped, {r.name}: largest gain of energy", r.gain.largest) for r in runs),
+        *((f"undamped, {r.name}: gain at the end", r.gain.final) for r in runs),
+        *(
+            (f"Rayleigh ratio at {hz:g} Hz", float(z))
+            for hz, z in zip(HAMMER_TEST_HZ, zeta, strict=True)
+        ),
+    )
+    picture = Picture("study_damping", _picture(runs))
+    return Finding("damping", ("quantity", "value"), rows, _sentences(runs, zeta), (picture,))
+
+
+def _runs(scene: Scene, watch: Watch):
+    model = stages.model(scene, stages.mesh(scene))
+    body = Body(model, scene.patch.point, scene.patch.radius)
+    (y, z), aside = body.point, body.radius
+    beside = f"thesis, read {1e3 * body.radius:g} mm beside"
+    with watch("one functional"):
+        yield struck(scene, "one functional", ours(scene, body), DURATION)
+    with watch(beside):
+        yield struck(scene, beside, of_the_thesis(body), DURATION)
+    with watch(FAR):
+        wall = of_the_thesis(body, ((-y, z - aside), (-y, z + aside)))
+        yield struck(scene, FAR, wall, DURATION)
+
+
+def _sentences(runs: tuple[Run, ...], zeta) -> tuple[str, ...]:
+    return (
+        f"Undamped, {1e3 * DURATION:g} ms; gains are relative to the striker's energy, their "
+        f"largest values stand at {', '.join(f'{1e3 * run.gain.time:.3g} ms' for run in runs)}.",
+        f"The Rayleigh coefficients of the thesis, alpha = {THESIS.alpha:g} 1/s and beta = "
+        f"{THESIS.beta:g} s, follow from its formula, but mean a damping ratio of "
+        f"{100 * zeta[0]:.0f} % at {HAMMER_TEST_HZ[0]:g} Hz: that mode does not oscillate any "
+        f'more. A ratio per measured mode (damping.kind = "modal") is the better default.',
+    )
+
+
+def _picture(runs: tuple[Run, ...]) -> bytes:
+    speed = 1.1 * max(np.abs(run.trajectory.v[:, -1]).max() for run in runs)
+    moving = [
+        Panel(
+            f"undamped, {run.name} (6.5)", "time [ms]", "velocity [m/s]",
+            [Line("last sphere", run.milliseconds, run.trajectory.v[:, -1], width=0.8),
+             Line("wall, where it is read", run.milliseconds, run.trajectory.wall_v, width=0.8)],
+            y_limits=(-speed, speed),
+        )
+        for run in runs
+    ]  # fmt: skip
+    return panels([*moving, _gains(runs), _log_gains(runs), _rayleigh()], columns=2, size=(5.6, 3))
+
+
+def _gains(runs: tuple[Run, ...]) -> Panel:
+    lines = [Line(r.name, r.milliseconds, 100 * (r.total - r.total[0]), width=0.8) for r in runs]
+    return Panel("energy made", "time [ms]", "% of the striker's", lines)
+
+
+def _log_gains(runs: tuple[Run, ...]) -> Panel:
+    lines = [
+        Line(r.name, r.milliseconds, np.maximum(np.abs(r.total - r.total[0]), 1e-16), width=0.8)
+        for r in runs
+    ]
+    return Panel("the same, logarithmic", "time [ms]", "of the striker's energy", lines, "y")
+
+
+def _rayleigh() -> Panel:
+    f = np.geomspace(*BAND_HZ, 400)
+    tested = np.array(HAMMER_TEST_HZ)
+    at = coupling.damping_ratios(THESIS, 2 * np.pi * tested)
+    curve = coupling.damping_ratios(THESIS, 2 * np.pi * f)
+    lines = [
+        Line("alpha = 514.53 1/s, beta = 1.72e-8 s", f, 100 * curve),
+        Line("modes of the hammer test", tested, 100 * at, "o"),
+        Line("no oscillation above", f, np.full_like(f, 100.0), "--"),
+    ]
+    return Panel(
+        "Rayleigh damping of the thesis (figure 6.6)", "frequency [Hz]", "damping ratio [%]",
+        lines, "xy",
+    )  # fmt: skip

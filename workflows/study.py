@@ -1,0 +1,78 @@
+"""Studies that make figures of the thesis again: their names, and what each leaves behind."""
+
+from importlib import import_module
+from json import dumps
+from pathlib import Path
+from typing import NamedTuple
+
+from workflows.accuracy import aligned, short, table_csv
+from workflows.run_folder import Picture, RunFolder, write_pictures
+from workflows.scene import InvalidScene, Scene, nearest
+from workflows.stages import Watch
+
+
+class Finding(NamedTuple):
+    """A study's table (columns, rows), sentences for a reader, plots."""
+
+    name: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple, ...]
+    sentences: tuple[str, ...]
+    pictures: tuple[Picture, ...]
+
+
+class Entry(NamedTuple):
+    """A study's function "module:name" and what it shows."""
+
+    function: str
+    shows: str
+
+
+STUDIES = {
+    "singularity": Entry(
+        "workflows.studies.singularity:singularity",
+        "thesis, figures 6.2 and 6.3: the contact node gives way the more the finer the mesh",
+    ),
+    "damping": Entry(
+        "workflows.studies.damping:damping",
+        "thesis, figures 6.5 and 6.6: an undamped wall, and what its Rayleigh damping means",
+    ),
+    "energy": Entry(
+        "workflows.studies.energy:energy",
+        "thesis, figures 7.1 to 7.9: energy with and without the wall's share, two schemes",
+    ),
+}
+
+
+def listing() -> str:
+    """The studies, a line each."""
+    return "\n".join(f"{name:16}{entry.shows}" for name, entry in STUDIES.items())
+
+
+def study(name: str, scene: Scene, watch: Watch) -> Finding:
+    """Run a study on the scene's assembly; raises InvalidScene for a name that is none."""
+    if name not in STUDIES:
+        raise InvalidScene(f"study {name!r} is not known; {nearest(name, STUDIES)}.")
+    module, function = STUDIES[name].function.split(":")
+    return getattr(import_module(module), function)(scene, watch)
+
+
+def text(found: Finding) -> str:
+    """The table and the sentences."""
+    cells = [found.columns, *(tuple(map(short, row)) for row in found.rows)]
+    return "\n".join([aligned(cells, left=1), "", *found.sentences])
+
+
+def json(found: Finding) -> str:
+    """For machines."""
+    rows = [dict(zip(found.columns, row, strict=True)) for row in found.rows]
+    return dumps({"study": found.name, "rows": rows, "findings": found.sentences}, indent=1)
+
+
+def write(found: Finding, out: Path) -> None:
+    """NAME.csv, NAME.json and figures/ into a folder."""
+    folder = RunFolder(out)
+    folder.make()
+    folder.write(f"{found.name}.csv", table_csv(found.columns, found.rows))
+    folder.write(f"{found.name}.json", json(found) + "\n")
+    write_pictures(folder, found.pictures)
