@@ -5,6 +5,7 @@ towards the wall. Contact i has the overlap delta = x_i - x_{i+1}; the last one,
 delta = x_N - u_w - s F with the modes' displacement u_w and the residual compliance s.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -210,8 +211,10 @@ def _vector(name, values, size, *, positive=False, at_least=None):
         raise InvalidChain(f"{name}[{i}] is {values[i]:g}; it must be {allowed}")
 
 
-def _scalar(name, value, *, positive=False, at_least=None):
-    _vector(name, np.atleast_1d(value), 1, positive=positive, at_least=at_least)
+def _scalar(name, value, *, at_least=None):
+    lowest = -math.inf if at_least is None else at_least
+    if not (isinstance(value, float) and math.isfinite(value) and value >= lowest):
+        _vector(name, np.atleast_1d(value), 1, at_least=at_least)
 
 
 def equilibrium(chain, wall):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dem
-from workflows import accuracy, chain_studies, engine_studies, peers
+from workflows import accuracy, chain_studies, engine_studies, peers, work_precision
 from workflows.accuracy import Row, Study
 from workflows.chain_studies import lengthened, modal_wall
 from workflows.cli import main
@@ -17,10 +17,12 @@ from workflows.scene_file import scene
 from workflows.work_precision import (
     Reference,
     growth_exponent,
+    limit,
     peer_rows,
     ratio_sentences,
     reference,
     scheme_row,
+    scheme_rows,
     seconds_at,
     timed,
 )
@@ -184,6 +186,13 @@ def test_a_peer_that_gives_up_leaves_no_row(case):
         return peers.Solution(np.zeros((3, 12)), None, 1)
 
     assert not list(peer_rows("time", case, reference(case), {"one": gives_up}))
+
+
+def test_steps_that_the_engine_refuses_are_left_out(case, monkeypatch):
+    refusing = limit(case, "verlet")
+    monkeypatch.setattr(work_precision, "limit", lambda problem, scheme: 4 * refusing)
+    rows = list(scheme_rows("time", case, reference(case), ["verlet"], halvings=5))
+    assert rows and max(row.setting for row in rows) < refusing
 
 
 def test_json_holds_no_number_that_is_not_finite():

@@ -121,7 +121,10 @@ def scheme_rows(
         for dt in (largest / 2.0**k for k in range(1, halvings)):
             if dt > 2.0 * longest:
                 continue
-            row = scheme_row(study, problem, truth, scheme, dt, parameter)
+            try:
+                row = scheme_row(study, problem, truth, scheme, dt, parameter)
+            except dem.UnstableStep:
+                continue  # what it refuses has no error to show
             yield row
             if row.error < until or row.seconds > 0.1:
                 break
