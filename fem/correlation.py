@@ -16,6 +16,7 @@ from fem.modes import Modes
 
 HAMMER_TEST_HZ = (51.0, 269.0, 907.0, 8425.0)  # thesis, table 5.1
 LEAST_SHARE = 0.3  # a mode has a character from this share on
+RIGID = 1e-5  # below this share of the highest frequency a mode strains nothing but by rounding
 
 
 class Pairing(NamedTuple):
@@ -67,7 +68,9 @@ def _characters(forms: BodyForms, modes: Modes) -> NDArray[np.float64]:
     its strain energy in the body, (4, k).
     """
     shifts = (forms.rigid @ modes.phi) ** 2
-    strain = np.sum(modes.phi * (forms.K @ modes.phi), axis=0) / np.maximum(modes.omega**2, 1e-30)
+    elastic = modes.omega > RIGID * modes.omega.max()
+    strain = np.sum(modes.phi * (forms.K @ modes.phi), axis=0)
+    strain = np.where(elastic, strain / np.where(elastic, modes.omega, 1.0) ** 2, 0.0)
     return np.array([shifts[1], shifts[0] + shifts[4], shifts[5], strain])
 
 

@@ -100,7 +100,8 @@ def wires(
     names = [f"{body}.{direction}" for body in bodies for direction in DIRECTIONS]
     ties = [tie(basis, t.slave, t.master) for t in touching if not len(t.halves)]
     taken = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in ties)])
-    return _joined(structure, [*ties, *screws(basis, layout, taken)], held, table, k, names)
+    screwed = screws(basis, layout, taken) if layout else []
+    return _joined(structure, [*ties, *screwed], held, table, k, names)
 
 
 def _joined(

@@ -7,6 +7,7 @@ Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228, for block Lan
 
 from collections.abc import Callable
 from functools import partial
+from itertools import count
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -184,8 +185,10 @@ def _lanczos(problem: Pencil, enough: Enough) -> np.ndarray:
     M, factor = problem.M, problem.factor
     start = np.random.default_rng(1).standard_normal((M.shape[0], BLOCK))
     block = _orthonormal(factor.solve(start), M)
-    Q, H = block, np.zeros((BLOCK, BLOCK))
-    while True:
+    if block.shape[1] < BLOCK:  # rigid motions drown the rest: let it come with the second block
+        block = _orthonormal(start, M)
+    Q, H = block, np.zeros(2 * block.shape[1:])
+    for step in count(1):
         W = factor.solve(np.asfortranarray(M @ block))
         norm = np.sqrt(np.einsum("ij,ij->j", W, M @ W).max())
         h = _projected_out(W, Q[:, : len(H)], M)
@@ -193,7 +196,7 @@ def _lanczos(problem: Pencil, enough: Enough) -> np.ndarray:
         H[:, last], H[last, :] = h, h.T
         block = _orthonormal(W, M, norm)
         exhausted = block.shape[1] == 0
-        if exhausted or len(H) % (CHECK * BLOCK) == 0:
+        if exhausted or step % CHECK == 0:
             pairs = _converged(H, (block.T @ (M @ W)), last, problem.sigma)
             shapes = partial(np.matmul, Q[:, : len(H)], pairs.phi)
             if exhausted or enough(pairs.omega, shapes):

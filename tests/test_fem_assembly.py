@@ -83,6 +83,15 @@ def test_the_structure_has_the_mass_of_its_bodies(full):
     assert solid < mass < solid + sheets
 
 
+def test_a_free_block_strains_in_no_rigid_mode():
+    alone = Assembly(parts=PARTS[:1])
+    block = wires(structure(alone), interfaces(alone), held_faces(alone), {})
+    found = modes(block.K, block.M, 9)
+    pairing = pair(block, found)
+    assert pairing.index[3] >= 6 and pairing.score.max() < 1 + 1e-6
+    np.testing.assert_array_equal(pairing.character[3, :6], 0.0)
+
+
 def test_mac_of_modes_with_themselves_is_the_identity_on_its_diagonal(full):
     phi = modes(full.K, full.M, 4).phi
     np.testing.assert_allclose(np.diag(mac(phi, -2 * phi)), 1.0)

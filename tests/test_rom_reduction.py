@@ -277,6 +277,18 @@ def test_a_part_that_floats_inside_is_refused():
         craig_bampton(loose, both, w, np.arange(35, 40), n_modes=3)
 
 
+def test_rigid_motions_fewer_than_a_lanczos_block_hide_no_elastic_mode():
+    """Six short loose chains: after one solution 8 vectors lie in 6 directions but for 1e-7."""
+    chain = spring_chain(10, held=False)
+    grounded = STIFFNESS * sp.diags_array(np.linspace(1, 2, 400))
+    K, M = (sp.block_diag([A] * 6, format="csc") for A in chain)
+    K = sp.block_diag([grounded, K], format="csc")
+    M = sp.block_diag([MASS * sp.eye_array(400), M], format="csc")
+    reduced = free_modes(K, M, end_patch(460), n_modes=12)
+    omega = 2 * np.sqrt(STIFFNESS / MASS) * np.sin(np.pi / 20)  # of every chain
+    np.testing.assert_allclose(modal(reduced).omega[:12], [0.0] * 6 + [omega] * 6, rtol=1e-9)
+
+
 def test_health_finds_what_is_wrong_with_a_foreign_model():
     K, M = spring_chain(40)
     sound = reduced_end("craig-bampton", K, M, 4)

@@ -248,6 +248,21 @@ def key(stage, *changes):
 FE = ("mesh", "model", "modes", "reduction", "coarse-reduction", "response", "pictures")
 
 
+class _Interrupted:
+    @property
+    def main(self):
+        raise KeyboardInterrupt
+
+
+def test_an_interrupt_while_the_program_loads_is_quiet(monkeypatch, capsys):
+    from workflows.__main__ import main as start
+
+    monkeypatch.setitem(sys.modules, "workflows.cli", _Interrupted())
+    with pytest.raises(SystemExit) as end:
+        start()
+    assert end.value.code == 130 and _one_line(capsys.readouterr().err)
+
+
 @pytest.mark.parametrize(
     "change", ["chain.radius=0.01", "striker.velocity=1.0", "time.error=1e-5", "preload.force=3"]
 )

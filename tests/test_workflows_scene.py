@@ -148,10 +148,26 @@ def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path):
     assert scene(str(path)) == scene("rig-rigid")
 
 
+def test_damping_is_one_ratio_or_one_for_each_mode_of_the_hammer_test():
+    with pytest.raises(InvalidScene, match=r"damping\.ratio has 2 values, 4 are allowed"):
+        scene("rig-rom", ("damping.ratio=[0.01, 0.02]",))
+    assert scene("rig-rom", ("damping.ratio=[0.01, 0.02, 0.01, 0.01]",))
+
+
 def test_a_mesh_that_fits_no_memory_is_refused():
-    for seed in ("seed", "block_seed", "support_seed"):
-        with pytest.raises(InvalidScene, match=rf"mesh\.{seed} = 1e-06 m makes .* elements"):
-            scene("rig-rom", (f"mesh.{seed}=1e-6",))
+    for seed in ("seed", "block_seed", "support_seed", "contact_seed"):
+        with pytest.raises(InvalidScene, match=rf"mesh\.{seed} = 1e-09 m makes .* elements"):
+            scene("rig-rom", (f"mesh.{seed}=1e-9",))
+    assert scene("rig-rom", ("mesh.contact_seed=1e-5", "mesh.seed=1e-3"))
+
+
+@pytest.mark.parametrize(
+    ("point", "words"),
+    [("[0]", "patch.point.1 is missing"), ("[0, 0, 0]", "3 values; give 2"), ("[]", "missing")],
+)
+def test_a_point_has_two_coordinates(point, words):
+    with pytest.raises(InvalidScene, match=words):
+        scene("rig-rom", (f"patch.point={point}",))
 
 
 def test_dimensions_that_cannot_be_built_are_refused():

@@ -71,6 +71,15 @@ def test_what_cannot_be_tuned_is_refused(name, free, sentence):
         tuned(scene(name, COARSE), targets("1"), free, silent)
 
 
+@pytest.mark.parametrize(
+    ("parts", "free"),
+    [("['block']", "head.ky"), ("['block', 'sheets']", "foot.ky")],
+)
+def test_a_joint_that_is_not_there_is_not_tuned(parts, free):
+    with pytest.raises(InvalidScene, match=f"{free} cannot be tuned"):
+        tuned(scene("rig-rom", (f"assembly.parts={parts}",)), targets("1"), (free,), silent)
+
+
 def test_the_command_writes_a_scene_that_reads_back(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     arguments = ["tune", "--match=1,2", "--json", *(f"--set={change}" for change in COARSE)]

@@ -23,6 +23,7 @@ from workflows.scene import (
     nearest,
 )
 from workflows.scene_size import too_large
+from workflows.summary import HAMMER_TEST_HZ
 
 DEFAULT = "rig-rom"
 INSTEAD = {
@@ -163,6 +164,9 @@ def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, 
             return f"{key}: {error['ctx']['error']}; change it."
         case "too_short":
             return f"{key} is an empty list; give at least one value."
+        case "too_long":
+            most = error["ctx"]["max_length"]
+            return f"{key} = {_shown(found)} has {len(found)} values; give {most}."
         case "tuple_type":
             return f"{key} = {_shown(found)} must be a list; write {key} = [...]."
         case "string_pattern_mismatch":
@@ -183,7 +187,7 @@ def _key(error: dict[str, Any], tables: Any) -> list[str]:
     for part in error["loc"]:
         if isinstance(at, dict) and part in at:
             key, at = [*key, str(part)], at[part]
-        elif isinstance(at, list | tuple) and isinstance(part, int):
+        elif isinstance(at, list | tuple) and isinstance(part, int) and part < len(at):
             key, at = [*key, str(part)], at[part]
     return [*key, str(error["loc"][-1])] if error["type"] == "missing" else key
 
@@ -304,6 +308,7 @@ def _wrong_lengths(scene: Scene):
     each += [(f"contact.{key}", getattr(scene.contact, key), contacts) for key in PER_CONTACT]
     if scene.leaf_springs:
         each += [(f"leaf_springs.{key}", value, n) for key, value in scene.leaf_springs]
+    each += [("damping.ratio", getattr(scene.damping, "ratio", None), len(HAMMER_TEST_HZ))]
     for key, value, length in each:
         if isinstance(value, tuple) and len(value) != length:
             yield f"{key} has {len(value)} values, {length} are allowed; give one each."

@@ -1,12 +1,13 @@
 """Scenes whose run would not end or not fit into memory, told before anything is computed."""
 
-from math import prod
+from math import log, prod
 
 from workflows.scene import Scene
 
 MOST_STEPS = 1e9  # minutes to hours
 MOST_VALUES = 1e8  # of one saved quantity: 0.8 GB
-MOST_ELEMENTS = 1e6  # a hundred times the default
+MOST_ELEMENTS = 1e5  # a million unknowns, forty times the default
+GROWTH = 1.7  # of neighbouring elements away from the contact
 
 
 def too_large(scene: Scene):
@@ -39,6 +40,7 @@ def _too_fine(scene: Scene):
     elements = {
         "block_seed": prod((a.block_x, a.block_y, a.block_z)) / mesh.block_seed**3,
         "seed": 2 * length * a.sheet_width / mesh.seed**2,
+        "contact_seed": 4 * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), GROWTH)) ** 3,
         "support_seed": sum(map(prod, below)) / mesh.support_seed**3,
     }
     for key, number in elements.items():

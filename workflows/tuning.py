@@ -71,6 +71,7 @@ def tuned(
             "set assembly.constraint=wires."
         )
     parameters = _parameters(free or usual(match))
+    _require_joints(scene, parameters)
     loose = _loosened(scene, parameters)
     basis = pipeline_of(loose, watch)("tuning-basis")
     started = perf_counter()
@@ -79,6 +80,19 @@ def tuned(
     result = _set(loose, parameters, found.value)
     confirmed = paired_hz(pipeline_of(result, watch)("modes"))
     return result, _report(scene, match, found, confirmed, seconds)
+
+
+def _require_joints(scene: Scene, parameters: list[Parameter]) -> None:
+    """Raises InvalidScene for a spring of a joint that the assembly's parts do not have."""
+    for p in parameters:
+        joints = {MASTER[spring.split(".")[0]] for spring in p.springs}
+        for joint in joints:
+            part = {"head": "sheets", "foot": "sheets_support"}[joint]
+            if part not in scene.assembly.parts:
+                raise InvalidScene(
+                    f"{p.name} cannot be tuned: assembly.parts = {list(scene.assembly.parts)} has "
+                    f"no {part}; add it, or free something else."
+                )
 
 
 def usual(match: dict[int, float]) -> tuple[str, ...]:
