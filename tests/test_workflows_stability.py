@@ -141,3 +141,14 @@ def test_unknown_case_is_bad_input(capsys, monkeypatch):
         main()
     assert end.value.code == 2
     assert "radius" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "changes"),
+    [(1e14, ()), (0.0, ("preload.force=0.0", 'reduction.kind="free-modes"'))],
+)
+def test_stiff_and_floating_assemblies_are_marched_right(stiffness, changes):
+    from workflows.stability_assembly import _jointed
+
+    outcome = _jointed(stiffness, *changes)
+    assert outcome.value < outcome.allowed

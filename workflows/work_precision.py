@@ -265,8 +265,8 @@ def _ratio_sentence(rows: tuple[Row, ...], where: str, error: float) -> str:
         for one in others
         if np.isfinite(one.seconds)
     )
-    return (
-        f"{where}, error {error:g}: {ours.method} {1e3 * ours.seconds:.3g} ms; " + ", ".join(said)
+    return f"{where}, error {error:g}: {ours.method} {1e3 * ours.seconds:.3g} ms; " + ", ".join(
+        said
     )
 
 
