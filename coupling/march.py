@@ -51,7 +51,8 @@ def impact(
     if isinstance(wall, CoupledWall):
         trajectory = _coupled(chain, wall, v0, error, run)
     elif dt is not None:
-        trajectory = with_step_error(chain, wall, v0, march(chain, wall, v0, dt=dt, **run))
+        trajectory = march(chain, wall, v0, dt=dt, **run)
+        trajectory = with_step_error(chain, wall, v0, trajectory, state=run.get("state"))
     else:
         trajectory, report = _controlled(chain, wall, v0, error, horizon, run)
     return Impact(trajectory, judged, report, energy_gain(trajectory))

@@ -111,14 +111,15 @@ def march_to_error(
     return Controlled(fine._replace(error_estimate=estimate), report)
 
 
-def with_step_error(chain, wall, v0, trajectory):
+def with_step_error(chain, wall, v0, trajectory, *, state=None):
     """The trajectory of a given step, its relative velocity error estimated by half the step.
 
-    The estimate is cautious like that of `march_to_error`, on all spheres.
+    The estimate is cautious like that of `march_to_error`, on all spheres; `state` is what the
+    trajectory continued, if it did.
     """
     finer = march(
         chain, wall, v0, duration=float(trajectory.t[-1]), dt=trajectory.dt / 2.0,
-        scheme=trajectory.scheme, n_save=trajectory.t.size - 1,
+        scheme=trajectory.scheme, n_save=trajectory.t.size - 1, state=state,
     )  # fmt: skip
     scale = float(np.abs(v0).max()) or 1.0
     difference = float(np.abs(finer.v - trajectory.v).max()) / scale

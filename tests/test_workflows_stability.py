@@ -113,6 +113,13 @@ def test_a_given_step_knows_its_error(scheme):
         assert 0.5 * off < run.trajectory.error_estimate < 5 * off
 
 
+def test_a_continued_run_knows_its_error_too():
+    chain, wall, options = spheres_of(), dem.rigid_wall(), {"dt": 2e-6, "scheme": "rkn6"}
+    first = dem.march(chain, wall, struck(), duration=5e-4, **options)
+    run = coupling.impact(chain, wall, struck(), duration=5e-4, state=first.final, **options)
+    assert 0.0 < run.trajectory.error_estimate < 1e-4
+
+
 def test_a_rough_step_is_warned_of():
     assert "0.2" in rough(0.2)[0]
     assert rough(1e-3) == rough(None) == ()
