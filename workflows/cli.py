@@ -227,7 +227,8 @@ def accuracy(
         typer.Argument(metavar="[SCENE]", help="A scene; default: the one each study is made for."),
     ] = None,
     stage: Annotated[
-        str, typer.Option(help="A study: time, chain-length, wall-modes, batch, parts; or all.")
+        str,
+        typer.Option(help="time, chain-length, wall-modes, batch, parts, reduction, or all."),
     ] = "all",
     out: Annotated[Optional[Path], typer.Option(help="Folder for table, CSV and plots.")] = None,  # noqa: UP045
     changes: Changes = None,
