@@ -127,11 +127,15 @@ def mesh_convergence(seed: Array, error: dict[str, Array]) -> bytes:
     for panel, (constraint, values) in zip(panels, error.items(), strict=True):
         for i, colour in enumerate(_colours(values.shape[1])):
             panel.loglog(
-                1e3 * seed, 100 * values[:, i], "o-", color=colour, markersize=4, linewidth=1.2,
+                1e3 * seed, 100 * np.where(values[:, i] > 0, values[:, i], np.nan), "o-", color=colour, markersize=4, linewidth=1.2,
                 label=f"mode {i + 1}",
             )  # fmt: skip
         panel.set_title(constraint, fontsize=10, loc="left")
         panel.set_xlabel("element size in the sheets [mm]")
+        for axis in (panel.xaxis, panel.yaxis):
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter("{x:g}")
+            axis.set_tick_params(which="both", labelsize=8)
         _plain(panel)
     panels[0].set_ylabel("frequency error [%]")
     panels[0].legend(frameon=False, fontsize=8)

@@ -26,6 +26,7 @@ SEEDS = (8e-3, 5.66e-3, 4e-3, 2.83e-3, 2e-3)  # [m] ratio sqrt 2
 FINER = (1.41e-3, 1e-3)  # [m] 190 000 and 350 000 unknowns, where a faster solver is installed
 BLOCK_PER_SHEET, FINEST_BLOCK = 3.0, 8e-3  # block's element size per the sheets', and least [m]
 STAGE_1 = {"parts": geometry.PARTS[:2], "fixing": "flat"}
+LEAST_RATIO = 1.2  # of successive differences: below, three meshes say nothing of the limit
 READING = (
     "Every curve falls: a mesh is stiffer than the body, and a clamp line's singular stress keeps "
     "the order near 1 to 1.5.",
@@ -114,7 +115,7 @@ def extrapolated(
     """
     coarse, middle, fine = f[-3:]
     ratio = (coarse - middle) / np.where(middle == fine, np.nan, middle - fine)
-    converging = ratio > 1
+    converging = ratio > LEAST_RATIO
     order = np.log(np.where(converging, ratio, np.nan)) / np.log(h[-3] / h[-2])
     limit = fine - (middle - fine) / (np.where(converging, ratio, np.inf) - 1)
     return np.where(converging, limit, fine), order
