@@ -125,9 +125,10 @@ def mesh_convergence(seed: Array, error: dict[str, Array]) -> bytes:
     figure = Figure(figsize=(8, 3.8), layout="constrained")
     panels = figure.subplots(1, len(error), sharey=True, squeeze=False)[0]
     for panel, (constraint, values) in zip(panels, error.items(), strict=True):
+        shown = np.where(values > 0, values, np.nan)
         for i, colour in enumerate(_colours(values.shape[1])):
             panel.loglog(
-                1e3 * seed, 100 * np.where(values[:, i] > 0, values[:, i], np.nan), "o-", color=colour, markersize=4, linewidth=1.2,
+                1e3 * seed, 100 * shown[:, i], "o-", color=colour, markersize=4, linewidth=1.2,
                 label=f"mode {i + 1}",
             )  # fmt: skip
         panel.set_title(constraint, fontsize=10, loc="left")
