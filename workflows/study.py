@@ -33,6 +33,10 @@ STUDIES = {
         "workflows.studies.singularity:singularity",
         "thesis, figures 6.2 and 6.3: the contact node gives way the more the finer the mesh",
     ),
+    "joints": Entry(
+        "workflows.studies.joints:joints",
+        "thesis, table 5.3: modes 2 and 3 in conflict, and what each freedom of a joint buys",
+    ),
     "damping": Entry(
         "workflows.studies.damping:damping",
         "thesis, figures 6.5 and 6.6: an undamped wall, and what its Rayleigh damping means",

@@ -70,9 +70,9 @@ def tuned(
             f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
             "set assembly.constraint=wires."
         )
-    parameters = _parameters(free or usual(match))
+    parameters = freed(free or usual(match))
     _require_joints(scene, parameters)
-    loose = _loosened(scene, parameters)
+    loose = loosened(scene, parameters)
     basis = pipeline_of(loose, watch)("tuning-basis")
     started = perf_counter()
     found = tune(basis, parameters, match)
@@ -117,7 +117,7 @@ def targets(match: str) -> dict[int, float]:
     return found
 
 
-def _parameters(names: tuple[str, ...]) -> list[Parameter]:
+def freed(names: tuple[str, ...]) -> list[Parameter]:
     """What the names stand for; raises InvalidScene for a stiffness that two of them set."""
     parameters, taken = [_parameter(name) for name in names], {}
     for name, p in zip(names, parameters, strict=True):
@@ -144,7 +144,7 @@ def _known() -> list[str]:
     return [*of_joints, "block.young", "block.density"]
 
 
-def _loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
+def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
     """The scene with finite springs to vary, and a block of the assembly's own steel."""
     of_block = any(not p.springs for p in parameters)
     plain = scene.assembly.model_copy(update={"block": None}) if of_block else scene.assembly
