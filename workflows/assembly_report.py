@@ -7,12 +7,12 @@ from pydantic import BaseModel
 
 import rom
 from fem.abaqus import input_deck
-from workflows import field_file
+from workflows import field_file, figures
 from workflows.assembly_stages import AssemblyModes, materials
 from workflows.assembly_table import assembly
 from workflows.picture_stage import NoPicture
 from workflows.reduced_wall import half_space, require_reader, save
-from workflows.run_folder import RunFolder, checked_file, write_pictures
+from workflows.run_folder import Picture, RunFolder, checked_file, write_pictures
 from workflows.scene import InvalidScene
 from workflows.stages import Pipeline
 from workflows.summary import HAMMER_TEST_HZ, ReductionHealth
@@ -112,6 +112,12 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         for j, hz in enumerate(modes.omega / (2 * np.pi))
     ]
     return ModeTable(scene=pipeline.scene.name, rows=rows)
+
+
+def mac_picture(pipeline: Pipeline) -> Picture:
+    """The MAC matrix of the modes found with those of stiff joints."""
+    hz = pipeline("modes").omega / (2 * np.pi)
+    return Picture("mac", figures.mac_matrix(pipeline("likeness"), hz))
 
 
 def _row(j: int, hz: float, participation: float, tested: int | None, score, mac) -> ModeRow:

@@ -109,13 +109,18 @@ def modes(
         Optional[Path],  # noqa: UP045
         typer.Option(help="Write the geometry (.step)."),
     ] = None,
+    out: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="Folder for the MAC matrix, or with --table 5.2 for figure 5.7."),
+    ] = None,
     changes: Changes = None,
     json: Json = False,
 ) -> None:
     """Frequencies beside the hammer test, MAC and participation at the contact."""
-    from workflows.assembly_report import mode_table, write_model
+    from workflows.assembly_report import mac_picture, mode_table, write_model
+    from workflows.run_folder import write_pictures_to
     from workflows.stages import pipeline_of
-    from workflows.thesis_tables import table_52, table_53
+    from workflows.thesis_tables import effects, table_52, table_53
 
     tables = {"5.2": table_52, "5.3": table_53}
     if table is not None and table not in tables:
@@ -127,8 +132,13 @@ def modes(
             return
         if table:
             found = tables[table](chosen, progress.stage)
+            pictures = (effects(found),) if table == "5.2" else ()
         else:
-            found = mode_table(pipeline_of(chosen, progress.stage))
+            pipeline = pipeline_of(chosen, progress.stage)
+            found = mode_table(pipeline)
+            pictures = (mac_picture(pipeline),) if out else ()
+    if out:
+        write_pictures_to(out, pictures)
     typer.echo(found.model_dump_json(indent=2) if json else found.text())
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e")
+LEGIBLE = 0.05  # smallest MAC written into its cell
 LEDGER = {
     "energy_kinetic": "spheres, kinetic",
     "energy_contact": "contacts",
@@ -139,6 +140,52 @@ def mesh_convergence(seed: Array, error: dict[str, Array]) -> bytes:
             axis.set_tick_params(which="both", labelsize=8)
         _plain(panel)
     panels[0].set_ylabel("frequency error [%]")
+    panels[0].legend(frameon=False, fontsize=8)
+    return _png(figure)
+
+
+def mac_matrix(alike: Array, frequency_hz: Array) -> bytes:
+    """MAC (k, 4) of modes at frequencies (k,) [Hz] with the four of stiff joints."""
+    figure = Figure(figsize=(5, 1.2 + 0.26 * len(alike)), layout="constrained")
+    panel = figure.subplots()
+    shown = panel.imshow(alike, vmin=0, vmax=1, cmap="Blues", aspect="auto")
+    for (i, j), value in np.ndenumerate(alike):
+        if value >= LEGIBLE:
+            colour = "white" if value > 0.6 else "black"
+            panel.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=8, color=colour)
+    panel.set_xticks(range(4), [f"mode {i}" for i in range(1, 5)])
+    panel.set_yticks(range(len(alike)), [f"{hz:.0f} Hz" for hz in frequency_hz], fontsize=8)
+    panel.set_xlabel("with stiff joints")
+    panel.spines[:].set_visible(False)
+    figure.colorbar(shown, label="MAC", shrink=0.6)
+    return _png(figure)
+
+
+def component_effects(
+    effects: dict[str, tuple[tuple[str, ...], Array, Array]],
+) -> bytes:
+    """Percent that each component adds to the four modes, ours beside the thesis'.
+
+    By constraint: names of the components (c,), ours (c, 4), the thesis' (c, 4) [%].
+    """
+    figure = Figure(figsize=(8, 3.8), layout="constrained")
+    panels = figure.subplots(1, len(effects), sharey=True, squeeze=False)[0]
+    for panel, (constraint, (components, ours, thesis)) in zip(
+        panels, effects.items(), strict=True
+    ):
+        place = np.arange(len(components))
+        for i, colour in enumerate(_colours(4)):
+            at = place + 0.19 * (i - 1.5)
+            panel.bar(at - 0.045, ours[:, i], 0.085, color=colour, label=f"mode {i + 1}")
+            panel.bar(
+                at + 0.045, thesis[:, i], 0.085, color=colour, alpha=0.35,
+                label="thesis, pale" if i == 3 else None,
+            )  # fmt: skip
+        panel.set_xticks(place, components)
+        panel.set_title(constraint, fontsize=10, loc="left")
+        panel.axhline(0, color="black", linewidth=0.8)
+        _plain(panel)
+    panels[0].set_ylabel("change of the frequency [%]")
     panels[0].legend(frameon=False, fontsize=8)
     return _png(figure)
 

@@ -106,3 +106,10 @@ def write_pictures(folder: RunFolder, pictures: tuple[Picture, ...]) -> None:
     """Write each picture to `figures/`."""
     for picture in pictures:
         folder.write(f"figures/{picture.name}.png", picture.png)
+
+
+def write_pictures_to(path: Path, pictures: tuple[Picture, ...]) -> None:
+    """Write pictures to a folder of no run; raises InvalidScene where it cannot take them."""
+    folder = RunFolder(path)
+    folder.make()
+    write_pictures(folder, pictures)

@@ -5,8 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
+from workflows import figures
 from workflows.assembly_report import paired_hz
 from workflows.assembly_table import BODIES
+from workflows.run_folder import Picture
 from workflows.scene import Joints, JointStiffnesses, Scene
 from workflows.stages import Watch, pipeline_of
 from workflows.summary import HAMMER_TEST_HZ
@@ -103,6 +105,20 @@ def _row(scene: Scene, row: Row52, watch: Watch) -> TableRow:
     assembly = scene.assembly.model_copy(update=parts)
     varied = scene.model_copy(update={"assembly": assembly, "mesh": fine})
     return _compared(row.model, paired_hz(pipeline_of(varied, watch)("modes")), row.thesis_hz)
+
+
+def effects(table: Table) -> Picture:
+    """Figure 5.7: what each component adds, from the rows of table 5.2."""
+    by_constraint = {}
+    for first in (0, 3):
+        rows = table.rows[first : first + 3]
+        ours, thesis = (
+            np.array([getattr(row, name) for row in rows], dtype=float)
+            for name in ("modes_hz", "thesis_hz")
+        )
+        shares = [100 * (f[1:] / f[:-1] - 1) for f in (ours, thesis)]
+        by_constraint[rows[0].model] = (("support", "plate"), *shares)
+    return Picture("component_effects", figures.component_effects(by_constraint))
 
 
 def _compared(model: str, found: dict[str, float], thesis_hz) -> TableRow:
