@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -136,8 +137,9 @@ def mesh_convergence(seed: Array, error: dict[str, Array]) -> bytes:
         panel.set_xlabel("element size in the sheets [mm]")
         for axis in (panel.xaxis, panel.yaxis):
             axis.set_major_formatter("{x:g}")
-            axis.set_minor_formatter("{x:g}")
-            axis.set_tick_params(which="both", labelsize=8)
+        panel.xaxis.set_minor_formatter("{x:g}")
+        panel.yaxis.set_minor_formatter(NullFormatter())
+        panel.tick_params(which="both", labelsize=8)
         _plain(panel)
     panels[0].set_ylabel("frequency error [%]")
     panels[0].legend(frameon=False, fontsize=8)
