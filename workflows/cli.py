@@ -132,7 +132,7 @@ def modes(
             return
         if table:
             found = tables[table](chosen, progress.stage)
-            pictures = (effects(found),) if table == "5.2" else ()
+            pictures = (effects(found),) if out and table == "5.2" else ()
         else:
             pipeline = pipeline_of(chosen, progress.stage)
             found = mode_table(pipeline)
