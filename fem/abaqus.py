@@ -113,10 +113,3 @@ def _materials(materials: dict[str, Material]) -> Iterator[str]:
 
 def _label(body: str) -> str:
     return body.upper().replace("+", "_P_").replace("-", "_M_")
-
-
-def ordered_cells(model: Model) -> NDArray[np.int64]:
-    """Node numbers (from 0) of every element in Abaqus' and VTK's order, (cells, 10 or 20)."""
-    basis = model.structure.basis
-    order = ORDER["C3D20" if isinstance(basis.mesh, MeshHex) else "C3D10"]
-    return (basis.element_dofs[0::3] // 3)[order].T

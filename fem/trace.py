@@ -19,11 +19,6 @@ def face_nodes(basis: Basis, face: str) -> NDArray[np.int64]:
     return np.column_stack([x_dofs, y_dofs, z_dofs])
 
 
-def face_area(basis: Basis, face: str) -> float:
-    """[m^2]"""
-    return float(FacetBasis(basis.mesh, basis.mesh.elem(), facets=face).dx.sum())
-
-
 def face_quadrature(
     basis: Basis, face: str, order: int = 4
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
