@@ -5,7 +5,7 @@ from fem.contact_patch import (
     node_patch,
     point_functional,
 )
-from fem.correlation import HAMMER_TEST_HZ, Pairing, body_shapes, mac, pair
+from fem.correlation import Pairing, body_shapes, mac, pair
 from fem.elasticity import Material, Structure, assemble
 from fem.factorisation import factorised
 from fem.half_space import half_space_on_mesh
@@ -16,7 +16,6 @@ from fem.response import receptance
 
 __all__ = [
     "DIRECTIONS",
-    "HAMMER_TEST_HZ",
     "ContactPatch",
     "Joint",
     "Material",

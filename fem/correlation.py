@@ -14,7 +14,6 @@ from fem.joints import rigid_motion
 from fem.model import Model
 from fem.modes import Modes
 
-HAMMER_TEST_HZ = (51.0, 269.0, 907.0, 8425.0)  # thesis, table 5.1
 LEAST_SHARE = 0.3  # a mode has a character from this share on
 RIGID = 1e-5  # below this share of the highest frequency a mode strains nothing but by rounding
 

@@ -189,22 +189,3 @@ def _remarks(f, i: int, peaks: list[_Peak], zeta: float, zeta_fit: float) -> tup
     elif abs(zeta - zeta_fit) > DISAGREE * zeta_fit:
         remarks.append(f"half-power {zeta:.3g} and fit {zeta_fit:.3g} disagree on the damping")
     return tuple(remarks)
-
-
-def rayleigh_coefficients(
-    frequency_hz: tuple[float, float], zeta: tuple[float, float]
-) -> tuple[float, float]:
-    """alpha [1/s] and beta [s] of C = alpha M + beta K with two damping ratios (thesis, 6.1)."""
-    w1, w2 = 2 * np.pi * np.asarray(frequency_hz)
-    z1, z2 = zeta
-    alpha = 2 * w1 * w2 * (w1 * z2 - w2 * z1) / (w1**2 - w2**2)
-    beta = 2 * (w1 * z1 - w2 * z2) / (w1**2 - w2**2)
-    return float(alpha), float(beta)
-
-
-def rayleigh_ratio(
-    alpha: float, beta: float, frequency_hz: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """zeta = alpha / (2 omega) + beta omega / 2, (k,): what two coefficients mean in between."""
-    omega = 2 * np.pi * np.asarray(frequency_hz)
-    return alpha / (2 * omega) + beta * omega / 2

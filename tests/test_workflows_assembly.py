@@ -225,3 +225,21 @@ def test_a_table_of_the_thesis_is_rebuilt_beside_its_numbers(monkeypatch, capsys
         np.testing.assert_allclose(row["difference_percent"], 100 * (hz / thesis - 1), atol=1e-3)
     assert rows[1]["modes_hz"][0] < rows[0]["modes_hz"][0]  # screws alone hold more softly
     assert beadwave("modes", "--table=9.9") == 2
+
+
+def test_what_a_component_adds_is_told_by_the_names_of_the_rows():
+    rows = [
+        thesis_tables.TableRow(model=m, modes_hz=hz, thesis_hz=[100.0] * 4, difference_percent=[])
+        for m, hz in (
+            ("full-tie", [50.0] * 4),
+            ("screw-tie", [40.0] * 4),
+            ("screw-tie + support", [30.0] * 4),
+            ("full-tie + support", [55.0, 50.0, 25.0, None]),
+            ("full-tie + support + plate", [55.0] * 4),
+        )
+    ]
+    found = thesis_tables.added(thesis_tables.Table(rows=rows))
+    assert found["full-tie"].components == ("support", "plate")
+    np.testing.assert_allclose(found["full-tie"].ours[0], [10.0, 0.0, -50.0, np.nan], rtol=1e-12)
+    np.testing.assert_allclose(found["screw-tie"].ours, [[-25.0] * 4], rtol=1e-12)
+    assert not found["screw-tie"].thesis.any()

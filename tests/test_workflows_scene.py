@@ -2,8 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 
+import coupling
+from geometry import PARTS
+from workflows.assembly_table import BODIES
+from workflows.reduced_wall import damping_law
 from workflows.scene import InvalidScene
 from workflows.scene_file import built_in, resolved, scene, scene_text, toml
 
@@ -193,3 +198,30 @@ def _tables(found):
     import tomllib
 
     return tomllib.loads(toml(found))
+
+
+RAYLEIGH = ("damping.kind=rayleigh", "damping.frequency=[51, 8425]", "damping.ratio=[0.8, 0.0053]")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (RAYLEIGH[:2], "belong together"),
+        ((*RAYLEIGH, "damping.alpha=3.0"), "keep one"),
+        ((*RAYLEIGH[:2], "damping.ratio=[0.001, 0.5]"), "drives other modes"),
+        ((*RAYLEIGH[:2], "damping.ratio=[0.8, 0.0053, 0.1]"), "3 values; give 2"),
+    ],
+)
+def test_rayleigh_damping_by_two_frequencies_is_refused_where_it_means_nothing(changes, words):
+    with pytest.raises(InvalidScene, match=words):
+        scene("rig-rom", changes)
+
+
+def test_rayleigh_damping_by_two_frequencies_has_their_ratios():
+    table = scene("rig-rom", RAYLEIGH).damping
+    zeta = coupling.damping_ratios(damping_law(table, []), 2 * np.pi * np.array([51.0, 8425.0]))
+    np.testing.assert_allclose(zeta, [0.8, 0.0053], rtol=1e-12)
+
+
+def test_bodies_of_a_scene_are_the_parts_of_the_geometry():
+    assert BODIES == PARTS  # typed twice: a scene without an assembly loads no geometry

@@ -9,7 +9,7 @@ import pytest
 from workflows.cli import main
 from workflows.scene import InvalidScene
 from workflows.scene_file import scene
-from workflows.tuning import targets, tuned, usual
+from workflows.tuning import freed, loosened, targets, tuned, usual
 
 COARSE = ("mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.03")
 
@@ -92,3 +92,10 @@ def test_the_command_writes_a_scene_that_reads_back(tmp_path, monkeypatch, capsy
     written = scene("new/my rig.toml")
     assert written.joints.head.kz == report["stiffness"]["head.kt"]
     assert written.name == "my-rig"  # a name has no blanks
+
+
+def test_a_block_of_its_own_keeps_what_is_not_tuned():
+    rig = scene("rig-rom", ("assembly.block.poisson=0.28",))
+    loose = loosened(rig, freed(("head.kz", "block.young")))
+    assert loose.assembly.block.poisson == 0.28
+    assert loose.assembly.block.density == rig.assembly.block.density

@@ -3,14 +3,15 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel
 from scipy.optimize import linear_sum_assignment
 
+import coupling
 from fem.identification import MeasuredMode, measured_modes
 from fem.trace import at_node
 from workflows.hammer_file import SYNTHETIC, Responses, responses
-from workflows.scene import InvalidScene, ModalDamping, RayleighDamping, Scene
+from workflows.reduced_wall import damping_law
+from workflows.scene import InvalidScene, ModalDamping, Scene
 from workflows.stages import Pipeline
 from workflows.summary import HAMMER_TEST_HZ
 from workflows.tuning import targets
@@ -127,22 +128,13 @@ def virtual_test(pipeline: Pipeline) -> Responses:
     read = np.array([at_node(basis, corner, e) for e in np.eye(3)]) @ (model.T @ modes.phi)
     hit = np.array([1.0, 1.0, 1.0]) / np.sqrt(3) @ read
     omega = 2 * np.pi * VIRTUAL_LINES
-    zeta = _ratios(scene, modes.omega)
+    damping = damping_law(scene.damping, list(HAMMER_TEST_HZ))
+    if damping is None:
+        raise InvalidScene("a virtual test needs damping; set damping.kind=modal with a ratio.")
+    zeta = coupling.damping_ratios(damping, modes.omega)
     pole = modes.omega[:, None] ** 2 - omega**2 + 2j * (zeta * modes.omega)[:, None] * omega
     H = -(omega**2) * ((read * hit) @ (1 / pole))
     rng = np.random.default_rng(0)
     size = VIRTUAL_NOISE * np.sqrt(np.mean(np.abs(H) ** 2)) / np.sqrt(2)
     noise = rng.normal(size=(2, *H.shape))
     return Responses(VIRTUAL_LINES, H + size * (noise[0] + 1j * noise[1]), SYNTHETIC)
-
-
-def _ratios(scene: Scene, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-    match scene.damping:
-        case RayleighDamping(alpha=alpha, beta=beta):
-            return alpha / (2 * omega) + beta * omega / 2
-        case ModalDamping(ratio=float(ratio)):
-            return np.full(len(omega), ratio)
-        case ModalDamping(ratio=ratios):
-            near = np.abs(np.subtract.outer(omega, 2 * np.pi * np.array(HAMMER_TEST_HZ)))
-            return np.asarray(ratios)[near.argmin(axis=1)]
-    raise InvalidScene("a virtual test needs damping; set damping.kind=modal with a ratio.")

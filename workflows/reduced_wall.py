@@ -50,13 +50,20 @@ def half_space(reduced: rom.ReducedModel) -> float:
 
 def damping(table: Damping, reduced: rom.ReducedModel) -> coupling.Damping | None:
     """The scene's damping; ratios of the hammer-test modes go to the modes nearest to them."""
+    return damping_law(table, _hammer_modes_hz(reduced))
+
+
+def damping_law(table: Damping, hammer_modes_hz: list[float]) -> coupling.Damping | None:
+    """The same for hammer-test modes at these frequencies [Hz]."""
     match table:
+        case RayleighDamping(frequency=(f1, f2), ratio=(zeta1, zeta2)):
+            return coupling.rayleigh(f1, zeta1, f2, zeta2)
         case RayleighDamping(alpha=alpha, beta=beta):
             return coupling.RayleighDamping(alpha, beta)
         case ModalDamping(ratio=float(ratio)):
             return coupling.ModalDamping(ratio)
         case ModalDamping(ratio=ratio):
-            return coupling.ModalDamping(ratio, _hammer_modes_hz(reduced), "nearest")
+            return coupling.ModalDamping(ratio, hammer_modes_hz, "nearest")
     return None
 
 

@@ -253,11 +253,21 @@ class ModalDamping(Table):
 
 
 class RayleighDamping(Table):
-    """C = alpha M + beta K."""
+    """C = alpha M + beta K, by its coefficients or by the ratios of two frequencies."""
 
     kind: Literal["rayleigh"]
     alpha: NonNegative = 0.0  # [1/s]
     beta: NonNegative = 0.0  # [s]
+    frequency: Annotated[tuple[Positive, Positive], Field(strict=False)] | None = None  # [Hz]
+    ratio: Annotated[tuple[Ratio, Ratio], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> "RayleighDamping":
+        if (self.frequency is None) != (self.ratio is None):
+            raise ValueError("frequency and ratio belong together, two values each: add the other")
+        if self.frequency and (self.alpha or self.beta):
+            raise ValueError("alpha and beta follow from frequency and ratio: keep one of the two")
+        return self
 
 
 class NoDamping(Table):

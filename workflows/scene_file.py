@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import tomli_w
 from pydantic import BaseModel, ValidationError
 
+from workflows.contradictions import contradictions
 from workflows.scene import (
     Contact,
     InvalidScene,
@@ -22,8 +23,6 @@ from workflows.scene import (
     Time,
     nearest,
 )
-from workflows.scene_size import too_large
-from workflows.summary import HAMMER_TEST_HZ
 
 DEFAULT = "rig-rom"
 INSTEAD = {
@@ -92,7 +91,7 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
     tables = {"name": Path(source).stem, **tables}
     checked = _validated(Scene, tables, source)
     filled = checked.model_copy(update=_defaults(checked, tables, source, folder))
-    for sentence in _contradictions(filled):
+    for sentence in contradictions(filled):
         raise InvalidScene(f"{source}: {sentence}")
     return filled
 
@@ -225,110 +224,3 @@ def _assembly(tables: dict[str, Any], source: str):
     except ValueError as error:
         raise InvalidScene(f"{source}: assembly: {error}") from None
     return table
-
-
-def _contradictions(scene: Scene):
-    """Sentences on keys that are each allowed but not together."""
-    yield from _missing_parts(scene)
-    yield from _unreadable_wall(scene)
-    if scene.assembly is not None:
-        yield from _outside_patch(scene)
-        yield from _unread_nodes(scene)
-    yield from too_large(scene)
-    if scene.chain:
-        yield from _wrong_lengths(scene)
-        yield from _at_rest(scene)
-        yield from _unseen_spheres(scene)
-
-
-def _missing_parts(scene: Scene):
-    chain, wall = scene.chain, scene.wall
-    if chain is None and scene.assembly is None:
-        yield "there is neither [chain] nor [assembly]; add one of them."
-    if chain is None and wall is not None:
-        yield "[wall] needs a [chain] that hits it; add one or drop [wall]."
-    if isinstance(wall, RomWall) and wall.file is None and scene.assembly is None:
-        yield 'wall.kind = "rom" needs [assembly] or wall.file; add one of them.'
-    if isinstance(wall, RomWall) and wall.file and not Path(wall.file).is_file():
-        yield f"wall.file = {wall.file!r} does not exist; give a reduced model (.npz, .mat, .h5)."
-    if chain and wall is None and chain.count < 2:
-        yield "chain.count = 1 must be at least 2 without a wall; add spheres or [wall]."
-    if chain and wall is None and scene.preload and scene.preload.force > 0:
-        yield f"preload.force = {scene.preload.force} needs a wall to push against; add [wall]."
-
-
-def _unreadable_wall(scene: Scene):
-    if not isinstance(scene.wall, RomWall) or not scene.wall.file:
-        return
-    from workflows.reduced_wall import loaded  # only a wall from a file pays for the reader
-
-    try:
-        loaded(Path(scene.wall.file))
-    except InvalidScene as error:
-        yield str(error)
-
-
-def _outside_patch(scene: Scene):
-    sides = (scene.assembly.block_y, scene.assembly.block_z)
-    for axis, at, side in zip("yz", scene.patch.point, sides, strict=True):
-        reach = side / 2 - scene.patch.radius
-        if abs(at) > reach:
-            yield (
-                f"patch.point has {axis} = {at} m, allowed is up to {reach:.6g} m from the "
-                f"middle of the block's face for patch.radius = {scene.patch.radius} m; move it."
-            )
-
-
-def _unread_nodes(scene: Scene):
-    half = (scene.assembly.block_y / 2, scene.assembly.block_z / 2)
-    for point in scene.patch.nodes or ():
-        if any(abs(at) > reach for at, reach in zip(point, half, strict=True)):
-            yield (
-                f"patch.nodes has {list(point)}, allowed are y, z up to {half[0]:.6g} and "
-                f"{half[1]:.6g} m from the middle of the block's face; move it."
-            )
-    if scene.patch.weights != "thesis":
-        return
-    if scene.reduction.kind != "craig-bampton":
-        yield (
-            'patch.weights = "thesis" reads nodes that only reduction.kind = "craig-bampton" '
-            "keeps; change one of them."
-        )
-    if scene.time and scene.time.dt is not None:
-        yield 'patch.weights = "thesis" is marched to an error; give time.error, not time.dt.'
-    if getattr(scene.wall, "prune", False):
-        yield 'patch.weights = "thesis" makes no modes to leave out; drop wall.prune.'
-
-
-def _wrong_lengths(scene: Scene):
-    n, contacts = scene.chain.count, scene.n_contacts
-    each = [
-        (f"chain.{key}", getattr(scene.chain, key), n) for key in type(scene.chain).model_fields
-    ]
-    each += [(f"contact.{key}", getattr(scene.contact, key), contacts) for key in PER_CONTACT]
-    if scene.leaf_springs:
-        each += [(f"leaf_springs.{key}", value, n) for key, value in scene.leaf_springs]
-    each += [("damping.ratio", getattr(scene.damping, "ratio", None), len(HAMMER_TEST_HZ))]
-    for key, value, length in each:
-        if isinstance(value, tuple) and len(value) != length:
-            yield f"{key} has {len(value)} values, {length} are allowed; give one each."
-
-
-PER_CONTACT = ("coefficient", "stiffness_factor")
-
-
-def _at_rest(scene: Scene):
-    given = scene.chain.initial_velocity is not None
-    if given and scene.striker:
-        yield "chain.initial_velocity replaces [striker]; drop one of them."
-    if scene.striker is None and not any(scene.chain.initial_velocity or ()):
-        yield "nothing moves; add [striker] velocity or chain.initial_velocity."
-
-
-def _unseen_spheres(scene: Scene):
-    for sphere in scene.output.spheres:
-        if sphere > scene.chain.count:
-            yield (
-                f"output.spheres has {sphere}, allowed are 1 to chain.count = {scene.chain.count}; "
-                "drop it or add spheres."
-            )

@@ -145,9 +145,10 @@ def _known() -> list[str]:
 
 
 def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
-    """The scene with finite springs to vary, and a block of the assembly's own steel."""
-    of_block = any(not p.springs for p in parameters)
-    plain = scene.assembly.model_copy(update={"block": None}) if of_block else scene.assembly
+    """The scene with finite springs to vary, and of the block what is not to vary."""
+    varied = {p.name: None for p in parameters if not p.springs}
+    block = scene.assembly.block and scene.assembly.block.model_copy(update=varied)
+    plain = scene.assembly.model_copy(update={"block": block})
     bare = scene.model_copy(update={"assembly": plain})
     return _set(bare, parameters, np.array([p.start for p in parameters]))
 
@@ -166,7 +167,8 @@ def _set(scene: Scene, parameters: list[Parameter], value) -> Scene:
     if steel:
         from workflows.assembly_table import Steel
 
-        update["assembly"] = scene.assembly.model_copy(update={"block": Steel(**steel)})
+        block = (scene.assembly.block or Steel()).model_copy(update=steel)
+        update["assembly"] = scene.assembly.model_copy(update={"block": block})
     return scene.model_copy(update=update)
 
 
