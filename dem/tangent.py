@@ -1,0 +1,272 @@
+"""A chain's velocities and their exact derivatives by parameters: forward sensitivities.
+
+    m x'' = F(x, v; theta),   X = dx/dtheta:   m X'' = F_x X + F_v X' + F_theta
+
+marched by one scheme, so that X is the derivative of the discrete solution, the static state it
+starts from included. E. Hairer, S. P. Norsett, G. Wanner, Solving ODE I, I.14.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dem import tangent_kernels as kernels
+from dem.chain import InvalidChain, equilibrium, static_compliance, validate
+from dem.trajectory import oscillator_turn
+
+SMOOTH = ("none", "hunt-crossley")
+STEPS_PER_RADIAN = 40.0  # of the stiffest contact: 1e-6 in the velocities of a chain of 17
+
+
+class Directions(NamedTuple):
+    """Derivatives by p parameters of what a run is made of."""
+
+    A: np.ndarray  # (n_contacts, p)
+    gamma: np.ndarray  # (n_contacts, p)
+    v0: np.ndarray  # (n, p)
+    preload: np.ndarray  # (p,)
+    phi: np.ndarray  # (k, p)
+    omega: np.ndarray  # (k, p)
+    zeta: np.ndarray  # (k, p)
+
+
+class Tangents(NamedTuple):
+    """Velocity and acceleration of m observed spheres at every step, and their derivatives."""
+
+    t: np.ndarray  # (steps,)
+    v: np.ndarray  # (steps, m)
+    a: np.ndarray  # (steps, m)
+    dv: np.ndarray  # (steps, m, p)
+    da: np.ndarray  # (steps, m, p)
+
+    def at(self, t):
+        """v (k, m), a (k, m), dv (k, m, p) at any times within the run: cubic Hermite.
+
+        a is the slope of the interpolant, so that it is the derivative of v by a shift in time.
+        """
+        h = self.t[1]
+        i = np.clip((t / h).astype(int), 0, len(self.t) - 2)
+        s = t / h - i
+        value, slope = _hermite(s, h)
+        v = _weighted(value, self.v, self.a, i)
+        return v, _weighted(slope, self.v, self.a, i) / h, _weighted(value, self.dv, self.da, i)
+
+
+def _hermite(s, h):
+    """Weights (4, k) of v0, a0, v1, a1 for the value and for its slope by s."""
+    value = (2 * s**3 - 3 * s**2 + 1, h * (s**3 - 2 * s**2 + s), 3 * s**2 - 2 * s**3)
+    slope = (6 * s**2 - 6 * s, h * (3 * s**2 - 4 * s + 1), 6 * s - 6 * s**2)
+    return (*value, h * (s**3 - s**2)), (*slope, h * (3 * s**2 - 2 * s))
+
+
+def _weighted(weights, v, a, i):
+    w = [weight.reshape(-1, *[1] * (v.ndim - 1)) for weight in weights]
+    return w[0] * v[i] + w[1] * a[i] + w[2] * v[i + 1] + w[3] * a[i + 1]
+
+
+def no_directions(chain, wall):
+    """Directions of no parameter."""
+    n, n_contacts = chain.mass.size, chain.A.size
+    k = 0 if wall is None else wall.omega.size
+    sizes = (n_contacts, n_contacts, n, None, k, k, k)
+    return Directions(*(np.zeros((0,) if size is None else (size, 0)) for size in sizes))
+
+
+def usual_step(chain, wall, v0):
+    """Step [s] from the stiffest contact at the impact of the fastest sphere, or at rest."""
+    mass, A, speed = chain.mass.min(), chain.A.max(), np.abs(v0).max()
+    rate = (A / mass) ** 0.4 * speed**0.2
+    force = equilibrium(chain, wall).force.max(initial=0.0)
+    at_rest = np.sqrt(1.5 * A ** (2 / 3) * force ** (1 / 3) / mass)
+    return 1.0 / (STEPS_PER_RADIAN * max(rate, at_rest))
+
+
+def march_with_tangents(chain, wall, v0, directions=None, *, duration, dt, observed):
+    """Tangents of a run from the static state with velocities v0 (n,), at steps of at most dt.
+
+    observed: indices of spheres. Takes Hertz contacts, with Hunt and Crossley's dissipation or
+    none. Raises InvalidChain, NoEquilibrium.
+    """
+    validate(chain, wall, v0)
+    require_smooth(chain, wall)
+    directions = no_directions(chain, wall) if directions is None else directions
+    static = equilibrium(chain, wall)
+    d_static = static_tangents(chain, wall, static, directions)
+    n_steps = int(np.ceil(duration / dt * (1 - 1e-9)))
+    h = duration / n_steps
+    p = directions.preload.size
+    m = len(observed)
+    out = (*np.zeros((2, n_steps + 1, m)), *np.zeros((2, n_steps + 1, m, p)))
+    kernels.march(
+        static.x.copy(), np.array(v0, float), d_static.x.copy(), directions.v0.astype(float),
+        chain.A, _or_zeros(chain.gamma, chain.A.size), _spheres(chain),
+        _wall(wall, static, h), _kernel_directions(chain, static, directions, d_static),
+        h, n_steps, np.asarray(observed, np.int64), out,
+    )  # fmt: skip
+    t = np.linspace(0.0, duration, n_steps + 1)
+    if not np.isfinite(out[0]).all():
+        raise InvalidChain(
+            f"the run with sensitivities left the numbers at dt = {h:.3g} s; take a smaller dt"
+        )
+    return Tangents(t, *out)
+
+
+def require_smooth(chain, wall):
+    """Raise InvalidChain for a force that jumps or remembers: it has no derivative."""
+    if chain.dissipation not in SMOOTH and np.any(chain.gamma):
+        raise InvalidChain(
+            f"dissipation {chain.dissipation!r} jumps at first touch and has no sensitivities; "
+            "take hunt-crossley or none"
+        )
+    if chain.yield_overlap is not None:
+        raise InvalidChain("plastic contacts have no sensitivities here; leave out yield_overlap")
+    if wall is not None and wall.mobility > 0.0:
+        raise InvalidChain("a dashpot wall has no sensitivities here; take another wall")
+
+
+class StaticTangents(NamedTuple):
+    """Derivatives of the static state."""
+
+    x: np.ndarray  # (n, p)
+    force: np.ndarray  # (p,) at the wall
+    offset: np.ndarray  # (p,) displacement of the modes
+
+
+def static_tangents(chain, wall, static, directions):
+    """Derivatives of the static state: K dx = -dr/dtheta, from the equations that hold in it."""
+    n, p = chain.mass.size, directions.preload.size
+    if p == 0 or not (chain.preload or np.any(chain.leaf_stiffness)):
+        return StaticTangents(np.zeros((n, p)), np.zeros(p), np.zeros(p))
+    compliance = static_compliance(wall) if wall is not None else 0.0
+    slope, by_A, by_compliance = _static_slopes(chain, static, compliance, chain.A.size == n)
+    d_compliance = _compliance_tangents(wall, directions)
+    source = by_A[:, None] * directions.A
+    if chain.A.size == n:
+        source[-1] += by_compliance * d_compliance
+    x = np.linalg.solve(_stiffness(chain, static, slope), _loads(chain, static, directions, source))
+    if chain.A.size < n:
+        return StaticTangents(x, np.zeros(p), np.zeros(p))
+    force = slope[-1] * x[-1] + source[-1]
+    soft = compliance - wall.residual_compliance
+    return StaticTangents(x, force, soft * force + static.force[-1] * d_compliance)
+
+
+def _static_slopes(chain, static, compliance, walled):
+    """Derivatives of each contact's force by its overlap, its stiffness, the compliance behind."""
+    d = (static.force / chain.A) ** (2.0 / 3.0)
+    k = 1.5 * chain.A * np.sqrt(d)
+    soft = np.ones_like(k)
+    if walled and np.isfinite(compliance):
+        soft[-1] = 1.0 / (1.0 + compliance * k[-1])
+    return k * soft, d**1.5 * soft, -k[-1] * soft[-1] * static.force[-1]
+
+
+def _stiffness(chain, static, slope):
+    """(n, n); a sphere that nothing holds keeps just touching the next."""
+    n = chain.mass.size
+    leaf = _or_zeros(chain.leaf_stiffness, n)
+    K = np.diag(leaf)
+    for i, k in enumerate(slope):
+        K[i, i] += k
+        if i < n - 1:
+            K[i, i + 1] -= k
+            K[i + 1, i] -= k
+            K[i + 1, i + 1] += k
+    for i in _idle(chain, static):
+        K[i] = 0.0
+        K[i, i] = 1.0
+        if i < n - 1:
+            K[i, i + 1] = -1.0
+    return K
+
+
+def _idle(chain, static):
+    """Spheres without leaf spring whose contacts are both open."""
+    n = chain.mass.size
+    force = np.concatenate([[0.0], static.force, np.zeros(n - chain.A.size)])
+    leaf = _or_zeros(chain.leaf_stiffness, n)
+    return np.flatnonzero((leaf == 0.0) & (force[:-1] == 0.0) & (force[1:] == 0.0))
+
+
+def _loads(chain, static, directions, source):
+    """(n, p) what unbalances the spheres; source (n_contacts, p) is dF at frozen positions."""
+    n = chain.mass.size
+    r = np.zeros((n, directions.preload.size))
+    r[: chain.A.size] -= source
+    r[1:] += source[: n - 1]
+    r[-1] += directions.preload
+    r[_idle(chain, static)] = 0.0
+    return r
+
+
+def _compliance_tangents(wall, directions):
+    """(p,) of the modes' static compliance sum (phi / omega)^2."""
+    if wall is None or not wall.omega.size:
+        return np.zeros(directions.preload.size)
+    moving = wall.phi != 0.0
+    phi, omega = wall.phi[moving, None], wall.omega[moving, None]
+    by_phi, by_omega = 2.0 * phi / omega**2, -2.0 * phi**2 / omega**3
+    return np.sum(by_phi * directions.phi[moving] + by_omega * directions.omega[moving], axis=0)
+
+
+def _spheres(chain):
+    n = chain.mass.size
+    load = np.zeros(n)
+    load[-1] = chain.preload
+    return chain.mass, load, _or_zeros(chain.leaf_stiffness, n), _or_zeros(chain.leaf_anchor, n)
+
+
+def _or_zeros(values, size):
+    return np.zeros(size) if values is None else np.asarray(values, float)
+
+
+def _wall(wall, static, h):
+    if wall is None:
+        return 0.0, 0.0, 0.0, np.zeros(0), *np.zeros((3, 0, 2, 2))
+    omega, zeta = wall.omega, wall.zeta
+    turn, by_omega, by_zeta = turn_with_tangents(omega, zeta, 0.5 * h)
+    offset = float(wall.phi @ static.q)
+    force = float(static.force[-1])
+    return float(wall.residual_compliance), offset, force, wall.phi, turn, by_omega, by_zeta
+
+
+def turn_with_tangents(omega, zeta, t):
+    """Free motion over t of q'' + 2 zeta omega q' + omega^2 q = 0 as (k, 2, 2), and its derivatives
+    by omega and zeta, by the complex step: exact to rounding below critical damping."""
+    turn = oscillator_turn(omega, zeta, t)
+    by_omega, by_zeta = (np.zeros_like(turn) for _ in range(2))
+    if omega.size:
+        step = 1e-30
+        by_omega = _turn(omega + 1j * step, zeta, t).imag / step
+        by_zeta = _turn(omega, zeta + 1j * step, t).imag / step
+    return tuple(np.ascontiguousarray(E.T.reshape(-1, 2, 2)) for E in (turn, by_omega, by_zeta))
+
+
+def _turn(omega, zeta, t):
+    """(4, k), analytic in omega and zeta: sin(b t) / b and its like through b^2 alone."""
+    square = omega**2 * (1.0 - zeta**2) * t**2
+    root = np.sqrt(square.astype(complex))
+    small = np.abs(root) < 1e-3
+    safe = np.where(small, 1.0, root)
+    series = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))
+    sine = t * np.where(small, series, np.sin(safe) / safe)
+    fade, decay = np.exp(-zeta * omega * t), zeta * omega
+    cosine = np.cos(root)
+    return fade * np.array([
+        cosine + decay * sine, sine, -(omega**2) * sine, cosine - decay * sine
+    ])  # fmt: skip
+
+
+def _kernel_directions(chain, static, directions, d_static):
+    n, p = chain.mass.size, directions.preload.size
+    load = np.zeros((n, p))
+    load[-1] = directions.preload
+    parts = (
+        directions.A,
+        directions.gamma,
+        directions.phi,
+        directions.omega,
+        directions.zeta,
+        load,
+    )
+    return *(np.ascontiguousarray(d, float) for d in parts), d_static.offset, d_static.force
