@@ -8,6 +8,7 @@ import pytest
 import coupling
 from geometry import PARTS
 from workflows.assembly_table import BODIES
+from workflows.chain_stages import wall
 from workflows.reduced_wall import damping_law
 from workflows.scene import InvalidScene
 from workflows.scene_file import built_in, resolved, scene, scene_text, toml
@@ -85,6 +86,10 @@ REFUSED = {
     "wall.kind=rom": ("[assembly]", "wall.file"),
     "wall.kind=1dof": ("wall.frequency", "missing"),
     "wall={kind='rom', file='no.npz'}": ("wall.file", "no.npz", "does not exist"),
+    "wall.kind=dashpot": ("wall", "coefficient", "plate_thickness"),
+    "wall={kind='dashpot', coefficient=9.0, plate_thickness=1.0}": ("wall", "exclude"),
+    "wall={kind='dashpot', coefficient=9.0, density=1e3}": ("wall", "density", "plate_thickness"),
+    "wall={kind='dashpot', plate_thickness=-1.0}": ("wall.plate_thickness", "-1.0"),
     "output.spheres=[1, 44]": ("output.spheres", "44", "17"),
     "time.duration=-1": ("time.duration", "-1"),
     "time={dt=1e-7, error=1e-3}": ("dt", "error", "exclude"),
@@ -111,6 +116,25 @@ def test_a_refusal_names_the_key_the_value_and_what_is_allowed(change):
     sentence = str(refusal.value)
     assert all(part in sentence for part in REFUSED[change]), sentence
     assert "\n" not in sentence and sentence.endswith(".") and not sentence.endswith("..")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [("preload.force=3", "preload.force = 3"), ("contact.coefficient=0.5", "0.5 at the wall")],
+)
+def test_what_a_dashpot_cannot_carry_is_refused(change, words):
+    plate = "wall={kind='dashpot', plate_thickness=5e-3}"
+    with pytest.raises(InvalidScene, match=words):
+        scene("rig-rigid", (plate, change))
+
+
+def test_a_plate_is_the_dashpot_of_its_material_and_thickness():
+    """Zener's 8 sqrt(D rho h): steel, 5 mm, by hand D = 210e9 * 1.25e-7 / (12 * 0.91) = 2403.8."""
+    found = scene("rig-rigid", ("wall.kind=dashpot", "wall.plate_thickness=5e-3"))
+    assert found.wall.density == 7850.0
+    assert 1 / wall(found).mobility == pytest.approx(8 * (2403.85 * 39.25) ** 0.5, rel=1e-5)
+    bare = scene("rig-rigid", ("wall={kind='dashpot', coefficient=2457.0}",))
+    assert 1 / wall(bare).mobility == pytest.approx(2457.0)
 
 
 @pytest.mark.parametrize(

@@ -96,6 +96,8 @@ def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall
             return None
         case OneDofWall(frequency=frequency, mass=mass, damping_ratio=ratio):
             return dem.one_dof_wall(frequency, mass, ratio)
+        case DashpotWall(coefficient=None, plate_thickness=thickness, density=density):
+            return dem.plate_wall(scene.wall.young, scene.wall.poisson, density, thickness)
         case DashpotWall(coefficient=coefficient):
             return dem.dashpot_wall(coefficient)
         case RomWall():

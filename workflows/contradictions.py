@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from workflows.scene import InvalidScene, ModalDamping, RayleighDamping, RomWall, Scene
+from workflows.scene import DashpotWall, InvalidScene, ModalDamping, RayleighDamping, RomWall, Scene
 from workflows.scene_size import too_large
 from workflows.summary import HAMMER_TEST_HZ
 
@@ -20,6 +20,7 @@ def contradictions(scene: Scene):
     yield from too_large(scene)
     if scene.chain:
         yield from _wrong_lengths(scene)
+        yield from _against_a_dashpot(scene)
         yield from _at_rest(scene)
         yield from _unseen_spheres(scene)
 
@@ -108,6 +109,23 @@ def _wrong_lengths(scene: Scene):
     for key, value, length in each:
         if isinstance(value, tuple) and len(value) != length:
             yield f"{key} has {len(value)} values, {length} are allowed; give one each."
+
+
+def _against_a_dashpot(scene: Scene):
+    if not isinstance(scene.wall, DashpotWall):
+        return
+    if scene.preload and scene.preload.force > 0:
+        yield (
+            f'preload.force = {scene.preload.force} N with wall.kind = "dashpot", which gives way '
+            "to any steady force; set it to 0, or take another wall."
+        )
+    given = scene.contact.coefficient
+    last = given[-1] if isinstance(given, tuple) else given
+    if last > 0 and scene.contact.dissipation != "none":
+        yield (
+            f'contact.coefficient is {last} at the wall, with wall.kind = "dashpot" it must be 0 '
+            "there; give a value for each contact, or drop it."
+        )
 
 
 def _at_rest(scene: Scene):

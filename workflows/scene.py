@@ -148,12 +148,37 @@ class OneDofWall(Table):
 
 
 class DashpotWall(Table):
-    """An infinite plate (Zener): the wall's velocity is the force over `coefficient`."""
+    """A wall whose velocity is the force over `coefficient`, as an infinite thin plate (Zener).
+
+    Of a plate, `plate_thickness` h makes the coefficient 8 sqrt(D density h), with the bending
+    stiffness D = young h^3 / 12 (1 - poisson^2).
+    """
 
     kind: Literal["dashpot"]
-    coefficient: Positive  # [N s/m]
+    coefficient: Positive | None = None  # [N s/m]
+    plate_thickness: Positive | None = None  # [m]
+    density: Positive | None = None  # [kg/m^3] of the plate
     young: Positive = 210e9  # [Pa]
     poisson: Poisson = 0.3
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_measure(cls, table: Any) -> Any:
+        return _of_a_plate(table)
+
+
+def _of_a_plate(table: Any) -> Any:
+    """The table of a dashpot: a plate's, with its density, or that of a bare coefficient."""
+    if not _is_table(table):
+        return table
+    plate, bare = (table.get(key) is not None for key in ("plate_thickness", "coefficient"))
+    if plate and bare:
+        raise ValueError("coefficient and plate_thickness exclude each other: keep one of them")
+    if not plate and not bare:
+        raise ValueError("needs coefficient in N s/m, or plate_thickness in m: add one of them")
+    if bare and table.get("density") is not None:
+        raise ValueError("density belongs to plate_thickness, not to coefficient: drop it")
+    return {"density": 7850.0, **table} if plate else table
 
 
 class RomWall(Table):

@@ -28,6 +28,8 @@ DEFAULT = "rig-rom"
 INSTEAD = {
     "time.dt": {"error"},
     "time.error": {"dt"},
+    "wall.coefficient": {"plate_thickness", "density"},
+    "wall.plate_thickness": {"coefficient"},
     "reduction.modes": {"cutoff", "error"},
     "reduction.cutoff": {"modes", "error"},
     "reduction.error": {"modes", "cutoff"},
