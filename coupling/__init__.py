@@ -16,7 +16,15 @@ from coupling.damping import (
 )
 from coupling.errors import CouplingError
 from coupling.march import Impact, impact
+from coupling.plate import (
+    Plate,
+    group_speed,
+    inelasticity,
+    infinite_plate,
+    slenderness,
+)
 from coupling.pruning import LeftOut, Pruning, mode_costs, prune
+from coupling.radiation import radiated_energy
 from coupling.verdict import Verdict, predicted_peak_force, verdict
 from coupling.wall import (
     half_space_compliance,
@@ -33,6 +41,7 @@ __all__ = [
     "Impact",
     "LeftOut",
     "ModalDamping",
+    "Plate",
     "Pruning",
     "RayleighDamping",
     "Verdict",
@@ -40,16 +49,21 @@ __all__ = [
     "coupled_wall",
     "damping_ratios",
     "energy_gain",
+    "group_speed",
     "half_space_compliance",
     "impact",
+    "inelasticity",
+    "infinite_plate",
     "largest_monotone_force",
     "march_coupled",
     "modal_coupling",
     "mode_costs",
     "predicted_peak_force",
     "prune",
+    "radiated_energy",
     "rayleigh",
     "require_monotone",
+    "slenderness",
     "verdict",
     "wall_from_reduced",
 ]

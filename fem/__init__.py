@@ -10,6 +10,7 @@ from fem.elasticity import Material, Structure, assemble
 from fem.factorisation import factorised
 from fem.half_space import half_space_on_mesh
 from fem.joints import DIRECTIONS, Joint
+from fem.mirror import mirrored
 from fem.model import Model, Table, full_tie, screw_tie, wires
 from fem.modes import Modes, modes
 from fem.response import receptance
@@ -32,6 +33,7 @@ __all__ = [
     "full_tie",
     "half_space_on_mesh",
     "mac",
+    "mirrored",
     "modes",
     "node_patch",
     "pair",

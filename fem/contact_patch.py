@@ -58,16 +58,20 @@ def contact_patch(
     weights: str = "hertz",
     n_radial: int = 16,
     n_around: int = 48,
+    mirrors: str = "",
 ) -> ContactPatch:
     """The patch of `radius` [m] at `point` (y, z) [m] from the middle of a face normal to x.
 
-    Displacement counts along the chain's direction of travel, into the wall. Raises ValueError
-    when the disc leaves the face.
+    Displacement counts along the chain's direction of travel, into the wall. `mirrors` names the
+    axes, "y", "z" or "yz", along which a mirror plane at the point ends the mesh: the disc folds
+    onto the upper side of it. Raises ValueError when the disc leaves the face.
     """
     basis = model.structure.basis
     centre, inward = _middle(basis, face)
     centre = centre + [0.0, *point]
     disc, share = disc_quadrature(weights, n_radial, n_around)
+    for axis in mirrors:
+        disc[:, "yz".index(axis)] = np.abs(disc[:, "yz".index(axis)])
     spots = centre + radius * np.column_stack([np.zeros(len(disc)), disc])
     try:
         P = trace(basis, face, spots)

@@ -12,12 +12,15 @@ Boussinesq's solution: Johnson, Contact Mechanics (1985), eq. 3.18, for a force 
     u_z = (1 + nu) P / (2 pi E) (z^2 / R^3 + 2 (1 - nu) / R).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.contact_patch import ContactPatch, disc_quadrature
 from fem.elasticity import Material
 from fem.factorisation import factorised
+from fem.mirror import normal_dofs
 from fem.model import Model
 
 
@@ -39,13 +42,24 @@ def boussinesq(
     return (1 + nu) / (2 * np.pi * E) * u
 
 
-def half_space_on_mesh(model: Model, face: str, patch: ContactPatch, material: Material) -> float:
-    """Compliance [m/N] of a half-space at a patch, read and loaded by w, on the body's mesh."""
+def half_space_on_mesh(
+    model: Model,
+    face: str,
+    patch: ContactPatch,
+    material: Material,
+    *,
+    mirrors: Sequence[str] = (),
+) -> float:
+    """Compliance [m/N] of a half-space at a patch, read and loaded by w, on the body's mesh.
+
+    `mirrors` are the faces where the mesh ends at a mirror plane through the patch.
+    """
     basis, K, _ = model.structure
     cells = basis.mesh.subdomains[face.split(":")[0]]
     dofs = np.unique(basis.element_dofs[:, cells])
-    prescribed = _other_faces(basis, face, cells)
-    free = np.setdiff1d(dofs, prescribed)
+    prescribed = _other_faces(basis, (face, *mirrors), cells)
+    still = [normal_dofs(basis, mirror) for mirror in mirrors]
+    free = np.setdiff1d(dofs, np.concatenate([prescribed, *still]))
     u = np.zeros(basis.N)
     u[prescribed] = _far_field(basis, prescribed, patch, material)
     load = patch.on_mesh - K @ u
@@ -53,10 +67,10 @@ def half_space_on_mesh(model: Model, face: str, patch: ContactPatch, material: M
     return float(patch.on_mesh @ u)
 
 
-def _other_faces(basis, face: str, cells) -> NDArray[np.int64]:
+def _other_faces(basis, faces: Sequence[str], cells) -> NDArray[np.int64]:
     mesh = basis.mesh
     outside = np.intersect1d(mesh.t2f[:, cells], mesh.boundary_facets())
-    others = np.setdiff1d(outside, mesh.boundaries[face])
+    others = np.setdiff1d(outside, np.concatenate([mesh.boundaries[face] for face in faces]))
     return np.unique(basis.get_dofs(others).all())
 
 

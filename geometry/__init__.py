@@ -12,12 +12,14 @@ from geometry.assembly import (
 )
 from geometry.hex_mesh import hex_mesh
 from geometry.naming import named
+from geometry.plate_mesh import Extent, plate_mesh
 from geometry.quality import smallest_quality
 
 __all__ = [
     "PARTS",
     "Assembly",
     "Box",
+    "Extent",
     "Interface",
     "InvalidGeometry",
     "boxes",
@@ -25,6 +27,7 @@ __all__ = [
     "hex_mesh",
     "interfaces",
     "named",
+    "plate_mesh",
     "provenance",
     "smallest_quality",
     "volume",

@@ -1,0 +1,57 @@
+"""A quarter and a half of a plate with mirror planes stand for the whole plate."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from fem import Material, assemble, contact_patch, factorised, half_space_on_mesh, mirrored, modes
+from geometry import Extent, plate_mesh
+
+STEEL = Material(210e9, 0.3, 7850.0)
+SIDE, THICKNESS, RADIUS = 0.06, 0.01, 2e-3  # m
+LOWER = {"": (-SIDE, -SIDE), "y": (0.0, -SIDE), "yz": (0.0, 0.0)}
+SIZES = {"seed": 20e-3, "contact_seed": 5e-3}
+
+
+@cache
+def plate(mirrors):
+    """Model, patch and compliance of the half-space of a plate with some mirror planes."""
+    y, z = LOWER[mirrors]
+    mesh = plate_mesh(THICKNESS, Extent((y, SIDE), (z, SIDE)), **SIZES)
+    faces = [f"plate:-{axis}" for axis in mirrors]
+    held = [f"plate:{s}{a}" for a in "yz" for s in "+-" if f"plate:{s}{a}" not in faces]
+    model = mirrored(assemble(mesh, {"plate": STEEL}), held, faces)
+    middle = (-(y + SIDE) / 2, -(z + SIDE) / 2)
+    patch = contact_patch(model, "plate:+x", middle, RADIUS, mirrors=mirrors)
+    local = half_space_on_mesh(model, "plate:+x", patch, STEEL, mirrors=faces)
+    return model, patch, local
+
+
+def compliance(mirrors):
+    model, patch, _ = plate(mirrors)
+    return patch.w @ factorised(model.K).solve(patch.w)
+
+
+@pytest.mark.parametrize("mirrors", ["y", "yz"])
+def test_a_part_between_mirrors_gives_way_like_the_whole(mirrors):
+    """The same elements on both sides of each plane: equal but for rounding of the solution."""
+    assert compliance(mirrors) == pytest.approx(compliance(""), rel=1e-9)
+    assert plate(mirrors)[2] == pytest.approx(plate("")[2], rel=1e-9)
+
+
+def test_a_part_between_mirrors_has_the_modes_that_the_contact_moves():
+    """Lanczos leaves 1e-10 of an eigenvalue or so."""
+    whole, quarter = (modes(plate(m)[0].K, plate(m)[0].M, 4, shift_hz=500.0) for m in ("", "yz"))
+    moved = np.abs(whole.phi.T @ plate("")[1].w)
+    first = int(np.argmax(moved))
+    assert quarter.omega[0] == pytest.approx(whole.omega[first], rel=1e-7)
+    assert abs(quarter.phi[:, 0] @ plate("yz")[1].w) == pytest.approx(moved[first], rel=1e-6)
+
+
+def test_the_patch_folds_only_at_its_mirrors():
+    """Its weights add up to one on any part; without the fold the disc leaves the quarter."""
+    for mirrors in LOWER:
+        assert plate(mirrors)[1].on_mesh.sum() == pytest.approx(-1.0, rel=1e-12)
+    with pytest.raises(ValueError, match="leaves the face"):
+        contact_patch(plate("yz")[0], "plate:+x", (-SIDE / 2, -SIDE / 2), RADIUS)
