@@ -15,6 +15,7 @@ class Arrival(NamedTuple):
     time: float  # [s] of the peak
     peak_velocity: float  # [m/s], negative for a reflected wave
     width: float  # [s] full width at half maximum, nan if the record cuts it
+    quality: float = float("nan")  # 1: a solitary wave, 0: nothing like it; nan: not judged
 
 
 class Passage(NamedTuple):
@@ -50,9 +51,27 @@ def _peaks(v, piece):
 def _arrival(t, v, piece):
     sign = np.sign(v[piece[0]])
     k = piece[np.abs(v[piece]).argmax()]
-    offset, height = _vertex(sign * v[k - 1 : k + 2])
-    time = t[k] + offset * (t[1] - t[0])
-    return Arrival(float(time), float(sign * height), _width(t, sign * v, k, height / 2.0))
+    time, height = crest(t, sign * v, k)
+    return Arrival(time, float(sign * height), full_width(t, sign * v, k))
+
+
+def crest(t, y, k):
+    """Time and height of the parabola through the samples k - 1, k, k + 1 of y (k,)."""
+    offset, height = _vertex(y[k - 1 : k + 2])
+    return float(t[k] + offset * (t[1] - t[0])), float(height)
+
+
+def peaks(y, prominence):
+    """Samples where y (k,) has a peak that stands out by `prominence` on both sides."""
+    y = np.asarray(y, float)
+    tops = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:])) + 1
+    return [int(k) for k in tops if y[k] - max(_foot(y[k::-1]), _foot(y[k:])) >= prominence]
+
+
+def _foot(y):
+    """Lowest of the values from y[0] on to the first one above it."""
+    higher = y > y[0]
+    return y[: higher.argmax()].min() if higher.any() else y.min()
 
 
 def _vertex(y):
@@ -63,7 +82,9 @@ def _vertex(y):
     return offset, y[1] - 0.25 * (y[0] - y[2]) * offset
 
 
-def _width(t, y, k, level):
+def full_width(t, y, k):
+    """Full width [s] at half the height of the crest near sample k of y (k,), nan if cut off."""
+    level = 0.5 * crest(t, y, k)[1]
     below = np.flatnonzero(y < level)
     before, after = below[below < k], below[below > k]
     if not before.size or not after.size:

@@ -1,0 +1,175 @@
+"""Waves taken apart, followed through the chain, and what is read off them."""
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from dem import Chain, march, one_dof_wall, rigid_wall, solitary
+from dem.labels import labels
+from dem.solitary import WIDTH, displacement_shape, velocity_shape
+from dem.trains import trains
+from dem.wave_fit import Guess, separated
+from dem.wave_measures import (
+    contact_time,
+    dimensionless_contact_time,
+    travelling_time,
+    wall_contact,
+)
+from dem.waves import peaks
+
+C = 0.84  # spheres per unit of time
+FWHM = WIDTH / C
+
+
+@cache
+def struck(wall="half-space", n=17, duration=90.0):
+    """Units m = A = V = 1; a wall of the chain's material, or a mass of 15 spheres on a spring."""
+    A = np.append(np.ones(n - 1), 2**0.5)
+    chain = Chain(np.ones(n), np.full(n, 0.5), A)
+    behind = rigid_wall() if wall == "half-space" else one_dof_wall(0.036, 15.0)
+    run = march(chain, behind, np.eye(n)[0], duration=duration, dt=0.03, n_save=9000)
+    return chain, run, trains(run.t, run.v, run.contact_force, chain.mass, chain.A)
+
+
+def two(separation, ratio, noise=0.0):
+    """A pulse, another one `separation` widths later, and guesses beside both."""
+    t = np.arange(0.0, 20.0, 0.02)
+    first, second = 8.0, 8.0 + separation * FWHM
+    v = velocity_shape(C * (t - first)) + ratio * velocity_shape(
+        C * abs(ratio) ** 0.2 * (t - second)
+    )
+    v += noise * np.random.default_rng(7).normal(size=t.size)
+    guesses = [Guess(first - 0.15 * FWHM, 0.9, 1.1 * FWHM), Guess(second + 0.2 * FWHM, ratio, FWHM)]
+    return first, second, separated(t, v, guesses)
+
+
+def test_shape_is_the_derivative_of_the_displacement_and_has_the_published_width():
+    a = np.linspace(-3, 3, 2001)
+    slope = np.gradient(displacement_shape(a), a)
+    assert velocity_shape(a) == pytest.approx(slope / slope.max(), abs=1e-5)
+    # Sen and Manciu's fit is good to 2.6e-4 of the displacement
+    assert velocity_shape(0.5 * WIDTH) == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.5, 0.2, -0.5])
+@pytest.mark.parametrize("separation", [0.6, 0.8, 1.0, 2.0])
+def test_overlapping_pulses_are_taken_apart(separation, ratio):
+    """The record lies in the family that is fitted, so what is left is the search's tolerance."""
+    first, second, found = two(separation, ratio)
+    assert [wave.time for wave in found] == pytest.approx([first, second], abs=1e-3 * FWHM)
+    assert [wave.peak_velocity for wave in found] == pytest.approx([1.0, ratio], rel=2e-3)
+    assert min(wave.quality for wave in found) > 0.999
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.5, -0.5])
+def test_one_percent_of_noise_moves_pulses_a_width_apart_by_three_percent(ratio):
+    first, second, found = two(1.0, ratio, noise=0.01)
+    assert [wave.time for wave in found] == pytest.approx([first, second], abs=0.03 * FWHM)
+    assert [wave.peak_velocity for wave in found] == pytest.approx([1.0, ratio], rel=0.03)
+    assert [wave.quality for wave in found] == pytest.approx(
+        [0.99, 1 - 0.01 / abs(ratio)], abs=4e-3
+    )
+
+
+def test_something_else_than_a_wave_has_a_low_quality():
+    t = np.arange(0.0, 20.0, 0.02)
+    square = ((t > 8.0) & (t < 11.0)).astype(float)
+    (wave,) = separated(t, square, [Guess(9.5, 1.0, FWHM)])
+    assert wave.quality < 0.9
+
+
+def test_a_sphere_that_nobody_stops_keeps_its_velocity():
+    t = np.arange(0.0, 20.0, 0.02)
+    v = -0.7 * displacement_shape(C * (t - 9.0))
+    (wave,) = separated(t, v, [Guess(8.5, -0.5, FWHM)])
+    assert wave[:2] == pytest.approx((9.0, -0.7), abs=1e-3)
+
+
+def test_a_peak_stands_out_of_both_sides():
+    y = np.array([0.0, 1.0, 0.8, 3.0, 0.0, 0.5, 0.0])
+    assert peaks(y, 0.15) == [1, 3, 5]
+    assert peaks(y, 0.3) == [3, 5]
+    assert peaks(y, 1.0) == [3]
+
+
+def test_labels_are_the_published_arrivals():
+    """references.md, section 4: the chain of 17 on a wall of its own material."""
+    _, run, found = struck()
+    incident, reflected = labels(found, run.t, run.v[:, 3], 4)[:2]
+    assert (incident.name, reflected.name) == ("incident", "reflected 1")
+    assert incident.arrival[:2] == pytest.approx((4.3296, 0.69865), abs=2e-4)
+    assert reflected.arrival[:2] == pytest.approx((37.1003, -0.83747), abs=2e-4)
+    fourteenth = labels(found, run.t, run.v[:, 13], 14)
+    assert fourteenth[1].arrival[:2] == pytest.approx((24.8966, -0.64969), abs=2e-4)
+    assert min(label.arrival.quality for label in fourteenth[:2]) > 0.98
+    (last,) = labels(found, run.t, run.v[:, 0], 1)
+    assert last.name == "reflected 1"
+    assert last.arrival.peak_velocity == pytest.approx(-0.99256, abs=2e-3)
+
+
+def test_a_train_passes_every_contact_at_the_published_speed():
+    _, _, (incident, reflected, *_) = struck()
+    assert [pulse.contact for pulse in incident.pulses] == list(range(1, 17))
+    assert [pulse.contact for pulse in reflected.pulses] == list(range(16, 0, -1))
+    middle = incident.pulses[8:13]
+    assert 4 / (middle[-1].time - middle[0].time) == pytest.approx(0.84051, abs=1e-3)
+    assert middle[2].velocity == pytest.approx(0.68163, abs=1e-3)
+    assert middle[2].passing_time == pytest.approx(1 / 0.84051, rel=1e-3)
+
+
+def test_a_light_wall_sends_back_more_waves_and_each_comes_from_its_own_impact():
+    """Every reflected train starts at the wall after another collision there, in order."""
+    _, run, found = struck("one mass")
+    back = [train for train in found if train.kind == "reflected" and len(train.pulses) > 8]
+    assert len(back) >= 3
+    impacts = [run.t[k] for k in peaks(run.contact_force[:, -1], 0.02)]
+    starts = [train.pulses[0].time for train in back]
+    assert starts == sorted(starts)
+    for one, next_ in pairwise(starts):
+        assert any(one < impact < next_ for impact in impacts)
+
+
+def test_waves_are_named_alike_at_all_spheres():
+    """The second reflected wave is later at every sphere further out, and no one else's."""
+    _, run, found = struck("one mass")
+    times = []
+    for sphere in (14, 10, 6, 4):
+        named = {label.name: label for label in labels(found, run.t, run.v[:, sphere - 1], sphere)}
+        times.append(named["reflected 2"].arrival.time)
+        assert named["reflected 2"].arrival.peak_velocity < 0
+    assert times == sorted(times)
+
+
+def test_contact_time_of_one_impact_is_hertz():
+    """T = 3.21807 m^0.4 A^-0.4 v^-0.2; 0.4 % of it lie below 1 % of the force, delta = 0.046."""
+    chain = Chain(np.array([2.0]), np.array([1.0]), np.array([5.0]))
+    run = march(chain, rigid_wall(), np.array([0.3]), duration=4.0, dt=2e-3, n_save=4000)
+    whole = contact_time(run.t, run.contact_force[:, 0], threshold=1e-9)
+    tau = dimensionless_contact_time(whole.seconds, 2.0, 0.3, 5.0)
+    assert tau == pytest.approx(3.21807, rel=1e-3)
+    # near its ends the overlap is v t, so 1 % of the force is passed at delta_max 0.01^(2/3) / v
+    cut = contact_time(run.t, run.contact_force[:, 0])
+    depth = (run.contact_force.max() / 5.0) ** (2 / 3)
+    assert whole.seconds - cut.seconds == pytest.approx(2 * depth * 0.01 ** (2 / 3) / 0.3, rel=0.01)
+
+
+def test_wall_contact_collects_what_the_thesis_defines():
+    chain, run, found = struck()
+    wall = wall_contact(run.t, run.v, run.contact_force, chain, found)
+    # radius 1/2: a sphere per unit of length; the mean speed is that of the wave within 2 %
+    assert wall.speed_in == pytest.approx(0.84051, rel=0.02)
+    assert wall.travelling_time == pytest.approx(17 / wall.speed_in + 17 / wall.speed_back)
+    assert wall.tof == wall.travelling_time + wall.contact_time.seconds
+    assert wall.tau_c == pytest.approx(wall.contact_time.seconds * 2**0.2)
+    assert wall.velocity_sum_ratio > 1.3  # references.md: 1.36, and no energy is lost
+    assert wall.energy_restitution == pytest.approx(1.0, abs=1e-6)
+    assert travelling_time(17, 0.0127, 541.0, 541.0) == pytest.approx(4 * 17 * 0.0127 / 541)
+
+
+def test_force_and_velocity_of_a_wave_belong_together():
+    F = solitary.force(0.2, 0.067, 1.2e10)
+    assert solitary.velocity_of_force(F, 0.067, 1.2e10) == pytest.approx(0.2)
+    assert solitary.force(1.0, 1.0, 1.0) == 1.01302
+    assert solitary.speed(-1.0, 1.0, 1.0) == -0.90747
