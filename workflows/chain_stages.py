@@ -39,7 +39,7 @@ def chain(scene: Scene) -> dem.Chain:
     """The spheres, their contacts and what holds them."""
     c, contact, leaf = scene.chain, scene.contact, scene.leaf_springs
     touched = Surface(np.inf, 0.0) if scene.wall is None else surface(scene)
-    return dem.row_of_spheres(
+    row = dem.row_of_spheres(
         c.radius,
         c.density,
         c.young,
@@ -54,6 +54,9 @@ def chain(scene: Scene) -> dem.Chain:
         leaf_anchor=np.asarray(leaf.offset) if leaf else None,
         preload=scene.preload.force if scene.preload else 0.0,
     )
+    if scene.preload:
+        row.mass[-1] += scene.preload.mass
+    return row
 
 
 def dissipation(contact: Contact) -> dict[str, Any]:

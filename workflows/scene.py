@@ -121,9 +121,10 @@ class LeafSprings(Table):
 
 
 class Preload(Table):
-    """A steady force on the last sphere, towards the wall."""
+    """A steady force on the last sphere, towards the wall, by an arm that moves with the sphere."""
 
     force: NonNegative = 0.0  # [N]
+    mass: NonNegative = 0.0  # [kg] of the arm
 
 
 class RigidWall(Table):
@@ -255,10 +256,12 @@ class Reduction(Table):
     """Modes kept: a number, all below `cutoff`, or as many as an `error` asks for.
 
     `error` is that of the receptance at the contact, relative rms up to `to_hz`, else 20 kHz.
-    Free modes with their residual vector reach it with a third of the modes of Craig-Bampton.
+    `choice` says which: "contact" those that a force at the contact moves most up to `to_hz`,
+    beside the four of the hammer test; "lowest" in the order of their frequencies.
     """
 
     kind: Literal["craig-bampton", "free-modes"] = "craig-bampton"
+    choice: Literal["contact", "lowest"] = "contact"  # a cutoff takes the lowest
     modes: Count | None = None
     cutoff: Positive | None = None  # [Hz]
     error: Annotated[float, Field(gt=0, lt=1)] | None = None
