@@ -206,7 +206,7 @@ def _lanczos(problem: Pencil, enough: Enough) -> np.ndarray:
             shapes = partial(np.matmul, Q[:, : len(H)], pairs.phi)
             if exhausted or enough(pairs.omega, shapes):
                 return shapes()
-        Q = _with_columns(Q, len(H), block)
+        Q = with_columns(Q, len(H), block)
         H = np.pad(H, (0, block.shape[1]))
 
 
@@ -220,7 +220,7 @@ def _projected_out(W: np.ndarray, Q: np.ndarray, M: sp.csc_array) -> np.ndarray:
     return total
 
 
-def _with_columns(Q: np.ndarray, used: int, block: np.ndarray) -> np.ndarray:
+def with_columns(Q: np.ndarray, used: int, block: np.ndarray) -> np.ndarray:
     """Q (n, capacity) with block behind the columns in use; twice the capacity where it is full."""
     width = used + block.shape[1]
     if width > Q.shape[1]:

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
+from rom.contact_modes import contact_modes, static_shapes
 from rom.factorisation import (
     EigenPairs,
     Factorise,
@@ -45,6 +46,7 @@ def free_modes(
     to_hz: float | None = None,
     shift: float | None = None,
     modes: tuple[np.ndarray, np.ndarray] | None = None,
+    choice: str = "lowest",
     C: ArrayLike | sp.sparray | None = None,
     factorise: Factorise = superlu,
     provenance: dict[str, str] | None = None,
@@ -55,6 +57,8 @@ def free_modes(
     that with the residual vector give the receptance at the contact to a relative rms error up to
     that frequency; with to_hz the result states its error. modes = (omega (k,) [rad/s], phi (n, k)
     mass-normalised) are modes that are already there; the other three cut them.
+    choice "lowest" takes the modes in the order of their frequencies, "contact" those that matter
+    most at the contact up to to_hz (see rom.contact_modes), beside `modes`, which then all stay.
     shift [rad^2/s^2], negative, is the sigma of K - sigma M that gets factorised; None takes K
     itself, or where K floats freely a shift of -(omega_1 / 10)^2. factorise(A) returns an object
     with .solve. Raises ReductionError with one sentence where the result would not be right.
@@ -62,14 +66,18 @@ def free_modes(
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
     require_one_choice(n_modes, cutoff_hz, error, to_hz, modes)
+    require_choice(choice, n_modes, error, to_hz)
     problem = pencil(K, M, factorise, shift)
     known = None if modes is None else known_modes(problem, *modes)
-    (omega, phi), static, stated = (
-        _as_told(problem, w, known, n_modes, cutoff_hz, to_hz)
-        if error is None
-        else _to_error(problem, w, known, error, to_hz)
-    )
-    residual = _residual(M, w, phi, static)
+    if choice == "contact":
+        kept = known_or_rigid(problem, known)
+        found = contact_modes(problem, w, kept, n_modes=n_modes, error=error, to_hz=to_hz)
+    elif error is None:
+        found = _as_told(problem, w, known, n_modes, cutoff_hz, to_hz)
+    else:
+        found = _to_error(problem, w, known, error, to_hz)
+    (omega, phi), beyond, stated = found
+    residual = _residual(M, w, omega, phi, beyond)
     T = phi if residual is None else np.column_stack([phi, residual])
     squared = omega**2 if residual is None else np.append(omega**2, residual @ (K @ residual))
     reduced = ReducedModel(
@@ -81,12 +89,18 @@ def free_modes(
         kind="free-modes",
         n_boundary=0,
         provenance=dict(provenance or {}),
-        n_residual=0 if residual is None else 1,
+        n_residual=_static_shapes(squared, residual, to_hz if choice == "contact" else None),
         error=stated,
     )
     require_faithful(reduced, K, M)
     require_static_response(reduced, K, M, w, _rigid(problem, EigenPairs(omega, phi)))
     return reduced
+
+
+def _static_shapes(squared: np.ndarray, residual: np.ndarray | None, to_hz: float | None) -> int:
+    if to_hz is None or residual is None:
+        return 0 if residual is None else 1
+    return static_shapes(np.sqrt(squared), to_hz)
 
 
 def require_one_choice(
@@ -107,11 +121,24 @@ def require_one_choice(
         )
 
 
+def require_choice(
+    choice: str, n_modes: int | None, error: float | None, to_hz: float | None
+) -> None:
+    """Raise ReductionError unless the order of the modes is known and can be told."""
+    if choice not in ("lowest", "contact"):
+        raise ReductionError(f"choice is {choice!r}; it can be 'lowest' or 'contact'.")
+    if choice == "contact" and (to_hz is None or (n_modes is None and error is None)):
+        raise ReductionError(
+            "choice 'contact' needs n_modes or error, and to_hz, the frequency up to which modes "
+            "are to matter; a cutoff takes the lowest."
+        )
+
+
 class Choice(NamedTuple):
-    """Modes, the static response (n,) to the contact force, and the error the rest leaves."""
+    """Modes, the static response (n,) to the contact force beyond them, and the error left."""
 
     pairs: EigenPairs
-    static: np.ndarray
+    residual: np.ndarray
     error: float | None
 
 
@@ -131,9 +158,10 @@ def _as_told(
         pairs = modes_below(problem, cutoff_hz)
     rigid = _rigid(problem, pairs)
     static = static_response(problem, w, rigid)
+    beyond = _beyond(problem.M, pairs.phi, static)
     if to_hz is None:
-        return Choice(pairs, static, None)
-    return Choice(pairs, static, _errors(problem, w, static, rigid, pairs, to_hz)[-1])
+        return Choice(pairs, beyond, None)
+    return Choice(pairs, beyond, _errors(problem, w, static, rigid, pairs, to_hz)[-1])
 
 
 def _to_error(
@@ -156,7 +184,8 @@ def _to_error(
             f"asked was {error:g}; hand in more, or leave modes out."
         )
     n_modes = int(np.argmax(errors <= error))
-    return Choice(_cut(pairs, n_modes, None), static, errors[n_modes])
+    kept = _cut(pairs, n_modes, None)
+    return Choice(kept, _beyond(problem.M, kept.phi, static), errors[n_modes])
 
 
 def _errors(
@@ -183,6 +212,14 @@ def _rigid(problem: Pencil, known: EigenPairs | None) -> np.ndarray:
     return phi[:, omega == 0]
 
 
+def known_or_rigid(problem: Pencil, known: EigenPairs | None) -> EigenPairs:
+    """The modes to keep whatever the contact says: those handed in, else the rigid-body ones."""
+    if known is not None:
+        return known
+    rigid = _rigid(problem, None)
+    return EigenPairs(np.zeros(rigid.shape[1]), rigid)
+
+
 def _cut(pairs: EigenPairs, n_modes: int | None, cutoff_hz: float | None) -> EigenPairs:
     order = np.argsort(pairs.omega)[:n_modes]
     if cutoff_hz is not None:
@@ -191,13 +228,14 @@ def _cut(pairs: EigenPairs, n_modes: int | None, cutoff_hz: float | None) -> Eig
 
 
 def _residual(
-    M: sp.csc_array, w: np.ndarray, phi: np.ndarray, static: np.ndarray
+    M: sp.csc_array, w: np.ndarray, omega: np.ndarray, phi: np.ndarray, beyond: np.ndarray
 ) -> np.ndarray | None:
-    r = _beyond(M, phi, static)
+    elastic = omega > 0
+    held = np.sum(((phi.T @ w)[elastic] / omega[elastic]) ** 2)
     # of a structure whose modes are all kept nothing remains but rounding
-    if w @ r < 1e-12 * abs(w @ static):
+    if w @ beyond <= 1e-12 * (held + abs(w @ beyond)):
         return None
-    return r / np.sqrt(r @ (M @ r))
+    return beyond / np.sqrt(beyond @ (M @ beyond))
 
 
 def _beyond(M: sp.csc_array, phi: np.ndarray, static: np.ndarray) -> np.ndarray:

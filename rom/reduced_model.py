@@ -24,8 +24,9 @@ class ReducedModel(NamedTuple):
     contact force enters as w F. T (n, r) gives the full field back and is None where it is not
     known. kind is "craig-bampton", "free-modes", "full-order" or "imported". The first n_boundary
     coordinates are physical boundary displacements [m]. provenance holds the caller's notes.
-    n_residual of the last coordinates are residual-attachment vectors, not modes. error is the
-    estimated relative rms error of the receptance at the contact, where it was asked for.
+    The n_residual highest modes are static shapes, residual vectors among them: they follow the
+    force. error is the estimated relative rms error of the receptance at the contact, where it was
+    asked for.
     """
 
     K: np.ndarray

@@ -1,5 +1,7 @@
 """Craig-Bampton and free modes + residual on chains of masses and springs with known answers."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -384,3 +386,97 @@ def test_rigid_body_modes_handed_in_with_rounding_for_a_frequency_are_rigid():
 def known_pairs(K, M, n_modes):
     wall = modal(full_order(K, M, end_patch(K.shape[0])))
     return wall.omega[:n_modes].copy(), wall.vectors[:, :n_modes]
+
+
+def frame(n=500, weak=1e-9, seed=3):
+    """A held chain of n masses, and beside it n that the contact at its end moves only weakly."""
+    K, M = spring_chain(n)
+    beside = sp.diags_array(np.linspace(1e-5, 1e-3, n) * STIFFNESS)
+    link = weak * STIFFNESS * sp.eye_array(n)
+    both = sp.block_array([[K + link, -link], [-link, beside + link]])
+    return both.tocsc(), sp.block_diag([M, M], format="csc")
+
+
+def contact_reduced(kind, K, M, w, **asked):
+    if kind == "free-modes":
+        return free_modes(K, M, w, choice="contact", **asked)
+    return craig_bampton(K, M, w, np.flatnonzero(w), choice="contact", **asked)
+
+
+@KINDS
+def test_modes_chosen_by_the_contact_leave_out_what_it_does_not_move(kind):
+    """500 oscillators of 60 to 620 Hz hang on by 1e-9 of a spring: most low modes are theirs."""
+    K, M = frame()
+    w = np.zeros(1000)
+    w[495:500] = 0.2
+    f = np.linspace(10, 400, 60)
+    exact = np.array([w @ superlu(K - (2 * np.pi * x) ** 2 * M).solve(w) for x in f])
+    chosen = contact_reduced(kind, K, M, w, n_modes=12, to_hz=400.0)
+    lowest = free_modes(K, M, w, n_modes=12)
+    off = [np.linalg.norm(receptance(m, None, f) - exact) for m in (chosen, lowest)]
+    assert off[0] < 2e-5 * np.linalg.norm(exact)  # 5e-6 measured
+    assert off[1] > 1e-2 * np.linalg.norm(exact)
+
+
+@KINDS
+@pytest.mark.parametrize("error", [1e-2, 1e-4, 1e-6])
+def test_modes_chosen_by_the_contact_keep_the_error_asked_for(kind, error):
+    K, M = spring_chain(N)
+    w, to_hz = end_patch(N), 4000.0
+    reduced = contact_reduced(kind, K, M, w, error=error, to_hz=to_hz)
+    f = to_hz * np.arange(1, 201) / 200
+    D = [K * (1 + 0.01j) - (2 * np.pi * x) ** 2 * M for x in f]
+    exact = np.array([w @ superlu_complex(A, w) for A in D])
+    off = np.linalg.norm(receptance(reduced, None, f, loss=0.01) - exact) / np.linalg.norm(exact)
+    assert off <= reduced.error <= error
+
+
+def superlu_complex(A, b):
+    return sp.linalg.spsolve(sp.csc_matrix(A), b.astype(complex))
+
+
+@KINDS
+def test_the_error_of_contact_modes_at_growing_loads_falls_with_every_mode(kind):
+    """At e^{st}, s real, Galerkin's error is a squared energy norm: nested bases make it fall.
+
+    The vectors of n modes are those of n - 1 and one more, but for the residual, whose share the
+    static response bounds; measured here: strictly falling down to rounding.
+    """
+    K, M = spring_chain(N)
+    w, s = end_patch(N), 2 * np.pi * 3000.0
+    exact = w @ superlu(K + s**2 * M).solve(w)
+    counts = (2, 4, 8, 12, 16)
+    models = [contact_reduced(kind, K, M, w, n_modes=n, to_hz=4000.0) for n in counts]
+    walls = [modal(model) for model in models]
+    missing = [exact - np.sum(wall.phi**2 / (wall.omega**2 + s**2)) for wall in walls]
+    noise = 1e-12 * exact
+    assert min(missing) > -noise
+    assert all(b < 0.9 * a or a < noise for a, b in pairwise(missing))
+
+
+def test_modes_to_keep_stay_among_those_of_the_contact():
+    K, M = spring_chain(N)
+    every = modal(full_order(K, M, end_patch(N)))
+    kept = (every.omega[[0, 40]], every.vectors[:, [0, 40]])
+    for kind in ("free-modes", "craig-bampton"):
+        reduced = contact_reduced(kind, K, M, end_patch(N), n_modes=10, to_hz=2e3, modes=kept)
+        found = modal(reduced).omega
+        for omega in kept[0]:
+            assert np.abs(found / omega - 1).min() < 1e-8
+
+
+def test_a_floating_chain_keeps_its_rigid_motion_among_contact_modes():
+    K, M = spring_chain(N, held=False)
+    reduced = free_modes(K, M, end_patch(N), n_modes=10, to_hz=2e3, choice="contact")
+    assert modal(reduced).omega[0] == 0
+    assert rigid_body(reduced, K, M, np.ones((N, 1))).mass_error < 1e-9
+    with pytest.raises(ReductionError, match="floats freely"):
+        craig_bampton(K, M, end_patch(N), end_boundary(N), n_modes=10, to_hz=2e3, choice="contact")
+
+
+def test_what_a_choice_needs_is_asked_for():
+    K, M = spring_chain(N)
+    with pytest.raises(ReductionError, match="needs n_modes or error, and to_hz"):
+        free_modes(K, M, end_patch(N), n_modes=4, choice="contact")
+    with pytest.raises(ReductionError, match="can be 'lowest' or 'contact'"):
+        free_modes(K, M, end_patch(N), n_modes=4, choice="best")

@@ -63,7 +63,7 @@ def block():
 
 
 def test_full_order_and_reduced_block_give_the_same_velocities():
-    """30 modes of 369 leave an error of the 5e-7 in the velocities; a rigid wall is off by 2e-2."""
+    """30 modes of 369 leave an error of the 5e-7 in the velocities; a rigid wall is off by 1e-2."""
     model, rig = block(), scene("rig-rom", COARSE)
     patch = fem.contact_patch(model, STRUCK, (0.02, 0.0), 0.01)
     steel = fem.Material(210e9, 0.3, 7850.0)
@@ -79,7 +79,7 @@ def test_full_order_and_reduced_block_give_the_same_velocities():
         for wall in (*walls, dem.rigid_wall())
     )
     assert np.abs(reduced - v).max() < 5e-6 * 0.31
-    assert np.abs(rigid - v).max() > 1e-2 * 0.31
+    assert np.abs(rigid - v).max() > 5e-3 * 0.31
 
 
 def test_undamped_energy_closes_over_tens_of_impacts():

@@ -163,34 +163,55 @@ def reduction(
     scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes
 ) -> rom.ReducedModel:
     """The model in few coordinates at the contact, without the way back to the full field."""
-    table, w_reading = scene.reduction, reading(scene, model)
-    size = {"n_modes": table.modes, "cutoff_hz": table.cutoff, "error": table.error}
-    size["to_hz"] = table.to_hz or (TO_HZ if table.error else None)
+    w_reading = reading(scene, model)
     hz = " ".join(f"{f:.9g}" for f in modes.field.frequency_hz)
     notes = {"hammer_modes_hz": hz, **provenance(scene, model, contact)}
-    if table.kind == "craig-bampton":
+    asked = {**_size(scene), "factorise": fem.factorised}
+    if scene.reduction.kind == "craig-bampton":
         # w reads x alone: y and z of its nodes would only be constraint modes to solve for
         boundary = np.flatnonzero(contact.w if w_reading is None else contact.w + w_reading)
         notes |= reading_note(w_reading, boundary)
+        ready = _hammer(modes) if asked["choice"] == "contact" else None
         reduced = rom.craig_bampton(
-            model.K, model.M, contact.w, boundary, **size,
-            factorise=fem.factorised, provenance=notes,
-        )  # fmt: skip
+            model.K, model.M, contact.w, boundary, **asked, modes=ready, provenance=notes
+        )
     else:
-        ready = (modes.omega, modes.phi) if _enough(scene, modes) else None
+        ready = _ready(scene, modes) if asked["choice"] == "lowest" else _hammer(modes)
         reduced = rom.free_modes(
-            model.K, model.M, contact.w, **size, modes=ready,
-            factorise=fem.factorised, provenance=notes,
-        )  # fmt: skip
+            model.K, model.M, contact.w, **asked, modes=ready, provenance=notes
+        )
     captured = {"effective_mass_captured": f"{mass_captured(model, reduced):.9g}"}
     return reduced._replace(T=None, provenance=reduced.provenance | captured)
 
 
-def _enough(scene: Scene, modes: AssemblyModes) -> bool:
+def _size(scene: Scene) -> dict:
+    """How many modes, which, and up to what frequency."""
     table = scene.reduction
-    if table.modes is not None:
-        return table.modes <= len(modes.omega)
-    return table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
+    choice = "lowest" if table.cutoff is not None else table.choice
+    to_hz = table.to_hz or (TO_HZ if table.error or choice == "contact" else None)
+    return {
+        "n_modes": table.modes,
+        "cutoff_hz": table.cutoff,
+        "error": table.error,
+        "to_hz": to_hz,
+        "choice": choice,
+    }
+
+
+def _hammer(modes: AssemblyModes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The modes of the hammer test, which stay whatever the contact says."""
+    index = np.sort(modes.index[modes.index >= 0])
+    return modes.omega[index], modes.phi[:, index]
+
+
+def _ready(
+    scene: Scene, modes: AssemblyModes
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """The modes that are there, where they are enough."""
+    table, found = scene.reduction, len(modes.omega)
+    below = table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
+    enough = below or (table.modes is not None and table.modes <= found)
+    return (modes.omega, modes.phi) if enough else None
 
 
 def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:

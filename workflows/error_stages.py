@@ -35,6 +35,8 @@ def coarse_reduction(scene: Scene) -> rom.ReducedModel:
         model.M,
         contact.w,
         n_modes=stages.N_MODES[0],
+        choice="contact",
+        to_hz=stages.TO_HZ,
         factorise=stages.fem.factorised,
         provenance=stages.provenance(coarse, model, contact),
     )._replace(T=None)

@@ -1,0 +1,237 @@
+"""The modes that a force at the contact moves, without the others: Ritz pairs of a Krylov space.
+
+    v_1 ~ K^-1 w,   v_{j+1} ~ K^-1 M v_j,   V^T K V = 1,   V^T M V = H tridiagonal
+
+Of all spaces of k vectors this one has most of the receptance's moments at the contact right, 2 k
+of them. A mode that the contact does not move never enters; one that it moves comes out to
+rounding once k is large enough. With beta the K-norm of the next vector before it is normalised
+and (1 + i eta - s^2 H) y = e_1 |K^-1 w|_K, a model of this space misses
+
+    |H(s) - H_k(s)| <= (s^2 beta |y_k|)^2 / eta
+
+at any frequency, since the forces left over are s^2 beta y_k K v_{k+1} and no mode with the loss
+factor eta amplifies its own by more than 1 / eta.
+Wilson, Yuan and Dickens, Earthquake Eng. Struct. Dyn. 10 (1982) 813; Bai, Appl. Numer. Math. 43
+(2002) 9.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from rom.factorisation import EigenPairs, Pencil, ReductionError, static_response, with_columns
+from rom.truncation import frequencies, rms
+
+CONVERGED = 1e-3  # bound of the space's own error where a number of modes is asked for
+CHECK = 5  # vectors between two looks at the bound
+LARGEST = 1000  # vectors: of a solid far more than any chain notices
+REACH = 3  # times to_hz: what resonates beyond is a static shape there, and would cost steps
+COMBS = 8  # of the grid
+LOSS = 0.01  # of the receptance whose error is stated
+
+
+class Space(NamedTuple):
+    """Ritz pairs that hold the static response between them, and a bound of the relative rms error
+    of the receptance that a model of all of them has."""
+
+    pairs: EigenPairs
+    bound: float
+
+
+class Chosen(NamedTuple):
+    """Modes, the static response (n,) to the contact force beyond them, and the error left."""
+
+    pairs: EigenPairs
+    residual: np.ndarray
+    error: float
+
+
+def contact_modes(
+    problem: Pencil,
+    w: np.ndarray,
+    known: EigenPairs,
+    *,
+    n_modes: int | None = None,
+    error: float | None = None,
+    to_hz: float,
+) -> Chosen:
+    """The n_modes that matter most for the receptance at the contact up to to_hz, or the fewest
+    that with a residual vector keep it to a relative rms error.
+
+    known (k,) are modes to keep in any case, the rigid-body ones among them. The error stated
+    holds for the modes with the residual vector: the space's bound and what the choice leaves.
+    Raises ReductionError.
+    """
+    bound = CONVERGED if error is None else 0.3 * error
+    n_vectors = 0 if n_modes is None else n_modes + 1 - len(known.omega)
+    space = krylov_space(problem, w, known, bound, to_hz, n_vectors)
+    pairs, n_known = space.pairs, len(known.omega)
+    phi = pairs.phi.T @ w
+    order = _ranked(pairs.omega, phi, n_known, to_hz)
+    errors = space.bound + _left(pairs.omega[order], phi[order], to_hz)
+    if error is not None:
+        n_modes = max(int(np.argmax(errors <= error)), n_known)
+    n = min(n_modes, len(order))
+    if n < n_known:
+        raise ReductionError(f"{n} modes cannot hold the {n_known} to be kept; ask for more.")
+    kept = order[:n][np.argsort(pairs.omega[order[:n]])]
+    rest = order[n:]
+    # the sum of the modes left out: the static response less the modes kept would lose digits
+    residual = pairs.phi[:, rest] @ (phi[rest] / pairs.omega[rest] ** 2)
+    chosen = EigenPairs(pairs.omega[kept], pairs.phi[:, kept])
+    return Chosen(chosen, residual, float(errors[n]))
+
+
+def static_shapes(omega: np.ndarray, to_hz: float) -> int:
+    """How many of the highest modes omega (k,) [rad/s] resonate so far above to_hz that they move
+    with the force; one at least, what stands for the rest."""
+    return max(1, int(np.count_nonzero(omega > REACH * 2 * np.pi * to_hz)))
+
+
+def krylov_space(
+    problem: Pencil,
+    w: np.ndarray,
+    known: EigenPairs,
+    error: float,
+    to_hz: float,
+    n_vectors: int = 0,
+) -> Space:
+    """Ritz pairs of n_vectors, or of more until their bound up to to_hz is below error.
+
+    The first pairs are the known ones; the others are orthogonal to them.
+    """
+    s = 2 * np.pi * frequencies(to_hz)
+    participation = known.phi.T @ w
+    static, rest = _static(problem, w, known, participation)
+    size = _stiffness_norm(problem, rest)
+    if size <= 1e-12 * max(_stiffness_norm(problem, static), np.finfo(float).tiny):
+        return Space(known, 0.0)
+    V, H, v = np.empty((len(w), 2 * CHECK), order="F"), np.zeros((0, 0)), rest / size
+    while True:
+        V, H, beta, v = _longer(problem, V, H, v, known)
+        bound = _bound(H, beta, size, s, known.omega, participation)
+        if (bound <= error and len(H) >= n_vectors) or beta == 0:
+            break
+        if len(H) >= max(LARGEST, n_vectors):
+            raise ReductionError(
+                f"{len(H)} vectors leave an error of up to {bound:.1e} up to {to_hz:g} Hz, asked "
+                f"was {error:.1e}; ask for a larger error or a lower frequency."
+            )
+    return Space(_ritz(problem, known, V[:, : len(H)]), float(bound))
+
+
+def _ritz(problem: Pencil, known: EigenPairs, V: np.ndarray) -> EigenPairs:
+    """The known modes and the Ritz pairs of K-orthonormal V (n, k)."""
+    # V^T M V anew: what the recurrence found holds the errors of the solver
+    inverse_squared, U = np.linalg.eigh(V.T @ (problem.M @ V))
+    omega = np.append(known.omega, 1 / np.sqrt(inverse_squared))
+    phi = np.column_stack([known.phi, V @ (U / np.sqrt(inverse_squared))])
+    return _orthonormal(problem, EigenPairs(omega, phi))
+
+
+def _orthonormal(problem: Pencil, pairs: EigenPairs) -> EigenPairs:
+    """The pairs without what rounding leaves between them in M, the lowest kept as they are."""
+    order = np.argsort(pairs.omega)
+    phi = pairs.phi[:, order]
+    gram = phi.T @ (problem.M @ phi)
+    phi[:, :] = solve_triangular(np.linalg.cholesky(gram), phi.T, lower=True).T
+    omega = np.sqrt(np.maximum(np.einsum("ij,ij->j", phi, problem.K @ phi), 0))
+    omega[pairs.omega[order] == 0] = 0
+    back = np.argsort(order)
+    return EigenPairs(omega[back], phi[:, back])
+
+
+def _static(problem: Pencil, w: np.ndarray, known: EigenPairs, participation: np.ndarray):
+    """K^-1 w, and what it has beyond the known modes; inertia relief where the structure floats."""
+    elastic = known.omega > 0
+    static = _solved(problem, w, known)
+    rest = static - known.phi[:, elastic] @ (participation[elastic] / known.omega[elastic] ** 2)
+    return static, rest
+
+
+def _solved(problem: Pencil, load: np.ndarray, known: EigenPairs) -> np.ndarray:
+    if problem.sigma == 0:
+        return problem.factor.solve(load)
+    return static_response(problem, load, known.phi[:, known.omega == 0])
+
+
+def _longer(problem: Pencil, V: np.ndarray, H: np.ndarray, v: np.ndarray, known: EigenPairs):
+    """CHECK more vectors, v the first; the next one and its length, 0 where there is none."""
+    K, M = problem.K, problem.M
+    beta = 0.0
+    for k in range(len(H), len(H) + CHECK):
+        V = with_columns(V, k, v[:, None])
+        x = _solved(problem, M @ v, known)
+        x -= known.phi @ (known.phi.T @ (M @ x))
+        before, column = _stiffness_norm(problem, x), 0.0
+        for _ in range(2):
+            h = V[:, : k + 1].T @ (K @ x)
+            x -= V[:, : k + 1] @ h
+            column = column + h
+        H = np.pad(H, (0, 1))
+        H[-1], H[:, -1] = column, column
+        beta = _stiffness_norm(problem, x)
+        if beta <= 1e-12 * before:
+            return V, H, 0.0, x
+        v = x / beta
+    return V, H, beta, v
+
+
+def _stiffness_norm(problem: Pencil, x: np.ndarray) -> float:
+    return float(np.sqrt(max(x @ (problem.K @ x), 0.0)))
+
+
+def _bound(
+    H: np.ndarray,
+    beta: float,
+    size: float,
+    s: np.ndarray,
+    omega: np.ndarray,
+    participation: np.ndarray,
+) -> float:
+    """Of the relative rms error, as the module says; size is |K^-1 w|_K beyond the known modes."""
+    theta, U = np.linalg.eigh((H + H.T) / 2)
+    dynamic = 1 / (1 + 1j * LOSS - s[:, None] ** 2 * theta)
+    found = size**2 * dynamic @ U[0] ** 2
+    found = found + _each(omega, participation, s).sum(axis=1)
+    last = size * dynamic @ (U[0] * U[-1])
+    return rms((s**2 * beta * np.abs(last)) ** 2) / LOSS / _scale(found)
+
+
+def _ranked(omega: np.ndarray, phi: np.ndarray, n_known: int, to_hz: float) -> np.ndarray:
+    """The known ones, then the others by what an oscillator with their first two moments misses."""
+    s = 2 * np.pi * frequencies(to_hz)[:, None]
+    squared = omega[n_known:] ** 2
+    beyond = phi[n_known:] ** 2 * (s / omega[n_known:]) ** 4 / (squared * (1 + 1j * LOSS) - s**2)
+    order = np.argsort(-np.linalg.norm(beyond, axis=0))
+    return np.append(np.arange(n_known), n_known + order)
+
+
+def _left(omega: np.ndarray, phi: np.ndarray, to_hz: float) -> np.ndarray:
+    """Relative rms error after the first 0, 1, .. k modes and one oscillator for the rest."""
+    s = 2 * np.pi * frequencies(to_hz)
+    each = _each(omega, phi, s)
+    scale = _scale(each.sum(axis=1))
+    lumped = (_one(omega[n:], phi[n:], s) for n in range(len(omega) + 1))
+    return np.array([rms(one - each[:, n:].sum(axis=1)) / scale for n, one in enumerate(lumped)])
+
+
+def _scale(H: np.ndarray) -> float:
+    """Rms of a receptance; the least of its combs, since a grid that meets a peak sees that alone
+    and would call any error small."""
+    return min(rms(H[i::COMBS]) for i in range(COMBS))
+
+
+def _each(omega: np.ndarray, phi: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Receptance of every mode (len(s), k)."""
+    return phi**2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)
+
+
+def _one(omega: np.ndarray, phi: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Receptance of the oscillator that the residual vector makes of these modes (len(s),)."""
+    elastic = omega > 0
+    first, second = (np.sum(phi[elastic] ** 2 / omega[elastic] ** i) for i in (2, 4))
+    if first == 0:
+        return np.zeros(len(s))
+    return _each(np.sqrt([first / second]), np.array([first / np.sqrt(second)]), s)[:, 0]

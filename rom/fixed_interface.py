@@ -1,0 +1,161 @@
+"""A structure held at its boundary: the interior's factor, constraint modes, fixed-interface modes.
+
+    K_ii Psi = -K_ib,   S = K_bb + K_bi Psi,   K x = y:  S x_b = y_b + Psi^T y_i,
+    x_i = K_ii^-1 y_i + Psi x_b
+
+so that the factor of K_ii serves K as well. What a field does inside is what it has beyond the
+constraint modes, x_i - Psi x_b.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
+
+from rom.contact_modes import contact_modes
+from rom.factorisation import (
+    EigenPairs,
+    Factorise,
+    Pencil,
+    ReductionError,
+    known_modes,
+    pencil,
+    solutions,
+)
+
+
+class Partition(NamedTuple):
+    """Boundary and interior dof indices, and the blocks of a matrix between them."""
+
+    boundary: np.ndarray
+    interior: np.ndarray
+
+    def blocks(self, A: sp.csc_array) -> tuple[sp.csc_array, sp.csc_array, sp.csc_array]:
+        """A_bb, A_ib, A_ii."""
+        b, i = self.boundary, self.interior
+        columns = A[:, b]
+        return columns[b], columns[i], A[:, i][i]
+
+
+class Held(NamedTuple):
+    """K and M (n, n), w (n,) at the contact, and the structure with its boundary held; psi (i, b)
+    are the constraint modes."""
+
+    K: sp.csc_array
+    M: sp.csc_array
+    w: np.ndarray
+    part: Partition
+    interior: Pencil
+    psi: np.ndarray
+
+    @property
+    def condensed(self) -> np.ndarray:
+        """S (b, b) = K_bb + K_bi Psi [N/m]."""
+        K_bb, K_ib, _ = self.part.blocks(self.K)
+        S = np.asarray(K_bb + K_ib.T @ self.psi)
+        return (S + S.T) / 2
+
+
+def held_structure(
+    K: sp.csc_array, M: sp.csc_array, w: np.ndarray, boundary: ArrayLike, factorise: Factorise
+) -> Held:
+    """The structure held at the dofs in boundary (b,); raises ReductionError."""
+    part = partition(boundary, w)
+    _, K_ib, K_ii = part.blocks(K)
+    interior = pencil(K_ii, part.blocks(M)[2], factorise)
+    if interior.sigma:
+        raise ReductionError(
+            "the interior still floats with the boundary held, or cannot be told from one that "
+            "does beside its largest stiffness; add boundary degrees of freedom, tie the loose "
+            "part, replace joints of extreme stiffness by rigid ones, or take free modes."
+        )
+    psi = -solutions(interior.factor, K_ib)
+    _require_constraint_modes(interior, K_ib, psi, w[part.boundary])
+    return Held(K, M, w, part, interior, psi)
+
+
+def partition(boundary: ArrayLike, w: np.ndarray) -> Partition:
+    """Boundary (b,) as given and the interior, ascending; w (n,) must vanish on the latter."""
+    boundary = np.asarray(boundary)
+    n = len(w)
+    if boundary.dtype == bool:
+        boundary = np.flatnonzero(boundary)
+    if not len(boundary) or boundary.min() < 0 or boundary.max() >= n:
+        raise ReductionError(f"boundary must hold dof indices from 0 to {n - 1}, at least one.")
+    interior = np.setdiff1d(np.arange(n), boundary)
+    if len(interior) + len(boundary) != n:
+        raise ReductionError("boundary names a degree of freedom twice.")
+    loaded = np.count_nonzero(w[interior])
+    if loaded:
+        raise ReductionError(
+            f"w loads {loaded} interior degrees of freedom; add them to the boundary, "
+            f"or the static response at the contact is not exact."
+        )
+    return Partition(boundary, interior)
+
+
+def _require_constraint_modes(
+    interior: Pencil, K_ib: sp.csc_array, psi: np.ndarray, w: np.ndarray
+) -> None:
+    left = interior.K @ (psi @ w) + K_ib @ w
+    error = left @ interior.factor.solve(left)
+    energy = (psi @ w) @ (interior.K @ (psi @ w))
+    if error > 1e-16 * energy:
+        raise ReductionError(
+            f"the constraint modes leave forces inside (relative {np.sqrt(error / energy):.1e} in "
+            f"energy norm, allowed 1e-8); the factorisation was not accurate enough."
+        )
+
+
+class _Condensed:
+    """Solves with K by the factor of K_ii."""
+
+    def __init__(self, held: Held):
+        self._held = held
+        try:
+            self._S = cho_factor(held.condensed)
+        except LinAlgError:
+            raise ReductionError(
+                "the structure floats freely, and constraint modes cannot say which of its modes "
+                "the contact moves; take choice 'lowest', or free modes."
+            ) from None
+
+    def solve(self, y: np.ndarray) -> np.ndarray:
+        (b, i), psi = self._held.part, self._held.psi
+        x = np.empty_like(y)
+        x[b] = cho_solve(self._S, y[b] + psi.T @ y[i])
+        x[i] = self._held.interior.factor.solve(y[i]) + psi @ x[b]
+        return x
+
+
+def modes_inside(
+    held: Held,
+    modes: tuple[np.ndarray, np.ndarray] | None,
+    *,
+    n_modes: int | None,
+    error: float | None,
+    to_hz: float,
+) -> tuple[EigenPairs, float]:
+    """What the free modes that the contact moves do inside, as Ritz pairs of K_ii and M_ii, and
+    the error that those modes with a residual vector have: theirs is no larger, constraint modes
+    and these hold every one of those vectors."""
+    whole = Pencil(held.K, held.M, _Condensed(held), 0.0)
+    none = EigenPairs(np.zeros(0), np.zeros((len(held.w), 0)))
+    known = none if modes is None else known_modes(whole, *modes)
+    chosen = contact_modes(whole, held.w, known, n_modes=n_modes, error=error, to_hz=to_hz)
+    b, i = held.part
+    return _ritz(held.interior, chosen.pairs.phi[i] - held.psi @ chosen.pairs.phi[b]), chosen.error
+
+
+def _ritz(interior: Pencil, Z: np.ndarray) -> EigenPairs:
+    """Ritz pairs of the columns of Z; those that add nothing to the others are left out."""
+    Z = Z / np.sqrt(np.einsum("ij,ij->j", Z, interior.K @ Z))
+    for _ in range(2):  # once leaves rounding over the smallest size
+        size, U = eigh(Z.T @ (interior.K @ Z))
+        Z = Z @ (U[:, size > 1e-12] / np.sqrt(size[size > 1e-12]))
+    inverse_squared, U = eigh(Z.T @ (interior.M @ Z))
+    order = np.argsort(-inverse_squared)
+    scale = np.sqrt(inverse_squared[order])
+    return EigenPairs(1 / scale, Z @ (U[:, order] / scale))
