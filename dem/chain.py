@@ -13,6 +13,8 @@ import numpy as np
 from dem import kernels
 from dem.spheres import hertz_coefficient, mass
 
+SMALLEST, LARGEST = 5e-324, 1.7976931348623157e308  # of all positive numbers
+
 LAWS = {
     "none": kernels.NONE,
     "linear": kernels.LINEAR,
@@ -145,12 +147,11 @@ def validate(chain, wall, v0):
     n = np.size(chain.mass)
     n_contacts = n - 1 if wall is None else n
     _require(n >= 1, "the chain has no sphere; give at least one mass")
-    _vector("mass", chain.mass, n, positive=True)
+    mass = _vector("mass", chain.mass, n, positive=True)
     _vector("radius", chain.radius, n, positive=True)
     _vector("A", chain.A, n_contacts, positive=True)
-    _vector("initial velocity", v0, n)
-    with np.errstate(over="ignore"):
-        _scalar("kinetic energy of the start", 0.5 * np.dot(chain.mass, np.square(v0)))
+    v0 = _vector("initial velocity", v0, n)
+    _scalar("kinetic energy of the start", 0.5 * kernels.weighted_square(mass, v0))
     _require(
         chain.dissipation in LAWS,
         f"dissipation {chain.dissipation!r} is unknown; take one of {', '.join(LAWS)}",
@@ -194,21 +195,18 @@ def _require(condition, sentence):
 
 def _vector(name, values, size, *, positive=False, at_least=None):
     try:
-        values = np.asarray(values, float)
+        values = np.array(values, float)
     except (TypeError, ValueError):
         raise InvalidChain(f"{name} is {values!r}; give {size} numbers") from None
-    _require(values.shape == (size,), f"{name} has shape {values.shape}; give {size} numbers")
-    bad = ~np.isfinite(values)
-    allowed = "finite"
-    if positive:
-        bad |= values <= 0.0
-        allowed = "finite and above 0"
-    elif at_least is not None:
-        bad |= values < at_least
-        allowed = f"finite and at least {at_least:g}"
-    if bad.any():
-        i = int(bad.argmax())
+    if values.shape != (size,):
+        raise InvalidChain(f"{name} has shape {values.shape}; give {size} numbers")
+    lowest = SMALLEST if positive else -LARGEST if at_least is None else at_least
+    i = kernels.first_outside(values, lowest)
+    if i >= 0:
+        least = "" if lowest == -LARGEST else f" and at least {lowest:g}"
+        allowed = "finite" + (" and above 0" if positive else least)
         raise InvalidChain(f"{name}[{i}] is {values[i]:g}; it must be {allowed}")
+    return values
 
 
 def _scalar(name, value, *, at_least=None):
@@ -257,18 +255,19 @@ def _rest(chain, wall, stiffness, anchor, compliance):
         raise NoEquilibrium(
             f"a preload of {P:g} N finds no support; add leaf springs or a wall that holds it"
         )
+    first = int(held.argmax()) if held.any() else n - 1  # spheres before it just touch
     overlap = (carried / A.min(initial=np.inf)) ** (2.0 / 3.0)
     x = np.where(held, anchor, overlap)
     walled = wall is not None and np.isfinite(compliance)
-    contacts = np.ascontiguousarray(A if walled else A[: n - 1])
+    contacts = np.ascontiguousarray(A if walled else A[: n - 1])[first:]
     floor = 1.5 * A.max(initial=0.0) * np.sqrt(overlap)
-    left = kernels.rest(
-        x, contacts, stiffness, anchor, P, compliance if walled else 0.0, floor, 500
-    )
+    bearing = (x[first:], contacts, stiffness[first:], anchor[first:], P)
+    left = kernels.rest(*bearing, compliance if walled else 0.0, floor, 500)
     force = np.zeros(n + 1)
     kernels.static_residual(
-        x, contacts, stiffness, anchor, P, compliance if walled else 0.0, force, np.zeros(n)
+        *bearing, compliance if walled else 0.0, force[first:], np.zeros(n - first)
     )
+    x[:first] = x[first]
     if left > 1e-9 * carried:
         raise NoEquilibrium(
             f"no static state found: {left:.3g} N of {carried:.3g} N stay unbalanced; "

@@ -4,11 +4,11 @@ All of them live in this one file because a cached compiled function does not no
 another file (numba #1833). A part that a chain lacks is `None`: its branch is not compiled.
 
 Functions named by a verb change their arrays in place. `f (n + 1,)` holds the contact forces, f[0]
-= 0 before the first sphere and f[n] at the wall (0 for a free chain). `modal (6, k)` has the rows
-q, p, phi, omega, static displacement, all measured from the static state, so that a chain at rest
-in equilibrium stays there exactly; `wall (4,)` is displacement u_w = phi q and velocity v_w = phi p
-of the modes, displacement u_d of the dashpot, work done on the modes. `ledger (2,)` is the energy
-lost in the contacts and in the dashpot.
+= 0 before the first sphere and f[n] at the wall (0 for a free chain). `modal` holds q, p, phi,
+omega and the static displacement of the modes, (k,) each, all measured from the static state, so
+that a chain at rest in equilibrium stays there exactly; `wall (4,)` is displacement u_w = phi q and
+velocity v_w = phi p of the modes, displacement u_d of the dashpot, work done on the modes. `ledger
+(2,)` is the energy lost in the contacts and in the dashpot.
 
 A contact that opens or closes inside a step costs any scheme all but order 2.5, because its force
 starts like tau^(3/2). The end correction for that singularity is known: a composite quadrature
@@ -25,13 +25,104 @@ from numba import njit
 FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 NONE, LINEAR, LINEAR_CLIPPED, HUNT_CROSSLEY = range(4)
-Q, P, PHI, OMEGA, STATIC = range(5)
 U, V, DASH, WORK = range(4)
 TOP, COEFFICIENT, CRATER = range(3)
 LANES = 16
 
+# `_nrt=False`: no reference counts, which would cost more than the arithmetic of a short chain
+exact = njit(cache=True, error_model="numpy", _nrt=False)
+quick = njit(cache=True, error_model="numpy", _nrt=False, fastmath=FAST)
+inner = njit(cache=True, error_model="numpy", _nrt=False, fastmath=FAST, forceinline=True)
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+
+@exact
+def first_outside(values, lowest):
+    """Index of the first value that is not finite or below the lowest; -1 if all are well."""
+    for i in range(values.size):
+        if not lowest <= values[i] < math.inf:
+            return i
+    return -1
+
+
+@exact
+def weighted_square(mass, v):
+    """sum m v^2."""
+    total = 0.0
+    for i in range(mass.size):
+        total += mass[i] * v[i] * v[i]
+    return total
+
+
+@exact
+def fastest_contact(mass, A, force, energy, omega, phi):
+    """Largest frequency [rad/s] of a contact under its static force if it took up all energy.
+
+    Wall modes, ascending, are bodies up to the frequency of the contact and springs beyond.
+    """
+    n = mass.size
+    fastest = 0.0
+    for i in range(A.size):
+        depth = (2.5 * energy / A[i]) ** 0.4 + (force[i] / A[i]) ** (2.0 / 3.0)
+        stiffness = 1.5 * A[i] * math.sqrt(depth)
+        inverse = 1.0 / mass[i]
+        if i < n - 1:
+            inverse += 1.0 / mass[i + 1]
+        else:
+            for j in range(omega.size):
+                if omega[j] ** 2 > stiffness / mass[i]:
+                    break
+                inverse += phi[j] ** 2
+        fastest = max(fastest, stiffness * inverse)
+    return math.sqrt(fastest)
+
+
+@exact
+def turn(omega, zeta, t):
+    """q -> qq q + qp p, p -> pq q + pp p after the time t of q'' + 2 zeta omega q' + omega^2 q = 0,
+    for any damping and omega = 0."""
+    decay, square = zeta * omega, omega * omega * (1.0 - zeta * zeta)
+    beat = math.sqrt(abs(square))
+    z = beat * t
+    if abs(z) < 1e-3:
+        sign = 1.0 if square > 0.0 else -1.0
+        shrink = math.exp(-decay * t)
+        c = shrink * (1.0 - sign * z * z * (0.5 - sign * z * z / 24.0))
+        s = shrink * t * (1.0 - sign * z * z * (1.0 / 6.0 - sign * z * z / 120.0))
+    elif square > 0.0:
+        shrink = math.exp(-decay * t)
+        c, s = shrink * math.cos(z), shrink * math.sin(z) / beat
+    else:
+        rise = math.exp(-omega * t / (zeta + math.sqrt(zeta * zeta - 1.0)))
+        fall = math.exp(-(decay + beat) * t)
+        c, s = 0.5 * (rise + fall), 0.5 * (rise - fall) / beat
+    return c + decay * s, s, -omega * omega * s, c - decay * s
+
+
+@exact
+def fill_turn(omega, zeta, t, out):
+    """`turn` element by element into out (4, size)."""
+    for j in range(omega.size):
+        out[0, j], out[1, j], out[2, j], out[3, j] = turn(omega[j], zeta[j], t[j])
+
+
+@exact
+def fill_turns(steps, omega, zeta, out):
+    """`turn` of every mode over every step into out (n_steps, 4, n_modes); steps that come again
+    in a palindrome are copied."""
+    n = steps.size
+    for k in range(n):
+        mirror = n - 1 - k
+        if mirror < k and steps[mirror] == steps[k]:
+            for j in range(omega.size):
+                for row in range(4):
+                    out[k, row, j] = out[mirror, row, j]
+            continue
+        for j in range(omega.size):
+            a, b, c, d = turn(omega[j], zeta[j], steps[k])
+            out[k, 0, j], out[k, 1, j], out[k, 2, j], out[k, 3, j] = a, b, c, d
+
+
+@quick
 def hertz_indentation(gap, A, s):
     """delta of  delta + s A delta^(3/2) = gap: a Hertz contact and a spring s in series.
 
@@ -59,7 +150,7 @@ def hertz_indentation(gap, A, s):
     return y * y
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def plastic_force(i, d, A, plastic):
     """Thornton's elastic-plastic contact: Hertz up to its yield overlap, straight on beyond, back
     on the Hertz law of the flattened surface."""
@@ -71,7 +162,7 @@ def plastic_force(i, d, A, plastic):
     return history[COEFFICIENT, i] * e * math.sqrt(e)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def plastic_indentation(gap, A, residual, plastic):
     """delta of  delta + s F(delta) = gap  at the last contact."""
     if residual is None or gap <= 0.0:
@@ -91,7 +182,7 @@ def plastic_indentation(gap, A, residual, plastic):
     return 0.5 * (low + high)
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def plastic_loss(i, top, A, plastic):
     """Work lost for good once contact i has been pressed to the overlap `top`; also the
     coefficient of the flattened surface and its crater."""
@@ -106,7 +197,7 @@ def plastic_loss(i, top, A, plastic):
     return work - 0.4 * force * elastic, coefficient, top - elastic
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def sphere_forces(x, A, f, plastic):
     """Elastic forces between neighbours into f[1:n]."""
     for i in range(x.size - 1):
@@ -118,14 +209,14 @@ def sphere_forces(x, A, f, plastic):
             f[i + 1] = plastic_force(i, d, A, plastic)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def wall_indentation(gap, A, residual):
     if residual is None:
         return max(gap, 0.0)
     return hertz_indentation(gap, A, residual)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def dashpot_indentation(d, dt, A, residual, mobility):
     """Indentation after dt of creep  d(gap)/dt = -mobility A d^(3/2)  at a fixed sphere.
 
@@ -149,7 +240,7 @@ def dashpot_indentation(d, dt, A, residual, mobility):
     return 1.0 / (z * z)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def creep(d, dt, A, wall, ledger, residual, mobility):
     """Move the dashpot wall for dt; its mean force."""
     force = A * d * math.sqrt(d)
@@ -164,7 +255,7 @@ def creep(d, dt, A, wall, ledger, residual, mobility):
     return moved / (mobility * dt)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def wall_force(x, dt, A, wall, ledger, offset, residual, mobility, plastic):
     """Mean force at the wall over a kick of length dt; moves the dashpot wall."""
     last = x.size - 1
@@ -178,7 +269,7 @@ def wall_force(x, dt, A, wall, ledger, offset, residual, mobility, plastic):
     return A[last] * d * math.sqrt(d)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def push_spheres(v, dt, f, minv, load):
     if load is None:
         for i in range(v.size):
@@ -188,15 +279,40 @@ def push_spheres(v, dt, f, minv, load):
             v[i] += dt * minv[i] * (f[i] - f[i + 1] + load[i])
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
-def push_modes(impulse, square, wall, modal):
-    for j in range(modal.shape[1]):
-        modal[P, j] += modal[PHI, j] * impulse
+@quick
+def kick_and_drift(kick, drift, x, v, A, f, minv):
+    """Forces, kick and free flight of bare spheres in one pass; f[n], at the wall, is given."""
+    last = v.size - 1
+    before = 0.0
+    for i in range(last):
+        here = x[i]
+        d = here - x[i + 1]
+        d = d if d > 0.0 else 0.0
+        force = A[i] * d * math.sqrt(d)
+        speed = v[i] + kick * minv[i] * (before - force)
+        f[i + 1] = force
+        v[i] = speed
+        x[i] = here + drift * speed
+        before = force
+    v[last] += kick * minv[last] * (before - f[last + 1])
+    x[last] += drift * v[last]
+
+
+@inner
+def push_wall(impulse, square, wall):
     wall[WORK] += impulse * (wall[V] + 0.5 * square * impulse)
     wall[V] += square * impulse
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@inner
+def push_modes(impulse, square, wall, modal):
+    _, p, phi, _, _ = modal
+    for j in range(p.size):
+        p[j] += phi[j] * impulse
+    push_wall(impulse, square, wall)
+
+
+@quick
 def drift_spheres(k, dt, x, v, leaf):
     """Free flight, or the exact swing on the leaf springs by the k-th drift."""
     if leaf is None:
@@ -210,25 +326,28 @@ def drift_spheres(k, dt, x, v, leaf):
             v[i] = turn[k, 2, i] * u + turn[k, 0, i] * v[i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
-def drift_modes(k, wall, modal, turn):
-    """Exact free motion of the damped modes by the k-th drift."""
+@inner
+def drift_modes(k, impulse, wall, modal, turn):
+    """Exact free motion of the damped modes by the k-th drift after an impulse at the wall."""
+    q, p, phi, _, _ = modal
+    qq, qp, pq, pp = turn[k, 0], turn[k, 1], turn[k, 2], turn[k, 3]
     u = 0.0
     w = 0.0
-    for j in range(modal.shape[1]):
-        q = modal[Q, j]
-        p = modal[P, j]
-        q_new = turn[k, 0, j] * q + turn[k, 1, j] * p
-        p_new = turn[k, 2, j] * q + turn[k, 3, j] * p
-        modal[Q, j] = q_new
-        modal[P, j] = p_new
-        u += modal[PHI, j] * q_new
-        w += modal[PHI, j] * p_new
+    for j in range(q.size):
+        r = phi[j]
+        here = q[j]
+        speed = p[j] + r * impulse
+        there = qq[j] * here + qp[j] * speed
+        speed = pq[j] * here + pp[j] * speed
+        q[j] = there
+        p[j] = speed
+        u += r * there
+        w += r * speed
     wall[U] = u
     wall[V] = w
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@inner
 def damping_impulse(w, dt, force, c, inverse_mass, clipped):
     """Impulse of a damper c on two bodies that approach at w, exact at frozen positions.
 
@@ -245,14 +364,13 @@ def damping_impulse(w, dt, force, c, inverse_mass, clipped):
         w = -force / c
         dt -= reach
     z = c * inverse_mass * dt
-    if abs(z) < 1e-3:
-        return done + c * w * dt * (
-            1.0 - z * (0.5 - z * (1.0 / 6.0 - z * (1.0 / 24.0 - z / 120.0)))
-        )
+    if abs(z) < 0.02:
+        share = 1.0 / 24.0 - z * (1.0 / 120.0 - z * (1.0 / 720.0 - z * (1.0 / 5040.0)))
+        return done + c * w * dt * (1.0 - z * (0.5 - z * (1.0 / 6.0 - z * share)))
     return done - w / inverse_mass * math.expm1(-z)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@inner
 def damper(i, force, gamma, law):
     """Coefficient c of the damping force c (approach velocity) of contact i."""
     if law == HUNT_CROSSLEY:
@@ -260,7 +378,7 @@ def damper(i, force, gamma, law):
     return gamma[i] if force > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@inner
 def damp_contacts(first, dt, v, f, minv, n_contacts, wall, ledger, dissipation, square, modal):
     """Every second contact, from `first` on: they share no sphere."""
     gamma, law, inverse_mass = dissipation
@@ -279,7 +397,7 @@ def damp_contacts(first, dt, v, f, minv, n_contacts, wall, ledger, dissipation, 
             push_modes(impulse, square, wall, modal)
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def zeta_sums(theta, b, c, tail):
     """sum b zeta(-p, c - theta), p = 3/2, 5/2, 7/2, over the nodes of this and all later steps but
     those before theta. `tail (3, m)` holds what starts two steps on, polynomials in 2 theta - 1."""
@@ -300,7 +418,7 @@ def zeta_sums(theta, b, c, tail):
     return s3, s5, s7
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def crossing(g0, r0, g1, r1):
     """Zero in (0, 1) of the cubic with values g and slopes r at the ends, slope and curvature."""
     c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1
@@ -325,7 +443,7 @@ def crossing(g0, r0, g1, r1):
     return t, r0 + t * (2.0 * c2 + t * 3.0 * c3), 2.0 * c2 + 6.0 * t * c3
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def mend_crossing(A, dt, g0, r0, g1, r1, mend):
     """Impulse and displacement-times-mass that the scheme misses at a contact whose overlap went
     from g0 to g1 with rates r0, r1; also the rate at the crossing."""
@@ -347,7 +465,7 @@ def mend_crossing(A, dt, g0, r0, g1, r1, mend):
     return size * impulse, dt * size * shift, slope / dt
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def crossed(x, x_old, A, wall, wall_old, offset, plastic):
     """Did any contact open or close?"""
     n = x.size
@@ -363,7 +481,7 @@ def crossed(x, x_old, A, wall, wall_old, offset, plastic):
     return count > 0
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def passage(i, x, v, x_old, v_old, wall, wall_old, offset):
     """Overlap and its rate at contact i before and after the last step."""
     if i < x.size - 1:
@@ -376,7 +494,7 @@ def passage(i, x, v, x_old, v_old, wall, wall_old, offset):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def mend_crossings(
     dt, x, v, x_old, v_old, minv, A, wall, wall_old, ledger, offset, dissipation, square, modal,
     plastic, mend,
@@ -406,11 +524,12 @@ def mend_crossings(
         elif modal is not None:
             push_modes(impulse, square, wall, modal)
             wall[U] += square * shift
-            for j in range(modal.shape[1]):
-                modal[Q, j] += modal[PHI, j] * shift
+            q, _, phi, _, _ = modal
+            for j in range(q.size):
+                q[j] += phi[j] * shift
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def yield_contacts(dt, x, v, x_old, v_old, A, wall, wall_old, ledger, offset, residual, plastic):
     """Deepen the craters of contacts that were pressed further than ever in the last step.
 
@@ -438,7 +557,7 @@ def yield_contacts(dt, x, v, x_old, v_old, A, wall, wall_old, ledger, offset, re
     return deeper
 
 
-@njit(cache=True, error_model="numpy")
+@quick
 def total_forces(x, v, f, A, wall, offset, residual, dissipation, plastic):
     """Contact forces at an instant, dissipative part included, into f; elastic energies out."""
     n = x.size
@@ -467,20 +586,21 @@ def total_forces(x, v, f, A, wall, offset, residual, dissipation, plastic):
     return contact, spring
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def modal_energy(modal):
     """Energy of the modes about the static state, and in all."""
+    q, p, _, omega, static = modal
     swing = 0.0
     absolute = 0.0
-    for j in range(modal.shape[1]):
-        kinetic = 0.5 * modal[P, j] ** 2
-        stiffness = 0.5 * modal[OMEGA, j] ** 2
-        swing += kinetic + stiffness * modal[Q, j] ** 2
-        absolute += kinetic + stiffness * (modal[Q, j] + modal[STATIC, j]) ** 2
+    for j in range(q.size):
+        kinetic = 0.5 * p[j] ** 2
+        stiffness = 0.5 * omega[j] ** 2
+        swing += kinetic + stiffness * q[j] ** 2
+        absolute += kinetic + stiffness * (q[j] + static[j]) ** 2
     return swing, absolute
 
 
-@njit(cache=True, error_model="numpy")
+@quick
 def save(
     k, x, v, f, mass, A, wall, ledger, offset, residual, mobility, modal, dissipation,
     plastic, leaf_springs, preload, out,
@@ -513,10 +633,101 @@ def save(
         energies[k, 3] = absolute
         energies[k, 6] += wall[WORK] - swing
     energies[k, 7] = preload * (x[-1] - xs[0, -1])
-    total = 0.0
-    for e in range(8):
+    total = -energies[k, 7]
+    for e in range(7):
         total += energies[k, e]
+    energies[k, 8] = total
     return abs(total) <= 1e300
+
+
+@inner
+def flow_bare(
+    k, kick, drift, x, v, A, f, minv, wall, ledger, offset, residual, mobility, modes
+):  # fmt: skip
+    """Forces, kick and drift of a chain without load, leaf springs, damping and yield."""
+    if A.size == x.size:
+        f[x.size] = wall_force(x, kick, A, wall, ledger, offset, residual, mobility, None)
+    kick_and_drift(kick, drift, x, v, A, f, minv)
+    if modes is not None:
+        modal, turn, square, rest_force = modes
+        impulse = kick * (f[x.size] - rest_force)
+        push_wall(impulse, square, wall)
+        drift_modes(k, impulse, wall, modal, turn)
+
+
+@inner
+def push(
+    kick, stale, x, v, A, f, minv, load, wall, ledger, offset, residual, mobility, modes, plastic
+):  # fmt: skip
+    """Elastic kick; the force at the wall is taken anew where a dashpot creeps in it."""
+    n = x.size
+    if A.size == n and (stale or mobility is not None):
+        f[n] = wall_force(x, kick, A, wall, ledger, offset, residual, mobility, plastic)
+    push_spheres(v, kick, f, minv, load)
+    if modes is not None:
+        modal, _, square, rest_force = modes
+        push_modes(kick * (f[n] - rest_force), square, wall, modal)
+
+
+@inner
+def kick_all(
+    kick, stale, x, v, A, f, minv, load, wall, ledger, offset, residual, mobility, modes,
+    dissipation, plastic,
+):  # fmt: skip
+    """Kick, damping between two halves of the elastic one; forces anew where positions are."""
+    if stale:
+        sphere_forces(x, A, f, plastic)
+    if dissipation is None:
+        push(
+            kick, stale, x, v, A, f, minv, load, wall, ledger, offset, residual, mobility, modes,
+            plastic,
+        )  # fmt: skip
+        return
+    push(
+        0.5 * kick, stale, x, v, A, f, minv, load, wall, ledger, offset, residual, mobility, modes,
+        plastic,
+    )  # fmt: skip
+    modal, square = None, 0.0
+    if modes is not None:
+        modal, _, square, _ = modes
+    for first, share in ((0, 0.5), (1, 1.0), (0, 0.5)):
+        damp_contacts(
+            first, share * kick, v, f, minv, A.size, wall, ledger, dissipation, square, modal
+        )
+    push(
+        0.5 * kick, False, x, v, A, f, minv, load, wall, ledger, offset, residual, mobility, modes,
+        plastic,
+    )  # fmt: skip
+
+
+@inner
+def take_step(
+    dt, stale, x, v, A, f, minv, a, b, load, leaf, wall, ledger, offset, residual, mobility,
+    modes, dissipation, plastic,
+):  # fmt: skip
+    """Kick b[0], drift a[0], kick b[1], ..., kick b[-1]; are the forces stale at the end?"""
+    for i in range(b.size):
+        kick = b[i] * dt
+        drift = a[i] * dt if i < a.size else 0.0
+        if load is None and leaf is None and dissipation is None and plastic is None:
+            if stale and kick != 0.0 and drift != 0.0:
+                flow_bare(
+                    i, kick, drift, x, v, A, f, minv, wall, ledger, offset, residual, mobility,
+                    modes,
+                )  # fmt: skip
+                continue
+        if kick != 0.0:
+            kick_all(
+                kick, stale, x, v, A, f, minv, load, wall, ledger, offset, residual, mobility,
+                modes, dissipation, plastic,
+            )  # fmt: skip
+            stale = False
+        if drift != 0.0:
+            drift_spheres(i, drift, x, v, leaf)
+            if modes is not None:
+                drift_modes(i, 0.0, wall, modes[0], modes[1])
+            stale = True
+    return stale
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
@@ -529,16 +740,13 @@ def march(
     The state is saved before and after each stride. Changes x, v, wall and the modes in place.
     Ends early, and says after how many saves, when a state is not finite.
     """
-    n = x.size
-    walled = A.size == n
-    f = np.zeros(n + 1)
-    saved_f = np.zeros(n + 1)
+    f, saved_f = np.zeros(x.size + 1), np.zeros(x.size + 1)
     ledger = np.zeros(2)
     minv = 1.0 / mass
     x_old, v_old, wall_old = x.copy(), v.copy(), wall.copy()
     modal, square = None, 0.0
     if modes is not None:
-        modal, turn, square, rest_force = modes
+        modal, _, square, _ = modes
     stale = True
     for k in range(n_save + 1):
         for _step in range(stride if k > 0 else 0):
@@ -546,39 +754,10 @@ def march(
                 x_old[:] = x
                 v_old[:] = v
                 wall_old[:] = wall
-            for i in range(b.size):
-                if b[i] != 0.0:
-                    kick = b[i] * dt
-                    if stale:
-                        sphere_forces(x, A, f, plastic)
-                    if dissipation is not None:
-                        kick *= 0.5
-                    if walled and (stale or mobility is not None):
-                        f[n] = wall_force(
-                            x, kick, A, wall, ledger, offset, residual, mobility, plastic
-                        )
-                    push_spheres(v, kick, f, minv, load)
-                    if modes is not None:
-                        push_modes(kick * (f[n] - rest_force), square, wall, modal)
-                    if dissipation is not None:
-                        for first, share in ((0, 1.0), (1, 2.0), (0, 1.0)):
-                            damp_contacts(
-                                first, share * kick, v, f, minv, A.size, wall, ledger, dissipation,
-                                square, modal,
-                            )  # fmt: skip
-                        if walled and mobility is not None:
-                            f[n] = wall_force(
-                                x, kick, A, wall, ledger, offset, residual, mobility, plastic
-                            )
-                        push_spheres(v, kick, f, minv, load)
-                        if modes is not None:
-                            push_modes(kick * (f[n] - rest_force), square, wall, modal)
-                    stale = False
-                if i < a.size and a[i] != 0.0:
-                    drift_spheres(i, a[i] * dt, x, v, leaf)
-                    if modes is not None:
-                        drift_modes(i, wall, modal, turn)
-                    stale = True
+            stale = take_step(
+                dt, stale, x, v, A, f, minv, a, b, load, leaf, wall, ledger, offset, residual,
+                mobility, modes, dissipation, plastic,
+            )  # fmt: skip
             if mend is not None and crossed(x, x_old, A, wall, wall_old, offset, plastic):
                 mend_crossings(
                     dt, x, v, x_old, v_old, minv, A, wall, wall_old, ledger, offset, dissipation,
@@ -597,7 +776,7 @@ def march(
     return n_save
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def mean_hertz(d0, d1, A):
     """Mean force of a Hertz contact between the overlaps d0 and d1, change of potential over change
     of overlap, and its slope in d1; free of cancellation."""
@@ -618,7 +797,7 @@ def mean_hertz(d0, d1, A):
     return 0.0, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def mean_series(g0, g1, A, residual):
     """`mean_hertz` of a Hertz contact and a spring in series, in terms of the gap of both."""
     d0, d1 = hertz_indentation(g0, A, residual), hertz_indentation(g1, A, residual)
@@ -639,7 +818,7 @@ def mean_series(g0, g1, A, residual):
     return mean, (f1 - mean) / (g1 - g0) if g1 > 0.0 else -mean / (g1 - g0)
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def mean_force(i, last, g0, g1, dt, A, residual, dissipation):
     """Mean total force of contact i over a step, its slope in g1, its elastic part."""
     if residual is not None and last:
@@ -660,7 +839,17 @@ def mean_force(i, last, g0, g1, dt, A, residual, dissipation):
     return force, slope + (gamma[i] / dt if g1 > 0.0 else 0.0), elastic
 
 
-@njit(cache=True, error_model="numpy")
+@exact
+def largest(a, b):
+    """Largest |a| or |a - b|."""
+    most = 0.0
+    for i in range(a.size):
+        difference = a[i] if b is None else a[i] - b[i]
+        most = max(most, abs(difference))
+    return most
+
+
+@exact
 def implicit_step(
     dt, x0, free, x1, give, load, A, f, elastic, residual, dissipation, lower, diagonal, upper, r,
     change,
@@ -671,7 +860,8 @@ def implicit_step(
     is one row of a tridiagonal, diagonally dominant matrix.
     """
     n = x0.size - 1
-    x1[:] = free
+    for i in range(n + 1):
+        x1[i] = free[i]
     norm = math.inf
     share = 1.0
     for _ in range(200):
@@ -690,7 +880,7 @@ def implicit_step(
             share *= 0.5
             for i in range(n + 1):
                 x1[i] -= share * change[i]
-            if share * np.abs(change).max() > 1e-15 * np.abs(x1 - x0).max():
+            if share * largest(change, None) > 1e-15 * largest(x1, x0):
                 continue
             break
         if new_norm == 0.0 or share <= 1e-9:
@@ -752,12 +942,12 @@ def march_implicit(
                         give[i] = swing[s, 3, i] / mass[i]
                 free[n], give[n] = x0[n], 0.0
                 if modal is not None:
+                    q, p, phi, _, _ = modal
                     free[n] -= wall[U]
-                    for j in range(modal.shape[1]):
-                        q = turn[s, 0, j] * modal[Q, j] + turn[s, 1, j] * modal[P, j]
-                        q -= reach[s, j] * modal[PHI, j] * rest_force
-                        free[n] += modal[PHI, j] * q
-                        give[n] += modal[PHI, j] ** 2 * reach[s, j]
+                    for j in range(q.size):
+                        there = turn[s, 0, j] * q[j] + turn[s, 1, j] * p[j]
+                        free[n] += phi[j] * (there - reach[s, j] * phi[j] * rest_force)
+                        give[n] += phi[j] ** 2 * reach[s, j]
                 if mobility is not None:
                     give[n] += mobility * h
                 implicit_step(
@@ -782,17 +972,17 @@ def march_implicit(
                         )
                     x[i] = x1[i]
                 if modal is not None:
-                    push = f[n] - rest_force
+                    net = f[n] - rest_force
                     u = 0.0
                     w = 0.0
-                    for j in range(modal.shape[1]):
-                        q, p = modal[Q, j], modal[P, j]
-                        kick = modal[PHI, j] * push
-                        modal[Q, j] = turn[s, 0, j] * q + turn[s, 1, j] * p + reach[s, j] * kick
-                        modal[P, j] = turn[s, 2, j] * q + turn[s, 3, j] * p + turn[s, 1, j] * kick
-                        u += modal[PHI, j] * modal[Q, j]
-                        w += modal[PHI, j] * modal[P, j]
-                    wall[WORK] += push * (u - wall[U])
+                    q, p, phi, _, _ = modal
+                    for j in range(q.size):
+                        here, speed, kick = q[j], p[j], phi[j] * net
+                        q[j] = turn[s, 0, j] * here + turn[s, 1, j] * speed + reach[s, j] * kick
+                        p[j] = turn[s, 2, j] * here + turn[s, 3, j] * speed + turn[s, 1, j] * kick
+                        u += phi[j] * q[j]
+                        w += phi[j] * p[j]
+                    wall[WORK] += net * (u - wall[U])
                     wall[U], wall[V] = u, w
                 if mobility is not None:
                     wall[DASH] += mobility * h * f[n]
@@ -805,7 +995,7 @@ def march_implicit(
     return n_save
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def static_residual(x, A, stiffness, anchor, preload, compliance, f, r):
     """Net force on every sphere at rest into r, contact forces into f."""
     n = x.size
@@ -821,7 +1011,7 @@ def static_residual(x, A, stiffness, anchor, preload, compliance, f, r):
     r[n - 1] += preload
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def static_slope(x, A, stiffness, compliance, k):
     """Tangent stiffness of every contact into k."""
     n = x.size
@@ -861,8 +1051,9 @@ def rest(x, A, stiffness, anchor, preload, compliance, floor, n_iterations):
     norm = math.sqrt((r * r).sum())
     start = norm
     diagonal = np.empty(n)
+    stalled = False
     for _ in range(n_iterations):
-        if norm == 0.0:
+        if norm == 0.0 or stalled:
             break
         static_slope(x, A, stiffness, compliance, k)
         for i in range(n):
@@ -881,12 +1072,13 @@ def rest(x, A, stiffness, anchor, preload, compliance, floor, n_iterations):
             scale *= 0.5
         if not better:
             break
+        stalled = norm < 1e-12 * start and trial_norm > 0.5 * norm
         x[:] = trial
         norm = trial_norm
     return norm
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def forces_of_lanes(x, A, f):
     for j in range(A.size):
         d = x[j] - x[j + LANES]
@@ -894,7 +1086,7 @@ def forces_of_lanes(x, A, f):
         f[j + LANES] = A[j] * d * math.sqrt(d)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def push_modes_of_lanes(impulse, q, p, phi, shift):
     """p += phi impulse for every lane; with a shift, q += phi shift as well."""
     for j in range(0, q.size, LANES):
@@ -904,7 +1096,7 @@ def push_modes_of_lanes(impulse, q, p, phi, shift):
                 q[j + lane] += phi[j + lane] * shift[lane]
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def read_modes_of_lanes(q, p, phi, u, w):
     u[:] = 0.0
     w[:] = 0.0
@@ -914,7 +1106,7 @@ def read_modes_of_lanes(q, p, phi, u, w):
             w[lane] += phi[j + lane] * p[j + lane]
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def drift_modes_of_lanes(q, p, turn):
     for j in range(q.size):
         q_new = turn[0, j] * q[j] + turn[1, j] * p[j]
@@ -922,7 +1114,7 @@ def drift_modes_of_lanes(q, p, turn):
         q[j] = q_new
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def crossed_row(x, x_old, row):
     count = 0.0
     for j in range(row, row + LANES):
@@ -932,7 +1124,7 @@ def crossed_row(x, x_old, row):
     return count > 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@exact
 def mend_lanes(dt, x, v, x_old, v_old, minv, A, mend, wall_impulse, wall_shift):
     """`mend_crossings` for lanes; what the wall's modes get is left in the last two arguments.
 
@@ -963,7 +1155,7 @@ def mend_lanes(dt, x, v, x_old, v_old, minv, A, mend, wall_impulse, wall_shift):
     return mended
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@quick
 def energy_of_lanes(x, v, mass, A, q, p, omega, energy):
     energy[:] = 0.0
     for row in range(0, A.size, LANES):

@@ -8,9 +8,11 @@ from functools import cache
 
 import numpy as np
 
+from dem import kernels
 from dem.chain import equilibrium, validate
 from dem.schemes import SCHEMES, default_scheme
 
+_NONE = np.zeros(0)
 BACKWARD = 10.0  # rounding may grow by exp(BACKWARD) in a step back in time
 
 
@@ -38,17 +40,13 @@ def refuse_step(chain, wall, v0, static, dt, scheme):
 def fastest_rate(chain, wall, v0, static):
     """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
     on top of the static force. Wall modes faster than the contact itself are springs to it."""
-    stiffness = 1.5 * chain.A * np.sqrt(_deepest(chain, v0, static))
-    inverse = 1.0 / chain.mass
-    pair = inverse[:-1] + inverse[1:]
-    if wall is None:
-        return float(np.sqrt((stiffness * pair).max(initial=0.0)))
-    last = inverse[-1]
-    for omega, phi in sorted(zip(wall.omega, wall.phi, strict=True)):
-        if omega**2 > stiffness[-1] * last:
-            break
-        last += phi**2
-    return float(np.sqrt((stiffness * np.append(pair, last)).max()))
+    omega = phi = _NONE
+    if wall is not None and wall.omega.size:
+        order = np.argsort(wall.omega)
+        omega, phi = wall.omega[order], wall.phi[order]
+    energy = 0.5 * float(np.dot(chain.mass, np.square(v0)))
+    arrays = (np.asarray(values, float) for values in (chain.mass, chain.A, static.force))
+    return kernels.fastest_contact(*arrays, energy, omega, phi)
 
 
 def fastest_decay(chain, wall, v0, static):
@@ -79,20 +77,27 @@ def _deepest(chain, v0, static):
 
 def backward_reach(scheme):
     """Largest part of the step that the scheme goes back in time; damping grows there."""
+    return _longest_back(scheme.name)
+
+
+@cache
+def _longest_back(name):
+    scheme = SCHEMES[name]
     moves = scheme.b if scheme.kind == "implicit" else np.concatenate([scheme.a, scheme.b])
     return float(max(0.0, -moves.min()))
 
 
 def stability_interval(scheme):
     """Largest dt * omega for which a linear contact of frequency omega stays bounded."""
-    return np.inf if scheme.kind == "implicit" else _interval(tuple(scheme.a), tuple(scheme.b))
+    return np.inf if scheme.kind == "implicit" else _interval(scheme.name)
 
 
 @cache
-def _interval(drifts, kicks):
+def _interval(name):
+    scheme = SCHEMES[name]
     z = np.arange(0.01, 12.0, 0.01)
     x, v = np.tile(np.eye(2)[:, :, None], z.size)
-    for b, a in zip(kicks, (*drifts, 0.0), strict=True):
+    for b, a in zip(scheme.b, (*scheme.a, 0.0), strict=True):
         v = v - b * z * x
         x = x + a * z * v
     unstable = np.abs(x[0] + v[1]) > 2.0 + 1e-9

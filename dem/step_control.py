@@ -51,11 +51,11 @@ def march_to_error(
     spheres, and whose ledger closes to `energy_error`.
 
     observed: indices of spheres, None for all; scale: the largest initial speed unless given;
-    energy_error: error / 10^4 without losses, error / 100 with them, unless given;
+    energy_error: error / 100 unless given;
     max_evaluations: of all contacts, unless given as many as take about a minute. The estimate
     divides the difference of two marches by what order 2 leaves, less than any scheme here keeps
-    (1.75 for a scheme of order 2, 1 for the linear laws with an explicit scheme, whose force
-    jumps). Raises UnstableStep if `max_evaluations` do not suffice.
+    (1.75 for a scheme of order 2, 0.75 for the linear laws, whose force jumps). Raises UnstableStep
+    if `max_evaluations` do not suffice.
     """
     validate(chain, wall, v0)
     _positive("error", error)
@@ -68,7 +68,7 @@ def march_to_error(
         raise InvalidChain(f"scheme {name!r} is unknown; take one of {', '.join(SCHEMES)}")
     method = SCHEMES[name]
     scale = scale or float(np.abs(v0).max()) or 1.0
-    energy_error = energy_error or _energy_target(chain, wall, error)
+    energy_error = energy_error or max(1e-2 * error, 1e-12)
     observed = slice(None) if observed is None else np.asarray(observed)
     order = _assumed_order(chain, method)
     state = start(chain, wall, v0, prepared.static)
@@ -105,7 +105,8 @@ def march_to_error(
         excess = max(estimate / error, fine.energy_error / energy_error)
         if excess <= 1.0:
             break
-        step = fine.dt / np.clip((2.0 * excess) ** (1.0 / order), 1.5, 8.0)
+        likely = max(order, 0.75 * min(method.order, 4) if order > 1.0 else 0.0)
+        step = fine.dt / np.clip((2.0 * excess) ** (1.0 / likely), 1.5, 8.0)
         coarse = fine
     report = StepReport(*map(np.array, zip(*tried, strict=True)), estimate, int(spent))
     return Controlled(fine._replace(error_estimate=estimate), report)
@@ -128,8 +129,7 @@ def with_step_error(chain, wall, v0, trajectory, *, state=None):
 
 
 def _assumed_order(chain, method):
-    jumps = chain.dissipation.startswith("linear") and method.kind != "implicit"
-    return 1.0 if jumps else min(2.0, method.order - 0.25)
+    return 0.75 if chain.dissipation.startswith("linear") else min(2.0, method.order - 0.25)
 
 
 def _unaffordable(error, duration, step, needed, allowed):
@@ -157,20 +157,14 @@ def _first_step(method, error, energy_error):
     interval = stability_interval(method)
     if method.order == 2:
         return min(0.058 * min((error / 8e-3) ** 0.5, (energy_error / 5e-4) ** 0.5), 0.2 * interval)
-    share = min((error / 5e-5) ** 0.25, (energy_error / 8e-6) ** 0.25)
-    return interval * min(0.055 * share, 0.08)
+    share = min((error / 3e-5) ** 0.25, (energy_error / 3e-6) ** 0.25)
+    return interval * min(0.055 * share, 0.16)
 
 
 def _sparser(n_save, limit):
     """Largest divisor of n_save that is not above the limit, n_save if there is none."""
     divisors = (n_save // k for k in range(1, 51) if n_save % k == 0)
     return next((m for m in divisors if m <= limit * (1 + 1e-9)), n_save)
-
-
-def _energy_target(chain, wall, error):
-    damped_wall = wall is not None and (wall.mobility > 0.0 or bool(np.any(wall.zeta)))
-    lossless = chain.dissipation == "none" and chain.yield_overlap is None and not damped_wall
-    return max(error * (1e-4 if lossless else 1e-2), 1e-12)
 
 
 def _positive(name, value):

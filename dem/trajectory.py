@@ -98,15 +98,12 @@ def prepare(chain, wall):
     static = equilibrium(chain, wall)
     if chain.yield_overlap is not None:
         _require_elastic(chain, static)
-    force = np.concatenate([[0.0], static.force, [0.0] if wall is None else []])
+    springs = _leaf_springs(chain)
     offset = 0.0 if wall is None else float(wall.phi @ static.q)
-    load = force[1:] - force[:-1]
-    leaf = chain.leaf_stiffness if np.any(chain.leaf_stiffness) else None
-    anchor = np.zeros_like(chain.mass) if chain.leaf_anchor is None else chain.leaf_anchor
     return _Prepared(
-        load=load if load.any() else None,
-        leaf_rest=None if leaf is None else static.x,
-        leaf_springs=None if leaf is None else (leaf, anchor),
+        load=_load(wall, static),
+        leaf_rest=None if springs is None else static.x,
+        leaf_springs=springs,
         offset=offset,
         residual=wall.residual_compliance or None if wall is not None else None,
         mobility=wall.mobility or None if wall is not None else None,
@@ -114,6 +111,21 @@ def prepare(chain, wall):
         static=static,
         dissipation=_dissipation(chain, wall),
     )
+
+
+def _load(wall, static):
+    """(n,) [N] what holds every sphere against its contacts at rest; None for nothing."""
+    if not static.force.any():
+        return None
+    force = np.concatenate([[0.0], static.force, [0.0] if wall is None else []])
+    return force[1:] - force[:-1]
+
+
+def _leaf_springs(chain):
+    if chain.leaf_stiffness is None or not np.any(chain.leaf_stiffness):
+        return None
+    anchor = np.zeros_like(chain.mass) if chain.leaf_anchor is None else chain.leaf_anchor
+    return chain.leaf_stiffness, anchor
 
 
 def _require_elastic(chain, static):
@@ -139,21 +151,10 @@ def _dissipation(chain, wall):
 def oscillator_turn(omega, zeta, t):
     """(4, k): q -> qq q + qp p, p -> pq q + pp p after the time t of q'' + 2 zeta omega q' +
     omega^2 q = 0, for any damping and omega = 0."""
-    decay, beat = zeta * omega, omega * np.sqrt(np.asarray(zeta**2 - 1.0, complex))
-    slow = -omega / (zeta + np.sqrt(np.maximum(zeta**2 - 1.0, 0.0)) + (zeta == 0.0))
-    over = zeta > 1.0
-    rise = np.where(over, slow, -decay + beat) * t
-    fall = (-decay - beat) * t
-    with np.errstate(over="ignore"):
-        rise, fall = np.exp(rise), np.exp(fall)
-    cosh = 0.5 * (rise + fall)
-    z = beat * t
-    small = np.abs(z) < 1e-3
-    series = t * (1.0 + z**2 / 6.0 + z**4 / 120.0) * np.exp(-decay * np.where(small, t, 0.0))
-    ratio = 0.5 * (rise - fall) / np.where(beat == 0.0, 1.0, beat)
-    sinh = np.where(small, series, ratio)
-    c, s = cosh.real, sinh.real
-    return np.array([c + decay * s, s, -(omega**2) * s, c - decay * s])
+    omega, zeta, t = np.broadcast_arrays(*(np.asarray(p, float) for p in (omega, zeta, t)))
+    out = np.empty((4, omega.size))
+    kernels.fill_turn(omega.ravel(), zeta.ravel(), t.ravel(), out)
+    return out.reshape(4, *omega.shape)
 
 
 def _reach(omega, zeta, t):
@@ -168,8 +169,9 @@ def _reach(omega, zeta, t):
 
 def _turns(steps, omega, zeta):
     """(len(steps), 4, k) of `oscillator_turn`."""
-    turns = oscillator_turn(omega, zeta, np.asarray(steps)[:, None])
-    return np.ascontiguousarray(turns.transpose(1, 0, 2))
+    out = np.empty((steps.size, 4, omega.size))
+    kernels.fill_turns(steps, np.asarray(omega, float), np.asarray(zeta, float), out)
+    return out
 
 
 def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
@@ -208,13 +210,13 @@ def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
             f"the state is not finite at t = {saved * stride * h:.4g} s with dt = {h:.4g} s; "
             "take a smaller dt, or a larger (less negative) residual compliance of the wall"
         )
-    q, p = (np.zeros(0), np.zeros(0)) if modes is None else modes[0][: kernels.PHI]
+    q, p = (np.zeros(0), np.zeros(0)) if modes is None else modes[0][:2]
     energies = out[4]
-    total = energies[:, :7].sum(axis=1) - energies[:, 7]
+    total = energies[:, 8]
     scale = energies[0, 0] or np.abs(total).max() or 1.0
     error = float(np.abs(total - total[0]).max() / scale)
     return Trajectory(
-        np.linspace(0.0, duration, n_save + 1),
+        _instants(duration, n_save),
         *out[:3],
         out[3][:, 0],
         out[3][:, 1],
@@ -229,10 +231,17 @@ def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
     )
 
 
+def _instants(duration, n_save):
+    t = np.arange(n_save + 1) * (duration / n_save)
+    t[-1] = duration
+    return t
+
+
 def _modes(wall, prepared, state, drifts):
     if not state.q.size:
         return None
-    modal = np.array([state.q, state.p, wall.phi, wall.omega, prepared.static.q])
+    own = (state.q.copy(), state.p.copy(), wall.phi, wall.omega, prepared.static.q)
+    modal = tuple(np.ascontiguousarray(values, float) for values in own)
     turn = _turns(drifts, wall.omega, wall.zeta)
     return modal, turn, float(wall.phi @ wall.phi), prepared.wall_force
 
@@ -261,5 +270,5 @@ def _output(k, n, n_contacts):
         np.empty((k, n)),
         np.empty((k, n_contacts)),
         np.empty((k, 2)),
-        np.zeros((k, 8)),
+        np.zeros((k, 9)),
     )
