@@ -1,5 +1,6 @@
 """The coupled run: judge the chain and its wall, then march both."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from numpy.typing import ArrayLike
@@ -8,6 +9,9 @@ from coupling.coupled_wall import CoupledWall, EnergyGain, energy_gain, march_co
 from coupling.errors import CouplingError
 from coupling.verdict import Verdict, verdict
 from dem import Chain, StepReport, Trajectory, Wall, march, march_to_error, with_step_error
+
+CLOSED = 1e-2  # energy error over the error of the velocities
+HALVINGS = 5
 
 
 class Impact(NamedTuple):
@@ -35,9 +39,9 @@ def impact(
     """Run a chain with velocities v0 (n,) [m/s] into a wall for duration [s].
 
     Give error, the relative velocity error asked for, or the step dt [s], whose error a march with
-    half of it estimates. With horizon [s] the
-    error is held up to there and the rest of the run keeps its step: after tens of impacts spheres
-    move chaotically, and no step holds a velocity error for long. options go to the march
+    half of it estimates. With horizon [s] the error is held up to there and the rest of the run
+    takes a step that closes its energy to a hundredth of it: after tens of impacts spheres move
+    chaotically, and no step holds a velocity error for long. options go to the march
     (observed, scale, scheme, ...). A CoupledWall is marched by march_coupled, where error bounds
     the error of a step. Raises CouplingError if the verdict says it cannot work.
     """
@@ -77,13 +81,17 @@ def _controlled(
     if horizon is None or horizon >= run["duration"]:
         return march_to_error(chain, wall, v0, error=error, **run)
     opening, report = march_to_error(chain, wall, v0, error=error, **run | {"duration": horizon})
-    whole = march(
-        chain,
-        wall,
-        v0,
-        duration=run["duration"],
-        dt=opening.dt,
-        scheme=opening.scheme,
-        n_save=run["n_save"],
-    )
+    rest = {"duration": run["duration"], "n_save": run["n_save"], "scheme": opening.scheme}
+    whole = _closed(lambda dt: march(chain, wall, v0, dt=dt, **rest), opening.dt, CLOSED * error)
     return whole._replace(error_estimate=report.error_estimate), report
+
+
+def _closed(run: Callable[[float], Trajectory], dt: float, energy_error: float) -> Trajectory:
+    """The run with a step that keeps the ledger closed to energy_error, or the closest found."""
+    found = finer = run(dt)
+    for _ in range(HALVINGS):
+        if found.energy_error <= energy_error:
+            break
+        finer = run(finer.dt / 2)
+        found = min(found, finer, key=lambda one: one.energy_error)
+    return found

@@ -82,6 +82,7 @@ def impact(scene: Scene, wall: dem.Wall | coupling.CoupledWall | None) -> coupli
         wanted = {"error": time.error}
     if time.dt is None and not isinstance(wall, coupling.CoupledWall):
         wanted["observed"] = [sphere - 1 for sphere in observed] or None
+        wanted["horizon"] = time.horizon
     return coupling.impact(
         chain(scene),
         wall,
@@ -136,7 +137,18 @@ def spoilt(scene: Scene, impact: coupling.Impact) -> tuple[str, ...]:
     """What a run has left of its model, and a step that was given too large."""
     run = impact.trajectory
     found = dem.strain(chain(scene), scene.chain.young, run.contact_force, run.v)
-    return (*dem.outside(found), *rough(run.error_estimate))
+    return (*dem.outside(found), *rough(run.error_estimate), *chaotic(scene))
+
+
+def chaotic(scene: Scene) -> tuple[str, ...]:
+    """A sentence where a run goes on beyond the time up to which its velocities are held."""
+    time = scene.time
+    if time.dt is not None or time.duration <= time.horizon:
+        return ()
+    return (
+        f"The velocities are held to the error until {1e3 * time.horizon:g} ms; beyond, only the "
+        "energy is, since spheres move chaotically after tens of impacts. time.horizon moves it.",
+    )
 
 
 def rough(error: float | None) -> tuple[str, ...]:

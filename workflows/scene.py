@@ -306,9 +306,14 @@ Damping = Annotated[ModalDamping | RayleighDamping | NoDamping, Discriminator("k
 
 
 class Time(Table):
-    """How long, and the error asked for; `dt` replaces the error."""
+    """How long, and the error asked for; `dt` replaces the error.
+
+    The velocities are held to `error` until `horizon`. After tens of impacts spheres move
+    chaotically and no step holds an error of theirs: from there on the energy is kept.
+    """
 
     duration: Positive = 3e-3  # [s]
+    horizon: Positive = 10e-3  # [s]
     error: Annotated[float, Field(gt=0, lt=1)] | None = None
     dt: Positive | None = None  # [s]
 
