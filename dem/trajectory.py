@@ -153,7 +153,7 @@ def oscillator_turn(omega, zeta, t):
     omega^2 q = 0, for any damping and omega = 0."""
     omega, zeta, t = np.broadcast_arrays(*(np.asarray(p, float) for p in (omega, zeta, t)))
     out = np.empty((4, omega.size))
-    kernels.fill_turn(omega.ravel(), zeta.ravel(), t.ravel(), out)
+    kernels.fill_turn(omega.flatten(), zeta.flatten(), t.flatten(), out)
     return out.reshape(4, *omega.shape)
 
 
