@@ -12,7 +12,8 @@ from dem.solitary import WIDTH
 from dem.wave_fit import Guess, apart, fit, groups
 from dem.waves import Arrival, crest, full_width
 
-CLEAR = 2.0  # widths between crests from which on waves do not touch
+CLEAR = 1.5  # widths between crests from which on waves do not touch
+STAYS = 0.9  # of the crest, left behind by a wave that leaves its sphere moving
 HIDDEN = 3  # contacts before its first pulse at which a train is still looked for
 
 
@@ -84,4 +85,6 @@ def _measured(t, v, passage, fitted):
     if k in (0, len(v) - 1, *inside[[0, -1]]) or sign * v[k] <= 0.0:
         return fitted
     time, height = crest(t, sign * v, k)
+    if sign * v[inside[-1]] > STAYS * height:
+        return fitted._replace(peak_velocity=float(sign * height), width=np.nan)
     return Arrival(time, float(sign * height), full_width(t, sign * v, k), fitted.quality)

@@ -87,10 +87,12 @@ def _pulse(t, v, F, m, A, i, k):
 
 def _linked(pulses, way):
     """Lists of pulses that one wave makes on its way, +1 towards the wall or -1."""
-    found = []
-    for contact in sorted({pulse.contact for pulse in pulses}, reverse=way < 0):
-        here = [pulse for pulse in pulses if pulse.contact == contact]
-        matched = list(_matches(found, here, way))
+    found, at = [], {}
+    for pulse in pulses:
+        at.setdefault(pulse.contact, []).append(pulse)
+    for contact, here in sorted(at.items(), reverse=way < 0):
+        near = [train for train in found if abs(contact - train[-1].contact) <= 1 + SKIPPED]
+        matched = list(_matches(near, here, way))
         for train, pulse in matched:
             train.append(pulse)
         found += [[pulse] for pulse in here if pulse not in [p for _, p in matched]]

@@ -6,6 +6,7 @@ with the velocity s and the displacement S of a solitary wave: p_j passes, d_j s
 a sphere that nobody stops. Least squares over t_j, c_j, p_j, d_j (K. Levenberg, D. Marquardt).
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ PURE = 0.015  # misfit below which nothing is taken to stay behind
 REACH = 1.5  # of the record on either side of a group of waves, in widths
 SLOWEST, FASTEST = 0.4, 2.5  # bounds of the fitted c_j, in the guessed one
 ROUNDS = 60
+MOST = 6  # waves fitted together
 SMALL = 1e-5  # difference step of the scaled unknowns
 
 
@@ -47,7 +49,10 @@ def separated(t, v, guesses):
 
 
 def groups(guesses):
-    """Guesses in order of time, those whose stretches of the record overlap in one list."""
+    """Guesses in order of time, those whose stretches of the record overlap in one list.
+
+    Lists of more than MOST are parted at their widest gap.
+    """
     together = []
     for guess in sorted(guesses):
         last = together[-1][-1] if together else None
@@ -55,7 +60,15 @@ def groups(guesses):
             together[-1].append(guess)
         else:
             together.append([guess])
-    return together
+    return [part for group in together for part in _parted(group)]
+
+
+def _parted(group):
+    if len(group) <= MOST:
+        return [group]
+    gaps = [apart(one, other) for one, other in pairwise(group)]
+    k = int(np.argmax(gaps)) + 1
+    return [*_parted(group[:k]), *_parted(group[k:])]
 
 
 def apart(one, other):

@@ -52,7 +52,7 @@ CONTRACT = {
     "scene", "modes_hz", "dofs", "n_wall_modes", "dt_s", "n_steps", "peak_wall_force_N",
     "contact_radius_m", "energy_error", "error_estimate", "waves", "stages", "warnings", "versions",
 }  # fmt: skip
-BESIDE = {"verdict", "reduction", "wall_modes_left_out"}
+BESIDE = {"verdict", "reduction", "wall_modes_left_out", "wall_contact"}
 
 
 def test_the_summary_has_the_keys_of_the_contract(capsys):
@@ -333,7 +333,7 @@ def test_a_file_appears_complete_or_not_at_all(tmp_path):
 def test_the_report_is_one_page_that_needs_no_other(tmp_path):
     small("run", "rig-1dof", "--out=out")
     page = (tmp_path / "out" / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 2
+    assert page.count("data:image/png;base64,") == 3
     assert 'src="http' not in page and "href=" not in page
     (tmp_path / "out" / "report.html").unlink()
     assert beadwave("report", "out") == 0

@@ -1,9 +1,11 @@
 """Plots of a run as PNG: velocities, energies, the frequency response at the contact."""
 
+from collections.abc import Sequence
 from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
@@ -32,15 +34,69 @@ class Curve(NamedTuple):
     ours: bool
 
 
-def velocities(t: Array, v: Array, spheres: tuple[int, ...]) -> bytes:
+class Mark(NamedTuple):
+    """A wave in a record."""
+
+    name: str
+    time: float  # [s]
+    velocity: float  # [m/s]
+
+
+def velocities(
+    t: Array, v: Array, spheres: tuple[int, ...], marks: dict[int, list[Mark]] | None = None
+) -> bytes:
     """Velocities of the observed spheres, one panel each; t (k,) [s], v (k, n) [m/s]."""
     figure = Figure(figsize=(8, 1 + 1.7 * len(spheres)), layout="constrained")
     panels = figure.subplots(len(spheres), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for panel, sphere, colour in zip(panels, spheres, _colours(len(spheres)), strict=True):
         panel.plot(1e3 * t, v[:, sphere - 1], color=colour, linewidth=1.2)
+        for mark in (marks or {}).get(sphere, []):
+            _marked(panel, mark)
         panel.set_ylabel(f"sphere {sphere}\nvelocity [m/s]")
+        panel.margins(y=0.15)
         _plain(panel)
     panels[-1].set_xlabel("time [ms]")
+    return _png(figure)
+
+
+def train_mark(wave) -> str:
+    """A wave's number, after an i if it is incident."""
+    return str(wave.number) if wave.kind == "reflected" else f"i{wave.number}".replace("i1", "i")
+
+
+def _marked(panel, mark: Mark) -> None:
+    up = 1 if mark.velocity > 0 else -1
+    panel.annotate(
+        mark.name, (1e3 * mark.time, mark.velocity), (0, 3 * up), textcoords="offset points",
+        ha="center", va="bottom" if up > 0 else "top", fontsize=8,
+    )  # fmt: skip
+
+
+def space_time(t: Array, v: Array, trains: Sequence) -> bytes:
+    """Velocity of every sphere over time, v (k, n), with the waves that were followed."""
+    figure = Figure(figsize=(8, 4.6), layout="constrained")
+    panel, n = figure.subplots(), v.shape[1]
+    top = np.abs(v).max() or 1.0
+    every = max(1, len(t) // 1500)  # no more than the picture's columns
+    norm = SymLogNorm(0.05 * top, vmin=-top, vmax=top)
+    shown = panel.imshow(
+        v[::every].T, aspect="auto", cmap="RdBu_r", norm=norm,
+        extent=(1e3 * t[0], 1e3 * t[-1], n + 0.5, 0.5), interpolation="nearest",
+    )  # fmt: skip
+    for train in trains:
+        places = [pulse.contact + 0.5 for pulse in train.pulses]
+        times = [1e3 * pulse.time for pulse in train.pulses]
+        panel.plot(times, places, color="black", linewidth=0.8, linestyle=(0, (3, 2)))
+        panel.annotate(
+            train_mark(train), (times[-1], places[-1]), (3, 0), textcoords="offset points",
+            fontsize=8, va="center",
+        )  # fmt: skip
+    panel.set_xlim(1e3 * t[0], 1e3 * t[-1])
+    panel.set_ylim(n + 0.5, 0.5)
+    panel.set_xlabel("time [ms]")
+    panel.set_ylabel("sphere, 1 = striker, the wall below")
+    bar = figure.colorbar(shown, label="velocity [m/s], towards the wall", shrink=0.9)
+    bar.ax.minorticks_off()
     return _png(figure)
 
 

@@ -65,4 +65,5 @@ def _waves(summary: Summary) -> list[tuple[str, str]]:
 
 
 def _arrival(arrival) -> str:
-    return f"{arrival.peak_velocity_m_s:+.3f} m/s at {1e3 * arrival.time_s:.3f} ms"
+    name = f"{arrival.name} " if arrival.name else ""
+    return f"{name}{arrival.peak_velocity_m_s:+.3f} m/s at {1e3 * arrival.time_s:.3f} ms"

@@ -13,7 +13,9 @@ from workflows.summary import HAMMER_TEST_HZ, Summary, rows
 
 CAPTIONS = {
     "velocities": "Velocities of the observed spheres. Positive is towards the wall: first the "
-    "incident wave, then the waves that the wall sends back.",
+    "incident wave (i), then the waves that the wall sends back, by number.",
+    "waves": "The chain over time: each line of spheres' collisions is a wave, i towards the wall, "
+    "numbers those sent back. The scale is linear near zero and logarithmic beyond.",
     "energies": "Where the energy is, and how well the ledger closes.",
     "frequency_response": "Displacement at the contact per force there: what the chain feels.",
     "assembly": "The meshed assembly, a colour per body; the chain hits the face on the right.",

@@ -3,9 +3,11 @@
 from pathlib import Path
 from platform import python_version
 
+import numpy as np
+
 from coupling import CoupledWall, Impact
-from dem import waves
 from workflows.chain_stages import contact_radius, save_trajectory, spoilt
+from workflows.chain_waves import chain_contact, sphere_waves
 from workflows.report import write_report
 from workflows.run_folder import RunFolder, write_pictures
 from workflows.scene import Scene
@@ -18,7 +20,7 @@ from workflows.stages import (
     needs_assembly,
     pipeline_of,
 )
-from workflows.summary import ErrorEstimate, SphereWaves, StageTime, Summary, WaveArrival
+from workflows.summary import ErrorEstimate, SphereWaves, StageTime, Summary
 
 
 def run(scene: Scene, out: Path, *, source: Path | None, watch: Watch) -> Summary:
@@ -102,7 +104,8 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
         "energy_error": trajectory.energy_error,
         "error_estimate": _errors(pipeline, trajectory.error_estimate),
         "verdict": pipeline("impact").verdict.sentences,
-        "waves": {str(sphere): _waves(trajectory, sphere) for sphere in scene.output.spheres},
+        "waves": {str(sphere): _waves(pipeline, sphere) for sphere in scene.output.spheres},
+        "wall_contact": chain_contact(pipeline("waves"), float(np.mean(scene.chain.radius))),
     }
     if wall is None:
         return numbers
@@ -123,14 +126,6 @@ def _errors(pipeline: Pipeline, time: float | None) -> ErrorEstimate:
     )
 
 
-def _waves(trajectory, sphere: int) -> SphereWaves:
-    t, v = trajectory.t, trajectory.v[:, sphere - 1]
-    passage = waves.passage(t, v)
-    return SphereWaves(
-        arrivals=[
-            WaveArrival(time_s=a.time, peak_velocity_m_s=a.peak_velocity)
-            for a in waves.arrivals(t, v)
-        ],
-        tof_s=passage and passage.tof,
-        arr=passage and passage.arr,
-    )
+def _waves(pipeline: Pipeline, sphere: int) -> SphereWaves:
+    run = pipeline("impact").trajectory
+    return sphere_waves(pipeline("waves"), run.t, run.v[:, sphere - 1], sphere)

@@ -40,7 +40,7 @@ def joint_stiffness() -> Iterator[Trial]:
 def _jointed(k: float, *changes: str) -> Outcome:
     """Error of the run, or of the lowest modes where that is larger."""
     tables = (f"joints.{side}={_stiffness(k)}" for side in ("head", "foot"))
-    pipeline = _pipeline(*tables, *changes)
+    pipeline = _pipeline(*tables, "leaf_springs.offset=0.0", *changes)
     residual = _residual(pipeline("model"), pipeline("modes"))
     run = _run(pipeline.scene, pipeline("wall"))
     return run._replace(value=max(run.value, residual))

@@ -152,10 +152,16 @@ def _stages(scene: Scene) -> dict[str, Stage]:
             ("coarse-reduction", "impact"),
             ("coupling", "dem"),
         ),
+        "waves": Stage(
+            "workflows.chain_waves:waves",
+            _reads(*run, "wall", "output"),
+            ("impact",),
+            ("dem", "workflows.chain_stages"),
+        ),
         "figures": Stage(
             "workflows.figure_stages:of_chain",
             _reads("output"),
-            ("impact",),
+            ("impact", "waves"),
             ("workflows.figures",),
         ),
     }

@@ -16,10 +16,18 @@ class StageTime(BaseModel):
 
 
 class WaveArrival(BaseModel):
-    """A wave passing an observed sphere."""
+    """A wave passing an observed sphere; `alone` if it was measured, not taken out of others.
+
+    quality is 1 for a solitary wave and 0 for nothing like one; without a name it belongs to no
+    wave that was followed through the chain.
+    """
 
     time_s: float
     peak_velocity_m_s: float
+    width_s: float | None = None
+    quality: float | None = None
+    name: str | None = None
+    alone: bool = True
 
 
 class SphereWaves(BaseModel):
@@ -28,6 +36,38 @@ class SphereWaves(BaseModel):
     arrivals: tuple[WaveArrival, ...]
     tof_s: float | None
     arr: float | None
+
+
+class WaveTrain(BaseModel):
+    """A wave from one contact to another; contact i is that of the spheres i and i + 1."""
+
+    name: str
+    from_contact: int
+    to_contact: int
+    start_s: float
+    end_s: float
+    speed_m_s: float
+    peak_force_N: float
+
+
+class ChainContact(BaseModel):
+    """The chain's blow at its wall, in the thesis' numbers (2.5) to (2.9); see dem.WallContact.
+
+    The contact lasts while its force is above threshold_N, 1 % of the largest above that at rest.
+    The last two are of the whole record: spheres' velocities and kinetic energy, end over start.
+    """
+
+    contact_time_s: float | None
+    threshold_N: float
+    tau_c: float | None
+    speed_in_m_s: float | None
+    speed_back_m_s: float | None
+    travelling_time_s: float | None
+    tof_s: float | None
+    arr_2_9: float | None
+    velocity_sum_ratio_2_8: float | None
+    energy_restitution: float | None
+    trains: tuple[WaveTrain, ...]
 
 
 class ErrorEstimate(BaseModel):
@@ -75,6 +115,7 @@ class Summary(BaseModel):
     energy_error: float | None = None
     error_estimate: ErrorEstimate = ErrorEstimate()
     waves: dict[str, SphereWaves] = {}
+    wall_contact: ChainContact | None = None
     reduction: ReductionHealth | None = None
     verdict: tuple[str, ...] = ()
     wall_modes_left_out: tuple[str, ...] = ()
@@ -97,6 +138,7 @@ def rows(summary: Summary) -> list[tuple[str, str]]:
         ("steps", f"{summary.n_steps:,}" if summary.n_steps else None),
         ("peak force at the wall", _number(summary.peak_wall_force_N, "N")),
         ("contact radius", _number(summary.contact_radius_m, "mm", 1e3)),
+        *_contact_rows(summary.wall_contact),
         ("energy error", _number(summary.energy_error)),
         ("error of the time step", _number(summary.error_estimate.time)),
         ("error of the reduction", _number(summary.error_estimate.reduction)),
@@ -104,6 +146,29 @@ def rows(summary: Summary) -> list[tuple[str, str]]:
         *_reduction_rows(summary.reduction),
     ]
     return [(label, value) for label, value in labelled if value]
+
+
+def _contact_rows(contact: ChainContact | None) -> list[tuple[str, str | None]]:
+    if contact is None:
+        return []
+    return [
+        ("contact time, tau_c", _with_tau(contact)),
+        ("wave speed in, back", _pair(contact.speed_in_m_s, contact.speed_back_m_s, "m/s")),
+        ("travelling time, TOF", _pair(contact.travelling_time_s, contact.tof_s, "ms", 1e3)),
+        ("ARR (2.9)", _number(contact.arr_2_9)),
+        ("sum of velocities (2.8)", _number(contact.velocity_sum_ratio_2_8)),
+        ("restitution by energy", _number(contact.energy_restitution)),
+    ]
+
+
+def _with_tau(contact: ChainContact) -> str | None:
+    seconds = _number(contact.contact_time_s, "µs", 1e6)
+    return seconds and f"{seconds}, {_number(contact.tau_c) or 'no'}"
+
+
+def _pair(one: float | None, two: float | None, unit: str, scale: float = 1.0) -> str | None:
+    found = [_number(value, unit, scale) for value in (one, two)]
+    return None if None in found else ", ".join(found)
 
 
 def _reduction_rows(health: ReductionHealth | None) -> list[tuple[str, str | None]]:
@@ -122,7 +187,7 @@ def _reduction_rows(health: ReductionHealth | None) -> list[tuple[str, str | Non
 
 
 def _number(value: Any, unit: str = "", scale: float = 1.0) -> str | None:
-    return None if value is None else f"{scale * value:.4g} {unit}".rstrip()
+    return None if value is None or value != value else f"{scale * value:.4g} {unit}".rstrip()
 
 
 def _joined(values, unit: str) -> str | None:
