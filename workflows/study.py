@@ -45,12 +45,20 @@ STUDIES = {
         "workflows.studies.energy:energy",
         "thesis, figures 7.1 to 7.9: energy with and without the wall's share, two schemes",
     ),
+    "wall-thickness": Entry(
+        "workflows.studies.wall_thickness:wall_thickness",
+        "thesis, section 2.2.2: waves from plates of any thickness, Zener's and solid ones",
+    ),
+    "boundary-distance": Entry(
+        "workflows.studies.boundary_distance:boundary_distance",
+        "thesis, section 2.2.2: waves from a plate struck ever nearer to its clamped edge",
+    ),
 }
 
 
 def listing() -> str:
     """The studies, a line each."""
-    return "\n".join(f"{name:16}{entry.shows}" for name, entry in STUDIES.items())
+    return "\n".join(f"{name:20}{entry.shows}" for name, entry in STUDIES.items())
 
 
 def study(name: str, scene: Scene, watch: Watch) -> Finding:

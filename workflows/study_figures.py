@@ -32,6 +32,7 @@ class Panel(NamedTuple):
     lines: Sequence[Line]
     logarithmic: str = ""
     y_limits: tuple[float, float] | None = None
+    x_ticks: Sequence[float] | None = None
 
 
 def panels(sets: Sequence[Panel], *, columns: int = 1, size: tuple[float, float] = (8, 3)) -> bytes:
@@ -64,6 +65,9 @@ def _drawn(panel: Panel, axis) -> None:
         axis.set_xscale("log")
         axis.xaxis.set_major_formatter("{x:g}")
         axis.xaxis.set_minor_formatter("{x:g}" if _narrow(panel) else NullFormatter())
+    if panel.x_ticks:
+        axis.set_xticks(panel.x_ticks, [f"{x:g}" for x in panel.x_ticks])
+        axis.set_xticks([], minor=True)
     if "y" in panel.logarithmic:
         axis.set_yscale("log")
     if panel.y_limits:

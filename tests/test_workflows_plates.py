@@ -1,0 +1,115 @@
+"""Plates of finite elements as walls, and the two studies made with them."""
+
+from contextlib import nullcontext
+from functools import cache
+
+import numpy as np
+import pytest
+
+import coupling
+from workflows import study
+from workflows.scene import InvalidScene
+from workflows.scene_file import resolved, scene
+from workflows.studies import boundary_distance, plates, wall_thickness
+
+RISE = 164e-6  # s, the chain's contact with a half-space of its steel
+
+
+@cache
+def found(name):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wall_thickness, "RATIOS", (2.0, 4.0, 5.0))
+        patch.setattr(wall_thickness, "N_CURVE", 3)
+        patch.setattr(boundary_distance, "RATIOS", (2.0, 4.0))
+        patch.setattr(boundary_distance, "DIAMETERS", (0.4, 1.2, 2.0, 3.2, 4.0))
+        patch.setattr(boundary_distance, "SHOWN", (0.4,))
+        patch.setattr(wall_thickness, "VARIED", {"modes doubled": plates.with_more_modes})
+        patch.setattr(boundary_distance, "VARIED", {})
+        return study.study(name, scene("rig-half-space"), lambda name: nullcontext())
+
+
+def column(finding, name, **where):
+    rows = [dict(zip(finding.columns, row, strict=True)) for row in finding.rows]
+    return np.array([row[name] for row in rows if where.items() <= row.items()])
+
+
+def solid(ratio, **changes):
+    rig = scene("rig-half-space")
+    plate = plates.steel(rig, plates.diameter(rig) / ratio)
+    size = plates.sizes(plate, RISE, RISE)._replace(**changes)
+    return rig, plate, plates.middle_wall(plate, size)
+
+
+@pytest.mark.parametrize("ratio", [2.0, 4.0])
+def test_a_sphere_rebounds_from_a_solid_plate_as_from_zeners(ratio):
+    """Issue's bound 3 % before echoes return; measured 0.9 % and 1.6 %, a plate that is not thin
+    against its waves (k h = 0.4 and 0.3) gives way more."""
+    rig, plate, wall = solid(ratio)
+    zener = plates.rebound(rig, coupling.infinite_plate(plate))
+    assert plates.rebound(rig, wall) == pytest.approx(zener, rel=0.03)
+    assert plates.rebound(rig, wall) < zener
+
+
+def test_edges_that_answer_within_the_contact_are_felt():
+    """The size of the plate matters only then: a third of it gives the sphere more back."""
+    size = plates.sizes(solid(4.0)[1], RISE, RISE)
+    rig, plate, small = solid(4.0, reach=size.reach / 3)
+    zener = plates.rebound(rig, coupling.infinite_plate(plate))
+    assert abs(plates.rebound(rig, small) / zener - 1) > 0.1
+
+
+def test_thinner_plates_send_less_back_and_take_more():
+    finding = found("wall-thickness")
+    for model in ("infinite (Zener)", "solid"):
+        assert np.all(np.diff(column(finding, "arr", model=model)) < 0)
+        assert np.all(np.diff(column(finding, "energy_lost_percent", model=model)) > 0)
+    # the thicker, the more Zener's thin plate leaves out
+    lost = [column(finding, "energy_lost_percent", model=m) for m in ("solid", "infinite (Zener)")]
+    assert np.all(np.diff(lost[0] / lost[1]) < 0) and np.all(lost[0] > lost[1])
+
+
+def test_modes_beyond_those_kept_answer_at_once():
+    """Doubled modes change ARR by 4e-5 (wall-thickness) at D/t = 4."""
+    finding = found("wall-thickness")
+    base, more = (
+        column(finding, "arr", model=model, d_over_t=4.0)[0]
+        for model in ("solid", "solid, modes doubled")
+    )
+    assert more == pytest.approx(base, abs=2e-4)
+
+
+def test_a_clamped_edge_stiffens_the_plate_until_it_is_out_of_reach():
+    """Beyond the bending waves' reach the plate is the infinite one, within 3 % as above."""
+    rig, finding = scene("rig-half-space"), found("boundary-distance")
+    for ratio in (2.0, 4.0):
+        arr = column(finding, "arr", d_over_t=ratio)
+        plate = plates.steel(rig, plates.diameter(rig) / ratio)
+        infinite = plates.blow(rig, coupling.infinite_plate(plate)).arr
+        half_space = 0.944
+        assert arr[0] == pytest.approx(half_space, abs=0.03) and arr[0] > arr[1] > arr[2]
+        np.testing.assert_allclose(arr[-2:], infinite, rtol=0.03)
+
+
+@pytest.mark.parametrize("name", ["wall-thickness", "boundary-distance"])
+def test_the_studies_answer_the_thesis_and_draw(name, tmp_path):
+    finding = found(name)
+    assert sum("Thesis" in sentence for sentence in finding.sentences) >= 3
+    study.write(finding, tmp_path)
+    picture = tmp_path / "figures" / f"study_{name.replace('-', '_')}.png"
+    assert picture.stat().st_size > 50_000
+
+
+def test_a_first_collision_ends_where_the_force_does_though_an_echo_strikes_harder():
+    t = np.linspace(0.0, 1.0, 1001)
+    force = np.where(t < 0.3, np.sin(np.pi * t / 0.3), 0.0)
+    force = force + np.where((t > 0.5) & (t < 0.7), 2.0 * np.sin(np.pi * (t - 0.5) / 0.2), 0.0)
+    contact, again = plates.first_contact(t, force)
+    assert contact.end == pytest.approx(0.3, abs=2e-3) and contact.start < 2e-3
+    assert again == pytest.approx(0.5, abs=3e-3)
+
+
+def test_a_scene_without_a_wave_is_refused():
+    chain = {"count": 3, "radius": 0.01, "density": 7800.0, "young": 2e11, "poisson": 0.3}
+    short = resolved({"name": "s", "chain": chain, "striker": {"velocity": 1.0}}, "s")
+    with pytest.raises(InvalidScene, match=r"chain\.count = 3"):
+        study.study("wall-thickness", short, lambda name: nullcontext())
