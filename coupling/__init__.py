@@ -1,3 +1,4 @@
+from coupling.calibration import Calibration, calibrate
 from coupling.coupled_wall import (
     CoupledWall,
     EnergyGain,
@@ -15,7 +16,9 @@ from coupling.damping import (
     rayleigh,
 )
 from coupling.errors import CouplingError
+from coupling.forward import Forward
 from coupling.march import Impact, impact
+from coupling.parameters import Parameter, Rig, rig_at
 from coupling.plate import (
     Plate,
     group_speed,
@@ -25,6 +28,9 @@ from coupling.plate import (
 )
 from coupling.pruning import LeftOut, Pruning, mode_costs, prune
 from coupling.radiation import radiated_energy
+from coupling.search import Options
+from coupling.signals import Aligned, Filter, Signals, aligned, lag_of
+from coupling.uncertainty import Combination, Uncertainty
 from coupling.verdict import Verdict, predicted_peak_force, verdict
 from coupling.wall import (
     half_space_compliance,
@@ -34,18 +40,30 @@ from coupling.wall import (
 )
 
 __all__ = [
+    "Aligned",
+    "Calibration",
+    "Combination",
     "CoupledWall",
     "CouplingError",
     "Damping",
     "EnergyGain",
+    "Filter",
+    "Forward",
     "Impact",
     "LeftOut",
     "ModalDamping",
+    "Options",
+    "Parameter",
     "Plate",
     "Pruning",
     "RayleighDamping",
+    "Rig",
+    "Signals",
+    "Uncertainty",
     "Verdict",
+    "aligned",
     "as_coupled",
+    "calibrate",
     "coupled_wall",
     "damping_ratios",
     "energy_gain",
@@ -54,6 +72,7 @@ __all__ = [
     "impact",
     "inelasticity",
     "infinite_plate",
+    "lag_of",
     "largest_monotone_force",
     "march_coupled",
     "modal_coupling",
@@ -63,6 +82,7 @@ __all__ = [
     "radiated_energy",
     "rayleigh",
     "require_monotone",
+    "rig_at",
     "slenderness",
     "verdict",
     "wall_from_reduced",

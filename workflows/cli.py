@@ -15,6 +15,7 @@ from typing import Annotated, Optional
 
 import typer
 
+from workflows.calibration_commands import calibrate, twin
 from workflows.progress import StageProgress, printed
 from workflows.scene import InvalidScene
 from workflows.scene_file import built_in, scene_text
@@ -307,6 +308,10 @@ def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run fol
     from workflows.report import write_report
 
     typer.echo(f"written: {write_report(folder)}")
+
+
+app.command()(calibrate)
+app.command()(twin)
 
 
 def _file(scene: str | None) -> Path | None:

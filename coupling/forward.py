@@ -1,0 +1,84 @@
+"""The model of a calibration: velocities of the observed spheres as the instrument shows them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from coupling.errors import CouplingError
+from coupling.parameters import Parameter, Rig, directions, rig_at
+from coupling.signals import Filter, Signals
+from dem.tangent import STEPS_PER_RADIAN, march_with_tangents, usual_step
+
+COARSE = 2.5  # steps of a search, in usual ones
+NO_FILTER = Filter()
+SEARCHED = 0.15  # time between the samples of a search, in radians of the stiffest contact
+
+
+class Forward:
+    """Model velocities at the times of the signals, as a function of theta (p,)."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        parameters: Sequence[Parameter],
+        signals: Signals,
+        filters: Filter = NO_FILTER,
+        steps: float = 1.0,
+    ) -> None:
+        self.rig, self.parameters = rig, tuple(parameters)
+        self.signals, self.filters, self.steps = signals, filters, steps
+        self.start = np.array([p.start for p in parameters])
+        first = rig_at(rig, self.parameters, self.start)
+        usual = usual_step(first.chain, first.wall, first.v0)
+        self.radian = STEPS_PER_RADIAN * usual  # [s]
+        self.dt = steps * usual
+        earliest = min([p.low for p in parameters if p.kind == "trigger"], default=rig.trigger)
+        self.duration = signals.t[-1] - earliest + 2 * self.dt
+        if self.duration <= 4 * self.dt:
+            raise CouplingError("the record ends before the first touch; check the trigger.")
+
+    def velocities(self, theta: np.ndarray) -> np.ndarray:
+        """(k, m) [m/s]"""
+        return self._seen(theta, False)[0]
+
+    def velocities_and_tangents(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(k, m) and their derivatives (k, m, p)."""
+        return self._seen(theta, True)
+
+    def with_steps(self, steps: float) -> "Forward":
+        """The same model with other steps, in usual ones."""
+        return Forward(self.rig, self.parameters, self.signals, self.filters, steps)
+
+    def coarser(self) -> "Forward":
+        """Larger steps and fewer samples, for a search."""
+        signals, every = self.signals, self._every()
+        thinned = signals._replace(t=signals.t[::every], v=signals.v[::every])
+        return Forward(self.rig, self.parameters, thinned, self.filters, COARSE)
+
+    def _every(self) -> int:
+        dt = self.signals.t[1] - self.signals.t[0]
+        return max(1, int(SEARCHED * self.radian / dt))
+
+    def _seen(self, theta: np.ndarray, tangents: bool) -> tuple[np.ndarray, np.ndarray]:
+        t, rig = self.signals.t, rig_at(self.rig, self.parameters, theta)
+        run = march_with_tangents(
+            rig.chain,
+            rig.wall,
+            rig.v0,
+            directions(self.rig, self.parameters, theta) if tangents else None,
+            duration=self.duration,
+            dt=self.dt,
+            observed=self.signals.spheres,
+        )
+        dt = t[1] - t[0]
+        when = _refined(t, self.filters.refinement(dt)) - rig.trigger
+        v, a, dv = run.at(np.clip(when, 0.0, self.duration))
+        for j, p in enumerate(self.parameters if tangents else ()):
+            if p.kind == "trigger":
+                dv[:, :, j] = -np.where((when > 0)[:, None], a, 0.0)
+        seen = self.filters.of_model(v, dt)
+        return seen, self.filters.of_model(dv, dt) if tangents else dv
+
+
+def _refined(t: np.ndarray, fine: int) -> np.ndarray:
+    return t if fine == 1 else np.linspace(t[0], t[-1], fine * (len(t) - 1) + 1)

@@ -1,0 +1,175 @@
+"""Measured velocities in, a calibrated scene with its uncertainty out.
+
+Data that cannot be what it says (units, sign, order of the columns, time base, sampling) is refused
+before anything is fitted; what is doubtful is fitted and told in a sentence.
+"""
+
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+import coupling
+import dem
+from workflows import calibration_parameters as free_parameters
+from workflows.calibration_checks import doubts, plausible, require_samples
+from workflows.calibration_report import CalibrationReport, report_of
+from workflows.scene import InvalidScene, OneDofWall, Scene
+from workflows.velocity_file import Record
+
+SCANNED = (50.0, 2000.0, 60)  # [Hz]
+
+
+class Request(NamedTuple):
+    """What the user asked for beyond scene and data."""
+
+    free: str | None = None
+    bounds: str | None = None
+    trigger: str = "fit"  # "fit", "estimate", or the time of the first touch [s]
+    band: float | None = None
+    instrument: float | None = None
+    hold_out: tuple[int, ...] = ()
+    two_stage: bool = False
+    starts: int = 2
+    seed: int = 0
+    scan: tuple[float, float, int] | None = None
+
+
+class Calibrated(NamedTuple):
+    """The scene that came out, its report, and the fit behind both."""
+
+    scene: Scene
+    report: CalibrationReport
+    fit: coupling.Calibration
+    signals: coupling.Signals
+
+
+def calibrated(
+    scene: Scene, wall: dem.Wall | None, measured: Record, source: str, request: Request
+) -> Calibrated:
+    """The scene fitted to the record; raises InvalidScene for data or requests that cannot be."""
+    began = perf_counter()
+    remarks = list(plausible(scene, measured))
+    used, held = _split(measured, request.hold_out)
+    raw = coupling.aligned(measured.t, measured.v, tuple(n - 1 for n in measured.spheres))
+    remarks += _told_repeats(raw)
+    filters = _filters(request, measured.t)
+    trigger, more = _trigger(scene, wall, raw.signals, filters, request)
+    names = _names(scene, request)
+    rig = free_parameters.rig(scene, wall, trigger)
+    limits = free_parameters.bounds(request.bounds)
+    parameters = free_parameters.parameters(scene, names, trigger, limits)
+    signals = raw.signals.only(used)
+    noise = _noise(signals, filters)
+    options = coupling.Options(
+        staged=any(not p.of_wall for p in parameters),
+        joint=not request.two_stage,
+        starts=request.starts,
+        seed=request.seed,
+        scan=_scan(scene, names, request),
+        noise=noise,
+    )
+    try:
+        fit = coupling.calibrate(rig, parameters, signals, filters, options)
+    except (dem.InvalidChain, dem.NoEquilibrium, coupling.CouplingError) as error:
+        raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
+    left_out = _held_out(rig, fit, raw.signals.only(held), filters) if held else {}
+    report = report_of(scene, source, measured, fit, signals, noise, left_out)
+    report.seconds = perf_counter() - began
+    report.remarks += [*remarks, *more]
+    name = f"{scene.name}-calibrated"
+    result = free_parameters.calibrated_scene(scene, fit.parameters, fit.value, name)
+    return Calibrated(result, report, fit, signals)
+
+
+def _names(scene: Scene, request: Request) -> tuple[str, ...]:
+    names = tuple(n.strip() for n in (request.free or free_parameters.usual(scene)).split(","))
+    return tuple(n for n in names if n != "trigger" or request.trigger == "fit")
+
+
+def _split(measured: Record, hold_out: tuple[int, ...]) -> tuple[list[int], list[int]]:
+    for n in hold_out:
+        if n not in measured.spheres:
+            raise InvalidScene(
+                f"--hold-out {n} is not in the data, it has spheres {list(measured.spheres)}; "
+                "name one of them."
+            )
+    held = [i for i, n in enumerate(measured.spheres) if n in hold_out]
+    used = [i for i, n in enumerate(measured.spheres) if n not in hold_out]
+    if not used:
+        raise InvalidScene("--hold-out leaves no sphere to fit to; hold out fewer.")
+    return used, held
+
+
+def _told_repeats(raw: coupling.Aligned):
+    for i in raw.odd:
+        yield f"Repeat {i + 1} is unlike the others and was left out."
+    spread = np.ptp(raw.shift)
+    if spread > 5e-6:
+        yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
+
+
+def _filters(request: Request, t: np.ndarray) -> coupling.Filter:
+    nyquist = 0.5 / (t[1] - t[0])
+    for name in ("band", "instrument"):
+        value = getattr(request, name)
+        highest = nyquist if name == "band" else 10 * nyquist
+        if value is not None and not 0 < value < highest:
+            raise InvalidScene(
+                f"--{name} {value:g} Hz must be above 0 and below {highest:g} Hz, given the data's "
+                "sampling; change it."
+            )
+    return coupling.Filter(request.band, request.instrument)
+
+
+def _trigger(
+    scene: Scene, wall, signals: coupling.Signals, filters: coupling.Filter, request: Request
+) -> tuple[float, list[str]]:
+    """Time of the first touch on the data's clock, and what is doubtful about it."""
+    t0 = float(signals.t[0])
+    forward = coupling.Forward(free_parameters.rig(scene, wall, t0), (), signals, filters)
+    dt = signals.t[1] - signals.t[0]
+    require_samples(dt, forward.radian)
+    model = forward.velocities(np.zeros(0))
+    data = filters.of_data(signals.v, dt)
+    lag = coupling.lag_of(signals.t, data, model)
+    found = _given_trigger(request.trigger, t0 + lag)
+    return found, list(doubts(signals, data, model, found - t0, dt, forward.radian))
+
+
+def _given_trigger(text: str, estimate: float) -> float:
+    if text in ("fit", "estimate"):
+        return estimate
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidScene(
+            f"--trigger {text!r} must be fit, estimate, or the time of the first touch [s]."
+        ) from None
+
+
+def _scan(scene: Scene, names: tuple[str, ...], request: Request):
+    if not isinstance(scene.wall, OneDofWall) or "wall.frequency" not in names:
+        if request.scan:
+            raise InvalidScene("--scan needs a 1dof wall with wall.frequency free; free it.")
+        return None
+    low, high, points = request.scan or SCANNED
+    if not (0 < low < high and 3 <= points <= 1000):
+        raise InvalidScene(f"--scan {low:g}:{high:g}:{points} must grow and have 3 to 1000 points.")
+    return low, high, points
+
+
+def _noise(signals: coupling.Signals, filters: coupling.Filter) -> float | None:
+    """rms [m/s] of the noise in the mean signals, from the repeats."""
+    if signals.repeats < 2 or not np.isfinite(signals.spread).all():
+        return None
+    return float(np.sqrt(np.mean(signals.spread**2) / signals.repeats))
+
+
+def _held_out(rig, fit: coupling.Calibration, signals, filters) -> dict[str, float]:
+    forward = coupling.Forward(rig, fit.parameters, signals, filters)
+    data = filters.of_data(signals.v, signals.t[1] - signals.t[0])
+    left = forward.velocities(fit.value) - data
+    return {
+        str(n + 1): float(np.sqrt(np.mean(left[:, i] ** 2))) for i, n in enumerate(signals.spheres)
+    }

@@ -1,0 +1,84 @@
+"""What measured velocities must be like before a scene is fitted to them."""
+
+import numpy as np
+
+import coupling
+from workflows.chain_stages import initial_velocity
+from workflows.scene import InvalidScene, Scene
+from workflows.velocity_file import Record
+
+WRONG_UNITS = 20.0  # peak velocity over the striker's
+DOUBTFUL_UNITS = 3.0
+ARRIVED = 0.5  # of the largest velocity
+COARSEST = 0.5  # sampling interval in radians of a contact: refused above, flagged above half
+ALIKE = 0.5  # correlation with the start model
+
+
+def plausible(scene: Scene, measured: Record):
+    """Raise InvalidScene for data that cannot be what it says; sentences on what is doubtful."""
+    for n in measured.spheres:
+        if not 1 <= n <= scene.chain.count:
+            raise InvalidScene(
+                f"the data has sphere {n}, allowed are 1 to chain.count = {scene.chain.count}; "
+                "correct its header or the scene."
+            )
+    speed = np.abs(initial_velocity(scene)).max()
+    ratio = np.abs(measured.v).max() / speed
+    told = f"velocities reach {np.abs(measured.v).max():.3g} m/s, the scene's striker {speed:g} m/s"
+    if not 1 / WRONG_UNITS < ratio < WRONG_UNITS:
+        raise InvalidScene(f"{told}; correct the unit in the data's header or striker.velocity.")
+    if not 1 / DOUBTFUL_UNITS < ratio < DOUBTFUL_UNITS:
+        yield f"{told}: check units and striker.velocity."
+    _require_order(measured)
+
+
+def _require_order(measured: Record) -> None:
+    """The incident wave comes from sphere 1 on, and pushes towards the wall."""
+    v = measured.v.mean(axis=0)
+    change = v - v[:5].mean(axis=0)
+    arrived = (np.abs(change) > ARRIVED * np.abs(v).max(axis=0)).argmax(axis=0)
+    for i, n in enumerate(measured.spheres):
+        if n > 1 and change[arrived[i], i] < 0:
+            raise InvalidScene(
+                f"the first wave at sphere {n} goes away from the wall; velocities towards the "
+                "wall must be positive, turn the sign of the data or check its columns."
+            )
+        if i and arrived[i] <= arrived[i - 1]:
+            before = measured.spheres[i - 1]
+            at, earlier = 1e3 * measured.t[arrived[[i, i - 1]]]
+            raise InvalidScene(
+                f"the first wave reaches sphere {n} at {at:.3g} ms, sphere {before} only at "
+                f"{earlier:.3g} ms; the columns may be swapped, correct the header."
+            )
+
+
+def require_samples(dt: float, radian: float) -> None:
+    """Raise InvalidScene where waves pass between two samples."""
+    if dt > COARSEST * radian:
+        raise InvalidScene(
+            f"a sample every {1e6 * dt:.3g} us is too seldom for contacts that move within "
+            f"{1e6 * radian:.3g} us; measure with {1 / (COARSEST * radian):.3g} Hz or more."
+        )
+
+
+def doubts(signals: coupling.Signals, data, model, lag: float, dt: float, radian: float):
+    """Sentences on data (k, m) that is unlike the model (k, m) it starts from, `lag` [s] later."""
+    t = signals.t
+    if abs(lag) > 0.5 * (t[-1] - t[0]):
+        raise InvalidScene(
+            f"the first touch would be at {1e3 * (t[0] + lag):.3g} ms, in the second half of the "
+            f"record or before it; shift the record, or give --trigger."
+        )
+    if lag < -2 * dt:
+        early = 1e6 * -lag
+        yield f"The first touch is {early:.3g} us before the record starts: the trigger came late."
+    if dt > 0.5 * COARSEST * radian:
+        yield f"A sample every {1e6 * dt:.3g} us is seldom for waves of {1e6 * radian:.3g} us."
+    late = np.array([np.interp(t - lag, t, column) for column in model.T]).T
+    for i, sphere in enumerate(signals.spheres):
+        alike = np.corrcoef(late[:, i], data[:, i])[0, 1]
+        if alike < ALIKE:
+            yield (
+                f"Sphere {sphere + 1} does not look like the model it starts from (correlation "
+                f"{alike:.2f}): check its column, sign and time base."
+            )

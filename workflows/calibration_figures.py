@@ -1,0 +1,153 @@
+"""Plots of a calibration: data against model, the misfit's scan, bars, what goes together."""
+
+from io import BytesIO
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e")
+LEGIBLE = 0.3  # least correlation written into its cell
+
+
+def pictures(fit, t, report) -> dict[str, bytes]:
+    """Name to PNG; t (k,) [s] of the signals."""
+    face = "SYNTHETIC: computed, not measured" if report.synthetic else ""
+    found = {
+        "signals": signals(t, fit, tuple(report.misfit_m_s), face),
+        "parameters": parameters(report, face),
+        "correlation": correlation(fit, face),
+    }
+    if report.scan_hz:
+        found["scan"] = scan(report, face)
+    return found
+
+
+def signals(t, fit, spheres: tuple[str, ...], face: str) -> bytes:
+    """Data, the model that it started from and the one found, one panel per sphere."""
+    n = len(spheres)
+    figure = Figure(figsize=(9, 1.2 + 2.3 * n), layout="constrained")
+    panels = figure.subplots(2 * n, 1, sharex=True, squeeze=False, height_ratios=[3, 1] * n)[:, 0]
+    for i, sphere in enumerate(spheres):
+        upper, lower = panels[2 * i], panels[2 * i + 1]
+        upper.plot(1e3 * t, fit.data[:, i], color="0.55", linewidth=2.6, label="data")
+        upper.plot(1e3 * t, fit.start[:, i], "--", color=COLOURS[1], linewidth=1, label="start")
+        upper.plot(1e3 * t, fit.model[:, i], color=COLOURS[0], linewidth=1.1, label="calibrated")
+        upper.axvspan(
+            1e3 * t[0], 1e3 * fit.first_waves[i], color=COLOURS[2], alpha=0.08, linewidth=0,
+            label="first waves",
+        )  # fmt: skip
+        upper.set_ylabel(f"sphere {sphere}\nvelocity [m/s]")
+        left = 1e3 * (fit.data[:, i] - fit.model[:, i])
+        lower.plot(1e3 * t, left, color="black", linewidth=0.6)
+        lower.set_ylabel("left\n[mm/s]")
+        for panel in (upper, lower):
+            _plain(panel)
+    panels[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False)
+    panels[-1].set_xlabel("time [ms]")
+    return _png(figure, face)
+
+
+def scan(report, face: str) -> bytes:
+    """Misfit over the wall's frequency with the chain of the first waves held."""
+    figure = Figure(figsize=(8, 3.8), layout="constrained")
+    panel = figure.subplots()
+    misfit = 1e3 * np.array(report.scan_misfit_m_s)
+    panel.semilogx(report.scan_hz, misfit, "o-", color=COLOURS[0], markersize=3, linewidth=1.2)
+    for row in report.parameters:
+        if row.name == "wall.frequency":
+            panel.axvline(
+                row.found, color=COLOURS[1], linewidth=1, label=f"found {row.found:.4g} Hz"
+            )
+            panel.axvline(row.start, color="0.5", linestyle="--", linewidth=1,
+                          label=f"start {row.start:.4g} Hz")  # fmt: skip
+    panel.xaxis.set_major_formatter("{x:g}")
+    panel.xaxis.set_minor_formatter(NullFormatter())
+    ticks = [f for f in (50, 100, 200, 500, 1000, 2000, 5000)
+             if report.scan_hz[0] <= f <= report.scan_hz[-1]]  # fmt: skip
+    panel.set_xticks(ticks)
+    panel.set_ylim(bottom=0)
+    panel.set_xlabel("frequency of the wall [Hz]")
+    panel.set_ylabel("misfit of all samples, rms [mm/s]")
+    panel.legend(frameon=False, fontsize=8)
+    _plain(panel)
+    return _png(figure, face)
+
+
+def parameters(report, face: str) -> bytes:
+    """Contact factors with bars, and every parameter's bar relative to its size."""
+    contacts = [r for r in report.parameters if r.name.startswith("contact ")]
+    figure = Figure(figsize=(9, 6.2 if contacts else 3.4), layout="constrained")
+    panels = figure.subplots(2 if contacts else 1, 1, squeeze=False)[:, 0]
+    if contacts:
+        _factors(panels[0], contacts)
+    _bars(panels[-1], report.parameters)
+    return _png(figure, face)
+
+
+def _factors(panel, rows) -> None:
+    place = [int(row.name.split()[1]) for row in rows]
+    bars = [row.two_sigma or 0.0 for row in rows]
+    panel.errorbar(
+        place, [row.found for row in rows], bars, fmt="o", color=COLOURS[0], capsize=3,
+        markersize=4, linewidth=1.2, label="found, two sigma",
+    )  # fmt: skip
+    if any(row.truth is not None for row in rows):
+        truth = [row.truth for row in rows]
+        panel.plot(place, truth, "x", color=COLOURS[1], markersize=7, label="truth")
+    panel.axhline(1.0, color="0.5", linewidth=0.8, linestyle="--", label="start")
+    panel.set_xticks(place)
+    panel.set_xlabel("contact (the last one at the wall)")
+    panel.set_ylabel("stiffness over the scene's")
+    panel.legend(frameon=False, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=3)
+    _plain(panel)
+    panel.margins(x=0.03)
+
+
+def _bars(panel, rows) -> None:
+    shown = [r for r in rows if r.two_sigma and r.name != "trigger" and r.found]
+    share = [100 * r.two_sigma / abs(r.found) for r in shown]
+    colours = [COLOURS[2] if r.identifiable == "yes" else COLOURS[3] for r in shown]
+    panel.bar(range(len(shown)), share, color=colours)
+    panel.set_yscale("log")
+    panel.yaxis.set_major_formatter("{x:g}")
+    panel.set_xticks(
+        range(len(shown)), [r.name for r in shown], rotation=60, ha="right", fontsize=8
+    )
+    panel.set_ylabel("two sigma over value [%]")
+    _plain(panel)
+    panel.margins(x=0.02)
+
+
+def correlation(fit, face: str) -> bytes:
+    """Correlations of the parameters, and the singular values of the scaled Jacobian."""
+    names = [p.name for p in fit.parameters]
+    figure = Figure(figsize=(10, 5.4), layout="constrained")
+    matrix, values = figure.subplots(1, 2, width_ratios=(2.2, 1))
+    shown = matrix.imshow(fit.uncertainty.correlation, vmin=-1, vmax=1, cmap="RdBu_r")
+    ticks = range(len(names))
+    matrix.set_xticks(ticks, names, rotation=90, fontsize=7)
+    matrix.set_yticks(ticks, names, fontsize=7)
+    matrix.spines[:].set_visible(False)
+    figure.colorbar(shown, ax=matrix, label="correlation", shrink=0.8)
+    singular = 1e3 * fit.uncertainty.singular
+    values.semilogy(range(1, len(singular) + 1), singular, "o-", color=COLOURS[0], markersize=4)
+    values.set_xlabel("combination of parameters,\nbest to least determined")
+    values.set_ylabel("singular value [mm/s per scale]")
+    _plain(values)
+    values.margins(x=0.05)
+    return _png(figure, face)
+
+
+def _plain(panel) -> None:
+    panel.margins(x=0.01)
+    panel.grid(alpha=0.3, linewidth=0.6)
+    panel.spines[["top", "right"]].set_visible(False)
+
+
+def _png(figure: Figure, face: str) -> bytes:
+    if face:
+        figure.suptitle(face, color="#990000", fontsize=10, fontweight="bold")
+    raw = BytesIO()
+    figure.savefig(raw, format="png", dpi=130, metadata={"Software": None})
+    return raw.getvalue()

@@ -1,0 +1,68 @@
+"""The folder of a calibration: scene, tables and figures."""
+
+from pathlib import Path
+
+import numpy as np
+
+from workflows.calibration_report import CalibrationReport
+from workflows.run_folder import Picture, RunFolder, write_pictures
+from workflows.scene_file import toml
+from workflows.velocity_file import SYNTHETIC, Record, csv_text
+
+
+def write(found, out: Path) -> None:
+    """scene.toml, parameters.csv, signals.csv, report.json and figures/ into a folder."""
+    from workflows.calibration_figures import pictures
+
+    folder = RunFolder(out)
+    folder.make()
+    report = found.report
+    folder.write("scene.toml", _scene_text(found))
+    folder.write("report.json", report.model_dump_json(indent=1) + "\n")
+    folder.write("parameters.csv", _parameters_csv(report))
+    folder.write("signals.csv", _signals_csv(found))
+    drawn = pictures(found.fit, found.signals.t, report)
+    write_pictures(folder, tuple(Picture(name, png) for name, png in drawn.items()))
+
+
+def write_data(out: Path, data: Record, covered) -> None:
+    """data.csv of a twin experiment, and coverage.json where there is one."""
+    folder = RunFolder(out)
+    folder.make()
+    folder.write("data.csv", csv_text(data))
+    if covered is not None:
+        folder.write("coverage.json", covered.model_dump_json(indent=1) + "\n")
+
+
+def _face(report: CalibrationReport) -> str:
+    return f"# {SYNTHETIC}\n" if report.synthetic else ""
+
+
+def _scene_text(found) -> str:
+    """The scene as TOML, with comments on what was calibrated and how well."""
+    report = found.report
+    lines = [f"# {row.name} = {row.found:.6g} {row.unit} calibrated to {report.data}, "
+             f"two sigma {'-' if row.two_sigma is None else format(row.two_sigma, '.2g')}, "
+             f"identifiable: {row.identifiable}" for row in report.parameters]  # fmt: skip
+    factors = "# Contact factors are on contact.stiffness_factor of the scene that was fitted.\n"
+    return _face(report) + "\n".join(lines) + "\n" + factors + toml(found.scene)
+
+
+def _parameters_csv(report: CalibrationReport) -> str:
+    head = "parameter,unit,start,found,two_sigma,identifiable,truth"
+    rows = [
+        f"{r.name},{r.unit},{r.start:.9g},{r.found:.9g},"
+        f"{'' if r.two_sigma is None else format(r.two_sigma, '.4g')},{r.identifiable},"
+        f"{'' if r.truth is None else format(r.truth, '.9g')}"
+        for r in report.parameters
+    ]
+    return _face(report) + "\n".join([head, *rows, ""])
+
+
+def _signals_csv(found) -> str:
+    names = [str(n + 1) for n in found.signals.spheres]
+    head = [f"{what} sphere {n} [m/s]" for what in ("data", "start", "model") for n in names]
+    fit = found.fit
+    table = np.column_stack([found.signals.t, fit.data, fit.start, fit.model])
+    rows = [",".join(f"{x:.9g}" for x in row) for row in table]
+    return _face(found.report) + "\n".join([",".join(["time [s]", *head]), *rows, ""])

@@ -1,0 +1,166 @@
+"""The report of a calibration: a row per parameter, misfits, and sentences."""
+
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+import coupling
+from workflows.scene import OneDofWall, Scene
+from workflows.velocity_file import SYNTHETIC
+
+IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one that may be 0
+WEAK = 0.5
+EXPLAINED = 1.5  # misfit over the noise of the mean
+BLURRED = 0.2  # step error over the misfit that is worth a sentence
+
+
+class ParameterRow(BaseModel):
+    """One parameter; `two_sigma` is None where the data does not determine it."""
+
+    name: str
+    unit: str
+    start: float
+    found: float
+    two_sigma: float | None
+    identifiable: str  # "yes", "weakly", "no", "at its bound"
+    truth: float | None = None
+
+
+class CalibrationReport(BaseModel):
+    """What was fitted, what came out, and how far to believe it."""
+
+    scene: str
+    data: str
+    title: str
+    synthetic: bool
+    parameters: list[ParameterRow]
+    misfit_m_s: dict[str, float]
+    start_misfit_m_s: dict[str, float]
+    held_out_m_s: dict[str, float]
+    noise_m_s: float | None
+    repeats: int
+    trigger_s: float
+    combinations: list[str]
+    stages: list[dict[str, Any]]
+    scan_hz: list[float]
+    scan_misfit_m_s: list[float]
+    seconds: float
+    remarks: list[str]
+    coverage: dict[str, Any] | None = None
+
+    def text(self) -> str:
+        """A table and sentences."""
+        known = any(row.truth is not None for row in self.parameters)
+        head = f"{'parameter':>16} {'start':>11} {'found':>12} {'two sigma':>10}  identifiable"
+        head += f" {'truth':>12}" if known else ""
+        rows = [_line(row, known) for row in self.parameters]
+        spheres = [
+            f"{'sphere ' + n:>16} misfit {1e3 * x:.4g} mm/s, at the start "
+            f"{1e3 * self.start_misfit_m_s[n]:.4g} mm/s"
+            for n, x in self.misfit_m_s.items()
+        ]
+        held = [
+            f"{'sphere ' + n:>16} misfit {1e3 * x:.4g} mm/s, held out"
+            for n, x in self.held_out_m_s.items()
+        ]
+        face = [SYNTHETIC] if self.synthetic else []
+        cost = f"{sum(s['evaluations'] for s in self.stages)} model runs in {self.seconds:.2f} s"
+        return "\n".join([*face, head, *rows, "", *spheres, *held, "", cost, *self.remarks])
+
+
+def _line(row: ParameterRow, known: bool) -> str:
+    bar = "-" if row.two_sigma is None else f"{row.two_sigma:.2g}"
+    name = f"{row.name} [{row.unit}]" if row.unit else row.name
+    line = f"{name:>16} {row.start:11.5g} {row.found:12.6g} {bar:>10}  {row.identifiable:<12}"
+    return line + (f" {row.truth:12.6g}" if known and row.truth is not None else "")
+
+
+def report_of(scene, source, measured, fit, signals, noise, left_out) -> CalibrationReport:
+    """The report of a fit; `left_out` is the misfit [m/s] of spheres held out."""
+    names = [str(n + 1) for n in signals.spheres]
+    triggers = [x for p, x in zip(fit.parameters, fit.value, strict=True) if p.kind == "trigger"]
+    return CalibrationReport(
+        scene=scene.name,
+        data=source,
+        title=measured.title,
+        synthetic=SYNTHETIC.split(":")[0] in measured.title,
+        parameters=_rows(fit),
+        misfit_m_s=dict(zip(names, map(float, fit.misfit), strict=True)),
+        start_misfit_m_s=dict(zip(names, map(float, fit.start_misfit), strict=True)),
+        held_out_m_s=left_out,
+        noise_m_s=noise,
+        repeats=signals.repeats,
+        trigger_s=float(triggers[0]) if triggers else 0.0,
+        combinations=_combinations(fit),
+        stages=[stage._asdict() for stage in fit.stages],
+        scan_hz=[] if fit.scan is None else list(map(float, fit.scan.value)),
+        scan_misfit_m_s=[] if fit.scan is None else list(map(float, fit.scan.misfit)),
+        seconds=0.0,
+        remarks=list(_remarks(scene, fit, noise)),
+    )
+
+
+def _rows(fit: coupling.Calibration) -> list[ParameterRow]:
+    bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
+    return [
+        ParameterRow(
+            name=p.name,
+            unit=p.unit,
+            start=p.start,
+            found=float(x),
+            two_sigma=float(bar) if np.isfinite(bar) else None,
+            identifiable="at its bound" if held else _identifiable(p, x, bar),
+        )
+        for p, x, bar, held in zip(fit.parameters, fit.value, bars, fit.at_bound, strict=True)
+    ]
+
+
+def _identifiable(p: coupling.Parameter, value: float, bar: float) -> str:
+    size = p.scale if p.kind == "trigger" else max(abs(value), 10 * p.scale)
+    share = bar / size
+    return "yes" if share <= IDENTIFIED else "weakly" if share <= WEAK else "no"
+
+
+def _combinations(fit: coupling.Calibration) -> list[str]:
+    """The three worst determined combinations, each with its bar in scales of the parameters."""
+    return [
+        f"{c.text(fit.parameters)}: two sigma {c.two_sigma:.2g} scales"
+        for c in fit.uncertainty.combinations[:3]
+    ]
+
+
+def _remarks(scene: Scene, fit: coupling.Calibration, noise: float | None):
+    unseen = [c for c in fit.uncertainty.combinations if not c.two_sigma < 2.0]
+    for combination in unseen:
+        yield (
+            f"The data cannot tell apart: {combination.text(fit.parameters)} (two sigma "
+            f"{combination.two_sigma:.2g} of their scales)."
+        )
+    if not unseen and fit.uncertainty.combinations:
+        worst = fit.uncertainty.combinations[0]
+        yield (
+            f"Least determined: {worst.text(fit.parameters)} (two sigma {worst.two_sigma:.2g} of "
+            "their scales); nothing is left undetermined."
+        )
+    total = float(np.sqrt(np.mean(fit.misfit**2)))
+    if noise is not None and total > EXPLAINED * noise:
+        yield (
+            f"The misfit of {1e3 * total:.3g} mm/s is {total / noise:.2g} times the noise of the "
+            f"mean, {1e3 * noise:.3g} mm/s: the model does not explain all of the data, and the "
+            "bars hold only for what it leaves as if it were noise."
+        )
+    if fit.step_error > BLURRED * total:
+        yield (
+            f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
+            f"of {1e3 * total:.2g} mm/s: the bars do not hold it."
+        )
+    for stage in fit.stages:
+        if not stage.converged:
+            yield f"Stage '{stage.name}' stopped after {stage.evaluations} runs, not converged."
+    if fit.starts > 1 and fit.same_starts < fit.starts:
+        yield f"{fit.same_starts} of {fit.starts} starts found the misfit that is reported."
+    if isinstance(scene.wall, OneDofWall):
+        held = {"frequency", "mass"} - {p.kind for p in fit.parameters}
+        if "mass" in held and "frequency" not in held:
+            yield f"The wall's mass was held at the scene's {scene.wall.mass:g} kg: assumed."

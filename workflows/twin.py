@@ -1,0 +1,255 @@
+"""A twin experiment: a known rig makes the data, a calibration has to find it again.
+
+Everything it writes says SYNTHETIC on its face. The data does not come from the model that is
+fitted: another scheme marches it at an error of 1e-8 and a higher rate, the instrument's filter
+acts on that, and noise and trigger are added to its samples.
+"""
+
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import BaseModel
+from scipy.signal import butter, sosfilt, sosfilt_zi
+
+import coupling
+import dem
+from workflows import calibration_parameters as free_parameters
+from workflows.calibrate import Calibrated, Request, calibrated
+from workflows.chain_stages import chain, initial_velocity
+from workflows.scene import InvalidScene, OneDofWall, Scene
+from workflows.velocity_file import SYNTHETIC, Record
+
+OVERSAMPLED = 4  # samples of the march per sample of the instrument
+MARCHED = 1e-8  # relative velocity error of the data's own march
+SOUGHT = 0.9  # share of repeats inside their bars
+
+
+class Twin(NamedTuple):
+    """The rig that makes the data, and the instrument; all of it assumed, none of it measured."""
+
+    scatter: float = 0.1  # of the contacts' stiffness, uniform to either side
+    frequency: float = 240.0  # Hz, of a 1dof wall: what the thesis found
+    noise: float = 1e-3  # m/s rms in the instrument's band, of one repeat
+    sampling: float = 1e6  # Hz
+    instrument: float = 100e3  # Hz, low-pass of order 4 in the vibrometer
+    repeats: int = 10
+    jitter: float = 2e-6  # s, standard deviation of the trigger
+    before: float = 50e-6  # s of record before the first touch
+    seed: int = 0
+
+
+class Truth(NamedTuple):
+    """The rig that made the data."""
+
+    contact: np.ndarray  # (n_contacts,) factors on the scene's stiffness
+    frequency: float | None  # [Hz]
+
+    def of(self, p: coupling.Parameter, twin: Twin, scene: Scene) -> float:
+        """The true value of a parameter."""
+        match p.kind:
+            case "contact":
+                return float(self.contact[p.index])
+            case "frequency":
+                return self.frequency
+            case "trigger":
+                return twin.before
+            case "mass":
+                return scene.wall.mass
+            case "striker":
+                return scene.striker.velocity
+            case "preload":
+                return scene.preload.force if scene.preload else 0.0
+            case "dissipation":
+                return float(np.max(scene.contact.coefficient))
+        if isinstance(scene.wall, OneDofWall):
+            return scene.wall.damping_ratio
+        return float(np.atleast_1d(scene.damping.ratio)[p.index])
+
+
+class Coverage(BaseModel):
+    """How often repeats of the noise found the truth inside their two-sigma bars."""
+
+    synthetic: bool = True
+    runs: int
+    seconds: float
+    share: dict[str, float]
+    pooled: float
+    met: bool
+
+    def text(self) -> str:
+        """A line per parameter."""
+        rows = [f"{name:>16} {100 * share:6.1f} %" for name, share in self.share.items()]
+        worst = min(self.share, key=self.share.get)
+        verdict = (
+            f"Within two sigma in {100 * self.pooled:.1f} % of all, at least "
+            f"{100 * self.share[worst]:.1f} % ({worst}); {100 * SOUGHT:.0f} % are asked for: "
+            f"{'met' if self.met else 'not met'}."
+        )
+        head = f"{SYNTHETIC}; {self.runs} repeats of the experiment in {self.seconds:.1f} s"
+        return "\n".join(["", head, *rows, verdict])
+
+
+def checked(twin: Twin) -> Twin:
+    """The twin; raises InvalidScene for numbers that no experiment has."""
+    limits = {
+        "scatter": (0.0, 0.5), "frequency": (1.0, 1e5), "noise": (0.0, 10.0),
+        "sampling": (1e4, 1e8), "instrument": (1e3, 1e8), "repeats": (1, 1000),
+        "jitter": (0.0, 1e-3), "before": (0.0, 1e-2),
+    }  # fmt: skip
+    for name, (low, high) in limits.items():
+        value = getattr(twin, name)
+        if not low <= value <= high:
+            raise InvalidScene(
+                f"--{name} {value:g} must be between {low:g} and {high:g}; change it."
+            )
+    if twin.instrument >= 0.5 * OVERSAMPLED * twin.sampling:
+        raise InvalidScene(f"--instrument {twin.instrument:g} Hz is beyond the sampling; lower it.")
+    return twin
+
+
+def truth(scene: Scene, twin: Twin) -> Truth:
+    """A rig drawn by the twin's seed."""
+    rng = np.random.default_rng([twin.seed, 0])
+    factors = 1.0 + twin.scatter * rng.uniform(-1.0, 1.0, scene.n_contacts)
+    of_mass = isinstance(scene.wall, OneDofWall)
+    return Truth(factors, twin.frequency if of_mass else None)
+
+
+class Clean(NamedTuple):
+    """What the instrument would show without noise and with a perfect trigger, oversampled."""
+
+    t: np.ndarray  # (k,) [s] on the record's clock
+    v: np.ndarray  # (k, m) [m/s]
+    spheres: tuple[int, ...]
+
+
+def clean(scene: Scene, wall: dem.Wall | None, twin: Twin, made_by: Truth) -> Clean:
+    """The known rig marched and filtered by the instrument."""
+    if not scene.output.spheres:
+        raise InvalidScene("output.spheres is empty; name the spheres that are measured.")
+    rig = chain(scene)
+    rig = rig._replace(A=rig.A * made_by.contact)
+    if made_by.frequency is not None:
+        wall = wall._replace(omega=np.array([2 * np.pi * made_by.frequency]))
+    rate, observed = OVERSAMPLED * twin.sampling, [n - 1 for n in scene.output.spheres]
+    lead, n = round(twin.before * rate), round(scene.time.duration * rate)
+    v0 = initial_velocity(scene)
+    found = dem.march_to_error(rig, wall, v0, duration=n / rate, error=MARCHED, n_save=n)
+    v = np.vstack([np.tile(v0[observed], (lead, 1)), found.trajectory.v[:, observed]])
+    sos = butter(4, twin.instrument, fs=rate, output="sos")
+    v = sosfilt(sos, v, axis=0, zi=sosfilt_zi(sos)[:, :, None] * v[0])[0]
+    return Clean(np.arange(len(v)) / rate, v, scene.output.spheres)
+
+
+def measured(made: Clean, twin: Twin, run: int = 0) -> Record:
+    """The record of one experiment: repeats with jitter of the trigger and noise."""
+    rng = np.random.default_rng([twin.seed, 1, run])
+    edge = int(np.ceil(4 * twin.jitter * twin.sampling * OVERSAMPLED)) if twin.repeats > 1 else 0
+    last = len(made.t) - 1 - edge
+    t = np.arange(0, int(made.t[last] * twin.sampling) + 1) / twin.sampling
+    late = twin.jitter * rng.standard_normal(twin.repeats) if twin.repeats > 1 else np.zeros(1)
+    late -= late.mean()
+    signals = [np.array([np.interp(t - s, made.t, x) for x in made.v.T]).T for s in late]
+    return Record(t, np.array(signals) + _noise(rng, twin, len(t), made), made.spheres, SYNTHETIC)
+
+
+def _noise(rng, twin: Twin, k: int, made: Clean) -> np.ndarray:
+    """White noise through the instrument's low-pass, (repeats, k, m), of the rms asked for."""
+    if twin.noise == 0.0:
+        return np.zeros((twin.repeats, k, len(made.spheres)))
+    fine = rng.standard_normal((twin.repeats, OVERSAMPLED * k + 400, len(made.spheres)))
+    sos = butter(4, twin.instrument, fs=OVERSAMPLED * twin.sampling, output="sos")
+    seen = sosfilt(sos, fine, axis=1)[:, 400:]
+    return twin.noise * (seen / seen.std())[:, ::OVERSAMPLED]
+
+
+def twin_run(
+    scene: Scene, wall: dem.Wall | None, twin: Twin, request: Request
+) -> tuple[Calibrated, Record]:
+    """The experiment made and calibrated; the report holds the truth beside what was found."""
+    made_by = truth(scene, twin)
+    data = measured(clean(scene, wall, twin, made_by), twin)
+    request = request._replace(instrument=twin.instrument)
+    found = calibrated(scene, wall, data, "twin (synthetic)", request)
+    for row, p in zip(found.report.parameters, found.fit.parameters, strict=True):
+        row.truth = made_by.of(p, twin, scene)
+    found.report.remarks.insert(0, _told(twin, found))
+    return found, data
+
+
+def _told(twin: Twin, found: Calibrated) -> str:
+    contacts = [r for r in found.report.parameters if r.name.startswith("contact ")]
+    off = max((abs(r.found / r.truth - 1) for r in contacts), default=0.0)
+    inside = [
+        r.two_sigma is not None and abs(r.found - r.truth) <= r.two_sigma
+        for r in found.report.parameters
+    ]
+    return (
+        f"Known rig: contacts scattered by {100 * twin.scatter:g} %, noise {1e3 * twin.noise:g} "
+        f"mm/s rms below {twin.instrument / 1e3:g} kHz, {twin.sampling / 1e6:g} MHz, "
+        f"{twin.repeats} repeats, trigger {1e6 * twin.jitter:g} us, seed {twin.seed}, all assumed. "
+        f"Contacts are found within {100 * off:.2g} %; {sum(inside)} of {len(inside)} parameters "
+        "lie within their bars."
+    )
+
+
+def coverage(
+    scene: Scene, wall: dem.Wall | None, twin: Twin, request: Request, found: Calibrated, runs: int
+) -> Coverage:
+    """Shares of repeats of the experiment, each with its own noise, whose bars hold the truth.
+
+    Each is fitted from what the first experiment found: the search is not repeated, its bars are.
+    """
+    began = perf_counter()
+    made_by = truth(scene, twin)
+    made = clean(scene, wall, twin, made_by)
+    known = np.array([made_by.of(p, twin, scene) for p in found.fit.parameters])
+    start = tuple(
+        p._replace(start=float(x))
+        for p, x in zip(found.fit.parameters, found.fit.value, strict=True)
+    )
+    jobs = [
+        _Job(scene, wall, twin, request, made, start, list(range(1 + part, 1 + runs, 2)))
+        for part in range(2)
+    ]
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        inside = np.vstack([part for part in pool.map(_repeated, jobs) if len(part)])
+    hits = np.abs(inside[:, 0] - known) <= inside[:, 1]
+    share = {p.name: float(s) for p, s in zip(start, hits.mean(axis=0), strict=True)}
+    return Coverage(
+        runs=runs,
+        seconds=perf_counter() - began,
+        share=share,
+        pooled=float(hits.mean()),
+        met=min(share.values()) >= SOUGHT,
+    )
+
+
+class _Job(NamedTuple):
+    """Repeats for one process."""
+
+    scene: Scene
+    wall: dem.Wall | None
+    twin: Twin
+    request: Request
+    made: Clean
+    start: tuple[coupling.Parameter, ...]
+    runs: list[int]
+
+
+def _repeated(job: _Job) -> np.ndarray:
+    """(runs, 2, p): what was found and its two-sigma bar."""
+    found = []
+    for run in job.runs:
+        data = measured(job.made, job.twin, run)
+        laid = coupling.aligned(data.t, data.v, tuple(n - 1 for n in data.spheres))
+        filters = coupling.Filter(job.request.band, job.twin.instrument)
+        rig = free_parameters.rig(job.scene, job.wall, job.twin.before)
+        fit = coupling.calibrate(
+            rig, job.start, laid.signals, filters, coupling.Options(local=True)
+        )
+        found.append([fit.value, fit.uncertainty.two_sigma])
+    return np.array(found)

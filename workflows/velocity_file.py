@@ -1,0 +1,202 @@
+"""Measured velocities in and out: CSV, MATLAB's .mat, and UFF58 through pyuff.
+
+CSV: lines that start with # are a title; then a header with units and one line per sample:
+
+    time [ms], sphere 1 [mm/s], sphere 4 [mm/s], sphere 1 [mm/s], ...
+
+A sphere that comes twice has two repeats. A .mat file holds t (k,), v (k, m) or (k, m, repeats),
+spheres (m,), and the strings time_unit and velocity_unit. In UFF58 (function type 1) the response
+node is the sphere, sets of the same node are repeats, and the labels of the axes are the units.
+"""
+
+from pathlib import Path
+from re import fullmatch
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflows.scene import InvalidScene
+
+SYNTHETIC = "SYNTHETIC: computed, not measured"
+TIME_RESPONSE = 1  # UFF58's function type
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
+METRES = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6, "μm/s": 1e-6}
+LEAST_SAMPLES = 50
+ROUNDING = 0.3  # of a step: what a time base may be off by printing it with few digits
+
+
+class Record(NamedTuple):
+    """Velocities of m spheres, positive towards the wall, in r repeats over k equal times."""
+
+    t: NDArray[np.float64]  # (k,) [s]
+    v: NDArray[np.float64]  # (r, k, m) [m/s]
+    spheres: tuple[int, ...]  # (m,) counted from 1, ascending
+    title: str
+
+
+def record(path: Path) -> Record:
+    """The velocities of a file; raises InvalidScene where it holds none that can be used."""
+    read = {".csv": _csv, ".mat": _mat, ".uff": _uff, ".unv": _uff}.get(path.suffix.lower())
+    if read is None:
+        raise InvalidScene(f"{path} must end in .csv, .mat, .uff or .unv.")
+    if not path.is_file():
+        raise InvalidScene(f"no file {path}; give measured velocities as .csv, .mat or .uff.")
+    try:
+        t, columns, title = read(path)
+        return _stacked(_equidistant(t), columns, title)
+    except InvalidScene:
+        raise
+    except (ValueError, KeyError, IndexError, TypeError, OSError, NotImplementedError) as error:
+        raise InvalidScene(f"{path}: {str(error).rstrip('.')}; correct the file.") from None
+
+
+Columns = list[tuple[int, NDArray[np.float64]]]
+
+
+def _csv(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    title = " ".join(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
+    lines = [line for line in lines if line.strip() and not line.startswith("#")]
+    if len(lines) < 2:
+        raise ValueError("no samples below a header line")
+    header = [name.strip() for name in lines[0].split(",")]
+    scale = [_time_column(header[0]), *(_sphere_column(name) for name in header[1:])]
+    table = np.array([_numbers(i, line, len(header)) for i, line in enumerate(lines[1:], 1)])
+    columns = [(n, unit * table[:, i]) for i, (n, unit) in enumerate(scale[1:], 1)]
+    return table[:, 0] * scale[0], columns, title or path.stem
+
+
+def _numbers(i: int, line: str, width: int) -> list[float]:
+    cells = line.split(",")
+    if len(cells) != width:
+        raise ValueError(f"sample {i} has {len(cells)} cells, the header has {width}")
+    try:
+        return [float(cell) if cell.strip() else np.nan for cell in cells]
+    except ValueError:
+        raise ValueError(f"sample {i} is not numbers: {line[:60]!r}") from None
+
+
+def _time_column(name: str) -> float:
+    found = fullmatch(r"time\s*\[(.+)\]", name)
+    if not found:
+        raise ValueError(f"the first column is {name!r}, allowed is 'time [s]', [ms] or [us]")
+    return _unit(found[1], SECONDS, "time")
+
+
+def _sphere_column(name: str) -> tuple[int, float]:
+    found = fullmatch(r"sphere\s+(\d+)\s*\[(.+)\]", name)
+    if not found:
+        raise ValueError(f"a column is {name!r}, allowed is 'sphere 4 [m/s]', with its unit")
+    return int(found[1]), _unit(found[2], METRES, f"sphere {found[1]}")
+
+
+def _unit(text: str, known: dict[str, float], what: str) -> float:
+    text = text.strip()
+    if text not in known:
+        raise ValueError(f"the unit of {what} is {text!r}, allowed are {', '.join(known)}")
+    return known[text]
+
+
+def _mat(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
+    from scipy.io import loadmat
+
+    held = loadmat(path)
+    for name in ("t", "v", "spheres", "time_unit", "velocity_unit"):
+        if name not in held:
+            raise ValueError(f"there is no variable {name}, which states what is in the file")
+    second = _unit(str(np.ravel(held["time_unit"])[0]), SECONDS, "t")
+    metre = _unit(str(np.ravel(held["velocity_unit"])[0]), METRES, "v")
+    t, v = np.ravel(held["t"]).astype(float), np.asarray(held["v"], float)
+    spheres = [int(n) for n in np.ravel(held["spheres"])]
+    v = v[:, :, None] if v.ndim == 2 else v
+    if v.shape[:2] != (len(t), len(spheres)):
+        raise ValueError(
+            f"v is {v.shape}, {len(t)} times of {len(spheres)} spheres are {len(t), len(spheres)}"
+        )
+    repeats = range(v.shape[2])
+    columns = [(n, metre * v[:, i, r]) for r in repeats for i, n in enumerate(spheres)]
+    return second * t, columns, str(np.ravel(held["title"])[0]) if "title" in held else path.stem
+
+
+def _uff(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
+    file = _pyuff().UFF(str(path))
+    sets = [file.read_sets(int(i)) for i in np.flatnonzero(file.get_set_types() == 58)]
+    sets = [s for s in sets if s["func_type"] == TIME_RESPONSE]
+    if not sets:
+        raise ValueError("no data set 58 with a time response (function type 1)")
+    t = np.asarray(sets[0]["x"], float)
+    if any(len(s["x"]) != len(t) or np.ptp(s["x"] - t) > 1e-9 for s in sets):
+        raise ValueError("its signals have different time bases")
+    second = _unit(_label(sets[0], "abscissa_axis_units_lab") or "s", SECONDS, "time")
+    columns = []
+    for s in sets:
+        metre = _unit(_label(s, "ordinate_axis_units_lab"), METRES, f"node {s['rsp_node']}")
+        columns.append((int(s["rsp_node"]), metre * np.asarray(s["data"], float)))
+    return second * t, columns, str(sets[0]["id1"]).strip()
+
+
+def _label(data_set: dict, key: str) -> str:
+    text = str(data_set.get(key, "")).strip()
+    return "" if text.upper() == "NONE" else text
+
+
+def _pyuff():
+    try:
+        import pyuff
+    except ImportError:
+        raise InvalidScene(
+            "UFF58 files need pyuff; ./install.sh identify adds it, or give .csv or .mat."
+        ) from None
+    return pyuff
+
+
+def _equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times on an even grid; raises ValueError where they leave it."""
+    if not np.isfinite(t).all():
+        raise ValueError(f"the time of sample {int(np.argmin(np.isfinite(t))) + 1} is no number")
+    if len(t) < LEAST_SAMPLES:
+        raise ValueError(f"{len(t)} samples are too few, at least {LEAST_SAMPLES} are needed")
+    steps = np.diff(t)
+    if not (steps > 0).all():
+        raise ValueError(f"time does not grow at sample {int(np.argmin(steps > 0)) + 2}")
+    usual = np.median(steps)
+    even = np.linspace(t[0], t[-1], len(t))
+    if steps.max() > 1.5 * usual:
+        i = int(steps.argmax())
+        raise ValueError(
+            f"a gap of {steps[i] / usual:.3g} steps follows sample {i + 1}, at {t[i]:.6g} s"
+        )
+    if np.abs(t - even).max() > ROUNDING * usual:
+        raise ValueError(
+            f"time is not equidistant, steps are {steps.min():.3g} to {steps.max():.3g} s; "
+            "resample it"
+        )
+    return even
+
+
+def _stacked(t: NDArray[np.float64], columns: Columns, title: str) -> Record:
+    by_sphere: dict[int, list] = {}
+    for n, values in columns:
+        if not np.isfinite(values).all():
+            i = int(np.argmin(np.isfinite(values)))
+            raise ValueError(f"sphere {n} has no number at sample {i + 1}, at {t[i]:.6g} s")
+        by_sphere.setdefault(n, []).append(values)
+    if not by_sphere:
+        raise ValueError("there is no column of a sphere")
+    repeats = {n: len(found) for n, found in by_sphere.items()}
+    if len(set(repeats.values())) > 1:
+        told = ", ".join(f"sphere {n}: {k}" for n, k in repeats.items())
+        raise ValueError(f"spheres differ in repeats ({told}), each needs as many")
+    spheres = tuple(sorted(by_sphere))
+    v = np.array([by_sphere[n] for n in spheres]).transpose(1, 2, 0)
+    return Record(t, v, spheres, title)
+
+
+def csv_text(measured: Record) -> str:
+    """The record as CSV; `record` reads it back."""
+    r, k, m = measured.v.shape
+    names = [f"sphere {n} [m/s]" for _ in range(r) for n in measured.spheres]
+    table = np.column_stack([measured.t, measured.v.transpose(1, 0, 2).reshape(k, r * m)])
+    lines = [",".join([f"{row[0]:.9g}", *(f"{x:.9g}" for x in row[1:])]) for row in table]
+    return "\n".join([f"# {measured.title}", ", ".join(["time [s]", *names]), *lines, ""])
