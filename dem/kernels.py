@@ -299,6 +299,15 @@ def kick_and_drift(kick, drift, x, v, A, f, minv):
 
 
 @inner
+def push_and_drift(kick, drift, x, v, f, minv):
+    """The same with forces that are known."""
+    for i in range(v.size):
+        speed = v[i] + kick * minv[i] * (f[i] - f[i + 1])
+        v[i] = speed
+        x[i] += drift * speed
+
+
+@inner
 def push_wall(impulse, square, wall):
     wall[WORK] += impulse * (wall[V] + 0.5 * square * impulse)
     wall[V] += square * impulse
@@ -642,17 +651,23 @@ def save(
 
 @inner
 def flow_bare(
-    k, kick, drift, x, v, A, f, minv, wall, ledger, offset, residual, mobility, modes
+    k, kick, drift, stale, x, v, A, f, minv, wall, ledger, offset, residual, mobility, modes
 ):  # fmt: skip
     """Forces, kick and drift of a chain without load, leaf springs, damping and yield."""
-    if A.size == x.size:
+    if A.size == x.size and (stale or mobility is not None):
         f[x.size] = wall_force(x, kick, A, wall, ledger, offset, residual, mobility, None)
-    kick_and_drift(kick, drift, x, v, A, f, minv)
+    if stale:
+        kick_and_drift(kick, drift, x, v, A, f, minv)
+    else:
+        push_and_drift(kick, drift, x, v, f, minv)
     if modes is not None:
         modal, turn, square, rest_force = modes
         impulse = kick * (f[x.size] - rest_force)
-        push_wall(impulse, square, wall)
-        drift_modes(k, impulse, wall, modal, turn)
+        if drift == 0.0:
+            push_modes(impulse, square, wall, modal)
+        else:
+            push_wall(impulse, square, wall)
+            drift_modes(k, impulse, wall, modal, turn)
 
 
 @inner
@@ -710,11 +725,12 @@ def take_step(
         kick = b[i] * dt
         drift = a[i] * dt if i < a.size else 0.0
         if load is None and leaf is None and dissipation is None and plastic is None:
-            if stale and kick != 0.0 and drift != 0.0:
+            if kick != 0.0:
                 flow_bare(
-                    i, kick, drift, x, v, A, f, minv, wall, ledger, offset, residual, mobility,
-                    modes,
+                    i, kick, drift, stale, x, v, A, f, minv, wall, ledger, offset, residual,
+                    mobility, modes,
                 )  # fmt: skip
+                stale = drift != 0.0
                 continue
         if kick != 0.0:
             kick_all(
