@@ -53,6 +53,30 @@ STUDIES = {
         "workflows.studies.boundary_distance:boundary_distance",
         "thesis, section 2.2.2: waves from a plate struck ever nearer to its clamped edge",
     ),
+    "wall-modulus": Entry(
+        "workflows.studies.wall_modulus:wall_modulus",
+        "thesis, figure 2.8: contact time and secondary waves against the wall's modulus",
+    ),
+    "sphere-mass": Entry(
+        "workflows.studies.sphere_mass:sphere_mass",
+        "thesis, figure 2.9: lighter and heavier spheres, by size and by density",
+    ),
+    "striker": Entry(
+        "workflows.studies.striker:striker",
+        "thesis, section 2.2.1: scaling with the striker's speed, trains from a heavy one",
+    ),
+    "walls": Entry(
+        "workflows.studies.walls:walls",
+        "thesis, figures 7.13 to 7.16: ten walls, their reflected waves, and how far apart they are",
+    ),
+    "plastic-contact": Entry(
+        "workflows.studies.plastic_contact:plastic_contact",
+        "thesis, section 7.2: three times the stiffness beside a contact that yields",
+    ),
+    "rig": Entry(
+        "workflows.studies.rig:rig",
+        "thesis, section 7.2: what is said of the experiment, against each unknown of the rig",
+    ),
 }
 
 

@@ -1,12 +1,12 @@
 """Plots of a study: panels of curves as PNG."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e", "#7f6000", "#990000")
@@ -49,9 +49,35 @@ def panels(sets: Sequence[Panel], *, columns: int = 1, size: tuple[float, float]
     return raw.getvalue()
 
 
-def _narrow(panel: Panel) -> bool:
-    x = np.concatenate([np.ravel(line.x) for line in panel.lines])
-    return bool(x.max() < 15 * x.min())
+def matrix(values: NDArray[np.float64], names: Sequence[str], label: str) -> bytes:
+    """A square matrix (n, n) with its numbers, dark where they are small."""
+    figure = Figure(figsize=(2.4 + 0.62 * len(names), 1.6 + 0.5 * len(names)), layout="constrained")
+    axis = figure.subplots()
+    shown = axis.imshow(values, cmap="Blues_r", aspect="auto")
+    for (i, j), value in np.ndenumerate(values):
+        dark = value < 0.5 * values.max()
+        axis.text(
+            j, i, f"{value:.2f}", ha="center", va="center", fontsize=8,
+            color="white" if dark else "black",
+        )  # fmt: skip
+    axis.set_xticks(range(len(names)), names, rotation=40, ha="right", fontsize=8)
+    axis.set_yticks(range(len(names)), names, fontsize=8)
+    axis.spines[:].set_visible(False)
+    figure.colorbar(shown, label=label, shrink=0.7)
+    raw = BytesIO()
+    figure.savefig(raw, format="png", dpi=130, metadata={"Software": None})
+    return raw.getvalue()
+
+
+def _log_ticks(axis, values: Iterable[NDArray[np.float64]], *, plain: bool) -> None:
+    """Every tick named over one decade, 2 and 5 too over two; beyond, `plain` numbers or powers."""
+    every = np.concatenate([np.ravel(some) for some in values])
+    span = every.max() / every.min() if every.min() > 0 else np.inf
+    if plain or span < 200:
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("{x:g}" if span < 200 else NullFormatter())
+    if 15 <= span < 200:
+        axis.set_minor_locator(LogLocator(subs=(2, 5)))
 
 
 def _drawn(panel: Panel, axis) -> None:
@@ -63,13 +89,10 @@ def _drawn(panel: Panel, axis) -> None:
         )  # fmt: skip
     if "x" in panel.logarithmic:
         axis.set_xscale("log")
-        axis.xaxis.set_major_formatter("{x:g}")
-        axis.xaxis.set_minor_formatter("{x:g}" if _narrow(panel) else NullFormatter())
-    if panel.x_ticks:
-        axis.set_xticks(panel.x_ticks, [f"{x:g}" for x in panel.x_ticks])
-        axis.set_xticks([], minor=True)
+        _log_ticks(axis.xaxis, (line.x for line in panel.lines), plain=True)
     if "y" in panel.logarithmic:
         axis.set_yscale("log")
+        _log_ticks(axis.yaxis, (line.y for line in panel.lines), plain=False)
     if panel.y_limits:
         axis.set_ylim(*panel.y_limits)
     axis.set_title(panel.title, fontsize=9, loc="left")

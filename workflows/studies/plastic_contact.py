@@ -1,0 +1,142 @@
+"""The last contact three times as stiff, as in the thesis, beside one that yields.
+
+The thesis meets plastic deformation by a factor of 3 on the last contact's stiffness. A contact
+that yields is softer than Hertz' while it is loaded, and loses energy; the factor makes it stiffer,
+and loses none. Thornton's law: Hertz up to the yield overlap, then the pressure stays, unloading is
+elastic along a flattened sphere. Thesis, section 7.2; C. Thornton, J. Appl. Mech. 64 (1997) 383.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+import dem
+from dem.spheres import contact_modulus, yield_overlap
+from workflows.chain_stages import chain, initial_velocity
+from workflows.run_folder import Picture
+from workflows.scene import HalfSpaceWall, Scene
+from workflows.stages import Watch
+from workflows.studies.observed import Observed, observed, require_chain
+from workflows.study import Finding
+from workflows.study_figures import Line, Panel, panels
+
+FACTOR = 3.0  # thesis, section 7.2
+YIELD_STRESSES = (0.5e9, 0.75e9, 1.0e9)  # Pa, assumed: structural to quenched steel
+CONSTRAINT = 1.6  # contact yield stress over yield stress, K. L. Johnson, sec. 6.1
+NEVER = 1.0  # m, a yield overlap that no contact reaches
+
+
+class Case(NamedTuple):
+    """A law of the last contact, in the chain and for a lone sphere."""
+
+    run: Observed
+    restitution: float  # of the last sphere alone, thrown at the wall with the striker's speed
+
+
+def plastic_contact(scene: Scene, watch: Watch) -> Finding:
+    """Hertz, the factor 3, and Thornton's law for three yield stresses."""
+    spheres = require_chain(scene)
+    elastic = chain(scene.model_copy(update={"wall": HalfSpaceWall(kind="half-space")}))
+    with watch("contacts"):
+        cases = [
+            Case(_run(scene, name, law, spheres), _restitution(scene, law))
+            for name, law in _laws(scene, elastic)
+        ]
+    columns = (
+        "last contact", "peak_force_N", "contact_us", "restitution", "dissipated_share",
+        *(f"reflected {k} at {max(spheres)} [{unit}]" for k in (1, 2) for unit in ("ms", "m/s")),
+    )  # fmt: skip
+    rows = tuple(_row(case, max(spheres)) for case in cases)
+    picture = Picture("study_plastic_contact", _picture(cases, spheres))
+    return Finding("plastic-contact", columns, rows, _sentences(cases), (picture,))
+
+
+def _laws(scene: Scene, elastic: dem.Chain):
+    yield "Hertz", elastic
+    stiffer = elastic.A.copy()
+    stiffer[-1] *= FACTOR
+    yield f"Hertz x {FACTOR:g}", elastic._replace(A=stiffer)
+    for stress in YIELD_STRESSES:
+        overlap = np.full(len(elastic.A), NEVER)
+        overlap[-1] = _yields_at(scene, elastic, stress)
+        yield f"yields at {1e-9 * stress:g} GPa", elastic._replace(yield_overlap=overlap)
+
+
+def _yields_at(scene: Scene, elastic: dem.Chain, stress: float) -> float:
+    E, nu = (float(np.atleast_1d(v)[-1]) for v in (scene.chain.young, scene.chain.poisson))
+    surface = HalfSpaceWall(kind="half-space")
+    modulus = contact_modulus(E, nu, surface.young, surface.poisson)
+    return float(yield_overlap(elastic.radius[-1], modulus, CONSTRAINT * stress))
+
+
+def _run(scene: Scene, name: str, law: dem.Chain, spheres: tuple[int, ...]) -> Observed:
+    return observed(
+        name, law, dem.rigid_wall(), initial_velocity(scene), duration=scene.time.duration,
+        spheres=spheres,
+    )  # fmt: skip
+
+
+def _restitution(scene: Scene, law: dem.Chain) -> float:
+    """Of a lone sphere, without the arm's mass and pull."""
+    speed = float(np.abs(initial_velocity(scene)).max())
+    last = dem.Chain(
+        law.mass[:1], law.radius[-1:], law.A[-1:],
+        yield_overlap=None if law.yield_overlap is None else law.yield_overlap[-1:],
+    )  # fmt: skip
+    natural = dem.spheres.time_scale(last.mass[0], last.A[0], speed)
+    run = dem.march(
+        last, dem.rigid_wall(), np.array([speed]), duration=12 * natural, dt=natural / 200
+    )
+    return float(-run.v[-1, 0] / speed)
+
+
+def _row(case: Case, sphere: int) -> tuple:
+    run = case.run.trajectory
+    waves = [case.run.wave(sphere, "reflected", k) for k in (1, 2)]
+    seen = [
+        value
+        for wave in waves
+        for value in (
+            (None, None) if wave is None else (1e3 * wave.arrival.time, wave.arrival.peak_velocity)
+        )
+    ]
+    lost = float(run.dissipated_contact[-1] / run.energy_kinetic[0])
+    force = float(run.contact_force[:, -1].max())
+    time = 1e6 * case.run.contact.contact_time.seconds
+    return case.run.name, force, time, case.restitution, lost, *seen
+
+
+def _sentences(cases: list[Case]) -> tuple[str, ...]:
+    _, stiff, *yielding = cases
+    force = [case.run.trajectory.contact_force[:, -1].max() for case in cases]
+    return (
+        f"The factor {FACTOR:g} raises the peak force by {100 * (force[1] / force[0] - 1):.0f} % "
+        f"and loses no energy (restitution {stiff.restitution:.4f}). A contact that yields lowers "
+        f"it by {', '.join(f'{abs(1 - F / force[0]):.0%}' for F in force[2:])} and gives back "
+        f"{', '.join(f'{case.restitution:.3f}' for case in yielding)} of a sphere's speed.",
+        "So the factor is no plasticity but a knob that moves every wave the other way: earlier "
+        "where yielding makes it later.",
+        f"Yield stresses are assumed: {', '.join(f'{1e-9 * s:g}' for s in YIELD_STRESSES)} GPa of "
+        f"the softer partner, contact yield at {CONSTRAINT:g} of it. Only the first blow yields so "
+        "much: a dented contact is conforming, elastic and, by then, stiffer than Hertz', which is "
+        "what a factor above 1 can stand for after many tests.",
+        "The wall is a half-space of steel; the arm and its pull are those of the scene.",
+    )
+
+
+def _picture(cases: list[Case], spheres: tuple[int, ...]) -> bytes:
+    depth = [
+        Line(case.run.name, 1e6 * case.run.trajectory.x[:, -1],
+             case.run.trajectory.contact_force[:, -1])
+        for case in cases
+    ]  # fmt: skip
+    records = [
+        Panel(
+            f"sphere {sphere}", "time [ms]", "velocity [m/s]",
+            [Line(case.run.name, case.run.milliseconds, case.run.velocity(sphere))
+             for case in cases],
+        )
+        for sphere in spheres
+    ]  # fmt: skip
+    loop = Panel("last contact", "approach to the wall [µm]", "force [N]", depth)
+    return panels([loop, *records], columns=2, size=(5.4, 3.2))

@@ -1,0 +1,214 @@
+"""The rig's unknowns: what the thesis states of its experiment, and what each number does to it.
+
+The text gives neither preload, leaf springs, dissipation, the arm's or the wall's mass, nor the
+spheres' radius. Every row changes one of them in the scene and judges the thesis' statements again,
+on all walls of `rig_walls`.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from workflows.chain_stages import chain, initial_velocity
+from workflows.run_folder import Picture
+from workflows.scene import HalfSpaceWall, LeafSprings, Preload, Scene
+from workflows.stages import Watch
+from workflows.studies.observed import Observed, observed, require_chain
+from workflows.studies.rig_statements import SEEN, Verdict, verdicts
+from workflows.studies.rig_walls import HALF_SPACE, RIGID, Standing, one_dof, rig_walls
+from workflows.studies.schemes import require_rig
+from workflows.study import Finding
+from workflows.study_figures import Line, Panel, panels
+
+MAIN = "ROM all four"
+LEFT_OUT = (RIGID, one_dof(700))  # another surface, and a wall of a figure alone
+ERROR = 1e-3  # of the velocities
+N_SAVE = 1500
+SPHERES = tuple(SEEN)
+NUMBERS = (1, 2, 3, 4)
+LIGHT_ARM = [(force, press) for force in (5.0, 15.0, 40.0, 80.0) for press in (0.0, 0.3, 1.0)]
+
+
+class Variation(NamedTuple):
+    """A scene with one unknown changed."""
+
+    unknown: str
+    value: float
+    scene: Scene
+    wall_mass: float | None = None  # [kg] of the one-mass walls
+
+
+class Case(NamedTuple):
+    """What a variation shows."""
+
+    variation: Variation
+    runs: dict[str, Observed]
+    verdicts: tuple[Verdict, ...]
+
+
+def rig(scene: Scene, watch: Watch) -> Finding:
+    """The statements at the default, and how far each unknown moves waves and statements."""
+    require_rig(scene)
+    require_chain(scene)
+    walls = [w for w in rig_walls(scene, watch) if w.name not in LEFT_OUT]
+    with watch("variations"):
+        default, *others = (_case(variation, walls) for variation in _variations(scene))
+    with watch("arm without mass"):
+        light = _light_arms(scene, walls)
+    columns = (
+        "unknown", "value", "seen at 1, 4, 14", "statements",
+        *(f"shift {k} [us]" for k in NUMBERS), *(f"peak {k} [%]" for k in NUMBERS),
+    )  # fmt: skip
+    rows = tuple(_row(case, default) for case in (default, *others))
+    pictures = (Picture("study_rig", _picture(default)),)
+    return Finding("rig", columns, rows, (*_sentences(default, others), light), pictures)
+
+
+def _variations(scene: Scene) -> Iterator[Variation]:
+    yield Variation("default", 0.0, scene)
+    arm, leaf = scene.preload or Preload(), scene.leaf_springs or LeafSprings()
+    for mass in (0.0, 0.034, 0.067, 0.1, 0.17):
+        changed = arm.model_copy(update={"mass": mass})
+        yield Variation("arm's mass [kg]", mass, _with(scene, preload=changed))
+    for force in (5.0, 10.0, 25.0, 50.0):
+        changed = arm.model_copy(update={"force": force})
+        yield Variation("preload [N]", force, _with(scene, preload=changed))
+    stiffness, offset = leaf.stiffness, leaf.offset
+    for press in (0.0, 0.1, 1.0):
+        yield Variation("leaf springs' press [N]", press, _pressed(scene, stiffness, press))
+    for value in (50.0, 1000.0):
+        yield Variation("leaf stiffness [N/m]", value, _pressed(scene, value, stiffness * offset))
+    for value in (0.05, 0.2):
+        changed = scene.contact.model_copy(
+            update={"dissipation": "hunt-crossley", "coefficient": value}
+        )
+        yield Variation("dissipation [s/m]", value, _with(scene, contact=changed))
+    yield Variation("factor at the wall", 3.0, _with(scene, contact=_stiff_end(scene, 3.0)))
+    for radius in (0.0120, 0.0135):
+        changed = scene.chain.model_copy(update={"radius": radius})
+        yield Variation("radius [m]", radius, _with(scene, chain=changed))
+    for mass in (1.0, 4.2, 10.0):
+        yield Variation("1-DOF walls' mass [kg]", mass, scene, mass)
+
+
+def _with(scene: Scene, **tables) -> Scene:
+    return scene.model_copy(update=tables)
+
+
+def _pressed(scene: Scene, stiffness: float, press: float) -> Scene:
+    """Leaf springs that press with `press` [N] each; none where they press with nothing."""
+    if not press:
+        return _with(scene, leaf_springs=None)
+    return _with(scene, leaf_springs=LeafSprings(stiffness=stiffness, offset=press / stiffness))
+
+
+def _stiff_end(scene: Scene, factor: float):
+    factors = (*(1.0,) * (scene.n_contacts - 1), factor)
+    return scene.contact.model_copy(update={"stiffness_factor": factors})
+
+
+def _case(variation: Variation, walls: list[Standing]) -> Case:
+    runs = {wall.name: _struck(variation, wall) for wall in walls}
+    return Case(variation, runs, verdicts(variation.scene, runs, MAIN))
+
+
+def _struck(variation: Variation, standing: Standing) -> Observed:
+    scene, wall = variation.scene, standing.wall
+    if variation.wall_mass and standing.name.startswith("1-DOF"):
+        wall = wall._replace(phi=np.full(1, variation.wall_mass**-0.5))
+    row = chain(_with(scene, wall=HalfSpaceWall(kind="half-space")))
+    return observed(
+        standing.name, row, wall, initial_velocity(scene), duration=scene.time.duration,
+        spheres=SPHERES, error=ERROR, n_save=N_SAVE,
+    )  # fmt: skip
+
+
+def _row(case: Case, default: Case) -> tuple:
+    seen = " / ".join(str(len(case.runs[MAIN].reflected(sphere))) for sphere in SPHERES)
+    held = sum(verdict.holds for verdict in case.verdicts)
+    value = None if case is default else case.variation.value
+    score = f"{held} of {len(case.verdicts)}"
+    return case.variation.unknown, value, seen, score, *_shifts(case, default)
+
+
+def _shifts(case: Case, default: Case) -> tuple[float | None, ...]:
+    """Of the reflected waves at the outermost sphere: later by [us], higher by [%]."""
+    one, other = ([run.wave(SPHERES[-1], "reflected", k) for k in NUMBERS]
+                  for run in (default.runs[_main(case)], case.runs[_main(case)]))  # fmt: skip
+    pairs = [
+        None if a is None or b is None else (a.arrival, b.arrival)
+        for a, b in zip(one, other, strict=True)
+    ]
+    times = [pair and 1e6 * (pair[1].time - pair[0].time) for pair in pairs]
+    peaks = [pair and 100 * (pair[1].peak_velocity / pair[0].peak_velocity - 1) for pair in pairs]
+    return (*times, *peaks)
+
+
+def _main(case: Case) -> str:
+    """The wall whose waves are compared: one that the variation changes."""
+    return one_dof(907) if case.variation.wall_mass else MAIN
+
+
+def _light_arms(scene: Scene, walls: list[Standing]) -> str:
+    """The most waves that an arm without mass makes, whatever pulls and presses."""
+    tried = [wall for wall in walls if wall.name in (MAIN, HALF_SPACE, one_dof(240))]
+    seen = []
+    for force, press in LIGHT_ARM:
+        pressed = _pressed(scene, 200.0, press)
+        light = _with(pressed, preload=Preload(force=force, mass=0.0))
+        for wall in tried:
+            run = _struck(Variation("", 0.0, light), wall)
+            seen.append(tuple(len(run.reflected(sphere)) for sphere in SPHERES))
+    wanted = tuple(len(numbers) for numbers in SEEN.values())
+    most = max(seen, key=lambda found: (found == wanted, found[1], found[2]))
+    return (
+        f"An arm without mass: of {len(seen)} chains and walls ({len(LIGHT_ARM)} preloads and leaf "
+        f"springs, {len(tried)} walls) {sum(found == wanted for found in seen)} show "
+        f"{_counts(wanted)} reflected waves at spheres 1, 4, 14; the most at sphere 4 are "
+        f"{_counts(most)}. The heavy last sphere makes the second wave, which then hardly knows "
+        "the wall, as the thesis says."
+    )
+
+
+def _counts(found: tuple[int, ...]) -> str:
+    return " / ".join(map(str, found))
+
+
+def _sentences(default: Case, others: list[Case]) -> tuple[str, ...]:
+    scene = default.variation.scene
+    judged = (
+        f'"{v.statement}": {"holds" if v.holds else "does not hold"} ({v.number}).'
+        for v in default.verdicts
+    )
+    always = [
+        verdict.statement
+        for i, verdict in enumerate(default.verdicts)
+        if all(case.verdicts[i].holds for case in (default, *others))
+    ]
+    arm, leaf = scene.preload, scene.leaf_springs
+    return (
+        f"Defaults: preload {arm.force:g} N, arm {arm.mass:g} kg, leaf springs "
+        f"{leaf.stiffness:g} N/m that press with {leaf.stiffness * leaf.offset:g} N each, no "
+        f"dissipation, radius {np.atleast_1d(scene.chain.radius)[-1]:g} m: inferred from the "
+        "statements below, nothing of it measured.",
+        *judged,
+        f"Whatever is changed, these hold: {'; '.join(always) or 'none'}.",
+        "Shifts are those of the reflected waves at sphere 14 against the default, on the wall "
+        f"{MAIN} ({one_dof(907)} where its mass changes); distances are those of the study walls.",
+    )
+
+
+def _picture(default: Case) -> bytes:
+    shown = (MAIN, HALF_SPACE, one_dof(907), one_dof(240))
+    return panels(
+        [
+            Panel(
+                f"sphere {sphere}", "time [ms]", "velocity [m/s]",
+                [Line(name, default.runs[name].milliseconds, default.runs[name].velocity(sphere),
+                      style) for name, style in zip(shown, ("-", "--", "-.", ":"), strict=True)],
+            )
+            for sphere in SPHERES
+        ],
+        size=(8, 2.6),
+    )  # fmt: skip

@@ -1,0 +1,84 @@
+"""What the thesis' text says about the experiment, each statement judged on a set of runs.
+
+Sections 6.1, 7.1 and 7.2: the contact's radius, what each sphere sees within 3 ms, that waves are
+apart there, and which of them depend on the wall.
+"""
+
+from typing import NamedTuple
+
+from dem.wave_fit import Guess, apart
+from workflows.chain_stages import contact_radius
+from workflows.scene import Scene
+from workflows.studies.observed import Observed
+from workflows.studies.rig_walls import RIGID, SLIGHT, STRONG, UNMOVED, spread
+
+SEEN = {1: (1,), 4: (1, 2, 3), 14: (1, 2, 3, 4)}  # reflected waves by sphere
+NEAR = (0.25e-3, 0.4e-3)  # m, near 0.3 mm
+SEPARATE = 1.0  # widths between neighbouring crests
+
+
+class Verdict(NamedTuple):
+    """A statement, whether it holds, and the number that says so."""
+
+    statement: str
+    holds: bool
+    number: str
+
+
+def verdicts(scene: Scene, runs: dict[str, Observed], main: str) -> tuple[Verdict, ...]:
+    """The statements on the wall named `main`, and those on all walls with the same surface."""
+    run = runs[main]
+    return (
+        _radius(scene, run),
+        *(_seen(run, sphere) for sphere in SEEN),
+        _separate(run),
+        *_dependence([other for name, other in runs.items() if name != RIGID]),
+    )
+
+
+def _radius(scene: Scene, run: Observed) -> Verdict:
+    found = contact_radius(scene, float(run.trajectory.contact_force[:, -1].max()))
+    holds = NEAR[0] <= found <= NEAR[1]
+    return Verdict("the contact's radius is near 0.3 mm", holds, f"{1e3 * found:.3f} mm")
+
+
+def _seen(run: Observed, sphere: int) -> Verdict:
+    found = tuple(label.number for label in run.reflected(sphere))
+    wanted = SEEN[sphere]
+    named = ", ".join(map(str, wanted))
+    return Verdict(
+        f"sphere {sphere} sees the reflected waves {named}",
+        found == wanted,
+        f"sees {', '.join(map(str, found)) or 'none'}",
+    )
+
+
+def separation(run: Observed) -> float:
+    """Smallest distance of neighbouring reflected waves at the spheres 4 and 14, in widths."""
+    gaps = [
+        apart(_guess(one), _guess(other))
+        for sphere in (4, 14)
+        for one, other in zip(run.reflected(sphere), run.reflected(sphere)[1:], strict=False)
+    ]
+    return min(gaps, default=0.0)
+
+
+def _guess(label) -> Guess:
+    wave = label.arrival
+    width = wave.width if wave.width == wave.width else 0.0
+    return Guess(wave.time, wave.peak_velocity, width or 1e-4)
+
+
+def _separate(run: Observed) -> Verdict:
+    found = separation(run)
+    return Verdict("waves are apart at spheres 4 and 14", found >= SEPARATE, f"{found:.2f} widths")
+
+
+def _dependence(runs: list[Observed]) -> tuple[Verdict, ...]:
+    first, second, third, fourth = (spread(runs, k, (4, 14)) for k in (1, 2, 3, 4))
+    return (
+        Verdict("the first does not depend on the wall", first < UNMOVED, f"{first:.3f}"),
+        Verdict("the second does slightly", UNMOVED / 2 <= second < SLIGHT, f"{second:.3f}"),
+        Verdict("the third does strongly", third > STRONG, f"{third:.3f}"),
+        Verdict("the fourth does strongly", fourth > STRONG, f"{fourth:.3f}"),
+    )

@@ -1,0 +1,123 @@
+"""Spheres of 13 g, 70 g and 0.5 kg: by their size, as in a workshop, or by their density alone.
+
+The thesis varies the mass in T_c ~ m^(2/5) and keeps the rest. A larger steel sphere has a stiffer
+contact as well, A ~ sqrt(R): T_c ~ m^(1/3), and the wave passes diameters that grow alike, so that
+its speed in m/s does not change at all. Thesis, section 2.2.2, figure 2.9, equation 2.10.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+import dem
+from dem.spheres import time_scale
+from workflows.chain_stages import initial_velocity
+from workflows.run_folder import Picture
+from workflows.scene import Scene
+from workflows.stages import Watch
+from workflows.studies.observed import Observed, bare, exponent, observed, require_chain
+from workflows.study import Finding
+from workflows.study_figures import Line, Panel, panels
+
+MASSES = (0.013, 0.07, 0.5)  # kg, thesis, figure 2.9
+BETWEEN = (0.013, 0.03, 0.07, 0.2, 0.5)
+BY = ("radius", "density")
+
+
+class Case(NamedTuple):
+    """Spheres of one mass."""
+
+    mass: float  # [kg]
+    by: str  # what was changed to get there
+    run: Observed
+
+
+def sphere_mass(scene: Scene, watch: Watch) -> Finding:
+    """Contact time, speed, peaks and ARR over the spheres' mass."""
+    spheres = require_chain(scene)
+    with watch("chains"):
+        cases = [_case(scene, mass, by, spheres) for by in BY for mass in BETWEEN]
+    columns = (
+        "by", "mass_kg", "contact_us", "speed_m_s", "spheres_per_ms", "peak_velocity_m_s",
+        "peak_force_N", "arr",
+    )  # fmt: skip
+    rows = tuple((case.by, case.mass, *_measures(case, max(spheres))) for case in cases)
+    picture = Picture("study_sphere_mass", _picture(cases, spheres))
+    return Finding("sphere-mass", columns, rows, _sentences(cases, max(spheres)), (picture,))
+
+
+def _case(scene: Scene, mass: float, by: str, spheres: tuple[int, ...]) -> Case:
+    now = float(np.atleast_1d(scene.chain.density)[-1])
+    radius = float(np.atleast_1d(scene.chain.radius)[-1])
+    factor = mass / dem.spheres.mass(radius, now)
+    changed = (
+        {"radius": radius * factor ** (1 / 3)} if by == "radius" else {"density": now * factor}
+    )
+    row = bare(scene.model_copy(update={"chain": scene.chain.model_copy(update=changed)}))
+    v0 = initial_velocity(scene)
+    duration = 2.8 * len(v0) * time_scale(row.mass[0], row.A[0], np.abs(v0).max())
+    run = observed(f"{mass:g} kg", row, dem.rigid_wall(), v0, duration=duration, spheres=spheres)
+    return Case(mass, by, run)
+
+
+def _measures(case: Case, sphere: int) -> tuple[float, ...]:
+    contact, radius = case.run.contact, case.run.chain.radius[0]
+    incident = case.run.wave(sphere, "incident", 1)
+    return (
+        1e6 * contact.contact_time.seconds,
+        contact.speed_in,
+        1e-3 * contact.speed_in / (2 * radius),
+        incident.arrival.peak_velocity,
+        float(case.run.trajectory.contact_force[:, -1].max()),
+        contact.arr,
+    )
+
+
+def _grows(cases: list[Case], by: str, sphere: int) -> tuple[float, ...]:
+    """Exponents of the measures over the mass."""
+    chosen = [case for case in cases if case.by == by]
+    found = np.array([_measures(case, sphere) for case in chosen])
+    return tuple(exponent([case.mass for case in chosen], column) for column in found.T)
+
+
+def _sentences(cases: list[Case], sphere: int) -> tuple[str, ...]:
+    by_size, by_density = (_grows(cases, by, sphere) for by in BY)
+    arr = [case.run.contact.arr for case in cases]
+    return (
+        f"Contact time goes with mass to the power {by_density[0]:.3f} where only the density "
+        f"changes, 2/5 as in (2.10), but {by_size[0]:.3f} (1/3) where the sphere grows, since its "
+        "contact grows stiffer with it.",
+        f"Figure 2.9 speaks of faster waves from lighter spheres. In spheres per second they are "
+        f"(power {by_size[2]:.3f}); in m/s the speed goes with power {by_size[1]:.3f} where the "
+        f"size changes: not at all. Lighter material of the same size: {by_density[1]:.3f} "
+        "(-2/5).",
+        f"The thesis sees lower peaks from lighter spheres. The force falls (power "
+        f"{by_size[4]:.3f} by size, {by_density[4]:.3f} by density), the velocity's peak does not "
+        f"({by_size[3]:.1e}, {by_density[3]:.1e}): it is 0.68 of the striker's, whatever the mass.",
+        f"ARR is unaffected, as the thesis says: {min(arr):.4f} to {max(arr):.4f}.",
+    )
+
+
+def _picture(cases: list[Case], spheres: tuple[int, ...]) -> bytes:
+    shown = [case for case in cases if case.by == "radius" and case.mass in MASSES]
+    records = [
+        Panel(
+            f"{case.mass:g} kg, R = {1e3 * case.run.chain.radius[0]:.1f} mm (2.9)", "time [ms]",
+            "velocity [m/s]",
+            [Line(f"sphere {s}", case.run.milliseconds, case.run.velocity(s)) for s in spheres],
+        )
+        for case in shown
+    ]  # fmt: skip
+    names = ("contact time [µs]", "speed [m/s]", "peak force at the wall [N]")
+    laws = [_law(cases, name, i, max(spheres)) for name, i in zip(names, (0, 1, 4), strict=True)]
+    return panels([*records, *laws], columns=3, size=(4.4, 3))
+
+
+def _law(cases: list[Case], name: str, i: int, sphere: int) -> Panel:
+    lines = []
+    for by in BY:
+        chosen = [case for case in cases if case.by == by]
+        mass = np.array([case.mass for case in chosen])
+        value = np.array([_measures(case, sphere)[i] for case in chosen])
+        lines.append(Line(f"by {by}, power {exponent(mass, value):+.2f}", mass, value, "o-"))
+    return Panel(name.split(" [")[0], "mass of a sphere [kg]", name, lines, "xy")

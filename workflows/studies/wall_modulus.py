@@ -1,0 +1,148 @@
+"""A chain against half-spaces from rubber to diamond: contact time, and a second reflected wave.
+
+A soft wall holds the last sphere so long that it parts from the chain, and is then caught up by it
+or catches up with it: a secondary wave. The thesis says that secondary waves appear above a
+critical modulus; they appear below it. Thesis, section 2.2.2, figure 2.8; J. Yang et al., Phys.
+Rev. E 83 (2011) 046606.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+import dem
+from dem.spheres import time_scale
+from workflows.chain_stages import initial_velocity
+from workflows.run_folder import Picture
+from workflows.scene import Scene
+from workflows.stages import Watch
+from workflows.studies.observed import Observed, bare, exponent, observed, require_chain
+from workflows.study import Finding
+from workflows.study_figures import Line, Panel, panels
+
+RATIOS = np.unique(
+    np.concatenate([np.geomspace(3e-3, 30, 17), np.arange(0.25, 0.6, 0.02)]).round(4)
+)  # of E/(1 - nu^2), wall over sphere
+FAINT = 0.004  # of the largest wave: what is still followed
+FADED = 0.005  # of the striker's speed: below it a second wave has faded out
+SOFT = 0.5  # ratio below which a second wave is that of a soft wall
+SHOWN = (0.01, 0.1, 1.0, 10.0)
+
+
+class Case(NamedTuple):
+    """A wall by its ratio of moduli, and the run."""
+
+    ratio: float
+    run: Observed
+    second: float  # largest velocity of the second reflected wave over the striker's
+    apart: float  # [s] the last two spheres are apart while the wall is touched
+
+
+def wall_modulus(scene: Scene, watch: Watch) -> Finding:
+    """Contact time, tau_c and the second reflected wave over the wall's modulus."""
+    spheres = require_chain(scene)
+    with watch("walls"):
+        cases = [_case(scene, ratio, spheres) for ratio in RATIOS]
+    rows = tuple(
+        (
+            case.ratio,
+            1e6 * case.run.contact.contact_time.seconds,
+            case.run.contact.tau_c,
+            case.run.contact.arr,
+            case.second,
+            1e6 * case.apart,
+        )
+        for case in cases
+    )
+    columns = ("E*_w/E*_s", "contact_us", "tau_c", "arr", "second_over_striker", "apart_us")
+    picture = Picture("study_wall_modulus", _picture(scene, cases, spheres))
+    return Finding("wall-modulus", columns, rows, _sentences(cases), (picture,))
+
+
+def _case(scene: Scene, ratio: float, spheres: tuple[int, ...]) -> Case:
+    nu = float(np.atleast_1d(scene.chain.poisson)[-1])
+    young = ratio * float(np.atleast_1d(scene.chain.young)[-1])
+    row, v0 = bare(scene, wall_young=young, wall_poisson=nu), initial_velocity(scene)
+    unit = time_scale(row.mass[-1], row.A[-1], np.abs(v0).max())
+    free = time_scale(row.mass[0], row.A[0], np.abs(v0).max())
+    duration = 2.6 * len(row.mass) * free + 12 * unit
+    run = observed(
+        f"{ratio:g}", row, dem.rigid_wall(), v0, duration=duration, spheres=spheres, faint=FAINT
+    )
+    return Case(ratio, run, _second(run), _apart(run))
+
+
+def _second(run: Observed) -> float:
+    back = [train for train in run.trains if (train.kind, train.number) == ("reflected", 2)]
+    sizes = [abs(pulse.velocity) for train in back for pulse in train.pulses]
+    return max(sizes, default=0.0) / np.abs(run.trajectory.v[0]).max()
+
+
+def _apart(run: Observed) -> float:
+    """Time [s] for which the last spheres do not touch between the wall's first touch and its
+    release."""
+    contact, t = run.contact.contact_time, run.trajectory.t
+    inside = (t > contact.start) & (t < contact.end)
+    return float((run.trajectory.contact_force[inside, -2] == 0.0).sum() * (t[1] - t[0]))
+
+
+def critical(cases: list[Case]) -> tuple[float, float]:
+    """The neighbouring ratios between which the second wave of a soft wall fades out."""
+    strong = max(case.ratio for case in cases if case.ratio < SOFT and case.second > FADED)
+    return strong, min(case.ratio for case in cases if case.ratio > strong)
+
+
+def _sentences(cases: list[Case]) -> tuple[str, ...]:
+    low, high = critical(cases)
+    soft = [case for case in cases if case.ratio < 0.1]
+    slope = exponent(
+        [case.run.chain.A[-1] for case in soft],
+        [case.run.contact.contact_time.seconds for case in soft],
+    )
+    stiff = max(case.second for case in cases if case.ratio > SOFT)
+    return (
+        f"A second reflected wave of more than {100 * FADED:g} % of the striker's speed appears "
+        f"below E*_w/E*_s = {low:.3g} and is gone at {high:.3g} (reference: fades out at 0.39 to "
+        "0.47). The thesis says above a critical modulus; it is below: soft walls make secondary "
+        "waves.",
+        f"Walls stiffer than {SOFT:g} leave another, faint one, at most {100 * stiff:.1f} %, born "
+        "in the chain.",
+        "Equal approach at the last two contacts, the thesis' condition, means A_w = A, a ratio of "
+        f"{1 / (2**1.5 - 1):.3f}; the wave itself fades out somewhat below.",
+        f"Contact time goes with A_w to the power {slope:.3f} at soft walls, where (2.5) says -0.4 "
+        f"with one tau_c; tau_c is {cases[0].run.contact.tau_c:.2f} at the softest and "
+        f"{cases[-1].run.contact.tau_c:.2f} at the stiffest wall, so it is no constant. Contact "
+        "counts from 1 % of the peak force.",
+    )
+
+
+def _picture(scene: Scene, cases: list[Case], spheres: tuple[int, ...]) -> bytes:
+    ratio = np.array([case.ratio for case in cases])
+    low, high = critical(cases)
+    time = np.array([1e6 * case.run.contact.contact_time.seconds for case in cases])
+    tau = np.array([case.run.contact.tau_c for case in cases])
+    second = np.array([case.second for case in cases])
+    gone = 0.5 * (low + high)
+    fades = Line("fades out", np.array([gone, gone]), np.array([0, 1.1 * second.max()]), ":", 1)
+    return panels(
+        [
+            Panel("contact time (2.8)", "E*_w / E*_s", "contact time [µs]",
+                  [Line(None, ratio, time, "o-")], "xy"),
+            Panel("dimensionless (2.5)", "E*_w / E*_s", "tau_c", [Line(None, ratio, tau, "o-")],
+                  "x"),
+            Panel("second reflected wave", "E*_w / E*_s", "velocity over the striker's",
+                  [Line(None, ratio, second, "o-"), fades], "x"),
+            _records(cases, max(spheres)),
+        ],
+        columns=2, size=(5.4, 3.2),
+    )  # fmt: skip
+
+
+def _records(cases: list[Case], sphere: int) -> Panel:
+    chosen = [min(cases, key=lambda case: abs(np.log(case.ratio / at))) for at in SHOWN]
+    lines = [
+        Line(f"E*_w/E*_s = {case.ratio:.2g}", case.run.milliseconds, case.run.velocity(sphere))
+        for case in chosen
+    ]
+    title = f"sphere {sphere}: a soft wall answers later, and twice"
+    return Panel(title, "time [ms]", "velocity [m/s]", lines)
