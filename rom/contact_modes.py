@@ -23,10 +23,10 @@ from scipy.linalg import solve_triangular
 from rom.factorisation import EigenPairs, Pencil, ReductionError, static_response, with_columns
 from rom.truncation import frequencies, rms
 
-CONVERGED = 1e-3  # bound of the space's own error where a number of modes is asked for
+CONVERGED = 5e-3  # bound of the space's own error where a number of modes is asked for
 CHECK = 5  # vectors between two looks at the bound
 LARGEST = 1000  # vectors: of a solid far more than any chain notices
-REACH = 3  # times to_hz: what resonates beyond is a static shape there, and would cost steps
+REACH = 2.5  # times to_hz: what resonates beyond is a static shape there, and would cost steps
 COMBS = 8  # of the grid
 LOSS = 0.01  # of the receptance whose error is stated
 
@@ -83,10 +83,11 @@ def contact_modes(
     return Chosen(chosen, residual, float(errors[n]))
 
 
-def static_shapes(omega: np.ndarray, to_hz: float) -> int:
-    """How many of the highest modes omega (k,) [rad/s] resonate so far above to_hz that they move
-    with the force; one at least, what stands for the rest."""
-    return max(1, int(np.count_nonzero(omega > REACH * 2 * np.pi * to_hz)))
+def static_shapes(omega: np.ndarray, highest: float, to_hz: float) -> int:
+    """How many modes omega (k,) [rad/s] move with the force, being above the highest one that was
+    chosen or far above to_hz; one at least, what stands for the rest."""
+    limit = min(highest, REACH * 2 * np.pi * to_hz)
+    return max(1, int(np.count_nonzero(omega > (1 + 1e-9) * limit)))
 
 
 def krylov_space(

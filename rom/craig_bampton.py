@@ -72,7 +72,7 @@ def craig_bampton(
     if choice == "contact":
         pairs, stated = modes_inside(held, modes, n_modes=n_modes, error=error, to_hz=to_hz)
         reduced = _projected(held, C, pairs)
-        shapes = static_shapes(modal(reduced).omega, to_hz)
+        shapes = static_shapes(modal(reduced).omega, pairs.omega.max(initial=0.0), to_hz)
         reduced = reduced._replace(error=stated, n_residual=shapes)
     else:
         reduced = _lowest(held, C, n_modes, cutoff_hz, error, to_hz)

@@ -100,7 +100,7 @@ def free_modes(
 def _static_shapes(squared: np.ndarray, residual: np.ndarray | None, to_hz: float | None) -> int:
     if to_hz is None or residual is None:
         return 0 if residual is None else 1
-    return static_shapes(np.sqrt(squared), to_hz)
+    return static_shapes(np.sqrt(squared), np.sqrt(squared[:-1].max(initial=0.0)), to_hz)
 
 
 def require_one_choice(

@@ -166,17 +166,17 @@ def reduction(
     w_reading = reading(scene, model)
     hz = " ".join(f"{f:.9g}" for f in modes.field.frequency_hz)
     notes = {"hammer_modes_hz": hz, **provenance(scene, model, contact)}
-    asked = {**_size(scene), "factorise": fem.factorised}
+    asked = {**size(scene), "factorise": fem.factorised}
     if scene.reduction.kind == "craig-bampton":
         # w reads x alone: y and z of its nodes would only be constraint modes to solve for
         boundary = np.flatnonzero(contact.w if w_reading is None else contact.w + w_reading)
         notes |= reading_note(w_reading, boundary)
-        ready = _hammer(modes) if asked["choice"] == "contact" else None
+        ready = hammer_modes(modes) if asked["choice"] == "contact" else None
         reduced = rom.craig_bampton(
             model.K, model.M, contact.w, boundary, **asked, modes=ready, provenance=notes
         )
     else:
-        ready = _ready(scene, modes) if asked["choice"] == "lowest" else _hammer(modes)
+        ready = _ready(scene, modes) if asked["choice"] == "lowest" else hammer_modes(modes)
         reduced = rom.free_modes(
             model.K, model.M, contact.w, **asked, modes=ready, provenance=notes
         )
@@ -184,7 +184,7 @@ def reduction(
     return reduced._replace(T=None, provenance=reduced.provenance | captured)
 
 
-def _size(scene: Scene) -> dict:
+def size(scene: Scene) -> dict:
     """How many modes, which, and up to what frequency."""
     table = scene.reduction
     choice = "lowest" if table.cutoff is not None else table.choice
@@ -198,7 +198,7 @@ def _size(scene: Scene) -> dict:
     }
 
 
-def _hammer(modes: AssemblyModes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def hammer_modes(modes: AssemblyModes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The modes of the hammer test, which stay whatever the contact says."""
     index = np.sort(modes.index[modes.index >= 0])
     return modes.omega[index], modes.phi[:, index]

@@ -5,25 +5,34 @@
 (b) The coupled velocities of the observed spheres against a model of twice the largest number of
     modes, over the striker's speed.
 
-"+ residual" keeps the static response of all that is not a mode: the residual-attachment vector of
-free modes, the constraint modes of Craig-Bampton. Without it a wall is its modes alone.
+Modes are those that the contact moves most up to 50 kHz, or "lowest" in the order of their
+frequencies, as reduction.choice says. "+ residual" keeps the static response of all that is not a
+mode: the residual-attachment vector of free modes, the constraint modes of Craig-Bampton. Without
+it a wall is its modes alone.
 """
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise, product
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-import coupling
 import dem
 import fem
 import rom
 from workflows.accuracy import Row, Study, aligned, short
 from workflows.assembly_stages import provenance
-from workflows.chain_stages import chain, initial_velocity
-from workflows.reduced_wall import damping, half_space
+from workflows.chain_stages import initial_velocity
+from workflows.reduced_wall import half_space
+from workflows.reduction_cost import (
+    Contact,
+    cost_sentences,
+    marched,
+    reduced_to,
+    wall_of,
+)
 from workflows.run_folder import Picture
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.stages import Watch, pipeline_of
@@ -34,6 +43,7 @@ BANDS_HZ = (20e3, 50e3)
 SPACING_HZ = 1e3  # of the direct solutions
 LOSS = 0.01
 KINDS = ("free-modes", "craig-bampton")
+CHOICES = ("contact", "lowest")
 FINER = 1e-2  # times the scene's error: the march must not show among the differences
 REPEATS = 3
 
@@ -48,15 +58,6 @@ class Case(NamedTuple):
     velocities: float  # relative to the striker
     reduce: float  # [s]
     march: float  # [s]
-
-
-class Contact(NamedTuple):
-    """The full model as the reductions need it."""
-
-    K: object
-    M: object
-    w: NDArray[np.float64]
-    notes: dict[str, str]
 
 
 def direct(
@@ -74,11 +75,14 @@ def reduction(scene: Scene, watch: Watch) -> Study:
     model, patch = run("model"), run("contact")
     contact = Contact(model.K, model.M, patch.w, provenance(scene, model, patch))
     f, full = run("direct-response")
-    reference = _marched(scene, _wall(scene, _reduced(contact, KINDS[0], 2 * COUNTS[-1])), FINER)
+    most = reduced_to(contact, KINDS[0], 2 * COUNTS[-1], CHOICES[0], BANDS_HZ[-1])
+    reference = marched(scene, wall_of(scene, most), FINER)
     cases = tuple(_cases(scene, contact, f, full, reference, watch))
+    with watch("what it costs"):
+        costs = tuple(cost_sentences(scene, contact, run("modes"), COUNTS[-1], BANDS_HZ))
     return Study(
         tuple(row for case in cases for row in _rows(case)),
-        (table(cases), *_sentences(scene, cases)),
+        (table(cases), *_sentences(cases), *costs),
         (Picture("accuracy_reduction", _picture(cases)),),
     )
 
@@ -99,49 +103,41 @@ def _refuse(scene: Scene) -> None:
 def _cases(
     scene: Scene, contact: Contact, f, full, reference: dem.Trajectory, watch: Watch
 ) -> Iterator[Case]:
-    for kind in KINDS:
-        for n in COUNTS:
-            with watch(f"{kind} {n}"):
-                started = perf_counter()
-                reduced = _reduced(contact, kind, n)
-                seconds = perf_counter() - started
-                for bare in (False, True):
-                    yield _case(scene, reduced, n, bare, f, full, reference, seconds)
-
-
-def _reduced(contact: Contact, kind: str, n: int) -> rom.ReducedModel:
-    if kind == "free-modes":
-        reduced = rom.free_modes(
-            contact.K, contact.M, contact.w, n_modes=n, factorise=fem.factorised,
-            provenance=contact.notes,
-        )  # fmt: skip
-    else:
-        reduced = rom.craig_bampton(
-            contact.K, contact.M, contact.w, np.flatnonzero(contact.w), n_modes=n,
-            factorise=fem.factorised, provenance=contact.notes,
-        )  # fmt: skip
-    return reduced._replace(T=None)
+    for kind, choice, n in product(KINDS, CHOICES, COUNTS):
+        with watch(f"{kind} {choice} {n}"):
+            started = perf_counter()
+            reduced = reduced_to(contact, kind, n, choice, BANDS_HZ[-1])
+            seconds = perf_counter() - started
+            for bare in (False, True)[: 2 if choice == CHOICES[0] else 1]:
+                yield _case(scene, reduced, choice, n, bare, f, full, reference, seconds)
 
 
 def _case(
-    scene: Scene, whole: rom.ReducedModel, n: int, bare: bool, f, full, reference, seconds: float
-) -> Case:
+    scene: Scene, whole: rom.ReducedModel, choice: str, n: int, bare: bool, f, full, reference,
+    seconds: float,
+) -> Case:  # fmt: skip
     reduced = modes_alone(whole, n) if bare else whole
     error = rom.receptance(reduced, None, f, loss=LOSS) - full
     bands = [f < band for band in BANDS_HZ]
-    wall = _bare_wall(scene, reduced) if bare else _wall(scene, reduced)
-    v = _marched(scene, wall, FINER).v
+    # modes alone do not hold the half-space that only many of them add up to: none is taken out
+    wall = wall_of(scene, reduced, 0.0 if bare else half_space(reduced))
+    v = marched(scene, wall, FINER).v
     observed = [sphere - 1 for sphere in scene.output.spheres] or slice(None)
     speed = np.abs(initial_velocity(scene)).max()
     return Case(
-        method=f"{whole.kind}{'' if bare else ' + residual'}",
+        method=_method(whole.kind, choice, bare),
         n_modes=n,
         reach=float(modes_alone(whole, n).K[-1, -1] ** 0.5 / (2 * np.pi)),
         receptance=tuple(float(np.linalg.norm(error[b]) / np.linalg.norm(full[b])) for b in bands),
         velocities=float(np.abs(v - reference.v)[:, observed].max() / speed),
         reduce=seconds,
-        march=_least(lambda: _marched(scene, wall, 1.0)),
+        march=_least(lambda: marched(scene, wall, 1.0)),
     )
+
+
+def _method(kind: str, choice: str, bare: bool) -> str:
+    lowest = "" if choice == CHOICES[0] else f" {choice}"
+    return f"{kind}{lowest}{'' if bare else ' + residual'}"
 
 
 def modes_alone(reduced: rom.ReducedModel, n: int) -> rom.ReducedModel:
@@ -151,32 +147,6 @@ def modes_alone(reduced: rom.ReducedModel, n: int) -> rom.ReducedModel:
         K=np.diag(wall.omega[:n] ** 2), M=np.eye(n), C=None, w=wall.phi[:n], n_boundary=0,
         n_residual=0, kind="free-modes",
     )  # fmt: skip
-
-
-def _wall(scene: Scene, reduced: rom.ReducedModel) -> dem.Wall:
-    return coupling.wall_from_reduced(
-        reduced, half_space=half_space(reduced), damping=damping(scene.damping, reduced)
-    )
-
-
-def _bare_wall(scene: Scene, reduced: rom.ReducedModel) -> dem.Wall:
-    """Modes do not hold the half-space that only many of them add up to: none is taken out."""
-    return coupling.wall_from_reduced(
-        reduced, half_space=0.0, damping=damping(scene.damping, reduced)
-    )
-
-
-def _marched(scene: Scene, wall: dem.Wall, finer: float) -> dem.Trajectory:
-    observed = [sphere - 1 for sphere in scene.output.spheres] or None
-    return coupling.impact(
-        chain(scene),
-        wall,
-        initial_velocity(scene),
-        duration=scene.time.duration,
-        error=finer * (scene.time.error or 1e-4),
-        observed=observed,
-        n_save=scene.output.samples - 1,
-    ).trajectory
 
 
 def _least(call: Callable[[], object]) -> float:
@@ -212,14 +182,15 @@ def _costs(case: Case) -> tuple[float, ...]:
     return case.velocities, case.reduce, 1e3 * case.march
 
 
-def _sentences(scene: Scene, cases: tuple[Case, ...]) -> Iterator[str]:
-    rigid = _least(lambda: _marched(scene, dem.rigid_wall(), 1.0))
-    for case in cases:
-        if "residual" in case.method and case.n_modes in (40, COUNTS[-1]):
-            yield (
-                f"{case.method}, {case.n_modes} modes: the march takes {case.march / rigid:.2f} "
-                f"times as long as against a rigid wall at the same error."
-            )
+def _sentences(cases: tuple[Case, ...]) -> Iterator[str]:
+    for method, band in product((_method(kind, CHOICES[0], False) for kind in KINDS), (0, 1)):
+        errors = [case.receptance[band] for case in cases if case.method == method]
+        falls = all(finer < coarser for coarser, finer in pairwise(errors))
+        listed = ", ".join(f"{error:.1e} with {n}" for n, error in zip(COUNTS, errors, strict=True))
+        yield (
+            f"{method}: the rms error to {BANDS_HZ[band] / 1e3:g} kHz "
+            f"{'falls' if falls else 'does not fall'} with every step of the modes, {listed}."
+        )
 
 
 def _picture(cases: tuple[Case, ...]) -> bytes:
@@ -232,27 +203,23 @@ def _picture(cases: tuple[Case, ...]) -> bytes:
         Panel(name, "modes", "relative error", _lines(cases, error), "xy")
         for name, error in measures
     ]
+    shown = [(kind, choice) for kind in KINDS for choice in CHOICES]
     cost = [
-        Line(kind, *_points(cases, f"{kind} + residual", lambda c: c.reduce), "o-")
-        for kind in KINDS
+        Line(name, *_points(cases, name, lambda c: c.reduce), "o-", i)
+        for i, (kind, choice) in enumerate(shown)
+        for name in (_method(kind, choice, False),)
     ]
-    cost += [
-        Line(f"{kind}, march x 100", *_points(cases, f"{kind} + residual", _hundredfold), "s--", i)
-        for i, kind in enumerate(KINDS)
-    ]
-    seconds = Panel("what it costs", "modes", "seconds", cost, "xy")
-    return panels([*errors, seconds], columns=2, size=(5, 3.4))
-
-
-def _hundredfold(case: Case) -> float:
-    return 100 * case.march
+    seconds = Panel("what the reduction costs", "modes", "seconds", cost, "xy")
+    return panels([*errors, seconds], columns=2, size=(5.6, 3.8))
 
 
 def _lines(cases: tuple[Case, ...], error: Callable[[Case], float]) -> list[Line]:
+    styles = (("contact", False, "o-"), ("lowest", False, "o:"), ("contact", True, "o--"))
     return [
-        Line(name, *_points(cases, name, error), "o--" if bare else "o-", i)
+        Line(name, *_points(cases, name, error), style, 2 * i + (choice == "lowest"))
         for i, kind in enumerate(KINDS)
-        for name, bare in ((f"{kind} + residual", False), (kind, True))
+        for choice, bare, style in styles
+        for name in (_method(kind, choice, bare),)
     ]
 
 
