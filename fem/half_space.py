@@ -49,13 +49,15 @@ def half_space_on_mesh(
     material: Material,
     *,
     mirrors: Sequence[str] = (),
+    within: float = np.inf,
 ) -> float:
     """Compliance [m/N] of a half-space at a patch, read and loaded by w, on the body's mesh.
 
-    `mirrors` are the faces where the mesh ends at a mirror plane through the patch.
+    `mirrors` are the faces where the mesh ends at a mirror plane through the patch. Elements
+    farther than `within` [m] along an axis are left out: the exact field takes their place.
     """
     basis, K, _ = model.structure
-    cells = basis.mesh.subdomains[face.split(":")[0]]
+    cells = _near(basis.mesh, basis.mesh.subdomains[face.split(":")[0]], patch, within)
     dofs = np.unique(basis.element_dofs[:, cells])
     prescribed = _other_faces(basis, (face, *mirrors), cells)
     still = [normal_dofs(basis, mirror) for mirror in mirrors]
@@ -67,9 +69,16 @@ def half_space_on_mesh(
     return float(patch.on_mesh @ u)
 
 
+def _near(mesh, cells, patch: ContactPatch, within: float) -> NDArray[np.int64]:
+    """Those of the cells whose middle is near the patch."""
+    middle = mesh.p[:, mesh.t[:, cells]].mean(axis=1)
+    return cells[np.abs(middle - patch.point[:, None]).max(axis=0) <= within]
+
+
 def _other_faces(basis, faces: Sequence[str], cells) -> NDArray[np.int64]:
     mesh = basis.mesh
-    outside = np.intersect1d(mesh.t2f[:, cells], mesh.boundary_facets())
+    facets, sides = np.unique(mesh.t2f[:, cells], return_counts=True)
+    outside = facets[sides == 1]
     others = np.setdiff1d(outside, np.concatenate([mesh.boundaries[face] for face in faces]))
     return np.unique(basis.get_dofs(others).all())
 

@@ -30,6 +30,7 @@ CARRIED = 3.0  # half periods in a contact of the waves that must not come back 
 RESOLVED = 6.0  # half periods in a contact of the finest waves: modes that move, elements
 ELEMENTS = 4  # quadratic ones in a wavelength of those
 MARGIN = 1.25  # of the plate's size
+NEAR = 12  # elements at the contact in which its half-space is solved; leaves 5e-6 of it
 COARSEST_PATCH, COARSEST_SEED = 2e-3, 6e-3  # m
 
 
@@ -214,7 +215,8 @@ def edge_walls(plate: Plate, size: Sizes, distances: Sequence[float]) -> Iterato
         cutoff = {"cutoff_hz": size.cutoff_hz} if modes is None else {"modes": modes}
         reduced = rom.free_modes(model.K, model.M, patch.w, factorise=lambda A: factor, **cutoff)
         modes = modes or _modes(reduced)
-        yield _wall(model, plate, patch, mirrors, reduced)
+        near = NEAR * size.contact_seed
+        yield _wall(model, plate, patch, mirrors, reduced, within=near)
 
 
 def _structure(mesh, plate: Plate) -> fem.Structure:
@@ -226,7 +228,7 @@ def _modes(reduced: rom.ReducedModel) -> tuple[np.ndarray, np.ndarray]:
     return np.sqrt(np.diag(reduced.K)[kept]), reduced.T[:, kept]
 
 
-def _wall(model, plate: Plate, patch, mirrors, reduced) -> dem.Wall:
+def _wall(model, plate: Plate, patch, mirrors, reduced, *, within=np.inf) -> dem.Wall:
     material = fem.Material(plate.young, plate.poisson, plate.density)
-    local = fem.half_space_on_mesh(model, STRUCK, patch, material, mirrors=mirrors)
+    local = fem.half_space_on_mesh(model, STRUCK, patch, material, mirrors=mirrors, within=within)
     return coupling.wall_from_reduced(reduced, half_space=local)
