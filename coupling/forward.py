@@ -71,7 +71,8 @@ class Forward:
             observed=self.signals.spheres,
         )
         dt = t[1] - t[0]
-        when = _refined(t, self.filters.refinement(dt)) - rig.trigger
+        late = rig.trigger + self.filters.lag(dt)
+        when = _refined(t, self.filters.refinement(dt)) - late
         v, a, dv = run.at(np.clip(when, 0.0, self.duration))
         for j, p in enumerate(self.parameters if tangents else ()):
             if p.kind == "trigger":

@@ -221,7 +221,9 @@ class Search:
             misfit.append(self.coarse.misfit(other, everything))
             if misfit[-1] < least:
                 best, least = other, misfit[-1]
-        return best, Scan(self.parameters[where].name, value, np.array(misfit))
+        misfit = np.array(misfit)
+        possible = misfit < 10.0 * self.fine.largest
+        return best, Scan(self.parameters[where].name, value[possible], misfit[possible])
 
     def _all(self, z: np.ndarray) -> np.ndarray:
         began = perf_counter()

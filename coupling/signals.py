@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 ORDER = 4  # of both filters, Butterworth
+DELAY = 1.0 / np.sin(np.pi / 8.0)  # of order 4, over its angular frequency
 ROUNDS = 6  # of aligning to the mean
 CHANGES = 200  # of a record: plateaus before and after a wave have no say in its place
 ALIKE = 0.9  # least correlation of a repeat with the mean of the others
@@ -53,6 +54,13 @@ class Filter(NamedTuple):
         """Samples of the model per sample of the data that the instrument's filter needs."""
         return 1 if self.instrument is None else int(np.ceil(10.0 * self.instrument * dt))
 
+    def lag(self, dt: float) -> float:
+        """Time [s] by which the instrument is later than its digital filter at low frequency."""
+        if self.instrument is None:
+            return 0.0
+        omega, rate = 2.0 * np.pi * self.instrument, self.refinement(dt) / dt
+        return DELAY * (1.0 / omega - 0.5 / (rate * np.tan(0.5 * omega / rate)))
+
     def of_data(self, v: np.ndarray, dt: float) -> np.ndarray:
         """v (k, ..) filtered along its first axis."""
         if self.band is None:
@@ -82,10 +90,10 @@ def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool =
         for _ in range(ROUNDS):
             laid = _moved(t, v, shift)
             shift = shift + _fine_shifts(t, laid)
-        shift -= np.median(shift)
-    laid = _moved(t, v, shift)
-    likeness = _likeness(laid)
+    likeness = _likeness(_moved(t, v, shift))
     good = likeness >= ALIKE if (likeness >= ALIKE).sum() >= max(2, n / 2) else likeness > -2.0
+    shift -= shift[good].mean()
+    laid = _moved(t, v, shift)
     kept = laid[good]
     spread = kept.std(axis=0, ddof=1)
     spread = np.sqrt((spread**2).mean(axis=0))

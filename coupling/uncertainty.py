@@ -15,7 +15,8 @@ import numpy as np
 from coupling.parameters import Parameter
 
 LEAST_SHARE = 0.3  # of a parameter in a combination that is worth its name
-LAGS = 40  # of the autocovariance, at most, in correlation lengths
+LEAST_LEFT = 0.2  # of the noise by a fit, at any frequency
+LAGS = 10  # of the autocovariance, at most, in correlation lengths
 
 
 class Combination(NamedTuple):
@@ -56,13 +57,13 @@ def uncertainty(
     scale = np.array([p.scale for p in parameters])
     free = ~np.asarray(held)
     scaled = (J * scale)[:, :, free]
-    p, n = scaled.shape[2], left.size
+    p = scaled.shape[2]
     U, s, Vt = np.linalg.svd(scaled.reshape(-1, p), full_matrices=False)
     seen = s > 1e-12 * s.max(initial=0.0)
     U = U[:, seen].reshape(*left.shape, -1)
     middle = sum(_noise_product(U[:, i], left[:, i]) for i in range(left.shape[1]))
     spread = Vt[seen].T / s[seen]
-    covariance = spread @ (middle * n / max(n - p, 1)) @ spread.T
+    covariance = spread @ middle @ spread.T
     whole = np.zeros((len(scale), len(scale)))
     whole[np.ix_(free, free)] = covariance
     two_sigma = 2.0 * np.sqrt(np.diag(whole)) * scale
@@ -74,10 +75,15 @@ def uncertainty(
 
 
 def _noise_product(U: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """U^T R U (p, p) with the Toeplitz autocovariance R of `left` (k,), U (k, p)."""
+    """U^T R U (p, p) with the Toeplitz autocovariance R of the noise behind `left` (k,), U (k, p).
+
+    A fit takes the share sum |U(f)|^2 / k of the noise with it, most where waves have their
+    frequencies; the spectrum is divided by what it leaves.
+    """
     k = len(left)
     size = 2 * k
-    power = np.abs(np.fft.rfft(left, size)) ** 2
+    taken = np.sum(np.abs(np.fft.rfft(U, size, axis=0)) ** 2, axis=1) / k
+    power = np.abs(np.fft.rfft(left, size)) ** 2 / np.clip(1.0 - taken, LEAST_LEFT, 1.0)
     r = np.fft.irfft(power, size)[:k] / k
     lags = _cut(r)
     kernel = np.zeros(size)

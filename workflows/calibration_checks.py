@@ -36,6 +36,11 @@ def _require_order(measured: Record) -> None:
     """The incident wave comes from sphere 1 on, and pushes towards the wall."""
     v = measured.v.mean(axis=0)
     change = v - v[:5].mean(axis=0)
+    if measured.spheres[0] == 1 and abs(v[:5, 0].mean()) < ARRIVED * np.abs(v[:, 0]).max():
+        raise InvalidScene(
+            f"sphere 1, the striker, starts at {v[:5, 0].mean():.3g} m/s: the record begins after "
+            "it has hit, or the columns are swapped; begin earlier or correct the header."
+        )
     arrived = (np.abs(change) > ARRIVED * np.abs(v).max(axis=0)).argmax(axis=0)
     for i, n in enumerate(measured.spheres):
         if n > 1 and change[arrived[i], i] < 0:

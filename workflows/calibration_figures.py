@@ -4,7 +4,7 @@ from io import BytesIO
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e")
 LEGIBLE = 0.3  # least correlation written into its cell
@@ -110,7 +110,9 @@ def _bars(panel, rows) -> None:
     colours = [COLOURS[2] if r.identifiable == "yes" else COLOURS[3] for r in shown]
     panel.bar(range(len(shown)), share, color=colours)
     panel.set_yscale("log")
+    panel.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     panel.yaxis.set_major_formatter("{x:g}")
+    panel.yaxis.set_minor_formatter(NullFormatter())
     panel.set_xticks(
         range(len(shown)), [r.name for r in shown], rotation=60, ha="right", fontsize=8
     )

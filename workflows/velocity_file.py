@@ -47,7 +47,7 @@ def record(path: Path) -> Record:
         return _stacked(_equidistant(t), columns, title)
     except InvalidScene:
         raise
-    except (ValueError, KeyError, IndexError, TypeError, OSError, NotImplementedError) as error:
+    except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
         raise InvalidScene(f"{path}: {str(error).rstrip('.')}; correct the file.") from None
 
 
@@ -100,8 +100,12 @@ def _unit(text: str, known: dict[str, float], what: str) -> float:
 
 def _mat(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
-    held = loadmat(path)
+    try:
+        held = loadmat(path)
+    except (MatReadError, NotImplementedError):
+        raise ValueError("it is no .mat file of version 4 to 7, which can be read") from None
     for name in ("t", "v", "spheres", "time_unit", "velocity_unit"):
         if name not in held:
             raise ValueError(f"there is no variable {name}, which states what is in the file")
@@ -120,8 +124,12 @@ def _mat(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
 
 
 def _uff(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
-    file = _pyuff().UFF(str(path))
-    sets = [file.read_sets(int(i)) for i in np.flatnonzero(file.get_set_types() == 58)]
+    pyuff = _pyuff()
+    try:
+        file = pyuff.UFF(str(path))
+        sets = [file.read_sets(int(i)) for i in np.flatnonzero(file.get_set_types() == 58)]
+    except Exception:  # pyuff raises nothing narrower
+        raise ValueError("it is no UFF58 file that pyuff can read") from None
     sets = [s for s in sets if s["func_type"] == TIME_RESPONSE]
     if not sets:
         raise ValueError("no data set 58 with a time response (function type 1)")

@@ -1,0 +1,148 @@
+"""What a calibration stands on: derivatives, alignment, bars; and that it finds a known rig."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+import coupling
+import dem
+from coupling.signals import first_waves_end
+from coupling.uncertainty import uncertainty
+
+N = 6
+T = np.arange(0, 6e-4, 1e-6)
+
+
+def rig(wall_hz=900.0):
+    chain = dem.row_of_spheres(
+        0.0127, 7800.0, 210e9, 0.3, count=N, preload=5.0, dissipation="hunt-crossley", gamma=0.02
+    )
+    wall = dem.one_dof_wall(wall_hz, 0.5, 0.05)
+    v0 = np.array([0.31] + [0.0] * (N - 1))
+    return coupling.Rig(chain, wall, v0, np.ones((1, 1)))
+
+
+def contact(i):
+    return coupling.Parameter(f"contact {i + 1}", "contact", 1.0, 0.2, 5.0, 0.1, "", i)
+
+
+def named(kind, start, scale):
+    return coupling.Parameter(kind, kind, start, start - 5 * scale, start + 5 * scale, scale)
+
+
+EVERY = (
+    contact(1), contact(N - 1), named("preload", 5.0, 0.5), named("dissipation", 0.02, 0.003),
+    named("striker", 0.31, 0.03), named("trigger", 2e-5, 3e-6), named("frequency", 900.0, 90.0),
+    named("mass", 0.5, 0.05), named("damping", 0.05, 0.009),
+)  # fmt: skip
+
+
+def blank(spheres=(0, 3)):
+    m = len(spheres)
+    return coupling.Signals(T, np.zeros((len(T), m)), spheres, np.full(m, np.nan))
+
+
+def test_derivatives_hold_through_trigger_and_filters():
+    """Central differences of order 4 over 1e-4 of a scale: 1e-16 / 1e-4 of rounding, and what a
+    contact that opens has in its second derivative; 1e-6 is asked for."""
+    filters = coupling.Filter(band=120e3, instrument=80e3)
+    forward = coupling.Forward(rig(), EVERY, blank(), filters)
+    theta = forward.start
+    _, exact = forward.velocities_and_tangents(theta)
+    for j, p in enumerate(EVERY):
+        h = 1e-4 * p.scale * np.eye(len(EVERY))[j]
+        v = {s: forward.velocities(theta + s * h) for s in (-2, -1, 1, 2)}
+        difference = (8 * (v[1] - v[-1]) - (v[2] - v[-2])) / (12 * h[j])
+        size = np.abs(exact[:, :, j]).max()
+        kinks = np.abs(difference - exact[:, :, j]) / size
+        assert np.quantile(kinks, 0.98) <= 1e-6, p.name
+        assert kinks.max() <= 1e-3, p.name
+
+
+def test_repeats_are_moved_onto_each_other():
+    """Noise of 1e-3 m/s on slopes of 4e3 m/s^2 over 200 samples leaves 20 ns each."""
+    rng, late = np.random.default_rng(0), np.array([0.0, 7.3e-6, -12.1e-6, 2.4e-6])
+    forward = coupling.Forward(rig(), (), blank(), coupling.Filter())
+    v = [forward.velocities(np.zeros(0)) for forward in (
+        coupling.Forward(rig()._replace(trigger=8e-5 + s), (), blank()) for s in late)]  # fmt: skip
+    noisy = np.array(v) + 1e-3 * rng.standard_normal((4, *v[0].shape))
+    found = coupling.aligned(T, noisy, (0, 3))
+    np.testing.assert_allclose(np.diff(found.shift), np.diff(late), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(found.signals.spread, 1e-3, rtol=0.1)
+    assert found.odd == () and forward.signals.repeats == 1
+
+
+def test_a_repeat_unlike_the_others_is_left_out():
+    forward = coupling.Forward(rig(), (), blank())
+    v = np.array([forward.velocities(np.zeros(0))] * 4)
+    v[2] = -v[2]
+    assert coupling.aligned(T, v, (0, 3), move=False).odd == (2,)
+
+
+def test_bars_are_those_of_linear_least_squares_where_noise_is_white():
+    """An autocovariance of 6000 samples and some 100 lags is known to about 13 %."""
+    rng = np.random.default_rng(1)
+    J = rng.standard_normal((3000, 2, 3)).cumsum(axis=0) / 30
+    parameters = [contact(i)._replace(scale=s) for i, s in enumerate((1.0, 0.1, 3.0))]
+    left = 0.2 * rng.standard_normal((3000, 2))
+    found = uncertainty(parameters, left, J, np.zeros(3, bool))
+    flat = J.reshape(-1, 3)
+    exact = 2 * 0.2 * np.sqrt(np.diag(np.linalg.inv(flat.T @ flat)))
+    np.testing.assert_allclose(found.two_sigma, exact, rtol=0.25)
+
+
+def test_bars_grow_with_the_correlation_of_the_noise():
+    """Noise through a low-pass weighs on slow columns as its spectrum at zero does: the bars agree
+    with the scatter of 200 draws, itself known to 5 %."""
+    rng, sos = np.random.default_rng(2), butter(4, 0.1, output="sos")
+    t = np.linspace(0, 1, 2000)[:, None, None]
+    J = np.concatenate([np.cos(3 * t), np.sin(5 * t)], axis=2)
+    parameters = [contact(0), contact(1)]
+    flat = J.reshape(-1, 2)
+    draws = sosfilt(sos, rng.standard_normal((200, 2000)), axis=1)
+    scatter = 2 * np.linalg.lstsq(flat, draws.T, rcond=None)[0].std(axis=1)
+    bars = [
+        uncertainty(parameters, one[:, None], J, np.zeros(2, bool)).two_sigma for one in draws[:20]
+    ]
+    np.testing.assert_allclose(np.mean(bars, axis=0), scatter, rtol=0.25)
+
+
+def test_what_the_data_does_not_see_is_named():
+    J = np.random.default_rng(3).standard_normal((500, 1, 3))
+    J[:, :, 2] = J[:, :, 1]
+    left = 0.1 * np.random.default_rng(4).standard_normal((500, 1))
+    found = uncertainty([contact(i) for i in range(3)], left, J, np.zeros(3, bool))
+    assert np.isfinite(found.two_sigma[0]) and np.isinf(found.two_sigma[1:]).all()
+    worst = found.combinations[0]
+    assert np.isinf(worst.two_sigma)
+    assert worst.text([contact(i) for i in range(3)]) in (
+        "0.71 contact 2 - 0.71 contact 3", "0.71 contact 3 - 0.71 contact 2",
+    )  # fmt: skip
+
+
+def test_the_first_waves_end_before_the_second_reflection():
+    forward = coupling.Forward(rig(), (), blank((0, 2)))
+    ends = first_waves_end(T, forward.velocities(np.zeros(0)), 1e-5)
+    assert 3e-4 < ends[1] < ends[0] < 6e-4
+
+
+def made(truth, hz, spheres, *, duration, count=N):
+    """Data by the engine's own scheme, not by the model that is fitted."""
+    known = rig(hz)
+    chain = known.chain._replace(A=known.chain.A * truth)
+    t = np.arange(0, duration, 1e-6)
+    run = dem.march(chain, known.wall, known.v0, duration=t[-1], dt=1e-7, n_save=len(t) - 1)
+    return coupling.Signals(t, run.v[:, spheres], tuple(spheres), np.full(len(spheres), np.nan))
+
+
+def test_a_known_chain_is_found_again_without_noise():
+    """0.1 % is asked for; the model's step leaves 1e-6 in the velocities and 1e-4 here."""
+    truth = np.random.default_rng(5).uniform(0.9, 1.1, N)
+    signals = made(truth, 700.0, [0, 3], duration=1.2e-3)
+    parameters = (*map(contact, range(N)), named("frequency", 900.0, 90.0))
+    parameters = (*parameters[:-1], parameters[-1]._replace(low=50.0, high=5000.0))
+    options = coupling.Options(scan=(200.0, 2000.0, 12), starts=2)
+    found = coupling.calibrate(rig(), parameters, signals, coupling.Filter(), options)
+    np.testing.assert_allclose(found.value[:N], truth, rtol=1e-3)
+    assert found.value[N] == pytest.approx(700.0, rel=1e-3)
+    assert not found.at_bound.any() and all(stage.converged for stage in found.stages)

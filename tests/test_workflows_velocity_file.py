@@ -1,0 +1,121 @@
+"""Velocities read back as they were written, in any format and unit; bad files refused."""
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from workflows.scene import InvalidScene
+from workflows.velocity_file import SYNTHETIC, Record, csv_text, record
+
+T = np.arange(80) * 1e-6
+V = np.random.default_rng(0).normal(size=(2, 80, 3))
+KNOWN = Record(T, V, (1, 4, 14), SYNTHETIC)
+
+
+def same(found, *, atol=1e-9):
+    np.testing.assert_allclose(found.t, T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.v, V, rtol=0, atol=atol)
+    assert found.spheres == (1, 4, 14)
+
+
+def test_csv_gives_back_repeats_and_title(tmp_path):
+    (tmp_path / "a.csv").write_text(csv_text(KNOWN))
+    found = record(tmp_path / "a.csv")
+    same(found, atol=1e-8)
+    assert found.title == SYNTHETIC
+
+
+def test_csv_units_and_the_order_of_columns_do_not_matter(tmp_path):
+    head = "time [ms],sphere 14 [mm/s],sphere 1 [m/s],sphere 4 [um/s]"
+    pairs = zip(T, V[0], strict=True)
+    rows = [f"{1e3 * t},{1e3 * v[2]},{v[0]},{1e6 * v[1]}" for t, v in pairs]
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows]))
+    found = record(tmp_path / "a.csv")
+    np.testing.assert_allclose(found.v[0], V[0], rtol=1e-12)
+
+
+def test_mat_gives_back_repeats(tmp_path):
+    held = {"t": 1e6 * T, "v": 1e3 * V.transpose(1, 2, 0), "spheres": [1, 4, 14]}
+    savemat(tmp_path / "a.mat", held | {"time_unit": "us", "velocity_unit": "mm/s"})
+    same(record(tmp_path / "a.mat"))
+
+
+def test_uff_gives_back_repeats(tmp_path):
+    pyuff = pytest.importorskip("pyuff", reason="UFF58 is optional (the extra `identify`)")
+    file = pyuff.UFF(str(tmp_path / "a.uff"))
+    for r in range(2):
+        for i, n in enumerate((1, 4, 14)):
+            one = pyuff.prepare_58(
+                binary=0, func_type=1, rsp_node=n, rsp_dir=1, data=V[r, :, i], x=T,
+                id1=SYNTHETIC, abscissa_spacing=1, abscissa_spec_data_type=17,
+                ordinate_spec_data_type=11, ordinate_axis_units_lab="m/s",
+                abscissa_axis_units_lab="s", ref_node=0, ref_dir=0, orddenom_spec_data_type=0,
+            )  # fmt: skip
+            file.write_sets(one, mode="add" if r or i else "overwrite")
+    same(record(tmp_path / "a.uff"), atol=1e-5 * np.abs(V).max())
+
+
+def csv(rows=80, head="time [s],sphere 1 [m/s],sphere 4 [m/s]", change=None):
+    lines = [f"{i * 1e-6:.7g},{0.1 * i},{0.2 * i}" for i in range(rows)]
+    if change:
+        change(lines)
+    return "\n".join([head, *lines])
+
+
+def put(i, line):
+    def change(lines):
+        lines[i] = line
+
+    return change
+
+
+def drop(lines):
+    del lines[30:40]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "sentence"),
+    [
+        ("a.txt", "", "must end in"),
+        ("none.csv", None, "no file"),
+        ("empty.csv", "", "no samples"),
+        ("unit.csv", csv(head="time [s],sphere 1 [km/h],sphere 4 [m/s]"), "unit of sphere 1"),
+        ("nounit.csv", csv(head="time,sphere 1 [m/s],sphere 4 [m/s]"), "the first column"),
+        ("column.csv", csv(head="time [s],laser [m/s],sphere 4 [m/s]"), "a column is 'laser"),
+        ("twice.csv", csv(head="time [s],sphere 1 [m/s],sphere 1 [m/s]"), None),
+        ("short.csv", csv(rows=20), "20 samples are too few"),
+        ("nan.csv", csv(change=put(7, "7e-6,nan,1")), "sphere 1 has no number at sample 8"),
+        ("hole.csv", csv(change=put(7, "7e-6,1,")), "sphere 4 has no number at sample 8"),
+        ("word.csv", csv(change=put(7, "7e-6,1,x")), "sample 8 is not numbers"),
+        ("cells.csv", csv(change=put(7, "7e-6,1")), "sample 8 has 2 cells"),
+        ("gap.csv", csv(change=drop), "a gap of 11 steps follows sample 30"),
+        ("back.csv", csv(change=put(7, "3e-6,1,1")), "time does not grow at sample 8"),
+        ("uneven.csv", csv(change=put(7, "7.4e-6,1,1")), "not equidistant"),
+        ("bad.uff", "    -1\n    58\n", "no data set 58"),
+        ("bad.mat", "no matlab", "no .mat file"),
+    ],
+)
+def test_files_that_cannot_be_used_are_refused_in_a_sentence(tmp_path, name, text, sentence):
+    path = tmp_path / name
+    if text is not None:
+        path.write_text(text)
+    if sentence is None:
+        assert record(path).v.shape == (2, 80, 1)
+        return
+    with pytest.raises(InvalidScene, match=sentence) as refused:
+        record(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_mat_file_that_does_not_state_its_units_is_refused(tmp_path):
+    savemat(tmp_path / "a.mat", {"t": T, "v": V[0], "spheres": [1, 4, 14]})
+    with pytest.raises(InvalidScene, match="no variable time_unit"):
+        record(tmp_path / "a.mat")
+
+
+def test_spheres_with_different_numbers_of_repeats_are_refused(tmp_path):
+    text = csv(head="time [s],sphere 1 [m/s],sphere 4 [m/s]").splitlines()
+    text = [text[0] + ",sphere 1 [m/s]", *(line + ",0" for line in text[1:])]
+    (tmp_path / "a.csv").write_text("\n".join(text))
+    with pytest.raises(InvalidScene, match="differ in repeats"):
+        record(tmp_path / "a.csv")
