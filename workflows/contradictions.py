@@ -34,7 +34,7 @@ def _missing_parts(scene: Scene):
     if isinstance(wall, RomWall) and wall.file is None and scene.assembly is None:
         yield 'wall.kind = "rom" needs [assembly] or wall.file; add one of them.'
     if isinstance(wall, RomWall) and wall.file and not Path(wall.file).is_file():
-        yield f"wall.file = {wall.file!r} does not exist; give a reduced model (.npz, .mat, .h5)."
+        yield f"wall.file = {wall.file!r} does not exist; give a .npz, .mat, .h5 or .mtx."
     if chain and wall is None and chain.count < 2:
         yield "chain.count = 1 must be at least 2 without a wall; add spheres or [wall]."
     if chain and wall is None and scene.preload and scene.preload.force > 0:
@@ -47,7 +47,7 @@ def _unreadable_wall(scene: Scene):
     from workflows.reduced_wall import loaded  # only a wall from a file pays for the reader
 
     try:
-        loaded(Path(scene.wall.file))
+        loaded(scene.wall)
     except InvalidScene as error:
         yield str(error)
 

@@ -8,8 +8,11 @@ import numpy as np
 import coupling
 import dem
 import rom
-from workflows.scene import Damping, InvalidScene, ModalDamping, RayleighDamping, Scene
+from workflows.scene import Damping, InvalidScene, ModalDamping, RayleighDamping, RomWall, Scene
 from workflows.summary import HAMMER_TEST_HZ
+
+HALF_SPACE = "half_space_compliance_m_per_N"
+READERS = {".npz": rom.load_npz, ".mat": rom.load_mat, ".h5": rom.load_h5, ".mtx": rom.load_mtx}
 
 
 def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coupling.CoupledWall:
@@ -17,7 +20,7 @@ def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coup
 
     A model that is read elsewhere than it is pushed makes a coupled wall.
     """
-    reduced = loaded(Path(scene.wall.file)) if reduction is None else reduction
+    reduced = loaded(scene.wall) if reduction is None else reduction
     if "reading_weights" in reduced.provenance:
         return coupling.coupled_wall(
             reduced,
@@ -45,7 +48,7 @@ def _reading_weights(reduced: rom.ReducedModel) -> np.ndarray:
 
 def half_space(reduced: rom.ReducedModel) -> float:
     """What the Hertz law holds already [m/N], as the model's maker wrote it; 0 if unsaid."""
-    return float(reduced.provenance.get("half_space_compliance_m_per_N", 0.0))
+    return float(reduced.provenance.get(HALF_SPACE, 0.0))
 
 
 def damping(table: Damping, reduced: rom.ReducedModel) -> coupling.Damping | None:
@@ -72,16 +75,43 @@ def _hammer_modes_hz(reduced: rom.ReducedModel) -> list[float]:
     return [float(hz) for hz in noted.split()] if noted else list(HAMMER_TEST_HZ)
 
 
-def loaded(path: Path) -> rom.ReducedModel:
-    """A reduced model from .npz, .mat or .h5; raises InvalidScene where it is none."""
-    load = {".npz": rom.load_npz, ".mat": rom.load_mat, ".h5": rom.load_h5}.get(path.suffix)
-    if load is None:
-        raise InvalidScene(f"wall.file = {str(path)!r} must end in .npz, .mat or .h5.")
+def loaded(wall: RomWall) -> rom.ReducedModel:
+    """The reduced model of wall.file; raises InvalidScene where it is none, or no wall."""
+    path = Path(wall.file)
+    if path.suffix not in READERS:
+        raise InvalidScene(f"wall.file = {wall.file!r} must end in {', '.join(READERS)}.")
     require_reader(path)
+    if path.suffix != ".mtx" and wall.nodes:
+        raise InvalidScene("wall.nodes names nodes of an Abaqus .mtx; drop it.")
     try:
-        return load(path)
+        reduced = _substructure(path, wall) if path.suffix == ".mtx" else READERS[path.suffix](path)
     except rom.ReductionError as error:
         raise InvalidScene(f"wall.file: {error}") from None
+    for finding in rom.health(reduced).findings:
+        raise InvalidScene(f"wall.file: {path} is no wall that could be run: {finding}")
+    if wall.half_space is None:
+        return reduced
+    return reduced._replace(provenance=reduced.provenance | {HALF_SPACE: repr(wall.half_space)})
+
+
+def _substructure(path: Path, wall: RomWall) -> rom.ReducedModel:
+    known = rom.substructure(path).coordinates
+    if not wall.nodes:
+        some = ", ".join(map(str, sorted({node for node, _ in known})[:6]))
+        raise InvalidScene(
+            f"wall.nodes is missing: {path} is an Abaqus substructure and does not say where the "
+            f"chain touches it; name those nodes of {some} ..., with wall.direction and weights."
+        )
+    weights = wall.weights or (1.0,) * len(wall.nodes)
+    if len(weights) != len(wall.nodes):
+        raise InvalidScene(
+            f"wall.weights has {len(weights)} values for {len(wall.nodes)} nodes; give one each."
+        )
+    w = {
+        (node, wall.direction): weight / sum(weights)
+        for node, weight in zip(wall.nodes, weights, strict=True)
+    }
+    return rom.load_mtx(path, w)
 
 
 def require_reader(path: Path) -> None:

@@ -187,10 +187,18 @@ class RomWall(Table):
 
     Modes above `cutoff` answer statically; without it, those that the reduction cannot trust.
     `prune` leaves out modes while the velocities stay within time.error; it costs three runs.
+    `file` is .npz, .mat, .h5 or an Abaqus substructure's .mtx, which does not say where the chain
+    touches: `nodes` does, by their numbers, with the `direction` of the chain (1, 2, 3) and
+    `weights`, else equal ones. `half_space` is the part of the file's static compliance that the
+    Hertz law holds already, where the file does not say.
     """
 
     kind: Literal["rom"]
     file: str | None = None
+    nodes: Annotated[tuple[Count, ...], Field(strict=False, min_length=1)] | None = None
+    direction: Annotated[int, Field(ge=1, le=3)] = 1
+    weights: Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)] | None = None
+    half_space: NonNegative | None = None  # [m/N]
     cutoff: Positive | None = None  # [Hz]
     prune: bool = False
     young: Positive = 210e9  # [Pa] of the surface struck

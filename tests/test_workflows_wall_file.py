@@ -1,0 +1,89 @@
+"""Reduced models made elsewhere as the wall: Abaqus substructures, and files that are no walls."""
+
+import numpy as np
+import pytest
+
+import rom
+from workflows.chain_stages import wall as wall_of
+from workflows.cli import main
+from workflows.scene import InvalidScene
+from workflows.scene_file import scene
+
+RUN = ("wall.kind=rom", "time.duration=3e-4", "output.samples=301")
+NODES = ("wall.nodes=[7, 8]", "wall.direction=1", "wall.weights=[3.0, 1.0]")
+
+
+def chain_of_masses(n=6, stiffness=2e8, mass=0.4):
+    K = stiffness * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    return K, mass * np.eye(n)
+
+
+def substructure_text(K, M, nodes):
+    """What *SUBSTRUCTURE MATRIX OUTPUT writes: three degrees of freedom of every node."""
+    named = ",".join(f" {node}" for node in nodes)
+    head = f"*USER ELEMENT, NODES= {len(nodes)}, LINEAR\n** ELEMENT NODES\n**{named}\n 1, 2, 3\n"
+    lines = [head]
+    for kind, A in (("STIFFNESS", K), ("MASS", M)):
+        lines.append(f"*MATRIX,TYPE={kind}\n")
+        lines += [", ".join(f"{x:.16E}" for x in row[: i + 1]) + "\n" for i, row in enumerate(A)]
+    return "".join(lines)
+
+
+def test_an_abaqus_substructure_is_the_wall_that_its_matrices_are(tmp_path):
+    """The same K, M and w through .mtx and .npz: the same oscillators, half-space taken out."""
+    K, M = chain_of_masses()
+    (tmp_path / "sub.mtx").write_text(substructure_text(K, M, (7, 8)))
+    w = np.array([0.75, 0, 0, 0.25, 0, 0])
+    rom.save_npz(tmp_path / "sub.npz", rom.full_order(K, M, w))
+    local = "wall.half_space=1e-10"
+    walls = [
+        wall_of(scene("rig-rigid", (*RUN, f"wall.file={tmp_path / name}", local, *more)))
+        for name, more in (("sub.mtx", NODES), ("sub.npz", ()))
+    ]
+    np.testing.assert_allclose(walls[0].omega, walls[1].omega, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(walls[0].phi), np.abs(walls[1].phi), rtol=1e-9, atol=1e-12)
+    assert walls[0].residual_compliance == pytest.approx(-1e-10)
+
+
+def test_an_abaqus_substructure_runs_with_the_chain(tmp_path, monkeypatch, capsys):
+    (tmp_path / "sub.mtx").write_text(substructure_text(*chain_of_masses(), (7, 8)))
+    changes = [f"--set={c}" for c in (*RUN, f"wall.file={tmp_path / 'sub.mtx'}", *NODES)]
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr("sys.argv", ["beadwave", "impact", "rig-rigid", "--json", *changes])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert not end.value.code
+    assert '"n_wall_modes": 6' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ((), "wall.nodes is missing.*7, 8"),
+        (("wall.nodes=[7, 9]",), r"no coordinate \(node, dof\) = \(9, 1\)"),
+        (("wall.nodes=[7, 8]", "wall.weights=[1.0]"), "wall.weights has 1 values for 2"),
+        (("wall.nodes=[7]", "wall.direction=4"), "wall.direction = 4"),
+    ],
+)
+def test_a_substructure_without_a_contact_is_refused(tmp_path, changes, words):
+    (tmp_path / "sub.mtx").write_text(substructure_text(*chain_of_masses(), (7, 8)))
+    with pytest.raises(InvalidScene, match=words):
+        scene("rig-rigid", (*RUN, f"wall.file={tmp_path / 'sub.mtx'}", *changes))
+
+
+@pytest.mark.parametrize(("matrix", "words"), [("K", "stiffness is indefinite"), ("M", "M is not")])
+def test_an_indefinite_file_is_refused_before_a_folder_is_made(
+    tmp_path, monkeypatch, capsys, matrix, words
+):
+    K, M = chain_of_masses()
+    parts = {"K": K, "M": M, "w": np.eye(6)[0]}
+    parts[matrix] = parts[matrix] - 1.5 * parts[matrix][2, 2] * np.diag(np.eye(6)[2])
+    np.savez(tmp_path / "bad.npz", **parts)
+    changes = [f"--set={c}" for c in (*RUN, f"wall.file={tmp_path / 'bad.npz'}")]
+    out = tmp_path / "out"
+    monkeypatch.setattr("sys.argv", ["beadwave", "run", "rig-rigid", "--out", str(out), *changes])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert words in capsys.readouterr().err
+    assert not out.exists()
