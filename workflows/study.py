@@ -67,7 +67,7 @@ STUDIES = {
     ),
     "walls": Entry(
         "workflows.studies.walls:walls",
-        "thesis, figures 7.13 to 7.16: ten walls, their reflected waves, and how far apart they are",
+        "thesis, figures 7.13 to 7.16: the waves that ten walls send back, and how far they differ",
     ),
     "plastic-contact": Entry(
         "workflows.studies.plastic_contact:plastic_contact",

@@ -48,7 +48,7 @@ def plastic_contact(scene: Scene, watch: Watch) -> Finding:
     )  # fmt: skip
     rows = tuple(_row(case, max(spheres)) for case in cases)
     picture = Picture("study_plastic_contact", _picture(cases, spheres))
-    return Finding("plastic-contact", columns, rows, _sentences(cases), (picture,))
+    return Finding("plastic-contact", columns, rows, _sentences(cases, max(spheres)), (picture,))
 
 
 def _laws(scene: Scene, elastic: dem.Chain):
@@ -106,16 +106,26 @@ def _row(case: Case, sphere: int) -> tuple:
     return case.run.name, force, time, case.restitution, lost, *seen
 
 
-def _sentences(cases: list[Case]) -> tuple[str, ...]:
-    _, stiff, *yielding = cases
+def _later(case: Case, hertz: Case, sphere: int) -> str:
+    """How much later than with Hertz' law the second reflected wave comes."""
+    waves = [one.run.wave(sphere, "reflected", 2) for one in (case, hertz)]
+    if None in waves:
+        return "none"
+    return f"{1e6 * (waves[0].arrival.time - waves[1].arrival.time):+.0f}"
+
+
+def _sentences(cases: list[Case], sphere: int) -> tuple[str, ...]:
+    hertz, stiff, *yielding = cases
     force = [case.run.trajectory.contact_force[:, -1].max() for case in cases]
     return (
         f"The factor {FACTOR:g} raises the peak force by {100 * (force[1] / force[0] - 1):.0f} % "
         f"and loses no energy (restitution {stiff.restitution:.4f}). A contact that yields lowers "
         f"it by {', '.join(f'{abs(1 - F / force[0]):.0%}' for F in force[2:])} and gives back "
         f"{', '.join(f'{case.restitution:.3f}' for case in yielding)} of a sphere's speed.",
-        "So the factor is no plasticity but a knob that moves every wave the other way: earlier "
-        "where yielding makes it later.",
+        "So the factor is no plasticity but a knob that works the other way: at sphere "
+        f"{sphere} the second reflected wave comes {_later(stiff, hertz, sphere)} µs with it, and "
+        f"{', '.join(_later(case, hertz, sphere) for case in yielding)} µs with a contact that "
+        "yields.",
         f"Yield stresses are assumed: {', '.join(f'{1e-9 * s:g}' for s in YIELD_STRESSES)} GPa of "
         f"the softer partner, contact yield at {CONSTRAINT:g} of it. Only the first blow yields so "
         "much: a dented contact is conforming, elastic and, by then, stiffer than Hertz', which is "

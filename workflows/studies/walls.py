@@ -98,8 +98,8 @@ def _likenesses(runs: Runs, spheres: Spheres):
         nearest = min(map(one_dof, ONE_DOF_HZ), key=lambda name: abs(at[one] - at[name]))
         numbers = (
             f"distance {overall(runs[one], runs[other], spheres):.3f}; the fourth wave is at "
-            f"sphere {sphere} at {1e3 * at[one]:.2f} and {1e3 * at[other]:.2f} ms, nearest is {nearest} "
-            f"at {1e3 * at[nearest]:.2f} ms"
+            f"sphere {sphere} at {1e3 * at[one]:.2f} and {1e3 * at[other]:.2f} ms, nearest is "
+            f"{nearest} at {1e3 * at[nearest]:.2f} ms"
         )
         return nearest == other, numbers
 
