@@ -25,6 +25,7 @@ STRUCK = "plate:+x"
 FEWEST = 5  # spheres that make a wave
 ERROR = 1e-5  # of the velocities
 N_SAVE = 6000
+BACK, AT_WALL = 4.0, 10.0  # natural times of a sphere: there and slowly back, and at the wall
 FAINT = 0.02  # of the incident wave: below it there is no reflected one
 CARRIED = 3.0  # half periods in a contact of the waves that must not come back from an edge
 RESOLVED = 6.0  # half periods in a contact of the finest waves: modes that move, elements
@@ -90,11 +91,11 @@ def spheres(scene: Scene) -> dem.Chain:
 
 
 def blow(scene: Scene, wall: dem.Wall) -> Blow:
-    """The chain against a wall, for the scene's duration."""
-    run = coupling.impact(
-        spheres(scene), wall, initial_velocity(scene), duration=scene.time.duration, error=ERROR,
-        n_save=N_SAVE,
-    ).trajectory  # fmt: skip
+    """The chain against a wall, until even a slow wave is back at the striker."""
+    row, v0 = spheres(scene), initial_velocity(scene)
+    passing = dem.spheres.time_scale(row.mass.max(), row.A.min(), np.abs(v0).max())
+    duration = (BACK * len(row.mass) + AT_WALL) * passing
+    run = coupling.impact(row, wall, v0, duration=duration, error=ERROR, n_save=N_SAVE).trajectory
     contact, again = first_contact(run.t, run.contact_force[:, -1])
     left = np.interp(contact.end, run.t, run.energy_kinetic + run.energy_contact)
     lost = float(1 - left / run.energy_kinetic[0])
