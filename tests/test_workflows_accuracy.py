@@ -16,6 +16,7 @@ from workflows.cli import main
 from workflows.scene_file import scene
 from workflows.work_precision import (
     Reference,
+    growth,
     growth_exponent,
     limit,
     peer_rows,
@@ -103,6 +104,13 @@ def test_ratio_names_the_fastest_of_each_kind():
 
 def test_growth_exponent_is_the_slope():
     assert growth_exponent([1, 10, 100], [2, 20, 200]) == pytest.approx(1.0)
+
+
+def test_growth_sets_what_is_fixed_apart():
+    size = np.array([17, 100, 1000, 10000])
+    found = growth(size, 5e-5 + 1e-6 * size)
+    assert found == pytest.approx((5e-5, 1e-6, 1.0), rel=1e-6)
+    assert growth(size, 1e-6 * size**1.3).exponent > 1.2
 
 
 def test_first_call_is_kept_apart_from_the_least():

@@ -19,6 +19,7 @@ from workflows.work_precision import (
     CONTROLLED,
     Reference,
     controlled_rows,
+    growth,
     growth_exponent,
     limit,
     peer_rows,
@@ -140,7 +141,7 @@ def chain_length(scene: Scene, watch: Watch) -> Study:
     rows = tuple(joined.from_iterable(_length_rows(lengthened(case, n)) for n in LENGTHS))
     return Study(
         rows,
-        (_growth(rows, "spheres", 100),),
+        (_growth(rows, "spheres"),),
         (_growth_picture("accuracy_chain_length", rows, "spheres"),),
     )
 
@@ -230,30 +231,29 @@ def _mode_rows(case: Problem, rigid_step: float, k: int) -> tuple[Row, ...]:
     )
 
 
-def _growth(rows: tuple[Row, ...], size: str, least: float) -> str:
-    """Exponents of the time at a fixed step or tolerance, from the size on where it is felt."""
+def _growth(rows: tuple[Row, ...], size: str) -> str:
+    """Time at a fixed step or tolerance: what is fixed, what each adds, how the rest grows."""
     methods = dict.fromkeys(row.method for row in rows)
-    said = (f"{name} {_exponent(rows, name, least):.2f}" for name in methods)
-    return f"time grows with the number of {size} from {least:g} on to the power of " + ", ".join(
-        said
+    said = (_growth_of(name, [row for row in rows if row.method == name]) for name in methods)
+    return f"time over the number of {size}: " + "; ".join(said)
+
+
+def _growth_of(name: str, rows: list[Row]) -> str:
+    found = growth([row.parameter for row in rows], [row.seconds for row in rows])
+    return (
+        f"{name} {1e3 * found.fixed:.2g} ms + {1e6 * found.each:.2g} µs for each, the second part "
+        f"to the power of {found.exponent:.2f}"
     )
 
 
-def _exponent(rows: tuple[Row, ...], method: str, least: float) -> float:
-    points = [(r.parameter, r.seconds) for r in rows if r.method == method and r.parameter >= least]
-    return growth_exponent(*zip(*points, strict=True))
-
-
 def _mode_growth(rows: tuple[Row, ...]) -> str:
-    """The growth of what modes add to the cost of the first, at a fixed step."""
-    rigid, first, *more = _fixed(rows, FIXED)
-    modes = [row.parameter - 1 for row in more]
-    costs = [row.seconds - first.seconds for row in more]
+    """What modes cost at a fixed step."""
+    rigid, *more = _fixed(rows, FIXED)
+    found = growth([row.parameter for row in more], [row.seconds for row in more])
     return (
-        f"{FIXED} at a fixed step: {1e3 * rigid.seconds:.3g} ms with a rigid wall, "
-        f"{1e3 * first.seconds:.3g} ms with a mode, "
-        f"{1e6 * costs[-1] / modes[-1]:.2g} µs more with every further one; what they add grows "
-        f"with their number to the power of {growth_exponent(modes, costs):.2f}"
+        f"{FIXED} at a fixed step: {1e3 * rigid.seconds:.3g} ms with a rigid wall; over the number "
+        f"of wall modes {1e3 * found.fixed:.3g} ms + {1e6 * found.each:.2g} µs for each, the "
+        f"second part to the power of {found.exponent:.2f}"
     )
 
 

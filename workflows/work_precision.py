@@ -10,6 +10,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 
 import dem
 from workflows import peers
@@ -275,6 +276,19 @@ def growth_exponent(size: Iterable[float], seconds: Iterable[float]) -> float:
     return float(np.polyfit(np.log(list(size)), np.log(list(seconds)), 1)[0])
 
 
-def observed_order(dt: Iterable[float], error: Iterable[float]) -> float:
-    """Slope of log error over log step by least squares."""
-    return growth_exponent(dt, error)
+class Growth(NamedTuple):
+    """seconds = fixed + each * size, and the exponent with which seconds - fixed grows."""
+
+    fixed: float
+    each: float
+    exponent: float
+
+
+def growth(size: Iterable[float], seconds: Iterable[float]) -> Growth:
+    """The straight line nearest in relative error, through 0 or above."""
+    size, seconds = np.array(list(size), float), np.array(list(seconds))
+    terms = np.column_stack([1.0 / seconds, size / seconds])
+    fixed, each = nnls(terms, np.ones(size.size))[0]
+    clear = seconds > 1.3 * fixed
+    grown = growth_exponent(size[clear], seconds[clear] - fixed) if clear.sum() > 1 else np.nan
+    return Growth(float(fixed), float(each), grown)
