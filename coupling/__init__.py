@@ -8,6 +8,7 @@ from coupling.coupled_wall import (
     march_coupled,
 )
 from coupling.damping import (
+    UNCOUPLED,
     Damping,
     ModalDamping,
     RayleighDamping,
@@ -40,6 +41,7 @@ from coupling.wall import (
 )
 
 __all__ = [
+    "UNCOUPLED",
     "Aligned",
     "Calibration",
     "Combination",

@@ -6,6 +6,7 @@ from fem.contact_patch import (
     point_functional,
 )
 from fem.correlation import Pairing, body_shapes, mac, pair
+from fem.dashpots import dashpots
 from fem.elasticity import Material, Structure, assemble
 from fem.factorisation import factorised
 from fem.half_space import half_space_on_mesh
@@ -28,6 +29,7 @@ __all__ = [
     "assemble",
     "body_shapes",
     "contact_patch",
+    "dashpots",
     "disc_quadrature",
     "factorised",
     "full_tie",

@@ -111,7 +111,16 @@ def joints(table: Joints) -> dict[str, fem.Joint]:
 
 
 def _joint(stiffness: JointStiffnesses) -> fem.Joint:
-    return fem.Joint(**stiffness.model_dump())
+    return fem.Joint(**{key: getattr(stiffness, key) for key in fem.DIRECTIONS})
+
+
+def dashpots(scene: Scene, model: fem.Model):
+    """C of the dashpots in the joints; None where there are none."""
+    if scene.joints is None:
+        return None
+    tables = {body: getattr(scene.joints, joint).dashpots for body, joint in MASTER.items()}
+    named = {f"{body}.{key}": c for body, table in tables.items() for key, c in table.items()}
+    return fem.dashpots(model, named) if named else None
 
 
 def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
@@ -166,10 +175,12 @@ def reduction(
     w_reading = reading(scene, model)
     hz = " ".join(f"{f:.9g}" for f in modes.field.frequency_hz)
     notes = {"hammer_modes_hz": hz, **provenance(scene, model, contact)}
-    asked = {**size(scene), "factorise": fem.factorised}
+    asked = {**size(scene), "factorise": fem.factorised, "C": dashpots(scene, model)}
     if scene.reduction.kind == "craig-bampton":
         # w reads x alone: y and z of its nodes would only be constraint modes to solve for
         boundary = np.flatnonzero(contact.w if w_reading is None else contact.w + w_reading)
+        if asked["C"] is not None:  # the modes answer slowly to the forces of dashpots
+            boundary = np.union1d(boundary, np.flatnonzero(asked["C"].diagonal()))
         notes |= reading_note(w_reading, boundary)
         ready = hammer_modes(modes) if asked["choice"] == "contact" else None
         reduced = rom.craig_bampton(

@@ -1,5 +1,6 @@
 """Keys of a scene that are each allowed but not together, a sentence each."""
 
+from math import isinf
 from pathlib import Path
 
 from workflows.scene import DashpotWall, InvalidScene, ModalDamping, RayleighDamping, RomWall, Scene
@@ -16,6 +17,7 @@ def contradictions(scene: Scene):
     if scene.assembly is not None:
         yield from _outside_patch(scene)
         yield from _unread_nodes(scene)
+        yield from _rigid_dashpots(scene)
     yield from _driven_modes(scene)
     yield from too_large(scene)
     if scene.chain:
@@ -50,6 +52,29 @@ def _unreadable_wall(scene: Scene):
         loaded(scene.wall)
     except InvalidScene as error:
         yield str(error)
+
+
+def _rigid_dashpots(scene: Scene):
+    tables = scene.joints or ()
+    damped = [(joint, table, key) for joint, table in tables for key in table.dashpots]
+    for joint, table, key in damped:
+        name = f"joints.{joint}.c{key[1:]} = {table.dashpots[key]}"
+        if scene.assembly.constraint != "wires":
+            yield f'{name} needs the joints of assembly.constraint = "wires"; change one of them.'
+        if isinf(getattr(table, key)):
+            yield f"{name} is beside {key} = inf, which never moves; give joints.{joint}.{key}."
+    if damped and scene.reduction.kind != "craig-bampton":
+        yield (
+            'dashpots in joints need reduction.kind = "craig-bampton", whose boundary holds them; '
+            "change it."
+        )
+    if damped and scene.time and scene.time.dt is not None:
+        yield (
+            "dashpots in joints couple the modes and are marched to an error; give time.error, "
+            "not time.dt."
+        )
+    if damped and getattr(scene.wall, "prune", False):
+        yield "dashpots in joints couple the modes, none can be left out alone; drop wall.prune."
 
 
 def _driven_modes(scene: Scene):

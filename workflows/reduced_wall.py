@@ -18,7 +18,8 @@ READERS = {".npz": rom.load_npz, ".mat": rom.load_mat, ".h5": rom.load_h5, ".mtx
 def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coupling.CoupledWall:
     """Oscillators below the cutoff, one for the rest, the half-space taken out.
 
-    A model that is read elsewhere than it is pushed makes a coupled wall.
+    A model that is read elsewhere than it is pushed makes a coupled wall, and so does one whose
+    damping couples its modes.
     """
     reduced = loaded(scene.wall) if reduction is None else reduction
     if "reading_weights" in reduced.provenance:
@@ -30,12 +31,20 @@ def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coup
             w_force=reduced.w,
             w_reading=_reading_weights(reduced),
         )
-    return coupling.wall_from_reduced(
+    make = coupling.coupled_wall if _coupled(reduced) else coupling.wall_from_reduced
+    return make(
         reduced,
         half_space=half_space(reduced),
         damping=damping(scene.damping, reduced),
         cutoff_hz=scene.wall.cutoff,
     )
+
+
+def _coupled(reduced: rom.ReducedModel) -> bool:
+    """Whether C couples the modes, so that no ratios stand for it."""
+    if reduced.C is None or not np.any(reduced.C):
+        return False
+    return coupling.modal_coupling(rom.modal(reduced).damping) > coupling.UNCOUPLED
 
 
 def _reading_weights(reduced: rom.ReducedModel) -> np.ndarray:

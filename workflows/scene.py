@@ -211,7 +211,10 @@ Wall = Annotated[
 
 
 class JointStiffnesses(Table):
-    """Along x, y, z [N/m] and about them [N m/rad]; inf is a rigid direction."""
+    """Along x, y, z [N/m] and about them [N m/rad]; inf is a rigid direction.
+
+    cx to crz are dashpots beside the springs [N s/m], [N m s/rad]; a rigid direction takes none.
+    """
 
     kx: JointStiffness = float("inf")
     ky: JointStiffness = float("inf")
@@ -219,6 +222,20 @@ class JointStiffnesses(Table):
     krx: JointStiffness = float("inf")
     kry: JointStiffness = float("inf")
     krz: JointStiffness = float("inf")
+    cx: NonNegative = 0.0
+    cy: NonNegative = 0.0
+    cz: NonNegative = 0.0
+    crx: NonNegative = 0.0
+    cry: NonNegative = 0.0
+    crz: NonNegative = 0.0
+
+    @property
+    def dashpots(self) -> dict[str, float]:
+        """Coefficients that are not zero, by the spring beside them."""
+        found = {
+            f"k{axis}": getattr(self, f"c{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")
+        }
+        return {key: value for key, value in found.items() if value}
 
 
 class Joints(Table):

@@ -1,0 +1,22 @@
+"""Viscous dampers in the joints: C = sum_j c_j e_j e_j^T on the elongations that springs stand on.
+
+They couple the undamped modes, each joint all of them, so no modal ratios stand for this C.
+"""
+
+import numpy as np
+from scipy.sparse import csc_array, diags_array
+
+from fem.model import Model
+
+
+def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:
+    """C (n, n) [N s/m] of c [N s/m or N m s/rad] by spring, "body.direction", equal for all screws.
+
+    Raises ValueError for a direction that has no elongation, being rigid.
+    """
+    for name in coefficient:
+        if name not in model.spring:
+            raise ValueError(f"no spring {name} gives way; a rigid direction cannot damp.")
+    c = np.zeros(model.K0.shape[0])
+    c[model.elongation] = [coefficient.get(name, 0.0) for name in model.spring]
+    return csc_array(diags_array(c))
