@@ -51,9 +51,14 @@ class Series(NamedTuple):
         return self.blows[-1].arr
 
     @property
+    def over_far(self) -> NDArray[np.float64]:
+        """ARR over that far away, or over what could just be seen (k,)."""
+        return self.arr / max(self.far, plates.FAINTEST_ARR)
+
+    @property
     def critical(self) -> float:
         """Distance [m] beyond which ARR stays within CLOSE of that far away."""
-        away = np.abs(self.arr / self.far - 1)
+        away = np.abs(self.over_far - self.over_far[-1])
         last = int(np.flatnonzero(away > CLOSE).max(initial=-1))
         if last < 0:
             return 0.0
@@ -107,23 +112,25 @@ def _series(
 
 
 def _rows(series: Series):
-    for distance, blow in zip(series.distance, series.blows, strict=True):
+    for distance, blow, over in zip(series.distance, series.blows, series.over_far, strict=True):
         yield (
-            series.ratio, 1e3 * distance, blow.arr, blow.arr / series.far, 100 * blow.lost,
+            series.ratio, 1e3 * distance, blow.arr, over, 100 * blow.lost,
             1e6 * blow.contact.seconds, blow.peak_force,
         )  # fmt: skip
 
 
 def _sentences(scene: Scene, deep: Blow, found: list[Series], checks) -> tuple[str, ...]:
+    stiffer = plates.verdict(all(series.arr[0] > series.far for series in found))
+    settled = plates.verdict(all(s.critical < s.distance[-2] for s in found))
     return (
         f"ARR is (2.9) at sphere {plates.watched(scene)}; plates of the spheres' steel, clamped at "
         "one edge, the others out of reach of the first collision; elastic contacts, no preload.",
-        f"Thesis: ARR is high close to the boundary and falls away from it. Holds: at "
+        f"Thesis: ARR is high close to the boundary and falls away from it. {stiffer}: at "
         f"{1e3 * found[0].distance[0]:.0f} mm it is {_listed(found, lambda s: s.arr[0])}, "
         f"{1e3 * found[0].distance[-1]:.0f} mm away {_listed(found, lambda s: s.far)} (half-space "
         f"{deep.arr:.2f}), at D/t = {', '.join(f'{s.ratio:g}' for s in found)}.",
-        f"Thesis: beyond a critical distance ARR is constant. Holds: within {100 * CLOSE:.0f} % "
-        f"from {_listed(found, lambda s: 1e3 * s.critical, '.0f')} mm on.",
+        f"Thesis: beyond a critical distance ARR is constant. {settled}: within "
+        f"{100 * CLOSE:.0f} % from {_listed(found, lambda s: 1e3 * s.critical, '.0f')} mm on.",
         *_thickness(deep, found),
         *(_change(name, _at(found, CHECKED), series) for name, series in checks),
     )
@@ -146,9 +153,11 @@ def _echo_distance(series: Series, deep: Blow) -> float:
 
 def _thickness(deep: Blow, found: list[Series]) -> tuple[str, ...]:
     return (
-        "Thesis: the thicker the wall, the smaller that distance. What shrinks is the size of the "
-        "effect, since a thick plate reflects well anywhere: ARR at the edge is "
-        f"{_listed(found, lambda s: s.arr[0] / s.far)} times that far away. The distance over "
+        "Thesis: the thicker the wall, the smaller that distance, until boundaries can be "
+        f"neglected. At D/t = {found[0].ratio:g} it still is {1e3 * found[0].critical:.0f} mm. "
+        "What shrinks is the size of the effect, since a thick plate reflects well anywhere: ARR "
+        "at the edge is "
+        f"{_listed(found, lambda s: s.over_far[0])} times that far away. The distance over "
         "which half of the change happens grows with the thickness, "
         f"{_listed(found, lambda s: 1e3 * s.half_way, '.0f')} mm, as bending waves grow faster: "
         "while a contact with a half-space lasts they come back from an edge "

@@ -17,7 +17,7 @@ import rom
 from coupling.plate import Plate, shear_speed, wavenumber
 from dem import solitary
 from dem.wave_measures import CONTACT, ContactTime, contact_time, force_ratio
-from dem.waves import passage
+from dem.waves import crest, peaks
 from workflows.chain_stages import initial_velocity
 from workflows.scene import InvalidScene, Scene
 
@@ -27,6 +27,7 @@ ERROR = 1e-5  # of the velocities
 N_SAVE = 6000
 BACK, AT_WALL = 4.0, 10.0  # natural times of a sphere: there and slowly back, and at the wall
 FAINT = 0.02  # of the incident wave: below it there is no reflected one
+FAINTEST_ARR = FAINT**1.2
 CARRIED = 3.0  # half periods in a contact of the waves that must not come back from an edge
 RESOLVED = 6.0  # half periods in a contact of the finest waves: modes that move, elements
 ELEMENTS = 4  # quadratic ones in a wavelength of those
@@ -55,6 +56,11 @@ class Sizes(NamedTuple):
     cutoff_hz: float
 
 
+def verdict(holds: bool) -> str:
+    """On a statement of the thesis."""
+    return "Holds" if holds else "Does not hold"
+
+
 def require_chain(scene: Scene) -> None:
     """Raise InvalidScene unless the scene has a chain long enough for a wave."""
     if scene.chain is None:
@@ -66,8 +72,9 @@ def require_chain(scene: Scene) -> None:
 
 
 def watched(scene: Scene) -> int:
-    """The sphere, counted from 1, at which waves are measured: the last of those observed."""
-    return max(scene.output.spheres, default=scene.chain.count - 3)
+    """The sphere, counted from 1, at which waves are measured: fourth from the wall, as 14 of the
+    thesis' 17. Farther away slow waves merge with those behind them."""
+    return scene.chain.count - 3
 
 
 def steel(scene: Scene, thickness: float) -> Plate:
@@ -119,14 +126,16 @@ def first_contact(t: np.ndarray, force: np.ndarray) -> tuple[ContactTime, float]
 def _ratio(scene: Scene, run: dem.Trajectory, latest: float) -> float:
     """ARR of the first wave that comes back, 0 if its crest left the wall after `latest` [s]."""
     sphere = watched(scene)
-    waves = passage(run.t, run.v[:, sphere - 1], threshold=FAINT)
-    if waves is None:
+    v = run.v[:, sphere - 1]
+    there = peaks(v, 0.5 * v.max())[0]
+    back = [k for k in peaks(-v, FAINT * v[there]) if k > there and v[k] < 0]
+    if not back:
         return 0.0
-    row, back = spheres(scene), waves.reflected
-    spheres_per_second = abs(solitary.speed(back.peak_velocity, row.mass[-1], row.A[-2]))
-    if back.time - (scene.chain.count - sphere) / spheres_per_second > latest:
+    row, (time, speed) = spheres(scene), crest(run.t, -v, back[0])
+    passing = 1 / solitary.speed(speed, row.mass[-1], row.A[-2])
+    if time - (scene.chain.count - sphere) * passing > latest:
         return 0.0
-    return float(force_ratio(waves.incident.peak_velocity, back.peak_velocity))
+    return float(force_ratio(crest(run.t, v, there)[1], speed))
 
 
 def rebound(scene: Scene, wall: dem.Wall) -> float:
