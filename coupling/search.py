@@ -20,7 +20,9 @@ LENGTHENINGS = 8
 MOST = 25  # model runs of a fit on the fine model
 ROUGH = 1e-4  # of the fastest sphere: misfit of the first waves that the last stage can better
 TRIED = 6  # exchanges fitted in a round
-ROUNDS = 4
+ROUNDS = 3
+MOST_TRIED = 1200  # model runs of a start that go into exchanges
+CORRELATED = 10.0  # samples of noise, at most, that go together
 SCATTER = 0.5  # of a further start, in scales
 SAME = 1.05  # misfits of two starts that found the same
 EXACT = 1e-5  # of the fastest sphere: a misfit that needs no further search
@@ -62,7 +64,7 @@ class Options(NamedTuple):
 
     staged: bool = True
     joint: bool = True
-    starts: int = 4
+    starts: int = 2
     seed: int = 0
     local: bool = False  # only from the start on, for repeats of a fit that has been found
     scan: tuple[float, float, int] | None = None  # of the wall's frequency [Hz]: low, high, points
@@ -80,7 +82,7 @@ class Search:
         self.every = np.ones(len(self.parameters), bool)
         self.first_waves = _first_waves(fine)
         self.stages: list[Stage] = []
-        self.same_starts = self.starts = 0
+        self.same_starts = self.starts = self.tried = 0
         self.scan: Scan | None = None
         self.noise = options.noise or 0.0
         self.exact = 1.1 * max(self._coarseness(), EXACT * fine.largest)
@@ -98,7 +100,8 @@ class Search:
 
     def enough(self, samples: int) -> float:
         """Misfit [m/s] that needs no further search: three sigma above the noise."""
-        return float(np.hypot(self.noise * (1.0 + 3.0 / np.sqrt(2.0 * samples)), self.exact))
+        spread = 3.0 * np.sqrt(CORRELATED / (2.0 * samples))
+        return float(np.hypot(self.noise * (1.0 + spread), self.exact))
 
     def windows(self, fit: Fit, end: float = np.inf) -> np.ndarray:
         """(k, m) samples of the first waves, up to a time [s]."""
@@ -123,7 +126,7 @@ class Search:
 
     def _once(self, z: np.ndarray) -> End:
         """One start to its end."""
-        self.stages, scan = [], None
+        self.stages, self.tried, scan = [], 0, None
         if self.options.staged:
             z, scan = self._wall(self._chain(z), z)
         if self.options.joint or not self.options.staged:
@@ -174,6 +177,8 @@ class Search:
         """The best of a fit and of those with contacts exchanged, as long as that helps."""
         spent = 0
         for _ in range(ROUNDS):
+            if self.tried > MOST_TRIED:
+                break
             exchanges = self.coarse.exchanged(best.z, free, windows)
             spent += len(exchanges)
             before = best
@@ -189,6 +194,7 @@ class Search:
                     break
             if best.misfit > BETTER * before.misfit or best.misfit <= enough:
                 break
+        self.tried += spent
         return best, spent
 
     def _wall(self, z: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, Scan | None]:
@@ -226,13 +232,20 @@ class Search:
         return best, Scan(self.parameters[where].name, value[possible], misfit[possible])
 
     def _all(self, z: np.ndarray) -> np.ndarray:
+        """Everything from all waves: at once, and where that does not explain them in steps."""
         began = perf_counter()
         t = self.coarse.forward.signals.t[:, None]
-        ends = self._ends(0.5, t[-1, 0], LENGTHENINGS)
-        windows = [(t <= end) | (t <= self.first_waves) for end in ends]
-        z, _, _ = self._lengthened(z, self.every, windows, 0.0)
+        everything = np.ones_like(self.coarse.data, bool)
+        best = self.coarse.solved(z, self.every, everything, most=12, tolerance=1e-5)
+        if best.misfit > self.enough(self.coarse.data.size):
+            ends = self._ends(0.5, t[-1, 0], LENGTHENINGS)
+            windows = [(t <= end) | (t <= self.first_waves) for end in ends]
+            other, misfit, _ = self._lengthened(z, self.every, windows, 0.0)
+            if misfit > self.enough(self.coarse.data.size):
+                best, _ = self._by_exchanges(best, self.every, everything, False, 0.0)
+            best = best if best.misfit <= misfit else best._replace(z=other, misfit=misfit)
         whole = np.ones_like(self.fine.data, bool)
-        return self._polished("all, all waves", z, self.every, whole, began)
+        return self._polished("all, all waves", best.z, self.every, whole, began)
 
     def _polished(self, name, z, free, windows, began) -> np.ndarray:
         done = self.fine.solved(z, free, windows, most=MOST)
