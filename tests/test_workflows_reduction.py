@@ -109,3 +109,29 @@ def test_the_summary_holds_the_health_of_the_reduction(tmp_path):
     more = pipeline("reduction.modes=80")("reduction").provenance["effective_mass_captured"]
     assert health.effective_mass_captured < float(more) < 1
     assert "mass captured" in (tmp_path / "report.html").read_text()
+
+
+def test_an_error_that_cannot_be_estimated_is_a_warning(tmp_path, monkeypatch):
+    """The run is there, its mesh's coarser fellow has no modes to be found."""
+
+    def stuck(*_):
+        raise ValueError("the coarse mesh is singular.")
+
+    monkeypatch.setattr("workflows.error_stages.coarse_reduction", stuck)
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    summary = run(scene("rig-rom", COARSE), tmp_path, source=None, watch=lambda n: nullcontext())
+    assert summary.error_estimate.mesh is None and summary.error_estimate.reduction is not None
+    assert any("mesh could not be estimated: the coarse" in words for words in summary.warnings)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("reduction.cutoff=1e9", "reduction.cutoff = 1e.09 Hz must be up to"),
+        ("reduction.error=1e-12", "reduction.error = 1e-12 must be at least"),
+        ("reduction.modes=100000", "reduction.modes = 100000 must be up to"),
+    ],
+)
+def test_a_reduction_that_would_run_for_hours_is_refused(change, words):
+    with pytest.raises(InvalidScene, match=words):
+        scene("rig-rom", (change,))

@@ -68,7 +68,12 @@ def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
     found: dict = {}
     if scene.chain:
         found |= _chain_numbers(pipeline)
-        warnings = (*warnings, *_judged(pipeline("impact")), *spoilt(scene, pipeline("impact")))
+        warnings = (
+            *warnings,
+            *found.pop("unestimated"),
+            *_judged(pipeline("impact")),
+            *spoilt(scene, pipeline("impact")),
+        )
     if needs_assembly(scene):
         from workflows.assembly_report import assembly_numbers
 
@@ -97,12 +102,14 @@ def _judged(impact: Impact) -> tuple[str, ...]:
 
 def _chain_numbers(pipeline: Pipeline) -> dict:
     scene, trajectory, wall = pipeline.scene, pipeline("impact").trajectory, pipeline("wall")
+    errors, unestimated = _errors(pipeline, trajectory.error_estimate)
     numbers = {
         "n_wall_modes": 0 if wall is None else len(wall.omega),
         "dt_s": trajectory.dt,
         "n_steps": trajectory.n_steps,
         "energy_error": trajectory.energy_error,
-        "error_estimate": _errors(pipeline, trajectory.error_estimate),
+        "error_estimate": errors,
+        "unestimated": unestimated,
         "verdict": pipeline("impact").verdict.sentences,
         "waves": {str(sphere): _waves(pipeline, sphere) for sphere in scene.output.spheres},
         "wall_contact": chain_contact(pipeline("waves"), float(np.mean(scene.chain.radius))),
@@ -115,15 +122,18 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
     return numbers | {"peak_wall_force_N": peak, "contact_radius_m": contact_radius(scene, peak)}
 
 
-def _errors(pipeline: Pipeline, time: float | None) -> ErrorEstimate:
+def _errors(pipeline: Pipeline, time: float | None) -> tuple[ErrorEstimate, tuple[str, ...]]:
+    """The estimates, and a sentence for each that could not be made: the run stands without it."""
     if not needs_assembly(pipeline.scene) or isinstance(pipeline("wall"), CoupledWall):
-        return ErrorEstimate(time=time)
+        return ErrorEstimate(time=time), ()
     own = pipeline.scene.mesh.file is not None  # nobody knows how to coarsen it
-    return ErrorEstimate(
-        time=time,
-        reduction=pipeline("reduction-error"),
-        mesh=None if own else pipeline("mesh-error"),
-    )
+    found, unestimated = {}, []
+    for name in ("reduction",) if own else ("reduction", "mesh"):
+        try:
+            found[name] = pipeline(f"{name}-error")
+        except ValueError as reason:
+            unestimated.append(f"The error of the {name} could not be estimated: {reason}")
+    return ErrorEstimate(time=time, **found), tuple(unestimated)
 
 
 def _waves(pipeline: Pipeline, sphere: int) -> SphereWaves:
