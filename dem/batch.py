@@ -1,7 +1,8 @@
-"""Many bare chains at once: equal in length and wall modes, different in everything else.
+"""Many chains at once: equal in length and wall modes, different in everything else.
 
-Chains lie side by side in the lanes of vector registers and in blocks on the threads. Bare means
-Hertz contacts, no dissipation, yield, leaf springs, preload, residual spring or dashpot.
+Bare chains lie side by side in the lanes of vector registers and in blocks on the threads. Bare
+means Hertz contacts, no dissipation, yield, leaf springs, preload, residual spring or dashpot;
+chains with any of these are marched one by one, dealt to the threads.
 """
 
 import os
@@ -11,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from dem import kernels
-from dem.chain import InvalidChain, Wall, validate
-from dem.schemes import SCHEMES
+from dem.chain import InvalidChain, validate
+from dem.schemes import SCHEMES, default_scheme
 from dem.stability import UnstableStep
 from dem.step_control import march_to_error
-from dem.trajectory import oscillator_turn
+from dem.trajectory import march, oscillator_turn
 
 LANES = kernels.LANES
 
@@ -42,70 +43,108 @@ def march_batch(
     dt=None,
     error=None,
     observed=None,
-    scheme="rkn6",
+    scheme=None,
     n_save=100,
     threads=None,
     mend=True,
 ):
-    """Batch of chains that start just touching with velocities v0.
+    """Batch of chains that start from their static state with velocities v0.
 
-    Fields of chain and wall and v0 have a leading axis n_chains, or lack it and are shared. Give
-    dt, or the velocity error relative to the largest initial speed: the step is then found on the
-    stiffest chain and the estimate taken from up to 16 chains. Raises InvalidChain, UnstableStep.
+    Fields of chain and wall and v0 have a leading axis n_chains, or lack it and are shared;
+    preload, residual compliance and mobility are scalars or one per chain, the name of the
+    dissipation is shared. Give dt, or the velocity error relative to the largest initial speed: the
+    step is then found on the stiffest chain and the estimate taken from up to 16 chains. Raises
+    InvalidChain, NoEquilibrium, UnstableStep.
     """
     if (dt is None) == (error is None):
         raise InvalidChain("give either dt or error to say how finely to march")
     members = _Members(chain, wall, v0)
+    if scheme is None:
+        scheme = default_scheme(*members[0][:2])
+    if scheme not in SCHEMES:
+        raise InvalidChain(f"scheme {scheme!r} is unknown; take one of {', '.join(SCHEMES)}")
     if dt is None:
         return _to_error(members, duration, error, observed, scheme, n_save, threads, mend)
     return _march(members, duration, dt, observed, scheme, n_save, threads, mend)
+
+
+PER_CHAIN = ("preload",)
+PER_CONTACT = ("mass", "radius", "A", "gamma", "leaf_stiffness", "leaf_anchor", "yield_overlap")
+PER_WALL = ("residual_compliance", "mobility")
+PER_MODE = ("omega", "zeta", "phi")
 
 
 class _Members:
     """Chains of a batch, every array with its leading axis."""
 
     def __init__(self, chain, wall, v0):
-        _refuse_parts(chain, wall)
-        wall = Wall(*np.zeros((3, 0))) if wall is None else wall
-        arrays = [chain.mass, chain.A, v0, wall.omega, wall.zeta, wall.phi]
-        arrays = [np.asarray(values, float) for values in arrays]
-        count = max(values.shape[0] if values.ndim == 2 else 1 for values in arrays)
-        wide = [np.broadcast_to(values, (count, values.shape[-1])) for values in arrays]
-        self.mass, self.A, self.v0, self.omega, self.zeta, self.phi = wide
-        self.chain, self.free = chain, self.A.shape[1] < self.mass.shape[1]
-        self.count = count
-        for i in {0, count - 1}:
+        self.chain, self.wall = chain, wall
+        fields = _fields(chain, PER_CHAIN, PER_CONTACT) | {"v0": (np.asarray(v0, float), 2)}
+        if wall is not None:
+            fields |= _fields(wall, PER_WALL, PER_MODE)
+        counts = {
+            name: values.shape[0] for name, (values, full) in fields.items() if values.ndim == full
+        }
+        self.count = max(counts.values(), default=1)
+        for name, found in counts.items():
+            if found not in (1, self.count):
+                raise InvalidChain(
+                    f"{name} is given for {found} chains, others for {self.count}; give as many"
+                )
+        self.arrays = {
+            name: np.broadcast_to(values, (self.count, *values.shape[values.ndim - full + 1 :]))
+            for name, (values, full) in fields.items()
+        }
+        for i in {0, self.count - 1}:
             validate(*self[i])
-        if not all(np.isfinite(values).all() for values in wide) or (self.A <= 0).any():
-            raise InvalidChain("a chain of the batch has a value that is not finite or A <= 0")
+        bad = [name for name, values in self.arrays.items() if not np.isfinite(values).all()]
+        if bad or (self.arrays["A"] <= 0).any() or (self.arrays["mass"] <= 0).any():
+            raise InvalidChain(
+                f"a chain of the batch has {bad[0] if bad else 'a mass or A'} that is not finite "
+                "or not above 0"
+            )
 
     def __getitem__(self, i):
-        radius = np.broadcast_to(self.chain.radius, self.mass.shape)[i]
-        one = self.chain._replace(mass=self.mass[i], radius=radius, A=self.A[i])
-        wall = None if self.free else Wall(self.omega[i], self.zeta[i], self.phi[i])
-        return one, wall, self.v0[i]
+        own = {name: values[i].copy() for name, values in self.arrays.items()}
+        v0 = own.pop("v0")
+        numbers = {name: float(own.pop(name)) for name in (*PER_CHAIN, *PER_WALL) if name in own}
+        modes = {name: own.pop(name) for name in PER_MODE if name in own}
+        one = self.chain._replace(**own, preload=numbers.pop("preload"))
+        wall = None if self.wall is None else self.wall._replace(**modes, **numbers)
+        return one, wall, v0
+
+    def __getattr__(self, name):
+        return self.arrays[name]
+
+    @property
+    def bare(self):
+        """Without any part that the lanes do not know."""
+        parts = ("preload", "leaf_stiffness", *PER_WALL)
+        without = not any(np.any(self.arrays.get(name, 0.0)) for name in parts)
+        lossless = self.chain.dissipation == "none" and self.chain.yield_overlap is None
+        return without and lossless
+
+    @property
+    def free(self):
+        """Without a wall."""
+        return self.wall is None
 
     def take(self, rows):
         """The members of these rows."""
         part = object.__new__(_Members)
-        part.chain, part.free, part.count = self.chain, self.free, len(rows)
-        for name in ("mass", "A", "v0", "omega", "zeta", "phi"):
-            setattr(part, name, getattr(self, name)[rows])
+        part.chain, part.wall, part.count = self.chain, self.wall, len(rows)
+        part.arrays = {name: values[rows] for name, values in self.arrays.items()}
         return part
 
 
-def _refuse_parts(chain, wall):
-    parts = {
-        "dissipation": chain.dissipation != "none",
-        "plastic contacts": chain.yield_overlap is not None,
-        "leaf springs": np.any(chain.leaf_stiffness),
-        "preload": chain.preload != 0.0,
-        "a residual compliance": wall is not None and np.any(wall.residual_compliance),
-        "a dashpot wall": wall is not None and np.any(wall.mobility),
+def _fields(parts, scalars, vectors):
+    """Values of the fields that are there, and how many axes they have where chains differ."""
+    axes = dict.fromkeys(scalars, 1) | dict.fromkeys(vectors, 2)
+    return {
+        name: (np.asarray(getattr(parts, name), float), n)
+        for name, n in axes.items()
+        if getattr(parts, name) is not None
     }
-    found = [name for name, present in parts.items() if present]
-    if found:
-        raise InvalidChain(f"a batch takes bare chains, found {found[0]}; march these one by one")
 
 
 def _to_error(members, duration, error, observed, scheme, n_save, threads, mend):
@@ -132,6 +171,8 @@ def _to_error(members, duration, error, observed, scheme, n_save, threads, mend)
 
 
 def _march(members, duration, dt, observed, scheme, n_save, threads, mend):
+    if not members.bare or SCHEMES[scheme].kind == "implicit":
+        return _one_by_one(members, duration, dt, observed, scheme, n_save, threads, mend)
     method = SCHEMES[scheme]
     stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
     h = duration / (n_save * stride)
@@ -141,7 +182,10 @@ def _march(members, duration, dt, observed, scheme, n_save, threads, mend):
     if members.free:
         A = np.concatenate([A, np.zeros((members.count, 1))], axis=1)
     packed = [_packed(values) for values in (members.v0, members.mass, A)]
-    phi, omega, zeta = (_packed(values) for values in (members.phi, members.omega, members.zeta))
+    none = np.zeros((members.count, 0))
+    phi, omega, zeta = (
+        _packed(members.arrays.get(name, none)) for name in ("phi", "omega", "zeta")
+    )
     blocks, k = phi.shape[:2]
     turn = np.zeros((blocks, method.a.size, 4, k * LANES))
     for i, drift in enumerate(h * method.a if k else []):
@@ -175,6 +219,25 @@ def _march(members, duration, dt, observed, scheme, n_save, threads, mend):
         scheme,
         None,
     )
+
+
+def _one_by_one(members, duration, dt, observed, scheme, n_save, threads, mend):
+    observed = slice(None) if observed is None else np.asarray(observed)
+
+    def one(i):
+        run = march(
+            *members[i], duration=duration, dt=dt, scheme=scheme, n_save=n_save, mend=mend
+        )  # fmt: skip
+        force = np.zeros(n_save + 1) if members.free else run.contact_force[:, -1]
+        return run.v[:, observed], force, run.energy_error
+
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        v, force, errors = zip(*pool.map(one, range(members.count)), strict=True)
+    n_steps = n_save * max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
+    return Batch(
+        np.linspace(0.0, duration, n_save + 1), np.array(v), np.array(force), np.array(errors),
+        duration / n_steps, n_steps, scheme, None,
+    )  # fmt: skip
 
 
 def _packed(values):

@@ -746,7 +746,7 @@ def take_step(
     return stale
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath=FAST)
 def march(
     x, v, mass, A, a, b, dt, n_save, stride, load, leaf, leaf_springs, preload,
     offset, residual, mobility, modes, dissipation, plastic, mend, wall, out,
@@ -921,7 +921,7 @@ def implicit_step(
             x1[i] += r[i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def march_implicit(
     x, v, mass, A, b, dt, n_save, stride, load, leaf, leaf_springs, preload, offset, residual,
     mobility, modes, dissipation, wall, out,

@@ -63,13 +63,54 @@ def test_batch_reaches_the_error_it_reports():
     assert np.median(off) < 1e-4
 
 
+PARTS = {
+    "dissipation": {"dissipation": "hunt-crossley", "gamma": np.linspace(0.05, 0.3, 7)},
+    "a jumping law": {"dissipation": "linear-clipped", "gamma": np.full(7, 0.1)},
+    "preload": {"preload": np.linspace(0.1, 0.5, 9)},
+    "leaf springs": {"leaf_stiffness": np.full(7, 0.3), "leaf_anchor": np.linspace(0.1, 0.0, 7)},
+    "yield": {"yield_overlap": np.full(7, 0.2)},
+}
+
+
+@pytest.mark.parametrize("part", [*PARTS, "residual", "dashpot"])
+def test_a_batch_takes_every_part(part):
+    """Differing in stiffness, speed, wall and, where it is a number, the part itself."""
+    chain, v0 = scattered(9, 7)
+    chain, wall = chain._replace(**PARTS.get(part, {})), moving_walls(9)
+    wall = wall._replace(omega=wall.omega + 0.2)
+    if part == "residual":
+        wall = wall._replace(residual_compliance=np.linspace(-0.05, 0.1, 9))
+    if part == "dashpot":
+        wall = wall._replace(mobility=np.linspace(0.1, 2.0, 9))
+    options = dict(duration=12.0, dt=0.05, n_save=12)
+    batch = march_batch(chain, wall, v0, observed=[0, 4], threads=2, **options)
+    for i in (0, 5, 8):
+        preload = chain.preload[i] if part == "preload" else 0.0
+        one = chain._replace(mass=chain.mass[i], A=chain.A[i], preload=preload)
+        own = Wall(*(np.asarray(p)[i] if np.ndim(p) else p for p in wall))
+        run = march(one, own, v0[i], scheme=batch.scheme, **options)
+        assert batch.v[i] == pytest.approx(run.v[:, [0, 4]], abs=1e-12)
+        assert batch.wall_force[i] == pytest.approx(run.contact_force[:, -1], abs=1e-12)
+
+
+def test_a_batch_with_losses_reaches_the_error_it_reports():
+    chain, v0 = scattered(5, 6)
+    chain = chain._replace(dissipation="hunt-crossley", gamma=np.full(6, 0.1))
+    batch = march_batch(chain, rigid_wall(), v0, duration=15.0, error=1e-4, n_save=15)
+    fine = march_batch(chain, rigid_wall(), v0, duration=15.0, dt=0.005, n_save=15)
+    off = np.abs(batch.v - fine.v).max(axis=(1, 2)) / v0[:, 0]
+    assert off.max() < batch.error_estimate < 1e-4
+
+
 def test_batch_refuses_what_it_does_not_take():
     chain, v0 = scattered(4, 5)
     options = dict(duration=1.0, dt=0.1)
-    with pytest.raises(InvalidChain, match="found preload"):
-        march_batch(chain._replace(preload=1.0), rigid_wall(), v0, **options)
+    with pytest.raises(InvalidChain, match="preload is given for 3 chains, others for 4"):
+        march_batch(chain._replace(preload=np.ones(3)), rigid_wall(), v0, **options)
     with pytest.raises(InvalidChain, match="either dt or error"):
         march_batch(chain, rigid_wall(), v0, duration=1.0)
+    with pytest.raises(InvalidChain, match="scheme 'euler' is unknown"):
+        march_batch(chain, rigid_wall(), v0, scheme="euler", **options)
     chain.A[2, 1] = np.nan
     with pytest.raises(InvalidChain, match="not finite"):
         march_batch(chain, rigid_wall(), v0, **options)
