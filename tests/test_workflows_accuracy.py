@@ -158,10 +158,24 @@ def test_every_part_costs_and_leaves_a_small_error(case):
     assert all(row.error < 1e-4 and row.energy_error < 1e-4 for row in rows)
 
 
-def test_dissipation_is_refused_in_a_sentence():
-    damped = scene("rig-rigid", ("contact.coefficient=0.1",))
-    with pytest.raises(ValueError, match=r"contact\.coefficient"):
-        chain_studies.problem(damped, quiet)
+@pytest.mark.parametrize(
+    ("changes", "allowed"),
+    [
+        (("contact.coefficient=0.3",), 1e-8),
+        (('wall.kind="dashpot"', "wall.coefficient=1e3"), 1e-8),
+        (('contact.dissipation="linear-clipped"', "contact.coefficient=20.0"), 1e-3),
+    ],
+)
+def test_peers_solve_damped_chains_and_dashpots_too(changes, allowed):
+    """The linear law jumps where a contact closes, which leaves any method that steps over it
+    order 1."""
+    damped = chain_studies.problem(scene("rig-rigid", (*SHORT, *changes)), quiet)
+    truth = reference(damped, finer=64.0)
+    assert truth.difference < allowed
+    assert truth.one == "kahan-li8"
+    assert peers.energy_error(damped, np.zeros((1, 12))) is None
+    elastic = chain_studies.problem(scene("rig-rigid", SHORT), quiet)
+    assert np.abs(reference(elastic, finer=64.0).v - truth.v).max() > 1e-3
 
 
 def test_study_becomes_table_csv_and_plots(tmp_path):

@@ -40,15 +40,14 @@ DRAWN = ("verlet", "rkn4", "rkn6", "rkn6a", "suzuki4", "energy4", CONTROLLED)
 
 
 def problem(scene: Scene, watch: Watch) -> Problem:
-    """The scene's chain; raises InvalidScene for parts whose equations the others do not solve."""
+    """The scene's chain; raises InvalidScene for what the integrators cannot be given."""
     if scene.chain is None:
         raise InvalidScene(f"the scene {scene.name} has no [chain]; add one, or take rig-rigid.")
     row, wall = chain(scene), pipeline_of(scene, watch)("wall")
-    if row.dissipation != "none" or (wall is not None and wall.mobility):
+    if not isinstance(wall, dem.Wall | None):
         raise InvalidScene(
-            f"the scene {scene.name} has dissipation in its contacts or a dashpot for a wall, "
-            "which the integrators beside ours are not given; "
-            "take contact.coefficient = 0 and another wall.kind."
+            f"the scene {scene.name} has a wall whose modes its dampers couple, which no scheme of "
+            "this study marches; leave out the dashpots of the joints."
         )
     seen = scene.output.spheres or range(1, scene.chain.count + 1)
     v0, duration = initial_velocity(scene), scene.time.duration
@@ -79,7 +78,7 @@ def _absent() -> tuple[str, ...]:
 
 def _agreement(where: str, truth: Reference) -> str:
     return (
-        f"{where}: the reference, rkn6a with a small step, differs from {truth.other} "
+        f"{where}: the reference, {truth.one} with a small step, differs from {truth.other} "
         f"by {truth.difference:.2g}."
     )
 

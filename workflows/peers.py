@@ -1,9 +1,9 @@
 """What a user would pick instead: integrators of scipy and SUNDIALS on the chain's equations.
 
     m_i x_i'' = F_{i-1} - F_i - k_i (x_i - a_i) + P [i = N],   q'' + 2 zeta omega q' + omega^2 q =
-    phi F_N,   F = A delta^(3/2)
+    phi F_N,   u_d' = F_N / c,   F = A delta^(3/2) and its damping
 
-compiled, in absolute coordinates, y = (x, v, q, q').
+compiled, in absolute coordinates, y = (x, v, q, q', u_d), the dashpot's u_d where there is one.
 """
 
 from collections.abc import Callable
@@ -15,14 +15,17 @@ from numba import njit
 from scipy import integrate
 
 import dem
-from dem.kernels import hertz_indentation
+from dem.chain import LAWS
 from dem.spheres import time_scale
 
+NONE, LINEAR, CLIPPED, HUNT_CROSSLEY = (
+    LAWS[name] for name in ("none", "linear", "linear-clipped", "hunt-crossley")
+)
 SMALLEST_RTOL = 2.3e-14  # scipy raises anything below 100 eps
 
 
 class Problem(NamedTuple):
-    """A chain without dissipation, its wall, the velocities it starts with, what is watched."""
+    """A chain, its wall, the velocities it starts with, what is watched."""
 
     chain: dem.Chain
     wall: dem.Wall | None
@@ -35,7 +38,7 @@ class Problem(NamedTuple):
 class Solution(NamedTuple):
     """Saved states and what they cost; steps is None where the integrator does not count them."""
 
-    y: np.ndarray  # (k, 2 n + 2 n_modes)
+    y: np.ndarray  # (k, 2 n + 2 n_modes), one more for a dashpot
     steps: int | None
     evaluations: int
 
@@ -48,23 +51,61 @@ class Equations(NamedTuple):
     residual: float | None
     preload: float | None
     leaf: np.ndarray | None  # (2, n) stiffness, anchor
+    gamma: np.ndarray | None  # (n,) damping of each contact
+    law: int  # of the damping
+    mobility: float | None
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def rate_into(y, out, spheres, modes, residual, preload, leaf):
+def indentation(gap, A, s):
+    """d of  d + s A d^(3/2) = gap, by Newton's method from above."""
+    if gap <= 0.0:
+        return 0.0
+    e = s * A
+    y = np.sqrt(gap)
+    if e > 0.0:
+        y = min(y, np.cbrt(gap / e))
+    for _ in range(60):
+        change = (gap - y * y * (1.0 + e * y)) / (y * (2.0 + 3.0 * e * y))
+        y += change
+        if abs(change) <= 1e-15 * y:
+            break
+    return y * y
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def damped(force, approach, gamma, law):
+    """Force of a contact with its damping."""
+    if force == 0.0 or law == NONE:
+        return force
+    if law == HUNT_CROSSLEY:
+        return max(force * (1.0 + gamma * approach), 0.0)
+    total = force + gamma * approach
+    return total if law == LINEAR else max(total, 0.0)
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def rate_into(y, out, spheres, modes, residual, preload, leaf, gamma, law, mobility):
     """Write y' to out."""
     n = spheres.shape[1]
     wall = 0.0
+    speed = 0.0
     if modes is not None:
         for j in range(modes.shape[1]):
             wall += modes[0, j] * y[2 * n + j]
+            speed += modes[0, j] * y[2 * n + modes.shape[1] + j]
+    if mobility is not None:
+        wall += y[y.size - 1]
     before = 0.0
     for i in range(n):
         gap = y[i] - (y[i + 1] if i < n - 1 else wall)
         if residual is not None and i == n - 1:
-            gap = hertz_indentation(gap, spheres[1, i], residual)
+            gap = indentation(gap, spheres[1, i], residual)
         gap = max(gap, 0.0)
         force = spheres[1, i] * gap * np.sqrt(gap)
+        if gamma is not None:
+            approach = y[n + i] - (y[n + i + 1] if i < n - 1 else speed)
+            force = damped(force, approach, gamma[i], law)
         total = before - force
         if leaf is not None:
             total -= leaf[0, i] * (y[i] - leaf[1, i])
@@ -79,13 +120,15 @@ def rate_into(y, out, spheres, modes, residual, preload, leaf):
             q, p = y[2 * n + j], y[2 * n + k + j]
             out[2 * n + j] = p
             out[2 * n + k + j] = modes[0, j] * before - modes[1, j] * q - modes[2, j] * p
+    if mobility is not None:
+        out[y.size - 1] = mobility * before
 
 
 @njit(cache=True, error_model="numpy")
-def rate(y, spheres, modes, residual, preload, leaf):
+def rate(y, spheres, modes, residual, preload, leaf, gamma, law, mobility):
     """y' of y."""
     out = np.empty_like(y)
-    rate_into(y, out, spheres, modes, residual, preload, leaf)
+    rate_into(y, out, spheres, modes, residual, preload, leaf, gamma, law, mobility)
     return out
 
 
@@ -93,7 +136,7 @@ def equations(problem: Problem) -> Equations:
     """The constants of a problem."""
     chain, wall = problem.chain, problem.wall
     A = np.append(chain.A, np.zeros(chain.mass.size - chain.A.size))
-    modes = leaf = residual = None
+    modes = leaf = residual = gamma = mobility = None
     if wall is not None and wall.omega.size:
         modes = np.array([wall.phi, wall.omega**2, 2 * wall.zeta * wall.omega])
     if wall is not None and wall.residual_compliance:
@@ -101,13 +144,24 @@ def equations(problem: Problem) -> Equations:
     if np.any(chain.leaf_stiffness):
         anchor = 0.0 if chain.leaf_anchor is None else chain.leaf_anchor
         leaf = np.array([chain.leaf_stiffness, anchor + np.zeros_like(A)])
-    return Equations(np.array([1 / chain.mass, A]), modes, residual, chain.preload or None, leaf)
+    if chain.dissipation != "none":
+        gamma = np.append(chain.gamma, np.zeros(A.size - chain.A.size))
+    if wall is not None and wall.mobility:
+        mobility = float(wall.mobility)
+    spheres, preload = np.array([1 / chain.mass, A]), float(chain.preload) or None
+    law = LAWS[chain.dissipation]
+    return Equations(spheres, modes, residual, preload, leaf, gamma, law, mobility)
 
 
 def initial_state(problem: Problem) -> np.ndarray:
     """y at rest in equilibrium, with the velocities v0."""
     static = dem.equilibrium(problem.chain, problem.wall)
-    return np.concatenate([static.x, problem.v0, static.q, np.zeros_like(static.q)])
+    dashpot = np.zeros(_dashpots(problem))
+    return np.concatenate([static.x, problem.v0, static.q, np.zeros_like(static.q), dashpot])
+
+
+def _dashpots(problem: Problem) -> int:
+    return int(problem.wall is not None and problem.wall.mobility > 0.0)
 
 
 def magnitudes(problem: Problem) -> np.ndarray:
@@ -116,7 +170,8 @@ def magnitudes(problem: Problem) -> np.ndarray:
     k = 0 if problem.wall is None else problem.wall.omega.size
     reach = speed * time_scale(problem.chain.mass[0], problem.chain.A[0], speed)
     modal = np.sqrt(problem.chain.mass[0])
-    return np.repeat([reach, speed, modal * reach, modal * speed], [n, n, k, k])
+    sizes = [reach, speed, modal * reach, modal * speed, reach]
+    return np.repeat(sizes, [n, n, k, k, _dashpots(problem)])
 
 
 def reference(problem: Problem) -> Solution:
@@ -222,8 +277,10 @@ def has_sundials() -> bool:
 
 
 def energy_error(problem: Problem, y: np.ndarray) -> float | None:
-    """Largest change of the energy over the kinetic energy at the start; None for a damped wall."""
-    if problem.wall is not None and np.any(problem.wall.zeta):
+    """Largest change of the energy over the kinetic energy at the start; None with any damping,
+    whose loss the others do not book."""
+    lossy = problem.wall is not None and (np.any(problem.wall.zeta) or problem.wall.mobility)
+    if lossy or problem.chain.dissipation != "none":
         return None
     total = energy(problem, y)
     kinetic = 0.5 * float(problem.chain.mass @ problem.v0**2)
@@ -254,7 +311,7 @@ def _overlaps(constants: Equations, x: np.ndarray, modal: np.ndarray) -> np.ndar
     overlap = np.maximum(x - np.column_stack([x[:, 1:], wall]), 0.0)
     if constants.residual is not None:
         A = constants.spheres[1, -1]
-        overlap[:, -1] = [hertz_indentation(gap, A, constants.residual) for gap in overlap[:, -1]]
+        overlap[:, -1] = [indentation(gap, A, constants.residual) for gap in overlap[:, -1]]
     return overlap
 
 
