@@ -32,7 +32,6 @@ class Panel(NamedTuple):
     lines: Sequence[Line]
     logarithmic: str = ""
     y_limits: tuple[float, float] | None = None
-    x_ticks: Sequence[float] | None = None
 
 
 def panels(sets: Sequence[Panel], *, columns: int = 1, size: tuple[float, float] = (8, 3)) -> bytes:

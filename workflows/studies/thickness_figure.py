@@ -11,9 +11,7 @@ RATIO = "sphere diameter over thickness, D/t"
 def picture(found, negligible: float, sphere: int) -> bytes:
     """ARR, energy lost, contact time and one sphere's rebound over D/t, and the waves."""
     over_thickness = (_arr(found, negligible), _lost(found), _rebound(found), _contact(found))
-    ticks = [2.0**i for i in range(-3, 4)]
-    marked = [panel._replace(x_ticks=ticks) for panel in over_thickness]
-    return panels([*marked, *_waves(found, sphere)], columns=2, size=(5.6, 3.4))
+    return panels([*over_thickness, *_waves(found, sphere)], columns=2, size=(5.6, 3.4))
 
 
 def _over(answers, value) -> tuple[np.ndarray, np.ndarray]:
