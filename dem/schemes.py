@@ -200,12 +200,13 @@ SCHEMES = {
 
 def default_scheme(chain, wall, *, stiffly_damped=False):
     """Name of the scheme that measures best: the linear dampers jump when a contact closes, which
-    only the implicit schemes average; damping faster than the contacts bears no step back in time.
+    only the implicit schemes average; damping faster than the contacts bears no step back in time
+    and is booked right by the implicit scheme alone at steps of the contacts' size.
     """
     dashpot = wall is not None and wall.mobility > 0.0
     jumps = chain.dissipation.startswith("linear") and chain.yield_overlap is None
     if stiffly_damped:
-        return "energy2" if jumps or dashpot else "verlet"
+        return "energy2" if chain.yield_overlap is None else "verlet"
     if jumps:
         return "energy4"
     if chain.dissipation != "none" or chain.yield_overlap is not None:
