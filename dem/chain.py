@@ -104,12 +104,15 @@ def row_of_spheres(
     """Chain of elastic spheres against a flat of the given material (default: rigid).
 
     Material values are scalars or one per sphere; `free` leaves the flat out; `parts` are the
-    further fields of `Chain`, scalars or one per sphere or contact.
+    further fields of `Chain`, scalars or one per sphere or contact. Raises InvalidChain.
     """
     n = count or np.broadcast(radius, density, young, poisson).size
     R, rho, E, nu = (
         np.broadcast_to(np.asarray(p, float), n) for p in (radius, density, young, poisson)
     )
+    for name, values in (("radius", R), ("density", rho), ("young", E)):
+        _vector(name, values, n, positive=True)
+    _vector("poisson", nu, n, at_least=-1.0)
     A = hertz_coefficient(R[:-1], E[:-1], nu[:-1], R[1:], E[1:], nu[1:])
     if not free:
         A = np.append(A, hertz_coefficient(R[-1], E[-1], nu[-1], np.inf, wall_young, wall_poisson))
@@ -117,7 +120,9 @@ def row_of_spheres(
     for name in sizes.keys() & parts.keys():
         if parts[name] is not None:
             parts[name] = np.broadcast_to(np.asarray(parts[name], float), sizes[name]).copy()
-    return Chain(mass(R, rho), R.copy(), A * stiffness_factor, **parts)
+    chain = Chain(mass(R, rho), R.copy(), A * stiffness_factor, **parts)
+    validate(chain, None if free else rigid_wall(), np.zeros(n))
+    return chain
 
 
 def rigid_wall():
@@ -126,18 +131,24 @@ def rigid_wall():
 
 
 def one_dof_wall(frequency, mass, damping_ratio=0.0):
-    """One mass on a spring to the ground; frequency in Hz (0: a free mass)."""
+    """One mass on a spring to the ground; frequency in Hz (0: a free mass). Raises InvalidChain."""
+    _scalar("wall frequency", frequency, at_least=0.0)
+    _above_0("wall mass", mass)
+    _scalar("wall damping_ratio", damping_ratio, at_least=0.0)
     omega = 2.0 * np.pi * frequency
     return Wall(np.array([omega]), np.array([damping_ratio]), np.array([mass**-0.5]))
 
 
 def dashpot_wall(coefficient):
-    """A wall that resists with coefficient * velocity [N s/m]."""
+    """A wall that resists with coefficient * velocity [N s/m]. Raises InvalidChain."""
+    _above_0("dashpot coefficient", coefficient)
     return rigid_wall()._replace(mobility=1.0 / coefficient)
 
 
 def plate_wall(young, poisson, density, thickness):
     """Infinite thin plate, a dashpot of 8 sqrt(D rho h) (Zener, Phys. Rev. 59 (1941) 669)."""
+    for name, value in (("young", young), ("density", density), ("thickness", thickness)):
+        _above_0(f"plate {name}", value)
     D = young * thickness**3 / (12.0 * (1.0 - poisson**2))
     return dashpot_wall(8.0 * np.sqrt(D * density * thickness))
 
@@ -215,11 +226,21 @@ def _scalar(name, value, *, at_least=None):
         _vector(name, np.atleast_1d(value), 1, at_least=at_least)
 
 
+def _above_0(name, value):
+    _vector(name, np.atleast_1d(value), 1, positive=True)
+
+
 def equilibrium(chain, wall):
     """Static state under preload and leaf springs; spheres that nothing holds just touch the next.
 
-    Raises NoEquilibrium.
+    Raises InvalidChain, NoEquilibrium.
     """
+    validate(chain, wall, np.zeros(np.size(chain.mass)))
+    return static_state(chain, wall)
+
+
+def static_state(chain, wall):
+    """`equilibrium` of what is validated."""
     n = chain.mass.size
     n_modes = 0 if wall is None else wall.omega.size
     stiffness = np.zeros(n) if chain.leaf_stiffness is None else chain.leaf_stiffness

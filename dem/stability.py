@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from dem import kernels
-from dem.chain import equilibrium, validate
+from dem.chain import static_state, validate
 from dem.schemes import SCHEMES, default_scheme
 
 _NONE = np.zeros(0)
@@ -108,5 +108,5 @@ def stability_limit(chain, wall, v0, *, scheme=None):
     """Largest meaningful step [s]; contacts that share a sphere can lower it by up to sqrt(2)."""
     validate(chain, wall, v0)
     method = SCHEMES[scheme or default_scheme(chain, wall)]
-    rate = fastest_rate(chain, wall, v0, equilibrium(chain, wall))
+    rate = fastest_rate(chain, wall, v0, static_state(chain, wall))
     return stability_interval(method) / rate if rate > 0.0 else np.inf

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dem import kernels
-from dem.chain import LAWS, Equilibrium, InvalidChain, State, equilibrium, validate
+from dem.chain import LAWS, Equilibrium, InvalidChain, State, static_state, validate
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import BACKWARD, UnstableStep, fastest_decay, refuse_step
 
@@ -95,7 +95,7 @@ def start(chain, wall, v0, static):
 
 def prepare(chain, wall):
     """Static state and the optional parts of a chain and its wall, None where absent."""
-    static = equilibrium(chain, wall)
+    static = static_state(chain, wall)
     if chain.yield_overlap is not None:
         _require_elastic(chain, static)
     springs = _leaf_springs(chain)

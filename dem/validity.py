@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dem.chain import InvalidChain
 from dem.spheres import contact_radius, max_pressure, relative_radius
 
 SMALL_CONTACT = 0.1  # contact radius over the smaller sphere's
@@ -30,8 +31,12 @@ class Strain(NamedTuple):
 def strain(chain, young, contact_force, v) -> Strain:
     """Strain of a run; young (n,) [Pa], contact_force (k, n_contacts), v (k, n).
 
-    Contacts that yield by their own law (`yield_overlap`) count for the pressure no more.
+    Contacts that yield by their own law (`yield_overlap`) count for the pressure no more. Raises
+    InvalidChain.
     """
+    for name, values in (("young", young), ("contact_force", contact_force), ("v", v)):
+        if not np.isfinite(values).all():
+            raise InvalidChain(f"{name} of the run has values that are not finite; march it anew")
     young = np.broadcast_to(np.asarray(young, float), chain.mass.shape)
     peak = np.asarray(contact_force).max(axis=0, initial=0.0)
     R = np.append(relative_radius(chain.radius[:-1], chain.radius[1:]), chain.radius[-1:])
