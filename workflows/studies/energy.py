@@ -99,7 +99,7 @@ def _picture(still: Run, block: Wall, assembly: Wall) -> bytes:
                 "half-space": still.total,
                 "ROM half-space": block.one_functional.total,
                 "assembly": assembly.one_functional.total,
-                "assembly, its share not counted": assembly.one_functional.without_wall,
+                "assembly, wall not counted": assembly.one_functional.without_wall,
             },
         ),
     ]
@@ -128,7 +128,9 @@ def _energies(title: str, totals: dict[str, np.ndarray], full: bool = False) -> 
         Line(name, t, 100 * total, style)
         for (name, total), style in zip(totals.items(), styles, strict=False)
     ]
-    span = (90.0, 110.0) if full else None
+    lowest = min(total.min() for total in totals.values())
+    # room for the legend below the curves
+    span = (90.0, 110.0) if full else (100 * (1.8 * lowest - 0.8) - 1, 103.0)
     return Panel(title, "time [ms]", "energy [% of the striker's]", lines, y_limits=span)
 
 

@@ -50,15 +50,15 @@ def singularity(scene: Scene, watch: Watch) -> Finding:
         with watch(f"contact seed {1e3 * seed:g} mm"):
             answers.append(_answer(scene, seed))
     columns = (
-        "seed_mm", "dofs", "node", "growth", "recovery_points", "patch",
+        "seed_mm", "dofs", "node", "node_itself", "growth", "recovery_points", "patch",
         "structure_by_patch", "structure_by_node",
     )  # fmt: skip
     sunk = [a.node - a.patch_structure for a in answers]
     grown = [None, *(finer / coarser for coarser, finer in pairwise(sunk))]
     rows = tuple(
-        (1e3 * a.seed, a.n_dofs, a.node, g, a.recovery, a.patch, a.patch_structure,
+        (1e3 * a.seed, a.n_dofs, a.node, own, g, a.recovery, a.patch, a.patch_structure,
          a.node_structure)
-        for a, g in zip(answers, grown, strict=True)
+        for a, own, g in zip(answers, sunk, grown, strict=True)
     )  # fmt: skip
     picture = Picture("study_singularity", _picture(answers))
     return Finding("singularity", columns, rows, _sentences(scene, answers, grown), (picture,))
@@ -108,12 +108,14 @@ def _sentences(scene: Scene, answers: list[Answer], grown: list) -> tuple[str, .
     last, before = answers[-1], answers[-2]
     own = np.array([a.patch_structure for a in answers])
     by_node = np.array([a.node_structure for a in answers])
-    least = min(growth for growth in grown if growth)
+    itself = [a.node - a.patch_structure for a in answers]
+    steps = ", ".join(f"{growth:.2f}" for growth in grown if growth)
     reach = f"{1e3 * scene.patch.radius:g} mm"
     return (
         f"Compliances in m/N; recovery points and patch radius at {reach}.",
-        f"The contact node sinks in by {least:.2f} times or more at every halving, over what the "
-        f"structure gives way as a whole: like 1/h, without a limit.",
+        f"The contact node itself, without what the structure gives way as a whole, sinks in by "
+        f"{1e9 * itself[0]:.3g} nm/N on the coarsest mesh and {1e9 * itself[-1]:.3g} on the finest, "
+        f"{steps} times as far at every halving: like 1/h, without a limit.",
         f"Two points {reach} beside it change by {_change(before.recovery, last.recovery)}, the "
         f"patch by {_change(before.patch, last.patch)}.",
         f"What the patch has beyond the half-space under it is the same on all meshes within "
