@@ -114,7 +114,7 @@ def _sentences(scene: Scene, answers: list[Answer], grown: list) -> tuple[str, .
     return (
         f"Compliances in m/N; recovery points and patch radius at {reach}.",
         f"The contact node itself, without what the structure gives way as a whole, sinks in by "
-        f"{1e9 * itself[0]:.3g} nm/N on the coarsest mesh and {1e9 * itself[-1]:.3g} on the finest, "
+        f"{1e9 * itself[0]:.3g} nm/N on the coarsest mesh, {1e9 * itself[-1]:.3g} on the finest, "
         f"{steps} times as far at every halving: like 1/h, without a limit.",
         f"Two points {reach} beside it change by {_change(before.recovery, last.recovery)}, the "
         f"patch by {_change(before.patch, last.patch)}.",
