@@ -288,7 +288,6 @@ def _rest(chain, wall, stiffness, anchor, compliance):
     kernels.static_residual(
         *bearing, compliance if walled else 0.0, force[first:], np.zeros(n - first)
     )
-    x[:first] = x[first]
     if left > 1e-9 * carried:
         raise NoEquilibrium(
             f"no static state found: {left:.3g} N of {carried:.3g} N stay unbalanced; "
