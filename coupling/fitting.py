@@ -5,6 +5,7 @@ not come by yet, contacts ahead of it are held near where they were by a weak sp
 noise for a change of one scale.
 """
 
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from dem import InvalidChain, NoEquilibrium
 PRIOR = 3e-5  # of the fastest sphere, in the rms misfit
 CONVERGED = 1e-10
 IMPOSSIBLE = 1e3  # residual of a run that cannot be, over the fastest sphere
+CLOSE = 4  # contacts, between the ends of a cycle
 DISTINCT = 0.1  # scales between two contacts that are worth an exchange
 
 
@@ -95,22 +97,29 @@ class Fit:
         return Solution(whole(found.x), misfit, found.nfev, found.status > 0)
 
     def exchanged(
-        self, z: np.ndarray, free: np.ndarray, windows: np.ndarray
+        self, z: np.ndarray, free: np.ndarray, windows: np.ndarray, *, cycles: bool = False
     ) -> list[tuple[float, np.ndarray]]:
-        """Every exchange of two contacts: the misfit to first order once the rest has followed,
-        and z with the exchange; the best first."""
+        """Every exchange of two contacts, or every cycle of three that lie close: the misfit to
+        first order once the rest has followed, and z with the exchange; the best first."""
         Q, _ = np.linalg.qr(self.jacobian(z, windows)[:, free])
         contacts = [i for i, p in enumerate(self.parameters) if p.kind == "contact" and free[i]]
         found = []
-        for a, i in enumerate(contacts):
-            for j in contacts[a + 1 :]:
-                if abs(z[i] - z[j]) < DISTINCT:
-                    continue
-                other = z.copy()
-                other[[i, j]] = z[[j, i]]
-                left = self.residual(other, windows)
-                found.append((rms(left - Q @ (Q.T @ left)), other))
+        for order in _cycles(contacts) if cycles else combinations(contacts, 2):
+            other = z.copy()
+            other[list(order)] = z[[*order[1:], order[0]]]
+            if np.abs(other - z).max() < DISTINCT:
+                continue
+            left = self.residual(other, windows)
+            found.append((rms(left - Q @ (Q.T @ left)), other))
         return sorted(found, key=lambda pair: pair[0])
+
+
+def _cycles(contacts: list[int]):
+    """Both cycles of any three contacts within CLOSE of each other."""
+    for i, j, k in combinations(contacts, 3):
+        if k - i <= CLOSE:
+            yield i, j, k
+            yield i, k, j
 
 
 def weights(spread: np.ndarray) -> np.ndarray:

@@ -20,9 +20,9 @@ LENGTHENINGS = 8
 MOST = 25  # model runs of a fit on the fine model
 ROUGH = 1e-4  # of the fastest sphere: misfit of the first waves that the last stage can better
 TRIED = 6  # exchanges fitted in a round
-ROUNDS = 3
-MOST_TRIED = 1200  # model runs of a start that go into exchanges
-CORRELATED = 10.0  # samples of noise, at most, that go together
+ROUNDS = 5
+MOST_TRIED = 3000  # model runs of a start that go into exchanges
+CORRELATED = 5.0  # samples of noise, at most, that go together
 SCATTER = 0.5  # of a further start, in scales
 SAME = 1.05  # misfits of two starts that found the same
 EXACT = 1e-5  # of the fastest sphere: a misfit that needs no further search
@@ -99,8 +99,8 @@ class Search:
         return rms(self.coarse.forward.velocities(start) - finer.velocities(start))
 
     def enough(self, samples: int) -> float:
-        """Misfit [m/s] that needs no further search: three sigma above the noise."""
-        spread = 3.0 * np.sqrt(CORRELATED / (2.0 * samples))
+        """Misfit [m/s] that needs no further search: half a sigma above the noise."""
+        spread = 0.5 * np.sqrt(CORRELATED / (2.0 * samples))
         return float(np.hypot(self.noise * (1.0 + spread), self.exact))
 
     def windows(self, fit: Fit, end: float = np.inf) -> np.ndarray:
@@ -174,27 +174,34 @@ class Search:
         return z, step.misfit, spent
 
     def _by_exchanges(self, best, free, windows, prior, enough) -> tuple[Solution, int]:
-        """The best of a fit and of those with contacts exchanged, as long as that helps."""
-        spent = 0
+        """The best of a fit and of those with contacts exchanged, as long as that helps: two at a
+        time, then cycles of three, then two again."""
+        spent, cycles = 0, False
         for _ in range(ROUNDS):
-            if self.tried > MOST_TRIED:
+            if best.misfit <= enough or self.tried + spent > MOST_TRIED:
                 break
-            exchanges = self.coarse.exchanged(best.z, free, windows)
-            spent += len(exchanges)
-            before = best
-            for guess, other in exchanges[:TRIED]:
-                if guess > WORSE * before.misfit:
-                    break
-                trial = self.coarse.solved(
-                    other, free, windows, most=8, prior=prior, tolerance=1e-4
-                )
-                spent += trial.evaluations
-                best = min(best, trial, key=lambda solution: solution.misfit)
-                if best.misfit < 0.5 * before.misfit:
-                    break
-            if best.misfit > BETTER * before.misfit or best.misfit <= enough:
+            exchanges = self.coarse.exchanged(best.z, free, windows, cycles=cycles)
+            trial, more = self._least(best, exchanges, free, windows, prior)
+            spent += len(exchanges) + more
+            helped = trial.misfit < BETTER * best.misfit
+            best = min(best, trial, key=lambda solution: solution.misfit)
+            if not helped and cycles:
                 break
+            cycles = not helped
         self.tried += spent
+        return best, spent
+
+    def _least(self, before, exchanges, free, windows, prior) -> tuple[Solution, int]:
+        """The best fit from the most promising exchanges."""
+        best, spent = before, 0
+        for guess, other in exchanges[:TRIED]:
+            if guess > WORSE * before.misfit:
+                break
+            trial = self.coarse.solved(other, free, windows, most=8, prior=prior, tolerance=1e-4)
+            spent += trial.evaluations
+            best = min(best, trial, key=lambda solution: solution.misfit)
+            if best.misfit < 0.5 * before.misfit:
+                break
         return best, spent
 
     def _wall(self, z: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, Scan | None]:
@@ -237,12 +244,13 @@ class Search:
         t = self.coarse.forward.signals.t[:, None]
         everything = np.ones_like(self.coarse.data, bool)
         best = self.coarse.solved(z, self.every, everything, most=12, tolerance=1e-5)
-        if best.misfit > self.enough(self.coarse.data.size):
+        enough = self.enough(self.coarse.data.size)
+        # two rigs that differ by an exchange may both leave no more than noise: the least is meant
+        best, _ = self._by_exchanges(best, self.every, everything, False, self.exact)
+        if best.misfit > enough:
             ends = self._ends(0.5, t[-1, 0], LENGTHENINGS)
             windows = [(t <= end) | (t <= self.first_waves) for end in ends]
             other, misfit, _ = self._lengthened(z, self.every, windows, 0.0)
-            if misfit > self.enough(self.coarse.data.size):
-                best, _ = self._by_exchanges(best, self.every, everything, False, 0.0)
             best = best if best.misfit <= misfit else best._replace(z=other, misfit=misfit)
         whole = np.ones_like(self.fine.data, bool)
         return self._polished("all, all waves", best.z, self.every, whole, began)

@@ -241,3 +241,14 @@ def test_the_commands_refuse_with_status_2_and_one_sentence(tmp_path, data, monk
         with pytest.raises(SystemExit) as ended:
             cli.main()
         assert ended.value.code == 2, line
+
+
+def test_three_lasers_give_seventeen_contacts_and_the_wall_without_noise():
+    """0.1 % is asked for; the steps of model and data leave 1e-5."""
+    thesis = scene("rig-1dof")
+    setting = experiment.Twin(noise=0.0, repeats=1, seed=1)
+    found, _ = experiment.twin_run(thesis, wall(thesis), setting, Request())
+    rows = [row for row in found.report.parameters if row.name != "trigger"]
+    assert thesis.output.spheres == (1, 4, 14) and len(rows) == 19
+    for row in rows:
+        assert row.found == pytest.approx(row.truth, rel=1e-3), row.name

@@ -11,6 +11,7 @@ from workflows.velocity_file import SYNTHETIC
 
 IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one that may be 0
 WEAK = 0.5
+SUSPICIOUS = 1.05  # what noise alone reaches once in a thousand records
 EXPLAINED = 1.5  # misfit over the noise of the mean
 BLURRED = 0.2  # step error over the misfit that is worth a sentence
 
@@ -144,6 +145,11 @@ def _remarks(scene: Scene, fit: coupling.Calibration, noise: float | None):
             "their scales); nothing is left undetermined."
         )
     total = float(np.sqrt(np.mean(fit.misfit**2)))
+    if noise is not None and SUSPICIOUS * noise < total <= EXPLAINED * noise:
+        yield (
+            f"The misfit is {total / noise:.3g} times the noise of the mean: contacts that no laser "
+            "stands between may be exchanged, try more --starts or measure further spheres."
+        )
     if noise is not None and total > EXPLAINED * noise:
         yield (
             f"The misfit of {1e3 * total:.3g} mm/s is {total / noise:.2g} times the noise of the "
