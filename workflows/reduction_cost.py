@@ -1,11 +1,11 @@
 """What a reduction costs beside an eigen-solve, and a march with its modes beside a rigid wall's.
 
-Seconds are the least of some repeats, taken in turns, so that a machine with other work to do is
-slow for all of them alike; trust the ratios.
+Seconds are those of the processor, the least of some repeats taken in turns: a machine that has
+other work to do spoils them least so. BLAS runs on one thread.
 """
 
 from collections.abc import Callable, Iterator
-from time import perf_counter
+from time import process_time
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,7 @@ from workflows.scene import Scene
 
 KIND = "free-modes"
 ERROR = 1e-4  # of the reduction, and of the marches that are compared
-REPEATS = 5
+REPEATS = 15
 
 
 class Contact(NamedTuple):
@@ -73,13 +73,13 @@ def marched(scene: Scene, wall: dem.Wall, finer: float) -> dem.Trajectory:
 
 
 def least_seconds(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
-    """Seconds of the quickest of some runs of every call, the calls in turns."""
+    """Processor seconds of the quickest of some runs of every call, the calls in turns."""
     best = [np.inf] * len(calls)
     for _ in range(repeats):
         for i, call in enumerate(calls):
-            started = perf_counter()
+            started = process_time()
             call()
-            best[i] = min(best[i], perf_counter() - started)
+            best[i] = min(best[i], process_time() - started)
     return best
 
 
