@@ -55,7 +55,7 @@ def test_the_folder_holds_every_file_of_the_contract(run):
     folder, summary = run
     wanted = {
         "scene.toml", "summary.json", "trajectory.npz", "rom.npz", "rom.mat", "modes.vtu",
-        "report.html", "velocities.png", "energies.png", "frequency_response.png",
+        "report.html", "velocities.png", "waves.png", "energies.png", "frequency_response.png",
     }  # fmt: skip
     if not summary["warnings"]:
         wanted |= {"assembly.png", "modes.png"}
@@ -177,7 +177,8 @@ def test_a_wall_without_the_assembly_builds_none_of_it(run, capsys):
     assert coarse("run", "--set=wall.kind=rigid", "--out=out", "--json") == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["modes_hz"] == {}
-    assert {stage["name"] for stage in summary["stages"]} == {"wall", "impact", "figures"}
+    stages = {stage["name"] for stage in summary["stages"]}
+    assert stages == {"wall", "impact", "waves", "figures"}
 
 
 def test_the_built_in_scene_has_the_dimensions_of_the_geometry():
