@@ -77,6 +77,8 @@ def calibrated(
     report = report_of(scene, source, measured, fit, signals, noise, left_out)
     report.seconds = perf_counter() - began
     report.remarks += [*remarks, *more]
+    if not any(p.kind == "trigger" for p in parameters):
+        report.remarks.append(f"The first touch was held at {1e6 * trigger:.5g} us of the record.")
     name = f"{scene.name}-calibrated"
     result = free_parameters.calibrated_scene(scene, fit.parameters, fit.value, name)
     return Calibrated(result, report, fit, signals)

@@ -38,10 +38,14 @@ def _face(report: CalibrationReport) -> str:
     return f"# {SYNTHETIC}\n" if report.synthetic else ""
 
 
+def _value(row) -> str:
+    return f"{row.found:.6g} {row.unit}".rstrip()
+
+
 def _scene_text(found) -> str:
     """The scene as TOML, with comments on what was calibrated and how well."""
     report = found.report
-    lines = [f"# {row.name} = {row.found:.6g} {row.unit} calibrated to {report.data}, "
+    lines = [f"# {row.name} = {_value(row)} calibrated to {report.data}, "
              f"two sigma {'-' if row.two_sigma is None else format(row.two_sigma, '.2g')}, "
              f"identifiable: {row.identifiable}" for row in report.parameters]  # fmt: skip
     factors = "# Contact factors are on contact.stiffness_factor of the scene that was fitted.\n"

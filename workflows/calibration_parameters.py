@@ -25,7 +25,8 @@ NAMES = (
 def usual(scene: Scene) -> str:
     """What is freed unless the user says."""
     wall = ",wall.frequency" if isinstance(scene.wall, OneDofWall) else ""
-    return f"contacts,striker,trigger{wall}"
+    striker = ",striker" if scene.striker else ""
+    return f"contacts{striker},trigger{wall}"
 
 
 def rig(scene: Scene, wall: dem.Wall | None, trigger: float) -> coupling.Rig:

@@ -147,8 +147,8 @@ def _remarks(scene: Scene, fit: coupling.Calibration, noise: float | None):
     total = float(np.sqrt(np.mean(fit.misfit**2)))
     if noise is not None and SUSPICIOUS * noise < total <= EXPLAINED * noise:
         yield (
-            f"The misfit is {total / noise:.3g} times the noise of the mean: contacts that no laser "
-            "stands between may be exchanged, try more --starts or measure further spheres."
+            f"The misfit is {total / noise:.3g} times the noise of the mean: contacts that no "
+            "laser stands between may be exchanged, try more --starts or measure further spheres."
         )
     if noise is not None and total > EXPLAINED * noise:
         yield (

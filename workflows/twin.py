@@ -141,7 +141,8 @@ def clean(scene: Scene, wall: dem.Wall | None, twin: Twin, made_by: Truth) -> Cl
     v = np.vstack([np.tile(v0[observed], (lead, 1)), found.trajectory.v[:, observed]])
     sos = butter(4, twin.instrument, fs=rate, output="sos")
     v = sosfilt(sos, v, axis=0, zi=sosfilt_zi(sos)[:, :, None] * v[0])[0]
-    return Clean(np.arange(len(v)) / rate, v, scene.output.spheres)
+    late = coupling.Filter(instrument=twin.instrument).lag(1.0 / rate)
+    return Clean(np.arange(len(v)) / rate + late, v, scene.output.spheres)
 
 
 def measured(made: Clean, twin: Twin, run: int = 0) -> Record:
@@ -149,7 +150,7 @@ def measured(made: Clean, twin: Twin, run: int = 0) -> Record:
     rng = np.random.default_rng([twin.seed, 1, run])
     edge = int(np.ceil(4 * twin.jitter * twin.sampling * OVERSAMPLED)) if twin.repeats > 1 else 0
     last = len(made.t) - 1 - edge
-    t = np.arange(0, int(made.t[last] * twin.sampling) + 1) / twin.sampling
+    t = np.arange(0, int((made.t[last] - made.t[0]) * twin.sampling) + 1) / twin.sampling
     late = twin.jitter * rng.standard_normal(twin.repeats) if twin.repeats > 1 else np.zeros(1)
     late -= late.mean()
     signals = [np.array([np.interp(t - s, made.t, x) for x in made.v.T]).T for s in late]
