@@ -357,3 +357,22 @@ def test_scenes_are_listed_and_printed(capsys):
 def test_a_missing_scene_name_is_refused(capsys):
     assert beadwave("scene", "rig-rum") == 2
     assert "rig-rom" in capsys.readouterr().err
+
+
+def test_the_summary_names_the_waves_and_states_the_blow_at_the_wall(capsys):
+    """references.md, section 4: times and peaks of the chain on a rigid wall, in t_s and V."""
+    assert beadwave("impact", "rig-rigid", "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    arrivals = summary["waves"]["14"]["arrivals"]
+    assert [a["name"] for a in arrivals[:2]] == ["incident", "reflected 1"]
+    unit = 39.5e-6
+    assert arrivals[1]["time_s"] == pytest.approx(24.1637 * unit, rel=2e-3)
+    assert arrivals[1]["peak_velocity_m_s"] == pytest.approx(-0.65665 * 0.31, rel=1e-3)
+    assert all(a["alone"] and a["quality"] > 0.95 for a in arrivals[:2])
+    blow = summary["wall_contact"]
+    assert blow["tof_s"] == pytest.approx(blow["contact_time_s"] + blow["travelling_time_s"])
+    assert blow["velocity_sum_ratio_2_8"] == pytest.approx(1.36, abs=0.02)
+    assert blow["energy_restitution"] == pytest.approx(1.0, abs=1e-3)
+    # mean over the chain, whose ends are faster than the steady wave's 541 m/s
+    assert blow["speed_in_m_s"] == pytest.approx(541, rel=0.02)
+    assert blow["trains"][0]["name"] == "incident"

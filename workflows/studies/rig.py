@@ -181,11 +181,10 @@ def _sentences(default: Case, others: list[Case]) -> tuple[str, ...]:
         f'"{v.statement}": {"holds" if v.holds else "does not hold"} ({v.number}).'
         for v in default.verdicts
     )
-    always = [
-        verdict.statement
+    kept = (
+        f"{sum(case.verdicts[i].holds for case in others)} ({verdict.statement})"
         for i, verdict in enumerate(default.verdicts)
-        if all(case.verdicts[i].holds for case in (default, *others))
-    ]
+    )
     arm, leaf = scene.preload, scene.leaf_springs
     return (
         f"Defaults: preload {arm.force:g} N, arm {arm.mass:g} kg, leaf springs "
@@ -193,7 +192,7 @@ def _sentences(default: Case, others: list[Case]) -> tuple[str, ...]:
         f"dissipation, radius {np.atleast_1d(scene.chain.radius)[-1]:g} m: inferred from the "
         "statements below, nothing of it measured.",
         *judged,
-        f"Whatever is changed, these hold: {'; '.join(always) or 'none'}.",
+        f"Of {len(others)} changes, so many leave a statement true: {'; '.join(kept)}.",
         "Shifts are those of the reflected waves at sphere 14 against the default, on the wall "
         f"{MAIN} ({one_dof(907)} where its mass changes); distances are those of the study walls.",
     )
