@@ -213,11 +213,13 @@ def _rigid(problem: Pencil, known: EigenPairs | None) -> np.ndarray:
 
 
 def known_or_rigid(problem: Pencil, known: EigenPairs | None) -> EigenPairs:
-    """The modes to keep whatever the contact says: those handed in, else the rigid-body ones."""
-    if known is not None:
-        return known
+    """The modes to keep whatever the contact says: the rigid-body ones and those handed in."""
     rigid = _rigid(problem, None)
-    return EigenPairs(np.zeros(rigid.shape[1]), rigid)
+    if known is None:
+        return EigenPairs(np.zeros(rigid.shape[1]), rigid)
+    elastic = known.omega > 0  # of the rigid-body ones those handed in may be a part
+    omega = np.append(np.zeros(rigid.shape[1]), known.omega[elastic])
+    return EigenPairs(omega, np.column_stack([rigid, known.phi[:, elastic]]))
 
 
 def _cut(pairs: EigenPairs, n_modes: int | None, cutoff_hz: float | None) -> EigenPairs:
