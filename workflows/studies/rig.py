@@ -27,6 +27,7 @@ ERROR = 1e-3  # of the velocities
 N_SAVE = 1500
 SPHERES = tuple(SEEN)
 NUMBERS = (1, 2, 3, 4)
+STIFFNESS = 200.0  # N/m, of leaf springs where a scene has none
 LIGHT_ARM = [(force, press) for force in (5.0, 15.0, 40.0, 80.0) for press in (0.0, 0.3, 1.0)]
 
 
@@ -67,18 +68,17 @@ def rig(scene: Scene, watch: Watch) -> Finding:
 
 def _variations(scene: Scene) -> Iterator[Variation]:
     yield Variation("default", 0.0, scene)
-    arm, leaf = scene.preload or Preload(), scene.leaf_springs or LeafSprings()
+    arm, (stiffness, press_now) = scene.preload or Preload(), _leaf_springs(scene)
     for mass in (0.0, 0.034, 0.067, 0.1, 0.17):
         changed = arm.model_copy(update={"mass": mass})
         yield Variation("arm's mass [kg]", mass, _with(scene, preload=changed))
     for force in (5.0, 10.0, 25.0, 50.0):
         changed = arm.model_copy(update={"force": force})
         yield Variation("preload [N]", force, _with(scene, preload=changed))
-    stiffness, offset = leaf.stiffness, leaf.offset
     for press in (0.0, 0.1, 1.0):
         yield Variation("leaf springs' press [N]", press, _pressed(scene, stiffness, press))
     for value in (50.0, 1000.0):
-        yield Variation("leaf stiffness [N/m]", value, _pressed(scene, value, stiffness * offset))
+        yield Variation("leaf stiffness [N/m]", value, _pressed(scene, value, press_now))
     for value in (0.05, 0.2):
         changed = scene.contact.model_copy(
             update={"dissipation": "hunt-crossley", "coefficient": value}
@@ -101,6 +101,13 @@ def _pressed(scene: Scene, stiffness: float, press: float) -> Scene:
     if not press:
         return _with(scene, leaf_springs=None)
     return _with(scene, leaf_springs=LeafSprings(stiffness=stiffness, offset=press / stiffness))
+
+
+def _leaf_springs(scene: Scene) -> tuple[float, float]:
+    """Largest stiffness [N/m] and press [N] of the scene's leaf springs, usual ones for none."""
+    leaf = scene.leaf_springs or LeafSprings()
+    stiffness = np.asarray(leaf.stiffness)
+    return float(stiffness.max()) or STIFFNESS, float(np.max(stiffness * np.asarray(leaf.offset)))
 
 
 def _stiff_end(scene: Scene, factor: float):
@@ -155,7 +162,7 @@ def _light_arms(scene: Scene, walls: list[Standing]) -> str:
     tried = [wall for wall in walls if wall.name in (MAIN, HALF_SPACE, one_dof(240))]
     seen = []
     for force, press in LIGHT_ARM:
-        pressed = _pressed(scene, 200.0, press)
+        pressed = _pressed(scene, STIFFNESS, press)
         light = _with(pressed, preload=Preload(force=force, mass=0.0))
         for wall in tried:
             run = _struck(Variation("", 0.0, light), wall)
@@ -185,12 +192,12 @@ def _sentences(default: Case, others: list[Case]) -> tuple[str, ...]:
         f"{sum(case.verdicts[i].holds for case in others)} ({verdict.statement})"
         for i, verdict in enumerate(default.verdicts)
     )
-    arm, leaf = scene.preload, scene.leaf_springs
+    arm, (stiffness, press) = scene.preload or Preload(), _leaf_springs(scene)
     return (
         f"Defaults: preload {arm.force:g} N, arm {arm.mass:g} kg, leaf springs "
-        f"{leaf.stiffness:g} N/m that press with {leaf.stiffness * leaf.offset:g} N each, no "
-        f"dissipation, radius {np.atleast_1d(scene.chain.radius)[-1]:g} m: inferred from the "
-        "statements below, nothing of it measured.",
+        f"{stiffness:g} N/m that press with {press:g} N each, dissipation "
+        f"{np.max(scene.contact.coefficient):g} s/m, radius {np.max(scene.chain.radius):g} m: "
+        "inferred from the statements below, nothing of it measured.",
         *judged,
         f"Of {len(others)} changes, so many leave a statement true: {'; '.join(kept)}.",
         "Shifts are those of the reflected waves at sphere 14 against the default, on the wall "
