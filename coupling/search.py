@@ -22,6 +22,7 @@ ROUGH = 1e-4  # of the fastest sphere: misfit of the first waves that the last s
 TRIED = 6  # exchanges fitted in a round
 ROUNDS = 5
 MOST_TRIED = 3000  # model runs of a start that go into exchanges
+ENDED = 1.5  # sigmas above the noise at which a search has ended
 CORRELATED = 5.0  # samples of noise, at most, that go together
 SCATTER = 0.5  # of a further start, in scales
 SAME = 1.05  # misfits of two starts that found the same
@@ -98,9 +99,9 @@ class Search:
         )
         return rms(self.coarse.forward.velocities(start) - finer.velocities(start))
 
-    def enough(self, samples: int) -> float:
-        """Misfit [m/s] that needs no further search: half a sigma above the noise."""
-        spread = 0.5 * np.sqrt(CORRELATED / (2.0 * samples))
+    def enough(self, samples: int, sigmas: float = 0.5) -> float:
+        """Misfit [m/s] that needs no further search, so many sigmas above the noise."""
+        spread = sigmas * np.sqrt(CORRELATED / (2.0 * samples))
         return float(np.hypot(self.noise * (1.0 + spread), self.exact))
 
     def windows(self, fit: Fit, end: float = np.inf) -> np.ndarray:
@@ -116,7 +117,7 @@ class Search:
         tried = []
         for begin in self._starts(z):
             tried.append(self._once(begin))
-            if tried[-1].misfit <= self.enough(self.fine.data.size):
+            if tried[-1].misfit <= self.enough(self.fine.data.size, ENDED):
                 break
         least = min(end.misfit for end in tried)
         self.starts, self.same_starts = len(tried), sum(e.misfit <= SAME * least for e in tried)
@@ -173,11 +174,13 @@ class Search:
             z = step.z
         return z, step.misfit, spent
 
-    def _by_exchanges(self, best, free, windows, prior, enough) -> tuple[Solution, int]:
+    def _by_exchanges(
+        self, best, free, windows, prior, enough, rounds=ROUNDS
+    ) -> tuple[Solution, int]:
         """The best of a fit and of those with contacts exchanged, as long as that helps: two at a
         time, then cycles of three, then two again."""
         spent, cycles = 0, False
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             if best.misfit <= enough or self.tried + spent > MOST_TRIED:
                 break
             exchanges = self.coarse.exchanged(best.z, free, windows, cycles=cycles)
@@ -244,9 +247,10 @@ class Search:
         t = self.coarse.forward.signals.t[:, None]
         everything = np.ones_like(self.coarse.data, bool)
         best = self.coarse.solved(z, self.every, everything, most=12, tolerance=1e-5)
-        enough = self.enough(self.coarse.data.size)
+        enough = self.enough(self.coarse.data.size, ENDED)
         # two rigs that differ by an exchange may both leave no more than noise: the least is meant
-        best, _ = self._by_exchanges(best, self.every, everything, False, self.exact)
+        rounds = 1 if best.misfit <= enough else ROUNDS
+        best, _ = self._by_exchanges(best, self.every, everything, False, self.exact, rounds)
         if best.misfit > enough:
             ends = self._ends(0.5, t[-1, 0], LENGTHENINGS)
             windows = [(t <= end) | (t <= self.first_waves) for end in ends]
