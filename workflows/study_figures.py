@@ -69,13 +69,13 @@ def matrix(values: NDArray[np.float64], names: Sequence[str], label: str) -> byt
 
 
 def _log_ticks(axis, values: Iterable[NDArray[np.float64]], *, plain: bool) -> None:
-    """Every tick named over one decade, 2 and 5 too over two; beyond, `plain` numbers or powers."""
+    """Every tick named in a narrow span, 1, 2 and 5 in a wide one; beyond, `plain` or powers."""
     every = np.concatenate([np.ravel(some) for some in values])
     span = every.max() / every.min() if every.min() > 0 else np.inf
     if plain or span < 200:
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("{x:g}" if span < 200 else NullFormatter())
-    if 15 <= span < 200:
+    if 6 <= span < 200:
         axis.set_minor_locator(LogLocator(subs=(2, 5)))
 
 
