@@ -1,4 +1,3 @@
-from coupling.calibration import Calibration, calibrate
 from coupling.coupled_wall import (
     CoupledWall,
     EnergyGain,
@@ -17,9 +16,7 @@ from coupling.damping import (
     rayleigh,
 )
 from coupling.errors import CouplingError
-from coupling.forward import Forward
 from coupling.march import Impact, impact
-from coupling.parameters import Parameter, Rig, rig_at
 from coupling.plate import (
     Plate,
     group_speed,
@@ -29,9 +26,6 @@ from coupling.plate import (
 )
 from coupling.pruning import LeftOut, Pruning, mode_costs, prune
 from coupling.radiation import radiated_energy
-from coupling.search import Options
-from coupling.signals import Aligned, Filter, Signals, aligned, lag_of
-from coupling.uncertainty import Combination, Uncertainty
 from coupling.verdict import Verdict, predicted_peak_force, verdict
 from coupling.wall import (
     half_space_compliance,
@@ -42,30 +36,18 @@ from coupling.wall import (
 
 __all__ = [
     "UNCOUPLED",
-    "Aligned",
-    "Calibration",
-    "Combination",
     "CoupledWall",
     "CouplingError",
     "Damping",
     "EnergyGain",
-    "Filter",
-    "Forward",
     "Impact",
     "LeftOut",
     "ModalDamping",
-    "Options",
-    "Parameter",
     "Plate",
     "Pruning",
     "RayleighDamping",
-    "Rig",
-    "Signals",
-    "Uncertainty",
     "Verdict",
-    "aligned",
     "as_coupled",
-    "calibrate",
     "coupled_wall",
     "damping_ratios",
     "energy_gain",
@@ -74,7 +56,6 @@ __all__ = [
     "impact",
     "inelasticity",
     "infinite_plate",
-    "lag_of",
     "largest_monotone_force",
     "march_coupled",
     "modal_coupling",
@@ -84,7 +65,6 @@ __all__ = [
     "radiated_energy",
     "rayleigh",
     "require_monotone",
-    "rig_at",
     "slenderness",
     "verdict",
     "wall_from_reduced",

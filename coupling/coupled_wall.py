@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import solve_ivp
 
 from coupling.damping import Damping, damping_ratios
 from coupling.errors import CouplingError
@@ -130,6 +129,8 @@ def march_coupled(
     error bounds the relative error of one step, not that of the run: error_estimate stays None.
     wall_x, the displacement that is read, is without the residual spring. Raises CouplingError.
     """
+    from scipy.integrate import solve_ivp  # half a second that no other wall pays for
+
     motion = _Motion(chain, wall)
     t = np.linspace(0, duration, n_save + 1)
     start, scale = motion.start(np.asarray(v0, dtype=float))

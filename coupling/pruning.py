@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from coupling.march import Impact, impact
 from coupling.wall import largest_monotone_force
@@ -115,6 +114,8 @@ def _cheaper_way(wall: Wall, j: int, F: np.ndarray, slope: np.ndarray, h: float)
 
 def oscillation(F: np.ndarray, omega: float, zeta: float, h: float) -> np.ndarray:
     """q (k,) of q'' + 2 zeta omega q' + omega^2 q = F from rest, F held over steps of h [s]."""
+    from scipy.signal import lfilter  # half a second that a run without pruning does not pay for
+
     if omega == 0:
         p = h * np.append(0, np.cumsum(F)[:-1])
         return np.append(0, np.cumsum(h * p + h**2 / 2 * F)[:-1])

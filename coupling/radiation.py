@@ -14,8 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import quad
-from scipy.optimize import brentq
 
 
 class Shares(NamedTuple):
@@ -27,6 +25,8 @@ class Shares(NamedTuple):
 
 def lamb_integral(poisson: float) -> Shares:
     """I of a half-space; the surface wave takes 0.674 of it for nu = 1/4 (Miller and Pursey)."""
+    from scipy.integrate import quad  # loaded by who asks for radiated energy alone
+
     g = np.sqrt((1 - 2 * poisson) / (2 * (1 - poisson)))
     slow = quad(_below_longitudinal, 0, g, args=(g,))[0]
     fast = quad(_below_shear, g, 1, args=(g,))[0]
@@ -44,6 +44,8 @@ def _below_shear(s: float, g: float) -> float:
 
 
 def _surface(g: float) -> float:
+    from scipy.optimize import brentq
+
     s = brentq(_rayleigh, 1 + 1e-12, 3, args=(g,), xtol=1e-14)
     slope = (_rayleigh(s * (1 + 1e-6), g) - _rayleigh(s * (1 - 1e-6), g)) / (2e-6 * s)
     return float(np.pi * s * np.sqrt(s**2 - g**2) / abs(slope))

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-import coupling
 import dem
-from coupling.signals import first_waves_end
+from coupling.calibration import calibrate
+from coupling.forward import Forward
+from coupling.parameters import Parameter, Rig
+from coupling.search import Options
+from coupling.signals import Filter, Signals, aligned, first_waves_end
 from coupling.uncertainty import uncertainty
 
 N = 6
@@ -19,15 +22,15 @@ def rig(wall_hz=900.0):
     )
     wall = dem.one_dof_wall(wall_hz, 0.5, 0.05)
     v0 = np.array([0.31] + [0.0] * (N - 1))
-    return coupling.Rig(chain, wall, v0, np.ones((1, 1)))
+    return Rig(chain, wall, v0, np.ones((1, 1)))
 
 
 def contact(i):
-    return coupling.Parameter(f"contact {i + 1}", "contact", 1.0, 0.2, 5.0, 0.1, "", i)
+    return Parameter(f"contact {i + 1}", "contact", 1.0, 0.2, 5.0, 0.1, "", i)
 
 
 def named(kind, start, scale):
-    return coupling.Parameter(kind, kind, start, start - 5 * scale, start + 5 * scale, scale)
+    return Parameter(kind, kind, start, start - 5 * scale, start + 5 * scale, scale)
 
 
 EVERY = (
@@ -39,14 +42,14 @@ EVERY = (
 
 def blank(spheres=(0, 3)):
     m = len(spheres)
-    return coupling.Signals(T, np.zeros((len(T), m)), spheres, np.full(m, np.nan))
+    return Signals(T, np.zeros((len(T), m)), spheres, np.full(m, np.nan))
 
 
 def test_derivatives_hold_through_trigger_and_filters():
     """Central differences of order 4 over 1e-4 of a scale: 1e-16 / 1e-4 of rounding, and what a
     contact that opens has in its second derivative; 1e-6 is asked for."""
-    filters = coupling.Filter(band=120e3, instrument=80e3)
-    forward = coupling.Forward(rig(), EVERY, blank(), filters)
+    filters = Filter(band=120e3, instrument=80e3)
+    forward = Forward(rig(), EVERY, blank(), filters)
     theta = forward.start
     _, exact = forward.velocities_and_tangents(theta)
     for j, p in enumerate(EVERY):
@@ -62,21 +65,21 @@ def test_derivatives_hold_through_trigger_and_filters():
 def test_repeats_are_moved_onto_each_other():
     """Noise of 1e-3 m/s on slopes of 4e3 m/s^2 over 200 samples leaves 20 ns each."""
     rng, late = np.random.default_rng(0), np.array([0.0, 7.3e-6, -12.1e-6, 2.4e-6])
-    forward = coupling.Forward(rig(), (), blank(), coupling.Filter())
+    forward = Forward(rig(), (), blank(), Filter())
     v = [forward.velocities(np.zeros(0)) for forward in (
-        coupling.Forward(rig()._replace(trigger=8e-5 + s), (), blank()) for s in late)]  # fmt: skip
+        Forward(rig()._replace(trigger=8e-5 + s), (), blank()) for s in late)]  # fmt: skip
     noisy = np.array(v) + 1e-3 * rng.standard_normal((4, *v[0].shape))
-    found = coupling.aligned(T, noisy, (0, 3))
+    found = aligned(T, noisy, (0, 3))
     np.testing.assert_allclose(np.diff(found.shift), np.diff(late), rtol=0, atol=1e-7)
     np.testing.assert_allclose(found.signals.spread, 1e-3, rtol=0.1)
     assert found.odd == () and forward.signals.repeats == 1
 
 
 def test_a_repeat_unlike_the_others_is_left_out():
-    forward = coupling.Forward(rig(), (), blank())
+    forward = Forward(rig(), (), blank())
     v = np.array([forward.velocities(np.zeros(0))] * 4)
     v[2] = -v[2]
-    assert coupling.aligned(T, v, (0, 3), move=False).odd == (2,)
+    assert aligned(T, v, (0, 3), move=False).odd == (2,)
 
 
 def test_bars_are_those_of_linear_least_squares_where_noise_is_white():
@@ -121,7 +124,7 @@ def test_what_the_data_does_not_see_is_named():
 
 
 def test_the_first_waves_end_before_the_second_reflection():
-    forward = coupling.Forward(rig(), (), blank((0, 2)))
+    forward = Forward(rig(), (), blank((0, 2)))
     ends = first_waves_end(T, forward.velocities(np.zeros(0)), 1e-5)
     assert 3e-4 < ends[1] < ends[0] < 6e-4
 
@@ -132,7 +135,7 @@ def made(truth, hz, spheres, *, duration, count=N):
     chain = known.chain._replace(A=known.chain.A * truth)
     t = np.arange(0, duration, 1e-6)
     run = dem.march(chain, known.wall, known.v0, duration=t[-1], dt=1e-7, n_save=len(t) - 1)
-    return coupling.Signals(t, run.v[:, spheres], tuple(spheres), np.full(len(spheres), np.nan))
+    return Signals(t, run.v[:, spheres], tuple(spheres), np.full(len(spheres), np.nan))
 
 
 def test_a_known_chain_is_found_again_without_noise():
@@ -141,8 +144,8 @@ def test_a_known_chain_is_found_again_without_noise():
     signals = made(truth, 700.0, [0, 3], duration=1.2e-3)
     parameters = (*map(contact, range(N)), named("frequency", 900.0, 90.0))
     parameters = (*parameters[:-1], parameters[-1]._replace(low=50.0, high=5000.0))
-    options = coupling.Options(scan=(200.0, 2000.0, 12), starts=2)
-    found = coupling.calibrate(rig(), parameters, signals, coupling.Filter(), options)
+    options = Options(scan=(200.0, 2000.0, 12), starts=2)
+    found = calibrate(rig(), parameters, signals, Filter(), options)
     np.testing.assert_allclose(found.value[:N], truth, rtol=1e-3)
     assert found.value[N] == pytest.approx(700.0, rel=1e-3)
     assert not found.at_bound.any() and all(stage.converged for stage in found.stages)

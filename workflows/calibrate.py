@@ -11,6 +11,10 @@ import numpy as np
 
 import coupling
 import dem
+from coupling.calibration import Calibration, calibrate
+from coupling.forward import Forward
+from coupling.search import Options
+from coupling.signals import Aligned, Filter, Signals, aligned, lag_of
 from workflows import calibration_parameters as free_parameters
 from workflows.calibration_checks import doubts, plausible, require_samples
 from workflows.calibration_report import CalibrationReport, report_of
@@ -40,8 +44,8 @@ class Calibrated(NamedTuple):
 
     scene: Scene
     report: CalibrationReport
-    fit: coupling.Calibration
-    signals: coupling.Signals
+    fit: Calibration
+    signals: Signals
 
 
 def calibrated(
@@ -51,7 +55,7 @@ def calibrated(
     began = perf_counter()
     remarks = list(plausible(scene, measured))
     used, held = _split(measured, request.hold_out)
-    raw = coupling.aligned(measured.t, measured.v, tuple(n - 1 for n in measured.spheres))
+    raw = aligned(measured.t, measured.v, tuple(n - 1 for n in measured.spheres))
     remarks += _told_repeats(raw)
     filters = _filters(request, measured.t)
     trigger, more = _trigger(scene, wall, raw.signals, filters, request)
@@ -61,7 +65,7 @@ def calibrated(
     parameters = free_parameters.parameters(scene, names, trigger, limits)
     signals = raw.signals.only(used)
     noise = _noise(signals, filters)
-    options = coupling.Options(
+    options = Options(
         staged=any(not p.of_wall for p in parameters),
         joint=not request.two_stage,
         starts=request.starts,
@@ -70,7 +74,7 @@ def calibrated(
         noise=noise,
     )
     try:
-        fit = coupling.calibrate(rig, parameters, signals, filters, options)
+        fit = calibrate(rig, parameters, signals, filters, options)
     except (dem.InvalidChain, dem.NoEquilibrium, coupling.CouplingError) as error:
         raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
     left_out = _held_out(rig, fit, raw.signals.only(held), filters) if held else {}
@@ -103,7 +107,7 @@ def _split(measured: Record, hold_out: tuple[int, ...]) -> tuple[list[int], list
     return used, held
 
 
-def _told_repeats(raw: coupling.Aligned):
+def _told_repeats(raw: Aligned):
     for i in raw.odd:
         yield f"Repeat {i + 1} is unlike the others and was left out."
     spread = np.ptp(raw.shift)
@@ -111,7 +115,7 @@ def _told_repeats(raw: coupling.Aligned):
         yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
 
 
-def _filters(request: Request, t: np.ndarray) -> coupling.Filter:
+def _filters(request: Request, t: np.ndarray) -> Filter:
     nyquist = 0.5 / (t[1] - t[0])
     for name in ("band", "instrument"):
         value = getattr(request, name)
@@ -121,20 +125,20 @@ def _filters(request: Request, t: np.ndarray) -> coupling.Filter:
                 f"--{name} {value:g} Hz must be above 0 and below {highest:g} Hz, given the data's "
                 "sampling; change it."
             )
-    return coupling.Filter(request.band, request.instrument)
+    return Filter(request.band, request.instrument)
 
 
 def _trigger(
-    scene: Scene, wall, signals: coupling.Signals, filters: coupling.Filter, request: Request
+    scene: Scene, wall, signals: Signals, filters: Filter, request: Request
 ) -> tuple[float, list[str]]:
     """Time of the first touch on the data's clock, and what is doubtful about it."""
     t0 = float(signals.t[0])
-    forward = coupling.Forward(free_parameters.rig(scene, wall, t0), (), signals, filters)
+    forward = Forward(free_parameters.rig(scene, wall, t0), (), signals, filters)
     dt = signals.t[1] - signals.t[0]
     require_samples(dt, forward.radian)
     model = forward.velocities(np.zeros(0))
     data = filters.of_data(signals.v, dt)
-    lag = coupling.lag_of(signals.t, data, model)
+    lag = lag_of(signals.t, data, model)
     found = _given_trigger(request.trigger, t0 + lag)
     return found, list(doubts(signals, data, model, found - t0, dt, forward.radian))
 
@@ -161,15 +165,15 @@ def _scan(scene: Scene, names: tuple[str, ...], request: Request):
     return low, high, points
 
 
-def _noise(signals: coupling.Signals, filters: coupling.Filter) -> float | None:
+def _noise(signals: Signals, filters: Filter) -> float | None:
     """rms [m/s] of the noise in the mean signals, from the repeats."""
     if signals.repeats < 2 or not np.isfinite(signals.spread).all():
         return None
     return float(np.sqrt(np.mean(signals.spread**2) / signals.repeats))
 
 
-def _held_out(rig, fit: coupling.Calibration, signals, filters) -> dict[str, float]:
-    forward = coupling.Forward(rig, fit.parameters, signals, filters)
+def _held_out(rig, fit: Calibration, signals, filters) -> dict[str, float]:
+    forward = Forward(rig, fit.parameters, signals, filters)
     data = filters.of_data(signals.v, signals.t[1] - signals.t[0])
     left = forward.velocities(fit.value) - data
     return {

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-import coupling
+from coupling.signals import Signals
 from workflows.chain_stages import initial_velocity
 from workflows.scene import InvalidScene, Scene
 from workflows.velocity_file import Record
@@ -66,7 +66,7 @@ def require_samples(dt: float, radian: float) -> None:
         )
 
 
-def doubts(signals: coupling.Signals, data, model, lag: float, dt: float, radian: float):
+def doubts(signals: Signals, data, model, lag: float, dt: float, radian: float):
     """Sentences on data (k, m) that is unlike the model (k, m) it starts from, `lag` [s] later."""
     t = signals.t
     if abs(lag) > 0.5 * (t[-1] - t[0]):

@@ -6,6 +6,7 @@ import numpy as np
 
 import coupling
 import dem
+from coupling.parameters import Parameter, Rig
 from workflows.chain_stages import chain, initial_velocity
 from workflows.scene import InvalidScene, ModalDamping, OneDofWall, RomWall, Scene, nearest
 
@@ -29,7 +30,7 @@ def usual(scene: Scene) -> str:
     return f"contacts{striker},trigger{wall}"
 
 
-def rig(scene: Scene, wall: dem.Wall | None, trigger: float) -> coupling.Rig:
+def rig(scene: Scene, wall: dem.Wall | None, trigger: float) -> Rig:
     """The scene as a calibration takes it; raises InvalidScene for what has no derivatives."""
     if isinstance(wall, coupling.CoupledWall):
         raise InvalidScene(
@@ -41,7 +42,7 @@ def rig(scene: Scene, wall: dem.Wall | None, trigger: float) -> coupling.Rig:
         dem.tangent.require_smooth(start, wall)
     except dem.InvalidChain as error:
         raise InvalidScene(f"{scene.name} cannot be calibrated: {error}.") from None
-    return coupling.Rig(start, wall, initial_velocity(scene), _damping(scene, wall), trigger)
+    return Rig(start, wall, initial_velocity(scene), _damping(scene, wall), trigger)
 
 
 def _damping(scene: Scene, wall: dem.Wall | None) -> np.ndarray | None:
@@ -60,9 +61,9 @@ def _damping(scene: Scene, wall: dem.Wall | None) -> np.ndarray | None:
 
 def parameters(
     scene: Scene, names: tuple[str, ...], trigger: float, bounds: dict[str, tuple[float, float]]
-) -> tuple[coupling.Parameter, ...]:
+) -> tuple[Parameter, ...]:
     """The parameters that the names stand for; raises InvalidScene for what the scene lacks."""
-    found: list[coupling.Parameter] = []
+    found: list[Parameter] = []
     for name in names:
         found += _named(scene, name, trigger)
     twice = [p.name for i, p in enumerate(found) if p.name in [q.name for q in found[:i]]]
@@ -74,11 +75,11 @@ def parameters(
     return tuple(_bounded(p, bounds) for p in found)
 
 
-def _keys(p: coupling.Parameter) -> tuple[str, ...]:
+def _keys(p: Parameter) -> tuple[str, ...]:
     return ("contacts", f"contact.{p.index + 1}") if p.kind == "contact" else (p.name,)
 
 
-def _bounded(p: coupling.Parameter, bounds: dict) -> coupling.Parameter:
+def _bounded(p: Parameter, bounds: dict) -> Parameter:
     for key in _keys(p):
         if key in bounds:
             low, high = bounds[key]
@@ -91,7 +92,7 @@ def _bounded(p: coupling.Parameter, bounds: dict) -> coupling.Parameter:
     return p
 
 
-def _named(scene: Scene, name: str, trigger: float) -> list[coupling.Parameter]:
+def _named(scene: Scene, name: str, trigger: float) -> list[Parameter]:
     key, _, part = name.partition(".")
     if name == "contacts":
         return [_contact(i) for i in range(scene.n_contacts)]
@@ -114,21 +115,21 @@ def _named(scene: Scene, name: str, trigger: float) -> list[coupling.Parameter]:
     raise InvalidScene(f"--free {name} is not known here, {nearest(name, NAMES)}.")
 
 
-def _contact(i: int) -> coupling.Parameter:
+def _contact(i: int) -> Parameter:
     low, high, scale = CONTACT
-    return coupling.Parameter(f"contact {i + 1}", "contact", 1.0, low, high, scale, "", i)
+    return Parameter(f"contact {i + 1}", "contact", 1.0, low, high, scale, "", i)
 
 
-def _scaled(name, kind, start, factors, unit) -> coupling.Parameter:
+def _scaled(name, kind, start, factors, unit) -> Parameter:
     low, high, scale = (factor * start for factor in factors)
-    return coupling.Parameter(name, kind, start, low, high, scale, unit)
+    return Parameter(name, kind, start, low, high, scale, unit)
 
 
-def _plain(name, kind, start, low, high, scale, unit, index=0) -> coupling.Parameter:
-    return coupling.Parameter(name, kind, start, low, high, scale, unit, index)
+def _plain(name, kind, start, low, high, scale, unit, index=0) -> Parameter:
+    return Parameter(name, kind, start, low, high, scale, unit, index)
 
 
-def _of_wall(scene: Scene, name: str) -> list[coupling.Parameter]:
+def _of_wall(scene: Scene, name: str) -> list[Parameter]:
     wall = scene.wall
     if isinstance(wall, OneDofWall):
         if name == "wall.frequency":
@@ -154,7 +155,7 @@ def _of_wall(scene: Scene, name: str) -> list[coupling.Parameter]:
     )
 
 
-def _ratio(name: str, ratio: float, index: int) -> coupling.Parameter:
+def _ratio(name: str, ratio: float, index: int) -> Parameter:
     start, low, high, scale = RATIO
     return _plain(name, "damping", float(ratio) or start, low, high, scale, "", index)
 
@@ -177,7 +178,7 @@ def bounds(text: str | None) -> dict[str, tuple[float, float]]:
 
 
 def calibrated_scene(
-    scene: Scene, found: tuple[coupling.Parameter, ...], value: np.ndarray, name: str
+    scene: Scene, found: tuple[Parameter, ...], value: np.ndarray, name: str
 ) -> Scene:
     """The scene with the parameters at these values."""
     factors = np.broadcast_to(np.array(scene.contact.stiffness_factor, float), scene.n_contacts)

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-import coupling
+from coupling.calibration import Calibration
+from coupling.parameters import Parameter
 from workflows.scene import OneDofWall, Scene
 from workflows.velocity_file import SYNTHETIC
 
@@ -102,7 +103,7 @@ def report_of(scene, source, measured, fit, signals, noise, left_out) -> Calibra
     )
 
 
-def _rows(fit: coupling.Calibration) -> list[ParameterRow]:
+def _rows(fit: Calibration) -> list[ParameterRow]:
     bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
     return [
         ParameterRow(
@@ -117,13 +118,13 @@ def _rows(fit: coupling.Calibration) -> list[ParameterRow]:
     ]
 
 
-def _identifiable(p: coupling.Parameter, value: float, bar: float) -> str:
+def _identifiable(p: Parameter, value: float, bar: float) -> str:
     size = p.scale if p.kind == "trigger" else max(abs(value), 10 * p.scale)
     share = bar / size
     return "yes" if share <= IDENTIFIED else "weakly" if share <= WEAK else "no"
 
 
-def _combinations(fit: coupling.Calibration) -> list[str]:
+def _combinations(fit: Calibration) -> list[str]:
     """The three worst determined combinations, each with its bar in scales of the parameters."""
     return [
         f"{c.text(fit.parameters)}: two sigma {c.two_sigma:.2g} scales"
@@ -131,7 +132,7 @@ def _combinations(fit: coupling.Calibration) -> list[str]:
     ]
 
 
-def _remarks(scene: Scene, fit: coupling.Calibration, noise: float | None):
+def _remarks(scene: Scene, fit: Calibration, noise: float | None):
     unseen = [c for c in fit.uncertainty.combinations if not c.two_sigma < 2.0]
     for combination in unseen:
         yield (

@@ -14,8 +14,11 @@ import numpy as np
 from pydantic import BaseModel
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-import coupling
 import dem
+from coupling.calibration import calibrate
+from coupling.parameters import Parameter
+from coupling.search import Options
+from coupling.signals import Filter, aligned
 from workflows import calibration_parameters as free_parameters
 from workflows.calibrate import Calibrated, Request, calibrated
 from workflows.chain_stages import chain, initial_velocity
@@ -47,7 +50,7 @@ class Truth(NamedTuple):
     contact: np.ndarray  # (n_contacts,) factors on the scene's stiffness
     frequency: float | None  # [Hz]
 
-    def of(self, p: coupling.Parameter, twin: Twin, scene: Scene) -> float:
+    def of(self, p: Parameter, twin: Twin, scene: Scene) -> float:
         """The true value of a parameter."""
         match p.kind:
             case "contact":
@@ -141,7 +144,7 @@ def clean(scene: Scene, wall: dem.Wall | None, twin: Twin, made_by: Truth) -> Cl
     v = np.vstack([np.tile(v0[observed], (lead, 1)), found.trajectory.v[:, observed]])
     sos = butter(4, twin.instrument, fs=rate, output="sos")
     v = sosfilt(sos, v, axis=0, zi=sosfilt_zi(sos)[:, :, None] * v[0])[0]
-    late = coupling.Filter(instrument=twin.instrument).lag(1.0 / rate)
+    late = Filter(instrument=twin.instrument).lag(1.0 / rate)
     return Clean(np.arange(len(v)) / rate + late, v, scene.output.spheres)
 
 
@@ -237,7 +240,7 @@ class _Job(NamedTuple):
     twin: Twin
     request: Request
     made: Clean
-    start: tuple[coupling.Parameter, ...]
+    start: tuple[Parameter, ...]
     runs: list[int]
 
 
@@ -246,11 +249,9 @@ def _repeated(job: _Job) -> np.ndarray:
     found = []
     for run in job.runs:
         data = measured(job.made, job.twin, run)
-        laid = coupling.aligned(data.t, data.v, tuple(n - 1 for n in data.spheres))
-        filters = coupling.Filter(job.request.band, job.twin.instrument)
+        laid = aligned(data.t, data.v, tuple(n - 1 for n in data.spheres))
+        filters = Filter(job.request.band, job.twin.instrument)
         rig = free_parameters.rig(job.scene, job.wall, job.twin.before)
-        fit = coupling.calibrate(
-            rig, job.start, laid.signals, filters, coupling.Options(local=True)
-        )
+        fit = calibrate(rig, job.start, laid.signals, filters, Options(local=True))
         found.append([fit.value, fit.uncertainty.two_sigma])
     return np.array(found)
