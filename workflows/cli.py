@@ -289,13 +289,14 @@ def run_study(
 ) -> None:
     """Figures of the thesis made again, each beside its cure."""
     from workflows import study
+    from workflows.run_folder import checked_folder
 
     if name is None:
         typer.echo(study.listing())
         return
+    folder = checked_folder(out or Path("studies"))
     with StageProgress(sys.stderr) as progress:
         found = study.study(name, load(scene, tuple(changes or ())), progress.stage)
-    folder = out or Path("studies")
     study.write(found, folder)
     typer.echo(study.json(found) if json else study.text(found))
     if not json:

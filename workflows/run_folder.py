@@ -102,6 +102,15 @@ def checked_file(path: Path, option: str = "--out") -> Path:
     return path
 
 
+def checked_folder(path: Path) -> Path:
+    """The path of a folder to make later; raises InvalidScene where it cannot be one."""
+    there = next(p for p in (path.absolute(), *path.absolute().parents) if p.exists())
+    if not there.is_dir() or not access(there, W_OK):
+        why = "is read-only" if there.is_dir() else "is a file"
+        raise InvalidScene(f"--out {path} cannot be a folder ({there} {why}); choose another.")
+    return path
+
+
 def write_pictures(folder: RunFolder, pictures: tuple[Picture, ...]) -> None:
     """Write each picture to `figures/`."""
     for picture in pictures:

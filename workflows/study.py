@@ -2,13 +2,25 @@
 
 from importlib import import_module
 from json import dumps
+from math import isfinite, isnan
 from pathlib import Path
+from textwrap import fill
 from typing import NamedTuple
 
 from workflows.accuracy import aligned, short, table_csv
 from workflows.run_folder import Picture, RunFolder, write_pictures
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.stages import Watch
+
+LINE = 100  # characters of a sentence's lines on a terminal
+
+
+class Table(NamedTuple):
+    """Numbers that are too many to read: kept as CSV and JSON, not printed."""
+
+    name: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple, ...]
 
 
 class Finding(NamedTuple):
@@ -19,6 +31,7 @@ class Finding(NamedTuple):
     rows: tuple[tuple, ...]
     sentences: tuple[str, ...]
     pictures: tuple[Picture, ...]
+    beside: tuple[Table, ...] = ()
 
 
 class Entry(NamedTuple):
@@ -90,19 +103,41 @@ def study(name: str, scene: Scene, watch: Watch) -> Finding:
     if name not in STUDIES:
         raise InvalidScene(f"study {name!r} is not known; {nearest(name, STUDIES)}.")
     module, function = STUDIES[name].function.split(":")
-    return getattr(import_module(module), function)(scene, watch)
+    found = getattr(import_module(module), function)(scene, watch)
+    return found._replace(rows=_without_nan(found.rows))
+
+
+def _without_nan(rows: tuple[tuple, ...]) -> tuple[tuple, ...]:
+    """What has no number is None, a dash in the table."""
+    return tuple(
+        tuple(None if isinstance(value, float) and isnan(value) else value for value in row)
+        for row in rows
+    )
 
 
 def text(found: Finding) -> str:
     """The table and the sentences."""
     cells = [found.columns, *(tuple(map(short, row)) for row in found.rows)]
-    return "\n".join([aligned(cells, left=1), "", *found.sentences])
+    sentences = (fill(one, LINE, subsequent_indent="  ") for one in found.sentences)
+    return "\n".join([aligned(cells, left=1), "", *sentences])
 
 
 def json(found: Finding) -> str:
     """For machines."""
-    rows = [dict(zip(found.columns, row, strict=True)) for row in found.rows]
-    return dumps({"study": found.name, "rows": rows, "findings": found.sentences}, indent=1)
+    beside = {table.name: _records(table) for table in found.beside}
+    all_of_it = {"study": found.name, "rows": _records(found), "findings": found.sentences} | beside
+    return dumps(all_of_it, indent=1, allow_nan=False)
+
+
+def _records(table: Table | Finding) -> list[dict]:
+    """JSON knows no infinite number."""
+    return [
+        {
+            name: None if isinstance(value, float) and not isfinite(value) else value
+            for name, value in zip(table.columns, row, strict=True)
+        }
+        for row in table.rows
+    ]
 
 
 def write(found: Finding, out: Path) -> None:
@@ -110,5 +145,7 @@ def write(found: Finding, out: Path) -> None:
     folder = RunFolder(out)
     folder.make()
     folder.write(f"{found.name}.csv", table_csv(found.columns, found.rows))
+    for table in found.beside:
+        folder.write(f"{found.name}_{table.name}.csv", table_csv(table.columns, table.rows))
     folder.write(f"{found.name}.json", json(found) + "\n")
     write_pictures(folder, found.pictures)

@@ -82,6 +82,16 @@ def held(scene: Scene) -> dem.Chain:
     return chain(scene)
 
 
+def require_echo(scene: Scene, run: Observed) -> Observed:
+    """The run; raises InvalidScene where it ends before the wall was struck and let go."""
+    if np.isfinite(run.contact.contact_time.end):
+        return run
+    raise InvalidScene(
+        f"time.duration = {scene.time.duration:g} s ends before the wall ({run.name}) has sent the "
+        "wave back; take 3e-3 s, or longer."
+    )
+
+
 def require_chain(scene: Scene, *, longest: int = 14) -> tuple[int, ...]:
     """The spheres to watch; raises InvalidScene unless a chain reaches that far."""
     if scene.chain is None:
