@@ -13,6 +13,7 @@ import numpy as np
 from dem import kernels
 from dem.spheres import hertz_coefficient, mass
 
+REGULAR = 1e-8  # of a closed contact's stiffness, in the static state's tangent
 SMALLEST, LARGEST = 5e-324, 1.7976931348623157e308  # of all positive numbers
 
 LAWS = {
@@ -281,7 +282,7 @@ def _rest(chain, wall, stiffness, anchor, compliance):
     x = np.where(held, anchor, overlap)
     walled = wall is not None and np.isfinite(compliance)
     contacts = np.ascontiguousarray(A if walled else A[: n - 1])[first:]
-    floor = 1.5 * A.max(initial=0.0) * np.sqrt(overlap)
+    floor = REGULAR * 1.5 * A.max(initial=0.0) * np.sqrt(overlap)
     bearing = (x[first:], contacts, stiffness[first:], anchor[first:], P)
     left = kernels.rest(*bearing, compliance if walled else 0.0, floor, 500)
     force = np.zeros(n + 1)

@@ -1053,11 +1053,16 @@ def thomas(lower, diagonal, rhs):
     return rhs
 
 
+BEYOND = 0.25  # of the first slope of the energy that may be met beyond its least
+
+
 @njit(cache=True, error_model="numpy")
 def rest(x, A, stiffness, anchor, preload, compliance, floor, n_iterations):
     """Damped Newton for the static state, from x and in place; the net force that is left, out.
 
     `floor` [N/m] keeps the tangent regular while contacts are open; it fades with the net force.
+    A step is halved until the potential energy, which is convex, no longer climbs at its end: the
+    net force itself may have to grow on the way.
     """
     n = x.size
     f = np.zeros(n + 1)
@@ -1076,13 +1081,14 @@ def rest(x, A, stiffness, anchor, preload, compliance, floor, n_iterations):
             diagonal[i] = stiffness[i] + k[i] + (k[i - 1] if i > 0 else 0.0)
             diagonal[i] += floor * (norm / start)
         change = thomas(-k[: n - 1], diagonal, r.copy())
+        downhill = (r * change).sum()
         scale = 1.0
         better = False
         for _halving in range(40):
             trial = x + scale * change
             static_residual(trial, A, stiffness, anchor, preload, compliance, f, r)
             trial_norm = math.sqrt((r * r).sum())
-            better = trial_norm < norm
+            better = (r * change).sum() >= -BEYOND * downhill
             if better:
                 break
             scale *= 0.5

@@ -180,3 +180,21 @@ def test_forces_without_a_derivative_are_refused(parts, sentence):
         march_with_tangents(
             chain._replace(**parts), wall, v0, duration=1e-4, dt=1e-6, observed=[0]
         )  # fmt: skip
+
+
+def test_a_static_state_is_found_whatever_the_wall_and_the_leaf_springs():
+    """It is the least of a convex energy, so it exists; 1e-9 of the load may stay unbalanced."""
+    rng = np.random.default_rng(0)
+    A = dem.row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=17).A
+    for hz, leaf in [(45.0, 200.0), *np.exp(rng.uniform([1, 0], [9, 15], (100, 2)))]:
+        chain = dem.row_of_spheres(
+            0.0127, 7800.0, 210e9, 0.3, count=17, preload=15.0, leaf_stiffness=leaf,
+            leaf_anchor=rng.choice([1.5e-3, rng.uniform(-1e-4, 1e-4)]),
+        )._replace(A=A * np.exp(rng.uniform(-1, 1, 17)))  # fmt: skip
+        x, force, _ = dem.equilibrium(chain, dem.one_dof_wall(hz, 2.87))
+        net = (
+            15.0 * (np.arange(17) == 16)
+            - leaf * (x - chain.leaf_anchor)
+            - np.diff(force, prepend=0.0)
+        )
+        assert np.abs(net).max() <= 1e-9 * (15.0 + 17 * leaf * np.abs(chain.leaf_anchor).max())
