@@ -11,7 +11,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e")
+COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e", "#7f6000", "#b43e8f")
 LEGIBLE = 0.05  # smallest MAC written into its cell
 LEDGER = {
     "energy_kinetic": "spheres, kinetic",

@@ -83,12 +83,14 @@ def held(scene: Scene) -> dem.Chain:
 
 
 def require_echo(scene: Scene, run: Observed) -> Observed:
-    """The run; raises InvalidScene where it ends before the wall was struck and let go."""
-    if np.isfinite(run.contact.contact_time.end):
+    """The run; raises InvalidScene where it ends before a reflected wave passes a sphere."""
+    if any(run.reflected(sphere) for sphere in run.labels):
         return run
+    watched = ", ".join(map(str, run.labels))
     raise InvalidScene(
-        f"time.duration = {scene.time.duration:g} s ends before the wall ({run.name}) has sent the "
-        "wave back; take 3e-3 s, or longer."
+        f"time.duration = {scene.time.duration:g} s ends before a wave is back from the wall "
+        f"({run.name}) at the spheres watched ({watched}); take a longer one, 3e-3 s for 17 "
+        "spheres, or output.spheres nearer to the wall."
     )
 
 

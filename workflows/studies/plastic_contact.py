@@ -16,7 +16,7 @@ from workflows.chain_stages import chain, initial_velocity
 from workflows.run_folder import Picture
 from workflows.scene import HalfSpaceWall, Scene
 from workflows.stages import Watch
-from workflows.studies.observed import Observed, observed, require_chain
+from workflows.studies.observed import Observed, observed, require_chain, require_echo
 from workflows.study import Finding
 from workflows.study_figures import Line, Panel, panels
 
@@ -36,7 +36,9 @@ class Case(NamedTuple):
 def plastic_contact(scene: Scene, watch: Watch) -> Finding:
     """Hertz, the factor 3, and Thornton's law for three yield stresses."""
     spheres = require_chain(scene)
-    elastic = chain(scene.model_copy(update={"wall": HalfSpaceWall(kind="half-space")}))
+    hertz = scene.contact.model_copy(update={"law": "hertz", "yield_pressure": None})
+    half_space = {"wall": HalfSpaceWall(kind="half-space"), "contact": hertz}
+    elastic = chain(scene.model_copy(update=half_space))
     with watch("contacts"):
         cases = [
             Case(_run(scene, name, law, spheres), _restitution(scene, law))
@@ -44,7 +46,7 @@ def plastic_contact(scene: Scene, watch: Watch) -> Finding:
         ]
     columns = (
         "last contact", "peak_force_N", "contact_us", "restitution", "dissipated_share",
-        *(f"reflected {k} at {max(spheres)} [{unit}]" for k in (1, 2) for unit in ("ms", "m/s")),
+        *(f"{what}{k}" for k in (1, 2) for what in ("t_ms_", "v_m_s_")),
     )  # fmt: skip
     rows = tuple(_row(case, max(spheres)) for case in cases)
     picture = Picture("study_plastic_contact", _picture(cases, spheres))
@@ -70,10 +72,11 @@ def _yields_at(scene: Scene, elastic: dem.Chain, stress: float) -> float:
 
 
 def _run(scene: Scene, name: str, law: dem.Chain, spheres: tuple[int, ...]) -> Observed:
-    return observed(
+    run = observed(
         name, law, dem.rigid_wall(), initial_velocity(scene), duration=scene.time.duration,
         spheres=spheres,
     )  # fmt: skip
+    return require_echo(scene, run)
 
 
 def _restitution(scene: Scene, law: dem.Chain) -> float:
@@ -106,26 +109,32 @@ def _row(case: Case, sphere: int) -> tuple:
     return case.run.name, force, time, case.restitution, lost, *seen
 
 
-def _later(case: Case, hertz: Case, sphere: int) -> str:
-    """How much later than with Hertz' law the second reflected wave comes."""
-    waves = [one.run.wave(sphere, "reflected", 2) for one in (case, hertz)]
-    if None in waves:
-        return "none"
-    return f"{1e6 * (waves[0].arrival.time - waves[1].arrival.time):+.0f}"
+def _later(cases: list[Case], sphere: int) -> str:
+    """When the last reflected wave that all laws send comes, against Hertz' law."""
+    for number, name in ((2, "second"), (1, "first")):
+        waves = [case.run.wave(sphere, "reflected", number) for case in cases]
+        if None not in waves:
+            hertz, stiff, *yielding = (1e6 * wave.arrival.time for wave in waves)
+            others = ", ".join(f"{time - hertz:+.0f}" for time in yielding)
+            return (
+                f"at sphere {sphere} the {name} reflected wave comes {stiff - hertz:+.0f} µs with "
+                f"it, and {others} µs with a contact that yields."
+            )
+    return f"not all of them send the same waves to sphere {sphere}."
 
 
 def _sentences(cases: list[Case], sphere: int) -> tuple[str, ...]:
-    hertz, stiff, *yielding = cases
+    _, stiff, *yielding = cases
     force = [case.run.trajectory.contact_force[:, -1].max() for case in cases]
     return (
         f"The factor {FACTOR:g} raises the peak force by {100 * (force[1] / force[0] - 1):.0f} % "
         f"and loses no energy (restitution {stiff.restitution:.4f}). A contact that yields lowers "
-        f"it by {', '.join(f'{abs(1 - F / force[0]):.0%}' for F in force[2:])} and gives back "
+        f"it by {', '.join(f'{100 * (1 - F / force[0]):.0f}' for F in force[2:])} % and gives back "
         f"{', '.join(f'{case.restitution:.3f}' for case in yielding)} of a sphere's speed.",
-        "So the factor is no plasticity but a knob that works the other way: at sphere "
-        f"{sphere} the second reflected wave comes {_later(stiff, hertz, sphere)} µs with it, and "
-        f"{', '.join(_later(case, hertz, sphere) for case in yielding)} µs with a contact that "
-        "yields.",
+        "So the factor is no plasticity but a knob that works the other way: "
+        f"{_later(cases, sphere)}",
+        f"The table: time [ms] and peak velocity [m/s] of the first two reflected waves at sphere "
+        f"{sphere}; restitution is that of the last sphere alone.",
         f"Yield stresses are assumed: {', '.join(f'{1e-9 * s:g}' for s in YIELD_STRESSES)} GPa of "
         f"the softer partner, contact yield at {CONSTRAINT:g} of it. Only the first blow yields so "
         "much: a dented contact is conforming, elastic and, by then, stiffer than Hertz', which is "
@@ -135,11 +144,7 @@ def _sentences(cases: list[Case], sphere: int) -> tuple[str, ...]:
 
 
 def _picture(cases: list[Case], spheres: tuple[int, ...]) -> bytes:
-    depth = [
-        Line(case.run.name, 1e6 * case.run.trajectory.x[:, -1],
-             case.run.trajectory.contact_force[:, -1])
-        for case in cases
-    ]  # fmt: skip
+    depth = [_loop(case) for case in cases]
     records = [
         Panel(
             f"sphere {sphere}", "time [ms]", "velocity [m/s]",
@@ -150,3 +155,11 @@ def _picture(cases: list[Case], spheres: tuple[int, ...]) -> bytes:
     ]  # fmt: skip
     loop = Panel("last contact", "approach to the wall [µm]", "force [N]", depth)
     return panels([loop, *records], columns=2, size=(5.4, 3.2))
+
+
+def _loop(case: Case) -> Line:
+    """Force over approach while the last contact is not far open."""
+    run = case.run.trajectory
+    approach = 1e6 * run.x[:, -1]
+    near = approach > -0.1 * approach.max()
+    return Line(case.run.name, approach[near], run.contact_force[near, -1])

@@ -6,6 +6,8 @@ apart there, and which of them depend on the wall.
 
 from typing import NamedTuple
 
+import numpy as np
+
 from dem.wave_fit import Guess, apart
 from workflows.chain_stages import contact_radius
 from workflows.scene import Scene
@@ -47,7 +49,7 @@ def _seen(run: Observed, sphere: int) -> Verdict:
     wanted = SEEN[sphere]
     named = ", ".join(map(str, wanted))
     return Verdict(
-        f"sphere {sphere} sees the reflected waves {named}",
+        f"sphere {sphere} sees the reflected wave{'s' * (len(wanted) > 1)} {named}",
         found == wanted,
         f"sees {', '.join(map(str, found)) or 'none'}",
     )
@@ -76,9 +78,15 @@ def _separate(run: Observed) -> Verdict:
 
 def _dependence(runs: list[Observed]) -> tuple[Verdict, ...]:
     first, second, third, fourth = (spread(runs, k, (4, 14)) for k in (1, 2, 3, 4))
-    return (
-        Verdict("the first does not depend on the wall", first < UNMOVED, f"{first:.3f}"),
-        Verdict("the second does slightly", UNMOVED / 2 <= second < SLIGHT, f"{second:.3f}"),
-        Verdict("the third does strongly", third > STRONG, f"{third:.3f}"),
-        Verdict("the fourth does strongly", fourth > STRONG, f"{fourth:.3f}"),
+    wave, wall = "reflected wave", "on the wall at spheres 4 and 14"
+    judged = (
+        (f"the first {wave} does not depend {wall}", first < UNMOVED, first),
+        (f"the second {wave} depends slightly {wall}", UNMOVED <= second < SLIGHT, second),
+        (f"the third {wave} depends strongly {wall}", third > STRONG, third),
+        (f"the fourth {wave} depends strongly {wall}", fourth > STRONG, fourth),
     )
+    return tuple(Verdict(said, holds, _distance(apart)) for said, holds, apart in judged)
+
+
+def _distance(apart: float) -> str:
+    return "no wall sends it" if np.isnan(apart) else f"distance {apart:.3f}"

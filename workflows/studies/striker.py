@@ -98,6 +98,7 @@ def _leading_share(chain: dem.Chain, run: dem.Trajectory) -> float:
 def _sentences(runs: list[Observed], heavy: list[Heavy]) -> tuple[str, ...]:
     time, speed, force = np.array([_measures(run) for run in runs]).T
     powers = [exponent(SPEEDS, values) for values in (force, speed, time)]
+    light, equal = heavy[0], next(h for h in heavy if h.ratio == 1.0)
     off = max(abs(h.share - REFERENCE[h.ratio]) for h in heavy)
     return (
         f"Over the striker's speed, force goes with power {powers[0]:.5f} (6/5), the wave's speed "
@@ -105,8 +106,9 @@ def _sentences(runs: list[Observed], heavy: list[Heavy]) -> tuple[str, ...]:
         "These laws hold without preload and at speeds where the spheres stay elastic; a preload "
         "gives small waves the speed of sound instead.",
         f"The leading wave's share of the energy is within {off:.1e} of the reference for all "
-        f"mass ratios. A striker of the spheres' mass puts all but 0.6 % into one wave; one of "
-        f"half the mass bounces back with {-heavy[0].recoil:.2f} of its speed.",
+        f"mass ratios. A striker of the spheres' mass puts all but {100 * (1 - equal.share):.1f} % "
+        f"into one wave; one of {light.ratio:g} of that mass bounces back with "
+        f"{-light.recoil:.2f} of its speed.",
     )
 
 

@@ -6,6 +6,7 @@ critical modulus; they appear below it. Thesis, section 2.2.2, figure 2.8; J. Ya
 Rev. E 83 (2011) 046606.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -86,14 +87,18 @@ def _apart(run: Observed) -> float:
     return float((run.trajectory.contact_force[inside, -2] == 0.0).sum() * (t[1] - t[0]))
 
 
-def critical(cases: list[Case]) -> tuple[float, float]:
-    """The neighbouring ratios between which the second wave of a soft wall fades out."""
-    strong = max(case.ratio for case in cases if case.ratio < SOFT and case.second > FADED)
-    return strong, min(case.ratio for case in cases if case.ratio > strong)
+def critical(cases: list[Case]) -> tuple[float, float] | None:
+    """The neighbouring ratios between which the second wave of a soft wall fades out, if it does.
+
+    Of a stiff wall there is another one, which the first may pass into.
+    """
+    for softer, stiffer in pairwise(sorted(cases, key=lambda case: case.ratio)):
+        if softer.second > FADED >= stiffer.second:
+            return softer.ratio, stiffer.ratio
+    return None
 
 
 def _sentences(cases: list[Case]) -> tuple[str, ...]:
-    low, high = critical(cases)
     soft = [case for case in cases if case.ratio < 0.1]
     slope = exponent(
         [case.run.chain.A[-1] for case in soft],
@@ -101,10 +106,8 @@ def _sentences(cases: list[Case]) -> tuple[str, ...]:
     )
     stiff = max(case.second for case in cases if case.ratio > SOFT)
     return (
-        f"A second reflected wave of more than {100 * FADED:g} % of the striker's speed appears "
-        f"below E*_w/E*_s = {low:.3g} and is gone at {high:.3g} (reference: fades out at 0.39 to "
-        "0.47). The thesis says above a critical modulus; it is below: soft walls make secondary "
-        "waves.",
+        f"{_fading(cases)} The thesis says that secondary waves appear above a critical modulus; "
+        "it is below: soft walls make them.",
         f"Walls stiffer than {SOFT:g} leave another, faint one, at most {100 * stiff:.1f} %, born "
         "in the chain.",
         "Equal approach at the last two contacts, the thesis' condition, means A_w = A, a ratio of "
@@ -116,14 +119,27 @@ def _sentences(cases: list[Case]) -> tuple[str, ...]:
     )
 
 
+def _fading(cases: list[Case]) -> str:
+    bound, found = f"{100 * FADED:g} % of the striker's speed", critical(cases)
+    if found is None:
+        least = min((case for case in cases if case.ratio < 1.0), key=lambda case: case.second)
+        return (
+            f"The second reflected wave falls to {100 * least.second:.1f} % of the striker's speed "
+            f"at E*_w/E*_s = {least.ratio:.3g}, not from above to below {bound}."
+        )
+    return (
+        f"A second reflected wave of more than {bound} appears below E*_w/E*_s = {found[0]:.3g} "
+        f"and is gone at {found[1]:.3g} (reference, 17 spheres: fades out at 0.39 to 0.47)."
+    )
+
+
 def _picture(scene: Scene, cases: list[Case], spheres: tuple[int, ...]) -> bytes:
     ratio = np.array([case.ratio for case in cases])
-    low, high = critical(cases)
     time = np.array([1e6 * case.run.contact.contact_time.seconds for case in cases])
     tau = np.array([case.run.contact.tau_c for case in cases])
     second = np.array([case.second for case in cases])
-    gone = 0.5 * (low + high)
-    fades = Line("fades out", np.array([gone, gone]), np.array([0, 1.1 * second.max()]), ":", 1)
+    fades = [Line("fades out", np.full(2, np.mean(gone)), np.array([0, 1.1 * second.max()]), ":", 1)
+             for gone in (critical(cases),) if gone]  # fmt: skip
     return panels(
         [
             Panel("contact time (2.8)", "E*_w / E*_s", "contact time [µs]",
@@ -131,7 +147,7 @@ def _picture(scene: Scene, cases: list[Case], spheres: tuple[int, ...]) -> bytes
             Panel("dimensionless (2.5)", "E*_w / E*_s", "tau_c", [Line(None, ratio, tau, "o-")],
                   "x"),
             Panel("second reflected wave", "E*_w / E*_s", "velocity over the striker's",
-                  [Line(None, ratio, second, "o-"), fades], "x"),
+                  [Line(None, ratio, second, "o-"), *fades], "x"),
             _records(cases, max(spheres)),
         ],
         columns=2, size=(5.4, 3.2),

@@ -97,7 +97,7 @@ def _sentences(runs: Runs, spheres: Spheres) -> tuple[str, ...]:
 def _likenesses(runs: Runs, spheres: Spheres):
     """The first three waves hardly know which wall of a body it is; the fourth's arrival does."""
     bodies = [runs[name] for name in (*FEW, *ROMS) if name in runs]
-    early = np.nanmax([0.0, *(spread(bodies, k, spheres) for k in NUMBERS[:-1])])
+    early = max(0.0, *np.nan_to_num([spread(bodies, k, spheres) for k in NUMBERS[:-1]]))
     yield (
         "Two walls are alike, here, where no other one-mass wall's fourth reflected wave comes "
         f"nearer to that of the first, at sphere {spheres[-1]}: in the first three, and so over "
@@ -154,12 +154,16 @@ def _dependences(runs: Runs, spheres: Spheres):
     rigid = distance(runs[RIGID], runs[HALF_SPACE], 1, spheres)
     where = [sphere for sphere in spheres if spread(moving, 1, (sphere,)) < UNMOVED]
     caught = "" if where == list(spheres) else ", elsewhere the second has caught up with it"
+    surface = (
+        ""
+        if np.isnan(rigid)
+        else (f"; from a half-space to a rigid surface, a stiffer contact, it is {rigid:.3f}")
+    )
     yield _answer(
         "The first reflected wave is independent of the wall",
         _known(found[1], where == list(spheres)),
         f"largest distance of two walls {_by_sphere(moving, 1, spheres)}: independent at "
-        f"{', '.join(map(str, where)) or 'none'}{caught}; from a half-space to a rigid surface, a "
-        f"stiffer contact, it is {rigid:.3f}",
+        f"{', '.join(map(str, where)) or 'none'}{caught}{surface}",
     )
     slight = UNMOVED <= found[2] < SLIGHT
     yield _answer("The second depends slightly on it", _known(found[2], slight), _largest(found[2]))
