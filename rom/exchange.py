@@ -101,6 +101,10 @@ def _readable(path: str | Path, format_name: str, read: Callable):
         return read()
     except FileNotFoundError:
         raise
+    except NotImplementedError:
+        raise ReductionError(
+            f"{path} is a MATLAB 7.3 file; save it with '-v7', or as .h5 with K, M and w in it."
+        ) from None
     except (OSError, ValueError, TypeError, EOFError, BadZipFile, MatReadError) as broken:
         raise ReductionError(f"{path} cannot be read as {format_name}: {broken}") from broken
 
@@ -127,11 +131,11 @@ def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) 
         raise ReductionError(f"{path} holds no w; pass the {r} weights of the contact.")
     return ReducedModel(
         **matrices,
-        w=contact_functional(np.ravel(np.asarray(w, dtype=float)), r),
+        w=contact_functional(_real(w, path), r),
         T=_basis(content),
         kind=_text(content, "kind", "imported"),
         n_boundary=int(np.ravel(content.get("n_boundary", 0))[0]),
-        provenance=json.loads(_text(content, "provenance", "{}")),
+        provenance=_notes(content, path),
         n_residual=int(np.ravel(content.get("n_residual", 0))[0]),
         error=float(np.ravel(content["error"])[0]) if "error" in content else None,
     )
@@ -146,6 +150,20 @@ def _matrix(content: Mapping[str, object], name: str, path: str | Path) -> np.nd
         raise ReductionError(f"{path}: {name} is not a real matrix (shape {dense.shape}).")
     symmetric(dense, f"{path}: {name}")
     return np.array(dense, dtype=float)
+
+
+def _real(w: object, path: str | Path) -> np.ndarray:
+    values = np.ravel(w.toarray() if sp.issparse(w) else w)
+    if np.iscomplexobj(values):
+        raise ReductionError(f"{path}: w is complex; the weights of a contact are real.")
+    return values.astype(float)
+
+
+def _notes(content: Mapping[str, object], path: str | Path) -> dict[str, str]:
+    notes = json.loads(_text(content, "provenance", "{}"))
+    if not isinstance(notes, dict):
+        raise ReductionError(f"{path}: provenance is {notes!r}; it must be a JSON object of notes.")
+    return notes
 
 
 def _basis(content: Mapping[str, object]) -> np.ndarray | None:
@@ -164,6 +182,11 @@ def _consistent(reduced: ReducedModel, path: str | Path) -> ReducedModel:
         A = getattr(reduced, name)
         if A is not None and A.shape != (r, r):
             raise ReductionError(f"{path}: {name} is {A.shape[0]} x {A.shape[1]}, K is {r} x {r}.")
+    for name in ("n_boundary", "n_residual"):
+        if not 0 <= getattr(reduced, name) <= r:
+            raise ReductionError(
+                f"{path}: {name} is {getattr(reduced, name)}; it must be from 0 to {r}."
+            )
     if reduced.T is not None and reduced.T.shape[1] != r:
         raise ReductionError(f"{path}: T has {reduced.T.shape[1]} columns, K is {r} x {r}.")
     return reduced

@@ -74,7 +74,7 @@ def _with_modes(
     reduced: ReducedModel, asymmetry: float, lowest_mass: float, findings: list[str]
 ) -> Health:
     stiffness = np.linalg.eigvalsh(_unit_diagonal(reduced.K))
-    lowest = stiffness[0] / stiffness[-1]
+    lowest = stiffness[0] / stiffness[-1] if stiffness[-1] > 0 else 0.0
     try:
         wall = modal(reduced)
     except ReductionError as indefinite:

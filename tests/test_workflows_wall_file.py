@@ -1,5 +1,7 @@
 """Reduced models made elsewhere as the wall: Abaqus substructures, and files that are no walls."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from workflows.chain_stages import wall as wall_of
 from workflows.cli import main
 from workflows.scene import InvalidScene
 from workflows.scene_file import scene
+from workflows.wall_file import doubts
 
 RUN = ("wall.kind=rom", "time.duration=3e-4", "output.samples=301")
 NODES = ("wall.nodes=[7, 8]", "wall.direction=1", "wall.weights=[3.0, 1.0]")
@@ -87,3 +90,62 @@ def test_an_indefinite_file_is_refused_before_a_folder_is_made(
     assert end.value.code == 2
     assert words in capsys.readouterr().err
     assert not out.exists()
+
+
+def refused(tmp_path, name, **parts):
+    K, M = chain_of_masses()
+    content = {"K": K, "M": M, "w": np.eye(6)[0]} | parts
+    np.savez(tmp_path / name, **{key: value for key, value in content.items() if value is not None})
+    return scene("rig-rigid", (*RUN, f"wall.file={tmp_path / name}"))
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"w": None}, "holds no w"),
+        ({"w": np.eye(6)[0] * (1 + 1j)}, "w is complex"),
+        ({"w": np.ones(4)}, r"w has shape \(4,\)"),
+        ({"K": chain_of_masses()[0] * (1 + 0.01j)}, "K is not a real matrix"),
+        ({"M": np.eye(5)}, "M is 5 x 5, K is 6 x 6"),
+        ({"n_residual": 50}, "n_residual is 50; it must be from 0 to 6"),
+        ({"n_boundary": -1}, "n_boundary is -1"),
+        ({"provenance": "[1, 2]"}, "must be a JSON object"),
+        ({"provenance": '{"half_space_compliance_m_per_N": "abc"}'}, "must hold numbers"),
+        ({"provenance": '{"hammer_modes_hz": "a b"}'}, "must hold numbers"),
+        ({"provenance": '{"reading_weights": "1 2 3 4 5 6 7"}'}, "7 values for 6 coordinates"),
+    ],
+)
+def test_a_file_that_is_no_reduced_model_is_refused_in_a_sentence(tmp_path, parts, words):
+    with pytest.raises(InvalidScene, match=words):
+        refused(tmp_path, "bad.npz", **parts)
+
+
+def test_a_file_of_matlab_7_3_is_refused_with_the_way_out(tmp_path):
+    head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+    (tmp_path / "new.mat").write_bytes(head + bytes(500))
+    with pytest.raises(InvalidScene, match="save it with '-v7'"):
+        scene("rig-rigid", (*RUN, f"wall.file={tmp_path / 'new.mat'}"))
+
+
+def test_a_node_named_twice_is_refused(tmp_path):
+    """Its weight was once halved in silence."""
+    (tmp_path / "sub.mtx").write_text(substructure_text(*chain_of_masses(), (7, 8)))
+    with pytest.raises(InvalidScene, match="names node 7 twice"):
+        scene("rig-rigid", (*RUN, f"wall.file={tmp_path / 'sub.mtx'}", "wall.nodes=[7, 7]"))
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({}, None),
+        ({"w": 2 * np.eye(6)[0]}, "sum to 2, not to 1"),
+        ({"w": -np.eye(6)[0]}, "sum to -1"),
+        ({"K": 1e-6 * chain_of_masses()[0]}, "static compliance at the contact of wall.file"),
+        ({"M": 1e-6 * chain_of_masses()[1]}, "lowest elastic mode of wall.file is .*e.06 Hz"),
+        ({"K": np.diag([1e7, 2e8]), "M": np.eye(2), "w": np.ones(2)}, None),  # modal coordinates
+        ({"K": np.zeros((6, 6))}, None),  # masses that nothing holds
+    ],
+)
+def test_what_a_file_probably_meant_otherwise_is_told(tmp_path, parts, words):
+    told = " ".join(doubts(refused(tmp_path, "odd.npz", **parts).wall))
+    assert (re.search(words, told) is not None) if words else not told

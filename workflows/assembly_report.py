@@ -11,11 +11,12 @@ from workflows import field_file, figures
 from workflows.assembly_stages import AssemblyModes, materials
 from workflows.assembly_table import assembly
 from workflows.picture_stage import NoPicture
-from workflows.reduced_wall import half_space, require_reader, save
+from workflows.reduced_wall import half_space, save
 from workflows.run_folder import Picture, RunFolder, checked_file, write_pictures
 from workflows.scene import InvalidScene
 from workflows.stages import Pipeline
 from workflows.summary import HAMMER_TEST_HZ, ReductionHealth
+from workflows.wall_file import require_reader
 
 FORMATS = (".npz", ".mat", ".h5")
 

@@ -139,8 +139,18 @@ def spoilt(scene: Scene, impact: coupling.Impact) -> tuple[str, ...]:
     """What a run has left of its model, and a step that was given too large."""
     run = impact.trajectory
     found = dem.strain(chain(scene), scene.chain.young, run.contact_force, run.v)
-    spoilt_by = (rough(run.error_estimate), chaotic(scene), thick(scene, run))
+    told = rough(run.error_estimate), chaotic(scene), odd_file(scene)
+    spoilt_by = (*told, thick(scene, run))
     return (*dem.outside(found), *(sentence for sentences in spoilt_by for sentence in sentences))
+
+
+def odd_file(scene: Scene) -> tuple[str, ...]:
+    """Sentences on a wall's file that can be run but was probably meant otherwise."""
+    if not isinstance(scene.wall, RomWall) or scene.wall.file is None:
+        return ()
+    from workflows.wall_file import doubts
+
+    return doubts(scene.wall)
 
 
 def thick(scene: Scene, run: dem.Trajectory) -> tuple[str, ...]:

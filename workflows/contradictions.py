@@ -18,6 +18,7 @@ def contradictions(scene: Scene):
         yield from _outside_patch(scene)
         yield from _unread_nodes(scene)
         yield from _rigid_dashpots(scene)
+    yield from _too_few_modes(scene)
     yield from _driven_modes(scene)
     yield from too_large(scene)
     if scene.chain:
@@ -46,7 +47,7 @@ def _missing_parts(scene: Scene):
 def _unreadable_wall(scene: Scene):
     if not isinstance(scene.wall, RomWall) or not scene.wall.file:
         return
-    from workflows.reduced_wall import loaded  # only a wall from a file pays for the reader
+    from workflows.wall_file import loaded  # only a wall from a file pays for the reader
 
     try:
         loaded(scene.wall)
@@ -77,6 +78,17 @@ def _rigid_dashpots(scene: Scene):
         yield "dashpots in joints couple the modes, none can be left out alone; drop wall.prune."
 
 
+def _too_few_modes(scene: Scene):
+    table, kept = scene.reduction, len(HAMMER_TEST_HZ)
+    if scene.assembly is None or table.choice != "contact" or table.modes is None:
+        return
+    if table.modes < kept:
+        yield (
+            f"reduction.modes = {table.modes} must be at least {kept}, the modes of the hammer "
+            'test that reduction.choice = "contact" keeps; raise it, or choose "lowest".'
+        )
+
+
 def _driven_modes(scene: Scene):
     if not isinstance(scene.damping, RayleighDamping) or not scene.damping.frequency:
         return
@@ -91,6 +103,12 @@ def _driven_modes(scene: Scene):
 
 def _outside_patch(scene: Scene):
     sides = (scene.assembly.block_y, scene.assembly.block_z)
+    if 2 * scene.patch.radius >= min(sides):
+        yield (
+            f"patch.radius = {scene.patch.radius} m must be below {min(sides) / 2:.6g} m to lie "
+            "on the block's face; lower it."
+        )
+        return
     for axis, at, side in zip("yz", scene.patch.point, sides, strict=True):
         reach = side / 2 - scene.patch.radius
         if abs(at) > reach:

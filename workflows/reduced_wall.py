@@ -1,6 +1,5 @@
 """The wall that a reduced model makes, of this scene's assembly or from a file."""
 
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +7,9 @@ import numpy as np
 import coupling
 import dem
 import rom
-from workflows.scene import Damping, InvalidScene, ModalDamping, RayleighDamping, RomWall, Scene
+from workflows.scene import Damping, ModalDamping, RayleighDamping, Scene
 from workflows.summary import HAMMER_TEST_HZ
-
-HALF_SPACE = "half_space_compliance_m_per_N"
-READERS = {".npz": rom.load_npz, ".mat": rom.load_mat, ".h5": rom.load_h5, ".mtx": rom.load_mtx}
+from workflows.wall_file import HALF_SPACE, loaded
 
 
 def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coupling.CoupledWall:
@@ -82,51 +79,6 @@ def damping_law(table: Damping, hammer_modes_hz: list[float]) -> coupling.Dampin
 def _hammer_modes_hz(reduced: rom.ReducedModel) -> list[float]:
     noted = reduced.provenance.get("hammer_modes_hz")
     return [float(hz) for hz in noted.split()] if noted else list(HAMMER_TEST_HZ)
-
-
-def loaded(wall: RomWall) -> rom.ReducedModel:
-    """The reduced model of wall.file; raises InvalidScene where it is none, or no wall."""
-    path = Path(wall.file)
-    if path.suffix not in READERS:
-        raise InvalidScene(f"wall.file = {wall.file!r} must end in {', '.join(READERS)}.")
-    require_reader(path)
-    if path.suffix != ".mtx" and wall.nodes:
-        raise InvalidScene("wall.nodes names nodes of an Abaqus .mtx; drop it.")
-    try:
-        reduced = _substructure(path, wall) if path.suffix == ".mtx" else READERS[path.suffix](path)
-    except rom.ReductionError as error:
-        raise InvalidScene(f"wall.file: {error}") from None
-    for finding in rom.health(reduced).findings:
-        raise InvalidScene(f"wall.file: {path} is no wall that could be run: {finding}")
-    if wall.half_space is None:
-        return reduced
-    return reduced._replace(provenance=reduced.provenance | {HALF_SPACE: repr(wall.half_space)})
-
-
-def _substructure(path: Path, wall: RomWall) -> rom.ReducedModel:
-    known = rom.substructure(path).coordinates
-    if not wall.nodes:
-        some = ", ".join(map(str, sorted({node for node, _ in known})[:6]))
-        raise InvalidScene(
-            f"wall.nodes is missing: {path} is an Abaqus substructure and does not say where the "
-            f"chain touches it; name those nodes of {some} ..., with wall.direction and weights."
-        )
-    weights = wall.weights or (1.0,) * len(wall.nodes)
-    if len(weights) != len(wall.nodes):
-        raise InvalidScene(
-            f"wall.weights has {len(weights)} values for {len(wall.nodes)} nodes; give one each."
-        )
-    w = {
-        (node, wall.direction): weight / sum(weights)
-        for node, weight in zip(wall.nodes, weights, strict=True)
-    }
-    return rom.load_mtx(path, w)
-
-
-def require_reader(path: Path) -> None:
-    """Raises InvalidScene for HDF5 where the extra that reads and writes it is not installed."""
-    if path.suffix == ".h5" and find_spec("h5py") is None:
-        raise InvalidScene(f"{path} needs h5py; ./install.sh h5 adds it, or take .npz or .mat.")
 
 
 def save(path: Path, reduced: rom.ReducedModel) -> None:
