@@ -16,7 +16,7 @@ from dem.chain import (
 from dem.schemes import SCHEMES, Scheme
 from dem.stability import UnstableStep, stability_limit
 from dem.step_control import Controlled, StepReport, march_to_error, with_step_error
-from dem.trajectory import Trajectory, march
+from dem.trajectory import Trajectory, march, require_march
 from dem.validity import Strain, outside, strain
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "one_dof_wall",
     "outside",
     "plate_wall",
+    "require_march",
     "rigid_wall",
     "row_of_spheres",
     "stability_limit",

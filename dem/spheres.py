@@ -34,6 +34,16 @@ def hertz_coefficient(R1, E1, nu1, R2=np.inf, E2=np.inf, nu2=0.0):
     return 4.0 / 3.0 * contact_modulus(E1, nu1, E2, nu2) * np.sqrt(relative_radius(R1, R2))
 
 
+def modulus_of_contact(A, R):
+    """E* [Pa] behind a Hertz coefficient A and the relative radius R."""
+    return 0.75 * A / np.sqrt(R)
+
+
+def radii_of_contacts(radius):
+    """(n,) relative radii R* [m] of a row of spheres and a flat."""
+    return np.append(relative_radius(radius[:-1], radius[1:]), radius[-1:])
+
+
 def contact_radius(force, R, E_star):
     """a = (3 F R / 4 E*)^(1/3) [m] for the relative radius R and the contact modulus E*."""
     return np.cbrt(0.75 * np.asarray(force, float) * R / E_star)
@@ -48,6 +58,15 @@ def yield_overlap(R, E_star, contact_yield_stress):
     """Overlap [m] at which the largest pressure reaches the contact yield stress, about 1.6 times
     the yield stress of the softer material (C. Thornton, J. Appl. Mech. 64 (1997) 383)."""
     return R * (0.5 * np.pi * contact_yield_stress / E_star) ** 2
+
+
+def yielded_radius(force, R, A, overlap):
+    """Radius [m] of a contact pressed by a force, beyond its yield overlap at constant pressure:
+    a^2 = R delta as in Hertz' law, with the straight line of Thornton's."""
+    first = A * overlap**1.5
+    beyond = np.maximum(np.asarray(force, float) / first - 1.0, 0.0) / 1.5
+    elastic = (np.minimum(force, first) / A) ** (2.0 / 3.0)
+    return np.sqrt(R * (elastic + overlap * beyond))
 
 
 def time_scale(m, A, speed):

@@ -50,6 +50,23 @@ class _Prepared(NamedTuple):
     dissipation: tuple | None
 
 
+def require_march(chain, wall, v0, *, dt=None):
+    """Raise what `march` would before its first step: InvalidChain, NoEquilibrium, UnstableStep."""
+    validate(chain, wall, v0)
+    prepared = prepare(chain, wall)
+    if dt is not None:
+        refuse_step(chain, wall, v0, prepared.static, dt, _scheme(chain, wall, v0, prepared, dt))
+
+
+def _scheme(chain, wall, v0, prepared, dt, name=None):
+    """The scheme of a name, or the one that measures best."""
+    decay = fastest_decay(chain, wall, v0, prepared.static)
+    name = name or default_scheme(chain, wall, stiffly_damped=dt * decay > BACKWARD)
+    if name not in SCHEMES:
+        raise InvalidChain(f"scheme {name!r} is unknown; take one of {', '.join(SCHEMES)}")
+    return SCHEMES[name]
+
+
 def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None, mend=True):
     """Trajectory from the static state with velocities v0 (n,), at n_save + 1 equal times.
 
@@ -64,15 +81,14 @@ def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None
         raise InvalidChain(f"dt is {dt} s; it must be finite and above 0")
     prepared = prepare(chain, wall)
     state = start(chain, wall, v0, prepared.static) if state is None else state
-    decay = fastest_decay(chain, wall, state.v, prepared.static)
-    name = scheme or default_scheme(chain, wall, stiffly_damped=dt * decay > BACKWARD)
-    if name not in SCHEMES:
-        raise InvalidChain(f"scheme {name!r} is unknown; take one of {', '.join(SCHEMES)}")
-    refuse_step(chain, wall, state.v, prepared.static, dt, SCHEMES[name])
-    if SCHEMES[name].kind == "implicit" and chain.yield_overlap is not None:
-        raise InvalidChain(f"scheme {name!r} takes no plastic contacts; take one that is explicit")
+    method = _scheme(chain, wall, state.v, prepared, dt, scheme)
+    refuse_step(chain, wall, state.v, prepared.static, dt, method)
+    if method.kind == "implicit" and chain.yield_overlap is not None:
+        raise InvalidChain(
+            f"scheme {scheme!r} takes no plastic contacts; take one that is explicit"
+        )
     n_save = n_save or min(1000, int(np.ceil(duration / dt * (1 - 1e-9))))
-    trajectory = run(chain, wall, prepared, state, duration, dt, SCHEMES[name], n_save, mend)
+    trajectory = run(chain, wall, prepared, state, duration, dt, method, n_save, mend)
     if not trajectory.energy_error <= 1.0 and _ledger_is_broken(trajectory):
         raise UnstableStep(
             f"with dt = {trajectory.dt:.3g} s the energy ledger is off by "

@@ -11,7 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dem.chain import InvalidChain
-from dem.spheres import contact_radius, max_pressure, relative_radius
+from dem.spheres import (
+    contact_radius,
+    max_pressure,
+    modulus_of_contact,
+    radii_of_contacts,
+    yielded_radius,
+)
 
 SMALL_CONTACT = 0.1  # contact radius over the smaller sphere's
 YIELD_STRAIN = 0.01  # yield stress over Young's modulus of hardened steel, a hard material
@@ -39,19 +45,25 @@ def strain(chain, young, contact_force, v) -> Strain:
             raise InvalidChain(f"{name} of the run has values that are not finite; march it anew")
     young = np.broadcast_to(np.asarray(young, float), chain.mass.shape)
     peak = np.asarray(contact_force).max(axis=0, initial=0.0)
-    R = np.append(relative_radius(chain.radius[:-1], chain.radius[1:]), chain.radius[-1:])
+    R = radii_of_contacts(chain.radius)
     R, smaller, E = (values[: peak.size] for values in (R, _lesser(chain.radius), _lesser(young)))
-    E_star = 0.75 * chain.A / np.sqrt(R)
+    E_star = modulus_of_contact(chain.A, R)
     yielding = FIRST_YIELD * YIELD_STRAIN * E
     pressure = max_pressure(peak, R, E_star) * (chain.yield_overlap is None)
     worst = int((pressure / yielding).argmax()) if peak.size else None
     sound = np.sqrt(young / (chain.mass / (4.0 / 3.0 * np.pi * chain.radius**3)))
     return Strain(
-        float((contact_radius(peak, R, E_star) / smaller).max(initial=0.0)),
+        float((_pressed_radius(chain, peak, R, E_star) / smaller).max(initial=0.0)),
         0.0 if worst is None else float(pressure[worst]),
         np.inf if worst is None else float(yielding[worst]),
         float((np.abs(v).max(axis=0) / sound).max()),
     )
+
+
+def _pressed_radius(chain, peak, R, E_star):
+    if chain.yield_overlap is None:
+        return contact_radius(peak, R, E_star)
+    return yielded_radius(peak, R, chain.A, chain.yield_overlap)
 
 
 def _lesser(values):

@@ -191,9 +191,20 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
         RunFolder(tmp_path / "out").begin("name = 'x'", None)
 
 
-def test_a_run_that_cannot_work_says_why(capsys):
-    changes = ["--set=leaf_springs.stiffness=0", "--set=time.dt=1"]
-    assert small("impact", "rig-rigid", *changes) == 1
+NO_START = {
+    "too long a step": ["time.dt=1"],
+    "yields at rest": ["contact.law=thornton", "contact.yield_pressure=1e7", "preload.force=1e3"],
+}
+
+
+@pytest.mark.parametrize("command", ["run", "impact"])
+@pytest.mark.parametrize("changes", NO_START.values(), ids=NO_START)
+def test_a_chain_that_cannot_start_is_refused_before_a_folder_is_made(
+    command, changes, tmp_path, capsys
+):
+    given = [f"--set={change}" for change in changes]
+    assert small(command, "rig-rigid", "--out=out", *given) == 2
+    assert not (tmp_path / "out").exists()
     assert _one_line(capsys.readouterr().err)
 
 

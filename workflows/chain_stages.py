@@ -12,6 +12,7 @@ from dem.wave_measures import contact_time
 from workflows.scene import (
     Contact,
     DashpotWall,
+    InvalidScene,
     OneDofWall,
     RigidWall,
     RomWall,
@@ -58,7 +59,28 @@ def chain(scene: Scene) -> dem.Chain:
     )
     if scene.preload:
         row.mass[-1] += scene.preload.mass
-    return row
+    if contact.yield_pressure is None:
+        return row
+    return row._replace(yield_overlap=yield_overlaps(row, contact.yield_pressure))
+
+
+def yield_overlaps(row: dem.Chain, pressure: Any) -> np.ndarray:
+    """(n_contacts,) [m] at which the contacts, as stiff as they are, reach the pressure [Pa]."""
+    R = spheres.radii_of_contacts(row.radius)[: row.A.size]
+    E_star = spheres.modulus_of_contact(row.A, R)
+    return spheres.yield_overlap(R, E_star, np.broadcast_to(pressure, R.shape))
+
+
+def require_start(scene: Scene) -> None:
+    """Raise InvalidScene where the chain has no state of rest or the step has no meaning, of all
+    walls but those that are yet to be reduced."""
+    if isinstance(scene.wall, RomWall):
+        return
+    row, leant_on, v0 = chain(scene), wall(scene), initial_velocity(scene)
+    try:
+        dem.require_march(row, leant_on, v0, dt=scene.time.dt)
+    except (dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep) as error:
+        raise InvalidScene(f"{scene.name}: {str(error).rstrip('.')}.") from None
 
 
 def dissipation(contact: Contact) -> dict[str, Any]:
@@ -191,8 +213,30 @@ def rough(error: float | None) -> tuple[str, ...]:
     )
 
 
+def yielded(scene: Scene, run: dem.Trajectory) -> tuple[str, ...]:
+    """A sentence on the contacts that a run has pressed beyond their yield."""
+    row = chain(scene)
+    if row.yield_overlap is None:
+        return ()
+    first = row.A * row.yield_overlap**1.5
+    ratio = run.contact_force.max(axis=0) / first
+    worst, n = int(ratio.argmax()), ratio.size
+    if not ratio[worst] > 1.0:
+        return ("No contact yields.",)
+    where = "at the wall" if worst == len(row.mass) - 1 else f"of spheres {worst + 1}, {worst + 2}"
+    return (
+        f"{(ratio > 1.0).sum()} of {n} contacts yield; the one {where} most, pressed to "
+        f"{ratio[worst]:.3g} times the {first[worst]:.3g} N at which it starts to.",
+    )
+
+
 def contact_radius(scene: Scene, force: float) -> float:
-    """Radius of the Hertz contact at the wall [m]."""
+    """Radius of the contact at the wall [m]."""
+    if scene.contact.law == "thornton":
+        last = chain(scene)
+        return float(
+            spheres.yielded_radius(force, last.radius[-1], last.A[-1], last.yield_overlap[-1])
+        )
     row, touched = scene.chain, surface(scene)
     R, E, nu = (np.atleast_1d(value)[-1] for value in (row.radius, row.young, row.poisson))
     E_star = spheres.contact_modulus(E, nu, touched.young, touched.poisson)

@@ -43,6 +43,11 @@ def problem(scene: Scene, watch: Watch) -> Problem:
     """The scene's chain; raises InvalidScene for what the integrators cannot be given."""
     if scene.chain is None:
         raise InvalidScene(f"the scene {scene.name} has no [chain]; add one, or take rig-rigid.")
+    if scene.contact.law != "hertz":
+        raise InvalidScene(
+            f'contact.law = "{scene.contact.law}" keeps a history, which the integrators beside '
+            'ours do not know; set contact.law = "hertz" and drop contact.yield_pressure.'
+        )
     row, wall = chain(scene), pipeline_of(scene, watch)("wall")
     if not isinstance(wall, dem.Wall | None):
         raise InvalidScene(

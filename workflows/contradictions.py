@@ -7,7 +7,8 @@ from workflows.scene import DashpotWall, InvalidScene, ModalDamping, RayleighDam
 from workflows.scene_size import too_large
 from workflows.summary import HAMMER_TEST_HZ
 
-PER_CONTACT = ("coefficient", "stiffness_factor")
+LEAST_YIELD = 1e-6  # pressure over Young's modulus; lead has a thousandth
+PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure")
 
 
 def contradictions(scene: Scene):
@@ -24,6 +25,7 @@ def contradictions(scene: Scene):
     if scene.chain:
         yield from _wrong_lengths(scene)
         yield from _against_a_dashpot(scene)
+        yield from _yielding(scene)
         yield from _at_rest(scene)
         yield from _unseen_spheres(scene)
 
@@ -169,6 +171,28 @@ def _against_a_dashpot(scene: Scene):
             f'contact.coefficient is {last} at the wall, with wall.kind = "dashpot" it must be 0 '
             "there; give a value for each contact, or drop it."
         )
+
+
+def _yielding(scene: Scene):
+    if scene.contact.law != "thornton":
+        return
+    others = {
+        'wall.kind = "dashpot"': isinstance(scene.wall, DashpotWall),
+        'patch.weights = "thesis"': scene.patch is not None and scene.patch.weights == "thesis",
+        "dashpots in joints": any(table.dashpots for _, table in scene.joints or ()),
+    }
+    lowest, least = _lowest(scene.contact.yield_pressure), LEAST_YIELD * _lowest(scene.chain.young)
+    if lowest < least:
+        yield (
+            f"contact.yield_pressure = {lowest:g} Pa must be at least {least:g} Pa, a millionth of "
+            "chain.young; raise it."
+        )
+    for other in (name for name, given in others.items() if given):
+        yield f'contact.law = "thornton" is not marched with {other}; change one of them.'
+
+
+def _lowest(value) -> float:
+    return min(value) if isinstance(value, tuple) else value
 
 
 def _at_rest(scene: Scene):

@@ -6,7 +6,13 @@ from platform import python_version
 import numpy as np
 
 from coupling import CoupledWall, Impact
-from workflows.chain_stages import contact_radius, save_trajectory, spoilt
+from workflows.chain_stages import (
+    contact_radius,
+    require_start,
+    save_trajectory,
+    spoilt,
+    yielded,
+)
 from workflows.chain_waves import chain_contact, sphere_waves
 from workflows.report import write_report
 from workflows.run_folder import RunFolder, write_pictures
@@ -25,6 +31,8 @@ from workflows.summary import ErrorEstimate, SphereWaves, StageTime, Summary
 
 def run(scene: Scene, out: Path, *, source: Path | None, watch: Watch) -> Summary:
     """Fill the run folder with all that the scene gives."""
+    if scene.chain:
+        require_start(scene)
     folder = RunFolder(out)
     folder.begin(toml(scene), source)
     pipeline = pipeline_of(scene, watch)
@@ -44,6 +52,7 @@ def run(scene: Scene, out: Path, *, source: Path | None, watch: Watch) -> Summar
 
 def impact(scene: Scene, out: Path | None, *, source: Path | None, watch: Watch) -> Summary:
     """The coupled run alone; the folder, if any, gets scene, trajectory and summary."""
+    require_start(scene)
     folder = RunFolder(out) if out else None
     if folder:
         folder.begin(toml(scene), source)
@@ -110,7 +119,7 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
         "energy_error": trajectory.energy_error,
         "error_estimate": errors,
         "unestimated": unestimated,
-        "verdict": pipeline("impact").verdict.sentences,
+        "verdict": (*pipeline("impact").verdict.sentences, *yielded(scene, trajectory)),
         "waves": {str(sphere): _waves(pipeline, sphere) for sphere in scene.output.spheres},
         "wall_contact": chain_contact(pipeline("waves"), float(np.mean(scene.chain.radius))),
     }

@@ -105,12 +105,25 @@ class Striker(Table):
 
 
 class Contact(Table):
-    """The law between neighbours, and at the wall."""
+    """The law between neighbours, and at the wall.
 
-    law: Literal["hertz"] = "hertz"
+    "thornton" is Hertz' law until the pressure in a contact's middle reaches `yield_pressure`,
+    about 1.6 times the softer material's yield stress, which then stays; craters remain.
+    """
+
+    law: Literal["hertz", "thornton"] = "hertz"
+    yield_pressure: _one_or_each(Positive) | None = None  # [Pa] one per contact, as those below
     dissipation: Literal["none", "linear", "linear-clipped", "hunt-crossley"] = "hunt-crossley"
     coefficient: _one_or_each(NonNegative) = 0.0
     stiffness_factor: _one_or_each(Positive) = 1.0  # one per contact, the last at the wall
+
+    @model_validator(mode="after")
+    def _yields_or_not(self) -> "Contact":
+        if self.law == "thornton" and self.yield_pressure is None:
+            raise ValueError('law = "thornton" needs yield_pressure in Pa: add it')
+        if self.law == "hertz" and self.yield_pressure is not None:
+            raise ValueError('yield_pressure belongs to law = "thornton": drop it or take that law')
+        return self
 
 
 class LeafSprings(Table):
