@@ -44,17 +44,18 @@ class Fit:
 
     def residual(self, z: np.ndarray, windows: np.ndarray) -> np.ndarray:
         """Weighted difference to the data inside the windows; huge where no run is possible."""
+        k = self.forward.needed(windows)
         try:
-            model = self.forward.velocities(values(self.parameters, z))
+            model = self.forward.velocities(values(self.parameters, z), k)
         except (InvalidChain, NoEquilibrium):
             return np.full(int(windows.sum()), IMPOSSIBLE * self.largest)
-        return ((model - self.data) * self.weights)[windows]
+        return ((model - self.data[:k]) * self.weights)[windows[:k]]
 
     def jacobian(self, z: np.ndarray, windows: np.ndarray) -> np.ndarray:
         """(samples, p) by z."""
-        theta = values(self.parameters, z)
-        dv = self.forward.velocities_and_tangents(theta)[1] * self.weights[:, None]
-        return dv[windows] * slopes(self.parameters, theta)
+        k, theta = self.forward.needed(windows), values(self.parameters, z)
+        dv = self.forward.velocities_and_tangents(theta, k)[1] * self.weights[:, None]
+        return dv[windows[:k]] * slopes(self.parameters, theta)
 
     def misfit(self, z: np.ndarray, windows: np.ndarray) -> float:
         """rms [m/s]"""

@@ -9,7 +9,6 @@ from coupling.parameters import Parameter, Rig, directions, rig_at
 from coupling.signals import Filter, Signals
 from dem.tangent import STEPS_PER_RADIAN, march_with_tangents, usual_step
 
-COARSE = 2.5  # steps of a search, in usual ones
 NO_FILTER = Filter()
 SEARCHED = 0.15  # time between the samples of a search, in radians of the stiffest contact
 
@@ -37,43 +36,54 @@ class Forward:
         if self.duration <= 4 * self.dt:
             raise CouplingError("the record ends before the first touch; check the trigger.")
 
-    def velocities(self, theta: np.ndarray) -> np.ndarray:
-        """(k, m) [m/s]"""
-        return self._seen(theta, False)[0]
+    def velocities(self, theta: np.ndarray, first: int | None = None) -> np.ndarray:
+        """(k, m) [m/s], or only the first samples of them."""
+        return self._seen(theta, False, first)[0]
 
-    def velocities_and_tangents(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def velocities_and_tangents(
+        self, theta: np.ndarray, first: int | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """(k, m) and their derivatives (k, m, p)."""
-        return self._seen(theta, True)
+        return self._seen(theta, True, first)
+
+    def needed(self, windows: np.ndarray) -> int:
+        """Samples that a model must have for windows (k, m) of it: a filter without phase looks
+        ahead."""
+        k = len(windows)
+        return k if self.filters.band else k - int(windows.any(axis=1)[::-1].argmax())
 
     def with_steps(self, steps: float) -> "Forward":
         """The same model with other steps, in usual ones."""
         return Forward(self.rig, self.parameters, self.signals, self.filters, steps)
 
-    def coarser(self) -> "Forward":
-        """Larger steps and fewer samples, for a search."""
+    def coarser(self, steps: float) -> "Forward":
+        """Larger steps, in usual ones, and fewer samples, for a search."""
         signals, every = self.signals, self._every()
         thinned = signals._replace(t=signals.t[::every], v=signals.v[::every])
-        return Forward(self.rig, self.parameters, thinned, self.filters, COARSE)
+        return Forward(self.rig, self.parameters, thinned, self.filters, steps)
 
     def _every(self) -> int:
         dt = self.signals.t[1] - self.signals.t[0]
         return max(1, int(SEARCHED * self.radian / dt))
 
-    def _seen(self, theta: np.ndarray, tangents: bool) -> tuple[np.ndarray, np.ndarray]:
-        t, rig = self.signals.t, rig_at(self.rig, self.parameters, theta)
+    def _seen(
+        self, theta: np.ndarray, tangents: bool, first: int | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        t, rig = self.signals.t[:first], rig_at(self.rig, self.parameters, theta)
+        duration = self.duration - (self.signals.t[-1] - t[-1])
         run = march_with_tangents(
             rig.chain,
             rig.wall,
             rig.v0,
             directions(self.rig, self.parameters, theta) if tangents else None,
-            duration=self.duration,
+            duration=duration,
             dt=self.dt,
             observed=self.signals.spheres,
         )
         dt = t[1] - t[0]
         late = rig.trigger + self.filters.lag(dt)
         when = _refined(t, self.filters.refinement(dt)) - late
-        v, a, dv = run.at(np.clip(when, 0.0, self.duration))
+        v, a, dv = run.at(np.clip(when, 0.0, duration))
         for j, p in enumerate(self.parameters if tangents else ()):
             if p.kind == "trigger":
                 dv[:, :, j] = -np.where((when > 0)[:, None], a, 0.0)

@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from coupling.fitting import Fit, Solution, rms
-from coupling.forward import Forward
 from coupling.signals import first_waves_end
 
 LENGTHENINGS = 8
 MOST = 25  # model runs of a fit on the fine model
 ROUGH = 1e-4  # of the fastest sphere: misfit of the first waves that the last stage can better
+COARSE = (5.0, 2.5)  # steps of a search, in usual ones
+COVERED = 0.1  # of the noise: error of large steps
 TRIED = 6  # exchanges fitted in a round
 ROUNDS = 5
 MOST_TRIED = 3000  # model runs of a start that go into exchanges
@@ -77,27 +78,27 @@ class Search:
 
     def __init__(self, fine: Fit, options: Options) -> None:
         self.fine, self.options = fine, options
-        self.coarse = Fit(fine.forward.coarser())
+        self.noise = options.noise or 0.0
         self.parameters = fine.parameters
+        self.coarse, coarseness = self._coarse()
         self.of_wall = np.array([p.of_wall for p in self.parameters])
         self.every = np.ones(len(self.parameters), bool)
         self.first_waves = _first_waves(fine)
         self.stages: list[Stage] = []
         self.same_starts = self.starts = self.tried = 0
         self.scan: Scan | None = None
-        self.noise = options.noise or 0.0
-        self.exact = 1.1 * max(self._coarseness(), EXACT * fine.largest)
+        self.exact = 1.1 * max(coarseness, EXACT * fine.largest)
 
-    def _coarseness(self) -> float:
-        """rms [m/s] by which the coarse model is off."""
-        start = self.fine.forward.start
-        finer = Forward(
-            self.fine.forward.rig,
-            self.parameters,
-            self.coarse.forward.signals,
-            self.fine.forward.filters,
-        )
-        return rms(self.coarse.forward.velocities(start) - finer.velocities(start))
+    def _coarse(self) -> tuple[Fit, float]:
+        """The problem on the largest steps that noise covers, and the rms [m/s] they are off."""
+        forward = self.fine.forward
+        finer = forward.coarser(1.0).velocities(forward.start)
+        for steps in COARSE:
+            model = forward.coarser(steps)
+            off = rms(model.velocities(forward.start) - finer)
+            if off <= COVERED * self.noise:
+                break
+        return Fit(model), off
 
     def enough(self, samples: int, sigmas: float = 0.5) -> float:
         """Misfit [m/s] that needs no further search, so many sigmas above the noise."""

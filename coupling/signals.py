@@ -5,6 +5,7 @@ Repeats that the trigger has shifted are moved onto their mean by the least-squa
 spheres together, which for small shifts is the maximum of the cross-correlation.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -65,17 +66,23 @@ class Filter(NamedTuple):
         """v (k, ..) filtered along its first axis."""
         if self.band is None:
             return v
-        return sosfiltfilt(butter(ORDER, self.band, fs=1.0 / dt, output="sos"), v, axis=0)
+        return sosfiltfilt(_low_pass(self.band, 1.0 / dt)[0], v, axis=0)
 
     def of_model(self, v: np.ndarray, dt: float) -> np.ndarray:
         """v (k * refinement, ..) at refined times as the instrument and the filter show it."""
         fine = self.refinement(dt)
         if self.instrument is not None:
-            sos = butter(ORDER, self.instrument, fs=fine / dt, output="sos")
-            start = sosfilt_zi(sos)
+            sos, start = _low_pass(self.instrument, fine / dt)
             start = start.reshape(*start.shape, *[1] * (v.ndim - 1)) * v[0]
             v = sosfilt(sos, v, axis=0, zi=start)[0][::fine]
         return self.of_data(v, dt)
+
+
+@cache
+def _low_pass(cut: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Second-order sections and the state they rest in at 1, of a low-pass [Hz]."""
+    sos = butter(ORDER, cut, fs=rate, output="sos")
+    return sos, sosfilt_zi(sos)
 
 
 def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool = True) -> Aligned:

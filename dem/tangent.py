@@ -98,12 +98,15 @@ def march_with_tangents(chain, wall, v0, directions=None, *, duration, dt, obser
     p = directions.preload.size
     m = len(observed)
     out = (*np.zeros((2, n_steps + 1, m)), *np.zeros((2, n_steps + 1, m, p)))
-    kernels.march(
-        static.x.copy(), np.array(v0, float), d_static.x.copy(), directions.v0.astype(float),
-        chain.A, _or_zeros(chain.gamma, chain.A.size), _spheres(chain),
-        _wall(wall, static, h), _kernel_directions(chain, static, directions, d_static),
-        h, n_steps, np.asarray(observed, np.int64), out,
-    )  # fmt: skip
+    state = static.x.copy(), np.array(v0, float)
+    rig = chain.A, _or_zeros(chain.gamma, chain.A.size), _spheres(chain), _wall(wall, static, h)
+    steps = h, n_steps, np.asarray(observed, np.int64)
+    if p == 0:
+        kernels.march_alone(*state, *rig, *steps, out[:2])
+    else:
+        slopes = d_static.x.copy(), directions.v0.astype(float)
+        by = _kernel_directions(chain, static, directions, d_static)
+        kernels.march(*state, *slopes, *rig, by, *steps, out)
     t = np.linspace(0.0, duration, n_steps + 1)
     if not np.isfinite(out[0]).all():
         raise InvalidChain(
