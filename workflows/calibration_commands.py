@@ -100,11 +100,11 @@ def twin(
     ] = None,
     scatter: Annotated[float, typer.Option(help="Of the contacts' stiffness, to a side.")] = 0.1,
     frequency: Annotated[float, typer.Option(help="True frequency of a 1dof wall [Hz].")] = 240.0,
-    noise: Annotated[float, typer.Option(help="rms of one repeat [m/s].")] = 1e-3,
-    sampling: Annotated[float, typer.Option(help="[Hz]")] = 1e6,
+    noise: Annotated[float, typer.Option(help="rms of one repeat, in m/s.")] = 1e-3,
+    sampling: Annotated[float, typer.Option(help="Samples in a second [Hz].")] = 1e6,
     instrument: Annotated[float, typer.Option(help="Low-pass of the vibrometer [Hz].")] = 100e3,
     repeats: Annotated[int, typer.Option(help="Signals per sphere.")] = 10,
-    jitter: Annotated[float, typer.Option(help="Standard deviation of the trigger [s].")] = 2e-6,
+    jitter: Annotated[float, typer.Option(help="Standard deviation of the trigger, in s.")] = 2e-6,
     seed: Annotated[int, typer.Option(help="Of the known rig and of the noise.")] = 0,
     spheres: Annotated[
         Optional[str],  # noqa: UP045

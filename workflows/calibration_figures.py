@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e")
-LEGIBLE = 0.3  # least correlation written into its cell
+WIDE = 5.0  # of a misfit: largest over least that needs a logarithmic axis
 
 
 def pictures(fit, t, report) -> dict[str, bytes]:
@@ -54,19 +54,20 @@ def scan(report, face: str) -> bytes:
     panel = figure.subplots()
     misfit = 1e3 * np.array(report.scan_misfit_m_s)
     panel.semilogx(report.scan_hz, misfit, "o-", color=COLOURS[0], markersize=3, linewidth=1.2)
-    for row in report.parameters:
-        if row.name == "wall.frequency":
-            panel.axvline(
-                row.found, color=COLOURS[1], linewidth=1, label=f"found {row.found:.4g} Hz"
-            )
-            panel.axvline(row.start, color="0.5", linestyle="--", linewidth=1,
-                          label=f"start {row.start:.4g} Hz")  # fmt: skip
+    row = next(row for row in report.parameters if row.name == "wall.frequency")
+    grey = {"color": "0.5", "linestyle": "--"}
+    panel.axvline(row.found, color=COLOURS[1], linewidth=1, label=f"found {row.found:.4g} Hz")
+    panel.axvline(row.start, linewidth=1, label=f"start {row.start:.4g} Hz", **grey)
     panel.xaxis.set_major_formatter("{x:g}")
     panel.xaxis.set_minor_formatter(NullFormatter())
     ticks = [f for f in (50, 100, 200, 500, 1000, 2000, 5000)
              if report.scan_hz[0] <= f <= report.scan_hz[-1]]  # fmt: skip
     panel.set_xticks(ticks)
-    panel.set_ylim(bottom=0)
+    if misfit.max() > WIDE * misfit.min() > 0:
+        panel.set_yscale("log")
+        _plain_ticks(panel.yaxis, misfit)
+    else:
+        panel.set_ylim(bottom=0)
     panel.set_xlabel("frequency of the wall [Hz]")
     panel.set_ylabel("misfit of all samples, rms [mm/s]")
     panel.legend(frameon=False, fontsize=8)
@@ -106,19 +107,29 @@ def _factors(panel, rows) -> None:
 
 def _bars(panel, rows) -> None:
     shown = [r for r in rows if r.two_sigma and r.name != "trigger" and r.found]
+    if not shown:
+        panel.text(0.5, 0.5, "no parameter has a bar", ha="center", transform=panel.transAxes)
+        return
     share = [100 * r.two_sigma / abs(r.found) for r in shown]
     colours = [COLOURS[2] if r.identifiable == "yes" else COLOURS[3] for r in shown]
     panel.bar(range(len(shown)), share, color=colours)
     panel.set_yscale("log")
-    panel.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    panel.yaxis.set_major_formatter("{x:g}")
-    panel.yaxis.set_minor_formatter(NullFormatter())
+    panel.set_ylim(min(share) / 1.5, max(share) * 1.2)
+    _plain_ticks(panel.yaxis, np.array(share))
     panel.set_xticks(
         range(len(shown)), [r.name for r in shown], rotation=60, ha="right", fontsize=8
     )
     panel.set_ylabel("two sigma over value [%]")
     _plain(panel)
     panel.margins(x=0.02)
+
+
+def _plain_ticks(axis, values) -> None:
+    """Numbers, not powers, as close as fits the span of values above 0."""
+    span = values.max() / values.min()
+    axis.set_major_locator(LogLocator(subs=(1, 2, 3, 5, 7) if span < 5 else (1, 2, 5)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def correlation(fit, face: str) -> bytes:
