@@ -1,11 +1,11 @@
-from coupling.coupled_wall import (
-    CoupledWall,
+from coupling.coupled_march import (
     EnergyGain,
-    as_coupled,
-    coupled_wall,
     energy_gain,
+    longest_step,
     march_coupled,
+    with_coupled_error,
 )
+from coupling.coupled_wall import CoupledWall, as_coupled, coupled_wall
 from coupling.damping import (
     UNCOUPLED,
     Damping,
@@ -57,6 +57,7 @@ __all__ = [
     "inelasticity",
     "infinite_plate",
     "largest_monotone_force",
+    "longest_step",
     "march_coupled",
     "modal_coupling",
     "mode_costs",
@@ -68,4 +69,5 @@ __all__ = [
     "slenderness",
     "verdict",
     "wall_from_reduced",
+    "with_coupled_error",
 ]

@@ -5,8 +5,7 @@ that enters through other weights than the displacement is read.
 
 With h = g and D positive semidefinite the wall is passive. The scheme of the thesis, force at the
 contact node and reading at nodes beside it, has h != g and makes energy out of nothing; it is here
-for comparison. The march is an adaptive Runge-Kutta of order 8 (Hairer, Norsett, Wanner, Solving
-ODE I, II.5) over spheres and modes together: slow, and independent of the splitting in dem.
+for comparison. coupling.coupled_march runs them.
 """
 
 from typing import NamedTuple
@@ -17,10 +16,8 @@ from numpy.typing import ArrayLike
 from coupling.damping import Damping, damping_ratios
 from coupling.errors import CouplingError
 from coupling.wall import kept_modes, moving_modes
-from dem import Chain, State, Trajectory, Wall, equilibrium
+from dem import Wall
 from rom import ModalWall, ReducedModel, modal
-
-CLIPPED = {"linear-clipped", "hunt-crossley"}
 
 
 class CoupledWall(NamedTuple):
@@ -37,15 +34,6 @@ class CoupledWall(NamedTuple):
     def reciprocal(self) -> bool:
         """Whether the force enters through the weights that read the displacement."""
         return bool(np.allclose(self.force, self.reading, rtol=1e-9, atol=0))
-
-
-class EnergyGain(NamedTuple):
-    """Energy made out of nothing over a run, relative to that of the striker: at most, at the end,
-    and the time [s] of the largest."""
-
-    largest: float
-    final: float
-    time: float
 
 
 def coupled_wall(
@@ -113,168 +101,3 @@ def as_coupled(wall: Wall) -> CoupledWall:
         raise CouplingError("a dashpot wall has no modes to couple; march it with impact().")
     D = np.diag(2 * wall.zeta * wall.omega)
     return CoupledWall(wall.omega, D, wall.phi, wall.phi, wall.residual_compliance)
-
-
-def march_coupled(
-    chain: Chain,
-    wall: CoupledWall,
-    v0: ArrayLike,
-    *,
-    duration: float,
-    error: float = 1e-6,
-    n_save: int = 1000,
-) -> Trajectory:
-    """Trajectory of the chain against a coupled wall, from the static state with velocities v0.
-
-    error bounds the relative error of one step, not that of the run: error_estimate stays None.
-    wall_x, the displacement that is read, is without the residual spring. Raises CouplingError.
-    """
-    from scipy.integrate import solve_ivp  # half a second that no other wall pays for
-
-    motion = _Motion(chain, wall)
-    t = np.linspace(0, duration, n_save + 1)
-    start, scale = motion.start(np.asarray(v0, dtype=float))
-    tolerance = max(error, 1e-13)
-    solution = solve_ivp(
-        motion.rate,
-        (0, duration),
-        start,
-        method="DOP853",
-        t_eval=t,
-        rtol=tolerance,
-        atol=tolerance * scale,
-        max_step=motion.largest_step,
-    )
-    if solution.status < 0 or not np.isfinite(solution.y).all():
-        raise CouplingError(
-            f"the coupled march stopped at t={solution.t[-1] if len(solution.t) else 0:.4g} s: "
-            f"{solution.message} The wall feeds energy into the chain, or the contact gave way."
-        )
-    return motion.trajectory(t, solution.y.T, solution.nfev // 12)
-
-
-class _Motion:
-    """Equations of motion of y = (x, v, q, p, dissipated in contacts, dissipated in the wall)."""
-
-    def __init__(self, chain: Chain, wall: CoupledWall):
-        self.chain, self.wall = chain, wall
-        n, k = len(chain.mass), len(wall.omega)
-        self.n, self.k = n, k
-        zeros = np.zeros(n)
-        self.leaf = zeros if chain.leaf_stiffness is None else np.asarray(chain.leaf_stiffness)
-        self.anchor = zeros if chain.leaf_anchor is None else np.asarray(chain.leaf_anchor)
-        self.gamma = np.zeros(n) if chain.gamma is None else np.asarray(chain.gamma)
-        fastest = wall.omega.max(initial=0.0)
-        self.largest_step = 1 / fastest if fastest > 0 else np.inf
-
-    def split(self, y: np.ndarray) -> tuple[np.ndarray, ...]:
-        n, k = self.n, self.k
-        return np.split(y, [n, 2 * n, 2 * n + k, 2 * n + 2 * k], axis=-1)
-
-    def start(self, v0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        n, k, wall = self.n, self.k, self.wall
-        moving = (wall.force * wall.reading != 0) & (wall.omega > 0)
-        squared = np.where(wall.omega > 0, wall.omega, np.inf) ** 2
-        soft = np.sum((wall.force * wall.reading / squared)[moving]) + wall.residual_compliance
-        static = equilibrium(self.chain, Wall(*np.zeros((3, 0)), residual_compliance=float(soft)))
-        q = wall.force * static.force[-1] / squared
-        speed = np.abs(v0).max(initial=0.0) or 1e-3
-        period = (self.chain.mass.max() / self.chain.A.min()) ** 0.4 * speed**-0.2
-        mass = self.chain.mass.max()
-        scale = np.concatenate(
-            [
-                np.full(n, speed * period),
-                np.full(n, speed),
-                np.full(k, speed * period * np.sqrt(mass)),
-                np.full(k, speed * np.sqrt(mass)),
-                np.full(2, mass * speed**2),
-            ]
-        )
-        return np.concatenate([static.x, v0, q, np.zeros(k + 2)]), scale
-
-    def forces(self, x, v, q, p) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Indentations, elastic and damping forces, approach velocities of the n contacts."""
-        chain, wall = self.chain, self.wall
-        gap = np.append(x[:-1] - x[1:], x[-1] - wall.reading @ q)
-        delta = np.maximum(gap, 0.0)
-        delta[-1] = _indentation(gap[-1], chain.A[-1], wall.residual_compliance)
-        approach = np.append(v[:-1] - v[1:], v[-1] - wall.reading @ p)
-        elastic = chain.A * delta * np.sqrt(delta)
-        damping = self.gamma * approach * (elastic if chain.dissipation == "hunt-crossley" else 1.0)
-        damping = np.where(delta > 0, damping, 0.0)
-        if chain.dissipation in CLIPPED:
-            damping = np.maximum(damping, -elastic)
-        return delta, elastic, damping, approach
-
-    def rate(self, t: float, y: np.ndarray) -> np.ndarray:
-        x, v, q, p, _ = self.split(y)
-        chain, wall = self.chain, self.wall
-        _, elastic, damping, approach = self.forces(x, v, q, p)
-        F = elastic + damping
-        net = np.append(0.0, F[:-1]) - F - self.leaf * (x - self.anchor)
-        net[-1] += chain.preload
-        drag = wall.D @ p
-        p_rate = wall.force * F[-1] - drag - wall.omega**2 * q
-        return np.concatenate([v, net / chain.mass, p, p_rate, [damping @ approach, p @ drag]])
-
-    def trajectory(self, t: np.ndarray, Y: np.ndarray, n_steps: int) -> Trajectory:
-        x, v, q, p, lost = self.split(Y)
-        chain, wall = self.chain, self.wall
-        parts = [self.forces(*row) for row in zip(x, v, q, p, strict=True)]
-        delta, elastic, damping, _ = (np.array(part) for part in zip(*parts, strict=True))
-        energies = (
-            0.5 * v**2 @ chain.mass,
-            0.4 * (elastic * delta).sum(axis=1),
-            0.5 * (x - self.anchor) ** 2 @ self.leaf,
-            0.5 * (p**2 + (wall.omega * q) ** 2).sum(axis=1),
-            0.5 * wall.residual_compliance * elastic[:, -1] ** 2,
-            lost[:, 0],
-            lost[:, 1],
-            chain.preload * (x[:, -1] - x[0, -1]),
-        )
-        total = sum(energies[:7]) - energies[7]
-        scale = energies[0][0] or np.abs(total).max() or 1.0
-        return Trajectory(
-            t,
-            x,
-            v,
-            elastic + damping,
-            q @ wall.reading,
-            p @ wall.reading,
-            *energies,
-            total,
-            float(t[-1] / max(n_steps, 1)),
-            n_steps,
-            "dop853",
-            float(np.abs(total - total[0]).max() / scale),
-            None,
-            State(x[-1], v[-1], q[-1], p[-1], 0.0),
-        )
-
-
-def _indentation(gap: float, A: float, s: float) -> float:
-    """delta of delta + s A delta^(3/2) = gap, by Newton's method in sqrt(delta)."""
-    if gap <= 0:
-        return 0.0
-    e, y = s * A, np.sqrt(gap)
-    if e < 0 and 3 * gap >= (2 / (3 * e)) ** 2:
-        raise CouplingError(
-            f"the contact gave way: a residual compliance of {s:.3g} m/N answers no force to an "
-            f"approach of {gap:.3g} m; lower the cutoff frequency."
-        )
-    for _ in range(60):
-        change = (gap - y * y * (1 + e * y)) / (y * (2 + 3 * e * y))
-        y += change
-        if abs(change) <= 1e-15 * y:
-            break
-    return float(y * y)
-
-
-def energy_gain(trajectory: Trajectory) -> EnergyGain:
-    """Energy that a run has made: total energy above its start over the striker's energy."""
-    made = trajectory.energy_total - trajectory.energy_total[0]
-    scale = trajectory.energy_kinetic[0] or 1.0
-    worst = int(made.argmax())
-    return EnergyGain(
-        float(made[worst] / scale), float(made[-1] / scale), float(trajectory.t[worst])
-    )

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
-from coupling.coupled_wall import CoupledWall, EnergyGain, energy_gain, march_coupled
+from coupling.coupled_march import EnergyGain, energy_gain, march_coupled
+from coupling.coupled_wall import CoupledWall
 from coupling.errors import CouplingError
 from coupling.verdict import Verdict, verdict
 from dem import Chain, StepReport, Trajectory, Wall, march, march_to_error, with_step_error
@@ -43,7 +44,8 @@ def impact(
     takes a step that closes its energy to a hundredth of it: after tens of impacts spheres move
     chaotically, and no step holds a velocity error for long. options go to the march
     (observed, scale, scheme, ...). A CoupledWall is marched by march_coupled, where error bounds
-    the error of a step. Raises CouplingError if the verdict says it cannot work.
+    the error of a step; with_coupled_error estimates that of the run. Raises CouplingError if the
+    verdict says it cannot work.
     """
     if (error is None) == (dt is None):
         raise CouplingError("give either error or dt to say how finely to march.")

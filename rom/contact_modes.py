@@ -111,8 +111,10 @@ def krylov_space(
     V, H, v = np.empty((len(w), 2 * CHECK), order="F"), np.zeros((0, 0)), rest / size
     while True:
         V, H, beta, v = _longer(problem, V, H, v, known)
+        if len(H) < n_vectors and beta:
+            continue
         bound = _bound(H, beta, size, s, known.omega, participation)
-        if (bound <= error and len(H) >= n_vectors) or beta == 0:
+        if bound <= error or beta == 0:
             break
         if len(H) >= max(LARGEST, n_vectors):
             raise ReductionError(
@@ -213,9 +215,18 @@ def _left(omega: np.ndarray, phi: np.ndarray, to_hz: float) -> np.ndarray:
     """Relative rms error after the first 0, 1, .. k modes and one oscillator for the rest."""
     s = 2 * np.pi * frequencies(to_hz)
     each = _each(omega, phi, s)
-    scale = _scale(each.sum(axis=1))
-    lumped = (_one(omega[n:], phi[n:], s) for n in range(len(omega) + 1))
-    return np.array([rms(one - each[:, n:].sum(axis=1)) / scale for n, one in enumerate(lumped)])
+    beyond = _from_the_end(each)
+    elastic = np.where(omega > 0, omega, np.inf)
+    moments = [_from_the_end(phi**2 / elastic**i) for i in (2, 4)]
+    lumped = (_one(first, second, s) for first, second in zip(*moments, strict=True))
+    errors = [rms(one - rest) for one, rest in zip(lumped, beyond.T, strict=True)]
+    return np.array(errors) / _scale(beyond[:, 0])
+
+
+def _from_the_end(values: np.ndarray) -> np.ndarray:
+    """Sums of all, all but the first, ... none, along the last axis (.., k + 1)."""
+    sums = np.cumsum(values[..., ::-1], axis=-1)[..., ::-1]
+    return np.concatenate([sums, np.zeros((*values.shape[:-1], 1))], axis=-1)
 
 
 def _scale(H: np.ndarray) -> float:
@@ -229,10 +240,9 @@ def _each(omega: np.ndarray, phi: np.ndarray, s: np.ndarray) -> np.ndarray:
     return phi**2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)
 
 
-def _one(omega: np.ndarray, phi: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Receptance of the oscillator that the residual vector makes of these modes (len(s),)."""
-    elastic = omega > 0
-    first, second = (np.sum(phi[elastic] ** 2 / omega[elastic] ** i) for i in (2, 4))
+def _one(first: float, second: float, s: np.ndarray) -> np.ndarray:
+    """Receptance (len(s),) of the oscillator that the residual vector makes of modes with
+    sum phi_j^2 / omega_j^2 = first and sum phi_j^2 / omega_j^4 = second."""
     if first == 0:
         return np.zeros(len(s))
     return _each(np.sqrt([first / second]), np.array([first / np.sqrt(second)]), s)[:, 0]

@@ -109,8 +109,13 @@ def _anchored(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil 
         factor = factorise(K)
     except (RuntimeError, ArithmeticError, ValueError, np.linalg.LinAlgError):
         return None
-    lowest = _lowest_quotient(K, M, factor)
-    return Pencil(K, M, factor, 0.0) if lowest > _noise(K, M) else None
+    held = Pencil(K, M, factor, 0.0)
+    return held if is_held(held) else None
+
+
+def is_held(problem: Pencil) -> bool:
+    """Whether the lowest eigenvalue of a K that was factorised as it is stands above rounding."""
+    return _lowest_quotient(*problem[:3]) > _noise(problem.K, problem.M)
 
 
 def _lowest_quotient(K: sp.csc_array, M: sp.csc_array, factor: Factor) -> float:

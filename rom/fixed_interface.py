@@ -20,6 +20,7 @@ from rom.factorisation import (
     Factorise,
     Pencil,
     ReductionError,
+    is_held,
     known_modes,
     pencil,
     solutions,
@@ -109,6 +110,14 @@ def _require_constraint_modes(
         )
 
 
+def _floats() -> ReductionError:
+    return ReductionError(
+        "the structure, or a part of it, floats freely or on springs as soft as that, and "
+        "constraint modes cannot say which of its modes the contact moves; stiffen the softest "
+        "joints, take choice 'lowest', or free modes."
+    )
+
+
 class _Condensed:
     """Solves with K by the factor of K_ii."""
 
@@ -117,10 +126,7 @@ class _Condensed:
         try:
             self._S = cho_factor(held.condensed)
         except LinAlgError:
-            raise ReductionError(
-                "the structure floats freely, and constraint modes cannot say which of its modes "
-                "the contact moves; take choice 'lowest', or free modes."
-            ) from None
+            raise _floats() from None
 
     def solve(self, y: np.ndarray) -> np.ndarray:
         (b, i), psi = self._held.part, self._held.psi
@@ -142,6 +148,8 @@ def modes_inside(
     the error that those modes with a residual vector have: theirs is no larger, constraint modes
     and these hold every one of those vectors."""
     whole = Pencil(held.K, held.M, _Condensed(held), 0.0)
+    if not is_held(whole):
+        raise _floats()
     none = EigenPairs(np.zeros(0), np.zeros((len(held.w), 0)))
     known = none if modes is None else known_modes(whole, *modes)
     chosen = contact_modes(whole, held.w, known, n_modes=n_modes, error=error, to_hz=to_hz)

@@ -10,13 +10,14 @@ import coupling
 import fem
 import rom
 from workflows.assembly_stages import dashpots
+from workflows.chain_stages import chain, initial_velocity
 from workflows.scene import InvalidScene
 from workflows.scene_file import scene
 from workflows.stages import Pipeline, memory
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",
-    "output.samples=301", "damping={kind='none'}",
+    "output.samples=151", "time.duration=1.5e-3", "damping={kind='none'}",
 )  # fmt: skip
 DAMPED = ("joints.head.cz=2000.0", "joints.head.cry=0.05")
 
@@ -50,6 +51,26 @@ def test_a_run_with_dashpots_loses_what_its_ledger_says(damped):
     assert trajectory.dissipated_wall[-1] > 1e-4 * trajectory.energy_kinetic[0]
     assert (np.diff(trajectory.dissipated_wall) >= 0).all()
     assert trajectory.energy_error < 1e-6
+
+
+def test_the_error_stated_of_a_run_with_dashpots_is_that_of_a_finer_one(damped):
+    """Stated from a march of half the steps: at least the difference to one of twice as many,
+    at most a thousand times it (an order of 8 leaves 2^8 between the two)."""
+    wall, run = damped("wall"), damped("impact").trajectory
+    row, v0 = chain(damped.scene), initial_velocity(damped.scene)
+    finer = coupling.march_coupled(
+        row, wall, v0, duration=float(run.t[-1]), error=1e-9, n_save=len(run.t) - 1,
+        largest_step=coupling.longest_step(wall) / 2,
+    )  # fmt: skip
+    off = np.abs(finer.v - run.v).max() / np.abs(v0).max()
+    assert off < run.error_estimate < 1e3 * off
+
+
+def test_a_dashpot_as_good_as_rigid_is_refused(damped):
+    stiff = damped("wall")._replace(D=1e6 * damped("wall").D)
+    row, v0 = chain(damped.scene), initial_velocity(damped.scene)
+    with pytest.raises(coupling.CouplingError, match="hold their direction rigid"):
+        coupling.impact(row, stiff, v0, duration=1e-4, error=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -130,8 +130,10 @@ def test_an_error_that_cannot_be_estimated_is_a_warning(tmp_path, monkeypatch):
         ("reduction.cutoff=1e9", "reduction.cutoff = 1e.09 Hz must be up to"),
         ("reduction.error=1e-12", "reduction.error = 1e-12 must be at least"),
         ("reduction.modes=100000", "reduction.modes = 100000 must be up to"),
+        ("reduction.modes=3", "reduction.modes = 3 must be at least 4, the modes of the hammer"),
+        ("patch.radius=1.0", "patch.radius = 1.0 m must be below 0.02075 m"),
     ],
 )
-def test_a_reduction_that_would_run_for_hours_is_refused(change, words):
+def test_a_reduction_that_cannot_be_or_would_run_for_hours_is_refused(change, words):
     with pytest.raises(InvalidScene, match=words):
         scene("rig-rom", (change,))

@@ -107,14 +107,14 @@ def impact(scene: Scene, wall: dem.Wall | coupling.CoupledWall | None) -> coupli
     if time.dt is None and not isinstance(wall, coupling.CoupledWall):
         wanted["observed"] = [sphere - 1 for sphere in observed] or None
         wanted["horizon"] = time.horizon
-    return coupling.impact(
-        chain(scene),
-        wall,
-        initial_velocity(scene),
-        duration=time.duration,
-        n_save=scene.output.samples - 1,
-        **wanted,
+    row, v0 = chain(scene), initial_velocity(scene)
+    found = coupling.impact(
+        row, wall, v0, duration=time.duration, n_save=scene.output.samples - 1, **wanted
     )
+    if not isinstance(wall, coupling.CoupledWall):
+        return found
+    estimated = coupling.with_coupled_error(row, wall, v0, found.trajectory, error=time.error)
+    return found._replace(trajectory=estimated)
 
 
 def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall | None:
