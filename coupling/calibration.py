@@ -15,7 +15,8 @@ from coupling.errors import CouplingError
 from coupling.fitting import Fit
 from coupling.forward import Forward
 from coupling.parameters import Parameter, Rig, coordinates, values
-from coupling.search import Options, Scan, Search, Stage
+from coupling.scan import Scan
+from coupling.search import Options, Search, Stage
 from coupling.signals import Filter, Signals
 from coupling.uncertainty import Uncertainty, uncertainty
 

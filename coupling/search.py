@@ -1,10 +1,9 @@
 """The way of a calibration to its answer, stage by stage.
 
 As the thesis does (section 7.3), waves that do not depend on the wall come first, for the chain;
-then the rest, for the wall; at last all together. Two things keep the search from ending beside the
-answer. The first windows are lengthened in steps, so that a wave is met before those that it has
-changed. And contacts between the same two lasers can be exchanged at little cost in misfit: the
-best exchanges of two contacts are tried, and kept where the misfit falls.
+then the rest, for the wall; at last all together. A start whose chain leaves more than the noise in
+the first waves has ended beside the answer: it is given up for another, scattered around the first,
+until one explains the data or several have ended alike.
 """
 
 from time import perf_counter
@@ -12,7 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.fitting import Fit, Solution, rms
+from coupling.fitting import Fit, rms
+from coupling.lengthening import ROUNDS, Lengthening
+from coupling.scan import Scan, scanned
 from coupling.signals import first_waves_end
 
 LENGTHENINGS = 8
@@ -20,16 +21,16 @@ MOST = 25  # model runs of a fit on the fine model
 ROUGH = 1e-4  # of the fastest sphere: misfit of the first waves that the last stage can better
 COARSE = (5.0, 2.5)  # steps of a search, in usual ones
 COVERED = 0.1  # of the noise: error of large steps
-TRIED = 6  # exchanges fitted in a round
-ROUNDS = 5
-MOST_TRIED = 3000  # model runs of a start that go into exchanges
+RUNS = 600  # of the model that a start may put into exchanges
+LAST_RUNS = 3000  # the same where no start explains the data
+NEAR = 1.5  # times the noise: a misfit that the right contacts would better
+ALIKE = 3  # starts with the same misfit that end a search
 ENDED = 1.5  # sigmas above the noise at which a search has ended
 CORRELATED = 5.0  # samples of noise, at most, that go together
+ALMOST = 1.02  # of what first waves may leave, for a chain to be taken further
 SCATTER = 0.5  # of a further start, in scales
 SAME = 1.05  # misfits of two starts that found the same
 EXACT = 1e-5  # of the fastest sphere: a misfit that needs no further search
-WORSE = 2.0  # misfit guessed for an exchange that is not worth a fit
-BETTER = 0.97  # misfit of an exchange worth keeping
 
 
 class Stage(NamedTuple):
@@ -41,14 +42,6 @@ class Stage(NamedTuple):
     evaluations: int
     seconds: float
     converged: bool
-
-
-class Scan(NamedTuple):
-    """Misfit [m/s] over one parameter, the others held."""
-
-    name: str
-    value: np.ndarray
-    misfit: np.ndarray
 
 
 class End(NamedTuple):
@@ -66,7 +59,7 @@ class Options(NamedTuple):
 
     staged: bool = True
     joint: bool = True
-    starts: int = 2
+    starts: int = 12
     seed: int = 0
     local: bool = False  # only from the start on, for repeats of a fit that has been found
     scan: tuple[float, float, int] | None = None  # of the wall's frequency [Hz]: low, high, points
@@ -85,8 +78,9 @@ class Search:
         self.every = np.ones(len(self.parameters), bool)
         self.first_waves = _first_waves(fine)
         self.stages: list[Stage] = []
-        self.same_starts = self.starts = self.tried = 0
+        self.same_starts = self.starts = 0
         self.scan: Scan | None = None
+        self.steps = Lengthening(self.coarse, self.enough, RUNS)
         self.exact = 1.1 * max(coarseness, EXACT * fine.largest)
 
     def _coarse(self) -> tuple[Fit, float]:
@@ -115,22 +109,55 @@ class Search:
         if self.options.local:
             everything = np.ones_like(self.fine.data, bool)
             return self._polished("all, all waves", z, self.every, everything, perf_counter())
-        tried = []
-        for begin in self._starts(z):
-            tried.append(self._once(begin))
-            if tried[-1].misfit <= self.enough(self.fine.data.size, ENDED):
-                break
-        least = min(end.misfit for end in tried)
-        self.starts, self.same_starts = len(tried), sum(e.misfit <= SAME * least for e in tried)
-        best = next(end for end in tried if end.misfit == least)
+        begins = list(self._starts(z))
+        ends = self._ends(begins)
+        least = min(end.misfit for end in ends)
+        self.same_starts = sum(end.misfit <= SAME * least for end in ends)
+        best = next(end for end in ends if end.misfit == least)
         self.stages, self.scan = list(best.stages), best.scan
         return best.z
 
-    def _once(self, z: np.ndarray) -> End:
-        """One start to its end."""
-        self.stages, self.tried, scan = [], 0, None
-        if self.options.staged:
-            z, scan = self._wall(self._chain(z), z)
+    def _ends(self, begins: list[np.ndarray]) -> list[End]:
+        """Where starts led that were not given up; the most promising at least, at any cost."""
+        explained, ends, given_up = self.enough(self.fine.data.size, ENDED), [], []
+        for self.starts, begin in enumerate(begins, 1):
+            self.stages, self.steps.left = [], RUNS
+            chain, left = self._first(begin)
+            if left <= self._promising():
+                ends.append(self._end(chain, begin))
+                if ends[-1].misfit <= explained:
+                    return ends
+            else:
+                given_up.append((left, chain, begin, self.stages))
+            if self._settled([e.misfit for e in ends]) or self._settled([g[0] for g in given_up]):
+                break
+        if given_up:
+            _, chain, begin, self.stages = min(given_up, key=lambda g: g[0])
+            self.steps.left = LAST_RUNS
+            ends.append(self._end(chain, begin))
+        return ends
+
+    def _promising(self) -> float:
+        """Misfit [m/s] in the first waves of a chain that is worth the other waves."""
+        rough = ROUGH * self.fine.largest if self.options.joint else 0.0
+        return max(rough, ALMOST * self.enough(int(self.windows(self.coarse).sum())))
+
+    def _settled(self, misfits: list[float]) -> bool:
+        """Whether the least has come often enough; not so near the noise that more must exist."""
+        least = min(misfits, default=0.0)
+        near = self.options.joint and least <= NEAR * self.noise
+        return not near and sum(m <= 1.01 * least for m in misfits) >= ALIKE
+
+    def _first(self, z: np.ndarray) -> tuple[np.ndarray, float]:
+        """The chain of the first waves and what it leaves there [m/s]."""
+        if not self.options.staged:
+            return z, 0.0
+        chain = self._chain(z)
+        return chain, self.stages[-1].misfit
+
+    def _end(self, chain: np.ndarray, begin: np.ndarray) -> End:
+        """A start from its chain on to its end."""
+        z, scan = self._wall(chain, begin) if self.options.staged else (chain, None)
         if self.options.joint or not self.options.staged:
             z = self._all(z)
         return End(z, self.stages[-1].misfit, tuple(self.stages), scan)
@@ -139,18 +166,18 @@ class Search:
         """The chain from the first waves; the little that the wall has to say in them is let in
         where it is fitted anyhow, and thrown away."""
         began, chain = perf_counter(), ~self.of_wall
-        ends = self._ends(0.1, self.first_waves.max(), LENGTHENINGS)
+        ends = self._lengths(0.1, self.first_waves.max(), LENGTHENINGS)
         windows = [self.windows(self.coarse, end) for end in ends]
         free = self.every if self.options.joint else chain
         enough = ROUGH * self.fine.largest if self.options.joint else 0.0
-        z_chain, misfit, spent = self._lengthened(z, free, windows, enough)
+        z_chain, misfit, spent = self.steps.on_windows(z, free, windows, enough)
         if not self.options.joint:
             whole = self.windows(self.fine)
             return self._polished("chain, first waves", z_chain, free, whole, began)
         self._note("chain, first waves", chain, misfit, spent, began, True)
         return z_chain
 
-    def _ends(self, share: float, last: float, n: int) -> np.ndarray:
+    def _lengths(self, share: float, last: float, n: int) -> np.ndarray:
         t = self.fine.forward.signals.t
         return np.linspace(t[0] + share * (last - t[0]), last, n)
 
@@ -161,53 +188,6 @@ class Search:
             moved = z + SCATTER * ~self.of_wall * rng.standard_normal(len(z))
             yield np.clip(moved, self.fine.low, self.fine.high)
 
-    def _lengthened(self, z, free, windows, least) -> tuple[np.ndarray, float, int]:
-        """Fitted on windows that grow; contacts are exchanged where a new piece does not fit."""
-        spent = 0
-        for i, window in enumerate(windows):
-            prior = i < len(windows) - 1
-            step = self.coarse.solved(z, free, window, most=8, prior=prior, tolerance=1e-4)
-            spent += step.evaluations
-            enough = max(least, self.enough(int(window.sum())))
-            if step.misfit > enough:
-                step, more = self._by_exchanges(step, free, window, prior, enough)
-                spent += more
-            z = step.z
-        return z, step.misfit, spent
-
-    def _by_exchanges(
-        self, best, free, windows, prior, enough, rounds=ROUNDS
-    ) -> tuple[Solution, int]:
-        """The best of a fit and of those with contacts exchanged, as long as that helps: two at a
-        time, then cycles of three, then two again."""
-        spent, cycles = 0, False
-        for _ in range(rounds):
-            if best.misfit <= enough or self.tried + spent > MOST_TRIED:
-                break
-            exchanges = self.coarse.exchanged(best.z, free, windows, cycles=cycles)
-            trial, more = self._least(best, exchanges, free, windows, prior)
-            spent += len(exchanges) + more
-            helped = trial.misfit < BETTER * best.misfit
-            best = min(best, trial, key=lambda solution: solution.misfit)
-            if not helped and cycles:
-                break
-            cycles = not helped
-        self.tried += spent
-        return best, spent
-
-    def _least(self, before, exchanges, free, windows, prior) -> tuple[Solution, int]:
-        """The best fit from the most promising exchanges."""
-        best, spent = before, 0
-        for guess, other in exchanges[:TRIED]:
-            if guess > WORSE * before.misfit:
-                break
-            trial = self.coarse.solved(other, free, windows, most=8, prior=prior, tolerance=1e-4)
-            spent += trial.evaluations
-            best = min(best, trial, key=lambda solution: solution.misfit)
-            if best.misfit < 0.5 * before.misfit:
-                break
-        return best, spent
-
     def _wall(self, z: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, Scan | None]:
         """The wall from all waves: as the first waves left it, or as it started, or from the least
         misfit of the scan on."""
@@ -217,7 +197,7 @@ class Search:
         everything = np.ones_like(self.coarse.data, bool)
         choices = [z, np.where(self.of_wall, start, z)]
         if self.options.scan is not None:
-            least, scan = self._scanned(choices[1])
+            least, scan = scanned(self.coarse, choices[1], *self.options.scan)
             choices.append(least)
         tried = [
             self.coarse.solved(choice, self.of_wall, everything, most=8, tolerance=1e-3)
@@ -226,21 +206,6 @@ class Search:
         z = min(tried, key=lambda solution: solution.misfit).z
         whole = np.ones_like(self.fine.data, bool)
         return self._polished("wall, all waves", z, self.of_wall, whole, began), scan
-
-    def _scanned(self, z: np.ndarray) -> tuple[np.ndarray, Scan]:
-        low, high, points = self.options.scan
-        where = next(i for i, p in enumerate(self.parameters) if p.kind == "frequency")
-        everything = np.ones_like(self.coarse.data, bool)
-        value, misfit, best, least = np.geomspace(low, high, points), [], z, np.inf
-        for hz in value:
-            other = z.copy()
-            other[where] = np.log(hz) / self.parameters[where].relative
-            misfit.append(self.coarse.misfit(other, everything))
-            if misfit[-1] < least:
-                best, least = other, misfit[-1]
-        misfit = np.array(misfit)
-        possible = misfit < 10.0 * self.fine.largest
-        return best, Scan(self.parameters[where].name, value[possible], misfit[possible])
 
     def _all(self, z: np.ndarray) -> np.ndarray:
         """Everything from all waves: at once, and where that does not explain them in steps."""
@@ -251,11 +216,11 @@ class Search:
         enough = self.enough(self.coarse.data.size, ENDED)
         # two rigs that differ by an exchange may both leave no more than noise: the least is meant
         rounds = 1 if best.misfit <= enough else ROUNDS
-        best, _ = self._by_exchanges(best, self.every, everything, False, self.exact, rounds)
+        best, _ = self.steps.exchanged(best, self.every, everything, self.exact, rounds=rounds)
         if best.misfit > enough:
-            ends = self._ends(0.5, t[-1, 0], LENGTHENINGS)
+            ends = self._lengths(0.5, t[-1, 0], LENGTHENINGS)
             windows = [(t <= end) | (t <= self.first_waves) for end in ends]
-            other, misfit, _ = self._lengthened(z, self.every, windows, 0.0)
+            other, misfit, _ = self.steps.on_windows(z, self.every, windows, 0.0)
             best = best if best.misfit <= misfit else best._replace(z=other, misfit=misfit)
         whole = np.ones_like(self.fine.data, bool)
         return self._polished("all, all waves", best.z, self.every, whole, began)

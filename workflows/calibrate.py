@@ -34,7 +34,7 @@ class Request(NamedTuple):
     instrument: float | None = None
     hold_out: tuple[int, ...] = ()
     two_stage: bool = False
-    starts: int = 2
+    starts: int = 12
     seed: int = 0
     scan: tuple[float, float, int] | None = None
 
