@@ -1,17 +1,24 @@
 """The study of the reduction on a coarse mesh: what its errors must do, and that it prints."""
 
 import json
+import re
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_matrix
 
 from workflows import reduction_accuracy as study
 from workflows.cli import main
+from workflows.scene import InvalidScene
+from workflows.scene_file import scene
+from workflows.shared_solutions import SharedSolutions
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",
-    "output.samples=301", "time.duration=1e-3",
+    "output.samples=301", "time.duration=1e-3", 'assembly.parts=["block", "sheets"]',
+    "assembly.fixing=flat",
 )  # fmt: skip
 
 
@@ -20,8 +27,8 @@ def printed(tmp_path_factory):
     """The rows of the command, few modes and frequencies."""
     out = tmp_path_factory.mktemp("accuracy")
     with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
-        patch.setattr(study, "COUNTS", (12, 60))
-        patch.setattr(study, "BANDS_HZ", (8e3, 12e3))
+        patch.setattr(study, "COUNTS", (4, 30))
+        patch.setattr(study, "BANDS_HZ", (8e3, 20e3))
         patch.setenv("BEADWAVE_CACHE_DIR", str(out / "cache"))
         changes = [f"--set={change}" for change in COARSE]
         patch.setattr(
@@ -40,14 +47,14 @@ def error(printed, method, n):
 @pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
 @pytest.mark.parametrize("measure", ["receptance to 8 kHz", "velocities"])
 def test_modes_and_the_residual_bring_the_error_down(printed, kind, measure):
-    whole = [error(printed, f"{kind} + residual: {measure}", n) for n in (12, 60)]
-    bare = error(printed, f"{kind}: {measure}", 60)
+    whole = [error(printed, f"{kind} + residual: {measure}", n) for n in (4, 30)]
+    bare = error(printed, f"{kind}: {measure}", 30)
     assert whole[1] < 0.2 * whole[0]
     assert whole[1] < 0.05 * bare  # the static residual is not optional
 
 
 def test_free_modes_with_residual_answer_like_the_full_model(printed):
-    assert error(printed, "free-modes + residual: receptance to 8 kHz", 60) < 1e-4
+    assert error(printed, "free-modes + residual: receptance to 8 kHz", 30) < 1e-4
 
 
 def test_the_study_leaves_rows_and_a_picture(printed):
@@ -56,3 +63,29 @@ def test_the_study_leaves_rows_and_a_picture(printed):
     assert all(row["seconds"] > 0 and np.isfinite(row["error"]) for row in summary["rows"])
     assert (out / "figures" / "accuracy_reduction.png").read_bytes()[:4] == b"\x89PNG"
     assert len((out / "accuracy.csv").read_text().splitlines()) == 1 + len(summary["rows"])
+
+
+def test_the_reference_is_the_full_model_to_its_bound(printed):
+    """Said of the direct solutions beside it; a wrong mass or weight would show in percents."""
+    (sentence,) = [text for text in printed[0]["findings"] if text.startswith("Errors are against")]
+    stated, off = (float(word) for word in re.findall(r"\d\.\de-\d\d", sentence))
+    assert off < stated <= study.BOUND
+
+
+def test_a_shared_solution_is_the_same_and_its_seconds_count_again():
+    A = csc_matrix(np.diag([2.0, 4.0]) + 0.5)
+    shared, b = SharedSolutions(), np.array([1.0, 3.0])
+    first = shared(A).solve(b)
+    before = shared.saved
+    again = shared(A).solve(b)
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_allclose(A @ again, b, rtol=1e-14)
+    assert shared.saved > before == 0
+    again[:] = 0  # what a caller does with it is no matter of the next
+    np.testing.assert_array_equal(shared(A).solve(b), first)
+
+
+def test_a_scene_with_dashpots_is_refused_not_compared_without_them():
+    damped = scene("rig-rom", ("joints.head.cz=100.0",))
+    with pytest.raises(InvalidScene, match="joints have dashpots"):
+        study.reduction(damped, lambda name: nullcontext())

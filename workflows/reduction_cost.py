@@ -19,6 +19,7 @@ from workflows.assembly_stages import AssemblyModes, hammer_modes, size
 from workflows.chain_stages import chain, initial_velocity
 from workflows.reduced_wall import damping, half_space
 from workflows.scene import Scene
+from workflows.shared_solutions import SharedSolutions
 
 KIND = "free-modes"
 ERROR = 1e-4  # of the reduction, and of the marches that are compared
@@ -32,6 +33,7 @@ class Contact(NamedTuple):
     M: object
     w: NDArray[np.float64]
     notes: dict[str, str]
+    shared: SharedSolutions
 
 
 def reduced_to(
@@ -39,11 +41,13 @@ def reduced_to(
 ) -> rom.ReducedModel:
     """So many modes, those of the contact chosen up to to_hz [Hz]."""
     asked = {"n_modes": n_modes, "choice": choice, "to_hz": to_hz if choice == "contact" else None}
-    return _reduced(contact, kind, asked)
+    return _reduced(contact, kind, asked, contact.shared)
 
 
-def _reduced(contact: Contact, kind: str, asked: dict) -> rom.ReducedModel:
-    asked = {**asked, "factorise": fem.factorised, "provenance": contact.notes}
+def _reduced(
+    contact: Contact, kind: str, asked: dict, factorise: rom.Factorise
+) -> rom.ReducedModel:
+    asked = {**asked, "factorise": factorise, "provenance": contact.notes}
     if kind == "free-modes":
         return rom.free_modes(contact.K, contact.M, contact.w, **asked)._replace(T=None)
     boundary = np.flatnonzero(contact.w)
@@ -101,7 +105,7 @@ def _reduction_cost(scene: Scene, contact: Contact, modes: AssemblyModes) -> str
         (
             lambda: fem.factorised(contact.K),
             lambda: fem.modes(contact.K, contact.M, n),
-            lambda: _reduced(contact, scene.reduction.kind, asked),
+            lambda: _reduced(contact, scene.reduction.kind, asked, fem.factorised),
         ),
         2,
     )
@@ -121,7 +125,9 @@ def _march_costs(
     models = {
         f"the {most} lowest modes": reduced_to(contact, KIND, most, "lowest", bands_hz[-1]),
         f"{most} contact modes": reduced_to(contact, KIND, most, "contact", bands_hz[-1]),
-        f"those that reduction.error = {ERROR:g} keeps": _reduced(contact, KIND, few),
+        f"those that reduction.error = {ERROR:g} keeps": _reduced(
+            contact, KIND, few, contact.shared
+        ),
     }
     walls = [wall_of(at, model) for model in models.values()]
     runs = [lambda wall=wall: marched(at, wall, 1.0) for wall in (dem.rigid_wall(), *walls)]

@@ -113,8 +113,11 @@ ASSEMBLY = {
         ("model", "contact", "reduction"),
         ("fem", "rom", "coupling", "workflows.figures"),
     ),
-    "direct-response": Stage(
-        "workflows.reduction_accuracy:direct", _reads(), ("model", "contact"), ("fem",)
+    "reference-response": Stage(
+        "workflows.reduction_accuracy:reference",
+        _reads("patch", "assembly"),
+        ("model", "contact"),
+        ("fem", "rom"),
     ),
     "pictures": Stage(
         "workflows.picture_stage:pictures", _reads(), ("modes",), ("workflows.pictures",)
