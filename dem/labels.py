@@ -15,6 +15,9 @@ from dem.waves import Arrival, crest, full_width
 CLEAR = 1.5  # widths between crests from which on waves do not touch
 STAYS = 0.9  # of the crest, left behind by a wave that leaves its sphere moving
 HIDDEN = 3  # contacts before its first pulse at which a train is still looked for
+TWICE = 2.0  # of what a train's force says: what is taken out of overlapping waves beyond it is
+# several large waves that cancel, a fit without meaning
+FAR = 5.0  # the same for a wave that passes alone: beyond it the crest belongs to something else
 
 
 class Label(NamedTuple):
@@ -40,18 +43,31 @@ def labels(trains, t, v, sphere):
     last one does with the first sphere, is that of the steepest rise, its peak what it leaves.
     """
     passages = sorted(_passages(trains, sphere))
-    together = groups([passage.guess for passage in passages])
     found = []
-    for group in together:
+    for group in groups([passage.guess for passage in passages]):
         own = [passages.pop(0) for _ in group]
-        arrivals = fit(t, v, group).arrivals
-        for passage, arrival in zip(own, arrivals, strict=False):
+        for passage, alone, arrival in _arrivals(t, v, own):
             train = trains[passage.number]
-            alone = all(apart(passage.guess, g) > CLEAR for g in group if g is not passage.guess)
-            if alone:
-                arrival = _measured(t, v, passage, arrival)
-            found.append(Label(*train[:2], train.name, _credible(passage, arrival), alone))
+            found.append(Label(*train[:2], train.name, arrival, alone))
     return tuple(sorted(found, key=lambda label: label.arrival.time))
+
+
+def _arrivals(t, v, passages):
+    """Passages of one group, each with whether it is alone and its arrival."""
+    guesses = [passage.guess for passage in passages]
+    fitted = fit(t, v, guesses).arrivals
+    alone = [all(apart(g, other) > CLEAR for other in guesses if other is not g) for g in guesses]
+    each = tuple(zip(passages, alone, fitted, strict=False))
+    cancel = any(_ratio(p.guess, wave) > TWICE for p, one, wave in each if not one)
+    for passage, one, wave in each:
+        if one:
+            yield passage, one, _credible(passage.guess, _measured(t, v, passage, wave), FAR)
+        else:
+            yield passage, one, _credible(passage.guess, wave, 0.0 if cancel else TWICE)
+
+
+def _ratio(guess, arrival):
+    return arrival.peak_velocity / guess.peak_velocity
 
 
 def _passages(trains, sphere):
@@ -67,10 +83,9 @@ def _passages(trains, sphere):
         yield _Passage(Guess(0.5 * (at + out), near.velocity, width), i, out)
 
 
-def _credible(passage, arrival):
-    """The arrival, or what the train says with quality 0 where the record hides the wave."""
-    guess = passage.guess
-    if arrival.peak_velocity * guess.peak_velocity > 0.0:
+def _credible(guess, arrival, most):
+    """The arrival, or what the train says with quality 0 where the two differ too much."""
+    if most and 1.0 / most <= _ratio(guess, arrival) <= most:
         return arrival
     return Arrival(*guess, 0.0)
 

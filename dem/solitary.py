@@ -43,9 +43,11 @@ def velocity_shape(a):
     True
     """
     a = np.clip(a, -ENDS, ENDS)
-    rise = 1.0 + (3.0 * F3 * a**2 + 5.0 * F5 * a**4) / F1
+    square = a * a
+    rise = 1.0 + square * (3.0 * F3 + square * 5.0 * F5) / F1
     return rise / np.cosh(0.5 * _f(a)) ** 2
 
 
 def _f(a):
-    return F1 * a + F3 * a**3 + F5 * a**5
+    square = a * a
+    return a * (F1 + square * (F3 + square * F5))

@@ -10,7 +10,7 @@ import dem
 from workflows import study
 from workflows.scene import InvalidScene
 from workflows.scene_file import scene
-from workflows.studies import rig, rig_walls, sphere_mass, striker, wall_modulus
+from workflows.studies import rig, rig_walls, sphere_mass, striker, wall_modulus, walls
 from workflows.studies.observed import observed
 
 COARSE = (
@@ -99,12 +99,46 @@ def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path))
 
 
-def test_equal_waves_are_no_distance_apart_and_distant_ones_sqrt_2(own_cache):
+@cache
+def standing():
+    """The default reduced wall, coarse, beside those that need no mesh."""
     usual = scene("rig-rom", COARSE)
-    walls = {w.name: w for w in rig_walls.rig_walls(usual, lambda name: nullcontext())}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rig_walls, "ROMS", {"ROM all four": "rig-rom"})
+        return usual, tuple(rig_walls.rig_walls(usual, lambda name: nullcontext()))
+
+
+def test_walls_are_judged_by_the_wave_that_tells_them_apart(own_cache, monkeypatch, tmp_path):
+    """The fourth wave of the reduced wall is nearest to 907 Hz'; that of the half-space to 8425.
+
+    Without a fourth wave, or with a wall left out, nothing is judged; without any, it is refused.
+    """
+    usual, found = standing()
+    monkeypatch.setattr(walls, "rig_walls", lambda scene, watch: iter(found))
+    finding = study.study("walls", usual, lambda name: nullcontext())
+    assert len(finding.rows) == 3 * len(found)
+    assert len(finding.beside[0].rows) == len(found) * (len(found) - 1) / 2
+    said = " ".join(finding.sentences)
+    assert 'The half-space answers like the 1-DOF wall at 8425 Hz": holds' in said
+    assert 'ROM 269 behaves like the 1-DOF wall at 700 Hz": cannot be judged' in said
+    study.write(finding, tmp_path)
+    assert (tmp_path / "walls_distances.csv").is_file()
+    cut = study.study("walls", lasting(usual, 2e-3), lambda name: nullcontext())
+    assert "cannot be judged, half-space sends no fourth wave" in " ".join(cut.sentences)
+    with pytest.raises(InvalidScene, match=r"time\.duration = 0\.0001 s ends before"):
+        study.study("walls", lasting(usual, 1e-4), lambda name: nullcontext())
+
+
+def lasting(scene, duration):
+    return scene.model_copy(update={"time": scene.time.model_copy(update={"duration": duration})})
+
+
+def test_equal_waves_are_no_distance_apart_and_distant_ones_sqrt_2(own_cache):
+    usual, found = standing()
+    named = {w.name: w for w in found}
     spheres = (1, 4, 14)
     names = ("half-space", "1-DOF 8425", "1-DOF 907", "ROM all four", "1-DOF 240")
-    runs = {name: rig_walls.struck(usual, walls[name], spheres, 1e-3) for name in names}
+    runs = {name: rig_walls.struck(usual, named[name], spheres, 1e-3) for name in names}
     plain, high, nine, rom, low = runs.values()
     assert rig_walls.overall(nine, nine, spheres) == 0.0
     for number in (1, 2, 3, 4):
@@ -150,3 +184,25 @@ def test_a_chain_too_short_for_a_study_is_refused():
             "striker", scene("rig-rigid", ("chain.count=5", "output.spheres=[1]")),
             lambda name: nullcontext(),
         )  # fmt: skip
+
+
+def test_a_study_without_a_wave_to_measure_is_refused():
+    """The striker sees no incident wave."""
+    with pytest.raises(InvalidScene, match=r"output\.spheres = \[1\]"):
+        study.study(
+            "sphere-mass", scene("rig-rigid", ("output.spheres=[1]",)), lambda name: nullcontext()
+        )
+
+
+def test_the_soft_walls_wave_fades_though_a_stiff_walls_wave_follows():
+    """In long chains the faint wave of stiff walls starts before the ratio 0.5."""
+    cases = [wall_modulus.Case(r, None, s, 0.0)
+             for r, s in ((0.1, 0.2), (0.4, 0.004), (0.47, 0.006), (1.0, 0.03))]  # fmt: skip
+    assert wall_modulus.critical(cases) == (0.1, 0.4)
+    assert wall_modulus.critical([cases[0], cases[3]]) is None
+
+
+def test_a_number_that_is_none_is_a_dash_and_null():
+    row = ("a", float("nan"), float("inf"))
+    empty = study.Finding("s", ("x", "y", "z"), (row,), (), ())
+    assert '"y": null' in study.json(empty) and '"z": null' in study.json(empty)

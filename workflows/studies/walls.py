@@ -213,7 +213,7 @@ def _records(runs: Runs, spheres: Spheres) -> bytes:
         Panel(
             f"{title}, sphere {sphere}", "time [ms]", "velocity [m/s]",
             [Line(name, runs[name].milliseconds, runs[name].velocity(sphere), style)
-             for name, style in zip(names, ("-", "--", ":"), strict=True)],
+             for name, style in zip(names, ("-", "--", ":"), strict=True) if name in runs],
         )
         for title, names in sets for sphere in spheres
     ]  # fmt: skip
