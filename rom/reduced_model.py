@@ -188,7 +188,8 @@ def receptance(
 
     w_out (n,) acts on the full field, or (r,) on q where T is None; None reads at the contact.
     zeta is a modal damping ratio, one or (r,) of them, on top of C; loss a structural loss factor,
-    K (1 + i loss).
+    K (1 + i loss). Without any of them H is unbounded at a resonance: compare models between
+    resonances, or with some damping in both.
     """
     wall = modal(reduced)
     out = wall.phi if w_out is None else _reading(reduced, w_out) @ wall.vectors
