@@ -11,6 +11,7 @@ from workflows.chain_stages import chain
 from workflows.scene import Scene
 from workflows.summary import ChainContact, SphereWaves, WaveArrival, WaveTrain
 
+TRUSTED = 0.7  # quality below which a wave's numbers are not to be believed
 NAMED = 20  # waves of a kind that are followed; after a few dozen impacts there are none to name
 
 
@@ -31,6 +32,19 @@ def waves(scene: Scene, impact: Impact) -> ChainWaves:
         found,
         {s: labels(found, run.t, run.v[:, s - 1], s) for s in scene.output.spheres},
         None if scene.wall is None else wall_contact(run.t, run.v, run.contact_force, row, found),
+    )
+
+
+def doubtful(found: ChainWaves) -> tuple[str, ...]:
+    """A sentence where waves at the observed spheres have numbers that nobody should believe."""
+    named = [label.arrival for labels in found.labels.values() for label in labels]
+    poor = sum(wave.quality < TRUSTED for wave in named)
+    if not poor:
+        return ()
+    return (
+        f"{poor} of {len(named)} waves at the observed spheres have a quality below {TRUSTED:g}: "
+        "they overlap too much to be taken apart, or their spheres differ; do not trust their "
+        "velocities.",
     )
 
 

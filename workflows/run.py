@@ -13,7 +13,7 @@ from workflows.chain_stages import (
     spoilt,
     yielded,
 )
-from workflows.chain_waves import chain_contact, sphere_waves
+from workflows.chain_waves import chain_contact, doubtful, sphere_waves
 from workflows.report import write_report
 from workflows.run_folder import RunFolder, write_pictures
 from workflows.scene import Scene
@@ -82,6 +82,7 @@ def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
             *found.pop("unestimated"),
             *_judged(pipeline("impact")),
             *spoilt(scene, pipeline("impact")),
+            *doubtful(pipeline("waves")),
         )
     if needs_assembly(scene):
         from workflows.assembly_report import assembly_numbers

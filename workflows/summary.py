@@ -18,8 +18,10 @@ class StageTime(BaseModel):
 class WaveArrival(BaseModel):
     """A wave passing an observed sphere; `alone` if it was measured, not taken out of others.
 
-    quality is 1 for a solitary wave and 0 for nothing like one; without a name it belongs to no
-    wave that was followed through the chain.
+    quality is 1 for a solitary wave and 0 for nothing like one: then time and velocity are those
+    that the wave's collisions at other spheres say. Without a name it belongs to no wave that was
+    followed through the chain, and has no quality. A wave that leaves its sphere moving, or is cut
+    by the record, has no width.
     """
 
     time_s: float
