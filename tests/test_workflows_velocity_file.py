@@ -107,6 +107,13 @@ def test_files_that_cannot_be_used_are_refused_in_a_sentence(tmp_path, name, tex
     assert "\n" not in str(refused.value)
 
 
+def test_text_in_another_encoding_is_refused_in_a_sentence(tmp_path):
+    path = tmp_path / "latin.csv"
+    path.write_bytes(("# Stoß\n" + csv()).encode("latin-1"))
+    with pytest.raises(InvalidScene, match="no text in UTF-8"):
+        record(path)
+
+
 def test_a_mat_file_that_does_not_state_its_units_is_refused(tmp_path):
     savemat(tmp_path / "a.mat", {"t": T, "v": V[0], "spheres": [1, 4, 14]})
     with pytest.raises(InvalidScene, match="no variable time_unit"):

@@ -146,6 +146,11 @@ def _remarks(scene: Scene, fit: Calibration, noise: float | None):
             "their scales); nothing is left undetermined."
         )
     total = float(np.sqrt(np.mean(fit.misfit**2)))
+    if noise is not None and total <= SUSPICIOUS * noise:
+        yield (
+            f"The misfit is {total / noise:.3g} times the noise of the mean that the repeats tell "
+            "of: noise alone leaves as much, so that no other rig can explain the data better."
+        )
     if noise is not None and SUSPICIOUS * noise < total <= EXPLAINED * noise:
         yield (
             f"The misfit is {total / noise:.3g} times the noise of the mean: contacts that no "

@@ -47,6 +47,8 @@ def record(path: Path) -> Record:
         return _stacked(_equidistant(t), columns, title)
     except InvalidScene:
         raise
+    except UnicodeDecodeError:
+        raise InvalidScene(f"{path} is no text in UTF-8; save it as such.") from None
     except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
         raise InvalidScene(f"{path}: {str(error).rstrip('.')}; correct the file.") from None
 
