@@ -9,10 +9,20 @@ from coupling.coupled_march import EnergyGain, energy_gain, march_coupled
 from coupling.coupled_wall import CoupledWall
 from coupling.errors import CouplingError
 from coupling.verdict import Verdict, verdict
-from dem import Chain, StepReport, Trajectory, Wall, march, march_to_error, with_step_error
+from dem import (
+    Chain,
+    StepReport,
+    Trajectory,
+    Wall,
+    march,
+    march_to_error,
+    stability_limit,
+    with_step_error,
+)
 
 CLOSED = 1e-2  # energy error over the error of the velocities
 HALVINGS = 5
+OPENING = 30.0  # longest stable steps, some ten impacts: an earlier horizon says nothing on a step
 
 
 class Impact(NamedTuple):
@@ -80,9 +90,13 @@ def _controlled(
     horizon: float | None,
     run: dict,
 ) -> tuple[Trajectory, StepReport]:
+    if horizon is not None:
+        horizon = max(horizon, OPENING * stability_limit(chain, wall, v0))
     if horizon is None or horizon >= run["duration"]:
         return march_to_error(chain, wall, v0, error=error, **run)
-    opening, report = march_to_error(chain, wall, v0, error=error, **run | {"duration": horizon})
+    saves = max(1, round(run["n_save"] * horizon / run["duration"]))
+    first = run | {"duration": horizon, "n_save": saves}
+    opening, report = march_to_error(chain, wall, v0, error=error, **first)
     rest = {"duration": run["duration"], "n_save": run["n_save"], "scheme": opening.scheme}
     whole = _closed(lambda dt: march(chain, wall, v0, dt=dt, **rest), opening.dt, CLOSED * error)
     return whole._replace(error_estimate=report.error_estimate), report

@@ -40,11 +40,16 @@ class Verdict(NamedTuple):
 
 def predicted_peak_force(chain: Chain, v0: ArrayLike, A: float) -> float:
     """Largest force [N] to expect at a contact of coefficient A [N/m^1.5], preload included."""
-    v0, mass = np.asarray(v0, dtype=float), np.asarray(chain.mass)
+    return float(_peak_forces(chain, v0, A))
+
+
+def _peak_forces(chain: Chain, v0: ArrayLike, A: ArrayLike) -> np.ndarray:
+    """As above, for contacts A of any shape."""
+    v0, mass, A = np.asarray(v0, dtype=float), np.asarray(chain.mass), np.asarray(A, dtype=float)
     swing = max(v0.max(initial=0.0) - min(v0.min(initial=0.0), 0.0), 0.0)
     one = FALCON * A**0.4 * (1.25 * mass.max() * swing**2) ** 0.6
     everything = A**0.4 * (1.25 * (mass @ v0**2)) ** 0.6
-    return float(min(one, everything) + abs(chain.preload))
+    return np.minimum(one, everything) + abs(chain.preload)
 
 
 def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Verdict:
@@ -122,7 +127,7 @@ def _kick_frequency(
     """Largest circular frequency [rad/s] of the contacts at their peak forces: the step's limit."""
     inverse, A = 1 / np.asarray(chain.mass), np.asarray(chain.A)
     between = A[: len(inverse) - 1]
-    k = [1.5 * a ** (2 / 3) * predicted_peak_force(chain, v0, a) ** (1 / 3) for a in between]
+    k = 1.5 * between ** (2 / 3) * _peak_forces(chain, v0, between) ** (1 / 3)
     k = np.append(k, [] if wall is None else stiffness)
     last = 0.0 if wall is None else float(_reading(wall) @ _reading(wall))
     pair = np.append(inverse[:-1] + inverse[1:], [] if wall is None else inverse[-1] + last)

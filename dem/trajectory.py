@@ -9,6 +9,8 @@ from dem.chain import LAWS, Equilibrium, InvalidChain, State, static_state, vali
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import BACKWARD, UnstableStep, fastest_decay, refuse_step
 
+MOST_STEPS = 1e12  # months
+
 
 class Trajectory(NamedTuple):
     """Saved states, forces and the energy ledger; k saves of n spheres."""
@@ -79,6 +81,8 @@ def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None
         raise InvalidChain(f"duration is {duration} s; it must be finite and above 0")
     if not (np.isfinite(dt) and dt > 0.0):
         raise InvalidChain(f"dt is {dt} s; it must be finite and above 0")
+    if duration > MOST_STEPS * dt:
+        raise InvalidChain(f"dt = {dt:g} s makes {duration / dt:.1e} steps; take a longer one")
     prepared = prepare(chain, wall)
     state = start(chain, wall, v0, prepared.static) if state is None else state
     method = _scheme(chain, wall, state.v, prepared, dt, scheme)

@@ -13,6 +13,7 @@ from coupling import (
     energy_gain,
     impact,
     march_coupled,
+    verdict,
     wall_from_reduced,
 )
 from rom import craig_bampton, free_modes, full_order
@@ -201,3 +202,19 @@ def test_damping_that_couples_the_modes_moves_the_wall_as_in_physical_coordinate
     physical = solve_ivp(rate, (0, 1e-3), start, "DOP853", run.t, rtol=1e-11, atol=1e-14)
     np.testing.assert_allclose(run.wall_x, physical.y[2], atol=1e-7 * np.abs(run.wall_x).max())
     np.testing.assert_allclose(run.v[:, 0], physical.y[3], atol=1e-7)
+
+
+def test_a_horizon_before_the_first_impact_ends_makes_no_tiny_steps():
+    run = {"duration": 3e-3, "error": 1e-4, "n_save": 3000}
+    usual = impact(chain_of(5), dem.rigid_wall(), struck(5), **run).trajectory
+    early = impact(chain_of(5), dem.rigid_wall(), struck(5), horizon=1e-18, **run).trajectory
+    assert early.n_steps <= 4 * usual.n_steps
+    assert early.energy_error < 1e-6
+
+
+def test_a_verdict_on_many_spheres_costs_no_more_a_sphere():
+    # with a sum over all spheres for each contact this one would take minutes
+    many, few = (
+        verdict(chain_of(n), dem.rigid_wall(), struck(n)).contact_frequency for n in (200_000, 20)
+    )
+    assert many == pytest.approx(few)

@@ -21,6 +21,7 @@ from workflows.scene import (
 
 PRUNED_AT = 1e-4  # error of the velocities where the scene gives a step instead
 THIN = 0.65  # k h up to which Zener's plate takes the energy of a solid one within a tenth
+MOST_WORK = 1e10  # steps of spheres, minutes to an hour
 ROUGH = 0.01  # error of a given step that deserves a warning
 
 
@@ -72,15 +73,26 @@ def yield_overlaps(row: dem.Chain, pressure: Any) -> np.ndarray:
 
 
 def require_start(scene: Scene) -> None:
-    """Raise InvalidScene where the chain has no state of rest or the step has no meaning, of all
-    walls but those that are yet to be reduced."""
+    """Raise InvalidScene where the chain has no state of rest, the step no meaning or the run no
+    end, of all walls but those that are yet to be reduced."""
     if isinstance(scene.wall, RomWall):
         return
     row, leant_on, v0 = chain(scene), wall(scene), initial_velocity(scene)
     try:
         dem.require_march(row, leant_on, v0, dt=scene.time.dt)
+        _require_end(scene, dem.stability_limit(row, leant_on, v0))
     except (dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep) as error:
         raise InvalidScene(f"{scene.name}: {str(error).rstrip('.')}.") from None
+
+
+def _require_end(scene: Scene, longest: float) -> None:
+    """The same where steps as long [s] as they may be make more work than days hold."""
+    steps, n = scene.time.duration / longest, scene.chain.count
+    if steps * n > MOST_WORK:
+        raise InvalidScene(
+            f"{scene.name}: time.duration = {scene.time.duration:g} s takes more than {steps:.1e} "
+            f"steps of {longest:.2g} s, allowed for {n} spheres are {MOST_WORK / n:.1e}; take less."
+        )
 
 
 def dissipation(contact: Contact) -> dict[str, Any]:

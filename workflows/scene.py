@@ -352,7 +352,7 @@ class Time(Table):
 
     duration: Positive = 3e-3  # [s]
     horizon: Positive = 10e-3  # [s]
-    error: Annotated[float, Field(gt=0, lt=1)] | None = None
+    error: Annotated[float, Field(ge=1e-12, lt=1)] | None = None  # above rounding
     dt: Positive | None = None  # [s]
 
     @model_validator(mode="before")
