@@ -20,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from rom.factorisation import EigenPairs, Pencil, ReductionError, static_response, with_columns
+from rom.factorisation import Pencil, ReductionError, static_response
+from rom.lanczos import EigenPairs, with_columns
 from rom.truncation import frequencies, rms
 
 CONVERGED = 5e-3  # bound of the space's own error where a number of modes is asked for

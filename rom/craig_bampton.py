@@ -13,18 +13,11 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from rom.contact_modes import static_shapes
-from rom.factorisation import (
-    EigenPairs,
-    Factorise,
-    ReductionError,
-    lowest_modes,
-    modes_below,
-    superlu,
-    symmetric,
-)
+from rom.factorisation import Factorise, ReductionError, superlu, symmetric
 from rom.fixed_interface import Held, Partition, held_structure, modes_inside
 from rom.free_modes import require_choice, require_one_choice
 from rom.health import require_faithful
+from rom.lanczos import EigenPairs, lowest_modes, modes_below
 from rom.reduced_model import ReducedModel, contact_functional, modal, receptance
 from rom.truncation import DAMPING, frequencies, likely_cutoff_hz, rms
 

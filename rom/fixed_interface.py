@@ -15,16 +15,9 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 
 from rom.contact_modes import contact_modes
-from rom.factorisation import (
-    EigenPairs,
-    Factorise,
-    Pencil,
-    ReductionError,
-    is_held,
-    known_modes,
-    pencil,
-    solutions,
-)
+from rom.factorisation import Factorise, Pencil, ReductionError, solutions
+from rom.floating import is_held, pencil
+from rom.lanczos import EigenPairs, known_modes
 
 
 class Partition(NamedTuple):

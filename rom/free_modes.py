@@ -16,21 +16,10 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from rom.contact_modes import contact_modes, static_shapes
-from rom.factorisation import (
-    EigenPairs,
-    Factorise,
-    Pencil,
-    ReductionError,
-    known_modes,
-    lowest_modes,
-    modes_below,
-    modes_until,
-    pencil,
-    static_response,
-    superlu,
-    symmetric,
-)
+from rom.factorisation import Factorise, Pencil, ReductionError, static_response, superlu, symmetric
+from rom.floating import pencil
 from rom.health import require_faithful, require_static_response
+from rom.lanczos import EigenPairs, known_modes, lowest_modes, modes_below, modes_until
 from rom.reduced_model import ReducedModel, contact_functional
 from rom.truncation import Moments, tail_errors
 
