@@ -6,6 +6,7 @@ import numpy as np
 
 from coupling.fitting import Fit
 
+VALLEYS = 4  # of the misfit, tried with the rest of the wall free
 IMPOSSIBLE = 10.0  # misfit over the fastest sphere of a run that cannot be
 
 
@@ -19,9 +20,9 @@ class Scan(NamedTuple):
 
 def scanned(
     fit: Fit, z: np.ndarray, low: float, high: float, points: int
-) -> tuple[np.ndarray, Scan]:
-    """z with the frequency [Hz] of the least misfit of all waves, and the misfits of those tried
-    that a run is possible with."""
+) -> tuple[list[np.ndarray], Scan]:
+    """z with the frequencies [Hz] of the least misfits of all waves, the best first, and the
+    misfits of those tried that a run is possible with."""
     where = next(i for i, p in enumerate(fit.parameters) if p.kind == "frequency")
     everything = np.ones_like(fit.data, bool)
     value = np.geomspace(low, high, points)
@@ -30,4 +31,11 @@ def scanned(
     misfit = np.array([fit.misfit(one, everything) for one in tried])
     possible = misfit < IMPOSSIBLE * fit.largest
     found = Scan(fit.parameters[where].name, value[possible], misfit[possible])
-    return tried[misfit.argmin()], found
+    return [tried[i] for i in _minima(misfit)[:VALLEYS]], found
+
+
+def _minima(misfit: np.ndarray) -> np.ndarray:
+    """Indices of values below both neighbours, the least first."""
+    beside = np.concatenate([[np.inf], misfit, [np.inf]])
+    low = np.flatnonzero((misfit <= beside[:-2]) & (misfit <= beside[2:]))
+    return low[np.argsort(misfit[low])]

@@ -189,16 +189,16 @@ class Search:
             yield np.clip(moved, self.fine.low, self.fine.high)
 
     def _wall(self, z: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, Scan | None]:
-        """The wall from all waves: as the first waves left it, or as it started, or from the least
-        misfit of the scan on."""
+        """The wall from all waves: as the first waves left it, or as it started, or from the
+        valleys of the scan on."""
         if not self.of_wall.any():
             return z, None
         began, scan = perf_counter(), None
         everything = np.ones_like(self.coarse.data, bool)
         choices = [z, np.where(self.of_wall, start, z)]
         if self.options.scan is not None:
-            least, scan = scanned(self.coarse, choices[1], *self.options.scan)
-            choices.append(least)
+            valleys, scan = scanned(self.coarse, choices[1], *self.options.scan)
+            choices += valleys
         tried = [
             self.coarse.solved(choice, self.of_wall, everything, most=8, tolerance=1e-3)
             for choice in choices

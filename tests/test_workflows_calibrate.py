@@ -216,6 +216,8 @@ def test_a_column_of_another_sphere_is_flagged(rig, data):
         ({"bounds": "preload=1:9"}, "is not among the free parameters"),
         ({"band": 1e7}, "--band 1e"),
         ({"trigger": "soon"}, "--trigger 'soon'"),
+        ({"trigger": "nan"}, "--trigger 'nan'"),
+        ({"scan": (100.0, np.inf, 9)}, "--scan 100:inf:9 must grow"),
         ({"hold_out": (1, 4)}, "leaves no sphere"),
         ({"hold_out": (5,)}, "--hold-out 5 is not in the data"),
         ({"free": "contacts", "scan": (1.0, 2.0, 5)}, "--scan needs"),
@@ -238,6 +240,7 @@ def test_the_commands_refuse_with_status_2_and_one_sentence(tmp_path, data, monk
         ["calibrate", "rig-1dof", str(tmp_path / "none.csv")],
         ["twin", "--noise", "-1"],
         ["twin", "--scan", "1:2"],
+        ["twin", "--seed", "-1"],
     ):
         monkeypatch.setattr("sys.argv", ["beadwave", *line])
         with pytest.raises(SystemExit) as ended:

@@ -147,11 +147,14 @@ def _given_trigger(text: str, estimate: float) -> float:
     if text in ("fit", "estimate"):
         return estimate
     try:
-        return float(text)
+        found = float(text)
     except ValueError:
+        found = np.nan
+    if not np.isfinite(found):
         raise InvalidScene(
             f"--trigger {text!r} must be fit, estimate, or the time of the first touch [s]."
-        ) from None
+        )
+    return found
 
 
 def _scan(scene: Scene, names: tuple[str, ...], request: Request):
@@ -160,7 +163,7 @@ def _scan(scene: Scene, names: tuple[str, ...], request: Request):
             raise InvalidScene("--scan needs a 1dof wall with wall.frequency free; free it.")
         return None
     low, high, points = request.scan or SCANNED
-    if not (0 < low < high and 3 <= points <= 1000):
+    if not (0 < low < high < np.inf and 3 <= points <= 1000):
         raise InvalidScene(f"--scan {low:g}:{high:g}:{points} must grow and have 3 to 1000 points.")
     return low, high, points
 

@@ -83,7 +83,7 @@ def calibrate(
     measured = record(data)
     request = Request(
         free, bounds, trigger, band, instrument, _spheres(hold_out), two_stage, _positive(starts),
-        seed, _scan(scan),
+        _seed(seed), _scan(scan),
     )  # fmt: skip
     _writable(out)
     with StageProgress(sys.stderr) as progress:
@@ -132,7 +132,9 @@ def twin(
     watched = (f"output.spheres=[{spheres}]",) if spheres else ()
     chosen = _with_chain(load(scene or "rig-1dof", (*watched, *(changes or ()))))
     setting = experiment.checked(
-        experiment.Twin(scatter, frequency, noise, sampling, instrument, repeats, jitter, seed=seed)
+        experiment.Twin(
+            scatter, frequency, noise, sampling, instrument, repeats, jitter, seed=_seed(seed)
+        )
     )
     request = Request(
         free, bounds, band=band, hold_out=_spheres(hold_out), two_stage=two_stage,
@@ -193,6 +195,12 @@ def _positive(starts: int) -> int:
     if not 1 <= starts <= 1000:
         raise InvalidScene(f"--starts {starts} must be between 1 and 1000; change it.")
     return starts
+
+
+def _seed(seed: int) -> int:
+    if seed < 0:
+        raise InvalidScene(f"--seed {seed} must be 0 or above; change it.")
+    return seed
 
 
 def _scan(text: str | None) -> tuple[float, float, int] | None:
