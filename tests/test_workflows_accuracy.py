@@ -13,6 +13,7 @@ from workflows import accuracy, chain_studies, engine_studies, peers, work_preci
 from workflows.accuracy import Row, Study
 from workflows.chain_studies import lengthened, modal_wall
 from workflows.cli import main
+from workflows.scene import InvalidScene
 from workflows.scene_file import scene
 from workflows.work_precision import (
     Reference,
@@ -229,3 +230,9 @@ def test_unknown_stage_is_bad_input(capsys, monkeypatch):
         main()
     assert end.value.code == 2
     assert "'time'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("change", ["time.duration=1e12", "chain.radius=1e-17", "time.dt=1"])
+def test_a_chain_that_cannot_be_run_is_not_measured(change):
+    with pytest.raises(InvalidScene):
+        chain_studies.problem(scene("rig-rigid", (change,)), quiet)

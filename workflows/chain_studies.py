@@ -9,7 +9,7 @@ import dem
 from dem.spheres import force_scale
 from workflows import figures, peers
 from workflows.accuracy import Row, Study
-from workflows.chain_stages import chain, initial_velocity
+from workflows.chain_stages import chain, initial_velocity, require_start
 from workflows.figures import Curve
 from workflows.peers import Problem
 from workflows.run_folder import Picture
@@ -48,6 +48,7 @@ def problem(scene: Scene, watch: Watch) -> Problem:
             f'contact.law = "{scene.contact.law}" keeps a history, which the integrators beside '
             'ours do not know; set contact.law = "hertz" and drop contact.yield_pressure.'
         )
+    require_start(scene)
     row, wall = chain(scene), pipeline_of(scene, watch)("wall")
     if not isinstance(wall, dem.Wall | None):
         raise InvalidScene(
