@@ -99,7 +99,7 @@ def test_yielding_contacts_are_not_warned_of_pressure():
     chain = spheres_of(count=2)
     force, v = np.full((1, 2), 1e4), np.zeros((1, 2))
     assert dem.outside(dem.strain(chain, 210e9, force, v))
-    plastic = chain._replace(yield_overlap=np.full(2, 1e-6))
+    plastic = chain._replace(yield_overlap=np.full(2, 2e-5))
     assert not dem.outside(dem.strain(plastic, 210e9, force, v))
 
 
