@@ -181,7 +181,7 @@ def test_a_full_disk_is_told_in_one_sentence(monkeypatch, capsys):
 
 def test_a_cache_that_takes_no_more_is_passed_over_in_silence(monkeypatch, capsys, recwarn):
     monkeypatch.setattr("joblib.numpy_pickle.dump", _no_space)
-    assert small("run", "rig-1dof", "--out=out") == 0
+    assert small("run", "free-chain", "--out=out") == 0
     said = capsys.readouterr().err
     assert "space" not in said and "joblib" not in said and not recwarn.list
 
@@ -405,3 +405,13 @@ def test_the_summary_names_the_waves_and_states_the_blow_at_the_wall(capsys):
     # mean over the chain, whose ends are faster than the steady wave's 541 m/s
     assert blow["speed_in_m_s"] == pytest.approx(541, rel=0.02)
     assert blow["trains"][0]["name"] == "incident"
+
+
+def test_waves_that_cannot_be_told_apart_are_not_passed_on_in_silence(capsys):
+    """Spheres of two sizes: no wave is solitary, and the run says how many are not."""
+    sizes = ",".join(["0.01,0.005"] * 8 + ["0.01"])
+    radii = f"--set=chain.radius=[{sizes}]"
+    assert beadwave("run", "rig-rigid", radii, "--out=out") == 0
+    assert "waves at the observed spheres have a quality below 0.7" in capsys.readouterr().err
+    assert beadwave("run", "rig-rigid", "--out=out2") == 0
+    assert "quality" not in capsys.readouterr().err
