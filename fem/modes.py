@@ -49,6 +49,11 @@ def _check(found: Modes, K, M, sigma: float) -> None:
         )
     residual = K @ found.phi - Mphi * found.omega**2
     scale = np.linalg.norm(Mphi, axis=0) * (found.omega**2 - sigma)
-    worst = (np.linalg.norm(residual, axis=0) / scale).max()
+    left = np.linalg.norm(residual, axis=0) / scale
+    at, worst = int(left.argmax()), left.max()
     if not worst < 1e-2:
-        raise ValueError(f"a mode leaves the relative residual {worst:.1e}; change shift_hz.")
+        raise ValueError(
+            f"a mode near {found.frequency_hz[at]:.2g} Hz is lost in the rounding of K (relative "
+            f"residual {worst:.1e}, allowed 1e-2): a part hangs on joints too soft beside its own "
+            "stiffness; stiffen the softest joints."
+        )

@@ -4,11 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_matrix
 from skfem import MeshHex
 
 from fem import Joint, Material, Table, assemble, full_tie, modes, wires
 from fem.constraints import Constraint, eliminated
 from fem.joints import distributing, rigid_motion
+from fem.modes import Modes, _check
 
 STEEL = Material(210e9, 0.3, 7850.0)
 LOWER, UPPER = 0.05, 0.12  # m
@@ -164,3 +166,13 @@ def test_a_stiff_pair_of_blocks_sways_with_its_table_at_the_table_s_frequency(st
     held = full_tie(structure, [Touching()], ["lower:base"])
     swaying = modes(heavy.K, heavy.M, 6, shift_hz=1.0).frequency_hz[2:]
     np.testing.assert_allclose(swaying, frequencies(held), rtol=1e-4)
+
+
+def test_a_mode_that_rounding_has_turned_is_refused_with_what_to_do():
+    """Two modes of 1 and 9 Hz turned into one another by 0.1 rad: K phi is off by tenths."""
+    K = csc_matrix(np.diag((2 * np.pi * np.array([1.0, 9.0])) ** 2))
+    turned = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
+    found = Modes(np.sqrt(K.diagonal()), turned)
+    with pytest.raises(ValueError, match=r"lost in the rounding of K .*stiffen the softest joints"):
+        _check(found, K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2))
+    _check(found._replace(phi=np.eye(2)), K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2))
