@@ -8,7 +8,7 @@ import dem
 from coupling.calibration import calibrate
 from coupling.forward import Forward
 from coupling.parameters import Parameter, Rig
-from coupling.search import Options
+from coupling.search import Options, Search
 from coupling.signals import Filter, Signals, aligned, first_waves_end
 from coupling.uncertainty import uncertainty
 
@@ -149,3 +149,19 @@ def test_a_known_chain_is_found_again_without_noise():
     np.testing.assert_allclose(found.value[:N], truth, rtol=1e-3)
     assert found.value[N] == pytest.approx(700.0, rel=1e-3)
     assert not found.at_bound.any() and all(stage.converged for stage in found.stages)
+
+
+def test_a_chain_that_leaves_more_than_the_noise_is_given_up_for_another_start(monkeypatch):
+    truth = np.random.default_rng(5).uniform(0.9, 1.1, N)
+    signals = made(truth, 900.0, [0, 3], duration=6e-4)
+    first, begins = Search._first, []
+
+    def astray(search, z):
+        begins.append(z)
+        chain, left = first(search, z)
+        return (chain, 0.1) if len(begins) == 1 else (chain, left)
+
+    monkeypatch.setattr(Search, "_first", astray)
+    found = calibrate(rig(), tuple(map(contact, range(N))), signals)
+    assert found.starts == 2 and not np.array_equal(*begins)
+    np.testing.assert_allclose(found.value, truth, rtol=1e-3)

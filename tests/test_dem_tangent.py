@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import dem
-from dem.tangent import Directions, march_with_tangents, static_tangents, turn_with_tangents
+from dem.static_tangents import static_tangents
+from dem.tangent import Directions, march_with_tangents, turn_with_tangents
 
 TINY = 1e-30
 N, PRELOAD, DT, STEPS = 5, 8.0, 2e-6, 250

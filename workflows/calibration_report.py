@@ -145,6 +145,20 @@ def _remarks(scene: Scene, fit: Calibration, noise: float | None):
             f"Least determined: {worst.text(fit.parameters)} (two sigma {worst.two_sigma:.2g} of "
             "their scales); nothing is left undetermined."
         )
+    yield from _on_misfit(fit, noise)
+    for stage in fit.stages:
+        if not stage.converged:
+            yield f"Stage '{stage.name}' stopped after {stage.evaluations} runs, not converged."
+    if fit.starts > 1 and fit.same_starts < fit.starts:
+        yield f"{fit.same_starts} of {fit.starts} starts found the misfit that is reported."
+    if isinstance(scene.wall, OneDofWall):
+        held = {"frequency", "mass"} - {p.kind for p in fit.parameters}
+        if "mass" in held and "frequency" not in held:
+            yield f"The wall's mass was held at the scene's {scene.wall.mass:g} kg: assumed."
+
+
+def _on_misfit(fit: Calibration, noise: float | None):
+    """What the misfit says beside the noise and beside the model's own error."""
     total = float(np.sqrt(np.mean(fit.misfit**2)))
     if noise is not None and total <= SUSPICIOUS * noise:
         yield (
@@ -167,12 +181,3 @@ def _remarks(scene: Scene, fit: Calibration, noise: float | None):
             f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
             f"of {1e3 * total:.2g} mm/s: the bars do not hold it."
         )
-    for stage in fit.stages:
-        if not stage.converged:
-            yield f"Stage '{stage.name}' stopped after {stage.evaluations} runs, not converged."
-    if fit.starts > 1 and fit.same_starts < fit.starts:
-        yield f"{fit.same_starts} of {fit.starts} starts found the misfit that is reported."
-    if isinstance(scene.wall, OneDofWall):
-        held = {"frequency", "mass"} - {p.kind for p in fit.parameters}
-        if "mass" in held and "frequency" not in held:
-            yield f"The wall's mass was held at the scene's {scene.wall.mass:g} kg: assumed."

@@ -47,12 +47,12 @@ def printed(summary: Summary, json: bool) -> None:
         typer.echo(summary.text(), nl=False)
         return
     for label, value in [("scene", summary.scene), *rows(summary), *_waves(summary)]:
-        typer.echo(f"{label:>26}  {value}")
+        typer.echo(f"{label:>34}  {value}")
     for sentence in (*summary.verdict, *summary.wall_modes_left_out[-1:]):
-        typer.echo(f"{'verdict':>26}  {sentence}")
+        typer.echo(f"{'verdict':>34}  {sentence}")
     for stage in summary.stages:
         kept = "  (kept)" if stage.cached else ""
-        typer.echo(f"{stage.name:>26}  {stage.seconds:.2f} s{kept}")
+        typer.echo(f"{stage.name:>34}  {stage.seconds:.2f} s{kept}")
     for warning in summary.warnings:
         typer.echo(f"warning: {warning}", err=True)
 
