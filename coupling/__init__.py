@@ -5,7 +5,7 @@ from coupling.coupled_march import (
     march_coupled,
     with_coupled_error,
 )
-from coupling.coupled_wall import CoupledWall, as_coupled, coupled_wall
+from coupling.coupled_wall import CoupledWall, as_coupled
 from coupling.damping import (
     UNCOUPLED,
     Damping,
@@ -26,13 +26,8 @@ from coupling.plate import (
 )
 from coupling.pruning import LeftOut, Pruning, mode_costs, prune
 from coupling.radiation import radiated_energy
+from coupling.series_law import half_space_compliance, largest_monotone_force, require_monotone
 from coupling.verdict import Verdict, predicted_peak_force, verdict
-from coupling.wall import (
-    half_space_compliance,
-    largest_monotone_force,
-    require_monotone,
-    wall_from_reduced,
-)
 
 __all__ = [
     "UNCOUPLED",
@@ -48,7 +43,6 @@ __all__ = [
     "RayleighDamping",
     "Verdict",
     "as_coupled",
-    "coupled_wall",
     "damping_ratios",
     "energy_gain",
     "group_speed",
@@ -68,6 +62,5 @@ __all__ = [
     "require_monotone",
     "slenderness",
     "verdict",
-    "wall_from_reduced",
     "with_coupled_error",
 ]

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coupling.errors import CouplingError
-from rom import ModalWall
 
 UNCOUPLED = 1e-6  # largest normalised off-diagonal modal damping that counts as proportional
 
@@ -132,12 +131,11 @@ def _nearest(table: np.ndarray, omega: np.ndarray) -> np.ndarray:
     return np.abs(log[:, None] - np.log(table)).argmin(axis=1)
 
 
-def matrix_ratios(wall: ModalWall) -> np.ndarray:
-    """zeta (k,) that the model's own C gives to its modes, zeros without C.
+def matrix_ratios(D: np.ndarray | None, omega: np.ndarray) -> np.ndarray:
+    """zeta (k,) that a model's own modal damping matrix D (k, k) gives, zeros without one.
 
     Raises CouplingError if C couples the modes: then no ratios exist that stand for it.
     """
-    D, omega = wall.damping, wall.omega
     if D is None or not len(omega):
         return np.zeros(len(omega))
     own = np.diag(D)

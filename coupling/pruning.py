@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coupling.march import Impact, impact
-from coupling.wall import largest_monotone_force
+from coupling.series_law import largest_monotone_force
 from dem import Chain, Trajectory, Wall
 
 FINE = 20000  # saved forces of the run that the costs are estimated from

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coupling.coupled_wall import CoupledWall
-from coupling.wall import largest_monotone_force
+from coupling.series_law import largest_monotone_force
 from dem import Chain, Wall
 
 FALCON = 1.03  # peak force of a column of spheres over that of one sphere; 1.024 is the limit

@@ -12,30 +12,14 @@ residual; Johnson, Contact Mechanics (1985), sec. 3.2 and 3.4 for the half-space
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from coupling.coupled_wall import CoupledWall
 from coupling.damping import Damping, damping_ratios, matrix_ratios
 from coupling.errors import CouplingError
+from coupling.series_law import require_monotone
 from dem import Wall
 from rom import ModalWall, ReducedModel, modal, modal_compliance, static_compliance
-
-HALF_SPACE = {"hertz": 0.6, "area": 16 / (3 * np.pi**2)}
-
-
-def half_space_compliance(young: float, poisson: float, radius: float, kind: str) -> float:
-    """Compliance w^T G w [m/N] of a half-space loaded and read over a circle of radius [m].
-
-    "hertz": weights of the Hertz pressure, 0.6 (1 - nu^2) / (E b); "area": uniform weights,
-    16 (1 - nu^2) / (3 pi^2 E b). Raises CouplingError for another kind or a radius not positive.
-    """
-    if kind not in HALF_SPACE:
-        raise CouplingError(
-            f"the patch weights are {kind!r}; they can be {' or '.join(HALF_SPACE)}."
-        )
-    if not (radius > 0 and young > 0):
-        raise CouplingError(
-            f"a patch of radius {radius:g} m on E={young:g} Pa has no compliance; take both > 0."
-        )
-    return HALF_SPACE[kind] * (1 - poisson**2) / (young * radius)
 
 
 def wall_from_reduced(
@@ -63,8 +47,38 @@ def wall_from_reduced(
     residual = residual_compliance(reduced, modes, moving, half_space)
     if contact_coefficient is not None and largest_force is not None:
         require_monotone(residual, contact_coefficient, largest_force)
-    zeta = damping_ratios(damping, moving.omega) + matrix_ratios(moving)
+    zeta = damping_ratios(damping, moving.omega) + matrix_ratios(moving.damping, moving.omega)
     return Wall(moving.omega, zeta, moving.phi, residual, 0.0)
+
+
+def coupled_wall(
+    reduced: ReducedModel,
+    *,
+    half_space: float,
+    damping: Damping | None = None,
+    cutoff_hz: float | None = None,
+    w_force: ArrayLike | None = None,
+    w_reading: ArrayLike | None = None,
+) -> CoupledWall:
+    """The wall of a reduced model with all of C, and with its own weights for force and reading.
+
+    w_force, w_reading (n,) act on the full field, (r,) on q where the model has no basis; None is
+    the contact functional of the model. Other arguments as in wall_from_reduced.
+    Raises CouplingError.
+    """
+    modes = modal(reduced)
+    own = w_force is None and w_reading is None
+    kept = kept_modes(modes, reduced, cutoff_hz)
+    moving = moving_modes(modes, kept, "oscillator" if own else "spring")
+    force = _participation(reduced, moving, w_force)
+    reading = _participation(reduced, moving, w_reading)
+    D = np.diag(2 * damping_ratios(damping, moving.omega) * moving.omega)
+    if moving.damping is not None:
+        D = D + moving.damping
+    if len(D) and np.linalg.eigvalsh(D)[0] < -1e-9 * np.abs(D).max():
+        raise CouplingError("the wall's damping matrix is indefinite; it would make energy.")
+    residual = 0.0 if own else _cross_compliance(reduced, modes, ~kept, w_force, w_reading)
+    return CoupledWall(moving.omega, D, force, reading, residual - half_space)
 
 
 def moving_modes(modes: ModalWall, kept: np.ndarray, remainder: str) -> ModalWall:
@@ -121,22 +135,30 @@ def residual_compliance(
     return (static if static > 1e-9 * total else 0.0) - half_space
 
 
-def largest_monotone_force(residual: float, contact_coefficient: float) -> float:
-    """Force [N] up to which delta = (F/A)^(2/3) + s F grows with F; inf for s >= 0.
+def _cross_compliance(
+    reduced: ReducedModel,
+    modes: ModalWall,
+    static: np.ndarray,
+    w_force: ArrayLike | None,
+    w_reading: ArrayLike | None,
+) -> float:
+    """Displacement read per force [m/N] in the modes that do not move."""
+    static = static & (modes.omega > 0)
+    force, reading = (_participation(reduced, modes, w)[static] for w in (w_force, w_reading))
+    return float(np.sum(force * reading / modes.omega[static] ** 2))
 
-    d delta / dF = 2/3 A^(-2/3) F^(-1/3) + s = 0 at F = (2 / (3 |s|))^3 / A^2.
-    """
-    if residual >= 0:
-        return np.inf
-    return (2 / (3 * abs(residual))) ** 3 / contact_coefficient**2
 
-
-def require_monotone(residual: float, contact_coefficient: float, largest_force: float) -> None:
-    """Raise CouplingError unless the series law is monotone up to largest_force [N]."""
-    limit = largest_monotone_force(residual, contact_coefficient)
-    if not largest_force < limit:
+def _participation(
+    reduced: ReducedModel, modes: ModalWall, weights: ArrayLike | None
+) -> np.ndarray:
+    if weights is None:
+        return modes.phi
+    row = np.asarray(weights, dtype=float)
+    if reduced.T is not None:
+        row = row @ reduced.T
+    if row.shape != reduced.w.shape:
         raise CouplingError(
-            f"the wall's residual compliance {residual:.3g} m/N makes the contact give way above "
-            f"{limit:.3g} N, below the predicted {largest_force:.3g} N; lower the cutoff frequency "
-            f"or load a larger patch."
+            f"the weights give {row.size} values for {reduced.w.size} reduced coordinates; "
+            f"hand them in on the full model, or on q where the basis is not known."
         )
+    return row @ modes.vectors

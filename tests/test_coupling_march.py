@@ -9,13 +9,12 @@ import dem
 from coupling import (
     CouplingError,
     as_coupled,
-    coupled_wall,
     energy_gain,
     impact,
     march_coupled,
     verdict,
-    wall_from_reduced,
 )
+from coupling.wall import coupled_wall, wall_from_reduced
 from rom import craig_bampton, free_modes, full_order
 
 E, NU, RHO = 210e9, 0.3, 7850.0

@@ -12,15 +12,14 @@ from coupling import (
     CouplingError,
     ModalDamping,
     RayleighDamping,
-    coupled_wall,
     damping_ratios,
     half_space_compliance,
     largest_monotone_force,
     predicted_peak_force,
     rayleigh,
     verdict,
-    wall_from_reduced,
 )
+from coupling.wall import coupled_wall, wall_from_reduced
 from rom import craig_bampton, free_modes, full_order, modal, static_compliance
 
 E, NU, RHO = 210e9, 0.3, 7850.0

@@ -12,6 +12,7 @@ import dem
 import fem
 import geometry
 import rom
+from coupling.wall import wall_from_reduced
 from dem import waves
 from workflows.assembly_stages import STRUCK
 from workflows.chain_stages import chain, initial_velocity
@@ -72,7 +73,7 @@ def test_full_order_and_reduced_block_give_the_same_velocities():
         rom.full_order(model.K, model.M, patch.w),
         rom.free_modes(model.K, model.M, patch.w, n_modes=30),
     )
-    walls = [coupling.wall_from_reduced(m, half_space=local) for m in models]
+    walls = [wall_from_reduced(m, half_space=local) for m in models]
     run = {"duration": 1.5e-3, "dt": 2e-7}
     v, reduced, rigid = (
         coupling.impact(chain(rig), wall, initial_velocity(rig), **run).trajectory.v

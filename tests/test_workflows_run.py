@@ -89,7 +89,7 @@ def test_the_step_follows_from_the_error_asked_for(capsys):
     assert steps[0] < steps[1]
 
 
-ASSEMBLY = ("gmsh", "skfem", "pyvista", "meshio", "geometry", "fem")
+ASSEMBLY = ("gmsh", "skfem", "pyvista", "meshio", "geometry", "fem", "rom", "scipy.sparse")
 SLOW = ("matplotlib", "scipy.optimize", "scipy.signal", "scipy.stats", "scipy.integrate")
 
 

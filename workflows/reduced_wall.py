@@ -7,6 +7,7 @@ import numpy as np
 import coupling
 import dem
 import rom
+from coupling.wall import coupled_wall, wall_from_reduced
 from workflows.scene import Damping, ModalDamping, RayleighDamping, Scene
 from workflows.summary import HAMMER_TEST_HZ
 from workflows.wall_file import HALF_SPACE, loaded
@@ -20,7 +21,7 @@ def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coup
     """
     reduced = loaded(scene.wall) if reduction is None else reduction
     if "reading_weights" in reduced.provenance:
-        return coupling.coupled_wall(
+        return coupled_wall(
             reduced,
             half_space=half_space(reduced),
             damping=damping(scene.damping, reduced),
@@ -28,7 +29,7 @@ def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coup
             w_force=reduced.w,
             w_reading=_reading_weights(reduced),
         )
-    make = coupling.coupled_wall if _coupled(reduced) else coupling.wall_from_reduced
+    make = coupled_wall if _coupled(reduced) else wall_from_reduced
     return make(
         reduced,
         half_space=half_space(reduced),

@@ -15,6 +15,7 @@ import coupling
 import dem
 import fem
 import rom
+from coupling.wall import wall_from_reduced
 from workflows.assembly_stages import AssemblyModes, hammer_modes, size
 from workflows.chain_stages import chain, initial_velocity
 from workflows.reduced_wall import damping, half_space
@@ -57,9 +58,7 @@ def _reduced(
 def wall_of(scene: Scene, reduced: rom.ReducedModel, without: float | None = None) -> dem.Wall:
     """The wall, the compliance `without` [m/N] taken out: the half-space's unless said."""
     local = half_space(reduced) if without is None else without
-    return coupling.wall_from_reduced(
-        reduced, half_space=local, damping=damping(scene.damping, reduced)
-    )
+    return wall_from_reduced(reduced, half_space=local, damping=damping(scene.damping, reduced))
 
 
 def marched(scene: Scene, wall: dem.Wall, finer: float) -> dem.Trajectory:

@@ -15,6 +15,7 @@ import fem
 import geometry
 import rom
 from coupling.plate import Plate, shear_speed, wavenumber
+from coupling.wall import wall_from_reduced
 from dem import solitary
 from dem.wave_measures import CONTACT, ContactTime, contact_time, force_ratio
 from dem.waves import crest, peaks
@@ -241,4 +242,4 @@ def _modes(reduced: rom.ReducedModel) -> tuple[np.ndarray, np.ndarray]:
 def _wall(model, plate: Plate, patch, mirrors, reduced, *, within=np.inf) -> dem.Wall:
     material = fem.Material(plate.young, plate.poisson, plate.density)
     local = fem.half_space_on_mesh(model, STRUCK, patch, material, mirrors=mirrors, within=within)
-    return coupling.wall_from_reduced(reduced, half_space=local)
+    return wall_from_reduced(reduced, half_space=local)

@@ -12,6 +12,7 @@ import coupling
 import dem
 import fem
 import rom
+from coupling.wall import coupled_wall, wall_from_reduced
 from workflows.assembly_stages import STRUCK, material
 from workflows.chain_stages import chain, initial_velocity
 from workflows.scene import InvalidScene, Scene
@@ -70,7 +71,7 @@ def ours(scene: Scene, body: Body, *, damping: coupling.Damping | None = None) -
     reduced = rom.free_modes(
         body.model.K, body.model.M, patch.w, n_modes=N_MODES, factorise=fem.factorised
     )
-    return coupling.wall_from_reduced(reduced, half_space=local, damping=damping)
+    return wall_from_reduced(reduced, half_space=local, damping=damping)
 
 
 def of_the_thesis(
@@ -88,7 +89,7 @@ def of_the_thesis(
     reduced = rom.craig_bampton(
         body.model.K, body.model.M, force, boundary, n_modes=N_MODES, factorise=fem.factorised
     )
-    return coupling.coupled_wall(
+    return coupled_wall(
         reduced, half_space=0.0, damping=damping, cutoff_hz=np.inf, w_force=force, w_reading=reading
     )
 
