@@ -1,20 +1,18 @@
 from dem.batch import Batch, march_batch
 from dem.chain import (
     Chain,
-    Equilibrium,
-    InvalidChain,
-    NoEquilibrium,
     State,
     Wall,
     dashpot_wall,
-    equilibrium,
     one_dof_wall,
     plate_wall,
     rigid_wall,
     row_of_spheres,
 )
+from dem.checks import InvalidChain
 from dem.schemes import SCHEMES, Scheme
 from dem.stability import UnstableStep, stability_limit
+from dem.statics import Equilibrium, NoEquilibrium, equilibrium
 from dem.step_control import Controlled, StepReport, march_to_error, with_step_error
 from dem.trajectory import Trajectory, march, require_march
 from dem.validity import Strain, outside, strain

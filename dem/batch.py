@@ -12,11 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dem import kernels
-from dem.chain import InvalidChain, validate
+from dem.chain import validate
+from dem.checks import InvalidChain
+from dem.oscillators import oscillator_turn
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import UnstableStep
 from dem.step_control import march_to_error
-from dem.trajectory import march, oscillator_turn
+from dem.trajectory import march
 
 LANES = kernels.LANES
 

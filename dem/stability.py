@@ -4,13 +4,15 @@ Wall modes and leaf springs are advanced exactly and set no limit; contacts do, 
 stability interval of the scheme: dt * omega below `stability_interval`.
 """
 
+import math
 from functools import cache
 
 import numpy as np
+from numba import njit
 
-from dem import kernels
-from dem.chain import static_state, validate
+from dem.chain import validate
 from dem.schemes import SCHEMES, default_scheme
+from dem.statics import static_state
 
 _NONE = np.zeros(0)
 BACKWARD = 10.0  # rounding may grow by exp(BACKWARD) in a step back in time
@@ -46,7 +48,30 @@ def fastest_rate(chain, wall, v0, static):
         omega, phi = wall.omega[order], wall.phi[order]
     energy = 0.5 * float(np.dot(chain.mass, np.square(v0)))
     arrays = (np.asarray(values, float) for values in (chain.mass, chain.A, static.force))
-    return kernels.fastest_contact(*arrays, energy, omega, phi)
+    return fastest_contact(*arrays, energy, omega, phi)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def fastest_contact(mass, A, force, energy, omega, phi):
+    """Largest frequency [rad/s] of a contact under its static force if it took up all energy.
+
+    Wall modes, ascending, are bodies up to the frequency of the contact and springs beyond.
+    """
+    n = mass.size
+    fastest = 0.0
+    for i in range(A.size):
+        depth = (2.5 * energy / A[i]) ** 0.4 + (force[i] / A[i]) ** (2.0 / 3.0)
+        stiffness = 1.5 * A[i] * math.sqrt(depth)
+        inverse = 1.0 / mass[i]
+        if i < n - 1:
+            inverse += 1.0 / mass[i + 1]
+        else:
+            for j in range(omega.size):
+                if omega[j] ** 2 > stiffness / mass[i]:
+                    break
+                inverse += phi[j] ** 2
+        fastest = max(fastest, stiffness * inverse)
+    return math.sqrt(fastest)
 
 
 def fastest_decay(chain, wall, v0, static):

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import InvalidChain, validate
+from dem.chain import validate
+from dem.checks import InvalidChain
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import (
     BACKWARD,

@@ -11,9 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from dem import tangent_kernels as kernels
-from dem.chain import InvalidChain, equilibrium, validate
+from dem.chain import validate
+from dem.checks import InvalidChain
+from dem.oscillators import oscillator_turn
 from dem.static_tangents import or_zeros, static_tangents
-from dem.trajectory import oscillator_turn
+from dem.statics import equilibrium
 
 SMOOTH = ("none", "hunt-crossley")
 STEPS_PER_RADIAN = 40.0  # of the stiffest contact: 1e-6 in the velocities of a chain of 17

@@ -5,9 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dem import kernels
-from dem.chain import LAWS, Equilibrium, InvalidChain, State, static_state, validate
+from dem.chain import LAWS, State, validate
+from dem.checks import InvalidChain
+from dem.oscillators import reach as reach_of
+from dem.oscillators import turns
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import BACKWARD, UnstableStep, fastest_decay, refuse_step
+from dem.statics import Equilibrium, static_state
 
 MOST_STEPS = 1e12  # months
 
@@ -168,32 +172,6 @@ def _dissipation(chain, wall):
     return np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair
 
 
-def oscillator_turn(omega, zeta, t):
-    """(4, k): q -> qq q + qp p, p -> pq q + pp p after the time t of q'' + 2 zeta omega q' +
-    omega^2 q = 0, for any damping and omega = 0."""
-    omega, zeta, t = np.broadcast_arrays(*(np.asarray(p, float) for p in (omega, zeta, t)))
-    out = np.empty((4, omega.size))
-    kernels.fill_turn(omega.flatten(), zeta.flatten(), t.flatten(), out)
-    return out.reshape(4, *omega.shape)
-
-
-def _reach(omega, zeta, t):
-    """Displacement of each oscillator after the time t of unit force on unit mass from rest, the
-    integral of `oscillator_turn`'s qp; by Gauss points where the closed form would cancel."""
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    slow = omega * np.maximum(zeta, 1.0) * abs(t) < 1.0
-    turns = [oscillator_turn(omega, zeta, 0.5 * t * (1.0 + node))[1] for node in nodes]
-    closed = (1.0 - oscillator_turn(omega, zeta, t)[0]) / np.where(slow, 1.0, omega) ** 2
-    return np.where(slow, 0.5 * t * (weights @ np.array(turns)), closed)
-
-
-def _turns(steps, omega, zeta):
-    """(len(steps), 4, k) of `oscillator_turn`."""
-    out = np.empty((steps.size, 4, omega.size))
-    kernels.fill_turns(steps, np.asarray(omega, float), np.asarray(zeta, float), out)
-    return out
-
-
 def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
     """Trajectory of a validated and prepared chain; see `march`."""
     n = chain.mass.size
@@ -207,10 +185,10 @@ def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
     out = _output(n_save + 1, n, chain.A.size)
     if implicit:
         if modes is not None:
-            modes = (*modes, np.array([_reach(wall.omega, wall.zeta, t) for t in drifts]))
+            modes = (*modes, np.array([reach_of(wall.omega, wall.zeta, t) for t in drifts]))
         if leaf is not None:
             omega = np.sqrt(prepared.leaf_springs[0] / chain.mass)
-            reach = np.array([_reach(omega, np.zeros(n), t) for t in drifts])
+            reach = np.array([reach_of(omega, np.zeros(n), t) for t in drifts])
             leaf = leaf[0], np.concatenate([leaf[1], reach[:, None]], axis=1)
         load = None if prepared.load is None else np.append(prepared.load, 0.0)
         saved = kernels.march_implicit(
@@ -262,7 +240,7 @@ def _modes(wall, prepared, state, drifts):
         return None
     own = (state.q.copy(), state.p.copy(), wall.phi, wall.omega, prepared.static.q)
     modal = tuple(np.ascontiguousarray(values, float) for values in own)
-    turn = _turns(drifts, wall.omega, wall.zeta)
+    turn = turns(drifts, wall.omega, wall.zeta)
     return modal, turn, float(wall.phi @ wall.phi), prepared.wall_force
 
 
@@ -281,7 +259,7 @@ def _leaf(chain, prepared, drifts):
     if prepared.leaf_springs is None:
         return None
     omega = np.sqrt(prepared.leaf_springs[0] / chain.mass)
-    return prepared.leaf_rest, _turns(drifts, omega, np.zeros_like(omega))[:, :3].copy()
+    return prepared.leaf_rest, turns(drifts, omega, np.zeros_like(omega))[:, :3].copy()
 
 
 def _output(k, n, n_contacts):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import InvalidChain
+from dem.checks import InvalidChain
 from dem.spheres import (
     contact_radius,
     max_pressure,

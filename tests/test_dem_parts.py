@@ -1,6 +1,8 @@
 """Wall modes, leaf springs, preload and dissipation: each alone against an exact result, all of
 them together through the ledger, the order of the schemes and reversal in time."""
 
+from inspect import getsource
+
 import numpy as np
 import pytest
 
@@ -19,8 +21,9 @@ from dem import (
     one_dof_wall,
     rigid_wall,
     stability_limit,
+    statics,
 )
-from dem.trajectory import oscillator_turn
+from dem.oscillators import oscillator_turn
 
 
 def unit_chain(n, A_wall=None, **parts):
@@ -228,6 +231,12 @@ def test_static_state_balances_random_chains(seed):
     net = -np.diff(force) - stiffness * (static.x - chain.leaf_anchor)
     net[-1] += chain.preload
     assert np.abs(net).max() < 1e-9 * np.abs(stiffness * chain.leaf_anchor).sum()
+
+
+def test_copies_of_a_compiled_law_are_one_text():
+    """No file calls compiled code of another, so that an edit is never missed by the cache."""
+    copies = (kernels.hertz_indentation, statics.hertz_indentation)
+    assert len({getsource(copy.py_func) for copy in copies}) == 1
 
 
 def test_nothing_to_lean_on_is_no_equilibrium():
