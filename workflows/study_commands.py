@@ -18,7 +18,7 @@ def accuracy(
     ] = None,
     stage: Annotated[
         str,
-        typer.Option(help="time, chain-length, wall-modes, batch, parts, reduction, or all."),
+        typer.Option(help="time, chain-length, wall-modes, batch, parts, mesh, reduction, or all."),
     ] = "all",
     out: StudyFolder = None,
     changes: Changes = None,
