@@ -6,6 +6,7 @@ wins (the `fast` extra installs it).
 
 from functools import cache
 from importlib.util import find_spec
+from os import environ
 from typing import Any, Protocol
 from weakref import finalize
 
@@ -29,6 +30,8 @@ class Pardiso:
     def __init__(self, A: csc_matrix) -> None:
         from pypardiso import PyPardisoSolver
 
+        # else every solver searches the disk for MKL anew, longer than some factorisations take
+        environ.setdefault("PYPARDISO_MKL_RT", _mkl())
         self._solver: Any = PyPardisoSolver(mtype=SYMMETRIC)
         self._upper = triu(A, format="csr")
         self._solver.factorize(self._upper)
@@ -58,6 +61,14 @@ def factorised(A: csc_matrix) -> Factor:
 def has_pardiso() -> bool:
     """Whether the optional solver is installed."""
     return find_spec("pypardiso") is not None
+
+
+@cache
+def _mkl() -> str:
+    """Where the MKL is that pypardiso finds by itself."""
+    from pypardiso import PyPardisoSolver
+
+    return PyPardisoSolver().libmkl._name
 
 
 def _superlu(A: csc_matrix) -> Factor:

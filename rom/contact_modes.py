@@ -167,15 +167,18 @@ def _longer(problem: Pencil, V: np.ndarray, H: np.ndarray, v: np.ndarray, known:
     for k in range(len(H), len(H) + CHECK):
         V = with_columns(V, k, v[:, None])
         x = _solved(problem, M @ v, known)
-        x -= known.phi @ (known.phi.T @ (M @ x))
-        before, column = _stiffness_norm(problem, x), 0.0
+        if len(known.omega):
+            x -= known.phi @ (known.phi.T @ (M @ x))
+        force = K @ x
+        before, column = _length(x, force), 0.0
         for _ in range(2):
-            h = V[:, : k + 1].T @ (K @ x)
+            h = V[:, : k + 1].T @ force
             x -= V[:, : k + 1] @ h
+            force = K @ x
             column = column + h
         H = np.pad(H, (0, 1))
         H[-1], H[:, -1] = column, column
-        beta = _stiffness_norm(problem, x)
+        beta = _length(x, force)
         if beta <= 1e-12 * before:
             return V, H, 0.0, x
         v = x / beta
@@ -183,7 +186,12 @@ def _longer(problem: Pencil, V: np.ndarray, H: np.ndarray, v: np.ndarray, known:
 
 
 def _stiffness_norm(problem: Pencil, x: np.ndarray) -> float:
-    return float(np.sqrt(max(x @ (problem.K @ x), 0.0)))
+    return _length(x, problem.K @ x)
+
+
+def _length(x: np.ndarray, force: np.ndarray) -> float:
+    """|x|_K from force = K x."""
+    return float(np.sqrt(max(x @ force, 0.0)))
 
 
 def _bound(

@@ -37,3 +37,14 @@ def test_both_solvers_agree():
     b = np.random.default_rng(0).normal(size=(200, 3))
     np.testing.assert_allclose(Pardiso(K).solve(b), factorised(K).solve(b), rtol=1e-9)
     np.testing.assert_allclose(Pardiso(K).solve(b[:, 0]), factorised(K).solve(b[:, 0]), rtol=1e-9)
+
+
+@pytest.mark.skipif(not has_pardiso(), reason="PARDISO is optional (the extra `fast`)")
+def test_the_library_of_the_solver_is_searched_for_once(monkeypatch):
+    Pardiso(spring_chain(5))
+
+    def searched(name):
+        raise AssertionError(f"{name} searched for again")
+
+    monkeypatch.setattr("pypardiso.pardiso_wrapper.find_library", searched)
+    assert Pardiso(spring_chain(5)).solve(np.ones(5)).any()
