@@ -61,7 +61,7 @@ def uncertainty(
     U, s, Vt = np.linalg.svd(scaled.reshape(-1, p), full_matrices=False)
     seen = s > 1e-12 * s.max(initial=0.0)
     U = U[:, seen].reshape(*left.shape, -1)
-    middle = sum(_noise_product(U[:, i], left[:, i]) for i in range(left.shape[1]))
+    middle = noise_along(U, left)
     spread = Vt[seen].T / s[seen]
     covariance = spread @ middle @ spread.T
     whole = np.zeros((len(scale), len(scale)))
@@ -72,6 +72,11 @@ def uncertainty(
     return Uncertainty(
         whole * np.outer(scale, scale), two_sigma, s, _combinations(whole, Vt[~seen], free)
     )
+
+
+def noise_along(U: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """U^T R U (p, p) of the noise behind `left` (k, m) of all spheres, U (k, m, p) orthonormal."""
+    return sum(_noise_product(U[:, i], left[:, i]) for i in range(left.shape[1]))
 
 
 def _noise_product(U: np.ndarray, left: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ before anything is fitted; what is doubtful is fitted and told in a sentence.
 """
 
 from time import perf_counter
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from workflows.calibration_checks import doubts, plausible, require_samples
 from workflows.calibration_report import CalibrationReport, report_of
 from workflows.scene import InvalidScene, OneDofWall, Scene
 from workflows.velocity_file import Record
+
+if TYPE_CHECKING:
+    from coupling.posterior import Posterior
 
 SCANNED = (50.0, 2000.0, 60)  # [Hz]
 
@@ -40,12 +43,17 @@ class Request(NamedTuple):
 
 
 class Calibrated(NamedTuple):
-    """The scene that came out, its report, and the fit behind both."""
+    """The scene that came out, its report, the fit behind both and the model that was fitted."""
 
     scene: Scene
     report: CalibrationReport
     fit: Calibration
-    signals: Signals
+    forward: Forward
+    posterior: "Posterior | None" = None
+
+    @property
+    def signals(self) -> Signals:
+        return self.forward.signals
 
 
 def calibrated(
@@ -77,6 +85,7 @@ def calibrated(
         fit = calibrate(rig, parameters, signals, filters, options)
     except (dem.InvalidChain, dem.NoEquilibrium, coupling.CouplingError) as error:
         raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
+    forward = Forward(rig, fit.parameters, signals, filters)
     left_out = _held_out(rig, fit, raw.signals.only(held), filters) if held else {}
     report = report_of(scene, source, measured, fit, signals, noise, left_out)
     report.seconds = perf_counter() - began
@@ -85,7 +94,7 @@ def calibrated(
         report.remarks.append(f"The first touch was held at {1e6 * trigger:.5g} us of the record.")
     name = f"{scene.name}-calibrated"
     result = free_parameters.calibrated_scene(scene, fit.parameters, fit.value, name)
-    return Calibrated(result, report, fit, signals)
+    return Calibrated(result, report, fit, forward)
 
 
 def _names(scene: Scene, request: Request) -> tuple[str, ...]:

@@ -47,6 +47,13 @@ TwoStage = Annotated[
     bool,
     typer.Option("--two-stage", help="As the thesis: the chain stays as the first waves gave it."),
 ]
+Posterior = Annotated[
+    bool,
+    typer.Option(
+        "--posterior",
+        help="Sample the posterior (emcee): quantiles beside the two-sigma bars; minutes.",
+    ),
+]
 Starts = Annotated[int, typer.Option(help="Starts of the search, until one explains the data.")]
 
 
@@ -69,12 +76,16 @@ def calibrate(
     two_stage: TwoStage = False,
     scan: Scan = None,
     starts: Starts = 12,
-    seed: Annotated[int, typer.Option(help="Of the starts after the first.")] = 0,
+    posterior: Posterior = False,
+    seed: Annotated[
+        int, typer.Option(help="Of the starts after the first and of the posterior's samples.")
+    ] = 0,
     out: Out = None,
     changes: Changes = None,
     json: Json = False,
 ) -> None:
     """Contact stiffnesses and wall parameters fitted to measured velocities."""
+    _possible(posterior, two_stage)
     from workflows.calibrate import Request, calibrated
     from workflows.stages import pipeline_of
     from workflows.velocity_file import record
@@ -90,6 +101,7 @@ def calibrate(
         wall = pipeline_of(chosen, progress.stage)("wall")
         with progress.stage("calibration"):
             found = calibrated(chosen, wall, measured, data.name, request)
+        found = _sampled(found, posterior, seed, progress)
     _told(found, out, json)
 
 
@@ -120,11 +132,13 @@ def twin(
     two_stage: TwoStage = False,
     scan: Scan = None,
     starts: Starts = 12,
+    posterior: Posterior = False,
     out: Out = None,
     changes: Changes = None,
     json: Json = False,
 ) -> None:
     """A known rig makes SYNTHETIC data, and a calibration has to find it again."""
+    _possible(posterior, two_stage)
     from workflows import twin as experiment
     from workflows.calibrate import Request
     from workflows.stages import pipeline_of
@@ -146,6 +160,7 @@ def twin(
         wall = pipeline_of(chosen, progress.stage)("wall")
         with progress.stage("calibration"):
             found, data = experiment.twin_run(chosen, wall, setting, request)
+        found = _sampled(found, posterior, seed, progress)
         if runs:
             with progress.stage(f"{runs} repeats"):
                 covered = experiment.coverage(chosen, wall, setting, request, found, runs)
@@ -154,6 +169,28 @@ def twin(
 
         write_data(out, data, covered)
     _told(found, out, json, covered)
+
+
+def _possible(posterior: bool, two_stage: bool) -> None:
+    """Raise InvalidScene for a posterior that cannot be sampled."""
+    if not posterior:
+        return
+    from workflows.calibration_posterior import require_sampler
+
+    require_sampler()
+    if two_stage:
+        raise InvalidScene(
+            "--posterior is of all parameters and all waves together; leave out --two-stage."
+        )
+
+
+def _sampled(found, posterior: bool, seed: int, progress: StageProgress):
+    if not posterior:
+        return found
+    from workflows.calibration_posterior import with_posterior
+
+    with progress.stage("posterior"):
+        return with_posterior(found, seed)
 
 
 def _told(found, out: Path | None, json: bool, covered=None) -> None:

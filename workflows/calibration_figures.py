@@ -4,13 +4,14 @@ from io import BytesIO
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e")
+LEAST = 4  # determined parameters in the picture of a posterior
 WIDE = 5.0  # of a misfit: largest over least that needs a logarithmic axis
 
 
-def pictures(fit, t, report) -> dict[str, bytes]:
+def pictures(fit, t, report, posterior=None) -> dict[str, bytes]:
     """Name to PNG; t (k,) [s] of the signals."""
     face = "SYNTHETIC: computed, not measured" if report.synthetic else ""
     found = {
@@ -20,6 +21,8 @@ def pictures(fit, t, report) -> dict[str, bytes]:
     }
     if report.scan_hz:
         found["scan"] = scan(report, face)
+    if posterior is not None and posterior.long_enough:
+        found["posterior"] = corner(fit, posterior, report.parameters, face)
     return found
 
 
@@ -150,6 +153,82 @@ def correlation(fit, face: str) -> bytes:
     _plain(values)
     values.margins(x=0.05)
     return _png(figure, face)
+
+
+def corner(fit, posterior, rows, face: str) -> bytes:
+    """Marginals and pairs of the least determined parameters beside the Gaussian of the bars."""
+    size = np.nan_to_num(fit.uncertainty.two_sigma / [p.scale for p in fit.parameters])
+    shown = np.sort(np.argsort(-size, kind="stable")[:LEAST])
+    n = len(shown)
+    figure = Figure(figsize=(1.6 + 2.1 * n, 1.4 + 2.0 * n), layout="constrained")
+    panels = figure.subplots(n, n, sharex="col", squeeze=False)
+    for r, i in enumerate(shown):
+        for c, j in enumerate(shown):
+            if c > r:
+                panels[r, c].set_axis_off()
+            elif c == r:
+                _marginal(panels[r, c], rows[i], posterior.samples[:, i])
+            else:
+                _pair(panels[r, c], rows[j], rows[i], posterior.samples[:, [j, i]],
+                      fit.uncertainty.covariance[np.ix_([j, i], [j, i])])  # fmt: skip
+        panels[-1, r].set_xlabel(_labelled(rows[i]))
+        if r:
+            panels[r, 0].set_ylabel(_labelled(rows[i]))
+        for c in range(1, r):
+            panels[r, c].tick_params(labelleft=False)
+    panels[0, 0].set_ylabel("density")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper right", frameon=False)
+    return _png(figure, face)
+
+
+def _labelled(row) -> str:
+    unit = "us" if row.unit == "s" else row.unit
+    return f"{row.name} [{unit}]" if unit else f"{row.name} [-]"
+
+
+def _in_its_unit(row) -> float:
+    """Times are shown in microseconds."""
+    return 1e6 if row.unit == "s" else 1.0
+
+
+def _marginal(panel, row, samples) -> None:
+    unit = _in_its_unit(row)
+    panel.hist(unit * samples, bins=40, density=True, color=COLOURS[0], alpha=0.35,
+               label="posterior")  # fmt: skip
+    for end in (row.low, row.high):
+        panel.axvline(unit * end, color=COLOURS[0], linewidth=1,
+                      label="its 2.3 and 97.7 %" if end is row.low else None)  # fmt: skip
+    if row.two_sigma is not None:
+        for end in (-row.two_sigma, row.two_sigma):
+            panel.axvline(unit * (row.found + end), color=COLOURS[1], linestyle="--", linewidth=1,
+                          label="found, two sigma" if end < 0 else None)  # fmt: skip
+    if row.truth is not None:
+        panel.axvline(unit * row.truth, color="black", linewidth=1, linestyle=":", label="truth")
+    panel.set_yticks([])
+    _few_ticks(panel.xaxis)
+    panel.spines[["top", "right", "left"]].set_visible(False)
+
+
+def _pair(panel, across, up, samples, covariance) -> None:
+    x, y = _in_its_unit(across), _in_its_unit(up)
+    panel.hist2d(x * samples[:, 0], y * samples[:, 1], bins=30, cmap="Blues")
+    values, vectors = np.linalg.eigh(covariance)
+    turn = np.linspace(0.0, 2.0 * np.pi, 100)
+    circle = np.array([np.cos(turn), np.sin(turn)])
+    ring = 2.0 * (vectors * np.sqrt(np.maximum(values, 0.0))) @ circle
+    panel.plot(x * (across.found + ring[0]), y * (up.found + ring[1]), "--", color=COLOURS[1],
+               linewidth=1)  # fmt: skip
+    if across.truth is not None:
+        panel.plot(x * across.truth, y * up.truth, "x", color="black", markersize=6)
+    _few_ticks(panel.xaxis)
+    _few_ticks(panel.yaxis)
+
+
+def _few_ticks(axis) -> None:
+    axis.set_major_locator(MaxNLocator(3))
+    axis.set_major_formatter("{x:.6g}")
+    axis.set_tick_params(labelsize=8)
 
 
 def _plain(panel) -> None:

@@ -21,7 +21,10 @@ def write(found, out: Path) -> None:
     folder.write("report.json", report.model_dump_json(indent=1) + "\n")
     folder.write("parameters.csv", _parameters_csv(report))
     folder.write("signals.csv", _signals_csv(found))
-    drawn = pictures(found.fit, found.signals.t, report)
+    if found.posterior is not None and report.posterior.long_enough:
+        with folder.writing("posterior.npz") as part:
+            np.savez_compressed(part, **_samples(found))
+    drawn = pictures(found.fit, found.signals.t, report, found.posterior)
     write_pictures(folder, tuple(Picture(name, png) for name, png in drawn.items()))
 
 
@@ -52,15 +55,30 @@ def _scene_text(found) -> str:
     return _face(report) + "\n".join(lines) + "\n" + factors + toml(found.scene)
 
 
+def _cell(x: float | None, digits: int = 9) -> str:
+    return "" if x is None else f"{x:.{digits}g}"
+
+
 def _parameters_csv(report: CalibrationReport) -> str:
-    head = "parameter,unit,start,found,two_sigma,identifiable,truth"
+    head = "parameter,unit,start,found,two_sigma,identifiable,truth,low,median,high"
     rows = [
-        f"{r.name},{r.unit},{r.start:.9g},{r.found:.9g},"
-        f"{'' if r.two_sigma is None else format(r.two_sigma, '.4g')},{r.identifiable},"
-        f"{'' if r.truth is None else format(r.truth, '.9g')}"
+        ",".join([r.name, r.unit, _cell(r.start), _cell(r.found), _cell(r.two_sigma, 4),
+                  r.identifiable, *map(_cell, (r.truth, r.low, r.median, r.high))])
         for r in report.parameters
-    ]
+    ]  # fmt: skip
     return _face(report) + "\n".join([head, *rows, ""])
+
+
+def _samples(found) -> dict[str, np.ndarray]:
+    """Samples (s, p) in SI units, their log probability relative to the answer, and the face."""
+    return {
+        "names": np.array([row.name for row in found.report.parameters]),
+        "units": np.array([row.unit for row in found.report.parameters]),
+        "samples": found.posterior.samples,
+        "log_probability": found.posterior.log_probability,
+        "title": np.array(found.report.title),
+        "synthetic": np.array(found.report.synthetic),
+    }
 
 
 def _signals_csv(found) -> str:

@@ -14,11 +14,13 @@ IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one
 WEAK = 0.5
 SUSPICIOUS = 1.05  # what noise alone reaches once in a thousand records
 EXPLAINED = 1.5  # misfit over the noise of the mean
+SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
 BLURRED = 0.2  # step error over the misfit that is worth a sentence
 
 
 class ParameterRow(BaseModel):
-    """One parameter; `two_sigma` is None where the data does not determine it."""
+    """One parameter; `two_sigma` is None where the data does not determine it, the quantiles low,
+    median and high where no posterior was asked for or its samples are too few."""
 
     name: str
     unit: str
@@ -27,6 +29,25 @@ class ParameterRow(BaseModel):
     two_sigma: float | None
     identifiable: str  # "yes", "weakly", "no", "at its bound"
     truth: float | None = None
+    low: float | None = None
+    median: float | None = None
+    high: float | None = None
+
+
+class PosteriorSummary(BaseModel):
+    """How the samples of a posterior came about; steps and autocorrelation are the walkers'."""
+
+    walkers: int
+    steps: int
+    discarded: int
+    autocorrelation_steps: float | None  # of the worst parameter; None where it cannot be told
+    effective_samples: float
+    acceptance: float
+    model_runs: int
+    seed: int
+    long_enough: bool
+    seconds: float
+    shares: tuple[float, float, float] = SHARES  # of low, median and high
 
 
 class CalibrationReport(BaseModel):
@@ -49,14 +70,11 @@ class CalibrationReport(BaseModel):
     scan_misfit_m_s: list[float]
     seconds: float
     remarks: list[str]
+    posterior: PosteriorSummary | None = None
     coverage: dict[str, Any] | None = None
 
     def text(self) -> str:
         """A table and sentences."""
-        known = any(row.truth is not None for row in self.parameters)
-        head = f"{'parameter':>16} {'start':>11} {'found':>12} {'two sigma':>10}  identifiable"
-        head += f" {'truth':>12}" if known else ""
-        rows = [_line(row, known) for row in self.parameters]
         spheres = [
             f"{'sphere ' + n:>16} misfit {1e3 * x:.4g} mm/s, at the start "
             f"{1e3 * self.start_misfit_m_s[n]:.4g} mm/s"
@@ -68,14 +86,30 @@ class CalibrationReport(BaseModel):
         ]
         face = [SYNTHETIC] if self.synthetic else []
         cost = f"{sum(s['evaluations'] for s in self.stages)} model runs in {self.seconds:.2f} s"
-        return "\n".join([*face, head, *rows, "", *spheres, *held, "", cost, *self.remarks])
+        return "\n".join(
+            [*face, *_table(self.parameters), "", *spheres, *held, "", cost, *self.remarks]
+        )
 
 
-def _line(row: ParameterRow, known: bool) -> str:
+def _table(rows: list[ParameterRow]) -> list[str]:
+    """A head and a line per parameter; quantiles are told as what they are off the value found."""
+    names = [f"{row.name} [{row.unit}]" if row.unit else row.name for row in rows]
+    sampled, known = (any(getattr(row, x) is not None for row in rows) for x in ("low", "truth"))
+    wide = max(len(name) for name in names)
+    head = f"{'parameter':>{wide}} {'start':>11} {'found':>12} {'two sigma':>10}"
+    head += f" {'2.3 %':>10} {'97.7 %':>10}" if sampled else ""
+    head += "  identifiable" + (f" {'truth':>12}" if known else "")
+    cells = [f"{name:>{wide}} {_line(row)}" for name, row in zip(names, rows, strict=True)]
+    return [head, *cells]
+
+
+def _line(row: ParameterRow) -> str:
     bar = "-" if row.two_sigma is None else f"{row.two_sigma:.2g}"
-    name = f"{row.name} [{row.unit}]" if row.unit else row.name
-    line = f"{name:>16} {row.start:11.5g} {row.found:12.6g} {bar:>10}  {row.identifiable:<12}"
-    return line + (f" {row.truth:12.6g}" if known and row.truth is not None else "")
+    line = f"{row.start:11.5g} {row.found:12.6g} {bar:>10}"
+    if row.low is not None:
+        line += f" {row.low - row.found:+10.2g} {row.high - row.found:+10.2g}"
+    line += f"  {row.identifiable:<12}"
+    return line.rstrip() if row.truth is None else f"{line} {row.truth:12.6g}"
 
 
 def report_of(scene, source, measured, fit, signals, noise, left_out) -> CalibrationReport:

@@ -1,0 +1,98 @@
+"""Samples of a posterior: where its law is known they have its quantiles."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from coupling.calibration import calibrate
+from coupling.forward import Forward
+from coupling.parameters import Parameter, Rig
+from coupling.posterior import posterior, sampled
+from coupling.search import Options
+from coupling.signals import Signals
+
+pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
+
+T = np.arange(400) * 1e-3
+J = np.stack([np.cos(3 * T), T**2, np.sin(40 * T)], axis=1)[:, None, :]
+TRUTH = np.array([0.5, -0.3, 0.1])
+SHARES = norm.cdf([-2.0, 0.0, 2.0])
+
+
+class Linear(Forward):
+    """J theta instead of a chain."""
+
+    def __init__(self, parameters, signals):
+        self.parameters, self.signals = tuple(parameters), signals
+        self.rig, self.start = Rig(None, None, None), np.zeros(len(parameters))
+        self.radian, self.dt = 1e-2, T[1]
+
+    def velocities(self, theta, first=None):
+        return (J @ theta)[:first]
+
+    def velocities_and_tangents(self, theta, first=None):
+        return self.velocities(theta, first), J[:first]
+
+    def with_steps(self, steps):
+        return self
+
+    def coarser(self, steps):
+        return self
+
+    def needed(self, windows):
+        return len(windows)
+
+
+def fitted(monkeypatch, *, low=-10.0):
+    """Data with noise that goes together over some five samples, and its fit."""
+    noise = np.convolve(np.random.default_rng(0).standard_normal(len(T) + 4), np.ones(5) / 5)
+    v = J @ TRUTH + 0.05 * noise[4 : len(T) + 4, None]
+    signals = Signals(T, v, (0,), np.array([np.nan]))
+    parameters = [Parameter(f"p{i}", "damping", 0.0, low, 10.0, 0.1, "", i) for i in range(3)]
+    forward = Linear(parameters, signals)
+    monkeypatch.setattr("coupling.calibration.Forward", lambda *_: forward)
+    options = Options(staged=False, starts=1)
+    return forward, calibrate(forward.rig, parameters, signals, options=options)
+
+
+def test_quantiles_of_a_linear_model_are_the_bars(monkeypatch):
+    """Correlated noise included. 24 walkers over 50 autocorrelation times leave 1200 samples: a
+    quantile at two sigma is known to sqrt(0.023 * 0.977 / 1200) / 0.054 = 0.08 sigma; four times
+    that is asked for."""
+    forward, fit = fitted(monkeypatch)
+    found = posterior(forward, fit, seed=1)
+    assert found.long_enough and found.effective > 1200
+    sigma = 0.5 * fit.uncertainty.two_sigma
+    off = (found.quantiles(tuple(SHARES)) - fit.value) / sigma
+    np.testing.assert_allclose(off, np.array([-2.0, 0.0, 2.0])[:, None] * np.ones(3), atol=0.32)
+    white = 0.05 / np.sqrt(5) * np.sqrt(np.diag(np.linalg.inv(J[:, 0].T @ J[:, 0])))
+    assert np.all(sigma[:2] > 1.5 * white[:2])
+
+
+def test_the_same_seed_gives_the_same_samples(monkeypatch):
+    forward, fit = fitted(monkeypatch)
+    one, same, other = (posterior(forward, fit, seed=s).samples for s in (1, 1, 2))
+    np.testing.assert_array_equal(one, same)
+    assert not np.array_equal(one[:100], other[:100])
+
+
+def test_bounds_cut_the_posterior_off():
+    """A Gaussian halved by a bound in each of eight directions, of which 1 in 256 begins inside:
+    its quantiles are those of |N(0, 1)|."""
+    p = 8
+    found = sampled(
+        lambda y: -0.5 * float(y @ y) if np.all(y >= 0.0) else -np.inf,
+        np.zeros(p), np.eye(p), (np.zeros(p), np.full(p, 9.0)), seed=0, most=10**6,
+    )  # fmt: skip
+    exact = norm.ppf(0.5 + 0.5 * np.array([0.25, 0.5, 0.977]))
+    assert found.long_enough and found.samples.min() >= 0.0
+    np.testing.assert_allclose(found.quantiles((0.25, 0.5, 0.977)).T, [exact] * p, atol=0.3)
+
+
+def test_a_chain_too_short_says_so():
+    """Of a ridge that is bent, which no Gaussian follows, for 3000 model runs."""
+    found = sampled(
+        lambda y: -0.5 * float(y[0] ** 2 / 100 + 1e4 * (y[1] - y[0] ** 2) ** 2),
+        np.zeros(2), np.eye(2), (-np.full(2, 1e3), np.full(2, 1e3)), seed=0, most=3000,
+    )  # fmt: skip
+    assert not found.long_enough and found.model_runs <= 3000
