@@ -87,12 +87,18 @@ def least_seconds(calls: tuple[Callable[[], object], ...], repeats: int) -> list
 
 
 def cost_sentences(
-    scene: Scene, contact: Contact, modes: AssemblyModes, most: int, bands_hz: tuple[float, ...]
+    scene: Scene,
+    contact: Contact,
+    modes: AssemblyModes,
+    largest: dict[str, rom.ReducedModel],
+    to_hz: float,
 ) -> Iterator[str]:
-    """The scene's reduction against the eigen-solve; marches with `most` modes, and with those
-    that an error keeps, against a rigid wall."""
+    """The scene's reduction against the eigen-solve; marches with the `largest` models, and with
+    the modes that an error up to to_hz [Hz] keeps, against a rigid wall."""
     yield _reduction_cost(scene, contact, modes)
-    yield from _march_costs(scene, contact, most, bands_hz)
+    few = {"error": ERROR, "choice": "contact", "to_hz": to_hz}
+    kept = _reduced(contact, KIND, few, contact.shared)
+    yield from _march_costs(scene, largest | {f"those of reduction.error = {ERROR:g}": kept})
 
 
 def _reduction_cost(scene: Scene, contact: Contact, modes: AssemblyModes) -> str:
@@ -116,18 +122,8 @@ def _reduction_cost(scene: Scene, contact: Contact, modes: AssemblyModes) -> str
     )
 
 
-def _march_costs(
-    scene: Scene, contact: Contact, most: int, bands_hz: tuple[float, ...]
-) -> Iterator[str]:
+def _march_costs(scene: Scene, models: dict[str, rom.ReducedModel]) -> Iterator[str]:
     at = scene.model_copy(update={"time": scene.time.model_copy(update={"error": ERROR})})
-    few = {"error": ERROR, "choice": "contact", "to_hz": bands_hz[0]}
-    models = {
-        f"the {most} lowest modes": reduced_to(contact, KIND, most, "lowest", bands_hz[-1]),
-        f"{most} contact modes": reduced_to(contact, KIND, most, "contact", bands_hz[-1]),
-        f"those that reduction.error = {ERROR:g} keeps": _reduced(
-            contact, KIND, few, contact.shared
-        ),
-    }
     walls = [wall_of(at, model) for model in models.values()]
     runs = [lambda wall=wall: marched(at, wall, 1.0) for wall in (dem.rigid_wall(), *walls)]
     rigid, *seconds = least_seconds(tuple(runs), REPEATS)
