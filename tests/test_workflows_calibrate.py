@@ -160,7 +160,8 @@ def test_units_a_thousand_times_too_big_are_refused(rig, data):
 
 
 def test_velocities_away_from_the_wall_are_refused(rig, data):
-    refused(rig, data._replace(v=-data.v), "goes away from the wall")
+    refused(rig, data._replace(v=-data.v), "starts at -0.31 m/s, away from the wall")
+    refused(rig, data._replace(v=data.v * [1.0, -1.0]), "goes away from the wall")
 
 
 def test_swapped_columns_are_refused(rig, data):
@@ -176,6 +177,32 @@ def test_a_sphere_that_the_chain_lacks_is_refused(rig, data):
 def test_too_few_samples_are_refused(rig, data):
     thin = data._replace(t=data.t[::20], v=data.v[:, ::20])
     refused(rig, thin, "is too seldom for contacts")
+
+
+def test_a_record_in_other_units_of_time_is_refused(rig, data):
+    refused(rig, data._replace(t=1e-3 * data.t), "the record lasts 1.2. us.*unit of time")
+    refused(rig, data._replace(t=1e3 * data.t), "too seldom.*unit of time")
+
+
+def test_a_sphere_that_no_wave_reaches_is_refused(rig, data):
+    short = data._replace(t=data.t[:100], v=data.v[:, :100], spheres=(1, 4))
+    refused(rig, short, "no wave comes by sphere 4 within")
+    refused(rig, data._replace(v=data.v * [1.0, 0.0]), "no wave comes by sphere 4 within")
+
+
+def test_waves_beyond_the_range_and_offsets_are_told(rig, plain, data):
+    """A wave that is met as it is, with the noise of a laser or without, has no such plateau."""
+    noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4))
+    request = Request(free="trigger", instrument=SETTING.instrument)
+    for good in (noisy, data):
+        remarks = calibrated(rig, wall(rig), good, "", request).report.remarks
+        assert not any("beyond the instrument" in r or "at rest" in r for r in remarks)
+    for bad, sentence in (
+        (noisy._replace(v=np.minimum(noisy.v, [1.0, 0.15])), "Sphere 4 stays at 0.15 m/s"),
+        (noisy._replace(v=noisy.v + [0.0, 0.02]), "Sphere 4 begins at 0.02"),
+    ):
+        remarks = calibrated(rig, wall(rig), bad, "", request).report.remarks
+        assert remarks[0].startswith(sentence)
 
 
 def test_a_late_trigger_is_told_and_undone(rig, data):
@@ -217,6 +244,7 @@ def test_a_column_of_another_sphere_is_flagged(rig, data):
         ({"band": 1e7}, "--band 1e"),
         ({"trigger": "soon"}, "--trigger 'soon'"),
         ({"trigger": "nan"}, "--trigger 'nan'"),
+        ({"trigger": "-1"}, "between -0.0006"),
         ({"scan": (100.0, np.inf, 9)}, "--scan 100:inf:9 must grow"),
         ({"hold_out": (1, 4)}, "leaves no sphere"),
         ({"hold_out": (5,)}, "--hold-out 5 is not in the data"),

@@ -40,18 +40,23 @@ def test_mat_gives_back_repeats(tmp_path):
     same(record(tmp_path / "a.mat"))
 
 
-def test_uff_gives_back_repeats(tmp_path):
+def uff(path, signals):
+    """Signals (node, v) as UFF58."""
     pyuff = pytest.importorskip("pyuff", reason="UFF58 is optional (the extra `identify`)")
-    file = pyuff.UFF(str(tmp_path / "a.uff"))
-    for r in range(2):
-        for i, n in enumerate((1, 4, 14)):
-            one = pyuff.prepare_58(
-                binary=0, func_type=1, rsp_node=n, rsp_dir=1, data=V[r, :, i], x=T,
-                id1=SYNTHETIC, abscissa_spacing=1, abscissa_spec_data_type=17,
-                ordinate_spec_data_type=11, ordinate_axis_units_lab="m/s",
-                abscissa_axis_units_lab="s", ref_node=0, ref_dir=0, orddenom_spec_data_type=0,
-            )  # fmt: skip
-            file.write_sets(one, mode="add" if r or i else "overwrite")
+    file = pyuff.UFF(str(path))
+    for i, (node, v) in enumerate(signals):
+        one = pyuff.prepare_58(
+            binary=0, func_type=1, rsp_node=node, rsp_dir=1, data=v, x=T, id1=SYNTHETIC,
+            abscissa_spacing=1, abscissa_spec_data_type=17, ordinate_spec_data_type=11,
+            ordinate_axis_units_lab="m/s", abscissa_axis_units_lab="s", ref_node=0, ref_dir=0,
+            orddenom_spec_data_type=0,
+        )  # fmt: skip
+        file.write_sets(one, mode="add" if i else "overwrite")
+
+
+def test_uff_gives_back_repeats(tmp_path):
+    spheres = tuple(enumerate((1, 4, 14)))
+    uff(tmp_path / "a.uff", [(n, V[r, :, i]) for r in range(2) for i, n in spheres])
     same(record(tmp_path / "a.uff"), atol=1e-5 * np.abs(V).max())
 
 
@@ -91,7 +96,7 @@ def drop(lines):
         ("gap.csv", csv(change=drop), "a gap of 11 steps follows sample 30"),
         ("back.csv", csv(change=put(7, "3e-6,1,1")), "time does not grow at sample 8"),
         ("uneven.csv", csv(change=put(7, "7.4e-6,1,1")), "not equidistant"),
-        ("bad.uff", "    -1\n    58\n", "no data set 58"),
+        ("bad.uff", "    -1\n    58\n    -1\n", "no UFF58 file"),
         ("bad.mat", "no matlab", "no .mat file"),
     ],
 )
@@ -118,6 +123,65 @@ def test_a_mat_file_that_does_not_state_its_units_is_refused(tmp_path):
     savemat(tmp_path / "a.mat", {"t": T, "v": V[0], "spheres": [1, 4, 14]})
     with pytest.raises(InvalidScene, match="no variable time_unit"):
         record(tmp_path / "a.mat")
+
+
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_columns_may_be_separated_otherwise(tmp_path, mark):
+    (tmp_path / "a.csv").write_text(csv_text(KNOWN).replace(",", mark))
+    same(record(tmp_path / "a.csv"), atol=1e-8)
+
+
+def test_decimal_commas_are_refused(tmp_path):
+    (tmp_path / "a.csv").write_text(csv_text(KNOWN).replace(",", ";").replace(".", ","))
+    with pytest.raises(InvalidScene, match="sample 1 is not numbers with decimal points"):
+        record(tmp_path / "a.csv")
+
+
+HELD = {"t": T, "v": V[0], "spheres": [1, 4, 14], "time_unit": "s", "velocity_unit": "m/s"}
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"v": V[0] * (1 + 1j)}, "v is no array of real numbers"),
+        ({"v": {"laser": V[0]}}, "v is no array of real numbers"),
+        ({"v": np.array([V[0], "x"], object)}, "v is no array of real numbers"),
+        ({"v": V[0].T}, "v is .3, 80., 80 times of 3 spheres"),
+        ({"v": np.zeros((80, 3, 2, 2))}, "v is .80, 3, 2, 2."),
+        ({"spheres": [1.5, 4, 14]}, "whole numbers are needed"),
+        ({"spheres": ["a", "b", "c"]}, "spheres is no array of real"),
+        ({"time_unit": ""}, "the unit of t is ''"),
+    ],
+)
+def test_a_mat_file_of_other_things_is_refused(tmp_path, changed, sentence):
+    savemat(tmp_path / "a.mat", HELD | changed)
+    with pytest.raises(InvalidScene, match=sentence) as refused:
+        record(tmp_path / "a.mat")
+    assert "\n" not in str(refused.value)
+
+
+def test_a_mat_file_of_version_7_3_is_refused_with_what_to_do(tmp_path):
+    """Its first 128 bytes are MATLAB's, version 0x0200."""
+    head = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
+    (tmp_path / "a.mat").write_bytes(head + b"\x89HDF\r\n\x1a\n" + bytes(400))
+    with pytest.raises(InvalidScene, match="save it with -v7"):
+        record(tmp_path / "a.mat")
+
+
+def test_a_mat_file_of_one_sphere_may_hold_a_row(tmp_path):
+    units = {"time_unit": np.array(["s"], object)}
+    savemat(tmp_path / "a.mat", HELD | units | {"v": V[0, :, 1], "spheres": [4]})
+    np.testing.assert_array_equal(record(tmp_path / "a.mat").v[0, :, 0], V[0, :, 1])
+
+
+def test_a_uff_file_cut_off_or_complex_is_refused(tmp_path):
+    path = tmp_path / "a.uff"
+    uff(path, [(1, V[0, :, 0] * 1j)])
+    with pytest.raises(InvalidScene, match="node 1 is complex"):
+        record(path)
+    path.write_text(path.read_text()[:-200])
+    with pytest.raises(InvalidScene, match="the file is cut off"):
+        record(path)
 
 
 def test_spheres_with_different_numbers_of_repeats_are_refused(tmp_path):

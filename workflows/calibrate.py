@@ -16,7 +16,7 @@ from coupling.forward import Forward
 from coupling.search import Options
 from coupling.signals import Aligned, Filter, Signals, aligned, lag_of
 from workflows import calibration_parameters as free_parameters
-from workflows.calibration_checks import doubts, plausible, require_samples
+from workflows.calibration_checks import cut_off, doubts, plausible, require_samples
 from workflows.calibration_report import CalibrationReport, report_of
 from workflows.scene import InvalidScene, OneDofWall, Scene
 from workflows.velocity_file import Record
@@ -24,6 +24,7 @@ from workflows.velocity_file import Record
 if TYPE_CHECKING:
     from coupling.posterior import Posterior
 
+TRIGGERS = (-0.5, 1.0)  # of the record: where the first touch may be said to be
 SCANNED = (50.0, 2000.0, 60)  # [Hz]
 
 
@@ -61,7 +62,9 @@ def calibrated(
 ) -> Calibrated:
     """The scene fitted to the record; raises InvalidScene for data or requests that cannot be."""
     began = perf_counter()
-    remarks = list(plausible(scene, measured))
+    radian = _radian(scene, wall)
+    require_samples(measured.t, radian)
+    remarks = [*plausible(scene, measured), *cut_off(measured, radian)]
     used, held = _split(measured, request.hold_out)
     raw = aligned(measured.t, measured.v, tuple(n - 1 for n in measured.spheres))
     remarks += _told_repeats(raw)
@@ -89,12 +92,19 @@ def calibrated(
     left_out = _held_out(rig, fit, raw.signals.only(held), filters) if held else {}
     report = report_of(scene, source, measured, fit, signals, noise, left_out)
     report.seconds = perf_counter() - began
-    report.remarks += [*remarks, *more]
+    report.remarks[:0] = [*remarks, *more]
     if not any(p.kind == "trigger" for p in parameters):
         report.remarks.append(f"The first touch was held at {1e6 * trigger:.5g} us of the record.")
     name = f"{scene.name}-calibrated"
     result = free_parameters.calibrated_scene(scene, fit.parameters, fit.value, name)
     return Calibrated(result, report, fit, forward)
+
+
+def _radian(scene: Scene, wall: dem.Wall | None) -> float:
+    """Time [s] within which the stiffest contact moves."""
+    rig = free_parameters.rig(scene, wall, 0.0)
+    step = dem.tangent.usual_step(rig.chain, rig.wall, rig.v0)
+    return dem.tangent.STEPS_PER_RADIAN * step
 
 
 def _names(scene: Scene, request: Request) -> tuple[str, ...]:
@@ -119,7 +129,7 @@ def _split(measured: Record, hold_out: tuple[int, ...]) -> tuple[list[int], list
 def _told_repeats(raw: Aligned):
     for i in raw.odd:
         yield f"Repeat {i + 1} is unlike the others and was left out."
-    spread = np.ptp(raw.shift)
+    spread = np.ptp(np.delete(raw.shift, raw.odd))
     if spread > 5e-6:
         yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
 
@@ -132,7 +142,7 @@ def _filters(request: Request, t: np.ndarray) -> Filter:
         if value is not None and not 0 < value < highest:
             raise InvalidScene(
                 f"--{name} {value:g} Hz must be above 0 and below {highest:g} Hz, given the data's "
-                "sampling; change it."
+                f"{2 * nyquist:.4g} samples in a second; change it."
             )
     return Filter(request.band, request.instrument)
 
@@ -144,24 +154,25 @@ def _trigger(
     t0 = float(signals.t[0])
     forward = Forward(free_parameters.rig(scene, wall, t0), (), signals, filters)
     dt = signals.t[1] - signals.t[0]
-    require_samples(dt, forward.radian)
     model = forward.velocities(np.zeros(0))
     data = filters.of_data(signals.v, dt)
     lag = lag_of(signals.t, data, model)
-    found = _given_trigger(request.trigger, t0 + lag)
+    found = _given_trigger(request.trigger, t0 + lag, signals.t)
     return found, list(doubts(signals, data, model, found - t0, dt, forward.radian))
 
 
-def _given_trigger(text: str, estimate: float) -> float:
+def _given_trigger(text: str, estimate: float, t: np.ndarray) -> float:
     if text in ("fit", "estimate"):
         return estimate
     try:
         found = float(text)
     except ValueError:
         found = np.nan
-    if not np.isfinite(found):
+    low, high = (t[0] + share * (t[-1] - t[0]) for share in TRIGGERS)
+    if not low < found < high:
         raise InvalidScene(
-            f"--trigger {text!r} must be fit, estimate, or the time of the first touch [s]."
+            f"--trigger {text!r} must be fit, estimate, or the time of the first touch between "
+            f"{low:.4g} and {high:.4g} s, given the record."
         )
     return found
 

@@ -11,6 +11,12 @@ WRONG_UNITS = 20.0  # peak velocity over the striker's
 DOUBTFUL_UNITS = 3.0
 ARRIVED = 0.5  # of the largest velocity
 COARSEST = 0.5  # sampling interval in radians of a contact: refused above, flagged above half
+SHORTEST = 2.0  # record in radians of a contact
+OFFSET = 0.02  # of the largest velocity
+STILL = 0.05  # of the largest velocity: no wave
+FLAT = 0.15  # of a radian of a contact, that no wave stays at its largest velocity
+LEAST_FLAT = 5  # samples
+SAME_VALUE = 1e-6  # of the largest velocity
 ALIKE = 0.5  # correlation with the start model
 
 
@@ -29,18 +35,58 @@ def plausible(scene: Scene, measured: Record):
         raise InvalidScene(f"{told}; correct the unit in the data's header or striker.velocity.")
     if not 1 / DOUBTFUL_UNITS < ratio < DOUBTFUL_UNITS:
         yield f"{told}: check units and striker.velocity."
+    _require_start(measured)
+    _require_waves(measured)
     _require_order(measured)
+    yield from _offsets(scene, measured)
+
+
+def _offsets(scene: Scene, measured: Record):
+    begin = measured.v.mean(axis=0)[:5].mean(axis=0)
+    for n, v in zip(measured.spheres, begin, strict=True):
+        rest = initial_velocity(scene)[n - 1]
+        if rest == 0.0 and abs(v) > OFFSET * np.abs(measured.v).max():
+            yield (
+                f"Sphere {n} begins at {v:.3g} m/s, the scene has it at rest: take the "
+                "instrument's offset off the data."
+            )
+
+
+def _require_start(measured: Record) -> None:
+    """Sphere 1 is the striker, on its way to the wall."""
+    v = measured.v.mean(axis=0)[:, 0]
+    begin = v[:5].mean()
+    if measured.spheres[0] != 1 or begin > ARRIVED * np.abs(v).max():
+        return
+    if begin < -ARRIVED * np.abs(v).max():
+        raise InvalidScene(
+            f"sphere 1, the striker, starts at {begin:.3g} m/s, away from the wall; velocities "
+            "towards the wall must be positive, turn the sign of the data or check its columns."
+        )
+    raise InvalidScene(
+        f"sphere 1, the striker, starts at {begin:.3g} m/s: the record begins after it has hit, or "
+        "the columns are swapped; begin earlier or correct the header."
+    )
+
+
+def _require_waves(measured: Record) -> None:
+    """Every sphere has moved by the end of the record."""
+    v = measured.v.mean(axis=0)
+    change = np.abs(v - v[:5].mean(axis=0)).max(axis=0)
+    for n, moved in zip(measured.spheres, change, strict=True):
+        if moved < STILL * np.abs(v).max():
+            last = 1e3 * (measured.t[-1] - measured.t[0])
+            raise InvalidScene(
+                f"no wave comes by sphere {n} within the {last:.4g} ms of the record, its velocity "
+                f"changes by {moved:.2g} m/s; record longer, leave the sphere out or check its "
+                "column."
+            )
 
 
 def _require_order(measured: Record) -> None:
     """The incident wave comes from sphere 1 on, and pushes towards the wall."""
     v = measured.v.mean(axis=0)
     change = v - v[:5].mean(axis=0)
-    if measured.spheres[0] == 1 and abs(v[:5, 0].mean()) < ARRIVED * np.abs(v[:, 0]).max():
-        raise InvalidScene(
-            f"sphere 1, the striker, starts at {v[:5, 0].mean():.3g} m/s: the record begins after "
-            "it has hit, or the columns are swapped; begin earlier or correct the header."
-        )
     arrived = (np.abs(change) > ARRIVED * np.abs(v).max(axis=0)).argmax(axis=0)
     for i, n in enumerate(measured.spheres):
         if n > 1 and change[arrived[i], i] < 0:
@@ -57,13 +103,44 @@ def _require_order(measured: Record) -> None:
             )
 
 
-def require_samples(dt: float, radian: float) -> None:
-    """Raise InvalidScene where waves pass between two samples."""
+def require_samples(t: np.ndarray, radian: float) -> None:
+    """Raise InvalidScene where waves pass between two samples, or a record ends within one."""
+    dt, last = t[1] - t[0], t[-1] - t[0]
     if dt > COARSEST * radian:
         raise InvalidScene(
             f"a sample every {1e6 * dt:.3g} us is too seldom for contacts that move within "
-            f"{1e6 * radian:.3g} us; measure with {1 / (COARSEST * radian):.3g} Hz or more."
+            f"{1e6 * radian:.3g} us; measure with {1 / (COARSEST * radian):.3g} Hz or more, or "
+            "correct the unit of time."
         )
+    if last < SHORTEST * radian:
+        raise InvalidScene(
+            f"the record lasts {1e6 * last:.3g} us, contacts move within {1e6 * radian:.3g} us; "
+            "correct the unit of time or record longer."
+        )
+
+
+def cut_off(measured: Record, radian: float):
+    """Sentences on spheres that stay at the end of what they show, as beyond a laser's range."""
+    most = max(LEAST_FLAT, FLAT * radian / (measured.t[1] - measured.t[0]))
+    for i, n in enumerate(measured.spheres):
+        largest = np.abs(measured.v[:, :, i]).max()
+        for sign in (1.0, -1.0):
+            v = sign * measured.v[:, :, i]
+            same = v > v.max() - SAME_VALUE * largest
+            flat = max(map(_longest_run, same))
+            if v.max() > ARRIVED * largest and flat > most:
+                yield (
+                    f"Sphere {n} stays at {sign * v.max():.3g} m/s, the end of what it shows, for "
+                    f"{flat} samples: beyond the instrument's range?"
+                )
+
+
+def _longest_run(there: np.ndarray) -> int:
+    """Samples of the longest run inside the record."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(int)))
+    begin, end = edges[::2], edges[1::2]
+    inside = (begin > 0) & (end < len(there))
+    return int((end - begin)[inside].max(initial=0))
 
 
 def doubts(signals: Signals, data, model, lag: float, dt: float, radian: float):

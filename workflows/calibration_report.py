@@ -15,6 +15,7 @@ WEAK = 0.5
 SUSPICIOUS = 1.05  # what noise alone reaches once in a thousand records
 EXPLAINED = 1.5  # misfit over the noise of the mean
 SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
+TOLD = 3  # combinations that the data cannot tell apart
 BLURRED = 0.2  # step error over the misfit that is worth a sentence
 
 
@@ -167,19 +168,8 @@ def _combinations(fit: Calibration) -> list[str]:
 
 
 def _remarks(scene: Scene, fit: Calibration, noise: float | None):
-    unseen = [c for c in fit.uncertainty.combinations if not c.two_sigma < 2.0]
-    for combination in unseen:
-        yield (
-            f"The data cannot tell apart: {combination.text(fit.parameters)} (two sigma "
-            f"{combination.two_sigma:.2g} of their scales)."
-        )
-    if not unseen and fit.uncertainty.combinations:
-        worst = fit.uncertainty.combinations[0]
-        yield (
-            f"Least determined: {worst.text(fit.parameters)} (two sigma {worst.two_sigma:.2g} of "
-            "their scales); nothing is left undetermined."
-        )
     yield from _on_misfit(fit, noise)
+    yield from _on_combinations(fit)
     for stage in fit.stages:
         if not stage.converged:
             yield f"Stage '{stage.name}' stopped after {stage.evaluations} runs, not converged."
@@ -189,6 +179,27 @@ def _remarks(scene: Scene, fit: Calibration, noise: float | None):
         held = {"frequency", "mass"} - {p.kind for p in fit.parameters}
         if "mass" in held and "frequency" not in held:
             yield f"The wall's mass was held at the scene's {scene.wall.mass:g} kg: assumed."
+
+
+def _on_combinations(fit: Calibration):
+    """What the data does not determine, or determines least."""
+    found = fit.uncertainty.combinations
+    unseen = [c for c in found if not c.two_sigma < 2.0]
+    for combination in unseen[:TOLD]:
+        yield (
+            f"The data cannot tell apart: {combination.text(fit.parameters)} (two sigma "
+            f"{combination.two_sigma:.2g} of their scales)."
+        )
+    if len(unseen) > TOLD:
+        yield (
+            f"Nor can it tell {len(unseen) - TOLD} more of {len(found)} combinations; free fewer "
+            "parameters or measure further spheres."
+        )
+    if found and not unseen:
+        yield (
+            f"Least determined: {found[0].text(fit.parameters)} (two sigma {found[0].two_sigma:.2g}"
+            " of their scales); nothing is left undetermined."
+        )
 
 
 def _on_misfit(fit: Calibration, noise: float | None):

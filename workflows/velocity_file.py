@@ -4,9 +4,10 @@ CSV: lines that start with # are a title; then a header with units and one line 
 
     time [ms], sphere 1 [mm/s], sphere 4 [mm/s], sphere 1 [mm/s], ...
 
-A sphere that comes twice has two repeats. A .mat file holds t (k,), v (k, m) or (k, m, repeats),
-spheres (m,), and the strings time_unit and velocity_unit. In UFF58 (function type 1) the response
-node is the sphere, sets of the same node are repeats, and the labels of the axes are the units.
+Semicolons or tabs may stand for the commas; decimals take a point. A sphere that comes twice has
+two repeats. A .mat file holds t (k,), v (k, m) or (k, m, repeats), spheres (m,), and the strings
+time_unit and velocity_unit. In UFF58 (function type 1) the response node is the sphere, sets of the
+same node are repeats, and the labels of the axes are the units.
 """
 
 from pathlib import Path
@@ -62,34 +63,36 @@ def _csv(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
     lines = [line for line in lines if line.strip() and not line.startswith("#")]
     if len(lines) < 2:
         raise ValueError("no samples below a header line")
-    header = [name.strip() for name in lines[0].split(",")]
+    between = next((mark for mark in ";\t" if mark in lines[0]), ",")
+    header = [name.strip() for name in lines[0].split(between)]
     scale = [_time_column(header[0]), *(_sphere_column(name) for name in header[1:])]
-    table = np.array([_numbers(i, line, len(header)) for i, line in enumerate(lines[1:], 1)])
+    rows = (line.split(between) for line in lines[1:])
+    table = np.array([_numbers(i, cells, len(header)) for i, cells in enumerate(rows, 1)])
     columns = [(n, unit * table[:, i]) for i, (n, unit) in enumerate(scale[1:], 1)]
     return table[:, 0] * scale[0], columns, title or path.stem
 
 
-def _numbers(i: int, line: str, width: int) -> list[float]:
-    cells = line.split(",")
+def _numbers(i: int, cells: list[str], width: int) -> list[float]:
     if len(cells) != width:
         raise ValueError(f"sample {i} has {len(cells)} cells, the header has {width}")
     try:
         return [float(cell) if cell.strip() else np.nan for cell in cells]
     except ValueError:
-        raise ValueError(f"sample {i} is not numbers: {line[:60]!r}") from None
+        found = ";".join(cells)[:40]
+        raise ValueError(f"sample {i} is not numbers with decimal points: {found!r}") from None
 
 
 def _time_column(name: str) -> float:
     found = fullmatch(r"time\s*\[(.+)\]", name)
     if not found:
-        raise ValueError(f"the first column is {name!r}, allowed is 'time [s]', [ms] or [us]")
+        raise ValueError(f"the first column is {name[:40]!r}, allowed is 'time [s]', [ms] or [us]")
     return _unit(found[1], SECONDS, "time")
 
 
 def _sphere_column(name: str) -> tuple[int, float]:
     found = fullmatch(r"sphere\s+(\d+)\s*\[(.+)\]", name)
     if not found:
-        raise ValueError(f"a column is {name!r}, allowed is 'sphere 4 [m/s]', with its unit")
+        raise ValueError(f"a column is {name[:40]!r}, allowed is 'sphere 4 [m/s]', with its unit")
     return int(found[1]), _unit(found[2], METRES, f"sphere {found[1]}")
 
 
@@ -101,32 +104,61 @@ def _unit(text: str, known: dict[str, float], what: str) -> float:
 
 
 def _mat(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
+    held = _matlab(path)
+    second = _unit(_text(held, "time_unit"), SECONDS, "t")
+    metre = _unit(_text(held, "velocity_unit"), METRES, "v")
+    t, v = np.ravel(_numeric(held, "t")), _numeric(held, "v")
+    spheres = np.ravel(_numeric(held, "spheres"))
+    if np.any(spheres != np.round(spheres)):
+        raise ValueError(f"spheres are {spheres.tolist()}, whole numbers are needed")
+    wanted = len(t), len(spheres)
+    if v.shape == (1, len(t)) and len(spheres) == 1:
+        v = v.T
+    if v.ndim not in (2, 3) or v.shape[:2] != wanted:
+        raise ValueError(f"v is {v.shape}, {wanted[0]} times of {wanted[1]} spheres are {wanted}")
+    v = v.reshape(*wanted, -1)
+    repeats = range(v.shape[2])
+    columns = [(int(n), metre * v[:, i, r]) for r in repeats for i, n in enumerate(spheres)]
+    return second * t, columns, _text(held, "title") if "title" in held else path.stem
+
+
+def _matlab(path: Path) -> dict:
+    """The variables of a .mat file that are asked for."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
     try:
         held = loadmat(path)
-    except (MatReadError, NotImplementedError):
+    except NotImplementedError:
+        raise InvalidScene(f"{path} is a .mat file of version 7.3; save it with -v7.") from None
+    except (MatReadError, ValueError):
         raise ValueError("it is no .mat file of version 4 to 7, which can be read") from None
     for name in ("t", "v", "spheres", "time_unit", "velocity_unit"):
         if name not in held:
             raise ValueError(f"there is no variable {name}, which states what is in the file")
-    second = _unit(str(np.ravel(held["time_unit"])[0]), SECONDS, "t")
-    metre = _unit(str(np.ravel(held["velocity_unit"])[0]), METRES, "v")
-    t, v = np.ravel(held["t"]).astype(float), np.asarray(held["v"], float)
-    spheres = [int(n) for n in np.ravel(held["spheres"])]
-    v = v[:, :, None] if v.ndim == 2 else v
-    if v.shape[:2] != (len(t), len(spheres)):
-        raise ValueError(
-            f"v is {v.shape}, {len(t)} times of {len(spheres)} spheres are {len(t), len(spheres)}"
-        )
-    repeats = range(v.shape[2])
-    columns = [(n, metre * v[:, i, r]) for r in repeats for i, n in enumerate(spheres)]
-    return second * t, columns, str(np.ravel(held["title"])[0]) if "title" in held else path.stem
+    return held
+
+
+def _numeric(held: dict, name: str) -> NDArray[np.float64]:
+    value = held[name].toarray() if hasattr(held[name], "toarray") else np.asarray(held[name])
+    if value.dtype.kind not in "fiub":
+        raise ValueError(f"{name} is no array of real numbers; cells and structs are not read")
+    return value.astype(float)
+
+
+def _text(held: dict, name: str) -> str:
+    """A string, also one in a cell."""
+    value = held[name]
+    while isinstance(value, np.ndarray) and value.size == 1:
+        value = value.ravel()[0]
+    return value if isinstance(value, str) else ""
 
 
 def _uff(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
     pyuff = _pyuff()
+    raw = path.read_bytes()
+    if b"58b" not in raw and sum(line.strip() == b"-1" for line in raw.splitlines()) % 2:
+        raise ValueError("its last data set has no end, the file is cut off")
     try:
         file = pyuff.UFF(str(path))
         sets = [file.read_sets(int(i)) for i in np.flatnonzero(file.get_set_types() == 58)]
@@ -134,13 +166,15 @@ def _uff(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
         raise ValueError("it is no UFF58 file that pyuff can read") from None
     sets = [s for s in sets if s["func_type"] == TIME_RESPONSE]
     if not sets:
-        raise ValueError("no data set 58 with a time response (function type 1)")
+        raise ValueError("no data set 58 that can be read has a time response (function type 1)")
     t = np.asarray(sets[0]["x"], float)
     if any(len(s["x"]) != len(t) or np.ptp(s["x"] - t) > 1e-9 for s in sets):
         raise ValueError("its signals have different time bases")
     second = _unit(_label(sets[0], "abscissa_axis_units_lab") or "s", SECONDS, "time")
     columns = []
     for s in sets:
+        if np.iscomplexobj(s["data"]):
+            raise ValueError(f"the signal of node {s['rsp_node']} is complex, real ones are needed")
         metre = _unit(_label(s, "ordinate_axis_units_lab"), METRES, f"node {s['rsp_node']}")
         columns.append((int(s["rsp_node"]), metre * np.asarray(s["data"], float)))
     return second * t, columns, str(sets[0]["id1"]).strip()
