@@ -63,9 +63,9 @@ def test_thinner_plates_send_less_back_and_take_more():
     finding = found("wall-thickness")
     for model in ("infinite (Zener)", "solid"):
         assert np.all(np.diff(column(finding, "arr", model=model)) < 0)
-        assert np.all(np.diff(column(finding, "energy_lost_percent", model=model)) > 0)
+        assert np.all(np.diff(column(finding, "lost_%", model=model)) > 0)
     # the thicker, the more Zener's thin plate leaves out
-    lost = [column(finding, "energy_lost_percent", model=m) for m in ("solid", "infinite (Zener)")]
+    lost = [column(finding, "lost_%", model=m) for m in ("solid", "infinite (Zener)")]
     assert np.all(np.diff(lost[0] / lost[1]) < 0) and np.all(lost[0] > lost[1])
 
 

@@ -161,10 +161,12 @@ def _cells(row: Row) -> tuple[str, ...]:
 
 
 def short(value: Any) -> str:
-    """A number in three digits, a word as it is, nothing as a dash."""
+    """A number in three digits, a word as it is, nothing as a dash; no power of ten below 1e5."""
     if value is None:
         return "-"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.0f}" if 999.5 <= abs(value) < 1e5 else f"{value:.3g}"
 
 
 def aligned(cells: list[tuple[str, ...]], *, left: int) -> str:

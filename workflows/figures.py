@@ -11,7 +11,10 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e", "#7f6000", "#b43e8f")
+# told apart by lightness as well, and where that is not enough by dashes and markers
+COLOURS = ("#0b3c7d", "#e0522d", "#1b7f4b", "#e3a008", "#5b3a9e", "#2aa1b3", "#7f4f24", "#c2458f")
+DASHES = ("-", (0, (6, 2)), (0, (6, 2, 1.5, 2)), (0, (1.5, 1.5)), (0, (10, 3)))
+MARKERS = "os^Dv"
 LEGIBLE = 0.05  # smallest MAC written into its cell
 LEDGER = {
     "energy_kinetic": "spheres, kinetic",
@@ -61,7 +64,9 @@ def velocities(
 
 def train_mark(wave) -> str:
     """A wave's number, after an i if it is incident."""
-    return str(wave.number) if wave.kind == "reflected" else f"i{wave.number}".replace("i1", "i")
+    if wave.kind == "reflected":
+        return str(wave.number)
+    return "i" if wave.number == 1 else f"i{wave.number}"
 
 
 def _marked(panel, mark: Mark) -> None:
@@ -105,8 +110,11 @@ def energies(t: Array, ledger: dict[str, Array]) -> bytes:
     figure = Figure(figsize=(8, 5.6), layout="constrained")
     terms, closure = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     shown = {name: value for name, value in ledger.items() if name in LEDGER and np.any(value)}
-    for (name, value), colour in zip(shown.items(), _colours(len(shown)), strict=True):
-        terms.plot(1e3 * t, 1e3 * value, color=colour, linewidth=1.2, label=LEDGER[name])
+    for i, (name, value) in enumerate(shown.items()):
+        terms.plot(
+            1e3 * t, 1e3 * value, color=COLOURS[i % len(COLOURS)], linewidth=1.2,
+            linestyle=DASHES[i % len(DASHES)], label=LEDGER[name],
+        )  # fmt: skip
     total = ledger["energy_total"]
     terms.plot(1e3 * t, 1e3 * total, color="black", linewidth=1, linestyle="--", label="total")
     terms.set_ylabel("energy [mJ]")
@@ -166,8 +174,11 @@ def _curves(panel, curves: list[Curve]) -> None:
     """Ours as full lines in colour, others dashed in greys."""
     ours = [curve for curve in curves if curve.ours]
     others = [curve for curve in curves if not curve.ours]
-    for curve, colour in zip(ours, [*COLOURS, "black"], strict=False):
-        panel.loglog(curve.x, curve.y, "o-", color=colour, ms=3.5, lw=1.4, label=curve.name)
+    for i, (curve, colour) in enumerate(zip(ours, [*COLOURS, "black"], strict=False)):
+        marker = MARKERS[i % len(MARKERS)]
+        panel.loglog(
+            curve.x, curve.y, marker=marker, color=colour, ms=3.5, lw=1.4, label=curve.name
+        )
     for i, curve in enumerate(others):
         grey = str(0.25 + 0.45 * i / max(len(others) - 1, 1))
         marker = "sD^v<>PX"[i % 8]
@@ -186,8 +197,8 @@ def mesh_convergence(seed: Array, error: dict[str, Array]) -> bytes:
         shown = np.where(values > 0, values, np.nan)
         for i, colour in enumerate(_colours(values.shape[1])):
             panel.loglog(
-                1e3 * seed, 100 * shown[:, i], "o-", color=colour, markersize=4, linewidth=1.2,
-                label=f"mode {i + 1}",
+                1e3 * seed, 100 * shown[:, i], marker=MARKERS[i], color=colour, markersize=4,
+                linewidth=1.2, label=f"mode {i + 1}",
             )  # fmt: skip
         panel.set_title(constraint, fontsize=10, loc="left")
         panel.set_xlabel("element size in the sheets [mm]")

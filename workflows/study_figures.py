@@ -6,10 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
-from workflows.figures import COLOURS
+from workflows.figures import COLOURS, DASHES, MARKERS
+
+FEW = 6  # values of a logarithmic axis that are ticks themselves
 
 
 class Line(NamedTuple):
@@ -18,8 +20,8 @@ class Line(NamedTuple):
     name: str | None
     x: NDArray[np.float64]
     y: NDArray[np.float64]
-    style: str = "-"  # matplotlib's: "-", "--", "o-"
-    colour: int | None = None  # of COLOURS; None takes the next
+    style: str | None = None  # matplotlib's: "-", "--", "o-"; None takes the next dashes
+    colour: int | None = None  # of COLOURS, MARKERS and DASHES; None takes the next
     width: float = 1.3
 
 
@@ -69,22 +71,36 @@ def matrix(values: NDArray[np.float64], names: Sequence[str], label: str) -> byt
 
 
 def _log_ticks(axis, values: Iterable[NDArray[np.float64]], *, plain: bool) -> None:
-    """Every tick named in a narrow span, 1, 2 and 5 in a wide one; beyond, `plain` or powers."""
+    """Few values are ticks themselves; else 1, 2 and 5 in a wide span, more of them in a narrow
+    one; beyond, `plain` or powers."""
     every = np.concatenate([np.ravel(some) for some in values])
-    span = every.max() / every.min() if every.min() > 0 else np.inf
+    every = np.unique(every[np.isfinite(every)])
+    span = every[-1] / every[0] if every.size and every[0] > 0 else np.inf
+    if plain and every.size <= FEW and span < 200:
+        axis.set_major_locator(FixedLocator(every))
+        axis.set_minor_locator(NullLocator())
     if plain or span < 200:
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("{x:g}" if span < 200 else NullFormatter())
-    if 6 <= span < 200:
-        axis.set_minor_locator(LogLocator(subs=(2, 5)))
+    if span < 200 and not (plain and every.size <= FEW):
+        axis.set_minor_locator(LogLocator(subs=(2, 5) if span >= 6 else (2, 3, 4, 6, 8)))
+
+
+def _look(style: str | None, place: int) -> dict:
+    """Curves differ by colour, dashes and markers: also on paper without colour."""
+    if style is None:
+        return {"linestyle": DASHES[place % len(DASHES)]}
+    if style.startswith("o"):
+        return {"linestyle": style[1:] or "none", "marker": MARKERS[place % len(MARKERS)]}
+    return {"linestyle": "none", "marker": style} if style == "x" else {"linestyle": style}
 
 
 def _drawn(panel: Panel, axis) -> None:
     for i, line in enumerate(panel.lines):
-        colour = COLOURS[(i if line.colour is None else line.colour) % len(COLOURS)]
+        place = i if line.colour is None else line.colour
         axis.plot(
-            line.x, line.y, line.style, color=colour, linewidth=line.width, markersize=4,
-            label=line.name,
+            line.x, line.y, color=COLOURS[place % len(COLOURS)], linewidth=line.width, markersize=4,
+            label=line.name, **_look(line.style, place),
         )  # fmt: skip
     if "x" in panel.logarithmic:
         axis.set_xscale("log")

@@ -2,8 +2,10 @@
 
 The thesis meets plastic deformation by a factor of 3 on the last contact's stiffness. A contact
 that yields is softer than Hertz' while it is loaded, and loses energy; the factor makes it stiffer,
-and loses none. Thornton's law: Hertz up to the yield overlap, then the pressure stays, unloading is
-elastic along a flattened sphere. Thesis, section 7.2; C. Thornton, J. Appl. Mech. 64 (1997) 383.
+and loses none. Nor does the last contact yield first, unless its wall is far stiffer than a sphere:
+it bears the largest force, but between two spheres the curvature is twice as large. Thornton's law:
+Hertz up to the yield overlap, then the pressure stays, unloading is elastic along a
+flattened sphere. Thesis, section 7.2; C. Thornton, J. Appl. Mech. 64 (1997) 383.
 """
 
 from typing import NamedTuple
@@ -11,10 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 import dem
-from dem.spheres import contact_modulus, yield_overlap
+from dem.spheres import (
+    contact_modulus,
+    max_pressure,
+    modulus_of_contact,
+    radii_of_contacts,
+    yield_overlap,
+)
 from workflows.chain_stages import chain, initial_velocity
 from workflows.run_folder import Picture
-from workflows.scene import HalfSpaceWall, Scene
+from workflows.scene import HalfSpaceWall, RigidWall, Scene
 from workflows.stages import Watch
 from workflows.studies.observed import Observed, observed, require_chain, require_echo
 from workflows.study import Finding
@@ -44,13 +52,16 @@ def plastic_contact(scene: Scene, watch: Watch) -> Finding:
             Case(_run(scene, name, law, spheres), _restitution(scene, law))
             for name, law in _laws(scene, elastic)
         ]
+        rigid = chain(scene.model_copy(update=half_space | {"wall": RigidWall(kind="rigid")}))
+        stiff = _run(scene, "rigid", rigid, spheres)
     columns = (
-        "last contact", "peak_force_N", "contact_us", "restitution", "dissipated_share",
+        "last contact", "force_N", "contact_us", "restitution", "lost_%",
         *(f"{what}{k}" for k in (1, 2) for what in ("t_ms_", "v_m_s_")),
     )  # fmt: skip
     rows = tuple(_row(case, max(spheres)) for case in cases)
     picture = Picture("study_plastic_contact", _picture(cases, spheres))
-    return Finding("plastic-contact", columns, rows, _sentences(cases, max(spheres)), (picture,))
+    sentences = (_first_to_yield(cases[0].run, stiff), *_sentences(cases, max(spheres)))
+    return Finding("plastic-contact", columns, rows, sentences, (picture,))
 
 
 def _laws(scene: Scene, elastic: dem.Chain):
@@ -103,10 +114,33 @@ def _row(case: Case, sphere: int) -> tuple:
             (None, None) if wave is None else (1e3 * wave.arrival.time, wave.arrival.peak_velocity)
         )
     ]
-    lost = float(run.dissipated_contact[-1] / run.energy_kinetic[0])
+    lost = 100 * float(run.dissipated_contact[-1] / run.energy_kinetic[0])
     force = float(run.contact_force[:, -1].max())
     time = 1e6 * case.run.contact.contact_time.seconds
     return case.run.name, force, time, case.restitution, lost, *seen
+
+
+def pressures(run: Observed) -> np.ndarray:
+    """Largest pressure [Pa] ever in each contact (n,), the last one at the wall."""
+    R = radii_of_contacts(run.chain.radius)
+    return max_pressure(run.trajectory.contact_force.max(axis=0), R,
+                        modulus_of_contact(run.chain.A, R))  # fmt: skip
+
+
+def _first_to_yield(elastic: Observed, rigid: Observed) -> str:
+    force = elastic.trajectory.contact_force.max(axis=0)
+    steel, stiff = pressures(elastic), pressures(rigid)
+    among = int(steel[:-1].argmax())
+    where = "at the wall" if steel[-1] > steel[:-1].max() else "between spheres"
+    against = "at the wall" if stiff[-1] > stiff[:-1].max() else "between spheres"
+    return (
+        f"Figure 7.12: the largest force is at the wall, {force[-1]:.0f} N, against "
+        f"{force[:-1].max():.0f} N between spheres, and the thesis expects that contact to yield "
+        f"first. The pressure decides: {1e-9 * steel[-1]:.2f} GPa at a steel wall, "
+        f"{1e-9 * steel[among]:.2f} between the spheres {among + 1} and {among + 2}, largest "
+        f"{where}; against the rigid surface of the thesis' program {1e-9 * stiff[-1]:.2f} and "
+        f"{1e-9 * stiff[:-1].max():.2f}, largest {against}."
+    )
 
 
 def _later(cases: list[Case], sphere: int) -> str:
@@ -153,8 +187,20 @@ def _picture(cases: list[Case], spheres: tuple[int, ...]) -> bytes:
         )
         for sphere in spheres
     ]  # fmt: skip
-    loop = Panel("last contact", "approach to the wall [µm]", "force [N]", depth)
-    return panels([loop, *records], columns=2, size=(5.4, 3.2))
+    loop = Panel(
+        "last contact: what each law does", "approach to the wall [µm]", "force [N]", depth
+    )
+    return panels([loop, _forces(cases[0].run), *records], columns=2, size=(5.4, 3.2))
+
+
+def _forces(run: Observed) -> Panel:
+    n = run.trajectory.contact_force.shape[1]
+    lines = [
+        Line("at the wall" if k == n else f"spheres {k} and {k + 1}", run.milliseconds,
+             run.trajectory.contact_force[:, k - 1])
+        for k in (1, n // 2, n - 1, n)
+    ]  # fmt: skip
+    return Panel(f"contact forces, {run.name} (figure 7.12)", "time [ms]", "force [N]", lines)
 
 
 def _loop(case: Case) -> Line:

@@ -62,7 +62,7 @@ def rig(scene: Scene, watch: Watch) -> Finding:
     with watch("arm without mass"):
         light = _light_arms(scene, walls)
     columns = (
-        "unknown", "value", "seen at 1, 4, 14", "statements",
+        "unknown", "value", "seen", "hold",
         *(f"t{k}_us" for k in NUMBERS), *(f"v{k}_%" for k in NUMBERS),
     )  # fmt: skip
     rows = tuple(_row(case, default) for case in (default, *others))
@@ -80,20 +80,20 @@ def _variations(scene: Scene) -> Iterator[Variation]:
         changed = arm.model_copy(update={"force": force})
         yield Variation("preload [N]", force, _with(scene, preload=changed))
     for press in (0.0, 0.1, 1.0):
-        yield Variation("leaf springs' press [N]", press, _pressed(scene, stiffness, press))
+        yield Variation("leaf press [N]", press, _pressed(scene, stiffness, press))
     for value in (50.0, 1000.0):
-        yield Variation("leaf stiffness [N/m]", value, _pressed(scene, value, press_now))
+        yield Variation("leaf [N/m]", value, _pressed(scene, value, press_now))
     for value in (0.05, 0.2):
         changed = scene.contact.model_copy(
             update={"dissipation": "hunt-crossley", "coefficient": value}
         )
         yield Variation("dissipation [s/m]", value, _with(scene, contact=changed))
-    yield Variation("factor at the wall", 3.0, _with(scene, contact=_stiff_end(scene, 3.0)))
+    yield Variation("wall's factor", 3.0, _with(scene, contact=_stiff_end(scene, 3.0)))
     for radius in (0.0120, 0.0135):
         changed = scene.chain.model_copy(update={"radius": radius})
         yield Variation("radius [m]", radius, _with(scene, chain=changed))
     for mass in (1.0, 4.2, 10.0):
-        yield Variation("1-DOF walls' mass [kg]", mass, scene, mass)
+        yield Variation("1-DOF mass [kg]", mass, scene, mass)
 
 
 def _with(scene: Scene, **tables) -> Scene:
@@ -136,10 +136,10 @@ def _struck(variation: Variation, standing: Standing) -> Observed:
 
 
 def _row(case: Case, default: Case) -> tuple:
-    seen = " / ".join(str(len(case.runs[MAIN].reflected(sphere))) for sphere in SPHERES)
+    seen = "/".join(str(len(case.runs[MAIN].reflected(sphere))) for sphere in SPHERES)
     held = sum(verdict.holds for verdict in case.verdicts)
     value = None if case is default else case.variation.value
-    score = f"{held} of {len(case.verdicts)}"
+    score = f"{held}/{len(case.verdicts)}"
     return case.variation.unknown, value, seen, score, *_shifts(case, default)
 
 
@@ -151,9 +151,17 @@ def _shifts(case: Case, default: Case) -> tuple[float | None, ...]:
         None if a is None or b is None else (a.arrival, b.arrival)
         for a, b in zip(one, other, strict=True)
     ]
-    times = [pair and 1e6 * (pair[1].time - pair[0].time) for pair in pairs]
-    peaks = [pair and 100 * (pair[1].peak_velocity / pair[0].peak_velocity - 1) for pair in pairs]
+    times = [pair and _tenths(1e6 * (pair[1].time - pair[0].time)) for pair in pairs]
+    peaks = [
+        pair and _tenths(100 * (pair[1].peak_velocity / pair[0].peak_velocity - 1))
+        for pair in pairs
+    ]
     return (*times, *peaks)
+
+
+def _tenths(value: float) -> float:
+    """Runs hold no more; no minus zero."""
+    return round(value, 1) + 0.0
 
 
 def _main(case: Case) -> str:
@@ -183,7 +191,7 @@ def _light_arms(scene: Scene, walls: list[Standing]) -> str:
 
 
 def _counts(found: tuple[int, ...]) -> str:
-    return " / ".join(map(str, found))
+    return "/".join(map(str, found))
 
 
 def _sentences(default: Case, others: list[Case]) -> tuple[str, ...]:
@@ -202,7 +210,8 @@ def _sentences(default: Case, others: list[Case]) -> tuple[str, ...]:
         "inferred from the statements below, nothing of it measured.",
         *judged,
         _best(default, others),
-        f"The table: how much later [µs] and higher [%] the reflected waves 1 to {NUMBERS[-1]} are "
+        f"The table: reflected waves seen at spheres {', '.join(map(str, SPHERES))}; how many of "
+        f"the statements hold; how much later [µs] and higher [%] the waves 1 to {NUMBERS[-1]} are "
         f"at sphere {SPHERES[-1]} than by default, on the wall {MAIN} ({one_dof(907)} where its "
         f"mass changes). More than {WIDE:g} µs, about a wave's width, is another wave that has "
         "taken the number. Distances are the largest of two walls, as in the study walls.",
@@ -233,8 +242,8 @@ def _picture(default: Case) -> bytes:
         [
             Panel(
                 f"sphere {sphere}", "time [ms]", "velocity [m/s]",
-                [Line(name, default.runs[name].milliseconds, default.runs[name].velocity(sphere),
-                      style) for name, style in zip(shown, ("-", "--", "-.", ":"), strict=True)],
+                [Line(name, default.runs[name].milliseconds, default.runs[name].velocity(sphere))
+                 for name in shown],
             )
             for sphere in SPHERES
         ],

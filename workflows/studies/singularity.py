@@ -111,13 +111,18 @@ def _sentences(scene: Scene, answers: list[Answer], grown: list) -> tuple[str, .
     itself = [a.node - a.patch_structure for a in answers]
     steps = ", ".join(f"{growth:.2f}" for growth in grown if growth)
     reach = f"{1e3 * scene.patch.radius:g} mm"
+    steel = material(scene.assembly, "block")
+    dent = (1 - steel.poisson**2) / (np.pi * steel.young * scene.patch.radius)
     return (
         f"Compliances in m/N; recovery points and patch radius at {reach}.",
         f"The contact node itself, without what the structure gives way as a whole, sinks in by "
         f"{1e9 * itself[0]:.3g} nm/N on the coarsest mesh, {1e9 * itself[-1]:.3g} on the finest, "
-        f"{steps} times as far at every halving: like 1/h, without a limit.",
+        f"{steps} times as far at every halving: like 1/h, as in the thesis.",
         f"Two points {reach} beside it change by {_change(before.recovery, last.recovery)}, the "
-        f"patch by {_change(before.patch, last.patch)}.",
+        f"patch by {_change(before.patch, last.patch)}. What is read at the points still holds "
+        f"{1e9 * (last.recovery - last.patch_structure):.2g} nm/N of the dent (a half-space's, "
+        f"that far from the force: {1e9 * dent:.2g}), which the thesis counts twice, since Hertz' "
+        "law holds it already.",
         f"What the patch has beyond the half-space under it is the same on all meshes within "
         f"{np.ptp(own) / own.mean():.1e}; by the node, with its own half-space taken off, within "
         f"{np.ptp(by_node) / by_node.mean():.1e}.",
@@ -148,8 +153,8 @@ def _profiles(answers: list[Answer], name: str) -> list[Line]:
 
 
 def _differences(values: NDArray[np.float64], best: float) -> NDArray[np.float64]:
-    """Relative, without the zero that a logarithm cannot show."""
-    off = np.abs(values / best - 1)
+    """In parts per million, without the zero that a logarithm cannot show."""
+    off = 1e6 * np.abs(values / best - 1)
     return np.where(off > 0, off, np.nan)
 
 
@@ -176,6 +181,6 @@ def _convergence(answers: list[Answer]) -> tuple[Panel, Panel]:
         ),
         Panel(
             "the structure's own compliance, against the finest mesh", "contact seed [mm]",
-            "relative difference", kept, "xy",
+            "difference [ppm]", kept, "xy",
         ),
     )  # fmt: skip

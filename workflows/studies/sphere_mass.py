@@ -74,11 +74,15 @@ def _measures(case: Case, sphere: int) -> tuple[float, ...]:
     )
 
 
-def _grows(cases: list[Case], by: str, sphere: int) -> tuple[float, ...]:
+def _grows(cases: list[Case], by: str, sphere: int) -> list[str]:
     """Exponents of the measures over the mass."""
     chosen = [case for case in cases if case.by == by]
     found = np.array([_measures(case, sphere) for case in chosen])
-    return tuple(exponent([case.mass for case in chosen], column) for column in found.T)
+    return [_power(exponent([case.mass for case in chosen], column)) for column in found.T]
+
+
+def _power(value: float) -> str:
+    return f"{round(value, 3) + 0.0:.3f}"
 
 
 def _sentences(cases: list[Case], sphere: int) -> tuple[str, ...]:
@@ -86,18 +90,34 @@ def _sentences(cases: list[Case], sphere: int) -> tuple[str, ...]:
     arr = [case.run.contact.arr for case in cases]
     peaks = [_measures(case, sphere)[3] / case.run.trajectory.v[0].max() for case in cases]
     return (
-        f"Contact time goes with mass to the power {by_density[0]:.3f} where only the density "
-        f"changes, 2/5 as in (2.10), but {by_size[0]:.3f} (1/3) where the sphere grows, since its "
-        "contact grows stiffer with it.",
+        f"Contact time goes with mass to the power {by_density[0]} where only the density changes, "
+        f"2/5 as in (2.10), but {by_size[0]} (1/3) where the sphere grows, since its contact grows "
+        "stiffer with it.",
         f"Figure 2.9 speaks of faster waves from lighter spheres. In spheres per second they are "
-        f"(power {by_size[2]:.3f}); in m/s the speed goes with power {by_size[1]:.3f} where the "
-        f"size changes: not at all. Lighter material of the same size: {by_density[1]:.3f} "
-        "(-2/5).",
-        f"The thesis sees lower peaks from lighter spheres. The force falls (power "
-        f"{by_size[4]:.3f} by size, {by_density[4]:.3f} by density), the velocity's peak does not "
-        f"({by_size[3]:.3f}, {by_density[3]:.3f}): it is {min(peaks):.3f} to {max(peaks):.3f} of "
-        f"the striker's at sphere {sphere}, whatever the mass.",
-        f"ARR is unaffected, as the thesis says: {min(arr):.4f} to {max(arr):.4f}.",
+        f"(power {by_size[2]}); in m/s the speed goes with power {by_size[1]} where the size "
+        f"changes, since the spheres that it passes shrink alike, and with {by_density[1]} (-2/5) "
+        "where the material does.",
+        f"The thesis sees lower peaks from lighter spheres. The force falls (power {by_size[4]} by "
+        f"size, {by_density[4]} by density), the velocity's peak does not ({by_size[3]}, "
+        f"{by_density[3]}): it is {_range(peaks)} of the striker's at sphere {sphere}.",
+        f"The thesis says that ARR is unaffected: it is {_range(arr)}, the mean of (2.9) along the "
+        "chain.",
+        _coefficient(cases[0].run.contact),
+    )
+
+
+def _range(values: list[float]) -> str:
+    low, high = f"{min(values):.3f}", f"{max(values):.3f}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _coefficient(contact: dem.wave_measures.WallContact) -> str:
+    """What (2.9) makes of the coefficient of (2.8)."""
+    ratio, energy = contact.velocity_sum_ratio, contact.energy_restitution
+    return (
+        f"(2.9) equates ARR with epsilon^(6/5) of (2.8). Of these spheres, which lose nothing "
+        f"(restitution by energy {energy:.3f}), epsilon is {ratio:.3f} and its power "
+        f"{ratio**1.2:.3f}: momentum turns round, so (2.8) is no measure of loss and not ARR's."
     )
 
 
@@ -105,8 +125,8 @@ def _picture(cases: list[Case], spheres: tuple[int, ...]) -> bytes:
     shown = [case for case in cases if case.by == "radius" and case.mass in MASSES]
     records = [
         Panel(
-            f"{case.mass:g} kg, R = {1e3 * case.run.chain.radius[0]:.1f} mm (2.9)", "time [ms]",
-            "velocity [m/s]",
+            f"{case.mass:g} kg, R = {1e3 * case.run.chain.radius[0]:.1f} mm (figure 2.9)",
+            "time [ms]", "velocity [m/s]",
             [Line(f"sphere {s}", case.run.milliseconds, case.run.velocity(s)) for s in spheres],
         )
         for case in shown
@@ -122,5 +142,6 @@ def _law(cases: list[Case], name: str, i: int, sphere: int) -> Panel:
         chosen = [case for case in cases if case.by == by]
         mass = np.array([case.mass for case in chosen])
         value = np.array([_measures(case, sphere)[i] for case in chosen])
-        lines.append(Line(f"by {by}, power {exponent(mass, value):+.2f}", mass, value, "o-"))
+        power = round(exponent(mass, value), 2) + 0.0
+        lines.append(Line(f"by {by}, power {power:+.2f}", mass, value, "o-"))
     return Panel(name.split(" [")[0], "mass of a sphere [kg]", name, lines, "xy")

@@ -98,17 +98,21 @@ def _leading_share(chain: dem.Chain, run: dem.Trajectory) -> float:
 def _sentences(runs: list[Observed], heavy: list[Heavy]) -> tuple[str, ...]:
     time, speed, force = np.array([_measures(run) for run in runs]).T
     powers = [exponent(SPEEDS, values) for values in (force, speed, time)]
-    light, equal = heavy[0], next(h for h in heavy if h.ratio == 1.0)
+    light, equal, large = heavy[0], next(h for h in heavy if h.ratio == 1.0), heavy[-1]
     off = max(abs(h.share - REFERENCE[h.ratio]) for h in heavy)
     return (
         f"Over the striker's speed, force goes with power {powers[0]:.5f} (6/5), the wave's speed "
         f"with {powers[1]:.5f} (1/5), the contact time with {powers[2]:.5f} (-1/5).",
+        f"The thesis reads from (2.5) that a faster striker shortens the contact: from "
+        f"{time[0]:.0f} to {time[-1]:.0f} µs between {SPEEDS[0]:g} and {SPEEDS[-1]:g} m/s, by "
+        f"{100 * (1 - time[-1] / time[0]):.0f} %. "
         "These laws hold without preload and at speeds where the spheres stay elastic; a preload "
         "gives small waves the speed of sound instead.",
         f"The leading wave's share of the energy is within {off:.1e} of the reference for all "
-        f"mass ratios. A striker of the spheres' mass puts all but {100 * (1 - equal.share):.1f} % "
-        f"into one wave; one of {light.ratio:g} of that mass bounces back with "
-        f"{-light.recoil:.2f} of its speed.",
+        f"mass ratios. (2.5) gives the wave all of the striker's energy: of a striker of the "
+        f"spheres' mass it is all but {100 * (1 - equal.share):.1f} %, of one {large.ratio:g} "
+        f"times as heavy {100 * large.share:.0f} %; one of {light.ratio:g} of that mass bounces "
+        f"back with {-light.recoil:.2f} of its speed.",
     )
 
 

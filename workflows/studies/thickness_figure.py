@@ -25,9 +25,9 @@ def _both(found, value) -> list[Line]:
     ]
 
 
-def _level(name: str, found, value: float, colour: int = 2) -> Line:
+def _level(name: str, found, value: float, colour: int = 2, style: str = "--") -> Line:
     ends = np.array([found.curve[0].ratio, found.curve[-1].ratio])
-    return Line(name, ends, np.full(2, value), "--", colour)
+    return Line(name, ends, np.full(2, value), style, colour)
 
 
 def _arr(found, negligible: float) -> Panel:
@@ -36,14 +36,14 @@ def _arr(found, negligible: float) -> Panel:
         _level("half-space", found, found.half_space.arr),
         Line("thesis: negligible from here", np.full(2, negligible), np.array([0, 1.0]), ":", 4),
     ]
-    return Panel("amplitude ratio of the reflected wave (2.9)", RATIO, "ARR", lines, "x")
+    return Panel("amplitude ratio of the reflected wave, equation (2.9)", RATIO, "ARR", lines, "x")
 
 
 def _lost(found) -> Panel:
     lines = [
         *_both(found, lambda a: 100 * a.blow.lost),
         _level("half-space, radiated waves", found, 100 * found.radiated),
-        _level("thesis: walls thicker than c T_c", found, 5.0, 4),
+        _level("thesis: walls thicker than c T_c", found, 5.0, 4, ":"),
     ]
     return Panel("energy that the wall takes", RATIO, "% of the striker's", lines, "xy")
 

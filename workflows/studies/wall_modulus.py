@@ -13,6 +13,7 @@ import numpy as np
 
 import dem
 from dem.spheres import time_scale
+from workflows.accuracy import short
 from workflows.chain_stages import initial_velocity
 from workflows.run_folder import Picture
 from workflows.scene import Scene
@@ -27,6 +28,7 @@ RATIOS = np.unique(
 FAINT = 0.004  # of the largest wave: what is still followed
 FADED = 0.005  # of the striker's speed: below it a second wave has faded out
 SOFT = 0.5  # ratio below which a second wave is that of a soft wall
+EQUAL = 1 / (2**1.5 - 1)  # ratio at which the wall's contact is as stiff as the spheres'
 SHOWN = (0.01, 0.1, 1.0, 10.0)
 
 
@@ -34,6 +36,7 @@ class Case(NamedTuple):
     """A wall by its ratio of moduli, and the run."""
 
     ratio: float
+    young: float  # [Pa]
     run: Observed
     second: float  # largest velocity of the second reflected wave over the striker's
     apart: float  # [s] the last two spheres are apart while the wall is touched
@@ -47,6 +50,7 @@ def wall_modulus(scene: Scene, watch: Watch) -> Finding:
     rows = tuple(
         (
             case.ratio,
+            1e-9 * case.young,
             1e6 * case.run.contact.contact_time.seconds,
             case.run.contact.tau_c,
             case.run.contact.arr,
@@ -55,7 +59,9 @@ def wall_modulus(scene: Scene, watch: Watch) -> Finding:
         )
         for case in cases
     )
-    columns = ("E*_w/E*_s", "contact_us", "tau_c", "arr", "second_over_striker", "apart_us")
+    columns = (
+        "E*_w/E*_s", "young_GPa", "contact_us", "tau_c", "arr", "second_over_striker", "apart_us",
+    )  # fmt: skip
     picture = Picture("study_wall_modulus", _picture(scene, cases, spheres))
     return Finding("wall-modulus", columns, rows, _sentences(cases), (picture,))
 
@@ -70,7 +76,7 @@ def _case(scene: Scene, ratio: float, spheres: tuple[int, ...]) -> Case:
     run = observed(
         f"{ratio:g}", row, dem.rigid_wall(), v0, duration=duration, spheres=spheres, faint=FAINT
     )
-    return Case(ratio, run, _second(run), _apart(run))
+    return Case(ratio, young, run, _second(run), _apart(run))
 
 
 def _second(run: Observed) -> float:
@@ -105,17 +111,33 @@ def _sentences(cases: list[Case]) -> tuple[str, ...]:
         [case.run.contact.contact_time.seconds for case in soft],
     )
     stiff = max(case.second for case in cases if case.ratio > SOFT)
+    tau = [case.run.contact.tau_c for case in cases]
     return (
-        f"{_fading(cases)} The thesis says that secondary waves appear above a critical modulus; "
-        "it is below: soft walls make them.",
-        f"Walls stiffer than {SOFT:g} leave another, faint one, at most {100 * stiff:.1f} %, born "
-        "in the chain.",
-        "Equal approach at the last two contacts, the thesis' condition, means A_w = A, a ratio of "
-        f"{1 / (2**1.5 - 1):.3f}; the wave itself fades out somewhat below.",
+        _fading(cases),
+        f"{_side(cases)} Walls stiffer than {SOFT:g} leave another, faint one, at most "
+        f"{100 * stiff:.1f} %, born in the chain.",
+        _parting(cases),
         f"Contact time goes with A_w to the power {slope:.3f} at soft walls, where (2.5) says -0.4 "
-        f"with one tau_c; tau_c is {cases[0].run.contact.tau_c:.2f} at the softest and "
-        f"{cases[-1].run.contact.tau_c:.2f} at the stiffest wall, so it is no constant. Contact "
-        "counts from 1 % of the peak force.",
+        f"with one tau_c; tau_c is {tau[0]:.2f} at the softest and {tau[-1]:.2f} at the stiffest "
+        f"wall, {min(tau):.2f} to {max(tau):.2f} in all: no constant. Contact counts from 1 % of "
+        "the peak force, ARR is the mean of (2.9) along the chain.",
+    )
+
+
+def _side(cases: list[Case]) -> str:
+    """On which side of the critical modulus a second wave is, in the thesis and here."""
+    soft, stiff = (min(cases, key=lambda case: case.ratio), max(cases, key=lambda case: case.ratio))
+    here = "below: soft walls make them" if soft.second > stiff.second else "above, here as well"
+    return f"The thesis says that secondary waves appear above a critical modulus; it is {here}."
+
+
+def _parting(cases: list[Case]) -> str:
+    parted = [case.ratio for case in cases if case.apart > 0.0]
+    held = f"below E*_w/E*_s = {max(parted):.3g}" if parted else "from the chain at no wall"
+    return (
+        f"The last sphere parts {held}, while it is still at the wall, which the thesis takes for "
+        "the cause; its condition, equal approach at the last two contacts, means A_w = A, a ratio "
+        f"of {EQUAL:.3f}."
     )
 
 
@@ -129,25 +151,34 @@ def _fading(cases: list[Case]) -> str:
         )
     return (
         f"A second reflected wave of more than {bound} appears below E*_w/E*_s = {found[0]:.3g} "
-        f"and is gone at {found[1]:.3g} (reference, 17 spheres: fades out at 0.39 to 0.47)."
+        f"and is gone at {found[1]:.3g}: the critical modulus of the wall is "
+        f"{_young(cases, found[0]):.0f} to {_young(cases, found[1]):.0f} GPa (reference, 17 "
+        "spheres: fades out at 0.39 to 0.47)."
     )
 
 
+def _young(cases: list[Case], ratio: float) -> float:
+    """[GPa]"""
+    return next(1e-9 * case.young for case in cases if case.ratio == ratio)
+
+
 def _picture(scene: Scene, cases: list[Case], spheres: tuple[int, ...]) -> bytes:
-    ratio = np.array([case.ratio for case in cases])
+    young = np.array([1e-9 * case.young for case in cases])
     time = np.array([1e6 * case.run.contact.contact_time.seconds for case in cases])
     tau = np.array([case.run.contact.tau_c for case in cases])
     second = np.array([case.second for case in cases])
-    fades = [Line("fades out", np.full(2, np.mean(gone)), np.array([0, 1.1 * second.max()]), ":", 1)
+    fades = [Line("fades out", np.full(2, np.mean([_young(cases, r) for r in gone])),
+                  np.array([0, 1.1 * second.max()]), ":", 1)
              for gone in (critical(cases),) if gone]  # fmt: skip
+    modulus = "Young's modulus of the wall [GPa]"
     return panels(
         [
-            Panel("contact time (2.8)", "E*_w / E*_s", "contact time [µs]",
-                  [Line(None, ratio, time, "o-")], "xy"),
-            Panel("dimensionless (2.5)", "E*_w / E*_s", "tau_c", [Line(None, ratio, tau, "o-")],
-                  "x"),
-            Panel("second reflected wave", "E*_w / E*_s", "velocity over the striker's",
-                  [Line(None, ratio, second, "o-"), *fades], "x"),
+            Panel("contact time (figure 2.8)", modulus, "contact time [µs]",
+                  [Line(None, young, time, "o-")], "xy"),
+            Panel("dimensionless, equation (2.5)", modulus, "tau_c [-]",
+                  [Line(None, young, tau, "o-")], "x"),
+            Panel("second reflected wave (figure 2.8)", modulus, "velocity over the striker's",
+                  [Line(None, young, second, "o-"), *fades], "x"),
             _records(cases, max(spheres)),
         ],
         columns=2, size=(5.4, 3.2),
@@ -157,7 +188,9 @@ def _picture(scene: Scene, cases: list[Case], spheres: tuple[int, ...]) -> bytes
 def _records(cases: list[Case], sphere: int) -> Panel:
     chosen = [min(cases, key=lambda case: abs(np.log(case.ratio / at))) for at in SHOWN]
     lines = [
-        Line(f"E*_w/E*_s = {case.ratio:.2g}", case.run.milliseconds, case.run.velocity(sphere))
+        Line(
+            f"E = {short(1e-9 * case.young)} GPa", case.run.milliseconds, case.run.velocity(sphere)
+        )
         for case in chosen
     ]
     title = f"sphere {sphere}: a soft wall answers later, and twice"

@@ -204,16 +204,16 @@ def _answer(statement: str, holds: bool | None, numbers: str) -> str:
 
 def _records(runs: Runs, spheres: Spheres) -> bytes:
     sets = (
-        ("half-space (7.13)", (HALF_SPACE, RIGID, one_dof(8425))),
-        ("one mass (7.14)", (one_dof(269), one_dof(907), one_dof(240))),
-        ("ROM 269 (7.15)", ("ROM 269", one_dof(269), one_dof(700))),
-        ("ROM 907 (7.16)", ("ROM 907", one_dof(907), "ROM all four")),
+        ("half-space (figure 7.13)", (HALF_SPACE, RIGID, one_dof(8425))),
+        ("one mass (figure 7.14)", (one_dof(269), one_dof(907), one_dof(240))),
+        ("ROM 269 (figure 7.15)", ("ROM 269", one_dof(269), one_dof(700))),
+        ("ROM 907 (figure 7.16)", ("ROM 907", one_dof(907), "ROM all four")),
     )
     sets_of_panels = [
         Panel(
             f"{title}, sphere {sphere}", "time [ms]", "velocity [m/s]",
-            [Line(name, runs[name].milliseconds, runs[name].velocity(sphere), style)
-             for name, style in zip(names, ("-", "--", ":"), strict=True) if name in runs],
+            [Line(name, runs[name].milliseconds, runs[name].velocity(sphere))
+             for name in names if name in runs],
         )
         for title, names in sets for sphere in spheres
     ]  # fmt: skip
@@ -225,4 +225,4 @@ def _distances(runs: Runs, spheres: Spheres) -> bytes:
     apart = np.zeros((len(names), len(names)))
     for (i, one), (j, other) in combinations(enumerate(runs.values()), 2):
         apart[i, j] = apart[j, i] = overall(one, other, spheres)
-    return matrix(apart, names, "distance over all that comes back")
+    return matrix(apart, names, "distance over all that comes back [-]")
