@@ -13,6 +13,7 @@ from dem.wave_fit import Guess, apart, fit, groups
 from dem.waves import Arrival, crest, full_width
 
 CLEAR = 1.5  # widths between crests from which on waves do not touch
+WIDEST = 3.0  # of what a train's force says; a wider crest is that of several waves
 STAYS = 0.9  # of the crest, left behind by a wave that leaves its sphere moving
 HIDDEN = 3  # contacts before its first pulse at which a train is still looked for
 TWICE = 2.0  # of what a train's force says: what is taken out of overlapping waves beyond it is
@@ -102,4 +103,6 @@ def _measured(t, v, passage, fitted):
     time, height = crest(t, sign * v, k)
     if sign * v[inside[-1]] > STAYS * height:
         return fitted._replace(peak_velocity=float(sign * height), width=np.nan)
-    return Arrival(time, float(sign * height), full_width(t, sign * v, k), fitted.quality)
+    width = full_width(t, sign * v, k)
+    own = width if width < WIDEST * guess.width else np.nan
+    return Arrival(time, float(sign * height), own, fitted.quality)

@@ -71,18 +71,20 @@ def _pulses(t, v, contact_force, mass, A, threshold):
     largest = velocity_of_force(F.max(axis=0, initial=0.0), m, A).max(initial=0.0)
     level = force(threshold * largest, m, A)
     return [
-        _pulse(t, v, F, m, A, i, k)
+        _pulse(t, v, F, mass, A, i, k)
         for i in range(n)
         for k in peaks(F[:, i], level[i])
         if F[k, i] >= level[i]
     ]
 
 
-def _pulse(t, v, F, m, A, i, k):
+def _pulse(t, v, F, mass, A, i, k):
+    """What the sphere makes of it that passes it on: a heavy striker waits for no other."""
     time, height = crest(t, F[:, i], k)
-    size = velocity_of_force(height, m[i], A[i])
-    velocity = size if v[k, i] + v[k, i + 1] > 0.0 else -size
-    return Pulse(time, i + 1, height, float(velocity), float(1.0 / speed(size, m[i], A[i])))
+    way = 1 if v[k, i] + v[k, i + 1] > 0.0 else -1
+    m = mass[i + 1] if way > 0 else mass[i]
+    size = velocity_of_force(height, m, A[i])
+    return Pulse(time, i + 1, height, float(way * size), float(1.0 / speed(size, m, A[i])))
 
 
 def _linked(pulses, way):

@@ -11,11 +11,12 @@ import numpy as np
 
 from dem.waves import energy_restitution, velocity_sum_ratio
 
+AT_END = 4  # contacts from the wall within which a wave is that of the blow
 CONTACT = 0.01  # of the peak force, where a contact counts as closed
 
 
 class ContactTime(NamedTuple):
-    """How long the largest collision with the wall lasts."""
+    """How long the largest collision with the wall lasts; nan if there is none."""
 
     seconds: float
     start: float  # [s]
@@ -45,7 +46,7 @@ def contact_time(t, force, *, threshold=CONTACT):
     t, F = np.asarray(t, float), np.asarray(force, float)
     k, level = int(F.argmax()), F[0] + threshold * (F.max() - F[0])
     if F.max() <= F[0]:
-        return ContactTime(0.0, np.nan, np.nan, float(level))
+        return ContactTime(np.nan, np.nan, np.nan, float(level))
     before, after = np.flatnonzero(F[:k] <= level), np.flatnonzero(F[k:] <= level) + k
     start = _crossing(t, F, before[-1], level) if before.size else t[0]
     end = _crossing(t, F, after[0] - 1, level) if after.size else np.inf
@@ -73,21 +74,21 @@ def force_ratio(incident, reflected):
 
 
 def train_speed(train, radius):
-    """Speed [m/s] of a train past spheres of one radius [m], the slope through all its pulses."""
+    """Speed [m/s] of a train past spheres of radius (n,) [m], the slope through all its pulses."""
     times = np.array([pulse.time for pulse in train.pulses])
-    places = 2.0 * radius * np.array([pulse.contact for pulse in train.pulses])
+    places = 2.0 * np.cumsum(radius)[[pulse.contact - 1 for pulse in train.pulses]]
     return float(abs(np.polyfit(times - times[0], places, 1)[0]))
 
 
 def wall_contact(t, v, contact_force, chain, trains):
     """WallContact of a chain's run; v (k, n), contact_force (k, n), its `trains`."""
-    closed = contact_time(t, contact_force[:, -1])
+    closed = _blow(t, contact_force)
     speed = float(np.abs(v[0]).max())
-    inward, outward = (_first(trains, kind) for kind in ("incident", "reflected"))
-    n, R = len(chain.mass), float(np.mean(chain.radius))
-    there = np.nan if inward is None else train_speed(inward, R)
-    back = np.nan if outward is None else train_speed(outward, R)
-    travelling = travelling_time(n, R, there, back)
+    n = len(chain.mass)
+    inward, outward = (_first(trains, kind, n) for kind in ("incident", "reflected"))
+    there = np.nan if inward is None else train_speed(inward, chain.radius)
+    back = np.nan if outward is None else train_speed(outward, chain.radius)
+    travelling = travelling_time(n, float(np.mean(chain.radius)), there, back)
     return WallContact(
         closed,
         dimensionless_contact_time(closed.seconds, chain.mass[-1], speed, chain.A[-1]),
@@ -101,9 +102,22 @@ def wall_contact(t, v, contact_force, chain, trains):
     )
 
 
-def _first(trains, kind):
-    """The largest of the first train of a kind and what comes out of it on the way."""
-    return next((train for train in trains if train.kind == kind and train.number == 1), None)
+def _blow(t, contact_force):
+    """The contact time at the wall, nan before a wave is there: its foot reaches far ahead."""
+    rise = (contact_force - contact_force[0]).max(axis=0)
+    there = rise[-1] > CONTACT * rise.max()
+    return contact_time(t, contact_force[:, -1] if there else np.zeros(len(t)))
+
+
+def _first(trains, kind, n):
+    """The first train of a kind, None if it is not seen close to the wall behind n spheres."""
+    first = (train for train in trains if train.kind == kind and train.number == 1)
+    return next((train for train in first if _last_contact(train) >= n - AT_END), None)
+
+
+def _last_contact(train):
+    """Of a train's contacts the one next to the wall."""
+    return max(train.pulses[0].contact, train.pulses[-1].contact)
 
 
 def _mean_ratio(inward, outward):

@@ -9,11 +9,12 @@ import pytest
 from dem import Chain, march, one_dof_wall, rigid_wall, solitary
 from dem.labels import labels
 from dem.solitary import WIDTH, displacement_shape, velocity_shape
-from dem.trains import trains
+from dem.trains import Pulse, Train, trains
 from dem.wave_fit import Guess, separated
 from dem.wave_measures import (
     contact_time,
     dimensionless_contact_time,
+    train_speed,
     travelling_time,
     wall_contact,
 )
@@ -186,6 +187,45 @@ def test_wall_contact_collects_what_the_thesis_defines():
     assert wall.velocity_sum_ratio > 1.3  # references.md: 1.36, and no energy is lost
     assert wall.energy_restitution == pytest.approx(1.0, abs=1e-6)
     assert travelling_time(17, 0.0127, 541.0, 541.0) == pytest.approx(4 * 17 * 0.0127 / 541)
+
+
+def test_the_leader_of_a_heavy_strikers_train_is_the_incident_wave():
+    """A sphere that is passed on by a heavy one moves at its own pace, not at the striker's."""
+    n = 17
+    chain = Chain(np.r_[10.0, np.ones(n - 1)], np.full(n, 0.5), np.append(np.ones(n - 1), 2**0.5))
+    run = march(chain, rigid_wall(), np.eye(n)[0], duration=15.0, dt=0.03, n_save=1500)
+    found = trains(run.t, run.v, run.contact_force, chain.mass, chain.A)
+    incident = [train for train in found if train.kind == "incident"]
+    leader = found[0]
+    assert leader.name == "incident" and leader.pulses[0].contact == 1
+    assert [pulse.contact for pulse in leader.pulses] == list(range(1, len(leader.pulses) + 1))
+    for pulse in leader.pulses:
+        others = [p for train in incident[1:] for p in train.pulses if p.contact == pulse.contact]
+        assert all(pulse.time < other.time and pulse.force > other.force for other in others)
+
+
+def test_a_trains_speed_is_that_past_spheres_of_any_size():
+    """Every second sphere half as large: contacts lie 1.5 and 0.75 apart by turns."""
+    radius = np.tile([0.5, 0.25], 5)
+    places = 2 * np.cumsum(radius)
+    pulses = tuple(Pulse(x / 0.8, i, 1.0, 1.0, 1.0) for i, x in enumerate(places[:-1], 1))
+    assert train_speed(Train("incident", 1, pulses), radius) == pytest.approx(0.8)
+
+
+def test_a_wall_that_nothing_reaches_has_no_contact_time():
+    chain, run, found = struck(duration=10.0)
+    wall = wall_contact(run.t, run.v, run.contact_force, chain, found)
+    assert np.isnan([wall.contact_time.seconds, wall.tau_c, wall.speed_in, wall.tof]).all()
+
+
+def test_a_crest_on_the_shoulder_of_another_has_no_width_of_its_own():
+    """Waves of a heavy striker's train overlap at sphere 4: what is half as high is another one."""
+    n = 17
+    chain = Chain(np.r_[10.0, np.ones(n - 1)], np.full(n, 0.5), np.append(np.ones(n - 1), 2**0.5))
+    run = march(chain, rigid_wall(), np.eye(n)[0], duration=20.0, dt=0.03, n_save=2000)
+    found = trains(run.t, run.v, run.contact_force, chain.mass, chain.A)
+    widths = [label.arrival.width for label in labels(found, run.t, run.v[:, 3], 4)]
+    assert np.isnan(widths).any() and np.nanmax(widths) < 4 * np.nanmin(widths)
 
 
 def test_force_and_velocity_of_a_wave_belong_together():

@@ -412,6 +412,21 @@ def test_waves_that_cannot_be_told_apart_are_not_passed_on_in_silence(capsys):
     sizes = ",".join(["0.01,0.005"] * 8 + ["0.01"])
     radii = f"--set=chain.radius=[{sizes}]"
     assert beadwave("run", "rig-rigid", radii, "--out=out") == 0
-    assert "waves at the observed spheres have a quality below 0.7" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "waves at the observed spheres have a quality below 0.7" in said
+    assert "masses differ by a factor of 8" in said
     assert beadwave("run", "rig-rigid", "--out=out2") == 0
-    assert "quality" not in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "quality" not in said and "differ" not in said and "ends" not in said
+
+
+@pytest.mark.parametrize(
+    ("duration", "told"),
+    [(5e-5, "ends before a wave is at the wall"), (1e-3, "energy are still in pressed contacts")],
+)
+def test_a_record_that_ends_too_early_is_told(duration, told, capsys):
+    """The wave is at the wall after 0.8 ms, back at the striker after 1.7 ms."""
+    assert beadwave("run", "rig-half-space", f"--set=time.duration={duration}", "--out=out") == 0
+    assert told in capsys.readouterr().err
+    contact = json.loads(Path("out/summary.json").read_text())["wall_contact"]
+    assert (contact["contact_time_s"] is None) == (duration < 1e-4)

@@ -1,6 +1,10 @@
 """The waves of a run as a stage: followed through the chain, named, and measured at the wall."""
 
+from math import isnan
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from coupling import Impact
 from dem.labels import Label, labels
@@ -12,6 +16,8 @@ from workflows.scene import Scene
 from workflows.summary import ChainContact, SphereWaves, WaveArrival, WaveTrain
 
 TRUSTED = 0.7  # quality below which a wave's numbers are not to be believed
+UNEQUAL = 1.25  # ratio of masses from which on waves are not those of equal spheres
+PRESSED = 0.05  # of the striker's energy, still elastic when the record ends
 NAMED = 20  # waves of a kind that are followed; after a few dozen impacts there are none to name
 
 
@@ -35,16 +41,53 @@ def waves(scene: Scene, impact: Impact) -> ChainWaves:
     )
 
 
-def doubtful(found: ChainWaves) -> tuple[str, ...]:
-    """A sentence where waves at the observed spheres have numbers that nobody should believe."""
+def doubtful(scene: Scene, found: ChainWaves, impact: Impact) -> tuple[str, ...]:
+    """A sentence on each thing that makes numbers of the waves that nobody should believe."""
+    said = (_unequal(scene), _poor(found), _unfinished(scene, found, impact))
+    return tuple(sentence for sentence in said if sentence)
+
+
+def _poor(found: ChainWaves) -> str | None:
     named = [label.arrival for labels in found.labels.values() for label in labels]
     poor = sum(wave.quality < TRUSTED for wave in named)
     if not poor:
-        return ()
+        return None
+    has, it, its = ("has", "it overlaps", "its") if poor == 1 else ("have", "they overlap", "their")
     return (
-        f"{poor} of {len(named)} waves at the observed spheres have a quality below {TRUSTED:g}: "
-        "they overlap too much to be taken apart, or their spheres differ; do not trust their "
-        "velocities.",
+        f"{poor} of {len(named)} waves at the observed spheres {has} a quality below {TRUSTED:g}: "
+        f"{it} with others too much to be taken apart, or the spheres differ; do not trust {its} "
+        f"velocit{'y' if poor == 1 else 'ies'}."
+    )
+
+
+def _unequal(scene: Scene) -> str | None:
+    """The striker and what is fixed to the last sphere may well be heavier."""
+    mass = chain(scene).mass[1:-1]
+    spread = float(mass.max() / mass.min()) if mass.size else 1.0
+    if spread < UNEQUAL:
+        return None
+    return (
+        f"The spheres' masses differ by a factor of {spread:.3g}: waves are followed and named by "
+        "the solitary wave of equal spheres, which theirs are not; do not trust names, speeds, ARR "
+        "and TOF."
+    )
+
+
+def _unfinished(scene: Scene, found: ChainWaves, impact: Impact) -> str | None:
+    """What the end of the record cuts off."""
+    if found.contact is None:
+        return None
+    run, ends = impact.trajectory, f"time.duration = {scene.time.duration:g} s ends"
+    pressed = run.energy_contact[-1] - run.energy_contact[0]
+    share = float(pressed / run.energy_kinetic[0]) if run.energy_kinetic[0] else 0.0
+    if isnan(found.contact.contact_time.seconds):
+        return f"{ends} before a wave is at the wall: nothing is measured there; take a longer one."
+    if share < PRESSED:
+        return None
+    return (
+        f"{ends} while {100 * share:.0f} % of the striker's energy are still in pressed contacts: "
+        "the sum of velocities (2.8) and the restitution are not those of spheres that have parted;"
+        " take a longer one."
     )
 
 
@@ -71,11 +114,12 @@ def _arrival(wave: Arrival, name: str | None = None, alone: bool = True) -> Wave
     )
 
 
-def chain_contact(found: ChainWaves, radius: float) -> ChainContact | None:
+def chain_contact(scene: Scene, found: ChainWaves) -> ChainContact | None:
     """The blow at the wall in the words of the thesis' section 2.2.1."""
     wall = found.contact
     if wall is None:
         return None
+    radius = np.broadcast_to(scene.chain.radius, scene.chain.count)
     return ChainContact(
         contact_time_s=wall.contact_time.seconds,
         threshold_N=wall.contact_time.threshold,
@@ -91,7 +135,7 @@ def chain_contact(found: ChainWaves, radius: float) -> ChainContact | None:
     )
 
 
-def _train(train: Train, radius: float) -> WaveTrain:
+def _train(train: Train, radius: NDArray[np.float64]) -> WaveTrain:
     first, last = train.pulses[0], train.pulses[-1]
     return WaveTrain(
         name=train.name,

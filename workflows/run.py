@@ -3,8 +3,6 @@
 from pathlib import Path
 from platform import python_version
 
-import numpy as np
-
 from coupling import CoupledWall, Impact
 from workflows.chain_stages import (
     contact_radius,
@@ -82,7 +80,7 @@ def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
             *found.pop("unestimated"),
             *_judged(pipeline("impact")),
             *spoilt(scene, pipeline("impact")),
-            *doubtful(pipeline("waves")),
+            *doubtful(scene, pipeline("waves"), pipeline("impact")),
         )
     if needs_assembly(scene):
         from workflows.assembly_report import assembly_numbers
@@ -122,7 +120,7 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
         "unestimated": unestimated,
         "verdict": (*pipeline("impact").verdict.sentences, *yielded(scene, trajectory)),
         "waves": {str(sphere): _waves(pipeline, sphere) for sphere in scene.output.spheres},
-        "wall_contact": chain_contact(pipeline("waves"), float(np.mean(scene.chain.radius))),
+        "wall_contact": chain_contact(scene, pipeline("waves")),
     }
     if wall is None:
         return numbers

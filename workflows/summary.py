@@ -1,5 +1,6 @@
 """What a run found, as other programs read it: `summary.json`."""
 
+from math import isfinite
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -189,7 +190,7 @@ def _reduction_rows(health: ReductionHealth | None) -> list[tuple[str, str | Non
 
 
 def _number(value: Any, unit: str = "", scale: float = 1.0) -> str | None:
-    return None if value is None or value != value else f"{scale * value:.4g} {unit}".rstrip()
+    return None if value is None or not isfinite(value) else f"{scale * value:.4g} {unit}".rstrip()
 
 
 def _joined(values, unit: str) -> str | None:
