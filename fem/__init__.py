@@ -9,6 +9,7 @@ from fem.correlation import Pairing, body_shapes, mac, pair
 from fem.dashpots import dashpots
 from fem.elasticity import Material, Structure, assemble
 from fem.factorisation import factorised
+from fem.grounding import RigidBody, rigid_body
 from fem.half_space import half_space_on_mesh
 from fem.joints import DIRECTIONS, Joint
 from fem.mirror import mirrored
@@ -24,6 +25,7 @@ __all__ = [
     "Model",
     "Modes",
     "Pairing",
+    "RigidBody",
     "Structure",
     "Table",
     "assemble",
@@ -41,6 +43,7 @@ __all__ = [
     "pair",
     "point_functional",
     "receptance",
+    "rigid_body",
     "screw_tie",
     "wires",
 ]

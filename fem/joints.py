@@ -69,7 +69,18 @@ def distributing(
 def tie(basis: Basis, slave: str, master: str) -> Constraint:
     """The nodes of face `slave` follow the displacement of face `master`."""
     dofs = face_nodes(basis, slave)
-    return Constraint(dofs.ravel(), trace(basis, master, _positions(basis, dofs)))
+    return Constraint(dofs.ravel(), _on(basis, master, slave, _positions(basis, dofs)))
+
+
+def _on(basis: Basis, master: str, slave: str, points: NDArray[np.float64]) -> csr_matrix:
+    """The trace of face `master` at points of face `slave`; raises ValueError across a gap."""
+    try:
+        return trace(basis, master, points)
+    except ValueError as apart:
+        raise ValueError(
+            f"the face {slave!r} does not lie on {master!r}, which it is joined to: {apart} Let "
+            "them touch."
+        ) from None
 
 
 def screws(basis: Basis, layout: Sequence[Screw], taken: NDArray[np.int64]) -> list[Constraint]:
@@ -121,7 +132,7 @@ def _mean_motion(basis: Basis, screw: Screw) -> csr_matrix:
     """C (6, ndof): the master face's mean motion over the screw's share."""
     points, weights = face_quadrature(basis, screw.share)
     C = distributing(points, weights, screw.centre)
-    return csr_matrix(C) @ trace(basis, screw.master, points)
+    return csr_matrix(C) @ _on(basis, screw.master, screw.share, points)
 
 
 def _positions(basis: Basis, dofs: NDArray[np.int64]) -> NDArray[np.float64]:

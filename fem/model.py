@@ -14,6 +14,7 @@ from scipy.sparse import block_diag, csc_matrix, csr_matrix, diags_array
 
 from fem.constraints import Constraint, congruent, eliminated
 from fem.elasticity import Structure
+from fem.grounding import require_free_joints
 from fem.joints import DIRECTIONS, Joint, Screw, screws, tie, widened
 from fem.trace import face_nodes
 
@@ -101,7 +102,8 @@ def wires(
     ties = [tie(basis, t.slave, t.master) for t in touching if not len(t.halves)]
     taken = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in ties)])
     screwed = screws(basis, layout, taken) if layout else []
-    return _joined(structure, [*ties, *screwed], held, table, k, names)
+    centres = np.array([s.centre for s in layout]).reshape(-1, 3)
+    return _joined(structure, [*ties, *screwed], held, table, k, names, centres)
 
 
 def _joined(
@@ -111,12 +113,14 @@ def _joined(
     table: Table | None,
     stiffness: NDArray[np.float64] = np.empty(0),  # noqa: B008  an empty array has nothing to change
     names: Sequence[str] = (),
+    centres: NDArray[np.float64] = np.empty((0, 3)),  # noqa: B008
 ) -> Model:
     """All dofs are U = [u, elongations r, mean motions p, sway of the table (2)]."""
     n, n_springs = structure.basis.N, len(stiffness)
     n_table = 2 if table else 0
     n_total = n + 2 * n_springs + n_table
     wide = [widened(c, n_total) if c.A.shape[1] < n_total else c for c in constraints]
+    require_free_joints(structure.basis, wide, centres)
     wide, grounded = _grounded(structure.basis, wide, held, n_total, n_table)
     fixed = np.concatenate([n + np.flatnonzero(np.isinf(stiffness)), grounded])
     slaves = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in wide)])

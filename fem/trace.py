@@ -43,8 +43,9 @@ def trace(basis: Basis, face: str, points: NDArray[np.float64]) -> csr_matrix:
     outside = _outside(mesh.elem(), X[:, :, 0])
     outside += np.linalg.norm((basis.mapping.F(X, tind=cells) - target)[:, :, 0], axis=0) / size
     best = _least(point, outside, len(points))
-    if np.any(best < 0) or np.any(outside[best] > 1e-5):
-        bad = int(np.argmax(np.where(best < 0, np.inf, outside[best])))
+    distance = np.append(outside, np.inf)[best]  # -1 is a point without a candidate
+    if np.any(distance > 1e-5):
+        bad = int(np.argmax(distance))
         raise ValueError(
             f"the point {np.round(points[bad], 6).tolist()} m does not lie on the face {face!r}."
         )

@@ -2,7 +2,16 @@ from rom.craig_bampton import craig_bampton
 from rom.exchange import load_h5, load_mat, load_npz, save_h5, save_mat, save_npz
 from rom.factorisation import Factor, Factorise, ReductionError, superlu
 from rom.free_modes import free_modes
-from rom.health import EffectiveMass, Health, RigidBody, effective_mass, health, rigid_body
+from rom.health import (
+    EffectiveMass,
+    Health,
+    RigidBody,
+    effective_mass,
+    fixed_interface_hz,
+    health,
+    require_rigid_motion,
+    rigid_body,
+)
 from rom.reduced_model import (
     ModalWall,
     ReducedModel,
@@ -27,6 +36,7 @@ __all__ = [
     "Substructure",
     "craig_bampton",
     "effective_mass",
+    "fixed_interface_hz",
     "free_modes",
     "full_order",
     "health",
@@ -38,6 +48,7 @@ __all__ = [
     "modal_compliance",
     "receptance",
     "reconstruct",
+    "require_rigid_motion",
     "rigid_body",
     "save_h5",
     "save_mat",

@@ -10,9 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
+from scipy.linalg import eigh
 
 from rom.factorisation import EPS, ReductionError, frequency_scale
 from rom.reduced_model import ReducedModel, modal, modal_compliance
+
+GROUNDED = 1e-9  # |K_r q_R| over |K_r| |q_R|; rounding is a thousandth of it
 
 
 class Health(NamedTuple):
@@ -20,7 +23,8 @@ class Health(NamedTuple):
 
     asymmetry of K, M and C; lowest_mass and lowest_stiffness: smallest eigenvalue over the largest;
     n_rigid: modes at zero frequency; static_compliance [m/N] at w; participation: share of the
-    modes that the contact moves at all.
+    modes that the contact moves at all; fixed_interface_hz (k,): frequencies with the boundary
+    held, none without a boundary.
     """
 
     asymmetry: float
@@ -30,6 +34,7 @@ class Health(NamedTuple):
     static_compliance: float
     participation: float
     findings: tuple[str, ...]
+    fixed_interface_hz: tuple[float, ...] = ()
 
 
 class RigidBody(NamedTuple):
@@ -64,10 +69,11 @@ def health(reduced: ReducedModel) -> Health:
     findings = []
     if asymmetry > 1e-9:
         findings.append(f"the matrices are not symmetric (relative difference {asymmetry:.1e}).")
-    if mass[0] < len(mass) * EPS * mass[-1]:
+    lowest = mass[0] / max(mass[-1], np.finfo(float).tiny)
+    if lowest < len(mass) * EPS:
         findings.append(f"M is not positive definite (lowest eigenvalue {mass[0]:.1e} of 1).")
-        return Health(asymmetry, mass[0] / mass[-1], np.nan, 0, np.nan, np.nan, tuple(findings))
-    return _with_modes(reduced, asymmetry, mass[0] / mass[-1], findings)
+        return Health(asymmetry, lowest, np.nan, 0, np.nan, np.nan, tuple(findings))
+    return _with_modes(reduced, asymmetry, lowest, findings)
 
 
 def _with_modes(
@@ -89,8 +95,18 @@ def _with_modes(
     n_rigid = int(np.count_nonzero(wall.omega == 0))
     compliance = modal_compliance(wall)
     return Health(
-        asymmetry, lowest_mass, lowest, n_rigid, compliance, float(moved.mean()), tuple(findings)
-    )
+        asymmetry, lowest_mass, lowest, n_rigid, compliance, float(moved.mean()), tuple(findings),
+        fixed_interface_hz(reduced),
+    )  # fmt: skip
+
+
+def fixed_interface_hz(reduced: ReducedModel) -> tuple[float, ...]:
+    """Frequencies [Hz] of a reduced model whose boundary is held, ascending."""
+    inside = slice(reduced.n_boundary, None)
+    if not 0 < reduced.n_boundary < len(reduced.w):
+        return ()
+    squared = eigh(reduced.K[inside, inside], reduced.M[inside, inside], eigvals_only=True)
+    return tuple((np.sqrt(np.maximum(squared, 0)) / (2 * np.pi)).tolist())
 
 
 def _asymmetry(A: np.ndarray) -> float:
@@ -162,6 +178,21 @@ def rigid_body(reduced: ReducedModel, K: ArrayLike, M: ArrayLike, R: ArrayLike) 
     return RigidBody(
         mass, float(np.abs((mass - full) / np.outer(norm, norm)).max()), float(grounding.max())
     )
+
+
+def require_rigid_motion(reduced: ReducedModel, K: ArrayLike, M: ArrayLike, R: ArrayLike) -> None:
+    """Raise ReductionError unless the rigid motions R (n, m) of a free structure keep their mass,
+    first moments and inertia in the reduced model and cost it no force."""
+    body = rigid_body(reduced, K, M, R)
+    for name, value, allowed in (
+        ("misses the mass, centre or inertia of the structure", body.mass_error, 1e-6),
+        ("holds rigid motions by forces to the ground", body.grounding, GROUNDED),
+    ):
+        if not value <= allowed:
+            raise ReductionError(
+                f"the reduced model {name} (relative {value:.1e}, allowed {allowed:.0e}); K is no "
+                f"free structure's, or the reduction leaves its rigid motions out."
+            )
 
 
 def effective_mass(reduced: ReducedModel, M: ArrayLike, direction: ArrayLike) -> EffectiveMass:

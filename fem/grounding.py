@@ -1,0 +1,72 @@
+"""The structure moved as one rigid body: its mass and centre, and whether something holds it back.
+
+A rigid motion R of all parts costs no energy, K R = 0, and every tie and joint follows it,
+u_slave = A R; what does not stands for a spring to the ground that nobody asked for. R^T M R holds
+mass and first moments. Checks of NASA-STD-5002, annex on Craig-Bampton models.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Basis
+
+from fem.constraints import Constraint
+from fem.elasticity import Structure
+from fem.joints import rigid_motion
+
+GROUNDED = 1e-5  # of the structure's size; what faces may miss each other by is a part of it
+
+
+class RigidBody(NamedTuple):
+    """Mass, centre, and the forces |K R| that rigid motions leave, relative to K: rounding."""
+
+    mass: float  # [kg]
+    centre: NDArray[np.float64]  # (3,) [m]
+    grounding: float
+
+
+def rigid_body(structure: Structure) -> RigidBody:
+    """Of all parts together, before they are joined and held."""
+    R = _motions(structure.basis)
+    inertia = R.T @ (structure.M @ R)
+    mass = inertia[0, 0]
+    left = np.abs(structure.K @ R).max() / (np.abs(structure.K).max() * np.abs(R).max())
+    centre = np.array([inertia[1, 5], -inertia[0, 5], inertia[0, 4]]) / mass
+    return RigidBody(float(mass), centre, float(left))
+
+
+def require_free_joints(
+    basis: Basis, constraints: Sequence[Constraint], centres: NDArray[np.float64]
+) -> None:
+    """Raise ValueError where a tie or a joint does not follow a rigid motion.
+
+    The dofs are U = [u, elongations (6 k), mean motions (6 k) about centres (k, 3), ...].
+    """
+    R = _motions(basis)
+    size = np.ptp(basis.doflocs, axis=1).max()
+    for constraint in constraints:
+        U = np.zeros((constraint.A.shape[1], 6))
+        U[: basis.N] = R
+        U[basis.N + 6 * len(centres) :][: 6 * len(centres)] = _about(centres)
+        off = constraint.A @ U - U[constraint.slaves]
+        worst = np.abs(off[constraint.slaves < basis.N]).max(initial=0.0) / size
+        if worst > GROUNDED:
+            raise ValueError(
+                f"a tie or a joint holds rigid motions back, as if by springs to the ground: it "
+                f"misses them by {worst:.1e} of the structure's size, allowed is {GROUNDED:.0e}; "
+                f"let its faces lie on each other."
+            )
+
+
+def _motions(basis: Basis) -> NDArray[np.float64]:
+    """R (ndof, 6) about the origin."""
+    return rigid_motion(basis.doflocs[:, 0::3].T, np.zeros(3))
+
+
+def _about(centres: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Motions (6 k, 6) of frames at centres (k, 3): where they go, and the turn itself."""
+    moved = rigid_motion(centres, np.zeros(3)).reshape(-1, 3, 6)
+    turned = np.broadcast_to(np.eye(6)[3:], moved.shape)
+    return np.concatenate([moved, turned], axis=1).reshape(-1, 6)
