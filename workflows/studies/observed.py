@@ -56,16 +56,25 @@ def observed(
     error: float = ERROR,
     n_save: int = N_SAVE,
     faint: float = 0.03,
+    visible: float = 0.0,
 ) -> Observed:
     """Run the chain with velocities v0 (n,) for duration [s] and follow its waves, those of more
-    than `faint` times the largest one's velocity."""
+    than `faint` times the largest one's velocity.
+
+    A sphere that a wave moves by less than `visible` times the largest of v0 does not see it.
+    """
     run = coupling.impact(
         row, wall, v0, duration=duration, error=error, n_save=n_save
     ).trajectory  # fmt: skip
     found = trains(run.t, run.v, run.contact_force, row.mass, row.A, threshold=faint)
-    named = {s: labels(found, run.t, run.v[:, s - 1], s) for s in spheres}
+    least = visible * np.abs(v0).max()
+    named = {s: _seen(labels(found, run.t, run.v[:, s - 1], s), least) for s in spheres}
     blow = wall_contact(run.t, run.v, run.contact_force, row, found)
     return Observed(name, row, run, found, named, blow)
+
+
+def _seen(named: tuple[Label, ...], least: float) -> tuple[Label, ...]:
+    return tuple(label for label in named if abs(label.arrival.peak_velocity) >= least)
 
 
 def bare(scene: Scene, **wall: float) -> dem.Chain:
