@@ -1,7 +1,7 @@
-"""Every compiled function of the chain: contact forces, kicks, drifts, the march, the statics.
+"""Compiled marches of the chain: explicit, implicit, and many bare chains side by side.
 
-All of them live in this one file because a cached compiled function does not notice an edit of
-another file (numba #1833). A part that a chain lacks is `None`: its branch is not compiled.
+They live in this one file because they share the contact laws, the mending and the saving, and a
+cached compiled function does not notice an edit of another file (numba #1833). A part that a chain lacks is `None`: its branch is not compiled.
 
 Functions named by a verb change their arrays in place. `f (n + 1,)` holds the contact forces, f[0]
 = 0 before the first sphere and f[n] at the wall (0 for a free chain). `modal` holds q, p, phi,
@@ -32,7 +32,11 @@ LANES = 16
 # `_nrt=False`: no reference counts, which would cost more than the arithmetic of a short chain
 exact = njit(cache=True, error_model="numpy", _nrt=False)
 quick = njit(cache=True, error_model="numpy", _nrt=False, fastmath=FAST)
+exact_inner = njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 inner = njit(cache=True, error_model="numpy", _nrt=False, fastmath=FAST, forceinline=True)
+
+
+# --- contact laws ------------------------------------------------------------------------------
 
 
 @quick
@@ -182,6 +186,9 @@ def wall_force(x, dt, A, wall, ledger, offset, residual, mobility, plastic):
     return A[last] * d * math.sqrt(d)
 
 
+# --- kicks and drifts --------------------------------------------------------------------------
+
+
 @quick
 def push_spheres(v, dt, f, minv, load):
     if load is None:
@@ -317,6 +324,9 @@ def damp_contacts(first, dt, v, f, minv, n_contacts, wall, ledger, dissipation, 
             v[i + 1] += impulse * minv[i + 1]
         elif modal is not None:
             push_modes(impulse, square, wall, modal)
+
+
+# --- contacts that open, close or yield within a step ------------------------------------------
 
 
 @exact
@@ -479,6 +489,9 @@ def yield_contacts(dt, x, v, x_old, v_old, A, wall, wall_old, ledger, offset, re
     return deeper
 
 
+# --- what is saved -----------------------------------------------------------------------------
+
+
 @quick
 def total_forces(x, v, f, A, wall, offset, residual, dissipation, plastic):
     """Contact forces at an instant, dissipative part included, into f; elastic energies out."""
@@ -560,6 +573,9 @@ def save(
         total += energies[k, e]
     energies[k, 8] = total
     return abs(total) <= 1e300
+
+
+# --- the explicit march ------------------------------------------------------------------------
 
 
 @inner
@@ -705,7 +721,10 @@ def march(
     return n_save
 
 
-@exact
+# --- the implicit march ------------------------------------------------------------------------
+
+
+@exact_inner
 def mean_hertz(d0, d1, A):
     """Mean force of a Hertz contact between the overlaps d0 and d1, change of potential over change
     of overlap, and its slope in d1; free of cancellation."""
@@ -747,7 +766,7 @@ def mean_series(g0, g1, A, residual):
     return mean, (f1 - mean) / (g1 - g0) if g1 > 0.0 else -mean / (g1 - g0)
 
 
-@exact
+@exact_inner
 def mean_force(i, last, g0, g1, dt, A, residual, dissipation):
     """Mean total force of contact i over a step, its slope in g1, its elastic part."""
     if residual is not None and last:
@@ -778,36 +797,64 @@ def largest(a, b):
     return most
 
 
-@exact
-def implicit_step(
-    dt, x0, free, x1, give, load, A, f, elastic, residual, dissipation, lower, diagonal, upper, r,
-    change,
-):  # fmt: skip
+@exact_inner
+def imbalance(dt, load, A, residual, dissipation, bodies, step):
+    """Fill forces, slopes and r, what the equations of `implicit_step` miss at x1; sum r^2."""
+    x0, x1, free, give = bodies
+    f, elastic, slope, r = step[:4]
+    n = x0.size - 1
+    for i in range(A.size):
+        f[i + 1], slope[i], elastic[i] = mean_force(
+            i, i == n - 1, x0[i] - x0[i + 1], x1[i] - x1[i + 1], dt, A, residual, dissipation
+        )
+    square = 0.0
+    for i in range(n + 1):
+        net = f[i] - (f[i + 1] if i < n else 0.0)
+        if load is not None:
+            net += load[i]
+        r[i] = free[i] + give[i] * net - x1[i]
+        square += r[i] * r[i]
+    return square
+
+
+@exact_inner
+def newton_change(give, n_contacts, step):
+    """Solve the tangent system for r, in place."""
+    _, _, slope, r, diagonal, upper, _ = step
+    n = give.size - 1
+    for i in range(n + 1):
+        left = slope[i - 1] if 0 < i <= n_contacts else 0.0
+        right = slope[i] if i < n_contacts else 0.0
+        diagonal[i] = 1.0 + give[i] * (left + right)
+        upper[i] = -give[i] * right
+    for i in range(1, n + 1):
+        below = -give[i] * (slope[i - 1] if i <= n_contacts else 0.0)
+        factor = below / diagonal[i - 1]
+        diagonal[i] -= factor * upper[i - 1]
+        r[i] -= factor * r[i - 1]
+    r[n] /= diagonal[n]
+    for i in range(n - 1, -1, -1):
+        r[i] = (r[i] - upper[i] * r[i + 1]) / diagonal[i]
+
+
+@exact_inner
+def implicit_step(dt, load, A, residual, dissipation, bodies, step):
     """Positions x1 (n + 1,) that the mean contact forces lead to, by Newton's method in O(n).
 
     Body i goes to free[i] + give[i] * (mean force on it); the last one is the wall. Each equation
     is one row of a tridiagonal, diagonally dominant matrix.
     """
-    n = x0.size - 1
-    for i in range(n + 1):
+    x0, x1, free, give = bodies
+    r, change = step[3], step[6]
+    for i in range(x1.size):
         x1[i] = free[i]
     norm = math.inf
     share = 1.0
     for _ in range(200):
-        for i in range(A.size):
-            f[i + 1], lower[i], elastic[i] = mean_force(
-                i, i == n - 1, x0[i] - x0[i + 1], x1[i] - x1[i + 1], dt, A, residual, dissipation
-            )
-        new_norm = 0.0
-        for i in range(n + 1):
-            net = f[i] - (f[i + 1] if i < n else 0.0)
-            if load is not None:
-                net += load[i]
-            r[i] = free[i] + give[i] * net - x1[i]
-            new_norm += r[i] * r[i]
+        new_norm = imbalance(dt, load, A, residual, dissipation, bodies, step)
         if new_norm >= norm and share > 1e-9:
             share *= 0.5
-            for i in range(n + 1):
+            for i in range(x1.size):
                 x1[i] -= share * change[i]
             if share * largest(change, None) > 1e-15 * largest(x1, x0):
                 continue
@@ -816,22 +863,90 @@ def implicit_step(
             break
         norm = new_norm
         share = 1.0
-        for i in range(n + 1):
-            left = lower[i - 1] if 0 < i <= A.size else 0.0
-            right = lower[i] if i < A.size else 0.0
-            diagonal[i] = 1.0 + give[i] * (left + right)
-            upper[i] = -give[i] * right
-        for i in range(1, n + 1):
-            below = -give[i] * (lower[i - 1] if i <= A.size else 0.0)
-            factor = below / diagonal[i - 1]
-            diagonal[i] -= factor * upper[i - 1]
-            r[i] -= factor * r[i - 1]
-        r[n] /= diagonal[n]
-        for i in range(n - 1, -1, -1):
-            r[i] = (r[i] - upper[i] * r[i + 1]) / diagonal[i]
-        for i in range(n + 1):
+        newton_change(give, A.size, step)
+        for i in range(x1.size):
             change[i] = r[i]
             x1[i] += r[i]
+
+
+@exact
+def foresee_spheres(s, h, x, v, mass, leaf, bodies):
+    """Where spheres go in the s-th part of a step without contact, and what a force adds."""
+    x0, _, free, give = bodies
+    for i in range(x.size):
+        x0[i] = x[i]
+        if leaf is None:
+            free[i] = x[i] + h * v[i]
+            give[i] = 0.5 * h * h / mass[i]
+        else:
+            rest, swing = leaf
+            free[i] = rest[i] + swing[s, 0, i] * (x[i] - rest[i]) + swing[s, 1, i] * v[i]
+            give[i] = swing[s, 3, i] / mass[i]
+
+
+@exact
+def foresee_wall(s, h, wall, offset, mobility, modes, bodies):
+    x0, _, free, give = bodies
+    n = x0.size - 1
+    x0[n] = wall[U] + wall[DASH] + offset
+    free[n], give[n] = x0[n], 0.0
+    if modes is not None:
+        (q, p, phi, _, _), turn, _, rest_force, reach = modes
+        free[n] -= wall[U]
+        for j in range(q.size):
+            there = turn[s, 0, j] * q[j] + turn[s, 1, j] * p[j]
+            free[n] += phi[j] * (there - reach[s, j] * phi[j] * rest_force)
+            give[n] += phi[j] ** 2 * reach[s, j]
+    if mobility is not None:
+        give[n] += mobility * h
+
+
+@exact
+def carry_spheres(s, h, x, v, mass, load, leaf, bodies, f):
+    """Positions and velocities at the end of the s-th part of a step."""
+    x1 = bodies[1]
+    for i in range(x.size):
+        net = f[i] - f[i + 1]
+        if load is not None:
+            net += load[i]
+        if leaf is None:
+            v[i] += h * net / mass[i]
+        else:
+            rest, swing = leaf
+            swung = swing[s, 2, i] * (x[i] - rest[i]) + swing[s, 0, i] * v[i]
+            v[i] = swung + swing[s, 1, i] * net / mass[i]
+        x[i] = x1[i]
+
+
+@exact
+def carry_wall(s, h, force, wall, ledger, mobility, modes):
+    if modes is not None:
+        (q, p, phi, _, _), turn, _, rest_force, reach = modes
+        net = force - rest_force
+        u = 0.0
+        w = 0.0
+        for j in range(q.size):
+            here, speed, kick = q[j], p[j], phi[j] * net
+            q[j] = turn[s, 0, j] * here + turn[s, 1, j] * speed + reach[s, j] * kick
+            p[j] = turn[s, 2, j] * here + turn[s, 3, j] * speed + turn[s, 1, j] * kick
+            u += phi[j] * q[j]
+            w += phi[j] * p[j]
+        wall[WORK] += net * (u - wall[U])
+        wall[U], wall[V] = u, w
+    if mobility is not None:
+        wall[DASH] += mobility * h * force
+        ledger[1] += mobility * h * force * force
+
+
+@exact
+def damping_work(bodies, f, elastic):
+    """What the damping parts of the mean forces f take from the contacts."""
+    x0, x1 = bodies[:2]
+    lost = 0.0
+    for i in range(elastic.size):
+        change = (x1[i] - x1[i + 1]) - (x0[i] - x0[i + 1])
+        lost += (f[i + 1] - elastic[i]) * change
+    return lost
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -839,89 +954,40 @@ def march_implicit(
     x, v, mass, A, b, dt, n_save, stride, load, leaf, leaf_springs, preload, offset, residual,
     mobility, modes, dissipation, wall, out,
 ):  # fmt: skip
-    """As `march`, by steps b[i] dt in which every contact acts with its mean force.
+    """As `march`, by steps b[s] dt in which every contact acts with its mean force.
 
     Spheres and modes answer a constant force exactly, so energy is kept to rounding
     (discrete gradient of O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449, contact by contact).
     """
-    n = x.size
-    n_contacts = A.size
-    f, saved_f, elastic = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n_contacts)
-    ledger = np.zeros(2)
-    x0, free, x1, give = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-    lower, diagonal, upper = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-    r, advance = np.zeros(n + 1), np.zeros(n + 1)
+    n = x.size + 1
+    x0, x1, free, give = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    f, elastic, slope, r = np.zeros(n), np.zeros(A.size), np.zeros(n), np.zeros(n)
+    diagonal, upper, change = np.zeros(n), np.zeros(n), np.zeros(n)
+    bodies = (x0, x1, free, give)
+    step = (f, elastic, slope, r, diagonal, upper, change)
+    saved_f, ledger = np.zeros(n), np.zeros(2)
     modal = None
     if modes is not None:
-        modal, turn, _square, rest_force, reach = modes
+        modal = modes[0]
     for k in range(n_save + 1):
         for _step in range(stride if k > 0 else 0):
             for s in range(b.size):
                 h = b[s] * dt
-                x0[:n] = x
-                x0[n] = wall[U] + wall[DASH] + offset
-                for i in range(n):
-                    free[i] = x[i] + h * v[i]
-                    give[i] = 0.5 * h * h / mass[i]
-                    if leaf is not None:
-                        rest, swing = leaf
-                        free[i] = (
-                            rest[i] + swing[s, 0, i] * (x[i] - rest[i]) + swing[s, 1, i] * v[i]
-                        )
-                        give[i] = swing[s, 3, i] / mass[i]
-                free[n], give[n] = x0[n], 0.0
-                if modal is not None:
-                    q, p, phi, _, _ = modal
-                    free[n] -= wall[U]
-                    for j in range(q.size):
-                        there = turn[s, 0, j] * q[j] + turn[s, 1, j] * p[j]
-                        free[n] += phi[j] * (there - reach[s, j] * phi[j] * rest_force)
-                        give[n] += phi[j] ** 2 * reach[s, j]
-                if mobility is not None:
-                    give[n] += mobility * h
-                implicit_step(
-                    h, x0, free, x1, give, load, A, f, elastic, residual, dissipation, lower,
-                    diagonal, upper, r, advance,
-                )  # fmt: skip
-                for i in range(n_contacts):
-                    change = (x1[i] - x1[i + 1]) - (x0[i] - x0[i + 1])
-                    ledger[0] += (f[i + 1] - elastic[i]) * change
-                for i in range(n):
-                    net = f[i] - f[i + 1]
-                    if load is not None:
-                        net += load[i]
-                    if leaf is None:
-                        v[i] += h * net / mass[i]
-                    else:
-                        rest, swing = leaf
-                        v[i] = (
-                            swing[s, 2, i] * (x[i] - rest[i])
-                            + swing[s, 0, i] * v[i]
-                            + swing[s, 1, i] * net / mass[i]
-                        )
-                    x[i] = x1[i]
-                if modal is not None:
-                    net = f[n] - rest_force
-                    u = 0.0
-                    w = 0.0
-                    q, p, phi, _, _ = modal
-                    for j in range(q.size):
-                        here, speed, kick = q[j], p[j], phi[j] * net
-                        q[j] = turn[s, 0, j] * here + turn[s, 1, j] * speed + reach[s, j] * kick
-                        p[j] = turn[s, 2, j] * here + turn[s, 3, j] * speed + turn[s, 1, j] * kick
-                        u += phi[j] * q[j]
-                        w += phi[j] * p[j]
-                    wall[WORK] += net * (u - wall[U])
-                    wall[U], wall[V] = u, w
-                if mobility is not None:
-                    wall[DASH] += mobility * h * f[n]
-                    ledger[1] += mobility * h * f[n] * f[n]
+                foresee_spheres(s, h, x, v, mass, leaf, bodies)
+                foresee_wall(s, h, wall, offset, mobility, modes, bodies)
+                implicit_step(h, load, A, residual, dissipation, bodies, step)
+                ledger[0] += damping_work(bodies, f, elastic)
+                carry_spheres(s, h, x, v, mass, load, leaf, bodies, f)
+                carry_wall(s, h, f[x.size], wall, ledger, mobility, modes)
         if not save(
             k, x, v, saved_f, mass, A, wall, ledger, offset, residual, mobility, modal,
             dissipation, None, leaf_springs, preload, out,
         ):  # fmt: skip
             return k
     return n_save
+
+
+# --- bare chains side by side ------------------------------------------------------------------
 
 
 @quick
@@ -1016,6 +1082,70 @@ def energy_of_lanes(x, v, mass, A, q, p, omega, energy):
             energy[lane] += 0.5 * (p[j] * p[j] + omega[j] * omega[j] * q[j] * q[j])
 
 
+@inner
+def kick_lanes(kick, v, f, minv, q, p, phi, impulse):
+    size = f.size - LANES
+    for j in range(size):
+        v[j] += kick * minv[j] * (f[j] - f[j + LANES])
+    if q.size > 0:
+        for lane in range(LANES):
+            impulse[lane] = kick * f[size + lane]
+        push_modes_of_lanes(impulse, q, p, phi, None)
+
+
+@inner
+def drift_lanes(drift, x, v, q, p, phi, turn):
+    size = x.size - LANES
+    for j in range(size):
+        x[j] += drift * v[j]
+    if q.size > 0:
+        drift_modes_of_lanes(q, p, turn)
+        read_modes_of_lanes(q, p, phi, x[size:], v[size:])
+
+
+@inner
+def step_of_lanes(dt, stale, a, b, x, v, f, minv, A, q, p, phi, turn, impulse):
+    """`take_step` for lanes; are the forces stale at the end?"""
+    for i in range(b.size):
+        if b[i] != 0.0:
+            if stale:
+                forces_of_lanes(x, A, f)
+            kick_lanes(b[i] * dt, v, f, minv, q, p, phi, impulse)
+            stale = False
+        if i < a.size and a[i] != 0.0:
+            drift_lanes(a[i] * dt, x, v, q, p, phi, turn[i])
+            stale = True
+    return stale
+
+
+@exact
+def mend_step_of_lanes(dt, x, v, x_old, v_old, minv, A, q, p, phi, mend, impulse, shift):
+    """Mend the contacts and push the modes by it; was there anything to mend?"""
+    wall = slice(x.size - LANES, x.size)
+    if q.size > 0:
+        read_modes_of_lanes(q, p, phi, x[wall], v[wall])
+    if not mend_lanes(dt, x, v, x_old, v_old, minv, A, mend, impulse, shift):
+        return False
+    if q.size > 0:
+        push_modes_of_lanes(impulse, q, p, phi, shift)
+        read_modes_of_lanes(q, p, phi, x[wall], v[wall])
+    return True
+
+
+@quick
+def save_lanes(x, v, A, observed, energy, start, vs, wall_force, error):
+    """Observed velocities vs (n_observed, lanes), wall force and worst energy error so far."""
+    last = A.size - LANES
+    for lane in range(LANES):
+        for i in range(observed.size):
+            vs[i, lane] = v[observed[i] * LANES + lane]
+        d = max(x[last + lane] - x[last + LANES + lane], 0.0)
+        wall_force[lane] = A[last + lane] * d * math.sqrt(d)
+        change = abs(energy[lane] - start[lane]) / start[lane]
+        if not change <= error[lane]:
+            error[lane] = change
+
+
 @njit(cache=True, error_model="numpy", nogil=True, fastmath=FAST)
 def march_lanes(
     v0, mass, A, phi, omega, turn, a, b, dt, n_save, stride, observed, mend, vs, walls, errors
@@ -1027,69 +1157,35 @@ def march_lanes(
     lanes) with the wall force and errors (n_blocks) with the energy error.
     """
     n_blocks, n = v0.shape[:2]
-    size = n * LANES
-    x = np.zeros(size + LANES)
-    v = np.zeros(size + LANES)
-    x_old = np.zeros(size + LANES)
-    v_old = np.zeros(size + LANES)
-    minv = np.zeros(size + LANES)
-    f = np.zeros(size + LANES)
-    impulse = np.zeros(LANES)
-    shift = np.zeros(LANES)
-    start = np.zeros(LANES)
-    energy = np.zeros(LANES)
-    modes = phi.shape[1] * LANES
+    size, modes = n * LANES, phi.shape[1] * LANES
+    padded = size + LANES
+    x, v, x_old, v_old = np.zeros(padded), np.zeros(padded), np.zeros(padded), np.zeros(padded)
+    minv, f = np.zeros(padded), np.zeros(padded)
+    impulse, shift, start, energy = np.zeros((4, LANES))
     for block in range(n_blocks):
-        stiffness = A[block].reshape(size)
-        inertia = mass[block].reshape(size)
-        minv[:size] = 1.0 / inertia
-        x[:] = 0.0
-        v[:size] = v0[block].reshape(size)
-        v[size:] = 0.0
-        q, p = np.zeros(modes), np.zeros(modes)
+        stiffness, inertia = A[block].reshape(size), mass[block].reshape(size)
         reading, swing = phi[block].reshape(modes), omega[block].reshape(modes)
+        minv[:size] = 1.0 / inertia
+        x[:], v[:size], v[size:] = 0.0, v0[block].reshape(size), 0.0
+        q, p = np.zeros(modes), np.zeros(modes)
         stale = True
         for k in range(n_save + 1):
             for _step in range(stride if k > 0 else 0):
                 if mend is not None:
                     x_old[:] = x
                     v_old[:] = v
-                for i in range(b.size):
-                    if b[i] != 0.0:
-                        if stale:
-                            forces_of_lanes(x, stiffness, f)
-                        kick = b[i] * dt
-                        for j in range(size):
-                            v[j] += kick * minv[j] * (f[j] - f[j + LANES])
-                        if modes > 0:
-                            for lane in range(LANES):
-                                impulse[lane] = kick * f[size + lane]
-                            push_modes_of_lanes(impulse, q, p, reading, None)
-                        stale = False
-                    if i < a.size and a[i] != 0.0:
-                        drift = a[i] * dt
-                        for j in range(size):
-                            x[j] += drift * v[j]
-                        if modes > 0:
-                            drift_modes_of_lanes(q, p, turn[block, i])
-                            read_modes_of_lanes(q, p, reading, x[size:], v[size:])
-                        stale = True
+                stale = step_of_lanes(
+                    dt, stale, a, b, x, v, f, minv, stiffness, q, p, reading, turn[block], impulse
+                )
                 if mend is not None:
-                    if modes > 0:
-                        read_modes_of_lanes(q, p, reading, x[size:], v[size:])
-                    if mend_lanes(dt, x, v, x_old, v_old, minv, stiffness, mend, impulse, shift):
-                        if modes > 0:
-                            push_modes_of_lanes(impulse, q, p, reading, shift)
-                            read_modes_of_lanes(q, p, reading, x[size:], v[size:])
-                        stale = True
+                    stale |= mend_step_of_lanes(
+                        dt, x, v, x_old, v_old, minv, stiffness, q, p, reading, mend, impulse,
+                        shift,
+                    )  # fmt: skip
             energy_of_lanes(x, v, inertia, stiffness, q, p, swing, energy)
             if k == 0:
                 start[:] = energy
-            for lane in range(LANES):
-                for i in range(observed.size):
-                    vs[block, k, i, lane] = v[observed[i] * LANES + lane]
-                d = max(x[size - LANES + lane] - x[size + lane], 0.0)
-                walls[block, k, lane] = stiffness[size - LANES + lane] * d * math.sqrt(d)
-                change = abs(energy[lane] - start[lane]) / start[lane]
-                if not change <= errors[block, lane]:
-                    errors[block, lane] = change
+            save_lanes(
+                x, v, stiffness, observed, energy, start, vs[block, k], walls[block, k],
+                errors[block],
+            )  # fmt: skip
