@@ -10,7 +10,7 @@ from workflows.chain_stages import wall as wall_of
 from workflows.cli import main
 from workflows.scene import InvalidScene
 from workflows.scene_file import scene
-from workflows.wall_file import doubts
+from workflows.wall_doubts import doubts
 
 RUN = ("wall.kind=rom", "time.duration=3e-4", "output.samples=301")
 NODES = ("wall.nodes=[7, 8]", "wall.direction=1", "wall.weights=[3.0, 1.0]")
@@ -19,6 +19,13 @@ NODES = ("wall.nodes=[7, 8]", "wall.direction=1", "wall.weights=[3.0, 1.0]")
 def chain_of_masses(n=6, stiffness=2e8, mass=0.4):
     K = stiffness * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
     return K, mass * np.eye(n)
+
+
+def floating():
+    """The K of the same masses without their springs to the ground."""
+    K = chain_of_masses()[0]
+    K[0, 0] = K[-1, -1] = K[0, 0] / 2
+    return K
 
 
 def substructure_text(K, M, nodes):
@@ -111,7 +118,10 @@ def refused(tmp_path, name, **parts):
         ({"n_boundary": -1}, "n_boundary is -1"),
         ({"provenance": "[1, 2]"}, "must be a JSON object"),
         ({"provenance": '{"half_space_compliance_m_per_N": "abc"}'}, "must hold numbers"),
+        ({"provenance": '{"half_space_compliance_m_per_N": -1e-9}'}, "a compliance is >= 0"),
         ({"provenance": '{"hammer_modes_hz": "a b"}'}, "must hold numbers"),
+        ({"provenance": '{"mass_kg": "heavy"}'}, "must hold numbers"),
+        ({"K": floating() - 1e-7 * 2e8 * np.eye(6)}, "written with few digits"),
         ({"provenance": '{"reading_weights": "1 2 3 4 5 6 7"}'}, "7 values for 6 coordinates"),
     ],
 )
@@ -143,7 +153,19 @@ def test_a_node_named_twice_is_refused(tmp_path):
         ({"K": 1e-6 * chain_of_masses()[0]}, "static compliance at the contact of wall.file"),
         ({"M": 1e-6 * chain_of_masses()[1]}, "lowest elastic mode of wall.file is .*e.06 Hz"),
         ({"K": np.diag([1e7, 2e8]), "M": np.eye(2), "w": np.ones(2)}, None),  # modal coordinates
-        ({"K": np.zeros((6, 6))}, None),  # masses that nothing holds
+        ({"K": np.zeros((6, 6))}, "its 6 coordinates are loose masses"),
+        ({"K": np.zeros((1, 1)), "M": np.eye(1), "w": np.ones(1)}, None),  # a mass that flies
+        ({"K": floating(), "w": np.eye(6)[0]}, None),
+        (
+            {"K": np.diag(np.r_[2e8, np.zeros(7)]), "M": np.eye(8), "w": np.eye(8)[0]},
+            "7 of the 8 modes of wall.file have no stiffness",
+        ),
+        ({"K": floating() + 1e-6 * chain_of_masses()[0]}, "1 modes up to .* Hz, the next is at"),
+        (
+            {"provenance": '{"half_space_compliance_m_per_N": 5e-9}'},
+            "half-space taken off is 5e-09",
+        ),
+        ({"provenance": '{"half_space_compliance_m_per_N": 1e-10}'}, None),
     ],
 )
 def test_what_a_file_probably_meant_otherwise_is_told(tmp_path, parts, words):

@@ -5,17 +5,17 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel
 
-import rom
 from fem.abaqus import input_deck
 from workflows import field_file, figures
 from workflows.assembly_stages import AssemblyModes, materials
 from workflows.assembly_table import assembly
 from workflows.picture_stage import NoPicture
-from workflows.reduced_wall import half_space, save
+from workflows.reduced_wall import save
+from workflows.reduction_health import reduction_health
 from workflows.run_folder import Picture, RunFolder, checked_file, write_pictures
 from workflows.scene import InvalidScene
 from workflows.stages import Pipeline
-from workflows.summary import HAMMER_TEST_HZ, ReductionHealth
+from workflows.summary import HAMMER_TEST_HZ
 from workflows.wall_file import require_reader
 
 FORMATS = (".npz", ".mat", ".h5")
@@ -45,26 +45,6 @@ def assembly_numbers(pipeline: Pipeline) -> dict:
         "dofs": modes.n_dofs,
         "reduction": reduction_health(reduced),
     }
-
-
-def reduction_health(reduced: rom.ReducedModel) -> ReductionHealth:
-    """The health of a reduced model as the summary tells it."""
-    found, notes = rom.health(reduced), reduced.provenance
-    captured = notes.get("effective_mass_captured")
-    return ReductionHealth(
-        kind=reduced.kind,
-        coordinates=len(reduced.w),
-        static_compliance_m_per_N=found.static_compliance,
-        half_space_compliance_m_per_N=half_space(reduced),
-        effective_mass_captured=None if captured is None else float(captured),
-        asymmetry=found.asymmetry,
-        lowest_mass=found.lowest_mass,
-        lowest_stiffness=found.lowest_stiffness,
-        rigid_modes=found.n_rigid,
-        moved_by_the_contact=found.participation,
-        receptance_error=reduced.error,
-        findings=found.findings,
-    )
 
 
 def paired_hz(modes: AssemblyModes) -> dict[str, float]:

@@ -192,7 +192,18 @@ def reduction(
             model.K, model.M, contact.w, **asked, modes=ready, provenance=notes
         )
     captured = {"effective_mass_captured": f"{mass_captured(model, reduced):.9g}"}
-    return reduced._replace(T=None, provenance=reduced.provenance | captured)
+    notes = reduced.provenance | captured | rigid_body(model)
+    return reduced._replace(T=None, provenance=notes)
+
+
+def rigid_body(model: fem.Model) -> dict[str, str]:
+    """Mass, centre and grounding of the parts, as a reduced model carries them in its file."""
+    body = fem.rigid_body(model.structure)
+    return {
+        "mass_kg": f"{body.mass:.9g}",
+        "centre_m": " ".join(f"{x:.6g}" for x in np.round(body.centre, 9) + 0.0),
+        "grounding": f"{body.grounding:.3g}",
+    }
 
 
 def size(scene: Scene) -> dict:

@@ -182,7 +182,7 @@ def odd_file(scene: Scene) -> tuple[str, ...]:
     """Sentences on a wall's file that can be run but was probably meant otherwise."""
     if not isinstance(scene.wall, RomWall) or scene.wall.file is None:
         return ()
-    from workflows.wall_file import doubts
+    from workflows.wall_doubts import doubts
 
     return doubts(scene.wall)
 

@@ -87,6 +87,11 @@ def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
 
         found |= assembly_numbers(pipeline)
         warnings = (*warnings, *found["reduction"].findings)
+    elif getattr(scene.wall, "file", None):
+        from workflows.reduction_health import reduction_health
+        from workflows.wall_file import loaded
+
+        found["reduction"] = reduction_health(loaded(scene.wall))
     return Summary(
         scene=scene.name,
         stages=tuple(StageTime(**report._asdict()) for report in pipeline.reports),

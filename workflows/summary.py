@@ -86,6 +86,8 @@ class ReductionHealth(BaseModel):
 
     effective_mass_captured: share of the assembly's mass that moves along the chain with the
     modes; half_space_compliance_m_per_N is what the Hertz law holds already and the wall gives up.
+    mass_kg, centre_m: of all parts, from the mass matrix; grounding: forces that rigid motions of
+    them cause, relative to the stiffness, rounding; fixed_interface_hz: the lowest ones.
     """
 
     kind: str
@@ -93,6 +95,10 @@ class ReductionHealth(BaseModel):
     static_compliance_m_per_N: float
     half_space_compliance_m_per_N: float
     effective_mass_captured: float | None = None
+    mass_kg: float | None = None
+    centre_m: tuple[float, ...] = ()
+    grounding: float | None = None
+    fixed_interface_hz: tuple[float, ...] = ()
     asymmetry: float
     lowest_mass: float
     lowest_stiffness: float
@@ -182,6 +188,10 @@ def _reduction_rows(health: ReductionHealth | None) -> list[tuple[str, str | Non
         ("reduced model", f"{health.kind}, {health.coordinates} coordinates"),
         ("static compliance of the structure", _number(own, "m/N")),
         ("static compliance with the contact", _number(health.static_compliance_m_per_N, "m/N")),
+        ("mass of the parts", _number(health.mass_kg, "kg")),
+        ("their centre x, y, z", _joined([1e3 * x for x in health.centre_m], "mm")),
+        ("forces by rigid motions", _number(health.grounding)),
+        ("fixed-interface frequencies", _joined(health.fixed_interface_hz, "Hz")),
         ("mass captured along the chain", _number(health.effective_mass_captured, "%", 100)),
         ("modes that the contact moves", _number(health.moved_by_the_contact, "%", 100)),
         ("asymmetry of the matrices", _number(health.asymmetry)),
