@@ -27,6 +27,7 @@ from workflows.study_figures import Line, Panel, panels
 DURATION = 3e-3  # [s]
 SIDE = 0.3  # [m] of the large block
 SHORTEST = 8  # spheres on which a wave takes its shape and keeps it for a while
+ROUNDING = 1e-9  # of the striker's energy: below, the march's own error
 FINER = 0.5  # of the contact seed on the large block: the thesis' two meshes differed as well
 
 
@@ -90,7 +91,7 @@ def _sentences(scene: Scene, block: Wall, assembly: Wall) -> tuple[str, ...]:
     seed = 1e3 * scene.mesh.contact_seed
     left = ", ".join(f"{wall.thesis.gain.final:+.1e}" for wall in (block, assembly))
     bumps = [100 * wall.thesis.gain.largest for wall in (block, assembly)]
-    rise = max(wall.one_functional.gain.largest for wall in (block, assembly))
+    rise = 1.5 * max(wall.one_functional.gain.largest for wall in (block, assembly))
     missing = (_measures(wall.one_functional)[2] for wall in (block, assembly))
     large, whole = (f"{100 * share:.2g} %" for share in missing)
     return (
@@ -101,7 +102,7 @@ def _sentences(scene: Scene, block: Wall, assembly: Wall) -> tuple[str, ...]:
         "mesh, as the thesis says. It takes the total for constant elsewhere; what is left at the "
         f"end is {left}. The reason is not the dent alone: the wall is pushed at one place and "
         "read at another, so that it gets other work than the sphere gives. With one functional "
-        f"the total rises by {rise:.0e} at most.",
+        f"the total rises by less than {max(rise, ROUNDING):.0e}.",
         f"Figures 7.5 and 7.6: without the wall's energy {large} are missing on the large block "
         f"(the thesis: a small contribution) and {whole} on the assembly; counted, they make the "
         "total constant (figure 7.9).",
