@@ -46,6 +46,12 @@ class Forward:
         """(k, m) and their derivatives (k, m, p)."""
         return self._seen(theta, True, first)
 
+    @property
+    def touch(self) -> float:
+        """Time [s] of the first touch that the parameters start from."""
+        triggers = [p.start for p in self.parameters if p.kind == "trigger"]
+        return triggers[0] if triggers else self.rig.trigger
+
     def needed(self, windows: np.ndarray) -> int:
         """Samples that a model must have for windows (k, m) of it: a filter without phase looks
         ahead."""
@@ -70,7 +76,7 @@ class Forward:
         self, theta: np.ndarray, tangents: bool, first: int | None
     ) -> tuple[np.ndarray, np.ndarray]:
         t, rig = self.signals.t[:first], rig_at(self.rig, self.parameters, theta)
-        duration = self.duration - (self.signals.t[-1] - t[-1])
+        duration = max(self.duration - (self.signals.t[-1] - t[-1]), 4 * self.dt)
         run = march_with_tangents(
             rig.chain,
             rig.wall,

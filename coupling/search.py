@@ -29,7 +29,8 @@ ENDED = 1.5  # sigmas above the noise at which a search has ended
 CORRELATED = 5.0  # samples of noise, at most, that go together
 ALMOST = 1.02  # of what first waves may leave, for a chain to be taken further
 SCATTER = 0.5  # of a further start, in scales
-SAME = 1.05  # misfits of two starts that found the same
+SAME = 1.002  # misfits of two starts that found the same
+DECISIVE = 1.5e-3  # of the fastest sphere: noise above which a wrong chain may leave no more
 EXACT = 1e-5  # of the fastest sphere: a misfit that needs no further search
 
 
@@ -76,7 +77,7 @@ class Search:
         self.coarse, coarseness = self._coarse()
         self.of_wall = np.array([p.of_wall for p in self.parameters])
         self.every = np.ones(len(self.parameters), bool)
-        self.first_waves = _first_waves(fine)
+        self.first_waves, self.touch = _first_waves(fine), fine.forward.touch
         self.stages: list[Stage] = []
         self.same_starts = self.starts = 0
         self.scan: Scan | None = None
@@ -125,7 +126,7 @@ class Search:
             chain, left = self._first(begin)
             if left <= self._promising():
                 ends.append(self._end(chain, begin))
-                if ends[-1].misfit <= explained:
+                if min(e.misfit for e in ends) <= explained and self._confirmed(ends):
                     return ends
             else:
                 given_up.append((left, chain, begin, self.stages))
@@ -136,6 +137,12 @@ class Search:
             self.steps.left = LAST_RUNS
             ends.append(self._end(chain, begin))
         return ends
+
+    def _confirmed(self, ends: list[End]) -> bool:
+        """Whether a misfit as small as the noise is enough; else another start must find it too."""
+        least = min(end.misfit for end in ends)
+        twice = sum(end.misfit <= SAME * least for end in ends) > 1
+        return twice or self.noise <= DECISIVE * self.fine.largest
 
     def _promising(self) -> float:
         """Misfit [m/s] in the first waves of a chain that is worth the other waves."""
@@ -178,8 +185,9 @@ class Search:
         return z_chain
 
     def _lengths(self, share: float, last: float, n: int) -> np.ndarray:
-        t = self.fine.forward.signals.t
-        return np.linspace(t[0] + share * (last - t[0]), last, n)
+        """Ends [s] of windows that grow, from a share of the time from the first touch on."""
+        begin = max(self.touch, self.fine.forward.signals.t[0])
+        return np.linspace((1.0 - share) * begin + share * last, last, n)
 
     def _starts(self, z: np.ndarray):
         rng = np.random.default_rng(self.options.seed)

@@ -18,6 +18,8 @@ ROUNDS = 6  # of aligning to the mean
 CHANGES = 200  # of a record: plateaus before and after a wave have no say in its place
 ALIKE = 0.9  # least correlation of a repeat with the mean of the others
 PEAK = 0.1  # of the largest velocity: a wave
+LEAST_QUIET = 20  # halves of a radian without waves that tell of noise
+CALM = 0.05  # of the largest slope: none, noise included
 QUIET = 0.02  # of the largest acceleration: none
 
 
@@ -147,6 +149,32 @@ def lag_of(t: np.ndarray, v: np.ndarray, model: np.ndarray) -> float:
     late = _moved(t, model[None], np.array([-coarse]))[0]
     slope = np.gradient(late, t, axis=0)
     return coarse - float(np.sum(slope * (v - late)) / np.sum(slope**2))
+
+
+def noise_between_waves(t: np.ndarray, v: np.ndarray, radian: float) -> float | None:
+    """rms [m/s] of the noise in velocities v (k, m), from where no wave passes; None where there
+    are too few such samples. `radian` [s] is the time within which a contact moves.
+
+    A second difference over half of that time leaves noise that has forgotten itself meanwhile,
+    with six times its variance, and nothing of a steady motion.
+    """
+    q = max(1, round(0.5 * radian / (t[1] - t[0])))
+    if len(t) <= 8 * q:
+        return None
+    apart = [_noise_parts(column, q) for column in v.T]
+    parts = np.concatenate(apart)
+    return float(np.sqrt(np.mean(parts**2) / 6.0)) if parts.size >= LEAST_QUIET * q else None
+
+
+def _noise_parts(v: np.ndarray, q: int) -> np.ndarray:
+    """Second differences over q samples of v (k,) that lie within a calm of 6 q samples."""
+    smooth = np.convolve(v, np.ones(2 * q) / (2 * q), mode="same")
+    smooth[:q], smooth[-q:] = v[: 2 * q].mean(), v[-2 * q :].mean()
+    slope = np.abs(smooth[q:] - smooth[:-q])
+    calm = slope < CALM * slope.max()
+    calm = np.convolve(calm, np.ones(5 * q), mode="valid") > 5 * q - 0.5
+    difference = v[2 * q :] - 2.0 * v[q:-q] + v[: -2 * q]
+    return difference[2 * q : 2 * q + len(calm)][calm]
 
 
 def first_waves_end(t: np.ndarray, v: np.ndarray, pause: float) -> np.ndarray:

@@ -129,6 +129,18 @@ def test_two_stages_leave_the_chain_as_the_first_waves_gave_it(rig, plain):
     assert stages[1]["parameters"] == ("wall.frequency",)
 
 
+def test_one_record_that_may_be_explained_otherwise_says_so(rig, plain):
+    """At five times the noise one start is not enough to tell exchanged contacts apart."""
+    noisy = experiment.measured(plain, SETTING._replace(noise=5e-3))
+    request = Request(instrument=SETTING.instrument, free=FEW)
+    once, often = (
+        calibrated(rig, wall(rig), noisy, "", request._replace(starts=n)).report for n in (1, 3)
+    )
+    assert once.noise_m_s == pytest.approx(5e-3, rel=0.1)
+    assert any("one of 1 starts found this one: not to be trusted" in r for r in once.remarks)
+    assert not any("not to be trusted" in r for r in often.remarks)
+
+
 def test_noise_is_told_from_a_model_that_cannot_explain_the_data(rig, plain):
     noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4, jitter=1e-6))
     bent = noisy._replace(v=noisy.v * (1 + 0.05 * np.sin(2e4 * noisy.t)[:, None]))
@@ -205,6 +217,17 @@ def test_waves_beyond_the_range_and_offsets_are_told(rig, plain, data):
         assert remarks[0].startswith(sentence)
 
 
+def test_a_record_may_begin_long_before_the_blow(rig, plain):
+    data = experiment.measured(plain, SETTING)
+    still = np.repeat(data.v[:, :1], 800, axis=1)
+    v = np.concatenate([still, data.v], axis=1)
+    early = data._replace(t=np.arange(v.shape[1]) * 1e-6, v=v)
+    request = Request(free=FEW, instrument=SETTING.instrument, starts=1)
+    found = calibrated(rig, wall(rig), early, "", request)
+    assert found.report.trigger_s == pytest.approx(8e-4 + SETTING.before, abs=2e-7)
+    assert found.fit.value[-1] == pytest.approx(800.0, rel=1e-3)
+
+
 def test_a_late_trigger_is_told_and_undone(rig, data):
     late = data._replace(t=data.t[45:] - data.t[45], v=data.v[:, 45:])
     request = Request(free="trigger", instrument=SETTING.instrument)
@@ -235,13 +258,21 @@ def test_a_column_of_another_sphere_is_flagged(rig, data):
 @pytest.mark.parametrize(
     ("request_", "sentence"),
     [
-        ({"free": "contact.9"}, "--free contact.9 is not known here"),
+        ({"free": "contact.9"}, "--free contact.9 is no contact, they are 1 to 6"),
+        ({"free": "contact.0"}, "--free contact.0 is no contact"),
+        ({"free": ""}, "--free '' is not known here, known are contacts"),
         ({"free": "contacts,contact.2"}, "names contact 2 twice"),
         ({"free": "wall.stiffness"}, "wall.stiffness does not exist"),
         ({"bounds": "contacts=2"}, "is not key=low:high"),
         ({"bounds": "contacts=2:3"}, "must hold the start 1"),
         ({"bounds": "preload=1:9"}, "is not among the free parameters"),
+        ({"bounds": "contacts=-1:3"}, "must be within 0.001:1000"),
+        ({"bounds": "trigger=-5:1"}, "must be within -0.0099"),
+        ({"bounds": "contacts=0.5:2,contacts=0.9:3"}, "names contacts twice"),
+        ({"free": "wall.damping", "bounds": "wall.damping=0:5"}, "must be within 0:0.99"),
+        ({"free": "dissipation", "bounds": "dissipation=-1:5"}, "must be within 0:inf"),
         ({"band": 1e7}, "--band 1e"),
+        ({"instrument": 1.0}, "below which nothing is left"),
         ({"trigger": "soon"}, "--trigger 'soon'"),
         ({"trigger": "nan"}, "--trigger 'nan'"),
         ({"trigger": "-1"}, "between -0.0006"),

@@ -14,7 +14,7 @@ import dem
 from coupling.calibration import Calibration, calibrate
 from coupling.forward import Forward
 from coupling.search import Options
-from coupling.signals import Aligned, Filter, Signals, aligned, lag_of
+from coupling.signals import Aligned, Filter, Signals, aligned, lag_of, noise_between_waves
 from workflows import calibration_parameters as free_parameters
 from workflows.calibration_checks import cut_off, doubts, plausible, require_samples
 from workflows.calibration_report import CalibrationReport, report_of
@@ -24,6 +24,7 @@ from workflows.velocity_file import Record
 if TYPE_CHECKING:
     from coupling.posterior import Posterior
 
+LOWEST = 0.05  # low-pass times the radian of a contact
 TRIGGERS = (-0.5, 1.0)  # of the record: where the first touch may be said to be
 SCANNED = (50.0, 2000.0, 60)  # [Hz]
 
@@ -68,14 +69,14 @@ def calibrated(
     used, held = _split(measured, request.hold_out)
     raw = aligned(measured.t, measured.v, tuple(n - 1 for n in measured.spheres))
     remarks += _told_repeats(raw)
-    filters = _filters(request, measured.t)
+    filters = _filters(request, measured.t, radian)
     trigger, more = _trigger(scene, wall, raw.signals, filters, request)
     names = _names(scene, request)
     rig = free_parameters.rig(scene, wall, trigger)
     limits = free_parameters.bounds(request.bounds)
     parameters = free_parameters.parameters(scene, names, trigger, limits)
     signals = raw.signals.only(used)
-    noise = _noise(signals, filters)
+    noise = _noise(signals, filters, radian)
     options = Options(
         staged=any(not p.of_wall for p in parameters),
         joint=not request.two_stage,
@@ -108,7 +109,8 @@ def _radian(scene: Scene, wall: dem.Wall | None) -> float:
 
 
 def _names(scene: Scene, request: Request) -> tuple[str, ...]:
-    names = tuple(n.strip() for n in (request.free or free_parameters.usual(scene)).split(","))
+    free = free_parameters.usual(scene) if request.free is None else request.free
+    names = tuple(n.strip() for n in free.split(","))
     return tuple(n for n in names if n != "trigger" or request.trigger == "fit")
 
 
@@ -134,15 +136,16 @@ def _told_repeats(raw: Aligned):
         yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
 
 
-def _filters(request: Request, t: np.ndarray) -> Filter:
-    nyquist = 0.5 / (t[1] - t[0])
+def _filters(request: Request, t: np.ndarray, radian: float) -> Filter:
+    nyquist, least = 0.5 / (t[1] - t[0]), LOWEST / radian
     for name in ("band", "instrument"):
         value = getattr(request, name)
-        highest = nyquist if name == "band" else 10 * nyquist
-        if value is not None and not 0 < value < highest:
+        most = nyquist if name == "band" else 10 * nyquist
+        if value is not None and not least < value < most:
             raise InvalidScene(
-                f"--{name} {value:g} Hz must be above 0 and below {highest:g} Hz, given the data's "
-                f"{2 * nyquist:.4g} samples in a second; change it."
+                f"--{name} {value:g} Hz must be between {least:.4g} Hz, below which nothing is "
+                f"left of the waves, and {most:g} Hz, given the data's {2 * nyquist:.4g} samples "
+                "in a second; change it."
             )
     return Filter(request.band, request.instrument)
 
@@ -188,11 +191,12 @@ def _scan(scene: Scene, names: tuple[str, ...], request: Request):
     return low, high, points
 
 
-def _noise(signals: Signals, filters: Filter) -> float | None:
-    """rms [m/s] of the noise in the mean signals, from the repeats."""
-    if signals.repeats < 2 or not np.isfinite(signals.spread).all():
-        return None
-    return float(np.sqrt(np.mean(signals.spread**2) / signals.repeats))
+def _noise(signals: Signals, filters: Filter, radian: float) -> float | None:
+    """rms [m/s] of the noise in the mean signals, by the repeats or by what lies between waves."""
+    if signals.repeats > 1 and np.isfinite(signals.spread).all():
+        return float(np.sqrt(np.mean(signals.spread**2) / signals.repeats))
+    dt = signals.t[1] - signals.t[0]
+    return noise_between_waves(signals.t, filters.of_data(signals.v, dt), radian)
 
 
 def _held_out(rig, fit: Calibration, signals, filters) -> dict[str, float]:

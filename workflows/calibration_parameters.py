@@ -6,7 +6,7 @@ import numpy as np
 
 import coupling
 import dem
-from coupling.parameters import Parameter, Rig
+from coupling.parameters import RATIOS, Parameter, Rig
 from workflows.chain_stages import chain, initial_velocity
 from workflows.scene import InvalidScene, ModalDamping, OneDofWall, RomWall, Scene, nearest
 
@@ -17,6 +17,9 @@ LOSS = (0.05, 0.0, 10.0, 0.05)  # start where the scene has none, low, high, sca
 PRELOAD = 1.0  # start where the scene has none [N]
 RATIO = (0.01, 0.0, 0.5, 0.01)  # start where the scene has none, low, high, scale
 TRIGGER = (1e-4, 3e-6)  # to either side of the estimate, scale [s]
+SMALLEST = 1e-3  # of the start, of a parameter that is varied by factors
+LATEST = 1e-2  # trigger to either side of the estimate [s]
+CRITICAL = 0.99  # ratio
 NAMES = (
     "contacts", "contact.N", "preload", "dissipation", "striker", "trigger", "wall.frequency",
     "wall.mass", "wall.damping",
@@ -83,13 +86,28 @@ def _bounded(p: Parameter, bounds: dict) -> Parameter:
     for key in _keys(p):
         if key in bounds:
             low, high = bounds[key]
+            least, most = _possible(p)
             if not low < p.start < high:
                 raise InvalidScene(
                     f"--bounds {key}={low:g}:{high:g} must hold the start {p.start:g}; widen them "
                     "or change the scene."
                 )
+            if not least <= low < high <= most:
+                raise InvalidScene(
+                    f"--bounds {key}={low:g}:{high:g} must be within {least:.4g}:{most:.4g}; "
+                    "narrow them."
+                )
             p = p._replace(low=low, high=high)
     return p
+
+
+def _possible(p: Parameter) -> tuple[float, float]:
+    """What a parameter may be at all: factors stay above 0, a damping below critical."""
+    if p.kind in RATIOS:
+        return SMALLEST * p.start, p.start / SMALLEST
+    if p.kind == "trigger":
+        return p.start - LATEST, p.start + LATEST
+    return 0.0, CRITICAL if p.kind == "damping" else np.inf
 
 
 def _named(scene: Scene, name: str, trigger: float) -> list[Parameter]:
@@ -112,7 +130,9 @@ def _named(scene: Scene, name: str, trigger: float) -> list[Parameter]:
         return [_plain(name, name, trigger, trigger - reach, trigger + reach, scale, "s")]
     if key == "wall":
         return _of_wall(scene, name)
-    raise InvalidScene(f"--free {name} is not known here, {nearest(name, NAMES)}.")
+    if key == "contact" and part.lstrip("-").isdigit():
+        raise InvalidScene(f"--free {name} is no contact, they are 1 to {scene.n_contacts}.")
+    raise InvalidScene(f"--free {name!r} is not known here, {nearest(name, NAMES)}.")
 
 
 def _contact(i: int) -> Parameter:
@@ -166,6 +186,8 @@ def bounds(text: str | None) -> dict[str, tuple[float, float]]:
     for item in text.split(",") if text else ():
         key, _, limits = item.partition("=")
         low, _, high = limits.partition(":")
+        if key.strip() in found:
+            raise InvalidScene(f"--bounds names {key.strip()} twice; drop one.")
         try:
             found[key.strip()] = (float(low), float(high))
         except ValueError:

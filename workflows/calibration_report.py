@@ -7,12 +7,14 @@ from pydantic import BaseModel
 
 from coupling.calibration import Calibration
 from coupling.parameters import Parameter
+from coupling.search import DECISIVE
 from workflows.scene import OneDofWall, Scene
 from workflows.velocity_file import SYNTHETIC
 
 IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one that may be 0
 WEAK = 0.5
 SUSPICIOUS = 1.05  # what noise alone reaches once in a thousand records
+GUESSED = 1.1  # the same for noise that is known from one record alone
 EXPLAINED = 1.5  # misfit over the noise of the mean
 SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
 TOLD = 3  # combinations that the data cannot tell apart
@@ -134,7 +136,7 @@ def report_of(scene, source, measured, fit, signals, noise, left_out) -> Calibra
         scan_hz=[] if fit.scan is None else list(map(float, fit.scan.value)),
         scan_misfit_m_s=[] if fit.scan is None else list(map(float, fit.scan.misfit)),
         seconds=0.0,
-        remarks=list(_remarks(scene, fit, noise)),
+        remarks=list(_remarks(scene, fit, noise, signals.repeats)),
     )
 
 
@@ -167,8 +169,8 @@ def _combinations(fit: Calibration) -> list[str]:
     ]
 
 
-def _remarks(scene: Scene, fit: Calibration, noise: float | None):
-    yield from _on_misfit(fit, noise)
+def _remarks(scene: Scene, fit: Calibration, noise: float | None, repeats: int):
+    yield from _on_misfit(fit, noise, repeats)
     yield from _on_combinations(fit)
     for stage in fit.stages:
         if not stage.converged:
@@ -202,27 +204,44 @@ def _on_combinations(fit: Calibration):
         )
 
 
-def _on_misfit(fit: Calibration, noise: float | None):
+def _on_misfit(fit: Calibration, noise: float | None, repeats: int):
     """What the misfit says beside the noise and beside the model's own error."""
     total = float(np.sqrt(np.mean(fit.misfit**2)))
-    if noise is not None and total <= SUSPICIOUS * noise:
+    if noise is None:
         yield (
-            f"The misfit is {total / noise:.3g} times the noise of the mean that the repeats tell "
-            "of: noise alone leaves as much, so that no other rig can explain the data better."
+            f"How large the noise is cannot be told from one record of so many waves: whether "
+            f"{1e3 * total:.3g} mm/s is noise or a wrong chain is open; measure repeats."
         )
-    if noise is not None and SUSPICIOUS * noise < total <= EXPLAINED * noise:
-        yield (
-            f"The misfit is {total / noise:.3g} times the noise of the mean: contacts that no "
-            "laser stands between may be exchanged, try more --starts or measure further spheres."
-        )
-    if noise is not None and total > EXPLAINED * noise:
-        yield (
-            f"The misfit of {1e3 * total:.3g} mm/s is {total / noise:.2g} times the noise of the "
-            f"mean, {1e3 * noise:.3g} mm/s: the model does not explain all of the data, and the "
-            "bars hold only for what it leaves as if it were noise."
-        )
+    else:
+        yield _beside_noise(total, noise, repeats)
+        if noise > DECISIVE * np.abs(fit.data).max() and fit.same_starts < 2:
+            yield (
+                f"At this noise a chain with contacts exchanged may leave as little, and one of "
+                f"{fit.starts} starts found this one: not to be trusted without more --starts, "
+                "repeats or spheres."
+            )
     if fit.step_error > BLURRED * total:
         yield (
             f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
             f"of {1e3 * total:.2g} mm/s: the bars do not hold it."
         )
+
+
+def _beside_noise(total: float, noise: float, repeats: int) -> str:
+    known = "the repeats tell" if repeats > 1 else "the record tells between its waves"
+    of_mean = "noise of the mean" if repeats > 1 else "noise"
+    if total > EXPLAINED * noise:
+        return (
+            f"The misfit of {1e3 * total:.3g} mm/s is {total / noise:.2g} times the {of_mean}, "
+            f"{1e3 * noise:.3g} mm/s: the model does not explain all of the data, and the bars "
+            "hold only for what it leaves as if it were noise."
+        )
+    if total > (SUSPICIOUS if repeats > 1 else GUESSED) * noise:
+        return (
+            f"The misfit is {total / noise:.3g} times the {of_mean}: contacts that no laser "
+            "stands between may be exchanged, try more --starts or measure further spheres."
+        )
+    return (
+        f"The misfit is {total / noise:.3g} times the {of_mean} of which {known}: noise alone "
+        "leaves as much."
+    )
