@@ -92,9 +92,11 @@ def space_time(t: Array, v: Array, trains: Sequence) -> bytes:
         places = [pulse.contact + 0.5 for pulse in train.pulses]
         times = [1e3 * pulse.time for pulse in train.pulses]
         panel.plot(times, places, color="black", linewidth=0.8, linestyle=(0, (3, 2)))
+        late = times[-1] > 1e3 * (0.97 * t[-1] + 0.03 * t[0])
         panel.annotate(
-            train_mark(train), (times[-1], places[-1]), (3, 0), textcoords="offset points",
-            fontsize=8, va="center",
+            train_mark(train), (times[-1], places[-1]), (-4 if late else 4, 0),
+            textcoords="offset points", fontsize=8, va="center", ha="right" if late else "left",
+            bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "linewidth": 0},
         )  # fmt: skip
     panel.set_xlim(1e3 * t[0], 1e3 * t[-1])
     panel.set_ylim(n + 0.5, 0.5)
@@ -119,8 +121,10 @@ def energies(t: Array, ledger: dict[str, Array]) -> bytes:
     terms.plot(1e3 * t, 1e3 * total, color="black", linewidth=1, linestyle="--", label="total")
     terms.set_ylabel("energy [mJ]")
     terms.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=8, frameon=False)
-    closure.plot(1e3 * t, (total - total[0]) / max(abs(total[0]), 1e-300), color="black", lw=0.9)
-    closure.set_ylabel("closure error\n[of the start]")
+    gap = (total - total[0]) / max(ledger["energy_kinetic"][0], 1e-300)
+    power = int(np.floor(np.log10(np.abs(gap).max(initial=0.0) or 1.0)))
+    closure.plot(1e3 * t, gap / 10.0**power, color="black", lw=0.9)
+    closure.set_ylabel(f"closure error\n[1e{power} of the\nstriker's]")
     closure.set_xlabel("time [ms]")
     for panel in (terms, closure):
         _plain(panel)

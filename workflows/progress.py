@@ -2,11 +2,15 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from textwrap import fill
 from typing import TextIO
 
 import typer
 
 from workflows.summary import Summary, rows
+
+LABEL, LINE = 34, 100  # characters of a label and of a line
+UNBROKEN = "\u00a0"
 
 
 class StageProgress:
@@ -47,9 +51,9 @@ def printed(summary: Summary, json: bool) -> None:
         typer.echo(summary.text(), nl=False)
         return
     for label, value in [("scene", summary.scene), *rows(summary), *_waves(summary)]:
-        typer.echo(f"{label:>34}  {value}")
+        typer.echo(_wrapped(label, value))
     for sentence in (*summary.verdict, *summary.wall_modes_left_out[-1:]):
-        typer.echo(f"{'verdict':>34}  {sentence}")
+        typer.echo(_wrapped("verdict", sentence))
     for stage in summary.stages:
         kept = "  (kept)" if stage.cached else ""
         typer.echo(f"{stage.name:>34}  {stage.seconds:.2f} s{kept}")
@@ -65,5 +69,12 @@ def _waves(summary: Summary) -> list[tuple[str, str]]:
 
 
 def _arrival(arrival) -> str:
+    """In a line of its own or with others, never on two."""
     name = f"{arrival.name} " if arrival.name else ""
-    return f"{name}{arrival.peak_velocity_m_s:+.3f} m/s at {1e3 * arrival.time_s:.3f} ms"
+    said = f"{name}{arrival.peak_velocity_m_s:+.3g} m/s at {1e3 * arrival.time_s:.4g} ms"
+    return said.replace(" ", UNBROKEN)
+
+
+def _wrapped(label: str, value: str) -> str:
+    text = fill(f"{label:>{LABEL}}  {value}", LINE, subsequent_indent=" " * (LABEL + 2))
+    return text.replace(UNBROKEN, " ")

@@ -172,7 +172,8 @@ def _contact_rows(contact: ChainContact | None) -> list[tuple[str, str | None]]:
 
 def _with_tau(contact: ChainContact) -> str | None:
     seconds = _number(contact.contact_time_s, "µs", 1e6)
-    return seconds and f"{seconds}, {_number(contact.tau_c) or 'no'}"
+    above = _number(contact.threshold_N, "N")
+    return seconds and f"{seconds} above {above}, {_number(contact.tau_c) or 'no'}"
 
 
 def _pair(one: float | None, two: float | None, unit: str, scale: float = 1.0) -> str | None:
