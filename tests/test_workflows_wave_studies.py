@@ -2,9 +2,11 @@
 
 from contextlib import nullcontext
 from functools import cache
+from io import BytesIO
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 import dem
 from workflows import study
@@ -22,6 +24,7 @@ from workflows.studies import (
     walls,
 )
 from workflows.studies.observed import observed
+from workflows.study_figures import Line, Panel, panels
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",
@@ -233,6 +236,20 @@ def test_the_soft_walls_wave_fades_though_a_stiff_walls_wave_follows():
              for r, s in ((0.1, 0.2), (0.4, 0.004), (0.47, 0.006), (1.0, 0.03))]  # fmt: skip
     assert wall_modulus.critical(cases) == (0.1, 0.4)
     assert wall_modulus.critical([cases[0], cases[3]]) is None
+
+
+def test_curves_differ_on_paper_without_colour():
+    """In grey: the same two curves, in other dashes or markers, are another picture."""
+    x = np.linspace(1.0, 2.0, 20)
+
+    def grey(*styles):
+        lines = [Line(None, x, x + i, style, place) for i, (style, place) in enumerate(styles)]
+        raw = imread(BytesIO(panels([Panel("", "", "", lines)])))[..., :3]
+        return (raw @ np.full(3, 1 / 3) < 0.95).mean()
+
+    dashed = {round(grey((None, place)), 4) for place in range(5)}
+    assert len(dashed) == 5
+    assert grey(("o-", 0)) > grey(("-", 0)) and grey(("s", 0)) != grey(("x", 0))
 
 
 def test_a_number_that_is_none_is_a_dash_and_null():

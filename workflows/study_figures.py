@@ -20,7 +20,7 @@ class Line(NamedTuple):
     name: str | None
     x: NDArray[np.float64]
     y: NDArray[np.float64]
-    style: str | None = None  # matplotlib's: "-", "--", "o-"; None takes the next dashes
+    style: str | None = None  # "-", "--", "o-", "o", "x", ...; None takes the next dashes
     colour: int | None = None  # of COLOURS, MARKERS and DASHES; None takes the next
     width: float = 1.3
 
@@ -92,7 +92,9 @@ def _look(style: str | None, place: int) -> dict:
         return {"linestyle": DASHES[place % len(DASHES)]}
     if style.startswith("o"):
         return {"linestyle": style[1:] or "none", "marker": MARKERS[place % len(MARKERS)]}
-    return {"linestyle": "none", "marker": style} if style == "x" else {"linestyle": style}
+    if style in (*MARKERS, "x"):
+        return {"linestyle": "none", "marker": style}
+    return {"linestyle": style}
 
 
 def _drawn(panel: Panel, axis) -> None:

@@ -57,11 +57,11 @@ def joints(scene: Scene, watch: Watch) -> Finding:
         )
         if "head.kt" in freedom.free:
             curves.append((freedom, _curve(basis, free)))
-    columns = ("free at the head joints", *(f"mode {i} [Hz]" for i in range(1, 5)))
+    columns = ("free at the head joints", *(f"f{i} [Hz]" for i in range(1, 5)))
     picture = Picture("study_joints", _picture(curves, rows))
     return Finding(
         "joints",
-        (*columns, "largest miss of modes 1 to 3 [%]", "MAC of mode 2 with stiff joints"),
+        (*columns, "miss of 1-3 [%]", "MAC of 2"),
         tuple(rows),
         _sentences(curves),
         (picture,),
@@ -115,7 +115,7 @@ def _sentences(curves) -> tuple[str, ...]:
 
 def _picture(curves, rows) -> bytes:
     lines = [
-        Line(f"{freedom.name}", hz[:, 0], hz[:, 1], "-", i)
+        Line(f"{freedom.name}", hz[:, 0], hz[:, 1], colour=i)
         for i, (freedom, hz) in enumerate(curves)
     ]
     best = rows[-1]
