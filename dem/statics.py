@@ -204,12 +204,14 @@ def _balance(chain, n_contacts, stiffness, anchor, compliance):
     carried = abs(P) + float(np.abs(stiffness * anchor).sum())
     overlap = (carried / A.min(initial=np.inf)) ** (2.0 / 3.0)
     x, force = np.where(held, anchor, overlap), np.zeros(n + 1)
+    if n_contacts == n and compliance < 0:  # half of the largest approach that a force answers
+        x = np.minimum(x, 2 / (27 * (compliance * A[-1]) ** 2))
     bearing = (
         x[first:], np.ascontiguousarray(A[:n_contacts])[first:], stiffness[first:], anchor[first:],
         P, compliance if n_contacts == n else 0.0,
     )  # fmt: skip
     left = rest(*bearing, REGULAR * 1.5 * A.max(initial=0.0) * np.sqrt(overlap), 500)
-    if left > 1e-9 * carried:
+    if not left <= 1e-9 * carried:
         raise NoEquilibrium(
             f"no static state found: {left:.3g} N of {carried:.3g} N stay unbalanced; "
             "check preload, leaf springs and the wall's residual compliance"

@@ -8,7 +8,8 @@ import pytest
 import coupling
 import fem
 import rom
-from workflows.run import run
+from workflows.reduction_health import reduction_health
+from workflows.run import run, summary_of
 from workflows.scene import InvalidScene
 from workflows.scene_file import scene
 from workflows.stages import pipeline_of
@@ -109,6 +110,40 @@ def test_the_summary_holds_the_health_of_the_reduction(tmp_path):
     more = pipeline("reduction.modes=80")("reduction").provenance["effective_mass_captured"]
     assert health.effective_mass_captured < float(more) < 1
     assert "mass captured" in (tmp_path / "report.html").read_text()
+
+
+def test_the_parts_are_weighed_and_no_joint_grounds_them():
+    """The mass by the volumes of blocks and plates, the sheets are a twentieth of one of them."""
+    health = reduction_health(pipeline()("reduction"))
+    a = scene("rig-rom", COARSE).assembly
+    block = a.block.density * a.block_x * a.block_y * a.block_z
+    below = [("support", "xyz"), ("sheets_support", "xyz"), ("plate", "xyz")]
+    rest = sum(np.prod([getattr(a, f"{n}_{axis}") for axis in axes]) for n, axes in below)
+    assert block + a.density * rest == pytest.approx(health.mass_kg, rel=0.01)
+    assert np.abs(health.centre_m[:2]).max() < 1e-9 and -0.2 < health.centre_m[2] < 0
+    assert health.grounding < 1e-12
+    assert health.fixed_interface_hz[0] == pytest.approx(51, rel=0.1)
+
+
+def test_a_wall_of_too_few_modes_is_told_with_what_to_do():
+    """With a cutoff of 60 Hz the block hardly moves within 3 ms; the run once said so in a number alone."""
+    summary = summary_of(pipeline("wall.cutoff=60.0", "time.duration=3e-3"))
+    assert summary.error_estimate.reduction > 0.1
+    assert any("error of the reduction is about" in words for words in summary.warnings)
+    assert not any("error of the" in words for words in summary_of(pipeline()).warnings)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (("joints.head.ky=0.0",), "not held: its lowest mode is at 0 Hz, with joints.head.ky = 0"),
+        (('assembly.parts=["block"]',), r"assembly.parts = \['block'\]"),
+        (("patch.weights=thesis", "patch.radius=1e-6"), "would read the node that it pushes"),
+    ],
+)
+def test_a_reduction_that_fails_names_the_keys_of_the_scene(changes, words):
+    with pytest.raises(ValueError, match=words):
+        pipeline(*changes)("reduction")
 
 
 def test_an_error_that_cannot_be_estimated_is_a_warning(tmp_path, monkeypatch):

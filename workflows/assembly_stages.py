@@ -1,4 +1,4 @@
-"""The assembly's stages: mesh, joined model, modes, contact patch, reduction."""
+"""The assembly's stages: mesh, joined model, modes, contact patch."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -9,7 +9,6 @@ from skfem import Mesh
 
 import fem
 import geometry
-import rom
 from workflows import mesh_file
 from workflows.assembly_table import assembly
 from workflows.field_file import ModeField
@@ -19,7 +18,6 @@ N_MODES = (30, 80)  # the second where the first do not reach all four of the ha
 GMSH_NEEDS = (
     "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
 )
-TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
 STRUCK = "block:+x"  # the face that the chain leans on
 MASTER = {"block": "head", "sheets_support": "foot"}  # body a sheet is bolted to: joint
 
@@ -166,110 +164,3 @@ def contact(scene: Scene, model: fem.Model) -> fem.ContactPatch:
     if patch.nodes:
         return fem.node_patch(model, STRUCK, patch.nodes)
     return fem.contact_patch(model, STRUCK, patch.point, patch.radius, weights=patch.weights)
-
-
-def reduction(
-    scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes
-) -> rom.ReducedModel:
-    """The model in few coordinates at the contact, without the way back to the full field."""
-    w_reading = reading(scene, model)
-    hz = " ".join(f"{f:.9g}" for f in modes.field.frequency_hz)
-    notes = {"hammer_modes_hz": hz, **provenance(scene, model, contact)}
-    asked = {**size(scene), "factorise": fem.factorised, "C": dashpots(scene, model)}
-    if scene.reduction.kind == "craig-bampton":
-        # w reads x alone: y and z of its nodes would only be constraint modes to solve for
-        boundary = np.flatnonzero(contact.w if w_reading is None else contact.w + w_reading)
-        if asked["C"] is not None:  # the modes answer slowly to the forces of dashpots
-            boundary = np.union1d(boundary, np.flatnonzero(asked["C"].diagonal()))
-        notes |= reading_note(w_reading, boundary)
-        ready = hammer_modes(modes) if asked["choice"] == "contact" else None
-        reduced = rom.craig_bampton(
-            model.K, model.M, contact.w, boundary, **asked, modes=ready, provenance=notes
-        )
-    else:
-        ready = _ready(scene, modes) if asked["choice"] == "lowest" else hammer_modes(modes)
-        reduced = rom.free_modes(
-            model.K, model.M, contact.w, **asked, modes=ready, provenance=notes
-        )
-    captured = {"effective_mass_captured": f"{mass_captured(model, reduced):.9g}"}
-    notes = reduced.provenance | captured | rigid_body(model)
-    return reduced._replace(T=None, provenance=notes)
-
-
-def rigid_body(model: fem.Model) -> dict[str, str]:
-    """Mass, centre and grounding of the parts, as a reduced model carries them in its file."""
-    body = fem.rigid_body(model.structure)
-    return {
-        "mass_kg": f"{body.mass:.9g}",
-        "centre_m": " ".join(f"{x:.6g}" for x in np.round(body.centre, 9) + 0.0),
-        "grounding": f"{body.grounding:.3g}",
-    }
-
-
-def size(scene: Scene) -> dict:
-    """How many modes, which, and up to what frequency."""
-    table = scene.reduction
-    choice = "lowest" if table.cutoff is not None else table.choice
-    to_hz = table.to_hz or (TO_HZ if table.error or choice == "contact" else None)
-    return {
-        "n_modes": table.modes,
-        "cutoff_hz": table.cutoff,
-        "error": table.error,
-        "to_hz": to_hz,
-        "choice": choice,
-    }
-
-
-def hammer_modes(modes: AssemblyModes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The modes of the hammer test, which stay whatever the contact says."""
-    index = np.sort(modes.index[modes.index >= 0])
-    return modes.omega[index], modes.phi[:, index]
-
-
-def _ready(
-    scene: Scene, modes: AssemblyModes
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """The modes that are there, where they are enough."""
-    table, found = scene.reduction, len(modes.omega)
-    below = table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
-    enough = below or (table.modes is not None and table.modes <= found)
-    return (modes.omega, modes.phi) if enough else None
-
-
-def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
-    """w (n,) that reads the wall where the thesis' scheme does so elsewhere than it pushes."""
-    patch = scene.patch
-    if patch.weights != "thesis":
-        return None
-    y, z = patch.point
-    beside = ((y - patch.radius, z), (y + patch.radius, z))
-    return fem.node_patch(model, STRUCK, patch.nodes or beside).w
-
-
-def reading_note(
-    w_reading: NDArray[np.float64] | None, boundary: NDArray[np.int64]
-) -> dict[str, str]:
-    """The weights that read the boundary, as a reduced model carries them in its file."""
-    if w_reading is None:
-        return {}
-    return {"reading_weights": " ".join(f"{w!r}" for w in w_reading[boundary].tolist())}
-
-
-def mass_captured(model: fem.Model, reduced: rom.ReducedModel) -> float:
-    """Share of the assembly's mass that the reduced model carries along the chain."""
-    on_mesh = reduced._replace(T=model.T @ reduced.T)
-    along_x = np.arange(model.T.shape[0]) % 3 == 0
-    return rom.effective_mass(on_mesh, model.structure.M, along_x).captured
-
-
-def provenance(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> dict[str, str]:
-    """The patch, and the half-space within its compliance that the Hertz law holds once more."""
-    local = 0.0  # the thesis reads far from the node it loads, and takes nothing off
-    if scene.patch.weights != "thesis":
-        steel = material(scene.assembly, "block")
-        local = fem.half_space_on_mesh(model, STRUCK, contact, steel)
-    return {
-        "patch_weights": contact.weights,
-        "patch_radius_m": repr(contact.radius),
-        "half_space_compliance_m_per_N": repr(local),
-    }

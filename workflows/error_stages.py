@@ -7,10 +7,12 @@ import numpy as np
 
 import coupling
 import dem
+import fem
 import rom
 from workflows import assembly_stages as stages
 from workflows.chain_stages import chain, initial_velocity
 from workflows.reduced_wall import wall_of
+from workflows.reduction_stage import TO_HZ, provenance
 from workflows.scene import Mesh, Scene
 
 COARSER = 1.5  # times the element size
@@ -36,9 +38,9 @@ def coarse_reduction(scene: Scene) -> rom.ReducedModel:
         contact.w,
         n_modes=stages.N_MODES[0],
         choice="contact",
-        to_hz=stages.TO_HZ,
-        factorise=stages.fem.factorised,
-        provenance=stages.provenance(coarse, model, contact),
+        to_hz=TO_HZ,
+        factorise=fem.factorised,
+        provenance=provenance(coarse, model, contact),
     )._replace(T=None)
 
 

@@ -27,7 +27,6 @@ import dem
 import fem
 import rom
 from workflows.accuracy import Row, Study, aligned, short
-from workflows.assembly_stages import provenance
 from workflows.chain_stages import initial_velocity
 from workflows.reduced_wall import half_space
 from workflows.reduction_cost import (
@@ -39,6 +38,7 @@ from workflows.reduction_cost import (
     wall_of,
 )
 from workflows.reduction_picture import CHOICES, KINDS, Case, method_name, picture
+from workflows.reduction_stage import provenance
 from workflows.run_folder import Picture
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.shared_solutions import SharedSolutions

@@ -16,9 +16,10 @@ import dem
 import fem
 import rom
 from coupling.wall import wall_from_reduced
-from workflows.assembly_stages import AssemblyModes, hammer_modes, size
+from workflows.assembly_stages import AssemblyModes
 from workflows.chain_stages import chain, initial_velocity
 from workflows.reduced_wall import damping, half_space
+from workflows.reduction_stage import hammer_modes, size
 from workflows.scene import Scene
 from workflows.shared_solutions import SharedSolutions
 

@@ -26,6 +26,12 @@ from workflows.stages import (
 )
 from workflows.summary import ErrorEstimate, SphereWaves, StageTime, Summary
 
+LARGE = 0.1  # error of the velocities, over the striker's
+CURES = {
+    "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
+    "mesh": "take smaller elements (mesh.seed, mesh.block_seed, mesh.support_seed)",
+}
+
 
 def run(scene: Scene, out: Path, *, source: Path | None, watch: Watch) -> Summary:
     """Fill the run folder with all that the scene gives."""
@@ -77,7 +83,7 @@ def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
         found |= _chain_numbers(pipeline)
         warnings = (
             *warnings,
-            *found.pop("unestimated"),
+            *found.pop("of_errors"),
             *_judged(pipeline("impact")),
             *spoilt(scene, pipeline("impact")),
             *doubtful(scene, pipeline("waves"), pipeline("impact")),
@@ -115,14 +121,14 @@ def _judged(impact: Impact) -> tuple[str, ...]:
 
 def _chain_numbers(pipeline: Pipeline) -> dict:
     scene, trajectory, wall = pipeline.scene, pipeline("impact").trajectory, pipeline("wall")
-    errors, unestimated = _errors(pipeline, trajectory.error_estimate)
+    errors, of_errors = _errors(pipeline, trajectory.error_estimate)
     numbers = {
         "n_wall_modes": 0 if wall is None else len(wall.omega),
         "dt_s": trajectory.dt,
         "n_steps": trajectory.n_steps,
         "energy_error": trajectory.energy_error,
         "error_estimate": errors,
-        "unestimated": unestimated,
+        "of_errors": of_errors,
         "verdict": (*pipeline("impact").verdict.sentences, *yielded(scene, trajectory)),
         "waves": {str(sphere): _waves(pipeline, sphere) for sphere in scene.output.spheres},
         "wall_contact": chain_contact(scene, pipeline("waves")),
@@ -136,17 +142,21 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
 
 
 def _errors(pipeline: Pipeline, time: float | None) -> tuple[ErrorEstimate, tuple[str, ...]]:
-    """The estimates, and a sentence for each that could not be made: the run stands without it."""
+    """The estimates, and a sentence for each that could not be made, the run stands without it, or
+    that is large."""
     if not needs_assembly(pipeline.scene) or isinstance(pipeline("wall"), CoupledWall):
         return ErrorEstimate(time=time), ()
     own = pipeline.scene.mesh.file is not None  # nobody knows how to coarsen it
-    found, unestimated = {}, []
+    found, told = {}, []
     for name in ("reduction",) if own else ("reduction", "mesh"):
         try:
             found[name] = pipeline(f"{name}-error")
+            if found[name] > LARGE:
+                share = f"{100 * found[name]:.0f} % of the striker's speed"
+                told.append(f"The error of the {name} is about {share}: {CURES[name]}.")
         except ValueError as reason:
-            unestimated.append(f"The error of the {name} could not be estimated: {reason}")
-    return ErrorEstimate(time=time, **found), tuple(unestimated)
+            told.append(f"The error of the {name} could not be estimated: {reason}")
+    return ErrorEstimate(time=time, **found), tuple(told)
 
 
 def _waves(pipeline: Pipeline, sphere: int) -> SphereWaves:

@@ -75,6 +75,7 @@ def _dimensions(scene: Scene) -> Any:
     return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point, content]
 
 
+ROOMS = ("geometry", "fem", "rom", "coupling")
 ASSEMBLY = {
     "mesh": Stage("workflows.assembly_stages:mesh", _dimensions, (), ("geometry",), kept=False),
     "model": Stage(
@@ -96,7 +97,7 @@ ASSEMBLY = {
         "workflows.assembly_stages:contact", _reads("patch"), ("model",), ("fem",), kept=False
     ),
     "reduction": Stage(
-        "workflows.assembly_stages:reduction",
+        "workflows.reduction_stage:reduction",
         _reads("reduction", "patch", "assembly"),
         ("model", "contact", "modes"),
         ("rom", "fem", "coupling"),
@@ -105,7 +106,7 @@ ASSEMBLY = {
         "workflows.error_stages:coarse_reduction",
         lambda scene: [_dimensions(scene), _reads("assembly", "joints", "table", "patch")(scene)],
         (),
-        ("geometry", "fem", "rom", "coupling", "workflows.assembly_stages"),
+        (*ROOMS, "workflows.assembly_stages", "workflows.reduction_stage"),
     ),
     "response": Stage(
         "workflows.response_stage:response",
