@@ -113,7 +113,7 @@ def posterior(forward: Forward, fit: Calibration, *, seed: int, most: int = RUNS
     """The posterior of a fit by the model `forward`, the same for the same seed.
 
     Stops when the chain is long enough, or before it would take more than `most` model runs: then
-    `long_enough` is False and the samples are none. Needs emcee.
+    `long_enough` is False and the samples are not to be believed. Needs emcee.
     """
     target = Target(forward, fit)
     return sampled(

@@ -17,6 +17,7 @@ from coupling.scan import Scan, scanned
 from coupling.signals import first_waves_end
 
 LENGTHENINGS = 8
+BEFORE = 2.0  # radians of a contact: where windows begin before the first touch
 MOST = 25  # model runs of a fit on the fine model
 ROUGH = 1e-4  # of the fastest sphere: misfit of the first waves that the last stage can better
 COARSE = (5.0, 2.5)  # steps of a search, in usual ones
@@ -77,7 +78,7 @@ class Search:
         self.coarse, coarseness = self._coarse()
         self.of_wall = np.array([p.of_wall for p in self.parameters])
         self.every = np.ones(len(self.parameters), bool)
-        self.first_waves, self.touch = _first_waves(fine), fine.forward.touch
+        self.first_waves = _first_waves(fine)
         self.stages: list[Stage] = []
         self.same_starts = self.starts = 0
         self.scan: Scan | None = None
@@ -185,8 +186,9 @@ class Search:
         return z_chain
 
     def _lengths(self, share: float, last: float, n: int) -> np.ndarray:
-        """Ends [s] of windows that grow, from a share of the time from the first touch on."""
-        begin = max(self.touch, self.fine.forward.signals.t[0])
+        """Ends [s] of windows that grow, from a share of the time since before the first touch."""
+        forward = self.fine.forward
+        begin = max(forward.touch - BEFORE * forward.radian, forward.signals.t[0])
         return np.linspace((1.0 - share) * begin + share * last, last, n)
 
     def _starts(self, z: np.ndarray):

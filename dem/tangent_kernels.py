@@ -96,7 +96,7 @@ def contact_tangents(X, V, Z, z, f, phi, directions, dF):
     d_A, d_gamma, d_phi = directions[D_A], directions[D_GAMMA], directions[D_PHI]
     d_offset = directions[D_OFFSET]
     for i in range(f.shape[1]):
-        k, by_A, c, by_gamma = f[1, i], f[2, i], f[3, i], f[4, i]
+        k, by_A, c, by_gamma = f[BY_OVERLAP, i], f[BY_STIFFNESS, i], f[BY_RATE, i], f[BY_LOSS, i]
         if f[FORCE, i] == 0.0:
             dF[i] = 0.0
             continue
@@ -220,12 +220,8 @@ def march(x, v, X, V, A, gamma, spheres, wall, directions, dt, n_steps, observed
     n_contacts, k = A.size, wall[3].size
     mass, load, leaf, anchor = spheres
     residual, offset, wall_force, phi = wall[0], wall[1], wall[2], wall[3]
-    f, a, dF, dA = (
-        np.zeros((5, n_contacts)),
-        np.zeros(n),
-        np.zeros((n_contacts, p)),
-        np.zeros(V.shape),
-    )
+    f, a = np.zeros((5, n_contacts)), np.zeros(n)
+    dF, dA = np.zeros((n_contacts, p)), np.zeros((n, p))
     z, zs, half = np.zeros((2, k)), np.zeros((2, k)), np.zeros((2, k))
     Z, Zs, d_half = np.zeros((2, k, p)), np.zeros((2, k, p)), np.zeros((2, k, p))
     xs, vs, Xs, Vs = x.copy(), v.copy(), X.copy(), V.copy()

@@ -85,20 +85,25 @@ def calibrated(
         scan=_scan(scene, names, request),
         noise=noise,
     )
-    try:
-        fit = calibrate(rig, parameters, signals, filters, options)
-    except (dem.InvalidChain, dem.NoEquilibrium, coupling.CouplingError) as error:
-        raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
+    fit = _fitted(rig, parameters, signals, filters, options, source)
     forward = Forward(rig, fit.parameters, signals, filters)
     left_out = _held_out(rig, fit, raw.signals.only(held), filters) if held else {}
     report = report_of(scene, source, measured, fit, signals, noise, left_out)
     report.seconds = perf_counter() - began
     report.remarks[:0] = [*remarks, *more]
-    if not any(p.kind == "trigger" for p in parameters):
+    if "trigger" not in names:
         report.remarks.append(f"The first touch was held at {1e6 * trigger:.5g} us of the record.")
     name = f"{scene.name}-calibrated"
     result = free_parameters.calibrated_scene(scene, fit.parameters, fit.value, name)
     return Calibrated(result, report, fit, forward)
+
+
+def _fitted(rig, parameters, signals, filters, options: Options, source: str) -> Calibration:
+    """The fit; raises InvalidScene where there is none."""
+    try:
+        return calibrate(rig, parameters, signals, filters, options)
+    except (dem.InvalidChain, dem.NoEquilibrium, coupling.CouplingError) as error:
+        raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
 
 
 def _radian(scene: Scene, wall: dem.Wall | None) -> float:
