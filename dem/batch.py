@@ -18,7 +18,7 @@ from dem.oscillators import oscillator_turn
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import UnstableStep
 from dem.step_control import march_to_error
-from dem.trajectory import march
+from dem.trajectory import equal_steps, march
 
 LANES = kernels.LANES
 
@@ -175,52 +175,73 @@ def _to_error(members, duration, error, observed, scheme, n_save, threads, mend)
 def _march(members, duration, dt, observed, scheme, n_save, threads, mend):
     if not members.bare or SCHEMES[scheme].kind == "implicit":
         return _one_by_one(members, duration, dt, observed, scheme, n_save, threads, mend)
-    method = SCHEMES[scheme]
-    stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
-    h = duration / (n_save * stride)
+    method, steps = SCHEMES[scheme], equal_steps(duration, dt, n_save)
+    lanes = _lanes(members)
+    turn = _turns(lanes, steps.h * method.a)
     n = members.mass.shape[1]
     observed = np.arange(n) if observed is None else np.asarray(observed)
-    A = members.A
-    if members.free:
-        A = np.concatenate([A, np.zeros((members.count, 1))], axis=1)
-    packed = [_packed(values) for values in (members.v0, members.mass, A)]
-    none = np.zeros((members.count, 0))
-    phi, omega, zeta = (
-        _packed(members.arrays.get(name, none)) for name in ("phi", "omega", "zeta")
-    )
-    blocks, k = phi.shape[:2]
-    turn = np.zeros((blocks, method.a.size, 4, k * LANES))
-    for i, drift in enumerate(h * method.a if k else []):
-        turns = oscillator_turn(omega, zeta, drift)
-        turn[:, i] = turns.reshape(4, blocks, -1).transpose(1, 0, 2)
+    blocks = len(turn)
     vs = np.empty((blocks, n_save + 1, observed.size, LANES))
-    walls = np.empty((blocks, n_save + 1, LANES))
-    errors = np.zeros((blocks, LANES))
+    walls, errors = np.empty((blocks, n_save + 1, LANES)), np.zeros((blocks, LANES))
 
     def work(part):
         kernels.march_lanes(
-            *(values[part] for values in packed), phi[part], omega[part], turn[part], method.a,
-            method.b, h, n_save, stride, observed, method.mend if mend else None,
+            lanes.v0[part], lanes.mass[part], lanes.A[part], lanes.phi[part], lanes.omega[part],
+            turn[part], method.a, method.b, *steps, observed, method.mend if mend else None,
             vs[part], walls[part], errors[part],
         )  # fmt: skip
 
     _share(work, blocks, threads or os.cpu_count() or 1)
     errors = errors.reshape(-1)[: members.count]
-    if not np.isfinite(errors).all():
-        raise UnstableStep(
-            f"chain {int((~np.isfinite(errors)).argmax())} of the batch is not finite with "
-            f"dt = {h:.3g} s; take a smaller dt"
-        )
+    _require_finite(errors, steps.h)
     return Batch(
         np.linspace(0.0, duration, n_save + 1),
         vs.transpose(0, 3, 1, 2).reshape(blocks * LANES, n_save + 1, -1)[: members.count],
         walls.transpose(0, 2, 1).reshape(blocks * LANES, -1)[: members.count],
         errors,
-        h,
-        n_save * stride,
+        steps.h,
+        n_save * steps.stride,
         scheme,
         None,
     )
+
+
+class _Lanes(NamedTuple):
+    """What differs from chain to chain, (n_blocks, m, LANES) each."""
+
+    v0: np.ndarray
+    mass: np.ndarray
+    A: np.ndarray  # 0 behind the last sphere of a free chain
+    phi: np.ndarray
+    omega: np.ndarray
+    zeta: np.ndarray
+
+
+def _lanes(members):
+    none = np.zeros((members.count, 0))
+    A = members.A
+    if members.free:
+        A = np.concatenate([A, np.zeros((members.count, 1))], axis=1)
+    modes = (members.arrays.get(name, none) for name in ("phi", "omega", "zeta"))
+    return _Lanes(*map(_packed, (members.v0, members.mass, A, *modes)))
+
+
+def _turns(lanes, drifts):
+    """(n_blocks, n_drifts, 4, n_modes * LANES) of `oscillator_turn`."""
+    blocks, k = lanes.phi.shape[:2]
+    turn = np.zeros((blocks, drifts.size, 4, k * LANES))
+    for i, drift in enumerate(drifts if k else []):
+        turns = oscillator_turn(lanes.omega, lanes.zeta, drift)
+        turn[:, i] = turns.reshape(4, blocks, -1).transpose(1, 0, 2)
+    return turn
+
+
+def _require_finite(errors, h):
+    if not np.isfinite(errors).all():
+        raise UnstableStep(
+            f"chain {int((~np.isfinite(errors)).argmax())} of the batch is not finite with "
+            f"dt = {h:.3g} s; take a smaller dt"
+        )
 
 
 def _one_by_one(members, duration, dt, observed, scheme, n_save, threads, mend):
@@ -235,10 +256,10 @@ def _one_by_one(members, duration, dt, observed, scheme, n_save, threads, mend):
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         v, force, errors = zip(*pool.map(one, range(members.count)), strict=True)
-    n_steps = n_save * max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
+    steps = equal_steps(duration, dt, n_save)
     return Batch(
         np.linspace(0.0, duration, n_save + 1), np.array(v), np.array(force), np.array(errors),
-        duration / n_steps, n_steps, scheme, None,
+        steps.h, n_save * steps.stride, scheme, None,
     )  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """Compiled marches of the chain: explicit, implicit, and many bare chains side by side.
 
 They live in this one file because they share the contact laws, the mending and the saving, and a
-cached compiled function does not notice an edit of another file (numba #1833). A part that a chain lacks is `None`: its branch is not compiled.
+cached compiled function does not notice an edit of another file (numba #1833). A part that a chain
+lacks is `None`: its branch is not compiled.
 
 Functions named by a verb change their arrays in place. `f (n + 1,)` holds the contact forces, f[0]
 = 0 before the first sphere and f[n] at the wall (0 for a free chain). `modal` holds q, p, phi,

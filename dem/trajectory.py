@@ -4,11 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem import kernels
+from dem import kernels, oscillators
 from dem.chain import LAWS, State, validate
 from dem.checks import InvalidChain
-from dem.oscillators import reach as reach_of
-from dem.oscillators import turns
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import BACKWARD, UnstableStep, fastest_decay, refuse_step
 from dem.statics import Equilibrium, static_state
@@ -174,58 +172,88 @@ def _dissipation(chain, wall):
 
 def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
     """Trajectory of a validated and prepared chain; see `march`."""
-    n = chain.mass.size
-    stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
-    h = duration / (n_save * stride)
-    x, v, running = state.x.copy(), state.v.copy(), state.wall.copy()
+    steps = equal_steps(duration, dt, n_save)
     implicit = scheme.kind == "implicit"
-    drifts = h * (scheme.b if implicit else scheme.a)
+    drifts = steps.h * (scheme.b if implicit else scheme.a)
     modes, leaf = _modes(wall, prepared, state, drifts), _leaf(chain, prepared, drifts)
     plastic = _plastic(chain, state)
-    out = _output(n_save + 1, n, chain.A.size)
+    x, v, running = state.x.copy(), state.v.copy(), state.wall.copy()
+    out = _output(n_save + 1, chain.mass.size, chain.A.size)
     if implicit:
-        if modes is not None:
-            modes = (*modes, np.array([reach_of(wall.omega, wall.zeta, t) for t in drifts]))
-        if leaf is not None:
-            omega = np.sqrt(prepared.leaf_springs[0] / chain.mass)
-            reach = np.array([reach_of(omega, np.zeros(n), t) for t in drifts])
-            leaf = leaf[0], np.concatenate([leaf[1], reach[:, None]], axis=1)
-        load = None if prepared.load is None else np.append(prepared.load, 0.0)
-        saved = kernels.march_implicit(
-            x, v, chain.mass, chain.A, scheme.b, h, n_save, stride, load, leaf,
-            prepared.leaf_springs, float(chain.preload), prepared.offset, prepared.residual,
-            prepared.mobility, modes, prepared.dissipation, running, out,
-        )  # fmt: skip
+        modes, leaf = _with_reach(chain, wall, prepared, drifts, modes, leaf)
+        saved = _implicitly(chain, prepared, scheme, steps, (x, v), leaf, modes, running, out)
     else:
         saved = kernels.march(
-            x, v, chain.mass, chain.A, scheme.a, scheme.b, h, n_save, stride, prepared.load, leaf,
+            x, v, chain.mass, chain.A, scheme.a, scheme.b, *steps, prepared.load, leaf,
             prepared.leaf_springs, float(chain.preload), prepared.offset, prepared.residual,
             prepared.mobility, modes, prepared.dissipation, plastic,
             scheme.mend if mend else None, running, out,
         )  # fmt: skip
     if saved < n_save:
         raise UnstableStep(
-            f"the state is not finite at t = {saved * stride * h:.4g} s with dt = {h:.4g} s; "
-            "take a smaller dt, or a larger (less negative) residual compliance of the wall"
+            f"the state is not finite at t = {saved * steps.stride * steps.h:.4g} s with "
+            f"dt = {steps.h:.4g} s; take a smaller dt, or a larger (less negative) residual "
+            "compliance of the wall"
         )
     q, p = (np.zeros(0), np.zeros(0)) if modes is None else modes[0][:2]
-    energies = out[4]
+    deepest = None if plastic is None else plastic[1][kernels.TOP]
+    final = State(x, v, q, p, running, deepest)
+    return _trajectory(out, _instants(duration, n_save), steps, scheme, final)
+
+
+class Steps(NamedTuple):
+    """Equal steps between equal saves, in the order that the kernels take them."""
+
+    h: float  # [s]
+    n_save: int
+    stride: int
+
+
+def equal_steps(duration, dt, n_save):
+    """The longest that are not above dt."""
+    stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
+    return Steps(duration / (n_save * stride), n_save, stride)
+
+
+def _implicitly(chain, prepared, scheme, steps, moving, leaf, modes, running, out):
+    load = None if prepared.load is None else np.append(prepared.load, 0.0)
+    return kernels.march_implicit(
+        *moving, chain.mass, chain.A, scheme.b, *steps, load, leaf, prepared.leaf_springs,
+        float(chain.preload), prepared.offset, prepared.residual, prepared.mobility, modes,
+        prepared.dissipation, running, out,
+    )  # fmt: skip
+
+
+def _with_reach(chain, wall, prepared, drifts, modes, leaf):
+    """Modes and leaf springs with what a constant force moves them by."""
+    if modes is not None:
+        reach = [oscillators.reach(wall.omega, wall.zeta, t) for t in drifts]
+        modes = (*modes, np.array(reach))
+    if leaf is not None:
+        omega = np.sqrt(prepared.leaf_springs[0] / chain.mass)
+        reach = [oscillators.reach(omega, np.zeros_like(omega), t) for t in drifts]
+        leaf = leaf[0], np.concatenate([leaf[1], np.array(reach)[:, None]], axis=1)
+    return modes, leaf
+
+
+def _trajectory(out, t, steps, scheme, final):
+    x, v, force, wall, energies = out
     total = energies[:, 8]
     scale = energies[0, 0] or np.abs(total).max() or 1.0
-    error = float(np.abs(total - total[0]).max() / scale)
     return Trajectory(
-        _instants(duration, n_save),
-        *out[:3],
-        out[3][:, 0],
-        out[3][:, 1],
-        *(energies[:, j] for j in range(8)),
+        t,
+        x,
+        v,
+        force,
+        *wall.T,
+        *energies[:, :8].T,
         total,
-        h,
-        n_save * stride,
+        steps.h,
+        steps.n_save * steps.stride,
         scheme.name,
-        error,
-        None,
-        State(x, v, q, p, running, None if plastic is None else plastic[1][kernels.TOP]),
+        energy_error=float(np.abs(total - total[0]).max() / scale),
+        error_estimate=None,
+        final=final,
     )
 
 
@@ -240,7 +268,7 @@ def _modes(wall, prepared, state, drifts):
         return None
     own = (state.q.copy(), state.p.copy(), wall.phi, wall.omega, prepared.static.q)
     modal = tuple(np.ascontiguousarray(values, float) for values in own)
-    turn = turns(drifts, wall.omega, wall.zeta)
+    turn = oscillators.turns(drifts, wall.omega, wall.zeta)
     return modal, turn, float(wall.phi @ wall.phi), prepared.wall_force
 
 
@@ -259,7 +287,7 @@ def _leaf(chain, prepared, drifts):
     if prepared.leaf_springs is None:
         return None
     omega = np.sqrt(prepared.leaf_springs[0] / chain.mass)
-    return prepared.leaf_rest, turns(drifts, omega, np.zeros_like(omega))[:, :3].copy()
+    return prepared.leaf_rest, oscillators.turns(drifts, omega, np.zeros_like(omega))[:, :3].copy()
 
 
 def _output(k, n, n_contacts):
