@@ -63,19 +63,19 @@ def march_to_error(
     _positive("duration", duration)
     prepared = prepare(chain, wall)
     rate = max(fastest_rate(chain, wall, v0, prepared.static), 1.0 / duration)
-    decay = fastest_decay(chain, wall, v0, prepared.static)
-    name = scheme or default_scheme(chain, wall, stiffly_damped=decay > 3.0 * BACKWARD * rate)
-    if name not in SCHEMES:
-        raise InvalidChain(f"scheme {name!r} is unknown; take one of {', '.join(SCHEMES)}")
-    method = SCHEMES[name]
-    scale = scale or float(np.abs(v0).max()) or 1.0
-    energy_error = energy_error or max(1e-2 * error, 1e-12)
-    observed = slice(None) if observed is None else np.asarray(observed)
-    order = _assumed_order(chain, method)
+    method = _method(chain, wall, v0, prepared, rate, scheme)
     state = start(chain, wall, v0, prepared.static)
     allowed = max_evaluations or 2e10 / (chain.mass.size + prepared.static.q.size)
-    if method.kind == "implicit":
-        allowed /= 20
+    asked = _Asked(
+        duration,
+        n_save,
+        error,
+        energy_error or max(1e-2 * error, 1e-12),
+        slice(None) if observed is None else np.asarray(observed),
+        scale or float(np.abs(v0).max()) or 1.0,
+        _assumed_order(chain, method),
+        allowed / 20 if method.kind == "implicit" else allowed,
+    )
 
     def attempt(step, saves):
         try:
@@ -83,34 +83,71 @@ def march_to_error(
         except UnstableStep:
             return None
 
-    step = min(_first_step(method, error, energy_error) / rate, duration / n_save)
+    first = _first_step(method, error, asked.energy_error) / rate
+    return _refined(attempt, min(first, duration / n_save), method, asked)
+
+
+class _Asked(NamedTuple):
+    """What a march to an error is held to."""
+
+    duration: float
+    n_save: int
+    error: float
+    energy_error: float
+    observed: slice | np.ndarray
+    scale: float
+    order: float  # that the difference of two marches is taken to show
+    evaluations: float
+
+
+def _method(chain, wall, v0, prepared, rate, name):
+    decay = fastest_decay(chain, wall, v0, prepared.static)
+    name = name or default_scheme(chain, wall, stiffly_damped=decay > 3.0 * BACKWARD * rate)
+    if name not in SCHEMES:
+        raise InvalidChain(f"scheme {name!r} is unknown; take one of {', '.join(SCHEMES)}")
+    return SCHEMES[name]
+
+
+def _refined(attempt, step, method, asked):
+    """The first march by finer and finer steps that is within what is asked."""
+    duration, n_save = asked.duration, asked.n_save
     spent = duration / (2.0 * step) * method.evaluations
-    if not spent <= allowed:
-        raise UnstableStep(_unaffordable(error, duration, step, spent, allowed))
+    if not spent <= asked.evaluations:
+        raise UnstableStep(_unaffordable(asked.error, duration, step, spent, asked.evaluations))
     coarse = attempt(2.0 * step, _sparser(n_save, duration / (2.0 * step)))
     if coarse is not None and coarse.dt < 1.5 * step:  # n_save saves left no room for a longer one
         step = coarse.dt / 2.0
     tried = []
     while True:
         spent += duration / step * method.evaluations
-        if spent > allowed:
-            raise UnstableStep(_unreached(error, step, tried))
+        if spent > asked.evaluations:
+            raise UnstableStep(_unreached(asked.error, step, tried))
         fine = attempt(step, n_save)
         if fine is None or coarse is None:
             coarse, step = fine, step / (4.0 if fine is None else 2.0)
             continue
-        every = n_save // (coarse.t.size - 1)
-        difference = float(np.abs(fine.v[::every] - coarse.v)[:, observed].max()) / scale
-        estimate = difference / ((coarse.dt / fine.dt) ** order - 1.0)
+        difference = _difference(coarse, fine, asked)
+        estimate = difference / ((coarse.dt / fine.dt) ** asked.order - 1.0)
         tried.append((fine.dt, difference, fine.energy_error))
-        excess = max(estimate / error, fine.energy_error / energy_error)
+        excess = max(estimate / asked.error, fine.energy_error / asked.energy_error)
         if excess <= 1.0:
             break
-        likely = max(order, 0.75 * min(method.order, 4) if order > 1.0 else 0.0)
-        step = fine.dt / np.clip((2.0 * excess) ** (1.0 / likely), 1.5, 8.0)
-        coarse = fine
+        coarse, step = fine, fine.dt / _shortening(excess, method, asked.order)
     report = StepReport(*map(np.array, zip(*tried, strict=True)), estimate, int(spent))
     return Controlled(fine._replace(error_estimate=estimate), report)
+
+
+def _difference(coarse, fine, asked):
+    """Largest velocity difference at the times that both have saved, over the scale."""
+    every = asked.n_save // (coarse.t.size - 1)
+    off = np.abs(fine.v[::every] - coarse.v)[:, asked.observed]
+    return float(off.max()) / asked.scale
+
+
+def _shortening(excess, method, order):
+    """How many times shorter a step that is likely to do has to be."""
+    likely = max(order, 0.75 * min(method.order, 4) if order > 1.0 else 0.0)
+    return np.clip((2.0 * excess) ** (1.0 / likely), 1.5, 8.0)
 
 
 def with_step_error(chain, wall, v0, trajectory, *, state=None):
