@@ -18,7 +18,7 @@ from coupling.signals import first_waves_end
 
 LENGTHENINGS = 8
 BEFORE = 2.0  # radians of a contact: where windows begin before the first touch
-MOST = 25  # model runs of a fit on the fine model
+MOST = 100  # model runs of a fit on the fine model: a slow one may end at the truth yet
 ROUGH = 1e-4  # of the fastest sphere: misfit of the first waves that the last stage can better
 COARSE = (5.0, 2.5)  # steps of a search, in usual ones
 COVERED = 0.1  # of the noise: error of large steps
