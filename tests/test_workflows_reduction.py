@@ -126,7 +126,7 @@ def test_the_parts_are_weighed_and_no_joint_grounds_them():
 
 
 def test_a_wall_of_too_few_modes_is_told_with_what_to_do():
-    """With a cutoff of 60 Hz the block hardly moves within 3 ms; the run once said so in a number alone."""
+    """With a cutoff of 60 Hz the block hardly moves within 3 ms; once a number alone said so."""
     summary = summary_of(pipeline("wall.cutoff=60.0", "time.duration=3e-3"))
     assert summary.error_estimate.reduction > 0.1
     assert any("error of the reduction is about" in words for words in summary.warnings)
@@ -144,6 +144,14 @@ def test_a_wall_of_too_few_modes_is_told_with_what_to_do():
 def test_a_reduction_that_fails_names_the_keys_of_the_scene(changes, words):
     with pytest.raises(ValueError, match=words):
         pipeline(*changes)("reduction")
+
+
+def test_a_boundary_too_large_for_memory_is_refused_before_it_is_solved_for(monkeypatch):
+    """A contact seed of 10 um under a patch of 2 mm once filled the memory for minutes."""
+    monkeypatch.setattr("workflows.reduction_stage.MOST_VALUES", 1e4)
+    monkeypatch.setattr("rom.craig_bampton", None)
+    with pytest.raises(ValueError, match=r"patch.radius = 0.006 m holds 21 nodes .* GB, allowed"):
+        pipeline("reduction.modes=41")("reduction")
 
 
 def test_an_error_that_cannot_be_estimated_is_a_warning(tmp_path, monkeypatch):

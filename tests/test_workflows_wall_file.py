@@ -11,6 +11,7 @@ from workflows.cli import main
 from workflows.scene import InvalidScene
 from workflows.scene_file import scene
 from workflows.wall_doubts import doubts
+from workflows.wall_file import loaded
 
 RUN = ("wall.kind=rom", "time.duration=3e-4", "output.samples=301")
 NODES = ("wall.nodes=[7, 8]", "wall.direction=1", "wall.weights=[3.0, 1.0]")
@@ -55,6 +56,14 @@ def test_an_abaqus_substructure_is_the_wall_that_its_matrices_are(tmp_path):
     assert walls[0].residual_compliance == pytest.approx(-1e-10)
 
 
+def test_a_patch_of_quadratic_elements_has_negative_weights_too(tmp_path):
+    """Ours of a block written as a substructure: refused once, since a weight was below zero."""
+    (tmp_path / "sub.mtx").write_text(substructure_text(*chain_of_masses(), (7, 8)))
+    given = ("wall.nodes=[7, 8]", "wall.weights=[1.25, -0.25]")
+    read = loaded(scene("rig-rigid", (*RUN, f"wall.file={tmp_path / 'sub.mtx'}", *given)).wall)
+    np.testing.assert_allclose(read.w, [1.25, 0, 0, -0.25, 0, 0])
+
+
 def test_an_abaqus_substructure_runs_with_the_chain(tmp_path, monkeypatch, capsys):
     (tmp_path / "sub.mtx").write_text(substructure_text(*chain_of_masses(), (7, 8)))
     changes = [f"--set={c}" for c in (*RUN, f"wall.file={tmp_path / 'sub.mtx'}", *NODES)]
@@ -73,6 +82,7 @@ def test_an_abaqus_substructure_runs_with_the_chain(tmp_path, monkeypatch, capsy
         (("wall.nodes=[7, 9]",), r"no coordinate \(node, dof\) = \(9, 1\)"),
         (("wall.nodes=[7, 8]", "wall.weights=[1.0]"), "wall.weights has 1 values for 2"),
         (("wall.nodes=[7]", "wall.direction=4"), "wall.direction = 4"),
+        (("wall.nodes=[7, 8]", "wall.weights=[1.0, -1.0]"), "sum to zero and are no average"),
     ],
 )
 def test_a_substructure_without_a_contact_is_refused(tmp_path, changes, words):
@@ -149,7 +159,7 @@ def test_a_node_named_twice_is_refused(tmp_path):
     [
         ({}, None),
         ({"w": 2 * np.eye(6)[0]}, "sum to 2, not to 1"),
-        ({"w": -np.eye(6)[0]}, "sum to -1"),
+        ({"w": -np.eye(6)[0]}, None),  # read and pushed from the other side
         ({"K": 1e-6 * chain_of_masses()[0]}, "static compliance at the contact of wall.file"),
         ({"M": 1e-6 * chain_of_masses()[1]}, "lowest elastic mode of wall.file is .*e.06 Hz"),
         ({"K": np.diag([1e7, 2e8]), "M": np.eye(2), "w": np.ones(2)}, None),  # modal coordinates

@@ -9,6 +9,7 @@ from workflows.assembly_stages import STRUCK, AssemblyModes, dashpots, material
 from workflows.scene import Scene
 
 TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
+MOST_VALUES = 1.5e8  # of the constraint modes: 1.2 GB, some minutes
 HELD_HZ = 0.1  # below, a wall floats for all that a chain notices
 OPEN = 1.0  # [N/m] of a joint that holds nothing
 
@@ -51,6 +52,7 @@ def _reduced(
         boundary = np.flatnonzero(contact.w if w_reading is None else contact.w + w_reading)
         if asked["C"] is not None:  # the modes answer slowly to the forces of dashpots
             boundary = np.union1d(boundary, np.flatnonzero(asked["C"].diagonal()))
+        _require_room(scene, len(boundary), len(contact.w))
         notes |= reading_note(w_reading, boundary)
         ready = hammer_modes(modes) if asked["choice"] == "contact" else None
         return rom.craig_bampton(
@@ -58,6 +60,17 @@ def _reduced(
         )
     ready = _ready(scene, modes) if asked["choice"] == "lowest" else hammer_modes(modes)
     return rom.free_modes(model.K, model.M, contact.w, **asked, modes=ready, provenance=notes)
+
+
+def _require_room(scene: Scene, n_boundary: int, n: int) -> None:
+    """Raise ValueError where constraint modes (n, n_boundary) would not fit into memory."""
+    if n_boundary * n > MOST_VALUES:
+        raise ValueError(
+            f"patch.radius = {scene.patch.radius} m holds {n_boundary} nodes of mesh.contact_seed "
+            f"= {scene.mesh.contact_seed} m, whose constraint modes of {n} unknowns would take "
+            f"{8e-9 * n_boundary * n:.1f} GB, allowed are {8e-9 * MOST_VALUES:.1f}; take a larger "
+            'seed, a smaller patch, or reduction.kind = "free-modes".'
+        )
 
 
 def _require_held(scene: Scene, modes: AssemblyModes) -> None:

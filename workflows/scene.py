@@ -210,7 +210,7 @@ class RomWall(Table):
     file: str | None = None
     nodes: Annotated[tuple[Count, ...], Field(strict=False, min_length=1)] | None = None
     direction: Annotated[int, Field(ge=1, le=3)] = 1
-    weights: Annotated[tuple[Positive, ...], Field(strict=False, min_length=1)] | None = None
+    weights: Annotated[tuple[Number, ...], Field(strict=False, min_length=1)] | None = None
     half_space: NonNegative | None = None  # [m/N]
     cutoff: Positive | None = None  # [Hz]
     prune: bool = False

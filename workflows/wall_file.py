@@ -75,6 +75,11 @@ def _substructure(path: Path, wall: RomWall) -> rom.ReducedModel:
         raise InvalidScene(
             f"wall.weights has {len(weights)} values for {len(wall.nodes)} nodes; give one each."
         )
+    if not abs(sum(weights)) > 1e-9 * sum(map(abs, weights)):
+        raise InvalidScene(
+            f"wall.weights = {list(weights)} sum to zero and are no average; those of quadratic "
+            "elements may be negative, their sum is not."
+        )
     twice = [node for node in wall.nodes if wall.nodes.count(node) > 1]
     if twice:
         raise InvalidScene(f"wall.nodes names node {twice[0]} twice; give its weight once.")
