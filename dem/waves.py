@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+CANCEL = 1e-12  # of their sum without signs: below, velocities cancel but for rounding
+
 
 class Arrival(NamedTuple):
     """One wave passing a sphere."""
@@ -125,8 +127,12 @@ def amplitude_ratio(incident, reflected):
 
 def velocity_sum_ratio(v_before, v_after):
     """|sum of final| over sum of initial velocities: no measure of loss, 1.36 for 17 elastic beads
-    on a rigid wall (E. Falcon, C. Laroche, S. Fauve, C. Coste, Eur. Phys. J. B 3 (1998) 45)."""
-    return float(abs(np.sum(v_after)) / abs(np.sum(v_before)))
+    on a rigid wall (E. Falcon, C. Laroche, S. Fauve, C. Coste, Eur. Phys. J. B 3 (1998) 45); nan
+    where the initial ones cancel."""
+    start = abs(np.sum(v_before))
+    if start <= CANCEL * np.sum(np.abs(v_before)):
+        return float("nan")
+    return float(abs(np.sum(v_after)) / start)
 
 
 def energy_restitution(mass, v_before, v_after):

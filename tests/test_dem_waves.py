@@ -18,7 +18,7 @@ from dem.wave_measures import (
     travelling_time,
     wall_contact,
 )
-from dem.waves import peaks
+from dem.waves import peaks, velocity_sum_ratio
 
 C = 0.84  # spheres per unit of time
 FWHM = WIDTH / C
@@ -216,6 +216,12 @@ def test_a_wall_that_nothing_reaches_has_no_contact_time():
     chain, run, found = struck(duration=10.0)
     wall = wall_contact(run.t, run.v, run.contact_force, chain, found)
     assert np.isnan([wall.contact_time.seconds, wall.tau_c, wall.speed_in, wall.tof]).all()
+
+
+def test_velocities_that_cancel_have_no_ratio():
+    """Two spheres that meet head on; the rounding of three tenths is no sum."""
+    assert np.isnan(velocity_sum_ratio(np.array([0.1, 0.2, -0.3]), np.array([-0.1, 0.0, 0.1])))
+    assert velocity_sum_ratio(np.array([1.0, 0.0]), np.array([0.25, -0.75])) == 0.5
 
 
 def test_a_crest_on_the_shoulder_of_another_has_no_width_of_its_own():
