@@ -16,6 +16,10 @@ from dem.stability import (
 )
 from dem.trajectory import Trajectory, march, prepare, run, start
 
+FIRST, MOST = 1.5, 2.0  # order that one pair of marches shows, and that any number of them does
+BELOW = 0.5  # the observed order, which scatters
+BOLD = 30.0  # error that the first step may make, over the one asked for
+
 
 class StepReport(NamedTuple):
     """How a step was found: one entry per comparison of two marches, coarse to fine."""
@@ -54,9 +58,9 @@ def march_to_error(
     observed: indices of spheres, None for all; scale: the largest initial speed unless given;
     energy_error: error / 100 unless given;
     max_evaluations: of all contacts, unless given as many as take about a minute. The estimate
-    divides the difference of two marches by what order 2 leaves, less than any scheme here keeps
-    (1.75 for a scheme of order 2, 0.75 for the linear laws, whose force jumps). Raises UnstableStep
-    if `max_evaluations` do not suffice.
+    divides the difference of two marches by what order 1.5 leaves, of a third by what the observed
+    order leaves, up to 2 (0.75 for the linear laws, whose force jumps): all schemes here keep more,
+    but not at every step. Raises UnstableStep if `max_evaluations` do not suffice.
     """
     validate(chain, wall, v0)
     _positive("error", error)
@@ -126,15 +130,26 @@ def _refined(attempt, step, method, asked):
         if fine is None or coarse is None:
             coarse, step = fine, step / (4.0 if fine is None else 2.0)
             continue
-        difference = _difference(coarse, fine, asked)
-        estimate = difference / ((coarse.dt / fine.dt) ** asked.order - 1.0)
-        tried.append((fine.dt, difference, fine.energy_error))
+        tried.append((fine.dt, _difference(coarse, fine, asked), fine.energy_error, coarse.dt))
+        order = _observed_order(tried, asked.order)
+        estimate = tried[-1][1] / ((coarse.dt / fine.dt) ** order - 1.0)
         excess = max(estimate / asked.error, fine.energy_error / asked.energy_error)
         if excess <= 1.0:
             break
         coarse, step = fine, fine.dt / _shortening(excess, method, asked.order)
-    report = StepReport(*map(np.array, zip(*tried, strict=True)), estimate, int(spent))
+    compared = tuple(map(np.array, zip(*tried, strict=True)))[:3]
+    report = StepReport(*compared, estimate, int(spent))
     return Controlled(fine._replace(error_estimate=estimate), report)
+
+
+def _observed_order(tried, most):
+    """Order by which the differences of marches fall, as far as it is believed: the first alone
+    may be small by chance, or because both steps are too long to tell."""
+    if len(tried) < 2:
+        return min(FIRST, most)
+    (_, before, _, wide), (_, now, _, narrow) = tried[-2:]
+    found = np.log(before / now) / np.log(wide / narrow) if now > 0.0 else np.inf
+    return float(np.clip(found - BELOW, min(FIRST, most), most))
 
 
 def _difference(coarse, fine, asked):
@@ -167,7 +182,7 @@ def with_step_error(chain, wall, v0, trajectory, *, state=None):
 
 
 def _assumed_order(chain, method):
-    return 0.75 if chain.dissipation.startswith("linear") else min(2.0, method.order - 0.25)
+    return 0.75 if chain.dissipation.startswith("linear") else min(MOST, method.order - 0.25)
 
 
 def _unaffordable(error, duration, step, needed, allowed):
@@ -188,8 +203,9 @@ def _unreached(error, step, tried):
 
 
 def _first_step(method, error, energy_error):
-    """Step times contact frequency that reaches both errors on a chain of 17 spheres, with a
-    margin of 3 (measured)."""
+    """Step times contact frequency that may just miss both errors, but shows how far (measured on
+    a chain of 17 spheres)."""
+    error, energy_error = BOLD * error, BOLD * energy_error
     if method.kind == "implicit":
         return 0.1 * (error / 5e-2) ** 0.5 if method.order == 2 else 0.2 * (error / 6e-5) ** 0.25
     interval = stability_interval(method)
