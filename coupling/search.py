@@ -140,10 +140,10 @@ class Search:
         return ends
 
     def _confirmed(self, ends: list[End]) -> bool:
-        """Whether a misfit as small as the noise is enough; else another start must find it too."""
+        """Whether a misfit as small as the noise is enough; else other starts must find it too."""
         least = min(end.misfit for end in ends)
-        twice = sum(end.misfit <= SAME * least for end in ends) > 1
-        return twice or self.noise <= DECISIVE * self.fine.largest
+        alike = sum(end.misfit <= SAME * least for end in ends)
+        return alike >= ALIKE or self.noise <= DECISIVE * self.fine.largest
 
     def _promising(self) -> float:
         """Misfit [m/s] in the first waves of a chain that is worth the other waves."""

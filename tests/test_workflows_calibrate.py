@@ -15,7 +15,7 @@ from workflows.calibrate import Request, calibrated
 from workflows.calibration_folder import write
 from workflows.chain_stages import wall
 from workflows.scene import InvalidScene
-from workflows.scene_file import resolved, scene
+from workflows.scene_file import resolved, scene, toml
 from workflows.velocity_file import SYNTHETIC, Record, csv_text
 
 SPHERES = (1, 4)
@@ -137,7 +137,7 @@ def test_one_record_that_may_be_explained_otherwise_says_so(rig, plain):
         calibrated(rig, wall(rig), noisy, "", request._replace(starts=n)).report for n in (1, 3)
     )
     assert once.noise_m_s == pytest.approx(5e-3, rel=0.1)
-    assert any("one of 1 starts found this one: not to be trusted" in r for r in once.remarks)
+    assert any("only 1 of 1 starts found this one: not to be trusted" in r for r in once.remarks)
     assert not any("not to be trusted" in r for r in often.remarks)
 
 
@@ -305,6 +305,17 @@ def test_the_commands_refuse_with_status_2_and_one_sentence(tmp_path, data, monk
         with pytest.raises(SystemExit) as ended:
             cli.main()
         assert ended.value.code == 2, line
+
+
+def test_a_folder_that_holds_the_scene_or_the_data_is_not_overwritten(tmp_path, data, monkeypatch):
+    (tmp_path / "signals.csv").write_text(csv_text(data))
+    (tmp_path / "scene.toml").write_text(toml(small()))
+    for source in (["rig-1dof", "signals.csv"], ["scene.toml", "other.csv"]):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "other.csv").write_text(csv_text(data))
+        done = CliRunner().invoke(cli.app, ["calibrate", *source, "--out", "."])
+        assert isinstance(done.exception, InvalidScene)
+        assert "would overwrite" in str(done.exception)
 
 
 def test_help_keeps_its_units():

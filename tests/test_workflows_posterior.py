@@ -66,6 +66,7 @@ def test_a_posterior_of_too_few_samples_is_told_and_not_shown(tmp_path, found, m
     monkeypatch.setattr("coupling.posterior.ENOUGH", 1e6)
     monkeypatch.setattr("coupling.posterior.BLOCK", 10)
     monkeypatch.setitem(posterior.__kwdefaults__, "most", 300)
+    (tmp_path / "posterior.npz").write_bytes(b"of an earlier run")
     short = with_posterior(found._replace(report=found.report.model_copy(deep=True)), 0)
     report = short.report
     assert report.remarks[-1].startswith("The posterior is not shown: 8 steps of 24 walkers")

@@ -96,7 +96,7 @@ def calibrate(
         free, bounds, trigger, band, instrument, _spheres(hold_out), two_stage, _positive(starts),
         _seed(seed), _scan(scan),
     )  # fmt: skip
-    _writable(out)
+    _writable(out, scene, data)
     with StageProgress(sys.stderr) as progress:
         wall = pipeline_of(chosen, progress.stage)("wall")
         with progress.stage("calibration"):
@@ -154,7 +154,7 @@ def twin(
         free, bounds, band=band, hold_out=_spheres(hold_out), two_stage=two_stage,
         starts=_positive(starts), scan=_scan(scan),
     )  # fmt: skip
-    _writable(out)
+    _writable(out, scene)
     covered = None
     with StageProgress(sys.stderr) as progress:
         wall = pipeline_of(chosen, progress.stage)("wall")
@@ -214,11 +214,18 @@ def _with_chain(scene):
     return scene
 
 
-def _writable(out: Path | None) -> None:
-    if out:
-        from workflows.run_folder import RunFolder
+def _writable(out: Path | None, *sources: Path | str | None) -> None:
+    """Make the folder; raises InvalidScene where it cannot be one or would overwrite a source."""
+    if not out:
+        return
+    from workflows.calibration_folder import FILES
+    from workflows.run_folder import RunFolder, checked_folder
 
-        RunFolder(out).make()
+    for source in (Path(name) for name in sources if name):
+        if any((out / name).exists() and source.exists() and source.samefile(out / name)
+               for name in FILES):  # fmt: skip
+            raise InvalidScene(f"--out {out} would overwrite {source}; choose another.")
+    RunFolder(checked_folder(out)).make()
 
 
 def _spheres(text: str | None) -> tuple[int, ...]:

@@ -9,13 +9,19 @@ from workflows.run_folder import Picture, RunFolder, write_pictures
 from workflows.scene_file import toml
 from workflows.velocity_file import SYNTHETIC, Record, csv_text
 
+FILES = ("scene.toml", "report.json", "parameters.csv", "signals.csv", "posterior.npz", "data.csv")
+SOMETIMES = ("posterior.npz", "figures/posterior.png", "figures/scan.png")
+
 
 def write(found, out: Path) -> None:
-    """scene.toml, parameters.csv, signals.csv, report.json and figures/ into a folder."""
+    """scene.toml, parameters.csv, signals.csv, report.json and figures/ into a folder, and what
+    samples there are; of an earlier calibration nothing is left."""
     from workflows.calibration_figures import pictures
 
     folder = RunFolder(out)
     folder.make()
+    for name in SOMETIMES:
+        (out / name).unlink(missing_ok=True)
     report = found.report
     folder.write("scene.toml", _scene_text(found))
     folder.write("report.json", report.model_dump_json(indent=1) + "\n")
