@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
+from workflows import accuracy
 from workflows import reduction_accuracy as study
 from workflows.cli import main
 from workflows.scene import InvalidScene
@@ -89,3 +90,13 @@ def test_a_scene_with_dashpots_is_refused_not_compared_without_them():
     damped = scene("rig-rom", ("joints.head.cz=100.0",))
     with pytest.raises(InvalidScene, match="joints have dashpots"):
         study.reduction(damped, lambda name: nullcontext())
+
+
+def test_a_person_reads_one_table_and_not_its_rows_again():
+    """Ninety rows with mostly empty columns once stood before the table that says the same."""
+    row = accuracy.Row("reduction", "free-modes: velocities", 10, 1e-4, 0.1)
+    told = accuracy.Study((row,), ("method  modes",))
+    assert accuracy.text(told) == "method  modes"
+    assert max(map(len, accuracy.text(told._replace(findings=("word " * 50,))).splitlines())) <= 100
+    beside = accuracy.text(told._replace(rows=(row, row._replace(study="time", method="leapfrog"))))
+    assert "leapfrog" in beside and "free-modes: velocities" not in beside

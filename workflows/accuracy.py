@@ -13,6 +13,7 @@ from json import dumps
 from math import isfinite
 from os import cpu_count
 from pathlib import Path
+from textwrap import fill
 from typing import Any, NamedTuple
 
 from workflows.run_folder import Picture, RunFolder, write_pictures
@@ -144,14 +145,23 @@ def table_csv(header: tuple[str, ...], rows: tuple[tuple, ...]) -> str:
     return text.getvalue()
 
 
+OWN_TABLE = {"reduction"}
+LINE = 100
 HEADER = ("study", "method", "parameter", "setting", "error", "energy", "steps", "evaluations",
           "warm [ms]", "cold [ms]")  # fmt: skip
 
 
 def text(study: Study) -> str:
-    """A table and the findings for a person."""
-    cells = [HEADER, *(_cells(row) for row in study.rows)]
-    return "\n".join([aligned(cells, left=2), "", *study.findings])
+    """A table and the findings for a person; rows that findings tell in a table of their own stay
+    out of it."""
+    cells = [HEADER, *(_cells(row) for row in study.rows if row.study not in OWN_TABLE)]
+    table = [aligned(cells, left=2), ""] if len(cells) > 1 else []
+    return "\n".join([*table, *map(_wrapped, study.findings)])
+
+
+def _wrapped(finding: str) -> str:
+    """A sentence on short lines; columns, which hold double spaces, as they are."""
+    return finding if "  " in finding else fill(finding, LINE, subsequent_indent="  ")
 
 
 def _cells(row: Row) -> tuple[str, ...]:
