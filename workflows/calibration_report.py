@@ -7,7 +7,7 @@ from pydantic import BaseModel
 
 from coupling.calibration import Calibration
 from coupling.parameters import Parameter
-from coupling.search import ALIKE, DECISIVE
+from coupling.search import DECISIVE
 from workflows.scene import OneDofWall, Scene
 from workflows.velocity_file import SYNTHETIC
 
@@ -214,11 +214,11 @@ def _on_misfit(fit: Calibration, noise: float | None, repeats: int):
         )
     else:
         yield _beside_noise(total, noise, repeats)
-        if noise > DECISIVE * np.abs(fit.data).max() and fit.same_starts < ALIKE:
+        if noise > DECISIVE * np.abs(fit.data).max():
             yield (
-                "At this noise a chain with contacts exchanged may leave as little, and only "
-                f"{fit.same_starts} of {fit.starts} starts found this one: not to be trusted "
-                "without more --starts, repeats or spheres."
+                "At this noise a chain with contacts exchanged may leave hardly more, which the "
+                f"bars do not hold ({fit.same_starts} of {fit.starts} starts found this one): "
+                "measure more repeats or spheres."
             )
     if fit.step_error > BLURRED * total:
         yield (
