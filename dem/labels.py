@@ -12,6 +12,7 @@ from dem.solitary import WIDTH
 from dem.wave_fit import Guess, apart, fit, groups
 from dem.waves import Arrival, crest, full_width
 
+TOLD = 0.6  # widths between crests from which on a fit shares waves out as they are
 CLEAR = 1.5  # widths between crests from which on waves do not touch
 WIDEST = 3.0  # of what a train's force says; a wider crest is that of several waves
 STAYS = 0.9  # of the crest, left behind by a wave that leaves its sphere moving
@@ -64,7 +65,15 @@ def _arrivals(t, v, passages):
         if one:
             yield passage, one, _credible(passage.guess, _measured(t, v, passage, wave), FAR)
         else:
-            yield passage, one, _credible(passage.guess, wave, 0.0 if cancel else TWICE)
+            taken = _credible(passage.guess, wave, 0.0 if cancel else TWICE)
+            share = _told_apart(passage.guess, guesses)
+            yield passage, one, taken._replace(quality=share * taken.quality)
+
+
+def _told_apart(guess, guesses):
+    """1 for a crest far enough from the next, less the closer they are: a sum fits any share."""
+    nearest = min(apart(guess, other) for other in guesses if other is not guess)
+    return min(1.0, nearest / TOLD) ** 2
 
 
 def _ratio(guess, arrival):

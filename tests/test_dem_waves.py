@@ -218,6 +218,21 @@ def test_a_wall_that_nothing_reaches_has_no_contact_time():
     assert np.isnan([wall.contact_time.seconds, wall.tau_c, wall.speed_in, wall.tof]).all()
 
 
+@pytest.mark.parametrize(("separation", "trusted"), [(0.3, False), (0.45, False), (0.8, True)])
+def test_waves_too_close_to_be_shared_out_are_not_trusted(separation, trusted):
+    """A fit leaves nothing of the record and is a fifth or more wrong below half a width."""
+    t = np.arange(0.0, 30.0, 0.02)
+    found, v = [], np.zeros_like(t)
+    for number, (start, size) in enumerate(((5.0, 1.0), (5.0 + separation * FWHM, 1.0)), 1):
+        times = start + np.arange(8) / C
+        v += size * velocity_shape(C * (t - 0.5 * (times[3] + times[4])))
+        pulses = tuple(Pulse(x, i, 1.0, size, 1 / C) for i, x in enumerate(times, 1))
+        found.append(Train("incident", number, pulses))
+    named = labels(tuple(found), t, v, 5)
+    assert len(named) == 2
+    assert all((label.arrival.quality > 0.7) == trusted for label in named)
+
+
 def test_velocities_that_cancel_have_no_ratio():
     """Two spheres that meet head on; the rounding of three tenths is no sum."""
     assert np.isnan(velocity_sum_ratio(np.array([0.1, 0.2, -0.3]), np.array([-0.1, 0.0, 0.1])))
