@@ -154,15 +154,14 @@ def test_a_boundary_too_large_for_memory_is_refused_before_it_is_solved_for(monk
         pipeline("reduction.modes=41")("reduction")
 
 
-def test_an_error_that_cannot_be_estimated_is_a_warning(tmp_path, monkeypatch):
+def test_an_error_that_cannot_be_estimated_is_a_warning(monkeypatch):
     """The run is there, its mesh's coarser fellow has no modes to be found."""
 
     def stuck(*_):
         raise ValueError("the coarse mesh is singular.")
 
-    monkeypatch.setattr("workflows.error_stages.coarse_reduction", stuck)
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
-    summary = run(scene("rig-rom", COARSE), tmp_path, source=None, watch=lambda n: nullcontext())
+    monkeypatch.setattr("workflows.error_stages.mesh_error", stuck)
+    summary = summary_of(pipeline("output.samples=602"))  # whose mesh error nobody has kept
     assert summary.error_estimate.mesh is None and summary.error_estimate.reduction is not None
     assert any("mesh could not be estimated: the coarse" in words for words in summary.warnings)
 
