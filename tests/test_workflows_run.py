@@ -422,7 +422,10 @@ def test_waves_that_cannot_be_told_apart_are_not_passed_on_in_silence(capsys):
 
 @pytest.mark.parametrize(
     ("duration", "told"),
-    [(5e-5, "ends before a wave is at the wall"), (1e-3, "energy are still in pressed contacts")],
+    [
+        (5e-5, "ends before a wave is at the wall"),
+        (1e-3, "of the striker's energy more than at rest"),
+    ],
 )
 def test_a_record_that_ends_too_early_is_told(duration, told, capsys):
     """The wave is at the wall after 0.8 ms, back at the striker after 1.7 ms."""

@@ -85,9 +85,9 @@ def _unfinished(scene: Scene, found: ChainWaves, impact: Impact) -> str | None:
     if share < PRESSED:
         return None
     return (
-        f"{ends} while {100 * share:.0f} % of the striker's energy are still in pressed contacts: "
-        "the sum of velocities (2.8) and the restitution are not those of spheres that have parted;"
-        " take a longer one."
+        f"{ends} while contacts hold {100 * share:.0f} % of the striker's energy more than at "
+        "rest: the sum of velocities (2.8) and the restitution are not those of spheres that have "
+        "parted; take a longer one."
     )
 
 
