@@ -102,6 +102,7 @@ def _factors(panel, rows) -> None:
     panel.axhline(1.0, color="0.5", linewidth=0.8, linestyle="--", label="start")
     panel.set_xticks(place)
     panel.set_xlabel("contact (the last one at the wall)")
+    panel.ticklabel_format(axis="y", useOffset=False)
     panel.set_ylabel("stiffness over the scene's")
     panel.legend(frameon=False, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=3)
     _plain(panel)

@@ -1,5 +1,6 @@
 """The report of a calibration: a row per parameter, misfits, and sentences."""
 
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ from pydantic import BaseModel
 from coupling.calibration import Calibration
 from coupling.parameters import Parameter
 from coupling.search import DECISIVE
+from workflows.progress import LINE
 from workflows.scene import OneDofWall, Scene
 from workflows.velocity_file import SYNTHETIC
 
@@ -77,7 +79,7 @@ class CalibrationReport(BaseModel):
     coverage: dict[str, Any] | None = None
 
     def text(self) -> str:
-        """A table and sentences."""
+        """A table, and sentences on lines that a terminal holds."""
         spheres = [
             f"{'sphere ' + n:>16} misfit {1e3 * x:.4g} mm/s, at the start "
             f"{1e3 * self.start_misfit_m_s[n]:.4g} mm/s"
@@ -88,10 +90,10 @@ class CalibrationReport(BaseModel):
             for n, x in self.held_out_m_s.items()
         ]
         face = [SYNTHETIC] if self.synthetic else []
+        told = (fill(remark, LINE, subsequent_indent="  ") for remark in self.remarks)
         cost = f"{sum(s['evaluations'] for s in self.stages)} model runs in {self.seconds:.2f} s"
-        return "\n".join(
-            [*face, *_table(self.parameters), "", *spheres, *held, "", cost, *self.remarks]
-        )
+        table = _table(self.parameters)
+        return "\n".join([*face, *table, "", *spheres, *held, "", cost, *told])
 
 
 def _table(rows: list[ParameterRow]) -> list[str]:

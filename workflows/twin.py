@@ -7,6 +7,7 @@ acts on that, and noise and trigger are added to its samples.
 
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from textwrap import fill
 from time import perf_counter
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ from coupling.signals import Filter, aligned
 from workflows import calibration_parameters as free_parameters
 from workflows.calibrate import Calibrated, Request, calibrated
 from workflows.chain_stages import chain, initial_velocity
+from workflows.progress import LINE
 from workflows.scene import InvalidScene, OneDofWall, Scene
 from workflows.velocity_file import SYNTHETIC, Record
 
@@ -92,7 +94,7 @@ class Coverage(BaseModel):
             f"{'met' if self.met else 'not met'}."
         )
         head = f"{SYNTHETIC}; {self.runs} repeats of the experiment in {self.seconds:.1f} s"
-        return "\n".join(["", head, *rows, verdict])
+        return "\n".join(["", head, *rows, fill(verdict, LINE, subsequent_indent="  ")])
 
 
 def checked(twin: Twin) -> Twin:
