@@ -13,7 +13,7 @@ import numpy as np
 
 from dem import kernels
 from dem.chain import validate
-from dem.checks import InvalidChain
+from dem.checks import InvalidChain, columns, positive, saves, whole
 from dem.oscillators import oscillator_turn
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import UnstableStep
@@ -65,6 +65,12 @@ def march_batch(
         scheme = default_scheme(*members[0][:2])
     if scheme not in SCHEMES:
         raise InvalidChain(f"scheme {scheme!r} is unknown; take one of {', '.join(SCHEMES)}")
+    observed = columns(observed, members.mass.shape[1])
+    saves(n_save, members.mass.size)
+    positive("duration", duration, " s")
+    positive("dt" if error is None else "error", dt if error is None else error)
+    if threads is not None:
+        whole("threads", threads)
     if dt is None:
         return _to_error(members, duration, error, observed, scheme, n_save, threads, mend)
     return _march(members, duration, dt, observed, scheme, n_save, threads, mend)
@@ -178,8 +184,6 @@ def _march(members, duration, dt, observed, scheme, n_save, threads, mend):
     method, steps = SCHEMES[scheme], equal_steps(duration, dt, n_save)
     lanes = _lanes(members)
     turn = _turns(lanes, steps.h * method.a)
-    n = members.mass.shape[1]
-    observed = np.arange(n) if observed is None else np.asarray(observed)
     blocks = len(turn)
     vs = np.empty((blocks, n_save + 1, observed.size, LANES))
     walls, errors = np.empty((blocks, n_save + 1, LANES)), np.zeros((blocks, LANES))
@@ -245,7 +249,6 @@ def _require_finite(errors, h):
 
 
 def _one_by_one(members, duration, dt, observed, scheme, n_save, threads, mend):
-    observed = slice(None) if observed is None else np.asarray(observed)
 
     def one(i):
         run = march(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dem import kernels
-from dem.checks import above_0, require, scalar, vector, weighted_square
+from dem.checks import above_0, arrays, require, scalar, spread, vector, weighted_square, whole
 from dem.spheres import hertz_coefficient, mass
 
 LAWS = {
@@ -19,6 +19,10 @@ LAWS = {
     "linear-clipped": kernels.LINEAR_CLIPPED,
     "hunt-crossley": kernels.HUNT_CROSSLEY,
 }
+
+
+PARTS = "dissipation, gamma, leaf_stiffness, leaf_anchor, preload, yield_overlap"
+PER_SPHERE = ("mass", "radius", "A", "gamma", "leaf_stiffness", "leaf_anchor", "yield_overlap")
 
 
 class Chain(NamedTuple):
@@ -88,10 +92,11 @@ def row_of_spheres(
     Material values are scalars or one per sphere; `free` leaves the flat out; `parts` are the
     further fields of `Chain`, scalars or one per sphere or contact. Raises InvalidChain.
     """
-    n = count or np.broadcast(radius, density, young, poisson).size
-    R, rho, E, nu = (
-        np.broadcast_to(np.asarray(p, float), n) for p in (radius, density, young, poisson)
-    )
+    given = {"radius": radius, "density": density, "young": young, "poisson": poisson}
+    if count is not None:
+        whole("count", count)
+    n = count or max(np.size(values) for values in given.values())
+    R, rho, E, nu = (spread(name, values, n) for name, values in given.items())
     for name, values in (("radius", R), ("density", rho), ("young", E)):
         vector(name, values, n, positive=True)
     vector("poisson", nu, n, at_least=-1.0)
@@ -101,8 +106,11 @@ def row_of_spheres(
     sizes = {"gamma": A.size, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": A.size}
     for name in sizes.keys() & parts.keys():
         if parts[name] is not None:
-            parts[name] = np.broadcast_to(np.asarray(parts[name], float), sizes[name]).copy()
-    chain = Chain(mass(R, rho), R.copy(), A * stiffness_factor, **parts)
+            parts[name] = spread(name, parts[name], sizes[name]).copy()
+    factor = spread("stiffness_factor", stiffness_factor, A.size)
+    for name in parts:
+        require(name in Chain._fields, f"{name!r} is no part of a chain; take one of {PARTS}")
+    chain = Chain(mass(R, rho), R.copy(), A * factor, **parts)
     validate(chain, None if free else rigid_wall(), np.zeros(n))
     return chain
 
@@ -137,6 +145,9 @@ def plate_wall(young, poisson, density, thickness):
 
 def validate(chain, wall, v0):
     """Raise InvalidChain with one sentence if anything is missing, not finite or out of range."""
+    require(isinstance(chain, Chain), f"the chain is {chain!r}; give a dem.Chain")
+    require(isinstance(wall, Wall | None), f"the wall is {wall!r}; give a dem.Wall or None")
+    arrays(chain, PER_SPHERE)
     n = np.size(chain.mass)
     n_contacts = n - 1 if wall is None else n
     require(n >= 1, "the chain has no sphere; give at least one mass")
@@ -164,6 +175,7 @@ def validate(chain, wall, v0):
 
 
 def _validate_wall(chain, wall):
+    arrays(wall, ("omega", "zeta", "phi"))
     n_modes = np.size(wall.omega)
     vector("wall omega", wall.omega, n_modes, at_least=0.0)
     vector("wall zeta", wall.zeta, n_modes, at_least=0.0)

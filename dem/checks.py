@@ -1,11 +1,13 @@
 """Numbers that a run may start from: finite, in range, as many as there should be."""
 
 import math
+from numbers import Integral, Real
 
 import numpy as np
 from numba import njit
 
 SMALLEST, LARGEST = 5e-324, 1.7976931348623157e308  # of all positive numbers
+MOST_SAVED = 5e8  # spheres times saves: 12 GB
 
 compiled = njit(cache=True, error_model="numpy", _nrt=False)
 
@@ -53,6 +55,14 @@ def vector(name, values, size, *, positive=False, at_least=None):
     return values
 
 
+def spread(name, values, size):
+    """(size,) of one number or one each."""
+    try:
+        return np.broadcast_to(np.asarray(values, float), size)
+    except (TypeError, ValueError):
+        raise InvalidChain(f"{name} is {values!r}; give one number or {size}") from None
+
+
 def scalar(name, value, *, at_least=None):
     lowest = -math.inf if at_least is None else at_least
     if not (isinstance(value, float) and math.isfinite(value) and value >= lowest):
@@ -61,3 +71,53 @@ def scalar(name, value, *, at_least=None):
 
 def above_0(name, value):
     vector(name, np.atleast_1d(value), 1, positive=True)
+
+
+def positive(name, value, unit=""):
+    """A finite number above 0."""
+    number = np.ndim(value) == 0 and isinstance(value, Real)
+    require(
+        number and math.isfinite(value) and value > 0.0,
+        f"{name} is {value!r}{unit}; it must be finite and above 0",
+    )
+
+
+def whole(name, value, *, at_least=1):
+    """A whole number."""
+    require(
+        isinstance(value, Integral) and value >= at_least,
+        f"{name} is {value!r}; give a whole number of at least {at_least}",
+    )
+
+
+def saves(n_save, n):
+    """A number of saves of n spheres that memory holds."""
+    whole("n_save", n_save)
+    require(
+        n_save * (n + 4) < MOST_SAVED,
+        f"n_save = {n_save} of {n} spheres is more than memory holds; save fewer than "
+        f"{MOST_SAVED / (n + 4):.2g} times",
+    )
+
+
+def columns(observed, n):
+    """Indices of the observed of n spheres; all without any."""
+    if observed is None:
+        return np.arange(n)
+    found = np.asarray(observed)
+    well = found.ndim == 1 and found.size > 0 and found.dtype.kind in "iu"
+    require(
+        well and -n <= found.min() and found.max() < n,
+        f"observed is {observed!r}; give a list of whole numbers from 0 to {n - 1}",
+    )
+    return found
+
+
+def arrays(owner, names):
+    """Raise InvalidChain for a field that is there but no array."""
+    for name in names:
+        values = getattr(owner, name)
+        require(
+            values is None or isinstance(values, np.ndarray),
+            f"{name} is {values!r}; give a numpy array",
+        )

@@ -6,7 +6,7 @@ import numpy as np
 
 from dem import kernels, oscillators
 from dem.chain import LAWS, State, validate
-from dem.checks import InvalidChain
+from dem.checks import InvalidChain, positive, saves, vector
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import BACKWARD, UnstableStep, fastest_decay, refuse_step
 from dem.statics import Equilibrium, static_state
@@ -79,12 +79,14 @@ def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None
     UnstableStep.
     """
     validate(chain, wall, v0 if state is None else state.v)
-    if not (np.isfinite(duration) and duration > 0.0):
-        raise InvalidChain(f"duration is {duration} s; it must be finite and above 0")
-    if not (np.isfinite(dt) and dt > 0.0):
-        raise InvalidChain(f"dt is {dt} s; it must be finite and above 0")
+    if state is not None:
+        _validate_state(chain, wall, state)
+    positive("duration", duration, " s")
+    positive("dt", dt, " s")
     if duration > MOST_STEPS * dt:
         raise InvalidChain(f"dt = {dt:g} s makes {duration / dt:.1e} steps; take a longer one")
+    if n_save is not None:
+        saves(n_save, chain.mass.size)
     prepared = prepare(chain, wall)
     state = start(chain, wall, v0, prepared.static) if state is None else state
     method = _scheme(chain, wall, state.v, prepared, dt, scheme)
@@ -93,7 +95,8 @@ def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None
         raise InvalidChain(
             f"scheme {scheme!r} takes no plastic contacts; take one that is explicit"
         )
-    n_save = n_save or min(1000, int(np.ceil(duration / dt * (1 - 1e-9))))
+    if n_save is None:
+        n_save = min(1000, int(np.ceil(duration / dt * (1 - 1e-9))))
     trajectory = run(chain, wall, prepared, state, duration, dt, method, n_save, mend)
     if not trajectory.energy_error <= 1.0 and _ledger_is_broken(trajectory):
         raise UnstableStep(
@@ -101,6 +104,13 @@ def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None
             f"{trajectory.energy_error:.3g} of the energy at the start; take a smaller dt"
         )
     return trajectory
+
+
+def _validate_state(chain, wall, state):
+    n, k = chain.mass.size, 0 if wall is None else wall.omega.size
+    sizes = {"x": n, "q": k, "p": k, "wall": 4}
+    for name, size in sizes.items():
+        vector(f"{name} of the state", getattr(state, name), size)
 
 
 def _ledger_is_broken(trajectory):

@@ -82,3 +82,56 @@ def test_results_hold_finite_numbers_alone():
     assert all(np.isfinite(part).all() for part in run[:15])
     batch = dem.march_batch(row(), WALL, V0, **TIMES)
     assert all(np.isfinite(part).all() for part in batch[:4])
+
+
+MARCH = {"n_save": 5, **TIMES}
+NOT_NUMBERS = (np.nan, np.inf, 0, -1, "x", None, [1.0, 2.0])
+
+
+@pytest.mark.parametrize("bad", NOT_NUMBERS)
+@pytest.mark.parametrize("name", ["duration", "dt", "error", "n_save"])
+def test_times_and_counts_of_no_number_are_refused(name, bad):
+    """None is a choice for n_save of march and for dt and error of a batch."""
+    to_error = {"duration": 1e-4, "error": 1e-3, "n_save": 5}
+    for run, options in (
+        (dem.march, MARCH), (dem.march_to_error, to_error), (dem.march_batch, MARCH),
+    ):  # fmt: skip
+        if name in options and not (bad is None and name in ("n_save", "dt")):
+            with pytest.raises(dem.InvalidChain, match=name):
+                run(row(), WALL, V0, **{**options, name: bad})
+
+
+@pytest.mark.parametrize("observed", [[3], [-4], [], [1.5], "a", 2])
+def test_spheres_that_are_not_there_cannot_be_observed(observed):
+    with pytest.raises(dem.InvalidChain, match="from 0 to 2"):
+        dem.march_to_error(row(), WALL, V0, duration=1e-4, error=1e-3, observed=observed)
+    with pytest.raises(dem.InvalidChain, match="from 0 to 2"):
+        dem.march_batch(row(), WALL, V0, observed=observed, **TIMES)
+
+
+def test_more_saves_than_memory_holds_are_refused():
+    with pytest.raises(dem.InvalidChain, match="memory"):
+        dem.march(row(), WALL, V0, **{**TIMES, "n_save": 10**12})
+
+
+def test_lists_words_and_states_of_other_chains_are_refused():
+    for chain, wall in (
+        ("chain", WALL), (row(), "wall"), (row()._replace(A=[1.0] * 3), WALL),
+        (row(), WALL._replace(omega=[1.0])),
+    ):  # fmt: skip
+        with pytest.raises(dem.InvalidChain, match="give a"):
+            dem.march(chain, wall, V0, **TIMES)
+    two = dem.march(row(count=2), WALL, V0[:2], **TIMES).final
+    with pytest.raises(dem.InvalidChain):
+        dem.march(row(), WALL, V0, state=two, **TIMES)
+    spoilt = two._replace(x=np.array([np.nan, 0.0]))
+    with pytest.raises(dem.InvalidChain, match="x of the state"):
+        dem.march(row(count=2), WALL, V0[:2], state=spoilt, **TIMES)
+
+
+@pytest.mark.parametrize(
+    "parts", [{"stiffness_factor": "x"}, {"gamma": [1.0, 2.0]}, {"foo": 1}, {"count": 0.5}]
+)
+def test_parts_of_a_row_are_named_in_the_refusal(parts):
+    with pytest.raises(dem.InvalidChain, match=next(iter(parts))):
+        row(**parts)
