@@ -210,7 +210,15 @@ def _balance(chain, n_contacts, stiffness, anchor, compliance):
         x[first:], np.ascontiguousarray(A[:n_contacts])[first:], stiffness[first:], anchor[first:],
         P, compliance if n_contacts == n else 0.0,
     )  # fmt: skip
-    left = rest(*bearing, REGULAR * 1.5 * A.max(initial=0.0) * np.sqrt(overlap), 500)
+    floor = REGULAR * 1.5 * A.max(initial=0.0) * np.sqrt(overlap)
+    left = rest(*bearing, floor, 500)
+    pushed = np.cumsum(stiffness * anchor) + np.r_[np.zeros(n - 1), P]
+    if not left <= 1e-9 * carried and n_contacts == n and (pushed[first:] > 0).all():
+        # of a long chain: from where the springs' forces at x = 0 would press it
+        gap = (np.maximum(pushed, 0) / A) ** (2.0 / 3.0)
+        gap[-1] += max(compliance, 0.0) * pushed[-1]
+        x[:] = np.cumsum(gap[::-1])[::-1]
+        left = rest(*bearing, floor, 500)
     if not left <= 1e-9 * carried:
         raise NoEquilibrium(
             f"no static state found: {left:.3g} N of {carried:.3g} N stay unbalanced; "

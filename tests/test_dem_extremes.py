@@ -9,6 +9,7 @@ from dem import (
     UnstableStep,
     Wall,
     dashpot_wall,
+    equilibrium,
     march,
     march_to_error,
     one_dof_wall,
@@ -123,3 +124,16 @@ def test_random_chains_reach_the_error_asked_for(seed):
         run = march_to_error(chain, rigid_wall(), v0, error=error, **options).trajectory
         exact = march(chain, rigid_wall(), v0, dt=run.dt / 16, **options)
         assert np.abs(run.v - exact.v).max() < error * np.abs(v0).max()
+
+
+def test_a_thousand_spheres_pressed_by_their_leaf_springs_come_to_rest():
+    """The search once gave up on them: the wall's reaction reaches the first sphere too slowly."""
+    n = 1000
+    row = row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=n, wall_young=210e9, wall_poisson=0.3)
+    row = row._replace(
+        preload=15.0, leaf_stiffness=np.full(n, 200.0), leaf_anchor=np.full(n, 1.5e-3)
+    )
+    rest = equilibrium(row, rigid_wall())
+    pulled = 15.0 + (200.0 * (1.5e-3 - rest.x)).sum()
+    assert rest.force[-1] == pytest.approx(pulled, rel=1e-8)
+    assert (np.diff(rest.force) > 0).all()
