@@ -145,8 +145,8 @@ def plate_wall(young, poisson, density, thickness):
 
 def validate(chain, wall, v0):
     """Raise InvalidChain with one sentence if anything is missing, not finite or out of range."""
-    require(isinstance(chain, Chain), f"the chain is {chain!r}; give a dem.Chain")
-    require(isinstance(wall, Wall | None), f"the wall is {wall!r}; give a dem.Wall or None")
+    require(isinstance(chain, Chain), "the chain is none; give a dem.Chain")
+    require(wall is None or isinstance(wall, Wall), "the wall is none; give a dem.Wall or None")
     arrays(chain, PER_SPHERE)
     n = np.size(chain.mass)
     n_contacts = n - 1 if wall is None else n

@@ -106,10 +106,10 @@ def columns(observed, n):
         return np.arange(n)
     found = np.asarray(observed)
     well = found.ndim == 1 and found.size > 0 and found.dtype.kind in "iu"
-    require(
-        well and -n <= found.min() and found.max() < n,
-        f"observed is {observed!r}; give a list of whole numbers from 0 to {n - 1}",
-    )
+    if not (well and -n <= found.min() and found.max() < n):
+        raise InvalidChain(
+            f"observed is {observed!r}; give a list of whole numbers from 0 to {n - 1}"
+        )
     return found
 
 
@@ -117,7 +117,5 @@ def arrays(owner, names):
     """Raise InvalidChain for a field that is there but no array."""
     for name in names:
         values = getattr(owner, name)
-        require(
-            values is None or isinstance(values, np.ndarray),
-            f"{name} is {values!r}; give a numpy array",
-        )
+        if not (values is None or isinstance(values, np.ndarray)):
+            raise InvalidChain(f"{name} is {values!r}; give a numpy array")

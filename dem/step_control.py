@@ -16,7 +16,7 @@ from dem.stability import (
 )
 from dem.trajectory import Trajectory, march, prepare, run, start
 
-FIRST, MOST = 1.0, 2.0  # order that one pair of marches shows, and that any number of them does
+FIRST, MOST = 1.5, 2.0  # order that one pair of marches shows, and that any number of them does
 BELOW = 0.5  # the observed order, which scatters
 
 
@@ -57,7 +57,7 @@ def march_to_error(
     observed: indices of spheres, None for all; scale: the largest initial speed unless given;
     energy_error: error / 100 unless given;
     max_evaluations: of all contacts, unless given as many as take about a minute. The estimate
-    divides the difference of two marches by what order 1 leaves, of a third by what the observed
+    divides the difference of two marches by what order 1.5 leaves, of a third by what the observed
     order leaves, up to 2 (0.75 for the linear laws, whose force jumps): all schemes here keep more,
     but not at every step. Raises UnstableStep if `max_evaluations` do not suffice.
     """
