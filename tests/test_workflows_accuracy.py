@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 import dem
-from workflows import accuracy, chain_studies, engine_studies, peers, work_precision
-from workflows.accuracy import Row, Study
-from workflows.chain_studies import lengthened, modal_wall
-from workflows.cli import main
-from workflows.scene import InvalidScene
-from workflows.scene_file import scene
-from workflows.work_precision import (
+from workflows.accuracy import accuracy, peers, work_precision
+from workflows.accuracy import chain as chain_studies
+from workflows.accuracy import engine as engine_studies
+from workflows.accuracy.accuracy import Row, Study
+from workflows.accuracy.chain import lengthened, modal_wall
+from workflows.accuracy.work_precision import (
     Reference,
     growth,
     growth_exponent,
@@ -28,6 +27,9 @@ from workflows.work_precision import (
     seconds_at,
     timed,
 )
+from workflows.cli import main
+from workflows.scene import InvalidScene
+from workflows.scene_file import scene
 
 SHORT = ("chain.count=6", "output.spheres=[1,4]", "time.duration=0.8e-3")
 

@@ -10,13 +10,13 @@ from rich.text import Text
 from typer.testing import CliRunner
 
 from workflows import cli
-from workflows import twin as experiment
-from workflows.calibrate import Request, calibrated
-from workflows.calibration_folder import write
+from workflows.calibration import twin as experiment
+from workflows.calibration.calibrate import Request, calibrated
+from workflows.calibration.folder import write
+from workflows.calibration.velocity_file import SYNTHETIC, Record, csv_text
 from workflows.chain_stages import wall
 from workflows.scene import InvalidScene
 from workflows.scene_file import resolved, scene, toml
-from workflows.velocity_file import SYNTHETIC, Record, csv_text
 
 SPHERES = (1, 4)
 SETTING = experiment.Twin(frequency=700.0, noise=0.0, repeats=1, before=2e-5, seed=3)

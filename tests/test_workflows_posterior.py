@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from coupling.posterior import posterior
-from workflows import calibration_posterior, cli
-from workflows import twin as experiment
-from workflows.calibrate import Request, calibrated
-from workflows.calibration_folder import write
-from workflows.calibration_posterior import with_posterior
+from workflows import cli
+from workflows.calibration import posterior as calibration_posterior
+from workflows.calibration import twin as experiment
+from workflows.calibration.calibrate import Request, calibrated
+from workflows.calibration.folder import write
+from workflows.calibration.posterior import with_posterior
+from workflows.calibration.velocity_file import csv_text
 from workflows.chain_stages import wall
 from workflows.scene_file import resolved
-from workflows.velocity_file import csv_text
 
 SETTING = experiment.Twin(noise=1e-3, repeats=4, jitter=1e-6, before=2e-5, seed=3)
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
-from workflows import accuracy
-from workflows import reduction_accuracy as study
+from workflows.accuracy import accuracy
+from workflows.accuracy import reduction as study
+from workflows.accuracy.shared_solutions import SharedSolutions
 from workflows.cli import main
 from workflows.scene import InvalidScene
 from workflows.scene_file import scene
-from workflows.shared_solutions import SharedSolutions
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",

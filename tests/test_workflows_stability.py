@@ -8,11 +8,12 @@ import pytest
 
 import coupling
 import dem
-from workflows import stability, stability_steps
 from workflows.chain_stages import rough
 from workflows.cli import main
-from workflows.stability import CASES, Outcome, Trial, judged
-from workflows.stability_chains import settled, spheres_of, struck
+from workflows.stability import stability
+from workflows.stability import steps as stability_steps
+from workflows.stability.chains import settled, spheres_of, struck
+from workflows.stability.stability import CASES, Outcome, Trial, judged
 
 QUICK = sorted({*CASES} - {"joint-stiffness", "rayleigh-damping", "drift", "unlike-radii"})
 HEAVY = ("100000", "x 100", "mass x 1e-06", "1e+06")
@@ -155,7 +156,7 @@ def test_unknown_case_is_bad_input(capsys, monkeypatch):
     [(1e14, ()), (0.0, ("preload.force=0.0", 'reduction.kind="free-modes"'))],
 )
 def test_stiff_and_floating_assemblies_are_marched_right(stiffness, changes):
-    from workflows.stability_assembly import _jointed
+    from workflows.stability.assembly import _jointed
 
     outcome = _jointed(stiffness, *changes)
     assert outcome.value < outcome.allowed

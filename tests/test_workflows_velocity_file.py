@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from workflows.calibration.velocity_file import SYNTHETIC, Record, csv_text, record
 from workflows.scene import InvalidScene
-from workflows.velocity_file import SYNTHETIC, Record, csv_text, record
 
 T = np.arange(80) * 1e-6
 V = np.random.default_rng(0).normal(size=(2, 80, 3))

@@ -86,9 +86,9 @@ def calibrate(
 ) -> None:
     """Contact stiffnesses and wall parameters fitted to measured velocities."""
     _possible(posterior, two_stage)
-    from workflows.calibrate import Request, calibrated
+    from workflows.calibration.calibrate import Request, calibrated
+    from workflows.calibration.velocity_file import record
     from workflows.stages import pipeline_of
-    from workflows.velocity_file import record
 
     chosen = _with_chain(load(scene, tuple(changes or ())))
     measured = record(data)
@@ -139,8 +139,8 @@ def twin(
 ) -> None:
     """A known rig makes SYNTHETIC data, and a calibration has to find it again."""
     _possible(posterior, two_stage)
-    from workflows import twin as experiment
-    from workflows.calibrate import Request
+    from workflows.calibration import twin as experiment
+    from workflows.calibration.calibrate import Request
     from workflows.stages import pipeline_of
 
     watched = (f"output.spheres=[{spheres}]",) if spheres else ()
@@ -165,7 +165,7 @@ def twin(
             with progress.stage(f"{runs} repeats"):
                 covered = experiment.coverage(chosen, wall, setting, request, found, runs)
     if out:
-        from workflows.calibration_folder import write_data
+        from workflows.calibration.folder import write_data
 
         write_data(out, data, covered)
     _told(found, out, json, covered)
@@ -175,7 +175,7 @@ def _possible(posterior: bool, two_stage: bool) -> None:
     """Raise InvalidScene for a posterior that cannot be sampled."""
     if not posterior:
         return
-    from workflows.calibration_posterior import require_sampler
+    from workflows.calibration.posterior import require_sampler
 
     require_sampler()
     if two_stage:
@@ -187,14 +187,14 @@ def _possible(posterior: bool, two_stage: bool) -> None:
 def _sampled(found, posterior: bool, seed: int, progress: StageProgress):
     if not posterior:
         return found
-    from workflows.calibration_posterior import with_posterior
+    from workflows.calibration.posterior import with_posterior
 
     with progress.stage("posterior"):
         return with_posterior(found, seed)
 
 
 def _told(found, out: Path | None, json: bool, covered=None) -> None:
-    from workflows.calibration_folder import write
+    from workflows.calibration.folder import write
 
     report = found.report
     if covered is not None:
@@ -218,7 +218,7 @@ def _writable(out: Path | None, *sources: Path | str | None) -> None:
     """Make the folder; raises InvalidScene where it cannot be one or would overwrite a source."""
     if not out:
         return
-    from workflows.calibration_folder import FILES
+    from workflows.calibration.folder import FILES
     from workflows.run_folder import RunFolder, checked_folder
 
     for source in (Path(name) for name in sources if name):

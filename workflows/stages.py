@@ -115,7 +115,7 @@ ASSEMBLY = {
         ("fem", "rom", "coupling", "workflows.figures"),
     ),
     "reference-response": Stage(
-        "workflows.reduction_accuracy:reference",
+        "workflows.accuracy.reduction:reference",
         _reads("patch", "assembly"),
         ("model", "contact"),
         ("fem", "rom"),

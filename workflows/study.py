@@ -7,7 +7,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import NamedTuple
 
-from workflows.accuracy import aligned, short, table_csv
+from workflows.accuracy.accuracy import aligned, short, table_csv
 from workflows.run_folder import Picture, RunFolder, write_pictures
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.stages import Watch

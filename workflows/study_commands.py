@@ -25,7 +25,7 @@ def accuracy(
     json: Json = False,
 ) -> None:
     """Error against run time, beside general-purpose integrators measured in the same run."""
-    from workflows import accuracy as studies
+    from workflows.accuracy import accuracy as studies
 
     with StageProgress(sys.stderr) as progress:
         study = studies.accuracy(
@@ -45,7 +45,7 @@ def stability(
     json: Json = False,
 ) -> None:
     """Stiff and extreme cases, a verdict each."""
-    from workflows import stability as cases
+    from workflows.stability import stability as cases
 
     with StageProgress(sys.stderr) as progress:
         rows = cases.stability(cases.chosen(case), progress.stage)

@@ -13,7 +13,7 @@ import numpy as np
 
 import dem
 from dem.spheres import time_scale
-from workflows.accuracy import short
+from workflows.accuracy.accuracy import short
 from workflows.chain_stages import initial_velocity
 from workflows.run_folder import Picture
 from workflows.scene import Scene

@@ -15,11 +15,11 @@ from coupling.calibration import Calibration, calibrate
 from coupling.forward import Forward
 from coupling.search import Options
 from coupling.signals import Aligned, Filter, Signals, aligned, lag_of, noise_between_waves
-from workflows import calibration_parameters as free_parameters
-from workflows.calibration_checks import cut_off, doubts, plausible, require_samples
-from workflows.calibration_report import CalibrationReport, report_of
+from workflows.calibration import parameters as free_parameters
+from workflows.calibration.checks import cut_off, doubts, plausible, require_samples
+from workflows.calibration.report import CalibrationReport, report_of
+from workflows.calibration.velocity_file import Record
 from workflows.scene import InvalidScene, OneDofWall, Scene
-from workflows.velocity_file import Record
 
 if TYPE_CHECKING:
     from coupling.posterior import Posterior

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 import dem
-from workflows.accuracy import Row, Study
-from workflows.chain_studies import modal_wall, problem
-from workflows.peers import Problem
+from workflows.accuracy.accuracy import Row, Study
+from workflows.accuracy.chain import modal_wall, problem
+from workflows.accuracy.peers import Problem
+from workflows.accuracy.work_precision import limit, marched, observed, relative_error, timed
 from workflows.scene import Scene
 from workflows.stages import Watch
-from workflows.work_precision import limit, marched, observed, relative_error, timed
 
 POPULATION, SCATTER, ERROR = 8192, 0.05, 1e-4
 SAMPLED = 512  # chains whose error is measured

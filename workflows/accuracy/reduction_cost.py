@@ -16,12 +16,12 @@ import dem
 import fem
 import rom
 from coupling.wall import wall_from_reduced
+from workflows.accuracy.shared_solutions import SharedSolutions
 from workflows.assembly_stages import AssemblyModes
 from workflows.chain_stages import chain, initial_velocity
 from workflows.reduced_wall import damping, half_space
 from workflows.reduction_stage import hammer_modes, size
 from workflows.scene import Scene
-from workflows.shared_solutions import SharedSolutions
 
 KIND = "free-modes"
 ERROR = 1e-4  # of the reduction, and of the marches that are compared

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from workflows.calibration_report import CalibrationReport
+from workflows.calibration.report import CalibrationReport
+from workflows.calibration.velocity_file import SYNTHETIC, Record, csv_text
 from workflows.run_folder import Picture, RunFolder, write_pictures
 from workflows.scene_file import toml
-from workflows.velocity_file import SYNTHETIC, Record, csv_text
 
 FILES = ("scene.toml", "report.json", "parameters.csv", "signals.csv", "posterior.npz", "data.csv")
 SOMETIMES = ("posterior.npz", "figures/posterior.png", "figures/scan.png")
@@ -16,7 +16,7 @@ SOMETIMES = ("posterior.npz", "figures/posterior.png", "figures/scan.png")
 def write(found, out: Path) -> None:
     """scene.toml, parameters.csv, signals.csv, report.json and figures/ into a folder, and what
     samples there are; of an earlier calibration nothing is left."""
-    from workflows.calibration_figures import pictures
+    from workflows.calibration.figures import pictures
 
     folder = RunFolder(out)
     folder.make()

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.accuracy import aligned, short, table_csv
+from workflows.accuracy.accuracy import aligned, short, table_csv
 from workflows.run_folder import RunFolder
 from workflows.scene import InvalidScene, nearest
 from workflows.stages import Watch

@@ -5,8 +5,8 @@ from time import perf_counter
 
 import numpy as np
 
-from workflows.calibrate import Calibrated
-from workflows.calibration_report import SHARES, PosteriorSummary
+from workflows.calibration.calibrate import Calibrated
+from workflows.calibration.report import SHARES, PosteriorSummary
 from workflows.scene import InvalidScene
 
 DIFFERENT = 0.1  # of two sigma, by a quantile from the end of its bar

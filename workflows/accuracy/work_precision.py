@@ -13,9 +13,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 import dem
-from workflows import peers
-from workflows.accuracy import Row
-from workflows.peers import Problem, Solver
+from workflows.accuracy import peers
+from workflows.accuracy.accuracy import Row
+from workflows.accuracy.peers import Problem, Solver
 
 TARGETS = (1e-4, 1e-6)
 TOLERANCES = tuple(10.0**-k for k in range(3, 12))

@@ -11,8 +11,8 @@ import fem
 from workflows.chain_stages import chain, initial_velocity
 from workflows.scene import Scene
 from workflows.scene_file import scene as load
-from workflows.stability import Outcome, Trial
-from workflows.stability_chains import settled
+from workflows.stability.chains import settled
+from workflows.stability.stability import Outcome, Trial
 from workflows.stages import Pipeline
 
 COARSE = (

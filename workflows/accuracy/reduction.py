@@ -8,7 +8,7 @@
 The full model's answer comes from a Krylov space of the whole structure, grown until its bound (see
 rom.contact_modes) is far below the errors that are told, and set beside direct solutions at a few
 frequencies: direct ones at every frequency would take longer than all the rest. Seconds are those
-of the processor, of each reduction as if it were the only one (see workflows.shared_solutions).
+of the processor, of each reduction as if it were the only one (see shared_solutions).
 
 Modes are those that the contact moves most up to 50 kHz, or "lowest" in the order of their
 frequencies, as reduction.choice says. "+ residual" keeps the static response of all that is not a
@@ -26,10 +26,8 @@ import numpy as np
 import dem
 import fem
 import rom
-from workflows.accuracy import Row, Study, aligned, short
-from workflows.chain_stages import initial_velocity
-from workflows.reduced_wall import half_space
-from workflows.reduction_cost import (
+from workflows.accuracy.accuracy import Row, Study, aligned, short
+from workflows.accuracy.reduction_cost import (
     Contact,
     cost_sentences,
     least_seconds,
@@ -37,11 +35,13 @@ from workflows.reduction_cost import (
     reduced_to,
     wall_of,
 )
-from workflows.reduction_picture import CHOICES, KINDS, Case, method_name, picture
+from workflows.accuracy.reduction_picture import CHOICES, KINDS, Case, method_name, picture
+from workflows.accuracy.shared_solutions import SharedSolutions
+from workflows.chain_stages import initial_velocity
+from workflows.reduced_wall import half_space
 from workflows.reduction_stage import provenance
 from workflows.run_folder import Picture
 from workflows.scene import InvalidScene, RomWall, Scene
-from workflows.shared_solutions import SharedSolutions
 from workflows.stages import Watch, pipeline_of
 
 COUNTS = (10, 20, 40, 80, 150)

@@ -3,9 +3,9 @@
 import numpy as np
 
 from coupling.signals import Signals
+from workflows.calibration.velocity_file import Record
 from workflows.chain_stages import initial_velocity
 from workflows.scene import InvalidScene, Scene
-from workflows.velocity_file import Record
 
 WRONG_UNITS = 20.0  # peak velocity over the striker's
 DOUBTFUL_UNITS = 3.0

@@ -63,13 +63,13 @@ class Entry(NamedTuple):
 
 
 STUDIES = {
-    "time": Entry("workflows.chain_studies:time", "rig-rigid"),
-    "chain-length": Entry("workflows.chain_studies:chain_length", "rig-rigid"),
-    "wall-modes": Entry("workflows.chain_studies:wall_modes", "rig-rigid"),
-    "batch": Entry("workflows.engine_studies:batch", "rig-rigid"),
-    "parts": Entry("workflows.engine_studies:parts", "rig-rigid"),
-    "mesh": Entry("workflows.mesh_accuracy:mesh", "rig-rom"),
-    "reduction": Entry("workflows.reduction_accuracy:reduction", "rig-rom"),
+    "time": Entry("workflows.accuracy.chain:time", "rig-rigid"),
+    "chain-length": Entry("workflows.accuracy.chain:chain_length", "rig-rigid"),
+    "wall-modes": Entry("workflows.accuracy.chain:wall_modes", "rig-rigid"),
+    "batch": Entry("workflows.accuracy.engine:batch", "rig-rigid"),
+    "parts": Entry("workflows.accuracy.engine:parts", "rig-rigid"),
+    "mesh": Entry("workflows.accuracy.mesh:mesh", "rig-rom"),
+    "reduction": Entry("workflows.accuracy.reduction:reduction", "rig-rom"),
 }
 
 

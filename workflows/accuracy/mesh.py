@@ -17,7 +17,7 @@ import geometry
 from fem.factorisation import has_pardiso
 from workflows import assembly_stages as stages
 from workflows import figures
-from workflows.accuracy import Row, Study
+from workflows.accuracy.accuracy import Row, Study
 from workflows.run_folder import Picture
 from workflows.scene import Scene
 from workflows.stages import Watch

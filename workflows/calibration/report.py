@@ -9,9 +9,9 @@ from pydantic import BaseModel
 from coupling.calibration import Calibration
 from coupling.parameters import Parameter
 from coupling.search import DECISIVE
+from workflows.calibration.velocity_file import SYNTHETIC
 from workflows.progress import LINE
 from workflows.scene import OneDofWall, Scene
-from workflows.velocity_file import SYNTHETIC
 
 IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one that may be 0
 WEAK = 0.5

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 
 import dem
-from workflows.stability import Outcome, Trial
-from workflows.stability_chains import RIG, SPEED, N, settled, spheres_of, struck
+from workflows.stability.chains import RIG, SPEED, N, settled, spheres_of, struck
+from workflows.stability.stability import Outcome, Trial
 
 DURATION = 1e-3
 

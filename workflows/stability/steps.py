@@ -8,8 +8,8 @@ import numpy as np
 import coupling
 import dem
 from workflows.chain_stages import rough
-from workflows.stability import Outcome, Trial
-from workflows.stability_chains import SPEED, finer, settled, spheres_of, squeezed, struck
+from workflows.stability.chains import SPEED, finer, settled, spheres_of, squeezed, struck
+from workflows.stability.stability import Outcome, Trial
 
 DRIFT_STEPS = 10_000_000
 

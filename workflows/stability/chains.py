@@ -10,7 +10,7 @@ import numpy as np
 
 import dem
 from dem.spheres import time_scale
-from workflows.stability import Outcome, Trial
+from workflows.stability.stability import Outcome, Trial
 
 ERROR = 1e-4
 RIG = {"radius": 0.0127, "density": 7800.0, "young": 210e9, "poisson": 0.3}

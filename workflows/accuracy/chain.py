@@ -7,15 +7,11 @@ import numpy as np
 
 import dem
 from dem.spheres import force_scale
-from workflows import figures, peers
-from workflows.accuracy import Row, Study
-from workflows.chain_stages import chain, initial_velocity, require_start
-from workflows.figures import Curve
-from workflows.peers import Problem
-from workflows.run_folder import Picture
-from workflows.scene import InvalidScene, Scene
-from workflows.stages import Watch, pipeline_of
-from workflows.work_precision import (
+from workflows import figures
+from workflows.accuracy import peers
+from workflows.accuracy.accuracy import Row, Study
+from workflows.accuracy.peers import Problem
+from workflows.accuracy.work_precision import (
     CONTROLLED,
     Reference,
     controlled_rows,
@@ -28,6 +24,11 @@ from workflows.work_precision import (
     scheme_row,
     scheme_rows,
 )
+from workflows.chain_stages import chain, initial_velocity, require_start
+from workflows.figures import Curve
+from workflows.run_folder import Picture
+from workflows.scene import InvalidScene, Scene
+from workflows.stages import Watch, pipeline_of
 
 LENGTHS = (17, 100, 1000, 10000)
 MODES = (0, 1, 10, 50, 150, 500)

@@ -20,12 +20,12 @@ from coupling.calibration import calibrate
 from coupling.parameters import Parameter
 from coupling.search import Options
 from coupling.signals import Filter, aligned
-from workflows import calibration_parameters as free_parameters
-from workflows.calibrate import Calibrated, Request, calibrated
+from workflows.calibration import parameters as free_parameters
+from workflows.calibration.calibrate import Calibrated, Request, calibrated
+from workflows.calibration.velocity_file import SYNTHETIC, Record
 from workflows.chain_stages import chain, initial_velocity
 from workflows.progress import LINE
 from workflows.scene import InvalidScene, OneDofWall, Scene
-from workflows.velocity_file import SYNTHETIC, Record
 
 OVERSAMPLED = 4  # samples of the march per sample of the instrument
 MARCHED = 1e-8  # relative velocity error of the data's own march
