@@ -49,25 +49,25 @@ class Trial(NamedTuple):
 
 
 CASES = {
-    "joint-stiffness": "stability_assembly:joint_stiffness",
-    "rayleigh-damping": "stability_assembly:rayleigh_damping",
-    "wall-mode-frequency": "stability_walls:mode_frequency",
-    "one-dof-wall": "stability_walls:one_dof",
-    "wall-damping": "stability_walls:wall_damping",
-    "dashpot-wall": "stability_walls:dashpot",
-    "young": "stability_chains:young",
-    "unlike-materials": "stability_chains:unlike_materials",
-    "radius": "stability_chains:radius",
-    "unlike-radii": "stability_chains:unlike_radii",
-    "striker-speed": "stability_chains:striker_speed",
-    "preload": "stability_chains:preload",
-    "sonic-vacuum": "stability_chains:sonic_vacuum",
-    "dissipation": "stability_chains:dissipation",
-    "spheres": "stability_chains:spheres",
-    "step": "stability_steps:step",
-    "drift": "stability_steps:drift",
-    "time-reversal": "stability_steps:time_reversal",
-    "float-extremes": "stability_steps:float_extremes",
+    "joint-stiffness": "assembly:joint_stiffness",
+    "rayleigh-damping": "assembly:rayleigh_damping",
+    "wall-mode-frequency": "walls:mode_frequency",
+    "one-dof-wall": "walls:one_dof",
+    "wall-damping": "walls:wall_damping",
+    "dashpot-wall": "walls:dashpot",
+    "young": "chains:young",
+    "unlike-materials": "chains:unlike_materials",
+    "radius": "chains:radius",
+    "unlike-radii": "chains:unlike_radii",
+    "striker-speed": "chains:striker_speed",
+    "preload": "chains:preload",
+    "sonic-vacuum": "chains:sonic_vacuum",
+    "dissipation": "chains:dissipation",
+    "spheres": "chains:spheres",
+    "step": "steps:step",
+    "drift": "steps:drift",
+    "time-reversal": "steps:time_reversal",
+    "float-extremes": "steps:float_extremes",
 }
 
 
@@ -92,7 +92,7 @@ def chosen(cases: Iterable[str] | None) -> tuple[str, ...]:
 def trials(case: str) -> Iterator[Trial]:
     """What is tried of a case."""
     module, function = CASES[case].split(":")
-    return getattr(import_module(f"workflows.{module}"), function)()
+    return getattr(import_module(f"workflows.stability.{module}"), function)()
 
 
 def judged(trial: Trial) -> Row:
