@@ -125,22 +125,28 @@ ASSEMBLY = {
     ),
 }
 
+RUN = ("chain", "striker", "contact", "leaf_springs", "preload", "time")
+
 
 def _stages(scene: Scene) -> dict[str, Stage]:
     """The stages that this scene may need; those of an assembly only where one is struck."""
     needs = ("reduction",) if needs_assembly(scene) and scene.chain else ()
     wall = Stage("workflows.chain_stages:wall", _wall_reads, needs, ("coupling", "rom", "dem"))
-    run = ("chain", "striker", "contact", "leaf_springs", "preload", "time")
     walls, whole = {"wall": wall}, "wall"
     if getattr(scene.wall, "prune", False):
         pruning, pruned = "workflows.chain_stages:pruning", "workflows.chain_stages:pruned_wall"
         walls, whole = {"whole-wall": wall}, "whole-wall"
-        walls["pruning"] = Stage(pruning, _reads(*run), (whole,), ("coupling", "dem"))
+        walls["pruning"] = Stage(pruning, _reads(*RUN), (whole,), ("coupling", "dem"))
         walls["wall"] = Stage(pruned, _reads(), ("pruning",), ())
-    ends = {
+    return {**ASSEMBLY, **walls, **_impact_stages(whole)}
+
+
+def _impact_stages(whole: str) -> dict[str, Stage]:
+    """The run and what follows it; `whole` is the wall before any of its modes is left out."""
+    return {
         "impact": Stage(
             "workflows.chain_stages:impact",
-            _reads(*run, "wall", "output"),
+            _reads(*RUN, "wall", "output"),
             ("wall",),
             ("coupling", "dem"),
         ),
@@ -158,7 +164,7 @@ def _stages(scene: Scene) -> dict[str, Stage]:
         ),
         "waves": Stage(
             "workflows.chain_waves:waves",
-            _reads(*run, "wall", "output"),
+            _reads(*RUN, "wall", "output"),
             ("impact",),
             ("dem", "workflows.chain_stages"),
         ),
@@ -169,7 +175,6 @@ def _stages(scene: Scene) -> dict[str, Stage]:
             ("workflows.figures",),
         ),
     }
-    return {**ASSEMBLY, **walls, **ends}
 
 
 def needs_assembly(scene: Scene) -> bool:
