@@ -1,0 +1,45 @@
+"""Frequencies against the element size: the limit and the order where three meshes tell them."""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from workflows.accuracy import mesh as study
+from workflows.scene_file import scene
+
+H = 8e-3 / np.sqrt(2) ** np.arange(5)
+
+
+@pytest.mark.parametrize("order", [1.2, 2.0, 3.9])
+def test_the_limit_and_the_order_of_a_power_law_are_found(order):
+    """Rounding of 50 Hz over the last difference, 1e-5 of it: 1e-9 in the order."""
+    f0, c = np.array([50.0, 900.0]), np.array([2e3, 5e4])
+    limit, p = study.extrapolated(H, f0 + c * H[:, None] ** order)
+    np.testing.assert_allclose(limit, f0, rtol=1e-9)
+    np.testing.assert_allclose(p, order, rtol=1e-6)
+
+
+@pytest.mark.parametrize("order", [0.3, 6.0])
+def test_an_order_that_no_mode_has_tells_no_limit(order):
+    f = 50.0 + 2e3 * H[:, None] ** order
+    limit, p = study.extrapolated(H, f)
+    assert np.isnan(p).all() and limit == f[-1]
+
+
+def test_neither_do_values_that_turn_or_stand_still():
+    f = np.array([[51.0, 50.0], [0.0, 50.0], [50.0, 50.0], [0.0, 50.0], [50.5, 50.0]])
+    limit, p = study.extrapolated(H, f)
+    assert np.isnan(p).all() and np.array_equal(limit, [50.5, 50.0])
+
+
+def test_finer_meshes_are_softer_and_the_study_says_by_how_much(monkeypatch):
+    """A finer mesh contains the coarser's motions but for the layout of its elements: 0.1 %."""
+    monkeypatch.setattr(study, "N_MODES", {"full-tie": 18})
+    monkeypatch.setattr(study, "BLOCK", 30e-3)
+    seeds = (24e-3, 17e-3, 12e-3, 8.5e-3, 6e-3)
+    found = study.mesh(scene("rig-rom", ()), lambda name: nullcontext(), seeds=seeds)
+    errors = [row.error for row in found.rows]
+    assert [row.parameter for row in found.rows] == list(seeds)
+    assert np.all(np.diff(errors) <= 1e-3) and errors[0] > 2 * errors[-1]
+    assert found.findings[0].startswith("full-tie: converges to 5") and found.pictures[0].png
