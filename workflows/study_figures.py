@@ -36,15 +36,28 @@ class Panel(NamedTuple):
     y_limits: tuple[float, float] | None = None
 
 
-def panels(sets: Sequence[Panel], *, columns: int = 1, size: tuple[float, float] = (8, 3)) -> bytes:
-    """The panels row by row, each of size (width, height) [inch]."""
+def panels(
+    sets: Sequence[Panel],
+    *,
+    columns: int = 1,
+    size: tuple[float, float] = (8, 3),
+    legend_apart: bool = False,
+) -> bytes:
+    """The panels row by row, each of size (width, height) [inch].
+
+    `legend_apart` sets the legend of the last panel into the place behind it where that is free.
+    """
     rows = -(-len(sets) // columns)
     figure = Figure(figsize=(columns * size[0], rows * size[1]), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for panel, axis in zip(sets, axes, strict=False):
         _drawn(panel, axis)
     for unused in axes[len(sets) :]:
-        unused.set_visible(False)
+        unused.set_axis_off()
+    if legend_apart and len(sets) < len(axes):
+        last = axes[len(sets) - 1]
+        last.get_legend().remove()
+        axes[len(sets)].legend(*last.get_legend_handles_labels(), frameon=False, loc="center left")
     raw = BytesIO()
     figure.savefig(raw, format="png", dpi=130, metadata={"Software": None})
     return raw.getvalue()

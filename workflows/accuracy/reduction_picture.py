@@ -46,7 +46,7 @@ def picture(cases: tuple[Case, ...], bands_hz: tuple[float, ...]) -> bytes:
         Panel("what the reduction costs", "modes", "seconds", reduced, "xy"),
         Panel("what the march costs", "modes", "milliseconds", marched, "xy"),
     ]
-    return panels(drawn, columns=3, size=(4.6, 3.6))
+    return panels(drawn, columns=3, size=(4.6, 3.6), legend_apart=True)
 
 
 def _lines(
