@@ -6,6 +6,7 @@ the first waves has ended beside the answer: it is given up for another, scatter
 until one explains the data or several have ended alike.
 """
 
+from collections.abc import Sequence
 from time import perf_counter
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from coupling.fitting import Fit, rms
 from coupling.lengthening import ROUNDS, Lengthening
+from coupling.parameters import Parameter
 from coupling.scan import Scan, scanned
 from coupling.signals import first_waves_end
 
@@ -32,6 +34,7 @@ ALMOST = 1.02  # of what first waves may leave, for a chain to be taken further
 SCATTER = 0.5  # of a further start, in scales
 SAME = 1.002  # misfits of two starts that found the same
 DECISIVE = 1.5e-3  # of the fastest sphere: noise above which a wrong chain may leave no more
+PER_SPHERE = 6.0  # contacts to a measured sphere, above which a wrong chain may leave no more
 EXACT = 1e-5  # of the fastest sphere: a misfit that needs no further search
 
 
@@ -66,6 +69,15 @@ class Options(NamedTuple):
     local: bool = False  # only from the start on, for repeats of a fit that has been found
     scan: tuple[float, float, int] | None = None  # of the wall's frequency [Hz]: low, high, points
     noise: float | None = None  # rms [m/s] in the mean signals: a misfit that cannot be bettered
+
+
+def decisive(
+    noise: float, largest: float, parameters: Sequence[Parameter], data: np.ndarray
+) -> bool:
+    """Whether a chain that leaves no more than the noise [m/s] in the data (k, m) must be the right
+    one: where little is measured, contacts may be exchanged at a misfit that hides in it."""
+    contacts = sum(p.kind == "contact" for p in parameters)
+    return noise <= DECISIVE * largest and contacts <= PER_SPHERE * data.shape[1]
 
 
 class Search:
@@ -143,7 +155,9 @@ class Search:
         """Whether a misfit as small as the noise is enough; else other starts must find it too."""
         least = min(end.misfit for end in ends)
         alike = sum(end.misfit <= SAME * least for end in ends)
-        return alike >= ALIKE or self.noise <= DECISIVE * self.fine.largest
+        return alike >= ALIKE or decisive(
+            self.noise, self.fine.largest, self.parameters, self.fine.data
+        )
 
     def _promising(self) -> float:
         """Misfit [m/s] in the first waves of a chain that is worth the other waves."""

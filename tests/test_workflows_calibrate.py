@@ -9,10 +9,12 @@ import typer
 from rich.text import Text
 from typer.testing import CliRunner
 
+from coupling.search import decisive
 from workflows import cli
 from workflows.calibration import twin as experiment
 from workflows.calibration.calibrate import Request, calibrated
 from workflows.calibration.folder import write
+from workflows.calibration.report import on_held_out
 from workflows.calibration.velocity_file import SYNTHETIC, Record, csv_text
 from workflows.chain_stages import wall
 from workflows.scene import InvalidScene
@@ -119,6 +121,21 @@ def test_a_sphere_held_out_is_predicted(rig, plain):
     report = calibrated(rig, wall(rig), data, "data.csv", request).report
     assert set(report.misfit_m_s) == {"4"}
     assert report.held_out_m_s["1"] < 0.05 * report.start_misfit_m_s["4"]
+
+
+def test_a_sphere_held_out_that_is_missed_is_told(found):
+    left = float(np.sqrt(np.mean(found.fit.misfit**2)))
+    assert not list(on_held_out({"2": 2.0 * left}, found.fit))
+    (sentence,) = on_held_out({"2": 2.0 * left, "3": 16.0 * left}, found.fit)
+    assert sentence.startswith("Sphere 3, held out") and "16 times" in sentence
+
+
+def test_a_misfit_like_the_noise_decides_only_where_enough_is_measured(found):
+    """Two signals of 17 contacts left a chain with contacts exchanged at the noise of 0.3 mm/s."""
+    many = [found.fit.parameters[0]] * 17
+    assert decisive(3e-4, 0.31, many, np.zeros((9, 3)))
+    assert not decisive(3e-4, 0.31, many, np.zeros((9, 2)))
+    assert not decisive(1e-3, 0.31, many, np.zeros((9, 3)))
 
 
 def test_two_stages_leave_the_chain_as_the_first_waves_gave_it(rig, plain):

@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from errno import ENOSPC
+from errno import EACCES, ENOSPC
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +89,14 @@ def test_the_step_follows_from_the_error_asked_for(capsys):
     assert steps[0] < steps[1]
 
 
+def test_a_step_longer_than_the_samples_lie_apart_is_told(capsys):
+    small("impact", "rig-1dof", "--set=time={duration=1e-4, dt=2e-6}", "--set=output.samples=101")
+    said = capsys.readouterr().err
+    assert "time.dt = 2e-06 s is longer" in said and "1e-06 s" in said
+    small("impact", "rig-1dof", "--set=time={duration=1e-4, dt=1e-6}", "--set=output.samples=101")
+    assert "time.dt" not in capsys.readouterr().err
+
+
 ASSEMBLY = ("gmsh", "skfem", "pyvista", "meshio", "geometry", "fem", "rom", "scipy.sparse")
 SLOW = ("matplotlib", "scipy.optimize", "scipy.signal", "scipy.stats", "scipy.integrate")
 
@@ -170,6 +178,23 @@ def test_a_run_clears_its_own_folder_only(tmp_path):
 
 def _no_space(*_):
     raise OSError(ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize("other", ["--table=5.2", "--out=mac"])
+def test_a_model_that_is_written_alone_drops_no_other_wish(other, capsys):
+    assert beadwave("modes", "--inp=a.inp", other) == 2
+    assert "drop --table and --out" in capsys.readouterr().err
+
+
+def _read_only(*_):
+    raise PermissionError(EACCES, "Permission denied", "there/trajectory.npz")
+
+
+def test_a_file_that_cannot_be_written_is_named(monkeypatch, capsys):
+    monkeypatch.setattr("workflows.run.save_trajectory", _read_only)
+    assert small("run", "rig-1dof", "--out=out") == 1
+    said = capsys.readouterr().err
+    assert "there/trajectory.npz: Permission denied; choose" in said and _one_line(said)
 
 
 def test_a_full_disk_is_told_in_one_sentence(monkeypatch, capsys):

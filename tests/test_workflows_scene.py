@@ -100,6 +100,7 @@ REFUSED = {
     "chain.density=1e-300": ("chain.density", "1e-300", "between 1e-18 and 1e+18"),
     "chain.count=9999999999999999999999": ("chain.count", "1000000"),
     "chain.radius=[]": ("chain.radius", "empty"),
+    "time.dt=1": ("time.dt = 1", "time.duration = 0.003"),
     "time.dt=1e-15": ("time.dt", "1e-15", "steps", "1e+09"),
     "output.samples=1000000000": ("output.samples", "1000000"),
     "chain.count=100000": ("output.samples", "chain.count = 100000", "1e+08"),
@@ -249,3 +250,11 @@ def test_rayleigh_damping_by_two_frequencies_has_their_ratios():
 
 def test_bodies_of_a_scene_are_the_parts_of_the_geometry():
     assert BODIES == PARTS  # typed twice: a scene without an assembly loads no geometry
+
+
+@pytest.mark.parametrize("key", ["assembly.young", "assembly.block.young"])
+def test_an_assembly_softer_than_rubber_is_refused(key):
+    with pytest.raises(
+        InvalidScene, match=rf"{key} = 1000.0 must be greater than or equal to 1000000"
+    ):
+        scene("rig-rom", (f"{key}=1e3",))

@@ -43,10 +43,14 @@ def modes(
     tables = {"5.2": table_52, "5.3": table_53}
     if table is not None and table not in tables:
         raise InvalidScene(f"--table {table} is not known; known are 5.2 and 5.3.")
+    if (inp or step) and (table or out):
+        raise InvalidScene("--inp and --step write the model alone; drop --table and --out.")
     chosen = _with_assembly(load(scene, tuple(changes or ())))
     with StageProgress(sys.stderr) as progress:
         if inp or step:
             write_model(pipeline_of(chosen, progress.stage), inp, step)
+            if not json:
+                typer.echo(f"written: {', '.join(str(path) for path in (inp, step) if path)}")
             return
         if table:
             found = tables[table](chosen, progress.stage)

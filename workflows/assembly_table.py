@@ -13,19 +13,20 @@ Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Names = Annotated[tuple[Literal[BODIES], ...], Field(strict=False)]  # type: ignore[valid-type]
 
 
+Modulus = Annotated[Positive, Field(ge=1e6)]  # rubber; modes of softer bodies are countless
 Compressible = Annotated[float, Field(gt=-1, lt=0.5)]  # an incompressible solid locks
 
 
 class Steel(Table):
     """What a body is made of, where it differs from the assembly's material."""
 
-    young: Positive | None = None  # [Pa]
+    young: Modulus | None = None  # [Pa]
     poisson: Compressible | None = None
     density: Positive | None = None  # [kg/m^3]
 
 
 class _Constraint(Table):
-    young: Positive = 210e9  # [Pa]
+    young: Modulus = 210e9  # [Pa]
     poisson: Compressible = 0.3
     density: Positive = 7850.0  # [kg/m^3]
     block: Steel | None = None

@@ -173,7 +173,7 @@ def spoilt(scene: Scene, impact: coupling.Impact) -> tuple[str, ...]:
     """What a run has left of its model, and a step that was given too large."""
     run = impact.trajectory
     found = dem.strain(chain(scene), scene.chain.young, run.contact_force, run.v)
-    told = rough(run.error_estimate), chaotic(scene), odd_file(scene)
+    told = rough(run.error_estimate), chaotic(scene), odd_file(scene), between_samples(scene)
     spoilt_by = (*told, thick(scene, run))
     return (*dem.outside(found), *(sentence for sentences in spoilt_by for sentence in sentences))
 
@@ -212,6 +212,17 @@ def chaotic(scene: Scene) -> tuple[str, ...]:
     return (
         f"The velocities are held to the error until {1e3 * time.horizon:g} ms; beyond, only the "
         "energy is, since spheres move chaotically after tens of impacts. time.horizon moves it.",
+    )
+
+
+def between_samples(scene: Scene) -> tuple[str, ...]:
+    """A sentence where the samples to save lie closer than the step that was given."""
+    spacing = scene.time.duration / (scene.output.samples - 1)
+    if scene.time.dt is None or scene.time.dt <= spacing * (1 + 1e-9):
+        return ()
+    return (
+        f"time.dt = {scene.time.dt:g} s is longer than the spacing of the saved samples, which is "
+        f"the step that was taken, {spacing:g} s; lower output.samples to march with time.dt.",
     )
 
 

@@ -125,7 +125,7 @@ def _status(command) -> int:
     except Exception as error:
         # typer keeps its own copy of click, so a usage error is told by what it can do
         if hasattr(error, "format_message"):
-            return _failed(2, error.format_message())
+            return _failed(2, error.format_message() or "say which command.")
         if environ.get("BEADWAVE_DEBUG"):
             raise
         return _failed(1, _sentence(error))
@@ -138,6 +138,8 @@ def _status(command) -> int:
 def _sentence(error: Exception) -> str:
     if isinstance(error, OSError) and error.errno in (ENOSPC, EDQUOT, EFBIG):
         return f"{error.strerror}; make room, finished stages are kept, the same command goes on."
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}; choose another place or mend it."
     return f"{error}" if isinstance(error, ValueError) else _unexpected(error)
 
 

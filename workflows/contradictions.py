@@ -24,6 +24,7 @@ def contradictions(scene: Scene):
     yield from too_large(scene)
     if scene.chain:
         yield from _wrong_lengths(scene)
+        yield from _one_step(scene)
         yield from _against_a_dashpot(scene)
         yield from _yielding(scene)
         yield from _at_rest(scene)
@@ -44,6 +45,15 @@ def _missing_parts(scene: Scene):
         yield "chain.count = 1 must be at least 2 without a wall; add spheres or [wall]."
     if chain and wall is None and scene.preload and scene.preload.force > 0:
         yield f"preload.force = {scene.preload.force} needs a wall to push against; add [wall]."
+
+
+def _one_step(scene: Scene):
+    time = scene.time
+    if time and time.dt is not None and time.dt > time.duration:
+        yield (
+            f"time.dt = {time.dt:g} is longer than time.duration = {time.duration:g}; "
+            "give a smaller step, or time.error."
+        )
 
 
 def _unreadable_wall(scene: Scene):

@@ -68,7 +68,9 @@ def hammer_test(path: Path, expected_hz: dict[int, float]) -> HammerReport:
     try:
         found = measured_modes(test.frequency_hz, test.H)
     except ImportError as missing:
-        raise InvalidScene(f"the fit needs {missing.name}; install the extra `identify`.") from None
+        raise InvalidScene(
+            f"the fit needs {missing.name}; ./install.sh identify adds it."
+        ) from None
     except ValueError as error:
         raise InvalidScene(f"{path}: {error}") from None
     if not found:

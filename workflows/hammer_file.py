@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflows.run_folder import RunFolder
+from workflows.run_folder import RunFolder, checked_file
 from workflows.scene import InvalidScene
 
 RESPONSE = 4  # UFF58's function type of a frequency response
@@ -74,7 +74,7 @@ def write_synthetic(path: Path, test: Responses) -> None:
     """Write a computed test; raises InvalidScene for another ending than .uff."""
     if path.suffix.lower() != ".uff":
         raise InvalidScene(f"{path} must end in .uff.")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    checked_file(path, "FILE")
     with RunFolder(path.parent).writing(path.name) as part:
         write_uff(part, test)
 
@@ -104,6 +104,6 @@ def _pyuff():
         import pyuff
     except ImportError:
         raise InvalidScene(
-            "UFF58 files need pyuff; install the extra `identify`, or give the test as .csv."
+            "UFF58 files need pyuff; ./install.sh identify adds it, or give the test as .csv."
         ) from None
     return pyuff

@@ -72,7 +72,9 @@ def _one_or_each(number) -> Any:
 def _representable(value: float) -> float:
     """Products and powers of numbers of this size stay finite."""
     if value and isfinite(value) and not LEAST <= abs(value) <= MOST:
-        raise ValueError(f"{value:g} must be 0 or between {LEAST:g} and {MOST:g} in size")
+        raise ValueError(
+            f"{value:g} must be 0 or between {LEAST:g} and {MOST:g} in size: change it"
+        )
     return value
 
 

@@ -162,7 +162,7 @@ def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, 
             expected = error["ctx"]["expected_tags"]
             return f"{key}.kind = {found['kind']!r} must be one of {expected}; change it."
         case "value_error":
-            return f"{key}: {error['ctx']['error']}; change it."
+            return f"{key}: {error['ctx']['error']}."
         case "too_short":
             return f"{key} is an empty list; give at least one value."
         case "too_long":

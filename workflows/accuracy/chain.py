@@ -79,7 +79,7 @@ def time(scene: Scene, watch: Watch) -> Study:
 
 
 def _absent() -> tuple[str, ...]:
-    wheel = "CVODE is not installed; pip install scikit-sundae puts it beside the others."
+    wheel = "CVODE is not installed; ./install.sh peers puts it beside the others."
     return () if peers.has_sundials() else (wheel,)
 
 

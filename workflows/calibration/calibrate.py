@@ -17,7 +17,7 @@ from coupling.search import Options
 from coupling.signals import Aligned, Filter, Signals, aligned, lag_of, noise_between_waves
 from workflows.calibration import parameters as free_parameters
 from workflows.calibration.checks import cut_off, doubts, plausible, require_samples
-from workflows.calibration.report import CalibrationReport, report_of
+from workflows.calibration.report import CalibrationReport, on_held_out, report_of
 from workflows.calibration.velocity_file import Record
 from workflows.scene import InvalidScene, OneDofWall, Scene
 
@@ -90,7 +90,7 @@ def calibrated(
     left_out = _held_out(rig, fit, raw.signals.only(held), filters) if held else {}
     report = report_of(scene, source, measured, fit, signals, noise, left_out)
     report.seconds = perf_counter() - began
-    report.remarks[:0] = [*remarks, *more]
+    report.remarks[:0] = [*remarks, *more, *on_held_out(left_out, fit)]
     if "trigger" not in names:
         report.remarks.append(f"The first touch was held at {1e6 * trigger:.5g} us of the record.")
     name = f"{scene.name}-calibrated"

@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from coupling.calibration import Calibration
 from coupling.parameters import Parameter
-from coupling.search import DECISIVE
+from coupling.search import decisive
 from workflows.calibration.velocity_file import SYNTHETIC
 from workflows.progress import LINE
 from workflows.scene import OneDofWall, Scene
@@ -20,6 +20,7 @@ GUESSED = 1.1  # the same for noise that is known from one record alone
 EXPLAINED = 1.5  # misfit over the noise of the mean
 SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
 TOLD = 3  # combinations that the data cannot tell apart
+MISSED = 3.0  # times what the fitted spheres leave: a sphere held out that is not predicted
 BLURRED = 0.2  # step error over the misfit that is worth a sentence
 
 
@@ -202,7 +203,7 @@ def _on_combinations(fit: Calibration):
     if found and not unseen:
         yield (
             f"Least determined: {found[0].text(fit.parameters)} (two sigma {found[0].two_sigma:.2g}"
-            " of their scales); nothing is left undetermined."
+            " of their scales); near what was found nothing is left undetermined."
         )
 
 
@@ -216,17 +217,31 @@ def _on_misfit(fit: Calibration, noise: float | None, repeats: int):
         )
     else:
         yield _beside_noise(total, noise, repeats)
-        if noise > DECISIVE * np.abs(fit.data).max():
+        if not decisive(noise, np.abs(fit.data).max(), fit.parameters, fit.data):
             yield (
-                "At this noise a chain with contacts exchanged may leave hardly more, which the "
+                "At this noise, or with so few spheres measured, a chain with contacts exchanged "
+                "may leave hardly more, which the "
                 f"bars do not hold ({fit.same_starts} of {fit.starts} starts found this one): "
-                "measure more repeats or spheres."
+                "measure more repeats or spheres, or hold a sphere out."
             )
     if fit.step_error > BLURRED * total:
         yield (
             f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
             f"of {1e3 * total:.2g} mm/s: the bars do not hold it."
         )
+
+
+def on_held_out(left_out: dict[str, float], fit: Calibration):
+    """A sentence on each sphere that was not fitted and is missed by far more than those that were;
+    left_out [m/s] by the sphere's number."""
+    fitted = float(np.sqrt(np.mean(fit.misfit**2)))
+    for sphere, misfit in left_out.items():
+        if misfit > MISSED * fitted:
+            yield (
+                f"Sphere {sphere}, held out, is missed by {1e3 * misfit:.3g} mm/s, "
+                f"{misfit / fitted:.2g} times what the fitted ones leave: what was found does not "
+                "predict it, contacts may be exchanged whatever the bars say; fit to more spheres."
+            )
 
 
 def _beside_noise(total: float, noise: float, repeats: int) -> str:

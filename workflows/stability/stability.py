@@ -1,7 +1,7 @@
 """Stiff and extreme cases, a verdict each.
 
 accurate  the value, a measured error, is below what the case allows
-refused   the engine declined in the sentence beside
+refused   the engine declined in the sentence below
 flagged   numerically right to the value, but outside of what the model is valid for, and said so
 failed    neither: a wrong answer without a word
 """
@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
 from json import dumps
 from pathlib import Path
+from textwrap import wrap
 from time import perf_counter
 from typing import NamedTuple
 
@@ -118,18 +119,30 @@ def _verdict(trial: Trial) -> tuple[str, float | None, str]:
     return "accurate", outcome.value, f"allowed {outcome.allowed:.2g}"
 
 
-HEADER = ("case", "parameter", "verdict", "value", "seconds", "sentence")
+HEADER = ("case", "parameter", "verdict", "value", "allowed", "seconds")
+WIDTH, INDENT = 100, 6 * " "  # of the sentences
 
 
 def text(rows: tuple[Row, ...]) -> str:
     """A table and a count for a person."""
-    cells = [HEADER, *(_cells(row) for row in rows)]
-    return "\n".join([aligned(cells, left=3), "", _count(rows)])
+    table = aligned([HEADER, *(_cells(row) for row in rows)], left=3).splitlines()
+    lines = [table[0]]
+    for line, row in zip(table[1:], rows, strict=True):
+        lines += [line, *_below(row)]
+    return "\n".join([*lines, "", _count(rows)])
 
 
 def _cells(row: Row) -> tuple[str, ...]:
-    sentence = row.sentence if len(row.sentence) <= 100 else row.sentence[:97] + "..."
-    return (*map(short, (row.case, row.parameter, row.verdict, row.value, row.seconds)), sentence)
+    allowed = row.sentence.removeprefix("allowed ") if row.verdict == "accurate" else "-"
+    numbers = map(short, (row.case, row.parameter, row.verdict, row.value))
+    return (*numbers, allowed, short(row.seconds))
+
+
+def _below(row: Row) -> list[str]:
+    """What was said of a case that is not merely accurate."""
+    if row.verdict == "accurate":
+        return []
+    return wrap(row.sentence, WIDTH, initial_indent=INDENT, subsequent_indent=INDENT)
 
 
 def _count(rows: tuple[Row, ...]) -> str:
