@@ -186,6 +186,13 @@ def test_a_model_that_is_written_alone_drops_no_other_wish(other, capsys):
     assert "drop --table and --out" in capsys.readouterr().err
 
 
+def test_a_cache_that_cannot_be_written_is_told(tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "file"))
+    assert small("impact", "rig-1dof") == 0
+    assert "Nothing is kept for the next run" in capsys.readouterr().err
+
+
 def _read_only(*_):
     raise PermissionError(EACCES, "Permission denied", "there/trajectory.npz")
 

@@ -53,6 +53,11 @@ def paired_hz(modes: AssemblyModes) -> dict[str, float]:
     return {str(i + 1): float(hz[j]) for i, j in enumerate(modes.index) if j >= 0}
 
 
+READING = """\
+at contact: participation [kg^-1/2];  score: share of the mode's energy in the block's motion of
+that hammer-test mode;  MAC: likeness to that mode of stiff joints"""
+
+
 class ModeRow(BaseModel):
     """One computed mode; `hammer_mode` where it is paired with one of the test.
 
@@ -80,7 +85,7 @@ class ModeTable(BaseModel):
         """Aligned lines."""
         head = f"{'mode':>5} {'Hz':>10} {'at contact':>11}  {'hammer test':<20}"
         lines = [f"{head}{'score':>6}{'MAC':>6}", *(_line(row) for row in self.rows)]
-        return "\n".join(lines)
+        return "\n".join([*lines, "", READING])
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-STEEL = ("#b8c4d0", "#d98c3f", "#d98c3f", "#7d9bb5", "#8fa98f", "#c7bfa8")
+STEEL = ("#b8c4d0", "#d98c3f", "#d9c77a", "#5f86ad", "#8fb08f", "#b88fa8")
 SIZE = (1500, 1050)
 MATT = {"ambient": 0.35, "diffuse": 0.75, "specular": 0.0}
 

@@ -23,6 +23,7 @@ from workflows.stages import (
     library_versions,
     needs_assembly,
     pipeline_of,
+    unkept,
 )
 from workflows.summary import ErrorEstimate, SphereWaves, StageTime, Summary
 
@@ -79,6 +80,7 @@ def summary_of(pipeline: Pipeline, warnings: tuple[str, ...] = ()) -> Summary:
     """The numbers of a run; a stage that the run did not need is left at its absence."""
     scene = pipeline.scene
     found: dict = {}
+    warnings = (*warnings, *unkept(pipeline))
     if scene.chain:
         found |= _chain_numbers(pipeline)
         warnings = (

@@ -198,6 +198,7 @@ class Pipeline:
         self._stages = _stages(scene)
         self._results: dict[str, Any] = {}
         self._computed: set[str] = set()
+        self.keeps = memory.location is not None
         self._kept = memory.cache(_result, ignore=["pipeline"])
         self._watch = watch
 
@@ -238,6 +239,16 @@ class Pipeline:
 def pipeline_of(scene: Scene, watch: Watch) -> Pipeline:
     """The scene's pipeline on the user's cache, or without one where it cannot be written."""
     return Pipeline(scene, memory() or Memory(None, verbose=0), watch)
+
+
+def unkept(pipeline: Pipeline) -> tuple[str, ...]:
+    """A sentence where results cannot be kept."""
+    if pipeline.keeps:
+        return ()
+    return (
+        f"Nothing is kept for the next run, {cache_folder()} cannot be written; "
+        "BEADWAVE_CACHE_DIR names another folder.",
+    )
 
 
 def _result(name: str, key: str, pipeline: Pipeline) -> Any:
