@@ -6,6 +6,7 @@ by an adaptive Runge-Kutta method of order 8 over spheres and modes at once: slo
 of the splitting in dem. Hairer, Norsett and Wanner, Solving ODE I (1993), II.5.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 from coupling.coupled_wall import CoupledWall
 from coupling.errors import CouplingError
 from dem import Chain, State, Trajectory, Wall, equilibrium
+from dem.kernels.laws import hertz_indentation
 
 CLIPPED = {"linear-clipped", "hunt-crossley"}
 STIFF = 100.0  # times as fast as the fastest mode: a march of minutes
@@ -144,6 +146,9 @@ class _Motion:
         elastic = chain.A * delta * np.sqrt(delta)
         damping = self.gamma * approach * (elastic if chain.dissipation == "hunt-crossley" else 1.0)
         damping = np.where(delta > 0, damping, 0.0)
+        # the contact gives way by 1 / (1 + s k) of the gap, and hands on as much of its damping
+        stiffness = 1.5 * chain.A[-1] * np.sqrt(delta[-1])
+        damping[-1] /= (1 + wall.residual_compliance * stiffness) ** 2
         if chain.dissipation in CLIPPED:
             damping = np.maximum(damping, -elastic)
         return delta, elastic, damping, approach
@@ -195,21 +200,13 @@ class _Motion:
 
 
 def _indentation(gap: float, A: float, s: float) -> float:
-    """delta of delta + s A delta^(3/2) = gap, by Newton's method in sqrt(delta)."""
-    if gap <= 0:
-        return 0.0
-    e, y = s * A, np.sqrt(gap)
-    if e < 0 and 3 * gap >= (2 / (3 * e)) ** 2:
+    found = hertz_indentation(gap, A, s)
+    if math.isnan(found):
         raise CouplingError(
             f"the contact gave way: a residual compliance of {s:.3g} m/N answers no force to an "
             f"approach of {gap:.3g} m; lower the cutoff frequency."
         )
-    for _ in range(60):
-        change = (gap - y * y * (1 + e * y)) / (y * (2 + 3 * e * y))
-        y += change
-        if abs(change) <= 1e-15 * y:
-            break
-    return float(y * y)
+    return found
 
 
 def energy_gain(trajectory: Trajectory) -> EnergyGain:

@@ -12,9 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.errors import CouplingError
-from dem import Wall
-
 
 class CoupledWall(NamedTuple):
     """omega (k,) [rad/s]; D (k, k) [1/s] modal damping; force, reading (k,) [kg^-1/2];
@@ -30,11 +27,3 @@ class CoupledWall(NamedTuple):
     def reciprocal(self) -> bool:
         """Whether the force enters through the weights that read the displacement."""
         return bool(np.allclose(self.force, self.reading, rtol=1e-9, atol=0))
-
-
-def as_coupled(wall: Wall) -> CoupledWall:
-    """A wall of independent oscillators in the form of this module; it may have no dashpot."""
-    if wall.mobility:
-        raise CouplingError("a dashpot wall has no modes to couple; march it with impact().")
-    D = np.diag(2 * wall.zeta * wall.omega)
-    return CoupledWall(wall.omega, D, wall.phi, wall.phi, wall.residual_compliance)

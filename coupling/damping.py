@@ -149,6 +149,11 @@ def matrix_ratios(D: np.ndarray | None, omega: np.ndarray) -> np.ndarray:
     return own / (2 * np.where(omega > 0, omega, np.inf))
 
 
+def couples_modes(D: np.ndarray | None) -> bool:
+    """Whether no ratios can stand for a modal damping matrix (k, k)."""
+    return D is not None and modal_coupling(D) > UNCOUPLED
+
+
 def modal_coupling(D: np.ndarray) -> float:
     """Largest |D_jk| / sqrt(D_jj D_kk) off the diagonal of a modal damping matrix (k, k)."""
     own = np.abs(np.diag(D))

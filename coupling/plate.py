@@ -27,11 +27,6 @@ def infinite_plate(plate: Plate) -> Wall:
     return plate_wall(*plate)
 
 
-def inelasticity(plate: Plate, mass: float, A: float, speed: float) -> float:
-    """Zener's lambda = alpha m^(3/5) A^(2/5) v^(1/5): all that one sphere's rebound depends on."""
-    return float(infinite_plate(plate).mobility * mass**0.6 * A**0.4 * speed**0.2)
-
-
 def shear_speed(plate: Plate) -> float:
     """c_T [m/s]; bending waves of a thick plate stay below it."""
     return float(np.sqrt(plate.young / (2 * (1 + plate.poisson) * plate.density)))

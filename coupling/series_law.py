@@ -11,25 +11,6 @@ import numpy as np
 
 from coupling.errors import CouplingError
 
-HALF_SPACE = {"hertz": 0.6, "area": 16 / (3 * np.pi**2)}
-
-
-def half_space_compliance(young: float, poisson: float, radius: float, kind: str) -> float:
-    """Compliance w^T G w [m/N] of a half-space loaded and read over a circle of radius [m].
-
-    "hertz": weights of the Hertz pressure, 0.6 (1 - nu^2) / (E b); "area": uniform weights,
-    16 (1 - nu^2) / (3 pi^2 E b). Raises CouplingError for another kind or a radius not positive.
-    """
-    if kind not in HALF_SPACE:
-        raise CouplingError(
-            f"the patch weights are {kind!r}; they can be {' or '.join(HALF_SPACE)}."
-        )
-    if not (radius > 0 and young > 0):
-        raise CouplingError(
-            f"a patch of radius {radius:g} m on E={young:g} Pa has no compliance; take both > 0."
-        )
-    return HALF_SPACE[kind] * (1 - poisson**2) / (young * radius)
-
 
 def largest_monotone_force(residual: float, contact_coefficient: float) -> float:
     """Force [N] up to which delta = (F/A)^(2/3) + s F grows with F; inf for s >= 0.

@@ -12,14 +12,35 @@ residual; Johnson, Contact Mechanics (1985), sec. 3.2 and 3.4 for the half-space
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from coupling.coupled_wall import CoupledWall
-from coupling.damping import Damping, damping_ratios, matrix_ratios
+from coupling.damping import Damping, couples_modes, damping_ratios, matrix_ratios
 from coupling.errors import CouplingError
 from coupling.series_law import require_monotone
 from dem import Wall
 from rom import ModalWall, ReducedModel, modal, modal_compliance, static_compliance
+
+
+def wall_of(
+    reduced: ReducedModel,
+    *,
+    damping: Damping | None = None,
+    cutoff_hz: float | None = None,
+    modes: ModalWall | None = None,
+) -> Wall | CoupledWall:
+    """The wall that a reduced model says it is, its half-space taken out.
+
+    Oscillators, unless it is read through other weights than the force enters, or its damping
+    couples its modes. Arguments as in wall_from_reduced. Raises CouplingError.
+    """
+    modes = modal(reduced) if modes is None else modes
+    read_elsewhere = reduced.contact.weights_read is not None
+    if read_elsewhere and cutoff_hz is None:
+        cutoff_hz = np.inf  # the thesis takes its matrices whole
+    coupled = read_elsewhere or couples_modes(modes.damping)
+    make = coupled_wall if coupled else wall_from_reduced
+    half_space = reduced.contact.half_space or 0.0
+    return make(reduced, half_space=half_space, damping=damping, cutoff_hz=cutoff_hz, modes=modes)
 
 
 def wall_from_reduced(
@@ -31,6 +52,7 @@ def wall_from_reduced(
     remainder: str = "oscillator",
     contact_coefficient: float | None = None,
     largest_force: float | None = None,
+    modes: ModalWall | None = None,
 ) -> Wall:
     """The wall a chain leans on, from a reduced model.
 
@@ -39,10 +61,11 @@ def wall_from_reduced(
     static shapes: no residual vectors, none above the highest fixed-interface mode. The rest is one
     "oscillator", or a massless "spring" where its frequency would cost steps. damping adds to what
     C of the model gives. With contact_coefficient A [N/m^1.5] of the last contact and largest_force
-    [N], the series law delta = (F/A)^(2/3) + s F is checked monotone up to that force.
+    [N], the series law delta = (F/A)^(2/3) + s F is checked monotone up to that force. modes are
+    those of `rom.modal(reduced)`, where they are known.
     Raises CouplingError.
     """
-    modes = modal(reduced)
+    modes = modal(reduced) if modes is None else modes
     moving = moving_modes(modes, kept_modes(modes, reduced, cutoff_hz), remainder)
     residual = residual_compliance(reduced, modes, moving, half_space)
     if contact_coefficient is not None and largest_force is not None:
@@ -57,28 +80,24 @@ def coupled_wall(
     half_space: float,
     damping: Damping | None = None,
     cutoff_hz: float | None = None,
-    w_force: ArrayLike | None = None,
-    w_reading: ArrayLike | None = None,
+    modes: ModalWall | None = None,
 ) -> CoupledWall:
-    """The wall of a reduced model with all of C, and with its own weights for force and reading.
+    """The wall of a reduced model with all of C, read through the weights that it says.
 
-    w_force, w_reading (n,) act on the full field, (r,) on q where the model has no basis; None is
-    the contact functional of the model. Other arguments as in wall_from_reduced.
-    Raises CouplingError.
+    Arguments as in wall_from_reduced. Raises CouplingError.
     """
-    modes = modal(reduced)
-    own = w_force is None and w_reading is None
+    modes = modal(reduced) if modes is None else modes
     kept = kept_modes(modes, reduced, cutoff_hz)
-    moving = moving_modes(modes, kept, "oscillator" if own else "spring")
-    force = _participation(reduced, moving, w_force)
-    reading = _participation(reduced, moving, w_reading)
+    weights = reduced.contact.weights_read
+    moving = moving_modes(modes, kept, "oscillator" if weights is None else "spring")
+    reading = moving.phi if weights is None else weights @ moving.vectors
     D = np.diag(2 * damping_ratios(damping, moving.omega) * moving.omega)
     if moving.damping is not None:
         D = D + moving.damping
     if len(D) and np.linalg.eigvalsh(D)[0] < -1e-9 * np.abs(D).max():
         raise CouplingError("the wall's damping matrix is indefinite; it would make energy.")
-    residual = 0.0 if own else _cross_compliance(reduced, modes, ~kept, w_force, w_reading)
-    return CoupledWall(moving.omega, D, force, reading, residual - half_space)
+    residual = 0.0 if weights is None else _cross_compliance(modes, ~kept, weights)
+    return CoupledWall(moving.omega, D, moving.phi, reading, residual - half_space)
 
 
 def moving_modes(modes: ModalWall, kept: np.ndarray, remainder: str) -> ModalWall:
@@ -125,7 +144,8 @@ def residual_compliance(
 
     Raises CouplingError if the modes do not add up to the static compliance of the model.
     """
-    total, added_up = static_compliance(reduced), modal_compliance(modes)
+    total = static_compliance(reduced, modes=modes)
+    added_up = modal_compliance(modes)
     if abs(added_up - total) > 1e-6 * abs(total):
         raise CouplingError(
             f"the wall's modes add up to a static compliance of {added_up:.6g} m/N, its stiffness "
@@ -135,30 +155,17 @@ def residual_compliance(
     return (static if static > 1e-9 * total else 0.0) - half_space
 
 
-def _cross_compliance(
-    reduced: ReducedModel,
-    modes: ModalWall,
-    static: np.ndarray,
-    w_force: ArrayLike | None,
-    w_reading: ArrayLike | None,
-) -> float:
+def _cross_compliance(modes: ModalWall, static: np.ndarray, weights: np.ndarray) -> float:
     """Displacement read per force [m/N] in the modes that do not move."""
     static = static & (modes.omega > 0)
-    force, reading = (_participation(reduced, modes, w)[static] for w in (w_force, w_reading))
+    force, reading = modes.phi[static], (weights @ modes.vectors)[static]
     return float(np.sum(force * reading / modes.omega[static] ** 2))
 
 
-def _participation(
-    reduced: ReducedModel, modes: ModalWall, weights: ArrayLike | None
-) -> np.ndarray:
-    if weights is None:
-        return modes.phi
-    row = np.asarray(weights, dtype=float)
-    if reduced.T is not None:
-        row = row @ reduced.T
-    if row.shape != reduced.w.shape:
-        raise CouplingError(
-            f"the weights give {row.size} values for {reduced.w.size} reduced coordinates; "
-            f"hand them in on the full model, or on q where the basis is not known."
-        )
-    return row @ modes.vectors
+def damping_matrix(reduced: ReducedModel, damping: Damping | None) -> np.ndarray | None:
+    """C (r, r) = M V diag(2 zeta omega) V^T M of the modes V, beside the model's own C."""
+    if damping is None:
+        return None
+    modes = modal(reduced)
+    MV = reduced.M @ modes.vectors
+    return (MV * (2 * damping_ratios(damping, modes.omega) * modes.omega)) @ MV.T

@@ -11,16 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem import kernels
 from dem.chain import validate
 from dem.checks import InvalidChain, columns, positive, saves, whole
-from dem.oscillators import oscillator_turn
+from dem.kernels.lanes import LANES, Blocks, SavedLanes, march_lanes
+from dem.kernels.oscillators import oscillator_propagator
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import UnstableStep
 from dem.step_control import march_to_error
 from dem.trajectory import equal_steps, march
-
-LANES = kernels.LANES
 
 
 class Batch(NamedTuple):
@@ -48,7 +46,7 @@ def march_batch(
     scheme=None,
     n_save=100,
     threads=None,
-    mend=True,
+    event_correction=True,
 ):
     """Batch of chains that start from their static state with velocities v0.
 
@@ -72,8 +70,10 @@ def march_batch(
     if threads is not None:
         whole("threads", threads)
     if dt is None:
-        return _to_error(members, duration, error, observed, scheme, n_save, threads, mend)
-    return _march(members, duration, dt, observed, scheme, n_save, threads, mend)
+        return _to_error(
+            members, duration, error, observed, scheme, n_save, threads, event_correction
+        )
+    return _march(members, duration, dt, observed, scheme, n_save, threads, event_correction)
 
 
 PER_CHAIN = ("preload",)
@@ -155,7 +155,7 @@ def _fields(parts, scalars, vectors):
     }
 
 
-def _to_error(members, duration, error, observed, scheme, n_save, threads, mend):
+def _to_error(members, duration, error, observed, scheme, n_save, threads, correct):
     stiffest = int(members.A.max(axis=1).argmax())
     chain, wall, v0 = members[stiffest]
     dt = march_to_error(
@@ -166,42 +166,42 @@ def _to_error(members, duration, error, observed, scheme, n_save, threads, mend)
     sample = members.take(rows)
     speed = np.abs(sample.v0).max(axis=1)[:, None, None]
     while True:
-        coarse = _march(sample, duration, dt, observed, scheme, n_save, threads, mend)
-        fine = _march(sample, duration, coarse.dt / 2, observed, scheme, n_save, threads, mend)
+        coarse = _march(sample, duration, dt, observed, scheme, n_save, threads, correct)
+        fine = _march(sample, duration, coarse.dt / 2, observed, scheme, n_save, threads, correct)
         # the coarse step is the one used: its error is the whole difference
         estimate = float((np.abs(fine.v - coarse.v) / speed).max()) * 1.25
         if estimate <= error:
             break
         dt = coarse.dt / 1.5
-    return _march(members, duration, dt, observed, scheme, n_save, threads, mend)._replace(
+    return _march(members, duration, dt, observed, scheme, n_save, threads, correct)._replace(
         error_estimate=estimate
     )
 
 
-def _march(members, duration, dt, observed, scheme, n_save, threads, mend):
+def _march(members, duration, dt, observed, scheme, n_save, threads, correct):
     if not members.bare or SCHEMES[scheme].kind == "implicit":
-        return _one_by_one(members, duration, dt, observed, scheme, n_save, threads, mend)
+        return _one_by_one(members, duration, dt, observed, scheme, n_save, threads, correct)
     method, steps = SCHEMES[scheme], equal_steps(duration, dt, n_save)
-    lanes = _lanes(members)
-    turn = _turns(lanes, steps.h * method.a)
-    blocks = len(turn)
-    vs = np.empty((blocks, n_save + 1, observed.size, LANES))
-    walls, errors = np.empty((blocks, n_save + 1, LANES)), np.zeros((blocks, LANES))
+    blocks = _blocks(members, steps.h * method.a)
+    n = len(blocks.v0)
+    saved = SavedLanes(
+        np.empty((n, n_save + 1, observed.size, LANES)),
+        np.empty((n, n_save + 1, LANES)),
+        np.zeros((n, LANES)),
+    )
+    correction = method.correction if correct else None
 
     def work(part):
-        kernels.march_lanes(
-            lanes.v0[part], lanes.mass[part], lanes.A[part], lanes.phi[part], lanes.omega[part],
-            turn[part], method.a, method.b, *steps, observed, method.mend if mend else None,
-            vs[part], walls[part], errors[part],
-        )  # fmt: skip
+        own, into = (type(whole)(*(a[part] for a in whole)) for whole in (blocks, saved))
+        march_lanes(own, method.a, method.b, correction, steps, observed, into)
 
-    _share(work, blocks, threads or os.cpu_count() or 1)
-    errors = errors.reshape(-1)[: members.count]
+    _share(work, n, threads or os.cpu_count() or 1)
+    errors = saved.energy_error.reshape(-1)[: members.count]
     _require_finite(errors, steps.h)
     return Batch(
         np.linspace(0.0, duration, n_save + 1),
-        vs.transpose(0, 3, 1, 2).reshape(blocks * LANES, n_save + 1, -1)[: members.count],
-        walls.transpose(0, 2, 1).reshape(blocks * LANES, -1)[: members.count],
+        saved.v.transpose(0, 3, 1, 2).reshape(n * LANES, n_save + 1, -1)[: members.count],
+        saved.wall_force.transpose(0, 2, 1).reshape(n * LANES, -1)[: members.count],
         errors,
         steps.h,
         n_save * steps.stride,
@@ -210,34 +210,25 @@ def _march(members, duration, dt, observed, scheme, n_save, threads, mend):
     )
 
 
-class _Lanes(NamedTuple):
-    """What differs from chain to chain, (n_blocks, m, LANES) each."""
-
-    v0: np.ndarray
-    mass: np.ndarray
-    A: np.ndarray  # 0 behind the last sphere of a free chain
-    phi: np.ndarray
-    omega: np.ndarray
-    zeta: np.ndarray
-
-
-def _lanes(members):
+def _blocks(members, drifts):
     none = np.zeros((members.count, 0))
     A = members.A
     if members.free:
         A = np.concatenate([A, np.zeros((members.count, 1))], axis=1)
     modes = (members.arrays.get(name, none) for name in ("phi", "omega", "zeta"))
-    return _Lanes(*map(_packed, (members.v0, members.mass, A, *modes)))
+    parts = (members.v0, members.mass, A, *modes)
+    v0, mass, A, phi, omega, zeta = map(_packed, parts)
+    return Blocks(v0, mass, A, phi, omega, _propagator(omega, zeta, drifts))
 
 
-def _turns(lanes, drifts):
-    """(n_blocks, n_drifts, 4, n_modes * LANES) of `oscillator_turn`."""
-    blocks, k = lanes.phi.shape[:2]
-    turn = np.zeros((blocks, drifts.size, 4, k * LANES))
+def _propagator(omega, zeta, drifts):
+    """(n_blocks, n_drifts, 4, n_modes * LANES) of `oscillator_propagator`."""
+    blocks, k = omega.shape[:2]
+    found = np.zeros((blocks, drifts.size, 4, k * LANES))
     for i, drift in enumerate(drifts if k else []):
-        turns = oscillator_turn(lanes.omega, lanes.zeta, drift)
-        turn[:, i] = turns.reshape(4, blocks, -1).transpose(1, 0, 2)
-    return turn
+        moved = oscillator_propagator(omega, zeta, drift)
+        found[:, i] = moved.reshape(4, blocks, -1).transpose(1, 0, 2)
+    return found
 
 
 def _require_finite(errors, h):
@@ -248,11 +239,12 @@ def _require_finite(errors, h):
         )
 
 
-def _one_by_one(members, duration, dt, observed, scheme, n_save, threads, mend):
+def _one_by_one(members, duration, dt, observed, scheme, n_save, threads, correct):
 
     def one(i):
         run = march(
-            *members[i], duration=duration, dt=dt, scheme=scheme, n_save=n_save, mend=mend
+            *members[i], duration=duration, dt=dt, scheme=scheme, n_save=n_save,
+            event_correction=correct,
         )  # fmt: skip
         force = np.zeros(n_save + 1) if members.free else run.contact_force[:, -1]
         return run.v[:, observed], force, run.energy_error

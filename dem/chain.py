@@ -9,15 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem import kernels
-from dem.checks import above_0, arrays, require, scalar, spread, vector, weighted_square, whole
+from dem.checks import above_0, arrays, require, scalar, spread, vector, whole
+from dem.kernels import laws
+from dem.kernels.checks import weighted_square
 from dem.spheres import hertz_coefficient, mass
 
 LAWS = {
-    "none": kernels.NONE,
-    "linear": kernels.LINEAR,
-    "linear-clipped": kernels.LINEAR_CLIPPED,
-    "hunt-crossley": kernels.HUNT_CROSSLEY,
+    "none": laws.NONE,
+    "linear": laws.LINEAR,
+    "linear-clipped": laws.LINEAR_CLIPPED,
+    "hunt-crossley": laws.HUNT_CROSSLEY,
 }
 
 
@@ -30,6 +31,9 @@ class Chain(NamedTuple):
 
     Damping force of a contact: "linear" and "linear-clipped" gamma delta' [N s/m] while it is
     closed, "hunt-crossley" gamma delta' A delta^(3/2), gamma in [s/m]. Only "linear" can pull.
+    Of a contact with a residual compliance s behind it, delta gives way by 1 / (1 + s k) of the
+    gap, k = 3/2 A delta^(1/2), and the spring hands on as much of the damping force: F has
+    gamma / (1 + s k)^2 of the gap's rate, right to first order in the damping.
     Beyond its yield overlap a contact follows C. Thornton, J. Appl. Mech. 64 (1997) 383.
     """
 

@@ -4,34 +4,15 @@ import math
 from numbers import Integral, Real
 
 import numpy as np
-from numba import njit
+
+from dem.kernels.checks import first_outside
 
 SMALLEST, LARGEST = 5e-324, 1.7976931348623157e308  # of all positive numbers
 MOST_SAVED = 5e8  # spheres times saves: 12 GB
 
-compiled = njit(cache=True, error_model="numpy", _nrt=False)
-
 
 class InvalidChain(ValueError):
     """A chain, wall or initial velocity that no run can start from."""
-
-
-@compiled
-def first_outside(values, lowest):
-    """Index of the first value that is not finite or below the lowest; -1 if all are well."""
-    for i in range(values.size):
-        if not lowest <= values[i] < math.inf:
-            return i
-    return -1
-
-
-@compiled
-def weighted_square(mass, v):
-    """sum m v^2."""
-    total = 0.0
-    for i in range(mass.size):
-        total += mass[i] * v[i] * v[i]
-    return total
 
 
 def require(condition, sentence):

@@ -106,7 +106,9 @@ def _measured(t, v, passage, fitted):
     sign = np.sign(guess.peak_velocity)
     from_, to = guess.time - 0.7 * guess.width, max(passage.leaves, guess.time) + 0.7 * guess.width
     inside = np.flatnonzero((t >= from_) & (t <= to))
-    k = inside[(sign * v[inside]).argmax()] if inside.size else 0
+    if inside.size < 3:
+        return fitted
+    k = inside[(sign * v[inside]).argmax()]
     if k in (0, len(v) - 1, *inside[[0, -1]]) or sign * v[k] <= 0.0:
         return fitted
     time, height = crest(t, sign * v, k)

@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dem.kernels.arguments import Correction
+
 
 class Scheme(NamedTuple):
     """Fractions of the step: `a` for drifts, `b` for kicks."""
@@ -27,7 +29,7 @@ class Scheme(NamedTuple):
     a: np.ndarray
     b: np.ndarray
     kind: str
-    mend: tuple | None  # b, its instants and `_zeta_tail`, for contacts that open or close
+    correction: Correction | None  # for contacts that open or close
 
     @property
     def evaluations(self):
@@ -173,8 +175,8 @@ def _scheme(name, order, a, b, kind):
     if b.size < a.size:
         b = np.concatenate([[0.0], b, [0.0]])
     nodes = np.concatenate([[0.0], np.cumsum(a)])
-    mend = (b, nodes, _zeta_tail(b, nodes)) if order > 2 else None
-    return Scheme(name, order, a, b, kind, mend)
+    correction = Correction(b, nodes, _zeta_tail(b, nodes)) if order > 2 else None
+    return Scheme(name, order, a, b, kind, correction)
 
 
 SCHEMES = {

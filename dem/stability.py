@@ -4,17 +4,17 @@ Wall modes and leaf springs are advanced exactly and set no limit; contacts do, 
 stability interval of the scheme: dt * omega below `stability_interval`.
 """
 
-import math
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from dem.chain import validate
+from dem.kernels.checks import fastest_contact
 from dem.schemes import SCHEMES, default_scheme
 from dem.statics import static_state
 
 _NONE = np.zeros(0)
+NEAR_FOLD = 0.1  # of the contact's stiffness that a negative spring in series leaves
 BACKWARD = 10.0  # rounding may grow by exp(BACKWARD) in a step back in time
 
 
@@ -51,29 +51,6 @@ def fastest_rate(chain, wall, v0, static):
     return fastest_contact(*arrays, energy, omega, phi)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def fastest_contact(mass, A, force, energy, omega, phi):
-    """Largest frequency [rad/s] of a contact under its static force if it took up all energy.
-
-    Wall modes, ascending, are bodies up to the frequency of the contact and springs beyond.
-    """
-    n = mass.size
-    fastest = 0.0
-    for i in range(A.size):
-        depth = (2.5 * energy / A[i]) ** 0.4 + (force[i] / A[i]) ** (2.0 / 3.0)
-        stiffness = 1.5 * A[i] * math.sqrt(depth)
-        inverse = 1.0 / mass[i]
-        if i < n - 1:
-            inverse += 1.0 / mass[i + 1]
-        else:
-            for j in range(omega.size):
-                if omega[j] ** 2 > stiffness / mass[i]:
-                    break
-                inverse += phi[j] ** 2
-        fastest = max(fastest, stiffness * inverse)
-    return math.sqrt(fastest)
-
-
 def fastest_decay(chain, wall, v0, static):
     """Upper estimate of the largest rate [1/s] at which damping wears motion down."""
     rates = [0.0]
@@ -88,8 +65,12 @@ def fastest_decay(chain, wall, v0, static):
         pair = inverse[:-1] + inverse[1:]
         if wall is not None:
             pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
-        force = chain.A * _deepest(chain, v0, static) ** 1.5
+        deepest = _deepest(chain, v0, static)
+        force = chain.A * deepest**1.5
         damper = chain.gamma * (force if chain.dissipation == "hunt-crossley" else 1.0)
+        if wall is not None and wall.residual_compliance < 0.0:
+            stiffness = 1.5 * chain.A[-1] * np.sqrt(deepest[-1])
+            damper[-1] /= max(1.0 + wall.residual_compliance * stiffness, NEAR_FOLD) ** 2
         rates.append((damper * pair).max())
     return float(max(rates))
 

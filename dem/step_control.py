@@ -1,5 +1,6 @@
 """The step from the error asked for, by marching twice with different steps."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,12 @@ from dem.trajectory import Trajectory, march, prepare, run, start
 
 FIRST, MOST = 1.5, 2.0  # order that one pair of marches shows, and that any number of them does
 BELOW = 0.5  # the observed order, which scatters
+EPSILON = float(np.finfo(float).eps)
+ULPS = 4.0  # of the largest energy that a ledger's sum may be off by
+LOST = 30.0  # times the error asked for, that rounding may leave at the most: it rarely all adds up
+QUICK = 1 / 6  # of the evaluations allowed, seconds: beyond, a search goes on if it gets nearer
+SHARED = 0.05  # of the energy, that two ways to damp may differ by where steps resolve neither
+SLOWEST = 0.25  # order below which it does not
 
 
 class StepReport(NamedTuple):
@@ -84,6 +91,7 @@ def march_to_error(
         scale or float(np.abs(v0).max()) or 1.0,
         _assumed_order(chain, method),
         allowed / 20 if method.kind == "implicit" else allowed,
+        _witness(chain, wall, v0, prepared, state) if method.kind == "implicit" else None,
     )
 
     def attempt(step, saves):
@@ -107,6 +115,25 @@ class _Asked(NamedTuple):
     scale: float
     order: float  # that the difference of two marches is taken to show
     evaluations: float
+    witness: Callable | None  # what another way to damp says of a march, in shares of the energy
+
+
+def _witness(chain, wall, v0, prepared, state):
+    """How far the work of a march's dampers is from what they do one by one, each exactly
+    ("verlet"): steps that do not resolve them may all be wrong in the same way. 0 if they do."""
+    decay = fastest_decay(chain, wall, v0, prepared.static)
+
+    def apart(found):
+        if prepared.damping is None or found.dt * decay < 1.0:
+            return 0.0
+        try:
+            other = run(chain, wall, prepared, state, found.t[-1], found.dt, SCHEMES["verlet"], 1)
+        except UnstableStep:
+            return np.inf
+        off = other.dissipated_contact[-1] - found.dissipated_contact[-1]
+        return abs(off) / (found.energy_kinetic[0] or np.abs(found.energy_total).max() or 1.0)
+
+    return apart
 
 
 def _method(chain, wall, v0, prepared, rate, name):
@@ -129,32 +156,77 @@ def _refined(attempt, step, method, asked):
     tried = []
     while True:
         spent += duration / step * method.evaluations
-        if spent > asked.evaluations:
-            raise UnstableStep(_unreached(asked.error, step, tried))
+        _require_hope(step, spent, tried, method, asked)
         fine = attempt(step, n_save)
         if fine is None or coarse is None:
             coarse, step = fine, step / (4.0 if fine is None else 2.0)
             continue
-        tried.append((fine.dt, _difference(coarse, fine, asked), fine.energy_error, coarse.dt))
-        order = _observed_order(tried, asked.order)
-        estimate = tried[-1][1] / ((coarse.dt / fine.dt) ** order - 1.0)
-        excess = max(estimate / asked.error, fine.energy_error / asked.energy_error)
-        if excess <= 1.0:
+        tried.append(_compared(coarse, fine, tried, method, asked))
+        if tried[-1].excess <= 1.0:
             break
-        coarse, step = fine, fine.dt / _shortening(excess, method, asked.order)
+        coarse, step = fine, fine.dt / _shortening(tried[-1].excess, method, asked.order)
     compared = tuple(map(np.array, zip(*tried, strict=True)))[:3]
+    estimate = tried[-1].estimate
     report = StepReport(*compared, estimate, int(spent))
     return Controlled(fine._replace(error_estimate=estimate), report)
 
 
-def _observed_order(tried, most):
+class _Tried(NamedTuple):
+    """A march beside a coarser one."""
+
+    dt: float
+    difference: float
+    energy_error: float
+    wide: float  # [s] step of the coarser one
+    estimate: float
+    excess: float  # of the errors over what is asked for
+
+
+def _compared(coarse, fine, tried, method, asked):
+    difference = _difference(coarse, fine, asked)
+    order = _observed_order(tried, difference, coarse.dt, asked.order)
+    estimate = difference / ((coarse.dt / fine.dt) ** order - 1.0)
+    closed = max(asked.energy_error, _rounding_of_energy(fine, method))
+    excess = max(estimate / asked.error, fine.energy_error / closed)
+    if excess <= 1.0 and asked.witness is not None:
+        excess = max(excess, asked.witness(fine) / SHARED)
+    return _Tried(fine.dt, difference, fine.energy_error, coarse.dt, estimate, excess)
+
+
+def _rounding_of_energy(run, method):
+    """Energy error that no step avoids: of sums much larger than the motion, and of each part of
+    each step."""
+    scale = run.energy_kinetic[0] or np.abs(run.energy_total).max() or 1.0
+    largest = max(np.abs(part).max() for part in run.ledger)
+    return EPSILON * (ULPS * largest / scale + run.n_steps * method.evaluations)
+
+
+def _require_hope(step, spent, tried, method, asked):
+    """Raise UnstableStep where the next march is too long, or no longer one gets there."""
+    rounding = EPSILON * asked.duration / step * method.evaluations
+    if rounding > LOST * asked.error:
+        raise UnstableStep(_rounded(asked.error, step, rounding))
+    quick = spent <= QUICK * asked.evaluations or len(tried) < 2
+    if spent > asked.evaluations or not (quick or _nears(tried, method, asked)):
+        raise UnstableStep(_unreached(asked.error, step, tried))
+
+
+def _nears(tried, method, asked):
+    """Whether the excess, falling on as it did last, is gone within the evaluations allowed."""
+    before, now = tried[-2:]
+    order = np.log(before.excess / now.excess) / np.log(before.dt / now.dt)
+    left = asked.evaluations / (asked.duration / now.dt * method.evaluations)
+    return bool(order > SLOWEST and now.excess ** (1.0 / order) <= left)
+
+
+def _observed_order(tried, difference, wide, most):
     """Order by which the differences of marches fall, as far as it is believed: the first alone
     may be small by chance, or because both steps are too long to tell."""
-    if len(tried) < 2:
+    if not tried:
         return min(FIRST, most)
-    (_, before, _, wide), (_, now, _, narrow) = tried[-2:]
-    found = np.log(before / now) / np.log(wide / narrow) if now > 0.0 else np.inf
-    return float(np.clip(found - BELOW, min(FIRST, most), most))
+    before = tried[-1]
+    found = np.log(before.difference / difference) if difference > 0.0 else np.inf
+    return float(np.clip(found / np.log(before.wide / wide) - BELOW, min(FIRST, most), most))
 
 
 def _difference(coarse, fine, asked):
@@ -200,10 +272,17 @@ def _unaffordable(error, duration, step, needed, allowed):
 def _unreached(error, step, tried):
     found = "no march that stays finite (a negative residual compliance may be too large)"
     if tried:
-        found = f"{tried[-1][1]:.3g} in velocity and {tried[-1][2]:.3g} in energy"
+        found = f"{tried[-1].difference:.3g} in velocity, {tried[-1].energy_error:.3g} in energy"
     return (
         f"error {error:g} is not reached with dt = {step:.3g} s, found {found}; "
         "ask for a larger error or allow more evaluations"
+    )
+
+
+def _rounded(error, step, rounding):
+    return (
+        f"error {error:g} is not reached, rounding alone leaves up to {rounding:.2g} with "
+        f"dt = {step:.3g} s; ask for a larger error or less time"
     )
 
 

@@ -4,9 +4,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem import kernels, oscillators
 from dem.chain import LAWS, State, validate
 from dem.checks import InvalidChain, positive, saves, vector
+from dem.kernels import oscillators
+from dem.kernels.arguments import (
+    Damping,
+    LeafSprings,
+    Modes,
+    Motion,
+    Parts,
+    Plastic,
+    Saved,
+    Steps,
+)
+from dem.kernels.explicit import march as march_explicit
+from dem.kernels.implicit import march_implicit
+from dem.kernels.laws import plastic_loss
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import BACKWARD, UnstableStep, fastest_decay, refuse_step
 from dem.statics import Equilibrium, static_state
@@ -39,19 +52,27 @@ class Trajectory(NamedTuple):
     error_estimate: float | None  # relative velocity error; None for a step that was given
     final: State
 
+    @property
+    def ledger(self) -> tuple[np.ndarray, ...]:
+        """The parts that make up energy_total, work_preload with the opposite sign."""
+        return (
+            self.energy_kinetic,
+            self.energy_contact,
+            self.energy_leaf,
+            self.energy_wall,
+            self.energy_residual,
+            self.dissipated_contact,
+            self.dissipated_wall,
+            self.work_preload,
+        )
+
 
 class _Prepared(NamedTuple):
-    """Arrays of a chain and its wall as the kernels take them, but for the step."""
+    """What a chain and its wall are to every march, whatever its step."""
 
-    load: np.ndarray | None
-    leaf_rest: np.ndarray | None
-    leaf_springs: tuple | None
-    offset: float
-    residual: float | None
-    mobility: float | None
-    wall_force: float
     static: Equilibrium
-    dissipation: tuple | None
+    load: np.ndarray | None  # (n,) [N]
+    damping: Damping | None
 
 
 def require_march(chain, wall, v0, *, dt=None):
@@ -71,7 +92,9 @@ def _scheme(chain, wall, v0, prepared, dt, name=None):
     return SCHEMES[name]
 
 
-def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None, mend=True):
+def march(
+    chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None, event_correction=True
+):
     """Trajectory from the static state with velocities v0 (n,), at n_save + 1 equal times.
 
     The step taken is the largest that divides the saves' spacing and is not above dt. `state`
@@ -97,7 +120,7 @@ def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None
         )
     if n_save is None:
         n_save = min(1000, int(np.ceil(duration / dt * (1 - 1e-9))))
-    trajectory = run(chain, wall, prepared, state, duration, dt, method, n_save, mend)
+    trajectory = run(chain, wall, prepared, state, duration, dt, method, n_save, event_correction)
     if not trajectory.energy_error <= 1.0 and _ledger_is_broken(trajectory):
         raise UnstableStep(
             f"with dt = {trajectory.dt:.3g} s the energy ledger is off by "
@@ -115,7 +138,7 @@ def _validate_state(chain, wall, state):
 
 def _ledger_is_broken(trajectory):
     """Is the ledger off by more than any of its entries (tiny motion of a pressed chain is not)?"""
-    largest = max(part.max() for part in trajectory[6:14])
+    largest = max(part.max() for part in trajectory.ledger)
     return not np.ptp(trajectory.energy_total) <= largest
 
 
@@ -126,23 +149,11 @@ def start(chain, wall, v0, static):
 
 
 def prepare(chain, wall):
-    """Static state and the optional parts of a chain and its wall, None where absent."""
+    """Static state and what follows from it for every march."""
     static = static_state(chain, wall)
     if chain.yield_overlap is not None:
         _require_elastic(chain, static)
-    springs = _leaf_springs(chain)
-    offset = 0.0 if wall is None else float(wall.phi @ static.q)
-    return _Prepared(
-        load=_load(wall, static),
-        leaf_rest=None if springs is None else static.x,
-        leaf_springs=springs,
-        offset=offset,
-        residual=wall.residual_compliance or None if wall is not None else None,
-        mobility=wall.mobility or None if wall is not None else None,
-        wall_force=0.0 if wall is None else float(static.force[-1]),
-        static=static,
-        dissipation=_dissipation(chain, wall),
-    )
+    return _Prepared(static, _load(wall, static), _damping(chain, wall))
 
 
 def _load(wall, static):
@@ -151,13 +162,6 @@ def _load(wall, static):
         return None
     force = np.concatenate([[0.0], static.force, [0.0] if wall is None else []])
     return force[1:] - force[:-1]
-
-
-def _leaf_springs(chain):
-    if chain.leaf_stiffness is None or not np.any(chain.leaf_stiffness):
-        return None
-    anchor = np.zeros_like(chain.mass) if chain.leaf_anchor is None else chain.leaf_anchor
-    return chain.leaf_stiffness, anchor
 
 
 def _require_elastic(chain, static):
@@ -170,53 +174,39 @@ def _require_elastic(chain, static):
         )
 
 
-def _dissipation(chain, wall):
+def _damping(chain, wall):
     if chain.dissipation == "none" or not np.any(chain.gamma):
         return None
     inverse = 1.0 / chain.mass
     pair = inverse[:-1] + inverse[1:]
     if wall is not None:
         pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
-    return np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair
+    return Damping(np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair)
 
 
-def run(chain, wall, prepared, state, duration, dt, scheme, n_save, mend=True):
+def run(chain, wall, prepared, state, duration, dt, scheme, n_save, event_correction=True):
     """Trajectory of a validated and prepared chain; see `march`."""
     steps = equal_steps(duration, dt, n_save)
-    implicit = scheme.kind == "implicit"
-    drifts = steps.h * (scheme.b if implicit else scheme.a)
-    modes, leaf = _modes(wall, prepared, state, drifts), _leaf(chain, prepared, drifts)
-    plastic = _plastic(chain, state)
-    x, v, running = state.x.copy(), state.v.copy(), state.wall.copy()
-    out = _output(n_save + 1, chain.mass.size, chain.A.size)
-    if implicit:
-        modes, leaf = _with_reach(chain, wall, prepared, drifts, modes, leaf)
-        saved = _implicitly(chain, prepared, scheme, steps, (x, v), leaf, modes, running, out)
+    n = chain.mass.size
+    parts = _parts(chain, wall, prepared, state, scheme, steps.h)
+    motion = Motion(state.x.copy(), state.v.copy(), np.zeros(n + 1), state.wall.copy(), np.zeros(2))
+    out = _saved(n_save + 1, n, chain.A.size)
+    if scheme.kind == "implicit":
+        saved = march_implicit(motion, parts, scheme.b, steps, out)
     else:
-        saved = kernels.march(
-            x, v, chain.mass, chain.A, scheme.a, scheme.b, *steps, prepared.load, leaf,
-            prepared.leaf_springs, float(chain.preload), prepared.offset, prepared.residual,
-            prepared.mobility, modes, prepared.dissipation, plastic,
-            scheme.mend if mend else None, running, out,
-        )  # fmt: skip
+        correction = scheme.correction if event_correction else None
+        saved = march_explicit(motion, parts, scheme.a, scheme.b, correction, steps, out)
     if saved < n_save:
         raise UnstableStep(
             f"the state is not finite at t = {saved * steps.stride * steps.h:.4g} s with "
             f"dt = {steps.h:.4g} s; take a smaller dt, or a larger (less negative) residual "
             "compliance of the wall"
         )
-    q, p = (np.zeros(0), np.zeros(0)) if modes is None else modes[0][:2]
-    deepest = None if plastic is None else plastic[1][kernels.TOP]
-    final = State(x, v, q, p, running, deepest)
+    modes, plastic = parts.modes, parts.plastic
+    q, p = (np.zeros(0), np.zeros(0)) if modes is None else (modes.q, modes.p)
+    deepest = None if plastic is None else plastic.top
+    final = State(motion.x, motion.v, q, p, motion.wall, deepest)
     return _trajectory(out, _instants(duration, n_save), steps, scheme, final)
-
-
-class Steps(NamedTuple):
-    """Equal steps between equal saves, in the order that the kernels take them."""
-
-    h: float  # [s]
-    n_save: int
-    stride: int
 
 
 def equal_steps(duration, dt, n_save):
@@ -225,38 +215,16 @@ def equal_steps(duration, dt, n_save):
     return Steps(duration / (n_save * stride), n_save, stride)
 
 
-def _implicitly(chain, prepared, scheme, steps, moving, leaf, modes, running, out):
-    load = None if prepared.load is None else np.append(prepared.load, 0.0)
-    return kernels.march_implicit(
-        *moving, chain.mass, chain.A, scheme.b, *steps, load, leaf, prepared.leaf_springs,
-        float(chain.preload), prepared.offset, prepared.residual, prepared.mobility, modes,
-        prepared.dissipation, running, out,
-    )  # fmt: skip
-
-
-def _with_reach(chain, wall, prepared, drifts, modes, leaf):
-    """Modes and leaf springs with what a constant force moves them by."""
-    if modes is not None:
-        reach = [oscillators.reach(wall.omega, wall.zeta, t) for t in drifts]
-        modes = (*modes, np.array(reach))
-    if leaf is not None:
-        omega = np.sqrt(prepared.leaf_springs[0] / chain.mass)
-        reach = [oscillators.reach(omega, np.zeros_like(omega), t) for t in drifts]
-        leaf = leaf[0], np.concatenate([leaf[1], np.array(reach)[:, None]], axis=1)
-    return modes, leaf
-
-
 def _trajectory(out, t, steps, scheme, final):
-    x, v, force, wall, energies = out
-    total = energies[:, 8]
-    scale = energies[0, 0] or np.abs(total).max() or 1.0
+    total = out.energy[:, 8]
+    scale = out.energy[0, 0] or np.abs(total).max() or 1.0
     return Trajectory(
         t,
-        x,
-        v,
-        force,
-        *wall.T,
-        *energies[:, :8].T,
+        out.x,
+        out.v,
+        out.force,
+        *out.wall.T,
+        *out.energy[:, :8].T,
         total,
         steps.h,
         steps.n_save * steps.stride,
@@ -273,38 +241,75 @@ def _instants(duration, n_save):
     return t
 
 
-def _modes(wall, prepared, state, drifts):
+def _saved(k, n, n_contacts):
+    return Saved(
+        np.empty((k, n)),
+        np.empty((k, n)),
+        np.empty((k, n_contacts)),
+        np.empty((k, 2)),
+        np.empty((k, 9)),
+    )
+
+
+def _parts(chain, wall, prepared, state, scheme, h):
+    implicit = scheme.kind == "implicit"
+    spans = h * (scheme.b if implicit else scheme.a)
+    leaf = _leaf_springs(chain, prepared.static, spans, implicit)
+    plastic = _plastic(chain, state)
+    extra = (prepared.load, leaf, prepared.damping, plastic)
+    return Parts(
+        chain.mass, 1.0 / chain.mass, chain.A,
+        preload=float(chain.preload),
+        offset=0.0 if wall is None else float(wall.phi @ prepared.static.q),
+        load=prepared.load,
+        leaf=leaf,
+        residual=None if wall is None else wall.residual_compliance or None,
+        mobility=None if wall is None else wall.mobility or None,
+        modes=_modes(wall, prepared.static, state, spans, implicit),
+        damping=prepared.damping,
+        plastic=plastic,
+        bare=() if all(part is None for part in extra) else None,
+    )  # fmt: skip
+
+
+def _modes(wall, static, state, spans, implicit):
     if not state.q.size:
         return None
-    own = (state.q.copy(), state.p.copy(), wall.phi, wall.omega, prepared.static.q)
-    modal = tuple(np.ascontiguousarray(values, float) for values in own)
-    turn = oscillators.turns(drifts, wall.omega, wall.zeta)
-    return modal, turn, float(wall.phi @ wall.phi), prepared.wall_force
+    own = (state.q.copy(), state.p.copy(), wall.phi, wall.omega, static.q)
+    return Modes(
+        *(np.ascontiguousarray(values, float) for values in own),
+        oscillators.propagators(spans, wall.omega, wall.zeta),
+        _step_responses(wall.omega, wall.zeta, spans) if implicit else None,
+        float(wall.phi @ wall.phi),
+        float(static.force[-1]),
+    )
+
+
+def _leaf_springs(chain, static, spans, implicit):
+    if chain.leaf_stiffness is None or not np.any(chain.leaf_stiffness):
+        return None
+    omega = np.sqrt(chain.leaf_stiffness / chain.mass)
+    free = np.zeros_like(omega)
+    return LeafSprings(
+        chain.leaf_stiffness,
+        np.zeros_like(chain.mass) if chain.leaf_anchor is None else chain.leaf_anchor,
+        static.x,
+        oscillators.propagators(spans, omega, free)[:, :3].copy(),
+        _step_responses(omega, free, spans) if implicit else None,
+    )
+
+
+def _step_responses(omega, zeta, spans):
+    """(len(spans), k)"""
+    return np.array([oscillators.step_response(omega, zeta, t) for t in spans])
 
 
 def _plastic(chain, state):
     if chain.yield_overlap is None:
         return None
     limit = np.asarray(chain.yield_overlap, float)
-    history = np.array([limit, chain.A, np.zeros_like(limit)])
+    plastic = Plastic(limit, limit.copy(), np.array(chain.A, float), np.zeros_like(limit))
     for i, top in enumerate([] if state.deepest is None else state.deepest):
-        history[kernels.TOP, i] = top
-        history[1:, i] = kernels.plastic_loss(i, top, chain.A, (limit, history))[1:]
-    return limit, history
-
-
-def _leaf(chain, prepared, drifts):
-    if prepared.leaf_springs is None:
-        return None
-    omega = np.sqrt(prepared.leaf_springs[0] / chain.mass)
-    return prepared.leaf_rest, oscillators.turns(drifts, omega, np.zeros_like(omega))[:, :3].copy()
-
-
-def _output(k, n, n_contacts):
-    return (
-        np.empty((k, n)),
-        np.empty((k, n)),
-        np.empty((k, n_contacts)),
-        np.empty((k, 2)),
-        np.zeros((k, 9)),
-    )
+        plastic.top[i] = top
+        _, plastic.coefficient[i], plastic.crater[i] = plastic_loss(limit[i], top, chain.A[i])
+    return plastic

@@ -9,9 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dem.chain import Chain
+from dem.trajectory import Trajectory
 from dem.waves import energy_restitution, velocity_sum_ratio
 
 AT_END = 4  # contacts from the wall within which a wave is that of the blow
+EMPTY = 1e-3  # of the largest force: between two waves
 CONTACT = 0.01  # of the peak force, where a contact counts as closed
 
 
@@ -100,6 +103,39 @@ def wall_contact(t, v, contact_force, chain, trains):
         velocity_sum_ratio(v[0], v[-1]),
         energy_restitution(chain.mass, v[0], v[-1]),
     )
+
+
+class WaveEnergy(NamedTuple):
+    """Shares of the striker's energy: on the way, and when the wall is pressed hardest."""
+
+    moving_on_the_way: float  # mean
+    moving_at_the_wall: float
+    last_contact: float  # elastic, at the wall
+
+
+def wave_energy(run: Trajectory, chain: Chain) -> WaveEnergy:
+    """Of the first wave of a chain before a wall, one of at least eight spheres."""
+    force, whole = run.contact_force, run.energy_kinetic[0]
+    k = int(force[:, -1].argmax())
+    # from the third contact on the wave has its shape, until it comes near the wall
+    way = slice(int(force[:k, 2].argmax()), int(force[:k, -4].argmax()))
+    return WaveEnergy(
+        float(run.energy_kinetic[way].mean() / whole),
+        float(run.energy_kinetic[k] / whole),
+        float(0.4 * force[k, -1] ** (5 / 3) / chain.A[-1] ** (2 / 3) / whole),
+    )
+
+
+def leading_share(run: Trajectory, chain: Chain) -> float:
+    """Energy of the leading wave at the end of a run, from the gap behind it on, over the
+    striker's."""
+    v, F = run.v[-1], run.contact_force[-1]
+    gap = int(v.argmax()) - 1
+    while F[gap] > EMPTY * F.max() and F[gap] >= F[gap - 1]:
+        gap -= 1
+    stored = 0.4 * F ** (5 / 3) / chain.A ** (2 / 3)
+    moving = 0.5 * chain.mass[gap + 1 :] @ v[gap + 1 :] ** 2
+    return float((moving + stored[gap:].sum()) / run.energy_kinetic[0])
 
 
 def _blow(t, contact_force):

@@ -3,7 +3,6 @@ from fem.contact_patch import (
     contact_patch,
     disc_quadrature,
     node_patch,
-    point_functional,
 )
 from fem.correlation import Pairing, body_shapes, mac, pair
 from fem.dashpots import dashpots
@@ -16,6 +15,7 @@ from fem.mirror import mirrored
 from fem.model import Model, Table, full_tie, screw_tie, wires
 from fem.modes import Modes, modes
 from fem.response import receptance
+from fem.trace import outer_nodes
 
 __all__ = [
     "DIRECTIONS",
@@ -40,8 +40,8 @@ __all__ = [
     "mirrored",
     "modes",
     "node_patch",
+    "outer_nodes",
     "pair",
-    "point_functional",
     "receptance",
     "rigid_body",
     "screw_tie",

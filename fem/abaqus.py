@@ -3,13 +3,18 @@
 Ties and screws are written as the linear equations they are here, so that another solver builds
 the same matrices: each slave displacement in terms of free ones. A screw's elongation stands on
 two nodes of its own (shifts on one, turns on the other, each as displacements 1 to 3), held to
-the ground by one spring per direction; its mean motion on two more.
+the ground by one spring per direction, with a dashpot to a node beside it where the joint has one;
+its mean motion on two more. A table sways as one more node, with a spring and a mass.
+
+The contact is the node CONTACT: its displacement 1 is w^T u, so that a unit force on it loads the
+patch as the chain does. A static step does so, and its answer is the compliance w^T K^-1 w.
 """
 
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_array
 from skfem import MeshHex
 
 from fem.elasticity import Material
@@ -23,14 +28,39 @@ ORDER = {
 PER_LINE = 4  # terms of an equation
 
 
-def input_deck(model: Model, materials: dict[str, Material], *, n_modes: int = 10) -> str:
-    """The text of a deck that solves for the first `n_modes` natural frequencies."""
+def input_deck(
+    model: Model,
+    materials: dict[str, Material],
+    *,
+    n_modes: int = 10,
+    w: NDArray[np.float64] | None = None,
+    C: csc_array | None = None,
+) -> str:
+    """The text of a deck that solves for the first `n_modes` natural frequencies.
+
+    w (n,) adds the contact and, to a model that something holds, its static compliance; C (n, n)
+    is that of `fem.dashpots`.
+    """
     lines = ["** second-order elements; all constraints as equations; SI units"]
-    for block in (_nodes, _elements, _supports, _equations, _springs):
+    for block in (_nodes, _elements, _supports, _equations, _springs, _table):
         lines += block(model)
+    lines += [] if C is None else _dashpots(model, C.diagonal()[model.elongation])
+    lines += [] if w is None else _contact(model, w)
     lines += _materials(materials)
     lines += ["*STEP", "*FREQUENCY", f"{n_modes}", "*NODE FILE", "U", "*END STEP"]
+    if w is not None and _is_held(model):
+        lines += ["*STEP", "*STATIC", "*CLOAD", f"{_node_after(model)}, 1, 1.0"]
+        lines += ["*NODE PRINT, NSET=CONTACT", "U", "*END STEP"]
     return "\n".join(lines) + "\n"
+
+
+def _is_held(model: Model) -> bool:
+    return model.sway is not None or bool(np.any(np.diff(model.T.indptr) == 0))
+
+
+def _node_after(model: Model) -> int:
+    """The first number that no node of mesh, joints and table has."""
+    return int(max(model.free.max(), model.structure.basis.N - 1)) // 3 + 2
 
 
 def _nodes(model: Model) -> Iterator[str]:
@@ -100,6 +130,43 @@ def _springs(model: Model) -> Iterator[str]:
             yield f"*SPRING, ELSET=SPRING{i + 1}"
             yield f"{dof % 3 + 1}"
             yield f"{k:.12e}"
+
+
+def _table(model: Model) -> Iterator[str]:
+    if model.sway is None:
+        return
+    node = model.free[-1] // 3 + 1
+    first = model.structure.basis.mesh.nelements + len(model.stiffness) + 1
+    for i in (0, 1):
+        yield from (f"*ELEMENT, TYPE=SPRING1, ELSET=SWAY{i + 1}", f"{first + i}, {node}")
+        yield from (f"*SPRING, ELSET=SWAY{i + 1}", f"{model.free[i - 2] % 3 + 1}")
+        yield f"{model.sway.stiffness:.12e}"
+    yield from ("*ELEMENT, TYPE=MASS, ELSET=TABLE", f"{first + 2}, {node}")
+    yield from ("*MASS, ELSET=TABLE", f"{model.sway.mass:.12e}")
+
+
+def _dashpots(model: Model, c: NDArray[np.float64]) -> Iterator[str]:
+    """A dashpot acts between two nodes: each gets one to lean on, a metre away in its direction."""
+    ground = _node_after(model)
+    first = model.structure.basis.mesh.nelements + len(model.stiffness) + 3
+    dofs = model.free[model.elongation]
+    for i, (dof, value) in enumerate(zip(dofs, c, strict=True), start=1):
+        if value > 0:
+            place = ", ".join("1" if axis == dof % 3 else "0" for axis in range(3))
+            yield from ("*NODE", f"{ground + i}, {place}")
+            yield from ("*BOUNDARY", f"{ground + i}, 1, 3")
+            yield f"*ELEMENT, TYPE=DASHPOTA, ELSET=DASHPOT{i}"
+            yield f"{first + i}, {dof // 3 + 1}, {ground + i}"
+            yield from (f"*DASHPOT, ELSET=DASHPOT{i}", "", f"{value:.12e}")
+
+
+def _contact(model: Model, w: NDArray[np.float64]) -> Iterator[str]:
+    """u = w^T u of the model as displacement 1 of a node of its own."""
+    node = _node_after(model)
+    read = np.flatnonzero(w)
+    yield from ("*NODE, NSET=CONTACT", f"{node}, 0, 0, 0", "*EQUATION", str(len(read) + 1))
+    yield from _terms([(3 * (node - 1), -1.0), *zip(model.free[read], w[read], strict=True)])
+    yield from ("*BOUNDARY", f"{node}, 2, 3")
 
 
 def _materials(materials: dict[str, Material]) -> Iterator[str]:

@@ -124,11 +124,6 @@ def _all_directions(basis: Basis) -> NDArray[np.int64]:
     return basis.element_dofs.reshape(-1, 3, basis.nelems).transpose(0, 2, 1).reshape(-1, 3)
 
 
-def point_functional(model: Model, face: str, point: tuple[float, float]) -> NDArray[np.float64]:
-    """w (n,) of the single node nearest to a point of the face: its compliance grows like 1/h."""
-    return node_patch(model, face, [point]).w
-
-
 def _nearest(basis: Basis, face: str, spot: NDArray[np.float64]) -> int:
     """The x displacement of the node of a face that is nearest to a spot (3,) [m]."""
     dofs = np.unique(basis.get_dofs(face).all(["u^1"]))

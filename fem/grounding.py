@@ -32,9 +32,9 @@ def rigid_body(structure: Structure) -> RigidBody:
     R = _motions(structure.basis)
     inertia = R.T @ (structure.M @ R)
     mass = inertia[0, 0]
-    left = np.abs(structure.K @ R).max() / (np.abs(structure.K).max() * np.abs(R).max())
+    residual = np.abs(structure.K @ R).max() / (np.abs(structure.K).max() * np.abs(R).max())
     centre = np.array([inertia[1, 5], -inertia[0, 5], inertia[0, 4]]) / mass
-    return RigidBody(float(mass), centre, float(left))
+    return RigidBody(float(mass), centre, float(residual))
 
 
 def require_free_joints(

@@ -40,6 +40,7 @@ class Model(NamedTuple):
     elongation: NDArray[np.int64]  # (n_springs,) dofs of K0 on which a spring of finite k stands
     stiffness: NDArray[np.float64]  # (n_springs,) [N/m] or [N m/rad]
     spring: tuple[str, ...]  # (n_springs,) "body.direction", equal for all screws of a body
+    sway: "Sway | None" = None  # of a table below, on the last two dofs
 
     @property
     def K(self) -> csc_matrix:  # noqa: N802  the name of the field
@@ -54,6 +55,13 @@ class Table(NamedTuple):
 
     frequency_hz: float  # of table and assembly together, swaying as one
     mass: float  # [kg] of the table
+
+
+class Sway(NamedTuple):
+    """What a table adds along x and along y."""
+
+    stiffness: float  # [N/m]
+    mass: float  # [kg]
 
 
 def full_tie(
@@ -117,7 +125,8 @@ def _joined(
 ) -> Model:
     """All dofs are U = [u, elongations r, mean motions p, sway of the table (2)]."""
     n, n_springs = structure.basis.N, len(stiffness)
-    n_table = 2 if table else 0
+    sway = _sway(structure, table)
+    n_table = 2 if sway else 0
     n_total = n + 2 * n_springs + n_table
     wide = [widened(c, n_total) if c.A.shape[1] < n_total else c for c in constraints]
     require_free_joints(structure.basis, wide, centres)
@@ -125,7 +134,7 @@ def _joined(
     fixed = np.concatenate([n + np.flatnonzero(np.isinf(stiffness)), grounded])
     slaves = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in wide)])
     reduction = eliminated(n_total, wide, np.setdiff1d(fixed, slaves))
-    K, M = _with_table(structure, table, 2 * n_springs)
+    K, M = _with_table(structure, sway, 2 * n_springs)
     springs = np.flatnonzero((reduction.free >= n) & (reduction.free < n + n_springs))
     finite = reduction.free[springs] - n
     return Model(
@@ -137,6 +146,7 @@ def _joined(
         springs,
         stiffness[finite],
         tuple(names[i] for i in finite),
+        sway,
     )
 
 
@@ -155,17 +165,23 @@ def _grounded(basis, constraints, held, n_total: int, n_table: int):
     return [*constraints, follow], nodes[:, 2]
 
 
-def _with_table(structure: Structure, table: Table | None, n_between: int):
-    """K and M of all dofs; the table's springs carry the assembly's mass as well."""
+def _sway(structure: Structure, table: Table | None) -> Sway | None:
+    """The table's springs carry the assembly's mass as well."""
     if table is None:
-        empty = csr_matrix((n_between, n_between))
-        return [block_diag([A, empty], format="csr") for A in (structure.K, structure.M)]
+        return None
     along_x = np.zeros(structure.basis.N)
     along_x[0::3] = 1.0
     moving = table.mass + along_x @ structure.M @ along_x
-    k = (2 * np.pi * table.frequency_hz) ** 2 * moving
+    return Sway(float((2 * np.pi * table.frequency_hz) ** 2 * moving), table.mass)
+
+
+def _with_table(structure: Structure, sway: Sway | None, n_between: int):
+    """K and M of all dofs."""
+    if sway is None:
+        empty = csr_matrix((n_between, n_between))
+        return [block_diag([A, empty], format="csr") for A in (structure.K, structure.M)]
     none = [0.0] * n_between
     return [
         block_diag([A, diags_array([*none, value, value])], format="csr")
-        for A, value in ((structure.K, k), (structure.M, table.mass))
+        for A, value in ((structure.K, sway.stiffness), (structure.M, sway.mass))
     ]

@@ -1,5 +1,7 @@
 """Points on named faces of a mesh: where they lie, and the displacements there."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
@@ -17,6 +19,22 @@ def face_nodes(basis: Basis, face: str) -> NDArray[np.int64]:
         raise ValueError(f"the mesh has no facets named {face!r}; imprint that face on it.")
     x_dofs, y_dofs, z_dofs = (basis.get_dofs(face).all([f"u^{i + 1}"]) for i in range(3))
     return np.column_stack([x_dofs, y_dofs, z_dofs])
+
+
+class OuterNodes(NamedTuple):
+    """Corners of the elements on the outside of a mesh."""
+
+    points: NDArray[np.float64]  # (m, 3) [m]
+    faces: NDArray[np.int64]  # (k, 3 or 4) into the points
+    dofs: NDArray[np.int64]  # (m, 3) their displacements
+
+
+def outer_nodes(basis: Basis) -> OuterNodes:
+    """The corners of all facets that belong to one element only."""
+    facets = basis.mesh.facets[:, basis.mesh.boundary_facets()]
+    used, faces = np.unique(facets, return_inverse=True)
+    dofs = basis.nodal_dofs[:, used].T
+    return OuterNodes(basis.mesh.p[:, used].T, faces.reshape(facets.shape).T, dofs)
 
 
 def face_quadrature(

@@ -29,6 +29,7 @@ STIFF, SOFT = 1e10, 1e6  # [N/m] settings whose modes span the projection
 LEVER = 1e-4  # [m^2] turns per shifts: a rotational stiffness is one at about 10 mm
 UNFITTED = 3.0  # log-frequency distance charged for a mode that lost its shape
 N_STARTS = 12
+UNSEEN = 0.7  # of the uncertainty within the bounds: more is left where the data say nothing
 
 
 class Parameter(NamedTuple):
@@ -60,6 +61,7 @@ class Tuning(NamedTuple):
     value: NDArray[np.float64]  # (p,) stiffnesses [N/m, N m/rad] and factors
     modes_hz: NDArray[np.float64]  # (4,) of the projection
     deviation: NDArray[np.float64]  # (p,) of ln(value) for the assumed frequency error
+    seen: NDArray[np.bool_]  # (p,) whether the targets would notice it if all others were known
     mac: NDArray[np.float64]  # (4,) with the stiff shapes
     all_hz: NDArray[np.float64]  # every frequency up to the fourth mode
     evaluations: int
@@ -162,16 +164,18 @@ def tune(
     `deviation` is the standard deviation of ln(value) for the relative `frequency_error`.
     """
     problem = _Problem(basis, tuple(parameters), target_hz, regularisation)
-    found = [_fit(problem, start) for start in problem.starts(n_starts, seed)]
-    best = min(found, key=lambda fit: fit.cost)
-    value = np.exp(best.x)
-    modes_there = spectrum(basis, parameters, value)
+    starts = problem.starts(n_starts, seed) if parameters else []
+    found = [_fit(problem, start) for start in starts]
+    x = min(found, key=lambda fit: fit.cost).x if found else np.zeros(0)
+    modes_there = spectrum(basis, parameters, np.exp(x))
     index = paired(basis.block, modes_there).index
+    J, prior = problem.jacobian(x)[: len(target_hz)] / frequency_error, problem.prior
     return Tuning(
         problem.parameters,
-        value,
+        np.exp(x),
         modes_there.frequency_hz[index],
-        _deviation(best.jac[: len(target_hz)], frequency_error, problem.bounds),
+        _deviation(J, prior),
+        _seen(J, prior),
         np.diag(mac(basis.reference.phi, modes_there.phi[:, index])),
         modes_there.frequency_hz[: index.max() + 1],
         sum(fit.nfev for fit in found),
@@ -191,14 +195,18 @@ def _fit(problem: "_Problem", start: NDArray[np.float64]):
     )
 
 
-def _deviation(J: NDArray[np.float64], error: float, bounds) -> NDArray[np.float64]:
-    """Standard deviation of ln(value): data of relative `error`, evenly likely within the bounds.
+def _deviation(J: NDArray[np.float64], prior: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviation of ln(value), for J over the error of the data.
 
     inf where the data leave a parameter as uncertain as its bounds do.
     """
-    prior = np.subtract(bounds[1], bounds[0]) / np.sqrt(12)
-    deviation = np.sqrt(np.diag(np.linalg.inv(J.T @ J / error**2 + np.diag(prior**-2.0))))
-    return np.where(deviation > 0.7 * prior, np.inf, deviation)
+    deviation = np.sqrt(np.diag(np.linalg.inv(J.T @ J + np.diag(prior**-2.0))))
+    return np.where(deviation > UNSEEN * prior, np.inf, deviation)
+
+
+def _seen(J: NDArray[np.float64], prior: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether the data narrow a parameter at all, were the others known."""
+    return (np.sum(J**2, axis=0) + prior**-2.0) ** -0.5 <= UNSEEN * prior
 
 
 class _Problem(NamedTuple):
@@ -214,6 +222,11 @@ class _Problem(NamedTuple):
         return np.log([p.lower for p in self.parameters]), np.log(
             [p.upper for p in self.parameters]
         )
+
+    @property
+    def prior(self) -> NDArray[np.float64]:
+        """Standard deviation of ln(value) that is evenly likely within the bounds."""
+        return np.subtract(self.bounds[1], self.bounds[0]) / np.sqrt(12)
 
     @property
     def start(self) -> NDArray[np.float64]:

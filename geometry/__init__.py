@@ -10,6 +10,7 @@ from geometry.assembly import (
     provenance,
     volume,
 )
+from geometry.cell_groups import CellGroup
 from geometry.hex_mesh import hex_mesh
 from geometry.naming import named
 from geometry.plate_mesh import Extent, plate_mesh
@@ -19,6 +20,7 @@ __all__ = [
     "PARTS",
     "Assembly",
     "Box",
+    "CellGroup",
     "Extent",
     "Interface",
     "InvalidGeometry",

@@ -1,39 +1,42 @@
 from rom.craig_bampton import craig_bampton
-from rom.exchange import load_h5, load_mat, load_npz, save_h5, save_mat, save_npz
+from rom.exchange import load_h5, load_mat, load_npz, save_full, save_h5, save_mat, save_npz
 from rom.factorisation import Factor, Factorise, ReductionError, superlu
 from rom.free_modes import free_modes
 from rom.health import (
     EffectiveMass,
     Health,
-    RigidBody,
     effective_mass,
     fixed_interface_hz,
     health,
-    require_rigid_motion,
-    rigid_body,
 )
 from rom.reduced_model import (
+    Contact,
+    MassProperties,
     ModalWall,
     ReducedModel,
+    Surface,
     full_order,
     modal,
     modal_compliance,
     receptance,
-    reconstruct,
     static_compliance,
 )
 from rom.substructure_file import Substructure, load_mtx, substructure
+from rom.truncation import LOSS
 
 __all__ = [
+    "LOSS",
+    "Contact",
     "EffectiveMass",
     "Factor",
     "Factorise",
     "Health",
+    "MassProperties",
     "ModalWall",
     "ReducedModel",
     "ReductionError",
-    "RigidBody",
     "Substructure",
+    "Surface",
     "craig_bampton",
     "effective_mass",
     "fixed_interface_hz",
@@ -47,9 +50,7 @@ __all__ = [
     "modal",
     "modal_compliance",
     "receptance",
-    "reconstruct",
-    "require_rigid_motion",
-    "rigid_body",
+    "save_full",
     "save_h5",
     "save_mat",
     "save_npz",

@@ -22,14 +22,14 @@ from scipy.linalg import solve_triangular
 
 from rom.factorisation import Pencil, ReductionError, static_response
 from rom.lanczos import EigenPairs, with_columns
-from rom.truncation import frequencies, rms
+from rom.truncation import LOSS, frequencies, receptances, rms, size
 
 CONVERGED = 5e-3  # bound of the space's own error where a number of modes is asked for
+EXACT = 1e-8  # the same of a space that stands for the full model, far below any error told by it
+BEYOND = 20  # vectors of such a space more than modes are kept
 CHECK = 5  # vectors between two looks at the bound
 LARGEST = 1000  # vectors: of a solid far more than any chain notices
 REACH = 2.5  # times to_hz: what resonates beyond is a static shape there, and would cost steps
-COMBS = 8  # of the grid
-LOSS = 0.01  # of the receptance whose error is stated
 
 
 class Space(NamedTuple):
@@ -41,11 +41,13 @@ class Space(NamedTuple):
 
 
 class Chosen(NamedTuple):
-    """Modes, the static response (n,) to the contact force beyond them, and the error left."""
+    """Modes, the static response (n,) to the contact force beyond them, the error left, and all
+    that the modes were chosen from."""
 
     pairs: EigenPairs
     residual: np.ndarray
     error: float
+    space: EigenPairs
 
 
 def contact_modes(
@@ -56,21 +58,26 @@ def contact_modes(
     n_modes: int | None = None,
     error: float | None = None,
     to_hz: float,
+    finer_hz: float | None = None,
 ) -> Chosen:
     """The n_modes that matter most for the receptance at the contact up to to_hz, or the fewest
     that with a residual vector keep it to a relative rms error.
 
     known (k,) are modes to keep in any case, the rigid-body ones among them. The error stated
     holds for the modes with the residual vector: the space's bound and what the choice leaves.
+    With finer_hz all that they are chosen from stands for the full model up to that frequency.
     Raises ReductionError.
     """
     bound = CONVERGED if error is None else 0.3 * error
     n_vectors = 0 if n_modes is None else n_modes + 1 - len(known.omega)
-    space = krylov_space(problem, w, known, bound, to_hz, n_vectors)
+    if finer_hz is None:
+        space = krylov_space(problem, w, known, bound, to_hz, n_vectors)
+    else:
+        space = finer_space(problem, w, known, max(to_hz, finer_hz), n_vectors)
     pairs, n_known = space.pairs, len(known.omega)
     phi = pairs.phi.T @ w
     order = _ranked(pairs.omega, phi, n_known, to_hz)
-    errors = space.bound + _left(pairs.omega[order], phi[order], to_hz)
+    errors = space.bound + _residual_errors(pairs.omega[order], phi[order], to_hz)
     if error is not None:
         n_modes = max(int(np.argmax(errors <= error)), n_known)
     n = min(n_modes, len(order))
@@ -81,7 +88,7 @@ def contact_modes(
     # the sum of the modes left out: the static response less the modes kept would lose digits
     residual = pairs.phi[:, rest] @ (phi[rest] / pairs.omega[rest] ** 2)
     chosen = EigenPairs(pairs.omega[kept], pairs.phi[:, kept])
-    return Chosen(chosen, residual, float(errors[n]))
+    return Chosen(chosen, residual, float(errors[n]), pairs)
 
 
 def static_shapes(omega: np.ndarray, highest: float, to_hz: float) -> int:
@@ -89,6 +96,14 @@ def static_shapes(omega: np.ndarray, highest: float, to_hz: float) -> int:
     chosen or far above to_hz; one at least, what stands for the rest."""
     limit = min(highest, REACH * 2 * np.pi * to_hz)
     return max(1, int(np.count_nonzero(omega > (1 + 1e-9) * limit)))
+
+
+def finer_space(
+    problem: Pencil, w: np.ndarray, known: EigenPairs, to_hz: float, n_vectors: int = 0
+) -> Space:
+    """A space that stands for the full model at the contact up to to_hz, beside a reduced model of
+    n_vectors."""
+    return krylov_space(problem, w, known, EXACT, to_hz, n_vectors + BEYOND)
 
 
 def krylov_space(
@@ -106,15 +121,15 @@ def krylov_space(
     s = 2 * np.pi * frequencies(to_hz)
     participation = known.phi.T @ w
     static, rest = _static(problem, w, known, participation)
-    size = _stiffness_norm(problem, rest)
-    if size <= 1e-12 * max(_stiffness_norm(problem, static), np.finfo(float).tiny):
+    norm = _stiffness_norm(problem, rest)
+    if norm <= 1e-12 * max(_stiffness_norm(problem, static), np.finfo(float).tiny):
         return Space(known, 0.0)
-    V, H, v = np.empty((len(w), 2 * CHECK), order="F"), np.zeros((0, 0)), rest / size
+    V, H, v = np.empty((len(w), 2 * CHECK), order="F"), np.zeros((0, 0)), rest / norm
     while True:
         V, H, beta, v = _longer(problem, V, H, v, known)
         if len(H) < n_vectors and beta:
             continue
-        bound = _bound(H, beta, size, s, known.omega, participation)
+        bound = _bound(H, beta, norm, s, known.omega, participation)
         if bound <= error or beta == 0:
             break
         if len(H) >= max(LARGEST, n_vectors):
@@ -197,18 +212,18 @@ def _length(x: np.ndarray, force: np.ndarray) -> float:
 def _bound(
     H: np.ndarray,
     beta: float,
-    size: float,
+    norm: float,
     s: np.ndarray,
     omega: np.ndarray,
     participation: np.ndarray,
 ) -> float:
-    """Of the relative rms error, as the module says; size is |K^-1 w|_K beyond the known modes."""
+    """Of the relative rms error, as the module says; norm is |K^-1 w|_K beyond the known modes."""
     theta, U = np.linalg.eigh((H + H.T) / 2)
     dynamic = 1 / (1 + 1j * LOSS - s[:, None] ** 2 * theta)
-    found = size**2 * dynamic @ U[0] ** 2
-    found = found + _each(omega, participation, s).sum(axis=1)
-    last = size * dynamic @ (U[0] * U[-1])
-    return rms((s**2 * beta * np.abs(last)) ** 2) / LOSS / _scale(found)
+    found = norm**2 * dynamic @ U[0] ** 2
+    found = found + receptances(omega, participation, s).sum(axis=1)
+    last = norm * dynamic @ (U[0] * U[-1])
+    return rms((s**2 * beta * np.abs(last)) ** 2) / LOSS / size(found)
 
 
 def _ranked(omega: np.ndarray, phi: np.ndarray, n_known: int, to_hz: float) -> np.ndarray:
@@ -220,16 +235,16 @@ def _ranked(omega: np.ndarray, phi: np.ndarray, n_known: int, to_hz: float) -> n
     return np.append(np.arange(n_known), n_known + order)
 
 
-def _left(omega: np.ndarray, phi: np.ndarray, to_hz: float) -> np.ndarray:
+def _residual_errors(omega: np.ndarray, phi: np.ndarray, to_hz: float) -> np.ndarray:
     """Relative rms error after the first 0, 1, .. k modes and one oscillator for the rest."""
     s = 2 * np.pi * frequencies(to_hz)
-    each = _each(omega, phi, s)
+    each = receptances(omega, phi, s)
     beyond = _from_the_end(each)
     elastic = np.where(omega > 0, omega, np.inf)
     moments = [_from_the_end(phi**2 / elastic**i) for i in (2, 4)]
     lumped = (_one(first, second, s) for first, second in zip(*moments, strict=True))
     errors = [rms(one - rest) for one, rest in zip(lumped, beyond.T, strict=True)]
-    return np.array(errors) / _scale(beyond[:, 0])
+    return np.array(errors) / size(beyond[:, 0])
 
 
 def _from_the_end(values: np.ndarray) -> np.ndarray:
@@ -238,20 +253,9 @@ def _from_the_end(values: np.ndarray) -> np.ndarray:
     return np.concatenate([sums, np.zeros((*values.shape[:-1], 1))], axis=-1)
 
 
-def _scale(H: np.ndarray) -> float:
-    """Rms of a receptance; the least of its combs, since a grid that meets a peak sees that alone
-    and would call any error small."""
-    return min(rms(H[i::COMBS]) for i in range(COMBS))
-
-
-def _each(omega: np.ndarray, phi: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Receptance of every mode (len(s), k)."""
-    return phi**2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)
-
-
 def _one(first: float, second: float, s: np.ndarray) -> np.ndarray:
     """Receptance (len(s),) of the oscillator that the residual vector makes of modes with
     sum phi_j^2 / omega_j^2 = first and sum phi_j^2 / omega_j^4 = second."""
     if first == 0:
         return np.zeros(len(s))
-    return _each(np.sqrt([first / second]), np.array([first / np.sqrt(second)]), s)[:, 0]
+    return receptances(np.sqrt([first / second]), np.array([first / np.sqrt(second)]), s)[:, 0]

@@ -12,14 +12,21 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from rom.contact_modes import static_shapes
+from rom.contact_modes import finer_space, static_shapes
 from rom.factorisation import Factorise, ReductionError, superlu, symmetric
-from rom.fixed_interface import Held, Partition, held_structure, modes_inside
+from rom.fixed_interface import (
+    FixedInterface,
+    Partition,
+    fixed_interface,
+    modes_inside,
+    none_of,
+    whole_pencil,
+)
 from rom.free_modes import require_choice, require_one_choice
 from rom.health import require_faithful
 from rom.lanczos import EigenPairs, lowest_modes, modes_below
-from rom.reduced_model import ReducedModel, contact_functional, modal, receptance
-from rom.truncation import DAMPING, frequencies, likely_cutoff_hz, rms
+from rom.reduced_model import ReducedModel, contact_functional, modal, of_modes
+from rom.truncation import LOSS, first_cutoff_hz, frequencies, rms, size
 
 
 def craig_bampton(
@@ -36,8 +43,8 @@ def craig_bampton(
     choice: str = "lowest",
     modes: tuple[np.ndarray, np.ndarray] | None = None,
     C: ArrayLike | sp.sparray | None = None,
+    finer_hz: float | None = None,
     factorise: Factorise = superlu,
-    provenance: dict[str, str] | None = None,
 ) -> ReducedModel:
     """Reduce K, M (n, n) to the dofs in boundary (b,) and k fixed-interface modes.
 
@@ -49,6 +56,7 @@ def craig_bampton(
     positive definite even where K floats. choice "lowest" takes the fixed-interface modes in the
     order of their frequencies; "contact" takes what the free modes of the same choice (see
     rom.contact_modes) do inside, beside those of `modes` (omega, phi (n, k)), which then all stay.
+    With finer_hz the result carries a finer model that stands for the full one up to there.
     Raises ReductionError with one sentence where the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
@@ -58,24 +66,33 @@ def craig_bampton(
     if shift:
         raise ReductionError(
             f"shift={shift:g} would make the constraint modes inexact; leave it out, K_ii is "
-            f"positive definite once the boundary is held."
+            f"positive definite once the boundary is fixed."
         )
-    held = held_structure(K, M, w, boundary, factorise)
+    fixed = fixed_interface(K, M, w, boundary, factorise)
     C = None if C is None else symmetric(C, "C")
     if choice == "contact":
-        pairs, stated = modes_inside(held, modes, n_modes=n_modes, error=error, to_hz=to_hz)
-        reduced = _projected(held, C, pairs)
+        asked = {"n_modes": n_modes, "error": error, "to_hz": to_hz, "finer_hz": finer_hz}
+        pairs, stated, space = modes_inside(fixed, modes, **asked)
+        reduced = _projected(fixed, C, pairs)
         shapes = static_shapes(modal(reduced).omega, pairs.omega.max(initial=0.0), to_hz)
         reduced = reduced._replace(error=stated, n_residual=shapes)
     else:
-        reduced = _lowest(held, C, n_modes, cutoff_hz, error, to_hz)
-    reduced = reduced._replace(provenance=dict(provenance or {}))
+        reduced = _lowest(fixed, C, n_modes, cutoff_hz, error, to_hz)
+        space = _finer(fixed, len(reduced.w), finer_hz)
+    finer = None if finer_hz is None else of_modes(*space, w, C)
+    reduced = reduced._replace(finer=finer)
     require_faithful(reduced, K, M)
     return reduced
 
 
+def _finer(fixed: FixedInterface, n_modes: int, finer_hz: float | None) -> EigenPairs | None:
+    if finer_hz is None:
+        return None
+    return finer_space(whole_pencil(fixed), fixed.w, none_of(fixed), finer_hz, n_modes).pairs
+
+
 def _lowest(
-    held: Held,
+    fixed: FixedInterface,
     C: sp.csc_array | None,
     n_modes: int | None,
     cutoff_hz: float | None,
@@ -83,57 +100,60 @@ def _lowest(
     to_hz: float | None,
 ) -> ReducedModel:
     """The lowest fixed-interface modes, as many as the error asks for."""
-    cutoff = likely_cutoff_hz(error, to_hz) if error is not None else cutoff_hz
+    cutoff = first_cutoff_hz(error, to_hz) if error is not None else cutoff_hz
     while True:
         pairs = (
-            modes_below(held.interior, cutoff)
+            modes_below(fixed.interior, cutoff)
             if n_modes is None
-            else lowest_modes(held.interior, n_modes)
+            else lowest_modes(fixed.interior, n_modes)
         )
-        reduced = _projected(held, C, pairs)
+        reduced = _projected(fixed, C, pairs)
         if to_hz is not None:
-            reduced = reduced._replace(error=_error(held, reduced, to_hz))
+            reduced = reduced._replace(error=_error(fixed, reduced, pairs.phi, to_hz))
         if error is None or reduced.error <= error:
             return reduced
         cutoff *= 1.4
 
 
-def _projected(held: Held, C: sp.csc_array | None, pairs: EigenPairs) -> ReducedModel:
+def _projected(fixed: FixedInterface, C: sp.csc_array | None, pairs: EigenPairs) -> ReducedModel:
     omega, phi = pairs
-    T = basis(held.part, held.psi, phi)
+    T = basis(fixed.part, fixed.psi, phi)
     return ReducedModel(
-        K=_block_diagonal(held.condensed, omega**2),
-        M=_projected_mass(held, phi),
+        K=_block_diagonal(fixed.condensed, omega**2),
+        M=_projected_mass(fixed, phi),
         C=None if C is None else _symmetrised(T.T @ (C @ T)),
-        w=np.append(held.w[held.part.boundary], np.zeros(len(omega))),
+        w=np.append(fixed.w[fixed.part.boundary], np.zeros(len(omega))),
         T=T,
         kind="craig-bampton",
-        n_boundary=len(held.part.boundary),
-        provenance={},
+        n_boundary=len(fixed.part.boundary),
+        notes={},
     )
 
 
-def _error(held: Held, reduced: ReducedModel, to_hz: float) -> float:
-    """Relative rms error of the receptance up to to_hz, from the forces it leaves inside.
+def _error(fixed: FixedInterface, reduced: ReducedModel, phi: np.ndarray, to_hz: float) -> float:
+    """Relative rms error of the receptance up to to_hz that the modes left out, j > k, make.
 
-    With r = w - D T q and T^T r = 0 the error is r^T D^-1 r; r lies in the interior beyond the
-    kept modes, where D is close to K_ii: |r_i^T K_ii^-1 r_i| / (1 - omega^2 / omega_{k+1}^2).
+    With L_j = phi_j^T (M_ii Psi + M_ib) and the boundary moving by q_b (b,) it is
+    s^4 sum (L_j q_b)^2 / (omega_j^2 - s^2) <= s^4 q_b^T G q_b / (1 - s^2 / omega_{k+1}^2) with
+    G = sum L_j^T L_j / omega_j^2, what K_ii^-1 has beyond the modes phi (i, k) that were kept.
     """
-    inside, K, M = held.part.interior, held.K, held.M
-    omega = np.sqrt(np.diag(reduced.K)[len(held.part.boundary) :])
-    if len(omega) == len(inside):
+    b = reduced.n_boundary
+    squared = np.diag(reduced.K)[b:]
+    if len(squared) == len(fixed.part.interior):
         return 0.0
-    highest = omega[-1] if len(omega) else np.inf
+    highest = np.sqrt(squared[-1]) if len(squared) else np.inf
     if highest <= 2 * np.pi * to_hz:
         return np.inf
-    left = []
-    for s in 2 * np.pi * frequencies(to_hz, 8):
-        stiffness = reduced.K * (1 + 2j * DAMPING) - s**2 * reduced.M
-        u = reduced.T @ np.linalg.solve(stiffness, reduced.w)
-        r = (held.w - K @ u * (1 + 2j * DAMPING) + s**2 * (M @ u))[inside]
-        static = held.interior.factor.solve(np.column_stack([r.real, r.imag]))
-        left.append(r @ (static @ [1, 1j]) / (1 - (s / highest) ** 2))
-    return rms(np.array(left)) / rms(receptance(reduced, None, frequencies(to_hz), zeta=DAMPING))
+    _, M_ib, M_ii = fixed.part.blocks(fixed.M)
+    inertia, L = M_ii @ fixed.psi + M_ib, reduced.M[b:, :b]
+    # projected on both sides: the difference of the two sums alone would lose digits
+    beyond = fixed.interior.factor.solve(inertia) - phi @ (L / squared[:, None])
+    G = (inertia - M_ii @ (phi @ L)).T @ beyond
+    wall, s = modal(reduced), 2 * np.pi * frequencies(to_hz)
+    moved = wall.phi / (wall.omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)
+    q = moved @ wall.vectors[:b].T
+    missed = s**4 * np.einsum("ij,jk,ik->i", q, G, q) / (1 - (s / highest) ** 2)
+    return rms(missed) / size(moved @ wall.phi)
 
 
 def basis(part: Partition, psi: np.ndarray, phi: np.ndarray) -> np.ndarray:
@@ -154,10 +174,10 @@ def _block_diagonal(K_boundary: np.ndarray, squared: np.ndarray) -> np.ndarray:
     return K
 
 
-def _projected_mass(held: Held, phi: np.ndarray) -> np.ndarray:
-    M_bb, M_ib, M_ii = held.part.blocks(held.M)
-    inertia = M_ii @ held.psi + M_ib
-    M_boundary = M_bb + M_ib.T @ held.psi + held.psi.T @ inertia
+def _projected_mass(fixed: FixedInterface, phi: np.ndarray) -> np.ndarray:
+    M_bb, M_ib, M_ii = fixed.part.blocks(fixed.M)
+    inertia = M_ii @ fixed.psi + M_ib
+    M_boundary = M_bb + M_ib.T @ fixed.psi + fixed.psi.T @ inertia
     coupling = phi.T @ inertia
     return np.block([[_symmetrised(M_boundary), coupling.T], [coupling, np.eye(phi.shape[1])]])
 

@@ -2,30 +2,50 @@
 
 Every format holds K, M, w, and where known C and T, under these names; w is a column in .mat.
 kind, n_boundary, n_residual and provenance (JSON text: jsondecode in MATLAB) stand beside them.
-A file with K, M and w alone is a model made elsewhere and reads as kind "imported".
+A file with K, M and w alone is a model made elsewhere and reads as kind "imported". What is known
+of the contact and the mass stands as numbers under the names of rom.contact_fields.
+
+T_surface, surface_points and surface_faces (nodes counted from 1) give the outer nodes back,
+coordinates names each q, about says what the names are and in which units. C_damping is what a
+scene's [damping] makes beside C; it is written for others and not read back.
 """
 
 import json
+import zlib
 from collections.abc import Callable, Mapping
+from math import prod
 from pathlib import Path
-from zipfile import BadZipFile, is_zipfile
+from typing import IO, BinaryIO
+from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.lib.format import read_array_header_1_0, read_array_header_2_0, read_magic
 from numpy.typing import ArrayLike
 from scipy.io import loadmat, savemat
 from scipy.io.matlab import MatReadError
 
+from rom.contact_fields import contact, known_fields, mass_properties
 from rom.factorisation import ReductionError, symmetric
-from rom.reduced_model import ReducedModel, contact_functional
+from rom.reduced_model import ReducedModel, Surface, contact_functional
 
 ARRAYS = ("K", "M", "C", "w", "T")
+ABOUT = """\
+M q'' + (C + C_damping) q' + K q = w F, contact displacement u_w = w' q, SI units:
+K [N/m], M [kg], C and C_damping [N s/m] where q is a displacement [m], else by the scale of q;
+w [1]; F [N] along the chain's travel. The first n_boundary q are displacements, coordinates names
+all. Outer nodes: u = T_surface q [m], rows x, y, z of node 1, then of node 2, ...; surface_points
+(m x 3) [m]; surface_faces count nodes from 1. C, C_damping and T_surface stand where known."""
+BROKEN = (OSError, ValueError, TypeError, KeyError, EOFError, BadZipFile, MatReadError, zlib.error)
+MOST_BYTES = 4e9  # of an archive: K, M and C of 13 000 coordinates
 
 
-def save_npz(path: str | Path, reduced: ReducedModel, *, basis: bool = True) -> None:
-    """Write a reduced model to .npz; basis=False leaves T out."""
+def save_npz(
+    path: str | Path, reduced: ReducedModel, *, C_damping: ArrayLike | None = None
+) -> None:
+    """Write a reduced model to .npz; C_damping (r, r) stands beside it for others to read."""
     with open(path, "wb") as file:
-        np.savez(file, **_fields(reduced, basis))
+        np.savez(file, **_fields(reduced, C_damping))
 
 
 def load_npz(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
@@ -40,14 +60,39 @@ def _archive(path: str | Path) -> dict[str, np.ndarray]:
     with open(path, "rb") as file:
         if not is_zipfile(file):
             raise BadZipFile("it is no whole zip archive")
+        _require_room(file)
     with np.load(path, allow_pickle=False) as archive:
         return dict(archive)
 
 
-def save_mat(path: str | Path, reduced: ReducedModel, *, basis: bool = True) -> None:
-    """Write a reduced model to a level 5 .mat file; basis=False leaves T out."""
+def _require_room(file: BinaryIO) -> None:
+    """Raise ValueError where an array's header promises other bytes than there are, or too many."""
+    with ZipFile(file) as archive:
+        total = sum(entry.file_size for entry in archive.infolist())
+        if total > MOST_BYTES:
+            raise ValueError(f"it unpacks to {total / 1e9:.3g} GB, allowed are {MOST_BYTES / 1e9}")
+        for entry in archive.infolist():
+            with archive.open(entry) as member:
+                shape, dtype = _header(member)
+                if prod(shape) * dtype.itemsize != entry.file_size - member.tell():
+                    raise ValueError(f"{entry.filename} does not hold the {shape} that it says")
+
+
+def _header(member: IO[bytes]) -> tuple[tuple[int, ...], np.dtype]:
+    read = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
+    shape, _, dtype = read[read_magic(member)](member)
+    return shape, dtype
+
+
+def save_mat(
+    path: str | Path, reduced: ReducedModel, *, C_damping: ArrayLike | None = None
+) -> None:
+    """Write a reduced model to a level 5 .mat file; C_damping as in save_npz."""
+    fields = _fields(reduced, C_damping)
+    if reduced.coordinates:
+        fields["coordinates"] = np.array(reduced.coordinates, dtype=object)  # a cell of strings
     with open(path, "wb") as file:
-        savemat(file, _fields(reduced, basis), oned_as="column", do_compression=True)
+        savemat(file, fields, oned_as="column", do_compression=True)
 
 
 def load_mat(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
@@ -59,12 +104,15 @@ def load_mat(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
     return _model({k: v for k, v in content.items() if not k.startswith("__")}, path, w)
 
 
-def save_h5(path: str | Path, reduced: ReducedModel, *, basis: bool = True) -> None:
-    """Write a reduced model to HDF5, one dataset an array. Needs h5py."""
+def save_h5(path: str | Path, reduced: ReducedModel, *, C_damping: ArrayLike | None = None) -> None:
+    """Write a reduced model to HDF5, one dataset an array; C_damping as in save_npz. Needs h5py."""
     import h5py
 
+    fields = _fields(reduced, C_damping)
+    if reduced.coordinates:
+        fields["coordinates"] = [name.encode() for name in reduced.coordinates]
     with h5py.File(path, "w") as file:
-        for name, value in _fields(reduced, basis).items():
+        for name, value in fields.items():
             file[name] = value
 
 
@@ -82,17 +130,46 @@ def load_h5(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
     return _model(_readable(path, "HDF5", content), path, w)
 
 
-def _fields(reduced: ReducedModel, basis: bool) -> dict[str, object]:
-    arrays = {name: getattr(reduced, name) for name in ARRAYS if basis or name != "T"}
+def save_full(path: str | Path, matrices: Mapping[str, sp.sparray | np.ndarray]) -> None:
+    """Write matrices of a whole structure to .mat, or to .npz with a sparse A as A_data,
+    A_indices, A_indptr (by columns) and A_shape."""
+    if Path(path).suffix == ".mat":
+        with open(path, "wb") as file:
+            savemat(file, dict(matrices), oned_as="column", do_compression=True)
+        return
+    parts: dict[str, np.ndarray] = {}
+    for name, A in matrices.items():
+        parts |= _by_columns(name, A) if sp.issparse(A) else {name: A}
+    with open(path, "wb") as file:
+        np.savez_compressed(file, **parts)
+
+
+def _by_columns(name: str, A: sp.sparray) -> dict[str, np.ndarray]:
+    A = sp.csc_array(A)
+    parts = {"data": A.data, "indices": A.indices, "indptr": A.indptr, "shape": np.array(A.shape)}
+    return {f"{name}_{part}": value for part, value in parts.items()}
+
+
+def _fields(reduced: ReducedModel, C_damping: ArrayLike | None) -> dict[str, object]:
+    arrays = {name: getattr(reduced, name) for name in ARRAYS} | {"C_damping": C_damping}
+    if reduced.surface:
+        arrays |= {
+            "T_surface": reduced.surface.T,
+            "surface_points": reduced.surface.points,
+            "surface_faces": reduced.surface.faces + 1,
+        }
     return (
         {name: A for name, A in arrays.items() if A is not None}
         | {
             "kind": reduced.kind,
             "n_boundary": reduced.n_boundary,
             "n_residual": reduced.n_residual,
-            "provenance": json.dumps(reduced.provenance),
+            "provenance": json.dumps(reduced.notes),
+            "about": ABOUT,
         }
+        | known_fields(reduced)
         | ({} if reduced.error is None else {"error": reduced.error})
+        | ({"coordinates": np.array(reduced.coordinates)} if reduced.coordinates else {})
     )
 
 
@@ -105,7 +182,9 @@ def _readable(path: str | Path, format_name: str, read: Callable):
         raise ReductionError(
             f"{path} is a MATLAB 7.3 file; save it with '-v7', or as .h5 with K, M and w in it."
         ) from None
-    except (OSError, ValueError, TypeError, EOFError, BadZipFile, MatReadError) as broken:
+    except MemoryError:
+        raise ReductionError(f"{path} does not fit into memory; give fewer coordinates.") from None
+    except BROKEN as broken:
         raise ReductionError(f"{path} cannot be read as {format_name}: {broken}") from broken
 
 
@@ -114,8 +193,12 @@ def _model(content: Mapping[str, object], path: str | Path, w: ArrayLike | None)
         return _consistent(_read(content, path, w), path)
     except ReductionError:
         raise
-    except (ValueError, TypeError, IndexError) as odd:
+    except (ValueError, TypeError, IndexError, OverflowError) as odd:
         raise ReductionError(f"{path} is not a reduced model: {odd}.") from odd
+    except RecursionError as odd:
+        raise ReductionError(
+            f"{path}: provenance is nested too deeply; write plain notes."
+        ) from odd
 
 
 def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) -> ReducedModel:
@@ -129,15 +212,21 @@ def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) 
     w = content.get("w") if w is None else w
     if w is None:
         raise ReductionError(f"{path} holds no w; pass the {r} weights of the contact.")
+    notes = _notes(content, path)
+    known = dict(content) | {name: note for name, note in notes.items() if name not in content}
     return ReducedModel(
         **matrices,
         w=contact_functional(_real(w, path), r),
         T=_basis(content),
         kind=_text(content, "kind", "imported"),
         n_boundary=int(np.ravel(content.get("n_boundary", 0))[0]),
-        provenance=_notes(content, path),
+        notes=notes,
         n_residual=int(np.ravel(content.get("n_residual", 0))[0]),
         error=float(np.ravel(content["error"])[0]) if "error" in content else None,
+        coordinates=tuple(map(_word, np.ravel(content.get("coordinates", ())))),
+        surface=_surface(content),
+        contact=contact(known, r, path),
+        mass=mass_properties(known, path),
     )
 
 
@@ -163,7 +252,7 @@ def _notes(content: Mapping[str, object], path: str | Path) -> dict[str, str]:
     notes = json.loads(_text(content, "provenance", "{}"))
     if not isinstance(notes, dict):
         raise ReductionError(f"{path}: provenance is {notes!r}; it must be a JSON object of notes.")
-    return notes
+    return {name: note if isinstance(note, str) else str(note) for name, note in notes.items()}
 
 
 def _basis(content: Mapping[str, object]) -> np.ndarray | None:
@@ -171,8 +260,22 @@ def _basis(content: Mapping[str, object]) -> np.ndarray | None:
     return None if T is None else np.array(T.toarray() if sp.issparse(T) else T, dtype=float)
 
 
+def _surface(content: Mapping[str, object]) -> Surface | None:
+    names = ("surface_points", "surface_faces", "T_surface")
+    if any(name not in content for name in names):
+        return None
+    points, faces, T = (np.asarray(content[name]) for name in names)
+    return Surface(points, faces - 1, T)
+
+
 def _text(content: Mapping[str, object], name: str, default: str) -> str:
-    text = np.ravel(content.get(name, default))[0]
+    return _word(np.ravel(content.get(name, default))[0])
+
+
+def _word(text: object) -> str:
+    """A string, also one as bytes (HDF5) or in a cell of its own (MATLAB)."""
+    if isinstance(text, np.ndarray):
+        text = np.ravel(text)[0]
     return text.decode() if isinstance(text, bytes) else str(text)
 
 
@@ -187,6 +290,8 @@ def _consistent(reduced: ReducedModel, path: str | Path) -> ReducedModel:
             raise ReductionError(
                 f"{path}: {name} is {getattr(reduced, name)}; it must be from 0 to {r}."
             )
-    if reduced.T is not None and reduced.T.shape[1] != r:
-        raise ReductionError(f"{path}: T has {reduced.T.shape[1]} columns, K is {r} x {r}.")
+    recovered = {"T": reduced.T, "T_surface": reduced.surface and reduced.surface.T}
+    for name, T in recovered.items():
+        if T is not None and T.shape[1] != r:
+            raise ReductionError(f"{path}: {name} has {T.shape[1]} columns, K is {r} x {r}.")
     return reduced

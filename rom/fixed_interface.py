@@ -33,7 +33,7 @@ class Partition(NamedTuple):
         return columns[b], columns[i], A[:, i][i]
 
 
-class Held(NamedTuple):
+class FixedInterface(NamedTuple):
     """K and M (n, n), w (n,) at the contact, and the structure with its boundary held; psi (i, b)
     are the constraint modes."""
 
@@ -52,22 +52,22 @@ class Held(NamedTuple):
         return (S + S.T) / 2
 
 
-def held_structure(
+def fixed_interface(
     K: sp.csc_array, M: sp.csc_array, w: np.ndarray, boundary: ArrayLike, factorise: Factorise
-) -> Held:
+) -> FixedInterface:
     """The structure held at the dofs in boundary (b,); raises ReductionError."""
     part = partition(boundary, w)
     _, K_ib, K_ii = part.blocks(K)
     interior = pencil(K_ii, part.blocks(M)[2], factorise)
     if interior.sigma:
         raise ReductionError(
-            "the interior still floats with the boundary held, or cannot be told from one that "
+            "the interior still floats with the boundary fixed, or cannot be told from one that "
             "does beside its largest stiffness; add boundary degrees of freedom, tie the loose "
             "part, replace joints of extreme stiffness by rigid ones, or take free modes."
         )
     psi = -solutions(interior.factor, K_ib)
     _require_constraint_modes(interior, K_ib, psi, w[part.boundary])
-    return Held(K, M, w, part, interior, psi)
+    return FixedInterface(K, M, w, part, interior, psi)
 
 
 def partition(boundary: ArrayLike, w: np.ndarray) -> Partition:
@@ -93,8 +93,8 @@ def partition(boundary: ArrayLike, w: np.ndarray) -> Partition:
 def _require_constraint_modes(
     interior: Pencil, K_ib: sp.csc_array, psi: np.ndarray, w: np.ndarray
 ) -> None:
-    left = interior.K @ (psi @ w) + K_ib @ w
-    error = left @ interior.factor.solve(left)
+    residual = interior.K @ (psi @ w) + K_ib @ w
+    error = residual @ interior.factor.solve(residual)
     energy = (psi @ w) @ (interior.K @ (psi @ w))
     if error > 1e-16 * energy:
         raise ReductionError(
@@ -114,40 +114,53 @@ def _floats() -> ReductionError:
 class _Condensed:
     """Solves with K by the factor of K_ii."""
 
-    def __init__(self, held: Held):
-        self._held = held
+    def __init__(self, fixed: FixedInterface):
+        self._fixed = fixed
         try:
-            self._S = cho_factor(held.condensed)
+            self._S = cho_factor(fixed.condensed)
         except LinAlgError:
             raise _floats() from None
 
     def solve(self, y: np.ndarray) -> np.ndarray:
-        (b, i), psi = self._held.part, self._held.psi
+        (b, i), psi = self._fixed.part, self._fixed.psi
         x = np.empty_like(y)
         x[b] = cho_solve(self._S, y[b] + psi.T @ y[i])
-        x[i] = self._held.interior.factor.solve(y[i]) + psi @ x[b]
+        x[i] = self._fixed.interior.factor.solve(y[i]) + psi @ x[b]
         return x
 
 
 def modes_inside(
-    held: Held,
+    fixed: FixedInterface,
     modes: tuple[np.ndarray, np.ndarray] | None,
     *,
     n_modes: int | None,
     error: float | None,
     to_hz: float,
-) -> tuple[EigenPairs, float]:
-    """What the free modes that the contact moves do inside, as Ritz pairs of K_ii and M_ii, and
-    the error that those modes with a residual vector have: theirs is no larger, constraint modes
-    and these hold every one of those vectors."""
-    whole = Pencil(held.K, held.M, _Condensed(held), 0.0)
+    finer_hz: float | None = None,
+) -> tuple[EigenPairs, float, EigenPairs]:
+    """What the free modes that the contact moves do inside, as Ritz pairs of K_ii and M_ii; the
+    error that those modes with a residual vector have: theirs is no larger, constraint modes and
+    these hold every one of those vectors; and the free modes that they were chosen from."""
+    whole = whole_pencil(fixed)
+    known = none_of(fixed) if modes is None else known_modes(whole, *modes)
+    asked = {"n_modes": n_modes, "error": error, "to_hz": to_hz, "finer_hz": finer_hz}
+    chosen = contact_modes(whole, fixed.w, known, **asked)
+    b, i = fixed.part
+    inside = chosen.pairs.phi[i] - fixed.psi @ chosen.pairs.phi[b]
+    return _ritz(fixed.interior, inside), chosen.error, chosen.space
+
+
+def whole_pencil(fixed: FixedInterface) -> Pencil:
+    """K and M of the structure with its boundary free; raises ReductionError where it floats."""
+    whole = Pencil(fixed.K, fixed.M, _Condensed(fixed), 0.0)
     if not is_held(whole):
         raise _floats()
-    none = EigenPairs(np.zeros(0), np.zeros((len(held.w), 0)))
-    known = none if modes is None else known_modes(whole, *modes)
-    chosen = contact_modes(whole, held.w, known, n_modes=n_modes, error=error, to_hz=to_hz)
-    b, i = held.part
-    return _ritz(held.interior, chosen.pairs.phi[i] - held.psi @ chosen.pairs.phi[b]), chosen.error
+    return whole
+
+
+def none_of(fixed: FixedInterface) -> EigenPairs:
+    """No modes at all."""
+    return EigenPairs(np.zeros(0), np.zeros((len(fixed.w), 0)))
 
 
 def _ritz(interior: Pencil, Z: np.ndarray) -> EigenPairs:

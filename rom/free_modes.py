@@ -15,12 +15,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from rom.contact_modes import contact_modes, static_shapes
+from rom.contact_modes import contact_modes, finer_space, static_shapes
 from rom.factorisation import Factorise, Pencil, ReductionError, static_response, superlu, symmetric
 from rom.floating import pencil
 from rom.health import require_faithful, require_static_response
 from rom.lanczos import EigenPairs, known_modes, lowest_modes, modes_below, modes_until
-from rom.reduced_model import ReducedModel, contact_functional
+from rom.reduced_model import ReducedModel, contact_functional, of_modes
 from rom.truncation import Moments, tail_errors
 
 
@@ -37,8 +37,8 @@ def free_modes(
     modes: tuple[np.ndarray, np.ndarray] | None = None,
     choice: str = "lowest",
     C: ArrayLike | sp.sparray | None = None,
+    finer_hz: float | None = None,
     factorise: Factorise = superlu,
-    provenance: dict[str, str] | None = None,
 ) -> ReducedModel:
     """Reduce K, M (n, n) to k free modes and the residual vector of the contact functional w (n,).
 
@@ -48,6 +48,7 @@ def free_modes(
     mass-normalised) are modes that are already there; the other three cut them.
     choice "lowest" takes the modes in the order of their frequencies, "contact" those that matter
     most at the contact up to to_hz (see rom.contact_modes), beside `modes`, which then all stay.
+    With finer_hz the result carries a finer model that stands for the full one up to there.
     shift [rad^2/s^2], negative, is the sigma of K - sigma M that gets factorised; None takes K
     itself, or where K floats freely a shift of -(omega_1 / 10)^2. factorise(A) returns an object
     with .solve. Raises ReductionError with one sentence where the result would not be right.
@@ -57,29 +58,31 @@ def free_modes(
     require_one_choice(n_modes, cutoff_hz, error, to_hz, modes)
     require_choice(choice, n_modes, error, to_hz)
     problem = pencil(K, M, factorise, shift)
+    C = None if C is None else symmetric(C, "C")
     known = None if modes is None else known_modes(problem, *modes)
     if choice == "contact":
         kept = known_or_rigid(problem, known)
-        found = contact_modes(problem, w, kept, n_modes=n_modes, error=error, to_hz=to_hz)
-    elif error is None:
-        found = _as_told(problem, w, known, n_modes, cutoff_hz, to_hz)
+        asked = {"n_modes": n_modes, "error": error, "to_hz": to_hz, "finer_hz": finer_hz}
+        (omega, phi), beyond, stated, space = contact_modes(problem, w, kept, **asked)
     else:
-        found = _to_error(problem, w, known, error, to_hz)
-    (omega, phi), beyond, stated = found
+        found = _lowest(problem, w, known, n_modes, cutoff_hz, error, to_hz)
+        (omega, phi), beyond, stated = found
+        space = _finer(problem, w, len(omega), finer_hz)
     residual = _residual(M, w, omega, phi, beyond)
     T = phi if residual is None else np.column_stack([phi, residual])
     squared = omega**2 if residual is None else np.append(omega**2, residual @ (K @ residual))
     reduced = ReducedModel(
         K=np.diag(squared),
         M=np.eye(T.shape[1]),
-        C=None if C is None else T.T @ (symmetric(C, "C") @ T),
+        C=None if C is None else T.T @ (C @ T),
         w=T.T @ w,
         T=T,
         kind="free-modes",
         n_boundary=0,
-        provenance=dict(provenance or {}),
+        notes={},
         n_residual=_static_shapes(squared, residual, to_hz if choice == "contact" else None),
         error=stated,
+        finer=None if finer_hz is None else of_modes(*space, w, C),
     )
     require_faithful(reduced, K, M)
     require_static_response(reduced, K, M, w, _rigid(problem, EigenPairs(omega, phi)))
@@ -129,6 +132,28 @@ class Choice(NamedTuple):
     pairs: EigenPairs
     residual: np.ndarray
     error: float | None
+
+
+def _lowest(
+    problem: Pencil,
+    w: np.ndarray,
+    known: EigenPairs | None,
+    n_modes: int | None,
+    cutoff_hz: float | None,
+    error: float | None,
+    to_hz: float | None,
+) -> Choice:
+    if error is None:
+        return _as_told(problem, w, known, n_modes, cutoff_hz, to_hz)
+    return _to_error(problem, w, known, error, to_hz)
+
+
+def _finer(
+    problem: Pencil, w: np.ndarray, n_modes: int, finer_hz: float | None
+) -> EigenPairs | None:
+    if finer_hz is None:
+        return None
+    return finer_space(problem, w, known_or_rigid(problem, None), finer_hz, n_modes).pairs
 
 
 def _as_told(

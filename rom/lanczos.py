@@ -127,8 +127,8 @@ def _converged(H: np.ndarray, R: np.ndarray, last: slice, sigma: float) -> Eigen
     theta, S = eigh((H + H.T) / 2)
     order = np.argsort(-np.abs(theta))
     theta, S = theta[order], S[:, order]
-    left = np.linalg.norm(R @ S[last], axis=0)
-    n = int(np.argmax(np.append(left > 1e-10 * np.abs(theta), True)))
+    residual = np.linalg.norm(R @ S[last], axis=0)
+    n = int(np.argmax(np.append(residual > 1e-10 * np.abs(theta), True)))
     return EigenPairs(np.sqrt(np.maximum(sigma + 1 / theta[:n], 0)), S[:, :n])
 
 

@@ -17,16 +17,55 @@ from scipy.linalg import eigh, solve
 from rom.factorisation import EPS, ReductionError, symmetric
 
 
+class Surface(NamedTuple):
+    """The way back to the outer nodes of the mesh: node i moves by T[3 i : 3 i + 3] @ q."""
+
+    points: np.ndarray  # (m, 3) [m]
+    faces: np.ndarray  # (k, 3 or 4) into the points, around each face
+    T: np.ndarray  # (3 m, r) in single precision: for pictures and readings, not for solving
+
+
+class Contact(NamedTuple):
+    """The contact of a reduced model as its maker tells it, None where he does not.
+
+    The force enters through w of the model. half_space [m/N]: the compliance of the patch on a
+    half-space, which the Hertz law holds once more; weights_read (r,): u_w = weights_read^T q where
+    that is not w^T q, and the wall not passive; young [Pa], poisson of the surface that is struck;
+    modes_hz (k,): the modes that damping ratios are told of.
+    """
+
+    half_space: float | None = None
+    weights_read: np.ndarray | None = None
+    young: float | None = None
+    poisson: float | None = None
+    modes_hz: tuple[float, ...] | None = None
+
+
+class MassProperties(NamedTuple):
+    """Of the structure behind a reduced model, None where its maker does not say.
+
+    mass [kg]; centre (3,) [m]; grounding: forces that rigid motions of its parts meet, relative;
+    captured: share of the mass that the reduced model carries along the chain.
+    """
+
+    mass: float | None = None
+    centre: tuple[float, ...] | None = None
+    grounding: float | None = None
+    captured: float | None = None
+
+
 class ReducedModel(NamedTuple):
     """A linear structure in few coordinates q (r,), with one contact functional.
 
     K (r, r) [N/m * unit(q)^-2 ...], M (r, r), C (r, r) or None, w (r,): u_w = w^T q and the
     contact force enters as w F. T (n, r) gives the full field back and is None where it is not
     known. kind is "craig-bampton", "free-modes", "full-order" or "imported". The first n_boundary
-    coordinates are physical boundary displacements [m]. provenance holds the caller's notes.
+    coordinates are physical boundary displacements [m]. notes are its maker's, of no effect.
     The n_residual highest modes are static shapes, residual vectors among them: they follow the
     force. error is the estimated relative rms error of the receptance at the contact, where it was
-    asked for.
+    asked for. coordinates names each q, where names are known; surface gives the outer nodes back.
+    finer is a model of the same structure without a basis that stands for the full one
+    where this one's error is told; it goes into no file.
     """
 
     K: np.ndarray
@@ -36,9 +75,28 @@ class ReducedModel(NamedTuple):
     T: np.ndarray | None
     kind: str
     n_boundary: int
-    provenance: dict[str, str]
+    notes: dict[str, str]
     n_residual: int = 0
     error: float | None = None
+    coordinates: tuple[str, ...] = ()
+    surface: Surface | None = None
+    contact: Contact = Contact()
+    mass: MassProperties = MassProperties()
+    finer: "ReducedModel | None" = None
+
+
+def of_modes(
+    omega: np.ndarray, phi: np.ndarray, w: ArrayLike, C: ArrayLike | sp.sparray | None
+) -> ReducedModel:
+    """Mass-normalised modes omega (k,), phi (n, k) as a model, the highest of them static; w and C
+    are those of the full structure."""
+    order = np.argsort(omega)
+    omega, phi = omega[order], phi[:, order]
+    damping = None if C is None else phi.T @ (C @ phi)
+    M = np.eye(len(omega))
+    return ReducedModel(
+        np.diag(omega**2), M, damping, phi.T @ w, None, "free-modes", 0, {}, n_residual=1
+    )
 
 
 class ModalWall(NamedTuple):
@@ -54,25 +112,12 @@ class ModalWall(NamedTuple):
     damping: np.ndarray | None
 
 
-def reconstruct(reduced: ReducedModel, q: ArrayLike) -> np.ndarray:
-    """The full field u = T q, (n,) or (n, k) for q (r,) or (r, k).
-
-    Raises ReductionError if the model came without its basis.
-    """
-    if reduced.T is None:
-        raise ReductionError(
-            f"this {reduced.kind} model came without its basis T; the full field cannot be rebuilt."
-        )
-    return reduced.T @ np.asarray(q)
-
-
 def full_order(
     K: ArrayLike | sp.sparray,
     M: ArrayLike | sp.sparray,
     w: ArrayLike,
     *,
     C: ArrayLike | sp.sparray | None = None,
-    provenance: dict[str, str] | None = None,
 ) -> ReducedModel:
     """The unreduced structure as a ReducedModel with T = I; for references on small meshes.
 
@@ -86,8 +131,7 @@ def full_order(
         )
     damping = None if C is None else symmetric(C, "C").toarray()
     w = contact_functional(w, n)
-    notes = dict(provenance or {})
-    return ReducedModel(K.toarray(), M.toarray(), damping, w, np.eye(n), "full-order", 0, notes)
+    return ReducedModel(K.toarray(), M.toarray(), damping, w, np.eye(n), "full-order", 0, {})
 
 
 def contact_functional(w: ArrayLike, n: int) -> np.ndarray:
@@ -156,13 +200,13 @@ def _floating_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return np.sqrt(np.where(squared > noise, squared, 0.0)), scale[:, None] * V
 
 
-def static_compliance(reduced: ReducedModel) -> float:
+def static_compliance(reduced: ReducedModel, *, modes: ModalWall | None = None) -> float:
     """w^T K^-1 w [m/N]; of a floating model the part that is not rigid-body motion.
 
     The latter is sum phi_j^2 / omega_j^2 over the elastic modes (inertia relief). A held model is
-    solved directly, independently of its modes.
+    solved directly, independently of its modes. modes are those of `modal(reduced)`, where known.
     """
-    wall = modal(reduced)
+    wall = modal(reduced) if modes is None else modes
     if not wall.omega.all():
         return modal_compliance(wall)
     scale = 1 / np.sqrt(np.diag(reduced.K))

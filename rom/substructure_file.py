@@ -48,7 +48,7 @@ def load_mtx(path: str | Path, w: ArrayLike | Mapping[tuple[int, int], float]) -
         T=None,
         kind="imported",
         n_boundary=0,
-        provenance={"file": Path(path).name},
+        notes={"file": Path(path).name},
     )
 
 

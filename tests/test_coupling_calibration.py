@@ -5,12 +5,18 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 import dem
-from coupling.calibration import calibrate
-from coupling.forward import Forward
-from coupling.parameters import Parameter, Rig
-from coupling.search import Options, Search
-from coupling.signals import Filter, Signals, aligned, first_waves_end, noise_between_waves
-from coupling.uncertainty import uncertainty
+from coupling.calibration.calibration import calibrate
+from coupling.calibration.forward import Forward
+from coupling.calibration.parameters import Parameter, Rig
+from coupling.calibration.search import Options, Search
+from coupling.calibration.signals import (
+    Filter,
+    Signals,
+    aligned,
+    first_waves_end,
+    noise_between_waves,
+)
+from coupling.calibration.uncertainty import uncertainty
 
 N = 6
 T = np.arange(0, 6e-4, 1e-6)
@@ -51,7 +57,7 @@ def test_derivatives_hold_through_trigger_and_filters():
     filters = Filter(band=120e3, instrument=80e3)
     forward = Forward(rig(), EVERY, blank(), filters)
     theta = forward.start
-    _, exact = forward.velocities_and_tangents(theta)
+    _, exact = forward.velocities_and_sensitivities(theta)
     for j, p in enumerate(EVERY):
         h = 1e-4 * p.scale * np.eye(len(EVERY))[j]
         v = {s: forward.velocities(theta + s * h) for s in (-2, -1, 1, 2)}

@@ -7,15 +7,16 @@ from scipy.integrate import solve_ivp
 
 import dem
 from coupling import (
+    CoupledWall,
     CouplingError,
-    as_coupled,
+    ModalDamping,
     energy_gain,
     impact,
     march_coupled,
     verdict,
 )
-from coupling.wall import coupled_wall, wall_from_reduced
-from rom import craig_bampton, free_modes, full_order
+from coupling.wall import coupled_wall, wall_from_reduced, wall_of
+from rom import Contact, craig_bampton, free_modes, full_order
 
 E, NU, RHO = 210e9, 0.3, 7850.0
 N = 120
@@ -114,6 +115,11 @@ def test_energy_stays_over_fifty_milliseconds_of_undamped_impacts():
     assert np.abs(made).max() < 1e-6 * run.energy_kinetic[0]
 
 
+def as_coupled(wall):
+    D = np.diag(2 * wall.zeta * wall.omega)
+    return CoupledWall(wall.omega, D, wall.phi, wall.phi, wall.residual_compliance)
+
+
 def test_two_independent_integrators_agree():
     chain = chain_of(4, dissipation="hunt-crossley", gamma=0.2, leaf_stiffness=1e4, preload=3.0)
     wall = wall_from_reduced(reduced_bar("free-modes", 8), half_space=5e-11)
@@ -125,13 +131,20 @@ def test_two_independent_integrators_agree():
         np.testing.assert_allclose(ours, theirs, atol=1e-6 * np.abs(theirs).max())
 
 
+def test_the_march_is_chosen_by_the_weights_that_read_never_by_a_note():
+    noted = reduced_bar("free-modes", 8)._replace(notes={"reading_weights": "0.5"})
+    assert isinstance(wall_of(noted), dem.Wall)
+    assert isinstance(wall_of(noted._replace(contact=Contact(weights_read=noted.w))), CoupledWall)
+
+
 def test_force_at_one_node_and_reading_beside_it_makes_energy():
     K, M, w = bar()
     reading = np.zeros(N)
     reading[[N - 14, N - 10]] = 0.5
     reduced = full_order(K, M, w)
     chain = chain_of(3, leaf_stiffness=2e4, preload=5.0)
-    thesis = coupled_wall(reduced, half_space=0, cutoff_hz=60e3, w_reading=reading)
+    read_beside = reduced._replace(contact=Contact(weights_read=reading))  # T = I
+    thesis = coupled_wall(read_beside, half_space=0, cutoff_hz=60e3)
     ours = coupled_wall(reduced, half_space=0, cutoff_hz=60e3)
     gained = impact(chain, thesis, struck(3), duration=6e-3, error=1e-9)
     kept = impact(chain, ours, struck(3), duration=6e-3, error=1e-9)
@@ -201,6 +214,20 @@ def test_damping_that_couples_the_modes_moves_the_wall_as_in_physical_coordinate
     physical = solve_ivp(rate, (0, 1e-3), start, "DOP853", run.t, rtol=1e-11, atol=1e-14)
     np.testing.assert_allclose(run.wall_x, physical.y[2], atol=1e-7 * np.abs(run.wall_x).max())
     np.testing.assert_allclose(run.v[:, 0], physical.y[3], atol=1e-7)
+
+
+def test_a_coupled_wall_is_damped_as_its_oscillators_are():
+    """2 zeta omega on the diagonal, whichever way the wall was made; undamped it is another one."""
+    model, damped = reduced_bar("free-modes", 8), {"damping": ModalDamping(0.2)}
+    wall, chain = wall_from_reduced(model, half_space=5e-11, **damped), chain_of(3)
+    split = impact(chain, wall, struck(3), duration=6e-4, error=1e-7)
+    for coupled in (as_coupled(wall), coupled_wall(model, half_space=5e-11, **damped)):
+        whole = impact(chain, coupled, struck(3), duration=6e-4, error=1e-9)
+        assert velocity_difference(whole, split) < 1e-6
+        free = impact(
+            chain, coupled._replace(D=0 * coupled.D), struck(3), duration=6e-4, error=1e-9
+        )
+        assert velocity_difference(free, split) > 1e-3
 
 
 def test_a_horizon_before_the_first_impact_ends_makes_no_tiny_steps():

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from coupling.calibration import calibrate
-from coupling.forward import Forward
-from coupling.parameters import Parameter, Rig
-from coupling.posterior import posterior, sampled
-from coupling.search import Options
-from coupling.signals import Signals
+from coupling.calibration.calibration import calibrate
+from coupling.calibration.forward import Forward
+from coupling.calibration.parameters import Parameter, Rig
+from coupling.calibration.posterior import posterior, sampled
+from coupling.calibration.search import Options
+from coupling.calibration.signals import Signals
 
 pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
 
@@ -30,7 +30,7 @@ class Linear(Forward):
     def velocities(self, theta, first=None):
         return (J @ theta)[:first]
 
-    def velocities_and_tangents(self, theta, first=None):
+    def velocities_and_sensitivities(self, theta, first=None):
         return self.velocities(theta, first), J[:first]
 
     def with_steps(self, steps):
@@ -50,7 +50,7 @@ def fitted(monkeypatch, *, low=-10.0):
     signals = Signals(T, v, (0,), np.array([np.nan]))
     parameters = [Parameter(f"p{i}", "damping", 0.0, low, 10.0, 0.1, "", i) for i in range(3)]
     forward = Linear(parameters, signals)
-    monkeypatch.setattr("coupling.calibration.Forward", lambda *_: forward)
+    monkeypatch.setattr("coupling.calibration.calibration.Forward", lambda *_: forward)
     options = Options(staged=False, starts=1)
     return forward, calibrate(forward.rig, parameters, signals, options=options)
 

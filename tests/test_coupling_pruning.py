@@ -6,7 +6,7 @@ import pytest
 import dem
 from coupling import mode_costs, prune
 from coupling.pruning import oscillation, without
-from dem.oscillators import oscillator_turn
+from dem.kernels.oscillators import oscillator_propagator
 
 E, NU = 210e9, 0.3
 CHAIN = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=4, wall_young=E, wall_poisson=NU)
@@ -37,7 +37,7 @@ def test_oscillation_under_a_constant_force_is_the_closed_form(omega, zeta):
     t = h * np.arange(n)
     q = oscillation(np.ones(n), omega, zeta, h)
     wall = dem.Wall(np.array([omega]), np.array([zeta]), np.ones(1))
-    turn = oscillator_turn(wall.omega[:, None], wall.zeta[:, None], t)
+    turn = oscillator_propagator(wall.omega[:, None], wall.zeta[:, None], t)
     static = 1 / omega**2 if omega else 0
     exact = static * (1 - turn[0, 0]) if omega else t**2 / 2
     np.testing.assert_allclose(q, exact, rtol=5e-3, atol=1e-3 * np.abs(exact).max())

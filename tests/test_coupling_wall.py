@@ -13,7 +13,6 @@ from coupling import (
     ModalDamping,
     RayleighDamping,
     damping_ratios,
-    half_space_compliance,
     largest_monotone_force,
     predicted_peak_force,
     rayleigh,
@@ -50,12 +49,6 @@ def static_wall(wall):
     return wall.residual_compliance + np.sum((wall.phi / wall.omega) ** 2)
 
 
-def test_half_space_compliance_of_a_hertz_patch_has_its_tabulated_value():
-    # 0.6 (1 - nu^2) / (E b) at b = 1.6, 3.2, 6.4 mm
-    for b, value in ((1.6e-3, 1.6250e-9), (3.2e-3, 8.125e-10), (6.4e-3, 4.063e-10)):
-        assert half_space_compliance(E, NU, b, "hertz") == pytest.approx(value, rel=1e-4)
-
-
 def hankel_hertz(z):
     return 3 / (2 * np.pi) * ((np.sin(z) - z * np.cos(z)) / z**3 if z > 1e-2 else 1 / 3 - z**2 / 30)
 
@@ -88,7 +81,7 @@ def test_static_compliance_without_the_half_space_does_not_depend_on_the_patch()
     left = []
     for b in (0.3e-3, 0.6e-3, 1.2e-3):
         reduced = one_spring(layer_compliance(b, thickness))
-        half_space = half_space_compliance(E, NU, b, "hertz")
+        half_space = 0.6 * (1 - NU**2) / (E * b)  # under a Hertz pressure
         left.append(static_wall(wall_from_reduced(reduced, half_space=half_space, cutoff_hz=1.0)))
         assert abs(left[-1]) < 0.05 * half_space
     np.testing.assert_allclose(left, left[0], rtol=2e-3)

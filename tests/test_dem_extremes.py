@@ -17,6 +17,7 @@ from dem import (
     row_of_spheres,
 )
 from dem.spheres import time_scale
+from dem.trajectory import run as run_of_chain
 
 
 def rig(radius=0.0127, young=210e9, **parts):
@@ -137,3 +138,45 @@ def test_a_thousand_spheres_pressed_by_their_leaf_springs_come_to_rest():
     pulled = 15.0 + (200.0 * (1.5e-3 - rest.x)).sum()
     assert rest.force[-1] == pytest.approx(pulled, rel=1e-8)
     assert (np.diff(rest.force) > 0).all()
+
+
+def pressed():
+    """Spheres that leaf springs press against a wall with 15 N, as the rig's arm does."""
+    return rig(
+        preload=15.0, leaf_stiffness=np.full(9, 200.0), leaf_anchor=np.full(9, 1e-3),
+        wall_young=210e9, wall_poisson=0.3,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("speed", "error"), [(1e-6, 1e-4), (0.31, 1e-10)])
+def test_a_search_ends_where_rounding_alone_is_left(speed, error):
+    """Of the ledger: of the pressed chain's energy, 1e11 times that of the slow striker, and of all
+    parts of all steps. Finer steps only add to both; the search once took them for a minute."""
+    found = march_to_error(
+        pressed(), rigid_wall(), struck(speed), duration=3e-3, error=error, n_save=30
+    )
+    assert found.step_report.error_estimate < error
+    assert found.trajectory.n_steps < 1e5
+
+
+def test_an_error_below_rounding_is_refused_before_it_is_searched_for():
+    with pytest.raises(UnstableStep, match="rounding alone leaves up to"):
+        march_to_error(
+            pressed(), rigid_wall(), struck(), duration=0.3, error=1e-12, n_save=30
+        )  # fmt: skip
+
+
+def test_a_search_that_gets_no_nearer_is_given_up(monkeypatch):
+    """Two marches that differ by as much whatever the step: seconds, not all that is allowed."""
+    monkeypatch.setattr("dem.step_control._difference", lambda coarse, fine, asked: 1.0)
+    allowed = 3e6
+    steps = []
+    monkeypatch.setattr(
+        "dem.step_control.run", lambda *args: steps.append(args[5]) or run_of_chain(*args)
+    )
+    with pytest.raises(UnstableStep, match="is not reached"):
+        march_to_error(
+            rig(), rigid_wall(), struck(), duration=1e-3, error=1e-4, n_save=10,
+            max_evaluations=allowed,
+        )  # fmt: skip
+    assert sum(1e-3 / dt for dt in steps) * 6 < allowed / 3

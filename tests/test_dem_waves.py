@@ -254,3 +254,18 @@ def test_force_and_velocity_of_a_wave_belong_together():
     assert solitary.velocity_of_force(F, 0.067, 1.2e10) == pytest.approx(0.2)
     assert solitary.force(1.0, 1.0, 1.0) == 1.01302
     assert solitary.speed(-1.0, 1.0, 1.0) == -0.90747
+
+
+def test_a_wave_between_two_samples_is_told_by_its_fit():
+    """A quick wave beside a slow one, as unlike spheres have them: none of its width is sampled."""
+    t = 60e-6 * np.arange(21)
+    slow = Train(
+        "incident", 1, (Pulse(390e-6, 5, 9.0, 0.2, 1e-4), Pulse(490e-6, 6, 9.0, 0.2, 1e-4))
+    )
+    quick = Train(
+        "incident", 2, (Pulse(626e-6, 5, 9.0, 0.2, 5e-6), Pulse(631e-6, 6, 9.0, 0.2, 5e-6))
+    )
+    v = 0.2 / np.cosh((t - 440e-6) / 9e-5) ** 2
+    found = labels((slow, quick), t, v, 6)
+    assert [label.number for label in found] == [1, 2]
+    assert all(np.isfinite(label.arrival.time) for label in found)

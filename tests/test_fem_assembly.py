@@ -13,8 +13,8 @@ from fem import (
     full_tie,
     mac,
     modes,
+    node_patch,
     pair,
-    point_functional,
     receptance,
     screw_tie,
     wires,
@@ -126,8 +126,19 @@ def test_less_the_half_space_the_contact_does_not_feel_the_patch(bolted):
         w = contact_patch(bolted, "block:+x", (0.03, 0.0), b).w
         left.append(w @ factor.solve(w) - 0.6 * (1 - 0.3**2) / (210e9 * b))
     assert left[0] == pytest.approx(left[1], rel=0.01)
-    node = point_functional(bolted, "block:+x", (0.03, 0.0))
+    node = node_patch(bolted, "block:+x", [(0.03, 0.0)]).w
     assert node @ factor.solve(node) > 1.02 * left[0]
+
+
+def test_the_radius_of_a_node_patch_is_the_root_of_the_mean_square_that_it_reads(full):
+    """Two nodes lie equally far from their middle: w reads that distance squared."""
+    points = [(0.03, 0.0), (0.01, 0.006)]
+    patch = node_patch(full, "block:+x", points)
+    spots = full.structure.basis.doflocs
+    squared = ((spots - patch.point[:, None]) ** 2)[1:].sum(axis=0)
+    assert patch.inward * (patch.on_mesh @ squared) == pytest.approx(patch.radius**2, rel=1e-12)
+    assert patch.radius > 5e-3
+    assert node_patch(full, "block:+x", points[:1]).radius == 0.0
 
 
 def test_a_patch_over_the_edge_is_refused(full):

@@ -9,7 +9,19 @@ import pytest
 from scipy.sparse import block_diag, csr_matrix
 from skfem import MeshHex
 
-from fem import Joint, Material, Model, assemble, full_tie, modes, wires
+from fem import (
+    Joint,
+    Material,
+    Model,
+    Table,
+    assemble,
+    contact_patch,
+    dashpots,
+    factorised,
+    full_tie,
+    modes,
+    wires,
+)
 from fem.abaqus import input_deck
 from fem.constraints import congruent, eliminated
 from fem.joints import Screw, screws
@@ -95,12 +107,29 @@ def test_a_screw_is_calculix_rigid_body_and_its_springs(tmp_path):
     np.testing.assert_allclose(modes(model.K, model.M, 10).frequency_hz, theirs[:10], rtol=PRINTED)
 
 
-def bolted(structure, assembly):
+def bolted(structure, assembly, table=None):
     joint = {
         "block": Joint(kx=1e9, ky=6.6e5, kz=2.5e7, kry=100.0),
         "sheets_support": Joint(),
     }
-    return wires(structure, interfaces(assembly), held_faces(assembly), joint)
+    return wires(structure, interfaces(assembly), held_faces(assembly), joint, table=table)
+
+
+def test_a_table_dashpots_and_the_contact_are_in_the_deck(tmp_path):
+    """The table's two slow modes, and the static compliance at the contact by CalculiX's solver."""
+    assembly = Assembly()
+    mesh = hex_mesh(assembly, seed=20e-3, block_seed=50e-3, support_seed=60e-3)
+    steel = {body: Material(210e9, 0.3, 7850.0) for body in mesh.subdomains}
+    model = bolted(assemble(mesh, steel), assembly, Table(6.5, 1000.0))
+    w = contact_patch(model, "block:+x", (0.03, 0.0), 2e-3).w
+    C = dashpots(model, {"block.ky": 100.0, "block.kry": 3.0})
+    theirs = calculix_hz(input_deck(model, steel, w=w, C=C), tmp_path)
+    ours = modes(model.K, model.M, 10).frequency_hz
+    np.testing.assert_allclose(ours[:2], 6.5, rtol=1e-3)
+    np.testing.assert_allclose(ours, theirs[:10], rtol=PRINTED)
+    printed = (tmp_path / "deck.dat").read_text().split("set CONTACT")[1].split()
+    compliance = w @ factorised(model.K).solve(w)
+    assert float(printed[printed.index("time") + 3]) == pytest.approx(compliance, rel=PRINTED)
 
 
 def tied(structure, assembly):

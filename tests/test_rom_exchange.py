@@ -1,16 +1,23 @@
 """Reduced models written, read back, and read from elsewhere."""
 
+import json
+
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.io import loadmat, savemat
 
 from rom import (
+    Contact,
+    MassProperties,
     ReducedModel,
     ReductionError,
+    Surface,
     load_h5,
     load_mat,
     load_mtx,
     load_npz,
+    save_full,
     save_h5,
     save_mat,
     save_npz,
@@ -38,15 +45,78 @@ def test_a_model_comes_back_as_it_was_written(tmp_path, ending, C, T):
     save, load = FORMATS[ending]
     written = small_model(C, T)
     save(tmp_path / f"rom.{ending}", written)
+    np.testing.assert_equal(load(tmp_path / f"rom.{ending}"), written)
+
+
+KNOWN = small_model()._replace(
+    contact=Contact(1 / 3 * 1e-9, np.array([0.1, -0.2]), 7e10, 0.34, (51.3, 907 / 7)),
+    mass=MassProperties(0.1 + 0.2, (0.0, -0.1, 1 / 7), 3e-14, 0.93),
+)
+OLD = {"half_space_compliance_m_per_N": "1e-10", "reading_weights": "0.75", "mass_kg": "2.5",
+       "hammer_modes_hz": "51 269.5", "centre_m": "0 0 -0.1", "patch": "1.6 mm"}  # fmt: skip
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_what_is_known_of_contact_and_mass_comes_back_to_the_last_digit(tmp_path, ending):
+    if ending == "h5":
+        pytest.importorskip("h5py")
+    save, load = FORMATS[ending]
+    save(tmp_path / f"rom.{ending}", KNOWN)
+    np.testing.assert_equal(load(tmp_path / f"rom.{ending}"), KNOWN)
+
+
+def test_what_a_file_of_others_does_not_say_is_none(tmp_path):
+    save_npz(tmp_path / "rom.npz", small_model())
+    read = load_npz(tmp_path / "rom.npz")
+    assert read.contact == (None,) * 5 and read.mass == (None,) * 4
+
+
+def test_numbers_that_older_files_hold_as_text_are_read(tmp_path):
+    """Weights that read the boundary stood alone there; the others are zero."""
+    model = small_model()
+    notes = json.dumps(OLD)
+    np.savez(tmp_path / "old.npz", K=model.K, M=model.M, w=model.w, provenance=notes)
+    read = load_npz(tmp_path / "old.npz")
+    contact = Contact(half_space=1e-10, weights_read=np.array([0.75, 0.0]), modes_hz=(51.0, 269.5))
+    np.testing.assert_equal(read.contact, contact)
+    assert read.mass == MassProperties(mass=2.5, centre=(0.0, 0.0, -0.1))
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_names_and_the_way_back_to_the_surface_come_with_the_model(tmp_path, ending):
+    if ending == "h5":
+        pytest.importorskip("h5py")
+    save, load = FORMATS[ending]
+    T = np.arange(24, dtype=np.float32).reshape(12, 2)
+    surface = Surface(np.arange(12.0).reshape(4, 3), np.array([[0, 1, 2, 3]]), T)
+    names = ("u_x at x = 1", "amplitude of shape 1")
+    save(tmp_path / f"rom.{ending}", small_model()._replace(surface=surface, coordinates=names))
     read = load(tmp_path / f"rom.{ending}")
-    for before, after in zip(written, read, strict=True):
-        np.testing.assert_array_equal(before, after) if isinstance(before, np.ndarray) else None
-        assert isinstance(before, np.ndarray) or before == after
+    assert read.coordinates == names
+    for before, after in zip(surface, read.surface, strict=True):
+        np.testing.assert_array_equal(before, after)
 
 
-def test_the_basis_can_be_left_out(tmp_path):
-    save_npz(tmp_path / "rom.npz", small_model(T=np.ones((3, 2))), basis=False)
-    assert load_npz(tmp_path / "rom.npz").T is None
+def test_damping_stands_beside_the_matrices_for_others_to_read(tmp_path):
+    C = np.array([[2.0, 1.0], [1.0, 3.0]])
+    save_mat(tmp_path / "rom.mat", small_model(), C_damping=C)
+    content = loadmat(tmp_path / "rom.mat")
+    np.testing.assert_array_equal(content["C_damping"], C)
+    assert "K [N/m]" in content["about"][0]
+    assert load_mat(tmp_path / "rom.mat").C is None
+
+
+@pytest.mark.parametrize("ending", ["mat", "npz"])
+def test_matrices_of_the_whole_come_back_sparse(tmp_path, ending):
+    K, w = sp.random_array((50, 50), density=0.1, rng=1, format="csc"), np.arange(50.0)
+    path = tmp_path / f"full.{ending}"
+    save_full(path, {"K": K, "w": w})
+    content = loadmat(path) if ending == "mat" else np.load(path)
+    if ending == "npz":
+        parts = [content[f"K_{part}"] for part in ("data", "indices", "indptr")]
+        content = {"K": sp.csc_array(tuple(parts), shape=content["K_shape"]), "w": content["w"]}
+    assert abs(content["K"] - K).max() == 0
+    np.testing.assert_array_equal(np.ravel(content["w"]), w)
 
 
 def test_matlab_finds_matrices_and_a_column_of_weights(tmp_path):

@@ -9,27 +9,28 @@ import numpy as np
 import pytest
 
 import dem
-from workflows.accuracy import accuracy, peers, work_precision
-from workflows.accuracy import chain as chain_studies
-from workflows.accuracy import engine as engine_studies
-from workflows.accuracy.accuracy import Row, Study
-from workflows.accuracy.chain import lengthened, modal_wall
-from workflows.accuracy.work_precision import (
+from coupling import peers
+from workflows.commands.app import main
+from workflows.files.run_folder import RunFolder
+from workflows.files.scene import scene
+from workflows.scene import InvalidScene
+from workflows.studies import finding
+from workflows.studies.accuracy import batch, chain_length, folder, parts, time, work_precision
+from workflows.studies.accuracy.growth import line
+from workflows.studies.accuracy.problems import lengthened, modal_wall, problem
+from workflows.studies.accuracy.rows import Row, table_of
+from workflows.studies.accuracy.work_precision import (
     Reference,
-    growth,
     growth_exponent,
     limit,
     peer_rows,
-    ratio_sentences,
+    ratios,
     reference,
     scheme_row,
     scheme_rows,
     seconds_at,
     timed,
 )
-from workflows.cli import main
-from workflows.scene import InvalidScene
-from workflows.scene_file import scene
 
 SHORT = ("chain.count=6", "output.spheres=[1,4]", "time.duration=0.8e-3")
 
@@ -40,7 +41,7 @@ def quiet(name):
 
 @pytest.fixture(scope="module")
 def case():
-    return chain_studies.problem(scene("rig-rigid", SHORT), quiet)
+    return problem(scene("rig-rigid", SHORT), quiet)
 
 
 def every_part(case):
@@ -101,8 +102,9 @@ def test_ratio_names_the_fastest_of_each_kind():
         for method, seconds in [("rkn6", 1e-3), ("verlet", 5e-3), ("LSODA", 0.06), ("RK45", 0.2)]
         for error in (1e-5, 1e-7)
     ]
-    sentence = ratio_sentences(tuple(rows), "here")[0]
-    assert sentence == "here, error 0.0001: rkn6 1 ms; LSODA 60 ms = 60 times"
+    rough, _ = ratios(tuple(rows))
+    assert rough.error == 1e-4 and rough.ours == ("rkn6", 1e-3)
+    assert rough.others == (("LSODA", 0.06),)
 
 
 def test_growth_exponent_is_the_slope():
@@ -111,9 +113,9 @@ def test_growth_exponent_is_the_slope():
 
 def test_growth_sets_what_is_fixed_apart():
     size = np.array([17, 100, 1000, 10000])
-    found = growth(size, 5e-5 + 1e-6 * size)
+    found = line(size, 5e-5 + 1e-6 * size)
     assert found == pytest.approx((5e-5, 1e-6, 1.0), rel=1e-6)
-    assert growth(size, 1e-6 * size**1.3).exponent > 1.2
+    assert line(size, 1e-6 * size**1.3).exponent > 1.2
 
 
 def test_first_call_is_kept_apart_from_the_least():
@@ -123,10 +125,9 @@ def test_first_call_is_kept_apart_from_the_least():
 
 
 def test_orders_of_the_schemes_are_stated(case):
-    closed = chain_studies.order_sentences(case, ())[0].split(": ")[1]
-    found = dict(pair.split() for pair in closed.split(", "))
+    found = time.orders_closed(case)
     for name, scheme in dem.SCHEMES.items():
-        assert float(found[name]) == pytest.approx(scheme.order, abs=0.15), name
+        assert found[name] == pytest.approx(scheme.order, abs=0.15), name
 
 
 def test_a_longer_chain_repeats_its_middle(case):
@@ -147,16 +148,16 @@ def test_walls_keep_their_own_modes_first():
 
 
 def test_step_of_a_population_leaves_the_median_error_asked_for(case):
-    many = engine_studies.population(case._replace(n_save=20), 64)
-    dt, error = engine_studies.step_of_median(many, 1e-4)
+    many = batch.population(case._replace(n_save=20), 64)
+    dt, error = batch.step_of_median(many, 1e-4)
     assert 1e-6 < error <= 1e-4
     assert 1e-6 < dt < 3e-5
     assert np.std(many.A / case.chain.A) == pytest.approx(0.05, rel=0.15)
 
 
 def test_every_part_costs_and_leaves_a_small_error(case):
-    cases = engine_studies.with_parts(case)
-    rows = [engine_studies._part_row(name, one, "suzuki4") for name, one in cases.items()]
+    cases = parts.with_parts(case)
+    rows = [parts._part_row(name, one, "suzuki4") for name, one in cases.items()]
     assert len(rows) == 10
     assert all(row.error < 1e-4 and row.energy_error < 1e-4 for row in rows)
 
@@ -172,27 +173,28 @@ def test_every_part_costs_and_leaves_a_small_error(case):
 def test_peers_solve_damped_chains_and_dashpots_too(changes, allowed):
     """The linear law jumps where a contact closes, which leaves any method that steps over it
     order 1."""
-    damped = chain_studies.problem(scene("rig-rigid", (*SHORT, *changes)), quiet)
+    damped = problem(scene("rig-rigid", (*SHORT, *changes)), quiet)
     truth = reference(damped, finer=64.0)
     assert truth.difference < allowed
     assert truth.one == "kahan-li8"
     assert peers.energy_error(damped, np.zeros((1, 12))) is None
-    elastic = chain_studies.problem(scene("rig-rigid", SHORT), quiet)
+    elastic = problem(scene("rig-rigid", SHORT), quiet)
     assert np.abs(reference(elastic, finer=64.0).v - truth.v).max() > 1e-3
 
 
 def test_study_becomes_table_csv_and_plots(tmp_path):
-    study = Study((Row("time", "rkn6", 1e-6, 2e-7, 3e-4, None),), ("ten times",), ())
-    accuracy.write(study, tmp_path)
+    rows = (Row("time", "rkn6", 1e-6, 2e-7, 3e-4, None),)
+    study = finding.Finding((table_of(rows),), ("ten times",))
+    folder.write({"time": study}, RunFolder(tmp_path))
     with (tmp_path / "accuracy.csv").open(encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
     assert row["method"] == "rkn6" and float(row["error"]) == 2e-7 and row["energy_error"] == ""
     assert json.loads((tmp_path / "machine.json").read_text())["libraries"]["numpy"]
-    assert accuracy.text(study).splitlines()[-1] == "ten times"
+    assert finding.text(study).splitlines()[-1] == "ten times"
 
 
 def test_command_prints_rows_for_machines(capsys, monkeypatch, tmp_path):
-    monkeypatch.setattr(chain_studies, "LENGTHS", (100, 200))
+    monkeypatch.setattr(chain_length, "LENGTHS", (100, 200))
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path))
     changes = [part for change in SHORT for part in ("--set", change)]
     command = ["beadwave", "accuracy", "--stage", "chain-length", "--json", "--out", str(tmp_path)]
@@ -221,8 +223,9 @@ def test_steps_that_the_engine_refuses_are_left_out(case, monkeypatch):
 
 
 def test_json_holds_no_number_that_is_not_finite():
-    study = Study((Row("time", "LSODA", 1e-6, np.nan, 1e-3, np.inf),), ())
-    (row,) = json.loads(accuracy.json(study), parse_constant=pytest.fail)["rows"]
+    rows = (Row("time", "LSODA", 1e-6, np.nan, 1e-3, np.inf),)
+    study = finding.Finding((table_of(rows),))
+    (row,) = finding.record(study)["rows"]
     assert row["error"] is row["energy_error"] is None
 
 
@@ -237,4 +240,4 @@ def test_unknown_stage_is_bad_input(capsys, monkeypatch):
 @pytest.mark.parametrize("change", ["time.duration=1e12", "chain.radius=1e-17", "time.dt=1"])
 def test_a_chain_that_cannot_be_run_is_not_measured(change):
     with pytest.raises(InvalidScene):
-        chain_studies.problem(scene("rig-rigid", (change,)), quiet)
+        problem(scene("rig-rigid", (change,)), quiet)

@@ -5,12 +5,15 @@ import sys
 
 import numpy as np
 import pytest
+import tomli_w
 
 from geometry import Assembly
-from workflows import assembly_stages, picture_stage, thesis_tables
-from workflows.cli import main
+from workflows.assembly import thesis_tables
+from workflows.commands.app import main
+from workflows.files.scene import scene
+from workflows.pipeline import assembly as assembly_stages
 from workflows.scene import InvalidScene
-from workflows.scene_file import resolved, scene
+from workflows.scene.toml import resolved
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",
@@ -51,13 +54,21 @@ def run(cache, tmp_path_factory):
     return folder, json.loads((folder / "summary.json").read_text())
 
 
+def beside_the_mesh(summary):
+    """Warnings but the one that every run on so coarse a mesh deserves."""
+    others = [words for words in summary["warnings"] if "error of the mesh" not in words]
+    assert len(others) == len(summary["warnings"]) - 1
+    return others
+
+
 def test_the_folder_holds_every_file_of_the_contract(run):
     folder, summary = run
     wanted = {
         "scene.toml", "summary.json", "trajectory.npz", "rom.npz", "rom.mat", "modes.vtu",
-        "report.html", "velocities.png", "waves.png", "energies.png", "frequency_response.png",
+        ".beadwave", "report.html",
+        "velocities.png", "waves.png", "energies.png", "frequency_response.png",
     }  # fmt: skip
-    if not summary["warnings"]:
+    if not beside_the_mesh(summary):
         wanted |= {"assembly.png", "modes.png"}
     assert {path.name for path in folder.rglob("*.*")} == wanted
 
@@ -72,7 +83,7 @@ def test_every_error_stands_in_the_summary(run):
     errors = run[1]["error_estimate"]
     assert errors["time"] < 1e-4
     assert 1e-6 < errors["reduction"] < 4e-4  # 5e-4 between twice and all of the modes
-    assert 1e-3 < errors["mesh"] < 0.1  # 7e-5 between two reductions on one mesh
+    assert 1e-3 < errors["mesh"] < 0.5  # 0.2 of so coarse a mesh
     assert run[1]["energy_error"] < 1e-6
 
 
@@ -84,8 +95,8 @@ def test_the_wall_moves_and_takes_energy(run):
 
 def test_another_striker_builds_nothing_of_the_assembly(run, monkeypatch, capsys):
     for name in ("mesh", "model", "modes", "contact"):
-        monkeypatch.setattr(f"workflows.assembly_stages.{name}", None)
-    monkeypatch.setattr("workflows.reduction_stage.reduction", None)
+        monkeypatch.setattr(f"workflows.pipeline.assembly.{name}", None)
+    monkeypatch.setattr("workflows.pipeline.reduction.reduction", None)
     assert coarse("run", "--set=striker.velocity=0.4", "--out=out", "--json") == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["modes_hz"] == run[1]["modes_hz"]
@@ -119,7 +130,7 @@ def test_the_reduced_model_is_written_alone(run, tmp_path):
 def test_a_file_that_cannot_be_written_is_refused_before_anything_is_computed(
     arguments, words, tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr("workflows.stages.Pipeline.__call__", None)
+    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
     (tmp_path / "folder.npz").mkdir()
     (tmp_path / "file").touch()
     assert coarse(*arguments) == 2
@@ -127,7 +138,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_anything_is_computed(
 
 
 def test_hdf5_without_its_reader_is_refused_before_anything_is_computed(monkeypatch, capsys):
-    monkeypatch.setattr("workflows.wall_file.find_spec", lambda name: None)
+    monkeypatch.setattr("workflows.files.wall.find_spec", lambda name: None)
     assert coarse("reduce", "--out=rom.h5") == 2
     assert "install.sh h5" in capsys.readouterr().err
 
@@ -152,7 +163,7 @@ def test_modes_of_tied_parts_are_their_own_reference(run, capsys):
 
 
 def test_a_run_compares_no_shapes(run):
-    assert "likeness" not in {stage["name"] for stage in run[1]["stages"]}
+    assert "mac" not in {stage["name"] for stage in run[1]["stages"]}
 
 
 def test_a_scene_without_an_assembly_has_no_modes(capsys):
@@ -164,11 +175,11 @@ def test_a_killed_render_costs_the_pictures_only(run, monkeypatch, tmp_path, cap
     killed = tmp_path / "python"
     killed.write_text("#!/bin/sh\nkill -SEGV $$\n")
     killed.chmod(0o755)
-    monkeypatch.setattr(picture_stage.sys, "executable", str(killed))
+    monkeypatch.setattr("sys.executable", str(killed))
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "fresh"))
     assert coarse("run", "--out=out", "--json") == 0
     printed = capsys.readouterr()
-    (warning,) = json.loads(printed.out)["warnings"]
+    (warning,) = beside_the_mesh(json.loads(printed.out))
     assert "could not be rendered" in warning and "libosmesa6" in warning
     assert not (tmp_path / "out" / "figures" / "modes.png").exists()
     assert warning in (tmp_path / "out" / "report.html").read_text()
@@ -209,7 +220,8 @@ def test_a_foreign_file_is_refused_in_a_sentence(tmp_path):
         "wall": {"kind": "rom", "file": "rom.npz"},
     }
     with pytest.raises(InvalidScene, match=r"rom\.npz cannot be read"):
-        resolved(tables, "scene", tmp_path)
+        (tmp_path / "mine.toml").write_text(tomli_w.dumps(tables))
+        scene(str(tmp_path / "mine.toml"))
     assert beadwave("impact", "rig-rigid", f"--rom={tmp_path / 'rom.npz'}") == 2
     tables["wall"]["file"] = "absent.npz"
     with pytest.raises(InvalidScene, match="absent"):

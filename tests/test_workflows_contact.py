@@ -14,10 +14,11 @@ import geometry
 import rom
 from coupling.wall import wall_from_reduced
 from dem import waves
-from workflows.assembly_stages import STRUCK
-from workflows.chain_stages import chain, initial_velocity
-from workflows.scene_file import scene
-from workflows.stages import Pipeline, memory
+from workflows.files.scene import scene
+from workflows.pipeline.assembly import STRUCK
+from workflows.pipeline.cache import memory
+from workflows.pipeline.chain import chain, initial_velocity
+from workflows.pipeline.pipeline import Pipeline
 
 COARSE = ("mesh.seed=0.012", "mesh.block_seed=0.05", "reduction.kind=free-modes")
 
@@ -36,7 +37,7 @@ def answer(radius, seed):
     """Static compliance of the structure [m/N], peak wall force [N], arrivals [s]."""
     run = pipeline(f"patch.radius={radius}", f"mesh.contact_seed={seed}", "time.error=1e-5")
     trajectory, reduced = run("impact").trajectory, run("reduction")
-    local = float(reduced.provenance["half_space_compliance_m_per_N"])
+    local = reduced.contact.half_space
     times = [a.time for i in (0, 3, 13) for a in waves.arrivals(trajectory.t, trajectory.v[:, i])]
     peak = trajectory.contact_force[:, -1].max()
     return rom.static_compliance(reduced) - local, peak, np.array(times)

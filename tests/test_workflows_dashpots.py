@@ -9,11 +9,12 @@ from scipy.sparse import csc_matrix
 import coupling
 import fem
 import rom
-from workflows.assembly_stages import dashpots
-from workflows.chain_stages import chain, initial_velocity
+from workflows.files.scene import scene
+from workflows.pipeline.assembly import dashpots
+from workflows.pipeline.cache import memory
+from workflows.pipeline.chain import chain, initial_velocity
+from workflows.pipeline.pipeline import Pipeline
 from workflows.scene import InvalidScene
-from workflows.scene_file import scene
-from workflows.stages import Pipeline, memory
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from workflows.hammer import applied, hammer_test, nearest_modes
-from workflows.hammer_file import SYNTHETIC, Responses, responses, write_synthetic
+from workflows.assembly.hammer import applied, hammer_test
+from workflows.files.hammer import SYNTHETIC, Responses, responses, write_synthetic
+from workflows.files.scene import scene
 from workflows.scene import InvalidScene
-from workflows.scene_file import scene
 
 RIG = {1: 51.0, 2: 269.0, 3: 907.0, 4: 8425.0}
 LINES = np.arange(10.0, 1200.0, 0.2)
@@ -46,12 +46,6 @@ def test_uff_keeps_the_responses_and_says_that_they_are_synthetic(tmp_path):
     np.testing.assert_allclose(read.frequency_hz, test.frequency_hz, rtol=1e-9)
     np.testing.assert_allclose(read.H, test.H, rtol=1e-5, atol=1e-6 * np.abs(test.H).max())
     assert read.title == SYNTHETIC and "SYNTHETIC" in path.read_text()
-
-
-def test_pairs_are_the_nearest_and_no_mode_is_used_twice():
-    found = nearest_modes([48.0, 53.0, 700.0, 880.0, 3000.0], RIG)
-    assert found == {0: 1, 3: 3} or found == {1: 1, 3: 3}
-    assert nearest_modes([3000.0], RIG) == {}
 
 
 def test_measured_damping_reaches_the_scene_only_when_all_four_are_known(csv):

@@ -5,8 +5,8 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from workflows.accuracy import mesh as study
-from workflows.scene_file import scene
+from workflows.files.scene import scene
+from workflows.studies.accuracy import mesh as study
 
 H = 8e-3 / np.sqrt(2) ** np.arange(5)
 
@@ -39,7 +39,23 @@ def test_finer_meshes_are_softer_and_the_study_says_by_how_much(monkeypatch):
     monkeypatch.setattr(study, "BLOCK", 30e-3)
     seeds = (24e-3, 17e-3, 12e-3, 8.5e-3, 6e-3)
     found = study.mesh(scene("rig-rom", ()), lambda name: nullcontext(), seeds=seeds)
-    errors = [row.error for row in found.rows]
-    assert [row.parameter for row in found.rows] == list(seeds)
+    errors = [row.error for row in found.tables[0].rows]
+    assert [row.parameter for row in found.tables[0].rows] == list(seeds)
     assert np.all(np.diff(errors) <= 1e-3) and errors[0] > 2 * errors[-1]
-    assert found.findings[0].startswith("full-tie: converges to 5") and found.pictures[0].png
+    assert (
+        found.sentences[0].startswith("full-tie: the four frequencies converge to 5")
+        and found.pictures[0].png
+    )
+    assert any(
+        "the block's elements stay at 30 mm and leave modes" in words for words in found.sentences
+    )
+
+
+def test_what_the_block_leaves_is_no_less_than_halving_its_elements_shows():
+    """Of an error c h^p with p above 0.8, halving shows 1 - 2^-p of it, and more is told."""
+    rig = scene("rig-full-tie", ())
+    coarse, usual, fine = (
+        study._solved(rig, "full-tie", 24e-3, block).hz for block in (40e-3, 20e-3, 10e-3)
+    )
+    left = study.left_by_the_block(usual, coarse)
+    assert (left >= (usual / fine - 1)[1:]).all()

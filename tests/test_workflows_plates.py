@@ -7,11 +7,18 @@ import numpy as np
 import pytest
 
 import coupling
-from workflows import study
-from workflows.chain_stages import impact, spoilt, wall
+from coupling.collision import first_contact
+from workflows.files.run_folder import RunFolder
+from workflows.files.scene import scene
+from workflows.pipeline.chain import start, wall
+from workflows.pipeline.impact import impact
+from workflows.pipeline.warnings import thick_plate
+from workflows.results.tables import records
 from workflows.scene import InvalidScene
-from workflows.scene_file import resolved, scene
-from workflows.studies import boundary_distance, plates, wall_thickness
+from workflows.scene.toml import resolved
+from workflows.studies import catalogue
+from workflows.studies.finding import write
+from workflows.studies.thesis import boundary_distance, plates, wall_thickness
 
 RISE = 164e-6  # s, the chain's contact with a half-space of its steel
 
@@ -26,11 +33,11 @@ def found(name):
         patch.setattr(boundary_distance, "SHOWN", (0.4,))
         patch.setattr(wall_thickness, "VARIED", {"modes doubled": plates.with_more_modes})
         patch.setattr(boundary_distance, "VARIED", {})
-        return study.study(name, scene("rig-half-space"), lambda name: nullcontext())
+        return catalogue.study(name, scene("rig-half-space"), lambda name: nullcontext())
 
 
 def column(finding, name, **where):
-    rows = [dict(zip(finding.columns, row, strict=True)) for row in finding.rows]
+    rows = records(finding.tables[0])
     return np.array([row[name] for row in rows if where.items() <= row.items()])
 
 
@@ -85,7 +92,7 @@ def test_a_clamped_edge_stiffens_the_plate_until_it_is_out_of_reach():
     for ratio in (2.0, 4.0):
         arr = column(finding, "arr", d_over_t=ratio)
         plate = plates.steel(rig, plates.diameter(rig) / ratio)
-        infinite = plates.blow(rig, coupling.infinite_plate(plate)).arr
+        infinite = plates.collision(rig, coupling.infinite_plate(plate)).arr
         half_space = 0.944
         assert arr[0] == pytest.approx(half_space, abs=0.03) and arr[0] > arr[1] > arr[2]
         np.testing.assert_allclose(arr[-2:], infinite, rtol=0.03)
@@ -95,7 +102,7 @@ def test_a_clamped_edge_stiffens_the_plate_until_it_is_out_of_reach():
 def test_the_studies_answer_the_thesis_and_draw(name, tmp_path):
     finding = found(name)
     assert sum("Thesis" in sentence for sentence in finding.sentences) >= 3
-    study.write(finding, tmp_path)
+    write(finding, RunFolder(tmp_path))
     picture = tmp_path / "figures" / f"study_{name.replace('-', '_')}.png"
     assert picture.stat().st_size > 50_000
 
@@ -104,7 +111,7 @@ def test_a_first_collision_ends_where_the_force_does_though_an_echo_strikes_hard
     t = np.linspace(0.0, 1.0, 1001)
     force = np.where(t < 0.3, np.sin(np.pi * t / 0.3), 0.0)
     force = force + np.where((t > 0.5) & (t < 0.7), 2.0 * np.sin(np.pi * (t - 0.5) / 0.2), 0.0)
-    contact, again = plates.first_contact(t, force)
+    contact, again = first_contact(t, force)
     assert contact.end == pytest.approx(0.3, abs=2e-3) and contact.start < 2e-3
     assert again == pytest.approx(0.5, abs=3e-3)
 
@@ -113,7 +120,7 @@ def test_a_first_collision_ends_where_the_force_does_though_an_echo_strikes_hard
 def test_a_run_on_a_plate_too_thick_for_zener_says_so(thickness, warned):
     """k h = 0.35 and 0.99 for the contact's 164 us."""
     rig = scene("rig-half-space", ("wall.kind=dashpot", f"wall.plate_thickness={thickness}"))
-    sentences = spoilt(rig, impact(rig, wall(rig)))
+    sentences = list(thick_plate(rig, impact(rig, start(rig), wall(rig)).trajectory))
     assert any("k h = 0.99" in sentence for sentence in sentences) == warned
     assert any("thick against" in sentence for sentence in sentences) == warned
 
@@ -122,4 +129,4 @@ def test_a_scene_without_a_wave_is_refused():
     chain = {"count": 3, "radius": 0.01, "density": 7800.0, "young": 2e11, "poisson": 0.3}
     short = resolved({"name": "s", "chain": chain, "striker": {"velocity": 1.0}}, "s")
     with pytest.raises(InvalidScene, match=r"chain\.count = 3"):
-        study.study("wall-thickness", short, lambda name: nullcontext())
+        catalogue.study("wall-thickness", short, lambda name: nullcontext())

@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from coupling.posterior import posterior
-from workflows import cli
+from coupling.calibration.posterior import posterior
 from workflows.calibration import posterior as calibration_posterior
 from workflows.calibration import twin as experiment
 from workflows.calibration.calibrate import Request, calibrated
 from workflows.calibration.folder import write
 from workflows.calibration.posterior import with_posterior
-from workflows.calibration.velocity_file import csv_text
-from workflows.chain_stages import wall
-from workflows.scene_file import resolved
+from workflows.commands import app as cli
+from workflows.files.run_folder import RunFolder
+from workflows.files.velocities import csv_text
+from workflows.pipeline.chain import wall
+from workflows.scene.toml import resolved
 
 SETTING = experiment.Twin(noise=1e-3, repeats=4, jitter=1e-6, before=2e-5, seed=3)
 
@@ -56,7 +57,7 @@ def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, found):
         ends = np.array([row.found - row.low, row.high - row.found])
         np.testing.assert_allclose(ends, row.two_sigma, rtol=0.16)
     assert "2.3 %" in sampled.report.text() and "effective samples" in sampled.report.remarks[-1]
-    write(sampled, tmp_path)
+    write(sampled, RunFolder(tmp_path))
     held = np.load(tmp_path / "posterior.npz")
     assert held["samples"].shape[1] == 2 and held["synthetic"]
     assert (tmp_path / "figures" / "posterior.png").stat().st_size > 10_000
@@ -64,15 +65,16 @@ def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, found):
 
 def test_a_posterior_of_too_few_samples_is_told_and_not_shown(tmp_path, found, monkeypatch):
     pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
-    monkeypatch.setattr("coupling.posterior.ENOUGH", 1e6)
-    monkeypatch.setattr("coupling.posterior.BLOCK", 10)
+    monkeypatch.setattr("coupling.calibration.posterior.ENOUGH", 1e6)
+    monkeypatch.setattr("coupling.calibration.posterior.BLOCK", 10)
     monkeypatch.setitem(posterior.__kwdefaults__, "most", 300)
-    (tmp_path / "posterior.npz").write_bytes(b"of an earlier run")
+    RunFolder(tmp_path).write("posterior.npz", b"of an earlier run")
     short = with_posterior(found._replace(report=found.report.model_copy(deep=True)), 0)
     report = short.report
     assert report.remarks[-1].startswith("The posterior is not shown: 8 steps of 24 walkers")
     assert "2.3 %" not in report.text()
-    write(short, tmp_path)
+    with RunFolder(tmp_path).renewed() as folder:
+        write(short, folder)
     assert not (tmp_path / "posterior.npz").exists()
 
 

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
-from workflows.accuracy import accuracy
-from workflows.accuracy import reduction as study
-from workflows.accuracy.shared_solutions import SharedSolutions
-from workflows.cli import main
+from workflows.commands.app import main
+from workflows.files.scene import scene
+from workflows.results.tables import Table
 from workflows.scene import InvalidScene
-from workflows.scene_file import scene
+from workflows.studies import finding
+from workflows.studies.accuracy import reduction as study
+from workflows.studies.accuracy.rows import Row, table_of
+from workflows.studies.accuracy.shared_solutions import SharedSolutions
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",
@@ -68,7 +70,7 @@ def test_the_study_leaves_rows_and_a_picture(printed):
 
 def test_the_reference_is_the_full_model_to_its_bound(printed):
     """Said of the direct solutions beside it; a wrong mass or weight would show in percents."""
-    (sentence,) = [text for text in printed[0]["findings"] if text.startswith("Errors are against")]
+    (sentence,) = [one for one in printed[0]["findings"] if one.startswith("Errors are relative")]
     stated, off = (float(word) for word in re.findall(r"\d\.\de-\d\d", sentence))
     assert off < stated <= study.BOUND
 
@@ -94,9 +96,14 @@ def test_a_scene_with_dashpots_is_refused_not_compared_without_them():
 
 def test_a_person_reads_one_table_and_not_its_rows_again():
     """Ninety rows with mostly empty columns once stood before the table that says the same."""
-    row = accuracy.Row("reduction", "free-modes: velocities", 10, 1e-4, 0.1)
-    told = accuracy.Study((row,), ("method  modes",))
-    assert accuracy.text(told) == "method  modes"
-    assert max(map(len, accuracy.text(told._replace(findings=("word " * 50,))).splitlines())) <= 100
-    beside = accuracy.text(told._replace(rows=(row, row._replace(study="time", method="leapfrog"))))
-    assert "leapfrog" in beside and "free-modes: velocities" not in beside
+    row = Row("reduction", "free-modes: velocities", 10, 1e-4, 0.1)
+    own = Table("reduction", ("method", "modes"), (("free-modes", 10),))
+    told = finding.Finding((table_of((row,), printed=False), own), ("word " * 50,))
+    table, *sentences = finding.text(told).split("\n\n")
+    assert table.splitlines() == ["method      modes", "free-modes     10"]
+    assert max(map(len, sentences[0].splitlines())) <= 100
+    other = finding.Finding((table_of((row._replace(study="time", method="leapfrog"),)),))
+    for both in (finding.merged([other, told]), finding.merged([told, other])):
+        assert "leapfrog" in finding.text(both)
+        assert "free-modes: velocities" not in finding.text(both)
+        assert len(both.tables[0].rows) == 2

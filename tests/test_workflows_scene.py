@@ -1,17 +1,20 @@
 """Scenes: what is filled in, what is refused, and how it is said."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 import coupling
 from geometry import PARTS
-from workflows.assembly_table import BODIES
-from workflows.chain_stages import wall
-from workflows.reduced_wall import damping_law
+from workflows.files.scene import built_in, scene, scene_text
+from workflows.pipeline.assembly import material
+from workflows.pipeline.chain import surface, wall
+from workflows.pipeline.wall import damping_law
 from workflows.scene import InvalidScene
-from workflows.scene_file import built_in, resolved, scene, scene_text, toml
+from workflows.scene.assembly import BODIES
+from workflows.scene.toml import resolved, toml
 
 MINIMAL = {
     "name": "minimal",
@@ -184,10 +187,11 @@ def test_damping_is_one_ratio_or_one_for_each_mode_of_the_hammer_test():
     assert scene("rig-rom", ("damping.ratio=[0.01, 0.02, 0.01, 0.01]",))
 
 
-def test_a_mesh_that_fits_no_memory_is_refused():
+def test_a_mesh_that_fits_no_memory_is_refused(monkeypatch):
     for seed in ("seed", "block_seed", "support_seed", "contact_seed"):
         with pytest.raises(InvalidScene, match=rf"mesh\.{seed} = 1e-09 m makes .* elements"):
-            scene("rig-rom", (f"mesh.{seed}=1e-9",))
+            scene("rig-rom", (f"mesh.{seed}=1 nm",))
+    monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 1e12)
     assert scene("rig-rom", ("mesh.contact_seed=1e-5", "mesh.seed=1e-3"))
 
 
@@ -254,7 +258,23 @@ def test_bodies_of_a_scene_are_the_parts_of_the_geometry():
 
 @pytest.mark.parametrize("key", ["assembly.young", "assembly.block.young"])
 def test_an_assembly_softer_than_rubber_is_refused(key):
-    with pytest.raises(
-        InvalidScene, match=rf"{key} = 1000.0 must be greater than or equal to 1000000"
-    ):
-        scene("rig-rom", (f"{key}=1e3",))
+    with pytest.raises(InvalidScene, match=rf"{key} = 1000 Pa must be at least 1e\+06 Pa"):
+        scene("rig-rom", (f"{key}=1 kPa",))
+
+
+@pytest.mark.parametrize("changes", [(), ("assembly.block.young=70e9", "assembly.poisson=0.2")])
+def test_the_chain_touches_the_material_that_the_block_is_meshed_with(changes):
+    found = scene("rig-rom", changes)
+    block = material(found.assembly, "block")
+    assert surface(found) == (block.young, block.poisson)
+    same = scene("rig-rom", (*changes, f"wall.young={block.young}"))
+    assert surface(same) == surface(found)
+
+
+@pytest.mark.parametrize(
+    ("key", "given", "own"), [("young", "7e+10", "2.2358e+11"), ("poisson", "0.21", "0.3")]
+)
+def test_a_surface_other_than_the_block_is_refused(key, given, own):
+    told = rf"wall\.{key} = {re.escape(given)}.*{re.escape(own)}.*drop"
+    with pytest.raises(InvalidScene, match=told):
+        scene("rig-rom", (f"wall.{key}={given}",))

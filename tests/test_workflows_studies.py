@@ -6,11 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from workflows import study
-from workflows.cli import main
+from workflows.commands.app import main
+from workflows.files.run_folder import RunFolder
+from workflows.files.scene import scene
 from workflows.scene import InvalidScene
-from workflows.scene_file import scene
-from workflows.studies import damping, energy, schemes, singularity
+from workflows.studies import catalogue, finding
+from workflows.studies.thesis import damping, energy, schemes, singularity
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",
@@ -26,38 +27,38 @@ def found(name):
         patch.setattr(damping, "DURATION", 1e-3)
         patch.setattr(schemes, "N_MODES", 20)
         patch.setattr(schemes, "ERROR", 1e-5)
-        return study.study(name, scene("rig-rom", COARSE), lambda name: nullcontext())
+        return catalogue.study(name, scene("rig-rom", COARSE), lambda name: nullcontext())
 
 
 def column(finding, name):
-    return [row[finding.columns.index(name)] for row in finding.rows]
+    return finding.tables[0].column(name)
 
 
 def test_a_node_sinks_in_like_1_over_h_and_the_structure_does_not_care():
     """Issue's bound for the node 1.8 per halving; for what the patch leaves 1 %, measured 1e-4."""
-    finding = found("singularity")
-    assert all(growth > 1.8 for growth in column(finding, "growth")[1:])
+    sunk = found("singularity")
+    assert all(growth > 1.8 for growth in column(sunk, "growth")[1:])
     for name in ("structure_by_patch", "structure_by_node"):
-        own = column(finding, name)
+        own = column(sunk, name)
         assert np.ptp(own) < 1e-3 * np.mean(own)
-    recovery = column(finding, "recovery_points")
+    recovery = column(sunk, "recovery_points")
     assert recovery[-1] == pytest.approx(recovery[-2], rel=0.01)
 
 
 def test_only_the_scheme_of_the_thesis_makes_energy():
-    finding = found("energy")
-    bump = dict(zip(column(finding, "wall"), column(finding, "bump"), strict=True))
+    made = found("energy")
+    bump = dict(zip(column(made, "wall"), column(made, "bump"), strict=True))
     assert bump["half-space"] < 1e-9
     for wall in ("ROM half-space", "ROM assembly"):
         assert bump[f"{wall}, one functional"] < 1e-9
         assert bump[f"{wall}, thesis"] > 0.01
-    missing = column(finding, "missing_without_wall")
+    missing = column(made, "missing_without_wall")
     assert missing[3] > 5 * missing[1] > 0  # the assembly takes more than a large block
 
 
 def test_the_rayleigh_damping_of_the_thesis_is_80_percent_at_51_hz():
     """references: 80 %, 15 %, 4.5 %, 0.53 %."""
-    rows = dict(found("damping").rows)
+    rows = dict(found("damping").tables[0].rows)
     ratios = [value for name, value in rows.items() if "Rayleigh" in name]
     np.testing.assert_allclose(ratios, [0.80, 0.15, 0.045, 0.0053], rtol=0.02)
     gains = [value for name, value in rows.items() if "largest gain" in name]
@@ -65,10 +66,10 @@ def test_the_rayleigh_damping_of_the_thesis_is_80_percent_at_51_hz():
 
 
 def test_a_study_writes_table_and_picture(tmp_path):
-    finding = found("singularity")
-    study.write(finding, tmp_path)
+    sunk = found("singularity")
+    finding.write(sunk, RunFolder(tmp_path))
     lines = (tmp_path / "singularity.csv").read_text().splitlines()
-    assert len(lines) == 1 + len(finding.rows) and lines[0].startswith("seed_mm,")
+    assert len(lines) == 1 + len(sunk.tables[0].rows) and lines[0].startswith("seed_mm,")
     assert (tmp_path / "figures" / "study_singularity.png").stat().st_size > 10_000
 
 
@@ -79,4 +80,4 @@ def test_studies_are_listed_and_an_unknown_one_is_refused(monkeypatch, capsys):
     assert not end.value.code
     assert all(name in capsys.readouterr().out for name in ("singularity",))
     with pytest.raises(InvalidScene, match="singularity"):
-        study.study("singular", scene("rig-rom", COARSE), lambda name: nullcontext())
+        catalogue.study("singular", scene("rig-rom", COARSE), lambda name: nullcontext())

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from dem import rigid_wall
-from workflows.chain_stages import contact_radius, impact, wall
-from workflows.cli import main
+from workflows.commands.app import main
+from workflows.files.scene import scene
+from workflows.pipeline.chain import contact_radius, start, wall
+from workflows.pipeline.impact import impact
 from workflows.scene import InvalidScene
-from workflows.scene_file import scene
 
 PRESSURE = 1.6e9  # Pa
 ALONE = ("chain.count=1", "output.spheres=[1]", "time.duration=0.4e-3", "time.error=1e-6")
@@ -31,25 +32,30 @@ def thorntons(speed, density=7800.0):
 
 @pytest.mark.parametrize("speed", [0.2, 0.31, 2.0])
 def test_a_sphere_of_a_scene_bounces_as_thornton_has_it(speed):
-    run = impact(yielding(*ALONE, f"striker.velocity={speed}"), rigid_wall()).trajectory
+    alone = yielding(*ALONE, f"striker.velocity={speed}")
+    run = impact(alone, start(alone), rigid_wall()).trajectory
     assert -run.v[-1, 0] / speed == pytest.approx(thorntons(speed), abs=2e-6)  # twice the error
     lost = run.dissipated_contact[-1] / run.energy_kinetic[0]
     assert lost == pytest.approx(1 - thorntons(speed) ** 2, abs=4e-6)
     assert run.energy_error < 1e-6
 
 
+def radius(of, force):
+    return contact_radius(of, start(of).chain, force)
+
+
 def test_a_pressure_that_is_never_reached_changes_nothing():
     hertz = scene("rig-half-space", ("chain.count=5", "output.spheres=[1]", "time.dt=5e-7"))
     law = {"law": "thornton", "yield_pressure": (1e12,) * 5}
     plastic = hertz.model_copy(update={"contact": hertz.contact.model_copy(update=law)})
-    one, two = (impact(s, wall(s)).trajectory for s in (hertz, plastic))
+    one, two = (impact(s, start(s), wall(s)).trajectory for s in (hertz, plastic))
     assert np.abs(two.v - one.v).max() < 1e-6 * 0.31  # two schemes at one step
     assert two.dissipated_contact.max() == 0.0
-    assert contact_radius(plastic, 100.0) == pytest.approx(contact_radius(hertz, 100.0))
+    assert radius(plastic, 100.0) == pytest.approx(radius(hertz, 100.0))
 
 
 def test_a_yielding_contact_is_wider_at_the_same_force():
-    assert contact_radius(yielding(), 5e3) > 1.3 * contact_radius(scene("rig-half-space"), 5e3)
+    assert radius(yielding(), 5e3) > 1.3 * radius(scene("rig-half-space"), 5e3)
 
 
 def test_a_run_tells_which_contacts_yield_and_books_the_loss(tmp_path, capsys):
@@ -68,7 +74,7 @@ LAW = ("contact.law=thornton", "contact.yield_pressure=1e9")
 REFUSED = {
     "needs yield_pressure": LAW[:1],
     "belongs to law": LAW[1:],
-    "a millionth of chain.young": (LAW[0], "contact.yield_pressure=1"),
+    "a millionth of chain.young": (LAW[0], "contact.yield_pressure=1 Pa"),
     "has 1 values": (LAW[0], "contact.yield_pressure=[1e9]"),
     'with wall.kind = "dashpot"': (*LAW, "wall={kind='dashpot', coefficient=100}"),
 }

@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from workflows.cli import main
+from workflows.assembly.tuning import _from, freed, loosened, targets, tuned, usual
+from workflows.commands.app import main
+from workflows.files.scene import scene
 from workflows.scene import InvalidScene
-from workflows.scene_file import scene
-from workflows.tuning import freed, loosened, targets, tuned, usual
 
 COARSE = ("mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.03")
 
@@ -99,3 +99,42 @@ def test_a_block_of_its_own_keeps_what_is_not_tuned():
     loose = loosened(rig, freed(("head.kz", "block.young")))
     assert loose.assembly.block.poisson == 0.28
     assert loose.assembly.block.density == rig.assembly.block.density
+
+
+@pytest.mark.parametrize(
+    ("match", "free", "kept"),
+    [("2", "head.ky", "stays 527500"), ("3", "foot.ky", "stays rigid")],
+)
+def test_what_the_modes_do_not_see_stays_as_it_was(match, free, kept):
+    rig = scene("rig-rom", COARSE)
+    result, report = tuned(rig, targets(match), (free,), silent)
+    assert result == rig and not report.stiffness
+    assert report.remarks[0] == f"{free} is not seen by mode {match}: it {kept}."
+
+
+def test_a_stiffness_starts_from_the_value_of_its_scene():
+    rig = scene("rig-rom", COARSE)
+    ky, kx, young = (_from(rig, p) for p in freed(("head.ky", "head.kx", "block.young")))
+    assert ky.start == rig.joints.head.ky
+    assert kx.start == freed(("head.kx",))[0].start  # rigid: no value to start from
+    assert young.start * rig.assembly.young == pytest.approx(rig.assembly.block.young, rel=1e-15)
+
+
+def test_what_is_free_already_is_not_advised_to_be_freed():
+    """Three springs cannot take mode 2 above mode 3."""
+    free = ("head.ky", "head.kz", "head.kry")
+    _, report = tuned(scene("rig-rom", COARSE), {2: 900.0, 3: 300.0}, free, silent)
+    assert report.failures and not any("Free " in remark for remark in report.remarks)
+
+
+def test_a_gross_miss_is_a_failure_and_writes_no_scene(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    arguments = ["tune", "--match=1=48000", "--free=head.ky", "--json"]
+    monkeypatch.setattr(sys, "argv", ["beadwave", *arguments, *(f"--set={c}" for c in COARSE)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    told = capsys.readouterr()
+    assert end.value.code == 1 and not list(tmp_path.iterdir())
+    assert json.loads(told.out)["match"] == {"1": 48000.0}
+    assert "no scene is written: mode 1 of 48000 Hz is missed by -99.9 %" in told.err
+    assert told.err.count("\n") == 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from workflows.calibration.velocity_file import SYNTHETIC, Record, csv_text, record
+from workflows.files.velocities import SYNTHETIC, Record, csv_text, record
 from workflows.scene import InvalidScene
 
 T = np.arange(80) * 1e-6

@@ -9,13 +9,17 @@ import pytest
 from matplotlib.image import imread
 
 import dem
-from workflows import study
-from workflows.chain_stages import chain, initial_velocity
+from coupling.observed_run import Setup, observed
+from coupling.wave_distance import distance, overall
+from workflows.files.run_folder import RunFolder
+from workflows.files.scene import scene
+from workflows.pipeline.chain import chain, initial_velocity
+from workflows.results.plots import Line, Panel, panels
+from workflows.results.tables import Table
 from workflows.scene import InvalidScene
-from workflows.scene_file import scene
-from workflows.studies import (
-    chain_energy,
-    plastic_contact,
+from workflows.studies import catalogue
+from workflows.studies.finding import Finding, record, text, write
+from workflows.studies.thesis import (
     rig,
     rig_walls,
     sphere_mass,
@@ -23,8 +27,7 @@ from workflows.studies import (
     wall_modulus,
     walls,
 )
-from workflows.studies.observed import observed
-from workflows.study_figures import Line, Panel, panels
+from workflows.studies.thesis.energy import chain_alone
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",
@@ -41,11 +44,11 @@ def found(name, usual="rig-rigid"):
         patch.setattr(striker, "SPEEDS", (0.1, 0.31, 1.0))
         patch.setattr(striker, "RATIOS", (0.5, 1.0, 5.0))
         patch.setattr(rig_walls, "ROMS", {"ROM 269": "rig-rom-269", "ROM 907": "rig-rom-907"})
-        return study.study(name, scene(usual), lambda name: nullcontext())
+        return catalogue.study(name, scene(usual), lambda name: nullcontext())
 
 
 def column(finding, name):
-    return [row[finding.columns.index(name)] for row in finding.rows]
+    return list(finding.tables[0].column(name))
 
 
 def test_secondary_waves_appear_below_the_critical_modulus():
@@ -114,8 +117,8 @@ def test_pressure_is_larger_between_spheres_than_at_a_wall_of_their_steel():
     for name, ratio in (("rig-half-space", 1.9439 / 4), ("rig-rigid", 2.2384)):
         usual = scene(name)
         row, v0 = chain(usual), initial_velocity(usual)
-        run = observed(name, row, dem.rigid_wall(), v0, duration=1e-3, spheres=(4,))
-        p = plastic_contact.pressures(run)
+        run = observed(Setup(name, row, dem.rigid_wall()), v0, duration=1e-3, spheres=(4,))
+        p = run.pressures
         assert p[-1] / p[8] == pytest.approx(ratio ** (1 / 3), rel=1e-3)
     said = found("plastic-contact", "rig-half-space").sentences[0]
     assert said.count("largest between spheres") == 1 and said.count("largest at the wall") == 1
@@ -123,10 +126,10 @@ def test_pressure_is_larger_between_spheres_than_at_a_wall_of_their_steel():
 
 def test_a_wave_is_five_ninths_motion_and_all_but_elastic_at_the_wall():
     """references.md, section 2: 0.99366 of the energy is the wave's, the recoil moves as well."""
-    shares = chain_energy.chain_energy(scene("rig-rigid"))
+    run, shares = chain_alone(scene("rig-rigid"))
     assert shares.moving_on_the_way == pytest.approx(1 - 0.99366 * 4 / 9, rel=1e-3)
     assert shares.moving_at_the_wall < 0.02 and 0.85 < shares.last_contact < 0.98
-    total = shares.trajectory.energy_total
+    total = run.energy_total
     assert np.ptp(total) < 1e-3 * total[0]
 
 
@@ -150,21 +153,21 @@ def test_walls_are_judged_by_the_wave_that_tells_them_apart(own_cache, monkeypat
     Without a fourth wave, or with a wall left out, nothing is judged; without any, it is refused.
     """
     usual, found = standing()
-    monkeypatch.setattr(walls, "rig_walls", lambda scene, watch: iter(found))
-    finding = study.study("walls", usual, lambda name: nullcontext())
-    assert len(finding.rows) == 3 * len(found)
-    assert len(finding.beside[0].rows) == len(found) * (len(found) - 1) / 2
+    monkeypatch.setattr(walls, "rig_walls", lambda scene, progress: iter(found))
+    finding = catalogue.study("walls", usual, lambda name: nullcontext())
+    assert len(finding.tables[0].rows) == 3 * len(found)
+    assert len(finding.tables[1].rows) == len(found) * (len(found) - 1) / 2
     said = " ".join(finding.sentences)
     assert 'The half-space answers like the 1-DOF wall at 8425 Hz": holds' in said
     assert 'ROM 269 behaves like the 1-DOF wall at 700 Hz": cannot be judged' in said
-    study.write(finding, tmp_path)
+    write(finding, RunFolder(tmp_path))
     assert (tmp_path / "walls_distances.csv").is_file()
     for drawing in ("_records", "_distances"):
         monkeypatch.setattr(walls, drawing, lambda runs, *more: b"")
-    cut = study.study("walls", lasting(usual, 2e-3), lambda name: nullcontext())
+    cut = catalogue.study("walls", lasting(usual, 2e-3), lambda name: nullcontext())
     assert "cannot be judged, half-space sends no fourth wave" in " ".join(cut.sentences)
     with pytest.raises(InvalidScene, match=r"time\.duration = 0\.0001 s ends before"):
-        study.study("walls", lasting(usual, 1e-4), lambda name: nullcontext())
+        catalogue.study("walls", lasting(usual, 1e-4), lambda name: nullcontext())
 
 
 def lasting(scene, duration):
@@ -178,15 +181,13 @@ def test_equal_waves_are_no_distance_apart_and_distant_ones_sqrt_2(own_cache):
     names = ("half-space", "1-DOF 8425", "1-DOF 907", "ROM all four", "1-DOF 240")
     runs = {name: rig_walls.struck(usual, named[name], spheres, 1e-3) for name in names}
     plain, high, nine, rom, low = runs.values()
-    assert rig_walls.overall(nine, nine, spheres) == 0.0
+    assert overall(nine, nine, spheres) == 0.0
     for number in (1, 2, 3, 4):
-        assert rig_walls.distance(nine, nine, number, spheres) == 0.0
+        assert distance(nine, nine, number, spheres) == 0.0
     # the fourth waves of 240 and 907 Hz do not meet
-    assert rig_walls.distance(nine, low, 4, (14,)) == pytest.approx(2**0.5, abs=0.2)
-    assert rig_walls.overall(high, plain, spheres) < 0.02
-    assert (
-        rig_walls.distance(nine, plain, 1, (14,)) < 0.01 < rig_walls.distance(nine, plain, 2, (14,))
-    )
+    assert distance(nine, low, 4, (14,)) == pytest.approx(2**0.5, abs=0.2)
+    assert overall(high, plain, spheres) < 0.02
+    assert distance(nine, plain, 1, (14,)) < 0.01 < distance(nine, plain, 2, (14,))
     # the thesis' statements on what each sphere sees hold on the default wall and on one mass
     for run in (rom, nine, low):
         assert [tuple(w.number for w in run.reflected(s)) for s in spheres] == [
@@ -202,8 +203,8 @@ def test_an_arm_without_mass_sends_no_second_wave_to_sphere_4():
     second = []
     for table in (usual, light):
         run = observed(
-            "", rig.chain(table), wall, rig.initial_velocity(table), duration=3e-3, spheres=(4,),
-            error=1e-3,
+            Setup("", rig.chain(table), wall), rig.initial_velocity(table), duration=3e-3,
+            spheres=(4,), error=1e-3,
         )  # fmt: skip
         faster = [w.arrival.peak_velocity for w in run.reflected(4) if w.number > 1]
         second.append(-min(faster, default=0.0) / usual.striker.velocity)
@@ -218,7 +219,7 @@ def test_the_arm_moves_with_the_last_sphere():
 
 def test_a_chain_too_short_for_a_study_is_refused():
     with pytest.raises(InvalidScene, match=r"chain\.count = 5"):
-        study.study(
+        catalogue.study(
             "striker", scene("rig-rigid", ("chain.count=5", "output.spheres=[1]")),
             lambda name: nullcontext(),
         )  # fmt: skip
@@ -227,7 +228,7 @@ def test_a_chain_too_short_for_a_study_is_refused():
 def test_a_study_without_a_wave_to_measure_is_refused():
     """The striker sees no incident wave."""
     with pytest.raises(InvalidScene, match=r"output\.spheres = \[1\]"):
-        study.study(
+        catalogue.study(
             "sphere-mass", scene("rig-rigid", ("output.spheres=[1]",)), lambda name: nullcontext()
         )
 
@@ -256,5 +257,6 @@ def test_curves_differ_on_paper_without_colour():
 
 def test_a_number_that_is_none_is_a_dash_and_null():
     row = ("a", float("nan"), float("inf"))
-    empty = study.Finding("s", ("x", "y", "z"), (row,), (), ())
-    assert '"y": null' in study.json(empty) and '"z": null' in study.json(empty)
+    empty = Finding((Table("s", ("x", "y", "z"), (row,)),))
+    assert record(empty)["rows"] == [{"x": "a", "y": None, "z": None}]
+    assert text(empty).splitlines()[1].split() == ["a", "-", "inf"]

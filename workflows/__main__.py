@@ -4,14 +4,23 @@ import sys
 
 
 def main() -> None:
-    """Run the command; Ctrl-C while the program still loads is as quiet as later."""
+    """Run the command; a signal while the program still loads is as quiet as later."""
     try:
-        from workflows.cli import main as command
+        from workflows.commands import signals
 
-        command()
+        signals.end_at_once()
+        from workflows.commands.app import main as command
     except KeyboardInterrupt:
         print("beadwave: interrupted.", file=sys.stderr)
         sys.exit(130)
+    try:
+        signals.unwind()
+        command()
+    except signals.Stopped as stopped:
+        signals.ignore()
+        sys.exit(signals.told(stopped.number))
+    finally:
+        signals.ignore()
 
 
 if __name__ == "__main__":

@@ -11,18 +11,25 @@ import numpy as np
 
 import coupling
 import dem
-from coupling.calibration import Calibration, calibrate
-from coupling.forward import Forward
-from coupling.search import Options
-from coupling.signals import Aligned, Filter, Signals, aligned, lag_of, noise_between_waves
+from coupling.calibration.calibration import Calibration, calibrate
+from coupling.calibration.forward import Forward
+from coupling.calibration.search import Options
+from coupling.calibration.signals import (
+    Aligned,
+    Filter,
+    Signals,
+    aligned,
+    lag_of,
+    noise_between_waves,
+)
 from workflows.calibration import parameters as free_parameters
 from workflows.calibration.checks import cut_off, doubts, plausible, require_samples
 from workflows.calibration.report import CalibrationReport, on_held_out, report_of
-from workflows.calibration.velocity_file import Record
+from workflows.files.velocities import Record
 from workflows.scene import InvalidScene, OneDofWall, Scene
 
 if TYPE_CHECKING:
-    from coupling.posterior import Posterior
+    from coupling.calibration.posterior import Posterior
 
 LOWEST = 0.05  # low-pass times the radian of a contact
 TRIGGERS = (-0.5, 1.0)  # of the record: where the first touch may be said to be
@@ -109,8 +116,8 @@ def _fitted(rig, parameters, signals, filters, options: Options, source: str) ->
 def _radian(scene: Scene, wall: dem.Wall | None) -> float:
     """Time [s] within which the stiffest contact moves."""
     rig = free_parameters.rig(scene, wall, 0.0)
-    step = dem.tangent.usual_step(rig.chain, rig.wall, rig.v0)
-    return dem.tangent.STEPS_PER_RADIAN * step
+    step = dem.sensitivities.usual_step(rig.chain, rig.wall, rig.v0)
+    return dem.sensitivities.STEPS_PER_RADIAN * step
 
 
 def _names(scene: Scene, request: Request) -> tuple[str, ...]:

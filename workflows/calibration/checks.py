@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from coupling.signals import Signals
-from workflows.calibration.velocity_file import Record
-from workflows.chain_stages import initial_velocity
+from coupling.calibration.signals import Signals
+from workflows.files.velocities import Record
+from workflows.pipeline.chain import initial_velocity
 from workflows.scene import InvalidScene, Scene
 
 WRONG_UNITS = 20.0  # peak velocity over the striker's

@@ -1,12 +1,20 @@
 """Plots of a calibration: data against model, the misfit's scan, bars, what goes together."""
 
-from io import BytesIO
-
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-COLOURS = ("#0b5394", "#cc4125", "#38761d", "#b45f06", "#674ea7", "#45818e")
+from workflows.results.plots import (
+    COLOURS,
+    Line,
+    Panel,
+    drawn,
+    frame,
+    heat_map,
+    log_ticks,
+    png,
+    subplots,
+)
+from workflows.results.plots import legend as name_curves
+
 LEAST = 4  # determined parameters in the picture of a posterior
 WIDE = 5.0  # of a misfit: largest over least that needs a logarithmic axis
 
@@ -29,8 +37,8 @@ def pictures(fit, t, report, posterior=None) -> dict[str, bytes]:
 def signals(t, fit, spheres: tuple[str, ...], face: str) -> bytes:
     """Data, the model that it started from and the one found, one panel per sphere."""
     n = len(spheres)
-    figure = Figure(figsize=(9, 1.2 + 2.3 * n), layout="constrained")
-    panels = figure.subplots(2 * n, 1, sharex=True, squeeze=False, height_ratios=[3, 1] * n)[:, 0]
+    shared = {"sharex": True, "height_ratios": [3, 1] * n}
+    figure, panels = subplots(2 * n, 1, (9, 1.2 + 2.3 * n), **shared)
     for i, sphere in enumerate(spheres):
         upper, lower = panels[2 * i], panels[2 * i + 1]
         upper.plot(1e3 * t, fit.data[:, i], color="0.55", linewidth=2.6, label="data")
@@ -44,49 +52,38 @@ def signals(t, fit, spheres: tuple[str, ...], face: str) -> bytes:
         left = 1e3 * (fit.data[:, i] - fit.model[:, i])
         lower.plot(1e3 * t, left, color="black", linewidth=0.6)
         lower.set_ylabel("left\n[mm/s]")
-        for panel in (upper, lower):
-            _plain(panel)
-    panels[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False)
+        frame(upper)
+        frame(lower)
+    name_curves(panels[0], "above")
     panels[-1].set_xlabel("time [ms]")
-    return _png(figure, face)
+    return png(figure, face)
 
 
 def scan(report, face: str) -> bytes:
     """Misfit over the wall's frequency with the chain of the first waves held."""
-    figure = Figure(figsize=(8, 3.8), layout="constrained")
-    panel = figure.subplots()
-    misfit = 1e3 * np.array(report.scan_misfit_m_s)
-    panel.semilogx(report.scan_hz, misfit, "o-", color=COLOURS[0], markersize=3, linewidth=1.2)
+    f, misfit = np.array(report.scan_hz), 1e3 * np.array(report.scan_misfit_m_s)
     row = next(row for row in report.parameters if row.name == "wall.frequency")
-    grey = {"color": "0.5", "linestyle": "--"}
-    panel.axvline(row.found, color=COLOURS[1], linewidth=1, label=f"found {row.found:.4g} Hz")
-    panel.axvline(row.start, linewidth=1, label=f"start {row.start:.4g} Hz", **grey)
-    panel.xaxis.set_major_formatter("{x:g}")
-    panel.xaxis.set_minor_formatter(NullFormatter())
-    ticks = [f for f in (50, 100, 200, 500, 1000, 2000, 5000)
-             if report.scan_hz[0] <= f <= report.scan_hz[-1]]  # fmt: skip
-    panel.set_xticks(ticks)
-    if misfit.max() > WIDE * misfit.min() > 0:
-        panel.set_yscale("log")
-        _plain_ticks(panel.yaxis, misfit)
-    else:
-        panel.set_ylim(bottom=0)
-    panel.set_xlabel("frequency of the wall [Hz]")
-    panel.set_ylabel("misfit of all samples, rms [mm/s]")
-    panel.legend(frameon=False, fontsize=8)
-    _plain(panel)
-    return _png(figure, face)
+    wide = misfit.max() > WIDE * misfit.min() > 0
+    panel = Panel(
+        "", "frequency of the wall [Hz]", "misfit of all samples, rms [mm/s]",
+        [Line(None, f, misfit, "o-")], "xy" if wide else "x", None if wide else (0.0, None),
+    )  # fmt: skip
+    figure, (axis,) = drawn([panel], size=(8, 3.8))
+    axis.axvline(row.found, color=COLOURS[1], linewidth=1, label=f"found {row.found:.4g} Hz")
+    start = f"start {row.start:.4g} Hz"
+    axis.axvline(row.start, color="0.5", linestyle="--", linewidth=1, label=start)
+    name_curves(axis)
+    return png(figure, face)
 
 
 def parameters(report, face: str) -> bytes:
     """Contact factors with bars, and every parameter's bar relative to its size."""
     contacts = [r for r in report.parameters if r.name.startswith("contact ")]
-    figure = Figure(figsize=(9, 6.2 if contacts else 3.4), layout="constrained")
-    panels = figure.subplots(2 if contacts else 1, 1, squeeze=False)[:, 0]
+    figure, panels = subplots(2 if contacts else 1, 1, (9, 6.2 if contacts else 3.4))
     if contacts:
         _factors(panels[0], contacts)
     _bars(panels[-1], report.parameters)
-    return _png(figure, face)
+    return png(figure, face)
 
 
 def _factors(panel, rows) -> None:
@@ -104,9 +101,8 @@ def _factors(panel, rows) -> None:
     panel.set_xlabel("contact (the last one at the wall)")
     panel.ticklabel_format(axis="y", useOffset=False)
     panel.set_ylabel("stiffness over the scene's")
-    panel.legend(frameon=False, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=3)
-    _plain(panel)
-    panel.margins(x=0.03)
+    name_curves(panel, "above")
+    frame(panel)
 
 
 def _bars(panel, rows) -> None:
@@ -119,41 +115,31 @@ def _bars(panel, rows) -> None:
     panel.bar(range(len(shown)), share, color=colours)
     panel.set_yscale("log")
     panel.set_ylim(min(share) / 1.5, max(share) * 1.2)
-    _plain_ticks(panel.yaxis, np.array(share))
+    log_ticks(panel.yaxis, [np.array(share)], plain=False)
     panel.set_xticks(
         range(len(shown)), [r.name for r in shown], rotation=60, ha="right", fontsize=8
     )
     panel.set_ylabel("two sigma over value [%]")
-    _plain(panel)
-    panel.margins(x=0.02)
-
-
-def _plain_ticks(axis, values) -> None:
-    """Numbers, not powers, as close as fits the span of values above 0."""
-    span = values.max() / values.min()
-    axis.set_major_locator(LogLocator(subs=(1, 2, 3, 5, 7) if span < 5 else (1, 2, 5)))
-    axis.set_major_formatter("{x:g}")
-    axis.set_minor_formatter(NullFormatter())
+    frame(panel)
 
 
 def correlation(fit, face: str) -> bytes:
     """Correlations of the parameters, and the singular values of the scaled Jacobian."""
     names = [p.name for p in fit.parameters]
-    figure = Figure(figsize=(10, 5.4), layout="constrained")
-    matrix, values = figure.subplots(1, 2, width_ratios=(2.2, 1))
-    shown = matrix.imshow(fit.uncertainty.correlation, vmin=-1, vmax=1, cmap="RdBu_r")
-    ticks = range(len(names))
-    matrix.set_xticks(ticks, names, rotation=90, fontsize=7)
-    matrix.set_yticks(ticks, names, fontsize=7)
-    matrix.spines[:].set_visible(False)
-    figure.colorbar(shown, ax=matrix, label="correlation", shrink=0.8)
     singular = 1e3 * fit.uncertainty.singular
-    values.semilogy(range(1, len(singular) + 1), singular, "o-", color=COLOURS[0], markersize=4)
-    values.set_xlabel("combination of parameters,\nbest to least determined")
-    values.set_ylabel("singular value [mm/s per scale]")
-    _plain(values)
-    values.margins(x=0.05)
-    return _png(figure, face)
+    panel = Panel(
+        "", "combination of parameters,\nbest to least determined",
+        "singular value [mm/s per scale]",
+        [Line(None, np.arange(1, len(singular) + 1), singular, "o-")], "y",
+    )  # fmt: skip
+    shares = {"width_ratios": (1, 2.2)}
+    figure, (_, matrix) = drawn([panel], columns=2, size=(5, 5.4), **shares)
+    matrix.set_axis_on()
+    found = fit.uncertainty.correlation
+    heat_map(matrix, found, (names, names), "correlation", cmap="RdBu_r", limits=(-1, 1))
+    matrix.tick_params(labelsize=7)
+    matrix.tick_params(axis="x", rotation=90)
+    return png(figure, face)
 
 
 def corner(fit, posterior, rows, face: str) -> bytes:
@@ -161,8 +147,8 @@ def corner(fit, posterior, rows, face: str) -> bytes:
     size = np.nan_to_num(fit.uncertainty.two_sigma / [p.scale for p in fit.parameters])
     shown = np.sort(np.argsort(-size, kind="stable")[:LEAST])
     n = len(shown)
-    figure = Figure(figsize=(1.6 + 2.1 * n, 1.4 + 2.0 * n), layout="constrained")
-    panels = figure.subplots(n, n, sharex="col", squeeze=False)
+    figure, axes = subplots(n, n, (1.6 + 2.1 * n, 1.4 + 2.0 * n), sharex="col")
+    panels = np.reshape(axes, (n, n))
     for r, i in enumerate(shown):
         for c, j in enumerate(shown):
             if c > r:
@@ -180,7 +166,7 @@ def corner(fit, posterior, rows, face: str) -> bytes:
     panels[0, 0].set_ylabel("density")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper right", frameon=False)
-    return _png(figure, face)
+    return png(figure, face)
 
 
 def _labelled(row) -> str:
@@ -227,20 +213,6 @@ def _pair(panel, across, up, samples, covariance) -> None:
 
 
 def _few_ticks(axis) -> None:
-    axis.set_major_locator(MaxNLocator(3))
+    axis.get_major_locator().set_params(nbins=3)
     axis.set_major_formatter("{x:.6g}")
     axis.set_tick_params(labelsize=8)
-
-
-def _plain(panel) -> None:
-    panel.margins(x=0.01)
-    panel.grid(alpha=0.3, linewidth=0.6)
-    panel.spines[["top", "right"]].set_visible(False)
-
-
-def _png(figure: Figure, face: str) -> bytes:
-    if face:
-        figure.suptitle(face, color="#990000", fontsize=10, fontweight="bold")
-    raw = BytesIO()
-    figure.savefig(raw, format="png", dpi=130, metadata={"Software": None})
-    return raw.getvalue()

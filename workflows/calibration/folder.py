@@ -1,27 +1,21 @@
 """The folder of a calibration: scene, tables and figures."""
 
-from pathlib import Path
-
 import numpy as np
 
 from workflows.calibration.report import CalibrationReport
-from workflows.calibration.velocity_file import SYNTHETIC, Record, csv_text
-from workflows.run_folder import Picture, RunFolder, write_pictures
-from workflows.scene_file import toml
+from workflows.files.run_folder import Picture, RunFolder, write_pictures
+from workflows.files.velocities import SYNTHETIC, Record, csv_text
+from workflows.scene.toml import toml
 
-FILES = ("scene.toml", "report.json", "parameters.csv", "signals.csv", "posterior.npz", "data.csv")
-SOMETIMES = ("posterior.npz", "figures/posterior.png", "figures/scan.png")
+FILES = ("scene.toml", "report.json", "parameters.csv", "signals.csv", "posterior.npz")
+TWIN_FILES = (*FILES, "data.csv", "coverage.json")
 
 
-def write(found, out: Path) -> None:
+def write(found, folder: RunFolder) -> None:
     """scene.toml, parameters.csv, signals.csv, report.json and figures/ into a folder, and what
-    samples there are; of an earlier calibration nothing is left."""
+    samples there are."""
     from workflows.calibration.figures import pictures
 
-    folder = RunFolder(out)
-    folder.make()
-    for name in SOMETIMES:
-        (out / name).unlink(missing_ok=True)
     report = found.report
     folder.write("scene.toml", _scene_text(found))
     folder.write("report.json", report.model_dump_json(indent=1) + "\n")
@@ -34,10 +28,8 @@ def write(found, out: Path) -> None:
     write_pictures(folder, tuple(Picture(name, png) for name, png in drawn.items()))
 
 
-def write_data(out: Path, data: Record, covered) -> None:
+def write_data(folder: RunFolder, data: Record, covered) -> None:
     """data.csv of a twin experiment, and coverage.json where there is one."""
-    folder = RunFolder(out)
-    folder.make()
     folder.write("data.csv", csv_text(data))
     if covered is not None:
         folder.write("coverage.json", covered.model_dump_json(indent=1) + "\n")

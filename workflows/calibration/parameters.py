@@ -6,8 +6,8 @@ import numpy as np
 
 import coupling
 import dem
-from coupling.parameters import RATIOS, Parameter, Rig
-from workflows.chain_stages import chain, initial_velocity
+from coupling.calibration.parameters import RATIOS, Parameter, Rig
+from workflows.pipeline.chain import chain, initial_velocity
 from workflows.scene import InvalidScene, ModalDamping, OneDofWall, RomWall, Scene, nearest
 
 CONTACT = (0.2, 5.0, 0.1)  # factor on the scene's stiffness: low, high, scale
@@ -42,7 +42,7 @@ def rig(scene: Scene, wall: dem.Wall | None, trigger: float) -> Rig:
         )
     start = chain(scene)
     try:
-        dem.tangent.require_smooth(start, wall)
+        dem.sensitivities.require_smooth(start, wall)
     except dem.InvalidChain as error:
         raise InvalidScene(f"{scene.name} cannot be calibrated: {error}.") from None
     return Rig(start, wall, initial_velocity(scene), _damping(scene, wall), trigger)
@@ -54,7 +54,7 @@ def _damping(scene: Scene, wall: dem.Wall | None) -> np.ndarray | None:
         return np.ones((1, 1))
     if not isinstance(scene.wall, RomWall) or not isinstance(scene.damping, ModalDamping):
         return None
-    from workflows.summary import HAMMER_TEST_HZ
+    from workflows.thesis import HAMMER_TEST_HZ
 
     if np.ndim(scene.damping.ratio) == 0:
         return np.where(wall.omega > 0, 1.0, 0.0)[None]

@@ -20,7 +20,7 @@ def require_sampler() -> None:
 
 def with_posterior(found: Calibrated, seed: int) -> Calibrated:
     """A calibration with samples of its posterior, and their quantiles in its report's rows."""
-    from coupling.posterior import posterior
+    from coupling.calibration.posterior import posterior
 
     began = perf_counter()
     drawn = posterior(found.forward, found.fit, seed=seed)

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from coupling.calibration import Calibration
-from coupling.parameters import Parameter
-from coupling.search import decisive
-from workflows.calibration.velocity_file import SYNTHETIC
-from workflows.progress import LINE
+from coupling.calibration.calibration import Calibration
+from coupling.calibration.parameters import Parameter
+from coupling.calibration.search import decisive
+from workflows.files.velocities import SYNTHETIC
+from workflows.results.tables import LINE
 from workflows.scene import OneDofWall, Scene
 
 IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one that may be 0

@@ -6,7 +6,8 @@ acts on that, and noise and trigger are added to its samples.
 """
 
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
+from signal import SIG_BLOCK, SIG_SETMASK, SIGINT, pthread_sigmask
 from textwrap import fill
 from time import perf_counter
 from typing import NamedTuple
@@ -16,15 +17,15 @@ from pydantic import BaseModel
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 import dem
-from coupling.calibration import calibrate
-from coupling.parameters import Parameter
-from coupling.search import Options
-from coupling.signals import Filter, aligned
+from coupling.calibration.calibration import calibrate
+from coupling.calibration.parameters import Parameter
+from coupling.calibration.search import Options
+from coupling.calibration.signals import Filter, aligned
 from workflows.calibration import parameters as free_parameters
 from workflows.calibration.calibrate import Calibrated, Request, calibrated
-from workflows.calibration.velocity_file import SYNTHETIC, Record
-from workflows.chain_stages import chain, initial_velocity
-from workflows.progress import LINE
+from workflows.files.velocities import SYNTHETIC, Record
+from workflows.pipeline.chain import chain, initial_velocity
+from workflows.results.tables import LINE
 from workflows.scene import InvalidScene, OneDofWall, Scene
 
 OVERSAMPLED = 4  # samples of the march per sample of the instrument
@@ -101,7 +102,7 @@ def checked(twin: Twin) -> Twin:
     """The twin; raises InvalidScene for numbers that no experiment has."""
     limits = {
         "scatter": (0.0, 0.5), "frequency": (1.0, 1e5), "noise": (0.0, 10.0),
-        "sampling": (1e4, 1e8), "instrument": (1e3, 1e8), "repeats": (1, 1000),
+        "sampling": (1e4, 1e8), "instrument": (1e3, 1e8),
         "jitter": (0.0, 1e-3), "before": (0.0, 1e-2),
     }  # fmt: skip
     for name, (low, high) in limits.items():
@@ -221,8 +222,7 @@ def coverage(
         _Job(scene, wall, twin, request, made, start, list(range(1 + part, 1 + runs, 2)))
         for part in range(2)
     ]
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        inside = np.vstack([part for part in pool.map(_repeated, jobs) if len(part)])
+    inside = np.vstack([part for part in _in_two_processes(jobs) if len(part)])
     hits = np.abs(inside[:, 0] - known) <= inside[:, 1]
     share = {p.name: float(s) for p, s in zip(start, hits.mean(axis=0), strict=True)}
     return Coverage(
@@ -232,6 +232,22 @@ def coverage(
         pooled=float(hits.mean()),
         met=min(share.values()) >= SOUGHT,
     )
+
+
+def _in_two_processes(jobs: list["_Job"]) -> list[np.ndarray]:
+    """What `_repeated` gives of each; the processes end with this one's interruption."""
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        unblocked = pthread_sigmask(SIG_BLOCK, {SIGINT})  # inherited: Ctrl-C is this one's to tell
+        try:
+            parts = pool.map(_repeated, jobs)
+        finally:
+            pthread_sigmask(SIG_SETMASK, unblocked)
+        try:
+            return list(parts)
+        except BaseException:
+            for process in active_children():
+                process.terminate()
+            raise
 
 
 class _Job(NamedTuple):

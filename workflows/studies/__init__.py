@@ -1,1 +1,0 @@
-"""Figures of the thesis made again, each beside its cure; `workflows.study` lists them."""

@@ -1,0 +1,146 @@
+"""What a calibration varies: parameters of a chain and its wall, and their exact derivatives.
+
+The stiffness of contact i is a factor on what the rig has; the trigger is the time on the record's
+clock at which the model starts, the first touch.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from dem import Chain, Wall
+from dem.sensitivities import Directions
+
+OF_WALL = ("frequency", "mass", "damping")
+RATIOS = ("contact", "preload", "striker", "frequency", "mass")  # above 0 and varied by factors
+
+
+class Parameter(NamedTuple):
+    """One number to be found; `scale` is a change of it that counts as large."""
+
+    name: str
+    kind: str  # contact, preload, dissipation, striker, trigger, frequency, mass, damping
+    start: float
+    low: float
+    high: float
+    scale: float
+    unit: str = ""
+    index: int = 0  # of the contact, or of the damping ratio
+
+    @property
+    def of_wall(self) -> bool:
+        return self.kind in OF_WALL
+
+    @property
+    def relative(self) -> float:
+        """Its scale as a ratio, of one that is varied by factors."""
+        return self.scale / self.start
+
+
+def coordinates(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
+    """z (p,): what a fit varies, in scales; logarithms of parameters that are varied by factors."""
+    pairs = zip(parameters, theta, strict=True)
+    return np.array([np.log(x) / p.relative if p.kind in RATIOS else x / p.scale for p, x in pairs])
+
+
+def values(parameters: Sequence[Parameter], z: np.ndarray) -> np.ndarray:
+    """theta (p,) of coordinates z (p,)."""
+    pairs = zip(parameters, z, strict=True)
+    return np.array([np.exp(x * p.relative) if p.kind in RATIOS else x * p.scale for p, x in pairs])
+
+
+def slopes(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
+    """(p,) derivative of theta by z."""
+    pairs = zip(parameters, theta, strict=True)
+    return np.array([x * p.relative if p.kind in RATIOS else p.scale for p, x in pairs])
+
+
+class Rig(NamedTuple):
+    """What the parameters start from; damping (d, k): derivative of zeta by each damping ratio."""
+
+    chain: Chain
+    wall: Wall | None
+    v0: np.ndarray  # (n,) [m/s]
+    damping: np.ndarray | None = None
+    trigger: float = 0.0  # [s]
+
+
+def rig_at(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Rig:
+    """The rig with the parameters at theta (p,)."""
+    for parameter, value in zip(parameters, theta, strict=True):
+        rig = _CHANGES[parameter.kind](rig, parameter, float(value))
+    return rig
+
+
+def _contact(rig: Rig, p: Parameter, value: float) -> Rig:
+    A = rig.chain.A.copy()
+    A[p.index] *= value
+    return rig._replace(chain=rig.chain._replace(A=A))
+
+
+def _preload(rig: Rig, p: Parameter, value: float) -> Rig:
+    return rig._replace(chain=rig.chain._replace(preload=value))
+
+
+def _dissipation(rig: Rig, p: Parameter, value: float) -> Rig:
+    gamma = np.full(rig.chain.A.size, value)
+    return rig._replace(chain=rig.chain._replace(dissipation="hunt-crossley", gamma=gamma))
+
+
+def _striker(rig: Rig, p: Parameter, value: float) -> Rig:
+    return rig._replace(v0=np.append(value, rig.v0[1:]))
+
+
+def _trigger(rig: Rig, p: Parameter, value: float) -> Rig:
+    return rig._replace(trigger=value)
+
+
+def _frequency(rig: Rig, p: Parameter, value: float) -> Rig:
+    return rig._replace(wall=rig.wall._replace(omega=np.array([2.0 * np.pi * value])))
+
+
+def _mass(rig: Rig, p: Parameter, value: float) -> Rig:
+    return rig._replace(wall=rig.wall._replace(phi=np.array([value**-0.5])))
+
+
+def _damping(rig: Rig, p: Parameter, value: float) -> Rig:
+    zeta = rig.wall.zeta + (value - p.start) * rig.damping[p.index]
+    return rig._replace(wall=rig.wall._replace(zeta=np.maximum(zeta, 0.0)))
+
+
+_CHANGES = {
+    "contact": _contact,
+    "preload": _preload,
+    "dissipation": _dissipation,
+    "striker": _striker,
+    "trigger": _trigger,
+    "frequency": _frequency,
+    "mass": _mass,
+    "damping": _damping,
+}
+
+
+def directions(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Directions:
+    """Derivatives of the chain, wall and start by the parameters at theta (p,)."""
+    p, n, n_contacts = len(parameters), rig.chain.mass.size, rig.chain.A.size
+    k = 0 if rig.wall is None else rig.wall.omega.size
+    sizes = (n_contacts, n_contacts, n)
+    d = Directions(*(np.zeros((s, p)) for s in sizes), np.zeros(p), *np.zeros((3, k, p)))
+    for j, (parameter, value) in enumerate(zip(parameters, theta, strict=True)):
+        match parameter.kind:
+            case "contact":
+                d.A[parameter.index, j] = rig.chain.A[parameter.index]
+            case "preload":
+                d.preload[j] = 1.0
+            case "dissipation":
+                d.gamma[:, j] = 1.0
+            case "striker":
+                d.v0[0, j] = 1.0
+            case "frequency":
+                d.omega[0, j] = 2.0 * np.pi
+            case "mass":
+                d.phi[0, j] = -0.5 * value**-1.5
+            case "damping":
+                d.zeta[:, j] = rig.damping[parameter.index]
+    return d

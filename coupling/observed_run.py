@@ -1,0 +1,89 @@
+"""A chain before a wall, run and observed: its waves by name, its collision with the wall."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupling.march import impact
+from dem.chain import Chain, Wall
+from dem.labels import Label, labels
+from dem.spheres import max_pressure, modulus_of_contact, radii_of_contacts
+from dem.trains import Train, trains
+from dem.trajectory import Trajectory
+from dem.wave_measures import WallContact, wall_contact
+
+ERROR = 1e-4  # of the velocities
+N_SAVE = 3000
+
+
+class Setup(NamedTuple):
+    """A named wall and the chain before it, whose last contact knows the wall's surface."""
+
+    name: str
+    chain: Chain
+    wall: Wall
+
+
+class Observed(NamedTuple):
+    """A run and what it shows at the spheres that are watched, counted from 1."""
+
+    name: str
+    chain: Chain
+    trajectory: Trajectory
+    trains: tuple[Train, ...]
+    labels: dict[int, tuple[Label, ...]]
+    contact: WallContact
+
+    @property
+    def milliseconds(self) -> NDArray[np.float64]:
+        return 1e3 * self.trajectory.t
+
+    def velocity(self, sphere: int) -> NDArray[np.float64]:
+        """(k,) [m/s]"""
+        return self.trajectory.v[:, sphere - 1]
+
+    def wave(self, sphere: int, kind: str, number: int) -> Label | None:
+        """A wave by its name, None if it does not pass the sphere."""
+        named = (label for label in self.labels[sphere] if label[:2] == (kind, number))
+        return next(named, None)
+
+    def reflected(self, sphere: int) -> tuple[Label, ...]:
+        """What comes back to a sphere, in order of time."""
+        return tuple(label for label in self.labels[sphere] if label.kind == "reflected")
+
+    @property
+    def pressures(self) -> NDArray[np.float64]:
+        """Largest pressure [Pa] ever in each contact (n,), the last one at the wall."""
+        R = radii_of_contacts(self.chain.radius)
+        modulus = modulus_of_contact(self.chain.A, R)
+        return max_pressure(self.trajectory.contact_force.max(axis=0), R, modulus)
+
+
+def observed(
+    setup: Setup,
+    v0: NDArray[np.float64],
+    *,
+    duration: float,
+    spheres: tuple[int, ...],
+    error: float = ERROR,
+    n_save: int = N_SAVE,
+    faint: float = 0.03,
+    visible: float = 0.0,
+) -> Observed:
+    """Run its chain with velocities v0 (n,) for duration [s] and follow its waves, those of more
+    than `faint` times the largest one's velocity.
+
+    A sphere that a wave moves by less than `visible` times the largest of v0 does not see it.
+    """
+    name, row, wall = setup
+    run = impact(row, wall, v0, duration=duration, error=error, n_save=n_save).trajectory
+    found = trains(run.t, run.v, run.contact_force, row.mass, row.A, threshold=faint)
+    least = visible * np.abs(v0).max()
+    named = {s: _seen(labels(found, run.t, run.v[:, s - 1], s), least) for s in spheres}
+    blow = wall_contact(run.t, run.v, run.contact_force, row, found)
+    return Observed(name, row, run, found, named, blow)
+
+
+def _seen(named: tuple[Label, ...], least: float) -> tuple[Label, ...]:
+    return tuple(label for label in named if abs(label.arrival.peak_velocity) >= least)

@@ -1,0 +1,68 @@
+"""How far apart the waves are that two walls send back through the same chain.
+
+    D_k(a, b)^2 = sum_s int (v_a - v_b)^2 dt  /  1/2 sum_s int (v_a^2 + v_b^2) dt
+
+over the observed spheres s and, at each, the time in which the k-th reflected wave of either run
+passes: 0 for equal waves, sqrt(2) for waves that do not meet.
+"""
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupling.observed_run import Observed
+from dem.labels import Label
+from dem.solitary import WIDTH, speed
+from dem.wave_fit import Guess, apart
+
+
+def distance(one: Observed, other: Observed, number: int, spheres: tuple[int, ...]) -> float:
+    """D_k of the reflected wave `number`; nan where neither run has it."""
+    apart = energy = 0.0
+    for sphere in spheres:
+        window = _window(one, sphere, number) | _window(other, sphere, number)
+        v, u = one.velocity(sphere)[window], other.velocity(sphere)[window]
+        apart += np.sum((v - u) ** 2)
+        energy += 0.5 * np.sum(v**2 + u**2)
+    return float(np.sqrt(apart / energy)) if energy else np.nan
+
+
+def _window(run: Observed, sphere: int, number: int) -> NDArray[np.bool_]:
+    """Where the wave is at the sphere: the full width at half maximum of one of its peak."""
+    t, label = run.trajectory.t, run.wave(sphere, "reflected", number)
+    if label is None:
+        return np.zeros(len(t), bool)
+    width = WIDTH / abs(speed(label.arrival.peak_velocity, run.chain.mass[0], run.chain.A[0]))
+    return np.abs(t - label.arrival.time) < 0.5 * width
+
+
+def overall(one: Observed, other: Observed, spheres: tuple[int, ...]) -> float:
+    """The same over all that comes back, from the wall's first touch on."""
+    back = one.trajectory.t > one.contact.contact_time.start
+    v, u = (
+        np.concatenate([run.velocity(sphere)[back] for sphere in spheres]) for run in (one, other)
+    )
+    return float(np.sqrt(np.sum((v - u) ** 2) / (0.5 * np.sum(v**2 + u**2))))
+
+
+def spread(runs: list[Observed], number: int, spheres: tuple[int, ...]) -> float:
+    """Largest D_k between any two of the runs."""
+    found = [distance(a, b, number, spheres) for a, b in combinations(runs, 2)]
+    return float(np.nanmax(found)) if np.isfinite(found).any() else np.nan
+
+
+def separation(run: Observed, spheres: tuple[int, ...]) -> float:
+    """Smallest distance of neighbouring reflected waves at these spheres, in widths."""
+    gaps = [
+        apart(_guess(one), _guess(other))
+        for sphere in spheres
+        for one, other in zip(run.reflected(sphere), run.reflected(sphere)[1:], strict=False)
+    ]
+    return min(gaps, default=0.0)
+
+
+def _guess(label: Label) -> Guess:
+    wave = label.arrival
+    width = wave.width if wave.width == wave.width else 0.0
+    return Guess(wave.time, wave.peak_velocity, width or 1e-4)

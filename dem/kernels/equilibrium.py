@@ -1,0 +1,121 @@
+"""Damped Newton for the static state of a chain under preload and leaf springs."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dem.kernels.compiled import ieee, ieee_entry, ieee_march
+from dem.kernels.laws import hertz_force, hertz_indentation
+
+BEYOND = 0.25  # of the first slope of the energy that may be met beyond its least
+
+
+class Bearing(NamedTuple):
+    """What holds n spheres at rest."""
+
+    A: np.ndarray  # (n_contacts,)
+    stiffness: np.ndarray  # (n,) of the leaf springs
+    anchor: np.ndarray  # (n,)
+    preload: float
+    compliance: float  # of the wall, behind the n-th contact
+
+
+@ieee_entry
+def static_residual(x, bearing, f, r):
+    """Net force on every sphere at rest into r, contact forces into f."""
+    A, stiffness, anchor = bearing.A, bearing.stiffness, bearing.anchor
+    n = x.size
+    f[n] = 0.0
+    for i in range(A.size):
+        if i < n - 1:
+            d = max(x[i] - x[i + 1], 0.0)
+        else:
+            d = hertz_indentation(x[i], A[i], bearing.compliance)
+        f[i + 1] = hertz_force(d, A[i])
+    for i in range(n):
+        r[i] = f[i] - f[i + 1] - stiffness[i] * (x[i] - anchor[i])
+    r[n - 1] += bearing.preload
+
+
+@ieee
+def static_slope(x, A, compliance, k):
+    """Tangent stiffness of every contact into k."""
+    n = x.size
+    for i in range(A.size):
+        if i < n - 1:
+            k[i] = 1.5 * A[i] * math.sqrt(max(x[i] - x[i + 1], 0.0))
+        else:
+            hertz = 1.5 * A[i] * math.sqrt(hertz_indentation(x[i], A[i], compliance))
+            k[i] = hertz / (1.0 + compliance * hertz)
+
+
+@ieee
+def newton_step(stiffness, k, r, floor, diagonal, change):
+    """Solution of the symmetric tridiagonal tangent system with contacts of the stiffness k under
+    the net force r, into change."""
+    n = r.size
+    for i in range(n):
+        diagonal[i] = stiffness[i] + k[i] + (k[i - 1] if i > 0 else 0.0) + floor
+        change[i] = r[i]
+    for i in range(1, n):
+        factor = k[i - 1] / diagonal[i - 1]
+        diagonal[i] -= factor * k[i - 1]
+        change[i] += factor * change[i - 1]
+    change[n - 1] /= diagonal[n - 1]
+    for i in range(n - 2, -1, -1):
+        change[i] = (change[i] + k[i] * change[i + 1]) / diagonal[i]
+
+
+@ieee
+def dot(a, b):
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
+
+
+@ieee
+def add(x, scale, change, out):
+    """out = x + scale * change; an expression of arrays takes seconds to compile."""
+    for i in range(x.size):
+        out[i] = x[i] + scale * change[i]
+
+
+@ieee_march
+def rest(x, bearing, floor, n_iterations):
+    """Damped Newton for the static state, from x and in place; the net force that is left, out.
+
+    `floor` [N/m] keeps the tangent regular while contacts are open; it fades with the net force.
+    A step is halved until the potential energy, which is convex, no longer climbs at its end: the
+    net force itself may have to grow on the way.
+    """
+    n = x.size
+    f, r, k = np.zeros(n + 1), np.zeros(n), np.zeros(n)
+    diagonal, change, trial = np.zeros(n), np.zeros(n), np.zeros(n)
+    static_residual(x, bearing, f, r)
+    norm = math.sqrt(dot(r, r))
+    start = norm
+    stalled = False
+    for _ in range(n_iterations):
+        if norm == 0.0 or stalled:
+            break
+        static_slope(x, bearing.A, bearing.compliance, k)
+        newton_step(bearing.stiffness, k, r, floor * (norm / start), diagonal, change)
+        downhill = dot(r, change)
+        scale = 1.0
+        better = False
+        for _halving in range(40):
+            add(x, scale, change, trial)
+            static_residual(trial, bearing, f, r)
+            better = dot(r, change) >= -BEYOND * downhill
+            if better:
+                break
+            scale *= 0.5
+        if not better:
+            break
+        trial_norm = math.sqrt(dot(r, r))
+        stalled = norm < 1e-12 * start and trial_norm > 0.5 * norm
+        add(trial, 0.0, change, x)
+        norm = trial_norm
+    return norm

@@ -1,0 +1,181 @@
+"""Contacts that open, close or yield within a step.
+
+A contact that opens or closes inside a step costs any scheme all but order 2.5, because its force
+starts like tau^(3/2). The end correction for that singularity is known: a composite quadrature
+with nodes c and weights b misses the integral of (t - t_c)^p by  -h^(p+1) sum b zeta(-p, c - theta)
+with Hurwitz' zeta and theta = (t_c - t_0)/h  (I. Navot, J. Math. Phys. 40 (1961) 271; J. N.
+Lyness, B. W. Ninham, Math. Comput. 21 (1967) 162). `correct_events` adds it as an impulse.
+"""
+
+import math
+
+from dem.kernels.arguments import DASH, IN_CONTACTS, U, V
+from dem.kernels.compiled import fastmath, ieee
+from dem.kernels.laws import HUNT_CROSSLEY, plastic_indentation, plastic_loss
+from dem.kernels.modes import push_modes, shift_modes
+
+
+@ieee
+def zeta_sums(theta, correction):
+    """sum b zeta(-p, c - theta), p = 3/2, 5/2, 7/2, over the nodes of this and all later steps but
+    those before theta. `correction.tail (3, m)` holds what starts two steps on, polynomials in
+    2 theta - 1."""
+    b, c, tail = correction.weights, correction.nodes, correction.tail
+    z = 2.0 * theta - 1.0
+    s3, s5, s7 = 0.0, 0.0, 0.0
+    for k in range(tail.shape[1]):
+        s3 = s3 * z + tail[0, k]
+        s5 = s5 * z + tail[1, k]
+        s7 = s7 * z + tail[2, k]
+    for i in range(b.size):
+        s = max(c[i] - theta, 0.0)
+        e = max(c[i] - theta + 1.0, 0.0)
+        near = b[i] * s * math.sqrt(s)
+        far = b[i] * e * math.sqrt(e)
+        s3 += near + far
+        s5 += near * s + far * e
+        s7 += near * s * s + far * e * e
+    return s3, s5, s7
+
+
+@ieee
+def crossing(g0, r0, g1, r1):
+    """Zero in (0, 1) of the cubic with values g and slopes r at the ends, slope and curvature."""
+    c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1
+    c3 = 2.0 * (g0 - g1) + r0 + r1
+    if g0 == 0.0:
+        return 0.0, r0, 2.0 * c2
+    low, high = 0.0, 1.0
+    t = g0 / (g0 - g1)
+    for _ in range(60):
+        value = g0 + t * (r0 + t * (c2 + t * c3))
+        slope = r0 + t * (2.0 * c2 + t * 3.0 * c3)
+        if (value > 0.0) == (g1 > 0.0):
+            high = t
+        else:
+            low = t
+        step = -value / slope if slope != 0.0 else 2.0
+        t += step
+        if not low <= t <= high:
+            t = 0.5 * (low + high)
+        if abs(step) < 1e-13:
+            break
+    return t, r0 + t * (2.0 * c2 + t * 3.0 * c3), 2.0 * c2 + 6.0 * t * c3
+
+
+@ieee
+def missed_impulse(A, dt, g0, r0, g1, r1, correction):
+    """Impulse and displacement-times-mass that the scheme misses at a contact whose overlap went
+    from g0 to g1 with rates r0, r1; also the rate at the crossing."""
+    theta, slope, curvature = crossing(g0, dt * r0, g1, dt * r1)
+    if (slope > 0.0) != (g1 > 0.0) or slope == 0.0:
+        return 0.0, 0.0, 0.0
+    closes = slope > 0.0
+    z3, z5, z7 = zeta_sums(theta if closes else 1.0 - theta, correction)
+    bend = 0.75 * curvature / abs(slope)
+    bend = min(max(bend, -1.0), 1.0)  # a grazing contact has no slope to speak of
+    size = A * dt * abs(slope) * math.sqrt(abs(slope))
+    lever = 1.0 - theta
+    impulse = -(z3 + bend * z5)
+    moment = -(z5 + bend * z7)
+    if closes:
+        shift = lever * impulse - moment
+    else:
+        shift = lever * impulse + moment
+    return size * impulse, dt * size * shift, slope / dt
+
+
+@fastmath
+def crossed(motion, before, A, offset, plastic):
+    """Did any contact open or close?"""
+    x, x_old = motion.x, before.x
+    n = x.size
+    count = 0
+    for i in range(n - 1):
+        crater = 0.0 if plastic is None else plastic.crater[i]
+        count += (x[i] - x[i + 1] > crater) != (x_old[i] - x_old[i + 1] > crater)
+    if A.size == n:
+        crater = 0.0 if plastic is None else plastic.crater[n - 1]
+        was = x_old[n - 1] - before.wall[U] - before.wall[DASH] - offset
+        now = x[n - 1] - motion.wall[U] - motion.wall[DASH] - offset
+        count += (was > crater) != (now > crater)
+    return count > 0
+
+
+@ieee
+def overlap(i, motion, offset):
+    """Overlap and its rate at contact i."""
+    x, v, wall = motion.x, motion.v, motion.wall
+    if i < x.size - 1:
+        return x[i] - x[i + 1], v[i] - v[i + 1]
+    return x[i] - wall[U] - wall[DASH] - offset, v[i] - wall[V]
+
+
+@ieee
+def correct_events(dt, motion, before, parts, correction, damping, plastic):
+    """Add what the scheme missed at the contacts that opened or closed in the last step."""
+    x, v, minv = motion.x, motion.v, parts.inverse_mass
+    n = x.size
+    for i in range(parts.A.size):
+        g0, r0 = overlap(i, before, parts.offset)
+        g1, r1 = overlap(i, motion, parts.offset)
+        coefficient = parts.A[i]
+        if plastic is not None:
+            g0 -= plastic.crater[i]
+            g1 -= plastic.crater[i]
+            coefficient = plastic.coefficient[i]
+        if (g0 > 0.0) == (g1 > 0.0):
+            continue
+        impulse, shift, rate = missed_impulse(coefficient, dt, g0, r0, g1, r1, correction)
+        if damping is not None and damping.law == HUNT_CROSSLEY:
+            factor = max(damping.gamma[i] * rate, -1.0)
+            motion.ledger[IN_CONTACTS] += factor * impulse * rate
+            impulse *= 1.0 + factor
+            shift *= 1.0 + factor
+        v[i] -= minv[i] * impulse
+        x[i] -= minv[i] * shift
+        if i < n - 1:
+            v[i + 1] += minv[i + 1] * impulse
+            x[i + 1] += minv[i + 1] * shift
+        else:
+            push_modes(impulse, motion.wall, parts.modes)
+            shift_modes(shift, motion.wall, parts.modes)
+
+
+@ieee
+def peak(dt, g0, r0, g1, r1):
+    """Largest overlap of the cubic between the overlaps g0, g1 with the rates r0, r1."""
+    highest = max(g0, g1)
+    if r0 > 0.0 and r1 < 0.0:
+        r0 *= dt
+        c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1 * dt
+        c3 = 2.0 * (g0 - g1) + r0 + r1 * dt
+        t = r0 / (math.sqrt(max(c2 * c2 - 3.0 * c3 * r0, 0.0)) - c2)
+        highest = max(highest, g0 + t * (r0 + t * (c2 + t * c3)))
+    return highest
+
+
+@ieee
+def yield_contacts(dt, motion, before, parts, plastic):
+    """Deepen the craters of contacts that were pressed further than ever in the last step.
+
+    Says whether any was.
+    """
+    if plastic is None:
+        return False
+    deeper = False
+    for i in range(parts.A.size):
+        g0, r0 = overlap(i, before, parts.offset)
+        g1, r1 = overlap(i, motion, parts.offset)
+        top = peak(dt, g0, r0, g1, r1)
+        if i == motion.x.size - 1:
+            top = plastic_indentation(top, parts.A, parts.residual, plastic)
+        if top > plastic.top[i]:
+            lost = plastic_loss(plastic.limit[i], plastic.top[i], parts.A[i])[0]
+            now, plastic.coefficient[i], plastic.crater[i] = plastic_loss(
+                plastic.limit[i], top, parts.A[i]
+            )
+            plastic.top[i] = top
+            motion.ledger[IN_CONTACTS] += now - lost
+            deeper = True
+    return deeper

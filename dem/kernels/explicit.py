@@ -1,0 +1,223 @@
+"""Explicit march: kicks by the contacts, drifts of spheres, leaf springs and modes between them."""
+
+from dem.kernels.arguments import IN_CONTACTS, Motion, V
+from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
+from dem.kernels.events import correct_events, crossed, yield_contacts
+from dem.kernels.laws import LINEAR, damper, damping_impulse, hertz_force, sphere_forces, wall_force
+from dem.kernels.ledger import save
+from dem.kernels.modes import drift_modes, push_modes, push_wall
+
+# --- bare chains -------------------------------------------------------------------------------
+
+
+@fastmath
+def kick_and_drift(kick, drift, x, v, A, f, minv):
+    """Forces, kick and free flight of bare spheres in one pass; f[n], at the wall, is given."""
+    last = v.size - 1
+    before = 0.0
+    for i in range(last):
+        here = x[i]
+        d = here - x[i + 1]
+        force = hertz_force(d if d > 0.0 else 0.0, A[i])
+        speed = v[i] + kick * minv[i] * (before - force)
+        f[i + 1] = force
+        v[i] = speed
+        x[i] = here + drift * speed
+        before = force
+    v[last] += kick * minv[last] * (before - f[last + 1])
+    x[last] += drift * v[last]
+
+
+@fastmath_inline
+def push_and_drift(kick, drift, x, v, f, minv):
+    """The same with forces that are known."""
+    for i in range(v.size):
+        speed = v[i] + kick * minv[i] * (f[i] - f[i + 1])
+        v[i] = speed
+        x[i] += drift * speed
+
+
+@fastmath_inline
+def kick_and_drift_modes(k, kick, drift, force, wall, modes):
+    if modes is None:
+        return
+    impulse = kick * (force - modes.rest_force)
+    if drift == 0.0:
+        push_modes(impulse, wall, modes)
+    else:
+        push_wall(impulse, modes.square, wall)
+        drift_modes(k, impulse, wall, modes)
+
+
+@fastmath_inline
+def flow_bare(k, kick, drift, stale, motion, parts):
+    """Forces, kick and drift of a chain without load, leaf springs, damping and yield."""
+    x, v, f = motion.x, motion.v, motion.f
+    pull_wall(kick, stale, motion, parts)
+    if stale:
+        kick_and_drift(kick, drift, x, v, parts.A, f, parts.inverse_mass)
+    else:
+        push_and_drift(kick, drift, x, v, f, parts.inverse_mass)
+    kick_and_drift_modes(k, kick, drift, f[x.size], motion.wall, parts.modes)
+
+
+# --- kicks and drifts with all parts -----------------------------------------------------------
+
+
+@fastmath
+def push_spheres(v, dt, f, minv, load):
+    if load is None:
+        for i in range(v.size):
+            v[i] += dt * minv[i] * (f[i] - f[i + 1])
+    else:
+        for i in range(v.size):
+            v[i] += dt * minv[i] * (f[i] - f[i + 1] + load[i])
+
+
+@fastmath
+def drift_spheres(k, dt, x, v, leaf):
+    """Free flight, or the exact swing on the leaf springs by the k-th drift."""
+    if leaf is None:
+        for i in range(x.size):
+            x[i] += dt * v[i]
+    else:
+        rest, turn = leaf.rest, leaf.propagator
+        for i in range(x.size):
+            u = x[i] - rest[i]
+            x[i] = rest[i] + turn[k, 0, i] * u + turn[k, 1, i] * v[i]
+            v[i] = turn[k, 2, i] * u + turn[k, 0, i] * v[i]
+
+
+@fastmath_inline
+def pull_wall(kick, stale, motion, parts):
+    """Force at the wall; taken anew where a dashpot creeps in it."""
+    n = motion.x.size
+    if parts.A.size == n and (stale or parts.mobility is not None):
+        motion.f[n] = wall_force(
+            kick, motion, parts.A, parts.offset, parts.residual, parts.mobility, parts.plastic
+        )
+
+
+@fastmath_inline
+def kick_modes(kick, force, wall, modes):
+    if modes is not None:
+        push_modes(kick * (force - modes.rest_force), wall, modes)
+
+
+@fastmath_inline
+def push(kick, motion, parts):
+    push_spheres(motion.v, kick, motion.f, parts.inverse_mass, parts.load)
+    kick_modes(kick, motion.f[motion.x.size], motion.wall, parts.modes)
+
+
+@fastmath_inline
+def damp_contacts(first, dt, motion, parts, damping):
+    """Every second contact, from `first` on: they share no sphere."""
+    v, f, wall, minv = motion.v, motion.f, motion.wall, parts.inverse_mass
+    n = v.size
+    for i in range(first, parts.A.size, 2):
+        w = v[i] - (v[i + 1] if i < n - 1 else wall[V])
+        c = damper(i, i == n - 1, f[i + 1], parts.A, parts.residual, damping, parts.plastic)
+        if c == 0.0:
+            continue
+        pair = damping.inverse_mass[i]
+        impulse = damping_impulse(w, dt, f[i + 1], c, pair, damping.law != LINEAR)
+        motion.ledger[IN_CONTACTS] += impulse * (w - 0.5 * pair * impulse)
+        v[i] -= impulse * minv[i]
+        if i < n - 1:
+            v[i + 1] += impulse * minv[i + 1]
+        else:
+            push_modes(impulse, wall, parts.modes)
+
+
+@fastmath_inline
+def kick_all(kick, stale, motion, parts, damping):
+    """Kick, damping between two halves of the elastic one; forces anew where positions are."""
+    if stale:
+        sphere_forces(motion.x, parts.A, motion.f, parts.plastic)
+    if damping is None:
+        pull_wall(kick, stale, motion, parts)
+        push(kick, motion, parts)
+        return
+    pull_wall(0.5 * kick, stale, motion, parts)
+    push(0.5 * kick, motion, parts)
+    for first, share in ((0, 0.5), (1, 1.0), (0, 0.5)):
+        damp_contacts(first, share * kick, motion, parts, damping)
+    pull_wall(0.5 * kick, parts.mobility is not None, motion, parts)
+    push(0.5 * kick, motion, parts)
+
+
+@fastmath_inline
+def coast(k, drift, motion, parts):
+    """The k-th drift."""
+    if drift != 0.0:
+        drift_spheres(k, drift, motion.x, motion.v, parts.leaf)
+        drift_modes(k, 0.0, motion.wall, parts.modes)
+
+
+@fastmath_inline
+def flow(k, kick, drift, stale, motion, parts, bare):
+    """Kick, then the k-th drift."""
+    if bare is not None:
+        if kick != 0.0:
+            flow_bare(k, kick, drift, stale, motion, parts)
+        else:
+            coast(k, drift, motion, parts)
+        return
+    if kick != 0.0:
+        kick_all(kick, stale, motion, parts, parts.damping)
+    coast(k, drift, motion, parts)
+
+
+@fastmath_inline
+def take_step(dt, stale, a, b, motion, parts):
+    """Kick b[0], drift a[0], kick b[1], ..., kick b[-1]; are the forces stale at the end?"""
+    for i in range(b.size):
+        kick = b[i] * dt
+        drift = a[i] * dt if i < a.size else 0.0
+        flow(i, kick, drift, stale, motion, parts, parts.bare)
+        stale = drift != 0.0 or (stale and kick == 0.0)
+    return stale
+
+
+@fastmath
+def keep(motion, before):
+    """Copy the state to `before`."""
+    for i in range(motion.x.size):
+        before.x[i] = motion.x[i]
+        before.v[i] = motion.v[i]
+    for i in range(motion.wall.size):
+        before.wall[i] = motion.wall[i]
+
+
+@fastmath
+def corrected(dt, motion, before, parts, correction):
+    """Correct what the last step missed; was there anything?"""
+    if correction is None or not crossed(motion, before, parts.A, parts.offset, parts.plastic):
+        return False
+    correct_events(dt, motion, before, parts, correction, parts.damping, parts.plastic)
+    return True
+
+
+@fastmath_march
+def march(motion, parts, a, b, correction, steps, saved):
+    """n_save times stride steps of kick b[0], drift a[0], kick b[1], ..., kick b[-1].
+
+    The state is saved before and after each stride. Changes motion and modes in place. Ends early,
+    and says after how many saves, when a state is not finite.
+    """
+    dt, n_save, stride = steps
+    x, v, f, wall, ledger = motion
+    shown = Motion(x, v, f.copy(), wall, ledger)
+    before = Motion(x.copy(), v.copy(), f, wall.copy(), ledger)
+    stale = n_save >= 0  # a literal True would compile what takes it once more
+    for k in range(n_save + 1):
+        for _step in range(stride if k > 0 else 0):
+            if correction is not None or parts.plastic is not None:
+                keep(motion, before)
+            stale = take_step(dt, stale, a, b, motion, parts)
+            stale |= corrected(dt, motion, before, parts, correction)
+            stale |= yield_contacts(dt, motion, before, parts, parts.plastic)
+        if not save(k, dt, shown, parts, saved, parts.mobility):
+            return k
+    return n_save

@@ -1,0 +1,367 @@
+"""Implicit march: in each part of a step every contact acts with its mean force.
+
+Spheres and modes answer a constant force exactly, so energy is kept to rounding (discrete gradient
+of O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449, contact by contact). Body i goes to
+free[i] + compliance[i] * (mean force on it); the last one is the wall.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dem.kernels.arguments import DASH, IN_CONTACTS, IN_WALL, WORK, Motion, U, V
+from dem.kernels.compiled import ieee, ieee_inline, ieee_march
+from dem.kernels.laws import (
+    HUNT_CROSSLEY,
+    LINEAR,
+    STOPPED,
+    contact_stiffness,
+    hertz_force,
+    hertz_indentation,
+    spring_share,
+)
+from dem.kernels.ledger import save
+
+LEAD = 55.0  # that leaves exp(-4) of z = 4
+FREELY = 0.75  # of the way of a free body: what springs hold more is not led, see `lead`
+
+
+class Bodies(NamedTuple):
+    """Spheres and the wall over a part of a step, (n + 1,) each."""
+
+    before: np.ndarray  # position
+    after: np.ndarray  # the one sought
+    free: np.ndarray  # where it goes without contact
+    compliance: np.ndarray  # [m/N] what a mean force adds
+    speed: np.ndarray  # at the start
+
+
+class Newton(NamedTuple):
+    """What a Newton iteration works on."""
+
+    elastic: np.ndarray  # (n_contacts,) part of the mean force
+    slope: np.ndarray  # (n + 1,) of the mean force in the overlap
+    residual: np.ndarray  # (n + 1,) what the equations miss, then the change of positions
+    diagonal: np.ndarray
+    upper: np.ndarray
+    change: np.ndarray
+
+
+class Passage(NamedTuple):
+    """A contact over a part of a step."""
+
+    g0: float  # overlap before
+    g1: float  # and after
+    w0: float  # approach velocity before
+
+
+# --- mean forces -------------------------------------------------------------------------------
+
+
+@ieee_inline
+def mean_hertz(d0, d1, A):
+    """Mean force of a Hertz contact between the overlaps d0 and d1, change of potential over change
+    of overlap, and its slope in d1; free of cancellation."""
+    if d0 > 0.0 and d1 > 0.0:
+        top = math.sqrt(max(d0, d1))
+        y, z = math.sqrt(d0) / top, math.sqrt(d1) / top
+        mean = 0.4 * A * top**3 * (z**4 + z**3 * y + z * z * y * y + z * y**3 + y**4) / (y + z)
+        slope = 0.2 * A * top * (3.0 * z**3 + 6.0 * z * z * y + 4.0 * z * y * y + 2.0 * y**3)
+        slope /= (y + z) ** 2
+        return mean, slope
+    if d1 > 0.0:
+        force = hertz_force(d1, A)
+        mean = 0.4 * force * d1 / (d1 - d0)
+        return mean, (force - mean) / (d1 - d0)
+    if d0 > 0.0:
+        mean = 0.4 * hertz_force(d0, A) * d0 / (d0 - d1)
+        return mean, mean / (d0 - d1)
+    return 0.0, 0.0
+
+
+@ieee
+def mean_series(g0, g1, A, residual):
+    """`mean_hertz` of a Hertz contact and a spring in series, in terms of the gap of both."""
+    d0, d1 = hertz_indentation(g0, A, residual), hertz_indentation(g1, A, residual)
+    hertz, slope = mean_hertz(d0, d1, A)
+    y, z = math.sqrt(d0), math.sqrt(d1)
+    f0, f1 = hertz_force(d0, A), hertz_force(d1, A)
+    if d0 > 0.0 and d1 > 0.0:
+        top = max(y, z)
+        y, z = y / top, z / top
+        secant = A * top * (z * z + z * y + y * y) / (y + z)
+        stretch = 1.0 + residual * secant
+        mean = (hertz + 0.5 * residual * (f0 + f1) * secant) / stretch
+        return mean, slope / stretch
+    if d0 <= 0.0 and d1 <= 0.0:
+        return 0.0, 0.0
+    stored = 0.4 * (f1 * d1 - f0 * d0) + 0.5 * residual * (f1 * f1 - f0 * f0)
+    mean = stored / (g1 - g0)
+    return mean, (f1 - mean) / (g1 - g0) if g1 > 0.0 else -mean / (g1 - g0)
+
+
+@ieee_inline
+def closed_share(g0, g1):
+    """Part of a step in which a contact of overlap g0, then g1 is closed, and its slope in g1."""
+    if g0 > 0.0 and g1 > 0.0:
+        return 1.0, 0.0
+    if g1 > 0.0:
+        return g1 / (g1 - g0), -g0 / (g1 - g0) ** 2
+    if g0 > 0.0:
+        return g0 / (g0 - g1), g0 / (g0 - g1) ** 2
+    return 0.0, 0.0
+
+
+@ieee_inline
+def lead(z):
+    """How far past the middle of a step a damper of z, its rate times the step, reads the velocity:
+    read in the middle, a strong one would throw two bodies back with the speed that it takes from
+    them. 0 for a weak one, which keeps the order and the symmetry of the step, 1/2 for one that
+    stops them within the step, between them about what leaves exp(-z). Also its slope in z."""
+    cube = abs(z) ** 3
+    return 0.5 * math.copysign(cube, z) / (cube + LEAD), 1.5 * LEAD * z * z / (cube + LEAD) ** 2
+
+
+@ieee_inline
+def mean_force(i, last, over, dt, compliance, A, residual, damping):
+    """Mean total force of contact i over a step, its slope in g1, its elastic part."""
+    g0, g1, w0 = over
+    if residual is not None and last:
+        elastic, slope = mean_series(g0, g1, A[i], residual)
+    else:
+        elastic, slope = mean_hertz(g0, g1, A[i])
+    if damping is None:
+        return elastic, slope, elastic
+    gamma, law, inverse_mass = damping
+    closed, closing = 1.0, 0.0
+    strength, strengthening = gamma[i] * elastic, gamma[i] * slope
+    if law != HUNT_CROSSLEY:
+        strength, strengthening = gamma[i], 0.0
+        closed, closing = closed_share(g0, g1)
+    if residual is not None and last:
+        share, falling = spring_share(contact_stiffness(i, elastic, A, None), residual)
+        strength *= share
+        strengthening *= share * (1.0 - falling)
+    stops = 2.0 * compliance / abs(dt)
+    c = min(strength, STOPPED / stops) if compliance > 0.0 else strength
+    if c < strength:
+        strengthening = 0.0
+    ahead, bend = 0.0, 0.0
+    if compliance > FREELY * 0.5 * dt * dt * inverse_mass[i]:
+        stops = math.copysign(stops, dt)
+        ahead, bend = lead(c * stops)
+    mean = (g1 - g0) / dt
+    rate = mean + 2.0 * ahead * (mean - w0)
+    force = elastic + c * closed * rate
+    if law != LINEAR and force <= 0.0:
+        return 0.0, 0.0, elastic
+    growth = c * (closed * (1.0 + 2.0 * ahead) / dt + closing * rate)
+    growth += strengthening * (rate + 2.0 * c * stops * bend * (mean - w0))
+    return force, slope + growth, elastic
+
+
+# --- Newton's method in O(n) -------------------------------------------------------------------
+
+
+@ieee
+def largest(a, b):
+    """Largest |a| or |a - b|."""
+    most = 0.0
+    for i in range(a.size):
+        difference = a[i] if b is None else a[i] - b[i]
+        most = max(most, abs(difference))
+    return most
+
+
+@ieee_inline
+def imbalance(dt, f, parts, load, residual, damping, bodies, newton):
+    """Fill forces, slopes and what the equations miss at the positions after; its square."""
+    x0, x1, free, compliance, speed = bodies
+    n = x0.size - 1
+    for i in range(parts.A.size):
+        over = Passage(x0[i] - x0[i + 1], x1[i] - x1[i + 1], speed[i] - speed[i + 1])
+        both = compliance[i] + compliance[i + 1]
+        f[i + 1], newton.slope[i], newton.elastic[i] = mean_force(
+            i, i == n - 1, over, dt, both, parts.A, residual, damping
+        )
+    square = 0.0
+    for i in range(n + 1):
+        net = f[i] - (f[i + 1] if i < n else 0.0)
+        if load is not None and i < n:
+            net += load[i]
+        newton.residual[i] = free[i] + compliance[i] * net - x1[i]
+        square += newton.residual[i] * newton.residual[i]
+    return square
+
+
+@ieee_inline
+def newton_change(compliance, n_contacts, newton):
+    """Solve the tridiagonal, diagonally dominant tangent system for the residual, in place."""
+    slope, r, diagonal, upper = newton.slope, newton.residual, newton.diagonal, newton.upper
+    n = compliance.size - 1
+    for i in range(n + 1):
+        before = slope[i - 1] if 0 < i <= n_contacts else 0.0
+        behind = slope[i] if i < n_contacts else 0.0
+        diagonal[i] = 1.0 + compliance[i] * (before + behind)
+        upper[i] = -compliance[i] * behind
+    for i in range(1, n + 1):
+        below = -compliance[i] * (slope[i - 1] if i <= n_contacts else 0.0)
+        factor = below / diagonal[i - 1]
+        diagonal[i] -= factor * upper[i - 1]
+        r[i] -= factor * r[i - 1]
+    r[n] /= diagonal[n]
+    for i in range(n - 1, -1, -1):
+        r[i] = (r[i] - upper[i] * r[i + 1]) / diagonal[i]
+
+
+@ieee_inline
+def implicit_step(dt, f, parts, bodies, newton):
+    """Positions after, that the mean contact forces lead to, by Newton's method."""
+    x0, x1, free, compliance, _ = bodies
+    r, change = newton.residual, newton.change
+    for i in range(x1.size):
+        x1[i] = free[i]
+    norm = math.inf
+    share = 1.0
+    for _ in range(200):
+        new_norm = imbalance(
+            dt, f, parts, parts.load, parts.residual, parts.damping, bodies, newton
+        )
+        if new_norm >= norm and share > 1e-9:
+            share *= 0.5
+            for i in range(x1.size):
+                x1[i] -= share * change[i]
+            rounding = max(1e-15 * largest(x1, x0), 1e-16 * largest(x1, None))
+            if share * largest(change, None) > rounding:
+                continue
+            break
+        if new_norm == 0.0 or share <= 1e-9:
+            break
+        norm = new_norm
+        share = 1.0
+        newton_change(compliance, parts.A.size, newton)
+        for i in range(x1.size):
+            change[i] = r[i]
+            x1[i] += r[i]
+
+
+# --- parts of a step ---------------------------------------------------------------------------
+
+
+@ieee
+def predict_spheres(s, h, motion, mass, leaf, bodies):
+    """Where spheres go in the s-th part of a step without contact, and what a force adds."""
+    x, v = motion.x, motion.v
+    for i in range(x.size):
+        bodies.before[i] = x[i]
+        bodies.speed[i] = v[i]
+        if leaf is None:
+            bodies.free[i] = x[i] + h * v[i]
+            bodies.compliance[i] = 0.5 * h * h / mass[i]
+        else:
+            rest, swing = leaf.rest, leaf.propagator
+            bodies.free[i] = rest[i] + swing[s, 0, i] * (x[i] - rest[i]) + swing[s, 1, i] * v[i]
+            bodies.compliance[i] = leaf.step_response[s, i] / mass[i]
+
+
+@ieee
+def predict_wall(s, h, wall, offset, mobility, modes, bodies):
+    free, compliance = bodies.free, bodies.compliance
+    n = free.size - 1
+    bodies.before[n] = wall[U] + wall[DASH] + offset
+    bodies.speed[n] = wall[V]
+    free[n], compliance[n] = bodies.before[n], 0.0
+    if modes is not None:
+        q, p, phi, turn, response = (
+            modes.q, modes.p, modes.phi, modes.propagator, modes.step_response,
+        )  # fmt: skip
+        free[n] -= wall[U]
+        for j in range(q.size):
+            there = turn[s, 0, j] * q[j] + turn[s, 1, j] * p[j]
+            free[n] += phi[j] * (there - response[s, j] * phi[j] * modes.rest_force)
+            compliance[n] += phi[j] ** 2 * response[s, j]
+    if mobility is not None:
+        compliance[n] += mobility * h
+
+
+@ieee
+def update_spheres(s, h, motion, parts, load, leaf, bodies):
+    """Positions and velocities at the end of the s-th part of a step."""
+    x, v, f, _, _ = motion
+    for i in range(x.size):
+        net = f[i] - f[i + 1]
+        if load is not None:
+            net += load[i]
+        if leaf is None:
+            v[i] += h * net / parts.mass[i]
+        else:
+            rest, swing = leaf.rest, leaf.propagator
+            swung = swing[s, 2, i] * (x[i] - rest[i]) + swing[s, 0, i] * v[i]
+            v[i] = swung + swing[s, 1, i] * net / parts.mass[i]
+        x[i] = bodies.after[i]
+
+
+@ieee
+def update_modes(s, force, wall, modes):
+    if modes is None:
+        return
+    q, p, phi, turn, response = (
+        modes.q, modes.p, modes.phi, modes.propagator, modes.step_response,
+    )  # fmt: skip
+    net = force - modes.rest_force
+    u = 0.0
+    w = 0.0
+    for j in range(q.size):
+        here, speed, kick = q[j], p[j], phi[j] * net
+        q[j] = turn[s, 0, j] * here + turn[s, 1, j] * speed + response[s, j] * kick
+        p[j] = turn[s, 2, j] * here + turn[s, 3, j] * speed + turn[s, 1, j] * kick
+        u += phi[j] * q[j]
+        w += phi[j] * p[j]
+    wall[WORK] += net * (u - wall[U])
+    wall[U], wall[V] = u, w
+
+
+@ieee
+def update_dashpot(h, force, wall, ledger, mobility):
+    if mobility is not None:
+        wall[DASH] += mobility * h * force
+        ledger[IN_WALL] += mobility * h * force * force
+
+
+@ieee
+def damping_work(bodies, f, elastic):
+    """What the damping parts of the mean forces f take from the contacts."""
+    x0, x1 = bodies.before, bodies.after
+    lost = 0.0
+    for i in range(elastic.size):
+        change = (x1[i] - x1[i + 1]) - (x0[i] - x0[i + 1])
+        lost += (f[i + 1] - elastic[i]) * change
+    return lost
+
+
+@ieee_march
+def march_implicit(motion, parts, b, steps, saved):
+    """As `march`, by steps of the parts b[s] dt."""
+    dt, n_save, stride = steps
+    x, v, f, wall, ledger = motion
+    n = f.size
+    shown = Motion(x, v, f.copy(), wall, ledger)
+    bodies = Bodies(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    newton = Newton(
+        np.zeros(parts.A.size), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    )
+    for k in range(n_save + 1):
+        for _step in range(stride if k > 0 else 0):
+            for s in range(b.size):
+                h = b[s] * dt
+                predict_spheres(s, h, motion, parts.mass, parts.leaf, bodies)
+                predict_wall(s, h, wall, parts.offset, parts.mobility, parts.modes, bodies)
+                implicit_step(h, f, parts, bodies, newton)
+                ledger[IN_CONTACTS] += damping_work(bodies, f, newton.elastic)
+                update_spheres(s, h, motion, parts, parts.load, parts.leaf, bodies)
+                update_modes(s, f[n - 1], wall, parts.modes)
+                update_dashpot(h, f[n - 1], wall, ledger, parts.mobility)
+        if not save(k, dt, shown, parts, saved, parts.mobility):
+            return k
+    return n_save

@@ -1,0 +1,88 @@
+"""Forces and energies of a state: what is saved."""
+
+from dem.kernels.arguments import DASH, IN_CONTACTS, IN_WALL, WORK, U, V
+from dem.kernels.compiled import fastmath
+from dem.kernels.laws import (
+    LINEAR,
+    STOPPED,
+    damper,
+    hertz_force,
+    plastic_force,
+    plastic_indentation,
+    wall_indentation,
+)
+from dem.kernels.modes import modal_energy
+
+
+@fastmath
+def total_forces(dt, motion, parts, residual, damping, plastic):
+    """Contact forces at an instant, dissipative part included, into f; elastic energies out.
+
+    A damper counts no stronger than steps of dt can tell: beyond, its force is that of rounding.
+    """
+    x, v, wall, A = motion.x, motion.v, motion.wall, parts.A
+    n = x.size
+    contact = 0.0
+    spring = 0.0
+    for i in range(A.size):
+        w = v[i] - (v[i + 1] if i < n - 1 else wall[V])
+        gap = x[i] - (x[i + 1] if i < n - 1 else wall[U] + wall[DASH] + parts.offset)
+        if plastic is None:
+            d = max(gap, 0.0) if i < n - 1 else wall_indentation(gap, A[i], residual)
+            force = hertz_force(d, A[i])
+        else:
+            d = gap if i < n - 1 else plastic_indentation(gap, A, residual, plastic)
+            force = plastic_force(i, d, A, plastic)
+            d -= plastic.crater[i]
+        contact += 0.4 * force * d
+        if i == n - 1 and residual is not None:
+            spring = 0.5 * residual * force * force
+        if damping is not None:
+            c = damper(i, i == n - 1, force, A, residual, damping, plastic)
+            extra = w * min(c, STOPPED / (dt * damping.inverse_mass[i]))
+            if damping.law != LINEAR:
+                extra = max(extra, -force)
+            force += extra
+        motion.f[i + 1] = force
+    return contact, spring
+
+
+@fastmath
+def leaf_energy(x, leaf):
+    energy = 0.0
+    if leaf is not None:
+        for i in range(x.size):
+            energy += 0.5 * leaf.stiffness[i] * (x[i] - leaf.anchor[i]) ** 2
+    return energy
+
+
+@fastmath
+def save(k, dt, motion, parts, saved, mobility):
+    """Row k of the saved states, forces and energies; is it finite?"""
+    x, v, wall, energy = motion.x, motion.v, motion.wall, saved.energy[k]
+    contact, spring = total_forces(dt, motion, parts, parts.residual, parts.damping, parts.plastic)
+    kinetic = 0.0
+    for i in range(x.size):
+        saved.x[k, i] = x[i]
+        saved.v[k, i] = v[i]
+        kinetic += 0.5 * parts.mass[i] * v[i] ** 2
+    for i in range(parts.A.size):
+        saved.force[k, i] = motion.f[i + 1]
+    swing, absolute = modal_energy(parts.modes)
+    saved.wall[k, 0] = wall[U] + wall[DASH] + parts.offset
+    saved.wall[k, 1] = wall[V]
+    if mobility is not None:
+        saved.wall[k, 1] += mobility * motion.f[x.size]
+    energy[0] = kinetic
+    energy[1] = contact
+    energy[2] = leaf_energy(x, parts.leaf)
+    energy[3] = absolute
+    energy[4] = spring
+    energy[5] = motion.ledger[IN_CONTACTS]
+    energy[6] = motion.ledger[IN_WALL] + (wall[WORK] - swing)
+    energy[7] = parts.preload * (x[-1] - saved.x[0, -1])
+    total = -energy[7]
+    for e in range(7):
+        total += energy[e]
+    energy[8] = total
+    return abs(total) <= 1e300

@@ -1,0 +1,64 @@
+"""What an impulse or a drift does to the wall's modes; nothing where the wall has none."""
+
+from dem.kernels.arguments import WORK, U, V
+from dem.kernels.compiled import fastmath_inline, ieee
+
+
+@fastmath_inline
+def push_wall(impulse, square, wall):
+    wall[WORK] += impulse * (wall[V] + 0.5 * square * impulse)
+    wall[V] += square * impulse
+
+
+@fastmath_inline
+def push_modes(impulse, wall, modes):
+    if modes is not None:
+        for j in range(modes.p.size):
+            modes.p[j] += modes.phi[j] * impulse
+        push_wall(impulse, modes.square, wall)
+
+
+@ieee
+def shift_modes(shift, wall, modes):
+    if modes is not None:
+        wall[U] += modes.square * shift
+        for j in range(modes.q.size):
+            modes.q[j] += modes.phi[j] * shift
+
+
+@fastmath_inline
+def drift_modes(k, impulse, wall, modes):
+    """Exact free motion of the damped modes by the k-th drift after an impulse at the wall."""
+    if modes is None:
+        return
+    q, p, phi = modes.q, modes.p, modes.phi
+    turn = modes.propagator
+    qq, qp, pq, pp = turn[k, 0], turn[k, 1], turn[k, 2], turn[k, 3]
+    u = 0.0
+    w = 0.0
+    for j in range(q.size):
+        r = phi[j]
+        here = q[j]
+        speed = p[j] + r * impulse
+        there = qq[j] * here + qp[j] * speed
+        speed = pq[j] * here + pp[j] * speed
+        q[j] = there
+        p[j] = speed
+        u += r * there
+        w += r * speed
+    wall[U] = u
+    wall[V] = w
+
+
+@fastmath_inline
+def modal_energy(modes):
+    """Energy of the modes about the static state, and in all."""
+    swing = 0.0
+    absolute = 0.0
+    if modes is not None:
+        for j in range(modes.q.size):
+            kinetic = 0.5 * modes.p[j] ** 2
+            stiffness = 0.5 * modes.omega[j] ** 2
+            swing += kinetic + stiffness * modes.q[j] ** 2
+            absolute += kinetic + stiffness * (modes.q[j] + modes.static[j]) ** 2
+    return swing, absolute

@@ -1,0 +1,79 @@
+"""Exact motion of damped oscillators over a time: of wall modes and leaf springs in a drift."""
+
+import math
+
+import numpy as np
+
+from dem.kernels.compiled import ieee, ieee_entry
+
+
+@ieee
+def propagator(omega, zeta, t):
+    """q -> qq q + qp p, p -> pq q + pp p after the time t of q'' + 2 zeta omega q' + omega^2 q = 0,
+    for any damping and omega = 0."""
+    decay, square = zeta * omega, omega * omega * (1.0 - zeta * zeta)
+    beat = math.sqrt(abs(square))
+    z = beat * t
+    if abs(z) < 1e-3:
+        sign = 1.0 if square > 0.0 else -1.0
+        shrink = math.exp(-decay * t)
+        c = shrink * (1.0 - sign * z * z * (0.5 - sign * z * z / 24.0))
+        s = shrink * t * (1.0 - sign * z * z * (1.0 / 6.0 - sign * z * z / 120.0))
+    elif square > 0.0:
+        shrink = math.exp(-decay * t)
+        c, s = shrink * math.cos(z), shrink * math.sin(z) / beat
+    else:
+        rise = math.exp(-omega * t / (zeta + math.sqrt(zeta * zeta - 1.0)))
+        fall = math.exp(-(decay + beat) * t)
+        c, s = 0.5 * (rise + fall), 0.5 * (rise - fall) / beat
+    return c + decay * s, s, -omega * omega * s, c - decay * s
+
+
+@ieee_entry
+def fill_propagator(omega, zeta, t, out):
+    """`propagator` element by element into out (4, size)."""
+    for j in range(omega.size):
+        out[0, j], out[1, j], out[2, j], out[3, j] = propagator(omega[j], zeta[j], t[j])
+
+
+@ieee_entry
+def fill_propagators(steps, omega, zeta, out):
+    """`propagator` of every mode over every step into out (n_steps, 4, n_modes); steps that come
+    again in a palindrome are copied."""
+    n = steps.size
+    for k in range(n):
+        mirror = n - 1 - k
+        if mirror < k and steps[mirror] == steps[k]:
+            for j in range(omega.size):
+                for row in range(4):
+                    out[k, row, j] = out[mirror, row, j]
+            continue
+        for j in range(omega.size):
+            a, b, c, d = propagator(omega[j], zeta[j], steps[k])
+            out[k, 0, j], out[k, 1, j], out[k, 2, j], out[k, 3, j] = a, b, c, d
+
+
+def oscillator_propagator(omega, zeta, t):
+    """(4, k): q -> qq q + qp p, p -> pq q + pp p after the time t of q'' + 2 zeta omega q' +
+    omega^2 q = 0, for any damping and omega = 0."""
+    omega, zeta, t = np.broadcast_arrays(*(np.asarray(p, float) for p in (omega, zeta, t)))
+    out = np.empty((4, omega.size))
+    fill_propagator(omega.flatten(), zeta.flatten(), t.flatten(), out)
+    return out.reshape(4, *omega.shape)
+
+
+def step_response(omega, zeta, t):
+    """Displacement of each oscillator after the time t of unit force on unit mass from rest, the
+    integral of `oscillator_propagator`'s qp; by Gauss points where the closed form would cancel."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    slow = omega * np.maximum(zeta, 1.0) * abs(t) < 1.0
+    moved = [oscillator_propagator(omega, zeta, 0.5 * t * (1.0 + node))[1] for node in nodes]
+    closed = (1.0 - oscillator_propagator(omega, zeta, t)[0]) / np.where(slow, 1.0, omega) ** 2
+    return np.where(slow, 0.5 * t * (weights @ np.array(moved)), closed)
+
+
+def propagators(steps, omega, zeta):
+    """(len(steps), 4, k) of `oscillator_propagator`."""
+    out = np.empty((steps.size, 4, omega.size))
+    fill_propagators(steps, np.asarray(omega, float), np.asarray(zeta, float), out)
+    return out

@@ -1,0 +1,357 @@
+"""March of a chain with its sensitivities to parameters: one kernel family of its own.
+
+Spheres are marched by the classic Runge-Kutta scheme of order 4, the wall's modes by the same
+scheme on top of their exact damped rotation (J. D. Lawson, SIAM J. Numer. Anal. 4 (1967) 372), so
+that a fast mode does not limit the step. Differentiating every stage gives the sensitivities of the
+discrete solution itself, not of the equation. Derivatives by the p parameters are in capitals; p
+may be 0.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dem.kernels.compiled import fastmath_allocating as compiled
+from dem.kernels.compiled import fastmath_march
+from dem.kernels.laws import hertz_force, hertz_indentation
+
+FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS = range(5)  # rows of f (5, n_contacts)
+
+
+class Rig(NamedTuple):
+    """A chain and its wall; no part is absent, those without effect are zeros."""
+
+    A: np.ndarray  # (n_contacts,)
+    gamma: np.ndarray  # (n_contacts,)
+    mass: np.ndarray  # (n,)
+    load: np.ndarray  # (n,)
+    leaf: np.ndarray  # (n,) stiffness
+    anchor: np.ndarray  # (n,)
+    residual: float
+    offset: float  # static displacement of the modes
+    rest_force: float  # static force at the wall
+    phi: np.ndarray  # (k,)
+    propagator: np.ndarray  # (k, 2, 2) over half a step
+    by_omega: np.ndarray  # (k, 2, 2) its derivatives
+    by_zeta: np.ndarray  # (k, 2, 2)
+
+
+class Slopes(NamedTuple):
+    """Derivatives of a rig by the parameters, (.., p) each."""
+
+    A: np.ndarray
+    gamma: np.ndarray
+    phi: np.ndarray
+    omega: np.ndarray
+    zeta: np.ndarray
+    load: np.ndarray
+    offset: np.ndarray
+    rest_force: np.ndarray
+
+
+class Spheres(NamedTuple):
+    """Positions and velocities (n,), and their derivatives (n, p)."""
+
+    x: np.ndarray
+    v: np.ndarray
+    X: np.ndarray
+    V: np.ndarray
+
+
+class Modal(NamedTuple):
+    """Displacement and velocity of the modes from the static state, and their derivatives."""
+
+    z: np.ndarray  # (2, k)
+    Z: np.ndarray  # (2, k, p)
+
+
+class Stages(NamedTuple):
+    """Force at the wall beyond that at rest, at the stages of a step, and its derivatives."""
+
+    force: np.ndarray  # (4,)
+    d_force: np.ndarray  # (4, p)
+
+
+class Record(NamedTuple):
+    """Velocity and acceleration of m observed spheres at every step, and their derivatives."""
+
+    v: np.ndarray  # (n_steps + 1, m)
+    a: np.ndarray
+    dv: np.ndarray  # (n_steps + 1, m, p)
+    da: np.ndarray
+
+
+@compiled
+def contact(gap, rate, A, gamma, s, i, f):
+    """Force of one contact and its derivatives into column i of f."""
+    d = max(gap, 0.0) if s == 0.0 else hertz_indentation(gap, A, s)
+    root = math.sqrt(d)
+    soft = 1.0 / (1.0 + 1.5 * s * A * root)
+    loss = gamma * rate * soft * soft
+    share = max(1.0 + loss, 0.0)
+    elastic = hertz_force(d, A)
+    f[FORCE, i] = share * elastic
+    f[BY_OVERLAP, i] = (share * root - loss * s * A * d * soft) * 1.5 * A * soft
+    by_stiffness = share - 3.0 * loss * s * A * (root - 0.5 * s * A * d * soft)
+    f[BY_STIFFNESS, i] = by_stiffness * d * root * soft
+    f[BY_RATE, i] = gamma * elastic * soft * soft if share > 0.0 else 0.0
+    f[BY_LOSS, i] = rate * elastic * soft * soft if share > 0.0 else 0.0
+
+
+@compiled
+def contacts(x, v, z, rig, f):
+    """All contacts at a state into f."""
+    A, gamma, phi = rig.A, rig.gamma, rig.phi
+    n = x.size
+    for i in range(A.size):
+        if i < n - 1:
+            contact(x[i] - x[i + 1], v[i] - v[i + 1], A[i], gamma[i], 0.0, i, f)
+        else:
+            u, w = 0.0, 0.0
+            for j in range(phi.size):
+                u += phi[j] * z[0, j]
+                w += phi[j] * z[1, j]
+            contact(x[i] - u - rig.offset, v[i] - w, A[i], gamma[i], rig.residual, i, f)
+
+
+@compiled
+def accelerations(x, f, rig, a):
+    n = x.size
+    for i in range(n):
+        net = rig.load[i] - rig.leaf[i] * (x[i] - rig.anchor[i])
+        if i > 0:
+            net += f[FORCE, i - 1]
+        if i < f.shape[1]:
+            net -= f[FORCE, i]
+        a[i] = net / rig.mass[i]
+
+
+@compiled
+def contact_sensitivities(spheres, modal, f, phi, slopes, dF):
+    """Derivatives of all contact forces by the parameters into dF (n_contacts, p)."""
+    X, V, z, Z = spheres.X, spheres.V, modal.z, modal.Z
+    n, p = X.shape
+    for i in range(f.shape[1]):
+        k, by_A, c, by_gamma = f[BY_OVERLAP, i], f[BY_STIFFNESS, i], f[BY_RATE, i], f[BY_LOSS, i]
+        if f[FORCE, i] == 0.0:
+            dF[i] = 0.0
+            continue
+        for m in range(p):
+            dF[i, m] = (
+                k * X[i, m] + c * V[i, m] + by_A * slopes.A[i, m] + by_gamma * slopes.gamma[i, m]
+            )
+        if i < n - 1:
+            for m in range(p):
+                dF[i, m] -= k * X[i + 1, m] + c * V[i + 1, m]
+            continue
+        for m in range(p):
+            dF[i, m] -= k * slopes.offset[m]
+        for j in range(phi.size):
+            for m in range(p):
+                dF[i, m] -= phi[j] * (k * Z[0, j, m] + c * Z[1, j, m])
+                dF[i, m] -= slopes.phi[j, m] * (k * z[0, j] + c * z[1, j])
+
+
+@compiled
+def acceleration_sensitivities(X, dF, rig, d_load, dA):
+    n, p = X.shape
+    for i in range(n):
+        minv = 1.0 / rig.mass[i]
+        for m in range(p):
+            dA[i, m] = minv * (d_load[i, m] - rig.leaf[i] * X[i, m])
+        if i > 0:
+            for m in range(p):
+                dA[i, m] += minv * dF[i - 1, m]
+        if i < dF.shape[0]:
+            for m in range(p):
+                dA[i, m] -= minv * dF[i, m]
+
+
+@compiled
+def push_modes(h, s, stages, phi, d_phi, modal):
+    """Add the impulse of the force of stage s over h to the modes' velocities, its derivative to
+    theirs."""
+    force, d_force = stages.force[s], stages.d_force[s]
+    for j in range(phi.size):
+        modal.z[1, j] += h * phi[j] * force
+        for m in range(d_force.size):
+            modal.Z[1, j, m] += h * (phi[j] * d_force[m] + d_phi[j, m] * force)
+
+
+@compiled
+def propagate_modes(rig, slopes, modal):
+    """Free motion over half a step: z <- E z, Z <- E Z + dE z."""
+    z, Z, E, by_omega, by_zeta = modal.z, modal.Z, rig.propagator, rig.by_omega, rig.by_zeta
+    for j in range(z.shape[1]):
+        q, p = z[0, j], z[1, j]
+        for m in range(Z.shape[2]):
+            a, b = Z[0, j, m], Z[1, j, m]
+            w, c = slopes.omega[j, m], slopes.zeta[j, m]
+            for r in range(2):
+                moved = E[j, r, 0] * a + E[j, r, 1] * b
+                moved += w * (by_omega[j, r, 0] * q + by_omega[j, r, 1] * p)
+                Z[r, j, m] = moved + c * (by_zeta[j, r, 0] * q + by_zeta[j, r, 1] * p)
+        z[0, j] = E[j, 0, 0] * q + E[j, 0, 1] * p
+        z[1, j] = E[j, 1, 0] * q + E[j, 1, 1] * p
+
+
+@compiled
+def combine(x, X, h, slope, d_slope, out, d_out):
+    """out = x + h * slope, and the same for the derivatives."""
+    for i in range(x.size):
+        out[i] = x[i] + h * slope[i]
+        for m in range(X.shape[1]):
+            d_out[i, m] = X[i, m] + h * d_slope[i, m]
+
+
+@compiled
+def stage_modes(s, dt, modal, half, stages, rig, slopes, at_stage):
+    """Modes at the s-th stage of a step; `half` holds them half a step on.
+
+    z_1 = z,  z_2 = E (z + h/2 N_1),  z_3 = E z + h/2 N_2,  z_4 = E (E z + h N_3).
+    """
+    start = modal if s < 2 else half
+    at_stage.z[:] = start.z
+    at_stage.Z[:] = start.Z
+    if s > 0:
+        push_modes(dt if s == 3 else 0.5 * dt, s - 1, stages, rig.phi, slopes.phi, at_stage)
+    if s == 1 or s == 3:
+        propagate_modes(rig, slopes, at_stage)
+
+
+@compiled
+def advance_modes(dt, stages, rig, slopes, modal):
+    """z <- E E (z + h/6 N_1) + E h/3 (N_2 + N_3) + h/6 N_4, in place."""
+    phi, d_phi = rig.phi, slopes.phi
+    push_modes(dt / 6.0, 0, stages, phi, d_phi, modal)
+    propagate_modes(rig, slopes, modal)
+    push_modes(dt / 3.0, 1, stages, phi, d_phi, modal)
+    push_modes(dt / 3.0, 2, stages, phi, d_phi, modal)
+    propagate_modes(rig, slopes, modal)
+    push_modes(dt / 6.0, 3, stages, phi, d_phi, modal)
+
+
+@compiled
+def save(step, observed, spheres, a, dA, record):
+    """Velocity, acceleration and their derivatives of the observed spheres at a step."""
+    for o in range(observed.size):
+        record.v[step, o] = spheres.v[observed[o]]
+        record.a[step, o] = a[observed[o]]
+        record.dv[step, o] = spheres.V[observed[o]]
+        record.da[step, o] = dA[observed[o]]
+
+
+@compiled
+def copied(spheres):
+    return Spheres(spheres.x.copy(), spheres.v.copy(), spheres.X.copy(), spheres.V.copy())
+
+
+@compiled
+def still(k, p):
+    return Modal(np.zeros((2, k)), np.zeros((2, k, p)))
+
+
+@compiled
+def accept(total, spheres):
+    spheres.x[:], spheres.v[:] = total.x, total.v
+    spheres.X[:], spheres.V[:] = total.X, total.V
+
+
+@compiled
+def add(spheres, h, at_stage, a, dA, out):
+    """out = spheres + h * their rates at a stage."""
+    combine(spheres.x, spheres.X, h, at_stage.v, at_stage.V, out.x, out.X)
+    combine(spheres.v, spheres.V, h, a, dA, out.v, out.V)
+
+
+@fastmath_march
+def march(spheres, rig, slopes, dt, n_steps, observed, record):
+    """March spheres in place, and record the observed ones."""
+    n, p = spheres.X.shape
+    n_contacts, k = rig.A.size, rig.phi.size
+    f, a = np.zeros((5, n_contacts)), np.zeros(n)
+    dF, dA = np.zeros((n_contacts, p)), np.zeros((n, p))
+    modal, modal_at_stage, half = still(k, p), still(k, p), still(k, p)
+    at_stage, total = copied(spheres), copied(spheres)
+    stages = Stages(np.zeros(4), np.zeros((4, p)))
+    weights, spans = (dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0), (0.5 * dt, 0.5 * dt, dt, 0.0)
+    for step in range(n_steps + 1):
+        stage_modes(1, 0.0, modal, modal, stages, rig, slopes, half)
+        for s in range(4):
+            stage_modes(s, dt, modal, half, stages, rig, slopes, modal_at_stage)
+            contacts(at_stage.x, at_stage.v, modal_at_stage.z, rig, f)
+            accelerations(at_stage.x, f, rig, a)
+            contact_sensitivities(at_stage, modal_at_stage, f, rig.phi, slopes, dF)
+            acceleration_sensitivities(at_stage.X, dF, rig, slopes.load, dA)
+            if n_contacts == n:
+                stages.force[s] = f[FORCE, n - 1] - rig.rest_force
+                stages.d_force[s] = dF[n - 1] - slopes.rest_force
+            if s == 0:
+                save(step, observed, spheres, a, dA, record)
+            add(total, weights[s], at_stage, a, dA, total)
+            add(spheres, spans[s], at_stage, a, dA, at_stage)
+        accept(total, spheres)
+        accept(total, at_stage)
+        advance_modes(dt, stages, rig, slopes, modal)
+
+
+# --- without derivatives -----------------------------------------------------------------------
+
+
+@compiled
+def stage_modes_alone(s, dt, z, half, force, rig, at_stage):
+    """`stage_modes` without derivatives."""
+    h = 0.0 if s == 0 else dt if s == 3 else 0.5 * dt
+    phi, E = rig.phi, rig.propagator
+    for j in range(phi.size):
+        q, p = (z[0, j], z[1, j]) if s < 2 else (half[0, j], half[1, j])
+        p += h * phi[j] * force[max(s - 1, 0)]
+        if s == 1 or s == 3:
+            q, p = E[j, 0, 0] * q + E[j, 0, 1] * p, E[j, 1, 0] * q + E[j, 1, 1] * p
+        at_stage[0, j], at_stage[1, j] = q, p
+
+
+@compiled
+def advance_modes_alone(dt, force, rig, z, half):
+    """`advance_modes` without derivatives; `half` gets the modes half a step on."""
+    phi, E = rig.phi, rig.propagator
+    for j in range(phi.size):
+        q, p = z[0, j], z[1, j] + dt / 6.0 * phi[j] * force[0]
+        q, p = E[j, 0, 0] * q + E[j, 0, 1] * p, E[j, 1, 0] * q + E[j, 1, 1] * p
+        p += dt / 3.0 * phi[j] * (force[1] + force[2])
+        q, p = E[j, 0, 0] * q + E[j, 0, 1] * p, E[j, 1, 0] * q + E[j, 1, 1] * p
+        p += dt / 6.0 * phi[j] * force[3]
+        z[0, j], z[1, j] = q, p
+        half[0, j] = E[j, 0, 0] * q + E[j, 0, 1] * p
+        half[1, j] = E[j, 1, 0] * q + E[j, 1, 1] * p
+
+
+@fastmath_march
+def march_alone(x, v, rig, dt, n_steps, observed, v_seen, a_seen):
+    """`march` without derivatives, in a third of the time."""
+    n, n_contacts, k = x.size, rig.A.size, rig.phi.size
+    f, a, force = np.zeros((5, n_contacts)), np.zeros(n), np.zeros(4)
+    z, zs, half = np.zeros((2, k)), np.zeros((2, k)), np.zeros((2, k))
+    xs, vs, x_sum, v_sum = x.copy(), v.copy(), x.copy(), v.copy()
+    weights, spans = (dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0), (0.5 * dt, 0.5 * dt, dt, 0.0)
+    for step in range(n_steps + 1):
+        for s in range(4):
+            stage_modes_alone(s, dt, z, half, force, rig, zs)
+            contacts(xs, vs, zs, rig, f)
+            accelerations(xs, f, rig, a)
+            if n_contacts == n:
+                force[s] = f[FORCE, n - 1] - rig.rest_force
+            if s == 0:
+                for o in range(observed.size):
+                    v_seen[step, o], a_seen[step, o] = v[observed[o]], a[observed[o]]
+            weight, span = weights[s], spans[s]
+            for i in range(n):
+                x_sum[i] += weight * vs[i]
+                v_sum[i] += weight * a[i]
+                xs[i] = x[i] + span * vs[i]
+                vs[i] = v[i] + span * a[i]
+        for i in range(n):
+            x[i] = xs[i] = x_sum[i]
+            v[i] = vs[i] = v_sum[i]
+        advance_modes_alone(dt, force, rig, z, half)

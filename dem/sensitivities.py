@@ -1,0 +1,185 @@
+"""A chain's velocities and their exact derivatives by parameters: forward sensitivities.
+
+    m x'' = F(x, v; theta),   X = dx/dtheta:   m X'' = F_x X + F_v X' + F_theta
+
+marched by one scheme, so that X is the derivative of the discrete solution, the static state it
+starts from included. E. Hairer, S. P. Norsett, G. Wanner, Solving ODE I, I.14.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dem.chain import validate
+from dem.checks import InvalidChain
+from dem.kernels.oscillators import oscillator_propagator
+from dem.kernels.sensitivities import Record, Rig, Slopes, Spheres, march, march_alone
+from dem.static_sensitivities import or_zeros, static_sensitivities
+from dem.statics import equilibrium
+
+SMOOTH = ("none", "hunt-crossley")
+STEPS_PER_RADIAN = 40.0  # of the stiffest contact: 1e-6 in the velocities of a chain of 17
+
+
+class Directions(NamedTuple):
+    """Derivatives by p parameters of what a run is made of."""
+
+    A: np.ndarray  # (n_contacts, p)
+    gamma: np.ndarray  # (n_contacts, p)
+    v0: np.ndarray  # (n, p)
+    preload: np.ndarray  # (p,)
+    phi: np.ndarray  # (k, p)
+    omega: np.ndarray  # (k, p)
+    zeta: np.ndarray  # (k, p)
+
+
+class Sensitivities(NamedTuple):
+    """Velocity and acceleration of m observed spheres at every step, and their derivatives."""
+
+    t: np.ndarray  # (steps,)
+    v: np.ndarray  # (steps, m)
+    a: np.ndarray  # (steps, m)
+    dv: np.ndarray  # (steps, m, p)
+    da: np.ndarray  # (steps, m, p)
+
+    def at(self, t):
+        """v (k, m), a (k, m), dv (k, m, p) at any times within the run: cubic Hermite.
+
+        a is the slope of the interpolant, so that it is the derivative of v by a shift in time.
+        """
+        h = self.t[1]
+        i = np.clip((t / h).astype(int), 0, len(self.t) - 2)
+        s = t / h - i
+        value, slope = _hermite(s, h)
+        v = _weighted(value, self.v, self.a, i)
+        return v, _weighted(slope, self.v, self.a, i) / h, _weighted(value, self.dv, self.da, i)
+
+
+def _hermite(s, h):
+    """Weights (4, k) of v0, a0, v1, a1 for the value and for its slope by s."""
+    value = (2 * s**3 - 3 * s**2 + 1, h * (s**3 - 2 * s**2 + s), 3 * s**2 - 2 * s**3)
+    slope = (6 * s**2 - 6 * s, h * (3 * s**2 - 4 * s + 1), 6 * s - 6 * s**2)
+    return (*value, h * (s**3 - s**2)), (*slope, h * (3 * s**2 - 2 * s))
+
+
+def _weighted(weights, v, a, i):
+    w = [weight.reshape(-1, *[1] * (v.ndim - 1)) for weight in weights]
+    return w[0] * v[i] + w[1] * a[i] + w[2] * v[i + 1] + w[3] * a[i + 1]
+
+
+def no_directions(chain, wall):
+    """Directions of no parameter."""
+    n, n_contacts = chain.mass.size, chain.A.size
+    k = 0 if wall is None else wall.omega.size
+    sizes = (n_contacts, n_contacts, n, None, k, k, k)
+    return Directions(*(np.zeros((0,) if size is None else (size, 0)) for size in sizes))
+
+
+def usual_step(chain, wall, v0):
+    """Step [s] from the stiffest contact at the impact of the fastest sphere, or at rest."""
+    mass, A, speed = chain.mass.min(), chain.A.max(), np.abs(v0).max()
+    rate = (A / mass) ** 0.4 * speed**0.2
+    force = equilibrium(chain, wall).force.max(initial=0.0)
+    at_rest = np.sqrt(1.5 * A ** (2 / 3) * force ** (1 / 3) / mass)
+    return 1.0 / (STEPS_PER_RADIAN * max(rate, at_rest))
+
+
+def march_with_sensitivities(chain, wall, v0, directions=None, *, duration, dt, observed):
+    """Sensitivities of a run from the static state with velocities v0 (n,), at steps of at most dt.
+
+    observed: indices of spheres. Takes Hertz contacts, with Hunt and Crossley's dissipation or
+    none. Raises InvalidChain, NoEquilibrium.
+    """
+    validate(chain, wall, v0)
+    require_smooth(chain, wall)
+    directions = no_directions(chain, wall) if directions is None else directions
+    static = equilibrium(chain, wall)
+    d_static = static_sensitivities(chain, wall, static, directions)
+    n_steps = int(np.ceil(duration / dt * (1 - 1e-9)))
+    h = duration / n_steps
+    p = directions.preload.size
+    m = len(observed)
+    out = Record(*np.zeros((2, n_steps + 1, m)), *np.zeros((2, n_steps + 1, m, p)))
+    x, v = static.x.copy(), np.array(v0, float)
+    rig, observed = _rig(chain, wall, static, h), np.asarray(observed, np.int64)
+    if p == 0:
+        march_alone(x, v, rig, h, n_steps, observed, out.v, out.a)
+    else:
+        spheres = Spheres(x, v, d_static.x.copy(), directions.v0.astype(float))
+        slopes = _slopes(chain, directions, d_static)
+        march(spheres, rig, slopes, h, n_steps, observed, out)
+    t = np.linspace(0.0, duration, n_steps + 1)
+    if not np.isfinite(out.v).all():
+        raise InvalidChain(
+            f"the run with sensitivities left the numbers at dt = {h:.3g} s; take a smaller dt"
+        )
+    return Sensitivities(t, *out)
+
+
+def require_smooth(chain, wall):
+    """Raise InvalidChain for a force that jumps or remembers: it has no derivative."""
+    if chain.dissipation not in SMOOTH and np.any(chain.gamma):
+        raise InvalidChain(
+            f"dissipation {chain.dissipation!r} jumps at first touch and has no sensitivities; "
+            "take hunt-crossley or none"
+        )
+    if chain.yield_overlap is not None:
+        raise InvalidChain("plastic contacts have no sensitivities here; leave out yield_overlap")
+    if wall is not None and wall.mobility > 0.0:
+        raise InvalidChain("a dashpot wall has no sensitivities here; take another wall")
+
+
+def _rig(chain, wall, static, h):
+    n = chain.mass.size
+    load = np.zeros(n)
+    load[-1] = chain.preload
+    leaf, anchor = or_zeros(chain.leaf_stiffness, n), or_zeros(chain.leaf_anchor, n)
+    return Rig(
+        chain.A, or_zeros(chain.gamma, chain.A.size), chain.mass, load, leaf, anchor,
+        *_wall(wall, static, h),
+    )  # fmt: skip
+
+
+def _wall(wall, static, h):
+    """The fields of a Rig from the residual compliance on."""
+    if wall is None:
+        return 0.0, 0.0, 0.0, np.zeros(0), *np.zeros((3, 0, 2, 2))
+    offset, force = float(wall.phi @ static.q), float(static.force[-1])
+    moved = propagator_with_sensitivities(wall.omega, wall.zeta, 0.5 * h)
+    return float(wall.residual_compliance), offset, force, wall.phi, *moved
+
+
+def propagator_with_sensitivities(omega, zeta, t):
+    """Free motion over t of q'' + 2 zeta omega q' + omega^2 q = 0 as (k, 2, 2), and its derivatives
+    by omega and zeta, by the complex step: exact to rounding below critical damping."""
+    moved = oscillator_propagator(omega, zeta, t)
+    by_omega, by_zeta = (np.zeros_like(moved) for _ in range(2))
+    if omega.size:
+        step = 1e-30
+        by_omega = _propagator(omega + 1j * step, zeta, t).imag / step
+        by_zeta = _propagator(omega, zeta + 1j * step, t).imag / step
+    return tuple(np.ascontiguousarray(E.T.reshape(-1, 2, 2)) for E in (moved, by_omega, by_zeta))
+
+
+def _propagator(omega, zeta, t):
+    """(4, k), analytic in omega and zeta: sin(b t) / b and its like through b^2 alone."""
+    square = omega**2 * (1.0 - zeta**2) * t**2
+    root = np.sqrt(square.astype(complex))
+    small = np.abs(root) < 1e-3
+    safe = np.where(small, 1.0, root)
+    series = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))
+    sine = t * np.where(small, series, np.sin(safe) / safe)
+    fade, decay = np.exp(-zeta * omega * t), zeta * omega
+    cosine = np.cos(root)
+    return fade * np.array([
+        cosine + decay * sine, sine, -(omega**2) * sine, cosine - decay * sine
+    ])  # fmt: skip
+
+
+def _slopes(chain, directions, d_static):
+    load = np.zeros((chain.mass.size, directions.preload.size))
+    load[-1] = directions.preload
+    d = directions
+    given = (d.A, d.gamma, d.phi, d.omega, d.zeta, load)
+    parts = (np.ascontiguousarray(part, float) for part in given)
+    return Slopes(*parts, d_static.offset, d_static.force)

@@ -1,0 +1,56 @@
+"""A hammer test that is computed, and which mode each measured resonance is.
+
+    H(omega) = -omega^2 sum_j read_j hit_j / (omega_j^2 - omega^2 + 2 i zeta_j omega_j omega)
+
+Ewins, Modal Testing (2000), sec. 2.4.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from fem.model import Model
+from fem.trace import at_node
+
+FARTHEST = np.log(1.5)  # a measured mode and a mode of the model farther apart are no pair
+
+
+def corner_readings(model: Model, body: str) -> NDArray[np.float64]:
+    """Rows (3, n) that read x, y and z at the body's corner of the largest coordinates."""
+    basis = model.structure.basis
+    nodes = np.unique(basis.mesh.t[:, basis.mesh.subdomains[body]])
+    corner = basis.mesh.p[:, nodes].max(axis=1)
+    return np.array([at_node(basis, corner, e) for e in np.eye(3)]) @ model.T
+
+
+def accelerances(
+    read: NDArray[np.float64],
+    hit: NDArray[np.float64],
+    omega: NDArray[np.float64],
+    zeta: NDArray[np.float64],
+    frequency_hz: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """H (r, len(frequency_hz)) [m/s^2/N] of modes omega (k,) [rad/s] with ratios zeta (k,); read
+    (r, k) and hit (k,) [kg^-1/2] are what their mass-normalised shapes are there."""
+    s = 2 * np.pi * frequency_hz
+    pole = omega[:, None] ** 2 - s**2 + 2j * (zeta * omega)[:, None] * s
+    return -(s**2) * ((read * hit) @ (1 / pole))
+
+
+def with_noise(
+    H: NDArray[np.complex128], relative: float, rng: np.random.Generator
+) -> NDArray[np.complex128]:
+    """H with Gaussian noise whose rms is relative to that of H."""
+    size = relative * np.sqrt(np.mean(np.abs(H) ** 2)) / np.sqrt(2)
+    noise = rng.normal(size=(2, *H.shape))
+    return H + size * (noise[0] + 1j * noise[1])
+
+
+def nearest_modes(found_hz: list[float], expected_hz: dict[int, float]) -> dict[int, int]:
+    """Which found resonance is which mode {position: mode}, nearest pairs, none used twice."""
+    modes = list(expected_hz)
+    distance = np.abs(np.log(np.divide.outer(found_hz, [expected_hz[m] for m in modes])))
+    rows, columns = linear_sum_assignment(np.minimum(distance, 10 * FARTHEST))
+    return {
+        int(i): modes[j] for i, j in zip(rows, columns, strict=True) if distance[i, j] < FARTHEST
+    }

@@ -1,0 +1,63 @@
+"""Meshes that gmsh wrote, read by gmsh itself: named groups of cells, corners only.
+
+Every version of the format, every order of elements, groups that overlap, cells in no group.
+"""
+
+from collections import defaultdict
+from pathlib import Path
+
+import gmsh
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.assembly import InvalidGeometry
+from geometry.cell_groups import CellGroup
+
+HEAD, END = b"$MeshFormat", b"$EndElements"
+
+
+def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
+    """Points (n, 3) and the named volumes and surfaces of a .msh file.
+
+    Raises InvalidGeometry for a file that is no mesh of gmsh or is cut off.
+    """
+    content = path.read_bytes()
+    # anything without this head gmsh would run as a script of its own
+    if not content.removeprefix(b"\xef\xbb\xbf").startswith((HEAD, b"$Comments")):
+        raise InvalidGeometry("it does not begin with $MeshFormat")
+    if END not in content:
+        raise InvalidGeometry("it is cut off before $EndElements")
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.merge(str(path))
+        return _points_and_groups()
+    except Exception as error:
+        if type(error) is not Exception:  # gmsh raises bare Exceptions
+            raise
+        raise InvalidGeometry(f"gmsh says: {error}") from None
+    finally:
+        gmsh.finalize()
+
+
+def _points_and_groups() -> tuple[NDArray[np.float64], list[CellGroup]]:
+    tags, points, _ = gmsh.model.mesh.getNodes()
+    number = np.full(int(tags.max(initial=0)) + 1, -1)
+    number[tags.astype(np.int64)] = np.arange(len(tags))
+    found: dict = defaultdict(list)
+    for dimension in (2, 3):
+        for _, group in gmsh.model.getPhysicalGroups(dimension):
+            name = gmsh.model.getPhysicalName(dimension, group)
+            for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, group):
+                for corners in _corners(dimension, entity):
+                    found[name, dimension, corners.shape[1]].append(number[corners])
+    cells = {key: np.concatenate(parts) for key, parts in found.items()}
+    named = [CellGroup(name, dimension, c) for (name, dimension, _), c in cells.items() if name]
+    return points.reshape(-1, 3), named
+
+
+def _corners(dimension: int, entity: int):
+    kinds, _, nodes = gmsh.model.mesh.getElements(dimension, entity)
+    for kind, flat in zip(kinds, nodes, strict=True):
+        *_, n_nodes, _, n_corners = gmsh.model.mesh.getElementProperties(kind)
+        yield flat.astype(np.int64).reshape(-1, n_nodes)[:, :n_corners]

@@ -1,0 +1,93 @@
+"""What is known of a reduced model's contact and mass, as fields of a file.
+
+Until version 0.1 they stood as text among the notes, under the same names; what a file does not
+say is None.
+"""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from rom.factorisation import ReductionError
+from rom.reduced_model import Contact, MassProperties, ReducedModel
+
+
+class Field(NamedTuple):
+    """A field of a file: its name, how many values it has (None: any), and which are allowed."""
+
+    name: str
+    count: int | None = 1
+    allowed: Callable[[np.ndarray], np.ndarray] = np.isfinite
+    rule: str = "it must hold one number, leave it out"
+
+
+SOME = "it must hold numbers, leave it out"
+CONTACT = {
+    "half_space": Field(
+        "half_space_compliance_m_per_N", 1, lambda s: s >= 0, "a compliance is one number >= 0"
+    ),
+    "weights_read": Field("reading_weights", None, rule=SOME),
+    "young": Field("surface_young_Pa", 1, lambda E: E > 0, "a modulus is one number > 0"),
+    "poisson": Field(
+        "surface_poisson",
+        1,
+        lambda nu: (nu > -1) & (nu <= 0.5),
+        "Poisson's ratio is one number above -1 and up to 0.5",
+    ),
+    "modes_hz": Field("hammer_modes_hz", None, rule=SOME),
+}
+MASS = {
+    "mass": Field("mass_kg"),
+    "centre": Field("centre_m", 3, rule="it must hold three numbers, leave it out"),
+    "grounding": Field("grounding"),
+    "captured": Field("effective_mass_captured"),
+}
+
+
+def known_fields(reduced: ReducedModel) -> dict[str, np.ndarray]:
+    """The numbers that are known, by their names in a file."""
+    parts = ((reduced.contact, CONTACT), (reduced.mass, MASS))
+    found = {f.name: getattr(part, name) for part, fields in parts for name, f in fields.items()}
+    return {name: np.asarray(value) for name, value in found.items() if value is not None}
+
+
+def contact(content: Mapping[str, object], r: int, path: str | Path) -> Contact:
+    """What a file says of the contact; raises ReductionError where it cannot be that."""
+    found = Contact(**{name: _value(content, field, path) for name, field in CONTACT.items()})
+    if found.weights_read is None:
+        return found
+    if len(found.weights_read) > r:
+        n = len(found.weights_read)
+        raise ReductionError(f"{path}: reading_weights has {n} values for {r} coordinates.")
+    # notes held those of the boundary alone
+    weights = np.zeros(r)
+    weights[: len(found.weights_read)] = found.weights_read
+    return found._replace(weights_read=weights)
+
+
+def mass_properties(content: Mapping[str, object], path: str | Path) -> MassProperties:
+    """What a file says of the mass; raises ReductionError where it cannot be that."""
+    return MassProperties(**{name: _value(content, field, path) for name, field in MASS.items()})
+
+
+def _value(
+    content: Mapping[str, object], field: Field, path: str | Path
+) -> float | tuple[float, ...] | None:
+    if field.name not in content:
+        return None
+    values = _numbers(content[field.name])
+    counted = len(values) == field.count if field.count else len(values) > 0
+    if not (counted and np.isfinite(values).all() and field.allowed(values).all()):
+        raise ReductionError(f"{path}: {field.name} is {content[field.name]!r}; {field.rule}.")
+    return float(values[0]) if field.count == 1 else tuple(values.tolist())
+
+
+def _numbers(given: object) -> np.ndarray:
+    """The numbers of an array, or of a note's words; one that is none stands for all others."""
+    values = np.ravel(given.split() if isinstance(given, str) else given)
+    try:
+        return values.astype(float) if values.dtype.kind in "fiuU" else np.array([np.nan])
+    except ValueError:
+        return np.array([np.nan])

@@ -1,0 +1,137 @@
+"""Kept machine code: what is damaged or of other sources is compiled again, and says nothing."""
+
+import os
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from pkgutil import walk_packages
+from types import ModuleType
+
+import numba
+import pytest
+
+import coupling
+import dem
+from dem.kernels import compiled as kept
+from dem.kernels import laws
+from dem.kernels.compiled import CheckedFile, njit
+
+ROOT = Path(dem.__file__).parents[1]
+ROOMS = (*walk_packages(dem.__path__, "dem."), *walk_packages(coupling.__path__, "coupling."))
+
+
+def twice(x):
+    return 2.0 * x
+
+
+def compiled():
+    """The function as a new process would have it, and what it gives."""
+    function = njit(error_model="numpy")(twice)
+    return function, function(21.0)
+
+
+DAMAGE = {
+    "cut": lambda content: content[: len(content) // 2],
+    "cut at its end": lambda content: content[:-1],
+    "empty": lambda content: b"",
+    "rubbish": lambda content: b"\x80\x05no pickle" * 9,
+    "a bit": lambda content: content[:-90] + bytes([content[-90] ^ 1]) + content[-89:],
+    "another's": lambda content: content + content,
+}
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
+def test_damaged_code_is_compiled_again(damage, suffix, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    assert compiled()[1] == 42.0
+    (file,) = tmp_path.rglob(f"*{suffix}")
+    whole = file.read_bytes()
+    file.write_bytes(damage(whole))
+    again, found = compiled()
+    assert found == 42.0 and sum(again.stats.cache_hits.values()) == 0
+    healed, found = compiled()
+    assert found == 42.0 and sum(healed.stats.cache_hits.values()) == 1
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_folder_that_takes_no_code_costs_the_next_start_only(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(CheckedFile, "_save_index", full)
+    assert compiled()[1] == 42.0
+
+
+def compiled_functions():
+    named = [value for room in ROOMS for value in vars(import_module(room.name)).values()]
+    return {value for value in named if isinstance(value, numba.core.dispatcher.Dispatcher)}
+
+
+def test_every_compiled_function_of_ours_is_checked():
+    assert len(compiled_functions()) > 50
+    assert all(isinstance(f._cache._cache_file, CheckedFile) for f in compiled_functions())
+
+
+def test_an_inner_function_called_from_python_runs_there():
+    assert laws.hertz_force(4.0, 2.0) == 16.0
+
+
+def reached(function):
+    """Folders of the compiled functions that one names, its own included."""
+    code, names = function.py_func.__code__, function.py_func.__globals__
+    found = [names[name] for name in code.co_names if name in names]
+    modules = [value for value in found if isinstance(value, ModuleType)]
+    found += [vars(module).get(name) for module in modules for name in code.co_names]
+    called = [f for f in found if isinstance(f, numba.core.dispatcher.Dispatcher)]
+    return {Path(f.py_func.__code__.co_filename).parent for f in (function, *called)}
+
+
+def test_compiled_code_calls_its_own_folder_and_the_kernels_alone():
+    """Whose sources name the folder of its code."""
+    kernels = Path(kept.__file__).parent
+    for function in compiled_functions():
+        own = Path(function.py_func.__code__.co_filename).parent
+        assert reached(function) <= {own, kernels}
+
+
+FORCE = """
+import numpy as np
+from dem.kernels.equilibrium import Bearing, static_residual
+f, r = np.zeros(2), np.zeros(1)
+static_residual(np.array([4.0]), Bearing(np.ones(1), np.zeros(1), np.zeros(1), 0.0, 0.0), f, r)
+print(f[1])
+"""
+
+
+def force_of(folder, **environment):
+    """Of an overlap of 4 at a contact of 1, by the sources in a folder."""
+    done = subprocess.run(
+        [sys.executable, "-c", FORCE], cwd=folder, env=os.environ | environment,
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return float(done.stdout)
+
+
+@pytest.mark.parametrize("chosen", [False, True], ids=["beside the sources", "NUMBA_CACHE_DIR"])
+def test_an_edited_contact_law_changes_the_force_that_another_file_computes(chosen, tmp_path):
+    shutil.copytree(ROOT / "dem", tmp_path / "dem", ignore=shutil.ignore_patterns("__pycache__"))
+    place = {"NUMBA_CACHE_DIR": str(tmp_path / "code")} if chosen else {}
+    assert force_of(tmp_path, **place) == 8.0
+    laws = tmp_path / "dem" / "kernels" / "laws.py"
+    law = laws.read_text(encoding="utf-8")
+    assert law.count("return A * d * math.sqrt(d)") == 1
+    laws.write_text(law.replace("return A * d", "return 3.0 * A * d"), encoding="utf-8")
+    assert force_of(tmp_path, **place) == 24.0
+
+
+def test_code_of_a_few_states_of_the_sources_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    for state in range(kept.KEPT + 2):
+        monkeypatch.setattr(kept, "fingerprint", lambda folder, state=state: f"{state}" * 64)
+        assert compiled()[1] == 42.0
+    (place,) = tmp_path.iterdir()
+    assert sorted(folder.name[-1] for folder in place.iterdir()) == ["2", "3", "4"]

@@ -1,0 +1,212 @@
+"""Sensitivities of a run are the derivatives of its discrete solution, static state included.
+
+The reference is the same scheme written a second time in numpy on complex numbers: a parameter
+gets an imaginary part of 1e-30, and the imaginary part of the velocities is the derivative to
+rounding (W. Squire, G. Trapp, SIAM Rev. 40 (1998) 110).
+"""
+
+import numpy as np
+import pytest
+
+import dem
+from dem.sensitivities import Directions, march_with_sensitivities, propagator_with_sensitivities
+from dem.static_sensitivities import static_sensitivities
+
+TINY = 1e-30
+N, PRELOAD, DT, STEPS = 5, 8.0, 2e-6, 250
+
+
+def rig(*, preload=PRELOAD, gamma=0.05, residual=-2e-10, **parts):
+    chain = dem.row_of_spheres(
+        0.0127, 7800.0, 210e9, 0.3, count=N, dissipation="hunt-crossley", gamma=gamma,
+        preload=preload, **parts,
+    )  # fmt: skip
+    two_pi = 2.0 * np.pi
+    wall = dem.Wall(
+        two_pi * np.array([240.0, 9000.0]), np.array([0.02, 0.1]), np.array([0.3, 0.8]), residual
+    )
+    return chain, wall, np.array([0.31] + [0.0] * (N - 1))
+
+
+def every_parameter(chain, wall):
+    """Directions along each contact, the loss, the preload, the striker and the first mode."""
+    p, k = N + 6, wall.omega.size
+    d = Directions(*(np.zeros((size, p)) for size in (N, N, N)), np.zeros(p), *np.zeros((3, k, p)))
+    np.fill_diagonal(d.A, chain.A)
+    d.gamma[:, N], d.preload[N + 1], d.v0[0, N + 2] = 1.0, 1.0, 1.0
+    d.phi[0, N + 3], d.omega[0, N + 4], d.zeta[0, N + 5] = 1.0, wall.omega[0], 1.0
+    return d
+
+
+def complex_run(chain, A, gamma, preload, v0, omega, zeta, phi, s):
+    """Velocities (steps + 1, n) by the scheme of the kernels, analytic in all arguments.
+
+    Without leaf springs the static state has a closed form: the preload presses the last contact.
+    """
+
+    def indentation(gap):
+        y = np.sqrt(gap)
+        for _ in range(30):
+            y = y - (y * y * (1 + s * A[-1] * y) - gap) / (y * (2 + 3 * s * A[-1] * y))
+        return y * y
+
+    def force(x, v, q, p):
+        gap = np.append(x[:-1] - x[1:], x[-1] - phi @ (q + rest_q))
+        d = np.where(gap.real > 0, gap, 0)
+        if gap[-1].real > 0:
+            d[-1] = indentation(gap[-1])
+        approach = np.append(v[:-1] - v[1:], v[-1] - phi @ p)
+        soft = np.append(np.ones(N - 1), 1 / (1 + 1.5 * s * A[-1] * np.sqrt(d[-1] + 0j)))
+        share = 1 + gamma * approach * soft**2
+        return np.where(share.real > 0, share, 0) * A * d**1.5
+
+    def slope(x, v, q, p):
+        F = force(x, v, q, p)
+        net = np.append(0, F[:-1]) - F
+        net[-1] += preload
+        return v, net / chain.mass, phi * (F[-1] - preload)
+
+    def turn(q, p):
+        b = omega * np.sqrt(1 - zeta**2)
+        c, sine = np.cos(b * DT / 2), np.sin(b * DT / 2) / b
+        fade, decay = np.exp(-zeta * omega * DT / 2), zeta * omega
+        return (
+            fade * ((c + decay * sine) * q + sine * p),
+            fade * (-(omega**2) * sine * q + (c - decay * sine) * p),
+        )
+
+    rest_q = phi * preload / omega**2
+    x = np.full(N, (preload / A[-1]) ** (2 / 3) + preload * s + phi @ rest_q, complex)
+    v, q, p = np.array(v0, complex), np.zeros(2, complex), np.zeros(2, complex)
+    saved = [v]
+    for _ in range(STEPS):
+        x1, v1, p1 = slope(x, v, q, p)
+        x2, v2, p2 = slope(x + DT / 2 * x1, v + DT / 2 * v1, *turn(q, p + DT / 2 * p1))
+        half_q, half_p = turn(q, p)
+        x3, v3, p3 = slope(x + DT / 2 * x2, v + DT / 2 * v2, half_q, half_p + DT / 2 * p2)
+        x4, v4, p4 = slope(x + DT * x3, v + DT * v3, *turn(half_q, half_p + DT * p3))
+        x = x + DT / 6 * (x1 + 2 * x2 + 2 * x3 + x4)
+        v = v + DT / 6 * (v1 + 2 * v2 + 2 * v3 + v4)
+        q, p = turn(q, p + DT / 6 * p1)
+        q, p = turn(q, p + DT / 3 * (p2 + p3))
+        p = p + DT / 6 * p4
+        saved.append(v)
+    return np.array(saved)
+
+
+def test_sensitivities_are_complex_step_derivatives():
+    """Rounding alone parts the two: 250 steps of 1e-16 grown by the chain leave 1e-11."""
+    chain, wall, v0 = rig()
+    d = every_parameter(chain, wall)
+    run = march_with_sensitivities(
+        chain, wall, v0, d, duration=STEPS * DT, dt=DT, observed=range(N)
+    )  # fmt: skip
+    for j in range(d.preload.size):
+        parts = (
+            (chain.A, d.A[:, j]), (chain.gamma, d.gamma[:, j]), (PRELOAD, d.preload[j]),
+            (v0, d.v0[:, j]), (wall.omega, d.omega[:, j]), (wall.zeta, d.zeta[:, j]),
+            (wall.phi, d.phi[:, j]),
+        )  # fmt: skip
+        moved = [value + 1j * TINY * direction for value, direction in parts]
+        reference = complex_run(chain, *moved, wall.residual_compliance)
+        np.testing.assert_allclose(run.v, reference.real, rtol=0, atol=1e-11)
+        exact = reference.imag / TINY
+        np.testing.assert_allclose(run.dv[:, :, j], exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+
+
+def test_velocities_are_those_of_the_engine():
+    """The steps are halved until openings of contacts limit both to order 2.5: 2e-5 at 1 us."""
+    chain, wall, v0 = rig()
+    run = march_with_sensitivities(chain, wall, v0, duration=1e-3, dt=1e-6, observed=range(N))
+    engine = dem.march(chain, wall, v0, duration=1e-3, dt=2e-7, n_save=1000)
+    np.testing.assert_allclose(run.v, engine.v, rtol=0, atol=2e-5 * 0.31)
+
+
+def test_velocities_are_the_same_without_derivatives():
+    """Two kernels of one scheme: sums in another order, 1e-16 a step."""
+    chain, wall, v0 = rig(leaf_stiffness=300.0, leaf_anchor=1e-4)
+    setting = dict(duration=1e-3, dt=2e-6, observed=(0, 3))
+    alone = march_with_sensitivities(chain, wall, v0, **setting)
+    beside = march_with_sensitivities(chain, wall, v0, every_parameter(chain, wall), **setting)
+    np.testing.assert_allclose(alone.v, beside.v, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(alone.a, beside.a, rtol=0, atol=1e-8)
+
+
+def test_static_sensitivities_follow_the_equilibrium_on_leaf_springs():
+    """Equilibrium is solved to 1e-9 of the load; differences over 1e-3 of a value leave 1e-6."""
+    anchor = np.linspace(4e-6, 1e-6, N)
+    chain, wall, _ = rig(leaf_stiffness=2e4, leaf_anchor=anchor)
+    d = every_parameter(chain, wall)
+    found = static_sensitivities(chain, wall, dem.equilibrium(chain, wall), d)
+
+    def state(j, e):
+        bent = chain._replace(A=chain.A + e * d.A[:, j], preload=PRELOAD + e * d.preload[j])
+        moved = wall._replace(
+            omega=wall.omega + e * d.omega[:, j], phi=wall.phi + e * d.phi[:, j]
+        )  # fmt: skip
+        rest = dem.equilibrium(bent, moved)
+        return np.append(rest.x, [rest.force[-1], moved.phi @ rest.q])
+
+    for j in range(d.preload.size):
+        h = 1e-3
+        exact = (8 * (state(j, h) - state(j, -h)) - state(j, 2 * h) + state(j, -2 * h)) / (12 * h)
+        ours = np.append(found.x[:, j], [found.force[j], found.offset[j]])
+        size = np.abs(exact) + 1e-5 * np.abs(np.append(np.full(N, 1e-5), [PRELOAD, 1e-6]))
+        assert np.all(np.abs(ours - exact) <= 1e-5 * size)
+
+
+def test_turns_and_their_derivatives_hold_beyond_critical_damping_and_at_rest():
+    omega, zeta, t = np.array([0.0, 50.0, 3e4, 2e3]), np.array([0.0, 1.0, 1.7, 0.3]), 1e-4
+    _, by_omega, by_zeta = propagator_with_sensitivities(omega, zeta, t)
+    for by, step, moved in (
+        (by_zeta, 1e-4, lambda e: (omega, zeta + e)),
+        (by_omega, 1e-2, lambda e: (omega + e, zeta)),
+    ):
+        up, down = (propagator_with_sensitivities(*moved(e), t)[0] for e in (step, -step))
+        difference = (up - down) / (2 * step)
+        scale = np.abs(difference).max(axis=0)
+        np.testing.assert_allclose(by / scale, difference / scale, rtol=0, atol=1e-5)
+
+
+def test_a_shift_in_time_is_the_slope_of_what_is_read():
+    chain, wall, v0 = rig()
+    run = march_with_sensitivities(chain, wall, v0, duration=5e-4, dt=1e-6, observed=[0, 3])
+    t = np.linspace(1e-5, 4.8e-4, 333)
+    h = 1e-9
+    slope = (run.at(t + h)[0] - run.at(t - h)[0]) / (2 * h)
+    kinked = np.abs((t + h) // 1e-6 - (t - h) // 1e-6) > 0
+    scale = np.abs(slope).max()
+    np.testing.assert_allclose(run.at(t)[1][~kinked], slope[~kinked], rtol=0, atol=1e-6 * scale)
+
+
+@pytest.mark.parametrize(
+    ("parts", "sentence"),
+    [
+        ({"dissipation": "linear", "gamma": np.ones(N)}, "jumps at first touch"),
+        ({"yield_overlap": np.full(N, 1e-6)}, "plastic contacts have no sensitivities"),
+    ],
+)
+def test_forces_without_a_derivative_are_refused(parts, sentence):
+    chain, wall, v0 = rig()
+    with pytest.raises(dem.InvalidChain, match=sentence):
+        march_with_sensitivities(
+            chain._replace(**parts), wall, v0, duration=1e-4, dt=1e-6, observed=[0]
+        )  # fmt: skip
+
+
+def test_a_static_state_is_found_whatever_the_wall_and_the_leaf_springs():
+    """It is the least of a convex energy, so it exists; 1e-9 of the load may stay unbalanced."""
+    rng = np.random.default_rng(0)
+    A = dem.row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=17).A
+    for hz, leaf in [(45.0, 200.0), *np.exp(rng.uniform([1, 0], [9, 15], (100, 2)))]:
+        chain = dem.row_of_spheres(
+            0.0127, 7800.0, 210e9, 0.3, count=17, preload=15.0, leaf_stiffness=leaf,
+            leaf_anchor=rng.choice([1.5e-3, rng.uniform(-1e-4, 1e-4)]),
+        )._replace(A=A * np.exp(rng.uniform(-1, 1, 17)))  # fmt: skip
+        x, force, _ = dem.equilibrium(chain, dem.one_dof_wall(hz, 2.87))
+        net = (
+            15.0 * (np.arange(17) == 16)
+            - leaf * (x - chain.leaf_anchor)
+            - np.diff(force, prepend=0.0)
+        )
+        assert np.abs(net).max() <= 1e-9 * (15.0 + 17 * leaf * np.abs(chain.leaf_anchor).max())

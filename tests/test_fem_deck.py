@@ -1,0 +1,77 @@
+"""What an input deck holds beside its mesh, read back from its text: no solver needed."""
+
+import numpy as np
+import pytest
+
+from fem import Joint, Material, Table, assemble, contact_patch, dashpots, wires
+from fem.abaqus import input_deck
+from geometry import Assembly, held_faces, hex_mesh, interfaces
+
+POINT, RADIUS, DAMPING = (0.03, 0.0), 2e-3, 120.0
+
+
+@pytest.fixture(scope="module")
+def model():
+    parts = Assembly()
+    mesh = hex_mesh(parts, seed=0.02, block_seed=0.05, support_seed=0.06)
+    joint = {"block": Joint(ky=6.6e5, kry=100.0), "sheets_support": Joint()}
+    structure = assemble(mesh, steel(mesh.subdomains))
+    touching, held = interfaces(parts), held_faces(parts)
+    return wires(structure, touching, held, joint, table=Table(6.5, 1000.0))
+
+
+def steel(bodies):
+    return dict.fromkeys(bodies, Material(210e9, 0.3, 7850.0))
+
+
+def deck(model, **more):
+    return input_deck(model, steel(model.structure.basis.mesh.subdomains), **more).splitlines()
+
+
+def after(lines, head):
+    """Lines below each line that begins so, up to the next keyword."""
+    starts = [i + 1 for i, line in enumerate(lines) if line.startswith(head)]
+    ends = [next(j for j in range(i, len(lines)) if lines[j].startswith("*")) for i in starts]
+    return [lines[i:j] for i, j in zip(starts, ends, strict=True)]
+
+
+def test_a_table_is_a_mass_that_two_springs_hold(model):
+    """The table's own mass, and the stiffness that gives table and assembly 6.5 Hz together."""
+    lines = deck(model)
+    assert [float(m) for (m,) in after(lines, "*MASS")] == [1000.0]
+    moving = model.structure.M.sum() / 3 + 1000.0
+    springs = [(d, float(k)) for d, k in after(lines, "*SPRING, ELSET=SWAY")]
+    k = pytest.approx((2 * np.pi * 6.5) ** 2 * moving)
+    assert springs == [("1", k), ("2", k)]
+
+
+def test_every_dashpot_lies_along_the_spring_that_it_is_beside(model):
+    lines = deck(model, C=dashpots(model, {"block.ky": DAMPING}))
+    ends = [row.split(", ") for (row,) in after(lines, "*ELEMENT, TYPE=DASHPOTA")]
+    nodes = [row for rows in after(lines, "*NODE") for row in rows if "," in row]
+    places = dict(row.split(", ", 1) for row in nodes)
+    beside = {row.split(", ")[1] for (row,) in after(lines, "*ELEMENT, TYPE=SPRING1")}
+    assert len(ends) == model.spring.count("block.ky") == 4
+    for _, joint, ground in ends:
+        assert joint in beside
+        assert (places[joint], places[ground]) == ("0, 0, 0", "0, 1, 0")
+    assert [float(c) for _, c in after(lines, "*DASHPOT,")] == [DAMPING] * 4
+    assert not after(deck(model), "*DASHPOT")
+
+
+def test_the_node_of_the_contact_reads_what_the_chain_reads(model):
+    w = contact_patch(model, "block:+x", POINT, RADIUS).w
+    lines = deck(model, w=w)
+    ((row,),) = after(lines, "*NODE, NSET=CONTACT")
+    node = row.split(", ")[0]
+    (terms,) = [
+        " ".join(rows[1:]).replace(",", "").split()
+        for rows in after(lines, "*EQUATION")
+        if rows[1].startswith(f"{node}, 1,")
+    ]
+    found = np.zeros(3 * int(node))
+    for n, dof, c in zip(*(terms[i::3] for i in range(3)), strict=True):
+        found[3 * (int(n) - 1) + int(dof) - 1] = float(c)
+    assert found[3 * (int(node) - 1)] == -1
+    np.testing.assert_allclose(found[model.free], w, rtol=1e-11)
+    assert after(lines, "*CLOAD") == [[f"{node}, 1, 1.0"]]

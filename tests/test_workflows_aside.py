@@ -1,0 +1,107 @@
+"""Two processes compute what one does, and a run needs none but its own."""
+
+from contextlib import nullcontext
+from subprocess import DEVNULL, Popen
+
+import numpy as np
+import pytest
+
+from workflows.files.run_folder import RunFolder
+from workflows.files.scene import scene
+from workflows.pipeline import aside
+from workflows.pipeline.pipeline import pipeline_of
+from workflows.pipeline.run import impact
+
+COARSE = (
+    "mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",
+    'assembly.parts=["block","sheets"]', "reduction.modes=8", "time.duration=3e-4",
+    "output.samples=301", "chain.count=5", "output.spheres=[1, 4]",
+)  # fmt: skip
+
+
+@pytest.fixture
+def rig():
+    return scene("rig-rom", COARSE)
+
+
+@pytest.fixture
+def two(monkeypatch, tmp_path):
+    """A machine of two cores, no result kept."""
+    monkeypatch.setenv("BEADWAVE_PROCESSES", "2")
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setenv("MKL_NUM_THREADS", "1")
+    monkeypatch.setattr(aside, "sched_getaffinity", lambda _: {0, 1})
+
+
+def ran(rig, folder):
+    """Trajectory and the stages of a run, by name."""
+    summary = impact(rig, RunFolder(folder), progress=lambda name: nullcontext())
+    with np.load(folder / "trajectory.npz") as held:
+        return dict(held), {stage.name: stage for stage in summary.stages}
+
+
+def alone(rig, folder, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setenv("BEADWAVE_PROCESSES", "1")
+        patch.setenv("BEADWAVE_CACHE_DIR", str(folder / "own-cache"))
+        return ran(rig, folder)
+
+
+def test_two_processes_give_the_numbers_of_one_bit_for_bit(rig, two, tmp_path, monkeypatch):
+    begun = []
+
+    def noted(*arguments):
+        begun.append(arguments)
+        return open_one(*arguments)
+
+    open_one = aside.while_open
+    monkeypatch.setattr(aside, "while_open", noted)
+    found, stages = ran(rig, tmp_path / "two")
+    single, of_one = alone(rig, tmp_path / "one", monkeypatch)
+    assert len(begun) == 1
+    assert stages.keys() - of_one.keys() == {"compilation"}
+    assert not any(stage.cached for stage in stages.values())
+    for name, values in single.items():
+        np.testing.assert_array_equal(found[name], values)
+
+
+def test_what_another_process_does_not_finish_is_computed_by_the_run(rig, two, tmp_path):
+    dead = Popen(["false"], stdout=DEVNULL)
+    dead.wait()
+    (tmp_path / "work").mkdir()
+    (tmp_path / "work" / "coarse-reduction").touch()  # begun by it, never ended
+    pipeline = pipeline_of(rig, lambda name: nullcontext())
+    pipeline.beside = aside.Beside(tmp_path / "work", dead, aside.IMPACT)
+    assert pipeline("coarse-reduction").w.size
+    (report,) = pipeline.reports
+    assert report.name == "coarse-reduction" and not report.cached
+
+
+def test_a_stage_is_computed_by_one_process_only(tmp_path):
+    assert [aside._taken(tmp_path, "modes") for _ in range(3)] == [True, False, False]
+
+
+def test_a_second_process_waits_for_what_its_stage_needs(rig, two):
+    pipeline = pipeline_of(rig, lambda name: nullcontext())
+    assert pipeline.ready("coarse-reduction") and pipeline.ready("compilation")
+    assert not pipeline.ready("pictures") and not pipeline.ready("response")
+    pipeline("modes")
+    assert pipeline.ready("pictures") and not pipeline.ready("response")
+
+
+@pytest.mark.parametrize("lack", ["a core", "memory", "a cache", "the user's leave", "a chain"])
+def test_a_run_is_one_process_where_two_lack_something(lack, rig, two, monkeypatch):
+    match lack:
+        case "a core":
+            monkeypatch.setattr(aside, "sched_getaffinity", lambda _: {0})
+        case "memory":
+            monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 0.0)
+        case "a cache":
+            monkeypatch.setenv("BEADWAVE_CACHE_DIR", "/dev/null/cache")
+        case "the user's leave":
+            monkeypatch.setenv("BEADWAVE_PROCESSES", "1")
+        case "a chain":
+            rig = rig.model_copy(update={"chain": None})
+    pipeline = pipeline_of(rig, lambda name: nullcontext())
+    with aside.two_processes(pipeline, aside.IMPACT):
+        assert pipeline.beside is None

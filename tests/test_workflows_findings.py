@@ -1,0 +1,140 @@
+"""What all studies share: they are found in their folder, and their templates say the numbers."""
+
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from jinja2 import UndefinedError
+
+import workflows.studies
+from coupling import peers
+from dem.scaling import exponent
+from workflows.files.scene import scene
+from workflows.results.tables import Table, as_csv, records, short, text
+from workflows.studies import catalogue, prose
+from workflows.studies.accuracy import batch, time, wall_modes, work_precision
+from workflows.studies.accuracy.rows import Row
+from workflows.studies.prose import said
+
+FOLDER = Path(workflows.studies.__file__).parent
+SHORT = ("chain.count=6", "output.spheres=[1,4]", "time.duration=0.8e-3")
+STUDY = '''
+"""A module."""
+
+def {name}(scene, progress) -> {returns}:
+    """Waves of {name}.
+
+    Of no interest to the listing."""
+'''
+
+
+@pytest.mark.parametrize("folder", ["thesis", "accuracy"])
+def test_a_study_is_a_function_of_its_modules_name_with_a_template_beside_it(folder):
+    found = catalogue.catalogue(folder)
+    templates = {path.stem for path in (FOLDER / folder).glob("[!_]*.md")}
+    assert {entry.function for entry in found.values()} == templates
+    for name, entry in found.items():
+        assert entry.module.endswith(f".{entry.function}") and name == name.lower()
+        assert entry.shows.endswith(".") and len(entry.shows) <= 100
+
+
+def test_a_module_put_into_the_folder_is_a_study_and_its_helpers_are_none(tmp_path, monkeypatch):
+    (tmp_path / "thesis").mkdir()
+    for name, returns in (("two_walls", "Finding"), ("helper", "float"), ("_hidden", "Finding")):
+        (tmp_path / "thesis" / f"{name}.py").write_text(STUDY.format(name=name, returns=returns))
+    monkeypatch.setattr(catalogue, "__file__", str(tmp_path / "catalogue.py"))
+    assert catalogue.listing("thesis").split() == ["two-walls", "Waves", "of", "two_walls."]
+
+
+def test_listing_imports_no_study():
+    for name in [name for name in sys.modules if name.startswith("workflows.studies.stability.")]:
+        sys.modules.pop(name)
+    assert "dashpot-wall" in catalogue.listing("stability")
+    assert "workflows.studies.stability.walls" not in sys.modules
+
+
+def test_a_template_says_paragraphs_and_refuses_a_number_that_nobody_computed(tmp_path):
+    module = tmp_path / "fall.py"
+    module.with_suffix(".md").write_text(
+        "The body falls\n{{ way | milli | places(1) }} mm.\n\n\nB."
+    )
+    assert said(str(module), way=2e-3) == ("The body falls 2.0 mm.", "B.")
+    with pytest.raises(UndefinedError, match="way"):
+        said(str(module))
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        (prose.places(-1e-9, 2), "0.00"),
+        (prose.places(float("nan"), 2), "-"),
+        (prose.percent(0.1234, 1), "12.3 %"),
+        (prose.between([0.25, 0.1, 0.2], 1), "0.1 to 0.2"),
+        (prose.between([0.1, 0.101], 1), "0.1"),
+        (prose.listed([1, 2, 3]), "1, 2 and 3"),
+        (prose.listed(["one"]), "one"),
+        (prose.verdict(None), "cannot be judged"),
+    ],
+)
+def test_numbers_are_said_in_one_form(said, words):
+    assert said == words
+
+
+def test_a_table_is_aligned_for_a_person_and_exact_for_machines():
+    table = Table("t", ("wall", "force"), (("steel", 1234.5), ("a", 0.00012345), ("b", np.nan)))
+    assert text(table) == "wall      force\nsteel      1234\na      0.000123\nb             -"
+    assert as_csv(table) == "wall,force\nsteel,1234.5\na,0.00012345\nb,\n"
+    assert records(table)[2] == {"wall": "b", "force": None}
+    assert short(1e5) == "1e+05" and short(None) == "-"
+
+
+def test_the_exponent_of_a_power_law_is_found():
+    x = np.geomspace(1.0, 9.0, 5)
+    assert exponent(x, 3.0 * x**0.4) == pytest.approx(0.4, abs=1e-12)
+
+
+@pytest.fixture
+def few_peers(monkeypatch):
+    monkeypatch.setattr(peers, "peers", lambda: {"odeint": peers.odeint})
+    monkeypatch.setattr(work_precision, "ASKED", (1e-2,))
+
+
+def rows_of(*methods):
+    """A quick run of each method to 1e-8, ours the quicker one."""
+    return [
+        Row("", name, 0.0, 1e-8, 1e-3 * (1 + i), setting=1e-7) for i, name in enumerate(methods)
+    ]
+
+
+def test_the_study_of_schemes_says_orders_and_ratios(few_peers, monkeypatch):
+    monkeypatch.setattr(time, "scheme_rows", lambda *_, **__: iter(rows_of("rkn6")))
+    monkeypatch.setattr(time, "peer_rows", lambda *_: iter(rows_of("rkn6", "odeint")[1:]))
+    found = time.time(scene("rig-rigid", SHORT), lambda name: nullcontext())
+    said = " ".join(found.sentences)
+    assert "the reference solution, rkn6a with a small step, differs from DOP853" in said
+    assert "rkn6 takes 1 ms, odeint 2 ms (2 times as long)" in said and "rkn6 -" in said
+
+
+def test_the_study_of_wall_modes_says_what_a_mode_costs(few_peers, monkeypatch):
+    monkeypatch.setattr(wall_modes, "MODES", (0, 1, 2, 3))
+    monkeypatch.setattr(wall_modes, "COMPARED", 2)
+    runs = rows_of("rkn6", "odeint")
+    monkeypatch.setattr(wall_modes, "_mode_rows", lambda case, step, k: [
+        row._replace(parameter=k, seconds=(k + 1) * row.seconds) for row in runs
+    ])  # fmt: skip
+    found = wall_modes.wall_modes(scene("rig-rigid", SHORT), lambda name: nullcontext())
+    assert "no modes of its own" in found.sentences[0]
+    assert "takes 1 ms with a rigid wall, and with modes 1 ms + 1e+03 µs" in found.sentences[-1]
+
+
+def test_the_study_of_populations_says_runs_a_second(monkeypatch):
+    monkeypatch.setattr(batch, "POPULATION", 16)
+    many = SimpleNamespace(warm=16e-3, cold=1.0, result=SimpleNamespace(
+        dt=1e-6, energy_error=np.zeros(3), n_steps=800))  # fmt: skip
+    monkeypatch.setattr(batch, "timed", lambda *_, **__: many)
+    monkeypatch.setattr(batch, "step_of_median", lambda *_: (1e-6, 1e-4))
+    found = batch.batch(scene("rig-rigid", SHORT), lambda name: nullcontext())
+    assert found.sentences[0].startswith("1,000 runs a second (rkn6, ")

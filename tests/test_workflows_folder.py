@@ -1,0 +1,408 @@
+"""What is a user's stays: folders of ours are marked, held by one run, complete or absent."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rom
+from workflows.commands import app as cli
+from workflows.files.run_folder import MARKER, RunFolder, checked_file, own_folder, writing_file
+from workflows.files.scene import scene_text
+from workflows.pipeline.run import FILES, IMPACT_FILES
+from workflows.results.report import CAPTIONS
+from workflows.scene import InvalidScene
+from workflows.studies.accuracy import folder as accuracy
+from workflows.studies.accuracy.rows import Row, table_of
+from workflows.studies.finding import Finding
+
+SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path_factory.getbasetemp() / "files-cache"))
+    monkeypatch.chdir(tmp_path)
+
+
+def beadwave(*arguments):
+    """The exit status of a command."""
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
+        patch.setattr(sys, "argv", ["beadwave", *arguments])
+        cli.main()
+    return end.value.code or 0
+
+
+def small(command, name, *more):
+    return beadwave(command, name, *(f"--set={change}" for change in SMALL), *more)
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in Path(folder).rglob("*") if path.is_file()}
+
+
+def one_line(text):
+    return text.startswith("beadwave: ") and text.count("\n") == 1 and "Traceback" not in text
+
+
+# ---- what is somebody's ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_run_touches_nothing_in_a_folder_that_holds_a_file_it_would_replace(name, capsys):
+    theirs = Path("out", name)
+    theirs.parent.mkdir(parents=True)
+    theirs.write_bytes(b"theirs")
+    before = contents("out")
+    assert small("run", "rig-1dof", "--out=out") == 2
+    assert contents("out") == before
+    said = capsys.readouterr().err
+    assert name in said and "--overwrite" in said and one_line(said)
+
+
+def test_files_that_a_run_does_not_write_stay_as_they_are():
+    Path("out", "mine").mkdir(parents=True)
+    for name in ("out/notes.txt", "out/mine/.notes.part.txt", "out/.rom.part.npz"):
+        Path(name).write_text("mine")
+    before = contents("out")
+    for scene in ("rig-1dof", "rig-rigid"):
+        assert small("run", scene, "--out=out") == 0
+        assert before.items() <= contents("out").items()
+
+
+def test_who_means_it_replaces_what_is_not_ours():
+    Path("out").mkdir()
+    Path("out", "summary.json").write_text("theirs")
+    assert small("run", "rig-1dof", "--out=out", "--overwrite") == 0
+    assert json.loads(Path("out", "summary.json").read_text())["scene"] == "rig-1dof"
+
+
+def wall_file(path):
+    """A reduced model of six masses, and the change that makes it the wall."""
+    K = 2e8 * (2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rom.save_npz(path, rom.full_order(K, 0.4 * np.eye(6), np.eye(6)[0]))
+    return f"--set=wall={{kind='rom', file='{path.absolute()}', half_space=0.0}}"
+
+
+def test_a_reduced_model_in_the_run_folder_is_read_and_stays():
+    wall_file(Path("d", "rom.npz"))
+    before = contents("d")
+    assert small("impact", "rig-1dof", "--rom=d/rom.npz", "--out=d") == 0
+    assert before.items() <= contents("d").items()
+    assert small("impact", "rig-rigid", "--out=d") == 0
+    assert before.items() <= contents("d").items()
+
+
+def test_not_even_overwrite_replaces_an_input(capsys):
+    """A run of an assembly would write its own rom.npz; the one it reads is not its to replace."""
+    change = wall_file(Path("d", "rom.npz"))
+    before = contents("d")
+    for more in ((), ("--overwrite",)):
+        assert small("run", "rig-1dof", change, "--out=d", *more) == 2
+        assert "would overwrite" in capsys.readouterr().err and contents("d") == before
+
+
+def test_an_input_that_an_earlier_run_of_ours_left_is_not_cleared():
+    assert small("run", "rig-1dof", "--out=d") == 0
+    folder = RunFolder(Path("d"))
+    with folder.writing("rom.npz") as part:
+        wall_file(part)
+    before = Path("d", "rom.npz").read_bytes()
+    assert small("impact", "rig-1dof", "--rom=d/rom.npz", "--out=d") == 0
+    assert Path("d", "rom.npz").read_bytes() == before
+
+
+@pytest.mark.parametrize("more", [(), ("--overwrite",)])
+def test_a_scene_is_not_replaced_by_its_own_run(more, capsys):
+    mine = Path("scene.toml")
+    mine.write_text("# mine\n" + scene_text("rig-1dof").text)
+    before = mine.read_bytes()
+    assert small("run", "scene.toml", "--out=.", *more) == 2
+    assert mine.read_bytes() == before and one_line(capsys.readouterr().err)
+
+
+def test_a_run_of_the_scene_that_a_run_left_repeats_it_and_changes_no_letter(capsys):
+    assert small("run", "rig-1dof", "--out=out") == 0
+    scene = Path("out", "scene.toml").read_bytes()
+    assert beadwave("run", "out/scene.toml", "--out=out") == 0
+    assert Path("out", "scene.toml").read_bytes() == scene
+    assert beadwave("run", "out/scene.toml", "--out=out", "--set=wall.frequency=300") == 2
+    assert Path("out", "scene.toml").read_bytes() == scene
+    assert "would overwrite" in capsys.readouterr().err
+
+
+def test_a_result_that_was_changed_by_hand_is_no_longer_ours(capsys):
+    assert small("run", "rig-1dof", "--out=out") == 0
+    Path("out", "scene.toml").write_text("# mine now\n")
+    before = contents("out")
+    assert small("run", "rig-rigid", "--out=out") == 2
+    assert contents("out") == before
+    assert "scene.toml" in capsys.readouterr().err
+
+
+# ---- what an earlier run of ours left ----------------------------------------------------------
+
+
+def test_nothing_of_an_earlier_run_is_left_or_shown():
+    assert small("run", "rig-1dof", "--out=out") == 0
+    for name in (*FILES, "figures/of_a_later_version.png"):
+        RunFolder(Path("out")).write(name, b"of the run before")
+    with RunFolder(Path("out")).run("name = 'other'\n", FILES):
+        left = {path.name for path in contents("out")}
+    assert left == {MARKER, "scene.toml"}
+
+
+def test_an_impact_after_a_run_leaves_no_figure_of_the_run():
+    assert small("run", "rig-1dof", "--out=out") == 0
+    assert small("impact", "rig-1dof", "--out=out") == 0
+    assert {path.name for path in contents("out")} == {MARKER, "scene.toml", *IMPACT_FILES}
+
+
+def test_the_same_scene_keeps_its_finished_files_until_they_are_written_again():
+    folder = RunFolder(Path("out"))
+    with folder.run("name = 'a'\n", FILES):
+        folder.write("rom.npz", b"long to make")
+        folder.write("summary.json", b"old")
+    with pytest.raises(KeyboardInterrupt), RunFolder(Path("out")).run("name = 'a'\n", FILES):
+        raise KeyboardInterrupt
+    assert Path("out", "rom.npz").exists() and not Path("out", "summary.json").exists()
+
+
+def test_a_run_writes_nothing_but_what_it_asked_for_beforehand():
+    """Figures are those that a report has words for; an assembly's run is held to the same."""
+    assert small("run", "rig-1dof", "--out=out") == 0
+    names = {str(path.relative_to("out")) for path in contents("out")}
+    assert names <= {MARKER, "scene.toml", *FILES}
+    assert {f"figures/{name}.png" for name in CAPTIONS} <= set(FILES)
+
+
+def test_a_line_of_the_marker_that_a_killed_run_left_half_hides_no_other():
+    folder = RunFolder(Path("out"))
+    folder.write("a.txt", "a")
+    with Path("out", MARKER).open("a") as marker:
+        marker.write("0123456789abcdef")
+    folder.write("b.txt", "b")
+    assert folder.ours("a.txt") and folder.ours("b.txt")
+
+
+# ---- which folder ------------------------------------------------------------------------------
+
+
+def test_another_scene_of_the_same_name_gets_a_folder_of_its_own(capsys):
+    assert small("run", "rig-1dof") == 0
+    before = contents("runs/rig-1dof")
+    assert small("run", "rig-1dof", "--set=wall.frequency=300") == 0
+    printed = capsys.readouterr()
+    assert contents("runs/rig-1dof") == before
+    assert "written: runs/rig-1dof-2/report.html" in printed.out
+    assert "runs/rig-1dof is left as it is" in printed.err
+
+
+def test_the_same_scene_takes_its_own_folder_again():
+    for frequency in (300, 310, 300, 310):
+        assert small("run", "rig-1dof", f"--set=wall.frequency={frequency}") == 0
+    assert {path.name for path in Path("runs").iterdir()} == {"rig-1dof", "rig-1dof-2"}
+
+
+def test_a_folder_of_somebody_is_no_folder_of_ours(tmp_path):
+    (tmp_path / "a").mkdir()
+    assert own_folder(tmp_path, "a", "x") == tmp_path / "a"
+    (tmp_path / "a" / "notes.txt").touch()
+    (tmp_path / "a-2").touch()
+    assert own_folder(tmp_path, "a", "x") == tmp_path / "a-3"
+
+
+def test_the_run_that_is_replaced_is_named(capsys):
+    assert small("run", "rig-1dof", "--out=out") == 0
+    assert "replaced" not in capsys.readouterr().err
+    assert small("run", "rig-rigid", "--out=out") == 0
+    assert "replaced: the run of another scene, rig-1dof, in out" in capsys.readouterr().err
+
+
+NAMES = ["..", ".", "...", "a/b", "../a", "/tmp/a", ".hidden", "a" * 300, "-x", "", "a\nb"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_name_leads_out_of_the_folder_of_runs(name, tmp_path, capsys):
+    text = scene_text("rig-1dof").text.replace('name = "rig-1dof"', f"name = {json.dumps(name)}")
+    Path("mine.toml").write_text(text)
+    assert beadwave("run", "mine.toml") == 2
+    said = capsys.readouterr().err
+    assert one_line(said) and "name = " in said
+    assert {path.name for path in tmp_path.iterdir()} == {"mine.toml"}
+
+
+def test_a_file_of_dots_names_no_folder_above(tmp_path, capsys):
+    text = scene_text("rig-1dof").text.replace('name = "rig-1dof"\n', "")
+    (tmp_path / "below").mkdir()
+    Path("below", "...toml").write_text(text)
+    assert beadwave("run", "below/...toml") == 2
+    assert one_line(capsys.readouterr().err)
+    assert {path.name for path in tmp_path.iterdir()} == {"below"}
+
+
+# ---- two at once, and what is gone ---------------------------------------------------------------
+
+
+def test_of_two_runs_into_one_folder_one_is_refused(capsys):
+    folder = RunFolder(Path("out"))
+    with folder.run("name = 'first'\n"):
+        assert small("run", "rig-1dof", "--out=out") == 2
+        said = capsys.readouterr().err
+        assert "is being written by another run" in said and one_line(said)
+        assert Path("out", "scene.toml").read_text() == "name = 'first'\n"
+    assert small("run", "rig-1dof", "--out=out") == 0
+
+
+HOLDING = """
+from pathlib import Path
+from workflows.files.run_folder import RunFolder
+folder = RunFolder(Path("out"))
+with folder.run("name = 'first'"), folder.writing("rom.npz") as part:
+    part.write_text("half")
+    print("held", flush=True)
+    input()
+"""
+
+
+@pytest.fixture
+def killed():
+    """What a process left that was killed while it wrote."""
+    command = [sys.executable, "-c", HOLDING]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"held\n"
+        assert small("run", "rig-1dof", "--out=out") == 2
+        parts = list(Path("out").glob(".beadwave-*"))
+        assert [str(process.pid) in part.name for part in parts] == [True]
+        process.kill()
+    return parts[0]
+
+
+def test_a_killed_run_leaves_no_lock_and_its_half_files_go(killed):
+    assert killed.exists()
+    assert small("run", "rig-1dof", "--out=out") == 0
+    assert not killed.exists() and not Path("out", "rom.npz").exists()
+
+
+def test_a_file_that_is_being_written_by_a_living_process_stays():
+    Path("out").mkdir()
+    alive, foreign = Path("out", ".beadwave-1-rom.npz"), Path("out", ".beadwave-notes-1")
+    alive.touch()
+    foreign.touch()
+    assert small("run", "rig-1dof", "--out=out") == 0
+    assert alive.exists() and foreign.exists()
+
+
+def test_a_new_file_replaces_the_old_one_at_once(tmp_path):
+    folder = RunFolder(tmp_path)
+    target = folder.write("summary.json", "old")
+    with folder.writing("summary.json") as path:
+        path.write_text("new")
+        assert target.read_text() == "old"
+        written = path.stat().st_ino
+    assert target.stat().st_ino == written
+
+
+def test_a_file_appears_complete_or_not_at_all(tmp_path):
+    folder = RunFolder(tmp_path)
+    with pytest.raises(ZeroDivisionError), folder.writing("summary.json") as path:
+        path.write_text("half")
+        raise ZeroDivisionError
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_written_is_refused():
+    Path("out", "scene.toml").mkdir(parents=True)
+    with (
+        pytest.raises(InvalidScene, match=r"out holds scene.toml"),
+        RunFolder(Path("out")).run("x"),
+    ):
+        pass
+
+
+# ---- the same manners elsewhere ------------------------------------------------------------------
+
+
+OUTPUTS = {
+    "modes --inp": ("modes", "mine.toml", "--inp=mine.toml"),
+    "modes --step": ("modes", "mine.step", "--step=mine.step"),
+    "reduce": ("reduce", "mine.npz", "--out=mine.npz"),
+    "tune": ("tune", "mine.toml", "--out=mine.toml"),
+    "tune --hammer": ("tune", "rig-rom", "--hammer=mine.csv", "--out=mine.csv"),
+    "calibrate": ("calibrate", "rig-1dof", "d/signals.csv", "--out=d"),
+    "twin": ("twin", "d/scene.toml", "--out=d"),
+    "study": ("study", "walls", "d/walls.csv", "--out=d"),
+    "accuracy": ("accuracy", "d/accuracy.csv", "--out=d"),
+    "hammer": ("hammer", "mine.uff", "--synthetic"),
+}
+CONTENT = {"csv": "t [s],v1 [m/s]\n" + "\n".join(f"{i}e-6,{i % 7}e-3" for i in range(400))}
+
+
+@pytest.mark.parametrize("arguments", OUTPUTS.values(), ids=OUTPUTS)
+def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
+    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("workflows.assembly.hammer.hammer_test", None)
+    monkeypatch.setattr("workflows.assembly.hammer.applied", lambda chosen, *_: (chosen, {1: 50.0}))
+    monkeypatch.setattr("workflows.assembly.hammer.hammer_test", lambda *_: None)
+    Path("d").mkdir()
+    own = "rig-1dof" if arguments[0] == "twin" else "rig-rom"
+    for name in ("mine.toml", "mine.npz", "mine.step", "mine.csv", "mine.uff", "d/scene.toml",
+                 "d/signals.csv", "d/walls.csv", "d/accuracy.csv"):  # fmt: skip
+        read = CONTENT["csv"] if name == "d/signals.csv" else scene_text(own).text
+        Path(name).write_text(read)
+    before = contents(".")
+    for more in ((), ("--overwrite",))[: 1 + (arguments[-1] == "--out=d")]:
+        assert beadwave(*arguments, *more) == 2
+        said = capsys.readouterr().err
+        assert one_line(said), said
+        assert contents(".") == before
+
+
+def test_a_tuned_scene_takes_the_place_of_tuned_scenes_alone(monkeypatch, capsys):
+    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
+    Path("rig-rom-tuned.toml").write_text("# mine\n")
+    assert beadwave("tune", "rig-rom") == 2
+    assert Path("rig-rom-tuned.toml").read_text() == "# mine\n"
+    assert "no tuned scene" in capsys.readouterr().err
+
+
+def test_studies_of_accuracy_stay_beside_each_other():
+    def found(study, error, said):
+        return Finding((table_of((Row(study, "rkn6", 1e-6, error, 1e-4),)),), (said,))
+
+    folder = RunFolder(Path("acc"))
+    first, again = (found("time", error, f"{error}") for error in (2e-7, 3e-7))
+    accuracy.write({"time": first}, folder)
+    accuracy.write({"mesh": found("mesh", 1e-2, "finer")}, folder)
+    accuracy.write({"time": again}, folder)
+    kept = json.loads(Path("acc", "accuracy.json").read_text())
+    assert {(row["study"], row["error"]) for row in kept["rows"]} == {
+        ("time", 3e-7),
+        ("mesh", 1e-2),
+    }
+    assert sorted(kept["findings"]) == ["3e-07", "finer"]
+    assert Path("acc", "accuracy.csv").read_text().count("\n") == 3
+
+
+def test_a_study_is_refused_before_it_runs_where_it_would_replace_a_file(monkeypatch, capsys):
+    monkeypatch.setattr("workflows.studies.catalogue.study", None)
+    Path("d").mkdir()
+    Path("d", "walls.csv").write_text("mine")
+    assert beadwave("study", "walls", "--out=d") == 2
+    assert "walls.csv" in capsys.readouterr().err
+
+
+def test_a_device_is_no_file_to_replace():
+    with pytest.raises(InvalidScene, match="no ordinary file"):
+        checked_file(Path("/dev/null"))
+
+
+def test_a_file_alone_appears_complete_or_not_at_all(tmp_path):
+    with pytest.raises(ZeroDivisionError), writing_file(tmp_path / "rom.npz") as part:
+        part.write_text("half")
+        raise ZeroDivisionError
+    assert not list(tmp_path.iterdir())

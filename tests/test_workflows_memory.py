@@ -1,0 +1,99 @@
+"""Memory is foreseen before anything is meshed, and measured as the system grants it."""
+
+import numpy as np
+import pytest
+from skfem import Basis, ElementHexS2, ElementTetP2
+
+from geometry import Assembly, hex_mesh
+from geometry.size import n_nodes
+from geometry.tet_mesh import tet_mesh
+from workflows.files.scene import scene
+from workflows.scene import InvalidScene, memory
+from workflows.scene.size import peak_memory, too_large_file
+
+GB = 1e9
+MESHERS = {"hex": (hex_mesh, ElementHexS2()), "tet": (tet_mesh, ElementTetP2())}
+
+
+@pytest.mark.parametrize(
+    ("element", "times", "contact_seed", "off"),
+    [
+        ("hex", 2, 6e-3, 0.1),
+        ("hex", 1, 1.5e-3, 0.1),
+        ("hex", 0.7, 4e-3, 0.1),
+        ("tet", 2, 6e-3, 0.3),
+    ],
+)
+def test_the_nodes_of_a_mesh_are_known_before_it_is_made(element, times, contact_seed, off):
+    mesher, quadratic = MESHERS[element]
+    seeds = {"seed": 6e-3 * times, "block_seed": 20e-3 * times, "support_seed": 30e-3 * times}
+    seeds |= {"contact_seed": contact_seed, "contact_point": (0.03, 0.0)}
+    mesh = mesher(Assembly(), **seeds)
+    dofs = Basis(mesh, quadratic, intorder=1).element_dofs
+    made = sum(len(np.unique(dofs[:, cells])) for cells in mesh.subdomains.values())
+    assert sum(n_nodes(Assembly(), element, **seeds).values()) == pytest.approx(made, rel=off)
+
+
+@pytest.mark.parametrize("element", ["hex", "tet"])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("assembly.block_x='131.5 m'", r"in the block \(131\.5 x"),
+        ("mesh.block_seed='0.9 mm'", r"mesh\.block_seed = 0\.0009 m"),
+        ("mesh.support_seed='1.2 mm'", r"mesh\.support_seed = 0\.0012 m"),
+    ],
+)
+def test_a_mesh_that_no_memory_holds_is_refused_before_it_is_made(
+    element, change, words, monkeypatch
+):
+    """131.5 mm given as metres once ended in a kill at 21 GB."""
+    monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 8 * GB)
+    monkeypatch.setattr("workflows.scene.size.MOST_ELEMENTS", np.inf)
+    with pytest.raises(InvalidScene, match=rf"{words}.* GB of memory, 8 GB are free"):
+        scene("rig-rom", (change, f"mesh.element={element}"))
+
+
+def test_the_built_in_assembly_fits_into_two_gigabytes(monkeypatch):
+    monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 2 * GB)
+    assert scene("rig-rom").assembly
+
+
+def test_a_mesh_of_ones_own_is_measured_as_well(monkeypatch):
+    monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 2 * GB)
+    (sentence,) = too_large_file(scene("rig-rom"), {"block": 1e5})
+    assert "mesh.file" in sentence and "2 GB are free" in sentence
+    assert not list(too_large_file(scene("rig-rom"), {"block": 1e4}))
+
+
+def test_memory_grows_faster_than_the_unknowns_of_a_solid():
+    """Fill of a three-dimensional factor: twice the unknowns want more than twice its memory."""
+    rig = scene("rig-rom")
+    few, many, more = (peak_memory(rig, {"block": n}) for n in (1e5, 2e5, 4e5))
+    assert (more - many) > 2.2 * (many - few)
+
+
+def test_trajectories_that_no_memory_holds_are_refused(monkeypatch):
+    monkeypatch.setattr("workflows.scene.size.free_memory", lambda: GB)
+    with pytest.raises(InvalidScene, match=r"would take 1\.19 GB of memory, 1 GB are free"):
+        scene("rig-rigid", ("output.samples=1000000",))
+
+
+def test_a_container_limit_counts_and_its_cached_files_do_not(tmp_path):
+    mine = tmp_path / "cgroup"
+    for version, (line, names) in enumerate(
+        ((f"{i}:{c}:/box/run", memory.NAMES[c]) for i, c in ((0, ""), (4, "memory"))), start=1
+    ):
+        mine.write_text(line + "\n")
+        root = tmp_path / f"v{version}"
+        box = root / line.split(":")[1] / "box"
+        (box / "run").mkdir(parents=True)
+        limit, used, cached = names
+        (box / limit).write_text("3000\n")
+        (box / used).write_text("2500\n")
+        (box / "memory.stat").write_text(f"anon 1\n{cached} 700\n")
+        (box / "run" / limit).write_text("max\n")
+        assert list(memory._of_groups(root, mine)) == [1200.0]
+
+
+def test_free_memory_is_less_than_the_machine_has():
+    assert 0 < memory.free_memory() < 1e15

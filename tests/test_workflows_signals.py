@@ -1,0 +1,152 @@
+"""Signals at any moment: the exit status of the signal, one sentence, nothing half written."""
+
+import subprocess
+import sys
+from pathlib import Path
+from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, signal
+from time import sleep
+
+import pytest
+
+from workflows.commands import app
+from workflows.commands.signals import Stopped, stopped_by
+
+# the interpreter itself starts before a line of ours runs: signals are counted from there on
+PROGRAM = """
+import sys
+from workflows.__main__ import main
+print("up", flush=True)
+sys.argv = ["beadwave", *sys.argv[1:]]
+main()
+"""
+COMMAND = ("run", "rig-1dof", "--set=time.duration=1e-3", "--set=output.samples=301", "--out=out")
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+
+def ended(number, delay, *command, program=PROGRAM):
+    """Exit status and stderr of the program, sent the signal this long after its first line."""
+    start = [sys.executable, "-P", "-c", program, *command]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(start, **pipes) as process:
+        assert process.stdout.readline() == "up\n"
+        sleep(delay)
+        process.send_signal(number)
+        said = process.communicate(timeout=60)[1]
+    return process.returncode, said
+
+
+@pytest.mark.parametrize(
+    ("number", "delay"),
+    [(SIGINT, 0.0), (SIGINT, 0.05), (SIGINT, 0.2), (SIGINT, 0.7), (SIGTERM, 0.1), (SIGHUP, 0.4)],
+)
+def test_a_signal_at_any_moment_ends_in_its_status_and_one_sentence(number, delay):
+    status, said = ended(number, delay, *COMMAND)
+    assert status == 128 + number, said
+    assert said.startswith("beadwave: ") and said.count("\n") == 1
+    assert not list(Path().rglob(".beadwave-*")) and not Path("out", "summary.json").exists()
+
+
+SWALLOWING = (
+    PROGRAM.replace("main()\n", "").rstrip()
+    + """
+from workflows.commands import app
+
+class Deaf:
+    def __del__(self):
+        _wait()
+
+def _wait():
+    from time import sleep
+    print("up", flush=True)
+    sleep(30)
+
+def deaf(**_):
+    try:
+        {swallow}
+    except:
+        pass
+    _wait.__globals__["done"] = [0 for _ in iter(int, 1)]
+
+app._status = lambda command: deaf()
+main()
+"""
+)
+
+
+@pytest.mark.parametrize("swallow", ["_wait()", "Deaf()"])
+def test_a_signal_that_a_library_swallows_comes_again(swallow):
+    program = SWALLOWING.replace('print("up", flush=True)\n', "", 1).format(swallow=swallow)
+    status, said = ended(SIGINT, 0.05, program=program)
+    assert status == 130 and said.count("\n") == 1 and said.startswith("beadwave: interrupted")
+
+
+def test_a_signal_that_a_library_makes_an_error_of_is_still_a_signal(monkeypatch):
+    def converted(**_):
+        try:
+            raise Stopped(SIGTERM)
+        except Stopped as stopped:
+            raise ImportError("cannot load") from stopped
+
+    with pytest.raises(Stopped) as stopped:
+        app._status(converted)
+    assert stopped.value.number == SIGTERM == stopped_by(stopped.value)
+    assert stopped_by(ImportError()) is None
+
+
+def test_who_runs_it_deaf_to_a_signal_keeps_it_so():
+    """nohup ignores SIGHUP, a shell SIGINT for what it runs in the background."""
+    program = "from signal import *; signal(SIGHUP, SIG_IGN)\n" + PROGRAM
+    before = signal(SIGHUP, SIG_IGN)
+    try:
+        status, _ = ended(SIGHUP, 0.0, "scenes", program=program)
+    finally:
+        signal(SIGHUP, before)
+    assert status == 0
+
+
+def test_a_file_that_ends_too_early_is_no_interrupt(monkeypatch, capsys):
+    """typer takes an EOFError for Ctrl-D."""
+
+    def short(*_):
+        raise EOFError("Ran out of input")
+
+    monkeypatch.setattr("workflows.commands.app.load", short)
+    monkeypatch.setattr(sys, "argv", ["beadwave", "run", "rig-1dof"])
+    with pytest.raises(SystemExit) as end:
+        app.main()
+    said = capsys.readouterr().err
+    assert end.value.code == 1 and "a file ends before" in said and said.count("\n") == 1
+
+
+NAMES = ("pyvista", "numpy", "multiprocessing", "pickle", "workflows", "resource", "runpy", "json")
+SPAWNING = """
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from workflows.commands.app import main
+
+if __name__ == "__main__":
+    sys.argv = ["beadwave", "scenes"]
+    try:
+        main()
+    except SystemExit:
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+            print(pool.submit(pow, 2, 3).result())
+"""
+
+
+def test_no_process_that_a_command_starts_imports_from_the_working_directory(tmp_path_factory):
+    """As the repeats of a twin are started; the pictures' child has a test of its own."""
+    program = tmp_path_factory.mktemp("bin") / "beadwave"  # a script, as the command is one
+    program.write_text(SPAWNING)
+    for name in NAMES:
+        Path(f"{name}.py").write_text("raise SystemExit('imported')\n")
+    command = [sys.executable, str(program)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("8\n") and "imported" not in done.stderr

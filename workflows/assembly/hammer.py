@@ -1,0 +1,123 @@
+"""A hammer test: responses -> frequencies and damping by two methods -> the model's modes."""
+
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel
+
+import coupling
+from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
+from fem.identification import MeasuredMode, measured_modes
+from workflows.assembly.tuning import targets
+from workflows.files.hammer import SYNTHETIC, Responses, responses
+from workflows.pipeline.pipeline import Pipeline
+from workflows.pipeline.wall import damping_law
+from workflows.scene import InvalidScene, ModalDamping, Scene
+from workflows.thesis import HAMMER_TEST_HZ
+
+VIRTUAL_LINES = np.arange(10.0, 10_000.0, 0.2)  # [Hz]
+VIRTUAL_NOISE = 2e-3  # of the rms response
+
+
+class HammerRow(BaseModel):
+    """One measured resonance, and the mode of the rig it was taken for."""
+
+    frequency_hz: float
+    zeta_half_power: float | None
+    zeta_fit: float | None
+    mode: int | None = None
+    remarks: list[str]
+
+
+class HammerReport(BaseModel):
+    """All resonances of a test."""
+
+    file: str
+    title: str
+    rows: list[HammerRow]
+
+    @property
+    def targets(self) -> dict[int, float]:
+        """Frequencies of the rig's modes [Hz], for `tune`."""
+        return {row.mode: row.frequency_hz for row in self.rows if row.mode}
+
+    @property
+    def damping(self) -> dict[int, float]:
+        """Their damping ratios, the fit's where there is one."""
+        found = {r.mode: r.zeta_fit or r.zeta_half_power for r in self.rows if r.mode}
+        return {mode: zeta for mode, zeta in found.items() if zeta}
+
+    def text(self) -> str:
+        """Aligned lines with remarks."""
+        head = f"{'Hz':>10} {'half-power':>11} {'fit':>9} {'mode':>5}"
+        return "\n".join([self.title, head, *(_line(row) for row in self.rows)])
+
+
+def _line(row: HammerRow) -> str:
+    zetas = [f"{100 * z:.3f} %" if z else "-" for z in (row.zeta_half_power, row.zeta_fit)]
+    mode = row.mode or "-"
+    line = f"{row.frequency_hz:10.2f} {zetas[0]:>11} {zetas[1]:>9} {mode:>5}"
+    return "\n".join([f"{line}  {'; '.join(row.remarks)}".rstrip()])
+
+
+def hammer_test(path: Path, expected_hz: dict[int, float]) -> HammerReport:
+    """Read, identify and pair with modes expected near `expected_hz` {mode: Hz}."""
+    test = responses(path)
+    try:
+        found = measured_modes(test.frequency_hz, test.H)
+    except ImportError as missing:
+        raise InvalidScene(
+            f"the fit needs {missing.name}; ./install.sh identify adds it."
+        ) from None
+    except ValueError as error:
+        raise InvalidScene(f"{path}: {error}") from None
+    if not found:
+        raise InvalidScene(f"{path} has no peaks; give responses that reach a resonance.")
+    mode = nearest_modes([m.frequency_hz for m in found], expected_hz)
+    rows = [_row(m, mode.get(i)) for i, m in enumerate(found)]
+    return HammerReport(file=str(path), title=test.title, rows=rows)
+
+
+def _row(found: MeasuredMode, mode: int | None) -> HammerRow:
+    half, fit = (None if np.isnan(z) else float(z) for z in found[1:3])
+    return HammerRow(
+        frequency_hz=found.frequency_hz,
+        zeta_half_power=half,
+        zeta_fit=fit,
+        mode=mode,
+        remarks=list(found.remarks),
+    )
+
+
+def applied(
+    scene: Scene, report: HammerReport, match: str | None
+) -> tuple[Scene, dict[int, float]]:
+    """The scene with the measured damping, and the measured frequencies to tune to."""
+    if not report.targets:
+        raise InvalidScene(f"{report.file} has no resonance near the modes wanted; name others.")
+    missing = sorted(set(targets(match)) - set(report.targets)) if match else []
+    if missing:
+        raise InvalidScene(f"{report.file} has no resonance near modes {missing}; leave them out.")
+    return damped(scene, report), report.targets
+
+
+def damped(scene: Scene, report: HammerReport) -> Scene:
+    """The scene with the damping ratios of the test on its four modes."""
+    ratios = [report.damping.get(i) for i in (1, 2, 3, 4)]
+    if None in ratios:
+        return scene
+    return scene.model_copy(update={"damping": ModalDamping(kind="modal", ratio=tuple(ratios))})
+
+
+def virtual_test(pipeline: Pipeline) -> Responses:
+    """Accelerances at a corner of the block, hit askew there: computed, with noise."""
+    scene, modes = pipeline.scene, pipeline("modes")
+    damping = damping_law(scene.damping, HAMMER_TEST_HZ)
+    if damping is None:
+        raise InvalidScene("a virtual test needs damping; set damping.kind=modal with a ratio.")
+    zeta = coupling.damping_ratios(damping, modes.omega)
+    read = corner_readings(pipeline("model"), "block") @ modes.phi
+    hit = np.array([1.0, 1.0, 1.0]) / np.sqrt(3) @ read
+    H = accelerances(read, hit, modes.omega, zeta, VIRTUAL_LINES)
+    noisy = with_noise(H, VIRTUAL_NOISE, np.random.default_rng(0))
+    return Responses(VIRTUAL_LINES, noisy, SYNTHETIC)

@@ -1,0 +1,291 @@
+"""Joint stiffnesses fitted to chosen hammer-test modes: from a scene to a tuned scene.
+
+One reduction to some fifty shapes, then a fit in tenths of a second, then the full model with the
+stiffnesses found as a judge.
+"""
+
+from pathlib import Path
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import BaseModel
+
+import fem
+from fem.tuning import Parameter, Tuning, tune
+from workflows.pipeline.assembly import MASTER
+from workflows.pipeline.pipeline import Progress, pipeline_of
+from workflows.scene import InvalidScene, Scene, nearest
+from workflows.thesis import HAMMER_TEST_HZ
+
+JOINT = {joint: body for body, joint in MASTER.items()}
+SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]
+TURN = (1e2, 1e-1, 1e8)  # [N m/rad]
+STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
+FACTOR = (1.0, 0.85, 1.15)  # of the block's modulus and density
+TANGENTIAL = ("kx", "kz")  # what "kt" stands for
+DISAGREEMENT = 1e-3  # of the full model and the projection, relative
+LARGEST_MISS = 0.05  # relative: three times what the thesis' own matches miss, table 5.3
+
+
+class TuningReport(BaseModel):
+    """What was fitted, what came out, and how far to believe it."""
+
+    scene: str
+    match: dict[str, float]
+    modes_hz: dict[str, float]
+    full_order_hz: dict[str, float]
+    stiffness: dict[str, float]
+    deviation: dict[str, float | None]
+    mac: dict[str, float]
+    between_hz: list[float]
+    evaluations: int
+    seconds: float
+    remarks: list[str]
+
+    def text(self) -> str:
+        """Aligned lines, then sentences."""
+        head = f"{'mode':>8} {'wanted':>10} {'fitted':>10} {'full model':>11} {'MAC':>6}"
+        modes = [self._mode(i) for i in self.modes_hz]
+        values = [self._value(name) for name in self.stiffness]
+        cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
+        return "\n".join([head, *modes, "", *values, "", cost, *self.remarks])
+
+    def _mode(self, i: str) -> str:
+        wanted = f"{self.match[i]:.2f}" if i in self.match else "-"
+        full = self.full_order_hz.get(i, float("nan"))
+        return f"{i:>8} {wanted:>10} {self.modes_hz[i]:10.3f} {full:11.3f} {self.mac[i]:6.3f}"
+
+    def _value(self, name: str) -> str:
+        spread = self.deviation[name]
+        seen = "left open by these modes" if spread is None else f"+- {100 * spread:.2g} %"
+        return f"{name:>14} = {self.stiffness[name]:<12.5g} {seen}"
+
+    @property
+    def failures(self) -> list[str]:
+        """A sentence on each mode that is missed by more than a fit of it may be."""
+        missed = {n: self.modes_hz[n] / hz - 1 for n, hz in self.match.items()}
+        return [
+            f"mode {n} of {self.match[n]:g} Hz is missed by {100 * off:+.3g} %, up to "
+            f"{100 * LARGEST_MISS:g} % is a fit; free what moves this mode, or match others."
+            for n, off in missed.items()
+            if not abs(off) <= LARGEST_MISS
+        ]
+
+
+def tuned(
+    scene: Scene, match: dict[int, float], free: tuple[str, ...], progress: Progress
+) -> tuple[Scene, TuningReport]:
+    """The scene with fitted joints, and the report; raises InvalidScene for what has no joints."""
+    if scene.assembly.constraint != "wires":
+        raise InvalidScene(
+            f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
+            "set assembly.constraint=wires."
+        )
+    freed_ones = [_from(scene, p) for p in freed(free or usual(match))]
+    _require_joints(scene, freed_ones)
+    fit = _fitted(scene, freed_ones, match, progress)
+    result = _set(fit.loose, fit.found.parameters, fit.found.value)
+    confirmed = pipeline_of(result, progress)("modes").paired_hz
+    unseen = [p for p in freed_ones if p not in fit.found.parameters]
+    return result, _report(scene, match, fit, confirmed, unseen)
+
+
+class Fit(NamedTuple):
+    """A tuning of what its modes see, the scene with springs to vary, the seconds of the fit."""
+
+    found: Tuning
+    loose: Scene
+    seconds: float
+
+
+def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], progress) -> Fit:
+    """The fit; what these modes do not see is left as it was in the scene."""
+    loose = loosened(scene, parameters)
+    basis = pipeline_of(loose, progress)("tuning-basis")
+    started = perf_counter()
+    found = tune(basis, parameters, match)
+    seconds = perf_counter() - started
+    seen = [p for p, is_seen in zip(parameters, found.seen, strict=True) if is_seen]
+    if len(seen) == len(parameters):
+        return Fit(found, loose, seconds)
+    return _fitted(scene, seen, match, progress)
+
+
+def _require_joints(scene: Scene, parameters: list[Parameter]) -> None:
+    """Raises InvalidScene for a spring of a joint that the assembly's parts do not have."""
+    for p in parameters:
+        joints = {MASTER[spring.split(".")[0]] for spring in p.springs}
+        for joint in joints:
+            part = {"head": "sheets", "foot": "sheets_support"}[joint]
+            if part not in scene.assembly.parts:
+                raise InvalidScene(
+                    f"{p.name} cannot be tuned: assembly.parts = {list(scene.assembly.parts)} has "
+                    f"no {part}; add it, or free something else."
+                )
+
+
+def usual(match: dict[int, float]) -> tuple[str, ...]:
+    """What to free for the modes wanted: one tangential stiffness cannot meet both 2 and 3."""
+    joint = ("head.ky", "head.kz", "head.kry") if {2, 3} <= match.keys() else ("head.ky", "head.kt")
+    return (*joint, "block.young", "block.density") if 4 in match else joint
+
+
+def targets(match: str) -> dict[int, float]:
+    """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own."""
+    pairs = [item.partition("=") for item in match.split(",")]
+    try:
+        found = {int(n): float(hz) if eq else HAMMER_TEST_HZ[int(n) - 1] for n, eq, hz in pairs}
+    except (ValueError, IndexError):
+        found = {}
+    if len(found) < len(pairs) or not all(
+        1 <= n <= 4 and 0 < hz < np.inf for n, hz in found.items()
+    ):
+        raise InvalidScene(
+            f"--match {match} must name modes 1 to 4, each once, as in 1,3,4 or 1=51.2,3=905 (Hz)."
+        )
+    return found
+
+
+def freed(names: tuple[str, ...]) -> list[Parameter]:
+    """What the names stand for; raises InvalidScene for a stiffness that two of them set."""
+    parameters, taken = [_parameter(name) for name in names], {}
+    for name, p in zip(names, parameters, strict=True):
+        for value in p.springs or (p.name,):
+            if value in taken:
+                raise InvalidScene(f"--free {taken[value]} and {name} set the same; drop one.")
+            taken[value] = name
+    return parameters
+
+
+def _parameter(name: str) -> Parameter:
+    part, _, key = name.partition(".")
+    if part == "block" and key in ("young", "density"):
+        return Parameter(key, (), *FACTOR)
+    directions = TANGENTIAL if key == "kt" else (key,)
+    if part not in JOINT or not set(directions) <= set(fem.DIRECTIONS):
+        raise InvalidScene(f"--free {name} is not known, {nearest(name, _known())}.")
+    springs = tuple(f"{JOINT[part]}.{direction}" for direction in directions)
+    return Parameter(name, springs, *STARTS.get(key, TURN if key.startswith("kr") else SHIFT))
+
+
+def _from(scene: Scene, p: Parameter) -> Parameter:
+    """The same, from the value that the scene has where that is one to start from."""
+    values = [value for _, value in _now(scene, p)]
+    size = values[0] if p.springs else values[0] / getattr(scene.assembly, p.name)
+    return p._replace(start=size) if p.lower <= size <= p.upper else p
+
+
+def _now(scene: Scene, p: Parameter) -> list[tuple[str, float]]:
+    """Keys of the scene that the parameter sets, each with its value."""
+    if p.springs:
+        keys = [spring.split(".") for spring in p.springs]
+        joints = [(MASTER[body], key) for body, key in keys]
+        return [(f"{j}.{key}", getattr(getattr(scene.joints, j), key)) for j, key in joints]
+    own = getattr(scene.assembly.block, p.name, None)
+    return [(f"block.{p.name}", getattr(scene.assembly, p.name) if own is None else own)]
+
+
+def _known() -> list[str]:
+    of_joints = [f"{joint}.{key}" for joint in JOINT for key in (*fem.DIRECTIONS, "kt")]
+    return [*of_joints, "block.young", "block.density"]
+
+
+def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
+    """The scene with finite springs to vary, and of the block what is not to vary."""
+    varied = {p.name: None for p in parameters if not p.springs}
+    block = scene.assembly.block and scene.assembly.block.model_copy(update=varied)
+    plain = scene.assembly.model_copy(update={"block": block})
+    bare = scene.model_copy(update={"assembly": plain})
+    springs = [p for p in parameters if p.springs]
+    return _set(bare, springs, np.array([p.start for p in springs]))
+
+
+def _set(scene: Scene, parameters: list[Parameter], value) -> Scene:
+    """The scene with the parameters at these values."""
+    joints, steel = {}, {}
+    for p, x in zip(parameters, value, strict=True):
+        for spring in p.springs:
+            body, key = spring.split(".")
+            joints.setdefault(MASTER[body], {})[key] = float(x)
+        if not p.springs:
+            steel[p.name] = float(x) * getattr(scene.assembly, p.name)
+    tables = {name: getattr(scene.joints, name).model_copy(update=k) for name, k in joints.items()}
+    update = {"joints": scene.joints.model_copy(update=tables)}
+    if steel:
+        from workflows.scene.assembly import Steel
+
+        block = (scene.assembly.block or Steel()).model_copy(update=steel)
+        update["assembly"] = scene.assembly.model_copy(update={"block": block})
+    return scene.model_copy(update=update)
+
+
+def _report(scene, match, fit: Fit, confirmed, unseen: list[Parameter]) -> TuningReport:
+    found = fit.found
+    names = [p.name if p.springs else f"block.{p.name}" for p in found.parameters]
+    numbers = [str(i) for i in range(1, 5)]
+    fitted = dict(zip(numbers, map(float, found.modes_hz), strict=True))
+    return TuningReport(
+        scene=scene.name,
+        match={str(n): hz for n, hz in match.items()},
+        modes_hz=fitted,
+        full_order_hz=confirmed,
+        stiffness=dict(zip(names, map(float, found.value), strict=True)),
+        deviation={
+            name: float(s) if np.isfinite(s) else None
+            for name, s in zip(names, found.deviation, strict=True)
+        },
+        mac=dict(zip(numbers, map(float, found.mac), strict=True)),
+        between_hz=[float(hz) for hz in found.all_hz if not np.any(np.isclose(hz, found.modes_hz))],
+        evaluations=found.evaluations,
+        seconds=fit.seconds,
+        remarks=[
+            *_unseen(scene, match, unseen),
+            *_remarks(match, fitted, confirmed, found, unseen),
+        ],
+    )
+
+
+def _unseen(scene: Scene, match, parameters: list[Parameter]) -> list[str]:
+    values = [entry for p in parameters for entry in _now(scene, p)]
+    modes = "mode " + ", ".join(map(str, match))
+    return [
+        f"{key} is not seen by {modes}: it stays {'rigid' if np.isinf(x) else f'{x:g}'}."
+        for key, x in values
+    ]
+
+
+def _remarks(match, fitted, confirmed, found: Tuning, unseen: list[Parameter]) -> list[str]:
+    remarks = []
+    missed = {n: fitted[str(n)] / hz - 1 for n, hz in match.items()}
+    for n, error in missed.items():
+        if abs(error) > DISAGREEMENT:
+            remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
+    names = {p.name for p in (*found.parameters, *unseen)}
+    stiff = not {"head.kz", "head.kry"} <= names
+    if stiff and {2, 3} <= match.keys() and max(map(abs, missed.values())) > DISAGREEMENT:
+        remarks.append(
+            "Modes 2 and 3 both shear the joints along x: one stiffness for x and z that is soft "
+            "enough for mode 2 pulls mode 3 down with it. Free head.kz and head.kry instead."
+        )
+    for i, hz in confirmed.items():
+        if abs(fitted[i] / hz - 1) > DISAGREEMENT:
+            remarks.append(f"the full model has mode {i} at {hz:.2f} Hz: the projection is off.")
+    for i, share in enumerate(found.mac, start=1):
+        if share < 0.8:
+            remarks.append(
+                f"the shape of mode {i} has a MAC of {share:.2f} with that of stiff joints: "
+                "a frequency that matches is no proof of the joint."
+            )
+    return remarks
+
+
+def write_scene(scene: Scene, path: Path, report: TuningReport) -> None:
+    """Write the tuned scene as TOML with a first line on where its joints come from."""
+    from workflows.files.run_folder import writing_file
+    from workflows.scene.toml import toml
+
+    wanted = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
+    text = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
+    with writing_file(path) as part:
+        part.write_text(text + toml(scene), encoding="utf-8")

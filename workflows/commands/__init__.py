@@ -1,0 +1,1 @@
+"""The `beadwave` command: what each of its words takes, and what it prints."""

@@ -1,0 +1,85 @@
+"""Signals that end the program: one sentence, the status of the signal, nothing left half written.
+
+Nothing slow is imported here: this comes before everything else.
+"""
+
+import os
+import signal
+import sys
+from types import FrameType
+
+WORDS = {
+    signal.SIGINT: "interrupted",
+    signal.SIGTERM: "terminated",
+    signal.SIGHUP: "its terminal is gone",
+}
+AGAIN = 0.5  # s until it is raised once more where a bare `except` of a library swallowed it
+
+
+class Stopped(BaseException):
+    """Unwinds the program; `number` is the signal that asked for it."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+def end_at_once() -> None:
+    """While the program loads there is nothing to unwind: signals end it on the spot."""
+    _handle(_leave)
+
+
+def unwind() -> None:
+    """From now on signals raise Stopped, so that files half written go and children end."""
+    sys.unraisablehook = _silent
+    _handle(_raise)
+
+
+def ignore() -> None:
+    """The program is over but for the interpreter's own end."""
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    _handle(signal.SIG_IGN)
+
+
+def stopped_by(error: BaseException | None) -> int | None:
+    """The signal behind an exception, also where a library made another one of it."""
+    while error is not None:
+        if isinstance(error, Stopped):
+            return error.number
+        error = error.__cause__ or error.__context__
+    return None
+
+
+def told(number: int) -> int:
+    """Say so; the exit status."""
+    line = f"beadwave: {WORDS[number]}; finished stages are kept, the same command goes on.\n"
+    os.write(2, line.encode())
+    return 128 + number
+
+
+def _handle(handler) -> None:
+    for number in WORDS:
+        if signal.getsignal(number) != signal.SIG_IGN:  # as nohup and a shell's & set it
+            signal.signal(number, handler)
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    os._exit(told(number))
+
+
+def _raise(number: int, frame: FrameType | None) -> None:
+    for each in WORDS:
+        signal.signal(each, signal.SIG_IGN)
+    signal.signal(signal.SIGALRM, lambda *_: _stop(number))
+    signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+    _stop(number)
+
+
+def _stop(number: int) -> None:
+    raise Stopped(number)
+
+
+def _silent(unraisable) -> None:
+    """A Stopped that nobody can catch comes again; anything else is told as ever."""
+    if stopped_by(unraisable.exc_value) is None:
+        sys.__unraisablehook__(unraisable)

@@ -1,0 +1,69 @@
+"""Foreign binary files, read in a process of their own: each ends in arrays or in a sentence.
+
+Libraries that parse MATLAB's, HDF5 or mesh files crash on some damaged ones and hang on others. A
+reader's child is given time by the size of the file; its result is an .npz without pickles.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from signal import SIGPROF, Signals
+from tempfile import TemporaryDirectory
+from typing import TypeVar
+
+import numpy as np
+
+from workflows.files.child import child
+from workflows.files.foreign_reader import REFUSED
+
+Result = TypeVar("Result")
+START, RATE = 8.0, 1e6  # s of work to import a reader, and bytes a second of text at least
+SHARE = 1 / 12  # of a processor that a busy machine leaves at least
+
+
+class Unreadable(ValueError):
+    """A file that its reader crashes on or hangs on; the words say which."""
+
+
+class Refused(Unreadable):
+    """A file that its reader understands enough to say what is wrong with it."""
+
+
+def arrays(kind: str, path: Path, *names: str) -> dict[str, np.ndarray]:
+    """What a reader of `foreign_reader` finds in a file, some by name; raises Unreadable."""
+    return through_child(kind, path, _content, *names)
+
+
+def through_child(kind: str, path: Path, load: Callable[[Path], Result], *names: str) -> Result:
+    """What `load` makes of the .npz that a reader's child left of a file; raises Unreadable."""
+    seconds = START + path.stat().st_size / RATE
+    with TemporaryDirectory() as folder:
+        target = Path(folder) / "result.npz"
+        status = _read(seconds, kind, str(path.absolute()), str(target), *names)
+        if status == REFUSED:
+            raise Refused(target.with_suffix(".txt").read_text(encoding="utf-8").rstrip("."))
+        if status != 0:
+            raise Unreadable(f"its reader {_death(status)}, the file is damaged")
+        return load(target)
+
+
+def _read(seconds: float, *given: str) -> int:
+    """The status of the reader's child, which may work for so long; raises Unreadable."""
+    endless = Unreadable(f"reading it does not end within {seconds:.0f} s")
+    try:
+        reader = child(
+            "workflows.files.foreign_reader", str(seconds), *given, seconds=seconds / SHARE
+        )
+    except TimeoutError:
+        raise endless from None
+    if reader.returncode == -SIGPROF:
+        raise endless
+    return reader.returncode
+
+
+def _content(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as held:
+        return {str(name): held[f"value{i}"] for i, name in enumerate(held["keys"])}
+
+
+def _death(status: int) -> str:
+    return f"crashes ({Signals(-status).name})" if status < 0 else f"fails (status {status})"

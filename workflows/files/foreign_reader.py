@@ -1,0 +1,119 @@
+"""Readers of foreign binary files, run in a child: SECONDS KIND PATH RESULT [NAME ...].
+
+The result is an .npz of plain arrays; what speaks against the file comes as text beside it, with
+exit status REFUSED. Libraries that read binary files may crash or never end: nothing here matters
+but the result.
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from resource import RLIMIT_DATA, setrlimit
+from signal import ITIMER_PROF, setitimer
+
+import numpy as np
+
+REFUSED = 3
+LEAST = 2**30  # bytes: what the readers themselves want
+Arrays = dict[str, np.ndarray]
+
+
+def _mesh(path: Path) -> Arrays:
+    from workflows.files.mesh_groups import cell_groups
+
+    points, groups = cell_groups(path)
+    names = np.array([f"{g.dimension} {g.name}" for g in groups], dtype=str)
+    cells = {f"cells{i}": group.corners for i, group in enumerate(groups)}
+    return {"points": points, "names": names, **cells}
+
+
+def _matlab(path: Path, *names: str) -> Arrays:
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        held = loadmat(str(path), appendmat=False, variable_names=names)
+    except NotImplementedError:
+        raise ValueError("it is a .mat file of version 7.3; save it with -v7") from None
+    except (MatReadError, ValueError):
+        raise ValueError("it is no .mat file of version 4 to 7, which can be read") from None
+    return {name: _plain(held[name]) for name in names if name in held}
+
+
+def _plain(value) -> np.ndarray:
+    """Numbers or text, also from a cell or a sparse matrix; of other things their shape alone."""
+    value = value.toarray() if hasattr(value, "toarray") else np.asarray(value)
+    while value.dtype == object and value.size == 1:
+        value = np.asarray(value.ravel()[0])
+    return np.full(value.shape, "no numbers") if value.dtype.kind in "OV" else value
+
+
+def _uff(path: Path, *names: str) -> Arrays:
+    import pyuff
+
+    try:
+        file = pyuff.UFF(str(path))
+        numbers = np.flatnonzero(file.get_set_types() == 58)
+        sets = [file.read_sets(int(number)) for number in numbers]
+    except Exception:  # pyuff raises nothing narrower
+        raise ValueError("it is no UFF58 file that pyuff can read") from None
+    values = {
+        f"{i} {name}": _plain(held[name])
+        for i, held in enumerate(sets)
+        for name in names
+        if name in held
+    }
+    return {"count": np.array(len(sets)), **values}
+
+
+def _reduced(path: Path, target: Path) -> None:
+    import rom
+
+    read = {".mat": rom.load_mat, ".h5": rom.load_h5}[path.suffix]
+    try:
+        rom.save_npz(target, read(path))
+    except (rom.ReductionError, MemoryError):
+        raise
+    except Exception as odd:  # what a reader meets in a damaged file
+        raise ValueError(f"{path} cannot be read, it is damaged ({odd}); write it anew") from odd
+
+
+def _saved(read: Callable[..., Arrays]) -> Callable[..., None]:
+    def save(path: Path, target: Path, *names: str) -> None:
+        content = read(path, *names)
+        numbered = {f"value{i}": value for i, value in enumerate(content.values())}
+        with open(target, "wb") as file:
+            np.savez(file, keys=np.array(list(content), dtype=str), **numbered)
+
+    return save
+
+
+READERS = {
+    "mesh": _saved(_mesh), "matlab": _saved(_matlab), "uff": _saved(_uff), "reduced": _reduced,
+}  # fmt: skip
+
+
+def main() -> None:
+    """Read the file named on the command line, or say what is wrong with it."""
+    seconds, kind, path, target, *names = sys.argv[1:]
+    setitimer(ITIMER_PROF, float(seconds))  # of work, so that a busy machine refuses nothing
+    from workflows.scene.memory import free_memory
+
+    most = max(LEAST, free_memory())
+    if most < float("inf"):
+        setrlimit(RLIMIT_DATA, (int(most), int(most)))
+    try:
+        READERS[kind](Path(path), Path(target), *names)
+    except MemoryError:
+        _refuse(target, "it does not fit into the memory that is free")
+    except (Exception, SystemExit) as error:  # meshio leaves the process, others raise anything
+        _refuse(target, " ".join(f"{error}".split()) or type(error).__name__)
+
+
+def _refuse(target: str, why: str) -> None:
+    Path(target).with_suffix(".txt").write_text(why, encoding="utf-8")
+    sys.exit(REFUSED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,278 @@
+"""Folders and files of ours: complete or absent, and nothing of anybody else's is touched.
+
+The marker `.beadwave` of a folder lists what was written into it with its sha256, each line before
+its file appears. What is listed and unchanged is ours to replace and to clear; all else is
+somebody's. A lock on the marker, which ends with its process, keeps two runs apart.
+"""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from errno import ENOLCK, ENOSYS, ENOTSUP
+from fcntl import LOCK_EX, LOCK_NB, flock
+from hashlib import file_digest
+from itertools import count
+from os import O_CREAT, O_RDWR, W_OK, access, close, getpid, kill, replace
+from os import open as open_file
+from os.path import exists, isdir, isfile, lexists
+from pathlib import Path
+from re import escape, fullmatch, match
+from tomllib import TOMLDecodeError, loads
+from typing import NamedTuple
+
+from workflows.scene import InvalidScene
+
+MARKER = ".beadwave"
+PART = ".beadwave-"  # and the number of the process that writes it
+HEAD = "# What beadwave wrote here, with its sha256; the next run clears what is unchanged.\n"
+NO_LOCKS = (ENOLCK, ENOSYS, ENOTSUP)  # file systems without locks
+
+
+class Picture(NamedTuple):
+    """A PNG for `figures/`."""
+
+    name: str
+    png: bytes
+
+
+class RunFolder:
+    """A folder that is written to; `inputs` are never replaced, what is not ours not unasked."""
+
+    def __init__(
+        self, path: Path, *, inputs: tuple[Path, ...] = (), overwrite: bool = False
+    ) -> None:
+        self.path = path
+        self._inputs = inputs
+        self._overwrite = overwrite
+        self._written: set[str] = set()
+
+    @contextmanager
+    def run(self, scene_toml: str, files: Iterable[str] = ()) -> Iterator["RunFolder"]:
+        """A run of this scene that may write these files; what an earlier one left goes.
+
+        Of a run of the same scene only summary and report go first: the rest is written again.
+        """
+        same = _text(self.path / "scene.toml") == scene_toml
+        with self.held(*(() if same else ("scene.toml",)), *files):
+            self._clear(("summary.json", "report.html") if same else self._noted())
+            self.write("scene.toml", scene_toml)
+            yield self
+            self._clear(self._noted().keys() - self._written)
+
+    @contextmanager
+    def renewed(self, *files: str) -> Iterator["RunFolder"]:
+        """The same for a result without a resolved scene: what is not written again goes."""
+        with self.held(*files):
+            yield self
+            self._clear(self._noted().keys() - self._written)
+
+    def require(self, *files: str) -> None:
+        """Raise InvalidScene where the folder cannot be one, or one of these files is not ours."""
+        checked_folder(self.path)
+        for name in files:
+            self._require_no_input(name)
+        for name in files:
+            self._require_ours(name)
+
+    @contextmanager
+    def held(self, *files: str) -> Iterator["RunFolder"]:
+        """The folder, closed to other runs; raises InvalidScene where these files cannot be."""
+        self.require(*files)
+        try:
+            self.make()
+            lock = self._lock()
+            _clear_parts(self.path, self.path / "figures")
+        except OSError as error:
+            raise InvalidScene(
+                f"--out {self.path} cannot be written ({error.strerror}); choose another."
+            ) from None
+        try:
+            yield self
+        finally:
+            close(lock)
+
+    def _lock(self) -> int:
+        """A descriptor of the marker that holds the lock; the system drops it with the process."""
+        marker = open_file(self.path / MARKER, O_RDWR | O_CREAT, 0o666)
+        try:
+            flock(marker, LOCK_EX | LOCK_NB)
+        except BlockingIOError:
+            close(marker)
+            raise InvalidScene(
+                f"--out {self.path} is being written by another run; wait for it or choose another."
+            ) from None
+        except OSError as error:
+            if error.errno not in NO_LOCKS:
+                raise
+        return marker
+
+    def _clear(self, names: Iterable[str]) -> None:
+        """Remove these files as far as they are ours and no input."""
+        for name in names:
+            target = self.path / name
+            if self.ours(name) and not _among(target, self._inputs):
+                target.unlink()
+
+    def make(self) -> None:
+        """Make the folder; raises InvalidScene where it cannot be one."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InvalidScene(
+                f"--out {self.path} cannot be a folder ({error.strerror}); choose another."
+            ) from None
+
+    @contextmanager
+    def writing(self, name: str) -> Iterator[Path]:
+        """A path to write to, renamed to the file once it is complete."""
+        self._require_no_input(name)
+        self._require_ours(name)
+        with writing_file(self.path / name) as part:
+            yield part
+            self._note(name, part)
+
+    def write(self, name: str, content: str | bytes) -> Path:
+        """Write a whole file."""
+        raw = content.encode() if isinstance(content, str) else content
+        if not self.ours(name) or (self.path / name).read_bytes() != raw:
+            with self.writing(name) as part:
+                part.write_bytes(raw)
+        self._written.add(name)
+        return self.path / name
+
+    def _require_no_input(self, name: str) -> None:
+        target = self.path / name
+        if _among(target, self._inputs):
+            raise InvalidScene(f"--out {self.path} would overwrite {target}; choose another.")
+
+    def _require_ours(self, name: str) -> None:
+        target = self.path / name
+        if lexists(target) and not (self._overwrite or self.ours(name)):
+            raise InvalidScene(
+                f"--out {self.path} holds {name} that no run of ours left as it is; "
+                "choose another, or replace it by --overwrite."
+            )
+
+    def ours(self, name: str) -> bool:
+        """Whether the file is there and as we wrote it."""
+        known = self._noted().get(name)
+        return bool(known) and isfile(self.path / name) and _digest(self.path / name) in known
+
+    def _noted(self) -> dict[str, set[str]]:
+        """Digests of what was written, by name; half a line is of a run that was killed."""
+        noted: dict[str, set[str]] = {}
+        for line in (_text(self.path / MARKER) or "").splitlines():
+            if found := fullmatch(r"([0-9a-f]{64})  (.+)", line):
+                noted.setdefault(found[2], set()).add(found[1])
+        return noted
+
+    def _note(self, name: str, part: Path) -> None:
+        digest = _digest(part)
+        self._written.add(name)
+        if digest in self._noted().get(name, ()):
+            return
+        with (self.path / MARKER).open("a", encoding="utf-8") as marker:
+            # the line break before it ends a line that a killed run left half
+            marker.write(("" if marker.tell() else HEAD) + f"\n{digest}  {name}\n")
+
+
+@contextmanager
+def writing_file(path: Path) -> Iterator[Path]:
+    """A path beside to write to, renamed to the file once it is complete; its folder is made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _clear_parts(path.parent)
+    part = path.with_name(f"{PART}{getpid()}-{path.stem[:40]}{path.suffix}")
+    try:
+        yield part
+        replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def checked_file(path: Path, option: str = "--out", *, inputs: tuple[Path, ...] = ()) -> Path:
+    """The path of a file to write later; raises InvalidScene where it cannot be one."""
+    if _among(path, inputs):
+        raise InvalidScene(f"{option} {path} would overwrite what is read; choose another.")
+    if why := _unfit(path.absolute().parent):
+        raise InvalidScene(f"{option} {path} cannot be a file ({why}); choose another.")
+    if lexists(path) and not isfile(path):
+        why = "it is a folder" if isdir(path) else "it is no ordinary file"
+        raise InvalidScene(f"{option} {path} cannot be written, {why}; choose another.")
+    return path
+
+
+def checked_folder(path: Path) -> Path:
+    """The path of a folder to make later; raises InvalidScene where it cannot be one."""
+    if why := _unfit(path.absolute()):
+        raise InvalidScene(f"--out {path} cannot be a folder ({why}); choose another.")
+    return path
+
+
+def _unfit(folder: Path) -> str | None:
+    """Why nothing can be written into a folder that may have to be made."""
+    there = next(each for each in (folder, *folder.parents) if lexists(each))
+    if not isdir(there):
+        return f"{there} is no folder"
+    return None if access(there, W_OK) else f"{there} is read-only"
+
+
+def own_folder(parent: Path, name: str, scene_toml: str) -> Path:
+    """NAME in the parent, or the first of NAME-2, NAME-3, ... that no other scene's files fill."""
+    numbered = (parent / (name if n == 1 else f"{name}-{n}") for n in count(1))
+    return next(path for path in numbered if _takes(path, scene_toml))
+
+
+def _takes(path: Path, scene_toml: str) -> bool:
+    """Whether the folder is absent, or ours with this very scene, or with none yet."""
+    if not lexists(path):
+        return True
+    scene = path / "scene.toml"
+    ours = isfile(path / MARKER) or (isdir(path) and not any(path.iterdir()))
+    return ours and (_text(scene) == scene_toml or not lexists(scene))
+
+
+def other_scene(path: Path, scene_toml: str) -> str | None:
+    """The name of another scene, a run of which fills the folder."""
+    held = _text(path / "scene.toml") if isfile(path / MARKER) else None
+    if held is None or held == scene_toml:
+        return None
+    try:
+        return str(loads(held).get("name", "unknown"))
+    except TOMLDecodeError:
+        return "unknown"
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()
+
+
+def _text(path: Path) -> str | None:
+    return path.read_bytes().decode(errors="replace") if isfile(path) else None
+
+
+def _among(path: Path, inputs: Iterable[Path]) -> bool:
+    return exists(path) and any(exists(each) and path.samefile(each) for each in inputs)
+
+
+def _clear_parts(*folders: Path) -> None:
+    """Remove what processes that are gone left half written."""
+    for folder in folders:
+        for part in folder.glob(f"{PART}*"):
+            if (found := match(rf"{escape(PART)}(\d+)-", part.name)) and not _runs(int(found[1])):
+                part.unlink(missing_ok=True)
+
+
+def _runs(process: int) -> bool:
+    try:
+        kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return process != getpid()
+
+
+def write_pictures(folder: RunFolder, pictures: tuple[Picture, ...]) -> None:
+    """Write each picture to `figures/`."""
+    for picture in pictures:
+        folder.write(f"figures/{picture.name}.png", picture.png)

@@ -1,0 +1,149 @@
+"""A reduced model made elsewhere as the wall: wall.file read, and what forbids it.
+
+Refused is what cannot be run; what can, but was probably meant otherwise, is for wall_doubts.
+"""
+
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import rom
+from workflows.files.foreign import Refused, Unreadable, through_child
+from workflows.scene import InvalidScene, RomWall
+
+ENDINGS = (".npz", ".mat", ".h5", ".mtx")
+MOST_COORDINATES = 4000  # whose modes take half a minute, with the cube of their number
+MOST = 1e40  # in size of K, M, C, w: rigid springs of any code, with room for products
+FEW_DIGITS = -1e-5  # of the largest eigenvalue: what rounding makes of a wall that floats
+
+
+class WallFile(NamedTuple):
+    """A reduced model made elsewhere, with what one solution for its modes says of it."""
+
+    reduced: rom.ReducedModel
+    health: rom.Health
+    modes: rom.ModalWall
+
+
+def loaded(wall: RomWall) -> rom.ReducedModel:
+    """The reduced model of wall.file; raises InvalidScene where it is none, or no wall."""
+    return measured(wall).reduced
+
+
+def measured(wall: RomWall) -> WallFile:
+    """The same with its health and modes, found once while the file stays the same."""
+    path = Path(wall.file)
+    if path.suffix not in ENDINGS:
+        raise InvalidScene(f"wall.file = {wall.file!r} must end in {', '.join(ENDINGS)}.")
+    require_reader(path)
+    if path.suffix != ".mtx" and wall.nodes:
+        raise InvalidScene("wall.nodes names nodes of an Abaqus .mtx; drop it.")
+    found = path.stat()
+    return _measured(path, wall, (found.st_mtime_ns, found.st_size, found.st_ino))
+
+
+@lru_cache(maxsize=1)
+def _measured(path: Path, wall: RomWall, stamp: tuple[int, int, int]) -> WallFile:
+    reduced = _read(path, wall)
+    if len(reduced.w) > MOST_COORDINATES:
+        raise InvalidScene(
+            f"wall.file: {path} has {len(reduced.w)} coordinates, allowed are {MOST_COORDINATES}; "
+            "reduce it further."
+        )
+    for finding in _overflowing(reduced):
+        raise InvalidScene(f"wall.file: {path} is no wall that could be run: {finding}")
+    modes = _modes(reduced)
+    health = rom.health(reduced, modes=modes)
+    for finding in _unsound(health):
+        raise InvalidScene(f"wall.file: {path} is no wall that could be run: {finding}")
+    if wall.half_space is not None:
+        contact = reduced.contact._replace(half_space=wall.half_space)
+        reduced = reduced._replace(contact=contact)
+    return WallFile(reduced, health, modes)
+
+
+def _modes(reduced: rom.ReducedModel) -> rom.ModalWall | None:
+    try:
+        return rom.modal(reduced)
+    except rom.ReductionError:
+        return None  # the health says why
+
+
+def with_surface(wall: RomWall) -> RomWall:
+    """The wall with the material struck that its file states; raises InvalidScene for another."""
+    contact = loaded(wall).contact
+    made_of = {"young": contact.young, "poisson": contact.poisson}
+    known = {key: own for key, own in made_of.items() if own is not None}
+    for key, own in known.items():
+        given = getattr(wall, key)
+        if given is not None and given != own:
+            raise InvalidScene(
+                f"wall.{key} = {given:g}, but wall.file was made of a surface with {own:g}; drop "
+                f"wall.{key}, or take another file."
+            )
+    return wall.model_copy(update=known)
+
+
+def _read(path: Path, wall: RomWall) -> rom.ReducedModel:
+    """The model of a file; text and archives of numpy are parsed here, all else in a child."""
+    try:
+        if path.suffix == ".mtx":
+            return _substructure(path, wall)
+        if path.suffix == ".npz":
+            return rom.load_npz(path)
+        return through_child("reduced", path, rom.load_npz)
+    except (rom.ReductionError, Refused) as error:
+        raise InvalidScene(f"wall.file: {str(error).rstrip('.')}.") from None
+    except Unreadable as error:
+        raise InvalidScene(f"wall.file: {path}: {error}; write it anew.") from None
+
+
+def _overflowing(reduced: rom.ReducedModel):
+    """Numbers whose products are none any more; found before anything is computed with them."""
+    for name in ("K", "M", "C", "w"):
+        A = getattr(reduced, name)
+        if A is not None and np.abs(A).max() > MOST:
+            yield f"{name} holds {np.abs(A).max():.3g}, allowed is up to {MOST:g}; write it in SI."
+
+
+def _unsound(health: rom.Health):
+    hint = " A wall that floats, written with few digits, looks so: write K with 16."
+    rounding = FEW_DIGITS < health.lowest_stiffness < 0
+    yield from (finding + hint * bool(rounding) for finding in health.findings)
+
+
+def _substructure(path: Path, wall: RomWall) -> rom.ReducedModel:
+    known = rom.substructure(path).coordinates
+    if not wall.nodes:
+        some = ", ".join(map(str, sorted({node for node, _ in known})[:6]))
+        raise InvalidScene(
+            f"wall.nodes is missing: {path} is an Abaqus substructure and does not say where the "
+            f"chain touches it; name those nodes of {some} ..., with wall.direction and weights."
+        )
+    weights = wall.weights or (1.0,) * len(wall.nodes)
+    if len(weights) != len(wall.nodes):
+        raise InvalidScene(
+            f"wall.weights has {len(weights)} values for {len(wall.nodes)} nodes; give one each."
+        )
+    if not abs(sum(weights)) > 1e-9 * sum(map(abs, weights)):
+        raise InvalidScene(
+            f"wall.weights = {list(weights)} sum to zero and are no average; those of quadratic "
+            "elements may be negative, their sum is not."
+        )
+    twice = [node for node in wall.nodes if wall.nodes.count(node) > 1]
+    if twice:
+        raise InvalidScene(f"wall.nodes names node {twice[0]} twice; give its weight once.")
+    w = {
+        (node, wall.direction): weight / sum(weights)
+        for node, weight in zip(wall.nodes, weights, strict=True)
+    }
+    return rom.load_mtx(path, w)
+
+
+def require_reader(path: Path) -> None:
+    """Raises InvalidScene for HDF5 where the extra that reads and writes it is not installed."""
+    if path.suffix == ".h5" and find_spec("h5py") is None:
+        raise InvalidScene(f"{path} needs h5py; ./install.sh h5 adds it, or take .npz or .mat.")

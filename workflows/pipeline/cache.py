@@ -1,0 +1,100 @@
+"""Results kept between runs: pickles in a folder of the user's own, each with its checksum.
+
+Who can write a pickle can run code in whoever reads it: a folder that belongs to somebody else, or
+that others may write into, is not read.
+"""
+
+from contextlib import suppress
+from hashlib import file_digest
+from logging import ERROR, getLogger
+from os import W_OK, access, environ, geteuid, replace
+from pathlib import Path
+from stat import S_IWGRP, S_IWOTH
+from warnings import filterwarnings
+
+from joblib import Memory, register_store_backend
+from joblib import __version__ as joblib_version
+from joblib.memory import FileSystemStoreBackend
+from platformdirs import user_cache_path
+
+LIMIT = "8G"
+SUM = "output.sha256"
+OWN = 0o700  # nobody else reads or writes
+
+
+class CheckedStore(FileSystemStoreBackend):
+    """A checksum beside each result; one that does not fit makes the result as good as absent."""
+
+    def dump_item(self, call_id, item, *args, **kwargs):
+        """Keep a result, then its checksum."""
+        super().dump_item(call_id, item, *args, **kwargs)
+        folder = Path(self.location, *call_id)
+        with suppress(OSError):  # a disk that is full keeps no result either
+            part = folder / f"{SUM}.part"
+            part.write_text(_digest(folder / "output.pkl"), encoding="utf-8")
+            replace(part, folder / SUM)
+
+    def load_item(self, call_id, *args, **kwargs):
+        """The result; raises ValueError, upon which it is computed again, where it is damaged."""
+        folder = Path(self.location, *call_id)
+        if _digest(folder / "output.pkl") != (folder / SUM).read_text(encoding="utf-8"):
+            raise ValueError(f"{folder} is damaged")
+        return super().load_item(call_id, *args, **kwargs)
+
+    def get_cached_func_code(self, call_id):
+        """What joblib noted of the function; raises OSError where it is no text."""
+        try:
+            return super().get_cached_func_code(call_id)
+        except UnicodeDecodeError as error:
+            raise OSError(str(error)) from None
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()
+
+
+def cache_folder() -> Path:
+    """Where results are kept: BEADWAVE_CACHE_DIR, or the user's cache."""
+    given = environ.get("BEADWAVE_CACHE_DIR")
+    return Path(given) if given else user_cache_path("beadwave")
+
+
+def memory() -> Memory | None:
+    """The cache, or None where its folder cannot be used."""
+    # an entry that is damaged or does not fit on the disk is computed again, no need to print why
+    getLogger("joblib").setLevel(ERROR)
+    filterwarnings("ignore", module="joblib")
+    register_store_backend("checked", CheckedStore)
+    if fault():
+        return None
+    kept = Memory(_results(), verbose=0, backend="checked")
+    with suppress(OSError):
+        kept.reduce_size(bytes_limit=LIMIT)
+    return kept
+
+
+def fault() -> str | None:
+    """Why the cache is not used, for a sentence after the folder's name."""
+    try:
+        for folder in (cache_folder(), _results()):
+            folder.mkdir(mode=OWN, parents=True, exist_ok=True)
+            if why := _distrusted(folder):
+                return why
+        _results().chmod(OWN)
+    except OSError as error:
+        return f"cannot be written ({error.strerror})"
+    return None if access(_results(), W_OK) else "cannot be written"
+
+
+def _results() -> Path:
+    return cache_folder() / f"joblib-{joblib_version}"
+
+
+def _distrusted(folder: Path) -> str | None:
+    found = folder.stat()
+    if found.st_uid != geteuid():
+        return f"is not trusted: {folder} belongs to another user"
+    if found.st_mode & (S_IWGRP | S_IWOTH):
+        return f"is not trusted: others may write into {folder} (chmod go-w ends that)"
+    return None

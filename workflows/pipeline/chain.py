@@ -1,0 +1,123 @@
+"""The chain of a scene, what it leans on, and the velocities that it starts with."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import coupling
+import dem
+from dem import spheres
+from workflows.scene import Contact, DashpotWall, OneDofWall, RigidWall, RomWall, Scene
+
+
+class Surface(NamedTuple):
+    """Material that the last sphere touches."""
+
+    young: float  # [Pa]
+    poisson: float
+
+
+STEEL = Surface(210e9, 0.3)  # what a wall's file does not say
+
+
+class Start(NamedTuple):
+    """What a run starts from."""
+
+    chain: dem.Chain
+    velocity: np.ndarray  # (n,) [m/s]
+
+
+def start(scene: Scene) -> Start:
+    """The chain and its velocities before the impact."""
+    return Start(chain(scene), initial_velocity(scene))
+
+
+def chain(scene: Scene) -> dem.Chain:
+    """The spheres, their contacts and what holds them."""
+    c, contact, leaf = scene.chain, scene.contact, scene.leaf_springs
+    touched = Surface(np.inf, 0.0) if scene.wall is None else surface(scene)
+    row = dem.row_of_spheres(
+        c.radius,
+        c.density,
+        c.young,
+        c.poisson,
+        count=c.count,
+        wall_young=touched.young,
+        wall_poisson=touched.poisson,
+        free=scene.wall is None,
+        stiffness_factor=np.asarray(contact.stiffness_factor),
+        **dissipation(contact),
+        leaf_stiffness=np.asarray(leaf.stiffness) if leaf else None,
+        leaf_anchor=np.asarray(leaf.offset) if leaf else None,
+        preload=scene.preload.force if scene.preload else 0.0,
+    )
+    if scene.preload:
+        row.mass[-1] += scene.preload.mass
+    if contact.yield_pressure is None:
+        return row
+    return row._replace(yield_overlap=yield_overlaps(row, contact.yield_pressure))
+
+
+def yield_overlaps(row: dem.Chain, pressure: Any) -> np.ndarray:
+    """(n_contacts,) [m] at which the contacts, as stiff as they are, reach the pressure [Pa]."""
+    R = spheres.radii_of_contacts(row.radius)[: row.A.size]
+    E_star = spheres.modulus_of_contact(row.A, R)
+    return spheres.yield_overlap(R, E_star, np.broadcast_to(pressure, R.shape))
+
+
+def dissipation(contact: Contact) -> dict[str, Any]:
+    """The law and its coefficients; a coefficient of zero is no law, and costs nothing."""
+    gamma = np.asarray(contact.coefficient)
+    if contact.dissipation == "none" or not np.any(gamma):
+        return {}
+    return {"dissipation": contact.dissipation, "gamma": gamma}
+
+
+def initial_velocity(scene: Scene) -> np.ndarray:
+    """(n,) [m/s]"""
+    if scene.chain.initial_velocity is not None:
+        return np.array(scene.chain.initial_velocity)
+    return np.array([scene.striker.velocity] + [0.0] * (scene.chain.count - 1))
+
+
+def surface(scene: Scene) -> Surface:
+    """The wall's material at the contact; a rigid wall has an infinite modulus."""
+    if isinstance(scene.wall, RigidWall):
+        return Surface(np.inf, 0.0)
+    wall = scene.wall
+    if isinstance(wall, RomWall) and wall.file is None:
+        wall = scene.assembly.made_of("block")
+    return Surface(
+        STEEL.young if wall.young is None else wall.young,
+        STEEL.poisson if wall.poisson is None else wall.poisson,
+    )
+
+
+def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall | None:
+    """What the chain leans on; None for a free chain."""
+    match scene.wall:
+        case None:
+            return None
+        case OneDofWall(frequency=frequency, mass=mass, damping_ratio=ratio):
+            return dem.one_dof_wall(frequency, mass, ratio)
+        case DashpotWall(coefficient=None, plate_thickness=thickness, density=density):
+            return dem.plate_wall(scene.wall.young, scene.wall.poisson, density, thickness)
+        case DashpotWall(coefficient=coefficient):
+            return dem.dashpot_wall(coefficient)
+        case RomWall():
+            from workflows.pipeline.wall import wall_of
+
+            return wall_of(scene, reduction)
+    return dem.rigid_wall()
+
+
+def contact_radius(scene: Scene, row: dem.Chain, force: float) -> float:
+    """Radius of the contact at the wall [m]."""
+    if row.yield_overlap is not None:
+        return float(
+            spheres.yielded_radius(force, row.radius[-1], row.A[-1], row.yield_overlap[-1])
+        )
+    touched, own = surface(scene), scene.chain
+    E, nu = (np.atleast_1d(value)[-1] for value in (own.young, own.poisson))
+    E_star = spheres.contact_modulus(E, nu, touched.young, touched.poisson)
+    return float(spheres.contact_radius(force, row.radius[-1], E_star))

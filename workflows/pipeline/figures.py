@@ -1,0 +1,108 @@
+"""The stages that draw: kept like any other result, so that a repeated run draws nothing."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from coupling import Impact
+from dem.labels import Label
+from dem.trains import Train
+from workflows.files.run_folder import Picture
+from workflows.pipeline.waves import ChainWaves
+from workflows.results import plots
+from workflows.results.plots import Line, Panel
+from workflows.scene import Scene
+
+LEDGER = {
+    "energy_kinetic": "spheres, kinetic",
+    "energy_contact": "contacts",
+    "energy_leaf": "leaf springs",
+    "energy_wall": "wall modes",
+    "energy_residual": "wall, static",
+    "dissipated_contact": "dissipated in contacts",
+    "dissipated_wall": "dissipated in the wall",
+    "work_preload": "work of the preload",
+}
+
+
+def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, ...]:
+    """Velocities of the observed spheres with their waves, the chain over time, the ledger."""
+    observed = scene.output.spheres or (1, scene.chain.count)
+    return (
+        Picture("velocities", velocities(impact.trajectory, observed, waves.labels)),
+        Picture("waves", space_time(impact.trajectory, waves.trains)),
+        Picture("energies", energies(impact.trajectory)),
+    )
+
+
+def velocities(run, observed: Iterable[int], named: dict[int, tuple[Label, ...]]) -> bytes:
+    """Velocities of the observed spheres, one panel each, the waves marked by their names."""
+    t = 1e3 * run.t
+    sets = [
+        Panel("", "", f"sphere {sphere}\nvelocity [m/s]",
+              [Line(None, t, run.v[:, sphere - 1], "-", i, 1.2)])
+        for i, sphere in enumerate(observed)
+    ]  # fmt: skip
+    size = (8, 1.7 + 1 / len(sets))
+    figure, axes = plots.drawn(sets, size=size, sharex=True, sharey=True)
+    for sphere, axis in zip(observed, axes, strict=True):
+        axis.margins(x=0.01, y=0.15)
+        for label in named.get(sphere, ()):
+            _mark(axis, label)
+    axes[-1].set_xlabel("time [ms]")
+    return plots.png(figure)
+
+
+def _mark(axis: plots.Axes, label: Label) -> None:
+    peak = label.arrival
+    up = 1 if peak.peak_velocity > 0 else -1
+    axis.annotate(
+        _name(label), (1e3 * peak.time, peak.peak_velocity), (0, 3 * up), fontsize=8, ha="center",
+        textcoords="offset points", va="bottom" if up > 0 else "top",
+    )  # fmt: skip
+
+
+def _name(wave: Label | Train) -> str:
+    """A wave's number, after an i if it is incident."""
+    if wave.kind == "reflected":
+        return str(wave.number)
+    return "i" if wave.number == 1 else f"i{wave.number}"
+
+
+def space_time(run, trains: Iterable[Train]) -> bytes:
+    """Velocity of every sphere over time, with the waves that were followed."""
+    figure, (axis,) = plots.subplots(1, 1, (8, 4.6))
+    plots.space_time(axis, run.t, run.v)
+    limits = axis.get_xlim(), axis.get_ylim()
+    late = 1e3 * (0.97 * run.t[-1] + 0.03 * run.t[0])
+    for train in trains:
+        places = [pulse.contact + 0.5 for pulse in train.pulses]
+        times = [1e3 * pulse.time for pulse in train.pulses]
+        axis.plot(times, places, color="black", linewidth=0.8, linestyle=(0, (3, 2)))
+        left = times[-1] > late
+        axis.annotate(
+            _name(train), (times[-1], places[-1]), (-4 if left else 4, 0), fontsize=8, va="center",
+            textcoords="offset points", ha="right" if left else "left",
+            bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "linewidth": 0},
+        )  # fmt: skip
+    axis.set(xlim=limits[0], ylim=limits[1])
+    return plots.png(figure)
+
+
+def energies(run) -> bytes:
+    """The ledger over time and how far it is from closing."""
+    t, ledger = 1e3 * run.t, run._asdict()
+    shown = {name: words for name, words in LEDGER.items() if np.any(ledger[name])}
+    lines = [
+        Line(words, t, 1e3 * ledger[name], None, i, 1.2)
+        for i, (name, words) in enumerate(shown.items())
+    ]
+    lines.append(Line("total", t, 1e3 * run.energy_total, "--", "black", 1.0))
+    gap = (run.energy_total - run.energy_total[0]) / max(run.energy_kinetic[0], 1e-300)
+    power = int(np.floor(np.log10(np.abs(gap).max(initial=0.0) or 1.0)))
+    closure = f"closure error\n[1e{power} of the\nstriker's]"
+    sets = [
+        Panel("", "", "energy [mJ]", lines, legend="above"),
+        Panel("", "time [ms]", closure, [Line(None, t, gap / 10.0**power, "-", "black", 0.9)]),
+    ]
+    return plots.panels(sets, size=(8, 2.8), sharex=True, height_ratios=(3, 1))

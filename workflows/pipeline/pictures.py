@@ -1,0 +1,40 @@
+"""The stage that renders, in a process of its own."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from workflows.files import mode_field as field_file
+from workflows.files.child import child
+from workflows.files.run_folder import Picture
+from workflows.pipeline.assembly import AssemblyModes
+from workflows.scene import Scene
+
+TIME_LIMIT = 120  # s
+
+
+class NoPicture(RuntimeError):
+    """The pictures could not be rendered; the message says what to install."""
+
+
+def pictures(scene: Scene, modes: AssemblyModes) -> tuple[Picture, ...]:
+    """The meshed assembly and the four modes; raises NoPicture where nothing can be rendered."""
+    with TemporaryDirectory() as folder:
+        field = Path(folder) / "modes.vtu"
+        field_file.write(field, modes.field)
+        images = [Path(folder) / "assembly.png", Path(folder) / "modes.png"]
+        _render([str(field), ",".join(modes.field.body_names), *map(str, images)])
+        return tuple(Picture(image.stem, image.read_bytes()) for image in images)
+
+
+def _render(arguments: list[str]) -> None:
+    try:
+        done = child("workflows.results.render", *arguments, seconds=TIME_LIMIT)
+    except TimeoutError:
+        raise NoPicture(
+            f"assembly and modes were not rendered within {TIME_LIMIT} s; the rest is complete."
+        ) from None
+    if done.returncode != 0:
+        raise NoPicture(
+            "assembly and modes could not be rendered, the rest is complete; install an "
+            "off-screen GL library (Debian: apt-get install libgl1 libosmesa6) and run again."
+        )

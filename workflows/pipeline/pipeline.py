@@ -1,0 +1,262 @@
+"""Stages of a run as pure functions of the scene, each kept by content and computed on demand.
+
+    mesh -> model -> modes -> reduction -> wall -> impact
+
+A stage's key is what it reads of the scene, the keys of the stages it needs, the sources that its
+module reaches (`workflows.pipeline.sources`), our version and those of the libraries below. A
+stage whose result is kept never looks at the stages it needs: a new sphere touches nothing of the
+finite elements.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext, suppress
+from hashlib import sha256
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import resolve_name
+from json import dumps
+from os import environ
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from joblib import Memory
+
+from workflows.pipeline.cache import memory
+from workflows.pipeline.sources import fingerprint
+from workflows.scene import RomWall, Scene
+
+LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "gmsh")
+
+Progress = Callable[[str], AbstractContextManager]  # of the stage named, while it runs
+
+
+class Stage(NamedTuple):
+    """One step: its function, what it reads of the scene, what it needs."""
+
+    function: str  # ".module:name" of this package, called with the scene and what it needs
+    reads: Callable[[Scene], Any]
+    needs: tuple[str, ...]
+    kept: bool = True  # a quick stage with a large result is computed anew
+    listed: bool = True  # among the times of a run
+    after: tuple[str, ...] = ()  # what a second process computes for it
+
+    @property
+    def module(self) -> str:
+        """Where the function is."""
+        return resolve_name(self.function.split(":")[0], __package__)
+
+
+class StageReport(NamedTuple):
+    """What a stage took in this run."""
+
+    name: str
+    seconds: float
+    cached: bool
+
+
+def tables_of(*tables: str) -> Callable[[Scene], Any]:
+    """What a stage reads of a scene: these tables whole."""
+    return lambda scene: {name: _plain(getattr(scene, name)) for name in tables}
+
+
+def _plain(table: Any) -> Any:
+    return table.model_dump() if hasattr(table, "model_dump") else table
+
+
+def _wall_reads(scene: Scene) -> Any:
+    file = getattr(scene.wall, "file", None)
+    content = sha256(Path(file).read_bytes()).hexdigest() if file else None
+    return {**tables_of("wall", "damping", "patch", "assembly")(scene), "content": content}
+
+
+def _dimensions(scene: Scene) -> Any:
+    from workflows.scene.assembly import assembly
+
+    own = Path(scene.mesh.file) if scene.mesh.file else None
+    content = sha256(own.read_bytes()).hexdigest() if own and own.is_file() else None
+    return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point, content]
+
+
+COARSE = tables_of("assembly", "joints", "table", "patch")
+ASSEMBLY = {
+    "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
+    "model": Stage(
+        ".assembly:model", tables_of("assembly", "joints", "table"), ("mesh",), kept=False
+    ),
+    "tuning-basis": Stage(".assembly:tuning_basis", tables_of(), ("model",)),
+    "modes": Stage(".assembly:modes", tables_of(), ("model",)),
+    "mac": Stage(".mac:mac", tables_of(), ("model", "modes")),
+    "contact": Stage(".assembly:contact", tables_of("patch"), ("model",), kept=False),
+    "reduction": Stage(
+        ".reduction:reduction",
+        tables_of("reduction", "patch", "assembly"),
+        ("model", "contact", "modes"),
+    ),
+    "coarse-reduction": Stage(
+        ".errors:coarse_reduction", lambda scene: [_dimensions(scene), COARSE(scene)], ()
+    ),
+    "response": Stage(".response:response", tables_of(), ("model", "contact", "reduction")),
+    "compilation": Stage(
+        ".compilation:compilation",
+        lambda scene: [environ.get("NUMBA_CACHE_DIR"), tables_of("damping")(scene)],
+        ("start",),
+    ),
+    "pictures": Stage(".pictures:pictures", tables_of(), ("modes",)),
+}
+
+START = ("chain", "striker", "contact", "leaf_springs", "preload", "wall", "assembly")
+IMPACT = {
+    "start": Stage(".chain:start", tables_of(*START), (), kept=False, listed=False),
+    "impact": Stage(
+        ".impact:impact", tables_of("time", "output"), ("start", "wall"), after=("compilation",)
+    ),
+    "reduction-error": Stage(
+        ".errors:reduction_error", tables_of("time", "output"), ("start", "reduction", "impact")
+    ),
+    "mesh-error": Stage(
+        ".errors:mesh_error",
+        tables_of("damping", "time", "output"),
+        ("start", "coarse-reduction", "impact"),
+    ),
+    "waves": Stage(".waves:waves", tables_of("output"), ("start", "impact")),
+    "figures": Stage(".figures:of_chain", tables_of("output"), ("impact", "waves")),
+}
+
+
+def stages_of(scene: Scene) -> dict[str, Stage]:
+    """The stages that this scene may need; those of an assembly only where one is struck."""
+    needs = ("reduction",) if needs_assembly(scene) and scene.chain else ()
+    wall = Stage(".chain:wall", _wall_reads, needs)
+    if not getattr(scene.wall, "prune", False):
+        return {**ASSEMBLY, "wall": wall, **IMPACT}
+    walls = {
+        "whole-wall": wall,
+        "pruning": Stage(".impact:pruning", tables_of("time"), ("start", "whole-wall")),
+        "wall": Stage(".impact:pruned_wall", tables_of(), ("pruning",)),
+    }
+    return {**ASSEMBLY, **walls, **IMPACT}
+
+
+def needs_assembly(scene: Scene) -> bool:
+    """Whether a run of this scene builds the assembly."""
+    if scene.assembly is None:
+        return False
+    return scene.chain is None or (isinstance(scene.wall, RomWall) and scene.wall.file is None)
+
+
+class Pipeline:
+    """A scene's results, computed or read from the cache when they are asked for."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        memory: Memory,
+        progress: Progress = lambda name: nullcontext(),
+        further: dict[str, Stage] | None = None,
+    ) -> None:
+        self.scene = scene
+        self.reports: list[StageReport] = []
+        self._stages = stages_of(scene) | (further or {})
+        self._results: dict[str, Any] = {}
+        self._keys: dict[str, str] = {}
+        self._computed: set[str] = set()
+        self.keeps = memory.location is not None
+        self._kept = memory.cache(_result, ignore=["pipeline"])
+        self._progress = progress
+        self._spent = 0.0  # s, on all stages so far
+        self.beside: Any = None  # a second process that computes stages, see `aside`
+
+    def __call__(self, name: str) -> Any:
+        """The result of a stage."""
+        if name not in self._results:
+            self._results[name] = self._timed(name)
+        return self._results[name]
+
+    def _timed(self, name: str) -> Any:
+        before, started = self._spent, perf_counter()
+        elsewhere = self._awaited(name)
+        kept = self._stages[name].kept
+        result = self._kept(name, self.key(name), self) if kept else self.compute(name)
+        seconds = perf_counter() - started - (self._spent - before)
+        self._spent += seconds
+        if self._stages[name].listed:
+            here = name in self._computed
+            spent = seconds if here or elsewhere is None else elsewhere
+            self.reports.append(StageReport(name, spent, not here and elsewhere is None))
+        return result
+
+    def _awaited(self, name: str) -> float | None:
+        """Seconds that a second process took for the stage, once it is done there."""
+        if self.beside is None or not self.beside.has(name):
+            return None
+        with self._progress(name):
+            return self.beside.seconds(name, self._meanwhile)
+
+    def _meanwhile(self) -> bool:
+        """Compute a stage that nobody has begun; False where there is none."""
+        name = self.beside.taken()
+        if name is not None:
+            with suppress(Exception):  # raised again where the stage is needed
+                self(name)
+        return name is not None
+
+    def kept(self, name: str) -> bool:
+        """Whether the stage need not be computed."""
+        return self._kept.check_call_in_cache(name, self.key(name), self)
+
+    def ready(self, name: str) -> bool:
+        """Whether all that the stage needs is kept, or not worth keeping."""
+        return all(
+            self.kept(need) if self._stages[need].kept else self.ready(need)
+            for need in self._stages[name].needs
+        )
+
+    def compute(self, name: str) -> Any:
+        """Run a stage on the results it needs."""
+        stage = self._stages[name]
+        needed = [self(need) for need in stage.needs]
+        for other in stage.after if self.beside else ():
+            self(other)
+        function = stage.function.split(":")[1]
+        self._computed.add(name)
+        with self._progress(name):
+            return getattr(import_module(stage.module), function)(self.scene, *needed)
+
+    def key(self, name: str) -> str:
+        """Changes with everything that the stage's result depends on."""
+        if name not in self._keys:
+            self._keys[name] = self._key(self._stages[name], name)
+        return self._keys[name]
+
+    def _key(self, stage: Stage, name: str) -> str:
+        parts = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
+        versions = library_versions(("beadwave", *LIBRARIES))
+        return _digest([*parts, fingerprint(stage.module), versions])
+
+
+def pipeline_of(
+    scene: Scene, progress: Progress, further: dict[str, Stage] | None = None
+) -> Pipeline:
+    """The scene's pipeline on the user's cache, or without one where it cannot be written."""
+    return Pipeline(scene, memory() or Memory(None, verbose=0), progress, further)
+
+
+def _result(name: str, key: str, pipeline: Pipeline) -> Any:
+    return pipeline.compute(name)
+
+
+def _digest(content: Any) -> str:
+    return sha256(dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def library_versions(names: tuple[str, ...]) -> dict[str, str]:
+    """Installed versions by distribution; those that are absent are left out."""
+    return {name: found for name in names if (found := _version(name))}
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None

@@ -1,0 +1,190 @@
+"""The assembly's model in few coordinates at the contact: how many, which, and what it carries."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+import rom
+from workflows.pipeline.assembly import STRUCK, AssemblyModes, dashpots, material
+from workflows.scene import Scene
+
+TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
+MOST_VALUES = 1.5e8  # of the constraint modes: 1.2 GB, some minutes
+HELD_HZ = 0.1  # below, a wall floats for all that a chain notices
+OPEN = 1.0  # [N/m] of a joint that holds nothing
+
+
+def reduction(
+    scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes
+) -> rom.ReducedModel:
+    """The model in few coordinates at the contact, with the way back to the outer nodes alone."""
+    w_reading = reading(scene, model)
+    _require_other_nodes(scene, contact, w_reading)
+    try:
+        reduced = _reduced(scene, model, contact, modes, w_reading)
+    except rom.ReductionError:
+        _require_held(scene, modes)
+        raise
+    known = contact_of(scene, model, contact)._replace(
+        weights_read=None if w_reading is None else w_reading @ reduced.T,
+        modes_hz=tuple(modes.field.frequency_hz.tolist()) or None,
+    )
+    boundary = boundary_of(contact, w_reading, dashpots(scene, model))
+    outer = fem.outer_nodes(model.structure.basis)
+    T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
+    return reduced._replace(
+        T=None,
+        notes={"patch_weights": contact.weights, "patch_radius_m": repr(contact.radius)},
+        surface=rom.Surface(outer.points, outer.faces, T),
+        coordinates=names(model, boundary, reduced),
+        contact=known,
+        mass=mass_properties(model, reduced),
+        finer=reduced.finer._replace(contact=known._replace(weights_read=None)),
+    )
+
+
+def _require_other_nodes(scene: Scene, contact: fem.ContactPatch, w_reading) -> None:
+    """Raise ValueError where the thesis' scheme would read the node that it pushes."""
+    aside = w_reading is not None and not scene.patch.nodes
+    if aside and np.array_equal(w_reading, contact.w):
+        raise ValueError(
+            f'patch.weights = "thesis" would read the node that it pushes: patch.radius = '
+            f"{scene.patch.radius} m ends nearer to it than to the next, with mesh.contact_seed = "
+            f"{scene.mesh.contact_seed} m; raise the radius or refine the mesh."
+        )
+
+
+def _reduced(
+    scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes, w_reading
+) -> rom.ReducedModel:
+    asked = {**size(scene), "factorise": fem.factorised, "C": dashpots(scene, model)}
+    if scene.reduction.kind == "craig-bampton":
+        boundary = boundary_of(contact, w_reading, asked["C"])
+        _require_room(scene, len(boundary), len(contact.w))
+        ready = hammer_modes(modes) if asked["choice"] == "contact" else None
+        return rom.craig_bampton(model.K, model.M, contact.w, boundary, **asked, modes=ready)
+    ready = _ready(scene, modes) if asked["choice"] == "lowest" else hammer_modes(modes)
+    return rom.free_modes(model.K, model.M, contact.w, **asked, modes=ready)
+
+
+def boundary_of(contact: fem.ContactPatch, w_reading, C) -> NDArray[np.int64]:
+    """Dofs (b,) that a Craig-Bampton model keeps as they are."""
+    # w reads x alone: y and z of its nodes would only be constraint modes to solve for
+    boundary = np.flatnonzero(contact.w if w_reading is None else contact.w + w_reading)
+    if C is None:
+        return boundary
+    return np.union1d(boundary, np.flatnonzero(C.diagonal()))  # modes answer slowly to dashpots
+
+
+def names(
+    model: fem.Model, boundary: NDArray[np.int64], reduced: rom.ReducedModel
+) -> tuple[str, ...]:
+    """What each coordinate is: displacements of the boundary, then amplitudes of shapes."""
+    kept = [_place(model, dof) for dof in model.free[boundary[: reduced.n_boundary]]]
+    shapes = range(1, len(reduced.w) - reduced.n_boundary + 1)
+    return (*kept, *(f"amplitude of shape {j}" for j in shapes))
+
+
+def _place(model: fem.Model, dof: int) -> str:
+    basis = model.structure.basis
+    if dof >= basis.N:
+        return "elongation of a joint"
+    x, y, z = basis.doflocs[:, dof]
+    return f"u_{'xyz'[dof % 3]} at x = {x:.6g}, y = {y:.6g}, z = {z:.6g} m"
+
+
+def _require_room(scene: Scene, n_boundary: int, n: int) -> None:
+    """Raise ValueError where constraint modes (n, n_boundary) would not fit into memory."""
+    if n_boundary * n > MOST_VALUES:
+        raise ValueError(
+            f"patch.radius = {scene.patch.radius} m holds {n_boundary} nodes of mesh.contact_seed "
+            f"= {scene.mesh.contact_seed} m, whose constraint modes of {n} unknowns would take "
+            f"{8e-9 * n_boundary * n:.1f} GB, allowed are {8e-9 * MOST_VALUES:.1f}; take a larger "
+            'seed, a smaller patch, or reduction.kind = "free-modes".'
+        )
+
+
+def _require_held(scene: Scene, modes: AssemblyModes) -> None:
+    """Raise ValueError with the keys to change where a reduction failed on parts that nothing
+    holds."""
+    lowest = modes.omega.min() / (2 * np.pi)
+    if lowest > HELD_HZ:
+        return
+    keys = [(joint, key) for joint in ("head", "foot") for key in fem.DIRECTIONS]
+    open_joints = [
+        f"joints.{joint}.{key} = {k:g}"
+        for joint, key in keys
+        if scene.joints and (k := getattr(getattr(scene.joints, joint), key)) < OPEN
+    ]
+    loose = ", ".join(open_joints) or f"assembly.parts = {list(scene.assembly.parts)}"
+    raise ValueError(
+        f"the assembly, or a part of it, is not held: its lowest mode is at {lowest:.2g} Hz, with "
+        f"{loose}. Constraint modes need what is held; hold it, or take reduction.kind = "
+        '"free-modes".'
+    )
+
+
+def mass_properties(model: fem.Model, reduced: rom.ReducedModel) -> rom.MassProperties:
+    """Of the parts, and the share of their mass that the reduced model carries along the chain."""
+    body = fem.rigid_body(model.structure)
+    centre = tuple((np.round(body.centre, 9) + 0.0).tolist())  # no rounding, no minus zero
+    return rom.MassProperties(body.mass, centre, body.grounding, mass_captured(model, reduced))
+
+
+def size(scene: Scene) -> dict:
+    """How many modes, which, and up to what frequency."""
+    table = scene.reduction
+    choice = "lowest" if table.cutoff is not None else table.choice
+    to_hz = table.to_hz or (TO_HZ if table.error or choice == "contact" else None)
+    return {
+        "finer_hz": TO_HZ,
+        "n_modes": table.modes,
+        "cutoff_hz": table.cutoff,
+        "error": table.error,
+        "to_hz": to_hz,
+        "choice": choice,
+    }
+
+
+def hammer_modes(modes: AssemblyModes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The modes of the hammer test, which stay whatever the contact says."""
+    # a motion that nothing holds may bear two of the characters that the modes are found by
+    index = np.unique(modes.index[modes.index >= 0])
+    return modes.omega[index], modes.phi[:, index]
+
+
+def _ready(
+    scene: Scene, modes: AssemblyModes
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """The modes that are there, where they are enough."""
+    table, found = scene.reduction, len(modes.omega)
+    below = table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
+    enough = below or (table.modes is not None and table.modes <= found)
+    return (modes.omega, modes.phi) if enough else None
+
+
+def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
+    """w (n,) that reads the wall where the thesis' scheme does so elsewhere than it pushes."""
+    patch = scene.patch
+    if patch.weights != "thesis":
+        return None
+    y, z = patch.point
+    beside = ((y - patch.radius, z), (y + patch.radius, z))
+    return fem.node_patch(model, STRUCK, patch.nodes or beside).w
+
+
+def mass_captured(model: fem.Model, reduced: rom.ReducedModel) -> float:
+    """Share of the assembly's mass that the reduced model carries along the chain."""
+    on_mesh = reduced._replace(T=model.T @ reduced.T)
+    along_x = np.arange(model.T.shape[0]) % 3 == 0
+    return rom.effective_mass(on_mesh, model.structure.M, along_x).captured
+
+
+def contact_of(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> rom.Contact:
+    """The material that is struck, and the half-space that the Hertz law holds once more."""
+    steel = material(scene.assembly, "block")
+    if scene.patch.weights == "thesis":  # reads far from the node it loads, and takes nothing off
+        local = 0.0
+    else:
+        local = fem.half_space_on_mesh(model, STRUCK, contact, steel)
+    return rom.Contact(half_space=local, young=steel.young, poisson=steel.poisson)

@@ -1,0 +1,170 @@
+"""A run: the stages a scene needs, and what each leaves in the run folder as it ends."""
+
+from collections.abc import Iterator
+from contextlib import nullcontext
+from platform import python_version
+
+from coupling import CoupledWall
+from workflows.files.run_folder import RunFolder, write_pictures
+from workflows.pipeline import warnings
+from workflows.pipeline.aside import IMPACT, RUN, two_processes
+from workflows.pipeline.chain import contact_radius
+from workflows.pipeline.impact import require_start, save_trajectory, yielding
+from workflows.pipeline.pipeline import (
+    LIBRARIES,
+    Pipeline,
+    Progress,
+    library_versions,
+    needs_assembly,
+    pipeline_of,
+)
+from workflows.pipeline.waves import chain_contact, sphere_waves
+from workflows.results.report import CAPTIONS, write_report
+from workflows.results.summary import ErrorEstimate, StageTime, Summary
+from workflows.scene import Scene
+from workflows.scene.toml import toml
+
+IMPACT_FILES = ("summary.json", "trajectory.npz")
+FILES = (
+    *IMPACT_FILES,
+    "report.html",
+    "rom.npz",
+    "rom.mat",
+    "modes.vtu",
+    *(f"figures/{name}.png" for name in CAPTIONS),
+)
+
+
+def run(scene: Scene, folder: RunFolder, *, progress: Progress) -> Summary:
+    """Fill the run folder with all that the scene gives."""
+    if scene.chain:
+        require_start(scene)
+    with folder.run(toml(scene), FILES):
+        pipeline = pipeline_of(scene, progress)
+        with two_processes(pipeline, RUN) if needs_assembly(scene) else nullcontext():
+            unrendered = _write_assembly(pipeline, folder) if needs_assembly(scene) else ()
+            if scene.chain:
+                _write_trajectory(pipeline, folder)
+                write_pictures(folder, pipeline("figures"))
+            summary = summary_of(pipeline, unrendered)
+        folder.write("summary.json", summary.text())
+        write_report(folder)
+    return summary
+
+
+def impact(scene: Scene, folder: RunFolder | None, *, progress: Progress) -> Summary:
+    """The coupled run alone; the folder, if any, gets scene, trajectory and summary."""
+    require_start(scene)
+    with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext():
+        pipeline = pipeline_of(scene, progress)
+        with two_processes(pipeline, IMPACT) if needs_assembly(scene) else nullcontext():
+            summary = summary_of(pipeline)
+        if folder:
+            _write_trajectory(pipeline, folder)
+            folder.write("summary.json", summary.text())
+    return summary
+
+
+def _write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:
+    """Modes, reduced model and pictures, each as soon as it is there; a warning without them."""
+    from workflows.files import mode_field
+    from workflows.pipeline.pictures import NoPicture
+    from workflows.pipeline.wall import save
+
+    with folder.writing("modes.vtu") as path:
+        mode_field.write(path, pipeline("modes").field)
+    for name in ("rom.npz", "rom.mat"):
+        with folder.writing(name) as path:
+            save(path, pipeline("reduction"), pipeline.scene.damping)
+    write_pictures(folder, (pipeline("response").picture,))
+    try:
+        write_pictures(folder, pipeline("pictures"))
+    except NoPicture as missing:
+        return (str(missing),)
+    return ()
+
+
+def _write_trajectory(pipeline: Pipeline, folder: RunFolder) -> None:
+    trajectory = pipeline("impact").trajectory
+    with folder.writing("trajectory.npz") as path:
+        save_trajectory(path, trajectory)
+
+
+def summary_of(pipeline: Pipeline, told: tuple[str, ...] = ()) -> Summary:
+    """The numbers of a run; a stage that the run did not need is left at its absence."""
+    scene, found = pipeline.scene, {}
+    told = [*told, *(() if pipeline.keeps else warnings.results_not_kept())]
+    if scene.chain:
+        errors, doubts = _errors(pipeline)
+        found |= _chain_numbers(pipeline) | {"error_estimate": errors}
+        needed = [pipeline(name) for name in ("start", "impact", "waves")]
+        told += [*doubts, *warnings.of_chain(scene, *needed)]
+    found |= _model_numbers(pipeline)
+    if needs_assembly(scene):
+        told += found["reduction"].findings
+    return Summary(
+        scene=scene.name,
+        stages=tuple(StageTime(**report._asdict()) for report in pipeline.reports),
+        warnings=tuple(told),
+        versions={"python": python_version(), **library_versions(("beadwave", *LIBRARIES))},
+        **found,
+    )
+
+
+def _chain_numbers(pipeline: Pipeline) -> dict:
+    scene, wall, found = pipeline.scene, pipeline("wall"), pipeline("waves")
+    run, verdict, *_ = pipeline("impact")
+    row = pipeline("start").chain
+    numbers = {
+        "n_wall_modes": 0 if wall is None else len(wall.omega),
+        "dt_s": run.dt,
+        "n_steps": run.n_steps,
+        "energy_error": run.energy_error,
+        "verdict": (*verdict.sentences, *yielding(row, run)),
+        "waves": {str(s): sphere_waves(found, run.t, run.v[:, s - 1], s) for s in found.labels},
+        "wall_contact": chain_contact(scene, found),
+    }
+    if wall is None:
+        return numbers
+    if getattr(scene.wall, "prune", False):
+        numbers["wall_modes_left_out"] = pipeline("pruning").sentences
+    peak = float(run.contact_force[:, -1].max())
+    radius = contact_radius(scene, row, peak)
+    return numbers | {"peak_wall_force_N": peak, "contact_radius_m": radius}
+
+
+def _errors(pipeline: Pipeline) -> tuple[ErrorEstimate, list[str]]:
+    """The estimates, and warnings of those that are large or that could not be made."""
+    found, told = {"time": pipeline("impact").trajectory.error_estimate}, []
+    for name in _estimated(pipeline):
+        try:
+            found[name] = pipeline(f"{name}-error")
+            told += warnings.large_model_error(name, found[name])
+        except ValueError as reason:  # the run stands without it
+            told.append(f"The error of the {name} could not be estimated: {reason}")
+    return ErrorEstimate(**found), told
+
+
+def _estimated(pipeline: Pipeline) -> Iterator[str]:
+    """Models whose error a coarser one tells; nobody knows how to coarsen a user's own mesh."""
+    if needs_assembly(pipeline.scene) and not isinstance(pipeline("wall"), CoupledWall):
+        yield "reduction"
+        if pipeline.scene.mesh.file is None:
+            yield "mesh"
+
+
+def _model_numbers(pipeline: Pipeline) -> dict:
+    """The assembly's part of the summary, or that of a wall from a file."""
+    scene = pipeline.scene
+    if needs_assembly(scene):
+        from workflows.pipeline.health import reduction_health
+
+        modes, health = pipeline("modes"), reduction_health(pipeline("reduction"))
+        return {"modes_hz": modes.paired_hz, "dofs": modes.n_dofs, "reduction": health}
+    if getattr(scene.wall, "file", None):
+        from workflows.files.wall import measured
+        from workflows.pipeline.health import reduction_health
+
+        file = measured(scene.wall)
+        return {"reduction": reduction_health(file.reduced, file.health)}
+    return {}

@@ -1,0 +1,81 @@
+"""Which of our sources a module runs: its own and those of all that it imports among ours.
+
+Read from the text, without importing anything: a module named in an import statement, at any
+depth, or in a string of its own (what a child process runs), and a data file that stands beside
+the module and is named in it.
+"""
+
+import re
+from functools import cache
+from hashlib import sha256
+from importlib.util import find_spec
+from pathlib import Path
+
+ROOMS = ("geometry", "fem", "rom", "dem", "coupling", "workflows")
+ROOM = rf"(?:{'|'.join(ROOMS)})"
+OURS = rf"{ROOM}(?:\.\w+)*"
+FROM = re.compile(rf"^[ \t]*from[ \t]+({OURS})[ \t]+import[ \t]+(\([^)]*\)|[^\n]+)", re.MULTILINE)
+IMPORT = re.compile(r"^[ \t]*import[ \t]+([^\n]+)", re.MULTILINE)
+NAMED = re.compile(rf'"({ROOM}(?:\.\w+)+)"')
+DATA = re.compile(r'"([\w.-]+\.(?:toml|json|csv))"')
+
+
+@cache
+def fingerprint(module: str) -> str:
+    """A digest of every source and data file that the module runs or reads."""
+    read = sha256()
+    for name in sorted(modules(module)):
+        for path in files(name):
+            read.update(f"{name} {path.name}\n".encode() + path.read_bytes())
+    return read.hexdigest()
+
+
+def modules(module: str) -> set[str]:
+    """The module and all of ours that it imports, and those that these import."""
+    found: set[str] = set()
+    ahead = [module]
+    while ahead:
+        name = ahead.pop()
+        if name not in found:
+            found.add(name)
+            ahead += imported(name)
+    return found
+
+
+@cache
+def imported(module: str) -> frozenset[str]:
+    """Ours among what the module itself imports; a package stands for its `__init__`."""
+    text = _origin(module).read_text(encoding="utf-8")
+    names = [name for line in IMPORT.findall(text) for name in _words(line)]
+    for package, words in FROM.findall(text):
+        names += [package, *(f"{package}.{word}" for word in _words(words))]
+    return frozenset(name for name in [*names, *NAMED.findall(text)] if _origin(name))
+
+
+def files(module: str) -> list[Path]:
+    """The module's source and the data files beside it that it names."""
+    source = _origin(module)
+    named = DATA.findall(source.read_text(encoding="utf-8"))
+    return [source, *(path for name in named if (path := source.parent / name).is_file())]
+
+
+def _words(names: str) -> list[str]:
+    parts = (part.split() for part in names.strip("()").split(","))
+    return [part[0] for part in parts if part]
+
+
+@cache
+def _origin(name: str) -> Path | None:
+    """The file of a module of ours; None for anything else, a function in one for instance."""
+    room, *below = name.split(".")
+    if room not in ROOMS:
+        return None
+    # find_spec imports what is above a module; a room alone has nothing above it
+    path = _folder(room).joinpath(*below)
+    candidates = (path.with_name(f"{path.name}.py"), path / "__init__.py")
+    return next((file for file in candidates if file.is_file()), None)
+
+
+@cache
+def _folder(room: str) -> Path:
+    return Path(find_spec(room).origin).parent

@@ -1,0 +1,47 @@
+"""The wall that a reduced model makes, of this scene's assembly or from a file."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import coupling
+import dem
+import rom
+from coupling import wall as reduced_walls
+from workflows.files.wall import measured
+from workflows.scene import Damping, ModalDamping, RayleighDamping, Scene
+from workflows.thesis import HAMMER_TEST_HZ
+
+
+def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coupling.CoupledWall:
+    """The wall with the damping and up to the cutoff of the scene."""
+    if reduction is None:
+        reduced, _, modes = measured(scene.wall)
+    else:
+        reduced, modes = reduction, None
+    held = damping(scene.damping, reduced)
+    return reduced_walls.wall_of(reduced, damping=held, cutoff_hz=scene.wall.cutoff, modes=modes)
+
+
+def damping(table: Damping, reduced: rom.ReducedModel) -> coupling.Damping | None:
+    """The scene's damping; ratios of the hammer-test modes go to the modes nearest to them."""
+    return damping_law(table, reduced.contact.modes_hz or HAMMER_TEST_HZ)
+
+
+def damping_law(table: Damping, hammer_modes_hz: Sequence[float]) -> coupling.Damping | None:
+    """The same for hammer-test modes at these frequencies [Hz]."""
+    match table:
+        case RayleighDamping(frequency=(f1, f2), ratio=(zeta1, zeta2)):
+            return coupling.rayleigh(f1, zeta1, f2, zeta2)
+        case RayleighDamping(alpha=alpha, beta=beta):
+            return coupling.RayleighDamping(alpha, beta)
+        case ModalDamping(ratio=float(ratio)):
+            return coupling.ModalDamping(ratio)
+        case ModalDamping(ratio=ratio):
+            return coupling.ModalDamping(ratio, hammer_modes_hz, "nearest")
+    return None
+
+
+def save(path: Path, reduced: rom.ReducedModel, table: Damping) -> None:
+    """Write a reduced model in the format of the ending, with what the scene's damping adds."""
+    write = {".npz": rom.save_npz, ".mat": rom.save_mat, ".h5": rom.save_h5}[path.suffix]
+    write(path, reduced, C_damping=reduced_walls.damping_matrix(reduced, damping(table, reduced)))

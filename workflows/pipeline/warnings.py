@@ -1,0 +1,286 @@
+"""Warnings of a run: what can be run, but is to be trusted in part or was probably meant otherwise.
+
+Each function yields sentences on the one thing that its name says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import ceil, isnan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import coupling
+import dem
+from dem import solitary
+from dem.solitary import WIDTH
+from dem.wave_measures import contact_time
+from workflows.pipeline.cache import cache_folder, fault
+from workflows.pipeline.chain import Start
+from workflows.pipeline.waves import ChainWaves
+from workflows.scene import DashpotWall, RomWall, Scene
+
+if TYPE_CHECKING:
+    import rom  # a run without a reduced model does not load it
+
+LARGE = 0.1  # error of the velocities, over the striker's
+CURES = {
+    "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
+    "mesh": "take smaller elements (mesh.seed, mesh.block_seed, mesh.support_seed)",
+}
+LARGE_STEP_ERROR = 0.01  # of a step that the scene gives
+THIN = 0.65  # k h up to which Zener's plate takes the energy of a solid one within a tenth
+
+TRUSTED = 0.7  # quality below which a wave's numbers are not to be believed
+UNEQUAL = 1.25  # ratio of masses from which on waves are not those of equal spheres
+PRESSED = 0.05  # of the striker's energy, still elastic when the record ends
+PER_WAVE = 5  # samples that show a crest
+
+COMPLIANCE = (1e-13, 0.1)  # [m/N] a block of steel to a ruler, held at one end
+LOWEST_HZ = (0.1, 50e3)
+HIGHEST_HZ = (50.0, 1e9)  # of several: a chain's waves last a tenth of a millisecond
+RIGID = 6  # motions of a body without stiffness
+SOFT = 1 / 100  # of the next frequency: nothing bolted sways as slowly as that beside it
+
+
+def of_chain(
+    scene: Scene, start: Start, impact: coupling.Impact, waves: ChainWaves
+) -> Iterator[str]:
+    """All that a run of the chain and its waves give rise to."""
+    run = impact.trajectory
+    yield from judged(impact)
+    yield from dem.outside(dem.strain(start.chain, scene.chain.young, run.contact_force, run.v))
+    yield from large_step_error(run.error_estimate)
+    yield from beyond_the_horizon(scene)
+    if isinstance(scene.wall, RomWall) and scene.wall.file is not None:
+        yield from unusual_wall_file(scene.wall)
+    yield from shortened_step(scene)
+    yield from thick_plate(scene, run)
+    yield from unequal_spheres(start)
+    yield from overlapping_waves(waves)
+    yield from short_record(scene, start, waves, run)
+
+
+def results_not_kept() -> Iterator[str]:
+    """A folder for results that cannot be written or trusted."""
+    if why := fault():
+        yield (
+            f"Nothing is kept for the next run, {cache_folder()} {why}; "
+            "BEADWAVE_CACHE_DIR names another folder."
+        )
+
+
+def judged(impact: coupling.Impact) -> Iterator[str]:
+    """What the verdict found, and the energy that a wall made that is not passive."""
+    yield from impact.verdict.findings
+    gain = impact.energy_gain
+    if not impact.verdict.passive:
+        yield (
+            f"This wall does not conserve energy: the largest gain is {gain.largest:.3g} of the "
+            f"striker's at {gain.time * 1e3:.3g} ms, at the end it is {gain.final:+.3g}."
+        )
+
+
+def large_model_error(name: str, error: float) -> Iterator[str]:
+    """A reduction or a mesh whose error shows in the velocities."""
+    if error > LARGE:
+        yield (
+            f"The error of the {name} is about {100 * error:.0f} % of the striker's speed: "
+            f"{CURES[name]}."
+        )
+
+
+def large_step_error(error: float | None) -> Iterator[str]:
+    """A step given by the scene that leaves too much."""
+    if error is not None and error > LARGE_STEP_ERROR:
+        yield (
+            f"The step leaves an error of {error:.2g} in the velocities; take a smaller time.dt, "
+            "or ask for time.error."
+        )
+
+
+def beyond_the_horizon(scene: Scene) -> Iterator[str]:
+    """A run that goes on beyond the time up to which its velocities are held."""
+    time = scene.time
+    if time.dt is None and time.duration > time.horizon:
+        yield (
+            f"The velocities are held to the error until {1e3 * time.horizon:g} ms; beyond, only "
+            "the energy is, since spheres move chaotically after tens of impacts. time.horizon "
+            "moves it."
+        )
+
+
+def shortened_step(scene: Scene) -> Iterator[str]:
+    """Samples to save that lie closer than the step that was given."""
+    spacing, dt = scene.time.duration / (scene.output.samples - 1), scene.time.dt
+    if dt is not None and dt > spacing * (1 + 1e-9):
+        yield (
+            f"time.dt = {dt:g} s is longer than the spacing of the saved samples, which is the "
+            f"step that was taken, {spacing:g} s; lower output.samples to march with time.dt."
+        )
+
+
+def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
+    """A plate that is not thin against the bending waves of the contact."""
+    wall = scene.wall
+    if not isinstance(wall, DashpotWall) or wall.plate_thickness is None:
+        return
+    plate = coupling.Plate(wall.young, wall.poisson, wall.density, wall.plate_thickness)
+    seconds = contact_time(run.t, run.contact_force[:, -1]).seconds
+    slender = coupling.slenderness(plate, seconds) if 0 < seconds < np.inf else 0.0
+    if slender >= THIN:
+        yield (
+            f"The plate is thick against its bending waves (k h = {slender:.2f}, thin is below "
+            f"{THIN:g}); a solid one takes over a tenth more energy, see beadwave study "
+            "wall-thickness."
+        )
+
+
+def unequal_spheres(start: Start) -> Iterator[str]:
+    """Masses that differ, save the striker's and that of what is fixed to the last sphere."""
+    mass = start.chain.mass[1:-1]
+    spread = float(mass.max() / mass.min()) if mass.size else 1.0
+    if spread >= UNEQUAL:
+        yield (
+            f"The spheres' masses differ by a factor of {spread:.3g}: waves are followed and named "
+            "by the solitary wave of equal spheres, which theirs are not; do not trust names, "
+            "speeds, ARR and TOF."
+        )
+
+
+def overlapping_waves(found: ChainWaves) -> Iterator[str]:
+    """Waves of a quality too low to be trusted."""
+    named = [label.arrival for labels in found.labels.values() for label in labels]
+    poor = sum(wave.quality < TRUSTED for wave in named)
+    if not poor:
+        return
+    has, it, its = ("has", "it overlaps", "its") if poor == 1 else ("have", "they overlap", "their")
+    yield (
+        f"{poor} of {len(named)} waves at the observed spheres {has} a quality below {TRUSTED:g}: "
+        f"{it} with others too much to be taken apart, or the spheres differ; do not trust {its} "
+        f"velocit{'y' if poor == 1 else 'ies'}."
+    )
+
+
+def short_record(
+    scene: Scene, start: Start, found: ChainWaves, run: dem.Trajectory
+) -> Iterator[str]:
+    """What the end of the record cuts off, or its samples do not show."""
+    if found.contact is None:
+        return
+    ends = f"time.duration = {scene.time.duration:g} s ends"
+    pressed = run.energy_contact[-1] - run.energy_contact[0]
+    share = float(pressed / run.energy_kinetic[0]) if run.energy_kinetic[0] else 0.0
+    if isnan(found.contact.contact_time.seconds):
+        before = (
+            f"{ends} before a wave is at the wall: nothing is measured there; take a longer one."
+        )
+        yield from coarse_samples(scene, start) or (before,)
+    elif share >= PRESSED:
+        yield (
+            f"{ends} while contacts hold {100 * share:.0f} % of the striker's energy more than at "
+            "rest: the sum of velocities (2.8) and the restitution are not those of spheres that "
+            "have parted; take a longer one."
+        )
+
+
+def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
+    """A sentence where a wave passes a sphere between two samples."""
+    row, striker = start.chain, float(np.abs(start.velocity).max())
+    spacing = scene.time.duration / (scene.output.samples - 1)
+    width = WIDTH / float(solitary.speed(striker, row.mass[: row.A.size], row.A).max())
+    if not spacing > width:
+        return ()
+    return (
+        f"output.samples = {scene.output.samples} leaves {spacing:.2g} s between samples, in which "
+        f"waves of {width:.2g} s pass unseen: nothing is measured at the wall; take at least "
+        f"{ceil(PER_WAVE * scene.time.duration / width)}.",
+    )
+
+
+def unusual_wall_file(wall: RomWall) -> Iterator[str]:
+    """A material that nobody gave, weights that are no average, other units than N/m and kg, loose
+    parts, a wall that was to float, a half-space larger than what holds it."""
+    import rom
+    from workflows.files.wall import measured
+
+    reduced, _, modes = measured(wall)
+    compliance = rom.modal_compliance(modes)
+    yield from _unsaid_material(wall)
+    yield from _no_average(reduced)
+    yield from _other_units(modes, compliance)
+    yield from _loose(modes)
+    yield from _hardly_held(modes)
+    yield from _too_large_half_space(modes, compliance, reduced.contact.half_space or 0.0)
+
+
+def _unsaid_material(wall: RomWall):
+    unsaid = [f"wall.{key}" for key in ("young", "poisson") if getattr(wall, key) is None]
+    if unsaid:
+        yield (
+            f"Neither the scene nor wall.file says {' and '.join(unsaid)} of the surface that is "
+            "struck: that of steel is assumed."
+        )
+
+
+def _no_average(reduced: rom.ReducedModel):
+    total = float(reduced.w.sum())
+    modal = not np.any(reduced.K - np.diag(np.diag(reduced.K)))
+    # its sign is no matter: the force enters through it as well
+    if reduced.kind != "imported" or modal or abs(abs(total) - 1) < 1e-6:
+        return
+    yield (
+        f"The weights w of wall.file sum to {total:.6g}, not to 1: they read {total:.6g} m where "
+        "all its points move by 1 m. That is right for coordinates other than displacements only."
+    )
+
+
+def _other_units(modes: rom.ModalWall, compliance: float):
+    elastic = modes.omega[modes.omega > 0]
+    lowest = elastic[0] / (2 * np.pi) if len(elastic) else None
+    highest = elastic[-1] / (2 * np.pi) if len(elastic) > 1 else None
+    measures = (
+        ("static compliance at the contact", compliance or None, COMPLIANCE, "m/N"),
+        ("lowest elastic mode", lowest, LOWEST_HZ, "Hz"),
+        ("highest mode", highest, HIGHEST_HZ, "Hz"),
+    )
+    for name, value, (least, most), unit in measures:
+        if value is not None and not least < value < most:
+            yield (
+                f"The {name} of wall.file is {value:.3g} {unit}, far from {least:g} to {most:g} "
+                f"{unit} of solid walls; K is taken in N/m, M in kg, both in SI."
+            )
+
+
+def _loose(modes: rom.ModalWall):
+    n, rigid = len(modes.omega), int(np.count_nonzero(modes.omega == 0))
+    if rigid == n > 1:
+        yield f"K of wall.file is zero: its {n} coordinates are loose masses."
+    elif rigid > RIGID:
+        yield (
+            f"{rigid} of the {n} modes of wall.file have no stiffness, a body that floats has "
+            f"{RIGID}: parts of it are loose."
+        )
+
+
+def _hardly_held(modes: rom.ModalWall):
+    """A K of few digits holds a wall that floats by springs that are rounding."""
+    hz = modes.omega[modes.omega > 0] / (2 * np.pi)
+    steps = hz[:RIGID][: len(hz) - 1] / hz[1:][:RIGID]
+    if len(steps) and steps.min() < SOFT:
+        slow = int(steps.argmin())
+        yield (
+            f"wall.file has {slow + 1} modes up to {hz[slow]:.3g} Hz, the next is at "
+            f"{hz[slow + 1]:.3g} Hz: a wall that floats, its K written with too few digits, looks "
+            "so. Write 16 digits, or take it as held that softly."
+        )
+
+
+def _too_large_half_space(modes: rom.ModalWall, whole: float, local: float):
+    if modes.omega.all() and local > whole:
+        yield (
+            f"The half-space taken off is {local:.3g} m/N, more than the {whole:.3g} m/N of all of "
+            "wall.file: what is left of the structure pushes back. Is wall.half_space that of its "
+            "patch?"
+        )

@@ -1,0 +1,94 @@
+"""The waves of a run as a stage: followed through the chain, named, and measured at the wall."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupling import Impact
+from dem.labels import Label, labels
+from dem.trains import Train, trains
+from dem.wave_measures import WallContact, train_speed, wall_contact
+from dem.waves import Arrival, arrivals, passage
+from workflows.pipeline.chain import Start
+from workflows.results.summary import ChainContact, SphereWaves, WaveArrival, WaveTrain
+from workflows.scene import Scene
+
+NAMED = 20  # waves of a kind that are followed; after a few dozen impacts there are none to name
+
+
+class ChainWaves(NamedTuple):
+    """Waves along the chain, at the observed spheres, and the blow at the wall, if there is one."""
+
+    trains: tuple[Train, ...]
+    labels: dict[int, tuple[Label, ...]]
+    contact: WallContact | None
+
+
+def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
+    """What the run's trajectory holds of waves."""
+    run, row = impact.trajectory, start.chain
+    found = trains(run.t, run.v, run.contact_force, row.mass, row.A)
+    found = tuple(train for train in found if train.number <= NAMED)
+    return ChainWaves(
+        found,
+        {s: labels(found, run.t, run.v[:, s - 1], s) for s in scene.output.spheres},
+        None if scene.wall is None else wall_contact(run.t, run.v, run.contact_force, row, found),
+    )
+
+
+def sphere_waves(found: ChainWaves, t, v, sphere: int) -> SphereWaves:
+    """The waves at a sphere with record v (k,); unnamed where the chain is too short for trains."""
+    named = found.labels[sphere]
+    passed = passage(t, v)
+    listed = [_arrival(label.arrival, label.name, label.alone) for label in named]
+    return SphereWaves(
+        arrivals=tuple(listed or [_arrival(wave) for wave in arrivals(t, v)]),
+        tof_s=passed and passed.tof,
+        arr=passed and passed.arr,
+    )
+
+
+def _arrival(wave: Arrival, name: str | None = None, alone: bool = True) -> WaveArrival:
+    return WaveArrival(
+        time_s=wave.time,
+        peak_velocity_m_s=wave.peak_velocity,
+        width_s=wave.width,
+        quality=wave.quality,
+        name=name,
+        alone=alone,
+    )
+
+
+def chain_contact(scene: Scene, found: ChainWaves) -> ChainContact | None:
+    """The blow at the wall in the words of the thesis' section 2.2.1."""
+    wall = found.contact
+    if wall is None:
+        return None
+    radius = np.broadcast_to(scene.chain.radius, scene.chain.count)
+    return ChainContact(
+        contact_time_s=wall.contact_time.seconds,
+        threshold_N=wall.contact_time.threshold,
+        tau_c=wall.tau_c,
+        speed_in_m_s=wall.speed_in,
+        speed_back_m_s=wall.speed_back,
+        travelling_time_s=wall.travelling_time,
+        tof_s=wall.tof,
+        arr_2_9=wall.arr,
+        velocity_sum_ratio_2_8=wall.velocity_sum_ratio,
+        energy_restitution=wall.energy_restitution,
+        trains=tuple(_train(train, radius) for train in found.trains),
+    )
+
+
+def _train(train: Train, radius: NDArray[np.float64]) -> WaveTrain:
+    first, last = train.pulses[0], train.pulses[-1]
+    return WaveTrain(
+        name=train.name,
+        from_contact=first.contact,
+        to_contact=last.contact,
+        start_s=first.time,
+        end_s=last.time,
+        speed_m_s=train_speed(train, radius),
+        peak_force_N=max(pulse.force for pulse in train.pulses),
+    )

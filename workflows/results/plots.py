@@ -1,0 +1,211 @@
+"""One vocabulary of plots: palette, lines, panels of curves, maps with numbers, all as PNG.
+
+Whatever else draws takes its figure, its colours and its axes from here.
+"""
+
+from collections.abc import Iterable, Sequence
+from io import BytesIO
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.colors import SymLogNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+# told apart by lightness as well, and where that is not enough by dashes and markers
+COLOURS = ("#0b3c7d", "#e0522d", "#1b7f4b", "#e3a008", "#5b3a9e", "#2aa1b3", "#7f4f24", "#c2458f")
+DASHES = ("-", (0, (6, 2)), (0, (6, 2, 1.5, 2)), (0, (1.5, 1.5)), (0, (10, 3)))
+MARKERS = "os^Dv<>PX"
+FEW = 6  # values of a logarithmic axis that are ticks themselves
+PIXELS = 1500  # across a map over time: no more columns are drawn
+
+
+class Line(NamedTuple):
+    """A curve: its name (None for no entry in the legend), points, how it is drawn."""
+
+    name: str | None
+    x: Array
+    y: Array
+    style: str | tuple | None = None  # "-", "o-", "o", "x", dashes ...; None takes the next ones
+    colour: int | str | None = None  # of COLOURS, MARKERS and DASHES, or a name; None the next
+    width: float = 1.3
+
+
+class Panel(NamedTuple):
+    """One set of axes; `logarithmic` names the axes that are, "x", "y" or "xy"."""
+
+    title: str
+    x_label: str
+    y_label: str
+    lines: Sequence[Line]
+    logarithmic: str = ""
+    y_limits: tuple[float | None, float | None] | None = None
+    legend: str = "inside"  # "above" the axes, "aside" of the figure
+
+
+def panels(sets: Sequence[Panel], **layout) -> bytes:
+    """PNG of the panels row by row; layout as in `drawn`."""
+    return png(drawn(sets, **layout)[0])
+
+
+def drawn(
+    sets: Sequence[Panel],
+    *,
+    columns: int = 1,
+    size: tuple[float, float] = (8, 3),
+    legend_apart: bool = False,
+    **shared: bool | str | Sequence[float],
+) -> tuple[Figure, list[Axes]]:
+    """Figure and axes of the panels row by row, each of size (width, height) [inch].
+
+    `legend_apart` sets the legend of the last panel into the place behind it where that is free.
+    """
+    rows = -(-len(sets) // columns)
+    figure, axes = subplots(rows, columns, (columns * size[0], rows * size[1]), **shared)
+    for panel, axis in zip(sets, axes, strict=False):
+        _draw(panel, axis)
+    for unused in axes[len(sets) :]:
+        unused.set_axis_off()
+    if legend_apart and len(sets) < len(axes):
+        last = axes[len(sets) - 1]
+        last.get_legend().remove()
+        axes[len(sets)].legend(*last.get_legend_handles_labels(), frameon=False, loc="center left")
+    return figure, axes
+
+
+def subplots(
+    rows: int, columns: int, inches: tuple[float, float], **shared
+) -> tuple[Figure, list[Axes]]:
+    """A figure and its axes, row by row."""
+    figure = Figure(figsize=inches, layout="constrained")
+    return figure, list(figure.subplots(rows, columns, squeeze=False, **shared).ravel())
+
+
+def _draw(panel: Panel, axis: Axes) -> None:
+    for i, line in enumerate(panel.lines):
+        place = line.colour if isinstance(line.colour, int) else i
+        named = line.colour if isinstance(line.colour, str) else None
+        axis.plot(
+            line.x, line.y, color=named or COLOURS[place % len(COLOURS)], linewidth=line.width,
+            markersize=4, label=line.name, **_look(line.style, place),
+        )  # fmt: skip
+    if "x" in panel.logarithmic:
+        axis.set_xscale("log")
+        log_ticks(axis.xaxis, (line.x for line in panel.lines), plain=True)
+    if "y" in panel.logarithmic:
+        axis.set_yscale("log")
+        log_ticks(axis.yaxis, (line.y for line in panel.lines), plain=False)
+    if panel.y_limits:
+        axis.set_ylim(*panel.y_limits)
+    axis.set_title(panel.title, fontsize=9, loc="left")
+    axis.set_xlabel(panel.x_label)
+    axis.set_ylabel(panel.y_label)
+    if any(line.name for line in panel.lines):
+        legend(axis, panel.legend)
+    frame(axis)
+
+
+def _look(style: str | tuple | None, place: int) -> dict:
+    """Curves differ by colour, dashes and markers: also on paper without colour."""
+    if style is None:
+        return {"linestyle": DASHES[place % len(DASHES)]}
+    if isinstance(style, tuple):
+        return {"linestyle": style}
+    if style.startswith("o"):
+        return {"linestyle": style[1:] or "none", "marker": MARKERS[place % len(MARKERS)]}
+    if style in (*MARKERS, "x"):
+        return {"linestyle": "none", "marker": style}
+    return {"linestyle": style}
+
+
+def legend(axis: Axes, where: str = "inside") -> None:
+    """The names of an axis's curves inside of it, above it, or aside of the whole figure."""
+    if where == "aside":
+        axis.figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+        return
+    above = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 4}
+    axis.legend(fontsize=8, frameon=False, **(above if where == "above" else {}))
+
+
+def frame(axis: Axes) -> None:
+    """A pale grid, no box."""
+    axis.margins(x=0.02)
+    axis.grid(alpha=0.3, linewidth=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def log_ticks(axis: Axis, values: Iterable[Array], *, plain: bool) -> None:
+    """Few values are ticks themselves; else 1, 2 and 5 in a wide span, more of them in a narrow
+    one; beyond, `plain` or powers."""
+    every = np.concatenate([np.ravel(some) for some in values])
+    every = np.unique(every[np.isfinite(every)])
+    span = every[-1] / every[0] if every.size and every[0] > 0 else np.inf
+    if plain and every.size <= FEW and span < 200:
+        axis.set_major_locator(FixedLocator(every))
+        axis.set_minor_locator(NullLocator())
+    if plain or span < 200:
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("{x:g}" if span < 200 else NullFormatter())
+    if span < 200 and not (plain and every.size <= FEW):
+        axis.set_minor_locator(LogLocator(subs=(2, 5) if span >= 6 else (2, 3, 4, 6, 8)))
+
+
+def matrix(values: Array, names: Sequence[str], label: str) -> bytes:
+    """PNG of a square matrix (n, n) with its numbers, dark where they are small."""
+    inches = (2.4 + 0.62 * len(names), 1.6 + 0.5 * len(names))
+    figure, (axis,) = subplots(1, 1, inches)
+    heat_map(axis, values, (names, names), label, cmap="Blues_r", legible=-np.inf)
+    axis.tick_params(axis="x", rotation=40)
+    return png(figure)
+
+
+def heat_map(
+    axis: Axes,
+    values: Array,
+    names: tuple[Sequence[str], Sequence[str]],
+    label: str,
+    *,
+    cmap: str = "Blues",
+    legible: float = np.inf,
+    limits: tuple[float | None, float | None] = (None, None),
+) -> None:
+    """Values (r, c) as colours with names of rows and columns; numbers from `legible` on."""
+    shown = axis.imshow(values, cmap=cmap, aspect="auto", vmin=limits[0], vmax=limits[1])
+    for (i, j), value in np.ndenumerate(values):
+        if value >= legible:
+            dark = np.mean(shown.cmap(shown.norm(value))[:3]) < 0.55
+            axis.text(
+                j, i, f"{value:.2f}", ha="center", va="center", fontsize=8,
+                color="white" if dark else "black",
+            )  # fmt: skip
+    axis.set_yticks(range(len(names[0])), names[0], fontsize=8)
+    axis.set_xticks(range(len(names[1])), names[1], fontsize=8)
+    axis.spines[:].set_visible(False)
+    axis.figure.colorbar(shown, ax=axis, label=label, shrink=0.7)
+
+
+def space_time(axis: Axes, t: Array, v: Array) -> None:
+    """Velocity of every sphere v (k, n) [m/s] over time t (k,) [s], small ones seen as well."""
+    top, every, n = np.abs(v).max() or 1.0, max(1, len(t) // PIXELS), v.shape[1]
+    shown = axis.imshow(
+        v[::every].T, aspect="auto", cmap="RdBu_r", interpolation="nearest",
+        norm=SymLogNorm(0.05 * top, vmin=-top, vmax=top),
+        extent=(1e3 * t[0], 1e3 * t[-1], n + 0.5, 0.5),
+    )  # fmt: skip
+    axis.set_xlabel("time [ms]")
+    axis.set_ylabel("sphere, 1 = striker, the wall below")
+    bar = axis.figure.colorbar(shown, label="velocity [m/s], towards the wall", shrink=0.9)
+    bar.ax.minorticks_off()
+
+
+def png(figure: Figure, banner: str = "") -> bytes:
+    """The picture, under a red banner where it needs one."""
+    if banner:
+        figure.suptitle(banner, color="#990000", fontsize=10, fontweight="bold")
+    raw = BytesIO()
+    figure.savefig(raw, format="png", dpi=130, metadata={"Software": None})
+    return raw.getvalue()

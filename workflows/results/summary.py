@@ -1,0 +1,219 @@
+"""What a run found, as other programs read it: `summary.json`."""
+
+from math import isfinite
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+
+class StageTime(BaseModel):
+    """What a stage took in this run."""
+
+    name: str
+    seconds: float
+    cached: bool
+
+
+class WaveArrival(BaseModel):
+    """A wave passing an observed sphere; `alone` if it was measured, not taken out of others.
+
+    quality is 1 for a solitary wave and 0 for nothing like one: then time and velocity are those
+    that the wave's collisions at other spheres say. Without a name it belongs to no wave that was
+    followed through the chain, and has no quality. A wave that leaves its sphere moving, or is cut
+    by the record, has no width.
+    """
+
+    time_s: float
+    peak_velocity_m_s: float
+    width_s: float | None = None
+    quality: float | None = None
+    name: str | None = None
+    alone: bool = True
+
+
+class SphereWaves(BaseModel):
+    """Waves at one sphere; between the incident and the first reflected one, what was asked for."""
+
+    arrivals: tuple[WaveArrival, ...]
+    tof_s: float | None
+    arr: float | None
+
+
+class WaveTrain(BaseModel):
+    """A wave from one contact to another; contact i is that of the spheres i and i + 1."""
+
+    name: str
+    from_contact: int
+    to_contact: int
+    start_s: float
+    end_s: float
+    speed_m_s: float
+    peak_force_N: float
+
+
+class ChainContact(BaseModel):
+    """The chain's blow at its wall, in the thesis' numbers (2.5) to (2.9); see dem.WallContact.
+
+    The contact lasts while its force is above threshold_N, 1 % of the largest above that at rest.
+    The last two are of the whole record: spheres' velocities and kinetic energy, end over start.
+    """
+
+    contact_time_s: float | None
+    threshold_N: float
+    tau_c: float | None
+    speed_in_m_s: float | None
+    speed_back_m_s: float | None
+    travelling_time_s: float | None
+    tof_s: float | None
+    arr_2_9: float | None
+    velocity_sum_ratio_2_8: float | None
+    energy_restitution: float | None
+    trains: tuple[WaveTrain, ...]
+
+
+class ErrorEstimate(BaseModel):
+    """Relative errors of the observed velocities; None where nothing estimated it."""
+
+    time: float | None = None
+    reduction: float | None = None
+    mesh: float | None = None
+
+
+class ReductionHealth(BaseModel):
+    """What the reduced model is like; see rom.Health.
+
+    effective_mass_captured: effective mass of the modes along the chain over the assembly's;
+    half_space_compliance_m_per_N: contained in the Hertz law, and subtracted from the wall;
+    mass_kg, centre_m: of all parts, from the mass matrix; grounding: rigid-body residual forces
+    relative to the stiffness, rounding; fixed_interface_hz: the lowest ones;
+    receptance_error: relative, rms, of the receptance with receptance_loss_factor.
+    """
+
+    kind: str
+    coordinates: int
+    static_compliance_m_per_N: float
+    half_space_compliance_m_per_N: float
+    effective_mass_captured: float | None = None
+    mass_kg: float | None = None
+    centre_m: tuple[float, ...] = ()
+    grounding: float | None = None
+    fixed_interface_hz: tuple[float, ...] = ()
+    asymmetry: float
+    lowest_mass: float
+    lowest_stiffness: float
+    rigid_modes: int
+    moved_by_the_contact: float
+    receptance_error: float | None = None
+    receptance_loss_factor: float | None = None
+    findings: tuple[str, ...] = ()
+
+
+class Summary(BaseModel):
+    """Every number of a run that is worth comparing."""
+
+    model_config = ConfigDict(ser_json_inf_nan="null", frozen=True)
+
+    scene: str
+    modes_hz: dict[str, float] = {}
+    dofs: int = 0
+    n_wall_modes: int = 0
+    dt_s: float | None = None
+    n_steps: int = 0
+    peak_wall_force_N: float | None = None
+    contact_radius_m: float | None = None
+    energy_error: float | None = None
+    error_estimate: ErrorEstimate = ErrorEstimate()
+    waves: dict[str, SphereWaves] = {}
+    wall_contact: ChainContact | None = None
+    reduction: ReductionHealth | None = None
+    verdict: tuple[str, ...] = ()
+    wall_modes_left_out: tuple[str, ...] = ()
+    stages: tuple[StageTime, ...] = ()
+    warnings: tuple[str, ...] = ()
+    versions: dict[str, str] = {}
+
+    def text(self) -> str:
+        """JSON, indented."""
+        return self.model_dump_json(indent=2) + "\n"
+
+
+def rows(summary: Summary) -> list[tuple[str, str]]:
+    """The summary's single numbers as a person reads them: label, value with unit."""
+    labelled = [
+        ("modes 1 to 4", _joined(summary.modes_hz.values(), "Hz")),
+        ("degrees of freedom", f"{summary.dofs:,}" if summary.dofs else None),
+        ("wall modes", str(summary.n_wall_modes) if summary.n_steps else None),
+        ("time step", _number(summary.dt_s, "µs", 1e6)),
+        ("steps", f"{summary.n_steps:,}" if summary.n_steps else None),
+        ("peak wall force", _number(summary.peak_wall_force_N, "N")),
+        ("contact radius", _number(summary.contact_radius_m, "mm", 1e3)),
+        *_contact_rows(summary.wall_contact),
+        ("energy balance error", _number(summary.energy_error)),
+        ("time step error", _number(summary.error_estimate.time)),
+        ("reduction error", _number(summary.error_estimate.reduction)),
+        ("mesh error", _number(summary.error_estimate.mesh)),
+        *_reduction_rows(summary.reduction),
+    ]
+    return [(label, value) for label, value in labelled if value]
+
+
+def _contact_rows(contact: ChainContact | None) -> list[tuple[str, str | None]]:
+    if contact is None:
+        return []
+    return [
+        ("contact time, tau_c", _with_tau(contact)),
+        (
+            "wave speed, incident, reflected",
+            _pair(contact.speed_in_m_s, contact.speed_back_m_s, "m/s"),
+        ),
+        (
+            "travelling time, time of flight",
+            _pair(contact.travelling_time_s, contact.tof_s, "ms", 1e3),
+        ),
+        ("amplitude ratio ARR (2.9)", _number(contact.arr_2_9)),
+        ("velocity sum ratio (2.8)", _number(contact.velocity_sum_ratio_2_8)),
+        ("energy restitution", _number(contact.energy_restitution)),
+    ]
+
+
+def _with_tau(contact: ChainContact) -> str | None:
+    seconds = _number(contact.contact_time_s, "µs", 1e6)
+    above = _number(contact.threshold_N, "N")
+    return seconds and f"{seconds} above {above}, {_number(contact.tau_c) or 'no'}"
+
+
+def _pair(one: float | None, two: float | None, unit: str, scale: float = 1.0) -> str | None:
+    found = [_number(value, unit, scale) for value in (one, two)]
+    return None if None in found else ", ".join(found)
+
+
+def _reduction_rows(health: ReductionHealth | None) -> list[tuple[str, str | None]]:
+    if health is None:
+        return []
+    own = health.static_compliance_m_per_N - health.half_space_compliance_m_per_N
+    return [
+        ("reduced model", f"{health.kind}, {health.coordinates} coordinates"),
+        ("static compliance of the structure", _number(own, "m/N")),
+        ("static compliance with half-space", _number(health.static_compliance_m_per_N, "m/N")),
+        ("mass", _number(health.mass_kg, "kg")),
+        ("centre of mass x, y, z", _joined([1e3 * x for x in health.centre_m], "mm")),
+        ("rigid-body residual forces", _number(health.grounding)),
+        ("fixed-interface frequencies", _joined(health.fixed_interface_hz, "Hz")),
+        ("effective mass along the chain", _number(health.effective_mass_captured, "%", 100)),
+        ("modes excited at the contact", _number(health.moved_by_the_contact, "%", 100)),
+        ("matrix asymmetry", _number(health.asymmetry)),
+        ("receptance error", _receptance_error(health)),
+    ]
+
+
+def _receptance_error(health: ReductionHealth) -> str | None:
+    stated, loss = _number(health.receptance_error), health.receptance_loss_factor
+    return f"{stated} rms, at a loss factor of {loss:g}" if stated and loss else stated
+
+
+def _number(value: Any, unit: str = "", scale: float = 1.0) -> str | None:
+    return None if value is None or not isfinite(value) else f"{scale * value:.4g} {unit}".rstrip()
+
+
+def _joined(values, unit: str) -> str | None:
+    return " / ".join(f"{value:.5g}" for value in values) + f" {unit}" if values else None

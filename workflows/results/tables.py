@@ -1,0 +1,68 @@
+"""Tables of numbers: as aligned text for a person, as CSV and as records for machines."""
+
+import csv
+from io import StringIO
+from math import isfinite, isnan
+from typing import Any, NamedTuple
+
+LINE = 100  # characters of a printed sentence's lines
+
+
+class Table(NamedTuple):
+    """Rows of numbers and words, kept as CSV and JSON; None is a value that does not exist.
+
+    `printed` replaces headings and rows where a person is to see others; empty prints nothing.
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple, ...]
+    printed: tuple[tuple, ...] | None = None
+
+    def column(self, name: str) -> tuple:
+        """Values of a column, from the first row to the last."""
+        return tuple(row[self.columns.index(name)] for row in self.rows)
+
+
+def text(table: Table) -> str:
+    """Aligned columns, numbers in three digits and flush right, a dash for what does not exist."""
+    lines = (table.columns, *table.rows) if table.printed is None else table.printed
+    columns = [_aligned(column) for column in zip(*lines, strict=True)]
+    return "\n".join("  ".join(cells).rstrip() for cells in zip(*columns, strict=True))
+
+
+def _aligned(column: tuple) -> list[str]:
+    """The cells of a column, heading first, as wide as the widest of them."""
+    cells = [short(value) for value in column]
+    width = max(map(len, cells))
+    words = any(isinstance(value, str) for value in column[1:])
+    return [cell.ljust(width) if words else cell.rjust(width) for cell in cells]
+
+
+def short(value: Any) -> str:
+    """A number in three digits, a word as it is, nothing as a dash; no power of ten below 1e5."""
+    if value is None or (isinstance(value, float) and isnan(value)):
+        return "-"
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.0f}" if 999.5 <= abs(value) < 1e5 else f"{value:.3g}"
+
+
+def as_csv(table: Table) -> str:
+    """Comma-separated, nothing for what does not exist."""
+    written = StringIO(newline="")
+    writer = csv.writer(written, lineterminator="\n")
+    writer.writerow(table.columns)
+    writer.writerows([None if value != value else value for value in row] for row in table.rows)
+    return written.getvalue()
+
+
+def records(table: Table) -> list[dict[str, Any]]:
+    """A dict for each row; JSON knows no number that is not finite, it is null."""
+    return [
+        {
+            name: None if isinstance(value, float) and not isfinite(value) else value
+            for name, value in zip(table.columns, row, strict=True)
+        }
+        for row in table.rows
+    ]

@@ -1,0 +1,236 @@
+"""Keys of a scene that are each allowed but not together, a sentence each."""
+
+from math import isinf
+from pathlib import Path
+
+from workflows.scene import DashpotWall, ModalDamping, RayleighDamping, RomWall, Scene
+from workflows.scene.size import too_large
+from workflows.thesis import HAMMER_TEST_HZ
+
+LEAST_YIELD = 1e-6  # pressure over Young's modulus; lead has a thousandth
+SOFTEST = 1e6  # [Pa] Young's modulus of a body of finite elements
+PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure")
+
+
+def contradictions(scene: Scene):
+    """What speaks against the scene, its defaults filled in; nothing for a good one."""
+    yield from _missing_parts(scene)
+    if scene.assembly is not None:
+        yield from _other_surface(scene)
+        yield from _too_soft(scene)
+        yield from _outside_patch(scene)
+        yield from _unread_nodes(scene)
+        yield from _rigid_dashpots(scene)
+    yield from _too_few_modes(scene)
+    yield from _driven_modes(scene)
+    yield from too_large(scene)
+    if scene.chain:
+        yield from _wrong_lengths(scene)
+        yield from _one_step(scene)
+        yield from _against_a_dashpot(scene)
+        yield from _yielding(scene)
+        yield from _at_rest(scene)
+        yield from _unseen_spheres(scene)
+
+
+def _missing_parts(scene: Scene):
+    chain, wall = scene.chain, scene.wall
+    if chain is None and scene.assembly is None:
+        yield "there is neither [chain] nor [assembly]; add one of them."
+    if chain is None and wall is not None:
+        yield "[wall] needs a [chain] that hits it; add one or drop [wall]."
+    if isinstance(wall, RomWall) and wall.file is None and scene.assembly is None:
+        yield 'wall.kind = "rom" needs [assembly] or wall.file; add one of them.'
+    if isinstance(wall, RomWall) and wall.file and not Path(wall.file).is_file():
+        yield f"wall.file = {wall.file!r} does not exist; give a .npz, .mat, .h5 or .mtx."
+    if chain and wall is None and chain.count < 2:
+        yield "chain.count = 1 must be at least 2 without a wall; add spheres or [wall]."
+    if chain and wall is None and scene.preload and scene.preload.force > 0:
+        yield f"preload.force = {scene.preload.force} needs a wall to push against; add [wall]."
+
+
+def _one_step(scene: Scene):
+    time = scene.time
+    if time and time.dt is not None and time.dt > time.duration:
+        yield (
+            f"time.dt = {time.dt:g} is longer than time.duration = {time.duration:g}; "
+            "give a smaller step, or time.error."
+        )
+
+
+def _other_surface(scene: Scene):
+    if not isinstance(scene.wall, RomWall) or scene.wall.file:
+        return
+    block = scene.assembly.made_of("block")
+    for key, unit in (("young", " Pa"), ("poisson", "")):
+        given, own = getattr(scene.wall, key), getattr(block, key)
+        if given is not None and given != own:
+            yield (
+                f"wall.{key} = {given:g}{unit}, but the wall is the assembly's block, whose {key} "
+                f"is {own:g}{unit}; drop wall.{key}, or change assembly.block.{key}."
+            )
+
+
+def _rigid_dashpots(scene: Scene):
+    tables = scene.joints or ()
+    damped = [(joint, table, key) for joint, table in tables for key in table.dashpots]
+    for joint, table, key in damped:
+        name = f"joints.{joint}.c{key[1:]} = {table.dashpots[key]}"
+        if scene.assembly.constraint != "wires":
+            yield f'{name} needs the joints of assembly.constraint = "wires"; change one of them.'
+        if isinf(getattr(table, key)):
+            yield f"{name} is beside {key} = inf, which never moves; give joints.{joint}.{key}."
+    if damped and scene.reduction.kind != "craig-bampton":
+        yield (
+            'dashpots in joints need reduction.kind = "craig-bampton", whose boundary holds them; '
+            "change it."
+        )
+    if damped and scene.time and scene.time.dt is not None:
+        yield (
+            "dashpots in joints couple the modes and are marched to an error; give time.error, "
+            "not time.dt."
+        )
+    if damped and getattr(scene.wall, "prune", False):
+        yield "dashpots in joints couple the modes, none can be left out alone; drop wall.prune."
+
+
+def _too_few_modes(scene: Scene):
+    table, kept = scene.reduction, len(HAMMER_TEST_HZ)
+    if scene.assembly is None or table.choice != "contact" or table.modes is None:
+        return
+    if table.modes < kept:
+        yield (
+            f"reduction.modes = {table.modes} must be at least {kept}, the modes of the hammer "
+            'test that reduction.choice = "contact" keeps; raise it, or choose "lowest".'
+        )
+
+
+def _driven_modes(scene: Scene):
+    if not isinstance(scene.damping, RayleighDamping) or not scene.damping.frequency:
+        return
+    import coupling
+
+    (f1, f2), (zeta1, zeta2) = scene.damping.frequency, scene.damping.ratio
+    try:
+        coupling.rayleigh(f1, zeta1, f2, zeta2)
+    except coupling.CouplingError as error:
+        yield f"damping: {error}"
+
+
+def _too_soft(scene: Scene):
+    bodies = {f"assembly.{name}": getattr(table, "young", None) for name, table in scene.assembly}
+    for name, young in {"assembly": scene.assembly.young, **bodies}.items():
+        if young is not None and young < SOFTEST:
+            yield (
+                f"{name}.young = {young:g} Pa must be at least {SOFTEST:g} Pa, that of rubber: "
+                "modes of softer bodies are countless; raise it."
+            )
+
+
+def _outside_patch(scene: Scene):
+    sides = (scene.assembly.block_y, scene.assembly.block_z)
+    if 2 * scene.patch.radius >= min(sides):
+        yield (
+            f"patch.radius = {scene.patch.radius} m must be below {min(sides) / 2:.6g} m to lie "
+            "on the block's face; lower it."
+        )
+        return
+    for axis, at, side in zip("yz", scene.patch.point, sides, strict=True):
+        reach = side / 2 - scene.patch.radius
+        if abs(at) > reach:
+            yield (
+                f"patch.point has {axis} = {at} m, allowed is up to {reach:.6g} m from the "
+                f"middle of the block's face for patch.radius = {scene.patch.radius} m; move it."
+            )
+
+
+def _unread_nodes(scene: Scene):
+    half = (scene.assembly.block_y / 2, scene.assembly.block_z / 2)
+    for point in scene.patch.nodes or ():
+        if any(abs(at) > reach for at, reach in zip(point, half, strict=True)):
+            yield (
+                f"patch.nodes has {list(point)}, allowed are y, z up to {half[0]:.6g} and "
+                f"{half[1]:.6g} m from the middle of the block's face; move it."
+            )
+    if scene.patch.weights != "thesis":
+        return
+    if scene.reduction.kind != "craig-bampton":
+        yield (
+            'patch.weights = "thesis" reads nodes that only reduction.kind = "craig-bampton" '
+            "keeps; change one of them."
+        )
+    if scene.time and scene.time.dt is not None:
+        yield 'patch.weights = "thesis" is marched to an error; give time.error, not time.dt.'
+    if getattr(scene.wall, "prune", False):
+        yield 'patch.weights = "thesis" makes no modes to leave out; drop wall.prune.'
+
+
+def _wrong_lengths(scene: Scene):
+    n, contacts = scene.chain.count, scene.n_contacts
+    each = [
+        (f"chain.{key}", getattr(scene.chain, key), n) for key in type(scene.chain).model_fields
+    ]
+    each += [(f"contact.{key}", getattr(scene.contact, key), contacts) for key in PER_CONTACT]
+    if scene.leaf_springs:
+        each += [(f"leaf_springs.{key}", value, n) for key, value in scene.leaf_springs]
+    if isinstance(scene.damping, ModalDamping):
+        each += [("damping.ratio", scene.damping.ratio, len(HAMMER_TEST_HZ))]
+    for key, value, length in each:
+        if isinstance(value, tuple) and len(value) != length:
+            yield f"{key} has {len(value)} values, {length} are allowed; give one each."
+
+
+def _against_a_dashpot(scene: Scene):
+    if not isinstance(scene.wall, DashpotWall):
+        return
+    if scene.preload and scene.preload.force > 0:
+        yield (
+            f'preload.force = {scene.preload.force} N with wall.kind = "dashpot", which gives way '
+            "to any steady force; set it to 0, or take another wall."
+        )
+    given = scene.contact.coefficient
+    last = given[-1] if isinstance(given, tuple) else given
+    if last > 0 and scene.contact.dissipation != "none":
+        yield (
+            f'contact.coefficient is {last} at the wall, with wall.kind = "dashpot" it must be 0 '
+            "there; give a value for each contact, or drop it."
+        )
+
+
+def _yielding(scene: Scene):
+    if scene.contact.law != "thornton":
+        return
+    others = {
+        'wall.kind = "dashpot"': isinstance(scene.wall, DashpotWall),
+        'patch.weights = "thesis"': scene.patch is not None and scene.patch.weights == "thesis",
+        "dashpots in joints": any(table.dashpots for _, table in scene.joints or ()),
+    }
+    lowest, least = _lowest(scene.contact.yield_pressure), LEAST_YIELD * _lowest(scene.chain.young)
+    if lowest < least:
+        yield (
+            f"contact.yield_pressure = {lowest:g} Pa must be at least {least:g} Pa, a millionth of "
+            "chain.young; raise it."
+        )
+    for other in (name for name, given in others.items() if given):
+        yield f'contact.law = "thornton" is not marched with {other}; change one of them.'
+
+
+def _lowest(value) -> float:
+    return min(value) if isinstance(value, tuple) else value
+
+
+def _at_rest(scene: Scene):
+    given = scene.chain.initial_velocity is not None
+    if given and scene.striker:
+        yield "chain.initial_velocity replaces [striker]; drop one of them."
+    if scene.striker is None and not any(scene.chain.initial_velocity or ()):
+        yield "nothing moves; add [striker] velocity or chain.initial_velocity."
+
+
+def _unseen_spheres(scene: Scene):
+    for sphere in scene.output.spheres:
+        if sphere > scene.chain.count:
+            yield (
+                f"output.spheres has {sphere}, allowed are 1 to chain.count = {scene.chain.count}; "
+                "drop it or add spheres."
+            )

@@ -1,0 +1,60 @@
+"""Memory that this process may still take: of the machine, of its control group, of its limits.
+
+A container's limit is in its control group and in no figure of the machine; what the group holds
+of files in its cache is given back when it is asked for.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+
+GROUPS = Path("/sys/fs/cgroup")
+NAMES = {  # of a group's limit, of what it holds, and of the part of that which is cached files
+    "": ("memory.max", "memory.current", "inactive_file"),
+    "memory": ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+}
+
+
+def free_memory() -> float:
+    """Bytes that can still be taken; inf where the system does not say."""
+    return max(0.0, min((*_of_machine(), *_of_groups(), *_of_limits()), default=float("inf")))
+
+
+def _of_machine(proc: Path = Path("/proc")) -> Iterator[float]:
+    for line in _text(proc / "meminfo").splitlines():
+        if line.startswith("MemAvailable:"):
+            yield 1024.0 * int(line.split()[1])
+
+
+def _of_groups(groups: Path = GROUPS, mine: Path = Path("/proc/self/cgroup")) -> Iterator[float]:
+    """What is left in the process's group and in those above it, of version 1 or 2."""
+    for line in _text(mine).splitlines():
+        _, controllers, path = line.split(":", 2)
+        if controllers not in NAMES:
+            continue
+        root = groups / controllers
+        group = root / path.lstrip("/")
+        for folder in (group, *group.parents):
+            if folder.is_relative_to(root):
+                yield from _left(folder, *NAMES[controllers])
+
+
+def _left(folder: Path, limit: str, used: str, cached: str) -> Iterator[float]:
+    most, taken = _text(folder / limit).strip(), _text(folder / used).strip()
+    if most.isdigit() and taken.isdigit():
+        stat = dict(line.split() for line in _text(folder / "memory.stat").splitlines())
+        yield float(most) - float(taken) + float(stat.get(cached, 0))
+
+
+def _of_limits() -> Iterator[float]:
+    most, _ = getrlimit(RLIMIT_AS)
+    pages = _text(Path("/proc/self/statm")).split()
+    if most != RLIM_INFINITY and pages:
+        yield most - 4096.0 * int(pages[0])
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text()
+    except OSError:
+        return ""

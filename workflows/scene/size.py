@@ -1,0 +1,170 @@
+"""Scenes whose run would not end or not fit into memory, told before anything is computed.
+
+A run's peak memory, stage upon stage, of bodies of N_i unknowns, N = sum N_i (bytes):
+
+    LIBRARIES + MATRICES N + FILL sum N_i^(4/3) + 8 N (VECTORS + SHAPES (boundary + modes))
+
+K and M with what assembling and joining them holds, 10 to 15 kB an unknown on meshes of 7000 to
+56000; a factor as nested dissection fills it in a solid, 560 MB (SuperLU) and 240 MB (PARDISO) for
+a block of 24000, of which sheets, being flat, take a part; Lanczos vectors; constraint modes and
+the copies made of them. Whole runs took from 0.5 to 1 times the sum.
+"""
+
+from importlib.util import find_spec
+from math import log, pi, prod
+
+from workflows.scene import Scene
+from workflows.scene.memory import free_memory
+
+LIBRARIES, MATRICES, VECTORS, SHAPES = 0.35e9, 13e3, 160, 3
+FILL = {False: 800.0, True: 400.0}  # by SuperLU, by PARDISO
+TRAJECTORY = 70  # bytes for each saved instant of a sphere: 31 in a march, then errors and pictures
+
+MOST_STEPS = 1e9  # minutes to hours
+MOST_VALUES = 1e8  # of one saved quantity: 0.8 GB
+MOST_ELEMENTS = 1e5  # a million unknowns, forty times the default
+MOST_MODES = 2000  # of a wall: minutes to find, and a chain notices a few dozen
+LEAST_ERROR = 1e-9  # of a receptance, some digits above rounding
+SEEDS = ("seed", "block_seed", "support_seed", "contact_seed")
+SEED_OF = {"block": "block_seed", "sheet": "seed"}  # of the other bodies the support's
+GROWTH = 1.7  # of neighbouring elements away from the contact
+
+
+def too_large(scene: Scene):
+    """Sentences on keys that ask for more than a machine holds."""
+    if scene.chain:
+        yield from _too_long(scene)
+    if scene.assembly is not None:
+        yield from _too_fine(scene)
+        yield from _too_many_modes(scene)
+        yield from _too_large_mesh(scene)
+
+
+def _too_long(scene: Scene):
+    time, values = scene.time, scene.chain.count * scene.output.samples
+    if time.dt is not None and time.duration > MOST_STEPS * time.dt:
+        yield (
+            f"time.dt = {time.dt} s makes {time.duration / time.dt:.1e} steps of time.duration = "
+            f"{time.duration} s, allowed are {MOST_STEPS:.0e}; take a longer step or less time."
+        )
+    if values > MOST_VALUES:
+        yield (
+            f"output.samples = {scene.output.samples} of chain.count = {scene.chain.count} spheres "
+            f"are {values:.1e} values, allowed are {MOST_VALUES:.0e}; lower one of them."
+        )
+    elif TRAJECTORY * values > free_memory():
+        yield (
+            f"output.samples = {scene.output.samples} of chain.count = {scene.chain.count} spheres "
+            f"would take {_gigabytes(TRAJECTORY * values)} of memory, {_gigabytes(free_memory())} "
+            "are free; lower one of them."
+        )
+
+
+def _nodes(scene: Scene) -> dict[str, float]:
+    """Nodes that the mesh of ours will have, by body."""
+    from geometry.size import n_nodes
+    from workflows.scene.assembly import assembly
+
+    mesh = scene.mesh
+    seeds = {name: getattr(mesh, name) for name in SEEDS}
+    return n_nodes(assembly(scene.assembly), mesh.element, contact_point=scene.patch.point, **seeds)
+
+
+def room_for_two(scene: Scene) -> bool:
+    """Whether two processes that each compute the scene's assembly fit into memory."""
+    if scene.assembly is None or scene.mesh.file is not None:
+        return False
+    return 2 * peak_memory(scene, _nodes(scene)) < free_memory()
+
+
+def _too_large_mesh(scene: Scene):
+    a, mesh = scene.assembly, scene.mesh
+    if mesh.file is not None:
+        return
+    nodes = _nodes(scene)
+    needed, free = peak_memory(scene, nodes), free_memory()
+    if needed > free:
+        part = max(nodes, key=nodes.get).removesuffix("-y").removesuffix("+y")
+        seed = SEED_OF.get(part, "support_seed")
+        size = f"{getattr(mesh, seed)} m"
+        yield (
+            f"the mesh of [assembly] would have {3 * sum(nodes.values()):.2g} unknowns, most of "
+            f"them in the {part}{_size(a, part)} at mesh.{seed} = {size}, and a run would "
+            f"take {_gigabytes(needed)} of memory, {_gigabytes(free)} are free; take larger "
+            "elements, or dimensions that fit."
+        )
+
+
+def too_large_file(scene: Scene, nodes: dict[str, float]):
+    """A sentence on a mesh of the user's own, by the nodes of its bodies."""
+    needed, free = peak_memory(scene, nodes), free_memory()
+    if needed > free:
+        yield (
+            f"mesh.file = {scene.mesh.file!r} has {3 * sum(nodes.values()):.2g} unknowns, and a "
+            f"run would take {_gigabytes(needed)} of memory, {_gigabytes(free)} are free; give a "
+            "coarser mesh."
+        )
+
+
+def _size(a, part: str) -> str:
+    sides = [getattr(a, f"{part}_{axis}", None) for axis in "xyz"]
+    return "" if None in sides else f" ({' x '.join(map(str, sides))} m)"
+
+
+def peak_memory(scene: Scene, nodes: dict[str, float]) -> float:
+    """Bytes that a run will hold at most, of bodies with so many nodes."""
+    bodies = [3.0 * n for n in nodes.values()]
+    n, seed = sum(bodies), scene.mesh.contact_seed
+    fill = FILL[find_spec("pypardiso") is not None] * sum(m ** (4 / 3) for m in bodies)
+    across = log(1 + (GROWTH - 1) * scene.patch.radius / seed, GROWTH)  # elements of the patch
+    boundary = 8 + 3 * pi * across**2
+    shapes = SHAPES * (boundary + (scene.reduction.modes or 40))
+    return LIBRARIES + MATRICES * n + fill + 8 * n * (VECTORS + shapes)
+
+
+def _gigabytes(n_bytes: float) -> str:
+    return f"{n_bytes / 1e9:.3g} GB"
+
+
+def _solids(a) -> list[float]:
+    """Volumes [m^3] of the block and of what stands below it."""
+    sizes = [(a.block_x, a.block_y, a.block_z)]
+    sizes += [(a.sheets_support_x, a.sheets_support_y, a.sheets_support_z)]
+    sizes += [(a.support_x, a.support_y, a.support_z), (a.plate_x, a.plate_y, a.plate_z)]
+    return [prod(size) for size in sizes]
+
+
+def _too_many_modes(scene: Scene):
+    a, table = scene.assembly, scene.reduction
+    # modes of a solid below f: 4/3 pi V f^3 (1/c_L^3 + 2/c_T^3), the first term a tenth (Weyl)
+    c_T = (a.young / (2 * (1 + a.poisson)) / a.density) ** 0.5
+    highest = (MOST_MODES * c_T**3 / (4 / 3 * pi * 2.2 * sum(_solids(a)))) ** (1 / 3)
+    for key in ("cutoff", "to_hz"):
+        asked = getattr(table, key)
+        if asked is not None and asked > highest:
+            yield (
+                f"reduction.{key} = {asked:g} Hz must be up to {highest:.3g} Hz, below which the "
+                f"assembly has some {MOST_MODES} modes; lower it."
+            )
+    if table.modes is not None and table.modes > MOST_MODES:
+        yield f"reduction.modes = {table.modes} must be up to {MOST_MODES}; lower it."
+    if table.error is not None and table.error < LEAST_ERROR:
+        yield f"reduction.error = {table.error:g} must be at least {LEAST_ERROR:g}; raise it."
+
+
+def _too_fine(scene: Scene):
+    a, mesh = scene.assembly, scene.mesh
+    length = a.head_overlap + a.sheet_free_length + a.foot_overlap
+    block, *below = _solids(a)
+    elements = {
+        "block_seed": block / mesh.block_seed**3,
+        "seed": 2 * length * a.sheet_width / mesh.seed**2,
+        "contact_seed": 4 * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), GROWTH)) ** 3,
+        "support_seed": sum(below) / mesh.support_seed**3,
+    }
+    for key, number in elements.items():
+        if number > MOST_ELEMENTS:
+            yield (
+                f"mesh.{key} = {getattr(mesh, key)} m makes {number:.1e} elements, allowed are "
+                f"{MOST_ELEMENTS:.0e}; take a larger one."
+            )

@@ -1,0 +1,204 @@
+"""Scenes from and to TOML: changed by `--set`, completed by defaults, refused in one sentence."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import BaseModel, ValidationError
+
+from workflows.scene import (
+    Contact,
+    InvalidScene,
+    Joints,
+    Mesh,
+    NoDamping,
+    Output,
+    Patch,
+    Reduction,
+    RomWall,
+    Scene,
+    Time,
+)
+from workflows.scene.contradictions import contradictions
+from workflows.scene.quantities import doubts, entries, unusual_keys
+
+INSTEAD = {
+    "time.dt": {"error"},
+    "time.error": {"dt"},
+    "wall.coefficient": {"plate_thickness", "density"},
+    "wall.plate_thickness": {"coefficient"},
+    "reduction.modes": {"cutoff", "error"},
+    "reduction.cutoff": {"modes", "error"},
+    "reduction.error": {"modes", "cutoff"},
+}
+
+
+def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scene:
+    """The tables as a checked scene with every default of the parts it has."""
+    if not tables:
+        raise InvalidScene(f"{source} is empty; a scene needs at least [chain] or [assembly].")
+    tables = {"name": Path(source).stem, **tables}
+    checked = _validated(Scene, tables, source)
+    _require_usual(checked, tables, source, (), checked.unusual)
+    filled = checked.model_copy(update=_defaults(checked, tables, source, folder))
+    filled = filled.model_copy(update={"unusual": unusual_keys(entries(filled)) or None})
+    for sentence in contradictions(filled):
+        raise InvalidScene(f"{source}: {sentence}")
+    return filled
+
+
+def toml(scene: Scene) -> str:
+    """The scene as TOML; reading it back gives the same scene."""
+    told = scene.model_copy(update={"unusual": unusual_keys(entries(scene)) or None})
+    return tomli_w.dumps(told.model_dump(mode="python", exclude_none=True))
+
+
+def parsed(text: str, source: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidScene(f"{source} is not TOML: {str(error).rstrip('.')}; correct it.") from None
+    except RecursionError:
+        raise InvalidScene(f"{source} has brackets nested too deeply; a scene has two.") from None
+    except ValueError:  # of Python's, on whole numbers of thousands of digits
+        raise InvalidScene(f"{source} holds a whole number that is too long; shorten it.") from None
+
+
+def changed(tables: dict[str, Any], changes: tuple[str, ...]) -> dict[str, Any]:
+    for change in changes:
+        key, equals, text = change.partition("=")
+        if not equals or not all(key.strip().split(".")):
+            raise InvalidScene(f"--set {change!r} is not key=value; write --set chain.count=17.")
+        tables = _with(tables, key.strip().split("."), _value(text.strip()), key.strip())
+        tables = _judged_again(tables, key.strip())
+    return tables
+
+
+def _judged_again(tables: dict[str, Any], key: str) -> dict[str, Any]:
+    """What was meant was the value before this change."""
+    meant = tables.get("unusual")
+    if not isinstance(meant, list):
+        return tables
+    return {**tables, "unusual": [name for name in meant if name != key]}
+
+
+def _value(text: str) -> Any:
+    """A TOML value; a bare word is a string."""
+    try:
+        found = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text
+    return found["value"] if len(found) == 1 else text  # more lines are more than a value
+
+
+def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[str, Any]:
+    """A copy of the table with the value at the path; what it replaces is dropped."""
+    first, *rest = path
+    if not rest:
+        switched = first == "kind" and key != "reduction.kind" and table.get("kind") != value
+        replaced = (
+            {} if switched else {k: v for k, v in table.items() if k not in INSTEAD.get(key, ())}
+        )
+        return {**replaced, first: value}
+    below = table.get(first, {})
+    if not isinstance(below, dict):
+        raise InvalidScene(f"--set {key}: {first} = {below!r} is a value and has no keys below it.")
+    return {**table, first: _with(below, rest, value, key)}
+
+
+def _validated(model: type[BaseModel], tables: dict[str, Any], source: str, prefix=()):
+    try:
+        return model.model_validate(tables)
+    except ValidationError as error:
+        raise InvalidScene(f"{source}: {_sentence(error.errors()[0], tables, prefix)}") from None
+
+
+def _require_usual(table: BaseModel, written: dict[str, Any], source: str, prefix, meant) -> None:
+    for sentence in doubts(entries(table, written, prefix), meant or ()):
+        raise InvalidScene(f"{source}: {sentence}")
+
+
+def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, ...]) -> str:
+    key = ".".join((*prefix, *_key(error, tables))) or "the scene"
+    found, allowed = error["input"], error["msg"].replace("Input should", "must", 1)
+    match error["type"]:
+        case "missing":
+            return f"{key} is missing; add it."
+        case "union_tag_not_found":
+            return f"{key}.kind is missing; add it to say which kind this is."
+        case "union_tag_invalid":
+            expected = error["ctx"]["expected_tags"]
+            return f"{key}.kind = {found['kind']!r} must be one of {expected}; change it."
+        case "value_error":
+            return f"{key}: {error['ctx']['error']}."
+        case "too_short":
+            return f"{key} is an empty list; give at least one value."
+        case "too_long":
+            most = error["ctx"]["max_length"]
+            return f"{key} = {_shown(found)} has {len(found)} values; give {most}."
+        case "tuple_type":
+            return f"{key} = {_shown(found)} must be a list; write {key} = [...]."
+        case "string_pattern_mismatch":
+            return (
+                f"{key} = {_shown(found)} must be letters, digits, '.', '-' and '_', the first a "
+                "letter, a digit or '_'; change it."
+            )
+        case "string_too_long":
+            most = error["ctx"]["max_length"]
+            return f"{key} = {_shown(found)} must have at most {most} characters; give another."
+        case "model_type" | "model_attributes_type":
+            return f"{key} = {found!r} must be a table; write [{key}] with keys below it."
+    return f"{key} = {_shown(found)} {allowed}; change it."
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _key(error: dict[str, Any], tables: Any) -> list[str]:
+    """The location in the user's tables, without the branches of unions that pydantic adds."""
+    key, at = [], tables
+    for part in error["loc"]:
+        if isinstance(at, dict) and part in at:
+            key, at = [*key, str(part)], at[part]
+        elif isinstance(at, list | tuple) and isinstance(part, int) and part < len(at):
+            key, at = [*key, str(part)], at[part]
+    return [*key, str(error["loc"][-1])] if error["type"] == "missing" else key
+
+
+def _defaults(scene: Scene, tables: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
+    """The tables that the scene's parts need and that it left out, at their defaults."""
+    filled: dict[str, Any] = {}
+    if scene.chain:
+        filled |= {"contact": Contact(), "time": Time(), "output": Output()}
+    if scene.assembly is not None:
+        filled |= {"mesh": Mesh(), "patch": Patch(), "reduction": Reduction()}
+    if scene.assembly is not None or isinstance(scene.wall, RomWall):
+        filled |= {"damping": NoDamping()}
+    filled = {name: table for name, table in filled.items() if getattr(scene, name) is None}
+    if scene.assembly is not None:
+        filled["assembly"] = _assembly(tables, source, scene.unusual)
+        if filled["assembly"].constraint == "wires" and scene.joints is None:
+            filled["joints"] = Joints()
+    if isinstance(scene.wall, RomWall) and scene.wall.file:
+        path = str(folder / scene.wall.file)
+        filled["wall"] = scene.wall.model_copy(update={"file": path})
+    if scene.mesh is not None and scene.mesh.file:
+        path = str(folder / scene.mesh.file)
+        filled["mesh"] = scene.mesh.model_copy(update={"file": path})
+    return filled
+
+
+def _assembly(tables: dict[str, Any], source: str, unusual: tuple[str, ...] | None):
+    # geometry loads its mesher on import: only a scene with an assembly pays for that
+    from workflows.scene.assembly import AssemblyTable, assembly
+
+    table = _validated(AssemblyTable, tables["assembly"], source, ("assembly",))
+    _require_usual(table, tables["assembly"], source, ("assembly",), unusual)
+    try:
+        assembly(table)
+    except ValueError as error:
+        raise InvalidScene(f"{source}: assembly: {error}") from None
+    return table

@@ -1,0 +1,148 @@
+"""Numbers with a unit, "1.2 mm" or "7.85 g/cm3", in SI.
+
+A unit is a product of symbols with powers; a sign / divides by the one symbol after it. Angles are
+a dimension of their own here: 60 rad/s is no frequency in Hz. Products are exact, "12.7 mm" is the
+number 0.0127.
+"""
+
+from fractions import Fraction
+from math import inf
+from re import ASCII, compile, fullmatch
+from typing import NamedTuple
+
+
+class NoSuchQuantity(ValueError):
+    """A sentence on a text that is no number with a unit, or one of another kind."""
+
+
+class Unit(NamedTuple):
+    """A factor to SI and the powers of metre, kilogram, second and radian."""
+
+    factor: Fraction
+    powers: tuple[int, int, int, int]
+
+
+class Kind(NamedTuple):
+    """What is measured, its SI unit, and the units in which it is often thought of."""
+
+    name: str
+    unit: str
+    others: tuple[str, ...] = ()
+
+
+LENGTH = Kind("length", "m", ("mm", "um"))
+MASS = Kind("mass", "kg", ("g",))
+TIME = Kind("time", "s", ("ms", "us", "ns"))
+FREQUENCY = Kind("frequency", "Hz", ("kHz",))
+VELOCITY = Kind("velocity", "m/s", ("mm/s",))
+FORCE = Kind("force", "N", ("mN", "kN"))
+PRESSURE = Kind("pressure", "Pa", ("GPa", "MPa"))
+DENSITY = Kind("density", "kg/m^3", ("g/cm^3",))
+STIFFNESS = Kind("stiffness", "N/m", ("N/mm",))
+TURN_STIFFNESS = Kind("stiffness of a turn", "N m/rad")
+DASHPOT = Kind("dashpot", "N s/m", ("N s/mm",))
+TURN_DASHPOT = Kind("dashpot of a turn", "N m s/rad")
+COMPLIANCE = Kind("compliance", "m/N", ("mm/N",))
+RATE = Kind("rate", "1/s")
+SLOWNESS = Kind("loss per velocity", "s/m")
+KINDS = (
+    LENGTH, MASS, TIME, FREQUENCY, VELOCITY, FORCE, PRESSURE, DENSITY, STIFFNESS, TURN_STIFFNESS,
+    DASHPOT, TURN_DASHPOT, COMPLIANCE, SLOWNESS,
+)  # fmt: skip
+
+PREFIXES = {"n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "d": -1, "k": 3, "M": 6, "G": 9}
+PREFIXED = {
+    "m": Unit(Fraction(1), (1, 0, 0, 0)),
+    "g": Unit(Fraction(1, 1000), (0, 1, 0, 0)),
+    "s": Unit(Fraction(1), (0, 0, 1, 0)),
+    "rad": Unit(Fraction(1), (0, 0, 0, 1)),
+    "Hz": Unit(Fraction(1), (0, 0, -1, 0)),
+    "N": Unit(Fraction(1), (1, 1, -2, 0)),
+    "Pa": Unit(Fraction(1), (-1, 1, -2, 0)),
+    "J": Unit(Fraction(1), (2, 1, -2, 0)),
+    "bar": Unit(Fraction(10**5), (-1, 1, -2, 0)),
+}
+POUND_FORCE = Fraction("4.4482216152605")
+SYMBOLS = PREFIXED | {
+    "t": Unit(Fraction(1000), (0, 1, 0, 0)),
+    "min": Unit(Fraction(60), (0, 0, 1, 0)),
+    "in": Unit(Fraction("0.0254"), (1, 0, 0, 0)),
+    "ft": Unit(Fraction("0.3048"), (1, 0, 0, 0)),
+    "lb": Unit(Fraction("0.45359237"), (0, 1, 0, 0)),
+    "lbf": Unit(POUND_FORCE, (1, 1, -2, 0)),
+    "psi": Unit(POUND_FORCE / Fraction("0.0254") ** 2, (-1, 1, -2, 0)),
+}
+NUMBER = r"([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)"
+FACTOR = compile(r"\s*([*·/]?)\s*([A-Za-zµμ]+)(?:(?:\^|\*\*)?(-?[1-9]))?", ASCII)
+SUPERSCRIPTS = str.maketrans("⁻¹²³⁴", "-1234")
+
+
+def in_si(text: str, kind: Kind) -> float:
+    """The number in SI; raises NoSuchQuantity with a sentence where the text is none of the kind.
+
+    >>> in_si("12.7 mm", LENGTH), in_si("7.85 g/cm3", DENSITY)
+    (0.0127, 7850.0)
+    """
+    found = fullmatch(rf"\s*{NUMBER}\s*(\S.{{0,40}})", text, ASCII)
+    unit = found and unit_of(found[2].translate(SUPERSCRIPTS))
+    if not unit:
+        raise NoSuchQuantity(
+            f"{_short(text)} is no number with a unit that is known; write a number in "
+            f"{kind.unit}, or one as '1 {(*kind.others, kind.unit)[0]}'"
+        )
+    if not _agree(unit.powers, unit_of(kind.unit).powers):
+        raise NoSuchQuantity(
+            f"{_short(text)} is {_name(unit.powers)}, {_a(kind.name)} is needed; write it in "
+            f"{', '.join((kind.unit, *kind.others))} or the like"
+        )
+    return _rounded(Fraction(found[1]) * unit.factor)
+
+
+def _rounded(value: Fraction) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return inf if value > 0 else -inf
+
+
+def _short(text: str) -> str:
+    return repr(text) if len(text) <= 40 else repr(text[:40] + "...")
+
+
+def unit_of(text: str) -> Unit | None:
+    """The unit that a text stands for, None where it holds an unknown symbol."""
+    text = text.strip().removeprefix("1")
+    factor, powers, at = Fraction(1), (0, 0, 0, 0), 0
+    while at < len(text):
+        found = FACTOR.match(text, at)
+        symbol = _symbol(found[2]) if found else None
+        if symbol is None:
+            return None
+        power = int(found[3] or 1) * (-1 if found[1] == "/" else 1)
+        factor *= symbol.factor**power
+        powers = tuple(p + power * q for p, q in zip(powers, symbol.powers, strict=True))
+        at = found.end()
+    return Unit(factor, powers)
+
+
+def _symbol(name: str) -> Unit | None:
+    if name in SYMBOLS:
+        return SYMBOLS[name]
+    prefix, plain = PREFIXES.get(name[0]), PREFIXED.get(name[1:])
+    if prefix is None or plain is None:
+        return None
+    return plain._replace(factor=plain.factor * Fraction(10) ** prefix)
+
+
+def _agree(found: tuple[int, ...], wanted: tuple[int, ...]) -> bool:
+    """N m is a stiffness of a turn as well as N m/rad is; 1 rad/s is not 1 Hz."""
+    return found == wanted or (wanted[3] != 0 == found[3] and found[:3] == wanted[:3])
+
+
+def _name(powers: tuple[int, ...]) -> str:
+    known = (kind.name for kind in KINDS if unit_of(kind.unit).powers == powers)
+    return _a(next(known, "quantity of another kind"))
+
+
+def _a(name: str) -> str:
+    return f"a {name}"

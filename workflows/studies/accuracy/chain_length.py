@@ -1,0 +1,44 @@
+"""Chains of more and more spheres for a fixed duration, at a fixed step or tolerance."""
+
+from itertools import chain as joined
+
+from coupling import peers
+from coupling.peers import Problem
+from workflows.pipeline.pipeline import Progress
+from workflows.scene import Scene
+from workflows.studies.accuracy.growth import growths, picture
+from workflows.studies.accuracy.problems import lengthened, problem
+from workflows.studies.accuracy.rows import Row, table_of
+from workflows.studies.accuracy.work_precision import (
+    FIXED,
+    PEER_TOLERANCE,
+    limit,
+    peer_rows,
+    reference,
+    scheme_row,
+)
+from workflows.studies.finding import Finding
+from workflows.studies.prose import said
+
+SCENE = "rig-rigid"
+LENGTHS = (17, 100, 1000, 10000)
+
+
+def chain_length(scene: Scene, watch: Progress) -> Finding:
+    """Run time against the number of spheres."""
+    case = problem(scene, watch)
+    rows = tuple(joined.from_iterable(_length_rows(lengthened(case, n)) for n in LENGTHS))
+    drawn = picture("accuracy_chain_length", rows, "spheres")
+    return Finding((table_of(rows),), said(__file__, growths=growths(rows)), (drawn,))
+
+
+def _length_rows(case: Problem) -> tuple[Row, ...]:
+    n = case.v0.size
+    finer = 512.0 if n <= 100 else 128.0 if n <= 1000 else 32.0
+    truth = reference(case, finer=finer, independent=n <= 1000)
+    solvers = {name: peers.SCIPY[name] for name in ("RK45", "DOP853")}
+    return (
+        scheme_row("chain-length", case, truth, FIXED, limit(case, FIXED) / 8.0, n),
+        scheme_row("chain-length", case, truth, "verlet", limit(case, "verlet") / 64.0, n),
+        *peer_rows("chain-length", case, truth, solvers, parameter=n, tolerances=(PEER_TOLERANCE,)),
+    )

@@ -1,0 +1,145 @@
+"""Frequencies against the element size in the sheets: the thesis' figure 5.4, with the error.
+
+    f(h) = f_0 + c h^p
+
+f_0 and the order p come from the finest mesh and those twice and four times as coarse, for numbers
+of elements jump between neighbours; the error of every mesh is taken against f_0. The elements of
+the block keep their size: one thing varies. What they leave is told beside, from a mesh with the
+block's elements twice as large and the order that singular stresses leave.
+"""
+
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+import geometry
+from fem.factorisation import has_pardiso
+from workflows.files.run_folder import Picture
+from workflows.pipeline import assembly as stages
+from workflows.pipeline.errors import COARSER, ORDER
+from workflows.pipeline.pipeline import Progress
+from workflows.results.plots import Line, Panel, panels
+from workflows.results.tables import Table
+from workflows.scene import Scene
+from workflows.scene.parts import with_assembly
+from workflows.studies.accuracy.rows import Row, table_of
+from workflows.studies.finding import Finding
+from workflows.studies.prose import said
+
+SCENE = "rig-rom"
+SEEDS = (8e-3, 5.66e-3, 4e-3, 2.83e-3, 2e-3)  # [m] ratio sqrt 2
+FINER = (1.41e-3, 1e-3)  # [m] 190 000 and 350 000 unknowns, where a faster solver is installed
+BLOCK = 8e-3  # [m] elements of the block
+STAGE_1 = {"parts": geometry.PARTS[:2], "fixing": "flat"}
+ORDERS = 1.0, 4.0  # of clamp lines with singular stress, of smooth modes by quadratic elements
+COLUMNS = (
+    "constraint", "seed_mm", "dofs", *(f"f{i}_Hz" for i in range(1, 5)),
+    *(f"error{i}_%" for i in range(1, 5)), "mesh_s", "assembly_s", "solution_s", "quality",
+)  # fmt: skip
+N_MODES = {"full-tie": 18, "screw-tie": 30}  # that reach mode 4
+
+
+class Solved(NamedTuple):
+    """One mesh: what it found and what it cost."""
+
+    constraint: str
+    seed: float  # [m]
+    dofs: int
+    hz: NDArray[np.float64]  # (4,)
+    seconds: tuple[float, float, float]  # mesh, assembly, solution
+    quality: float  # smallest scaled Jacobian
+
+
+def mesh(scene: Scene, watch: Progress, *, seeds: tuple[float, ...] | None = None) -> Finding:
+    """Frequencies of block and sheets against the element size in the sheets."""
+    with_assembly(scene)
+    seeds = seeds or SEEDS + (FINER if has_pardiso() else ())
+    rows, lines, limits, error = [], [], {}, {}
+    for constraint in N_MODES:
+        solved = [_watched(scene, constraint, seed, BLOCK, watch) for seed in seeds]
+        larger = _watched(scene, constraint, seeds[0], COARSER * BLOCK, watch)
+        f = np.array([s.hz for s in solved])
+        limit, order = extrapolated(np.array(seeds), f)
+        rows += [_row(s, abs(s.hz[0] / limit[0] - 1)) for s in solved]
+        lines += [_line(s, limit) for s in solved]
+        left = left_by_the_block(solved[0].hz, larger.hz)
+        limits[constraint] = limit.tolist(), order.tolist(), left.tolist()
+        error[constraint] = np.abs(f / limit - 1)
+    picture = Picture("mesh", _picture(np.array(seeds), error))
+    tables = table_of(tuple(rows), printed=False), Table("mesh", COLUMNS, tuple(lines))
+    sentences = said(
+        __file__, limits=limits, block=BLOCK, larger=COARSER * BLOCK, block_order=ORDER
+    )
+    return Finding(tables, sentences, (picture,))
+
+
+def left_by_the_block(hz, larger_hz) -> NDArray[np.float64]:
+    """Relative error (3,) that the block's elements leave in modes 2 to 4 of hz (4,), from that
+    with larger ones; mode 1 bends the sheets alone."""
+    return (larger_hz / hz - 1)[1:] / (COARSER**ORDER - 1)
+
+
+def _watched(scene: Scene, constraint: str, seed: float, block: float, watch: Progress) -> Solved:
+    plain = STAGE_1 | {"constraint": constraint} | dict.fromkeys(geometry.PARTS)
+    varied = scene.model_copy(update={"assembly": scene.assembly.model_copy(update=plain)})
+    with watch(f"{constraint} {1e3 * seed:g} mm"):
+        return _solved(varied, constraint, seed, block)
+
+
+def _row(solved: Solved, error: float) -> Row:
+    return Row("mesh", solved.constraint, solved.seed, float(error), sum(solved.seconds))
+
+
+def _line(solved: Solved, limit: NDArray[np.float64]) -> tuple:
+    off = 100 * (solved.hz / limit - 1)
+    size = solved.constraint, 1e3 * solved.seed, solved.dofs
+    return (*size, *map(float, (*solved.hz, *off, *solved.seconds, solved.quality)))
+
+
+def _picture(seeds: NDArray[np.float64], error: dict[str, NDArray[np.float64]]) -> bytes:
+    """Relative errors (k, 4) of the four modes against the element size (k,) [m]."""
+    sets = [
+        Panel(
+            constraint, "element size in the sheets [mm]", "" if beside else "frequency error [%]",
+            [Line(None if beside else f"mode {i}", 1e3 * seeds, 100 * np.where(e > 0, e, np.nan),
+                  "o-") for i, e in enumerate(values.T, 1)], "xy",
+        )
+        for beside, (constraint, values) in enumerate(error.items())
+    ]  # fmt: skip
+    return panels(sets, columns=len(sets), size=(8 / len(sets), 3.8), sharey=True)
+
+
+def _solved(scene: Scene, constraint: str, seed: float, block: float) -> Solved:
+    varied = {"seed": seed, "block_seed": block, "contact_seed": None}
+    sizes = scene.mesh.model_copy(update=varied)
+    at_seed = scene.model_copy(update={"mesh": sizes})
+    started = perf_counter()
+    mesh = stages.mesh(at_seed)
+    meshed = perf_counter()
+    model = stages.model(at_seed, mesh)
+    assembled = perf_counter()
+    found = fem.modes(model.K, model.M, N_MODES[constraint])
+    ended = perf_counter()
+    hz = found.frequency_hz[fem.pair(model, found).index]
+    seconds = (meshed - started, assembled - meshed, ended - assembled)
+    return Solved(constraint, seed, model.M.shape[0], hz, seconds, geometry.smallest_quality(mesh))
+
+
+def extrapolated(
+    h: NDArray[np.float64], f: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """f_0 (m,) and p (m,) of f = f_0 + c h^p by every second of sizes h (k,), values f (k, m).
+
+    Takes the finest three of them, k >= 5. Where they give no order between those of a singular and
+    of a smooth mode, f_0 is the last value and p is nan.
+    """
+    coarse, middle, fine = f[-5::2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = (coarse - middle) / (middle - fine)
+        order = np.log(ratio) / np.log(h[-3] / h[-1])
+        limit = fine - (middle - fine) / (ratio - 1)
+    told = (order >= ORDERS[0]) & (order <= ORDERS[1])
+    return np.where(told, limit, fine), np.where(told, order, np.nan)

@@ -1,0 +1,92 @@
+"""The studies, found in their folders: whatever returns what studies of that folder return.
+
+A module of `thesis` or `accuracy` has one public function of the scene that returns a `Finding`,
+a module of `stability` one public generator of trials for each case. Its name with hyphens is that
+of the study, the first line of its docstring its line in the listing. Another study is another
+file; nothing is listed by hand, and listing imports none of them.
+"""
+
+import ast
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import NamedTuple
+
+from workflows.pipeline.pipeline import Progress
+from workflows.scene import InvalidScene, Scene, nearest
+from workflows.studies.finding import Finding
+
+RETURNED = {"thesis": "Finding", "accuracy": "Finding", "stability": "Iterator[Trial]"}
+WIDTH = 20  # of a name in the listing
+
+
+class Entry(NamedTuple):
+    """Where a study is, and what it shows."""
+
+    module: str
+    function: str
+    shows: str
+
+    def loaded(self) -> ModuleType:
+        """The module, imported."""
+        return import_module(self.module)
+
+    def __call__(self, *arguments):
+        return getattr(self.loaded(), self.function)(*arguments)
+
+
+def catalogue(folder: str) -> dict[str, Entry]:
+    """The studies of a folder by name."""
+    files = sorted((Path(__file__).parent / folder).glob("*.py"))
+    return dict(study for file in files for study in _in_module(file, RETURNED[folder]))
+
+
+def _in_module(file: Path, returned: str) -> Iterator[tuple[str, Entry]]:
+    module = f"{__package__}.{file.parent.name}.{file.stem}"
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        if not isinstance(node, ast.FunctionDef) or node.name.startswith("_") or not node.returns:
+            continue
+        if ast.unparse(node.returns) == returned:
+            shows = (ast.get_docstring(node) or "").partition("\n")[0]
+            yield node.name.replace("_", "-"), Entry(module, node.name, shows)
+
+
+def listing(folder: str) -> str:
+    """The studies of a folder, a line each."""
+    found = catalogue(folder).items()
+    return "\n".join(f"{name:{WIDTH}}{entry.shows}" for name, entry in found)
+
+
+def chosen(folder: str, names: tuple[str, ...], option: str) -> dict[str, Entry]:
+    """Those of the names, all without any; raises InvalidScene for a name that is none."""
+    known = catalogue(folder)
+    for name in names:
+        if name not in known:
+            raise InvalidScene(f"{option} {name!r} is not known; {nearest(name, known)}.")
+    return {name: known[name] for name in names} or known
+
+
+def study(name: str, scene: Scene, watch: Progress) -> Finding:
+    """What a study of the thesis finds on the scene."""
+    return chosen("thesis", (name,), "study")[name](scene, watch)
+
+
+def accuracy(stage: str, scene: Callable[[str], Scene], watch: Progress) -> dict[str, Finding]:
+    """The accuracy studies of a stage by name; `scene` gives the scene for a study's usual one."""
+    found = {}
+    for name, entry in chosen("accuracy", () if stage == "all" else (stage,), "--stage").items():
+        with watch(name):
+            found[name] = entry(scene(entry.loaded().SCENE), watch)
+    return found
+
+
+def stability(cases: tuple[str, ...], watch: Progress) -> Finding:
+    """Verdicts on the trials of these cases, of all without any."""
+    from workflows.studies.stability.verdicts import finding, judged
+
+    rows = []
+    for name, trials in chosen("stability", cases, "--case").items():
+        with watch(name):
+            rows += map(judged, trials())
+    return finding(tuple(rows))

@@ -1,0 +1,83 @@
+"""Sentences of a study: the Markdown template beside its module, filled with computed numbers."""
+
+from collections.abc import Iterable
+from functools import cache
+from math import isfinite, isnan
+from pathlib import Path
+from typing import Any
+
+PREFIXES = {"nano": 1e9, "micro": 1e6, "milli": 1e3, "kilo": 1e-3, "giga": 1e-9}
+
+
+def said(module: str, **numbers: Any) -> tuple[str, ...]:
+    """Paragraphs of the template beside a module (its __file__); a number it lacks is an error."""
+    file = Path(module).with_suffix(".md")
+    text = _environment(file.parent).get_template(file.name).render(numbers)
+    paragraphs = (" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
+    return tuple(filter(None, paragraphs))
+
+
+@cache
+def _environment(folder: Path):
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only who runs a study pays
+
+    environment = Environment(
+        loader=FileSystemLoader(folder), undefined=StrictUndefined, autoescape=False,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= {name: _scaled(factor) for name, factor in PREFIXES.items()}
+    formats = (digits, places, power, signed, percent, listed, between, only_finite, verdict)
+    environment.filters |= {function.__name__: function for function in formats}
+    return environment
+
+
+def _scaled(factor: float):
+    """A number in a unit with an SI prefix."""
+    return lambda value: factor * value
+
+
+def digits(value: float, count: int = 6) -> str:
+    """So many significant ones."""
+    return f"{value:.{count}g}"
+
+
+def places(value: float, count: int = 0) -> str:
+    """So many behind the point; no minus zero, a dash for no number."""
+    return "-" if isnan(value) else f"{round(value, count) + 0.0:.{count}f}"
+
+
+def power(value: float, count: int = 1) -> str:
+    """With a power of ten, so many places before it."""
+    return f"{value:.{count}e}"
+
+
+def signed(value: float, count: int = 0) -> str:
+    """With its sign."""
+    return f"{value:+.{count}f}"
+
+
+def percent(value: float, count: int = 0) -> str:
+    """A share in percent."""
+    return f"{places(100 * value, count)} %"
+
+
+def listed(values: Iterable, word: str = "and") -> str:
+    """a, b and c."""
+    *first, last = map(str, values)
+    return f"{', '.join(first)} {word} {last}" if first else last
+
+
+def between(values: Iterable[float], count: int = 3) -> str:
+    """Least to largest; one number where they are equal in so many places."""
+    low, high = places(min(values), count), places(max(values), count)
+    return low if low == high else f"{low} to {high}"
+
+
+def only_finite(values: Iterable[float]) -> list[float]:
+    """Those that are numbers."""
+    return list(filter(isfinite, values))
+
+
+def verdict(holds: bool | None) -> str:
+    """On a statement; None where it cannot be judged."""
+    return "cannot be judged" if holds is None else "holds" if holds else "does not hold"

@@ -1,0 +1,187 @@
+"""Extreme chains: materials, sizes, speeds, loads, losses, lengths.
+
+Every run is held against one of another scheme with a step four times finer.
+"""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+import dem
+from dem.spheres import time_scale
+from workflows.studies.stability.verdicts import Outcome, Trial
+
+ERROR = 1e-4
+RIG = {"radius": 0.0127, "density": 7800.0, "young": 210e9, "poisson": 0.3}
+STEEL = {"wall_young": 210e9, "wall_poisson": 0.3}
+SPEED, N = 0.31, 9
+
+
+def spheres_of(**changes) -> dem.Chain:
+    """The rig's spheres, nine unless a count or arrays are given, at a flat of steel."""
+    given = {**RIG, **STEEL, **changes}
+    if not any(np.ndim(given[name]) for name in RIG):
+        given.setdefault("count", N)
+    return dem.row_of_spheres(**given)
+
+
+def struck(n: int = N, speed: float = SPEED) -> np.ndarray:
+    """Velocities with only the striker moving."""
+    return speed * np.eye(1, n)[0]
+
+
+def settled(
+    chain: dem.Chain,
+    wall: dem.Wall | None,
+    v0: np.ndarray,
+    duration: float,
+    *,
+    young: float | np.ndarray = RIG["young"],
+    error: float = ERROR,
+    n_save: int = 100,
+) -> Outcome:
+    """A run to an error, its true error against a finer one, and where it left the model."""
+    run = dem.march_to_error(
+        chain, wall, v0, duration=duration, error=error, n_save=n_save,
+        max_evaluations=1e9 / (chain.mass.size + (0 if wall is None else wall.omega.size)),
+    ).trajectory  # fmt: skip
+    scale = float(np.abs(v0).max()) or 1.0
+    off = float(np.abs(finer(chain, wall, v0, run).v - run.v).max()) / scale
+    warnings = dem.outside(dem.strain(chain, young, run.contact_force, run.v))
+    return Outcome(max(off, 1e-2 * run.energy_error), error, warnings)
+
+
+def finer(
+    chain: dem.Chain, wall: dem.Wall | None, v0: np.ndarray, run: dem.Trajectory
+) -> dem.Trajectory:
+    """The same with a quarter of the step, by another scheme where one bears the damping; the
+    implicit ones, which alone average a force that jumps, with an eighth."""
+    march = partial(dem.march, chain, wall, v0, duration=run.t[-1], n_save=run.t.size - 1)
+    if run.scheme.startswith("energy"):
+        return march(scheme=run.scheme, dt=run.dt / 8)
+    try:
+        return march(scheme="split6" if chain.dissipation == "none" else "kahan-li6", dt=run.dt / 4)
+    except dem.UnstableStep:
+        return march(scheme=run.scheme, dt=run.dt / 4)
+
+
+def collisions(chain: dem.Chain, speed: float, count: float = 40.0) -> float:
+    """Duration [s] of so many of the slowest contact's natural times."""
+    n = chain.A.size
+    return count * float(time_scale(chain.mass[:n], chain.A, speed).max())
+
+
+def _run(chain: dem.Chain, v0: np.ndarray, count: float = 30.0, **options) -> Outcome:
+    duration = collisions(chain, float(np.abs(v0).max()), count)
+    return settled(chain, dem.rigid_wall(), v0, duration, **options)
+
+
+def young() -> Iterator[Trial]:
+    """One modulus for all, 1 MPa to 1 TPa."""
+    for E in 10.0 ** np.arange(6, 13):
+        yield Trial("young", E, partial(_material, E))
+
+
+def _material(E: float) -> Outcome:
+    return _run(spheres_of(young=E, wall_young=E), struck(), young=E)
+
+
+def unlike_materials() -> Iterator[Trial]:
+    """Steel next to ever softer spheres."""
+    for soft in 10.0 ** np.arange(6, 12):
+        E = np.where(np.arange(N) % 2, soft, 210e9)
+        yield Trial("unlike-materials", soft, partial(_unlike, young=E))
+
+
+def unlike_radii() -> Iterator[Trial]:
+    """Every second sphere smaller, and a chain tapered a thousandfold."""
+    for ratio in (0.3, 0.1, 1e-2, 1e-3):
+        R = np.where(np.arange(N) % 2, ratio, 1.0) * RIG["radius"]
+        yield Trial("unlike-radii", ratio, partial(_unlike, radius=R))
+    R = RIG["radius"] * np.geomspace(1.0, 1e-3, N)
+    yield Trial("unlike-radii", "tapered to 0.001", partial(_unlike, radius=R, count=3.0))
+
+
+def _unlike(count: float = 30.0, **changes) -> Outcome:
+    young = changes.get("young", RIG["young"])
+    return _run(spheres_of(**changes), struck(), count, young=young)
+
+
+def radius() -> Iterator[Trial]:
+    """1 um to 1 m."""
+    for R in 10.0 ** np.arange(-6, 1):
+        yield Trial("radius", R, partial(_unlike, radius=R))
+
+
+def striker_speed() -> Iterator[Trial]:
+    """1 um/s to 100 m/s."""
+    for speed in 10.0 ** np.arange(-6, 3):
+        yield Trial("striker-speed", speed, partial(_speed, speed))
+
+
+def _speed(speed: float) -> Outcome:
+    return _run(spheres_of(), struck(speed=speed))
+
+
+def preload() -> Iterator[Trial]:
+    """On the last sphere, and through all spheres by a spring on the first."""
+    for force in (0.0, 1e-6, 1.0, 1e2, 1e4, 1e5):
+        yield Trial("preload", force, partial(_preloaded, force))
+        if force:
+            yield Trial("preload", f"{force:g} through all", partial(_squeezed, force))
+
+
+def _preloaded(force: float) -> Outcome:
+    return settled(spheres_of(preload=force), dem.rigid_wall(), struck(), 1e-3)
+
+
+def _squeezed(force: float) -> Outcome:
+    return settled(squeezed(force), dem.rigid_wall(), struck(), 1e-3)
+
+
+def squeezed(force: float) -> dem.Chain:
+    """Spheres between a soft spring and a wall; with no force both just touch."""
+    first, stiffness = np.eye(1, N)[0], 1e5
+    anchor = force / stiffness + N * (force / spheres_of().A.min()) ** (2 / 3)
+    return spheres_of(leaf_stiffness=stiffness * first, leaf_anchor=anchor * first)
+
+
+def sonic_vacuum() -> Iterator[Trial]:
+    """No preload: the limit of a vanishing one, which only tiny forces reach."""
+    for force in (1e-3, 1e-6, 1e-9, 1e-12):
+        yield Trial("sonic-vacuum", force, partial(_vanishing, force))
+
+
+def _vanishing(force: float) -> Outcome:
+    """Velocity difference to no force at all; a force p shifts it by about (p/F)^(2/3)."""
+    wall, v0 = dem.rigid_wall(), struck()
+    options = {"duration": 1e-3, "error": 1e-7, "n_save": 100}
+    one = dem.march_to_error(squeezed(force), wall, v0, **options).trajectory
+    none = dem.march_to_error(squeezed(0.0), wall, v0, **options).trajectory
+    shift = (force / one.contact_force.max()) ** (2 / 3)
+    return Outcome(float(np.abs(one.v - none.v).max()) / SPEED, 30 * shift + 1e-6)
+
+
+def dissipation() -> Iterator[Trial]:
+    """Each law from none to far beyond critical."""
+    for law in ("linear", "linear-clipped", "hunt-crossley"):
+        for gamma in (0.0, 1e-3, 1.0, 1e2, 1e4, 1e6, 1e8, 1e12, 1e18):
+            yield Trial("dissipation", f"{law} {gamma:g}", partial(_damped, law, gamma))
+
+
+def _damped(law: str, gamma: float) -> Outcome:
+    chain = spheres_of(dissipation=law, gamma=gamma)
+    return settled(chain, dem.rigid_wall(), struck(), 5e-4)
+
+
+def spheres() -> Iterator[Trial]:
+    """2 to 100 000 of them."""
+    for n in (2, 17, 100, 1000, 10_000, 100_000):
+        yield Trial("spheres", n, partial(_many, n))
+
+
+def _many(n: int) -> Outcome:
+    long = n > 1000
+    chain = spheres_of(count=n)
+    return settled(chain, dem.rigid_wall(), struck(n), 3e-4 if long else 1e-3, n_save=10)

@@ -1,0 +1,1 @@
+"""Figures of the thesis made again, each beside its cure."""

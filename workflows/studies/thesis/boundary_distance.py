@@ -1,0 +1,216 @@
+"""ARR against the distance of the contact from a clamped edge, for plates of some thicknesses.
+
+Near the edge the plate is stiff and little energy leaves. Away from it the bending waves that left
+come back from the edge only after the contact. Thesis, section 2.2.2.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import coupling
+import dem
+from coupling.collision import FAINTEST_ARR, Collision
+from workflows.files.run_folder import Picture
+from workflows.pipeline.pipeline import Progress
+from workflows.results.plots import Line, Panel, panels
+from workflows.results.tables import Table
+from workflows.scene import Scene
+from workflows.studies.finding import Finding
+from workflows.studies.prose import said
+from workflows.studies.thesis import plates
+from workflows.studies.thesis.plates import Sizes
+from workflows.studies.thesis.requirements import FEWEST, require_chain
+
+RATIOS = (1.0, 2.0, 4.0, 6.0)  # D/t
+DIAMETERS = (0.2, 0.4, 0.6, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.2, 4.0, 5.0, 6.0)  # distances
+CHECKED = 4.0  # D/t at which mesh and modes are varied
+CLOSE = 0.05  # of the ARR far from the edge: where the edge no longer matters
+SHOWN = (0.4, 1.2, 2.0, 6.0)  # distances whose forces are drawn and whose ARR is checked
+
+VARIED = {"elements halved": plates.refined, "modes doubled": plates.with_more_modes}
+COLUMNS = (
+    "d_over_t", "distance_mm", "arr", "arr_over_far", "energy_lost_percent", "contact_time_us",
+    "peak_force_N",
+)  # fmt: skip
+
+
+class Series(NamedTuple):
+    """One plate struck at all distances."""
+
+    ratio: float  # D/t
+    plate: coupling.Plate
+    distance: NDArray[np.float64]  # (k,) [m]
+    collisions: list[Collision]
+
+    @property
+    def arr(self) -> NDArray[np.float64]:
+        """(k,)"""
+        return np.array([one.arr for one in self.collisions])
+
+    @property
+    def far(self) -> float:
+        """ARR at the largest distance."""
+        return self.collisions[-1].arr
+
+    @property
+    def edge(self) -> float:
+        """ARR at the smallest distance."""
+        return self.collisions[0].arr
+
+    @property
+    def edge_over_far(self) -> float:
+        """ARR at the smallest distance over that at the largest."""
+        return float(self.over_far[0])
+
+    @property
+    def over_far(self) -> NDArray[np.float64]:
+        """ARR over that far away, or over what could just be seen (k,)."""
+        return self.arr / max(self.far, FAINTEST_ARR)
+
+    @property
+    def critical(self) -> float:
+        """Distance [m] beyond which ARR stays within CLOSE of that far away."""
+        away = np.abs(self.over_far - self.over_far[-1])
+        last = int(np.flatnonzero(away > CLOSE).max(initial=-1))
+        if last < 0:
+            return 0.0
+        x, y = self.distance[last : last + 2], away[last : last + 2]
+        return float(x[0] + (y[0] - CLOSE) / (y[0] - y[1]) * (x[1] - x[0]))
+
+    @property
+    def half_way(self) -> float:
+        """Distance [m] at which ARR has fallen half of its way from the edge to far away."""
+        middle = (self.arr[0] + self.far) / 2
+        beyond = int((self.arr < middle).argmax())
+        x, y = self.distance[beyond - 1 : beyond + 1], self.arr[beyond - 1 : beyond + 1]
+        return float(x[0] + (y[0] - middle) / (y[0] - y[1]) * (x[1] - x[0]))
+
+
+def boundary_distance(scene: Scene, watch: Progress) -> Finding:
+    """Reflected waves from plates struck near their clamped edge (thesis, section 2.2.2)."""
+    require_chain(scene, FEWEST)
+    with watch("half-space"):
+        deep = plates.collision(scene, dem.rigid_wall())
+    found = []
+    for ratio in RATIOS:
+        with watch(f"plate, D/t = {ratio:g}"):
+            found.append(_series(scene, ratio, _size(scene, ratio, deep)))
+    base, checks = _size(scene, CHECKED, deep), []
+    for name, varied in VARIED.items():
+        with watch(f"D/t = {CHECKED:g}, {name}"):
+            checks.append((name, _series(scene, CHECKED, varied(base), SHOWN)))
+    rows = tuple(row for series in found for row in _rows(series))
+    drawn = Picture("study_boundary_distance", _picture(scene, deep, found))
+    changes = [_change(name, _at(found, CHECKED), series) for name, series in checks]
+    numbers = _numbers(scene, deep, found)
+    sentences = said(__file__, checked=CHECKED, changes=changes, **numbers)
+    return Finding((Table("boundary-distance", COLUMNS, rows),), sentences, (drawn,))
+
+
+def _size(scene: Scene, ratio: float, deep: Collision) -> Sizes:
+    plate = plates.steel(scene, plates.diameter(scene) / ratio)
+    until = plates.collision(scene, coupling.infinite_plate(plate)).contact.seconds
+    size = plates.sizes(plate, deep.contact.seconds, until)
+    # fine elements run all along the line of contacts
+    nearest = DIAMETERS[0] * plates.diameter(scene)
+    return size._replace(contact_seed=nearest, patch=min(size.patch, nearest / 2))
+
+
+def _series(
+    scene: Scene, ratio: float, size: Sizes, diameters: tuple[float, ...] | None = None
+) -> Series:
+    plate = plates.steel(scene, plates.diameter(scene) / ratio)
+    distance = plates.diameter(scene) * np.array(diameters or DIAMETERS)
+    walls = plates.edge_walls(plate, size, distance)
+    return Series(ratio, plate, distance, [plates.collision(scene, wall) for wall in walls])
+
+
+def _rows(series: Series):
+    for distance, one, over in zip(
+        series.distance, series.collisions, series.over_far, strict=True
+    ):
+        yield (
+            series.ratio, 1e3 * distance, one.arr, over, 100 * one.lost,
+            1e6 * one.contact.seconds, one.peak_force,
+        )  # fmt: skip
+
+
+def _numbers(scene: Scene, deep: Collision, found: list[Series]) -> dict[str, Any]:
+    return {
+        "sphere": plates.watched(scene),
+        "deep": deep,
+        "found": found,
+        "close": CLOSE,
+        "higher": all(series.arr[0] > series.far for series in found),
+        "settled": all(series.critical < series.distance[-2] for series in found),
+        "echo": [_echo_distance(series, deep) for series in found],
+    }
+
+
+def _at(found: list[Series], ratio: float) -> Series:
+    return next(series for series in found if series.ratio == ratio)
+
+
+def _echo_distance(series: Series, deep: Collision) -> float:
+    """Half the way [m] that bending waves make while a contact with a half-space lasts."""
+    seconds = deep.contact.seconds
+    return coupling.group_speed(series.plate, np.pi / seconds) * seconds / 2
+
+
+class Change(NamedTuple):
+    """Largest change of ARR at some distances [m] when a series is varied."""
+
+    varied: str
+    arr: float
+    distance: list[float]
+
+
+def _change(name: str, base: Series, other: Series) -> Change:
+    at = [DIAMETERS.index(value) for value in SHOWN]
+    return Change(name, float(np.abs(other.arr - base.arr[at]).max()), other.distance.tolist())
+
+
+def _picture(scene: Scene, deep: Collision, found: list[Series]) -> bytes:
+    x = "distance from the clamped edge [mm]"
+    ends = np.array([0.0, 1e3 * found[0].distance[-1]])
+    arr = [Line(f"D/t = {s.ratio:g}", 1e3 * s.distance, s.arr, "o-") for s in found]
+    arr.append(Line("half-space", ends, np.full(2, deep.arr), "--", 5))
+    lost = [
+        Line(f"D/t = {s.ratio:g}", 1e3 * s.distance, [100 * b.lost for b in s.collisions], "o-")
+        for s in found
+    ]
+    scaled = [
+        Line(f"D/t = {s.ratio:g}", s.distance / _echo_distance(s, deep), _fallen(s), "o-")
+        for s in found
+    ]
+    return panels(
+        [
+            Panel("amplitude ratio of the reflected wave (2.9)", x, "ARR", arr),
+            Panel("energy that the plate takes", x, "% of the striker's", lost),
+            Panel(
+                "what is left of the edge's effect", "distance / reach of the bending waves",
+                "(ARR - far) / (edge - far)", scaled,
+            ),
+            _forces(scene, _at(found, CHECKED)),
+        ],
+        columns=2,
+        size=(5.6, 3.4),
+    )  # fmt: skip
+
+
+def _fallen(series: Series) -> NDArray[np.float64]:
+    return (series.arr - series.far) / (series.arr[0] - series.far)
+
+
+def _forces(scene: Scene, series: Series) -> Panel:
+    near = [DIAMETERS.index(value) for value in SHOWN]
+    lines = [
+        Line(
+            f"{1e3 * series.distance[i]:.0f} mm", 1e3 * series.collisions[i].trajectory.t,
+            series.collisions[i].trajectory.contact_force[:, -1],
+        )
+        for i in near
+    ]  # fmt: skip
+    return Panel(f"force at the plate, D/t = {series.ratio:g}", "time [ms]", "force [N]", lines)

@@ -1,0 +1,162 @@
+"""A chain against plates: the infinite one of Zener, and plates of finite elements.
+
+The finite plate is solid, loaded and read over one patch, its half-space taken out, reduced to its
+modes and a residual; it is so large that bending waves come back from its edges after the contact.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+import coupling
+import dem
+import fem
+import geometry
+import rom
+from coupling import collision as collisions
+from coupling.collision import Collision
+from coupling.plate import Plate, shear_speed, wavenumber
+from coupling.wall import wall_from_reduced
+from workflows.pipeline.chain import initial_velocity
+from workflows.scene import Scene
+from workflows.studies.thesis.requirements import bare, last
+
+STRUCK = "plate:+x"
+CARRIED = 3.0  # half periods in a contact of the waves that must not come back from an edge
+RESOLVED = 6.0  # half periods in a contact of the finest waves: modes that move, elements
+ELEMENTS = 4  # quadratic ones in a wavelength of those
+MARGIN = 1.25  # of the plate's size
+NEAR = 12  # elements at the contact in which its half-space is solved; leaves 5e-6 of it
+COARSEST_PATCH, COARSEST_SEED = 2e-3, 6e-3  # m
+
+
+class Sizes(NamedTuple):
+    """Of a plate's mesh [m], and the highest frequency [Hz] whose modes move one by one."""
+
+    reach: float  # from the contact to the edges
+    seed: float
+    contact_seed: float
+    patch: float
+    cutoff_hz: float
+
+
+def watched(scene: Scene) -> int:
+    """The sphere, counted from 1, at which waves are measured: fourth from the wall, as 14 of the
+    thesis' 17. Farther away slow waves merge with those behind them."""
+    return scene.chain.count - 3
+
+
+def steel(scene: Scene, thickness: float) -> Plate:
+    """A plate of the last sphere's material."""
+    of_last = (last(getattr(scene.chain, key)) for key in ("young", "poisson", "density"))
+    return Plate(*of_last, thickness)
+
+
+def diameter(scene: Scene) -> float:
+    """Of the last sphere [m]."""
+    return 2 * last(scene.chain.radius)
+
+
+def collision(scene: Scene, wall: dem.Wall) -> Collision:
+    """The first collision of the scene's spheres with a wall."""
+    return collisions.collision(bare(scene), wall, initial_velocity(scene), watched(scene))
+
+
+def rebound(scene: Scene, wall: dem.Wall) -> float:
+    """Restitution of the last sphere alone, thrown at a wall with the striker's speed."""
+    speed = np.abs(initial_velocity(scene)).max()
+    return collisions.restitution(bare(scene), wall, speed)
+
+
+def sizes(plate: Plate, rise: float, until: float) -> Sizes:
+    """A mesh for the waves of a push that takes `rise` [s] on a half-space, so large that echoes
+    come back after `until` [s].
+    """
+    carried = coupling.group_speed(plate, CARRIED * np.pi / rise)
+    omega = RESOLVED * np.pi / rise
+    bending = 2 * np.pi / wavenumber(plate, omega)
+    shear = 2 * np.pi * shear_speed(plate) / omega
+    return Sizes(
+        reach=MARGIN * carried * until / 2,
+        seed=min(bending, shear) / ELEMENTS,
+        contact_seed=min(COARSEST_SEED, plate.thickness / 3),
+        patch=min(COARSEST_PATCH, plate.thickness / 4),
+        cutoff_hz=RESOLVED / (2 * rise),
+    )
+
+
+def refined(size: Sizes) -> Sizes:
+    """Elements of half the size, everything else the same."""
+    return size._replace(seed=size.seed / 2, contact_seed=size.contact_seed / 2)
+
+
+def with_more_modes(size: Sizes) -> Sizes:
+    """Modes up to twice the frequency: in a plate twice as many."""
+    return size._replace(cutoff_hz=2 * size.cutoff_hz)
+
+
+def widened(size: Sizes) -> Sizes:
+    """Edges half as far away again."""
+    return size._replace(reach=1.5 * size.reach)
+
+
+def with_half_the_patch(size: Sizes) -> Sizes:
+    """A patch of half the radius."""
+    return size._replace(patch=size.patch / 2)
+
+
+def middle_wall(plate: Plate, size: Sizes) -> dem.Wall:
+    """The plate struck in its middle, held at its edges; a quarter is meshed."""
+    reach = (0.0, size.reach)
+    mesh = geometry.plate_mesh(
+        plate.thickness, geometry.Extent(reach, reach),
+        seed=size.seed, contact_seed=size.contact_seed,
+    )  # fmt: skip
+    mirrors = ("plate:-y", "plate:-z")
+    model = fem.mirrored(_structure(mesh, plate), ("plate:+y", "plate:+z"), mirrors)
+    corner = (-size.reach / 2, -size.reach / 2)
+    patch = fem.contact_patch(model, STRUCK, corner, size.patch, mirrors="yz")
+    reduced = rom.free_modes(
+        model.K, model.M, patch.w, cutoff_hz=size.cutoff_hz, factorise=fem.factorised
+    )
+    return _wall(model, plate, patch, mirrors, reduced)
+
+
+def edge_walls(plate: Plate, size: Sizes, distances: Sequence[float]) -> Iterator[dem.Wall]:
+    """The plate struck at distances [m] from a clamped edge, the others held out of reach.
+
+    A half is meshed, fine along the line of contacts, so that its modes are found once.
+    """
+    far = max(distances) + size.reach
+    mesh = geometry.plate_mesh(
+        plate.thickness, geometry.Extent((0.0, far), (0.0, size.reach)),
+        seed=size.seed, contact_seed=size.contact_seed, struck_y=(0.0, max(distances)),
+    )  # fmt: skip
+    mirrors = ("plate:-z",)
+    held = ("plate:-y", "plate:+y", "plate:+z")
+    model = fem.mirrored(_structure(mesh, plate), held, mirrors)
+    factor, modes = fem.factorised(model.K), None
+    for distance in distances:
+        at = (distance - far / 2, -size.reach / 2)
+        patch = fem.contact_patch(model, STRUCK, at, size.patch, mirrors="z")
+        cutoff = {"cutoff_hz": size.cutoff_hz} if modes is None else {"modes": modes}
+        reduced = rom.free_modes(model.K, model.M, patch.w, factorise=lambda A: factor, **cutoff)
+        modes = modes or _modes(reduced)
+        near = NEAR * size.contact_seed
+        yield _wall(model, plate, patch, mirrors, reduced, within=near)
+
+
+def _structure(mesh, plate: Plate) -> fem.Structure:
+    return fem.assemble(mesh, {"plate": fem.Material(plate.young, plate.poisson, plate.density)})
+
+
+def _modes(reduced: rom.ReducedModel) -> tuple[np.ndarray, np.ndarray]:
+    kept = slice(0, len(reduced.w) - reduced.n_residual)
+    return np.sqrt(np.diag(reduced.K)[kept]), reduced.T[:, kept]
+
+
+def _wall(model, plate: Plate, patch, mirrors, reduced, *, within=np.inf) -> dem.Wall:
+    material = fem.Material(plate.young, plate.poisson, plate.density)
+    local = fem.half_space_on_mesh(model, STRUCK, patch, material, mirrors=mirrors, within=within)
+    return wall_from_reduced(reduced, half_space=local)

@@ -1,0 +1,98 @@
+"""The same wall coupled in two ways: one functional for force and reading, or the thesis' two.
+
+Ours loads and reads a patch. The thesis pushes at the contact node and reads two others' mean.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import coupling
+import dem
+import fem
+import rom
+from coupling.wall import coupled_wall, wall_from_reduced
+from workflows.pipeline.assembly import STRUCK, material
+from workflows.pipeline.chain import chain, initial_velocity
+from workflows.scene import Scene
+
+N_MODES = 40
+N_SAVE = 2000
+HORIZON = 2e-3  # [s] for which the error of the velocities is held
+ERROR = 1e-6  # of a step of the coupled march
+
+
+class Body(NamedTuple):
+    """A body to be struck."""
+
+    model: fem.Model
+    point: tuple[float, float]  # y, z [m] from the middle of its face
+    radius: float  # [m] of the patch, and of the recovery points' distance
+
+
+class Run(NamedTuple):
+    """A coupled run and what it made of energy."""
+
+    name: str
+    trajectory: dem.Trajectory
+    gain: coupling.EnergyGain
+
+    @property
+    def milliseconds(self) -> NDArray[np.float64]:
+        return 1e3 * self.trajectory.t
+
+    @property
+    def total(self) -> NDArray[np.float64]:
+        """The whole ledger over the striker's energy, 1 at the start (k,)."""
+        return self._share(self.trajectory.energy_total)
+
+    @property
+    def without_wall(self) -> NDArray[np.float64]:
+        """The ledger without the wall's part over the striker's energy, 1 at the start (k,)."""
+        run = self.trajectory
+        wall = run.energy_wall + run.energy_residual + run.dissipated_wall
+        return self._share(run.energy_total - wall)
+
+    def _share(self, energy: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 1 + (energy - energy[0]) / self.trajectory.energy_kinetic[0]
+
+
+def ours(scene: Scene, body: Body, *, damping: coupling.Damping | None = None) -> dem.Wall:
+    """One functional, free modes and a residual, the half-space taken out."""
+    patch = fem.contact_patch(body.model, STRUCK, body.point, body.radius)
+    local = fem.half_space_on_mesh(body.model, STRUCK, patch, material(scene.assembly, "block"))
+    reduced = rom.free_modes(
+        body.model.K, body.model.M, patch.w, n_modes=N_MODES, factorise=fem.factorised
+    )
+    return wall_from_reduced(reduced, half_space=local, damping=damping)
+
+
+def of_the_thesis(
+    body: Body,
+    recovery: tuple[tuple[float, float], ...] | None = None,
+    *,
+    damping: coupling.Damping | None = None,
+) -> coupling.CoupledWall:
+    """Force at the contact node, reading at two others; the reduced matrices taken whole."""
+    y, z = body.point
+    spots = recovery or ((y - body.radius, z), (y + body.radius, z))
+    force = fem.node_patch(body.model, STRUCK, [body.point]).w
+    reading = fem.node_patch(body.model, STRUCK, spots).w
+    boundary = np.flatnonzero(force + reading)
+    reduced = rom.craig_bampton(
+        body.model.K, body.model.M, force, boundary, n_modes=N_MODES, factorise=fem.factorised
+    )
+    reduced = reduced._replace(contact=rom.Contact(weights_read=reading @ reduced.T))
+    return coupled_wall(reduced, half_space=0.0, damping=damping, cutoff_hz=np.inf)
+
+
+def struck(scene: Scene, name: str, wall: dem.Wall | coupling.CoupledWall, duration: float) -> Run:
+    """The scene's chain against a wall for duration [s]."""
+    # over many impacts spheres move chaotically: no step holds an error of velocities for long
+    held = {"horizon": min(duration, HORIZON)} if isinstance(wall, dem.Wall) else {}
+    run = coupling.impact(
+        chain(scene), wall, initial_velocity(scene), duration=duration, error=ERROR,
+        n_save=N_SAVE, **held,
+    )  # fmt: skip
+    return Run(name, run.trajectory, run.energy_gain)

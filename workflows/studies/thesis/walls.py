@@ -1,0 +1,180 @@
+"""Ten walls before the rig's chain: what each of the thesis' statements about them is worth.
+
+Thesis, section 7.2, figures 7.13 to 7.16. The measured waveforms are not in its text, so walls are
+compared with each other, by the distances of `coupling.wave_distance`.
+"""
+
+from itertools import combinations
+from math import inf, isnan
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coupling.observed_run import ERROR, Observed
+from coupling.wave_distance import distance, overall, spread
+from workflows.files.run_folder import Picture
+from workflows.pipeline.pipeline import Progress
+from workflows.results.plots import matrix, panels
+from workflows.results.tables import Table
+from workflows.scene import Scene
+from workflows.studies.finding import Finding
+from workflows.studies.prose import said
+from workflows.studies.thesis.records import record, wave_cells, wave_columns
+from workflows.studies.thesis.requirements import require_chain, require_echo, require_rig
+from workflows.studies.thesis.rig_walls import (
+    HALF_SPACE,
+    N_WAVES,
+    ONE_DOF_HZ,
+    RIGID,
+    ROMS,
+    SLIGHT,
+    STRONG,
+    UNMOVED,
+    one_dof,
+    rig_walls,
+    struck,
+)
+
+NUMBERS = range(1, N_WAVES + 1)
+ALIKE = (("ROM 907", 907), ("ROM 269", 700), (HALF_SPACE, 8425))  # walls that the thesis compares
+FEW = tuple(map(one_dof, (269, 907, 700, 240)))  # one-mass walls that move within the contact
+
+Runs = dict[str, Observed]
+Spheres = tuple[int, ...]
+
+
+def walls(scene: Scene, watch: Progress) -> Finding:
+    """Waves that ten walls send back, and how far they differ (thesis, figures 7.13 to 7.16)."""
+    require_rig(scene)
+    spheres = tuple(sorted(require_chain(scene)))
+    runs: Runs = {}
+    for standing in rig_walls(scene, watch):
+        with watch(standing.name):
+            runs[standing.name] = require_echo(scene, struck(scene, standing, spheres, ERROR))
+    pictures = (
+        Picture("study_walls", _records(runs, spheres)),
+        Picture("study_walls_distances", _distances(runs, spheres)),
+    )
+    columns = ("sphere", "wall", *wave_columns(NUMBERS))
+    beside = Table("distances", ("one", "other", *(f"D{k}" for k in NUMBERS), "all"),
+                   tuple(_pairs(runs, spheres)))  # fmt: skip
+    rows = tuple(_arrivals(runs, spheres))
+    sentences = said(__file__, **_numbers(runs, spheres))
+    return Finding((Table("walls", columns, rows), beside), sentences, pictures)
+
+
+def _arrivals(runs: Runs, spheres: Spheres):
+    """When each reflected wave is at a sphere, and how fast."""
+    for sphere in spheres:
+        for name, run in runs.items():
+            yield sphere, name, *wave_cells(run, sphere, NUMBERS)
+
+
+def _pairs(runs: Runs, spheres: Spheres):
+    for one, other in combinations(runs.values(), 2):
+        apart = (distance(one, other, k, spheres) for k in NUMBERS)
+        yield one.name, other.name, *map(_or_none, (*apart, overall(one, other, spheres)))
+
+
+def _or_none(value: float) -> float | None:
+    return None if isnan(value) else value
+
+
+class Likeness(NamedTuple):
+    """Whether the one-mass wall `other` is the nearest to `one`, by the fourth wave's arrival."""
+
+    one: str
+    other: str
+    times: dict[str, float]  # [s] of the fourth waves, of `one` and of the one-mass walls
+    distance: dict[str, float]  # over all that comes back, of the one-mass walls to `one`
+
+    @property
+    def missing(self) -> str | None:
+        """The wall that sends no fourth wave, if one of the two does not."""
+        return next((name for name in (self.one, self.other) if name not in self.times), None)
+
+    @property
+    def nearest(self) -> str:
+        """The one-mass wall whose fourth wave comes nearest to that of `one`."""
+        at = self.times[self.one]
+        others = (name for name in self.times if name != self.one)
+        return min(others, key=lambda name: abs(at - self.times[name]))
+
+    @property
+    def ranked(self) -> list[str]:
+        """One-mass walls from the least distance on."""
+        return sorted(self.distance, key=self.distance.get)
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the distance tells the first of them from the second."""
+        first, second, *_ = self.ranked
+        return self.distance[first] < 0.5 * self.distance[second]
+
+
+def _likeness(runs: Runs, one: str, other: str, spheres: Spheres) -> Likeness:
+    masses = [name for name in map(one_dof, ONE_DOF_HZ) if name in runs]
+    found = {name: runs[name].wave(spheres[-1], "reflected", N_WAVES)
+             for name in (one, *masses) if name in runs}  # fmt: skip
+    times = {name: label.arrival.time for name, label in found.items() if label}
+    compared = [name for name in masses if name in times and one in times]
+    return Likeness(
+        one, other, times, {name: overall(runs[one], runs[name], spheres) for name in compared}
+    )
+
+
+class Dependence(NamedTuple):
+    """Largest distance of two walls in a reflected wave; None, and no sphere, if none sends it."""
+
+    distance: float | None
+    by_sphere: dict[int, float]
+
+
+def _dependence(runs: list[Observed], number: int, spheres: Spheres) -> Dependence:
+    found = {sphere: spread(runs, number, (sphere,)) for sphere in spheres}
+    seen = {sphere: value for sphere, value in found.items() if not isnan(value)}
+    return Dependence(_or_none(spread(runs, number, spheres)), seen)
+
+
+def _numbers(runs: Runs, spheres: Spheres) -> dict[str, Any]:
+    bodies = [runs[name] for name in (*FEW, *ROMS) if name in runs]
+    moving = [run for name, run in runs.items() if name != RIGID]
+    waves = {k: _dependence(moving, k, spheres) for k in NUMBERS}
+    early = [spread(bodies, k, spheres) for k in NUMBERS[:-1]]
+    return {
+        "n_waves": N_WAVES,
+        "spheres": spheres,
+        "early": max([0.0, *(value for value in early if not isnan(value))]),
+        "likenesses": [_likeness(runs, one, one_dof(hz), spheres) for one, hz in ALIKE],
+        "unlike": _likeness(runs, "ROM 269", one_dof(269), spheres),
+        "waves": waves,
+        "independent": [s for s in spheres if waves[1].by_sphere.get(s, inf) < UNMOVED],
+        "rigid": _or_none(distance(runs[RIGID], runs[HALF_SPACE], 1, spheres)),
+        "second_at": 4,  # the sphere at which the thesis sees it most
+        "unmoved": UNMOVED,
+        "slight": SLIGHT,
+        "strong": STRONG,
+    }
+
+
+def _records(runs: Runs, spheres: Spheres) -> bytes:
+    sets = (
+        ("half-space (figure 7.13)", (HALF_SPACE, RIGID, one_dof(8425))),
+        ("one mass (figure 7.14)", (one_dof(269), one_dof(907), one_dof(240))),
+        ("ROM 269 (figure 7.15)", ("ROM 269", one_dof(269), one_dof(700))),
+        ("ROM 907 (figure 7.16)", ("ROM 907", one_dof(907), "ROM all four")),
+    )
+    drawn = [
+        record(f"{title}, sphere {s}", [runs[name] for name in names if name in runs], s)
+        for title, names in sets
+        for s in spheres
+    ]
+    return panels(drawn, columns=len(spheres), size=(4.6, 2.7))
+
+
+def _distances(runs: Runs, spheres: Spheres) -> bytes:
+    names = list(runs)
+    apart = np.zeros((len(names), len(names)))
+    for (i, one), (j, other) in combinations(enumerate(runs.values()), 2):
+        apart[i, j] = apart[j, i] = overall(one, other, spheres)
+    return matrix(apart, names, "distance over all that comes back [-]")

@@ -1,0 +1,7 @@
+"""The numbers of the thesis, read from `thesis.toml`."""
+
+import tomllib
+from importlib.resources import files
+
+THESIS = tomllib.loads((files("workflows") / "thesis.toml").read_text(encoding="utf-8"))
+HAMMER_TEST_HZ = tuple(THESIS["hammer_test"]["hz"])
