@@ -56,11 +56,8 @@ def above_0(name, value):
 
 def positive(name, value, unit=""):
     """A finite number above 0."""
-    number = np.ndim(value) == 0 and isinstance(value, Real)
-    require(
-        number and math.isfinite(value) and value > 0.0,
-        f"{name} is {value!r}{unit}; it must be finite and above 0",
-    )
+    if not (isinstance(value, Real) and 0.0 < value < math.inf):
+        raise InvalidChain(f"{name} is {value!r}{unit}; it must be finite and above 0")
 
 
 def whole(name, value, *, at_least=1):

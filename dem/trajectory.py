@@ -18,7 +18,7 @@ from dem.kernels.arguments import (
     Steps,
 )
 from dem.kernels.explicit import march as march_explicit
-from dem.kernels.implicit import march_implicit
+from dem.kernels.implicit import march_implicit, workspace
 from dem.kernels.laws import plastic_loss
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import BACKWARD, UnstableStep, fastest_decay, refuse_step
@@ -191,11 +191,16 @@ def run(chain, wall, prepared, state, duration, dt, scheme, n_save, event_correc
     parts = _parts(chain, wall, prepared, state, scheme, steps.h)
     motion = Motion(state.x.copy(), state.v.copy(), np.zeros(n + 1), state.wall.copy(), np.zeros(2))
     out = _saved(n_save + 1, n, chain.A.size)
+    shown = motion._replace(f=np.zeros(n + 1))
     if scheme.kind == "implicit":
-        saved = march_implicit(motion, parts, scheme.b, steps, out)
+        work = workspace(n, chain.A.size)
+        saved = march_implicit(motion, shown, parts, *work, scheme.b, steps, out)
     else:
+        before = motion._replace(x=np.empty(n), v=np.empty(n), wall=np.empty(4))
         correction = scheme.correction if event_correction else None
-        saved = march_explicit(motion, parts, scheme.a, scheme.b, correction, steps, out)
+        saved = march_explicit(
+            motion, before, shown, parts, scheme.a, scheme.b, correction, steps, out
+        )
     if saved < n_save:
         raise UnstableStep(
             f"the state is not finite at t = {saved * steps.stride * steps.h:.4g} s with "

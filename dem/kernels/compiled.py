@@ -120,7 +120,8 @@ def njit(*, inner=False, **options):
 
 
 # `_nrt=False`: no reference counts, which would cost more than the arithmetic of a short chain;
-# such a function allocates nothing.
+# such a function allocates nothing. A function with many arguments that is called at every step
+# is inline: numba hands over each array as seven words.
 _ENTRY = {"error_model": "numpy"}
 _INNER = _ENTRY | {"inner": True}
 
@@ -131,5 +132,7 @@ fastmath_inline = njit(**_INNER, _nrt=False, fastmath=FAST, forceinline=True)
 fastmath_allocating = njit(**_INNER, fastmath=FAST)
 ieee_entry = njit(**_ENTRY, _nrt=False)
 fastmath_entry = njit(**_ENTRY, _nrt=False, fastmath=FAST)
-ieee_march = njit(**_ENTRY, nogil=True)
-fastmath_march = njit(**_ENTRY, nogil=True, fastmath=FAST)
+ieee_march = njit(**_ENTRY, _nrt=False, nogil=True)
+ieee_allocating_march = njit(**_ENTRY, nogil=True)
+fastmath_march = njit(**_ENTRY, _nrt=False, nogil=True, fastmath=FAST)
+fastmath_allocating_march = njit(**_ENTRY, nogil=True, fastmath=FAST)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.compiled import ieee, ieee_entry, ieee_march
+from dem.kernels.compiled import ieee, ieee_allocating_march, ieee_entry
 from dem.kernels.laws import hertz_force, hertz_indentation
 
 BEYOND = 0.25  # of the first slope of the energy that may be met beyond its least
@@ -82,7 +82,7 @@ def add(x, scale, change, out):
         out[i] = x[i] + scale * change[i]
 
 
-@ieee_march
+@ieee_allocating_march
 def rest(x, bearing, floor, n_iterations):
     """Damped Newton for the static state, from x and in place; the net force that is left, out.
 

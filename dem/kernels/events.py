@@ -10,7 +10,7 @@ Lyness, B. W. Ninham, Math. Comput. 21 (1967) 162). `correct_events` adds it as 
 import math
 
 from dem.kernels.arguments import DASH, IN_CONTACTS, U, V
-from dem.kernels.compiled import fastmath, ieee
+from dem.kernels.compiled import fastmath_inline, ieee
 from dem.kernels.laws import HUNT_CROSSLEY, plastic_indentation, plastic_loss
 from dem.kernels.modes import push_modes, shift_modes
 
@@ -85,7 +85,7 @@ def missed_impulse(A, dt, g0, r0, g1, r1, correction):
     return size * impulse, dt * size * shift, slope / dt
 
 
-@fastmath
+@fastmath_inline
 def crossed(motion, before, A, offset, plastic):
     """Did any contact open or close?"""
     x, x_old = motion.x, before.x

@@ -1,6 +1,6 @@
 """Explicit march: kicks by the contacts, drifts of spheres, leaf springs and modes between them."""
 
-from dem.kernels.arguments import IN_CONTACTS, Motion, V
+from dem.kernels.arguments import IN_CONTACTS, V
 from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
 from dem.kernels.events import correct_events, crossed, yield_contacts
 from dem.kernels.laws import LINEAR, damper, damping_impulse, hertz_force, sphere_forces, wall_force
@@ -180,7 +180,7 @@ def take_step(dt, stale, a, b, motion, parts):
     return stale
 
 
-@fastmath
+@fastmath_inline
 def keep(motion, before):
     """Copy the state to `before`."""
     for i in range(motion.x.size):
@@ -190,7 +190,7 @@ def keep(motion, before):
         before.wall[i] = motion.wall[i]
 
 
-@fastmath
+@fastmath_inline
 def corrected(dt, motion, before, parts, correction):
     """Correct what the last step missed; was there anything?"""
     if correction is None or not crossed(motion, before, parts.A, parts.offset, parts.plastic):
@@ -200,16 +200,14 @@ def corrected(dt, motion, before, parts, correction):
 
 
 @fastmath_march
-def march(motion, parts, a, b, correction, steps, saved):
+def march(motion, before, shown, parts, a, b, correction, steps, saved):
     """n_save times stride steps of kick b[0], drift a[0], kick b[1], ..., kick b[-1].
 
-    The state is saved before and after each stride. Changes motion and modes in place. Ends early,
-    and says after how many saves, when a state is not finite.
+    The state is saved before and after each stride; `before` keeps that of the last step, `shown`
+    has forces of its own. Changes motion and modes in place. Ends early, and says after how many
+    saves, when a state is not finite.
     """
     dt, n_save, stride = steps
-    x, v, f, wall, ledger = motion
-    shown = Motion(x, v, f.copy(), wall, ledger)
-    before = Motion(x.copy(), v.copy(), f, wall.copy(), ledger)
     stale = n_save >= 0  # a literal True would compile what takes it once more
     for k in range(n_save + 1):
         for _step in range(stride if k > 0 else 0):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import DASH, IN_CONTACTS, IN_WALL, WORK, Motion, U, V
+from dem.kernels.arguments import DASH, IN_CONTACTS, IN_WALL, WORK, U, V
 from dem.kernels.compiled import ieee, ieee_inline, ieee_march
 from dem.kernels.laws import (
     HUNT_CROSSLEY,
@@ -106,11 +106,10 @@ def closed_share(g0, g1):
     """Part of a step in which a contact of overlap g0, then g1 is closed, and its slope in g1."""
     if g0 > 0.0 and g1 > 0.0:
         return 1.0, 0.0
-    if g1 > 0.0:
-        return g1 / (g1 - g0), -g0 / (g1 - g0) ** 2
-    if g0 > 0.0:
-        return g0 / (g0 - g1), g0 / (g0 - g1) ** 2
-    return 0.0, 0.0
+    if g0 <= 0.0 and g1 <= 0.0:
+        return 0.0, 0.0
+    per = 1.0 / abs(g1 - g0)
+    return max(g0, g1) * per, abs(g0) * per * per
 
 
 @ieee_inline
@@ -119,13 +118,15 @@ def lead(z):
     read in the middle, a strong one would throw two bodies back with the speed that it takes from
     them. 0 for a weak one, which keeps the order and the symmetry of the step, 1/2 for one that
     stops them within the step, between them about what leaves exp(-z). Also its slope in z."""
-    cube = abs(z) ** 3
-    return 0.5 * math.copysign(cube, z) / (cube + LEAD), 1.5 * LEAD * z * z / (cube + LEAD) ** 2
+    square = z * z
+    cube = abs(z) * square
+    share = 1.0 / (cube + LEAD)
+    return 0.5 * z * square * share, 1.5 * LEAD * square * share * share
 
 
 @ieee_inline
-def mean_force(i, last, over, dt, compliance, A, residual, damping):
-    """Mean total force of contact i over a step, its slope in g1, its elastic part."""
+def mean_force(i, last, over, per_dt, compliance, A, residual, damping):
+    """Mean total force of contact i over the step 1 / per_dt, its slope in g1, its elastic part."""
     g0, g1, w0 = over
     if residual is not None and last:
         elastic, slope = mean_series(g0, g1, A[i], residual)
@@ -143,20 +144,20 @@ def mean_force(i, last, over, dt, compliance, A, residual, damping):
         share, falling = spring_share(contact_stiffness(i, elastic, A, None), residual)
         strength *= share
         strengthening *= share * (1.0 - falling)
-    stops = 2.0 * compliance / abs(dt)
-    c = min(strength, STOPPED / stops) if compliance > 0.0 else strength
-    if c < strength:
-        strengthening = 0.0
+    stops = 2.0 * compliance * abs(per_dt)
+    c = strength
+    if c * stops > STOPPED:
+        c, strengthening = STOPPED / stops, 0.0
     ahead, bend = 0.0, 0.0
-    if compliance > FREELY * 0.5 * dt * dt * inverse_mass[i]:
-        stops = math.copysign(stops, dt)
+    if compliance * per_dt * per_dt > FREELY * 0.5 * inverse_mass[i]:
+        stops = math.copysign(stops, per_dt)
         ahead, bend = lead(c * stops)
-    mean = (g1 - g0) / dt
+    mean = (g1 - g0) * per_dt
     rate = mean + 2.0 * ahead * (mean - w0)
     force = elastic + c * closed * rate
     if law != LINEAR and force <= 0.0:
         return 0.0, 0.0, elastic
-    growth = c * (closed * (1.0 + 2.0 * ahead) / dt + closing * rate)
+    growth = c * (closed * (1.0 + 2.0 * ahead) * per_dt + closing * rate)
     growth += strengthening * (rate + 2.0 * c * stops * bend * (mean - w0))
     return force, slope + growth, elastic
 
@@ -179,11 +180,12 @@ def imbalance(dt, f, parts, load, residual, damping, bodies, newton):
     """Fill forces, slopes and what the equations miss at the positions after; its square."""
     x0, x1, free, compliance, speed = bodies
     n = x0.size - 1
+    per_dt = 1.0 / dt  # a division in every contact would be half the price of the damping
     for i in range(parts.A.size):
         over = Passage(x0[i] - x0[i + 1], x1[i] - x1[i + 1], speed[i] - speed[i + 1])
         both = compliance[i] + compliance[i + 1]
         f[i + 1], newton.slope[i], newton.elastic[i] = mean_force(
-            i, i == n - 1, over, dt, both, parts.A, residual, damping
+            i, i == n - 1, over, per_dt, both, parts.A, residual, damping
         )
     square = 0.0
     for i in range(n + 1):
@@ -249,7 +251,7 @@ def implicit_step(dt, f, parts, bodies, newton):
 # --- parts of a step ---------------------------------------------------------------------------
 
 
-@ieee
+@ieee_inline
 def predict_spheres(s, h, motion, mass, leaf, bodies):
     """Where spheres go in the s-th part of a step without contact, and what a force adds."""
     x, v = motion.x, motion.v
@@ -265,7 +267,7 @@ def predict_spheres(s, h, motion, mass, leaf, bodies):
             bodies.compliance[i] = leaf.step_response[s, i] / mass[i]
 
 
-@ieee
+@ieee_inline
 def predict_wall(s, h, wall, offset, mobility, modes, bodies):
     free, compliance = bodies.free, bodies.compliance
     n = free.size - 1
@@ -285,7 +287,7 @@ def predict_wall(s, h, wall, offset, mobility, modes, bodies):
         compliance[n] += mobility * h
 
 
-@ieee
+@ieee_inline
 def update_spheres(s, h, motion, parts, load, leaf, bodies):
     """Positions and velocities at the end of the s-th part of a step."""
     x, v, f, _, _ = motion
@@ -302,7 +304,7 @@ def update_spheres(s, h, motion, parts, load, leaf, bodies):
         x[i] = bodies.after[i]
 
 
-@ieee
+@ieee_inline
 def update_modes(s, force, wall, modes):
     if modes is None:
         return
@@ -322,14 +324,14 @@ def update_modes(s, force, wall, modes):
     wall[U], wall[V] = u, w
 
 
-@ieee
+@ieee_inline
 def update_dashpot(h, force, wall, ledger, mobility):
     if mobility is not None:
         wall[DASH] += mobility * h * force
         ledger[IN_WALL] += mobility * h * force * force
 
 
-@ieee
+@ieee_inline
 def damping_work(bodies, f, elastic):
     """What the damping parts of the mean forces f take from the contacts."""
     x0, x1 = bodies.before, bodies.after
@@ -340,17 +342,18 @@ def damping_work(bodies, f, elastic):
     return lost
 
 
+def workspace(n, n_contacts):
+    """Bodies and Newton of a chain of n spheres."""
+    newton = Newton(np.empty(n_contacts), *np.zeros((5, n + 1)))
+    return Bodies(*np.empty((5, n + 1))), newton
+
+
 @ieee_march
-def march_implicit(motion, parts, b, steps, saved):
+def march_implicit(motion, shown, parts, bodies, newton, b, steps, saved):
     """As `march`, by steps of the parts b[s] dt."""
     dt, n_save, stride = steps
-    x, v, f, wall, ledger = motion
-    n = f.size
-    shown = Motion(x, v, f.copy(), wall, ledger)
-    bodies = Bodies(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
-    newton = Newton(
-        np.zeros(parts.A.size), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    )
+    f, wall, ledger = motion.f, motion.wall, motion.ledger
+    last = f.size - 1
     for k in range(n_save + 1):
         for _step in range(stride if k > 0 else 0):
             for s in range(b.size):
@@ -360,8 +363,8 @@ def march_implicit(motion, parts, b, steps, saved):
                 implicit_step(h, f, parts, bodies, newton)
                 ledger[IN_CONTACTS] += damping_work(bodies, f, newton.elastic)
                 update_spheres(s, h, motion, parts, parts.load, parts.leaf, bodies)
-                update_modes(s, f[n - 1], wall, parts.modes)
-                update_dashpot(h, f[n - 1], wall, ledger, parts.mobility)
+                update_modes(s, f[last], wall, parts.modes)
+                update_dashpot(h, f[last], wall, ledger, parts.mobility)
         if not save(k, dt, shown, parts, saved, parts.mobility):
             return k
     return n_save

@@ -10,8 +10,8 @@ import numpy as np
 from dem.kernels.compiled import (
     fastmath,
     fastmath_allocating,
+    fastmath_allocating_march,
     fastmath_inline,
-    fastmath_march,
     ieee,
 )
 from dem.kernels.events import missed_impulse
@@ -248,7 +248,7 @@ def march_block(lanes, a, b, correction, steps, observed, saved):
         save_lanes(lanes, observed, energy, start, row)
 
 
-@fastmath_march
+@fastmath_allocating_march
 def march_lanes(blocks, a, b, correction, steps, observed, saved):
     """March LANES bare chains side by side, block after block, into `saved`."""
     n_blocks, n = blocks.v0.shape[:2]

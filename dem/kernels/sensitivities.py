@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dem.kernels.compiled import fastmath_allocating as compiled
-from dem.kernels.compiled import fastmath_march
+from dem.kernels.compiled import fastmath_allocating_march
 from dem.kernels.laws import hertz_force, hertz_indentation
 
 FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS = range(5)  # rows of f (5, n_contacts)
@@ -265,7 +265,7 @@ def add(spheres, h, at_stage, a, dA, out):
     combine(spheres.v, spheres.V, h, a, dA, out.v, out.V)
 
 
-@fastmath_march
+@fastmath_allocating_march
 def march(spheres, rig, slopes, dt, n_steps, observed, record):
     """March spheres in place, and record the observed ones."""
     n, p = spheres.X.shape
@@ -327,7 +327,7 @@ def advance_modes_alone(dt, force, rig, z, half):
         half[1, j] = E[j, 1, 0] * q + E[j, 1, 1] * p
 
 
-@fastmath_march
+@fastmath_allocating_march
 def march_alone(x, v, rig, dt, n_steps, observed, v_seen, a_seen):
     """`march` without derivatives, in a third of the time."""
     n, n_contacts, k = x.size, rig.A.size, rig.phi.size
