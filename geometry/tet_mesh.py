@@ -1,12 +1,9 @@
-"""Tetrahedra for any assembly, by gmsh: the only module that imports it.
+"""Tetrahedra for any assembly, by gmsh.
 
 Screw holes, washers, the lines between screws and the clamp lines are imprinted on the sheets,
 the pads on the plate; the block is refined towards the contact.
 """
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import gmsh
@@ -23,6 +20,7 @@ from geometry.assembly import (
     sheets,
     washer_z_range,
 )
+from geometry.gmsh_session import session, silent
 from geometry.naming import named
 
 TETRAHEDRON = 4  # gmsh's element type
@@ -43,7 +41,7 @@ def tet_mesh(
     Raises ValueError when gmsh cannot mesh a part.
     """
     a = assembly
-    with _session():
+    with session():
         sizes = {"block": block_seed}
         volumes = _bodies(a)
         gmsh.model.occ.synchronize()
@@ -55,40 +53,12 @@ def tet_mesh(
 
 
 def write_step(assembly: Assembly, path: Path) -> None:
-    """The bodies as a STEP file, lengths in metres."""
-    with _session():
+    """The bodies as a STEP file, its lengths in the unit that it states, mm."""
+    with session():
         _bodies(assembly)
         gmsh.model.occ.synchronize()
-        with _silent():
+        with silent():
             gmsh.write(str(path))
-
-
-@contextmanager
-def _silent() -> Iterator[None]:
-    """OpenCASCADE prints its transfers to the process's own output, past every option of gmsh."""
-    kept = os.dup(1)
-    with open(os.devnull, "wb") as nowhere:
-        os.dup2(nowhere.fileno(), 1)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-
-
-@contextmanager
-def _session() -> Iterator[None]:
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 20)  # edges around a circle
-        yield
-    except Exception as error:
-        if type(error) is not Exception:  # gmsh raises bare Exceptions
-            raise
-        raise ValueError(f"gmsh could not mesh the assembly: {error}") from error
-    finally:
-        gmsh.finalize()
 
 
 def _bodies(a: Assembly) -> dict[str, list[int]]:

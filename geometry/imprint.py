@@ -1,0 +1,122 @@
+"""Lines drawn on a body's faces before it is meshed: outlines of partners, washers, patches.
+
+A surface that lies on the body splits the faces under it, so that elements end on its rim. Which
+faces of the split body a face or an imprint became is what OpenCASCADE's general fuse tells.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import gmsh
+import numpy as np
+
+from geometry.gmsh_session import boolean_tolerance
+from geometry.selectors import Selected
+from geometry.solids import Body, Vector
+from geometry.touching import Touch
+
+
+class Disc(NamedTuple):
+    """A round patch on faces of a body: under a washer, around a strike."""
+
+    on: Selected
+    centre: Vector  # (3,) [m]
+    normal: Vector  # of the disc, as of the faces or against it
+    radius: float  # m
+
+
+class Imprinted(NamedTuple):
+    """A body with its faces split: the new volume, and what each name became."""
+
+    tag: int
+    faces: dict[str, tuple[int, ...]]
+
+
+def imprinted(
+    body: Body,
+    touching: Sequence[Touch] = (),
+    discs: Mapping[str, Disc] | None = None,
+    named: Mapping[str, Selected] | None = None,
+    *,
+    gap: float,
+) -> Imprinted:
+    """The body with its touching regions "a|b" and discs imprinted, and `named` faces followed.
+
+    Raises ValueError when an imprint would cut the body or falls beside it.
+    """
+    regions = {t.name: _copies(body, t) for t in touching if body.name in t.bodies}
+    mine = {name: disc for name, disc in (discs or {}).items() if disc.on.body == body.name}
+    regions |= {name: _on_faces(name, disc, gap) for name, disc in mine.items()}
+    picked = {name: s.tags for name, s in (named or {}).items() if s.body == body.name}
+    tag, old, new = _split(body, [tag for tags in regions.values() for tag in tags], gap)
+    found = {name: _flat(old[tag] for tag in tags) for name, tags in picked.items()}
+    found |= {name: _flat(new[tag] for tag in tags) for name, tags in regions.items()}
+    return Imprinted(tag, found)
+
+
+def _flat(lists) -> tuple[int, ...]:
+    return tuple(dict.fromkeys(tag for tags in lists for tag in tags))
+
+
+def _copies(body: Body, touch: Touch) -> list[int]:
+    """The common regions, those of planes moved onto the body's own face across the gap."""
+    occ = gmsh.model.occ
+    side = touch.bodies.index(body.name)
+    copies = []
+    for contact in touch.contacts:
+        face = body.face(contact.faces[side])
+        for _, tag in occ.copy([(2, tag) for tag in contact.regions]):
+            if face.normal is not None:
+                off = (face.centre - occ.getCenterOfMass(2, tag)) @ face.normal
+                occ.translate([(2, tag)], *(off * face.normal))
+            copies.append(tag)
+    return copies
+
+
+def _on_faces(name: str, disc: Disc, gap: float) -> list[int]:
+    """The parts of a disc that lie on the faces it is meant for."""
+    occ = gmsh.model.occ
+    drawn = occ.addDisk(*disc.centre, disc.radius, disc.radius, zAxis=list(disc.normal))
+    copies = occ.copy([(2, tag) for tag in disc.on.tags])
+    with boolean_tolerance(2 * gap):
+        parts, _ = occ.intersect([(2, drawn)], copies)
+    tags = [tag for dimension, tag in parts if dimension == 2]
+    if not tags:
+        raise ValueError(
+            f'"{name}": a disc of radius {disc.radius:.6g} m at {np.round(disc.centre, 6).tolist()}'
+            f" m does not lie on the faces of {disc.on.body} it belongs to."
+        )
+    return tags
+
+
+def _split(body: Body, tools: list[int], gap: float):
+    """The new volume, and for every old face and tool the new faces."""
+    tags = [face.tag for face in body.faces]
+    if not tools:
+        return body.tag, {tag: [tag] for tag in tags}, {}
+    with boolean_tolerance(2 * gap):
+        out, became = gmsh.model.occ.fragment([(3, body.tag)], [(2, tag) for tag in tags + tools])
+    gmsh.model.occ.synchronize()
+    volumes = sorted({tag for dimension, tag in out if dimension == 3})
+    if len(volumes) != 1:
+        raise ValueError(f"imprints would cut {body.name} into {len(volumes)} pieces.")
+    parts = ([tag for dimension, tag in new if dimension == 2] for new in became[1:])
+    split = dict(zip(tags + tools, parts, strict=True))
+    old = _with_unsplit(body, {tag: split[tag] for tag in tags}, volumes[0])
+    return volumes[0], old, {tag: split[tag] for tag in tools}
+
+
+def _with_unsplit(body: Body, split: dict[int, list[int]], volume: int) -> dict[int, list[int]]:
+    """gmsh gives faces that stayed whole new tags and forgets them: found by area and centre."""
+    occ = gmsh.model.occ
+    known = {tag for tags in split.values() for tag in tags}
+    boundary = gmsh.model.getBoundary([(3, volume)], oriented=False)
+    rest = [tag for _, tag in boundary if tag not in known]
+    centres = np.array([occ.getCenterOfMass(2, tag) for tag in rest]).reshape(-1, 3)
+    areas = np.array([occ.getMass(2, tag) for tag in rest])
+    for face in body.faces:
+        if not split[face.tag]:
+            off = np.linalg.norm(centres - face.centre, axis=1)
+            off += abs(areas - face.area) / np.sqrt(face.area)
+            split[face.tag] = [rest[int(np.argmin(off))]]
+    return split

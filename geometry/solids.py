@@ -1,0 +1,74 @@
+"""What a body and its faces are, as numbers: no CAD kernel is needed to ask them.
+
+Lengths in metres, in global axes. Faces carry the tag that the CAD model knows them by.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+ALIGNED = 1e-6  # 1 - cosine of the angle between directions that count as equal
+
+Vector = NDArray[np.float64]  # (3,)
+
+
+class Face(NamedTuple):
+    """A face; of a plane the normal points out of the body, of a cylinder axis and radius."""
+
+    tag: int
+    kind: str  # "plane", "cylinder", "cone", "sphere", "torus", "other"
+    area: float
+    centre: Vector  # of the area
+    normal: Vector | None  # of a plane, outward
+    axis: Vector | None  # of a cylinder, a unit vector
+    on_axis: Vector | None  # of a cylinder, a point of its axis
+    radius: float | None  # of a cylinder or a sphere
+    hollow: bool  # a bore: the normal points to the axis or the centre
+    along: tuple[float, float]  # of a cylinder, from where to where along its axis past on_axis
+    lower: Vector  # box around it
+    upper: Vector
+    name: str  # in the CAD, or ""
+
+
+class Body(NamedTuple):
+    """One solid."""
+
+    name: str
+    tag: int
+    volume: float  # [m^3]
+    centroid: Vector
+    inertia: NDArray[np.float64]  # (3, 3) about the centroid, of unit density [m^5]
+    lower: Vector  # box around it
+    upper: Vector
+    faces: tuple[Face, ...]
+
+    @property
+    def area(self) -> float:
+        return sum(face.area for face in self.faces)
+
+    def face(self, tag: int) -> Face:
+        return next(face for face in self.faces if face.tag == tag)
+
+
+def parallel(u: Vector, v: Vector) -> bool:
+    """Whether two unit vectors lie along one line, either way round."""
+    return bool(abs(u @ v) > 1 - ALIGNED)
+
+
+def off_axis(point: Vector, on_axis: Vector, axis: Vector) -> float:
+    """Distance of a point from an axis [m]."""
+    return float(np.linalg.norm(np.cross(point - on_axis, axis)))
+
+
+def described(face: Face) -> str:
+    """A face in words: what it is, where it is, which way it looks."""
+    at = "[{:.6g}, {:.6g}, {:.6g}] m".format(*(face.centre + 0.0))
+    if face.normal is not None:
+        return "a plane with its middle at {}, normal [{:.3g}, {:.3g}, {:.3g}]".format(
+            at, *(face.normal.round(9) + 0.0)
+        )
+    if face.radius is not None:
+        what = "bore" if face.hollow and face.kind == "cylinder" else face.kind
+        return f"a {what} of diameter {2e3 * face.radius:.6g} mm with its middle at {at}"
+    return f"a face ({face.kind}) with its middle at {at}"

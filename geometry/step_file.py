@@ -1,0 +1,49 @@
+"""What the text of a STEP file says before a kernel reads it: that it is one, and its unit.
+
+ISO 10303-21 (the file), ISO 10303-41 (units: SI_UNIT with a prefix, CONVERSION_BASED_UNIT).
+"""
+
+import re
+from pathlib import Path
+
+from geometry.assembly import InvalidGeometry
+
+PREFIXES = {"MILLI": "mm", "CENTI": "cm", "DECI": "dm", "MICRO": "um", "KILO": "km", "$": "m"}
+CONVERTED = re.compile(r"CONVERSION_BASED_UNIT\s*\(\s*'([^']*)'\s*,[^)]*\)\s*LENGTH_UNIT", re.I)
+SI = re.compile(r"SI_UNIT\s*\(\s*\.?(\$|\w+)\.?\s*,\s*\.METRE\.\s*\)", re.I)
+
+WRITTEN = re.compile(r"'Open CASCADE STEP translator [\d.]+ \d+(?:\.(\d+))?'")
+
+
+def check_step(path: Path) -> None:
+    """Raises InvalidGeometry for a file that is missing, empty, cut off, or no STEP file."""
+    if not path.is_file():
+        raise InvalidGeometry(f"{path} does not exist.")
+    content = path.read_bytes()
+    if not content.strip():
+        raise InvalidGeometry(f"{path} is empty; export the bodies as STEP again.")
+    if not content.lstrip().startswith(b"ISO-10303-21"):
+        raise InvalidGeometry(f"{path} is no STEP file: it does not begin with ISO-10303-21.")
+    if b"END-ISO-10303-21" not in content[-1000:]:
+        raise InvalidGeometry(f"{path} is cut off before END-ISO-10303-21; export it again.")
+
+
+def unit(path: Path) -> str:
+    """The unit of the file's lengths, "mm" or "inch" for example; "mm" where it names none."""
+    text = path.read_text(encoding="latin-1")
+    converted = CONVERTED.search(text)
+    if converted:
+        return converted[1].lower()
+    metric = SI.search(text)
+    return PREFIXES.get(metric[1].upper(), metric[1].lower()) if metric else "mm"
+
+
+def name_solids(path: Path, names: list[str]) -> None:
+    """Names, in their order, in place of those that OpenCASCADE numbers its solids by."""
+    text = path.read_text(encoding="latin-1")
+    whole = names[0] if len(names) == 1 else path.stem
+
+    def named(match: re.Match) -> str:
+        return f"'{names[int(match[1]) - 1] if match[1] else whole}'"
+
+    path.write_text(WRITTEN.sub(named, text), encoding="latin-1")

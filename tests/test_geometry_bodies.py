@@ -1,0 +1,173 @@
+"""Bodies meshed each on its own: volumes, areas of named faces, sizes, and what selectors pick."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from skfem import FacetBasis
+
+from geometry import InvalidGeometry, smallest_quality
+from geometry.body_mesh import Fine, body_meshes, facet_error
+from geometry.cad import model
+from geometry.imprint import Disc
+from geometry.selectors import Selected, bodies_named, faces, touches
+from geometry.shapes import Box, Cylinder, Hole, Plate
+from geometry.touching import neighbours
+
+GAP = 1e-5
+TURN = (10, 20, 30)
+R = Rotation.from_euler("xyz", TURN, degrees=True).as_matrix()
+CORNERS = ((0.02, 0.02), (0.18, 0.02), (0.18, 0.08), (0.02, 0.08))
+RECTANGLE = ((0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1))
+BORE, WASHER = 4.25e-3, 9e-3
+
+
+def at(*point):
+    return {"at": tuple(R @ point), "turn": TURN}
+
+
+def area(mesh, face):
+    return FacetBasis(mesh, mesh.elem(), facets=face).dx.sum()
+
+
+@pytest.fixture(scope="module")
+def shapes():
+    holes = tuple(Hole(2 * BORE, corner) for corner in CORNERS)
+    bolts = {f"bolt-{i}": Cylinder(BORE, 0.05, **at(*c, 0)) for i, c in enumerate(CORNERS)}
+    return bolts | {
+        "cover": Plate(RECTANGLE, 0.008, holes, **at(0, 0, 0)),
+        "base": Plate(RECTANGLE, 0.02, holes, **at(0, 0, -0.02)),
+        "block": Box((0.03, 0.03, 0.03), **at(0.1, 0.05, 0.023 + 5e-6)),
+    }
+
+
+@pytest.fixture(scope="module")
+def meshed(shapes):
+    with model(shapes) as drawn:
+        pairs = neighbours(drawn.bodies, GAP).touching
+        upper = faces("cover@{:.9f},{:.9f},{:.9f}".format(*R @ [0.1, 0.01, 0.008]), drawn.bodies)
+        discs = {
+            f"washer-{i}": Disc(upper, R @ [*corner, 0.008], R[:, 2], WASHER)
+            for i, corner in enumerate(CORNERS)
+        }
+        named = {"upper": upper, "bores": faces("cover:hole(8..9 mm)", drawn.bodies)}
+        struck = Fine("block", R @ [0.1, 0.05, 0.038], 5e-4)
+        meshes = body_meshes(drawn.bodies, pairs, gap=GAP, fine=[struck], named=named, discs=discs)
+        return drawn.bodies, meshes
+
+
+def test_meshes_enclose_the_volumes_of_their_bodies(meshed):
+    bodies, meshes = meshed
+    for name, mesh in meshes.items():
+        assert facet_error(mesh, bodies[name]) == pytest.approx(0, abs=1e-9)
+        assert smallest_quality(mesh) > 0.02
+
+
+def test_pairs_have_one_area_from_either_side(meshed):
+    _, meshes = meshed
+    flush = 0.02 - 4 * pi * BORE**2
+    assert area(meshes["cover"], "cover|base") == pytest.approx(flush, rel=1e-4)
+    assert area(meshes["base"], "cover|base") == pytest.approx(flush, rel=1e-4)
+    for name in ("block", "cover"):
+        assert area(meshes[name], "cover|block") == pytest.approx(9e-4, rel=1e-9)
+    for plate, thickness in (("cover", 0.008), ("base", 0.02)):
+        for name in (plate, "bolt-2"):
+            around = area(meshes[name], f"bolt-2|{plate}")
+            # facets of equal volume are longer than the circle, by 0.3 % at 20 around
+            assert around == pytest.approx(2 * pi * BORE * thickness, rel=5e-3)
+
+
+def test_named_faces_follow_the_imprints(meshed):
+    _, meshes = meshed
+    cover = meshes["cover"]
+    assert area(cover, "upper") == pytest.approx(0.02 - 4 * pi * BORE**2, rel=1e-4)
+    assert area(cover, "bores") == pytest.approx(4 * 2 * pi * BORE * 0.008, rel=5e-3)
+    for i, corner in enumerate(CORNERS):
+        ring = cover.p[:, np.unique(cover.facets[:, cover.boundaries[f"washer-{i}"]])]
+        away = np.linalg.norm(ring - (R @ [*corner, 0.008])[:, None], axis=0)
+        assert away.max() == pytest.approx(WASHER) and away.min() > 0.99 * BORE
+        # the rim's chords leave out 2 pi^2 / (3 n^2) of the disc
+        assert area(cover, f"washer-{i}") == pytest.approx(pi * (WASHER**2 - BORE**2), rel=0.025)
+
+
+def test_elements_are_fine_at_a_fine_point_and_grow_away_from_it(meshed):
+    _, meshes = meshed
+    mesh = meshes["block"]
+    edges = np.linalg.norm(mesh.p[:, mesh.edges[0]] - mesh.p[:, mesh.edges[1]], axis=0)
+    middle = mesh.p[:, mesh.edges].mean(axis=1)
+    away = np.linalg.norm(middle - (R @ [0.1, 0.05, 0.038])[:, None], axis=0)
+    assert 2.5e-4 < edges[away < 1e-3].mean() < 1e-3
+    assert edges[away > 0.025].mean() > 3e-3
+
+
+def test_a_body_that_touches_none_is_meshed_like_any():
+    with model({"tube": Cylinder(0.05, 0.4, 0.045)}) as drawn:
+        held = {"end": faces("tube:-z", drawn.bodies)}
+        mesh = body_meshes(drawn.bodies, gap=GAP, named=held, seeds={"tube": 0.01})["tube"]
+        assert facet_error(mesh, drawn.bodies["tube"]) == pytest.approx(0, abs=1e-9)
+        assert area(mesh, "end") == pytest.approx(pi * (0.05**2 - 0.045**2), rel=1e-3)
+        np.testing.assert_allclose(mesh.p[2, mesh.facets[:, mesh.boundaries["end"]]], -0.2)
+
+
+def test_a_disc_beside_its_faces_is_refused(shapes):
+    with model(shapes) as drawn:
+        on = Selected("block", tuple(f.tag for f in drawn.bodies["block"].faces))
+        beside = Disc(on, R @ [0.2, 0.0, 0.5], R[:, 2], 0.004)
+        with pytest.raises(
+            ValueError, match=r'"pad": a disc .* does not lie on the faces of block'
+        ):
+            body_meshes({"block": drawn.bodies["block"]}, gap=GAP, discs={"pad": beside})
+
+
+L_SHAPE = ((0, 0), (0.08, 0), (0.08, 0.02), (0.03, 0.02), (0.03, 0.1), (0, 0.1))
+PICKED = {
+    "ell:+y": [0.015, 0.1, 0.025],  # not the lower step, which looks along +y as well
+    "ell:-z": [0.025, 0.04, 0.0],
+    "ell@0.06,0.03,0.02": [0.055, 0.02, 0.025],
+    "ell@0.03,0.05,0.02": [0.03, 0.06, 0.025],
+}
+
+
+@pytest.mark.parametrize("selector", PICKED)
+def test_selectors_pick_the_face_that_is_meant(selector):
+    with model({"ell": Plate(L_SHAPE, 0.05)}) as drawn:
+        picked = faces(selector, drawn.bodies)
+        (tag,) = picked.tags
+        np.testing.assert_allclose(
+            drawn.bodies["ell"].face(tag).centre, PICKED[selector], atol=1e-9
+        )
+
+
+REFUSED = {
+    "elle:+x": 'no body is called "elle", perhaps "ell"; there are "ell", "tube"',
+    "ell:+u": 'picks no face; write "ell:\\+x"',
+    "tube:+x": "no planar face that looks along \\+x; tube has a cylinder of diameter",
+    "ell:hole": "ell has bores at all: none",
+    "tube:hole(6..7 mm)": "tube has bores of diameter 20 mm",
+    "ell@0.08,0.02,0.02": "is as near to a plane .* as to a plane",
+    "ell@0,x,0": 'holds "x" where a finite number belongs',
+    "*:+x": 'fits "ell", "tube"; it must pick faces of one body',
+    "#struck": "finds no face of this name",
+}
+
+
+@pytest.mark.parametrize("selector", REFUSED)
+def test_selectors_that_pick_nothing_or_cannot_choose_say_what_there_is(selector):
+    shapes = {"ell": Plate(L_SHAPE, 0.05), "tube": Cylinder(0.02, 0.1, 0.01, at=(0.3, 0, 0))}
+    with (
+        model(shapes) as drawn,
+        pytest.raises(InvalidGeometry, match=REFUSED[selector]),
+    ):
+        faces(selector, drawn.bodies)
+
+
+def test_patterns_name_bodies_and_pairs(shapes):
+    with model(shapes) as drawn:
+        pairs = neighbours(drawn.bodies, GAP).touching
+        bodies = drawn.bodies
+        assert len(bodies_named("bolt-*", bodies)) == 4
+        assert len(touches("bolt-*|cover", bodies, pairs)) == 4
+        assert [t.name for t in touches("block|cover", bodies, pairs)] == ["cover|block"]
+        with pytest.raises(InvalidGeometry, match='do not touch; touching pairs are "bolt-0'):
+            touches("block|base", bodies, pairs)

@@ -1,0 +1,147 @@
+"""Bodies of shapes and of STEP files, against volumes, areas and axes known exactly."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from geometry import InvalidGeometry
+from geometry.cad import model, write_step
+from geometry.shapes import Box, Cylinder, Hole, Plate, volume
+
+HOLES = tuple(Hole(8.5e-3, at) for at in ((0.02, 0.02), (0.18, 0.02), (0.18, 0.08), (0.02, 0.08)))
+RECTANGLE = ((0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1))
+ELL = ((0, 0), (0, 0.1), (0.03, 0.1), (0.03, 0.02), (0.08, 0.02), (0.08, 0))  # clockwise
+SHAPES = {
+    "beam": Box((0.3, 0.04, 0.005), at=(0.1, 0.2, 0.3), turn=(10, 20, 30)),
+    "cover": Plate(RECTANGLE, 0.008, HOLES, turn=(0, 90, 0)),
+    "angle": Plate(ELL, 0.05, at=(1.0, 0, 0)),
+    "tube": Cylinder(0.05, 0.4, 0.045, turn=(90, 0, 0)),
+}
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    with model(SHAPES) as drawn:
+        return drawn.bodies
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_bodies_have_the_volumes_of_their_shapes(bodies, name):
+    assert bodies[name].volume == pytest.approx(volume(SHAPES[name]), rel=1e-9)
+
+
+def test_volumes_of_shapes_are_those_of_the_textbook():
+    assert volume(SHAPES["angle"]) == pytest.approx(0.05 * (0.03 * 0.1 + 0.05 * 0.02))
+    assert volume(SHAPES["cover"]) == pytest.approx(0.008 * (0.02 - pi * 8.5e-3**2))
+
+
+def test_a_turned_box_has_the_inertia_of_a_cuboid_in_its_axes(bodies):
+    a, b, c = SHAPES["beam"].sides
+    about = np.diag([b * b + c * c, a * a + c * c, a * a + b * b]) / 12 * a * b * c
+    turn = Rotation.from_euler("xyz", SHAPES["beam"].turn, degrees=True).as_matrix()
+    found = bodies["beam"]
+    np.testing.assert_allclose(found.centroid, SHAPES["beam"].at, atol=1e-12)
+    np.testing.assert_allclose(found.inertia, turn @ about @ turn.T, atol=1e-9 * about.max())
+
+
+def test_normals_of_faces_point_out_of_the_body(bodies):
+    # by Gauss the flux of the position vector through a closed surface is three times the volume
+    for name in ("beam", "angle"):
+        flux = sum(f.area * f.centre @ f.normal for f in bodies[name].faces)
+        assert flux == pytest.approx(3 * bodies[name].volume, rel=1e-9)
+
+
+def test_bores_and_outer_cylinders_are_told_apart_with_axis_and_length(bodies):
+    round_faces = [f for f in bodies["tube"].faces if f.axis is not None]
+    assert {(round(f.radius, 9), f.hollow) for f in round_faces} == {(0.05, False), (0.045, True)}
+    for face in round_faces:
+        np.testing.assert_allclose(abs(face.axis), [0, 1, 0], atol=1e-12)
+        assert face.along[1] - face.along[0] == pytest.approx(0.4)
+
+
+def test_step_files_keep_names_and_volumes(tmp_path):
+    many = {f"part-{i}": Box((0.01, 0.02, 0.03 + i / 1000), at=(0.02 * i, 0, 0)) for i in range(14)}
+    write_step(many, tmp_path / "many.step")
+    with model({}, tmp_path / "many.step") as read:
+        assert read.unit == "mm"
+        assert {b.name: b.volume for b in read.bodies.values()} == pytest.approx(
+            {name: volume(box) for name, box in many.items()}, rel=1e-9
+        )
+
+
+def test_a_step_file_in_inches_is_converted_and_says_so(tmp_path):
+    write_step({"cube": Box((0.01, 0.01, 0.01))}, tmp_path / "cube.step")
+    text = (tmp_path / "cube.step").read_text()
+    millimetre = "( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.) )"
+    assert millimetre in text
+    inch = (
+        "DATA;\n#9001 = LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#9002);\n"
+        f"#9002 = {millimetre};\n#9003 = DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);"
+    )
+    text = text.replace(
+        millimetre, "( CONVERSION_BASED_UNIT('INCH',#9001) LENGTH_UNIT() NAMED_UNIT(#9003) )"
+    )
+    (tmp_path / "cube.step").write_text(text.replace("DATA;", inch))
+    with model({}, tmp_path / "cube.step") as read:
+        assert read.unit == "inch"
+        assert read.bodies["cube"].volume == pytest.approx(0.254**3)
+
+
+def test_equal_names_in_a_step_file_are_numbered(tmp_path):
+    write_step({"a": Box((0.01,) * 3), "b": Box((0.02,) * 3)}, tmp_path / "two.step")
+    text = (tmp_path / "two.step").read_text().replace("'b'", "'a'")
+    (tmp_path / "two.step").write_text(text)
+    with model({}, tmp_path / "two.step") as read:
+        assert list(read.bodies) == ["a-1", "a-2"]
+
+
+def test_a_name_both_drawn_and_read_is_refused(tmp_path):
+    write_step({"a": Box((0.01,) * 3)}, tmp_path / "one.step")
+    with (
+        pytest.raises(InvalidGeometry, match='holds a body "a"'),
+        model({"a": Box((0.02,) * 3)}, tmp_path / "one.step"),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("", "is empty"),
+        ("solid cube\n", "is no STEP file"),
+        ("ISO-10303-21;\nHEADER;\n", "is cut off"),
+        ("ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n", "solids|read"),
+        (None, "does not exist"),
+    ],
+)
+def test_files_without_bodies_are_refused_in_a_sentence(tmp_path, content, says, capfd):
+    path = tmp_path / "bad.step"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(InvalidGeometry, match=says), model({}, path):
+        pass
+    assert capfd.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    ("build", "says"),
+    [
+        (lambda: Box((0.1, 0.0, 0.1)), "side along y = 0.0 m"),
+        (lambda: Box((0.1, 0.1, 0.1), at=(0, float("nan"), 0)), "at = .* three finite"),
+        (lambda: Cylinder(0.05, 0.4, 0.05), "bore = 0.05 m"),
+        (lambda: Plate(RECTANGLE, 0.0), "thickness = 0.0 m"),
+        (lambda: Plate(RECTANGLE[:2], 0.01), "at least three points"),
+        (lambda: Plate(((0, 0), (1, 1), (1, 0), (0, 1)), 0.01), "edges 1 and 3 meet"),
+        (lambda: Plate(RECTANGLE, 0.01, (Hole(0.01, (0.004, 0.05)),)), "not inside the outline"),
+        (lambda: Plate(RECTANGLE, 0.01, (Hole(0.01, (0.3, 0.05)),)), "not inside the outline"),
+        (
+            lambda: Plate(RECTANGLE, 0.01, (Hole(0.01, (0.1, 0.05)), Hole(0.01, (0.105, 0.05)))),
+            "which must exceed 0.01 m",
+        ),
+    ],
+)
+def test_shapes_that_cannot_be_are_refused_with_the_number(build, says):
+    with pytest.raises(InvalidGeometry, match=says):
+        build()

@@ -1,0 +1,108 @@
+"""Touching pairs found on the CAD, against areas, gaps and distances known exactly."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from geometry.cad import model
+from geometry.shapes import Box, Cylinder, Hole, Plate
+from geometry.touching import neighbours
+
+GAP = 1e-5
+TURNS = [(0, 0, 0), (10, 20, 30), (90, 0, 45)]
+CORNERS = ((0.02, 0.02), (0.18, 0.02), (0.18, 0.08), (0.02, 0.08))
+RECTANGLE = ((0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1))
+
+
+def turned(shape, turn, *at, **more):
+    """A shape at a point of an assembly that is turned as a whole."""
+    middle = Rotation.from_euler("xyz", turn, degrees=True).as_matrix() @ at
+    return shape(**more, at=tuple(middle), turn=turn)
+
+
+def found(shapes, gap=GAP):
+    with model(shapes) as drawn:
+        return neighbours(drawn.bodies, gap), drawn.bodies
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_plate_on_four_bolts_touches_each_over_its_bore(turn):
+    holes = tuple(Hole(8.5e-3, at) for at in CORNERS)
+    plate = {"outline": RECTANGLE, "holes": holes}
+    shapes = {
+        "cover": turned(Plate, turn, 0, 0, 0, thickness=0.008, **plate),
+        "base": turned(Plate, turn, 0, 0, -0.02, thickness=0.02, **plate),
+    }
+    for i, at in enumerate(CORNERS):
+        shapes[f"bolt-{i}"] = turned(Cylinder, turn, *at, 0, radius=4.25e-3, length=0.05)
+    near, bodies = found(shapes)
+    area = {touch.name: touch.area for touch in near.touching}
+    around = 2 * pi * 4.25e-3
+    expected = {"cover|base": 0.02 - 4 * pi * 4.25e-3**2}
+    expected |= {f"cover|bolt-{i}": around * 0.008 for i in range(4)}
+    expected |= {f"base|bolt-{i}": around * 0.02 for i in range(4)}
+    assert area == pytest.approx(expected, rel=1e-6)
+    assert near.misses == near.overlaps == () == near.free(bodies)
+
+
+@pytest.mark.parametrize(("clearance", "touching"), [(0, 1), (8e-6, 1), (3e-5, 0)])
+def test_a_pin_touches_its_bore_within_the_gap(clearance, touching):
+    bored = Plate(RECTANGLE, 0.02, (Hole(0.01, (0.1, 0.05)),))
+    pin = Cylinder(0.005 - clearance, 0.05, at=(0.1, 0.05, 0.01))
+    near, _ = found({"plate": bored, "pin": pin})
+    assert len(near.touching) == touching and len(near.misses) == 1 - touching
+    for touch in near.touching:
+        assert touch.area == pytest.approx(2 * pi * 0.005 * 0.02, rel=2e-3)
+        assert touch.gap == pytest.approx(clearance, abs=1e-12)
+    for miss in near.misses:
+        assert miss.distance == pytest.approx(clearance, rel=1e-6)
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_faces_touch_across_a_gap_over_their_common_part(turn):
+    shapes = {
+        "lower": turned(Box, turn, 0, 0, 0, sides=(0.1, 0.1, 0.02)),
+        "upper": turned(Box, turn, 0.04, 0.03, 0.02 + 8e-6, sides=(0.1, 0.1, 0.02)),
+    }
+    near, _ = found(shapes)
+    (touch,) = near.touching
+    assert touch.name == "lower|upper"
+    assert touch.area == pytest.approx(0.06 * 0.07, rel=1e-6)
+    assert touch.gap == pytest.approx(8e-6, rel=1e-6)
+    (miss,) = found(shapes, gap=1e-6)[0].misses
+    assert miss.distance == pytest.approx(8e-6, rel=1e-6)
+
+
+def test_edges_that_meet_are_no_contact_but_a_distance_of_nothing():
+    shapes = {"a": Box((0.1,) * 3), "b": Box((0.1,) * 3, at=(0.1, 0.1, 0))}
+    near, bodies = found(shapes)
+    (miss,) = near.misses
+    assert not near.touching and miss.distance == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(miss.at[:2], 0.05, atol=1e-6)
+    assert near.free(bodies) == ("a", "b")
+
+
+def test_a_cylinder_on_a_plane_touches_along_a_line_only():
+    shapes = {
+        "floor": Box((0.2, 0.2, 0.02)),
+        "roll": Cylinder(0.03, 0.1, at=(0, 0, 0.04), turn=(90, 0, 0)),
+    }
+    near, _ = found(shapes)
+    assert not near.touching and not near.overlaps
+    assert near.misses[0].distance == pytest.approx(0, abs=1e-9)
+
+
+def test_overlaps_are_told_with_their_volume():
+    cube = Box((0.1,) * 3)
+    near, _ = found({"a": cube, "b": Box((0.1,) * 3, at=(0.09, 0, 0)), "c": Box((0.01,) * 3)})
+    volume = {overlap.bodies: (overlap.volume, overlap.inside) for overlap in near.overlaps}
+    assert volume.keys() == {("a", "b"), ("a", "c")}
+    assert volume["a", "b"] == (pytest.approx(0.01 * 0.1**2), None)
+    assert volume["a", "c"] == (pytest.approx(1e-6), "c")
+
+
+def test_bodies_far_apart_are_not_told_of():
+    near, bodies = found({"a": Box((0.1,) * 3), "b": Box((0.1,) * 3, at=(0.2, 0, 0))})
+    assert near == ((), (), ()) and near.free(bodies) == ("a", "b")
