@@ -20,10 +20,10 @@ import numpy as np
 
 from geometry.assembly import InvalidGeometry
 from geometry.cad import distance
-from geometry.solids import ALIGNED, Body, Face, described, off_axis, parallel
+from geometry.holes import bores
+from geometry.solids import ALIGNED, SAME, Body, Face, described
 from geometry.touching import Touch
 
-SAME = 1e-6  # m, distances closer than this are equal
 ROUND = re.compile(
     r"(hole|cylinder)(?:\((?P<from>\d+(?:\.\d+)?)(?:\.\.(?P<to>\d+(?:\.\d+)?))? mm\))?"
 )
@@ -112,28 +112,28 @@ def _nearest(body: Body, selector: str, point) -> tuple[int, ...]:
     away = {face.tag: distance(point, face) for face in body.faces}
     first = body.face(min(away, key=lambda tag: away[tag]))
     tied = [f for f in body.faces if away[f.tag] < away[first.tag] + SAME]
-    others = [f for f in tied if not _one_surface(f, first)]
+    round_about = [bore.tags for hollow in (True, False) for bore in bores(body, hollow=hollow)]
+    whole = next((tags for tags in round_about if first.tag in tags), (first.tag,))
+    others = [f for f in tied if f.tag not in whole]
     if others:
         raise InvalidGeometry(
             f'"{selector}" is as near to {described(first)} as to {described(others[0])}; '
             "move the point into the middle of the face that is meant."
         )
-    return tuple(f.tag for f in tied)
+    return whole
 
 
 def _round(body: Body, selector: str, match: re.Match) -> tuple[int, ...]:
-    kind = [f for f in body.faces if f.axis is not None and f.hollow == (match[1] == "hole")]
-    low, high = (match["from"], match["to"] or match["from"])
-    found = kind
-    if low:
-        low, high = 1e-3 * float(low) - SAME, 1e-3 * float(high) + SAME
-        found = [f for f in kind if low <= 2 * f.radius <= high]
+    there = bores(body, hollow=match[1] == "hole")
+    low, high = match["from"] or 0.0, match["to"] or match["from"] or np.inf
+    low, high = 1e-3 * float(low) - SAME, 1e-3 * float(high) + SAME
+    found = [bore for bore in there if low <= bore.diameter <= high]
     if not found:
-        have = sorted({f"{2e3 * f.radius:.6g}" for f in kind}, key=float)
-        what = "bores" if match[1] == "hole" else "outer cylinders"
-        sizes = f"of diameter {', '.join(have)} mm" if have else "at all: none"
-        raise InvalidGeometry(f'"{selector}" finds nothing; {body.name} has {what} {sizes}.')
-    return tuple(f.tag for f in found)
+        have = sorted({f"{1e3 * bore.diameter:.6g}" for bore in there}, key=float)
+        what = "holes" if match[1] == "hole" else "outer cylinders"
+        sizes = f"{what} of diameter {', '.join(have)} mm" if have else f"no {what}"
+        raise InvalidGeometry(f'"{selector}" finds nothing; {body.name} has {sizes}.')
+    return tuple(tag for bore in found for tag in bore.tags)
 
 
 def _called(body: Body, selector: str, name: str) -> tuple[int, ...]:
@@ -151,17 +151,6 @@ def _no_name(selector: str, name: str, bodies: Mapping[str, Body], owners: list[
         )
     names = sorted({f.name for b in bodies.values() for f in b.faces if f.name})
     return f'"{selector}" finds no face of this name; the CAD names {_listed(names) or "none"}.'
-
-
-def _one_surface(face: Face, other: Face) -> bool:
-    """Whether two faces are parts of one cylinder, as CAD splits it along a seam."""
-    return face.tag == other.tag or (
-        face.axis is not None
-        and other.axis is not None
-        and parallel(face.axis, other.axis)
-        and abs(face.radius - other.radius) < SAME
-        and off_axis(other.on_axis, face.on_axis, face.axis) < SAME
-    )
 
 
 def _one_body(name: str, selector: str, bodies: Mapping[str, Body]) -> Body:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 ALIGNED = 1e-6  # 1 - cosine of the angle between directions that count as equal
+SAME = 1e-6  # m, lengths and places closer than this count as equal
 
 Vector = NDArray[np.float64]  # (3,)
 

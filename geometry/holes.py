@@ -1,0 +1,124 @@
+"""Round holes of bodies, and those that go through two bodies at one axis: where bolts sit.
+
+A bore is the cylinder faces of one axis and radius that follow each other without a gap and go
+more than three quarters around: a fillet is none.
+"""
+
+from collections.abc import Mapping
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.solids import SAME, Body, Face, Vector, off_axis, parallel
+from geometry.touching import Contact, Touch
+
+AROUND = 0.75 * 2 * pi  # rad, less is a fillet or a slot's end
+
+
+class Bore(NamedTuple):
+    """A cylindrical face all around: of a hole, or the outside of a pin."""
+
+    tags: tuple[int, ...]  # of its faces in the CAD model
+    radius: float  # m
+    axis: Vector
+    ends: NDArray[np.float64]  # (2, 3) points of its axis [m]
+
+    @property
+    def diameter(self) -> float:
+        return 2 * self.radius
+
+
+class Concentric(NamedTuple):
+    """A hole through both bodies of a touching pair."""
+
+    bodies: tuple[str, str]
+    centre: Vector  # (3,) on the plane in which they touch [m]
+    axis: Vector  # of the hole, from the first body to the second
+    diameters: tuple[float, float]  # m, in either body
+    faces: tuple[int, int]  # tags of the planes that touch there
+
+
+def bores(body: Body, *, hollow: bool = True) -> tuple[Bore, ...]:
+    """The holes of a body; with hollow False its outer cylinders."""
+    groups: list[list[Face]] = []
+    for face in (f for f in body.faces if f.axis is not None and f.hollow == hollow):
+        home = [g for g in groups if _one_cylinder(g[0], face)]
+        home[0].append(face) if home else groups.append([face])
+    found = [_bore(run) for group in groups for run in _runs(group)]
+    return tuple(bore for bore, around in found if around > AROUND)
+
+
+def concentric(touch: Touch, bodies: Mapping[str, Body], gap: float) -> tuple[Concentric, ...]:
+    """Holes of both bodies about one axis, across a plane in which they touch."""
+    a, b = (bodies[name] for name in touch.bodies)
+    return tuple(
+        hole
+        for contact in touch.contacts
+        if a.face(contact.faces[0]).normal is not None
+        for hole in _across(a, b, contact, gap)
+    )
+
+
+def _across(a: Body, b: Body, contact: Contact, gap: float) -> list[Concentric]:
+    plane = a.face(contact.faces[0])
+    firsts, seconds = (_at_plane(body, plane) for body in (a, b))
+    return [
+        Concentric((a.name, b.name), at, plane.normal, (one, other), contact.faces)
+        for one, at in firsts
+        for other, there in seconds
+        if np.linalg.norm(at - there) <= SAME + gap
+    ]
+
+
+def _at_plane(body: Body, plane: Face) -> list[tuple[float, Vector]]:
+    """Diameters and axes of the bores that come up to a plane, or to a chamfer below it."""
+    found: list[tuple[float, float, Vector]] = []
+    for bore in bores(body):
+        heights = (bore.ends - plane.centre) @ plane.normal
+        end = int(np.argmin(abs(heights)))
+        if parallel(bore.axis, plane.normal) and abs(heights[end]) <= bore.radius:
+            at = bore.ends[end] - heights[end] * plane.normal
+            found.append((abs(heights[end]), bore.diameter, at))
+    # of a stepped hole the part nearest to the plane
+    nearest: list[tuple[float, Vector]] = []
+    for _, diameter, at in sorted(found, key=lambda f: f[0]):
+        if all(np.linalg.norm(at - other) > SAME for _, other in nearest):
+            nearest.append((diameter, at))
+    return nearest
+
+
+def _one_cylinder(one: Face, other: Face) -> bool:
+    return (
+        parallel(one.axis, other.axis)
+        and abs(one.radius - other.radius) < SAME
+        and off_axis(other.on_axis, one.on_axis, one.axis) < SAME
+    )
+
+
+def _span(face: Face, along: Face) -> tuple[float, float]:
+    """From where to where a face goes along the axis of another."""
+    ends = face.on_axis + np.outer(face.along, face.axis) - along.on_axis
+    lower, upper = sorted(ends @ along.axis)
+    return lower, upper
+
+
+def _runs(group: list[Face]) -> list[list[Face]]:
+    """Faces of one cylinder, apart where there is a gap along the axis."""
+    first = group[0]
+    runs, reached = [], -np.inf
+    for face in sorted(group, key=lambda f: _span(f, first)):
+        lower, upper = _span(face, first)
+        runs[-1].append(face) if lower < reached + SAME else runs.append([face])
+        reached = max(reached, upper)
+    return runs
+
+
+def _bore(run: list[Face]) -> tuple[Bore, float]:
+    first = run[0]
+    spans = np.array([_span(face, first) for face in run])
+    lower, upper = spans.min(), spans.max()
+    around = sum(face.area for face in run) / (first.radius * (upper - lower))
+    ends = first.on_axis + np.outer([lower, upper], first.axis)
+    return Bore(tuple(f.tag for f in run), first.radius, first.axis, ends), around
