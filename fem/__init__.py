@@ -4,46 +4,71 @@ from fem.contact_patch import (
     disc_quadrature,
     node_patch,
 )
-from fem.correlation import Pairing, body_shapes, mac, pair
+from fem.correlation import (
+    Motion,
+    Number,
+    Pairing,
+    Shape,
+    Target,
+    mac,
+    pair,
+    target_mac,
+)
 from fem.dashpots import dashpots
-from fem.elasticity import Material, Structure, assemble
+from fem.elasticity import Structure, assemble
 from fem.factorisation import factorised
 from fem.grounding import RigidBody, rigid_body
 from fem.half_space import half_space_on_mesh
-from fem.joints import DIRECTIONS, Joint
+from fem.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
+from fem.materials import Material, Orthotropic
+from fem.mechanisms import Loose, loose_bodies
 from fem.mirror import mirrored
-from fem.model import Model, Table, full_tie, screw_tie, wires
+from fem.model import Connections, Held, Model, Table, joined
 from fem.modes import Modes, modes
 from fem.response import receptance
+from fem.spot import Spot, planar_spot
 from fem.trace import outer_nodes
 
 __all__ = [
     "DIRECTIONS",
+    "Bushing",
+    "Connections",
     "ContactPatch",
+    "Held",
     "Joint",
+    "Loose",
     "Material",
     "Model",
     "Modes",
+    "Motion",
+    "Number",
+    "Orthotropic",
     "Pairing",
     "RigidBody",
+    "Shape",
+    "Side",
+    "Spot",
     "Structure",
     "Table",
+    "Target",
+    "Tie",
     "assemble",
-    "body_shapes",
     "contact_patch",
     "dashpots",
     "disc_quadrature",
     "factorised",
-    "full_tie",
     "half_space_on_mesh",
+    "joined",
+    "loose_bodies",
     "mac",
     "mirrored",
     "modes",
     "node_patch",
+    "normal_frame",
     "outer_nodes",
     "pair",
+    "planar_spot",
     "receptance",
     "rigid_body",
-    "screw_tie",
-    "wires",
+    "target_mac",
 ]

@@ -1,23 +1,23 @@
 """A model as an Abaqus or CalculiX input deck: elements, materials, constraints, springs, support.
 
-Ties and screws are written as the linear equations they are here, so that another solver builds
-the same matrices: each slave displacement in terms of free ones. A screw's elongation stands on
+Ties and joints are written as the linear equations they are here, so that another solver builds
+the same matrices: each slave displacement in terms of free ones. A joint's elongation stands on
 two nodes of its own (shifts on one, turns on the other, each as displacements 1 to 3), held to
 the ground by one spring per direction, with a dashpot to a node beside it where the joint has one;
-its mean motion on two more. A table sways as one more node, with a spring and a mass.
+the motion of its second side on two more. A table sways as one more node, with a spring and a mass.
 
 The contact is the node CONTACT: its displacement 1 is w^T u, so that a unit force on it loads the
 patch as the chain does. A static step does so, and its answer is the compliance w^T K^-1 w.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from skfem import MeshHex
 
-from fem.elasticity import Material
+from fem.materials import Material, Orthotropic
 from fem.model import Model
 
 # local order of Abaqus' C3D20 and C3D10 among scikit-fem's shape functions
@@ -30,7 +30,7 @@ PER_LINE = 4  # terms of an equation
 
 def input_deck(
     model: Model,
-    materials: dict[str, Material],
+    materials: Mapping[str, Material | Orthotropic],
     *,
     n_modes: int = 10,
     w: NDArray[np.float64] | None = None,
@@ -60,13 +60,12 @@ def _is_held(model: Model) -> bool:
 
 def _node_after(model: Model) -> int:
     """The first number that no node of mesh, joints and table has."""
-    return int(max(model.free.max(), model.structure.basis.N - 1)) // 3 + 2
+    return int(max(model.free.max(), model.structure.n_dofs - 1)) // 3 + 2
 
 
 def _nodes(model: Model) -> Iterator[str]:
-    basis = model.structure.basis
     yield "*NODE, NSET=MESH"
-    for i, x in enumerate(basis.doflocs[:, 0::3].T, start=1):
+    for i, x in enumerate(model.structure.points, start=1):
         yield f"{i}, {x[0]:.12g}, {x[1]:.12g}, {x[2]:.12g}"
     if len(_joint_nodes(model)):
         yield "*NODE, NSET=JOINTS"
@@ -75,17 +74,22 @@ def _nodes(model: Model) -> Iterator[str]:
 
 def _joint_nodes(model: Model) -> NDArray[np.int64]:
     """Nodes (from 0) that carry elongations and mean motions instead of a place on the mesh."""
-    return np.unique(model.free[model.free >= model.structure.basis.N] // 3)
+    return np.unique(model.free[model.free >= model.structure.n_dofs] // 3)
 
 
 def _elements(model: Model) -> Iterator[str]:
-    basis = model.structure.basis
-    kind = "C3D20" if isinstance(basis.mesh, MeshHex) else "C3D10"
-    nodes = basis.element_dofs[0::3] // 3 + 1
-    for body, cells in basis.mesh.subdomains.items():
+    last = 0
+    for body, basis in model.structure.basis.items():
+        kind = "C3D20" if isinstance(basis.mesh, MeshHex) else "C3D10"
+        nodes = (model.structure.first[body] + basis.element_dofs[0::3]) // 3 + 1
         yield f"*ELEMENT, TYPE={kind}, ELSET={_label(body)}"
-        for cell in cells:
-            yield from _wrapped([cell + 1, *nodes[ORDER[kind], cell]])
+        for number, cell in enumerate(nodes[ORDER[kind]].T, start=last + 1):
+            yield from _wrapped([number, *cell])
+        last += basis.nelems
+
+
+def _n_elements(model: Model) -> int:
+    return sum(basis.nelems for basis in model.structure.basis.values())
 
 
 def _wrapped(numbers, per_line: int = 10) -> Iterator[str]:
@@ -103,7 +107,7 @@ def _supports(model: Model) -> Iterator[str]:
 
 
 def _equations(model: Model) -> Iterator[str]:
-    T, n = model.T, model.structure.basis.N
+    T, n = model.T, model.structure.n_dofs
     is_free = np.isin(np.arange(n), model.free)
     for slave in np.flatnonzero(~is_free & (np.diff(T.indptr) > 0)):
         row = slice(T.indptr[slave], T.indptr[slave + 1])
@@ -121,7 +125,7 @@ def _terms(terms: list[tuple[int, float]]) -> Iterator[str]:
 
 
 def _springs(model: Model) -> Iterator[str]:
-    first = model.structure.basis.mesh.nelements + 1
+    first = _n_elements(model) + 1
     dofs = model.free[model.elongation]
     for i, (dof, k) in enumerate(zip(dofs, model.stiffness, strict=True)):
         if k > 0:
@@ -136,7 +140,7 @@ def _table(model: Model) -> Iterator[str]:
     if model.sway is None:
         return
     node = model.free[-1] // 3 + 1
-    first = model.structure.basis.mesh.nelements + len(model.stiffness) + 1
+    first = _n_elements(model) + len(model.stiffness) + 1
     for i in (0, 1):
         yield from (f"*ELEMENT, TYPE=SPRING1, ELSET=SWAY{i + 1}", f"{first + i}, {node}")
         yield from (f"*SPRING, ELSET=SWAY{i + 1}", f"{model.free[i - 2] % 3 + 1}")
@@ -148,7 +152,7 @@ def _table(model: Model) -> Iterator[str]:
 def _dashpots(model: Model, c: NDArray[np.float64]) -> Iterator[str]:
     """A dashpot acts between two nodes: each gets one to lean on, a metre away in its direction."""
     ground = _node_after(model)
-    first = model.structure.basis.mesh.nelements + len(model.stiffness) + 3
+    first = _n_elements(model) + len(model.stiffness) + 3
     dofs = model.free[model.elongation]
     for i, (dof, value) in enumerate(zip(dofs, c, strict=True), start=1):
         if value > 0:
@@ -169,14 +173,24 @@ def _contact(model: Model, w: NDArray[np.float64]) -> Iterator[str]:
     yield from ("*BOUNDARY", f"{node}, 2, 3")
 
 
-def _materials(materials: dict[str, Material]) -> Iterator[str]:
+def _materials(materials: Mapping[str, Material | Orthotropic]) -> Iterator[str]:
     for body, m in materials.items():
-        name = _label(body)
+        name, oriented = _label(body), ""
         yield f"*MATERIAL, NAME={name}"
-        yield from ("*ELASTIC", f"{m.young:.12g}, {m.poisson:.12g}")
+        if isinstance(m, Material):
+            yield from ("*ELASTIC", f"{m.young:.12g}, {m.poisson:.12g}")
+        else:
+            yield "*ELASTIC, TYPE=ENGINEERING CONSTANTS"
+            constants = [f"{x:.12g}" for x in (*m.young, *m.poisson, *m.shear)]
+            yield from (", ".join(constants[:8]), constants[8])
+            oriented = f", ORIENTATION=AXES_{name}"
         yield from ("*DENSITY", f"{m.density:.12g}")
-        yield f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"
+        if oriented:
+            yield f"*ORIENTATION, NAME=AXES_{name}"
+            yield ", ".join(f"{x:.12g}" for x in m.frame[:2].ravel())
+        yield f"*SOLID SECTION, ELSET={name}, MATERIAL={name}{oriented}"
 
 
 def _label(body: str) -> str:
-    return body.upper().replace("+", "_P_").replace("-", "_M_")
+    kept = body.upper().replace("+", "_P_").replace("-", "_M_")
+    return "".join(c if c.isalnum() else "_" for c in kept)

@@ -1,16 +1,18 @@
 """Linear constraints by elimination: slave dofs written in others, U = T u, K -> T^T K T.
 
-A constraint states U[slaves] = A U. Slaves may lean on dofs that are slaves elsewhere (a sheet on
-a support that itself stands on a plate); the chain is followed until only free dofs remain.
+A constraint states U[slaves] = A U; with an empty A it holds them still. Slaves may lean on dofs
+that are slaves elsewhere (a sheet on a support that itself stands on a plate); the chain is
+followed until only free dofs remain. Of two constraints on one dof the first holds it.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix, eye_array
 
-LONGEST_CHAIN = 8
+DOUBLINGS = 10  # of the length of a chain of slaves that is followed
 
 
 class Constraint(NamedTuple):
@@ -18,6 +20,7 @@ class Constraint(NamedTuple):
 
     slaves: NDArray[np.int64]  # (n,)
     A: csr_matrix  # (n, n_total)
+    name: str  # what a user knows it by
 
 
 class Reduction(NamedTuple):
@@ -27,30 +30,56 @@ class Reduction(NamedTuple):
     free: NDArray[np.int64]  # (n,) where the free dofs stand among all
 
 
-def eliminated(n_total: int, constraints: list[Constraint], held: NDArray[np.int64]) -> Reduction:
-    """Free dofs when `constraints` hold and the dofs `held` are zero.
+class Overconstrained(NamedTuple):
+    """Dofs that two constraints ask for, and which of them holds."""
+
+    slaves: NDArray[np.int64]
+    dropped: str
+    kept: str
+
+
+def fixed(slaves: NDArray[np.int64], n_total: int, name: str) -> Constraint:
+    """Dofs that stand still."""
+    return Constraint(slaves, csr_matrix((len(slaves), n_total)), name)
+
+
+def claimed(
+    n_total: int, constraints: Sequence[Constraint]
+) -> tuple[list[Constraint], list[Overconstrained]]:
+    """The constraints without dofs that one before them holds, and what was so left out."""
+    owner, kept, twice = np.full(n_total, -1), [], []
+    for i, c in enumerate(constraints):
+        before = owner[c.slaves]
+        for j in np.unique(before[before >= 0]):
+            twice.append(Overconstrained(c.slaves[before == j], c.name, constraints[j].name))
+        new = before < 0
+        owner[c.slaves[new]] = i
+        kept.append(c if new.all() else c._replace(slaves=c.slaves[new], A=c.A[new]))
+    return kept, twice
+
+
+def eliminated(n_total: int, constraints: Sequence[Constraint]) -> Reduction:
+    """Free dofs when `constraints` hold.
 
     Raises ValueError when a dof is slave twice or constraints form a circle.
     """
     slaves = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in constraints)])
     if len(np.unique(slaves)) != len(slaves):
         raise ValueError("a degree of freedom is the slave of two constraints; remove one.")
-    is_slave, keep = np.zeros(n_total, dtype=bool), np.ones(n_total, dtype=bool)
-    is_slave[slaves], keep[slaves], keep[held] = True, False, False
-    S = _step(n_total, constraints, slaves, keep | is_slave)
-    T = S
-    for _ in range(LONGEST_CHAIN):
-        if T[:, is_slave].nnz == 0:
+    keep = np.ones(n_total, dtype=bool)
+    keep[slaves] = False
+    T = _step(n_total, constraints, keep)
+    for _ in range(DOUBLINGS):
+        if T[:, ~keep].nnz == 0:
             return Reduction(T[:, keep].tocsr(), np.flatnonzero(keep))
-        T = T @ S
+        T = T @ T
         T.eliminate_zeros()
     raise ValueError("constraints form a circle: a face is the master of its own slaves.")
 
 
-def _step(n_total, constraints, slaves, not_held) -> csr_matrix:
+def _step(n_total: int, constraints: Sequence[Constraint], keep) -> csr_matrix:
     identity = eye_array(n_total, format="csr")
-    identity.data[:] = not_held
-    identity.data[slaves] = 0.0
+    identity.data[:] = keep
     S = csr_matrix(identity)
     for c in constraints:
         place = csr_matrix(

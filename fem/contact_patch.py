@@ -3,7 +3,7 @@
 w is the pressure-weighted mean displacement of a disc on a face, along the face's inward normal:
 Hertz' pressure p ~ sqrt(1 - r^2/b^2), or the plain area mean. It is integrated by a quadrature
 of the disc itself, whose points are looked up in the elements of the face, so that a mesh coarser
-than the disc is loaded as well as a finer one.
+than the disc is loaded as well as a finer one. On a curved face the disc lies in the tangent plane.
 """
 
 from collections.abc import Sequence
@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
-from skfem import Basis
 
 from fem.model import Model
-from fem.trace import trace
+from fem.spot import Spot, planar_spot
+from fem.trace import OffFace, face_nodes, trace
 
 
 class ContactPatch(NamedTuple):
@@ -24,8 +24,7 @@ class ContactPatch(NamedTuple):
     w: NDArray[np.float64]  # (n,) u_w = w @ u [1]
     boundary: NDArray[np.int64]  # free dofs of the recovery nodes, those that w reads
     on_mesh: NDArray[np.float64]  # (ndof,) the same functional on the displacements of the mesh
-    inward: float  # direction of the chain's travel along x, +1 or -1
-    point: NDArray[np.float64]  # (3,) [m]
+    spot: Spot  # where, and which way in
     radius: float  # [m]
     weights: str  # "hertz", "area" or "nodes"
 
@@ -52,7 +51,7 @@ def disc_quadrature(
 def contact_patch(
     model: Model,
     face: str,
-    point: tuple[float, float],
+    at: tuple[float, float] | Spot,
     radius: float,
     *,
     weights: str = "hertz",
@@ -60,71 +59,62 @@ def contact_patch(
     n_around: int = 48,
     mirrors: str = "",
 ) -> ContactPatch:
-    """The patch of `radius` [m] at `point` (y, z) [m] from the middle of a face normal to x.
+    """The patch of `radius` [m] on a face, at a point [m] from the middle of a plane along its two
+    axes (`fem.planar_spot`), or at a spot of a curved face.
 
     Displacement counts along the chain's direction of travel, into the wall. `mirrors` names the
     axes, "y", "z" or "yz", along which a mirror plane at the point ends the mesh: the disc folds
-    onto the upper side of it. Raises ValueError when the disc leaves the face.
+    onto the upper side of it. Raises ValueError when the disc leaves the face, when the face is
+    not plane, or curved too much for so large a patch.
     """
-    basis = model.structure.basis
-    centre, inward = _middle(basis, face)
-    centre = centre + [0.0, *point]
+    spot = at if isinstance(at, Spot) else planar_spot(model.structure, face, at)
+    spot.require_flat(radius)
     disc, share = disc_quadrature(weights, n_radial, n_around)
     for axis in mirrors:
-        disc[:, "yz".index(axis)] = np.abs(disc[:, "yz".index(axis)])
-    spots = centre + radius * np.column_stack([np.zeros(len(disc)), disc])
+        i = int(np.abs(spot.axes[:, "xyz".index(axis)]).argmax())
+        disc[:, i] = np.abs(disc[:, i])
     try:
-        P = trace(basis, face, spots)
-    except ValueError as outside:
+        P = trace(model.structure, face, spot.point + radius * disc @ spot.axes, gap=spot.gap)
+    except OffFace as outside:
         raise ValueError(
-            f"the contact patch at [y, z] = {list(point)} m with radius {radius} m leaves the face "
+            f"the contact patch at {_told(at)} with radius {radius} m leaves the face "
             f"{face!r}; move it or make it smaller ({outside})"
         ) from outside
-    on_mesh = inward * (share @ P[0::3])
-    boundary = _recovery_dofs(model, on_mesh)
-    return ContactPatch(model.T.T @ on_mesh, boundary, on_mesh, inward, centre, radius, weights)
+    return _patch(model, spot.inward @ _summed(P, share), spot, radius, weights)
 
 
 def node_patch(model: Model, face: str, points: Sequence[tuple[float, float]]) -> ContactPatch:
-    """The plain mean of the nodes nearest to points (y, z) [m] from the middle of a face.
+    """The plain mean of the nodes nearest to points [m] from the middle of a plane face.
 
     Its compliance grows like 1/h: nodes carry no area. The radius is that of the farthest node
     from their middle.
     """
-    basis = model.structure.basis
-    centre, inward = _middle(basis, face)
-    dofs = [_nearest(basis, face, centre + [0.0, *point]) for point in points]
-    on_mesh = np.zeros(basis.N)
-    np.add.at(on_mesh, dofs, inward / len(dofs))
-    spots = basis.doflocs[:, dofs].T
-    middle = spots.mean(axis=0)
-    radius = float(np.linalg.norm(spots - middle, axis=1).max())
-    boundary = _recovery_dofs(model, on_mesh)
-    return ContactPatch(model.T.T @ on_mesh, boundary, on_mesh, inward, middle, radius, "nodes")
+    nodes = face_nodes(model.structure, face)
+    places = model.structure.points[nodes[:, 0] // 3]
+    spots = [planar_spot(model.structure, face, at) for at in points]
+    nearest = [np.linalg.norm(places - spot.point, axis=1).argmin() for spot in spots]
+    middle = places[nearest].mean(axis=0)
+    radius = float(np.linalg.norm(places[nearest] - middle, axis=1).max())
+    on_mesh = np.zeros(model.structure.n_dofs)
+    for node in nodes[nearest]:
+        on_mesh[node] += spots[0].inward / len(nearest)
+    return _patch(model, on_mesh, spots[0]._replace(point=middle), radius, "nodes")
 
 
-def _middle(basis: Basis, face: str) -> tuple[NDArray[np.float64], float]:
-    mesh = basis.mesh
-    corners = mesh.p[:, mesh.facets[:, mesh.boundaries[face]]].reshape(3, -1)
-    middle = (corners.min(axis=1) + corners.max(axis=1)) / 2
-    cell = mesh.f2t[0, mesh.boundaries[face][0]]
-    return middle, float(np.sign(mesh.p[0, mesh.t[:, cell]].mean() - middle[0]))
+def _patch(model: Model, on_mesh, spot: Spot, radius: float, weights: str) -> ContactPatch:
+    """The functional with its recovery nodes: all three displacements of every node it reads."""
+    nodes = np.unique(np.flatnonzero(on_mesh) // 3)
+    dofs = (3 * nodes[:, None] + np.arange(3)).ravel()
+    boundary = np.unique(csr_matrix(model.T[dofs]).indices)
+    return ContactPatch(model.T.T @ on_mesh, boundary, on_mesh, spot, radius, weights)
 
 
-def _recovery_dofs(model: Model, on_mesh: NDArray[np.float64]) -> NDArray[np.int64]:
-    """All three displacements of every node that w reads, as free dofs of the model."""
-    basis = model.structure.basis
-    x_dofs = np.flatnonzero(on_mesh)
-    nodes = _all_directions(basis)[np.isin(_all_directions(basis)[:, 0], x_dofs)]
-    return np.unique(csr_matrix(model.T[nodes.ravel()]).indices)
+def _summed(P: csr_matrix, share: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weighted means (3, ndof) of displacements x, y and z that P reads at points."""
+    return np.array([share @ P[axis::3] for axis in range(3)])
 
 
-def _all_directions(basis: Basis) -> NDArray[np.int64]:
-    """The three dofs of every node, (n_nodes, 3)."""
-    return basis.element_dofs.reshape(-1, 3, basis.nelems).transpose(0, 2, 1).reshape(-1, 3)
-
-
-def _nearest(basis: Basis, face: str, spot: NDArray[np.float64]) -> int:
-    """The x displacement of the node of a face that is nearest to a spot (3,) [m]."""
-    dofs = np.unique(basis.get_dofs(face).all(["u^1"]))
-    return int(dofs[np.argmin(np.linalg.norm(basis.doflocs[:, dofs].T - spot, axis=1))])
+def _told(at: tuple[float, float] | Spot) -> str:
+    if isinstance(at, Spot):
+        return f"{np.round(at.point, 6).tolist()} m"
+    return f"{list(at)} m from the middle"

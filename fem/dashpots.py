@@ -10,7 +10,8 @@ from fem.model import Model
 
 
 def dashpots(model: Model, coefficient: dict[str, float]) -> csc_array:
-    """C (n, n) [N s/m] of c [N s/m or N m s/rad] by spring, "body.direction", equal for all screws.
+    """C (n, n) [N s/m] of c [N s/m or N m s/rad] by spring, "joint.direction", equal for
+    all joints of one name.
 
     Raises ValueError for a direction that has no elongation, being rigid.
     """

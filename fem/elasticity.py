@@ -1,19 +1,20 @@
-"""Stiffness and mass of linear elasticity.
+"""Stiffness and mass of linear elasticity, body by body.
 
     K_ij = int sigma(phi_i) : eps(phi_j),    M_ij = int rho phi_i . phi_j
 
-Every part stands on its own here: nothing is joined and nothing is held. The shape functions come
-from scikit-fem, the element integrals are batched matrix products of their gradients,
+Every body stands on its own here, tetrahedra beside hexahedra: nothing is joined and nothing is
+held. The shape functions come from scikit-fem, the element integrals are batched matrix products
+of their gradients,
 
-    D_(ia)(jb) = int d_a phi_i d_b phi_j
-    K_(ia)(jb) = lambda D_(ia)(jb) + mu D_(ib)(ja) + mu delta_ab sum_c D_(ic)(jc).
+    D_(ic)(jd) = int d_c phi_i d_d phi_j,    K_(ia)(jb) = C_acbd D_(ic)(jd).
 """
 
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import block_diag, coo_matrix, csr_matrix
 from skfem import (
     Basis,
     Element,
@@ -25,27 +26,39 @@ from skfem import (
     MeshTet,
 )
 
+from fem.materials import Material, Orthotropic
 
-class Material(NamedTuple):
-    """An isotropic elastic solid."""
-
-    young: float  # [Pa]
-    poisson: float
-    density: float  # [kg/m^3]
-
-    @property
-    def lame(self) -> tuple[float, float]:
-        """lambda and mu [Pa]."""
-        E, nu = self.young, self.poisson
-        return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+AT_ONCE = 2000  # elements whose matrices are held at a time: some 100 MB
 
 
 class Structure(NamedTuple):
-    """All parts, unjoined and free."""
+    """All bodies, unjoined and free: x, y, z of node after node, body after body."""
 
-    basis: Basis  # three displacements at each node of a quadratic element
+    basis: dict[str, Basis]  # of each body, three displacements at each node of a quadratic element
+    first: dict[str, int]  # dof of each body
+    points: NDArray[np.float64]  # (n_nodes, 3) [m]
     K: csr_matrix  # (ndof, ndof) [N/m]
     M: csr_matrix  # (ndof, ndof) [kg]
+
+    @property
+    def n_dofs(self) -> int:
+        """Three for each node."""
+        return 3 * len(self.points)
+
+    def dofs(self, body: str) -> NDArray[np.int64]:
+        """Of all nodes of a body, (n,)."""
+        return self.first[body] + np.arange(self.basis[body].N)
+
+    def facets(self, face: str) -> tuple[str, NDArray[np.int64]]:
+        """The body of a face "body:face" and the facets in that body's mesh.
+
+        Raises ValueError for a face that the body does not have, or not a facet of.
+        """
+        body, _, name = face.partition(":")
+        known = self.basis[body].mesh.boundaries or {} if body in self.basis else {}
+        if not len(known.get(name, ())):
+            raise ValueError(f"the mesh has no facets named {face!r}; imprint that face on it.")
+        return body, known[name]
 
 
 # exact for elements with straight edges: gradients need order 2 in tetrahedra, masses 4; the
@@ -56,56 +69,73 @@ ELEMENTS: dict[type[Mesh], tuple[Element, int, int]] = {
 }
 
 
-def assemble(mesh: Mesh, materials: dict[str, Material]) -> Structure:
-    """K and M of a mesh of tetrahedra or hexahedra, quadratic elements, a material per body.
+def assemble(
+    meshes: Mapping[str, Mesh], materials: Mapping[str, Material | Orthotropic]
+) -> Structure:
+    """K and M of bodies of tetrahedra or hexahedra, quadratic elements, a material per body.
 
-    Raises ValueError when a body has no material or the mesh has another cell type.
+    Raises ValueError when a body has no material or its mesh another cell type.
     """
-    element, stiffness_order, mass_order = _quadratic(mesh)
-    missing = set(mesh.subdomains) - set(materials)
+    missing = set(meshes) - set(materials)
     if missing:
         raise ValueError(f"no material for {sorted(missing)}; name one for every body.")
-    basis = Basis(mesh, ElementVector(element), intorder=1)
-    K = M = csr_matrix((basis.N, basis.N))
-    for name, cells in mesh.subdomains.items():
-        dofs = basis.element_dofs[:, cells]
-        material = materials[name]
-        K = K + _scattered(_stiffness(mesh, element, cells, stiffness_order, material), dofs, K)
-        M = M + _scattered(_mass(mesh, element, cells, mass_order, material), dofs, M)
-    return Structure(basis, K.tocsr(), M.tocsr())
+    basis = {
+        name: Basis(mesh, ElementVector(_quadratic(name, mesh)[0]), intorder=1)
+        for name, mesh in meshes.items()
+    }
+    first = np.cumsum([0, *(b.N for b in basis.values())]).tolist()
+    K, M = zip(*(_matrices(name, b, materials[name]) for name, b in basis.items()), strict=True)
+    return Structure(
+        basis,
+        dict(zip(basis, first, strict=False)),
+        np.concatenate([b.doflocs[:, 0::3].T for b in basis.values()]),
+        block_diag(K, format="csr"),
+        block_diag(M, format="csr"),
+    )
 
 
-def _quadratic(mesh: Mesh) -> tuple[Element, int, int]:
+def _quadratic(body: str, mesh: Mesh) -> tuple[Element, int, int]:
     for kind, choice in ELEMENTS.items():
         if isinstance(mesh, kind):
             return choice
-    raise ValueError(f"mesh is a {type(mesh).__name__}; take MeshTet or MeshHex.")
+    raise ValueError(f"the mesh of {body} is a {type(mesh).__name__}; take MeshTet or MeshHex.")
 
 
-def _stiffness(mesh, element, cells, order, material) -> NDArray[np.float64]:
-    basis = Basis(mesh, element, intorder=order, elements=cells)
-    gradient = np.stack([phi[0].grad for phi in basis.basis])  # (i, a, cell, point)
+def _matrices(body: str, basis: Basis, material) -> tuple[csr_matrix, csr_matrix]:
+    element, stiffness_order, mass_order = _quadratic(body, basis.mesh)
+    K = M = csr_matrix((basis.N, basis.N))
+    C = material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)  # from (c, d) to (a, b)
+    for cells in _shares(basis.nelems):
+        dofs = basis.element_dofs[:, cells]
+        stiff, heavy = (
+            Basis(basis.mesh, element, intorder=order, elements=cells)
+            for order in (stiffness_order, mass_order)
+        )
+        K = K + _scattered(_stiffness(stiff, C), dofs, basis.N)
+        M = M + _scattered(_mass(heavy, material.density), dofs, basis.N)
+    return K, M
+
+
+def _shares(n: int) -> Iterator[NDArray[np.int64]]:
+    yield from np.array_split(np.arange(n), -(-n // AT_ONCE))
+
+
+def _stiffness(basis: Basis, C: NDArray[np.float64]) -> NDArray[np.float64]:
+    gradient = np.stack([phi[0].grad for phi in basis.basis])  # (i, c, cell, point)
     n, dim = gradient.shape[:2]
-    G = gradient.transpose(2, 0, 1, 3).reshape(len(cells), n * dim, -1)
+    G = gradient.transpose(2, 0, 1, 3).reshape(basis.nelems, n * dim, -1)
     D = ((G * basis.dx[:, None]) @ G.transpose(0, 2, 1)).reshape(-1, n, dim, n, dim)
-    lam, mu = material.lame
-    K = lam * D + mu * D.transpose(0, 1, 4, 3, 2)
-    laplacian = mu * np.trace(D, axis1=2, axis2=4)
-    for a in range(dim):
-        K[:, :, a, :, a] += laplacian
-    return K.reshape(-1, n * dim, n * dim)
+    K = D.transpose(0, 1, 3, 2, 4).reshape(-1, dim * dim) @ C
+    return K.reshape(-1, n, n, dim, dim).transpose(0, 1, 3, 2, 4).reshape(-1, n * dim, n * dim)
 
 
-def _mass(mesh, element, cells, order, material) -> NDArray[np.float64]:
-    basis = Basis(mesh, element, intorder=order, elements=cells)
+def _mass(basis: Basis, density: float) -> NDArray[np.float64]:
     phi = np.stack([np.broadcast_to(np.asarray(p[0]), basis.dx.shape) for p in basis.basis])
     P = phi.transpose(1, 0, 2)
-    return np.kron((P * material.density * basis.dx[:, None]) @ P.transpose(0, 2, 1), np.eye(3))
+    return np.kron((P * density * basis.dx[:, None]) @ P.transpose(0, 2, 1), np.eye(3))
 
 
-def _scattered(local, dofs, like) -> csr_matrix:
-    n = dofs.shape[0]
-    rows = np.repeat(dofs.T[:, :, None], n, axis=2)
-    columns = np.repeat(dofs.T[:, None, :], n, axis=1)
-    entries = (local.ravel(), (rows.ravel(), columns.ravel()))
-    return coo_matrix(entries, shape=like.shape).tocsr()
+def _scattered(local: NDArray[np.float64], dofs: NDArray[np.int64], n: int) -> csr_matrix:
+    rows = np.repeat(dofs.T[:, :, None], len(dofs), axis=2)
+    columns = np.repeat(dofs.T[:, None, :], len(dofs), axis=1)
+    return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n)).tocsr()

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Basis
 
 from fem.constraints import Constraint
 from fem.elasticity import Structure
 from fem.joints import rigid_motion
 
+MOST_BELOW = 2  # dofs of a table
 GROUNDED = 1e-5  # of the structure's size; what faces may miss each other by is a part of it
 
 
@@ -29,7 +29,7 @@ class RigidBody(NamedTuple):
 
 def rigid_body(structure: Structure) -> RigidBody:
     """Of all parts together, before they are joined and held."""
-    R = _motions(structure.basis)
+    R = rigid_motion(structure.points, np.zeros(3))
     inertia = R.T @ (structure.M @ R)
     mass = inertia[0, 0]
     residual = np.abs(structure.K @ R).max() / (np.abs(structure.K).max() * np.abs(R).max())
@@ -38,34 +38,29 @@ def rigid_body(structure: Structure) -> RigidBody:
 
 
 def require_free_joints(
-    basis: Basis, constraints: Sequence[Constraint], centres: NDArray[np.float64]
+    structure: Structure, constraints: Sequence[Constraint], centres: NDArray[np.float64]
 ) -> None:
     """Raise ValueError where a tie or a joint does not follow a rigid motion.
 
-    The dofs are U = [u, elongations (6 k), mean motions (6 k) about centres (k, 3), ...].
+    The dofs are U = [u, elongations (6 k), motions (6 k) about centres (k, 3), ...].
     """
-    R = _motions(basis)
-    size = np.ptp(basis.doflocs, axis=1).max()
+    n = structure.n_dofs
+    size = np.ptp(structure.points, axis=0).max()
+    U = np.zeros((n + 12 * len(centres) + MOST_BELOW, 6))
+    U[:n] = rigid_motion(structure.points, np.zeros(3))
+    U[n + 6 * len(centres) :][: 6 * len(centres)] = motions_about(centres)
     for constraint in constraints:
-        U = np.zeros((constraint.A.shape[1], 6))
-        U[: basis.N] = R
-        U[basis.N + 6 * len(centres) :][: 6 * len(centres)] = _about(centres)
-        off = constraint.A @ U - U[constraint.slaves]
-        worst = np.abs(off[constraint.slaves < basis.N]).max(initial=0.0) / size
+        off = constraint.A @ U[: constraint.A.shape[1]] - U[constraint.slaves]
+        worst = np.abs(off[constraint.slaves < n]).max(initial=0.0) / size
         if worst > GROUNDED:
             raise ValueError(
-                f"a tie or a joint holds rigid motions back, as if by springs to the ground: it "
+                f"{constraint.name} holds rigid motions back, as if by springs to the ground: it "
                 f"misses them by {worst:.1e} of the structure's size, allowed is {GROUNDED:.0e}; "
                 f"let its faces lie on each other."
             )
 
 
-def _motions(basis: Basis) -> NDArray[np.float64]:
-    """R (ndof, 6) about the origin."""
-    return rigid_motion(basis.doflocs[:, 0::3].T, np.zeros(3))
-
-
-def _about(centres: NDArray[np.float64]) -> NDArray[np.float64]:
+def motions_about(centres: NDArray[np.float64]) -> NDArray[np.float64]:
     """Motions (6 k, 6) of frames at centres (k, 3): where they go, and the turn itself."""
     moved = rigid_motion(centres, np.zeros(3)).reshape(-1, 3, 6)
     turned = np.broadcast_to(np.eye(6)[3:], moved.shape)

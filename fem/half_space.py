@@ -18,27 +18,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.contact_patch import ContactPatch, disc_quadrature
-from fem.elasticity import Material
+from fem.elasticity import Structure
 from fem.factorisation import factorised
+from fem.materials import Material
 from fem.mirror import normal_dofs
 from fem.model import Model
 
 
 def boussinesq(
-    points: NDArray[np.float64], source: NDArray[np.float64], inward: float, material: Material
+    points: NDArray[np.float64],
+    source: NDArray[np.float64],
+    inward: NDArray[np.float64],
+    material: Material,
 ) -> NDArray[np.float64]:
-    """Displacements (n, 3) [m] at points (n, 3) by a unit force at `source` (3,) on a face
-    normal to x, pushing towards `inward` (+1 or -1).
+    """Displacements (n, 3) [m] at points (n, 3) by a unit force at `source` (3,) on a plane whose
+    unit normal into the solid is `inward` (3,), pushing that way.
     """
     E, nu = material.young, material.poisson
     along = points - source
-    z = inward * along[:, 0]
-    r = np.hypot(along[:, 1], along[:, 2])
-    R = np.hypot(r, z)
+    z = along @ inward
+    beside = along - np.outer(z, inward)
+    R = np.linalg.norm(along, axis=1)
     radial = z / R**3 - (1 - 2 * nu) / (R * (R + z))  # u_r / r
-    u = np.column_stack(
-        [inward * (z**2 / R**3 + 2 * (1 - nu) / R), along[:, 1] * radial, along[:, 2] * radial]
-    )
+    u = np.outer(z**2 / R**3 + 2 * (1 - nu) / R, inward) + radial[:, None] * beside
     return (1 + nu) / (2 * np.pi * E) * u
 
 
@@ -55,48 +57,60 @@ def half_space_on_mesh(
 
     `mirrors` are the faces where the mesh ends at a mirror plane through the patch. Elements
     farther than `within` [m] along an axis are left out: the exact field takes their place.
+    Raises ValueError for a material that is not isotropic.
     """
-    basis, K, _ = model.structure
-    cells = _near(basis.mesh, basis.mesh.subdomains[face.split(":")[0]], patch, within)
-    dofs = np.unique(basis.element_dofs[:, cells])
-    prescribed = _other_faces(basis, (face, *mirrors), cells)
-    still = [normal_dofs(basis, mirror) for mirror in mirrors]
+    if not isinstance(material, Material):
+        raise ValueError(
+            f"{face!r} is of an orthotropic material, whose half-space is not known here; strike "
+            "an isotropic body."
+        )
+    structure = model.structure
+    body, struck = structure.facets(face)
+    mesh, first = structure.basis[body].mesh, structure.first[body]
+    cells = _near(mesh, patch, within)
+    dofs = first + np.unique(structure.basis[body].element_dofs[:, cells])
+    ended = [structure.facets(mirror)[1] for mirror in mirrors]
+    prescribed = first + _other_faces(structure.basis[body], [struck, *ended], cells)
+    still = [normal_dofs(structure, mirror) for mirror in mirrors]
     free = np.setdiff1d(dofs, np.concatenate([prescribed, *still]))
-    u = np.zeros(basis.N)
-    u[prescribed] = _far_field(basis, prescribed, patch, material)
-    load = patch.on_mesh - K @ u
-    u[free] = factorised(K[free][:, free].tocsc()).solve(load[free])
+    u = np.zeros(structure.n_dofs)
+    u[prescribed] = _far_field(structure, prescribed, patch, material)
+    load = patch.on_mesh - structure.K @ u
+    u[free] = factorised(structure.K[free][:, free].tocsc()).solve(load[free])
     return float(patch.on_mesh @ u)
 
 
-def _near(mesh, cells, patch: ContactPatch, within: float) -> NDArray[np.int64]:
-    """Those of the cells whose middle is near the patch."""
-    middle = mesh.p[:, mesh.t[:, cells]].mean(axis=1)
-    return cells[np.abs(middle - patch.point[:, None]).max(axis=0) <= within]
+def _near(mesh, patch: ContactPatch, within: float) -> NDArray[np.int64]:
+    """The cells whose middle is near the patch."""
+    middle = mesh.p[:, mesh.t].mean(axis=1)
+    return np.flatnonzero(np.abs(middle - patch.spot.point[:, None]).max(axis=0) <= within)
 
 
-def _other_faces(basis, faces: Sequence[str], cells) -> NDArray[np.int64]:
-    mesh = basis.mesh
-    facets, sides = np.unique(mesh.t2f[:, cells], return_counts=True)
-    outside = facets[sides == 1]
-    others = np.setdiff1d(outside, np.concatenate([mesh.boundaries[face] for face in faces]))
+def _other_faces(basis, ended: Sequence[NDArray[np.int64]], cells) -> NDArray[np.int64]:
+    """Dofs on the outside of the cells, but for what lies on the facets given alone."""
+    facets, sides = np.unique(basis.mesh.t2f[:, cells], return_counts=True)
+    others = np.setdiff1d(facets[sides == 1], np.concatenate(ended))
     return np.unique(basis.get_dofs(others).all())
 
 
-def _far_field(basis, dofs, patch: ContactPatch, material: Material) -> NDArray[np.float64]:
+def _far_field(
+    structure: Structure, dofs, patch: ContactPatch, material: Material
+) -> NDArray[np.float64]:
     """The exact displacement of each dof, by all points of the patch."""
     nodes, node = np.unique(dofs // 3, return_inverse=True)
-    points = basis.doflocs[:, 3 * nodes].T
     total = np.zeros((len(nodes), 3))
-    for source, part in zip(*_sources(basis, patch), strict=True):
-        total += part * boussinesq(points, source, patch.inward, material)
+    for source, part in zip(*_sources(structure, patch), strict=True):
+        inward = patch.spot.inward
+        total += part * boussinesq(structure.points[nodes], source, inward, material)
     return total[node, dofs % 3]
 
 
-def _sources(basis, patch: ContactPatch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _sources(
+    structure: Structure, patch: ContactPatch
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (n, 3) [m] and shares (n,) of the force on a patch."""
     if patch.weights == "nodes":
-        loaded = np.flatnonzero(patch.on_mesh)
-        return basis.doflocs[:, loaded].T, np.abs(patch.on_mesh[loaded])
+        share = patch.on_mesh.reshape(-1, 3) @ patch.spot.inward
+        return structure.points[share > 0], share[share > 0]
     disc, share = disc_quadrature(patch.weights, 6, 18)
-    return patch.point + patch.radius * np.column_stack([np.zeros(len(disc)), disc]), share
+    return patch.spot.point + patch.radius * disc @ patch.spot.axes, share

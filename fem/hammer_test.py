@@ -17,10 +17,9 @@ FARTHEST = np.log(1.5)  # a measured mode and a mode of the model farther apart 
 
 def corner_readings(model: Model, body: str) -> NDArray[np.float64]:
     """Rows (3, n) that read x, y and z at the body's corner of the largest coordinates."""
-    basis = model.structure.basis
-    nodes = np.unique(basis.mesh.t[:, basis.mesh.subdomains[body]])
-    corner = basis.mesh.p[:, nodes].max(axis=1)
-    return np.array([at_node(basis, corner, e) for e in np.eye(3)]) @ model.T
+    structure = model.structure
+    corner = structure.basis[body].mesh.p.max(axis=1)
+    return np.array([at_node(structure, corner, e) for e in np.eye(3)]) @ model.T
 
 
 def accelerances(

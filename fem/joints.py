@@ -1,34 +1,39 @@
-"""Joints between two touching faces: ties, and screws as springs of six stiffnesses.
+"""Joints between faces of bodies: ties, and bolts as springs of six stiffnesses.
 
 Tie: the slave face's nodes follow the master face, u_slave = P u_master; the meshes need not match.
 
-Screw: the sheet side is a rigid patch of motion q (kinematic coupling, RBE2), the other side's
-motion is the area-weighted mean C u (distributing coupling, RBE3). The elongation of the joint
+Joint: either side holds its face rigidly (kinematic coupling, RBE2: u = G q over the nodes of the
+face) or moves as the face does in the mean (distributing coupling, RBE3: q = C u). In the joint's
+frame R the elongation of the springs
 
-    r = q - p,    p = C u                                            (three shifts, three turns)
+    r = R (q_first - q_second)                                       (three shifts, three turns)
 
-is a degree of freedom of its own: with q = r + p put into the rigid patch, the springs stand on
-the diagonal, K(k) = K0 + sum_j k_j e_j e_j^T, so that a stiffness of 1 or of 1e16 N/m costs no
-digit, an infinite one removes its r, and d lambda / d k_j = phi_j^2.
+is a degree of freedom of its own: with q_first = q_second + R^T r the springs stand on the
+diagonal, K(k) = K0 + sum_j k_j e_j e_j^T, so that a stiffness of 1 or of 1e16 N/m costs no digit,
+an infinite one removes its r, and d lambda / d k_j = phi_j^2. The ground is a second side of
+q = 0. All dofs are U = [u (ndof), r (6 a joint), q_second (6 a joint), ...].
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
-from scipy.sparse import coo_matrix, csr_matrix, hstack, vstack
-from skfem import Basis
+from scipy.linalg import block_diag, qr
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, vstack
+from scipy.sparse.csgraph import connected_components
 
 from fem.constraints import Constraint
-from fem.trace import face_nodes, face_quadrature, trace
+from fem.elasticity import Structure
+from fem.trace import OffFace, face_nodes, face_quadrature, trace
 
 DIRECTIONS = ("kx", "ky", "kz", "krx", "kry", "krz")
+NOWHERE = np.empty(0, np.int64)
+ALONG = 0.9  # cosine: an axis nearer than this to another lies along it
 
 
-class Joint(NamedTuple):
-    """Stiffnesses of one screw; inf is a rigid direction, 0 a free one."""
+class Bushing(NamedTuple):
+    """Six stiffnesses of one joint, in its frame; inf is a rigid direction, 0 a free one."""
 
     kx: float = np.inf  # [N/m]
     ky: float = np.inf
@@ -38,12 +43,51 @@ class Joint(NamedTuple):
     krz: float = np.inf
 
 
-class Screw(NamedTuple):
-    """Where a joint sits: a rigid share of the slave face, the master face, the screw's centre."""
+class Side(NamedTuple):
+    """What a joint holds to on one body."""
 
-    share: str
-    master: str
+    face: str  # "body:face"
+    coupling: Literal["rigid", "mean"] = "rigid"
+    over: str | None = None  # the mean is taken over the footprint of this face; None: its own
+    within: float = np.inf  # [m] of the joint's centre: a washer's radius
+
+
+class Joint(NamedTuple):
+    """A bolt, or anything else that six springs stand for, where it sits."""
+
+    name: str  # its springs are "name.kx", ...; joints of one name share their stiffnesses
+    first: Side
+    second: Side | None  # None is the ground
     centre: NDArray[np.float64]  # (3,) [m]
+    springs: Bushing = Bushing()
+    frame: NDArray[np.float64] = np.eye(3)  # rows along the joint's x, y, z
+
+
+class Tie(NamedTuple):
+    """Two faces in contact that stay together."""
+
+    slave: str  # lies on the other, and follows it: the finer mesh, or the smaller face
+    master: str
+    gap: float = 0.0  # [m] by which they may miss each other
+
+
+class _Coupling(NamedTuple):
+    """A side whose motion about the centre is B @ U[columns]."""
+
+    side: Side
+    name: str
+    centre: NDArray[np.float64]
+    columns: NDArray[np.int64]
+    B: NDArray[np.float64]  # (6, len(columns))
+
+
+def normal_frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows (3, 3): z along an axis (3,), x along the first global axis beside it."""
+    z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    beside = np.eye(3)[np.flatnonzero(np.abs(z) < ALONG)[0]]
+    x = beside - (beside @ z) * z
+    x /= np.linalg.norm(x)
+    return np.array([x, np.cross(z, x), z])
 
 
 def rigid_motion(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -66,87 +110,137 @@ def distributing(
     return np.linalg.solve(GtW @ G, GtW)
 
 
-def tie(basis: Basis, slave: str, master: str) -> Constraint:
-    """The nodes of face `slave` follow the displacement of face `master`."""
-    dofs = face_nodes(basis, slave)
-    return Constraint(dofs.ravel(), _on(basis, master, slave, _positions(basis, dofs)))
+def tie(structure: Structure, pair: Tie, n_total: int) -> Constraint:
+    """The nodes of the slave face follow the displacement of the master face."""
+    dofs = face_nodes(structure, pair.slave)
+    P = _on(structure, pair.master, pair.slave, _positions(structure, dofs), pair.gap)
+    return Constraint(dofs.ravel(), widened(P, n_total), f"the tie {pair.slave} to {pair.master}")
 
 
-def _on(basis: Basis, master: str, slave: str, points: NDArray[np.float64]) -> csr_matrix:
-    """The trace of face `master` at points of face `slave`; raises ValueError across a gap."""
-    try:
-        return trace(basis, master, points)
-    except ValueError as apart:
+def rigid_sides(structure: Structure, joints: Sequence[Joint], n_total: int) -> list[Constraint]:
+    """The nodes of all rigid sides; a node between several follows their mean."""
+    held = [c for c in _couplings(structure, joints) if c.side.coupling == "rigid"]
+    nodes = [_nodes_within(structure, c) for c in held]
+    count = np.bincount(np.concatenate([NOWHERE, *(d[:, 0] for d in nodes)]), minlength=1)
+    slaves = np.unique(np.concatenate([NOWHERE, *(d.ravel() for d in nodes)]))
+    A = csr_matrix((len(slaves), n_total))
+    for coupling, dofs in zip(held, nodes, strict=True):
+        G = rigid_motion(_positions(structure, dofs), coupling.centre)
+        _require_spread(G, coupling)
+        G /= np.repeat(count[dofs[:, 0]], 3)[:, None]
+        rows = np.searchsorted(slaves, dofs.ravel())
+        A = A + _placed(rows, coupling.columns, G @ coupling.B, A.shape)
+    names = " and ".join(dict.fromkeys(c.name for c in held))
+    return [Constraint(slaves, A.tocsr(), f"joint {names}")] if held else []
+
+
+def mean_sides(
+    structure: Structure, joints: Sequence[Joint], taken: NDArray[np.int64], n_total: int
+) -> Iterator[Constraint]:
+    """B U = C u of all mean sides, solved for six dofs of each, none of those `taken`.
+
+    Sides whose faces have dofs in common are solved for together.
+    """
+    held = [c for c in _couplings(structure, joints) if c.side.coupling == "mean"]
+    C = [_mean_motion(structure, coupling) for coupling in held]
+    if held:
+        reads = csr_matrix([np.bincount(c.indices, minlength=c.shape[1]) > 0 for c in C], dtype=int)
+        group = connected_components(reads @ reads.T, directed=False)[1]
+        for i in range(group.max() + 1):
+            here = np.flatnonzero(group == i)
+            rows = vstack([C[j] for j in here]).tocsc()
+            yield _solved(structure, [held[j] for j in here], rows, taken, n_total)
+
+
+def _couplings(structure: Structure, joints: Sequence[Joint]) -> Iterator[_Coupling]:
+    for i, joint in enumerate(joints):
+        r = structure.n_dofs + 6 * i + np.arange(6)
+        q = r + 6 * len(joints)
+        turned = block_diag(joint.frame, joint.frame).T
+        moved = np.hstack([turned, np.eye(6)])
+        yield _Coupling(joint.first, joint.name, joint.centre, np.append(r, q), moved)
+        if joint.second:
+            yield _Coupling(joint.second, joint.name, joint.centre, q, np.eye(6))
+
+
+def _nodes_within(structure: Structure, coupling: _Coupling) -> NDArray[np.int64]:
+    """Dofs (n, 3) of the nodes that a rigid side holds."""
+    dofs = face_nodes(structure, coupling.side.face)
+    away = np.linalg.norm(_positions(structure, dofs) - coupling.centre, axis=1)
+    return dofs[away <= coupling.side.within * (1 + 1e-9)]
+
+
+def _require_spread(G: NDArray[np.float64], coupling: _Coupling) -> None:
+    """Raise ValueError where points (G of them) cannot hold a turn."""
+    size = np.abs(G[:, 3:]).max(initial=1e-300)
+    unit = G / np.array([1.0] * 3 + [size] * 3)
+    if len(G) < 9 or np.linalg.svd(unit, compute_uv=False)[-1] < 1e-6 * len(G) ** 0.5:
         raise ValueError(
-            f"the face {slave!r} does not lie on {master!r}, which it is joined to: {apart} Let "
+            f"joint {coupling.name} holds {len(G) // 3} nodes of {coupling.side.face} within "
+            f"{coupling.side.within:g} m, which lie on a line at most and hold no turn; take a "
+            "larger washer or a finer mesh there."
+        )
+
+
+def _mean_motion(structure: Structure, coupling: _Coupling) -> csr_matrix:
+    """C (6, ndof): the face's mean motion over a footprint."""
+    side = coupling.side
+    points, weights = face_quadrature(structure, side.over or side.face)
+    near = np.linalg.norm(points - coupling.centre, axis=1) <= side.within * (1 + 1e-9)
+    points, weights = points[near], weights[near]
+    _require_spread(rigid_motion(points, coupling.centre), coupling)
+    C = distributing(points, weights, coupling.centre)
+    found = csr_matrix(C) @ _on(structure, side.face, side.over or side.face, points)
+    found.eliminate_zeros()
+    return found
+
+
+def _solved(
+    structure: Structure, held: list[_Coupling], C: csc_matrix, taken, n_total: int
+) -> Constraint:
+    """C u = B U for the best-conditioned dofs u_D that are not taken."""
+    used = np.flatnonzero(np.diff(C.indptr))
+    eligible = np.setdiff1d(used, taken)
+    name = "joint " + " and ".join(dict.fromkeys(c.name for c in held))
+    if len(eligible) < C.shape[0]:
+        raise ValueError(f"{name}: its face is held by ties or supports already; remove one.")
+    # pivoted QR on rows of one unit: turns count as shifts at the distance of the face's size
+    size = np.ptp(structure.points[used // 3], axis=0).max()
+    scale = np.tile([1.0] * 3 + [size] * 3, len(held))
+    pivots = qr(scale[:, None] * C[:, eligible].toarray(), mode="r", pivoting=True)[1]
+    dependent = eligible[pivots[: C.shape[0]]]
+    rest = np.setdiff1d(used, dependent)
+    columns = np.concatenate([*(c.columns for c in held), rest])
+    B = block_diag(*(c.B for c in held))
+    right = np.hstack([B, -C[:, rest].toarray()])
+    solved = np.linalg.solve(C[:, dependent].toarray(), right)
+    shape = (len(dependent), n_total)
+    return Constraint(dependent, _placed(np.arange(shape[0]), columns, solved, shape), name)
+
+
+def _on(
+    structure: Structure, face: str, footprint: str, points: NDArray[np.float64], gap: float = 0.0
+) -> csr_matrix:
+    """The trace of a face at points of another; raises ValueError across a gap."""
+    try:
+        return trace(structure, face, points, gap=gap)
+    except OffFace as apart:
+        raise ValueError(
+            f"the face {footprint!r} does not lie on {face!r}, which it is joined to: {apart} Let "
             "them touch."
         ) from None
 
 
-def screws(basis: Basis, layout: Sequence[Screw], taken: NDArray[np.int64]) -> list[Constraint]:
-    """The rigid shares of all screws and the mean motions of the faces they hold to.
-
-    All dofs are U = [u (ndof), r (6 a screw), p (6 a screw)]: elongations r, mean motions p = C u.
-    The shares follow q = r + p; p = C u is solved for six dofs of the master face (none of
-    `taken`), so that the stiffness stays sparse. A node between two screws follows both's mean.
-    """
-    n_screws, ndof = len(layout), basis.N
-    n_total = ndof + 12 * n_screws
-    shares = [face_nodes(basis, s.share) for s in layout]
-    count = np.bincount(np.concatenate([d[:, 0] for d in shares]), minlength=ndof)
-    rows = csr_matrix((ndof, n_total))
-    for i, (screw, dofs) in enumerate(zip(layout, shares, strict=True)):
-        G = rigid_motion(_positions(basis, dofs), screw.centre)
-        G /= np.repeat(count[dofs[:, 0]], 3)[:, None]
-        r = ndof + 6 * i + np.arange(6)
-        columns = np.concatenate([r, r + 6 * n_screws])
-        rows = rows + _placed(dofs.ravel(), columns, np.hstack([G, G]), (ndof, n_total))
-    slaves = np.unique(np.concatenate([d.ravel() for d in shares]))
-    masters = list(dict.fromkeys(s.master for s in layout))
-    means = [_mean_motions(basis, layout, m, np.union1d(taken, slaves)) for m in masters]
-    return [Constraint(slaves, rows.tocsr()[slaves]), *means]
-
-
-def _mean_motions(basis: Basis, layout: Sequence[Screw], master: str, taken) -> Constraint:
-    """p = C u of all screws on one face, solved for the best-conditioned dofs u_D of that face."""
-    here = [i for i, s in enumerate(layout) if s.master == master]
-    n_total = basis.N + 12 * len(layout)
-    C = vstack([_mean_motion(basis, layout[i]) for i in here]).tocsc()
-    C.eliminate_zeros()
-    used = np.flatnonzero(np.diff(C.indptr))
-    eligible = np.setdiff1d(used, taken)
-    # pivoted QR on rows of one unit: turns count as shifts at the distance of the face's size
-    scale = np.tile([1.0] * 3 + [np.ptp(basis.doflocs[:, used], axis=1).max()] * 3, len(here))
-    dense = scale[:, None] * C[:, eligible].toarray()
-    pivots = qr(dense, mode="r", pivoting=True)[1][: C.shape[0]]
-    dependent, rest = eligible[pivots], np.setdiff1d(used, eligible[pivots])
-    C_D, C_R = C[:, dependent].toarray(), C[:, rest].toarray()
-    p = np.concatenate([basis.N + 6 * (len(layout) + i) + np.arange(6) for i in here])
-    solved = np.linalg.solve(C_D, np.hstack([np.eye(len(p)), -C_R]))
-    n = len(dependent)
-    A = _placed(np.arange(n), np.concatenate([p, rest]), solved, (n, n_total))
-    return Constraint(dependent, A)
-
-
-def _mean_motion(basis: Basis, screw: Screw) -> csr_matrix:
-    """C (6, ndof): the master face's mean motion over the screw's share."""
-    points, weights = face_quadrature(basis, screw.share)
-    C = distributing(points, weights, screw.centre)
-    return csr_matrix(C) @ _on(basis, screw.master, screw.share, points)
-
-
-def _positions(basis: Basis, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
-    return basis.doflocs[:, dofs[:, 0]].T
+def _positions(structure: Structure, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+    return structure.points[dofs[:, 0] // 3]
 
 
 def _placed(rows, columns, block, shape) -> csr_matrix:
-    """A dense block at the given rows and columns of a sparse matrix."""
+    """A dense block at the given rows and columns of a sparse matrix; equal columns add up."""
     i, j = np.meshgrid(rows, columns, indexing="ij")
     return coo_matrix((block.ravel(), (i.ravel(), j.ravel())), shape=shape).tocsr()
 
 
-def widened(constraint: Constraint, n_total: int) -> Constraint:
-    """The same constraint among more dofs."""
-    n = n_total - constraint.A.shape[1]
-    empty = csr_matrix((constraint.A.shape[0], n))
-    return Constraint(constraint.slaves, hstack([constraint.A, empty]).tocsr())
+def widened(A: csr_matrix, n_total: int) -> csr_matrix:
+    """The same rows among more dofs."""
+    return csr_matrix((A.data, A.indices, A.indptr), shape=(A.shape[0], n_total))

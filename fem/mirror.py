@@ -9,25 +9,28 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.constraints import congruent, eliminated
 from fem.elasticity import Structure
-from fem.model import Model
+from fem.model import Connections, Held, Model, joined
 from fem.trace import face_nodes
 
 
 def mirrored(structure: Structure, held: Sequence[str], mirrors: Sequence[str]) -> Model:
-    """The whole body, held on the faces `held`; `mirrors` are faces "body:-y" normal to an axis."""
+    """The whole body, held on the faces `held`; `mirrors` are planes normal to an axis."""
     copies = 2 ** len(mirrors)
     whole = structure._replace(K=copies * structure.K, M=copies * structure.M)
-    basis = structure.basis
-    fixed = [face_nodes(basis, face).ravel() for face in held]
-    fixed += [normal_dofs(basis, face) for face in mirrors]
-    dofs = np.unique(np.concatenate([np.empty(0, np.int64), *fixed]))
-    T, free = eliminated(basis.N, [], dofs)
-    K, M = (congruent(T, A) for A in (whole.K, whole.M))
-    return Model(K, M, T, free, whole, np.empty(0, np.int64), np.empty(0), ())
+    still = [Held(face, "xyz"[normal_axis(structure, face)]) for face in mirrors]
+    return joined(whole, Connections(held=[*map(Held, held), *still]))
 
 
-def normal_dofs(basis, face: str) -> NDArray[np.int64]:
-    """The displacements normal to a face "body:-y", (n,)."""
-    return face_nodes(basis, face)[:, "xyz".index(face[-1])]
+def normal_axis(structure: Structure, face: str) -> int:
+    """The axis that a plane is normal to; raises ValueError for any other face."""
+    spots = structure.points[face_nodes(structure, face)[:, 0] // 3]
+    extent = np.ptp(spots, axis=0)
+    if extent.min() > 1e-9 * extent.max():
+        raise ValueError(f"the mirror {face!r} must be a plane normal to x, y or z.")
+    return int(extent.argmin())
+
+
+def normal_dofs(structure: Structure, face: str) -> NDArray[np.int64]:
+    """The displacements normal to a mirror plane, (n,)."""
+    return face_nodes(structure, face)[:, normal_axis(structure, face)]

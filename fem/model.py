@@ -1,53 +1,31 @@
-"""The joined and held assembly: K and M on the dofs that stay free.
-
-full tie:  every touching face follows its neighbour
-screw tie: bolted faces follow their neighbour only under the washers
-wires:     bolted faces are screws of six stiffnesses each, the rest is tied
-"""
+"""The joined and held assembly: K and M on the dofs that stay free."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csc_matrix, csr_matrix, diags_array
 
-from fem.constraints import Constraint, congruent, eliminated
+from fem.constraints import (
+    Constraint,
+    Overconstrained,
+    claimed,
+    congruent,
+    eliminated,
+    fixed,
+)
 from fem.elasticity import Structure
 from fem.grounding import require_free_joints
-from fem.joints import DIRECTIONS, Joint, Screw, screws, tie, widened
+from fem.joints import DIRECTIONS, Joint, Tie, mean_sides, rigid_sides, tie
 from fem.trace import face_nodes
 
 
-class Touching(Protocol):
-    """Two faces in contact: what the builders below need to know of an interface."""
+class Held(NamedTuple):
+    """A face on the ground, or on the table: in all directions, as a hinge or as a roller."""
 
-    slave: str
-    master: str
-    screws: Sequence[str]
-    halves: Sequence[str]
-    centres: NDArray[np.float64]
-
-
-class Model(NamedTuple):
-    """K(k) = K0 + sum_j k_j e_j e_j^T over the joints' elongations, and M."""
-
-    K0: csc_matrix  # (n, n) joints open [N/m]
-    M: csc_matrix  # (n, n) [kg]
-    T: csr_matrix  # (ndof, n) displacements of the mesh: u_mesh = T @ u
-    free: NDArray[np.int64]  # (n,) where u stands among all dofs: mesh, elongations, mean motions
-    structure: Structure
-    elongation: NDArray[np.int64]  # (n_springs,) dofs of K0 on which a spring of finite k stands
-    stiffness: NDArray[np.float64]  # (n_springs,) [N/m] or [N m/rad]
-    spring: tuple[str, ...]  # (n_springs,) "body.direction", equal for all screws of a body
-    sway: "Sway | None" = None  # of a table below, on the last two dofs
-
-    @property
-    def K(self) -> csc_matrix:  # noqa: N802  the name of the field
-        """(n, n) with the springs."""
-        k = np.zeros(self.K0.shape[0])
-        k[self.elongation] = self.stiffness
-        return (self.K0 + diags_array(k)).tocsc()
+    face: str
+    directions: str = "xyz"
 
 
 class Table(NamedTuple):
@@ -64,79 +42,74 @@ class Sway(NamedTuple):
     mass: float  # [kg]
 
 
-def full_tie(
-    structure: Structure,
-    touching: Sequence[Touching],
-    held: Sequence[str],
-    *,
-    table: Table | None = None,
-) -> Model:
-    """Every touching face follows its neighbour over the whole face."""
-    ties = [tie(structure.basis, t.slave, t.master) for t in touching]
-    return _joined(structure, ties, held, table)
+class Connections(NamedTuple):
+    """How bodies are joined to each other and to the ground."""
+
+    ties: Sequence[Tie] = ()
+    joints: Sequence[Joint] = ()
+    held: Sequence[Held] = ()
+    table: Table | None = None
+
+    @property
+    def stiffness(self) -> NDArray[np.float64]:
+        """(6 n_joints,) of all springs, rigid ones too."""
+        return np.array([joint.springs for joint in self.joints]).reshape(-1)
+
+    @property
+    def centres(self) -> NDArray[np.float64]:
+        """(n_joints, 3) [m]"""
+        return np.array([joint.centre for joint in self.joints]).reshape(-1, 3)
+
+    @property
+    def spring(self) -> list[str]:
+        """(6 n_joints,) their names."""
+        return [f"{joint.name}.{direction}" for joint in self.joints for direction in DIRECTIONS]
 
 
-def screw_tie(
-    structure: Structure,
-    touching: Sequence[Touching],
-    held: Sequence[str],
-    *,
-    table: Table | None = None,
-) -> Model:
-    """Bolted faces follow their neighbour under the washers, the other faces wholly."""
-    pairs = [(face, t.master) for t in touching for face in (t.screws or (t.slave,))]
-    return _joined(structure, [tie(structure.basis, *pair) for pair in pairs], held, table)
+class Model(NamedTuple):
+    """K(k) = K0 + sum_j k_j e_j e_j^T over the joints' elongations, and M."""
+
+    K0: csc_matrix  # (n, n) joints open [N/m]
+    M: csc_matrix  # (n, n) [kg]
+    T: csr_matrix  # (ndof, n) displacements of the mesh: u_mesh = T @ u
+    free: NDArray[np.int64]  # (n,) where u stands among all dofs: mesh, elongations, mean motions
+    structure: Structure
+    elongation: NDArray[np.int64]  # (n_springs,) dofs of K0 on which a spring of finite k stands
+    stiffness: NDArray[np.float64]  # (n_springs,) [N/m] or [N m/rad]
+    spring: tuple[str, ...]  # (n_springs,) "joint.direction", equal for joints of one name
+    sway: Sway | None = None  # of a table below, on the last two dofs
+    overconstrained: tuple[Overconstrained, ...] = ()  # what two constraints asked for
+
+    @property
+    def K(self) -> csc_matrix:  # noqa: N802  the name of the field
+        """(n, n) with the springs."""
+        k = np.zeros(self.K0.shape[0])
+        k[self.elongation] = self.stiffness
+        return (self.K0 + diags_array(k)).tocsc()
 
 
-def wires(
-    structure: Structure,
-    touching: Sequence[Touching],
-    held: Sequence[str],
-    joint: dict[str, Joint],
-    *,
-    table: Table | None = None,
-) -> Model:
-    """Bolted faces are held by screws; `joint` gives the stiffnesses for each master body."""
-    basis = structure.basis
-    bolted = [t for t in touching if len(t.halves)]
-    layout = [
-        Screw(share, t.master, centre)
-        for t in bolted
-        for share, centre in zip(t.halves, t.centres, strict=True)
-    ]
-    bodies = [s.master.split(":")[0] for s in layout]
-    k = np.array([joint[body] for body in bodies]).reshape(-1)
-    names = [f"{body}.{direction}" for body in bodies for direction in DIRECTIONS]
-    ties = [tie(basis, t.slave, t.master) for t in touching if not len(t.halves)]
-    taken = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in ties)])
-    screwed = screws(basis, layout, taken) if layout else []
-    centres = np.array([s.centre for s in layout]).reshape(-1, 3)
-    return _joined(structure, [*ties, *screwed], held, table, k, names, centres)
+class Constrained(NamedTuple):
+    """All dofs U = [u, elongations r, motions q of second sides, sway of the table (2)]."""
+
+    n_total: int
+    constraints: list[Constraint]
+    overconstrained: list[Overconstrained]
 
 
-def _joined(
-    structure: Structure,
-    constraints: list[Constraint],
-    held: Sequence[str],
-    table: Table | None,
-    stiffness: NDArray[np.float64] = np.empty(0),  # noqa: B008  an empty array has nothing to change
-    names: Sequence[str] = (),
-    centres: NDArray[np.float64] = np.empty((0, 3)),  # noqa: B008
-) -> Model:
-    """All dofs are U = [u, elongations r, mean motions p, sway of the table (2)]."""
-    n, n_springs = structure.basis.N, len(stiffness)
-    sway = _sway(structure, table)
-    n_table = 2 if sway else 0
-    n_total = n + 2 * n_springs + n_table
-    wide = [widened(c, n_total) if c.A.shape[1] < n_total else c for c in constraints]
-    require_free_joints(structure.basis, wide, centres)
-    wide, grounded = _grounded(structure.basis, wide, held, n_total, n_table)
-    fixed = np.concatenate([n + np.flatnonzero(np.isinf(stiffness)), grounded])
-    slaves = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in wide)])
-    reduction = eliminated(n_total, wide, np.setdiff1d(fixed, slaves))
-    K, M = _with_table(structure, sway, 2 * n_springs)
-    springs = np.flatnonzero((reduction.free >= n) & (reduction.free < n + n_springs))
+def joined(structure: Structure, connections: Connections) -> Model:
+    """The bodies joined and held.
+
+    Raises ValueError where faces that are joined do not lie on each other, where a joint holds too
+    few nodes, or where ties form a circle.
+    """
+    n, k = structure.n_dofs, connections.stiffness
+    n_total, constraints, twice = constrained(structure, connections)
+    reduction = eliminated(n_total, constraints)
+    sway = _sway(structure, connections.table)
+    K, M = _with_table(structure, sway, 2 * len(k))
+    springs = np.flatnonzero((reduction.free >= n) & (reduction.free < n + len(k)))
     finite = reduction.free[springs] - n
+    names = connections.spring
     return Model(
         congruent(reduction.T, K),
         congruent(reduction.T, M),
@@ -144,32 +117,53 @@ def _joined(
         reduction.free,
         structure,
         springs,
-        stiffness[finite],
+        k[finite],
         tuple(names[i] for i in finite),
         sway,
+        tuple(twice),
     )
 
 
-def _grounded(basis, constraints, held, n_total: int, n_table: int):
-    """Held faces: fixed dofs, or those that follow the table along x and y."""
-    nodes = np.concatenate([np.empty((0, 3), np.int64), *(face_nodes(basis, f) for f in held)])
-    nodes = np.unique(nodes, axis=0)
-    if not n_table:
-        return constraints, nodes.ravel()
-    taken = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in constraints)])
-    nodes = nodes[~np.isin(nodes[:, 0], taken)]
-    slaves = nodes[:, :2].ravel()
-    sway = n_total - n_table + np.tile(np.arange(n_table), len(nodes))
-    place = (np.ones(len(slaves)), (np.arange(len(slaves)), sway))
-    follow = Constraint(slaves, csr_matrix(place, shape=(len(slaves), n_total)))
-    return [*constraints, follow], nodes[:, 2]
+def constrained(structure: Structure, connections: Connections) -> Constrained:
+    """All constraints; where two ask for a dof the ground comes first, then joints, then ties."""
+    n, k = structure.n_dofs, connections.stiffness
+    n_table = 2 if connections.table else 0
+    n_total = n + 2 * len(k) + n_table
+    ground = _grounded(structure, connections, n_total, n_table)
+    rigid = rigid_sides(structure, connections.joints, n_total)
+    ties = [tie(structure, pair, n_total) for pair in connections.ties]
+    taken = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in (ground, *rigid, *ties))])
+    means = list(mean_sides(structure, connections.joints, taken, n_total))
+    require_free_joints(structure, [*rigid, *means, *ties], connections.centres)
+    rigid_springs = fixed(n + np.flatnonzero(np.isinf(k)), n_total, "rigid springs")
+    return Constrained(n_total, *claimed(n_total, [rigid_springs, ground, *rigid, *means, *ties]))
+
+
+def _grounded(
+    structure: Structure, connections: Connections, n_total: int, n_table: int
+) -> Constraint:
+    """Held faces and joints to the ground: still, or along x and y with the table."""
+    first = structure.n_dofs + 6 * len(connections.joints)
+    earthed = [i for i, joint in enumerate(connections.joints) if joint.second is None]
+    dofs = [first + 6 * i + np.arange(6) for i in earthed]
+    axes = [np.arange(6)] * len(earthed)
+    for held in connections.held:
+        nodes = face_nodes(structure, held.face)
+        for axis in map("xyz".index, held.directions):
+            dofs.append(nodes[:, axis])
+            axes.append(np.full(len(nodes), axis))
+    slaves, once = np.unique(np.concatenate([np.empty(0, int), *dofs]), return_index=True)
+    axis = np.concatenate([np.empty(0, int), *axes])[once]
+    moved = np.flatnonzero(axis < n_table)
+    place = (np.ones(len(moved)), (moved, n_total - n_table + axis[moved]))
+    return Constraint(slaves, csr_matrix(place, shape=(len(slaves), n_total)), "the supports")
 
 
 def _sway(structure: Structure, table: Table | None) -> Sway | None:
     """The table's springs carry the assembly's mass as well."""
     if table is None:
         return None
-    along_x = np.zeros(structure.basis.N)
+    along_x = np.zeros(structure.n_dofs)
     along_x[0::3] = 1.0
     moving = table.mass + along_x @ structure.M @ along_x
     return Sway(float((2 * np.pi * table.frequency_hz) ** 2 * moving), table.mass)
@@ -177,11 +171,10 @@ def _sway(structure: Structure, table: Table | None) -> Sway | None:
 
 def _with_table(structure: Structure, sway: Sway | None, n_between: int):
     """K and M of all dofs."""
-    if sway is None:
-        empty = csr_matrix((n_between, n_between))
-        return [block_diag([A, empty], format="csr") for A in (structure.K, structure.M)]
-    none = [0.0] * n_between
+    stiffness, mass = ([], []) if sway is None else ([sway.stiffness] * 2, [sway.mass] * 2)
     return [
-        block_diag([A, diags_array([*none, value, value])], format="csr")
-        for A, value in ((structure.K, sway.stiffness), (structure.M, sway.mass))
+        block_diag([A, diags_array([*[0.0] * n_between, *below])], format="csr")
+        if n_between + len(below)
+        else A
+        for A, below in ((structure.K, stiffness), (structure.M, mass))
     ]

@@ -1,4 +1,7 @@
-"""Points on named faces of a mesh: where they lie, and the displacements there."""
+"""Points on named faces of a mesh: where they lie, and the displacements there.
+
+A face is told by its body and its name there, "body:face".
+"""
 
 from typing import NamedTuple
 
@@ -7,54 +10,77 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from skfem import Basis, FacetBasis
 
+from fem.elasticity import Structure
+
 NEWTON_STEPS = 12  # boxes and straight tetrahedra need one
+MISS = 1e-5  # of a face's largest facet: a point this far off lies on it
 
 
-def face_nodes(basis: Basis, face: str) -> NDArray[np.int64]:
+class OffFace(ValueError):
+    """A point does not lie on the face that it is looked for on."""
+
+
+def face_nodes(structure: Structure, face: str) -> NDArray[np.int64]:
     """The displacement dofs of every node on a face, (n_nodes, 3).
 
     Raises ValueError for a face that the mesh does not have, or not a facet of.
     """
-    if not len((basis.mesh.boundaries or {}).get(face, ())):
-        raise ValueError(f"the mesh has no facets named {face!r}; imprint that face on it.")
-    x_dofs, y_dofs, z_dofs = (basis.get_dofs(face).all([f"u^{i + 1}"]) for i in range(3))
-    return np.column_stack([x_dofs, y_dofs, z_dofs])
+    body, facets = structure.facets(face)
+    on_face = structure.basis[body].get_dofs(facets)
+    own = np.column_stack([on_face.all([f"u^{i}"]) for i in (1, 2, 3)])
+    return structure.first[body] + own
 
 
 class OuterNodes(NamedTuple):
-    """Corners of the elements on the outside of a mesh."""
+    """Corners of the elements on the outside of all bodies."""
 
     points: NDArray[np.float64]  # (m, 3) [m]
-    faces: NDArray[np.int64]  # (k, 3 or 4) into the points
+    faces: NDArray[
+        np.int64
+    ]  # (k, 3 or 4) into the points; a triangle beside quads repeats its last
     dofs: NDArray[np.int64]  # (m, 3) their displacements
 
 
-def outer_nodes(basis: Basis) -> OuterNodes:
+def outer_nodes(structure: Structure) -> OuterNodes:
     """The corners of all facets that belong to one element only."""
-    facets = basis.mesh.facets[:, basis.mesh.boundary_facets()]
-    used, faces = np.unique(facets, return_inverse=True)
-    dofs = basis.nodal_dofs[:, used].T
-    return OuterNodes(basis.mesh.p[:, used].T, faces.reshape(facets.shape).T, dofs)
+    points, faces, dofs, n = [], [], [], 0
+    corners = max(basis.mesh.facets.shape[0] for basis in structure.basis.values())
+    for body, basis in structure.basis.items():
+        facets = basis.mesh.facets[:, basis.mesh.boundary_facets()]
+        used, face = np.unique(facets, return_inverse=True)
+        face = n + face.reshape(facets.shape).T
+        faces.append(np.pad(face, [(0, 0), (0, corners - face.shape[1])], mode="edge"))
+        dofs.append(structure.first[body] + basis.nodal_dofs[:, used].T)
+        points.append(basis.mesh.p[:, used].T)
+        n += len(used)
+    return OuterNodes(*map(np.concatenate, (points, faces, dofs)))
 
 
 def face_quadrature(
-    basis: Basis, face: str, order: int = 4
+    structure: Structure, face: str, order: int = 4
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (n, 3) [m] and weights (n,) [m^2] that integrate over a face."""
-    facets = FacetBasis(basis.mesh, basis.mesh.elem(), facets=face, intorder=order)
-    points = facets.mapping.G(facets.X, find=facets.find)
-    return points.reshape(3, -1).T, facets.dx.ravel()
+    body, facets = structure.facets(face)
+    mesh = structure.basis[body].mesh
+    basis = FacetBasis(mesh, mesh.elem(), facets=facets, intorder=order)
+    points = basis.mapping.G(basis.X, find=basis.find)
+    return points.reshape(3, -1).T, basis.dx.ravel()
 
 
-def trace(basis: Basis, face: str, points: NDArray[np.float64]) -> csr_matrix:
+def trace(
+    structure: Structure, face: str, points: NDArray[np.float64], *, gap: float = 0.0
+) -> csr_matrix:
     """P (3 n, ndof) with P @ u = the displacements at `points` (n, 3) of a face, point by point.
 
-    Raises ValueError when a point does not lie on the face.
+    Off the face, by up to `gap` [m], the field of the nearest element is continued, so that rigid
+    motions stay what they are. Raises OffFace when a point lies farther off.
     """
+    body, facets = structure.facets(face)
+    basis = structure.basis[body]
     mesh = basis.mesh
-    facets = mesh.boundaries[face]
-    size = np.ptp(mesh.p[:, mesh.facets[:, facets]], axis=(1, 2)).max()
-    point, facet = _candidates(mesh.p[:, mesh.facets[:, facets]], points, 1e-7 * size)
+    corners = mesh.p[:, mesh.facets[:, facets]]
+    size = np.ptp(corners, axis=1).max()
+    point, facet = _candidates(corners, points, max(1e-7 * size, gap))
     cells = mesh.f2t[0, facets[facet]]
     target = points[point].T[:, :, None]
     X = _local(basis.mapping, target, cells)
@@ -62,12 +88,21 @@ def trace(basis: Basis, face: str, points: NDArray[np.float64]) -> csr_matrix:
     outside += np.linalg.norm((basis.mapping.F(X, tind=cells) - target)[:, :, 0], axis=0) / size
     best = _least(point, outside, len(points))
     distance = np.append(outside, np.inf)[best]  # -1 is a point without a candidate
-    if np.any(distance > 1e-5):
-        bad = int(np.argmax(distance))
-        raise ValueError(
+    allowed = np.append(np.maximum(MISS, 2 * gap / _sizes(corners[:, :, facet])), 0.0)[best]
+    if np.any(distance > allowed):
+        bad = int(np.argmax(distance - allowed))
+        raise OffFace(
             f"the point {np.round(points[bad], 6).tolist()} m does not lie on the face {face!r}."
         )
-    return _interpolation(basis, X[:, best, 0], cells[best])
+    P = _interpolation(basis, X[:, best, 0], cells[best])
+    return csr_matrix(
+        (P.data, P.indices + structure.first[body], P.indptr), (P.shape[0], structure.n_dofs)
+    )
+
+
+def _sizes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Longest extent of each facet along an axis, (n,) [m]."""
+    return np.ptp(corners, axis=1).max(axis=0)
 
 
 def _candidates(corners, points, tolerance: float):
@@ -124,10 +159,10 @@ def _interpolation(basis: Basis, X, cells) -> csr_matrix:
 
 
 def at_node(
-    basis: Basis, spot: NDArray[np.float64], direction: NDArray[np.float64]
+    structure: Structure, spot: NDArray[np.float64], direction: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The functional (ndof,) that reads the node nearest to a spot (3,) [m] along a direction."""
-    node = int(np.argmin(np.linalg.norm(basis.doflocs[:, 0::3].T - spot, axis=1)))
-    row = np.zeros(basis.N)
+    node = int(np.argmin(np.linalg.norm(structure.points - spot, axis=1)))
+    row = np.zeros(structure.n_dofs)
     row[3 * node : 3 * node + 3] = direction
     return row

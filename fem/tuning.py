@@ -1,26 +1,26 @@
 """Joint stiffnesses fitted to measured frequencies on a small projection of the assembly.
 
-    K(k, e) = K0 + (e - 1) K_b + sum_j k_j e_j e_j^T,    M(d) = M + (d - 1) M_b
+    K(k, e) = K0 + sum_b (e_b - 1) K_b + sum_j k_j e_j e_j^T,    M(d) = M + sum_b (d_b - 1) M_b
 
-with e and d the factors on the block's modulus and density. The projection V holds the modes at a
-stiff and at a soft setting and the static shapes of every spring pulled alone, so that no trial
-goes back to the mesh. Sensitivities are exact (Fox and Kapoor, AIAA J. 6 (1968) 2426):
+with e_b and d_b the factors on the moduli and the density of body b. The projection V holds the
+modes at a stiff and at a soft setting and the static shapes of every spring pulled alone, so that
+no trial goes back to the mesh. Sensitivities are exact (Fox and Kapoor, AIAA J. 6 (1968) 2426):
 
-    d omega^2 / d k_j = phi_j^2,    d omega^2 / d e = phi^T K_b phi,
-    d omega^2 / d d = -omega^2 phi^T M_b phi.
+    d omega^2 / d k_j = phi_j^2,    d omega^2 / d e_b = phi^T K_b phi,
+    d omega^2 / d d_b = -omega^2 phi^T M_b phi.
 
 Modes are followed by shape; parameters move on a logarithmic scale within bounds.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import least_squares
 
-from fem.correlation import BodyForms, body_forms, mac, paired
+from fem.correlation import BodyForms, Shape, Target, body_forms, mac, paired
 from fem.factorisation import factorised
 from fem.model import Model
 from fem.modes import Modes, modes
@@ -33,41 +33,44 @@ UNSEEN = 0.7  # of the uncertainty within the bounds: more is left where the dat
 
 
 class Parameter(NamedTuple):
-    """Springs that share one stiffness, or a factor on the block's modulus or density."""
+    """Springs that share one stiffness, or a factor on the moduli or the density of bodies."""
 
-    name: str  # a spring's "block.ky", or "young", "density" of the body
-    springs: tuple[str, ...]  # names of the springs that take this value; () for a factor
+    name: str
+    springs: tuple[str, ...]  # "joint.ky", names of the springs that take this value
     start: float
     lower: float
     upper: float
+    bodies: tuple[str, ...] = ()  # that the factor is on
+    of: Literal["young", "density"] = "young"
 
 
 class TuningBasis(NamedTuple):
-    """The assembly projected on m shapes, springs and block apart."""
+    """The assembly projected on m shapes, springs and bodies apart."""
 
     K0: NDArray[np.float64]  # (m, m) joints open
     M: NDArray[np.float64]  # (m, m)
     elongation: NDArray[np.float64]  # (n_springs, m)
     spring: tuple[str, ...]  # (n_springs,) their names
     stiffness: NDArray[np.float64]  # (n_springs,) where no parameter sets it
-    block: BodyForms  # in the same coordinates
-    reference: Modes  # at the stiff setting, paired to the test: the shapes MAC is taken with
+    forms: dict[str, BodyForms]  # of every body, in the same coordinates
+    targets: tuple[Target, ...]  # how the modes to tune are told, 1, 2, ...
+    reference: Modes  # at the stiff setting, paired to the targets: the shapes MAC is taken with
 
 
 class Tuning(NamedTuple):
-    """The best fit found."""
+    """The best fit found; nan stands for targets that no mode fits."""
 
     parameters: tuple[Parameter, ...]
     value: NDArray[np.float64]  # (p,) stiffnesses [N/m, N m/rad] and factors
-    modes_hz: NDArray[np.float64]  # (4,) of the projection
+    modes_hz: NDArray[np.float64]  # (n_targets,) of the projection
     deviation: NDArray[np.float64]  # (p,) of ln(value) for the assumed frequency error
     seen: NDArray[np.bool_]  # (p,) whether the targets would notice it if all others were known
-    mac: NDArray[np.float64]  # (4,) with the stiff shapes
-    all_hz: NDArray[np.float64]  # every frequency up to the fourth mode
+    mac: NDArray[np.float64]  # (n_targets,) with the stiff shapes
+    all_hz: NDArray[np.float64]  # every frequency up to that of the highest target
     evaluations: int
 
 
-def tuning_basis(model: Model, *, body: str = "block", n_modes: int = 24) -> TuningBasis:
+def tuning_basis(model: Model, targets: Sequence[Target], *, n_modes: int = 24) -> TuningBasis:
     """Project a model of finite springs; takes two solves for modes and one for attachments."""
     stiffness = np.where(_is_turn(model), LEVER, 1.0)
     stiff, soft = (modes(_with(model, k * stiffness), model.M, n_modes) for k in (STIFF, SOFT))
@@ -76,18 +79,18 @@ def tuning_basis(model: Model, *, body: str = "block", n_modes: int = 24) -> Tun
     pulls[model.elongation, range(len(model.elongation))] = 1.0
     shapes = [stiff.phi, soft.phi, factorised(K).solve(pulls)]
     V = _orthonormal(np.hstack(shapes), model.M)
-    block = body_forms(model, body).within(V)
     projected = TuningBasis(
         V.T @ (model.K0 @ V),
         np.eye(V.shape[1]),
         V[model.elongation],
         model.spring,
         model.stiffness,
-        block,
+        {body: body_forms(model, body, V) for body in model.structure.basis},
+        tuple(t.within(V) if isinstance(t, Shape) else t for t in targets),
         stiff,
     )
-    reference = _modes(projected, STIFF * stiffness, 1.0, 1.0)
-    kept = paired(block, reference).index
+    reference = _modes(projected, projected.K0, None, STIFF * stiffness)
+    kept = paired(projected.forms, reference, projected.targets).index
     return projected._replace(reference=Modes(reference.omega[kept], reference.phi[:, kept]))
 
 
@@ -96,7 +99,7 @@ def _with(model: Model, stiffness):
 
 
 def _is_turn(model: Model) -> NDArray[np.bool_]:
-    return np.array([".kr" in name for name in model.spring], dtype=bool)
+    return np.array([".kr" in name[-4:] for name in model.spring], dtype=bool)
 
 
 def _orthonormal(V: NDArray[np.float64], M) -> NDArray[np.float64]:
@@ -107,10 +110,10 @@ def _orthonormal(V: NDArray[np.float64], M) -> NDArray[np.float64]:
     return V @ (rotation[:, kept] / np.sqrt(values[kept]))
 
 
-def _modes(basis: TuningBasis, k, young: float, density: float) -> Modes:
-    K = basis.K0 + (young - 1) * basis.block.K + (basis.elongation.T * k) @ basis.elongation
-    M = None if density == 1.0 else basis.M + (density - 1) * basis.block.M
-    omega2, phi = eigh(K, M, check_finite=False, driver="evd" if M is None else "gvd")
+def _modes(basis: TuningBasis, K, M, k) -> Modes:
+    """Of bodies K (m, m) and M, None for the identity, with springs k (n_springs,)."""
+    whole = K + (basis.elongation.T * k) @ basis.elongation
+    omega2, phi = eigh(whole, M, check_finite=False, driver="evd" if M is None else "gvd")
     return Modes(np.sqrt(np.maximum(omega2, 0.0)), phi)
 
 
@@ -118,33 +121,33 @@ def spectrum(
     basis: TuningBasis, parameters: Sequence[Parameter], value: NDArray[np.float64]
 ) -> Modes:
     """All modes of the projection at the given values (p,)."""
-    return _modes(basis, *_setting(basis, parameters, value))
-
-
-def _setting(basis: TuningBasis, parameters, value):
-    k, factor = basis.stiffness.copy(), {"young": 1.0, "density": 1.0}
+    k, K, M = basis.stiffness.copy(), basis.K0, basis.M
     for p, x in zip(parameters, value, strict=True):
-        if p.springs:
-            k[np.isin(basis.spring, p.springs)] = x
-        else:
-            factor[p.name] = x
-    return k, factor["young"], factor["density"]
+        k[np.isin(basis.spring, p.springs)] = x
+        for form in (basis.forms[body] for body in p.bodies):
+            if p.of == "young":
+                K = K + (x - 1) * form.K
+            else:
+                M = M + (x - 1) * form.M
+    return _modes(basis, K, None if M is basis.M else M, k)
 
 
 def sensitivity(
     basis: TuningBasis, parameters: Sequence[Parameter], value: NDArray[np.float64], found: Modes
 ) -> NDArray[np.float64]:
     """d ln(omega) / d ln(value), (k, p), for the modes given."""
-    stretch = (basis.elongation @ found.phi) ** 2
-    of_body = {
-        "young": np.sum(found.phi * (basis.block.K @ found.phi), axis=0),
-        "density": -(found.omega**2) * np.sum(found.phi * (basis.block.M @ found.phi), axis=0),
-    }
-    gradients = [
-        stretch[np.isin(basis.spring, p.springs)].sum(axis=0) if p.springs else of_body[p.name]
-        for p in parameters
-    ]
+    gradients = [_gradient(basis, p, found) for p in parameters]
     return np.array(gradients).T * value / (2 * found.omega[:, None] ** 2)
+
+
+def _gradient(basis: TuningBasis, p: Parameter, found: Modes) -> NDArray[np.float64]:
+    """d omega^2 / d value, (k,)."""
+    stretch = basis.elongation[np.isin(basis.spring, p.springs)] @ found.phi
+    total = (stretch**2).sum(axis=0)
+    for form in (basis.forms[body] for body in p.bodies):
+        A, factor = (form.K, 1.0) if p.of == "young" else (form.M, -(found.omega**2))
+        total = total + factor * np.sum(found.phi * (A @ found.phi), axis=0)
+    return total
 
 
 def tune(
@@ -157,7 +160,7 @@ def tune(
     n_starts: int = N_STARTS,
     seed: int = 0,
 ) -> Tuning:
-    """Parameters that bring the modes named in `target_hz` {1..4: Hz} to their frequencies.
+    """Parameters that bring targets {1, 2, ...: Hz} of the basis to their frequencies.
 
     Least squares in the logarithms, from the start values and from `n_starts - 1` random ones
     within the bounds; a small pull towards the start values decides what the targets leave open.
@@ -168,15 +171,16 @@ def tune(
     found = [_fit(problem, start) for start in starts]
     x = min(found, key=lambda fit: fit.cost).x if found else np.zeros(0)
     modes_there = spectrum(basis, parameters, np.exp(x))
-    index = paired(basis.block, modes_there).index
+    index = paired(basis.forms, modes_there, basis.targets).index
+    lost = np.where(index < 0, np.nan, 1.0)
     J, prior = problem.jacobian(x)[: len(target_hz)] / frequency_error, problem.prior
     return Tuning(
         problem.parameters,
         np.exp(x),
-        modes_there.frequency_hz[index],
+        lost * modes_there.frequency_hz[index],
         _deviation(J, prior),
         _seen(J, prior),
-        np.diag(mac(basis.reference.phi, modes_there.phi[:, index])),
+        lost * np.diag(mac(basis.reference.phi, modes_there.phi[:, index])),
         modes_there.frequency_hz[: index.max() + 1],
         sum(fit.nfev for fit in found),
     )
@@ -252,5 +256,6 @@ class _Problem(NamedTuple):
 
     def _matched(self, x: NDArray[np.float64]):
         found = spectrum(self.basis, self.parameters, np.exp(x))
-        index = paired(self.basis.block, found).index[[i - 1 for i in self.target_hz]]
+        index = paired(self.basis.forms, found, self.basis.targets).index
+        index = index[[i - 1 for i in self.target_hz]]
         return found.frequency_hz[index], index, found

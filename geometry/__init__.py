@@ -10,6 +10,7 @@ from geometry.assembly import (
     provenance,
     volume,
 )
+from geometry.bodies import by_body
 from geometry.cell_groups import CellGroup
 from geometry.hex_mesh import hex_mesh
 from geometry.naming import named
@@ -25,6 +26,7 @@ __all__ = [
     "Interface",
     "InvalidGeometry",
     "boxes",
+    "by_body",
     "held_faces",
     "hex_mesh",
     "interfaces",

@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 
 from fem import (
-    Joint,
+    Bushing,
+    Connections,
     Material,
     assemble,
     contact_patch,
     disc_quadrature,
     factorised,
-    full_tie,
+    joined,
     mac,
     modes,
     node_patch,
     pair,
     receptance,
-    screw_tie,
-    wires,
 )
-from geometry import PARTS, Assembly, boxes, held_faces, hex_mesh, interfaces
+from geometry import PARTS, Assembly, boxes, by_body, held_faces, hex_mesh, interfaces
+from workflows.pipeline.rig import TARGETS, full_tie, screw_tie, wires
 
 STEEL = Material(210e9, 0.3, 7850.0)
 STAGE_1 = Assembly(parts=PARTS[:2])
@@ -34,46 +34,46 @@ def structure(assembly, contact_seed=None, seed=6e-3):
         contact_seed=contact_seed,
         contact_point=(0.03, 0.0),
     )
-    return assemble(mesh, {body: STEEL for body in mesh.subdomains})
+    return assemble(by_body(mesh), {body: STEEL for body in mesh.subdomains})
 
 
 @pytest.fixture(scope="module")
 def full():
-    return full_tie(structure(STAGE_1), interfaces(STAGE_1), held_faces(STAGE_1))
+    return joined(structure(STAGE_1), full_tie(interfaces(STAGE_1), held_faces(STAGE_1)))
 
 
 @pytest.fixture(scope="module")
 def bolted():
-    rigid = Joint(kx=np.inf, ky=1.1e6, kz=2.56e7, kry=100.0)
-    joint = {"block": rigid, "sheets_support": Joint()}
-    return wires(structure(Assembly(), 3e-3), interfaces(Assembly()), held_faces(Assembly()), joint)
+    bushings = {"head": Bushing(ky=1.1e6, kz=2.56e7, kry=100.0), "foot": Bushing()}
+    how = wires(interfaces(Assembly()), held_faces(Assembly()), bushings)
+    return joined(structure(Assembly(), 3e-3), how)
 
 
 def test_full_tie_matches_the_first_row_of_table_5_2(full):
     found = modes(full.K, full.M, 18)
-    f = found.frequency_hz[pair(full, found).index]
+    f = found.frequency_hz[pair(full, found, TARGETS).index]
     np.testing.assert_allclose(f[:3], [55.105, 630, 1134], rtol=0.03)
     assert f[3] == pytest.approx(8171.6, rel=0.01)
 
 
 def test_screw_tie_matches_its_first_row_of_table_5_2():
     held = held_faces(STAGE_1, under_washers=True)
-    model = screw_tie(structure(STAGE_1, seed=5e-3), interfaces(STAGE_1), held)
+    model = joined(structure(STAGE_1, seed=5e-3), screw_tie(interfaces(STAGE_1), held))
     found = modes(model.K, model.M, 29)
-    f = found.frequency_hz[pair(model, found).index]
+    f = found.frequency_hz[pair(model, found, TARGETS).index]
     np.testing.assert_allclose(f, [35.9, 480.5, 905, 8140], rtol=0.03)
 
 
 def test_modes_are_told_by_shape_not_by_order(bolted):
     found = modes(bolted.K, bolted.M, 6)
-    pairing = pair(bolted, found)
+    pairing = pair(bolted, found, TARGETS)
     np.testing.assert_array_equal(pairing.index[:3], [0, 1, 4])
     np.testing.assert_allclose(found.frequency_hz[[0, 1, 4]], [51, 269, 907], rtol=0.05)
     assert pairing.index[3] == -1 and pairing.score[3] == 0.0
 
 
 def test_the_structure_has_the_mass_of_its_bodies(full):
-    x = np.zeros(full.structure.basis.N)
+    x = np.zeros(full.structure.n_dofs)
     x[0::3] = 1.0
     block, a = boxes(STAGE_1)["block"], STAGE_1
     solid = np.prod(block.upper - block.lower) * STEEL.density
@@ -85,9 +85,9 @@ def test_the_structure_has_the_mass_of_its_bodies(full):
 
 def test_a_free_block_strains_in_no_rigid_mode():
     alone = Assembly(parts=PARTS[:1])
-    block = wires(structure(alone), interfaces(alone), held_faces(alone), {})
+    block = joined(structure(alone), wires(interfaces(alone), held_faces(alone), {}))
     found = modes(block.K, block.M, 9)
-    pairing = pair(block, found)
+    pairing = pair(block, found, TARGETS)
     assert pairing.index[3] >= 6 and pairing.score.max() < 1 + 1e-6
     np.testing.assert_array_equal(pairing.character[3, :6], 0.0)
 
@@ -109,12 +109,12 @@ def test_disc_weights_integrate_pressure_exactly(weights, second_moment):
 
 def test_the_contact_reads_a_rigid_shift_as_that_shift():
     free = Assembly(parts=("block",))
-    model = full_tie(structure(free, 3e-3), [], [])
+    model = joined(structure(free, 3e-3), Connections())
     patch = contact_patch(model, "block:+x", (0.03, 0.0), 2e-3)
     u = np.zeros(len(patch.w))
     u[0::3] = -1.0  # the chain comes from +x and pushes along -x
     assert patch.w @ u == pytest.approx(1.0, abs=1e-12)
-    np.testing.assert_allclose(patch.point, [free.block_x / 2, 0.03, free.block_z / 2])
+    np.testing.assert_allclose(patch.spot.point, [free.block_x / 2, 0.03, free.block_z / 2])
     read = np.flatnonzero(np.abs(patch.w) > 1e-12)
     assert np.isin(read, patch.boundary).all() and len(patch.boundary) % 3 == 0
 
@@ -134,15 +134,16 @@ def test_the_radius_of_a_node_patch_is_the_root_of_the_mean_square_that_it_reads
     """Two nodes lie equally far from their middle: w reads that distance squared."""
     points = [(0.03, 0.0), (0.01, 0.006)]
     patch = node_patch(full, "block:+x", points)
-    spots = full.structure.basis.doflocs
-    squared = ((spots - patch.point[:, None]) ** 2)[1:].sum(axis=0)
-    assert patch.inward * (patch.on_mesh @ squared) == pytest.approx(patch.radius**2, rel=1e-12)
+    squared = ((full.structure.points - patch.spot.point) ** 2)[:, 1:].sum(axis=1)
+    assert patch.spot.inward[0] * (patch.on_mesh[0::3] @ squared) == pytest.approx(
+        patch.radius**2, rel=1e-12
+    )
     assert patch.radius > 5e-3
     assert node_patch(full, "block:+x", points[:1]).radius == 0.0
 
 
 def test_a_patch_over_the_edge_is_refused(full):
-    with pytest.raises(ValueError, match=r"\[y, z\] = \[0.03, 0.0199\] m .* leaves the face"):
+    with pytest.raises(ValueError, match=r"\[0.03, 0.0199\] m from the middle .* leaves the face"):
         contact_patch(full, "block:+x", (0.03, 0.0199), 2e-3)
 
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from fem import Joint, Material, Table, assemble, contact_patch, dashpots, wires
+from fem import Bushing, Material, Table, assemble, contact_patch, dashpots, joined
 from fem.abaqus import input_deck
-from geometry import Assembly, held_faces, hex_mesh, interfaces
+from geometry import Assembly, by_body, held_faces, hex_mesh, interfaces
+from workflows.pipeline.rig import wires
 
 POINT, RADIUS, DAMPING = (0.03, 0.0), 2e-3, 120.0
 
@@ -14,10 +15,10 @@ POINT, RADIUS, DAMPING = (0.03, 0.0), 2e-3, 120.0
 def model():
     parts = Assembly()
     mesh = hex_mesh(parts, seed=0.02, block_seed=0.05, support_seed=0.06)
-    joint = {"block": Joint(ky=6.6e5, kry=100.0), "sheets_support": Joint()}
-    structure = assemble(mesh, steel(mesh.subdomains))
-    touching, held = interfaces(parts), held_faces(parts)
-    return wires(structure, touching, held, joint, table=Table(6.5, 1000.0))
+    bushings = {"head": Bushing(ky=6.6e5, kry=100.0), "foot": Bushing()}
+    structure = assemble(by_body(mesh), steel(mesh.subdomains))
+    how = wires(interfaces(parts), held_faces(parts), bushings)
+    return joined(structure, how._replace(table=Table(6.5, 1000.0)))
 
 
 def steel(bodies):
@@ -25,7 +26,7 @@ def steel(bodies):
 
 
 def deck(model, **more):
-    return input_deck(model, steel(model.structure.basis.mesh.subdomains), **more).splitlines()
+    return input_deck(model, steel(model.structure.basis), **more).splitlines()
 
 
 def after(lines, head):
@@ -46,12 +47,12 @@ def test_a_table_is_a_mass_that_two_springs_hold(model):
 
 
 def test_every_dashpot_lies_along_the_spring_that_it_is_beside(model):
-    lines = deck(model, C=dashpots(model, {"block.ky": DAMPING}))
+    lines = deck(model, C=dashpots(model, {"head.ky": DAMPING}))
     ends = [row.split(", ") for (row,) in after(lines, "*ELEMENT, TYPE=DASHPOTA")]
     nodes = [row for rows in after(lines, "*NODE") for row in rows if "," in row]
     places = dict(row.split(", ", 1) for row in nodes)
     beside = {row.split(", ")[1] for (row,) in after(lines, "*ELEMENT, TYPE=SPRING1")}
-    assert len(ends) == model.spring.count("block.ky") == 4
+    assert len(ends) == model.spring.count("head.ky") == 4
     for _, joint, ground in ends:
         assert joint in beside
         assert (places[joint], places[ground]) == ("0, 0, 0", "0, 1, 0")

@@ -7,13 +7,15 @@ import pytest
 from skfem import MeshHex
 
 from fem import (
+    Connections,
+    Held,
     Material,
     Model,
     assemble,
     contact_patch,
     factorised,
-    full_tie,
     half_space_on_mesh,
+    joined,
     node_patch,
 )
 from fem.factorisation import Factor
@@ -29,14 +31,14 @@ def held_block(contact_seed):
     x = graded(0.0, A, A, contact_seed, 12e-3)
     mesh = MeshHex.init_tensor(x, *lines)
     faces = {
-        "block:+x": lambda x: np.abs(x[0] - A) < 1e-9,
-        "block:-x": lambda x: np.abs(x[0]) < 1e-9,
+        "+x": lambda x: np.abs(x[0] - A) < 1e-9,
+        "-x": lambda x: np.abs(x[0]) < 1e-9,
     }
-    mesh = mesh.with_subdomains({"block": np.arange(mesh.nelements)}).with_boundaries(faces)
-    return full_tie(assemble(mesh, {"block": STEEL}), [], ["block:-x"])
+    block = assemble({"block": mesh.with_boundaries(faces)}, {"block": STEEL})
+    return joined(block, Connections(held=[Held("block:-x")]))
 
 
-class Held(NamedTuple):
+class Solved(NamedTuple):
     model: Model
     factor: Factor
 
@@ -53,7 +55,7 @@ class Held(NamedTuple):
 @pytest.fixture(scope="module")
 def blocks():
     models = {seed: held_block(seed) for seed in (8e-3, 4e-3)}
-    return {seed: Held(model, factorised(model.K)) for seed, model in models.items()}
+    return {seed: Solved(model, factorised(model.K)) for seed, model in models.items()}
 
 
 @pytest.mark.parametrize("weights", ["hertz", "area"])
@@ -84,7 +86,7 @@ def test_the_single_node_diverges_like_one_over_the_seed(blocks):
 def test_boussinesq_is_the_surface_and_axis_solution_of_the_textbooks():
     E, nu, r = STEEL.young, STEEL.poisson, 0.01
     on_surface, on_axis = boussinesq(
-        np.array([[0.0, r, 0.0], [-r, 0.0, 0.0]]), np.zeros(3), -1.0, STEEL
+        np.array([[0.0, r, 0.0], [-r, 0.0, 0.0]]), np.zeros(3), np.array([-1.0, 0, 0]), STEEL
     )
     # u_z = (1 - nu^2) / (pi E r), u_r = -(1 + nu)(1 - 2 nu) / (2 pi E r) on the surface;
     # u_z = (1 + nu)(3 - 2 nu) / (2 pi E z) below the force

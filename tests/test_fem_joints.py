@@ -1,14 +1,24 @@
 """Two blocks, one above the other, joined in every way the assembly knows."""
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 from skfem import MeshHex
 
-from fem import Joint, Material, Table, assemble, full_tie, modes, wires
-from fem.constraints import Constraint, eliminated
+from fem import (
+    Bushing,
+    Connections,
+    Held,
+    Joint,
+    Material,
+    Side,
+    Table,
+    Tie,
+    assemble,
+    joined,
+    modes,
+)
+from fem.constraints import Constraint, claimed, eliminated
 from fem.joints import distributing, rigid_motion
 from fem.modes import Modes, _check
 
@@ -16,12 +26,8 @@ STEEL = Material(210e9, 0.3, 7850.0)
 LOWER, UPPER = 0.05, 0.12  # m
 
 
-class Touching(NamedTuple):
-    slave: str = "upper:foot"
-    master: str = "lower:top"
-    screws: tuple = ("upper:foot",)
-    halves: tuple = ("upper:foot",)
-    centres: np.ndarray = np.array([[0.0, 0.0, LOWER]])
+TIE = Tie("upper:foot", "lower:top")
+BASE = Held("lower:base")
 
 
 def blocks(fine=3, coarse=2):
@@ -30,20 +36,17 @@ def blocks(fine=3, coarse=2):
     upper = MeshHex.init_tensor(
         *2 * [np.linspace(-0.01, 0.01, fine + 1)], np.linspace(LOWER, UPPER, 4)
     )
-    n, m = lower.nelements, upper.nelements
-    mesh = MeshHex(
-        np.concatenate([lower.p, upper.p], axis=1),
-        np.concatenate([lower.t, upper.t + lower.p.shape[1]], axis=1),
-    ).with_subdomains({"lower": np.arange(n), "upper": np.arange(n, n + m)})
-    of_upper = np.isin(mesh.f2t[0], mesh.subdomains["upper"])
-    z = mesh.p[2, mesh.facets].mean(axis=0)
-    on_joint = np.abs(z - LOWER) < 1e-9
-    faces = {
-        "upper:foot": np.flatnonzero(on_joint & of_upper),
-        "lower:top": np.flatnonzero(on_joint & ~of_upper & (mesh.f2t[1] == -1)),
-        "lower:base": np.flatnonzero(np.abs(z) < 1e-9),
-    }
-    return assemble(mesh.with_boundaries(faces), {"lower": STEEL, "upper": STEEL})
+    return stacked(lower, upper, LOWER)
+
+
+def at(z):
+    return lambda x: np.abs(x[2] - z) < 1e-9
+
+
+def stacked(lower, upper, height):
+    lower = lower.with_boundaries({"base": at(0.0), "top": at(height)})
+    meshes = {"lower": lower, "upper": upper.with_boundaries({"foot": at(height)})}
+    return assemble(meshes, dict.fromkeys(meshes, STEEL))
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +54,14 @@ def structure():
     return blocks()
 
 
-def springs(structure, k, held=("lower:base",)):
-    return wires(structure, [Touching()], held, {"lower": k})
+def springs(structure, k, held=(BASE,)):
+    under = Side("lower:top", "mean", over="upper:foot")
+    joint = Joint("screw", Side("upper:foot"), under, np.array([0.0, 0.0, LOWER]), k)
+    return joined(structure, Connections(joints=[joint], held=held))
+
+
+def tied(structure, table=None):
+    return joined(structure, Connections([TIE], held=[BASE], table=table))
 
 
 def frequencies(model, n=4):
@@ -67,26 +76,26 @@ def test_coupling_means_of_a_rigid_motion_are_that_motion():
 
 
 def test_a_rigid_motion_costs_a_joint_no_energy(structure):
-    model = springs(structure, Joint(1e9, 1e9, 1e9, 1e5, 1e5, 1e5), held=())
+    model = springs(structure, Bushing(1e9, 1e9, 1e9, 1e5, 1e5, 1e5), held=())
     found = modes(model.K, model.M, 7, shift_hz=100.0)
     # the shift's factorisation resolves zero to about 1e-9 of the first elastic eigenvalue
     assert np.all(found.omega[:6] ** 2 < 1e-6 * found.omega[6] ** 2)
 
 
 def test_a_joint_of_no_stiffness_leaves_two_free_bodies(structure):
-    model = springs(structure, Joint(0, 0, 0, 0, 0, 0))
+    model = springs(structure, Bushing(0, 0, 0, 0, 0, 0))
     omega2 = modes(model.K, model.M, 7, shift_hz=100.0).omega ** 2
     assert np.all(omega2[:6] < 1e-6 * omega2[6])
-    model = springs(structure, Joint(0, 0, 0, 0, 0, 0), held=())
+    model = springs(structure, Bushing(0, 0, 0, 0, 0, 0), held=())
     omega2 = modes(model.K, model.M, 13, shift_hz=100.0).omega ** 2
     assert np.all(omega2[:12] < 1e-6 * omega2[12])
 
 
 def test_stiff_joints_approach_the_rigid_one_like_one_over_k(structure):
-    rigid = frequencies(springs(structure, Joint()))
+    rigid = frequencies(springs(structure, Bushing()))
 
     def error(k):
-        soft = frequencies(springs(structure, Joint(*3 * [k], *3 * [k * 1e-4])))
+        soft = frequencies(springs(structure, Bushing(*3 * [k], *3 * [k * 1e-4])))
         return np.abs(soft / rigid - 1).max()
 
     errors = [error(k) for k in (1e12, 1e13, 1e14)]
@@ -97,13 +106,13 @@ def test_stiff_joints_approach_the_rigid_one_like_one_over_k(structure):
 
 def test_frequencies_rise_with_stiffness_over_sixteen_decades(structure):
     k = 10.0 ** np.arange(0, 17, 2)
-    f = np.array([frequencies(springs(structure, Joint(kx=x)))[:2] for x in k])
+    f = np.array([frequencies(springs(structure, Bushing(kx=x)))[:2] for x in k])
     assert np.all(np.diff(f, axis=0) > -1e-9 * f[1:])
 
 
 def test_sensitivity_to_a_stiffness_is_the_squared_elongation(structure):
     def omega2(k):
-        model = springs(structure, Joint(kx=k))
+        model = springs(structure, Bushing(kx=k))
         found = modes(model.K, model.M, 2)
         return found.omega**2, found.phi[model.elongation[0]] ** 2
 
@@ -117,53 +126,35 @@ def test_a_tie_between_meshes_that_match_is_the_merged_mesh():
     z = np.linspace(0, UPPER, 7)
     line = np.linspace(-0.01, 0.01, 4)
     whole = MeshHex.init_tensor(line, line, z)
-    base = {"whole:base": lambda x: np.abs(x[2]) < 1e-9}
-    whole = whole.with_subdomains({"whole": np.arange(whole.nelements)}).with_boundaries(base)
-    single = full_tie(assemble(whole, {"whole": STEEL}), [], ["whole:base"])
-
-    lower, upper = (MeshHex.init_tensor(line, line, part) for part in (z[:4], z[3:]))
-    n = lower.nelements
-    cut = MeshHex(
-        np.concatenate([lower.p, upper.p], axis=1),
-        np.concatenate([lower.t, upper.t + lower.p.shape[1]], axis=1),
-    ).with_subdomains({"lower": np.arange(n), "upper": np.arange(n, 2 * n)})
-    middle = np.flatnonzero(np.abs(cut.p[2, cut.facets].mean(axis=0) - z[3]) < 1e-9)
-    owner = cut.f2t[0, middle] < n
-    cut = cut.with_boundaries(
-        {
-            "lower:top": middle[owner],
-            "upper:foot": middle[~owner],
-            "lower:base": lambda x: np.abs(x[2]) < 1e-9,
-        }
-    )
-    tied = full_tie(assemble(cut, {"lower": STEEL, "upper": STEEL}), [Touching()], ["lower:base"])
-    np.testing.assert_allclose(frequencies(tied), frequencies(single), rtol=1e-9)
+    whole = assemble({"whole": whole.with_boundaries({"base": at(0.0)})}, {"whole": STEEL})
+    single = joined(whole, Connections(held=[Held("whole:base")]))
+    cut = stacked(*(MeshHex.init_tensor(line, line, part) for part in (z[:4], z[3:])), z[3])
+    np.testing.assert_allclose(frequencies(tied(cut)), frequencies(single), rtol=1e-9)
 
 
 def test_constraints_in_a_circle_are_refused():
     def follow(slave, master):
         A = np.zeros((1, 3))
         A[0, master] = 1.0
-        return Constraint(np.array([slave]), A)
+        return Constraint(np.array([slave]), csr_matrix(A), f"{slave} to {master}")
 
-    from scipy.sparse import csr_matrix
-
-    circle = [Constraint(c.slaves, csr_matrix(c.A)) for c in (follow(0, 1), follow(1, 0))]
     with pytest.raises(ValueError, match="circle"):
-        eliminated(3, circle, np.empty(0, int))
-    twice = [Constraint(c.slaves, csr_matrix(c.A)) for c in (follow(0, 1), follow(0, 2))]
+        eliminated(3, [follow(0, 1), follow(1, 0)])
     with pytest.raises(ValueError, match="slave of two"):
-        eliminated(3, twice, np.empty(0, int))
+        eliminated(3, [follow(0, 1), follow(0, 2)])
+    kept, twice = claimed(3, [follow(0, 1), follow(0, 2)])
+    assert [(t.kept, t.dropped, list(t.slaves)) for t in twice] == [("0 to 1", "0 to 2", [0])]
+    np.testing.assert_array_equal(eliminated(3, kept).free, [1, 2])
 
 
 def test_a_stiff_pair_of_blocks_sways_with_its_table_at_the_table_s_frequency(structure):
     table = Table(frequency_hz=6.5, mass=2.0)
-    on_table = full_tie(structure, [Touching()], ["lower:base"], table=table)
+    on_table = tied(structure, table)
     found = modes(on_table.K, on_table.M, 3, shift_hz=1.0)
     np.testing.assert_allclose(found.frequency_hz[:2], 6.5, rtol=1e-4)
     assert found.frequency_hz[2] > 500
-    heavy = full_tie(structure, [Touching()], ["lower:base"], table=table._replace(mass=1e6))
-    held = full_tie(structure, [Touching()], ["lower:base"])
+    heavy = tied(structure, table._replace(mass=1e6))
+    held = tied(structure)
     swaying = modes(heavy.K, heavy.M, 6, shift_hz=1.0).frequency_hz[2:]
     np.testing.assert_allclose(swaying, frequencies(held), rtol=1e-4)
 

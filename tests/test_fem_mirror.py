@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem import Material, assemble, contact_patch, factorised, half_space_on_mesh, mirrored, modes
-from geometry import Extent, plate_mesh
+from geometry import Extent, by_body, plate_mesh
 
 STEEL = Material(210e9, 0.3, 7850.0)
 SIDE, THICKNESS, RADIUS = 0.06, 0.01, 2e-3  # m
@@ -21,7 +21,7 @@ def plate(mirrors):
     mesh = plate_mesh(THICKNESS, Extent((y, SIDE), (z, SIDE)), **SIZES)
     faces = [f"plate:-{axis}" for axis in mirrors]
     held = [f"plate:{s}{a}" for a in "yz" for s in "+-" if f"plate:{s}{a}" not in faces]
-    model = mirrored(assemble(mesh, {"plate": STEEL}), held, faces)
+    model = mirrored(assemble(by_body(mesh), {"plate": STEEL}), held, faces)
     middle = (-(y + SIDE) / 2, -(z + SIDE) / 2)
     patch = contact_patch(model, "plate:+x", middle, RADIUS, mirrors=mirrors)
     local = half_space_on_mesh(model, "plate:+x", patch, STEEL, mirrors=faces)
@@ -61,7 +61,7 @@ def test_a_half_space_needs_only_the_elements_near_the_patch():
     """Its exact field takes the place of the others: 4 mm elements over 30 mm leave 2e-4."""
     mesh = plate_mesh(0.05, Extent((0.0, 0.08), (0.0, 0.08)), seed=0.02, contact_seed=4e-3)
     faces = ["plate:-y", "plate:-z"]
-    model = mirrored(assemble(mesh, {"plate": STEEL}), ["plate:-x"], faces)
+    model = mirrored(assemble(by_body(mesh), {"plate": STEEL}), ["plate:-x"], faces)
     patch = contact_patch(model, "plate:+x", (-0.04, -0.04), RADIUS, mirrors="yz")
     whole, near, nearer = (
         half_space_on_mesh(model, "plate:+x", patch, STEEL, mirrors=faces, within=reach)

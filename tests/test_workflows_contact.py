@@ -15,10 +15,10 @@ import rom
 from coupling.wall import wall_from_reduced
 from dem import waves
 from workflows.files.scene import scene
-from workflows.pipeline.assembly import STRUCK
 from workflows.pipeline.cache import memory
 from workflows.pipeline.chain import chain, initial_velocity
 from workflows.pipeline.pipeline import Pipeline
+from workflows.pipeline.rig import STRUCK
 
 COARSE = ("mesh.seed=0.012", "mesh.block_seed=0.05", "reduction.kind=free-modes")
 
@@ -60,8 +60,9 @@ def block():
         geometry.Assembly(parts=("block",)), seed=0.05, block_seed=0.05, support_seed=0.05,
         contact_seed=0.03, contact_point=(0.02, 0.0),
     )  # fmt: skip
-    structure = fem.assemble(mesh, {"block": fem.Material(210e9, 0.3, 7850.0)})
-    return fem.full_tie(structure, (), ("block:-x",))
+    meshes = geometry.by_body(mesh)
+    structure = fem.assemble(meshes, {"block": fem.Material(210e9, 0.3, 7850.0)})
+    return fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
 
 
 def test_full_order_and_reduced_block_give_the_same_velocities():

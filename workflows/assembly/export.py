@@ -23,7 +23,7 @@ def write_model(pipeline: Pipeline, inp: Path | None, step: Path | None) -> None
         raise InvalidScene(f"--step {step} must end in .step or .stp.")
     if inp:
         model = pipeline("model")
-        steel = materials(scene.assembly, model.structure.basis.mesh.subdomains)
+        steel = materials(scene.assembly, model.structure.basis)
         text = input_deck(model, steel, w=pipeline("contact").w, C=dashpots(scene, model))
         with writing_file(inp) as part:
             part.write_text(text, encoding="utf-8")
@@ -54,7 +54,7 @@ def full_matrices(pipeline: Pipeline) -> dict:
     """K, M, w and where there are dashpots C of the joined and held model on its free unknowns:
     T_mesh gives the mesh's displacements, x, y, z of node 1, then of node 2, ... of mesh_points."""
     model, C = pipeline("model"), dashpots(pipeline.scene, pipeline("model"))
-    points = model.structure.basis.doflocs[:, 0::3].T
+    points = model.structure.points
     found = {"K": model.K, "M": model.M, "w": pipeline("contact").w}
     found |= {"T_mesh": model.T, "mesh_points": points}
     return found if C is None else found | {"C": C}

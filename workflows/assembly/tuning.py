@@ -13,12 +13,11 @@ from pydantic import BaseModel
 
 import fem
 from fem.tuning import Parameter, Tuning, tune
-from workflows.pipeline.assembly import MASTER
+from workflows.pipeline.assembly import JOINTS
 from workflows.pipeline.pipeline import Progress, pipeline_of
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.thesis import HAMMER_TEST_HZ
 
-JOINT = {joint: body for body, joint in MASTER.items()}
 SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]
 TURN = (1e2, 1e-1, 1e8)  # [N m/rad]
 STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
@@ -115,8 +114,7 @@ def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], 
 def _require_joints(scene: Scene, parameters: list[Parameter]) -> None:
     """Raises InvalidScene for a spring of a joint that the assembly's parts do not have."""
     for p in parameters:
-        joints = {MASTER[spring.split(".")[0]] for spring in p.springs}
-        for joint in joints:
+        for joint in {spring.split(".")[0] for spring in p.springs}:
             part = {"head": "sheets", "foot": "sheets_support"}[joint]
             if part not in scene.assembly.parts:
                 raise InvalidScene(
@@ -161,18 +159,18 @@ def freed(names: tuple[str, ...]) -> list[Parameter]:
 def _parameter(name: str) -> Parameter:
     part, _, key = name.partition(".")
     if part == "block" and key in ("young", "density"):
-        return Parameter(key, (), *FACTOR)
+        return Parameter(name, (), *FACTOR, ("block",), key)
     directions = TANGENTIAL if key == "kt" else (key,)
-    if part not in JOINT or not set(directions) <= set(fem.DIRECTIONS):
+    if part not in JOINTS or not set(directions) <= set(fem.DIRECTIONS):
         raise InvalidScene(f"--free {name} is not known, {nearest(name, _known())}.")
-    springs = tuple(f"{JOINT[part]}.{direction}" for direction in directions)
+    springs = tuple(f"{part}.{direction}" for direction in directions)
     return Parameter(name, springs, *STARTS.get(key, TURN if key.startswith("kr") else SHIFT))
 
 
 def _from(scene: Scene, p: Parameter) -> Parameter:
     """The same, from the value that the scene has where that is one to start from."""
     values = [value for _, value in _now(scene, p)]
-    size = values[0] if p.springs else values[0] / getattr(scene.assembly, p.name)
+    size = values[0] if p.springs else values[0] / getattr(scene.assembly, p.of)
     return p._replace(start=size) if p.lower <= size <= p.upper else p
 
 
@@ -180,20 +178,19 @@ def _now(scene: Scene, p: Parameter) -> list[tuple[str, float]]:
     """Keys of the scene that the parameter sets, each with its value."""
     if p.springs:
         keys = [spring.split(".") for spring in p.springs]
-        joints = [(MASTER[body], key) for body, key in keys]
-        return [(f"{j}.{key}", getattr(getattr(scene.joints, j), key)) for j, key in joints]
-    own = getattr(scene.assembly.block, p.name, None)
-    return [(f"block.{p.name}", getattr(scene.assembly, p.name) if own is None else own)]
+        return [(f"{j}.{key}", getattr(getattr(scene.joints, j), key)) for j, key in keys]
+    own = getattr(scene.assembly.block, p.of, None)
+    return [(p.name, getattr(scene.assembly, p.of) if own is None else own)]
 
 
 def _known() -> list[str]:
-    of_joints = [f"{joint}.{key}" for joint in JOINT for key in (*fem.DIRECTIONS, "kt")]
+    of_joints = [f"{joint}.{key}" for joint in JOINTS for key in (*fem.DIRECTIONS, "kt")]
     return [*of_joints, "block.young", "block.density"]
 
 
 def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
     """The scene with finite springs to vary, and of the block what is not to vary."""
-    varied = {p.name: None for p in parameters if not p.springs}
+    varied = {p.of: None for p in parameters if not p.springs}
     block = scene.assembly.block and scene.assembly.block.model_copy(update=varied)
     plain = scene.assembly.model_copy(update={"block": block})
     bare = scene.model_copy(update={"assembly": plain})
@@ -206,10 +203,10 @@ def _set(scene: Scene, parameters: list[Parameter], value) -> Scene:
     joints, steel = {}, {}
     for p, x in zip(parameters, value, strict=True):
         for spring in p.springs:
-            body, key = spring.split(".")
-            joints.setdefault(MASTER[body], {})[key] = float(x)
+            joint, key = spring.split(".")
+            joints.setdefault(joint, {})[key] = float(x)
         if not p.springs:
-            steel[p.name] = float(x) * getattr(scene.assembly, p.name)
+            steel[p.of] = float(x) * getattr(scene.assembly, p.of)
     tables = {name: getattr(scene.joints, name).model_copy(update=k) for name, k in joints.items()}
     update = {"joints": scene.joints.model_copy(update=tables)}
     if steel:
@@ -222,7 +219,7 @@ def _set(scene: Scene, parameters: list[Parameter], value) -> Scene:
 
 def _report(scene, match, fit: Fit, confirmed, unseen: list[Parameter]) -> TuningReport:
     found = fit.found
-    names = [p.name if p.springs else f"block.{p.name}" for p in found.parameters]
+    names = [p.name for p in found.parameters]
     numbers = [str(i) for i in range(1, 5)]
     fitted = dict(zip(numbers, map(float, found.modes_hz), strict=True))
     return TuningReport(

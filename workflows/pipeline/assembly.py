@@ -12,6 +12,8 @@ import fem.tuning
 import geometry
 from workflows.files import mesh as mesh_file
 from workflows.files.mode_field import ModeField
+from workflows.pipeline import rig
+from workflows.pipeline.rig import STRUCK
 from workflows.scene import InvalidScene, Joints, JointStiffnesses, Scene
 from workflows.scene.assembly import assembly
 from workflows.scene.size import too_large_file
@@ -20,8 +22,7 @@ N_MODES = (30, 80)  # the second where the first do not reach all four of the ha
 GMSH_NEEDS = (
     "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
 )
-STRUCK = "block:+x"  # the face that the chain leans on
-MASTER = {"block": "head", "sheets_support": "foot"}  # body a sheet is bolted to: joint
+JOINTS = ("head", "foot")
 
 
 class AssemblyModes(NamedTuple):
@@ -41,8 +42,12 @@ class AssemblyModes(NamedTuple):
         return {str(i + 1): float(hz[j]) for i, j in enumerate(self.index) if j >= 0}
 
 
-def mesh(scene: Scene) -> Mesh:
+def mesh(scene: Scene) -> dict[str, Mesh]:
     """The parts, meshed, or the user's own mesh of them."""
+    return geometry.by_body(_whole(scene))
+
+
+def _whole(scene: Scene) -> Mesh:
     m = scene.mesh
     if m.file:
         parts = assembly(scene.assembly)
@@ -80,19 +85,21 @@ def _mesher(element: str):
     return tet_mesh
 
 
-def model(scene: Scene, mesh: Mesh) -> fem.Model:
+def model(scene: Scene, mesh: dict[str, Mesh]) -> fem.Model:
     """The parts assembled, joined and held."""
     table = scene.assembly
     parts = assembly(table)
-    structure = fem.assemble(mesh, materials(table, mesh.subdomains))
+    structure = fem.assemble(mesh, materials(table, mesh))
     touching, held = geometry.interfaces(parts), held_faces(table)
-    below = scene.table and fem.Table(scene.table.frequency, scene.table.mass)
     match table.constraint:
         case "full-tie":
-            return fem.full_tie(structure, touching, held, table=below)
+            how = rig.full_tie(touching, held)
         case "screw-tie":
-            return fem.screw_tie(structure, touching, held, table=below)
-    return fem.wires(structure, touching, held, joints(scene.joints), table=below)
+            how = rig.screw_tie(touching, held)
+        case _:
+            how = rig.wires(touching, held, bushings(scene.joints))
+    below = scene.table and fem.Table(scene.table.frequency, scene.table.mass)
+    return fem.joined(structure, how._replace(table=below))
 
 
 def held_faces(table) -> tuple[str, ...]:
@@ -116,21 +123,21 @@ def _part(body: str) -> str:
     return "sheets" if body.startswith("sheet-") or body.startswith("sheet+") else body
 
 
-def joints(table: Joints) -> dict[str, fem.Joint]:
-    """Screw stiffnesses by the body that the sheets are bolted to."""
-    return {body: _joint(getattr(table, joint)) for body, joint in MASTER.items()}
+def bushings(table: Joints) -> dict[str, fem.Bushing]:
+    """Screw stiffnesses by joint."""
+    return {joint: _bushing(getattr(table, joint)) for joint in JOINTS}
 
 
-def _joint(stiffness: JointStiffnesses) -> fem.Joint:
-    return fem.Joint(**{key: getattr(stiffness, key) for key in fem.DIRECTIONS})
+def _bushing(stiffness: JointStiffnesses) -> fem.Bushing:
+    return fem.Bushing(**{key: getattr(stiffness, key) for key in fem.DIRECTIONS})
 
 
 def dashpots(scene: Scene, model: fem.Model):
     """C of the dashpots in the joints; None where there are none."""
     if scene.joints is None:
         return None
-    tables = {body: getattr(scene.joints, joint).dashpots for body, joint in MASTER.items()}
-    named = {f"{body}.{key}": c for body, table in tables.items() for key, c in table.items()}
+    tables = {joint: getattr(scene.joints, joint).dashpots for joint in JOINTS}
+    named = {f"{joint}.{key}": c for joint, table in tables.items() for key, c in table.items()}
     return fem.dashpots(model, named) if named else None
 
 
@@ -138,7 +145,7 @@ def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
     """The lowest modes, those of the hammer test found by shape."""
     for n_modes in N_MODES:
         found = fem.modes(model.K, model.M, n_modes)
-        paired = fem.pair(model, found)
+        paired = fem.pair(model, found, rig.TARGETS)
         if np.all(paired.index >= 0):
             break
     return AssemblyModes(
@@ -154,18 +161,14 @@ def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
 def _field(model: fem.Model, found: fem.Modes, paired: fem.Pairing) -> ModeField:
     number = np.flatnonzero(paired.index >= 0) + 1
     index = paired.index[number - 1]
-    mesh, basis = model.structure.basis.mesh, model.structure.basis
+    structure = model.structure
     u = model.T @ found.phi[:, index]
-    body = np.zeros(mesh.nelements, dtype=np.int32)
-    for i, cells in enumerate(mesh.subdomains.values()):
-        body[cells] = i
+    corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]
     return ModeField(
-        mesh,
-        body,
-        tuple(mesh.subdomains),
+        {body: basis.mesh for body, basis in structure.basis.items()},
         number,
         found.frequency_hz[index],
-        np.array([u[basis.nodal_dofs, j].T for j in range(len(index))]),
+        np.moveaxis(u[np.concatenate(corners)], 2, 0),
     )
 
 
@@ -181,4 +184,4 @@ def contact(scene: Scene, model: fem.Model) -> fem.ContactPatch:
 
 def tuning_basis(scene: Scene, model: fem.Model) -> fem.tuning.TuningBasis:
     """The assembly projected on the shapes that joints can move."""
-    return fem.tuning.tuning_basis(model)
+    return fem.tuning.tuning_basis(model, rig.TARGETS)

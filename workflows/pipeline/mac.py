@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import fem
 import geometry
+from workflows.pipeline import rig
 from workflows.pipeline.assembly import AssemblyModes, modes
 from workflows.scene import Scene
 from workflows.scene.assembly import assembly
@@ -19,8 +20,8 @@ def mac(scene: Scene, model: fem.Model, found: AssemblyModes) -> NDArray[np.floa
     """MAC (k, 4) of the modes found with the hammer-test modes of stiff joints; nan without one."""
     parts = assembly(scene.assembly)
     held = geometry.held_faces(parts, fixing=scene.assembly.fixing)
-    stiff = fem.full_tie(model.structure, geometry.interfaces(parts), held)
+    stiff = fem.joined(model.structure, rig.full_tie(geometry.interfaces(parts), held))
     reference = modes(scene, stiff)
-    shapes = fem.body_shapes(stiff, reference.phi[:, reference.index])
-    found_mac = fem.mac(fem.body_shapes(model, found.phi), shapes)
+    shapes = found.phi, reference.phi[:, reference.index]
+    found_mac = fem.target_mac((model, stiff), shapes, rig.TARGETS)
     return np.where(reference.index >= 0, found_mac, np.nan)

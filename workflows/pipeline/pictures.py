@@ -22,7 +22,7 @@ def pictures(scene: Scene, modes: AssemblyModes) -> tuple[Picture, ...]:
         field = Path(folder) / "modes.vtu"
         field_file.write(field, modes.field)
         images = [Path(folder) / "assembly.png", Path(folder) / "modes.png"]
-        _render([str(field), ",".join(modes.field.body_names), *map(str, images)])
+        _render([str(field), ",".join(modes.field.meshes), *map(str, images)])
         return tuple(Picture(image.stem, image.read_bytes()) for image in images)
 
 

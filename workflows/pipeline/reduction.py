@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 import fem
 import rom
-from workflows.pipeline.assembly import STRUCK, AssemblyModes, dashpots, material
+from workflows.pipeline.assembly import JOINTS, AssemblyModes, dashpots, material
+from workflows.pipeline.rig import STRUCK
 from workflows.scene import Scene
 
 TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
@@ -30,7 +31,7 @@ def reduction(
         modes_hz=tuple(modes.field.frequency_hz.tolist()) or None,
     )
     boundary = boundary_of(contact, w_reading, dashpots(scene, model))
-    outer = fem.outer_nodes(model.structure.basis)
+    outer = fem.outer_nodes(model.structure)
     T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
     return reduced._replace(
         T=None,
@@ -86,10 +87,9 @@ def names(
 
 
 def _place(model: fem.Model, dof: int) -> str:
-    basis = model.structure.basis
-    if dof >= basis.N:
+    if dof >= model.structure.n_dofs:
         return "elongation of a joint"
-    x, y, z = basis.doflocs[:, dof]
+    x, y, z = model.structure.points[dof // 3]
     return f"u_{'xyz'[dof % 3]} at x = {x:.6g}, y = {y:.6g}, z = {z:.6g} m"
 
 
@@ -110,7 +110,7 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     lowest = modes.omega.min() / (2 * np.pi)
     if lowest > HELD_HZ:
         return
-    keys = [(joint, key) for joint in ("head", "foot") for key in fem.DIRECTIONS]
+    keys = [(joint, key) for joint in JOINTS for key in fem.DIRECTIONS]
     open_joints = [
         f"joints.{joint}.{key} = {k:g}"
         for joint, key in keys

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from skfem import Mesh
 
 import fem
 import geometry
@@ -21,6 +22,7 @@ from workflows.files.run_folder import Picture
 from workflows.pipeline import assembly as stages
 from workflows.pipeline.errors import COARSER, ORDER
 from workflows.pipeline.pipeline import Progress
+from workflows.pipeline.rig import TARGETS
 from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
@@ -123,9 +125,13 @@ def _solved(scene: Scene, constraint: str, seed: float, block: float) -> Solved:
     assembled = perf_counter()
     found = fem.modes(model.K, model.M, N_MODES[constraint])
     ended = perf_counter()
-    hz = found.frequency_hz[fem.pair(model, found).index]
+    hz = found.frequency_hz[fem.pair(model, found, TARGETS).index]
     seconds = (meshed - started, assembled - meshed, ended - assembled)
-    return Solved(constraint, seed, model.M.shape[0], hz, seconds, geometry.smallest_quality(mesh))
+    return Solved(constraint, seed, model.M.shape[0], hz, seconds, _quality(mesh))
+
+
+def _quality(meshes: dict[str, Mesh]) -> float:
+    return min(map(geometry.smallest_quality, meshes.values()))
 
 
 def extrapolated(

@@ -90,8 +90,8 @@ def large_block(scene: Scene) -> Body:
         cube, seed=SIDE, block_seed=SIDE / 6, support_seed=SIDE,
         contact_seed=FINER * scene.mesh.contact_seed,
     )  # fmt: skip
-    structure = fem.assemble(mesh, {"block": material(scene.assembly, "block")})
-    model = fem.full_tie(structure, (), ("block:-x",))
+    structure = fem.assemble(geometry.by_body(mesh), {"block": material(scene.assembly, "block")})
+    model = fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
     return Body(model, (0.0, 0.0), scene.patch.radius)
 
 

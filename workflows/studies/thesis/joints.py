@@ -103,7 +103,8 @@ def _curve(basis: TuningBasis, free: list[Parameter]) -> NDArray[np.float64]:
         fixed = tangential._replace(start=k, lower=0.999 * k, upper=1.001 * k)
         met = tune(basis, [normal, fixed], {1: WANTED[1]}, n_starts=2)
         found = spectrum(basis, free, met.value)
-        points.append(found.frequency_hz[fem.correlation.paired(basis.block, found).index[1:3]])
+        index = fem.correlation.paired(basis.forms, found, basis.targets).index
+        points.append(found.frequency_hz[index[1:3]])
     return np.array(points)
 
 

@@ -148,7 +148,8 @@ def edge_walls(plate: Plate, size: Sizes, distances: Sequence[float]) -> Iterato
 
 
 def _structure(mesh, plate: Plate) -> fem.Structure:
-    return fem.assemble(mesh, {"plate": fem.Material(plate.young, plate.poisson, plate.density)})
+    meshes = geometry.by_body(mesh)
+    return fem.assemble(meshes, {"plate": fem.Material(plate.young, plate.poisson, plate.density)})
 
 
 def _modes(reduced: rom.ReducedModel) -> tuple[np.ndarray, np.ndarray]:

@@ -13,8 +13,9 @@ import dem
 import fem
 import rom
 from coupling.wall import coupled_wall, wall_from_reduced
-from workflows.pipeline.assembly import STRUCK, material
+from workflows.pipeline.assembly import material
 from workflows.pipeline.chain import chain, initial_velocity
+from workflows.pipeline.rig import STRUCK
 from workflows.scene import Scene
 
 N_MODES = 40

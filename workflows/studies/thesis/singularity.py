@@ -15,8 +15,9 @@ import fem
 from fem.trace import trace
 from workflows.files.run_folder import Picture
 from workflows.pipeline import assembly as stages
-from workflows.pipeline.assembly import STRUCK, material
+from workflows.pipeline.assembly import material
 from workflows.pipeline.pipeline import Progress
+from workflows.pipeline.rig import STRUCK
 from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
@@ -105,9 +106,9 @@ def _recovery(model: fem.Model, point, radius: float) -> NDArray[np.float64]:
 
 def _read_along(model: fem.Model, patch: fem.ContactPatch, y) -> NDArray[np.float64]:
     """Displacement into the wall at y [m] beside the contact, (k, n) on the free dofs."""
-    spots = patch.point + np.column_stack([np.zeros_like(y), y, np.zeros_like(y)])
-    P = trace(model.structure.basis, STRUCK, spots)[0::3]
-    return patch.inward * (P @ model.T)
+    spots = patch.spot.point + np.column_stack([np.zeros_like(y), y, np.zeros_like(y)])
+    P = trace(model.structure, STRUCK, spots)[0::3]
+    return patch.spot.inward[0] * (P @ model.T)
 
 
 def _numbers(scene: Scene, answers: list[Answer], grown: list[float | None]) -> dict[str, Any]:
