@@ -37,7 +37,7 @@ def loose_bodies(structure: Structure, connections: Connections) -> list[Loose]:
     E = _resistance(structure, connections, parts)
     values, z = np.linalg.eigh((E.T @ E).toarray())
     free = z[:, values <= FREE**2 * values[-1]]
-    if np.abs(E @ whole).max() <= FREE * np.abs(whole).max() * np.sqrt(values[-1]):
+    if np.abs(E @ whole).max(initial=0.0) <= FREE * np.abs(whole).max() * np.sqrt(values[-1]):
         free = _beside(free, whole)
     return list(_told(structure, free))
 

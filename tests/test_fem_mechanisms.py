@@ -1,0 +1,88 @@
+"""Bodies that nothing holds are named with their motions, and what holds them is not."""
+
+import numpy as np
+import pytest
+from skfem import MeshHex, MeshTet
+
+from fem import (
+    Bushing,
+    Connections,
+    Held,
+    Joint,
+    Material,
+    Side,
+    Tie,
+    assemble,
+    joined,
+    loose_bodies,
+    modes,
+)
+
+STEEL = Material(210e9, 0.3, 7850.0)
+ALL = ("x", "y", "z", "rx", "ry", "rz")
+TIE, BASE = Tie("upper:-z", "lower:+z"), Held("lower:-z")
+MIDDLE = np.array([0.05, 0.05, 0.1])
+
+
+def box(kind, lower, upper, n):
+    lines = [np.linspace(*ends) for ends in zip(lower, upper, n, strict=True)]
+    faces = {
+        f"{sign}{letter}": lambda x, i=i, end=end: np.abs(x[i] - end) < 1e-9
+        for i, letter in enumerate("xyz")
+        for sign, end in (("-", lower[i]), ("+", upper[i]))
+    }
+    return kind.init_tensor(*lines).with_boundaries(faces)
+
+
+@pytest.fixture(scope="module")
+def stack():
+    """Tetrahedra on hexahedra."""
+    meshes = {
+        "lower": box(MeshHex, (0, 0, 0), (0.1, 0.1, 0.1), (3, 3, 3)),
+        "upper": box(MeshTet, (0.02, 0.02, 0.1), (0.08, 0.08, 0.2), (3, 4, 3)),
+    }
+    return assemble(meshes, dict.fromkeys(meshes, STEEL))
+
+
+def joint(**springs):
+    under = Side("lower:+z", "mean", over="upper:-z")
+    return Joint("pin", Side("upper:-z"), under, MIDDLE, Bushing(**springs))
+
+
+def told(structure, *how):
+    return {one.body: one.motions for one in loose_bodies(structure, Connections(*how))}
+
+
+def test_a_body_tied_to_nothing_is_named_with_its_six_motions(stack):
+    assert told(stack, (), (), [BASE]) == {"upper": ALL}
+    assert told(stack) == {"lower": ALL, "upper": ALL}
+
+
+def test_what_is_held_or_free_as_a_whole_is_not_loose(stack):
+    assert told(stack, [TIE], (), [BASE]) == told(stack, [TIE]) == {}
+    assert told(stack, (), [joint(kx=1.0, krz=1e-3)], [BASE]) == {}
+
+
+def test_a_hinge_leaves_its_turn_and_a_roller_its_plane(stack):
+    assert told(stack, (), [joint(krz=0.0)], [BASE]) == {"upper": ("rz",)}
+    assert told(stack, (), [joint(krz=0.0)]) == {"lower": ("rz",), "upper": ("rz",)}
+    rolling = told(stack, [TIE], (), [Held("lower:-z", "z")])
+    assert rolling == {"lower": ("x", "y", "rz"), "upper": ("x", "y", "rz")}
+
+
+def test_every_mechanism_is_a_mode_of_no_frequency(stack):
+    earth = Joint("earth", Side("lower:-z"), None, np.array([0.05, 0.05, 0]), Bushing(kx=0.0))
+    how = Connections([TIE], [earth, joint(ky=0.0)])
+    assert [one.motions for one in loose_bodies(stack, how)] == [("x",), ("x",)]
+    found = modes(*(lambda m: (m.K, m.M))(joined(stack, how)), 3, shift_hz=50.0)
+    assert found.frequency_hz[0] < 1e-2 * found.frequency_hz[1]
+
+
+def test_a_node_that_a_support_holds_is_taken_from_the_tie_and_told(stack):
+    model = joined(stack, Connections([TIE], held=[Held("upper:-x", "x"), BASE]))
+    (twice,) = model.overconstrained
+    assert (twice.kept, twice.dropped) == ("the supports", "the tie upper:-z to lower:+z")
+    spots = stack.points[twice.slaves // 3]
+    np.testing.assert_allclose(spots[:, [0, 2]] - [0.02, 0.1], 0.0, atol=1e-12)
+    assert set(twice.slaves % 3) == {0}
+    assert not joined(stack, Connections([TIE], held=[BASE])).overconstrained
