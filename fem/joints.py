@@ -29,6 +29,7 @@ from fem.trace import OffFace, face_nodes, face_quadrature, trace
 
 DIRECTIONS = ("kx", "ky", "kz", "krx", "kry", "krz")
 NOWHERE = np.empty(0, np.int64)
+LAST = 1e-4  # weight of dofs that follow a face only where all else of it is held
 ALONG = 0.9  # cosine: an axis nearer than this to another lies along it
 
 
@@ -79,6 +80,7 @@ class _Coupling(NamedTuple):
     centre: NDArray[np.float64]
     columns: NDArray[np.int64]
     B: NDArray[np.float64]  # (6, len(columns))
+    spare: NDArray[np.int64]  # of these, what may follow the face where all else of it is held
 
 
 def normal_frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -137,7 +139,8 @@ def rigid_sides(structure: Structure, joints: Sequence[Joint], n_total: int) -> 
 def mean_sides(
     structure: Structure, joints: Sequence[Joint], taken: NDArray[np.int64], n_total: int
 ) -> Iterator[Constraint]:
-    """B U = C u of all mean sides, solved for six dofs of each, none of those `taken`.
+    """B U = C u of all mean sides, solved for six dofs of each, none of those `taken`; dofs of the
+    face keep the matrices sparse.
 
     Sides whose faces have dofs in common are solved for together.
     """
@@ -158,9 +161,10 @@ def _couplings(structure: Structure, joints: Sequence[Joint]) -> Iterator[_Coupl
         q = r + 6 * len(joints)
         turned = block_diag(joint.frame, joint.frame).T
         moved = np.hstack([turned, np.eye(6)])
-        yield _Coupling(joint.first, joint.name, joint.centre, np.append(r, q), moved)
+        open_ones = r[np.array(joint.springs) == 0]
+        yield _Coupling(joint.first, joint.name, joint.centre, np.append(r, q), moved, open_ones)
         if joint.second:
-            yield _Coupling(joint.second, joint.name, joint.centre, q, np.eye(6))
+            yield _Coupling(joint.second, joint.name, joint.centre, q, np.eye(6), q)
 
 
 def _nodes_within(structure: Structure, coupling: _Coupling) -> NDArray[np.int64]:
@@ -198,24 +202,24 @@ def _mean_motion(structure: Structure, coupling: _Coupling) -> csr_matrix:
 def _solved(
     structure: Structure, held: list[_Coupling], C: csc_matrix, taken, n_total: int
 ) -> Constraint:
-    """C u = B U for the best-conditioned dofs u_D that are not taken."""
+    """C u = B U for the best-conditioned dofs that are not taken, of the faces where possible."""
     used = np.flatnonzero(np.diff(C.indptr))
-    eligible = np.setdiff1d(used, taken)
-    name = "joint " + " and ".join(dict.fromkeys(c.name for c in held))
-    if len(eligible) < C.shape[0]:
-        raise ValueError(f"{name}: its face is held by ties or supports already; remove one.")
-    # pivoted QR on rows of one unit: turns count as shifts at the distance of the face's size
+    columns = np.concatenate([used, *(c.columns for c in held)])
+    spare = np.concatenate([c.spare for c in held])
+    weight = np.where(np.isin(columns, spare), LAST, 1.0 * (columns < structure.n_dofs))
+    weight[np.isin(columns, taken)] = 0.0
+    A = np.hstack([C[:, used].toarray(), -block_diag(*(c.B for c in held))])
+    # rows of one unit: turns count as shifts at the distance of the face's size
     size = np.ptp(structure.points[used // 3], axis=0).max()
-    scale = np.tile([1.0] * 3 + [size] * 3, len(held))
-    pivots = qr(scale[:, None] * C[:, eligible].toarray(), mode="r", pivoting=True)[1]
-    dependent = eligible[pivots[: C.shape[0]]]
-    rest = np.setdiff1d(used, dependent)
-    columns = np.concatenate([*(c.columns for c in held), rest])
-    B = block_diag(*(c.B for c in held))
-    right = np.hstack([B, -C[:, rest].toarray()])
-    solved = np.linalg.solve(C[:, dependent].toarray(), right)
-    shape = (len(dependent), n_total)
-    return Constraint(dependent, _placed(np.arange(shape[0]), columns, solved, shape), name)
+    A *= np.tile([1.0] * 3 + [size] * 3, len(held))[:, None]
+    R, pivots = qr(A * weight, mode="r", pivoting=True)
+    name = "joint " + " and ".join(dict.fromkeys(c.name for c in held))
+    if np.abs(R[len(R) - 1, len(R) - 1]) < LAST**2 * np.abs(R[0, 0]):
+        raise ValueError(f"{name}: what it holds to is held by supports or ties; remove one.")
+    at, rest = pivots[: len(A)], pivots[len(A) :]
+    solved = -np.linalg.solve(A[:, at], A[:, rest])
+    shape = (len(at), n_total)
+    return Constraint(columns[at], _placed(np.arange(len(at)), columns[rest], solved, shape), name)
 
 
 def _on(
