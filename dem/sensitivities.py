@@ -13,7 +13,15 @@ import numpy as np
 from dem.chain import validate
 from dem.checks import InvalidChain
 from dem.kernels.oscillators import oscillator_propagator
-from dem.kernels.sensitivities import Record, Rig, Slopes, Spheres, march, march_alone
+from dem.kernels.sensitivities import (
+    Record,
+    Rig,
+    Slopes,
+    Spheres,
+    march,
+    march_alone,
+    workspace,
+)
 from dem.static_sensitivities import or_zeros, static_sensitivities
 from dem.statics import equilibrium
 
@@ -100,14 +108,13 @@ def march_with_sensitivities(chain, wall, v0, directions=None, *, duration, dt, 
     p = directions.preload.size
     m = len(observed)
     out = Record(*np.zeros((2, n_steps + 1, m)), *np.zeros((2, n_steps + 1, m, p)))
-    x, v = static.x.copy(), np.array(v0, float)
     rig, observed = _rig(chain, wall, static, h), np.asarray(observed, np.int64)
+    work = workspace(Spheres(static.x, np.array(v0, float), d_static.x, directions.v0), rig)
     if p == 0:
-        march_alone(x, v, rig, h, n_steps, observed, out.v, out.a)
+        march_alone(work, rig, h, n_steps, observed, out)
     else:
-        spheres = Spheres(x, v, d_static.x.copy(), directions.v0.astype(float))
         slopes = _slopes(chain, directions, d_static)
-        march(spheres, rig, slopes, h, n_steps, observed, out)
+        march(work, rig, slopes, h, n_steps, observed, out)
     t = np.linspace(0.0, duration, n_steps + 1)
     if not np.isfinite(out.v).all():
         raise InvalidChain(

@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.compiled import fastmath_allocating as compiled
-from dem.kernels.compiled import fastmath_allocating_march
+from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
 from dem.kernels.laws import hertz_force, hertz_indentation
 
 FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS = range(5)  # rows of f (5, n_contacts)
@@ -82,7 +81,7 @@ class Record(NamedTuple):
     da: np.ndarray
 
 
-@compiled
+@fastmath
 def contact(gap, rate, A, gamma, s, i, f):
     """Force of one contact and its derivatives into column i of f."""
     d = max(gap, 0.0) if s == 0.0 else hertz_indentation(gap, A, s)
@@ -99,7 +98,7 @@ def contact(gap, rate, A, gamma, s, i, f):
     f[BY_LOSS, i] = rate * elastic * soft * soft if share > 0.0 else 0.0
 
 
-@compiled
+@fastmath_inline
 def contacts(x, v, z, rig, f):
     """All contacts at a state into f."""
     A, gamma, phi = rig.A, rig.gamma, rig.phi
@@ -115,7 +114,7 @@ def contacts(x, v, z, rig, f):
             contact(x[i] - u - rig.offset, v[i] - w, A[i], gamma[i], rig.residual, i, f)
 
 
-@compiled
+@fastmath_inline
 def accelerations(x, f, rig, a):
     n = x.size
     for i in range(n):
@@ -127,7 +126,7 @@ def accelerations(x, f, rig, a):
         a[i] = net / rig.mass[i]
 
 
-@compiled
+@fastmath_inline
 def contact_sensitivities(spheres, modal, f, phi, slopes, dF):
     """Derivatives of all contact forces by the parameters into dF (n_contacts, p)."""
     X, V, z, Z = spheres.X, spheres.V, modal.z, modal.Z
@@ -153,7 +152,7 @@ def contact_sensitivities(spheres, modal, f, phi, slopes, dF):
                 dF[i, m] -= slopes.phi[j, m] * (k * z[0, j] + c * z[1, j])
 
 
-@compiled
+@fastmath_inline
 def acceleration_sensitivities(X, dF, rig, d_load, dA):
     n, p = X.shape
     for i in range(n):
@@ -168,7 +167,7 @@ def acceleration_sensitivities(X, dF, rig, d_load, dA):
                 dA[i, m] -= minv * dF[i, m]
 
 
-@compiled
+@fastmath_inline
 def push_modes(h, s, stages, phi, d_phi, modal):
     """Add the impulse of the force of stage s over h to the modes' velocities, its derivative to
     theirs."""
@@ -179,7 +178,7 @@ def push_modes(h, s, stages, phi, d_phi, modal):
             modal.Z[1, j, m] += h * (phi[j] * d_force[m] + d_phi[j, m] * force)
 
 
-@compiled
+@fastmath_inline
 def propagate_modes(rig, slopes, modal):
     """Free motion over half a step: z <- E z, Z <- E Z + dE z."""
     z, Z, E, by_omega, by_zeta = modal.z, modal.Z, rig.propagator, rig.by_omega, rig.by_zeta
@@ -196,7 +195,7 @@ def propagate_modes(rig, slopes, modal):
         z[1, j] = E[j, 1, 0] * q + E[j, 1, 1] * p
 
 
-@compiled
+@fastmath_inline
 def combine(x, X, h, slope, d_slope, out, d_out):
     """out = x + h * slope, and the same for the derivatives."""
     for i in range(x.size):
@@ -205,22 +204,22 @@ def combine(x, X, h, slope, d_slope, out, d_out):
             d_out[i, m] = X[i, m] + h * d_slope[i, m]
 
 
-@compiled
+@fastmath_inline
 def stage_modes(s, dt, modal, half, stages, rig, slopes, at_stage):
     """Modes at the s-th stage of a step; `half` holds them half a step on.
 
     z_1 = z,  z_2 = E (z + h/2 N_1),  z_3 = E z + h/2 N_2,  z_4 = E (E z + h N_3).
     """
     start = modal if s < 2 else half
-    at_stage.z[:] = start.z
-    at_stage.Z[:] = start.Z
+    for r in range(2):
+        combine(start.z[r], start.Z[r], 0.0, start.z[r], start.Z[r], at_stage.z[r], at_stage.Z[r])
     if s > 0:
         push_modes(dt if s == 3 else 0.5 * dt, s - 1, stages, rig.phi, slopes.phi, at_stage)
     if s == 1 or s == 3:
         propagate_modes(rig, slopes, at_stage)
 
 
-@compiled
+@fastmath_inline
 def advance_modes(dt, stages, rig, slopes, modal):
     """z <- E E (z + h/6 N_1) + E h/3 (N_2 + N_3) + h/6 N_4, in place."""
     phi, d_phi = rig.phi, slopes.phi
@@ -232,49 +231,55 @@ def advance_modes(dt, stages, rig, slopes, modal):
     push_modes(dt / 6.0, 3, stages, phi, d_phi, modal)
 
 
-@compiled
+@fastmath_inline
 def save(step, observed, spheres, a, dA, record):
     """Velocity, acceleration and their derivatives of the observed spheres at a step."""
     for o in range(observed.size):
-        record.v[step, o] = spheres.v[observed[o]]
-        record.a[step, o] = a[observed[o]]
-        record.dv[step, o] = spheres.V[observed[o]]
-        record.da[step, o] = dA[observed[o]]
+        i = observed[o]
+        record.v[step, o] = spheres.v[i]
+        record.a[step, o] = a[i]
+        for m in range(dA.shape[1]):
+            record.dv[step, o, m] = spheres.V[i, m]
+            record.da[step, o, m] = dA[i, m]
 
 
-@compiled
-def copied(spheres):
-    return Spheres(spheres.x.copy(), spheres.v.copy(), spheres.X.copy(), spheres.V.copy())
-
-
-@compiled
-def still(k, p):
-    return Modal(np.zeros((2, k)), np.zeros((2, k, p)))
-
-
-@compiled
-def accept(total, spheres):
-    spheres.x[:], spheres.v[:] = total.x, total.v
-    spheres.X[:], spheres.V[:] = total.X, total.V
-
-
-@compiled
+@fastmath_inline
 def add(spheres, h, at_stage, a, dA, out):
     """out = spheres + h * their rates at a stage."""
     combine(spheres.x, spheres.X, h, at_stage.v, at_stage.V, out.x, out.X)
     combine(spheres.v, spheres.V, h, a, dA, out.v, out.V)
 
 
-@fastmath_allocating_march
-def march(spheres, rig, slopes, dt, n_steps, observed, record):
-    """March spheres in place, and record the observed ones."""
-    n, p = spheres.X.shape
-    n_contacts, k = rig.A.size, rig.phi.size
-    f, a = np.zeros((5, n_contacts)), np.zeros(n)
-    dF, dA = np.zeros((n_contacts, p)), np.zeros((n, p))
-    modal, modal_at_stage, half = still(k, p), still(k, p), still(k, p)
-    at_stage, total = copied(spheres), copied(spheres)
-    stages = Stages(np.zeros(4), np.zeros((4, p)))
+class Workspace(NamedTuple):
+    """What a march with sensitivities works on, the spheres' start included."""
+
+    f: np.ndarray  # (5, n_contacts) as FORCE .. BY_LOSS
+    a: np.ndarray  # (n,) accelerations
+    dF: np.ndarray  # (n_contacts, p)
+    dA: np.ndarray  # (n, p)
+    spheres: Spheres
+    at_stage: Spheres
+    total: Spheres
+    modal: Modal
+    modal_at_stage: Modal
+    half: Modal  # half a step on
+    stages: Stages
+
+
+def workspace(spheres, rig):
+    """A Workspace of spheres at their start, modes at rest."""
+    (n, p), n_contacts, k = spheres.X.shape, rig.A.size, rig.phi.size
+    starts = (Spheres(*(part.copy() for part in spheres)) for _ in range(3))
+    modes = (Modal(np.zeros((2, k)), np.zeros((2, k, p))) for _ in range(3))
+    forces = np.zeros((5, n_contacts)), np.zeros(n), np.zeros((n_contacts, p)), np.zeros((n, p))
+    return Workspace(*forces, *starts, *modes, Stages(np.zeros(4), np.zeros((4, p))))
+
+
+@fastmath_march
+def march(work, rig, slopes, dt, n_steps, observed, record):
+    """March the workspace's spheres, and record the observed ones."""
+    f, a, dF, dA, spheres, at_stage, total, modal, modal_at_stage, half, stages = work
+    n, n_contacts = a.size, rig.A.size
     weights, spans = (dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0), (0.5 * dt, 0.5 * dt, dt, 0.0)
     for step in range(n_steps + 1):
         stage_modes(1, 0.0, modal, modal, stages, rig, slopes, half)
@@ -286,20 +291,21 @@ def march(spheres, rig, slopes, dt, n_steps, observed, record):
             acceleration_sensitivities(at_stage.X, dF, rig, slopes.load, dA)
             if n_contacts == n:
                 stages.force[s] = f[FORCE, n - 1] - rig.rest_force
-                stages.d_force[s] = dF[n - 1] - slopes.rest_force
+                for m in range(dF.shape[1]):
+                    stages.d_force[s, m] = dF[n - 1, m] - slopes.rest_force[m]
             if s == 0:
                 save(step, observed, spheres, a, dA, record)
             add(total, weights[s], at_stage, a, dA, total)
             add(spheres, spans[s], at_stage, a, dA, at_stage)
-        accept(total, spheres)
-        accept(total, at_stage)
+        add(total, 0.0, total, a, dA, spheres)
+        add(total, 0.0, total, a, dA, at_stage)
         advance_modes(dt, stages, rig, slopes, modal)
 
 
 # --- without derivatives -----------------------------------------------------------------------
 
 
-@compiled
+@fastmath_inline
 def stage_modes_alone(s, dt, z, half, force, rig, at_stage):
     """`stage_modes` without derivatives."""
     h = 0.0 if s == 0 else dt if s == 3 else 0.5 * dt
@@ -312,7 +318,7 @@ def stage_modes_alone(s, dt, z, half, force, rig, at_stage):
         at_stage[0, j], at_stage[1, j] = q, p
 
 
-@compiled
+@fastmath_inline
 def advance_modes_alone(dt, force, rig, z, half):
     """`advance_modes` without derivatives; `half` gets the modes half a step on."""
     phi, E = rig.phi, rig.propagator
@@ -327,13 +333,15 @@ def advance_modes_alone(dt, force, rig, z, half):
         half[1, j] = E[j, 1, 0] * q + E[j, 1, 1] * p
 
 
-@fastmath_allocating_march
-def march_alone(x, v, rig, dt, n_steps, observed, v_seen, a_seen):
+@fastmath_march
+def march_alone(work, rig, dt, n_steps, observed, record):
     """`march` without derivatives, in a third of the time."""
-    n, n_contacts, k = x.size, rig.A.size, rig.phi.size
-    f, a, force = np.zeros((5, n_contacts)), np.zeros(n), np.zeros(4)
-    z, zs, half = np.zeros((2, k)), np.zeros((2, k)), np.zeros((2, k))
-    xs, vs, x_sum, v_sum = x.copy(), v.copy(), x.copy(), v.copy()
+    f, a, force = work.f, work.a, work.stages.force
+    x, v, xs, vs = work.spheres.x, work.spheres.v, work.at_stage.x, work.at_stage.v
+    x_sum, v_sum = work.total.x, work.total.v
+    z, zs, half = work.modal.z, work.modal_at_stage.z, work.half.z
+    v_seen, a_seen = record.v, record.a
+    n, n_contacts = x.size, rig.A.size
     weights, spans = (dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0), (0.5 * dt, 0.5 * dt, dt, 0.0)
     for step in range(n_steps + 1):
         for s in range(4):
