@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling.march import impact
-from dem import solitary
 from dem.chain import Chain, Wall
 from dem.spheres import time_scale
 from dem.trajectory import Trajectory
-from dem.wave_measures import CONTACT, ContactTime, contact_time, force_ratio
-from dem.waves import crest, peaks
+from dem.waves import solitary
+from dem.waves.arrivals import crest, peaks
+from dem.waves.measures import CONTACT, ContactTime, contact_time, force_ratio
 
 ERROR = 1e-5  # of the velocities
 N_SAVE = 6000
@@ -26,7 +26,7 @@ FAINTEST_ARR = FAINT**1.2
 class Collision(NamedTuple):
     """What the first collision does to a chain."""
 
-    arr: float  # (2.9) at the sphere watched, 0 where no wave comes back
+    arr: float  # (2.9) at the observed sphere, 0 where no wave comes back
     lost: float  # share of the striker's energy that the spheres have not when the contact ends
     contact: ContactTime  # the first
     peak_force: float  # [N] of it
@@ -39,8 +39,8 @@ def collision(chain: Chain, wall: Wall, v0: NDArray[np.float64], sphere: int) ->
     duration = (BACK * len(chain.mass) + AT_WALL) * passing
     run = impact(chain, wall, v0, duration=duration, error=ERROR, n_save=N_SAVE).trajectory
     contact, again = first_contact(run.t, run.contact_force[:, -1])
-    left = np.interp(contact.end, run.t, run.energy_kinetic + run.energy_contact)
-    lost = float(1 - left / run.energy_kinetic[0])
+    kept = np.interp(contact.end, run.t, run.energy_kinetic + run.energy_contact)
+    lost = float(1 - kept / run.energy_kinetic[0])
     peak = run.contact_force[run.t <= contact.end, -1].max()
     arr = _amplitude_ratio(chain, run, sphere, again + contact.seconds)
     return Collision(arr, lost, contact, float(peak), run)

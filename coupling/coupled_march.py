@@ -19,7 +19,7 @@ from dem.kernels.laws import hertz_indentation
 
 CLIPPED = {"linear-clipped", "hunt-crossley"}
 STIFF = 100.0  # times as fast as the fastest mode: a march of minutes
-ROUGHER = 32.0  # times the error of a step, of the march that the error is estimated by
+COARSER = 32.0  # times the error of a step, of the march that the error is estimated by
 
 
 class EnergyGain(NamedTuple):
@@ -77,12 +77,12 @@ def with_coupled_error(
 ) -> Trajectory:
     """The trajectory of march_coupled at this error with the largest velocity difference to a
     march of half as many steps, over the largest initial speed: a cautious error_estimate."""
-    rougher = march_coupled(
-        chain, wall, v0, duration=float(trajectory.t[-1]), error=ROUGHER * error,
+    coarser = march_coupled(
+        chain, wall, v0, duration=float(trajectory.t[-1]), error=COARSER * error,
         n_save=trajectory.t.size - 1, largest_step=2 * longest_step(wall),
     )  # fmt: skip
     scale = float(np.abs(v0).max()) or 1.0
-    return trajectory._replace(error_estimate=float(np.abs(rougher.v - trajectory.v).max()) / scale)
+    return trajectory._replace(error_estimate=float(np.abs(coarser.v - trajectory.v).max()) / scale)
 
 
 def longest_step(wall: CoupledWall) -> float:

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from coupling.march import impact
 from dem.chain import Chain, Wall
-from dem.labels import Label, labels
 from dem.spheres import max_pressure, modulus_of_contact, radii_of_contacts
-from dem.trains import Train, trains
 from dem.trajectory import Trajectory
-from dem.wave_measures import WallContact, wall_contact
+from dem.waves.labels import Label, labels
+from dem.waves.measures import WallContact, wall_contact
+from dem.waves.tracks import WaveTrack, wave_tracks
 
 ERROR = 1e-4  # of the velocities
 N_SAVE = 3000
@@ -26,12 +26,12 @@ class Setup(NamedTuple):
 
 
 class Observed(NamedTuple):
-    """A run and what it shows at the spheres that are watched, counted from 1."""
+    """A run and what it shows at the observed spheres, counted from 1."""
 
     name: str
     chain: Chain
     trajectory: Trajectory
-    trains: tuple[Train, ...]
+    tracks: tuple[WaveTrack, ...]
     labels: dict[int, tuple[Label, ...]]
     contact: WallContact
 
@@ -78,11 +78,11 @@ def observed(
     """
     name, row, wall = setup
     run = impact(row, wall, v0, duration=duration, error=error, n_save=n_save).trajectory
-    found = trains(run.t, run.v, run.contact_force, row.mass, row.A, threshold=faint)
+    found = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A, threshold=faint)
     least = visible * np.abs(v0).max()
     named = {s: _seen(labels(found, run.t, run.v[:, s - 1], s), least) for s in spheres}
-    blow = wall_contact(run.t, run.v, run.contact_force, row, found)
-    return Observed(name, row, run, found, named, blow)
+    contact = wall_contact(run.t, run.v, run.contact_force, row, found)
+    return Observed(name, row, run, found, named, contact)
 
 
 def _seen(named: tuple[Label, ...], least: float) -> tuple[Label, ...]:

@@ -26,7 +26,7 @@ SMALLEST_RTOL = 2.3e-14  # scipy raises anything below 100 eps
 
 
 class Problem(NamedTuple):
-    """A chain, its wall, the velocities it starts with, what is watched."""
+    """A chain, its wall, the velocities it starts with, what is observed."""
 
     chain: dem.Chain
     wall: dem.Wall | None

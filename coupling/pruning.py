@@ -60,8 +60,8 @@ def prune(chain: Chain, wall: Wall, v0: ArrayLike, *, duration: float, error: fl
     """
     whole = impact(chain, wall, v0, duration=duration, error=0.1 * error, n_save=FINE)
     costs = mode_costs(chain, wall, whole.trajectory)
-    order = sorted(costs, key=lambda left: left.cost)
-    total = np.cumsum([left.cost for left in order])
+    order = sorted(costs, key=lambda mode: mode.cost)
+    total = np.cumsum([mode.cost for mode in order])
     n = int(np.searchsorted(total, error))
     speed = np.abs(v0).max()
     while True:
@@ -79,8 +79,8 @@ def prune(chain: Chain, wall: Wall, v0: ArrayLike, *, duration: float, error: fl
 
 def without(wall: Wall, left_out: ArrayLike) -> Wall:
     """The wall with modes left out; the static ones go into the residual compliance."""
-    static = [left.mode for left in left_out if left.how == "static"]
-    kept = np.setdiff1d(np.arange(len(wall.omega)), [left.mode for left in left_out])
+    static = [one.mode for one in left_out if one.how == "static"]
+    kept = np.setdiff1d(np.arange(len(wall.omega)), [one.mode for one in left_out])
     softer = np.sum((wall.phi[static] / wall.omega[static]) ** 2)
     return wall._replace(
         omega=wall.omega[kept],

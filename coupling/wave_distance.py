@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling.observed_run import Observed
-from dem.labels import Label
-from dem.solitary import WIDTH, speed
-from dem.wave_fit import Guess, apart
+from dem.waves.fit import Guess, apart
+from dem.waves.labels import Label
+from dem.waves.solitary import WIDTH, speed
 
 
 def distance(one: Observed, other: Observed, number: int, spheres: tuple[int, ...]) -> float:

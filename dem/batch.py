@@ -31,7 +31,7 @@ class Batch(NamedTuple):
     dt: float
     n_steps: int
     scheme: str
-    error_estimate: float | None  # relative velocity error of the sampled chains
+    error_estimate: float | None = None  # relative velocity error of the sampled chains
 
 
 def march_batch(
@@ -46,7 +46,6 @@ def march_batch(
     scheme=None,
     n_save=100,
     threads=None,
-    event_correction=True,
 ):
     """Batch of chains that start from their static state with velocities v0.
 
@@ -69,11 +68,27 @@ def march_batch(
     positive("dt" if error is None else "error", dt if error is None else error)
     if threads is not None:
         whole("threads", threads)
-    if dt is None:
-        return _to_error(
-            members, duration, error, observed, scheme, n_save, threads, event_correction
-        )
-    return _march(members, duration, dt, observed, scheme, n_save, threads, event_correction)
+    asked = _Asked(duration, n_save, observed, scheme, threads or os.cpu_count() or 1)
+    return _to_error(members, error, asked) if dt is None else _march(members, dt, asked)
+
+
+class _Asked(NamedTuple):
+    """What is asked of a batch."""
+
+    duration: float
+    n_save: int
+    observed: np.ndarray
+    scheme: str
+    threads: int
+
+    def batch(self, dt, v, wall_force, errors):
+        """What marches by steps up to dt have left."""
+        steps, t = self.steps(dt), np.linspace(0.0, self.duration, self.n_save + 1)
+        return Batch(t, v, wall_force, errors, steps.h, steps.stride * steps.n_save, self.scheme)
+
+    def steps(self, dt):
+        """Equal ones up to dt."""
+        return equal_steps(self.duration, dt, self.n_save)
 
 
 PER_CHAIN = ("preload",)
@@ -155,59 +170,48 @@ def _fields(parts, scalars, vectors):
     }
 
 
-def _to_error(members, duration, error, observed, scheme, n_save, threads, correct):
+def _to_error(members, error, asked):
     stiffest = int(members.A.max(axis=1).argmax())
-    chain, wall, v0 = members[stiffest]
     dt = march_to_error(
-        chain, wall, v0, duration=duration, error=error, observed=observed, scheme=scheme,
-        n_save=n_save, energy_error=np.inf,
+        *members[stiffest], duration=asked.duration, error=error, observed=asked.observed,
+        scheme=asked.scheme, n_save=asked.n_save, energy_error=np.inf,
     ).trajectory.dt  # fmt: skip
-    rows = np.unique(np.linspace(0, members.count - 1, 16).astype(int))
-    sample = members.take(rows)
+    sample = members.take(np.unique(np.linspace(0, members.count - 1, 16).astype(int)))
     speed = np.abs(sample.v0).max(axis=1)[:, None, None]
     while True:
-        coarse = _march(sample, duration, dt, observed, scheme, n_save, threads, correct)
-        fine = _march(sample, duration, coarse.dt / 2, observed, scheme, n_save, threads, correct)
+        coarse = _march(sample, dt, asked)
+        fine = _march(sample, coarse.dt / 2, asked)
         # the coarse step is the one used: its error is the whole difference
         estimate = float((np.abs(fine.v - coarse.v) / speed).max()) * 1.25
         if estimate <= error:
-            break
+            return _march(members, dt, asked)._replace(error_estimate=estimate)
         dt = coarse.dt / 1.5
-    return _march(members, duration, dt, observed, scheme, n_save, threads, correct)._replace(
-        error_estimate=estimate
-    )
 
 
-def _march(members, duration, dt, observed, scheme, n_save, threads, correct):
-    if not members.bare or SCHEMES[scheme].kind == "implicit":
-        return _one_by_one(members, duration, dt, observed, scheme, n_save, threads, correct)
-    method, steps = SCHEMES[scheme], equal_steps(duration, dt, n_save)
+def _march(members, dt, asked):
+    method = SCHEMES[asked.scheme]
+    if not members.bare or method.kind == "implicit":
+        return _one_by_one(members, dt, asked)
+    steps = asked.steps(dt)
     blocks = _blocks(members, steps.h * method.a)
-    n = len(blocks.v0)
+    n, k = len(blocks.v0), asked.n_save + 1
     saved = SavedLanes(
-        np.empty((n, n_save + 1, observed.size, LANES)),
-        np.empty((n, n_save + 1, LANES)),
+        np.empty((n, k, asked.observed.size, LANES)),
+        np.empty((n, k, LANES)),
         np.zeros((n, LANES)),
     )
-    correction = method.correction if correct else None
 
     def work(part):
         own, into = (type(whole)(*(a[part] for a in whole)) for whole in (blocks, saved))
-        march_lanes(own, method.a, method.b, correction, steps, observed, into)
+        march_lanes(own, method.a, method.b, method.correction, steps, asked.observed, into)
 
-    _share(work, n, threads or os.cpu_count() or 1)
-    errors = saved.energy_error.reshape(-1)[: members.count]
-    _require_finite(errors, steps.h)
-    return Batch(
-        np.linspace(0.0, duration, n_save + 1),
-        saved.v.transpose(0, 3, 1, 2).reshape(n * LANES, n_save + 1, -1)[: members.count],
-        saved.wall_force.transpose(0, 2, 1).reshape(n * LANES, -1)[: members.count],
-        errors,
-        steps.h,
-        n_save * steps.stride,
-        scheme,
-        None,
-    )
+    _share(work, n, asked.threads)
+    v = saved.v.transpose(0, 3, 1, 2).reshape(n * LANES, k, -1)
+    force = saved.wall_force.transpose(0, 2, 1).reshape(n * LANES, k)
+    found = (values[: members.count] for values in (v, force, saved.energy_error.reshape(-1)))
+    batch = asked.batch(dt, *found)
+    _require_finite(batch.energy_error, steps.h)
+    return batch
 
 
 def _blocks(members, drifts):
@@ -239,23 +243,17 @@ def _require_finite(errors, h):
         )
 
 
-def _one_by_one(members, duration, dt, observed, scheme, n_save, threads, correct):
-
+def _one_by_one(members, dt, asked):
     def one(i):
         run = march(
-            *members[i], duration=duration, dt=dt, scheme=scheme, n_save=n_save,
-            event_correction=correct,
-        )  # fmt: skip
-        force = np.zeros(n_save + 1) if members.free else run.contact_force[:, -1]
-        return run.v[:, observed], force, run.energy_error
+            *members[i], duration=asked.duration, dt=dt, scheme=asked.scheme, n_save=asked.n_save
+        )
+        force = np.zeros(asked.n_save + 1) if members.free else run.contact_force[:, -1]
+        return run.v[:, asked.observed], force, run.energy_error
 
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        v, force, errors = zip(*pool.map(one, range(members.count)), strict=True)
-    steps = equal_steps(duration, dt, n_save)
-    return Batch(
-        np.linspace(0.0, duration, n_save + 1), np.array(v), np.array(force), np.array(errors),
-        steps.h, n_save * steps.stride, scheme, None,
-    )  # fmt: skip
+    with ThreadPoolExecutor(asked.threads) as pool:
+        each = zip(*pool.map(one, range(members.count)), strict=True)
+        return asked.batch(dt, *map(np.array, each))
 
 
 def _packed(values):

@@ -26,7 +26,7 @@ from dem.static_sensitivities import or_zeros, static_sensitivities
 from dem.statics import equilibrium
 
 SMOOTH = ("none", "hunt-crossley")
-STEPS_PER_RADIAN = 40.0  # of the stiffest contact: 1e-6 in the velocities of a chain of 17
+STEPS_PER_TIME_SCALE = 40.0  # of the stiffest contact: 1e-6 in the velocities of a chain of 17
 
 
 class Directions(NamedTuple):
@@ -89,7 +89,7 @@ def usual_step(chain, wall, v0):
     rate = (A / mass) ** 0.4 * speed**0.2
     force = equilibrium(chain, wall).force.max(initial=0.0)
     at_rest = np.sqrt(1.5 * A ** (2 / 3) * force ** (1 / 3) / mass)
-    return 1.0 / (STEPS_PER_RADIAN * max(rate, at_rest))
+    return 1.0 / (STEPS_PER_TIME_SCALE * max(rate, at_rest))
 
 
 def march_with_sensitivities(chain, wall, v0, directions=None, *, duration, dt, observed):
@@ -118,7 +118,7 @@ def march_with_sensitivities(chain, wall, v0, directions=None, *, duration, dt, 
     t = np.linspace(0.0, duration, n_steps + 1)
     if not np.isfinite(out.v).all():
         raise InvalidChain(
-            f"the run with sensitivities left the numbers at dt = {h:.3g} s; take a smaller dt"
+            f"the run with sensitivities is not finite with dt = {h:.3g} s; take a smaller dt"
         )
     return Sensitivities(t, *out)
 

@@ -215,13 +215,13 @@ def _nears(tried, method, asked):
     """Whether the excess, falling on as it did last, is gone within the evaluations allowed."""
     before, now = tried[-2:]
     order = np.log(before.excess / now.excess) / np.log(before.dt / now.dt)
-    left = asked.evaluations / (asked.duration / now.dt * method.evaluations)
-    return bool(order > SLOWEST and now.excess ** (1.0 / order) <= left)
+    possible = asked.evaluations / (asked.duration / now.dt * method.evaluations)
+    return bool(order > SLOWEST and now.excess ** (1.0 / order) <= possible)
 
 
 def _observed_order(tried, difference, wide, most):
     """Order by which the differences of marches fall, as far as it is believed: the first alone
-    may be small by chance, or because both steps are too long to tell."""
+    may be small by chance, or because both steps are too long to show an order."""
     if not tried:
         return min(FIRST, most)
     before = tried[-1]

@@ -92,9 +92,7 @@ def _scheme(chain, wall, v0, prepared, dt, name=None):
     return SCHEMES[name]
 
 
-def march(
-    chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None, event_correction=True
-):
+def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None):
     """Trajectory from the static state with velocities v0 (n,), at n_save + 1 equal times.
 
     The step taken is the largest that divides the saves' spacing and is not above dt. `state`
@@ -120,7 +118,7 @@ def march(
         )
     if n_save is None:
         n_save = min(1000, int(np.ceil(duration / dt * (1 - 1e-9))))
-    trajectory = run(chain, wall, prepared, state, duration, dt, method, n_save, event_correction)
+    trajectory = run(chain, wall, prepared, state, duration, dt, method, n_save)
     if not trajectory.energy_error <= 1.0 and _ledger_is_broken(trajectory):
         raise UnstableStep(
             f"with dt = {trajectory.dt:.3g} s the energy ledger is off by "
@@ -184,7 +182,7 @@ def _damping(chain, wall):
     return Damping(np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair)
 
 
-def run(chain, wall, prepared, state, duration, dt, scheme, n_save, event_correction=True):
+def run(chain, wall, prepared, state, duration, dt, scheme, n_save):
     """Trajectory of a validated and prepared chain; see `march`."""
     steps = equal_steps(duration, dt, n_save)
     n = chain.mass.size
@@ -197,10 +195,8 @@ def run(chain, wall, prepared, state, duration, dt, scheme, n_save, event_correc
         saved = march_implicit(motion, shown, parts, *work, scheme.b, steps, out)
     else:
         before = motion._replace(x=np.empty(n), v=np.empty(n), wall=np.empty(4))
-        correction = scheme.correction if event_correction else None
-        saved = march_explicit(
-            motion, before, shown, parts, scheme.a, scheme.b, correction, steps, out
-        )
+        fractions = (scheme.a, scheme.b, scheme.correction)
+        saved = march_explicit(motion, before, shown, parts, *fractions, steps, out)
     if saved < n_save:
         raise UnstableStep(
             f"the state is not finite at t = {saved * steps.stride * steps.h:.4g} s with "

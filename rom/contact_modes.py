@@ -25,7 +25,7 @@ from rom.lanczos import EigenPairs, with_columns
 from rom.truncation import LOSS, frequencies, receptances, rms, size
 
 CONVERGED = 5e-3  # bound of the space's own error where a number of modes is asked for
-EXACT = 1e-8  # the same of a space that stands for the full model, far below any error told by it
+EXACT = 1e-8  # the same of a space that stands for the full model, far below any error stated by it
 BEYOND = 20  # vectors of such a space more than modes are kept
 CHECK = 5  # vectors between two looks at the bound
 LARGEST = 1000  # vectors: of a solid far more than any chain notices

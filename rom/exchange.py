@@ -193,12 +193,12 @@ def _model(content: Mapping[str, object], path: str | Path, w: ArrayLike | None)
         return _consistent(_read(content, path, w), path)
     except ReductionError:
         raise
-    except (ValueError, TypeError, IndexError, OverflowError) as odd:
-        raise ReductionError(f"{path} is not a reduced model: {odd}.") from odd
-    except RecursionError as odd:
+    except (ValueError, TypeError, IndexError, OverflowError) as error:
+        raise ReductionError(f"{path} is not a reduced model: {error}.") from error
+    except RecursionError as error:
         raise ReductionError(
             f"{path}: provenance is nested too deeply; write plain notes."
-        ) from odd
+        ) from error
 
 
 def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) -> ReducedModel:

@@ -58,8 +58,8 @@ def _lowest_quotient(K: sp.csc_array, M: sp.csc_array, factor: Factor) -> float:
 
 def _floating(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil:
     guess = -1e-9 * frequency_scale(K, M)
-    rough = Pencil(K, M, factorise(sp.csc_array(K - guess * M)), guess)
-    omega = lowest_modes(rough, min(8, K.shape[0])).omega
+    trial = Pencil(K, M, factorise(sp.csc_array(K - guess * M)), guess)
+    omega = lowest_modes(trial, min(8, K.shape[0])).omega
     if not omega.any():
         raise ReductionError(
             f"K has at least {len(omega)} rigid-body modes and no elastic one could be found; "
@@ -67,5 +67,5 @@ def _floating(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil:
         )
     sigma = -((omega[omega > 0][0] / 10) ** 2)
     if 1e-2 < sigma / guess < 1e2:
-        return rough
+        return trial
     return Pencil(K, M, factorise(sp.csc_array(K - sigma * M)), sigma)

@@ -116,7 +116,7 @@ def require_one_choice(
 def require_choice(
     choice: str, n_modes: int | None, error: float | None, to_hz: float | None
 ) -> None:
-    """Raise ReductionError unless the order of the modes is known and can be told."""
+    """Raise ReductionError unless the order of the modes is known and can be found."""
     if choice not in ("lowest", "contact"):
         raise ReductionError(f"choice is {choice!r}; it can be 'lowest' or 'contact'.")
     if choice == "contact" and (to_hz is None or (n_modes is None and error is None)):

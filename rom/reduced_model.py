@@ -26,12 +26,12 @@ class Surface(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """The contact of a reduced model as its maker tells it, None where he does not.
+    """The contact of a reduced model, None where its maker does not say.
 
     The force enters through w of the model. half_space [m/N]: the compliance of the patch on a
     half-space, which the Hertz law holds once more; weights_read (r,): u_w = weights_read^T q where
-    that is not w^T q, and the wall not passive; young [Pa], poisson of the surface that is struck;
-    modes_hz (k,): the modes that damping ratios are told of.
+    that is not w^T q, and the wall not passive; young [Pa], poisson of its surface;
+    modes_hz (k,): the modes that damping ratios belong to.
     """
 
     half_space: float | None = None
@@ -65,7 +65,7 @@ class ReducedModel(NamedTuple):
     force. error is the estimated relative rms error of the receptance at the contact, where it was
     asked for. coordinates names each q, where names are known; surface gives the outer nodes back.
     finer is a model of the same structure without a basis that stands for the full one
-    where this one's error is told; it goes into no file.
+    where this one's error is stated; it goes into no file.
     """
 
     K: np.ndarray

@@ -78,14 +78,14 @@ def test_repeats_are_moved_onto_each_other():
     found = aligned(T, noisy, (0, 3))
     np.testing.assert_allclose(np.diff(found.shift), np.diff(late), rtol=0, atol=1e-7)
     np.testing.assert_allclose(found.signals.spread, 1e-3, rtol=0.1)
-    assert found.odd == () and forward.signals.repeats == 1
+    assert found.outliers == () and forward.signals.repeats == 1
 
 
 def test_a_repeat_unlike_the_others_is_left_out():
     forward = Forward(rig(), (), blank())
     v = np.array([forward.velocities(np.zeros(0))] * 4)
     v[2] = -v[2]
-    assert aligned(T, v, (0, 3), move=False).odd == (2,)
+    assert aligned(T, v, (0, 3), move=False).outliers == (2,)
 
 
 def test_bars_are_those_of_linear_least_squares_where_noise_is_white():
@@ -136,7 +136,7 @@ def test_noise_of_one_record_shows_between_its_waves(noise):
     forward = Forward(rig()._replace(trigger=1e-4), (), blank())
     rng, clean = np.random.default_rng(0), forward.velocities(np.zeros(0))
     found = [
-        noise_between_waves(T, clean + noise * rng.standard_normal(clean.shape), forward.radian)
+        noise_between_waves(T, clean + noise * rng.standard_normal(clean.shape), forward.time_scale)
         for _ in range(10)
     ]
     assert np.mean(found) == pytest.approx(noise, rel=0.05)

@@ -44,7 +44,7 @@ def chain_of(count, **parts):
     )
 
 
-def struck(count, speed=0.31):
+def speeds(count, speed=0.31):
     return np.r_[speed, np.zeros(count - 1)]
 
 
@@ -61,7 +61,7 @@ def reduced_bar(kind, n_modes):
 
 @pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
 def test_reduced_and_full_order_walls_send_back_the_same_waves(kind):
-    chain, v0 = chain_of(5), struck(5)
+    chain, v0 = chain_of(5), speeds(5)
     full = wall_from_reduced(full_order(*bar()), half_space=0)
     reference = impact(chain, full, v0, duration=1.5e-3, error=1e-6)
     difference = [
@@ -82,7 +82,7 @@ def test_reduced_and_full_order_walls_send_back_the_same_waves(kind):
 
 
 def test_a_wall_without_participation_conserves_energy_but_sends_back_other_waves():
-    chain, v0 = chain_of(5), struck(5)
+    chain, v0 = chain_of(5), speeds(5)
     wall = wall_from_reduced(full_order(*bar()), half_space=0)
     right = impact(chain, wall, v0, duration=1.5e-3, error=1e-5)
     wrong = impact(chain, wall._replace(phi=0 * wall.phi), v0, duration=1.5e-3, error=1e-5)
@@ -93,7 +93,7 @@ def test_a_wall_without_participation_conserves_energy_but_sends_back_other_wave
 
 def test_the_wall_takes_the_momentum_that_the_chain_loses():
     K, M, w = bar(held=False)
-    chain, v0 = chain_of(4), struck(4)
+    chain, v0 = chain_of(4), speeds(4)
     wall = wall_from_reduced(free_modes(K, M, w, n_modes=20), half_space=0)
     run = impact(chain, wall, v0, duration=1e-3, error=1e-6).trajectory
     rigid = abs(wall.phi[0])
@@ -107,7 +107,7 @@ def test_energy_stays_over_fifty_milliseconds_of_undamped_impacts():
     chain = chain_of(3, leaf_stiffness=2e4, preload=5.0)
     wall = wall_from_reduced(reduced_bar("free-modes", 12), half_space=0, cutoff_hz=30e3)
     run = impact(
-        chain, wall, struck(3), duration=50e-3, horizon=3e-3, error=1e-4, n_save=5000
+        chain, wall, speeds(3), duration=50e-3, horizon=3e-3, error=1e-4, n_save=5000
     ).trajectory
     pushed = run.contact_force[:, -1] > 20
     assert np.count_nonzero(np.diff(pushed.astype(int)) == 1) > 20
@@ -123,8 +123,8 @@ def as_coupled(wall):
 def test_two_independent_integrators_agree():
     chain = chain_of(4, dissipation="hunt-crossley", gamma=0.2, leaf_stiffness=1e4, preload=3.0)
     wall = wall_from_reduced(reduced_bar("free-modes", 8), half_space=5e-11)
-    split = impact(chain, wall, struck(4), duration=8e-4, error=1e-7)
-    whole = impact(chain, as_coupled(wall), struck(4), duration=8e-4, error=1e-10)
+    split = impact(chain, wall, speeds(4), duration=8e-4, error=1e-7)
+    whole = impact(chain, as_coupled(wall), speeds(4), duration=8e-4, error=1e-10)
     assert velocity_difference(whole, split) < 1e-6
     for name in ("energy_wall", "energy_residual", "dissipated_contact", "wall_x"):
         ours, theirs = getattr(whole.trajectory, name), getattr(split.trajectory, name)
@@ -146,8 +146,8 @@ def test_force_at_one_node_and_reading_beside_it_makes_energy():
     read_beside = reduced._replace(contact=Contact(weights_read=reading))  # T = I
     thesis = coupled_wall(read_beside, half_space=0, cutoff_hz=60e3)
     ours = coupled_wall(reduced, half_space=0, cutoff_hz=60e3)
-    gained = impact(chain, thesis, struck(3), duration=6e-3, error=1e-9)
-    kept = impact(chain, ours, struck(3), duration=6e-3, error=1e-9)
+    gained = impact(chain, thesis, speeds(3), duration=6e-3, error=1e-9)
+    kept = impact(chain, ours, speeds(3), duration=6e-3, error=1e-9)
     assert not gained.verdict.passive and kept.verdict.passive
     assert "not passive" in gained.verdict.findings[0]
     assert gained.energy_gain.largest > 0.01
@@ -157,7 +157,7 @@ def test_force_at_one_node_and_reading_beside_it_makes_energy():
 def test_a_dashpot_inside_the_wall_is_marched_and_its_loss_is_in_the_ledger():
     K, M, w = bar()
     dashpot = sp.csc_array(([2e3], ([60], [60])), shape=K.shape)
-    chain, v0 = chain_of(4), struck(4)
+    chain, v0 = chain_of(4), speeds(4)
     reduced = free_modes(K, M, w, n_modes=24, C=dashpot)
     full = coupled_wall(full_order(K, M, w, C=dashpot), half_space=0)
     small = impact(chain, coupled_wall(reduced, half_space=0), v0, duration=1e-3, error=1e-8)
@@ -170,7 +170,7 @@ def test_a_dashpot_inside_the_wall_is_marched_and_its_loss_is_in_the_ledger():
 def test_proportional_damping_marches_alike_as_ratios_and_as_a_matrix():
     K, M, w = bar()
     reduced = free_modes(K, M, w, n_modes=8, C=30 * M + 2e-8 * K)
-    chain, v0 = chain_of(3), struck(3)
+    chain, v0 = chain_of(3), speeds(3)
     ratios = impact(chain, wall_from_reduced(reduced, half_space=0), v0, duration=8e-4, error=1e-7)
     matrix = impact(chain, coupled_wall(reduced, half_space=0), v0, duration=8e-4, error=1e-10)
     assert ratios.trajectory.dissipated_wall[-1] > 0
@@ -179,7 +179,7 @@ def test_proportional_damping_marches_alike_as_ratios_and_as_a_matrix():
 
 
 def test_a_run_that_cannot_work_is_refused_before_it_starts():
-    chain, v0 = chain_of(3), struck(3)
+    chain, v0 = chain_of(3), speeds(3)
     wall = wall_from_reduced(reduced_bar("free-modes", 8), half_space=0)
     with pytest.raises(CouplingError, match="gives way"):
         impact(chain, wall._replace(residual_compliance=-1e-7), v0, duration=1e-3, error=1e-4)
@@ -220,20 +220,20 @@ def test_a_coupled_wall_is_damped_as_its_oscillators_are():
     """2 zeta omega on the diagonal, whichever way the wall was made; undamped it is another one."""
     model, damped = reduced_bar("free-modes", 8), {"damping": ModalDamping(0.2)}
     wall, chain = wall_from_reduced(model, half_space=5e-11, **damped), chain_of(3)
-    split = impact(chain, wall, struck(3), duration=6e-4, error=1e-7)
+    split = impact(chain, wall, speeds(3), duration=6e-4, error=1e-7)
     for coupled in (as_coupled(wall), coupled_wall(model, half_space=5e-11, **damped)):
-        whole = impact(chain, coupled, struck(3), duration=6e-4, error=1e-9)
+        whole = impact(chain, coupled, speeds(3), duration=6e-4, error=1e-9)
         assert velocity_difference(whole, split) < 1e-6
         free = impact(
-            chain, coupled._replace(D=0 * coupled.D), struck(3), duration=6e-4, error=1e-9
+            chain, coupled._replace(D=0 * coupled.D), speeds(3), duration=6e-4, error=1e-9
         )
         assert velocity_difference(free, split) > 1e-3
 
 
 def test_a_horizon_before_the_first_impact_ends_makes_no_tiny_steps():
     run = {"duration": 3e-3, "error": 1e-4, "n_save": 3000}
-    usual = impact(chain_of(5), dem.rigid_wall(), struck(5), **run).trajectory
-    early = impact(chain_of(5), dem.rigid_wall(), struck(5), horizon=1e-18, **run).trajectory
+    usual = impact(chain_of(5), dem.rigid_wall(), speeds(5), **run).trajectory
+    early = impact(chain_of(5), dem.rigid_wall(), speeds(5), horizon=1e-18, **run).trajectory
     assert early.n_steps <= 4 * usual.n_steps
     assert early.energy_error < 1e-6
 
@@ -241,6 +241,6 @@ def test_a_horizon_before_the_first_impact_ends_makes_no_tiny_steps():
 def test_a_verdict_on_many_spheres_costs_no_more_a_sphere():
     # with a sum over all spheres for each contact this one would take minutes
     many, few = (
-        verdict(chain_of(n), dem.rigid_wall(), struck(n)).contact_frequency for n in (200_000, 20)
+        verdict(chain_of(n), dem.rigid_wall(), speeds(n)).contact_frequency for n in (200_000, 20)
     )
     assert many == pytest.approx(few)

@@ -25,7 +25,7 @@ class Linear(Forward):
     def __init__(self, parameters, signals):
         self.parameters, self.signals = tuple(parameters), signals
         self.rig, self.start = Rig(None, None, None), np.zeros(len(parameters))
-        self.radian, self.dt = 1e-2, T[1]
+        self.time_scale, self.dt = 1e-2, T[1]
 
     def velocities(self, theta, first=None):
         return (J @ theta)[:first]

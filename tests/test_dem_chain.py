@@ -9,7 +9,7 @@ import pytest
 
 from dem import Chain, dashpot_wall, march, one_dof_wall, rigid_wall, row_of_spheres
 from dem.spheres import force_scale, hertz_coefficient, mass, time_scale
-from dem.waves import arrivals, passage, velocity_sum_ratio
+from dem.waves.arrivals import arrivals, passage, velocity_sum_ratio
 
 
 def unit_chain(n, A_wall=None, **parts):
@@ -19,7 +19,7 @@ def unit_chain(n, A_wall=None, **parts):
     return Chain(np.ones(n), np.full(n, 0.5), A, **parts)
 
 
-def struck(n, speed=1.0):
+def speeds(n, speed=1.0):
     v0 = np.zeros(n)
     v0[0] = speed
     return v0
@@ -27,7 +27,7 @@ def struck(n, speed=1.0):
 
 @pytest.fixture(scope="module")
 def long_chain():
-    return march(unit_chain(60), None, struck(60), duration=70.0, dt=0.05, n_save=7000)
+    return march(unit_chain(60), None, speeds(60), duration=70.0, dt=0.05, n_save=7000)
 
 
 def test_solitary_wave_has_published_velocity_speed_and_force(long_chain):
@@ -95,7 +95,7 @@ def test_first_spheres_recoil(long_chain):
 def test_leading_wave_of_unequal_striker(ratio, share):
     chain = unit_chain(60)
     chain.mass[0] = ratio
-    run = march(chain, None, struck(60), duration=55.0, dt=0.05, n_save=550)
+    run = march(chain, None, speeds(60), duration=55.0, dt=0.05, n_save=550)
     v, F = run.v[-1], run.contact_force[-1]
     gap = int(v.argmax()) - 1
     while F[gap] > 1e-3 * F.max() and F[gap] >= F[gap - 1]:
@@ -112,16 +112,16 @@ def test_ten_steel_beads_end_like_the_published_run():
         -0.002937, -0.001702, 0.002625, 0.146923, 0.985956,
     ]  # fmt: skip
     chain = row_of_spheres(0.010, 7780.0, 203e9, 0.3, count=10, free=True)
-    run = march(chain, None, struck(10), duration=5e-4, dt=2e-7, n_save=10)
+    run = march(chain, None, speeds(10), duration=5e-4, dt=2e-7, n_save=10)
     assert run.v[-1] == pytest.approx(published, abs=1e-3)
 
 
 def test_a_bead_as_wall_is_a_bead():
     chain = row_of_spheres(0.010, 7780.0, 203e9, 0.3, count=10, free=True)
-    ten = march(chain, None, struck(10), duration=5e-4, dt=2e-7, n_save=50)
+    ten = march(chain, None, speeds(10), duration=5e-4, dt=2e-7, n_save=50)
     nine = Chain(chain.mass[:9], chain.radius[:9], chain.A)
     wall = one_dof_wall(0.0, chain.mass[0])
-    run = march(nine, wall, struck(9), duration=5e-4, dt=2e-7, n_save=50)
+    run = march(nine, wall, speeds(9), duration=5e-4, dt=2e-7, n_save=50)
     assert run.v == pytest.approx(ten.v[:, :9], abs=1e-12)
     assert run.wall_v == pytest.approx(ten.v[:, 9], abs=1e-12)
 
@@ -129,7 +129,7 @@ def test_a_bead_as_wall_is_a_bead():
 def test_single_hertz_impact_on_a_flat():
     # duration and force of H. Hertz (1882): T = 3.21807 m^0.4 A^-0.4 v^-0.2
     chain = Chain(np.array([2.0]), np.array([1.0]), np.array([5.0]))
-    run = march(chain, rigid_wall(), struck(1, 0.3), duration=4.0, dt=2e-3, n_save=4000)
+    run = march(chain, rigid_wall(), speeds(1, 0.3), duration=4.0, dt=2e-3, n_save=4000)
     closed = np.flatnonzero(run.contact_force[:, 0] > 0.0)
     t_s, F_s = time_scale(2.0, 5.0, 0.3), force_scale(2.0, 5.0, 0.3)
     assert run.t[closed[-1]] - 0.0 == pytest.approx(3.21807 * t_s, abs=2e-3)
@@ -152,8 +152,8 @@ def test_chain_on_a_rigid_wall_is_half_of_a_head_on_collision():
     n = 9
     half = unit_chain(n, A_wall=2.0**1.5)
     both = unit_chain(2 * n)
-    v0 = np.concatenate([struck(n), -struck(n)[::-1]])
-    one = march(half, rigid_wall(), struck(n), duration=25.0, dt=0.05, n_save=100)
+    v0 = np.concatenate([speeds(n), -speeds(n)[::-1]])
+    one = march(half, rigid_wall(), speeds(n), duration=25.0, dt=0.05, n_save=100)
     two = march(both, None, v0, duration=25.0, dt=0.05, n_save=100)
     assert one.v == pytest.approx(two.v[:, :n], abs=1e-12)
     assert two.v[:, n:] == pytest.approx(-two.v[:, :n][:, ::-1], abs=1e-12)
@@ -169,7 +169,7 @@ def test_chain_on_a_rigid_wall_is_half_of_a_head_on_collision():
 )
 def test_seventeen_beads_and_a_wall(factor, t_wall, F_wall, reflected_14, reflected_4, last):
     chain = unit_chain(17, A_wall=factor)
-    run = march(chain, rigid_wall(), struck(17), duration=90.0, dt=0.03, n_save=9000)
+    run = march(chain, rigid_wall(), speeds(17), duration=90.0, dt=0.03, n_save=9000)
     wall = arrivals(run.t, run.contact_force[:, -1])[0]
     assert (wall.time, wall.peak_velocity) == pytest.approx((t_wall, F_wall), abs=2e-4)
     fourth, fourteenth = passage(run.t, run.v[:, 3]), passage(run.t, run.v[:, 13])
@@ -184,7 +184,7 @@ def test_seventeen_beads_and_a_wall(factor, t_wall, F_wall, reflected_14, reflec
 def test_wall_peak_over_chain_peak():
     for factor, ratio in ((2**0.5, 1.9439), (2**1.5, 2.2384)):
         chain = unit_chain(17, A_wall=factor)
-        run = march(chain, rigid_wall(), struck(17), duration=22.0, dt=0.03, n_save=4000)
+        run = march(chain, rigid_wall(), speeds(17), duration=22.0, dt=0.03, n_save=4000)
         F = run.contact_force
         assert F[:, -1].max() / 0.63955 == pytest.approx(ratio, abs=2e-3)
 
@@ -192,12 +192,12 @@ def test_wall_peak_over_chain_peak():
 @pytest.mark.parametrize("speed", [0.01, 7.0])
 def test_force_and_time_scale_exactly_with_speed(speed):
     chain = unit_chain(8, A_wall=1.5)
-    one = march(chain, rigid_wall(), struck(8), duration=20.0, dt=0.05, n_save=100)
+    one = march(chain, rigid_wall(), speeds(8), duration=20.0, dt=0.05, n_save=100)
     stretch = speed**-0.2
     other = march(
         chain,
         rigid_wall(),
-        struck(8, speed),
+        speeds(8, speed),
         duration=20.0 * stretch,
         dt=0.05 * stretch,
         n_save=100,
@@ -227,7 +227,7 @@ def test_zener_restitution_on_a_plate(inelasticity, restitution):
     alpha = inelasticity / (m**0.6 * A**0.4 * v**0.2)
     chain = Chain(np.array([m]), np.array([0.0127]), np.array([A]))
     t_s = time_scale(m, A, v)
-    run = march(chain, dashpot_wall(1 / alpha), struck(1, v), duration=12 * t_s, dt=t_s / 100)
+    run = march(chain, dashpot_wall(1 / alpha), speeds(1, v), duration=12 * t_s, dt=t_s / 100)
     assert -run.v[-1, 0] / v == pytest.approx(restitution, abs=1e-5)
     assert run.energy_error < 1e-8
 
@@ -251,7 +251,7 @@ def test_falcon_column_stays_at_the_wall_for_longer_with_every_bead():
 def test_soft_walls_make_a_second_reflected_wave_that_fades_out(ratio, least, most):
     # references.md 4: gone where E*_w/E*_s rises to 0.39..0.47; gone is half a percent of V
     chain = unit_chain(17, A_wall=2**1.5 / (1 + 1 / ratio))
-    run = march(chain, rigid_wall(), struck(17), duration=60.0, dt=0.05, n_save=3000)
+    run = march(chain, rigid_wall(), speeds(17), duration=60.0, dt=0.05, n_save=3000)
     waves = arrivals(run.t, -run.v[:, 13], threshold=1e-3)
     first, *others = (wave.peak_velocity for wave in waves if wave.time > 20.0)
     assert first > 0.6
@@ -271,5 +271,5 @@ def test_rig_numbers():
     for stiffness, peak in ((2**0.5, 653.0), (2**1.5, 752.0)):
         chain = row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=17)
         chain.A[-1] = stiffness * A
-        run = march(chain, rigid_wall(), struck(17, 0.31), duration=1e-3, dt=1e-6)
+        run = march(chain, rigid_wall(), speeds(17, 0.31), duration=1e-3, dt=1e-6)
         assert run.contact_force[:, -1].max() == pytest.approx(peak, abs=1.0)

@@ -15,7 +15,7 @@ def row(count=3, **parts):
     return dem.row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=count, **parts)
 
 
-def struck(chain, wall, **options):
+def impact(chain, wall, **options):
     n = chain.mass.size
     run = {"duration": 1e-4, "error": 1e-4, "n_save": 100, **options}
     return dem.march_to_error(chain, wall, SPEED * np.eye(n)[0], **run).trajectory
@@ -46,7 +46,7 @@ def by_radau(chain, t):
 @pytest.mark.parametrize("law", LAWS)
 def test_velocities_are_those_of_an_independent_stiff_integrator(law, gamma):
     chain = row(dissipation=law, gamma=gamma)
-    run = struck(chain, dem.rigid_wall())
+    run = impact(chain, dem.rigid_wall())
     off = np.abs(run.v - by_radau(chain, run.t)).max() / SPEED
     assert off <= max(run.error_estimate, 1e-8)  # of the reference
     assert run.error_estimate <= 1e-4
@@ -57,11 +57,11 @@ def test_velocities_are_those_of_an_independent_stiff_integrator(law, gamma):
 def test_an_infinite_damper_makes_impacts_perfectly_plastic(law, gamma):
     """Against a wall all stop and the dampers have all energy; free spheres go on as one. What is
     left is that of the contact's spring against a damper of gamma: SPEED / gamma at the most."""
-    stopped = struck(row(5, dissipation=law, gamma=gamma), dem.rigid_wall())
+    stopped = impact(row(5, dissipation=law, gamma=gamma), dem.rigid_wall())
     assert np.abs(stopped.v[5:]).max() < 1e-4 * SPEED
     assert np.abs(stopped.contact_force[5:]).max() < 1.0  # of 900 N, not gamma times rounding
     assert stopped.dissipated_contact[-1] == pytest.approx(stopped.energy_kinetic[0], rel=1e-4)
-    together = struck(row(5, dissipation=law, gamma=gamma, free=True), None)
+    together = impact(row(5, dissipation=law, gamma=gamma, free=True), None)
     np.testing.assert_allclose(together.v[5:], SPEED / 5, rtol=1e-3)
     assert together.energy_kinetic[-1] == pytest.approx(together.energy_kinetic[0] / 5, rel=1e-3)
 
@@ -77,7 +77,7 @@ def test_dampers_whose_work_another_scheme_denies_are_not_believed(monkeypatch):
     march = step_control.run
     monkeypatch.setattr(step_control, "run", lossless)
     with pytest.raises(dem.UnstableStep, match="is not reached"):
-        struck(row(dissipation="linear-clipped", gamma=1e12), dem.rigid_wall(), max_evaluations=1e7)
+        impact(row(dissipation="linear-clipped", gamma=1e12), dem.rigid_wall(), max_evaluations=1e7)
 
 
 def test_neighbours_of_a_strong_damper_keep_their_own_pace():
@@ -124,10 +124,10 @@ def test_a_damper_behind_a_spring_works_on_the_indentation():
     s, missed, taken = 2e-9, [], []
     wall = dem.rigid_wall()._replace(residual_compliance=s)
     run = {"duration": 8e-5, "error": 1e-6}
-    elastic = struck(row(1), wall, **run).v[:, 0]
+    elastic = impact(row(1), wall, **run).v[:, 0]
     for gamma in (0.4, 0.2):
         chain = row(1, dissipation="hunt-crossley", gamma=gamma)
-        found = struck(chain, wall, **run)
+        found = impact(chain, wall, **run)
         exact = on_a_spring(chain, s, found.t)
         missed.append(np.abs(found.v[: exact.size, 0] - exact).max())
         taken.append(np.abs(elastic[: exact.size] - exact).max())

@@ -24,7 +24,7 @@ def rig(radius=0.0127, young=210e9, **parts):
     return row_of_spheres(radius, 7800.0, young, 0.3, count=9, **parts)
 
 
-def struck(speed=0.31):
+def speeds(speed=0.31):
     return speed * np.eye(9)[0]
 
 
@@ -43,7 +43,7 @@ def controlled(chain, wall, v0, duration, **options):
 def test_scale_does_not_matter(radius, young, speed):
     chain = rig(radius, young)
     duration = 40.0 * time_scale(chain.mass[0], chain.A[0], speed)
-    run = controlled(chain, rigid_wall(), struck(speed), duration)
+    run = controlled(chain, rigid_wall(), speeds(speed), duration)
     assert run.energy_error < 1e-6
     assert run.v[-1, 0] / speed == pytest.approx(-0.98915, abs=1e-4)
 
@@ -52,7 +52,7 @@ def test_scale_does_not_matter(radius, young, speed):
 @pytest.mark.parametrize("ratio", [1e-3, 1.0, 1e6])
 def test_any_one_dof_wall(frequency, ratio):
     chain = rig()
-    run = controlled(chain, one_dof_wall(frequency, ratio * chain.mass[0]), struck(), 1e-3)
+    run = controlled(chain, one_dof_wall(frequency, ratio * chain.mass[0]), speeds(), 1e-3)
     assert run.error_estimate < 1e-4
     assert run.energy_error < 1e-6
 
@@ -61,7 +61,7 @@ def test_any_one_dof_wall(frequency, ratio):
 def test_modes_damped_beyond_critical(zeta):
     omega = 2 * np.pi * np.array([50.0, 1e3, 1e5])
     wall = Wall(omega, np.full(3, zeta), np.full(3, 0.3))
-    run = controlled(rig(), wall, struck(), 1e-3)
+    run = controlled(rig(), wall, speeds(), 1e-3)
     assert run.energy_error < 1e-6
     assert np.diff(run.dissipated_wall).min() > -1e-9 * run.energy_total[0]
 
@@ -79,7 +79,7 @@ def test_any_dashpot(coefficient):
 @pytest.mark.parametrize("gamma", [1e-3, 1.0, 1e4])
 def test_any_damping(law, gamma):
     chain = rig(dissipation=law, gamma=gamma * (1.0 if law == "hunt-crossley" else 10.0))
-    run = controlled(chain, rigid_wall(), struck(), 5e-4)
+    run = controlled(chain, rigid_wall(), speeds(), 5e-4)
     assert run.energy_error < 1e-6
     assert np.diff(run.dissipated_contact).min() >= -1e-12 * run.energy_total[0]
 
@@ -89,24 +89,24 @@ def test_any_preload(force):
     stiffness = 1e5 * np.eye(9)[0]
     squeezed = rig(leaf_stiffness=stiffness, leaf_anchor=(force / 1e5 + 1e-4) * np.eye(9)[0])
     for chain in (rig(preload=force), squeezed):
-        run = controlled(chain, rigid_wall(), struck(), 5e-4)
+        run = controlled(chain, rigid_wall(), speeds(), 5e-4)
         assert run.energy_error < 1e-6
 
 
 def test_fast_modes_do_not_pump():
     wall = Wall(2 * np.pi * np.array([1e3, 1e7]), np.zeros(2), np.array([0.3, 300.0]))
-    run = controlled(rig(), wall, struck(), 5e-4)
+    run = controlled(rig(), wall, speeds(), 5e-4)
     assert run.energy_error < 1e-6
     soft = Wall(wall.omega[:1], wall.zeta[:1], wall.phi[:1], (300.0 / wall.omega[1]) ** 2)
-    same = controlled(rig(), soft, struck(), 5e-4)
+    same = controlled(rig(), soft, speeds(), 5e-4)
     assert run.v == pytest.approx(same.v, abs=1e-4 * 0.31)
 
 
 def test_too_long_a_step_back_into_damping_is_refused():
     wall = Wall(np.array([1e7]), np.array([100.0]), np.array([1.0]))
     with pytest.raises(UnstableStep, match="scheme of order 2"):
-        march(rig(), wall, struck(), duration=1e-3, dt=1e-6, scheme="rkn6")
-    run = march(rig(), wall, struck(), duration=1e-3, dt=1e-6)
+        march(rig(), wall, speeds(), duration=1e-3, dt=1e-6, scheme="rkn6")
+    run = march(rig(), wall, speeds(), duration=1e-3, dt=1e-6)
     assert run.scheme == "energy2"
 
 
@@ -153,7 +153,7 @@ def test_a_search_ends_where_rounding_alone_is_left(speed, error):
     """Of the ledger: of the pressed chain's energy, 1e11 times that of the slow striker, and of all
     parts of all steps. Finer steps only add to both; the search once took them for a minute."""
     found = march_to_error(
-        pressed(), rigid_wall(), struck(speed), duration=3e-3, error=error, n_save=30
+        pressed(), rigid_wall(), speeds(speed), duration=3e-3, error=error, n_save=30
     )
     assert found.step_report.error_estimate < error
     assert found.trajectory.n_steps < 1e5
@@ -162,7 +162,7 @@ def test_a_search_ends_where_rounding_alone_is_left(speed, error):
 def test_an_error_below_rounding_is_refused_before_it_is_searched_for():
     with pytest.raises(UnstableStep, match="rounding alone leaves up to"):
         march_to_error(
-            pressed(), rigid_wall(), struck(), duration=0.3, error=1e-12, n_save=30
+            pressed(), rigid_wall(), speeds(), duration=0.3, error=1e-12, n_save=30
         )  # fmt: skip
 
 
@@ -176,7 +176,7 @@ def test_a_search_that_gets_no_nearer_is_given_up(monkeypatch):
     )
     with pytest.raises(UnstableStep, match="is not reached"):
         march_to_error(
-            rig(), rigid_wall(), struck(), duration=1e-3, error=1e-4, n_save=10,
+            rig(), rigid_wall(), speeds(), duration=1e-3, error=1e-4, n_save=10,
             max_evaluations=allowed,
         )  # fmt: skip
     assert sum(1e-3 / dt for dt in steps) * 6 < allowed / 3

@@ -30,7 +30,7 @@ def unit_chain(n, A_wall=None, **parts):
     return Chain(np.ones(n), np.full(n, 0.5), A, **parts)
 
 
-def struck(n, speed=1.0):
+def speeds(n, speed=1.0):
     v0 = np.zeros(n)
     v0[0] = speed
     return v0
@@ -66,9 +66,9 @@ def test_modal_drift_is_the_analytic_oscillator(omega, zeta):
 
 
 def test_strong_damping_of_fast_modes_does_not_overflow():
-    turn = oscillator_propagator(np.array([1e8, 1e8]), np.array([1.0, 1e3]), 1e-3)
-    assert np.isfinite(turn).all()
-    assert turn[0, 1] == pytest.approx(np.exp(-1e8 / (1e3 + np.sqrt(1e6 - 1)) * 1e-3), rel=1e-6)
+    E = oscillator_propagator(np.array([1e8, 1e8]), np.array([1.0, 1e3]), 1e-3)
+    assert np.isfinite(E).all()
+    assert E[0, 1] == pytest.approx(np.exp(-1e8 / (1e3 + np.sqrt(1e6 - 1)) * 1e-3), rel=1e-6)
 
 
 @pytest.mark.parametrize("damped", [False, True])
@@ -83,7 +83,7 @@ def test_energy_ledger_closes_with_every_part(damped):
         preload=0.2,
     )
     wall = modal_wall(damped, residual_compliance=0.1)._replace(phi=np.array([0.0, -0.5, 0.4, 0.7]))
-    run = march(chain, wall, struck(6), duration=30.0, dt=0.01, n_save=300)
+    run = march(chain, wall, speeds(6), duration=30.0, dt=0.01, n_save=300)
     assert run.energy_error < (1e-7 if damped else 1e-8)
     for part in (
         run.energy_contact, run.energy_leaf, run.energy_wall, run.energy_residual,
@@ -101,7 +101,7 @@ def test_energy_ledger_closes_with_every_part(damped):
 @pytest.mark.parametrize("gamma", [0.01, 1.0, 1e3])
 def test_dissipation_never_makes_energy_and_the_ledger_closes(law, gamma):
     chain = unit_chain(6, 1.5, dissipation=law, gamma=np.full(6, gamma))
-    run = march(chain, modal_wall(), struck(6), duration=30.0, dt=0.02, scheme="verlet", n_save=300)
+    run = march(chain, modal_wall(), speeds(6), duration=30.0, dt=0.02, scheme="verlet", n_save=300)
     assert np.isfinite(run.v).all()
     assert np.diff(run.dissipated_contact).min() >= 0.0
     assert run.energy_error < 2e-3
@@ -154,8 +154,8 @@ def test_wall_mode_rings_exactly_after_the_impact():
     run = march(unit_chain(1, 1.0), wall, np.ones(1), duration=20.0, dt=0.05, n_save=400)
     free = np.flatnonzero(run.contact_force[:, 0] == 0.0)
     k = free[free > 5][0]
-    turn = oscillator_propagator(wall.omega, wall.zeta, run.t[-1] - run.t[k])[:, 0]
-    exact = turn[:2] @ [run.wall_x[k], run.wall_v[k]]
+    E = oscillator_propagator(wall.omega, wall.zeta, run.t[-1] - run.t[k])[:, 0]
+    exact = E[:2] @ [run.wall_x[k], run.wall_v[k]]
     assert run.contact_force[k:].max() == 0.0
     assert run.wall_x[-1] == pytest.approx(exact, abs=1e-13)
 
@@ -272,26 +272,30 @@ def test_composed_and_implicit_schemes_keep_their_order_with_damped_contacts(nam
     assert order[-1] == pytest.approx(scheme.order, abs=0.15)
 
 
-def test_march_reverses_in_time():
+def without_correction(monkeypatch):
+    for name, scheme in SCHEMES.items():
+        monkeypatch.setitem(SCHEMES, name, scheme._replace(correction=None))
+
+
+def test_march_reverses_in_time(monkeypatch):
+    without_correction(monkeypatch)
     chain = unit_chain(
         6, 1.5, leaf_stiffness=np.full(6, 0.1), leaf_anchor=np.linspace(0.2, 0, 6), preload=0.1
     )
     wall = modal_wall(damped=False, residual_compliance=-0.05)._replace(
         phi=np.array([0.0, -0.5, 0.4, 0.7])
     )
-    there = march(chain, wall, struck(6), duration=15.0, dt=0.05, n_save=5, event_correction=False)
+    there = march(chain, wall, speeds(6), duration=15.0, dt=0.05, n_save=5)
     turned = there.final.reversed()
-    back = march(
-        chain, wall, None, duration=15.0, dt=0.05, n_save=5, state=turned, event_correction=False
-    )
+    back = march(chain, wall, None, duration=15.0, dt=0.05, n_save=5, state=turned)
     assert back.x[-1] == pytest.approx(there.x[0], abs=1e-10)
     assert back.v[-1] == pytest.approx(-there.v[0], abs=1e-10)
 
 
 def test_two_halves_are_the_whole_bit_for_bit():
     chain, wall = unit_chain(6, 1.5), modal_wall(residual_compliance=0.1)
-    whole = march(chain, wall, struck(6), duration=16.0, dt=2**-4, n_save=4)
-    first = march(chain, wall, struck(6), duration=8.0, dt=2**-4, n_save=2)
+    whole = march(chain, wall, speeds(6), duration=16.0, dt=2**-4, n_save=4)
+    first = march(chain, wall, speeds(6), duration=8.0, dt=2**-4, n_save=2)
     second = march(chain, wall, None, duration=8.0, dt=2**-4, n_save=2, state=first.final)
     assert (whole.x[2:] == second.x).all()
     assert (whole.v[2:] == second.v).all()
@@ -301,16 +305,16 @@ def test_two_halves_are_the_whole_bit_for_bit():
 def test_free_chain_keeps_its_momentum():
     chain = unit_chain(12, dissipation="hunt-crossley", gamma=np.full(11, 0.3))
     chain.mass[:] = np.linspace(0.5, 2.0, 12)
-    run = march(chain, None, struck(12), duration=40.0, dt=0.05, n_save=100)
+    run = march(chain, None, speeds(12), duration=40.0, dt=0.05, n_save=100)
     assert run.v @ chain.mass == pytest.approx(0.5, abs=1e-13)
 
 
 def test_wall_that_takes_no_part_is_rigid_and_one_that_does_is_not():
-    rigid = march(unit_chain(4, 1.5), rigid_wall(), struck(4), duration=9.0, dt=0.05, n_save=20)
+    rigid = march(unit_chain(4, 1.5), rigid_wall(), speeds(4), duration=9.0, dt=0.05, n_save=20)
     still = modal_wall()._replace(phi=np.zeros(4))
-    same = march(unit_chain(4, 1.5), still, struck(4), duration=9.0, dt=0.05, n_save=20)
+    same = march(unit_chain(4, 1.5), still, speeds(4), duration=9.0, dt=0.05, n_save=20)
     assert same.v == pytest.approx(rigid.v, abs=1e-14)
-    given = march(unit_chain(4, 1.5), modal_wall(), struck(4), duration=9.0, dt=0.05, n_save=20)
+    given = march(unit_chain(4, 1.5), modal_wall(), speeds(4), duration=9.0, dt=0.05, n_save=20)
     assert np.abs(given.v - rigid.v).max() > 0.05
     assert np.abs(given.wall_x).max() > 0.1
 
@@ -320,10 +324,10 @@ def test_stiff_mode_and_residual_spring_are_the_same_compliance():
     mode = Wall(np.array([80.0]), np.zeros(1), np.array([20.0]))
     spring = rigid_wall()._replace(residual_compliance=(20.0 / 80.0) ** 2)
     chain = unit_chain(3, 1.5)
-    one = march(chain, mode, struck(3), duration=10.0, dt=2e-3, n_save=50)
-    two = march(chain, spring, struck(3), duration=10.0, dt=2e-3, n_save=50)
+    one = march(chain, mode, speeds(3), duration=10.0, dt=2e-3, n_save=50)
+    two = march(chain, spring, speeds(3), duration=10.0, dt=2e-3, n_save=50)
     assert two.v == pytest.approx(one.v, abs=5e-4)
-    rigid = march(chain, rigid_wall(), struck(3), duration=10.0, dt=2e-3, n_save=50)
+    rigid = march(chain, rigid_wall(), speeds(3), duration=10.0, dt=2e-3, n_save=50)
     assert np.abs(rigid.v - two.v).max() > 1e-2
 
 
@@ -333,9 +337,9 @@ def test_march_to_error_reaches_the_error_it_reports(error, damped):
     law = dict(dissipation="hunt-crossley", gamma=np.full(17, 0.05)) if damped else {}
     chain, wall = unit_chain(17, 1.5, **law), modal_wall(damped, residual_compliance=0.05)
     run, report = march_to_error(
-        chain, wall, struck(17), duration=60.0, error=error, observed=[0, 3, 13], n_save=200
+        chain, wall, speeds(17), duration=60.0, error=error, observed=[0, 3, 13], n_save=200
     )
-    exact = march(chain, wall, struck(17), duration=60.0, dt=2e-3, n_save=200)
+    exact = march(chain, wall, speeds(17), duration=60.0, dt=2e-3, n_save=200)
     off = np.abs(run.v - exact.v)[:, [0, 3, 13]].max()
     assert off < max(run.error_estimate, 3e-8) <= error
     assert report.error_estimate == run.error_estimate
@@ -346,8 +350,8 @@ def test_march_to_error_reaches_the_error_it_reports(error, damped):
 def test_march_to_error_takes_any_number_of_saves(n_save):
     """A prime number of saves leaves no longer step that meets some of them only."""
     chain, wall = unit_chain(5, 1.5), rigid_wall()
-    run, report = march_to_error(chain, wall, struck(5), duration=6.0, error=1e-3, n_save=n_save)
-    exact = march(chain, wall, struck(5), duration=6.0, dt=1e-3, n_save=n_save)
+    run, report = march_to_error(chain, wall, speeds(5), duration=6.0, error=1e-3, n_save=n_save)
+    exact = march(chain, wall, speeds(5), duration=6.0, dt=1e-3, n_save=n_save)
     assert run.t.size == n_save + 1
     assert np.abs(run.v - exact.v).max() < max(report.error_estimate, 3e-8) <= 1e-3
 
@@ -355,22 +359,22 @@ def test_march_to_error_takes_any_number_of_saves(n_save):
 def test_march_to_error_says_when_it_cannot():
     with pytest.raises(UnstableStep, match="is not reached"):
         march_to_error(
-            unit_chain(5), None, struck(5), duration=20.0, error=1e-9, max_evaluations=1e4
+            unit_chain(5), None, speeds(5), duration=20.0, error=1e-9, max_evaluations=1e4
         )
 
 
 @pytest.mark.parametrize(("duration", "error"), [(1e12, 1e-3), (20.0, 1e-60)])
 def test_march_to_error_refuses_at_once_what_would_not_end(duration, error):
     with pytest.raises(UnstableStep, match=r"is not reached within .* evaluations"):
-        march_to_error(unit_chain(5), None, struck(5), duration=duration, error=error)
+        march_to_error(unit_chain(5), None, speeds(5), duration=duration, error=error)
 
 
 def test_a_step_beyond_the_limit_is_refused():
     chain = unit_chain(5, 1.5)
-    limit = stability_limit(chain, rigid_wall(), struck(5))
+    limit = stability_limit(chain, rigid_wall(), speeds(5))
     with pytest.raises(UnstableStep, match=r"dt = .* take dt <"):
-        march(chain, rigid_wall(), struck(5), duration=100 * limit, dt=2 * limit)
-    march(chain, rigid_wall(), struck(5), duration=100 * limit, dt=0.5 * limit)
+        march(chain, rigid_wall(), speeds(5), duration=100 * limit, dt=2 * limit)
+    march(chain, rigid_wall(), speeds(5), duration=100 * limit, dt=0.5 * limit)
 
 
 def test_fold_of_a_negative_residual_is_reported():
@@ -394,7 +398,7 @@ def test_fold_of_a_negative_residual_is_reported():
 )
 def test_bad_chains_are_refused_in_one_sentence(change, sentence):
     with pytest.raises(InvalidChain, match=sentence):
-        march(unit_chain(3, 1.0)._replace(**change), rigid_wall(), struck(3), duration=1.0, dt=0.1)
+        march(unit_chain(3, 1.0)._replace(**change), rigid_wall(), speeds(3), duration=1.0, dt=0.1)
 
 
 def test_bad_walls_velocities_and_times_are_refused():
@@ -404,14 +408,14 @@ def test_bad_walls_velocities_and_times_are_refused():
         (wall._replace(mobility=np.nan), "mobility"),
     ):
         with pytest.raises(InvalidChain, match=sentence):
-            march(chain, bad_wall, struck(3), duration=1.0, dt=0.1)
+            march(chain, bad_wall, speeds(3), duration=1.0, dt=0.1)
     with pytest.raises(InvalidChain, match="initial velocity"):
         march(chain, wall, np.array([1.0, np.inf, 0.0]), duration=1.0, dt=0.1)
     for duration, dt in ((0.0, 0.1), (1.0, -0.1), (1.0, np.nan)):
         with pytest.raises(InvalidChain, match="must be finite and above 0"):
-            march(chain, wall, struck(3), duration=duration, dt=dt)
+            march(chain, wall, speeds(3), duration=duration, dt=dt)
     with pytest.raises(InvalidChain, match="scheme"):
-        march(chain, wall, struck(3), duration=1.0, dt=0.1, scheme="euler")
+        march(chain, wall, speeds(3), duration=1.0, dt=0.1, scheme="euler")
 
 
 @pytest.mark.parametrize("name", ["energy2", "energy4"])
@@ -429,25 +433,25 @@ def test_implicit_schemes_keep_energy_at_any_step(name, law):
     wall = modal_wall()._replace(phi=np.array([0.0, -0.5, 0.4, 0.7]))
     unconditional = name == "energy2" and not law.startswith("linear")
     for dt in (0.02, 0.2, 1.0, 10.0) if unconditional else (0.02, 0.1):
-        run = march(chain, wall, struck(7), duration=40.0, dt=dt, n_save=8, scheme=name)
+        run = march(chain, wall, speeds(7), duration=40.0, dt=dt, n_save=8, scheme=name)
         assert run.energy_error < 1e-12
     for residual in (0.2, -0.1):
         springy = wall._replace(residual_compliance=residual)
-        run = march(chain, springy, struck(7), duration=40.0, dt=0.1, scheme=name)
+        run = march(chain, springy, speeds(7), duration=40.0, dt=0.1, scheme=name)
         assert run.energy_error < 1e-12
 
 
 def test_implicit_scheme_finds_the_same_trajectory():
     chain = unit_chain(9, 1.5, dissipation="hunt-crossley", gamma=np.full(9, 0.05))
     wall = modal_wall(residual_compliance=0.1)
-    one = march(chain, wall, struck(9), duration=30.0, dt=0.02, n_save=30)
-    two = march(chain, wall, struck(9), duration=30.0, dt=0.02, n_save=30, scheme="energy4")
+    one = march(chain, wall, speeds(9), duration=30.0, dt=0.02, n_save=30)
+    two = march(chain, wall, speeds(9), duration=30.0, dt=0.02, n_save=30, scheme="energy4")
     assert two.v == pytest.approx(one.v, abs=1e-6)
     assert two.dissipated_wall == pytest.approx(one.dissipated_wall, abs=1e-6)
     dash = dashpot_wall(2.0)
-    one = march(unit_chain(4, 1.5), dash, struck(4), duration=12.0, dt=0.02, n_save=30)
+    one = march(unit_chain(4, 1.5), dash, speeds(4), duration=12.0, dt=0.02, n_save=30)
     two = march(
-        unit_chain(4, 1.5), dash, struck(4), duration=12.0, dt=0.02, n_save=30, scheme="energy4"
+        unit_chain(4, 1.5), dash, speeds(4), duration=12.0, dt=0.02, n_save=30, scheme="energy4"
     )
     assert two.v == pytest.approx(one.v, abs=1e-6)
     assert two.energy_error < 1e-12
@@ -466,18 +470,19 @@ def test_clipped_damper_has_no_memory_of_how_its_time_is_cut(w):
     assert pieces == pytest.approx(whole, rel=1e-12)
 
 
-def test_opening_and_closing_contacts_keep_the_order():
+def test_opening_and_closing_contacts_keep_the_order(monkeypatch):
     chain, wall = unit_chain(17, 2.0**1.5), rigid_wall()
     options = dict(duration=60.0, n_save=60)
-    exact = march(chain, wall, struck(17), dt=0.004, **options)
+    exact = march(chain, wall, speeds(17), dt=0.004, **options)
     steps = (0.2, 0.05)
 
-    def errors(event_correction):
-        options["event_correction"] = event_correction
-        runs = [march(chain, wall, struck(17), dt=dt, **options) for dt in steps]
+    def errors():
+        runs = [march(chain, wall, speeds(17), dt=dt, **options) for dt in steps]
         return [np.abs(run.v - exact.v).max() for run in runs]
 
-    corrected, plain = errors(True), errors(False)
+    corrected = errors()
+    without_correction(monkeypatch)
+    plain = errors()
     assert np.log(corrected[0] / corrected[1]) / np.log(steps[0] / steps[1]) > 3.2
     assert plain[0] > 8 * corrected[0]
     assert plain[1] > 8 * corrected[1]

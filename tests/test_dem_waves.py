@@ -6,32 +6,38 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dem import Chain, march, one_dof_wall, rigid_wall, solitary
-from dem.labels import labels
-from dem.solitary import WIDTH, displacement_shape, velocity_shape
-from dem.trains import Pulse, Train, trains
-from dem.wave_fit import Guess, separated
-from dem.wave_measures import (
+from dem import Chain, march, one_dof_wall, rigid_wall
+from dem.waves import solitary
+from dem.waves.arrivals import peaks, velocity_sum_ratio
+from dem.waves.fit import Guess, fit, groups
+from dem.waves.labels import labels
+from dem.waves.measures import (
     contact_time,
     dimensionless_contact_time,
-    train_speed,
+    track_speed,
     travelling_time,
     wall_contact,
 )
-from dem.waves import peaks, velocity_sum_ratio
+from dem.waves.solitary import WIDTH, displacement_shape, velocity_shape
+from dem.waves.tracks import Pulse, WaveTrack, wave_tracks
 
 C = 0.84  # spheres per unit of time
 FWHM = WIDTH / C
 
 
+def separated(t, v, guesses):
+    """Arrivals, one for each guess in order of time."""
+    return [wave for group in groups(guesses) for wave in fit(t, v, group).arrivals]
+
+
 @cache
-def struck(wall="half-space", n=17, duration=90.0):
+def impact(wall="half-space", n=17, duration=90.0):
     """Units m = A = V = 1; a wall of the chain's material, or a mass of 15 spheres on a spring."""
     A = np.append(np.ones(n - 1), 2**0.5)
     chain = Chain(np.ones(n), np.full(n, 0.5), A)
     behind = rigid_wall() if wall == "half-space" else one_dof_wall(0.036, 15.0)
     run = march(chain, behind, np.eye(n)[0], duration=duration, dt=0.03, n_save=9000)
-    return chain, run, trains(run.t, run.v, run.contact_force, chain.mass, chain.A)
+    return chain, run, wave_tracks(run.t, run.v, run.contact_force, chain.mass, chain.A)
 
 
 def two(separation, ratio, noise=0.0):
@@ -97,7 +103,7 @@ def test_a_peak_stands_out_of_both_sides():
 
 def test_labels_are_the_published_arrivals():
     """references.md, section 4: the chain of 17 on a wall of its own material."""
-    _, run, found = struck()
+    _, run, found = impact()
     incident, reflected = labels(found, run.t, run.v[:, 3], 4)[:2]
     assert (incident.name, reflected.name) == ("incident", "reflected 1")
     assert incident.arrival[:2] == pytest.approx((4.3296, 0.69865), abs=2e-4)
@@ -111,7 +117,7 @@ def test_labels_are_the_published_arrivals():
 
 
 def test_a_train_passes_every_contact_at_the_published_speed():
-    _, _, (incident, reflected, *_) = struck()
+    _, _, (incident, reflected, *_) = impact()
     assert [pulse.contact for pulse in incident.pulses] == list(range(1, 17))
     assert [pulse.contact for pulse in reflected.pulses] == list(range(16, 0, -1))
     middle = incident.pulses[8:13]
@@ -121,12 +127,12 @@ def test_a_train_passes_every_contact_at_the_published_speed():
 
 
 def test_a_light_wall_sends_back_more_waves_and_each_comes_from_its_own_impact():
-    """Every reflected train starts at the wall after another collision there, in order."""
-    _, run, found = struck("one mass")
-    back = [train for train in found if train.kind == "reflected" and len(train.pulses) > 8]
+    """Every reflected wave starts at the wall after another collision there, in order."""
+    _, run, found = impact("one mass")
+    back = [track for track in found if track.kind == "reflected" and len(track.pulses) > 8]
     assert len(back) >= 3
     impacts = [run.t[k] for k in peaks(run.contact_force[:, -1], 0.02)]
-    starts = [train.pulses[0].time for train in back]
+    starts = [track.pulses[0].time for track in back]
     assert starts == sorted(starts)
     for one, next_ in pairwise(starts):
         assert any(one < impact < next_ for impact in impacts)
@@ -134,7 +140,7 @@ def test_a_light_wall_sends_back_more_waves_and_each_comes_from_its_own_impact()
 
 def test_waves_are_named_alike_at_all_spheres():
     """The second reflected wave is later at every sphere further out, and no one else's."""
-    _, run, found = struck("one mass")
+    _, run, found = impact("one mass")
     times = []
     for sphere in (14, 10, 6, 4):
         named = {label.name: label for label in labels(found, run.t, run.v[:, sphere - 1], sphere)}
@@ -150,11 +156,11 @@ def test_no_wave_is_taken_for_one_that_is_faster_than_any_sphere():
     sphere reaches; where two meet, half of it may be hidden.
     """
     n = 12
-    r = np.append(2.0, np.ones(n - 1))  # a heavy striker sends a train
+    r = np.append(2.0, np.ones(n - 1))  # a heavy striker sends a train of waves
     pairs = r[:-1] * r[1:] / (r[:-1] + r[1:])
     chain = Chain(r**3, 0.5 * r, np.append((2 * pairs) ** 0.5, (2 * r[-1]) ** 0.5))
     run = march(chain, rigid_wall(), np.eye(n)[0], duration=45.0, dt=0.05, n_save=1500)
-    found = trains(run.t, run.v, run.contact_force, chain.mass, chain.A)
+    found = wave_tracks(run.t, run.v, run.contact_force, chain.mass, chain.A)
     named = [label.arrival for s in (2, 4, 6, 8, 9, 10)
              for label in labels(found, run.t, run.v[:, s - 1], s)]  # fmt: skip
     assert sum(wave.quality > 0.9 for wave in named) > 5
@@ -177,7 +183,7 @@ def test_contact_time_of_one_impact_is_hertz():
 
 
 def test_wall_contact_collects_what_the_thesis_defines():
-    chain, run, found = struck()
+    chain, run, found = impact()
     wall = wall_contact(run.t, run.v, run.contact_force, chain, found)
     # radius 1/2: a sphere per unit of length; the mean speed is that of the wave within 2 %
     assert wall.speed_in == pytest.approx(0.84051, rel=0.02)
@@ -194,13 +200,13 @@ def test_the_leader_of_a_heavy_strikers_train_is_the_incident_wave():
     n = 17
     chain = Chain(np.r_[10.0, np.ones(n - 1)], np.full(n, 0.5), np.append(np.ones(n - 1), 2**0.5))
     run = march(chain, rigid_wall(), np.eye(n)[0], duration=15.0, dt=0.03, n_save=1500)
-    found = trains(run.t, run.v, run.contact_force, chain.mass, chain.A)
-    incident = [train for train in found if train.kind == "incident"]
+    found = wave_tracks(run.t, run.v, run.contact_force, chain.mass, chain.A)
+    incident = [track for track in found if track.kind == "incident"]
     leader = found[0]
     assert leader.name == "incident" and leader.pulses[0].contact == 1
     assert [pulse.contact for pulse in leader.pulses] == list(range(1, len(leader.pulses) + 1))
     for pulse in leader.pulses:
-        others = [p for train in incident[1:] for p in train.pulses if p.contact == pulse.contact]
+        others = [p for track in incident[1:] for p in track.pulses if p.contact == pulse.contact]
         assert all(pulse.time < other.time and pulse.force > other.force for other in others)
 
 
@@ -209,11 +215,11 @@ def test_a_trains_speed_is_that_past_spheres_of_any_size():
     radius = np.tile([0.5, 0.25], 5)
     places = 2 * np.cumsum(radius)
     pulses = tuple(Pulse(x / 0.8, i, 1.0, 1.0, 1.0) for i, x in enumerate(places[:-1], 1))
-    assert train_speed(Train("incident", 1, pulses), radius) == pytest.approx(0.8)
+    assert track_speed(WaveTrack("incident", 1, pulses), radius) == pytest.approx(0.8)
 
 
 def test_a_wall_that_nothing_reaches_has_no_contact_time():
-    chain, run, found = struck(duration=10.0)
+    chain, run, found = impact(duration=10.0)
     wall = wall_contact(run.t, run.v, run.contact_force, chain, found)
     assert np.isnan([wall.contact_time.seconds, wall.tau_c, wall.speed_in, wall.tof]).all()
 
@@ -227,7 +233,7 @@ def test_waves_too_close_to_be_shared_out_are_not_trusted(separation, trusted):
         times = start + np.arange(8) / C
         v += size * velocity_shape(C * (t - 0.5 * (times[3] + times[4])))
         pulses = tuple(Pulse(x, i, 1.0, size, 1 / C) for i, x in enumerate(times, 1))
-        found.append(Train("incident", number, pulses))
+        found.append(WaveTrack("incident", number, pulses))
     named = labels(tuple(found), t, v, 5)
     assert len(named) == 2
     assert all((label.arrival.quality > 0.7) == trusted for label in named)
@@ -244,7 +250,7 @@ def test_a_crest_on_the_shoulder_of_another_has_no_width_of_its_own():
     n = 17
     chain = Chain(np.r_[10.0, np.ones(n - 1)], np.full(n, 0.5), np.append(np.ones(n - 1), 2**0.5))
     run = march(chain, rigid_wall(), np.eye(n)[0], duration=20.0, dt=0.03, n_save=2000)
-    found = trains(run.t, run.v, run.contact_force, chain.mass, chain.A)
+    found = wave_tracks(run.t, run.v, run.contact_force, chain.mass, chain.A)
     widths = [label.arrival.width for label in labels(found, run.t, run.v[:, 3], 4)]
     assert np.isnan(widths).any() and np.nanmax(widths) < 4 * np.nanmin(widths)
 
@@ -259,10 +265,10 @@ def test_force_and_velocity_of_a_wave_belong_together():
 def test_a_wave_between_two_samples_is_told_by_its_fit():
     """A quick wave beside a slow one, as unlike spheres have them: none of its width is sampled."""
     t = 60e-6 * np.arange(21)
-    slow = Train(
+    slow = WaveTrack(
         "incident", 1, (Pulse(390e-6, 5, 9.0, 0.2, 1e-4), Pulse(490e-6, 6, 9.0, 0.2, 1e-4))
     )
-    quick = Train(
+    quick = WaveTrack(
         "incident", 2, (Pulse(626e-6, 5, 9.0, 0.2, 5e-6), Pulse(631e-6, 6, 9.0, 0.2, 5e-6))
     )
     v = 0.2 / np.cosh((t - 440e-6) / 9e-5) ** 2

@@ -13,7 +13,7 @@ import fem
 import geometry
 import rom
 from coupling.wall import wall_from_reduced
-from dem import waves
+from dem.waves.arrivals import arrivals
 from workflows.files.scene import scene
 from workflows.pipeline.cache import memory
 from workflows.pipeline.chain import chain, initial_velocity
@@ -38,7 +38,7 @@ def answer(radius, seed):
     run = pipeline(f"patch.radius={radius}", f"mesh.contact_seed={seed}", "time.error=1e-5")
     trajectory, reduced = run("impact").trajectory, run("reduction")
     local = reduced.contact.half_space
-    times = [a.time for i in (0, 3, 13) for a in waves.arrivals(trajectory.t, trajectory.v[:, i])]
+    times = [a.time for i in (0, 3, 13) for a in arrivals(trajectory.t, trajectory.v[:, i])]
     peak = trajectory.contact_force[:, -1].max()
     return rom.static_compliance(reduced) - local, peak, np.array(times)
 

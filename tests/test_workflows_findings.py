@@ -11,7 +11,7 @@ from jinja2 import UndefinedError
 
 import workflows.studies
 from coupling import peers
-from dem.scaling import exponent
+from dem.waves.measures import exponent
 from workflows.files.scene import scene
 from workflows.results.tables import Table, as_csv, records, short, text
 from workflows.studies import catalogue, prose

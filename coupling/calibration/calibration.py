@@ -91,5 +91,5 @@ def _at_bound(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
     return (theta - low <= near) | (high - theta <= near)
 
 
-def _rms_of_columns(left: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.mean(left**2, axis=0))
+def _rms_of_columns(residual: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(residual**2, axis=0))

@@ -19,7 +19,7 @@ PRIOR = 3e-5  # of the fastest sphere, in the rms misfit
 CONVERGED = 1e-10
 IMPOSSIBLE = 1e3  # residual of a run that cannot be, over the fastest sphere
 CLOSE = 4  # contacts, between the ends of a cycle
-DISTINCT = 0.1  # scales between two contacts that are worth an exchange
+DISTINCT = 0.1  # scales between two contacts that are worth a swap
 
 
 class Solution(NamedTuple):
@@ -82,7 +82,7 @@ class Fit:
             full[free] = part
             return full
 
-        def left(part):
+        def residual(part):
             return np.concatenate([self.residual(whole(part), windows), spring * (part - begin)])
 
         def slope(part):
@@ -91,7 +91,7 @@ class Fit:
 
         margin = 1e-9 * (high - low)
         found = least_squares(
-            left, np.clip(begin, low + margin, high - margin), slope, bounds=(low, high),
+            residual, np.clip(begin, low + margin, high - margin), slope, bounds=(low, high),
             xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=most,
         )  # fmt: skip
         misfit = rms(found.fun[: windows.sum()])
@@ -100,8 +100,8 @@ class Fit:
     def swapped(
         self, z: np.ndarray, free: np.ndarray, windows: np.ndarray, *, cycles: bool = False
     ) -> list[tuple[float, np.ndarray]]:
-        """Every exchange of two contacts, or every cycle of three that lie close: the misfit to
-        first order once the rest has followed, and z with the exchange; the best first."""
+        """Every swap of two contacts, or every cycle of three that lie close: the misfit to
+        first order once the rest has followed, and z with the swap; the best first."""
         Q, _ = np.linalg.qr(self.jacobian(z, windows)[:, free])
         contacts = [i for i, p in enumerate(self.parameters) if p.kind == "contact" and free[i]]
         found = []
@@ -110,8 +110,8 @@ class Fit:
             other[list(order)] = z[[*order[1:], order[0]]]
             if np.abs(other - z).max() < DISTINCT:
                 continue
-            left = self.residual(other, windows)
-            found.append((rms(left - Q @ (Q.T @ left)), other))
+            r = self.residual(other, windows)
+            found.append((rms(r - Q @ (Q.T @ r)), other))
         return sorted(found, key=lambda pair: pair[0])
 
 
@@ -130,6 +130,6 @@ def weights(spread: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean(spread**2)) / np.maximum(spread, 0.1 * spread.max())
 
 
-def rms(left: np.ndarray) -> float:
+def rms(residual: np.ndarray) -> float:
     """0 of nothing."""
-    return float(np.sqrt(np.mean(left**2))) if left.size else 0.0
+    return float(np.sqrt(np.mean(residual**2))) if residual.size else 0.0

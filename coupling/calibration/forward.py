@@ -7,10 +7,10 @@ import numpy as np
 from coupling.calibration.parameters import Parameter, Rig, directions, rig_at
 from coupling.calibration.signals import Filter, Signals
 from coupling.errors import CouplingError
-from dem.sensitivities import STEPS_PER_RADIAN, march_with_sensitivities, usual_step
+from dem.sensitivities import STEPS_PER_TIME_SCALE, march_with_sensitivities, usual_step
 
 NO_FILTER = Filter()
-SEARCHED = 0.15  # time between the samples of a search, in radians of the stiffest contact
+SEARCHED = 0.15  # time between the samples of a search, in time scales of the stiffest contact
 
 
 class Forward:
@@ -29,7 +29,7 @@ class Forward:
         self.start = np.array([p.start for p in parameters])
         first = rig_at(rig, self.parameters, self.start)
         usual = usual_step(first.chain, first.wall, first.v0)
-        self.radian = STEPS_PER_RADIAN * usual  # [s]
+        self.time_scale = STEPS_PER_TIME_SCALE * usual  # [s]
         self.dt = steps * usual
         earliest = min([p.low for p in parameters if p.kind == "trigger"], default=rig.trigger)
         self.duration = signals.t[-1] - earliest + 2 * self.dt
@@ -70,7 +70,7 @@ class Forward:
 
     def _every(self) -> int:
         dt = self.signals.t[1] - self.signals.t[0]
-        return max(1, int(SEARCHED * self.radian / dt))
+        return max(1, int(SEARCHED * self.time_scale / dt))
 
     def _seen(
         self, theta: np.ndarray, sensitivities: bool, first: int | None

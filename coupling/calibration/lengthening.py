@@ -2,7 +2,7 @@
 
 A wave is met before those that it has changed. Contacts between the same two lasers can be
 swapped at little cost in misfit, so that a fit may end with some in each other's place: the best
-exchanges of two, and cycles of three, are tried and kept where the misfit falls.
+swaps of two, and cycles of three, are tried and kept where the misfit falls.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,18 +11,18 @@ import numpy as np
 
 from coupling.calibration.fitting import Fit, Solution
 
-TRIED = 6  # exchanges fitted in a round
+TRIED = 6  # swaps fitted in a round
 ROUNDS = 5
-WORSE = 2.0  # misfit guessed for an exchange that is not worth a fit
-BETTER = 0.97  # misfit of an exchange worth keeping
+WORSE = 2.0  # misfit guessed for a swap that is not worth a fit
+BETTER = 0.97  # misfit of a swap worth keeping
 
 
 class Lengthening:
-    """Fits of one problem; `left` counts down the model runs that exchanges may still take, and
+    """Fits of one problem; `budget` counts down the model runs that swaps may still take, and
     `enough` is the misfit [m/s] of so many samples that needs no further search."""
 
-    def __init__(self, fit: Fit, enough: Callable[[int], float], left: int) -> None:
-        self.fit, self.enough, self.left = fit, enough, left
+    def __init__(self, fit: Fit, enough: Callable[[int], float], budget: int) -> None:
+        self.fit, self.enough, self.budget = fit, enough, budget
 
     def on_windows(
         self, z: np.ndarray, free: np.ndarray, windows: Sequence[np.ndarray], least: float
@@ -47,12 +47,12 @@ class Lengthening:
         model runs: two at a time, then cycles of three, then two again."""
         spent, cycles = 0, False
         for _ in range(rounds):
-            if best.misfit <= enough or self.left <= 0:
+            if best.misfit <= enough or self.budget <= 0:
                 break
-            exchanges = self.fit.swapped(best.z, free, window, cycles=cycles)
-            trial, more = self._least(best, exchanges, free, window, prior)
-            spent += len(exchanges) + more
-            self.left -= len(exchanges) + more
+            swaps = self.fit.swapped(best.z, free, window, cycles=cycles)
+            trial, more = self._least(best, swaps, free, window, prior)
+            spent += len(swaps) + more
+            self.budget -= len(swaps) + more
             helped = trial.misfit < BETTER * best.misfit
             best = min(best, trial, key=lambda solution: solution.misfit)
             if not helped and cycles:
@@ -60,10 +60,10 @@ class Lengthening:
             cycles = not helped
         return best, spent
 
-    def _least(self, before, exchanges, free, window, prior) -> tuple[Solution, int]:
-        """The best fit from the most promising exchanges."""
+    def _least(self, before, swaps, free, window, prior) -> tuple[Solution, int]:
+        """The best fit from the most promising swaps."""
         best, spent = before, 0
-        for guess, other in exchanges[:TRIED]:
+        for guess, other in swaps[:TRIED]:
             if guess > WORSE * before.misfit:
                 break
             trial = self.fit.solved(other, free, window, most=8, prior=prior, tolerance=1e-4)

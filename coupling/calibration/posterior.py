@@ -71,34 +71,34 @@ class Target:
             np.array([getattr(p, end) for p in fit.parameters]) for end in ("low", "high")
         )
         self.weights = weights(forward.signals.spread)
-        left = (fit.model - fit.data) * self.weights
-        self.offset = left - self._seen(fit.value)
+        residual = (fit.model - fit.data) * self.weights
+        self.offset = residual - self._seen(fit.value)
         scale = np.array([p.scale for p in fit.parameters])
         J = forward.velocities_and_sensitivities(fit.value)[1] * self.weights[:, None] * scale
-        self.U, s, Vt = np.linalg.svd(J.reshape(left.size, -1), full_matrices=False)
-        noise = noise_along(self.U.reshape(*left.shape, -1), left)
+        self.U, s, Vt = np.linalg.svd(J.reshape(residual.size, -1), full_matrices=False)
+        noise = noise_along(self.U.reshape(*residual.shape, -1), residual)
         self.mean_noise = np.trace(noise) / len(scale)
         self.along = np.linalg.inv(noise) - np.eye(len(scale)) / self.mean_noise
         self.shape = scale[:, None] * _square_root(Vt.T * s, noise, (self.high - self.low) / scale)
-        self.best = self._weighted(left)
+        self.best = self._weighted(residual)
 
     def log_probability(self, theta: np.ndarray) -> float:
         """Relative to the answer, of theta (p,)."""
         if np.any(theta < self.low) or np.any(theta > self.high):
             return -np.inf
         try:
-            left = self.offset + self._seen(theta)
+            residual = self.offset + self._seen(theta)
         except (InvalidChain, NoEquilibrium):
             return -np.inf
-        return 0.5 * (self.best - self._weighted(left))
+        return 0.5 * (self.best - self._weighted(residual))
 
     def _seen(self, theta: np.ndarray) -> np.ndarray:
         return self.forward.velocities(theta) * self.weights
 
-    def _weighted(self, left: np.ndarray) -> float:
+    def _weighted(self, residual: np.ndarray) -> float:
         """r^T W r"""
-        along = left.ravel() @ self.U
-        return float(along @ self.along @ along + np.sum(left**2) / self.mean_noise)
+        along = residual.ravel() @ self.U
+        return float(along @ self.along @ along + np.sum(residual**2) / self.mean_noise)
 
 
 def _square_root(by_scale: np.ndarray, noise: np.ndarray, reach: np.ndarray) -> np.ndarray:

@@ -19,12 +19,12 @@ from coupling.calibration.scan import Scan, scanned
 from coupling.calibration.signals import first_waves_end
 
 LENGTHENINGS = 8
-BEFORE = 2.0  # radians of a contact: where windows begin before the first touch
+BEFORE = 2.0  # contact time scales: where windows begin before the first touch
 MOST = 100  # model runs of a fit on the fine model: a slow one may end at the truth yet
-ROUGH = 1e-4  # of the fastest sphere: misfit of the first waves that the last stage can better
+REFINABLE = 1e-4  # of the fastest sphere: misfit of the first waves that the last stage can better
 COARSE = (5.0, 2.5)  # steps of a search, in usual ones
 COVERED = 0.1  # of the noise: error of large steps
-RUNS = 600  # of the model that a start may put into exchanges
+RUNS = 600  # of the model that a start may put into swaps
 LAST_RUNS = 3000  # the same where no start explains the data
 NEAR = 1.5  # times the noise: a misfit that the right contacts would better
 ALIKE = 3  # starts with the same misfit that end a search
@@ -135,19 +135,19 @@ class Search:
         """Where starts led that were not given up; the most promising at least, at any cost."""
         explained, ends, given_up = self.enough(self.fine.data.size, ENDED), [], []
         for self.starts, begin in enumerate(begins, 1):
-            self.stages, self.steps.left = [], RUNS
-            chain, left = self._first(begin)
-            if left <= self._promising():
+            self.stages, self.steps.budget = [], RUNS
+            chain, misfit = self._first(begin)
+            if misfit <= self._promising():
                 ends.append(self._end(chain, begin))
                 if min(e.misfit for e in ends) <= explained and self._confirmed(ends):
                     return ends
             else:
-                given_up.append((left, chain, begin, self.stages))
+                given_up.append((misfit, chain, begin, self.stages))
             if self._settled([e.misfit for e in ends]) or self._settled([g[0] for g in given_up]):
                 break
         if given_up:
             _, chain, begin, self.stages = min(given_up, key=lambda g: g[0])
-            self.steps.left = LAST_RUNS
+            self.steps.budget = LAST_RUNS
             ends.append(self._end(chain, begin))
         return ends
 
@@ -161,8 +161,8 @@ class Search:
 
     def _promising(self) -> float:
         """Misfit [m/s] in the first waves of a chain that is worth the other waves."""
-        rough = ROUGH * self.fine.largest if self.options.joint else 0.0
-        return max(rough, ALMOST * self.enough(int(self.windows(self.coarse).sum())))
+        refinable = REFINABLE * self.fine.largest if self.options.joint else 0.0
+        return max(refinable, ALMOST * self.enough(int(self.windows(self.coarse).sum())))
 
     def _settled(self, misfits: list[float]) -> bool:
         """Whether the least has come often enough; not so near the noise that more must exist."""
@@ -171,7 +171,7 @@ class Search:
         return not near and sum(m <= 1.01 * least for m in misfits) >= ALIKE
 
     def _first(self, z: np.ndarray) -> tuple[np.ndarray, float]:
-        """The chain of the first waves and what it leaves there [m/s]."""
+        """The chain of the first waves and its misfit there [m/s]."""
         if not self.options.staged:
             return z, 0.0
         chain = self._chain(z)
@@ -191,7 +191,7 @@ class Search:
         ends = self._lengths(0.1, self.first_waves.max(), LENGTHENINGS)
         windows = [self.windows(self.coarse, end) for end in ends]
         free = self.every if self.options.joint else chain
-        enough = ROUGH * self.fine.largest if self.options.joint else 0.0
+        enough = REFINABLE * self.fine.largest if self.options.joint else 0.0
         z_chain, misfit, spent = self.steps.on_windows(z, free, windows, enough)
         if not self.options.joint:
             whole = self.windows(self.fine)
@@ -202,7 +202,7 @@ class Search:
     def _lengths(self, share: float, last: float, n: int) -> np.ndarray:
         """Ends [s] of windows that grow, from a share of the time since before the first touch."""
         forward = self.fine.forward
-        begin = max(forward.touch - BEFORE * forward.radian, forward.signals.t[0])
+        begin = max(forward.touch - BEFORE * forward.time_scale, forward.signals.t[0])
         return np.linspace((1.0 - share) * begin + share * last, last, n)
 
     def _starts(self, z: np.ndarray):
@@ -238,7 +238,7 @@ class Search:
         everything = np.ones_like(self.coarse.data, bool)
         best = self.coarse.solved(z, self.every, everything, most=12, tolerance=1e-5)
         enough = self.enough(self.coarse.data.size, ENDED)
-        # two rigs that differ by an exchange may both leave no more than noise: the least is meant
+        # two rigs that differ by a swap may both leave no more than noise: the least is meant
         rounds = 1 if best.misfit <= enough else ROUNDS
         best, _ = self.steps.swapped(best, self.every, everything, self.exact, rounds=rounds)
         if best.misfit > enough:
@@ -264,4 +264,4 @@ def _first_waves(fit: Fit) -> np.ndarray:
     """(m,) [s] when the first reflected wave has passed, by the model that the fit starts from."""
     forward = fit.forward
     modelled = forward.velocities(forward.start)
-    return first_waves_end(forward.signals.t, modelled, 0.3 * forward.radian)
+    return first_waves_end(forward.signals.t, modelled, 0.3 * forward.time_scale)

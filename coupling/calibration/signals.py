@@ -18,7 +18,7 @@ ROUNDS = 6  # of aligning to the mean
 CHANGES = 200  # of a record: plateaus before and after a wave have no say in its place
 ALIKE = 0.9  # least correlation of a repeat with the mean of the others
 PEAK = 0.1  # of the largest velocity: a wave
-LEAST_QUIET = 20  # halves of a radian without waves that tell of noise
+LEAST_QUIET = 20  # halves of a contact time scale without waves that tell of noise
 CALM = 0.05  # of the largest slope: none, noise included
 QUIET = 0.02  # of the largest acceleration: none
 
@@ -43,7 +43,7 @@ class Aligned(NamedTuple):
 
     signals: Signals
     shift: np.ndarray  # (r,) [s]
-    odd: tuple[int, ...]  # repeats that are unlike the others, left out of the mean
+    outliers: tuple[int, ...]  # repeats that are unlike the others, left out of the mean
 
 
 class Filter(NamedTuple):
@@ -153,14 +153,14 @@ def lag_of(t: np.ndarray, v: np.ndarray, model: np.ndarray) -> float:
     return coarse - float(np.sum(slope * (v - late)) / np.sum(slope**2))
 
 
-def noise_between_waves(t: np.ndarray, v: np.ndarray, radian: float) -> float | None:
+def noise_between_waves(t: np.ndarray, v: np.ndarray, time_scale: float) -> float | None:
     """rms [m/s] of the noise in velocities v (k, m), from where no wave passes; None where there
-    are too few such samples. `radian` [s] is the time within which a contact moves.
+    are too few such samples. `time_scale` [s] is that of a contact.
 
     A second difference over half of that time leaves noise that has forgotten itself meanwhile,
     with six times its variance, and nothing of a steady motion.
     """
-    q = max(1, round(0.5 * radian / (t[1] - t[0])))
+    q = max(1, round(0.5 * time_scale / (t[1] - t[0])))
     if len(t) <= 8 * q:
         return None
     apart = [_noise_parts(column, q) for column in v.T]

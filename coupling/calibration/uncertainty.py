@@ -15,7 +15,7 @@ import numpy as np
 from coupling.calibration.parameters import Parameter
 
 LEAST_SHARE = 0.3  # of a parameter in a combination that is worth its name
-LEAST_LEFT = 0.2  # of the noise by a fit, at any frequency
+LEAST_SPECTRUM = 0.2  # of the noise by a fit, at any frequency
 LAGS = 10  # of the autocovariance, at most, in correlation lengths
 
 
@@ -51,17 +51,17 @@ class Uncertainty(NamedTuple):
 
 
 def uncertainty(
-    parameters: Sequence[Parameter], left: np.ndarray, J: np.ndarray, held: np.ndarray
+    parameters: Sequence[Parameter], residual: np.ndarray, J: np.ndarray, held: np.ndarray
 ) -> Uncertainty:
-    """Of a fit that leaves `left` (k, m) with the Jacobian J (k, m, p)."""
+    """Of a fit with the residual (k, m) and the Jacobian J (k, m, p)."""
     scale = np.array([p.scale for p in parameters])
     free = ~np.asarray(held)
     scaled = (J * scale)[:, :, free]
     p = scaled.shape[2]
     U, s, Vt = np.linalg.svd(scaled.reshape(-1, p), full_matrices=False)
     seen = s > 1e-12 * s.max(initial=0.0)
-    U = U[:, seen].reshape(*left.shape, -1)
-    middle = noise_along(U, left)
+    U = U[:, seen].reshape(*residual.shape, -1)
+    middle = noise_along(U, residual)
     spread = Vt[seen].T / s[seen]
     covariance = spread @ middle @ spread.T
     whole = np.zeros((len(scale), len(scale)))
@@ -74,21 +74,21 @@ def uncertainty(
     )
 
 
-def noise_along(U: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """U^T R U (p, p) of the noise behind `left` (k, m) of all spheres, U (k, m, p) orthonormal."""
-    return sum(_noise_product(U[:, i], left[:, i]) for i in range(left.shape[1]))
+def noise_along(U: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """U^T R U (p, p) of the noise behind a residual (k, m), U (k, m, p) orthonormal."""
+    return sum(_noise_product(U[:, i], residual[:, i]) for i in range(residual.shape[1]))
 
 
-def _noise_product(U: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """U^T R U (p, p) with the Toeplitz autocovariance R of the noise behind `left` (k,), U (k, p).
+def _noise_product(U: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """U^T R U (p, p), R the Toeplitz autocovariance of the noise behind a residual (k,), U (k, p).
 
     A fit takes the share sum |U(f)|^2 / k of the noise with it, most where waves have their
     frequencies; the spectrum is divided by what it leaves.
     """
-    k = len(left)
+    k = len(residual)
     size = 2 * k
     taken = np.sum(np.abs(np.fft.rfft(U, size, axis=0)) ** 2, axis=1) / k
-    power = np.abs(np.fft.rfft(left, size)) ** 2 / np.clip(1.0 - taken, LEAST_LEFT, 1.0)
+    power = np.abs(np.fft.rfft(residual, size)) ** 2 / np.clip(1.0 - taken, LEAST_SPECTRUM, 1.0)
     r = np.fft.irfft(power, size)[:k] / k
     lags = _cut(r)
     kernel = np.zeros(size)

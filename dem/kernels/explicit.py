@@ -81,11 +81,11 @@ def drift_spheres(k, dt, x, v, leaf):
         for i in range(x.size):
             x[i] += dt * v[i]
     else:
-        rest, turn = leaf.rest, leaf.propagator
+        rest, swing = leaf.rest, leaf.propagator
         for i in range(x.size):
             u = x[i] - rest[i]
-            x[i] = rest[i] + turn[k, 0, i] * u + turn[k, 1, i] * v[i]
-            v[i] = turn[k, 2, i] * u + turn[k, 0, i] * v[i]
+            x[i] = rest[i] + swing[k, 0, i] * u + swing[k, 1, i] * v[i]
+            v[i] = swing[k, 2, i] * u + swing[k, 0, i] * v[i]
 
 
 @fastmath_inline
@@ -132,7 +132,7 @@ def damp_contacts(first, dt, motion, parts, damping):
 
 @fastmath_inline
 def kick_all(kick, stale, motion, parts, damping):
-    """Kick, damping between two halves of the elastic one; forces anew where positions are."""
+    """Kick, damping between two halves of the elastic kick; forces anew where positions are."""
     if stale:
         sphere_forces(motion.x, parts.A, motion.f, parts.plastic)
     if damping is None:

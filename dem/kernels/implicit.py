@@ -275,12 +275,12 @@ def predict_wall(s, h, wall, offset, mobility, modes, bodies):
     bodies.speed[n] = wall[V]
     free[n], compliance[n] = bodies.before[n], 0.0
     if modes is not None:
-        q, p, phi, turn, response = (
+        q, p, phi, E, response = (
             modes.q, modes.p, modes.phi, modes.propagator, modes.step_response,
         )  # fmt: skip
         free[n] -= wall[U]
         for j in range(q.size):
-            there = turn[s, 0, j] * q[j] + turn[s, 1, j] * p[j]
+            there = E[s, 0, j] * q[j] + E[s, 1, j] * p[j]
             free[n] += phi[j] * (there - response[s, j] * phi[j] * modes.rest_force)
             compliance[n] += phi[j] ** 2 * response[s, j]
     if mobility is not None:
@@ -308,7 +308,7 @@ def update_spheres(s, h, motion, parts, load, leaf, bodies):
 def update_modes(s, force, wall, modes):
     if modes is None:
         return
-    q, p, phi, turn, response = (
+    q, p, phi, E, response = (
         modes.q, modes.p, modes.phi, modes.propagator, modes.step_response,
     )  # fmt: skip
     net = force - modes.rest_force
@@ -316,8 +316,8 @@ def update_modes(s, force, wall, modes):
     w = 0.0
     for j in range(q.size):
         here, speed, kick = q[j], p[j], phi[j] * net
-        q[j] = turn[s, 0, j] * here + turn[s, 1, j] * speed + response[s, j] * kick
-        p[j] = turn[s, 2, j] * here + turn[s, 3, j] * speed + turn[s, 1, j] * kick
+        q[j] = E[s, 0, j] * here + E[s, 1, j] * speed + response[s, j] * kick
+        p[j] = E[s, 2, j] * here + E[s, 3, j] * speed + E[s, 1, j] * kick
         u += phi[j] * q[j]
         w += phi[j] * p[j]
     wall[WORK] += net * (u - wall[U])

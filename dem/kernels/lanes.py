@@ -93,10 +93,10 @@ def read_modes_of_lanes(lanes):
 
 
 @fastmath
-def drift_modes_of_lanes(q, p, turn):
+def drift_modes_of_lanes(q, p, E):
     for j in range(q.size):
-        q_new = turn[0, j] * q[j] + turn[1, j] * p[j]
-        p[j] = turn[2, j] * q[j] + turn[3, j] * p[j]
+        q_new = E[0, j] * q[j] + E[1, j] * p[j]
+        p[j] = E[2, j] * q[j] + E[3, j] * p[j]
         q[j] = q_new
 
 

@@ -32,8 +32,8 @@ def drift_modes(k, impulse, wall, modes):
     if modes is None:
         return
     q, p, phi = modes.q, modes.p, modes.phi
-    turn = modes.propagator
-    qq, qp, pq, pp = turn[k, 0], turn[k, 1], turn[k, 2], turn[k, 3]
+    E = modes.propagator
+    qq, qp, pq, pp = E[k, 0], E[k, 1], E[k, 2], E[k, 3]
     u = 0.0
     w = 0.0
     for j in range(q.size):

@@ -117,7 +117,7 @@ def _radian(scene: Scene, wall: dem.Wall | None) -> float:
     """Time [s] within which the stiffest contact moves."""
     rig = free_parameters.rig(scene, wall, 0.0)
     step = dem.sensitivities.usual_step(rig.chain, rig.wall, rig.v0)
-    return dem.sensitivities.STEPS_PER_RADIAN * step
+    return dem.sensitivities.STEPS_PER_TIME_SCALE * step
 
 
 def _names(scene: Scene, request: Request) -> tuple[str, ...]:
@@ -141,9 +141,9 @@ def _split(measured: Record, hold_out: tuple[int, ...]) -> tuple[list[int], list
 
 
 def _told_repeats(raw: Aligned):
-    for i in raw.odd:
+    for i in raw.outliers:
         yield f"Repeat {i + 1} is unlike the others and was left out."
-    spread = np.ptp(np.delete(raw.shift, raw.odd))
+    spread = np.ptp(np.delete(raw.shift, raw.outliers))
     if spread > 5e-6:
         yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
 
@@ -173,7 +173,7 @@ def _trigger(
     data = filters.of_data(signals.v, dt)
     lag = lag_of(signals.t, data, model)
     found = _given_trigger(request.trigger, t0 + lag, signals.t)
-    return found, list(doubts(signals, data, model, found - t0, dt, forward.radian))
+    return found, list(doubts(signals, data, model, found - t0, dt, forward.time_scale))
 
 
 def _given_trigger(text: str, estimate: float, t: np.ndarray) -> float:

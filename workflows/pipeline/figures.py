@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from coupling import Impact
-from dem.labels import Label
-from dem.trains import Train
+from dem.waves.labels import Label
+from dem.waves.tracks import WaveTrack
 from workflows.files.run_folder import Picture
 from workflows.pipeline.waves import ChainWaves
 from workflows.results import plots
@@ -62,14 +62,14 @@ def _mark(axis: plots.Axes, label: Label) -> None:
     )  # fmt: skip
 
 
-def _name(wave: Label | Train) -> str:
+def _name(wave: Label | WaveTrack) -> str:
     """A wave's number, after an i if it is incident."""
     if wave.kind == "reflected":
         return str(wave.number)
     return "i" if wave.number == 1 else f"i{wave.number}"
 
 
-def space_time(run, trains: Iterable[Train]) -> bytes:
+def space_time(run, trains: Iterable[WaveTrack]) -> bytes:
     """Velocity of every sphere over time, with the waves that were followed."""
     figure, (axis,) = plots.subplots(1, 1, (8, 4.6))
     plots.space_time(axis, run.t, run.v)

@@ -13,9 +13,9 @@ import numpy as np
 
 import coupling
 import dem
-from dem import solitary
-from dem.solitary import WIDTH
-from dem.wave_measures import contact_time
+from dem.waves import solitary
+from dem.waves.measures import contact_time
+from dem.waves.solitary import WIDTH
 from workflows.pipeline.cache import cache_folder, fault
 from workflows.pipeline.chain import Start
 from workflows.pipeline.waves import ChainWaves

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling import Impact
-from dem.labels import Label, labels
-from dem.trains import Train, trains
-from dem.wave_measures import WallContact, train_speed, wall_contact
-from dem.waves import Arrival, arrivals, passage
+from dem.waves.arrivals import Arrival, arrivals, passage
+from dem.waves.labels import Label, labels
+from dem.waves.measures import WallContact, track_speed, wall_contact
+from dem.waves.tracks import WaveTrack, wave_tracks
 from workflows.pipeline.chain import Start
 from workflows.results.summary import ChainContact, SphereWaves, WaveArrival, WaveTrain
 from workflows.scene import Scene
@@ -20,7 +20,7 @@ NAMED = 20  # waves of a kind that are followed; after a few dozen impacts there
 class ChainWaves(NamedTuple):
     """Waves along the chain, at the observed spheres, and the blow at the wall, if there is one."""
 
-    trains: tuple[Train, ...]
+    trains: tuple[WaveTrack, ...]
     labels: dict[int, tuple[Label, ...]]
     contact: WallContact | None
 
@@ -28,7 +28,7 @@ class ChainWaves(NamedTuple):
 def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
     """What the run's trajectory holds of waves."""
     run, row = impact.trajectory, start.chain
-    found = trains(run.t, run.v, run.contact_force, row.mass, row.A)
+    found = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A)
     found = tuple(train for train in found if train.number <= NAMED)
     return ChainWaves(
         found,
@@ -81,7 +81,7 @@ def chain_contact(scene: Scene, found: ChainWaves) -> ChainContact | None:
     )
 
 
-def _train(train: Train, radius: NDArray[np.float64]) -> WaveTrain:
+def _train(train: WaveTrack, radius: NDArray[np.float64]) -> WaveTrain:
     first, last = train.pulses[0], train.pulses[-1]
     return WaveTrain(
         name=train.name,
@@ -89,6 +89,6 @@ def _train(train: Train, radius: NDArray[np.float64]) -> WaveTrain:
         to_contact=last.contact,
         start_s=first.time,
         end_s=last.time,
-        speed_m_s=train_speed(train, radius),
+        speed_m_s=track_speed(train, radius),
         peak_force_N=max(pulse.force for pulse in train.pulses),
     )

@@ -16,7 +16,7 @@ import fem
 import geometry
 from coupling.observed_run import ERROR, N_SAVE
 from dem.spheres import time_scale
-from dem.wave_measures import WaveEnergy, wave_energy
+from dem.waves.measures import WaveEnergy, wave_energy
 from workflows.files.run_folder import Picture
 from workflows.pipeline import assembly as stages
 from workflows.pipeline.assembly import material

@@ -13,9 +13,8 @@ import numpy as np
 
 import dem
 from coupling.observed_run import Observed, Setup, observed
-from dem.scaling import exponent
 from dem.spheres import time_scale
-from dem.wave_measures import leading_share
+from dem.waves.measures import exponent, leading_share
 from workflows.files.run_folder import Picture
 from workflows.pipeline.chain import initial_velocity
 from workflows.pipeline.pipeline import Progress

@@ -13,8 +13,8 @@ import numpy as np
 
 import dem
 from coupling.observed_run import Observed, Setup, observed
-from dem.scaling import exponent
 from dem.spheres import time_scale
+from dem.waves.measures import exponent
 from workflows.files.run_folder import Picture
 from workflows.pipeline.chain import initial_velocity
 from workflows.pipeline.pipeline import Progress
@@ -103,8 +103,8 @@ def _case(scene: Scene, ratio: float, spheres: tuple[int, ...]) -> Case:
 
 
 def _second(run: Observed) -> float:
-    back = [train for train in run.trains if (train.kind, train.number) == ("reflected", 2)]
-    sizes = [abs(pulse.velocity) for train in back for pulse in train.pulses]
+    back = [track for track in run.tracks if (track.kind, track.number) == ("reflected", 2)]
+    sizes = [abs(pulse.velocity) for track in back for pulse in track.pulses]
     return max(sizes, default=0.0) / np.abs(run.trajectory.v[0]).max()
 
 

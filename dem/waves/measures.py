@@ -8,12 +8,13 @@ Smart Mater. Struct. 21 (2012) 015008; thesis, section 2.2.1, whose equations ar
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dem.chain import Chain
 from dem.trajectory import Trajectory
-from dem.waves import energy_restitution, velocity_sum_ratio
+from dem.waves.arrivals import energy_restitution, velocity_sum_ratio
 
-AT_END = 4  # contacts from the wall within which a wave is that of the blow
+AT_END = 4  # contacts from the wall within which a wave is that of the collision
 EMPTY = 1e-3  # of the largest force: between two waves
 CONTACT = 0.01  # of the peak force, where a contact counts as closed
 
@@ -39,6 +40,11 @@ class WallContact(NamedTuple):
     arr: float  # (2.9), |reflected / incident| velocity to the power 6/5, mean along the chain
     velocity_sum_ratio: float  # (2.8), of the whole record: no measure of loss
     energy_restitution: float  # of the whole record, sqrt of the ratio of kinetic energies
+
+
+def exponent(x: ArrayLike, y: ArrayLike) -> float:
+    """p of a power law y ~ x^p, the slope of log y over log x by least squares."""
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
 def contact_time(t, force, *, threshold=CONTACT):
@@ -76,21 +82,21 @@ def force_ratio(incident, reflected):
     return abs(reflected / incident) ** 1.2
 
 
-def train_speed(train, radius):
-    """Speed [m/s] of a train past spheres of radius (n,) [m], the slope through all its pulses."""
-    times = np.array([pulse.time for pulse in train.pulses])
-    places = 2.0 * np.cumsum(radius)[[pulse.contact - 1 for pulse in train.pulses]]
+def track_speed(track, radius):
+    """Speed [m/s] of a track past spheres of radius (n,) [m], the slope through all its pulses."""
+    times = np.array([pulse.time for pulse in track.pulses])
+    places = 2.0 * np.cumsum(radius)[[pulse.contact - 1 for pulse in track.pulses]]
     return float(abs(np.polyfit(times - times[0], places, 1)[0]))
 
 
-def wall_contact(t, v, contact_force, chain, trains):
-    """WallContact of a chain's run; v (k, n), contact_force (k, n), its `trains`."""
-    closed = _blow(t, contact_force)
+def wall_contact(t, v, contact_force, chain, tracks):
+    """WallContact of a chain's run; v (k, n), contact_force (k, n), its `tracks`."""
+    closed = _collision(t, contact_force)
     speed = float(np.abs(v[0]).max())
     n = len(chain.mass)
-    inward, outward = (_first(trains, kind, n) for kind in ("incident", "reflected"))
-    there = np.nan if inward is None else train_speed(inward, chain.radius)
-    back = np.nan if outward is None else train_speed(outward, chain.radius)
+    inward, outward = (_first(tracks, kind, n) for kind in ("incident", "reflected"))
+    there = np.nan if inward is None else track_speed(inward, chain.radius)
+    back = np.nan if outward is None else track_speed(outward, chain.radius)
     travelling = travelling_time(n, float(np.mean(chain.radius)), there, back)
     return WallContact(
         closed,
@@ -138,22 +144,22 @@ def leading_share(run: Trajectory, chain: Chain) -> float:
     return float((moving + stored[gap:].sum()) / run.energy_kinetic[0])
 
 
-def _blow(t, contact_force):
+def _collision(t, contact_force):
     """The contact time at the wall, nan before a wave is there: its foot reaches far ahead."""
     rise = (contact_force - contact_force[0]).max(axis=0)
     there = rise[-1] > CONTACT * rise.max()
     return contact_time(t, contact_force[:, -1] if there else np.zeros(len(t)))
 
 
-def _first(trains, kind, n):
-    """The first train of a kind, None if it is not seen close to the wall behind n spheres."""
-    first = (train for train in trains if train.kind == kind and train.number == 1)
-    return next((train for train in first if _last_contact(train) >= n - AT_END), None)
+def _first(tracks, kind, n):
+    """The first track of a kind, None if it is not seen close to the wall behind n spheres."""
+    first = (track for track in tracks if track.kind == kind and track.number == 1)
+    return next((track for track in first if _last_contact(track) >= n - AT_END), None)
 
 
-def _last_contact(train):
-    """Of a train's contacts the one next to the wall."""
-    return max(train.pulses[0].contact, train.pulses[-1].contact)
+def _last_contact(track):
+    """Of a track's contacts the one next to the wall."""
+    return max(track.pulses[0].contact, track.pulses[-1].contact)
 
 
 def _mean_ratio(inward, outward):

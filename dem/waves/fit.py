@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.solitary import ENDS, WIDTH, displacement_shape, velocity_shape
-from dem.waves import Arrival
+from dem.waves.arrivals import Arrival
+from dem.waves.solitary import ENDS, WIDTH, displacement_shape, velocity_shape
 
 PURE = 0.015  # misfit below which nothing is taken to stay behind
 REACH = 1.5  # of the record on either side of a group of waves, in widths
@@ -31,21 +31,14 @@ class Guess(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """Waves found in one stretch of a record, and how well they make it up."""
+    """Waves found in one stretch of a record, and how well they make it up.
+
+    The quality of an arrival is 1 - rms of the residual within a width of it over its peak
+    velocity, at least 0: above 0.95 it is a solitary wave, below 0.7 something else.
+    """
 
     arrivals: tuple[Arrival, ...]
-    misfit: float  # rms of what is left over the largest peak
-
-
-def separated(t, v, guesses):
-    """Arrivals with their quality, one for each guess in order of time, of a record v (k,).
-
-    Guesses closer than three widths are fitted together. The quality of an arrival is 1 - rms of
-    what the waves leave of the record within a width of it, over its peak velocity, and 0 if that
-    is negative: above 0.95 it is a solitary wave, below 0.7 something else.
-    """
-    t, v = np.asarray(t, float), np.asarray(v, float)
-    return [wave for group in groups(guesses) for wave in fit(t, v, group).arrivals]
+    misfit: float  # rms of the residual over the largest peak
 
 
 def groups(guesses):
@@ -87,21 +80,23 @@ def fit(t, v, guesses):
     size = max(np.abs(v).max(), np.finfo(float).tiny)
     for steps in (False, True):
         shapes = _searched(t, v, start, steps)
-        weights, left = _weighted(t, v, shapes, steps)
-        if np.sqrt(np.mean(left**2)) < PURE * size:
+        weights, residual = _weighted(t, v, shapes, steps)
+        if np.sqrt(np.mean(residual**2)) < PURE * size:
             break
-    arrivals = tuple(_arrival(t, left, shape, w) for shape, w in zip(shapes, weights, strict=True))
-    return Fit(arrivals, float(np.sqrt(np.mean(left**2)) / size))
+    arrivals = tuple(
+        _arrival(t, residual, shape, w) for shape, w in zip(shapes, weights, strict=True)
+    )
+    return Fit(arrivals, float(np.sqrt(np.mean(residual**2)) / size))
 
 
 def _weighted(t, v, shapes, steps):
-    """p_j, d_j (n, 2) by linear least squares for given t_j, c_j (n, 2), and what is left of v."""
+    """p_j, d_j (n, 2) by linear least squares for given t_j, c_j (n, 2), and the residual."""
     a = shapes[:, 1:] * (t - shapes[:, :1])
     behind = displacement_shape(a) if steps else np.zeros((0, len(t)))
     basis = np.vstack([velocity_shape(a), behind, np.ones_like(t)[None]]).T
     weight = np.linalg.lstsq(basis, v, rcond=None)[0]
-    left = v - basis @ weight
-    return np.resize([*weight[:-1], *np.zeros(len(a))], 2 * len(a)).reshape(2, -1).T, left
+    residual = v - basis @ weight
+    return np.resize([*weight[:-1], *np.zeros(len(a))], 2 * len(a)).reshape(2, -1).T, residual
 
 
 def _searched(t, v, start, steps):
@@ -109,17 +104,17 @@ def _searched(t, v, start, steps):
     scale = np.column_stack([1.0 / start[:, 1], start[:, 1]])
     z, damping = np.zeros(start.size), 1e-2
 
-    def rest(z):
+    def misfit(z):
         return _weighted(t, v, start + scale * z.reshape(-1, 2), steps)[1]
 
-    left = rest(z)
+    residual = misfit(z)
     for _ in range(ROUNDS):
-        J = [(rest(z + h) - left) / SMALL for h in SMALL * np.eye(z.size)]
-        trial = _bounded(z - _marquardt(np.array(J).T, left, damping))
-        after = rest(trial)
-        if after @ after < left @ left:
-            done = left @ left - after @ after < 1e-9 * (left @ left)
-            z, left, damping = trial, after, 0.3 * damping
+        J = [(misfit(z + h) - residual) / SMALL for h in SMALL * np.eye(z.size)]
+        trial = _bounded(z - _marquardt(np.array(J).T, residual, damping))
+        after = misfit(trial)
+        if after @ after < residual @ residual:
+            done = residual @ residual - after @ after < 1e-9 * (residual @ residual)
+            z, residual, damping = trial, after, 0.3 * damping
             if done:
                 break
         else:
@@ -129,10 +124,10 @@ def _searched(t, v, start, steps):
     return start + scale * z.reshape(-1, 2)
 
 
-def _marquardt(J, left, damping):
+def _marquardt(J, residual, damping):
     H = J.T @ J
     own = np.diag(H) + 1e-12 * np.trace(H) + np.finfo(float).tiny
-    return np.linalg.solve(H + damping * np.diag(own), J.T @ left)
+    return np.linalg.solve(H + damping * np.diag(own), J.T @ residual)
 
 
 def _bounded(z):
@@ -143,13 +138,13 @@ def _bounded(z):
     ).ravel()
 
 
-def _arrival(t, left, shape, weight):
+def _arrival(t, residual, shape, weight):
     (crest, c), (p, d) = shape, weight
     a = np.linspace(-ENDS, ENDS, 2401)
     own = p * velocity_shape(a) + d * displacement_shape(a)
     top = int(np.abs(own).argmax()) if abs(p) > abs(d) else int(np.abs(a).argmin())
     peak = float(own[top] if abs(p) > abs(d) else p + d)
     near = np.abs(t - crest) < WIDTH / c
-    rms = float(np.sqrt(np.mean(left[near] ** 2))) if near.any() else np.inf
+    rms = float(np.sqrt(np.mean(residual[near] ** 2))) if near.any() else np.inf
     quality = max(0.0, 1.0 - rms / max(abs(peak), 1e-300))
     return Arrival(float(crest + a[top] / c), peak, float(WIDTH / c), quality)

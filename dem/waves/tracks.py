@@ -1,6 +1,6 @@
 """Waves followed through the chain: the incident ones, and those that the wall sends back.
 
-Every collision of two neighbours is a pulse of their contact force. A wave is a train of pulses
+Every collision of two neighbours is a pulse of their contact force. A wave is a track of pulses
 from contact to contact, each one sphere's passing time after the one before; that time follows
 from the pulse's force, and is longer where a gap must close first. Contact i lies between the
 spheres i and i + 1, counted from 1.
@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.solitary import force, speed, velocity_of_force
-from dem.waves import crest, peaks
+from dem.waves.arrivals import crest, peaks
+from dem.waves.solitary import force, speed, velocity_of_force
 
 EARLY, LATE = 0.7, 5.0  # of a pulse against the expected time, in passing times of a sphere
-SKIPPED = 3  # contacts at which a train may be hidden in another one
-SHORTEST = 3  # contacts that make a train
+SKIPPED = 3  # contacts at which a track may be hidden in another one
+SHORTEST = 3  # contacts that make a track
 
 
 class Pulse(NamedTuple):
@@ -28,7 +28,7 @@ class Pulse(NamedTuple):
     passing_time: float  # [s] of one sphere in such a wave
 
 
-class Train(NamedTuple):
+class WaveTrack(NamedTuple):
     """A wave along the chain, by its number in order of time at the wall's end, from 1."""
 
     kind: str  # "incident" or "reflected"
@@ -51,11 +51,11 @@ class Train(NamedTuple):
         return end.time + way * (contact - end.contact) * end.passing_time
 
 
-def trains(t, v, contact_force, mass, A, *, threshold=0.03):
-    """Trains in the records v (k, n) and contact_force (k, n_contacts) of all spheres.
+def wave_tracks(t, v, contact_force, mass, A, *, threshold=0.03):
+    """Wave tracks in the records v (k, n) and contact_force (k, n_contacts) of all spheres.
 
     A pulse counts if the spheres in its wave reach `threshold` of those in the largest one, and a
-    train if it passes three contacts. Incident ones first.
+    track if it passes three contacts. Incident ones first.
     """
     found = _pulses(np.asarray(t), np.asarray(v), np.asarray(contact_force), mass, A, threshold)
     inward = _linked([p for p in found if p.velocity > 0.0], 1)
@@ -93,32 +93,32 @@ def _linked(pulses, way):
     for pulse in pulses:
         at.setdefault(pulse.contact, []).append(pulse)
     for contact, here in sorted(at.items(), reverse=way < 0):
-        near = [train for train in found if abs(contact - train[-1].contact) <= 1 + SKIPPED]
+        near = [track for track in found if abs(contact - track[-1].contact) <= 1 + SKIPPED]
         matched = list(_matches(near, here, way))
-        for train, pulse in matched:
-            train.append(pulse)
+        for track, pulse in matched:
+            track.append(pulse)
         found += [[pulse] for pulse in here if pulse not in [p for _, p in matched]]
-    return [train for train in found if len(train) >= SHORTEST]
+    return [track for track in found if len(track) >= SHORTEST]
 
 
 def _matches(found, here, way):
-    """Pairs of a train and its next pulse, the best first, each taken once."""
+    """Pairs of a track and its next pulse, the best first, each taken once."""
     offers = []
-    for i, train in enumerate(found):
+    for i, track in enumerate(found):
         for j, pulse in enumerate(here):
-            late = _lateness(train[-1], pulse, way)
+            late = _lateness(track[-1], pulse, way)
             if late is not None:
                 offers.append((abs(late), i, j))
-    taken_trains, taken_pulses = set(), set()
+    taken_tracks, taken_pulses = set(), set()
     for _, i, j in sorted(offers):
-        if i not in taken_trains and j not in taken_pulses:
-            taken_trains.add(i)
+        if i not in taken_tracks and j not in taken_pulses:
+            taken_tracks.add(i)
             taken_pulses.add(j)
             yield found[i], here[j]
 
 
 def _lateness(last, pulse, way):
-    """How late a pulse comes after a train's last one, in passing times; None: it cannot be his."""
+    """How late a pulse comes after a track's last one, in passing times; None: it cannot be his."""
     contacts = way * (pulse.contact - last.contact)
     late = (pulse.time - last.time) / last.passing_time - contacts
     fits = 1 <= contacts <= 1 + SKIPPED and -EARLY * contacts <= late <= LATE
@@ -126,11 +126,11 @@ def _lateness(last, pulse, way):
 
 
 def _numbered(kind, found, wall):
-    """In order of time at the wall; a train first seen on its way came out of a faster one."""
-    fastest = min((train[0].passing_time for train in found), default=0.0)
+    """In order of time at the wall; a track first seen on its way came out of a faster one."""
+    fastest = min((track[0].passing_time for track in found), default=0.0)
 
     def start(pulses):
         return pulses[0].time - (wall - pulses[0].contact) * fastest
 
     order = sorted(found, key=start if kind == "reflected" else lambda pulses: pulses[0].time)
-    return (Train(kind, number, tuple(pulses)) for number, pulses in enumerate(order, 1))
+    return (WaveTrack(kind, number, tuple(pulses)) for number, pulses in enumerate(order, 1))
