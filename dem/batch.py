@@ -6,13 +6,16 @@ chains with any of these are marched one by one, dealt to the threads.
 """
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dem.chain import validate
+from dem.chain import Chain, Wall, validate
 from dem.checks import InvalidChain, columns, positive, saves, whole
+from dem.kernels.arguments import Array, Steps
 from dem.kernels.lanes import LANES, Blocks, SavedLanes, march_lanes
 from dem.kernels.oscillators import oscillator_propagator
 from dem.schemes import SCHEMES, default_scheme
@@ -24,10 +27,10 @@ from dem.trajectory import equal_steps, march
 class Batch(NamedTuple):
     """What many marches leave: n_chains chains, k saves."""
 
-    t: np.ndarray  # (k,)
-    v: np.ndarray  # (n_chains, k, n_observed)
-    wall_force: np.ndarray  # (n_chains, k), 0 for free chains
-    energy_error: np.ndarray  # (n_chains,) largest change over the energy at the start
+    t: Array  # (k,)
+    v: Array  # (n_chains, k, n_observed)
+    wall_force: Array  # (n_chains, k), 0 for free chains
+    energy_error: Array  # (n_chains,) largest change over the energy at the start
     dt: float
     n_steps: int
     scheme: str
@@ -35,18 +38,18 @@ class Batch(NamedTuple):
 
 
 def march_batch(
-    chain,
-    wall,
-    v0,
+    chain: Chain,
+    wall: Wall | None,
+    v0: ArrayLike,
     *,
-    duration,
-    dt=None,
-    error=None,
-    observed=None,
-    scheme=None,
-    n_save=100,
-    threads=None,
-):
+    duration: float,
+    dt: float | None = None,
+    error: float | None = None,
+    observed: Sequence[int] | None = None,
+    scheme: str | None = None,
+    n_save: int = 100,
+    threads: int | None = None,
+) -> Batch:
     """Batch of chains that start from their static state with velocities v0.
 
     Fields of chain and wall and v0 have a leading axis n_chains, or lack it and are shared;
@@ -77,16 +80,16 @@ class _Asked(NamedTuple):
 
     duration: float
     n_save: int
-    observed: np.ndarray
+    observed: Array
     scheme: str
     threads: int
 
-    def batch(self, dt, v, wall_force, errors):
+    def batch(self, dt: float, v: Array, wall_force: Array, errors: Array) -> Batch:
         """What marches by steps up to dt have left."""
         steps, t = self.steps(dt), np.linspace(0.0, self.duration, self.n_save + 1)
         return Batch(t, v, wall_force, errors, steps.h, steps.stride * steps.n_save, self.scheme)
 
-    def steps(self, dt):
+    def steps(self, dt: float) -> Steps:
         """Equal ones up to dt."""
         return equal_steps(self.duration, dt, self.n_save)
 
@@ -100,7 +103,7 @@ PER_MODE = ("omega", "zeta", "phi")
 class _Members:
     """Chains of a batch, every array with its leading axis."""
 
-    def __init__(self, chain, wall, v0):
+    def __init__(self, chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
         self.chain, self.wall = chain, wall
         fields = _fields(chain, PER_CHAIN, PER_CONTACT) | {"v0": (np.asarray(v0, float), 2)}
         if wall is not None:
@@ -140,7 +143,7 @@ class _Members:
         return self.arrays[name]
 
     @property
-    def bare(self):
+    def bare(self) -> bool:
         """Without any part that the lanes do not know."""
         parts = ("preload", "leaf_stiffness", *PER_WALL)
         without = not any(np.any(self.arrays.get(name, 0.0)) for name in parts)
@@ -148,11 +151,11 @@ class _Members:
         return without and lossless
 
     @property
-    def free(self):
+    def free(self) -> bool:
         """Without a wall."""
         return self.wall is None
 
-    def take(self, rows):
+    def take(self, rows: Array) -> "_Members":
         """The members of these rows."""
         part = object.__new__(_Members)
         part.chain, part.wall, part.count = self.chain, self.wall, len(rows)

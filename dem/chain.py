@@ -8,9 +8,11 @@ delta = x_N - u_w - s F with the modes' displacement u_w and the residual compli
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dem.checks import above_0, arrays, require, scalar, spread, vector, whole
 from dem.kernels import laws
+from dem.kernels.arguments import Array
 from dem.kernels.checks import weighted_square
 from dem.spheres import hertz_coefficient, mass
 
@@ -37,15 +39,15 @@ class Chain(NamedTuple):
     Beyond its yield overlap a contact follows C. Thornton, J. Appl. Mech. 64 (1997) 383.
     """
 
-    mass: np.ndarray  # (n,) [kg]
-    radius: np.ndarray  # (n,) [m]
-    A: np.ndarray  # (n,) [N/m^1.5], the last one at the wall; (n - 1,) for a free chain
+    mass: Array  # (n,) [kg]
+    radius: Array  # (n,) [m]
+    A: Array  # (n,) [N/m^1.5], the last one at the wall; (n - 1,) for a free chain
     dissipation: str = "none"
-    gamma: np.ndarray | None = None  # one per contact
-    leaf_stiffness: np.ndarray | None = None  # (n,) [N/m]
-    leaf_anchor: np.ndarray | None = None  # (n,) [m] offset towards the wall; None: 0
+    gamma: Array | None = None  # one per contact
+    leaf_stiffness: Array | None = None  # (n,) [N/m]
+    leaf_anchor: Array | None = None  # (n,) [m] offset towards the wall; None: 0
     preload: float = 0.0  # [N] on the last sphere, towards the wall
-    yield_overlap: np.ndarray | None = None  # [m] one per contact, where it turns plastic
+    yield_overlap: Array | None = None  # [m] one per contact, where it turns plastic
 
 
 class Wall(NamedTuple):
@@ -55,9 +57,9 @@ class Wall(NamedTuple):
     `mobility` a dashpot that gives way at  mobility * F  (Zener's infinite plate).
     """
 
-    omega: np.ndarray  # (n_modes,) [rad/s]
-    zeta: np.ndarray  # (n_modes,)
-    phi: np.ndarray  # (n_modes,) [kg^-1/2] participation, mass-normalised
+    omega: Array  # (n_modes,) [rad/s]
+    zeta: Array  # (n_modes,)
+    phi: Array  # (n_modes,) [kg^-1/2] participation, mass-normalised
     residual_compliance: float = 0.0  # [m/N], may be slightly negative
     mobility: float = 0.0  # [m/(N s)]
 
@@ -65,32 +67,32 @@ class Wall(NamedTuple):
 class State(NamedTuple):
     """Where a march stands; modes q, p are measured from the static state."""
 
-    x: np.ndarray  # (n,)
-    v: np.ndarray  # (n,)
-    q: np.ndarray  # (n_modes,)
-    p: np.ndarray  # (n_modes,)
-    wall: np.ndarray  # (4,) u_w, v_w of the modes, displacement of the dashpot, work on the modes
-    deepest: np.ndarray | None = None  # (n_contacts,) largest overlap so far, of plastic contacts
+    x: Array  # (n,)
+    v: Array  # (n,)
+    q: Array  # (n_modes,)
+    p: Array  # (n_modes,)
+    wall: Array  # (4,) u_w, v_w of the modes, displacement of the dashpot, work on the modes
+    deepest: Array | None = None  # (n_contacts,) largest overlap so far, of plastic contacts
 
-    def reversed(self):
+    def reversed(self) -> "State":
         """The same place with all velocities turned round."""
         wall = self.wall * [1.0, -1.0, 1.0, 1.0]
         return State(self.x, -self.v, self.q, -self.p, wall, self.deepest)
 
 
 def row_of_spheres(
-    radius,
-    density,
-    young,
-    poisson,
+    radius: ArrayLike,
+    density: ArrayLike,
+    young: ArrayLike,
+    poisson: ArrayLike,
     *,
-    count=None,
-    wall_young=np.inf,
-    wall_poisson=0.0,
-    free=False,
-    stiffness_factor=1.0,
+    count: int | None = None,
+    wall_young: float = np.inf,
+    wall_poisson: float = 0.0,
+    free: bool = False,
+    stiffness_factor: ArrayLike = 1.0,
     **parts,
-):
+) -> Chain:
     """Chain of elastic spheres against a flat of the given material (default: rigid).
 
     Material values are scalars or one per sphere; `free` leaves the flat out; `parts` are the
@@ -119,12 +121,12 @@ def row_of_spheres(
     return chain
 
 
-def rigid_wall():
+def rigid_wall() -> Wall:
     """A wall that does not move."""
     return Wall(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
-def one_dof_wall(frequency, mass, damping_ratio=0.0):
+def one_dof_wall(frequency: float, mass: float, damping_ratio: float = 0.0) -> Wall:
     """One mass on a spring to the ground; frequency in Hz (0: a free mass). Raises InvalidChain."""
     scalar("wall frequency", frequency, at_least=0.0)
     above_0("wall mass", mass)
@@ -133,13 +135,13 @@ def one_dof_wall(frequency, mass, damping_ratio=0.0):
     return Wall(np.array([omega]), np.array([damping_ratio]), np.array([mass**-0.5]))
 
 
-def dashpot_wall(coefficient):
+def dashpot_wall(coefficient: float) -> Wall:
     """A wall that resists with coefficient * velocity [N s/m]. Raises InvalidChain."""
     above_0("dashpot coefficient", coefficient)
     return rigid_wall()._replace(mobility=1.0 / coefficient)
 
 
-def plate_wall(young, poisson, density, thickness):
+def plate_wall(young: float, poisson: float, density: float, thickness: float) -> Wall:
     """Infinite thin plate, a dashpot of 8 sqrt(D rho h) (Zener, Phys. Rev. 59 (1941) 669)."""
     for name, value in (("young", young), ("density", density), ("thickness", thickness)):
         above_0(f"plate {name}", value)
@@ -147,7 +149,7 @@ def plate_wall(young, poisson, density, thickness):
     return dashpot_wall(8.0 * np.sqrt(D * density * thickness))
 
 
-def validate(chain, wall, v0):
+def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
     """Raise InvalidChain with one sentence if anything is missing, not finite or out of range."""
     require(isinstance(chain, Chain), "the chain is none; give a dem.Chain")
     require(wall is None or isinstance(wall, Wall), "the wall is none; give a dem.Wall or None")
@@ -197,7 +199,7 @@ def _validate_wall(chain, wall):
     )
 
 
-def static_compliance(wall):
+def static_compliance(wall: Wall | None) -> float:
     """Static compliance [m/N] of the wall behind the last contact; inf for a wall that drifts."""
     if wall is None:
         return 0.0

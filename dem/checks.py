@@ -1,10 +1,13 @@
 """Numbers that a run may start from: finite, in range, as many as there should be."""
 
 import math
+from collections.abc import Iterable
 from numbers import Integral, Real
+from typing import NamedTuple
 
 import numpy as np
 
+from dem.kernels.arguments import Array
 from dem.kernels.checks import first_outside
 
 SMALLEST, LARGEST = 5e-324, 1.7976931348623157e308  # of all positive numbers
@@ -15,12 +18,14 @@ class InvalidChain(ValueError):
     """A chain, wall or initial velocity that no run can start from."""
 
 
-def require(condition, sentence):
+def require(condition: object, sentence: str) -> None:
     if not condition:
         raise InvalidChain(sentence)
 
 
-def vector(name, values, size, *, positive=False, at_least=None):
+def vector(
+    name: str, values: object, size: int, *, positive: bool = False, at_least: float | None = None
+) -> Array:
     try:
         values = np.array(values, float)
     except (TypeError, ValueError):
@@ -36,7 +41,7 @@ def vector(name, values, size, *, positive=False, at_least=None):
     return values
 
 
-def spread(name, values, size):
+def spread(name: str, values: object, size: int) -> Array:
     """(size,) of one number or one each."""
     try:
         return np.broadcast_to(np.asarray(values, float), size)
@@ -44,23 +49,23 @@ def spread(name, values, size):
         raise InvalidChain(f"{name} is {values!r}; give one number or {size}") from None
 
 
-def scalar(name, value, *, at_least=None):
+def scalar(name: str, value: object, *, at_least: float | None = None) -> None:
     lowest = -math.inf if at_least is None else at_least
     if not (isinstance(value, float) and math.isfinite(value) and value >= lowest):
         vector(name, np.atleast_1d(value), 1, at_least=at_least)
 
 
-def above_0(name, value):
+def above_0(name: str, value: object) -> None:
     vector(name, np.atleast_1d(value), 1, positive=True)
 
 
-def positive(name, value, unit=""):
+def positive(name: str, value: object, unit: str = "") -> None:
     """A finite number above 0."""
     if not (isinstance(value, Real) and 0.0 < value < math.inf):
         raise InvalidChain(f"{name} is {value!r}{unit}; it must be finite and above 0")
 
 
-def whole(name, value, *, at_least=1):
+def whole(name: str, value: object, *, at_least: int = 1) -> None:
     """A whole number."""
     require(
         isinstance(value, Integral) and value >= at_least,
@@ -68,7 +73,7 @@ def whole(name, value, *, at_least=1):
     )
 
 
-def saves(n_save, n):
+def saves(n_save: int, n: int) -> None:
     """A number of saves of n spheres that memory holds."""
     whole("n_save", n_save)
     require(
@@ -78,7 +83,7 @@ def saves(n_save, n):
     )
 
 
-def columns(observed, n):
+def columns(observed: object, n: int) -> Array:
     """Indices of the observed of n spheres; all without any."""
     if observed is None:
         return np.arange(n)
@@ -91,7 +96,7 @@ def columns(observed, n):
     return found
 
 
-def arrays(owner, names):
+def arrays(owner: NamedTuple, names: Iterable[str]) -> None:
     """Raise InvalidChain for a field that is there but no array."""
     for name in names:
         values = getattr(owner, name)

@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Correction
+from dem.chain import Chain, Wall
+from dem.kernels.arguments import Array, Correction
 
 
 class Scheme(NamedTuple):
@@ -26,13 +27,13 @@ class Scheme(NamedTuple):
 
     name: str
     order: int
-    a: np.ndarray
-    b: np.ndarray
+    a: Array
+    b: Array
     kind: str
     correction: Correction | None  # for contacts that open or close
 
     @property
-    def evaluations(self):
+    def evaluations(self) -> int:
         """Contact force evaluations a step (implicit: Newton solutions); the last kick shares its
         forces with the next first."""
         if self.kind == "implicit":
@@ -200,7 +201,7 @@ SCHEMES = {
 }
 
 
-def default_scheme(chain, wall, *, stiffly_damped=False):
+def default_scheme(chain: Chain, wall: Wall | None, *, stiffly_damped: bool = False) -> str:
     """Name of the scheme that measures best: the linear dampers jump when a contact closes, which
     only the implicit schemes average; damping faster than the contacts bears no step back in time
     and is booked right by the implicit scheme alone at steps of the contacts' size.

@@ -6,12 +6,15 @@ marched by one scheme, so that X is the derivative of the discrete solution, the
 starts from included. E. Hairer, S. P. Norsett, G. Wanner, Solving ODE I, I.14.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dem.chain import validate
+from dem.chain import Chain, Wall, validate
 from dem.checks import InvalidChain
+from dem.kernels.arguments import Array
 from dem.kernels.oscillators import oscillator_propagator
 from dem.kernels.sensitivities import (
     Record,
@@ -22,35 +25,23 @@ from dem.kernels.sensitivities import (
     march_alone,
     workspace,
 )
-from dem.static_sensitivities import or_zeros, static_sensitivities
+from dem.static_sensitivities import Directions, or_zeros, static_sensitivities
 from dem.statics import equilibrium
 
 SMOOTH = ("none", "hunt-crossley")
 STEPS_PER_TIME_SCALE = 40.0  # of the stiffest contact: 1e-6 in the velocities of a chain of 17
 
 
-class Directions(NamedTuple):
-    """Derivatives by p parameters of what a run is made of."""
-
-    A: np.ndarray  # (n_contacts, p)
-    gamma: np.ndarray  # (n_contacts, p)
-    v0: np.ndarray  # (n, p)
-    preload: np.ndarray  # (p,)
-    phi: np.ndarray  # (k, p)
-    omega: np.ndarray  # (k, p)
-    zeta: np.ndarray  # (k, p)
-
-
 class Sensitivities(NamedTuple):
     """Velocity and acceleration of m observed spheres at every step, and their derivatives."""
 
-    t: np.ndarray  # (steps,)
-    v: np.ndarray  # (steps, m)
-    a: np.ndarray  # (steps, m)
-    dv: np.ndarray  # (steps, m, p)
-    da: np.ndarray  # (steps, m, p)
+    t: Array  # (steps,)
+    v: Array  # (steps, m)
+    a: Array  # (steps, m)
+    dv: Array  # (steps, m, p)
+    da: Array  # (steps, m, p)
 
-    def at(self, t):
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
         """v (k, m), a (k, m), dv (k, m, p) at any times within the run: cubic Hermite.
 
         a is the slope of the interpolant, so that it is the derivative of v by a shift in time.
@@ -75,7 +66,7 @@ def _weighted(weights, v, a, i):
     return w[0] * v[i] + w[1] * a[i] + w[2] * v[i + 1] + w[3] * a[i + 1]
 
 
-def no_directions(chain, wall):
+def no_directions(chain: Chain, wall: Wall | None) -> Directions:
     """Directions of no parameter."""
     n, n_contacts = chain.mass.size, chain.A.size
     k = 0 if wall is None else wall.omega.size
@@ -83,7 +74,7 @@ def no_directions(chain, wall):
     return Directions(*(np.zeros((0,) if size is None else (size, 0)) for size in sizes))
 
 
-def usual_step(chain, wall, v0):
+def usual_step(chain: Chain, wall: Wall | None, v0: ArrayLike) -> float:
     """Step [s] from the stiffest contact at the impact of the fastest sphere, or at rest."""
     mass, A, speed = chain.mass.min(), chain.A.max(), np.abs(v0).max()
     rate = (A / mass) ** 0.4 * speed**0.2
@@ -92,7 +83,16 @@ def usual_step(chain, wall, v0):
     return 1.0 / (STEPS_PER_TIME_SCALE * max(rate, at_rest))
 
 
-def march_with_sensitivities(chain, wall, v0, directions=None, *, duration, dt, observed):
+def march_with_sensitivities(
+    chain: Chain,
+    wall: Wall | None,
+    v0: ArrayLike,
+    directions: Directions | None = None,
+    *,
+    duration: float,
+    dt: float,
+    observed: Sequence[int],
+) -> Sensitivities:
     """Sensitivities of a run from the static state with velocities v0 (n,), at steps of at most dt.
 
     observed: indices of spheres. Takes Hertz contacts, with Hunt and Crossley's dissipation or
@@ -123,7 +123,7 @@ def march_with_sensitivities(chain, wall, v0, directions=None, *, duration, dt, 
     return Sensitivities(t, *out)
 
 
-def require_smooth(chain, wall):
+def require_smooth(chain: Chain, wall: Wall | None) -> None:
     """Raise InvalidChain for a force that jumps or remembers: it has no derivative."""
     if chain.dissipation not in SMOOTH and np.any(chain.gamma):
         raise InvalidChain(
@@ -156,7 +156,7 @@ def _wall(wall, static, h):
     return float(wall.residual_compliance), offset, force, wall.phi, *moved
 
 
-def propagator_with_sensitivities(omega, zeta, t):
+def propagator_with_sensitivities(omega: Array, zeta: Array, t: float) -> tuple[Array, ...]:
     """Free motion over t of q'' + 2 zeta omega q' + omega^2 q = 0 as (k, 2, 2), and its derivatives
     by omega and zeta, by the complex step: exact to rounding below critical damping."""
     moved = oscillator_propagator(omega, zeta, t)

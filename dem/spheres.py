@@ -8,24 +8,36 @@ E = inf.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from dem.kernels.arguments import Array
 
 
-def mass(radius, density):
+def mass(radius: ArrayLike, density: ArrayLike) -> Array:
     """Mass of a solid sphere [kg]."""
     return 4.0 / 3.0 * np.pi * np.asarray(radius, float) ** 3 * density
 
 
-def relative_radius(R1, R2=np.inf):
+def relative_radius(R1: ArrayLike, R2: ArrayLike = np.inf) -> Array:
     """R* [m]; `R2 = inf` is a flat."""
     return 1.0 / (1.0 / np.asarray(R1, float) + 1.0 / np.asarray(R2, float))
 
 
-def contact_modulus(E1, nu1, E2=np.inf, nu2=0.0):
+def contact_modulus(
+    E1: ArrayLike, nu1: ArrayLike, E2: ArrayLike = np.inf, nu2: ArrayLike = 0.0
+) -> Array:
     """E* [Pa]; `E2 = inf` is rigid."""
     return 1.0 / ((1.0 - np.square(nu1)) / E1 + (1.0 - np.square(nu2)) / np.asarray(E2, float))
 
 
-def hertz_coefficient(R1, E1, nu1, R2=np.inf, E2=np.inf, nu2=0.0):
+def hertz_coefficient(
+    R1: ArrayLike,
+    E1: ArrayLike,
+    nu1: ArrayLike,
+    R2: ArrayLike = np.inf,
+    E2: ArrayLike = np.inf,
+    nu2: ArrayLike = 0.0,
+) -> Array:
     """A of F = A delta^(3/2) [N/m^(3/2)].
 
     >>> float(round(hertz_coefficient(0.0127, 210e9, 0.3, 0.0127, 210e9, 0.3) / 1e10, 4))
@@ -34,33 +46,33 @@ def hertz_coefficient(R1, E1, nu1, R2=np.inf, E2=np.inf, nu2=0.0):
     return 4.0 / 3.0 * contact_modulus(E1, nu1, E2, nu2) * np.sqrt(relative_radius(R1, R2))
 
 
-def modulus_of_contact(A, R):
+def modulus_of_contact(A: ArrayLike, R: ArrayLike) -> Array:
     """E* [Pa] behind a Hertz coefficient A and the relative radius R."""
     return 0.75 * A / np.sqrt(R)
 
 
-def radii_of_contacts(radius):
+def radii_of_contacts(radius: ArrayLike) -> Array:
     """(n,) relative radii R* [m] of a row of spheres and a flat."""
     return np.append(relative_radius(radius[:-1], radius[1:]), radius[-1:])
 
 
-def contact_radius(force, R, E_star):
+def contact_radius(force: ArrayLike, R: ArrayLike, E_star: ArrayLike) -> Array:
     """a = (3 F R / 4 E*)^(1/3) [m] for the relative radius R and the contact modulus E*."""
     return np.cbrt(0.75 * np.asarray(force, float) * R / E_star)
 
 
-def max_pressure(force, R, E_star):
+def max_pressure(force: ArrayLike, R: ArrayLike, E_star: ArrayLike) -> Array:
     """p0 = (6 F E*^2 / pi^3 R^2)^(1/3) [Pa], at the centre of the contact circle."""
     return np.cbrt(6.0 * np.asarray(force, float) * E_star**2 / (np.pi**3 * R**2))
 
 
-def yield_overlap(R, E_star, contact_yield_stress):
+def yield_overlap(R: ArrayLike, E_star: ArrayLike, contact_yield_stress: float) -> Array:
     """Overlap [m] at which the largest pressure reaches the contact yield stress, about 1.6 times
     the yield stress of the softer material (C. Thornton, J. Appl. Mech. 64 (1997) 383)."""
     return R * (0.5 * np.pi * contact_yield_stress / E_star) ** 2
 
 
-def yielded_radius(force, R, A, overlap):
+def yielded_radius(force: ArrayLike, R: ArrayLike, A: ArrayLike, overlap: ArrayLike) -> Array:
     """Radius [m] of a contact pressed by a force, beyond its yield overlap at constant pressure:
     a^2 = R delta as in Hertz' law, with the straight line of Thornton's."""
     first = A * overlap**1.5
@@ -69,11 +81,11 @@ def yielded_radius(force, R, A, overlap):
     return np.sqrt(R * (elastic + overlap * beyond))
 
 
-def time_scale(m, A, speed):
+def time_scale(m: ArrayLike, A: ArrayLike, speed: ArrayLike) -> Array:
     """t_s = (m/A)^(2/5) V^(-1/5) [s], the natural unit of time of a Hertz chain."""
     return (m / A) ** 0.4 * np.abs(speed) ** -0.2
 
 
-def force_scale(m, A, speed):
+def force_scale(m: ArrayLike, A: ArrayLike, speed: ArrayLike) -> Array:
     """F_s = A^(2/5) m^(3/5) V^(6/5) [N], the natural unit of force of a Hertz chain."""
     return A**0.4 * m**0.6 * np.abs(speed) ** 1.2

@@ -7,11 +7,12 @@ stability interval of the scheme: dt * omega below `stability_interval`.
 from functools import cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dem.chain import validate
+from dem.chain import Chain, Wall, validate
 from dem.kernels.checks import fastest_contact
-from dem.schemes import SCHEMES, default_scheme
-from dem.statics import static_state
+from dem.schemes import SCHEMES, Scheme, default_scheme
+from dem.statics import Equilibrium, static_state
 
 _NONE = np.zeros(0)
 NEAR_FOLD = 0.1  # of the contact's stiffness that a negative spring in series leaves
@@ -22,7 +23,9 @@ class UnstableStep(ValueError):
     """A step for which the march has no meaning."""
 
 
-def refuse_step(chain, wall, v0, static, dt, scheme):
+def refuse_step(
+    chain: Chain, wall: Wall | None, v0: ArrayLike, static: Equilibrium, dt: float, scheme: Scheme
+) -> None:
     """Raise UnstableStep if the contacts or the damping make dt meaningless for the scheme."""
     rate, limit = fastest_rate(chain, wall, v0, static), stability_interval(scheme)
     if dt * rate > limit:
@@ -39,7 +42,7 @@ def refuse_step(chain, wall, v0, static, dt, scheme):
         )
 
 
-def fastest_rate(chain, wall, v0, static):
+def fastest_rate(chain: Chain, wall: Wall | None, v0: ArrayLike, static: Equilibrium) -> float:
     """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
     on top of the static force. Wall modes faster than the contact itself are springs to it."""
     omega = phi = _NONE
@@ -51,7 +54,7 @@ def fastest_rate(chain, wall, v0, static):
     return fastest_contact(*arrays, energy, omega, phi)
 
 
-def fastest_decay(chain, wall, v0, static):
+def fastest_decay(chain: Chain, wall: Wall | None, v0: ArrayLike, static: Equilibrium) -> float:
     """Upper estimate of the largest rate [1/s] at which damping wears motion down."""
     rates = [0.0]
     if wall is not None and wall.omega.size:
@@ -81,7 +84,7 @@ def _deepest(chain, v0, static):
     return (2.5 * energy / chain.A) ** 0.4 + (static.force / chain.A) ** (2 / 3)
 
 
-def backward_reach(scheme):
+def backward_reach(scheme: Scheme) -> float:
     """Largest part of the step that the scheme goes back in time; damping grows there."""
     return _longest_back(scheme.name)
 
@@ -93,7 +96,7 @@ def _longest_back(name):
     return float(max(0.0, -moves.min()))
 
 
-def stability_interval(scheme):
+def stability_interval(scheme: Scheme) -> float:
     """Largest dt * omega for which a linear contact of frequency omega stays bounded."""
     return np.inf if scheme.kind == "implicit" else _interval(scheme.name)
 
@@ -110,7 +113,9 @@ def _interval(name):
     return float(z[unstable.argmax()]) if unstable.any() else float(z[-1])
 
 
-def stability_limit(chain, wall, v0, *, scheme=None):
+def stability_limit(
+    chain: Chain, wall: Wall | None, v0: ArrayLike, *, scheme: str | None = None
+) -> float:
     """Largest meaningful step [s]; contacts that share a sphere can lower it by up to sqrt(2)."""
     validate(chain, wall, v0)
     method = SCHEMES[scheme or default_scheme(chain, wall)]

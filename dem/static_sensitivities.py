@@ -4,20 +4,36 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import static_compliance
+from dem.chain import Chain, Wall, static_compliance
+from dem.kernels.arguments import Array
+from dem.statics import Equilibrium
 
 IDLE = 1e-9  # of the largest force: what the solver of the static state leaves in open contacts
+
+
+class Directions(NamedTuple):
+    """Derivatives by p parameters of what a run is made of."""
+
+    A: Array  # (n_contacts, p)
+    gamma: Array  # (n_contacts, p)
+    v0: Array  # (n, p)
+    preload: Array  # (p,)
+    phi: Array  # (k, p)
+    omega: Array  # (k, p)
+    zeta: Array  # (k, p)
 
 
 class StaticSensitivities(NamedTuple):
     """Derivatives of the static state."""
 
-    x: np.ndarray  # (n, p)
-    force: np.ndarray  # (p,) at the wall
-    offset: np.ndarray  # (p,) displacement of the modes
+    x: Array  # (n, p)
+    force: Array  # (p,) at the wall
+    offset: Array  # (p,) displacement of the modes
 
 
-def static_sensitivities(chain, wall, static, directions):
+def static_sensitivities(
+    chain: Chain, wall: Wall | None, static: Equilibrium, directions: Directions
+) -> StaticSensitivities:
     """Derivatives of the static state: K dx = -dr/dtheta, from the equations that hold in it."""
     n, p = chain.mass.size, directions.preload.size
     if p == 0 or not (chain.preload or np.any(chain.leaf_stiffness)):
@@ -94,5 +110,5 @@ def _compliance_sensitivities(wall, directions):
     return np.sum(by_phi * directions.phi[moving] + by_omega * directions.omega[moving], axis=0)
 
 
-def or_zeros(values, size):
+def or_zeros(values: Array | None, size: int) -> Array:
     return np.zeros(size) if values is None else np.asarray(values, float)

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import static_compliance, validate
+from dem.chain import Chain, Wall, static_compliance, validate
+from dem.kernels.arguments import Array
 from dem.kernels.equilibrium import Bearing, rest, static_residual
 
 REGULAR = 1e-8  # of a closed contact's stiffness, in the tangent
@@ -17,12 +18,12 @@ class NoEquilibrium(ValueError):
 class Equilibrium(NamedTuple):
     """Static state: sphere positions, contact forces, displacement of each wall mode."""
 
-    x: np.ndarray  # (n,)
-    force: np.ndarray  # (n_contacts,)
-    q: np.ndarray  # (n_modes,)
+    x: Array  # (n,)
+    force: Array  # (n_contacts,)
+    q: Array  # (n_modes,)
 
 
-def equilibrium(chain, wall):
+def equilibrium(chain: Chain, wall: Wall | None) -> Equilibrium:
     """Static state under preload and leaf springs; spheres that nothing holds just touch the next.
 
     Raises InvalidChain, NoEquilibrium.
@@ -31,7 +32,7 @@ def equilibrium(chain, wall):
     return static_state(chain, wall)
 
 
-def static_state(chain, wall):
+def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
     """`equilibrium` of what is validated."""
     n = chain.mass.size
     n_modes = 0 if wall is None else wall.omega.size

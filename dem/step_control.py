@@ -1,12 +1,14 @@
 """The step from the error asked for, by marching twice with different steps."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dem.chain import validate
+from dem.chain import Chain, State, Wall, validate
 from dem.checks import InvalidChain, columns, positive, saves
+from dem.kernels.arguments import Array
 from dem.schemes import SCHEMES, default_scheme
 from dem.stability import (
     BACKWARD,
@@ -30,9 +32,9 @@ SLOWEST = 0.25  # order below which it does not
 class StepReport(NamedTuple):
     """How a step was found: one entry per comparison of two marches, coarse to fine."""
 
-    dt: np.ndarray  # [s] of the finer march
-    difference: np.ndarray  # relative velocity change against the coarser march
-    energy_error: np.ndarray
+    dt: Array  # [s] of the finer march
+    difference: Array  # relative velocity change against the coarser march
+    energy_error: Array
     error_estimate: float
     evaluations: int  # contact force evaluations of all marches
 
@@ -45,19 +47,19 @@ class Controlled(NamedTuple):
 
 
 def march_to_error(
-    chain,
-    wall,
-    v0,
+    chain: Chain,
+    wall: Wall | None,
+    v0: ArrayLike,
     *,
-    duration,
-    error,
-    observed=None,
-    scale=None,
-    energy_error=None,
-    scheme=None,
-    n_save=1000,
-    max_evaluations=None,
-):
+    duration: float,
+    error: float,
+    observed: Sequence[int] | None = None,
+    scale: float | None = None,
+    energy_error: float | None = None,
+    scheme: str | None = None,
+    n_save: int = 1000,
+    max_evaluations: float | None = None,
+) -> Controlled:
     """Trajectory whose velocities are off by less than `error` times `scale` on the observed
     spheres, and whose ledger closes to `energy_error`.
 
@@ -111,7 +113,7 @@ class _Asked(NamedTuple):
     n_save: int
     error: float
     energy_error: float
-    observed: np.ndarray
+    observed: Array
     scale: float
     order: float  # that the difference of two marches is taken to show
     evaluations: float
@@ -242,7 +244,14 @@ def _shortening(excess, method, order):
     return np.clip((2.0 * excess) ** (1.0 / likely), 1.5, 8.0)
 
 
-def with_step_error(chain, wall, v0, trajectory, *, state=None):
+def with_step_error(
+    chain: Chain,
+    wall: Wall | None,
+    v0: ArrayLike,
+    trajectory: Trajectory,
+    *,
+    state: State | None = None,
+) -> Trajectory:
     """The trajectory of a given step, its relative velocity error estimated by half the step.
 
     The estimate is cautious like that of `march_to_error`, on all spheres; `state` is what the

@@ -3,11 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dem.chain import LAWS, State, validate
+from dem.chain import LAWS, Chain, State, Wall, validate
 from dem.checks import InvalidChain, positive, saves, vector
 from dem.kernels import oscillators
 from dem.kernels.arguments import (
+    Array,
     Damping,
     LeafSprings,
     Modes,
@@ -20,7 +22,7 @@ from dem.kernels.arguments import (
 from dem.kernels.explicit import march as march_explicit
 from dem.kernels.implicit import march_implicit, workspace
 from dem.kernels.laws import plastic_loss
-from dem.schemes import SCHEMES, default_scheme
+from dem.schemes import SCHEMES, Scheme, default_scheme
 from dem.stability import BACKWARD, UnstableStep, fastest_decay, refuse_step
 from dem.statics import Equilibrium, static_state
 
@@ -30,21 +32,21 @@ MOST_STEPS = 1e12  # months
 class Trajectory(NamedTuple):
     """Saved states, forces and the energy ledger; k saves of n spheres."""
 
-    t: np.ndarray  # (k,)
-    x: np.ndarray  # (k, n)
-    v: np.ndarray  # (k, n)
-    contact_force: np.ndarray  # (k, n_contacts)
-    wall_x: np.ndarray  # (k,) modes and dashpot, without the residual spring
-    wall_v: np.ndarray  # (k,)
-    energy_kinetic: np.ndarray  # (k,) spheres
-    energy_contact: np.ndarray  # (k,)
-    energy_leaf: np.ndarray  # (k,)
-    energy_wall: np.ndarray  # (k,) kinetic and strain energy of the modes
-    energy_residual: np.ndarray  # (k,)
-    dissipated_contact: np.ndarray  # (k,)
-    dissipated_wall: np.ndarray  # (k,)
-    work_preload: np.ndarray  # (k,)
-    energy_total: np.ndarray  # (k,) constant if exact
+    t: Array  # (k,)
+    x: Array  # (k, n)
+    v: Array  # (k, n)
+    contact_force: Array  # (k, n_contacts)
+    wall_x: Array  # (k,) modes and dashpot, without the residual spring
+    wall_v: Array  # (k,)
+    energy_kinetic: Array  # (k,) spheres
+    energy_contact: Array  # (k,)
+    energy_leaf: Array  # (k,)
+    energy_wall: Array  # (k,) kinetic and strain energy of the modes
+    energy_residual: Array  # (k,)
+    dissipated_contact: Array  # (k,)
+    dissipated_wall: Array  # (k,)
+    work_preload: Array  # (k,)
+    energy_total: Array  # (k,) constant if exact
     dt: float
     n_steps: int
     scheme: str
@@ -67,15 +69,17 @@ class Trajectory(NamedTuple):
         )
 
 
-class _Prepared(NamedTuple):
+class Prepared(NamedTuple):
     """What a chain and its wall are to every march, whatever its step."""
 
     static: Equilibrium
-    load: np.ndarray | None  # (n,) [N]
+    load: Array | None  # (n,) [N]
     damping: Damping | None
 
 
-def require_march(chain, wall, v0, *, dt=None):
+def require_march(
+    chain: Chain, wall: Wall | None, v0: ArrayLike, *, dt: float | None = None
+) -> None:
     """Raise what `march` would before its first step: InvalidChain, NoEquilibrium, UnstableStep."""
     validate(chain, wall, v0)
     prepared = prepare(chain, wall)
@@ -92,7 +96,17 @@ def _scheme(chain, wall, v0, prepared, dt, name=None):
     return SCHEMES[name]
 
 
-def march(chain, wall, v0, *, duration, dt, scheme=None, n_save=None, state=None):
+def march(
+    chain: Chain,
+    wall: Wall | None,
+    v0: ArrayLike,
+    *,
+    duration: float,
+    dt: float,
+    scheme: str | None = None,
+    n_save: int | None = None,
+    state: State | None = None,
+) -> Trajectory:
     """Trajectory from the static state with velocities v0 (n,), at n_save + 1 equal times.
 
     The step taken is the largest that divides the saves' spacing and is not above dt. `state`
@@ -140,18 +154,18 @@ def _ledger_is_broken(trajectory):
     return not np.ptp(trajectory.energy_total) <= largest
 
 
-def start(chain, wall, v0, static):
+def start(chain: Chain, wall: Wall | None, v0: ArrayLike, static: Equilibrium) -> State:
     """State at rest in equilibrium, with the velocities v0."""
     n_modes = static.q.size
     return State(static.x, np.array(v0, float), np.zeros(n_modes), np.zeros(n_modes), np.zeros(4))
 
 
-def prepare(chain, wall):
+def prepare(chain: Chain, wall: Wall | None) -> Prepared:
     """Static state and what follows from it for every march."""
     static = static_state(chain, wall)
     if chain.yield_overlap is not None:
         _require_elastic(chain, static)
-    return _Prepared(static, _load(wall, static), _damping(chain, wall))
+    return Prepared(static, _load(wall, static), _damping(chain, wall))
 
 
 def _load(wall, static):
@@ -182,7 +196,16 @@ def _damping(chain, wall):
     return Damping(np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair)
 
 
-def run(chain, wall, prepared, state, duration, dt, scheme, n_save):
+def run(
+    chain: Chain,
+    wall: Wall | None,
+    prepared: Prepared,
+    state: State,
+    duration: float,
+    dt: float,
+    scheme: Scheme,
+    n_save: int,
+) -> Trajectory:
     """Trajectory of a validated and prepared chain; see `march`."""
     steps = equal_steps(duration, dt, n_save)
     n = chain.mass.size
@@ -210,7 +233,7 @@ def run(chain, wall, prepared, state, duration, dt, scheme, n_save):
     return _trajectory(out, _instants(duration, n_save), steps, scheme, final)
 
 
-def equal_steps(duration, dt, n_save):
+def equal_steps(duration: float, dt: float, n_save: int) -> Steps:
     """The longest that are not above dt."""
     stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
     return Steps(duration / (n_save * stride), n_save, stride)

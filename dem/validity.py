@@ -9,8 +9,11 @@ times the yield stress) and 11.4 (quasi-static impacts).
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dem.chain import Chain
 from dem.checks import InvalidChain
+from dem.kernels.arguments import Array
 from dem.spheres import (
     contact_radius,
     max_pressure,
@@ -34,7 +37,7 @@ class Strain(NamedTuple):
     speed_ratio: float  # largest speed over the speed of sound
 
 
-def strain(chain, young, contact_force, v) -> Strain:
+def strain(chain: Chain, young: ArrayLike, contact_force: Array, v: Array) -> Strain:
     """Strain of a run; young (n,) [Pa], contact_force (k, n_contacts), v (k, n).
 
     Contacts that yield by their own law (`yield_overlap`) count for the pressure no more. Raises

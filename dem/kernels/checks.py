@@ -2,11 +2,12 @@
 
 import math
 
+from dem.kernels.arguments import Array
 from dem.kernels.compiled import ieee_entry
 
 
 @ieee_entry
-def first_outside(values, lowest):
+def first_outside(values: Array, lowest: float) -> int:
     """Index of the first value that is not finite or below the lowest; -1 if all are well."""
     for i in range(values.size):
         if not lowest <= values[i] < math.inf:
@@ -15,7 +16,7 @@ def first_outside(values, lowest):
 
 
 @ieee_entry
-def weighted_square(mass, v):
+def weighted_square(mass: Array, v: Array) -> float:
     """sum m v^2."""
     total = 0.0
     for i in range(mass.size):
@@ -24,7 +25,9 @@ def weighted_square(mass, v):
 
 
 @ieee_entry
-def fastest_contact(mass, A, force, energy, omega, phi):
+def fastest_contact(
+    mass: Array, A: Array, force: Array, energy: float, omega: Array, phi: Array
+) -> float:
     """Largest frequency [rad/s] of a contact under its static force if it took up all energy.
 
     Wall modes, ascending, are bodies up to the frequency of the contact and springs beyond.

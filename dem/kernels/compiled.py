@@ -9,6 +9,7 @@ and written over.
 
 import pickle
 import shutil
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
@@ -37,7 +38,7 @@ def fingerprint(folder: Path) -> str:
 class CheckedFile(IndexDataCacheFile):
     """A function's index and code, with their checksums; no trouble with them is the caller's."""
 
-    def save(self, key, data):
+    def save(self, key: object, data: object) -> None:
         """Keep the code, unless the folder takes none."""
         with suppress(OSError):
             folder = Path(self._cache_path)
@@ -80,7 +81,7 @@ def _forget_oldest(place: Path) -> None:
 class CheckedCache(FunctionCache):
     """The code of a function, in a folder of its sources where numba would keep it."""
 
-    def __init__(self, function):
+    def __init__(self, function: Callable) -> None:
         super().__init__(function)
         sources = Path(function.__code__.co_filename).parent
         self._cache_file = CheckedFile(
@@ -98,7 +99,7 @@ class Inner(CPUDispatcher):
         return self.py_func(*arguments)
 
 
-def njit(*, inner=False, **options):
+def njit(*, inner: bool = False, **options) -> Callable:
     """A decorator that compiles a function and keeps what was compiled.
 
     An inner function is one that only compiled ones call: a fifth less to compile.

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dem.kernels.arguments import Array
 from dem.kernels.compiled import ieee, ieee_allocating_march, ieee_entry
 from dem.kernels.laws import hertz_force, hertz_indentation
 
@@ -14,15 +15,15 @@ BEYOND = 0.25  # of the first slope of the energy that may be met beyond its lea
 class Bearing(NamedTuple):
     """What holds n spheres at rest."""
 
-    A: np.ndarray  # (n_contacts,)
-    stiffness: np.ndarray  # (n,) of the leaf springs
-    anchor: np.ndarray  # (n,)
+    A: Array  # (n_contacts,)
+    stiffness: Array  # (n,) of the leaf springs
+    anchor: Array  # (n,)
     preload: float
     compliance: float  # of the wall, behind the n-th contact
 
 
 @ieee_entry
-def static_residual(x, bearing, f, r):
+def static_residual(x: Array, bearing: Bearing, f: Array, r: Array) -> None:
     """Net force on every sphere at rest into r, contact forces into f."""
     A, stiffness, anchor = bearing.A, bearing.stiffness, bearing.anchor
     n = x.size
@@ -39,7 +40,7 @@ def static_residual(x, bearing, f, r):
 
 
 @ieee
-def static_slope(x, A, compliance, k):
+def static_slope(x: Array, A: Array, compliance: float, k: Array) -> None:
     """Tangent stiffness of every contact into k."""
     n = x.size
     for i in range(A.size):
@@ -51,7 +52,9 @@ def static_slope(x, A, compliance, k):
 
 
 @ieee
-def newton_step(stiffness, k, r, floor, diagonal, change):
+def newton_step(
+    stiffness: Array, k: Array, r: Array, floor: float, diagonal: Array, change: Array
+) -> None:
     """Solution of the symmetric tridiagonal tangent system with contacts of the stiffness k under
     the net force r, into change."""
     n = r.size
@@ -68,7 +71,7 @@ def newton_step(stiffness, k, r, floor, diagonal, change):
 
 
 @ieee
-def dot(a, b):
+def dot(a: Array, b: Array) -> float:
     total = 0.0
     for i in range(a.size):
         total += a[i] * b[i]
@@ -76,14 +79,14 @@ def dot(a, b):
 
 
 @ieee
-def add(x, scale, change, out):
+def add(x: Array, scale: float, change: Array, out: Array) -> None:
     """out = x + scale * change; an expression of arrays takes seconds to compile."""
     for i in range(x.size):
         out[i] = x[i] + scale * change[i]
 
 
 @ieee_allocating_march
-def rest(x, bearing, floor, n_iterations):
+def rest(x: Array, bearing: Bearing, floor: float, n_iterations: int) -> float:
     """Damped Newton for the static state, from x and in place; the net force that is left, out.
 
     `floor` [N/m] keeps the tangent regular while contacts are open; it fades with the net force.

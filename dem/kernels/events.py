@@ -9,14 +9,25 @@ Lyness, B. W. Ninham, Math. Comput. 21 (1967) 162). `correct_events` adds it as 
 
 import math
 
-from dem.kernels.arguments import DASH, IN_CONTACTS, U, V
+from dem.kernels.arguments import (
+    DASH,
+    IN_CONTACTS,
+    Array,
+    Correction,
+    Damping,
+    Motion,
+    Parts,
+    Plastic,
+    U,
+    V,
+)
 from dem.kernels.compiled import fastmath_inline, ieee
 from dem.kernels.laws import HUNT_CROSSLEY, plastic_indentation, plastic_loss
 from dem.kernels.modes import push_modes, shift_modes
 
 
 @ieee
-def zeta_sums(theta, correction):
+def zeta_sums(theta: float, correction: Correction) -> tuple[float, float, float]:
     """sum b zeta(-p, c - theta), p = 3/2, 5/2, 7/2, over the nodes of this and all later steps but
     those before theta. `correction.tail (3, m)` holds what starts two steps on, polynomials in
     2 theta - 1."""
@@ -39,7 +50,7 @@ def zeta_sums(theta, correction):
 
 
 @ieee
-def crossing(g0, r0, g1, r1):
+def crossing(g0: float, r0: float, g1: float, r1: float) -> tuple[float, float, float]:
     """Zero in (0, 1) of the cubic with values g and slopes r at the ends, slope and curvature."""
     c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1
     c3 = 2.0 * (g0 - g1) + r0 + r1
@@ -64,7 +75,9 @@ def crossing(g0, r0, g1, r1):
 
 
 @ieee
-def missed_impulse(A, dt, g0, r0, g1, r1, correction):
+def missed_impulse(
+    A: float, dt: float, g0: float, r0: float, g1: float, r1: float, correction: Correction
+) -> tuple[float, float, float]:
     """Impulse and displacement-times-mass that the scheme misses at a contact whose overlap went
     from g0 to g1 with rates r0, r1; also the rate at the crossing."""
     theta, slope, curvature = crossing(g0, dt * r0, g1, dt * r1)
@@ -86,7 +99,9 @@ def missed_impulse(A, dt, g0, r0, g1, r1, correction):
 
 
 @fastmath_inline
-def crossed(motion, before, A, offset, plastic):
+def crossed(
+    motion: Motion, before: Motion, A: Array, offset: float, plastic: Plastic | None
+) -> bool:
     """Did any contact open or close?"""
     x, x_old = motion.x, before.x
     n = x.size
@@ -103,7 +118,7 @@ def crossed(motion, before, A, offset, plastic):
 
 
 @ieee
-def overlap(i, motion, offset):
+def overlap(i: int, motion: Motion, offset: float) -> tuple[float, float]:
     """Overlap and its rate at contact i."""
     x, v, wall = motion.x, motion.v, motion.wall
     if i < x.size - 1:
@@ -112,7 +127,15 @@ def overlap(i, motion, offset):
 
 
 @ieee
-def correct_events(dt, motion, before, parts, correction, damping, plastic):
+def correct_events(
+    dt: float,
+    motion: Motion,
+    before: Motion,
+    parts: Parts,
+    correction: Correction,
+    damping: Damping | None,
+    plastic: Plastic | None,
+) -> None:
     """Add what the scheme missed at the contacts that opened or closed in the last step."""
     x, v, minv = motion.x, motion.v, parts.inverse_mass
     n = x.size
@@ -143,7 +166,7 @@ def correct_events(dt, motion, before, parts, correction, damping, plastic):
 
 
 @ieee
-def peak(dt, g0, r0, g1, r1):
+def peak(dt: float, g0: float, r0: float, g1: float, r1: float) -> float:
     """Largest overlap of the cubic between the overlaps g0, g1 with the rates r0, r1."""
     highest = max(g0, g1)
     if r0 > 0.0 and r1 < 0.0:
@@ -156,7 +179,9 @@ def peak(dt, g0, r0, g1, r1):
 
 
 @ieee
-def yield_contacts(dt, motion, before, parts, plastic):
+def yield_contacts(
+    dt: float, motion: Motion, before: Motion, parts: Parts, plastic: Plastic | None
+) -> bool:
     """Deepen the craters of contacts that were pressed further than ever in the last step.
 
     Says whether any was.

@@ -1,6 +1,18 @@
 """Explicit march: kicks by the contacts, drifts of spheres, leaf springs and modes between them."""
 
-from dem.kernels.arguments import IN_CONTACTS, V
+from dem.kernels.arguments import (
+    IN_CONTACTS,
+    Array,
+    Correction,
+    Damping,
+    LeafSprings,
+    Modes,
+    Motion,
+    Parts,
+    Saved,
+    Steps,
+    V,
+)
 from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
 from dem.kernels.events import correct_events, crossed, yield_contacts
 from dem.kernels.laws import LINEAR, damper, damping_impulse, hertz_force, sphere_forces, wall_force
@@ -11,7 +23,9 @@ from dem.kernels.modes import drift_modes, push_modes, push_wall
 
 
 @fastmath
-def kick_and_drift(kick, drift, x, v, A, f, minv):
+def kick_and_drift(
+    kick: float, drift: float, x: Array, v: Array, A: Array, f: Array, minv: Array
+) -> None:
     """Forces, kick and free flight of bare spheres in one pass; f[n], at the wall, is given."""
     last = v.size - 1
     before = 0.0
@@ -29,7 +43,7 @@ def kick_and_drift(kick, drift, x, v, A, f, minv):
 
 
 @fastmath_inline
-def push_and_drift(kick, drift, x, v, f, minv):
+def push_and_drift(kick: float, drift: float, x: Array, v: Array, f: Array, minv: Array) -> None:
     """The same with forces that are known."""
     for i in range(v.size):
         speed = v[i] + kick * minv[i] * (f[i] - f[i + 1])
@@ -38,7 +52,9 @@ def push_and_drift(kick, drift, x, v, f, minv):
 
 
 @fastmath_inline
-def kick_and_drift_modes(k, kick, drift, force, wall, modes):
+def kick_and_drift_modes(
+    k: int, kick: float, drift: float, force: float, wall: Array, modes: Modes | None
+) -> None:
     if modes is None:
         return
     impulse = kick * (force - modes.rest_force)
@@ -50,7 +66,7 @@ def kick_and_drift_modes(k, kick, drift, force, wall, modes):
 
 
 @fastmath_inline
-def flow_bare(k, kick, drift, stale, motion, parts):
+def flow_bare(k: int, kick: float, drift: float, stale: bool, motion: Motion, parts: Parts) -> None:
     """Forces, kick and drift of a chain without load, leaf springs, damping and yield."""
     x, v, f = motion.x, motion.v, motion.f
     pull_wall(kick, stale, motion, parts)
@@ -65,7 +81,7 @@ def flow_bare(k, kick, drift, stale, motion, parts):
 
 
 @fastmath
-def push_spheres(v, dt, f, minv, load):
+def push_spheres(v: Array, dt: float, f: Array, minv: Array, load: Array | None) -> None:
     if load is None:
         for i in range(v.size):
             v[i] += dt * minv[i] * (f[i] - f[i + 1])
@@ -75,7 +91,7 @@ def push_spheres(v, dt, f, minv, load):
 
 
 @fastmath
-def drift_spheres(k, dt, x, v, leaf):
+def drift_spheres(k: int, dt: float, x: Array, v: Array, leaf: LeafSprings | None) -> None:
     """Free flight, or the exact swing on the leaf springs by the k-th drift."""
     if leaf is None:
         for i in range(x.size):
@@ -89,7 +105,7 @@ def drift_spheres(k, dt, x, v, leaf):
 
 
 @fastmath_inline
-def pull_wall(kick, stale, motion, parts):
+def pull_wall(kick: float, stale: bool, motion: Motion, parts: Parts) -> None:
     """Force at the wall; taken anew where a dashpot creeps in it."""
     n = motion.x.size
     if parts.A.size == n and (stale or parts.mobility is not None):
@@ -99,19 +115,21 @@ def pull_wall(kick, stale, motion, parts):
 
 
 @fastmath_inline
-def kick_modes(kick, force, wall, modes):
+def kick_modes(kick: float, force: float, wall: Array, modes: Modes | None) -> None:
     if modes is not None:
         push_modes(kick * (force - modes.rest_force), wall, modes)
 
 
 @fastmath_inline
-def push(kick, motion, parts):
+def push(kick: float, motion: Motion, parts: Parts) -> None:
     push_spheres(motion.v, kick, motion.f, parts.inverse_mass, parts.load)
     kick_modes(kick, motion.f[motion.x.size], motion.wall, parts.modes)
 
 
 @fastmath_inline
-def damp_contacts(first, dt, motion, parts, damping):
+def damp_contacts(
+    first: int, dt: float, motion: Motion, parts: Parts, damping: Damping | None
+) -> None:
     """Every second contact, from `first` on: they share no sphere."""
     v, f, wall, minv = motion.v, motion.f, motion.wall, parts.inverse_mass
     n = v.size
@@ -131,7 +149,9 @@ def damp_contacts(first, dt, motion, parts, damping):
 
 
 @fastmath_inline
-def kick_all(kick, stale, motion, parts, damping):
+def kick_all(
+    kick: float, stale: bool, motion: Motion, parts: Parts, damping: Damping | None
+) -> None:
     """Kick, damping between two halves of the elastic kick; forces anew where positions are."""
     if stale:
         sphere_forces(motion.x, parts.A, motion.f, parts.plastic)
@@ -148,7 +168,7 @@ def kick_all(kick, stale, motion, parts, damping):
 
 
 @fastmath_inline
-def coast(k, drift, motion, parts):
+def coast(k: int, drift: float, motion: Motion, parts: Parts) -> None:
     """The k-th drift."""
     if drift != 0.0:
         drift_spheres(k, drift, motion.x, motion.v, parts.leaf)
@@ -156,7 +176,9 @@ def coast(k, drift, motion, parts):
 
 
 @fastmath_inline
-def flow(k, kick, drift, stale, motion, parts, bare):
+def flow(
+    k: int, kick: float, drift: float, stale: bool, motion: Motion, parts: Parts, bare: tuple | None
+) -> None:
     """Kick, then the k-th drift."""
     if bare is not None:
         if kick != 0.0:
@@ -170,7 +192,7 @@ def flow(k, kick, drift, stale, motion, parts, bare):
 
 
 @fastmath_inline
-def take_step(dt, stale, a, b, motion, parts):
+def take_step(dt: float, stale: bool, a: Array, b: Array, motion: Motion, parts: Parts) -> bool:
     """Kick b[0], drift a[0], kick b[1], ..., kick b[-1]; are the forces stale at the end?"""
     for i in range(b.size):
         kick = b[i] * dt
@@ -181,7 +203,7 @@ def take_step(dt, stale, a, b, motion, parts):
 
 
 @fastmath_inline
-def keep(motion, before):
+def keep(motion: Motion, before: Motion) -> None:
     """Copy the state to `before`."""
     for i in range(motion.x.size):
         before.x[i] = motion.x[i]
@@ -191,7 +213,9 @@ def keep(motion, before):
 
 
 @fastmath_inline
-def corrected(dt, motion, before, parts, correction):
+def corrected(
+    dt: float, motion: Motion, before: Motion, parts: Parts, correction: Correction | None
+) -> bool:
     """Correct what the last step missed; was there anything?"""
     if correction is None or not crossed(motion, before, parts.A, parts.offset, parts.plastic):
         return False
@@ -200,7 +224,17 @@ def corrected(dt, motion, before, parts, correction):
 
 
 @fastmath_march
-def march(motion, before, shown, parts, a, b, correction, steps, saved):
+def march(
+    motion: Motion,
+    before: Motion,
+    shown: Motion,
+    parts: Parts,
+    a: Array,
+    b: Array,
+    correction: Correction | None,
+    steps: Steps,
+    saved: Saved,
+) -> int:
     """n_save times stride steps of kick b[0], drift a[0], kick b[1], ..., kick b[-1].
 
     The state is saved before and after each stride; `before` keeps that of the last step, `shown`

@@ -10,7 +10,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import DASH, IN_CONTACTS, IN_WALL, WORK, U, V
+from dem.kernels.arguments import (
+    DASH,
+    IN_CONTACTS,
+    IN_WALL,
+    WORK,
+    Array,
+    Damping,
+    LeafSprings,
+    Modes,
+    Motion,
+    Parts,
+    Saved,
+    Steps,
+    U,
+    V,
+)
 from dem.kernels.compiled import ieee, ieee_inline, ieee_march
 from dem.kernels.laws import (
     HUNT_CROSSLEY,
@@ -30,22 +45,22 @@ FREELY = 0.75  # of the way of a free body: what springs hold more is not led, s
 class Bodies(NamedTuple):
     """Spheres and the wall over a part of a step, (n + 1,) each."""
 
-    before: np.ndarray  # position
-    after: np.ndarray  # the one sought
-    free: np.ndarray  # where it goes without contact
-    compliance: np.ndarray  # [m/N] what a mean force adds
-    speed: np.ndarray  # at the start
+    before: Array  # position
+    after: Array  # the one sought
+    free: Array  # where it goes without contact
+    compliance: Array  # [m/N] what a mean force adds
+    speed: Array  # at the start
 
 
 class Newton(NamedTuple):
     """What a Newton iteration works on."""
 
-    elastic: np.ndarray  # (n_contacts,) part of the mean force
-    slope: np.ndarray  # (n + 1,) of the mean force in the overlap
-    residual: np.ndarray  # (n + 1,) what the equations miss, then the change of positions
-    diagonal: np.ndarray
-    upper: np.ndarray
-    change: np.ndarray
+    elastic: Array  # (n_contacts,) part of the mean force
+    slope: Array  # (n + 1,) of the mean force in the overlap
+    residual: Array  # (n + 1,) what the equations miss, then the change of positions
+    diagonal: Array
+    upper: Array
+    change: Array
 
 
 class Passage(NamedTuple):
@@ -60,7 +75,7 @@ class Passage(NamedTuple):
 
 
 @ieee_inline
-def mean_hertz(d0, d1, A):
+def mean_hertz(d0: float, d1: float, A: float) -> tuple[float, float]:
     """Mean force of a Hertz contact between the overlaps d0 and d1, change of potential over change
     of overlap, and its slope in d1; free of cancellation."""
     if d0 > 0.0 and d1 > 0.0:
@@ -81,7 +96,7 @@ def mean_hertz(d0, d1, A):
 
 
 @ieee
-def mean_series(g0, g1, A, residual):
+def mean_series(g0: float, g1: float, A: float, residual: float) -> tuple[float, float]:
     """`mean_hertz` of a Hertz contact and a spring in series, in terms of the gap of both."""
     d0, d1 = hertz_indentation(g0, A, residual), hertz_indentation(g1, A, residual)
     hertz, slope = mean_hertz(d0, d1, A)
@@ -102,7 +117,7 @@ def mean_series(g0, g1, A, residual):
 
 
 @ieee_inline
-def closed_share(g0, g1):
+def closed_share(g0: float, g1: float) -> tuple[float, float]:
     """Part of a step in which a contact of overlap g0, then g1 is closed, and its slope in g1."""
     if g0 > 0.0 and g1 > 0.0:
         return 1.0, 0.0
@@ -113,7 +128,7 @@ def closed_share(g0, g1):
 
 
 @ieee_inline
-def lead(z):
+def lead(z: float) -> tuple[float, float]:
     """How far past the middle of a step a damper of z, its rate times the step, reads the velocity:
     read in the middle, a strong one would throw two bodies back with the speed that it takes from
     them. 0 for a weak one, which keeps the order and the symmetry of the step, 1/2 for one that
@@ -125,7 +140,16 @@ def lead(z):
 
 
 @ieee_inline
-def mean_force(i, last, over, per_dt, compliance, A, residual, damping):
+def mean_force(
+    i: int,
+    last: bool,
+    over: Passage,
+    per_dt: float,
+    compliance: float,
+    A: Array,
+    residual: float | None,
+    damping: Damping | None,
+) -> tuple[float, float, float]:
     """Mean total force of contact i over the step 1 / per_dt, its slope in g1, its elastic part."""
     g0, g1, w0 = over
     if residual is not None and last:
@@ -166,7 +190,7 @@ def mean_force(i, last, over, per_dt, compliance, A, residual, damping):
 
 
 @ieee
-def largest(a, b):
+def largest(a: Array, b: Array | None) -> float:
     """Largest |a| or |a - b|."""
     most = 0.0
     for i in range(a.size):
@@ -176,7 +200,16 @@ def largest(a, b):
 
 
 @ieee_inline
-def imbalance(dt, f, parts, load, residual, damping, bodies, newton):
+def imbalance(
+    dt: float,
+    f: Array,
+    parts: Parts,
+    load: Array | None,
+    residual: float | None,
+    damping: Damping | None,
+    bodies: Bodies,
+    newton: Newton,
+) -> float:
     """Fill forces, slopes and what the equations miss at the positions after; its square."""
     x0, x1, free, compliance, speed = bodies
     n = x0.size - 1
@@ -198,7 +231,7 @@ def imbalance(dt, f, parts, load, residual, damping, bodies, newton):
 
 
 @ieee_inline
-def newton_change(compliance, n_contacts, newton):
+def newton_change(compliance: Array, n_contacts: int, newton: Newton) -> None:
     """Solve the tridiagonal, diagonally dominant tangent system for the residual, in place."""
     slope, r, diagonal, upper = newton.slope, newton.residual, newton.diagonal, newton.upper
     n = compliance.size - 1
@@ -218,7 +251,7 @@ def newton_change(compliance, n_contacts, newton):
 
 
 @ieee_inline
-def implicit_step(dt, f, parts, bodies, newton):
+def implicit_step(dt: float, f: Array, parts: Parts, bodies: Bodies, newton: Newton) -> None:
     """Positions after, that the mean contact forces lead to, by Newton's method."""
     x0, x1, free, compliance, _ = bodies
     r, change = newton.residual, newton.change
@@ -252,7 +285,9 @@ def implicit_step(dt, f, parts, bodies, newton):
 
 
 @ieee_inline
-def predict_spheres(s, h, motion, mass, leaf, bodies):
+def predict_spheres(
+    s: int, h: float, motion: Motion, mass: Array, leaf: LeafSprings | None, bodies: Bodies
+) -> None:
     """Where spheres go in the s-th part of a step without contact, and what a force adds."""
     x, v = motion.x, motion.v
     for i in range(x.size):
@@ -268,7 +303,15 @@ def predict_spheres(s, h, motion, mass, leaf, bodies):
 
 
 @ieee_inline
-def predict_wall(s, h, wall, offset, mobility, modes, bodies):
+def predict_wall(
+    s: int,
+    h: float,
+    wall: Array,
+    offset: float,
+    mobility: float | None,
+    modes: Modes | None,
+    bodies: Bodies,
+) -> None:
     free, compliance = bodies.free, bodies.compliance
     n = free.size - 1
     bodies.before[n] = wall[U] + wall[DASH] + offset
@@ -288,7 +331,15 @@ def predict_wall(s, h, wall, offset, mobility, modes, bodies):
 
 
 @ieee_inline
-def update_spheres(s, h, motion, parts, load, leaf, bodies):
+def update_spheres(
+    s: int,
+    h: float,
+    motion: Motion,
+    parts: Parts,
+    load: Array | None,
+    leaf: LeafSprings | None,
+    bodies: Bodies,
+) -> None:
     """Positions and velocities at the end of the s-th part of a step."""
     x, v, f, _, _ = motion
     for i in range(x.size):
@@ -305,7 +356,7 @@ def update_spheres(s, h, motion, parts, load, leaf, bodies):
 
 
 @ieee_inline
-def update_modes(s, force, wall, modes):
+def update_modes(s: int, force: float, wall: Array, modes: Modes | None) -> None:
     if modes is None:
         return
     q, p, phi, E, response = (
@@ -325,14 +376,16 @@ def update_modes(s, force, wall, modes):
 
 
 @ieee_inline
-def update_dashpot(h, force, wall, ledger, mobility):
+def update_dashpot(
+    h: float, force: float, wall: Array, ledger: Array, mobility: float | None
+) -> None:
     if mobility is not None:
         wall[DASH] += mobility * h * force
         ledger[IN_WALL] += mobility * h * force * force
 
 
 @ieee_inline
-def damping_work(bodies, f, elastic):
+def damping_work(bodies: Bodies, f: Array, elastic: Array) -> float:
     """What the damping parts of the mean forces f take from the contacts."""
     x0, x1 = bodies.before, bodies.after
     lost = 0.0
@@ -342,14 +395,23 @@ def damping_work(bodies, f, elastic):
     return lost
 
 
-def workspace(n, n_contacts):
+def workspace(n: int, n_contacts: int) -> tuple[Bodies, Newton]:
     """Bodies and Newton of a chain of n spheres."""
     newton = Newton(np.empty(n_contacts), *np.zeros((5, n + 1)))
     return Bodies(*np.empty((5, n + 1))), newton
 
 
 @ieee_march
-def march_implicit(motion, shown, parts, bodies, newton, b, steps, saved):
+def march_implicit(
+    motion: Motion,
+    shown: Motion,
+    parts: Parts,
+    bodies: Bodies,
+    newton: Newton,
+    b: Array,
+    steps: Steps,
+    saved: Saved,
+) -> int:
     """As `march`, by steps of the parts b[s] dt."""
     dt, n_save, stride = steps
     f, wall, ledger = motion.f, motion.wall, motion.ledger

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dem.kernels.arguments import Array, Correction, Steps
 from dem.kernels.compiled import (
     fastmath,
     fastmath_allocating,
@@ -23,54 +24,56 @@ LANES = 16
 class Blocks(NamedTuple):
     """Chains by LANES; (n_blocks, m, LANES) each."""
 
-    v0: np.ndarray
-    mass: np.ndarray
-    A: np.ndarray  # 0 behind the last sphere of a free chain
-    phi: np.ndarray
-    omega: np.ndarray
-    propagator: np.ndarray  # (n_blocks, n_drifts, 4, n_modes * LANES)
+    v0: Array
+    mass: Array
+    A: Array  # 0 behind the last sphere of a free chain
+    phi: Array
+    omega: Array
+    propagator: Array  # (n_blocks, n_drifts, 4, n_modes * LANES)
 
 
 class SavedLanes(NamedTuple):
     """What is kept of every chain."""
 
-    v: np.ndarray  # (n_blocks, n_save + 1, n_observed, LANES)
-    wall_force: np.ndarray  # (n_blocks, n_save + 1, LANES)
-    energy_error: np.ndarray  # (n_blocks, LANES) worst change over the energy at the start
+    v: Array  # (n_blocks, n_save + 1, n_observed, LANES)
+    wall_force: Array  # (n_blocks, n_save + 1, LANES)
+    energy_error: Array  # (n_blocks, LANES) worst change over the energy at the start
 
 
 class Lanes(NamedTuple):
     """One block: what moves, and what it is made of."""
 
-    x: np.ndarray  # ((n + 1) LANES,)
-    v: np.ndarray
-    f: np.ndarray
-    q: np.ndarray  # (n_modes * LANES,)
-    p: np.ndarray
-    inverse_mass: np.ndarray  # ((n + 1) LANES,) 0 of the wall
-    mass: np.ndarray  # (n LANES,)
-    A: np.ndarray
-    phi: np.ndarray
-    omega: np.ndarray
-    propagator: np.ndarray  # (n_drifts, 4, n_modes * LANES)
+    x: Array  # ((n + 1) LANES,)
+    v: Array
+    f: Array
+    q: Array  # (n_modes * LANES,)
+    p: Array
+    inverse_mass: Array  # ((n + 1) LANES,) 0 of the wall
+    mass: Array  # (n LANES,)
+    A: Array
+    phi: Array
+    omega: Array
+    propagator: Array  # (n_drifts, 4, n_modes * LANES)
 
 
 class WallPush(NamedTuple):
     """What the wall's modes get, (LANES,)."""
 
-    impulse: np.ndarray
-    shift: np.ndarray
+    impulse: Array
+    shift: Array
 
 
 @fastmath
-def forces_of_lanes(x, A, f):
+def forces_of_lanes(x: Array, A: Array, f: Array) -> None:
     for j in range(A.size):
         d = x[j] - x[j + LANES]
         f[j + LANES] = hertz_force(d if d > 0.0 else 0.0, A[j])
 
 
 @fastmath
-def push_modes_of_lanes(impulse, q, p, phi, shift):
+def push_modes_of_lanes(
+    impulse: Array, q: Array, p: Array, phi: Array, shift: Array | None
+) -> None:
     """p += phi impulse for every lane; with a shift, q += phi shift as well."""
     for j in range(0, q.size, LANES):
         for lane in range(LANES):
@@ -80,7 +83,7 @@ def push_modes_of_lanes(impulse, q, p, phi, shift):
 
 
 @fastmath
-def read_modes_of_lanes(lanes):
+def read_modes_of_lanes(lanes: Lanes) -> None:
     """The modes' displacement and velocity into those of the wall."""
     q, p, phi = lanes.q, lanes.p, lanes.phi
     u, w = lanes.x[lanes.A.size :], lanes.v[lanes.A.size :]
@@ -93,7 +96,7 @@ def read_modes_of_lanes(lanes):
 
 
 @fastmath
-def drift_modes_of_lanes(q, p, E):
+def drift_modes_of_lanes(q: Array, p: Array, E: Array) -> None:
     for j in range(q.size):
         q_new = E[0, j] * q[j] + E[1, j] * p[j]
         p[j] = E[2, j] * q[j] + E[3, j] * p[j]
@@ -101,7 +104,7 @@ def drift_modes_of_lanes(q, p, E):
 
 
 @fastmath
-def crossed_row(x, x_old, row):
+def crossed_row(x: Array, x_old: Array, row: int) -> bool:
     count = 0.0
     for j in range(row, row + LANES):
         before = 1.0 if x_old[j] > x_old[j + LANES] else 0.0
@@ -111,7 +114,9 @@ def crossed_row(x, x_old, row):
 
 
 @ieee
-def correct_lanes(dt, lanes, x_old, v_old, correction, wall):
+def correct_lanes(
+    dt: float, lanes: Lanes, x_old: Array, v_old: Array, correction: Correction, wall: WallPush
+) -> bool:
     """`correct_events` for lanes; what the wall's modes get is left in `wall`.
 
     Says whether there was any.
@@ -143,7 +148,7 @@ def correct_lanes(dt, lanes, x_old, v_old, correction, wall):
 
 
 @fastmath
-def energy_of_lanes(lanes, energy):
+def energy_of_lanes(lanes: Lanes, energy: Array) -> None:
     x, v, mass, A, q, p, omega = (
         lanes.x, lanes.v, lanes.mass, lanes.A, lanes.q, lanes.p, lanes.omega,
     )  # fmt: skip
@@ -161,7 +166,7 @@ def energy_of_lanes(lanes, energy):
 
 
 @fastmath_inline
-def kick_lanes(kick, lanes, wall):
+def kick_lanes(kick: float, lanes: Lanes, wall: WallPush) -> None:
     v, f, minv = lanes.v, lanes.f, lanes.inverse_mass
     size = lanes.A.size
     for j in range(size):
@@ -173,7 +178,7 @@ def kick_lanes(kick, lanes, wall):
 
 
 @fastmath_inline
-def drift_lanes(i, drift, lanes):
+def drift_lanes(i: int, drift: float, lanes: Lanes) -> None:
     x, v = lanes.x, lanes.v
     for j in range(lanes.A.size):
         x[j] += drift * v[j]
@@ -183,7 +188,7 @@ def drift_lanes(i, drift, lanes):
 
 
 @fastmath_inline
-def step_of_lanes(dt, stale, a, b, lanes, wall):
+def step_of_lanes(dt: float, stale: bool, a: Array, b: Array, lanes: Lanes, wall: WallPush) -> bool:
     """`take_step` for lanes; are the forces stale at the end?"""
     for i in range(b.size):
         if b[i] != 0.0:
@@ -198,7 +203,14 @@ def step_of_lanes(dt, stale, a, b, lanes, wall):
 
 
 @ieee
-def correct_step_of_lanes(dt, lanes, x_old, v_old, correction, wall):
+def correct_step_of_lanes(
+    dt: float,
+    lanes: Lanes,
+    x_old: Array,
+    v_old: Array,
+    correction: Correction | None,
+    wall: WallPush,
+) -> bool:
     """Correct the contacts and push the modes by it; was there anything to correct?"""
     if correction is None:
         return False
@@ -213,7 +225,9 @@ def correct_step_of_lanes(dt, lanes, x_old, v_old, correction, wall):
 
 
 @fastmath
-def save_lanes(lanes, observed, energy, start, saved):
+def save_lanes(
+    lanes: Lanes, observed: Array, energy: Array, start: Array, saved: SavedLanes
+) -> None:
     """Observed velocities v (n_observed, lanes), wall force and worst energy error so far."""
     x, A = lanes.x, lanes.A
     last = A.size - LANES
@@ -228,7 +242,15 @@ def save_lanes(lanes, observed, energy, start, saved):
 
 
 @fastmath_allocating
-def march_block(lanes, a, b, correction, steps, observed, saved):
+def march_block(
+    lanes: Lanes,
+    a: Array,
+    b: Array,
+    correction: Correction | None,
+    steps: Steps,
+    observed: Array,
+    saved: SavedLanes,
+) -> None:
     dt, n_save, stride = steps
     x_old, v_old = np.zeros_like(lanes.x), np.zeros_like(lanes.v)
     wall = WallPush(np.zeros(LANES), np.zeros(LANES))
@@ -249,7 +271,15 @@ def march_block(lanes, a, b, correction, steps, observed, saved):
 
 
 @fastmath_allocating_march
-def march_lanes(blocks, a, b, correction, steps, observed, saved):
+def march_lanes(
+    blocks: Blocks,
+    a: Array,
+    b: Array,
+    correction: Correction | None,
+    steps: Steps,
+    observed: Array,
+    saved: SavedLanes,
+) -> None:
     """March LANES bare chains side by side, block after block, into `saved`."""
     n_blocks, n = blocks.v0.shape[:2]
     size, modes = n * LANES, blocks.phi.shape[1] * LANES

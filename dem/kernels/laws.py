@@ -2,7 +2,7 @@
 
 import math
 
-from dem.kernels.arguments import DASH, IN_WALL, U
+from dem.kernels.arguments import DASH, IN_WALL, Array, Damping, Motion, Plastic, U
 from dem.kernels.compiled import fastmath, fastmath_entry, fastmath_inline, ieee_entry, ieee_inline
 
 NONE, LINEAR, LINEAR_CLIPPED, HUNT_CROSSLEY = range(4)
@@ -10,12 +10,12 @@ STOPPED = 1e4  # damping rate times step beyond which nothing of the motion is l
 
 
 @fastmath_inline
-def hertz_force(d, A):
+def hertz_force(d: float, A: float) -> float:
     return A * d * math.sqrt(d)
 
 
 @fastmath_entry
-def hertz_indentation(gap, A, s):
+def hertz_indentation(gap: float, A: float, s: float) -> float:
     """delta of  delta + s A delta^(3/2) = gap: a Hertz contact and a spring s in series.
 
     NaN beyond the fold of a negative s, where no force answers the gap.
@@ -43,14 +43,14 @@ def hertz_indentation(gap, A, s):
 
 
 @fastmath
-def wall_indentation(gap, A, residual):
+def wall_indentation(gap: float, A: float, residual: float | None) -> float:
     if residual is None:
         return max(gap, 0.0)
     return hertz_indentation(gap, A, residual)
 
 
 @fastmath
-def plastic_force(i, d, A, plastic):
+def plastic_force(i: int, d: float, A: Array, plastic: Plastic) -> float:
     """Thornton's elastic-plastic contact: Hertz up to its yield overlap, straight on beyond, back
     on the Hertz law of the flattened surface."""
     limit = plastic.limit[i]
@@ -60,7 +60,7 @@ def plastic_force(i, d, A, plastic):
 
 
 @fastmath
-def plastic_indentation(gap, A, residual, plastic):
+def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: Plastic) -> float:
     """delta of  delta + s F(delta) = gap  at the last contact."""
     if residual is None or gap <= 0.0:
         return max(gap, 0.0)
@@ -80,7 +80,7 @@ def plastic_indentation(gap, A, residual, plastic):
 
 
 @ieee_entry
-def plastic_loss(limit, top, A):
+def plastic_loss(limit: float, top: float, A: float) -> tuple[float, float, float]:
     """Work lost for good once a contact has been pressed to the overlap `top`; also the coefficient
     of the flattened surface and its crater."""
     yielded = A * limit * math.sqrt(limit)
@@ -94,7 +94,7 @@ def plastic_loss(limit, top, A):
 
 
 @fastmath
-def sphere_forces(x, A, f, plastic):
+def sphere_forces(x: Array, A: Array, f: Array, plastic: Plastic | None) -> None:
     """Elastic forces between neighbours into f[1:n]."""
     for i in range(x.size - 1):
         d = x[i] - x[i + 1]
@@ -108,7 +108,9 @@ def sphere_forces(x, A, f, plastic):
 
 
 @fastmath
-def dashpot_indentation(d, dt, A, residual, mobility):
+def dashpot_indentation(
+    d: float, dt: float, A: float, residual: float | None, mobility: float
+) -> float:
     """Indentation after dt of creep  d(gap)/dt = -mobility A d^(3/2)  at a fixed sphere.
 
     With a spring s in series the creep is  -2 y^-1 + 3 s A ln y = const - mobility A t,
@@ -132,7 +134,9 @@ def dashpot_indentation(d, dt, A, residual, mobility):
 
 
 @fastmath
-def creep(d, dt, A, motion, residual, mobility):
+def creep(
+    d: float, dt: float, A: float, motion: Motion, residual: float | None, mobility: float
+) -> float:
     """Move the dashpot wall for dt; its mean force."""
     force = hertz_force(d, A)
     d_new = dashpot_indentation(d, dt, A, residual, mobility)
@@ -147,7 +151,15 @@ def creep(d, dt, A, motion, residual, mobility):
 
 
 @fastmath
-def wall_force(dt, motion, A, offset, residual, mobility, plastic):
+def wall_force(
+    dt: float,
+    motion: Motion,
+    A: Array,
+    offset: float,
+    residual: float | None,
+    mobility: float | None,
+    plastic: Plastic | None,
+) -> float:
     """Mean force at the wall over a kick of length dt; moves the dashpot wall."""
     last = motion.x.size - 1
     gap = motion.x[last] - motion.wall[U] - motion.wall[DASH] - offset
@@ -164,7 +176,9 @@ def wall_force(dt, motion, A, offset, residual, mobility, plastic):
 
 
 @fastmath_inline
-def damping_impulse(w, dt, force, c, inverse_mass, clipped):
+def damping_impulse(
+    w: float, dt: float, force: float, c: float, inverse_mass: float, clipped: bool
+) -> float:
     """Impulse of a damper c on two bodies that approach at w, exact at frozen positions.
 
     Clipped, the damper never outweighs the elastic force, so the contact never pulls.
@@ -187,7 +201,7 @@ def damping_impulse(w, dt, force, c, inverse_mass, clipped):
 
 
 @ieee_inline
-def contact_stiffness(i, force, A, plastic):
+def contact_stiffness(i: int, force: float, A: Array, plastic: Plastic | None) -> float:
     if plastic is None:
         return 1.5 * (A[i] * A[i] * force) ** (1.0 / 3.0)
     limit = plastic.limit[i]
@@ -197,7 +211,7 @@ def contact_stiffness(i, force, A, plastic):
 
 
 @ieee_inline
-def spring_share(stiffness, residual):
+def spring_share(stiffness: float, residual: float) -> tuple[float, float]:
     """What a spring in series leaves of a damper in the contact: the contact gives way by
     1 / (1 + s k) of the gap, and as much of what is added to its force arrives behind the spring;
     also by how much that falls, relatively, with the force."""
@@ -206,7 +220,15 @@ def spring_share(stiffness, residual):
 
 
 @fastmath_inline
-def damper(i, last, force, A, residual, damping, plastic):
+def damper(
+    i: int,
+    last: bool,
+    force: float,
+    A: Array,
+    residual: float | None,
+    damping: Damping,
+    plastic: Plastic | None,
+) -> float:
     """Coefficient c of the damping force c (approach velocity) of contact i."""
     if force <= 0.0:
         return 0.0

@@ -1,6 +1,20 @@
 """Forces and energies of a state: what is saved."""
 
-from dem.kernels.arguments import DASH, IN_CONTACTS, IN_WALL, WORK, U, V
+from dem.kernels.arguments import (
+    DASH,
+    IN_CONTACTS,
+    IN_WALL,
+    WORK,
+    Array,
+    Damping,
+    LeafSprings,
+    Motion,
+    Parts,
+    Plastic,
+    Saved,
+    U,
+    V,
+)
 from dem.kernels.compiled import fastmath
 from dem.kernels.laws import (
     LINEAR,
@@ -15,7 +29,14 @@ from dem.kernels.modes import modal_energy
 
 
 @fastmath
-def total_forces(dt, motion, parts, residual, damping, plastic):
+def total_forces(
+    dt: float,
+    motion: Motion,
+    parts: Parts,
+    residual: float | None,
+    damping: Damping | None,
+    plastic: Plastic | None,
+) -> tuple[float, float]:
     """Contact forces at an instant, dissipative part included, into f; elastic energies out.
 
     A damper counts no stronger than steps of dt can tell: beyond, its force is that of rounding.
@@ -48,7 +69,7 @@ def total_forces(dt, motion, parts, residual, damping, plastic):
 
 
 @fastmath
-def leaf_energy(x, leaf):
+def leaf_energy(x: Array, leaf: LeafSprings | None) -> float:
     energy = 0.0
     if leaf is not None:
         for i in range(x.size):
@@ -57,7 +78,9 @@ def leaf_energy(x, leaf):
 
 
 @fastmath
-def save(k, dt, motion, parts, saved, mobility):
+def save(
+    k: int, dt: float, motion: Motion, parts: Parts, saved: Saved, mobility: float | None
+) -> bool:
     """Row k of the saved states, forces and energies; is it finite?"""
     x, v, wall, energy = motion.x, motion.v, motion.wall, saved.energy[k]
     contact, spring = total_forces(dt, motion, parts, parts.residual, parts.damping, parts.plastic)

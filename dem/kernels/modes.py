@@ -1,17 +1,17 @@
 """What an impulse or a drift does to the wall's modes; nothing where the wall has none."""
 
-from dem.kernels.arguments import WORK, U, V
+from dem.kernels.arguments import WORK, Array, Modes, U, V
 from dem.kernels.compiled import fastmath_inline, ieee
 
 
 @fastmath_inline
-def push_wall(impulse, square, wall):
+def push_wall(impulse: float, square: float, wall: Array) -> None:
     wall[WORK] += impulse * (wall[V] + 0.5 * square * impulse)
     wall[V] += square * impulse
 
 
 @fastmath_inline
-def push_modes(impulse, wall, modes):
+def push_modes(impulse: float, wall: Array, modes: Modes | None) -> None:
     if modes is not None:
         for j in range(modes.p.size):
             modes.p[j] += modes.phi[j] * impulse
@@ -19,7 +19,7 @@ def push_modes(impulse, wall, modes):
 
 
 @ieee
-def shift_modes(shift, wall, modes):
+def shift_modes(shift: float, wall: Array, modes: Modes | None) -> None:
     if modes is not None:
         wall[U] += modes.square * shift
         for j in range(modes.q.size):
@@ -27,7 +27,7 @@ def shift_modes(shift, wall, modes):
 
 
 @fastmath_inline
-def drift_modes(k, impulse, wall, modes):
+def drift_modes(k: int, impulse: float, wall: Array, modes: Modes | None) -> None:
     """Exact free motion of the damped modes by the k-th drift after an impulse at the wall."""
     if modes is None:
         return
@@ -51,7 +51,7 @@ def drift_modes(k, impulse, wall, modes):
 
 
 @fastmath_inline
-def modal_energy(modes):
+def modal_energy(modes: Modes | None) -> tuple[float, float]:
     """Energy of the modes about the static state, and in all."""
     swing = 0.0
     absolute = 0.0

@@ -3,12 +3,14 @@
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dem.kernels.arguments import Array
 from dem.kernels.compiled import ieee, ieee_entry
 
 
 @ieee
-def propagator(omega, zeta, t):
+def propagator(omega: float, zeta: float, t: float) -> tuple[float, float, float, float]:
     """q -> qq q + qp p, p -> pq q + pp p after the time t of q'' + 2 zeta omega q' + omega^2 q = 0,
     for any damping and omega = 0."""
     decay, square = zeta * omega, omega * omega * (1.0 - zeta * zeta)
@@ -30,14 +32,14 @@ def propagator(omega, zeta, t):
 
 
 @ieee_entry
-def fill_propagator(omega, zeta, t, out):
+def fill_propagator(omega: Array, zeta: Array, t: Array, out: Array) -> None:
     """`propagator` element by element into out (4, size)."""
     for j in range(omega.size):
         out[0, j], out[1, j], out[2, j], out[3, j] = propagator(omega[j], zeta[j], t[j])
 
 
 @ieee_entry
-def fill_propagators(steps, omega, zeta, out):
+def fill_propagators(steps: Array, omega: Array, zeta: Array, out: Array) -> None:
     """`propagator` of every mode over every step into out (n_steps, 4, n_modes); steps that come
     again in a palindrome are copied."""
     n = steps.size
@@ -53,7 +55,7 @@ def fill_propagators(steps, omega, zeta, out):
             out[k, 0, j], out[k, 1, j], out[k, 2, j], out[k, 3, j] = a, b, c, d
 
 
-def oscillator_propagator(omega, zeta, t):
+def oscillator_propagator(omega: ArrayLike, zeta: ArrayLike, t: ArrayLike) -> Array:
     """(4, k): q -> qq q + qp p, p -> pq q + pp p after the time t of q'' + 2 zeta omega q' +
     omega^2 q = 0, for any damping and omega = 0."""
     omega, zeta, t = np.broadcast_arrays(*(np.asarray(p, float) for p in (omega, zeta, t)))
@@ -62,7 +64,7 @@ def oscillator_propagator(omega, zeta, t):
     return out.reshape(4, *omega.shape)
 
 
-def step_response(omega, zeta, t):
+def step_response(omega: Array, zeta: Array, t: float) -> Array:
     """Displacement of each oscillator after the time t of unit force on unit mass from rest, the
     integral of `oscillator_propagator`'s qp; by Gauss points where the closed form would cancel."""
     nodes, weights = np.polynomial.legendre.leggauss(12)
@@ -72,7 +74,7 @@ def step_response(omega, zeta, t):
     return np.where(slow, 0.5 * t * (weights @ np.array(moved)), closed)
 
 
-def propagators(steps, omega, zeta):
+def propagators(steps: Array, omega: Array, zeta: Array) -> Array:
     """(len(steps), 4, k) of `oscillator_propagator`."""
     out = np.empty((steps.size, 4, omega.size))
     fill_propagators(steps, np.asarray(omega, float), np.asarray(zeta, float), out)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dem.kernels.arguments import Array
 from dem.kernels.compiled import fastmath, fastmath_inline, fastmath_march
 from dem.kernels.laws import hertz_force, hertz_indentation
 
@@ -21,68 +22,68 @@ FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS = range(5)  # rows of f (5, n_
 class Rig(NamedTuple):
     """A chain and its wall; no part is absent, those without effect are zeros."""
 
-    A: np.ndarray  # (n_contacts,)
-    gamma: np.ndarray  # (n_contacts,)
-    mass: np.ndarray  # (n,)
-    load: np.ndarray  # (n,)
-    leaf: np.ndarray  # (n,) stiffness
-    anchor: np.ndarray  # (n,)
+    A: Array  # (n_contacts,)
+    gamma: Array  # (n_contacts,)
+    mass: Array  # (n,)
+    load: Array  # (n,)
+    leaf: Array  # (n,) stiffness
+    anchor: Array  # (n,)
     residual: float
     offset: float  # static displacement of the modes
     rest_force: float  # static force at the wall
-    phi: np.ndarray  # (k,)
-    propagator: np.ndarray  # (k, 2, 2) over half a step
-    by_omega: np.ndarray  # (k, 2, 2) its derivatives
-    by_zeta: np.ndarray  # (k, 2, 2)
+    phi: Array  # (k,)
+    propagator: Array  # (k, 2, 2) over half a step
+    by_omega: Array  # (k, 2, 2) its derivatives
+    by_zeta: Array  # (k, 2, 2)
 
 
 class Slopes(NamedTuple):
     """Derivatives of a rig by the parameters, (.., p) each."""
 
-    A: np.ndarray
-    gamma: np.ndarray
-    phi: np.ndarray
-    omega: np.ndarray
-    zeta: np.ndarray
-    load: np.ndarray
-    offset: np.ndarray
-    rest_force: np.ndarray
+    A: Array
+    gamma: Array
+    phi: Array
+    omega: Array
+    zeta: Array
+    load: Array
+    offset: Array
+    rest_force: Array
 
 
 class Spheres(NamedTuple):
     """Positions and velocities (n,), and their derivatives (n, p)."""
 
-    x: np.ndarray
-    v: np.ndarray
-    X: np.ndarray
-    V: np.ndarray
+    x: Array
+    v: Array
+    X: Array
+    V: Array
 
 
 class Modal(NamedTuple):
     """Displacement and velocity of the modes from the static state, and their derivatives."""
 
-    z: np.ndarray  # (2, k)
-    Z: np.ndarray  # (2, k, p)
+    z: Array  # (2, k)
+    Z: Array  # (2, k, p)
 
 
 class Stages(NamedTuple):
     """Force at the wall beyond that at rest, at the stages of a step, and its derivatives."""
 
-    force: np.ndarray  # (4,)
-    d_force: np.ndarray  # (4, p)
+    force: Array  # (4,)
+    d_force: Array  # (4, p)
 
 
 class Record(NamedTuple):
     """Velocity and acceleration of m observed spheres at every step, and their derivatives."""
 
-    v: np.ndarray  # (n_steps + 1, m)
-    a: np.ndarray
-    dv: np.ndarray  # (n_steps + 1, m, p)
-    da: np.ndarray
+    v: Array  # (n_steps + 1, m)
+    a: Array
+    dv: Array  # (n_steps + 1, m, p)
+    da: Array
 
 
 @fastmath
-def contact(gap, rate, A, gamma, s, i, f):
+def contact(gap: float, rate: float, A: float, gamma: float, s: float, i: int, f: Array) -> None:
     """Force of one contact and its derivatives into column i of f."""
     d = max(gap, 0.0) if s == 0.0 else hertz_indentation(gap, A, s)
     root = math.sqrt(d)
@@ -99,7 +100,7 @@ def contact(gap, rate, A, gamma, s, i, f):
 
 
 @fastmath_inline
-def contacts(x, v, z, rig, f):
+def contacts(x: Array, v: Array, z: Array, rig: Rig, f: Array) -> None:
     """All contacts at a state into f."""
     A, gamma, phi = rig.A, rig.gamma, rig.phi
     n = x.size
@@ -115,7 +116,7 @@ def contacts(x, v, z, rig, f):
 
 
 @fastmath_inline
-def accelerations(x, f, rig, a):
+def accelerations(x: Array, f: Array, rig: Rig, a: Array) -> None:
     n = x.size
     for i in range(n):
         net = rig.load[i] - rig.leaf[i] * (x[i] - rig.anchor[i])
@@ -127,7 +128,9 @@ def accelerations(x, f, rig, a):
 
 
 @fastmath_inline
-def contact_sensitivities(spheres, modal, f, phi, slopes, dF):
+def contact_sensitivities(
+    spheres: Spheres, modal: Modal, f: Array, phi: Array, slopes: Slopes, dF: Array
+) -> None:
     """Derivatives of all contact forces by the parameters into dF (n_contacts, p)."""
     X, V, z, Z = spheres.X, spheres.V, modal.z, modal.Z
     n, p = X.shape
@@ -153,7 +156,7 @@ def contact_sensitivities(spheres, modal, f, phi, slopes, dF):
 
 
 @fastmath_inline
-def acceleration_sensitivities(X, dF, rig, d_load, dA):
+def acceleration_sensitivities(X: Array, dF: Array, rig: Rig, d_load: Array, dA: Array) -> None:
     n, p = X.shape
     for i in range(n):
         minv = 1.0 / rig.mass[i]
@@ -168,7 +171,7 @@ def acceleration_sensitivities(X, dF, rig, d_load, dA):
 
 
 @fastmath_inline
-def push_modes(h, s, stages, phi, d_phi, modal):
+def push_modes(h: float, s: int, stages: Stages, phi: Array, d_phi: Array, modal: Modal) -> None:
     """Add the impulse of the force of stage s over h to the modes' velocities, its derivative to
     theirs."""
     force, d_force = stages.force[s], stages.d_force[s]
@@ -179,7 +182,7 @@ def push_modes(h, s, stages, phi, d_phi, modal):
 
 
 @fastmath_inline
-def propagate_modes(rig, slopes, modal):
+def propagate_modes(rig: Rig, slopes: Slopes, modal: Modal) -> None:
     """Free motion over half a step: z <- E z, Z <- E Z + dE z."""
     z, Z, E, by_omega, by_zeta = modal.z, modal.Z, rig.propagator, rig.by_omega, rig.by_zeta
     for j in range(z.shape[1]):
@@ -196,7 +199,9 @@ def propagate_modes(rig, slopes, modal):
 
 
 @fastmath_inline
-def combine(x, X, h, slope, d_slope, out, d_out):
+def combine(
+    x: Array, X: Array, h: float, slope: Array, d_slope: Array, out: Array, d_out: Array
+) -> None:
     """out = x + h * slope, and the same for the derivatives."""
     for i in range(x.size):
         out[i] = x[i] + h * slope[i]
@@ -205,7 +210,16 @@ def combine(x, X, h, slope, d_slope, out, d_out):
 
 
 @fastmath_inline
-def stage_modes(s, dt, modal, half, stages, rig, slopes, at_stage):
+def stage_modes(
+    s: int,
+    dt: float,
+    modal: Modal,
+    half: Modal,
+    stages: Stages,
+    rig: Rig,
+    slopes: Slopes,
+    at_stage: Modal,
+) -> None:
     """Modes at the s-th stage of a step; `half` holds them half a step on.
 
     z_1 = z,  z_2 = E (z + h/2 N_1),  z_3 = E z + h/2 N_2,  z_4 = E (E z + h N_3).
@@ -220,7 +234,7 @@ def stage_modes(s, dt, modal, half, stages, rig, slopes, at_stage):
 
 
 @fastmath_inline
-def advance_modes(dt, stages, rig, slopes, modal):
+def advance_modes(dt: float, stages: Stages, rig: Rig, slopes: Slopes, modal: Modal) -> None:
     """z <- E E (z + h/6 N_1) + E h/3 (N_2 + N_3) + h/6 N_4, in place."""
     phi, d_phi = rig.phi, slopes.phi
     push_modes(dt / 6.0, 0, stages, phi, d_phi, modal)
@@ -232,7 +246,7 @@ def advance_modes(dt, stages, rig, slopes, modal):
 
 
 @fastmath_inline
-def save(step, observed, spheres, a, dA, record):
+def save(step: int, observed: Array, spheres: Spheres, a: Array, dA: Array, record: Record) -> None:
     """Velocity, acceleration and their derivatives of the observed spheres at a step."""
     for o in range(observed.size):
         i = observed[o]
@@ -244,7 +258,7 @@ def save(step, observed, spheres, a, dA, record):
 
 
 @fastmath_inline
-def add(spheres, h, at_stage, a, dA, out):
+def add(spheres: Spheres, h: float, at_stage: Spheres, a: Array, dA: Array, out: Array) -> None:
     """out = spheres + h * their rates at a stage."""
     combine(spheres.x, spheres.X, h, at_stage.v, at_stage.V, out.x, out.X)
     combine(spheres.v, spheres.V, h, a, dA, out.v, out.V)
@@ -253,10 +267,10 @@ def add(spheres, h, at_stage, a, dA, out):
 class Workspace(NamedTuple):
     """What a march with sensitivities works on, the spheres' start included."""
 
-    f: np.ndarray  # (5, n_contacts) as FORCE .. BY_LOSS
-    a: np.ndarray  # (n,) accelerations
-    dF: np.ndarray  # (n_contacts, p)
-    dA: np.ndarray  # (n, p)
+    f: Array  # (5, n_contacts) as FORCE .. BY_LOSS
+    a: Array  # (n,) accelerations
+    dF: Array  # (n_contacts, p)
+    dA: Array  # (n, p)
     spheres: Spheres
     at_stage: Spheres
     total: Spheres
@@ -266,7 +280,7 @@ class Workspace(NamedTuple):
     stages: Stages
 
 
-def workspace(spheres, rig):
+def workspace(spheres: Spheres, rig: Rig) -> Workspace:
     """A Workspace of spheres at their start, modes at rest."""
     (n, p), n_contacts, k = spheres.X.shape, rig.A.size, rig.phi.size
     starts = (Spheres(*(part.copy() for part in spheres)) for _ in range(3))
@@ -276,7 +290,15 @@ def workspace(spheres, rig):
 
 
 @fastmath_march
-def march(work, rig, slopes, dt, n_steps, observed, record):
+def march(
+    work: Workspace,
+    rig: Rig,
+    slopes: Slopes,
+    dt: float,
+    n_steps: int,
+    observed: Array,
+    record: Record,
+) -> None:
     """March the workspace's spheres, and record the observed ones."""
     f, a, dF, dA, spheres, at_stage, total, modal, modal_at_stage, half, stages = work
     n, n_contacts = a.size, rig.A.size
@@ -306,7 +328,9 @@ def march(work, rig, slopes, dt, n_steps, observed, record):
 
 
 @fastmath_inline
-def stage_modes_alone(s, dt, z, half, force, rig, at_stage):
+def stage_modes_alone(
+    s: int, dt: float, z: Array, half: Array, force: Array, rig: Rig, at_stage: Array
+) -> None:
     """`stage_modes` without derivatives."""
     h = 0.0 if s == 0 else dt if s == 3 else 0.5 * dt
     phi, E = rig.phi, rig.propagator
@@ -319,7 +343,7 @@ def stage_modes_alone(s, dt, z, half, force, rig, at_stage):
 
 
 @fastmath_inline
-def advance_modes_alone(dt, force, rig, z, half):
+def advance_modes_alone(dt: float, force: Array, rig: Rig, z: Array, half: Array) -> None:
     """`advance_modes` without derivatives; `half` gets the modes half a step on."""
     phi, E = rig.phi, rig.propagator
     for j in range(phi.size):
@@ -334,7 +358,9 @@ def advance_modes_alone(dt, force, rig, z, half):
 
 
 @fastmath_march
-def march_alone(work, rig, dt, n_steps, observed, record):
+def march_alone(
+    work: Workspace, rig: Rig, dt: float, n_steps: int, observed: Array, record: Record
+) -> None:
     """`march` without derivatives, in a third of the time."""
     f, a, force = work.f, work.a, work.stages.force
     x, v, xs, vs = work.spheres.x, work.spheres.v, work.at_stage.x, work.at_stage.v

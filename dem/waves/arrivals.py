@@ -7,6 +7,9 @@ velocity. J. Yang, C. Silvestro, D. Khatri, L. De Nardo, C. Daraio, Phys. Rev. E
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from dem.kernels.arguments import Array
 
 CANCEL = 1e-12  # of their sum without signs: below, velocities cancel but for rounding
 
@@ -29,7 +32,7 @@ class Passage(NamedTuple):
     arr: float  # |reflected| / incident peak velocity
 
 
-def arrivals(t, v, *, threshold=0.2):
+def arrivals(t: ArrayLike, v: ArrayLike, *, threshold: float = 0.2) -> list[Arrival]:
     """Waves in a record v (k,) at equal times t (k,), in order of time.
 
     A wave is a peak of |v| above `threshold` times the largest, the highest between two passages
@@ -57,13 +60,13 @@ def _arrival(t, v, piece):
     return Arrival(time, float(sign * height), full_width(t, sign * v, k))
 
 
-def crest(t, y, k):
+def crest(t: Array, y: Array, k: int) -> tuple[float, float]:
     """Time and height of the parabola through the samples k - 1, k, k + 1 of y (k,)."""
     offset, height = _vertex(y[k - 1 : k + 2])
     return float(t[k] + offset * (t[1] - t[0])), float(height)
 
 
-def peaks(y, prominence):
+def peaks(y: ArrayLike, prominence: float) -> list[int]:
     """Samples where y (k,) has a peak that stands out by `prominence` on both sides."""
     y = np.asarray(y, float)
     tops = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:])) + 1
@@ -84,7 +87,7 @@ def _vertex(y):
     return offset, y[1] - 0.25 * (y[0] - y[2]) * offset
 
 
-def full_width(t, y, k):
+def full_width(t: Array, y: Array, k: int) -> float:
     """Full width [s] at half the height of the crest near sample k of y (k,), nan if cut off."""
     level = 0.5 * crest(t, y, k)[1]
     below = np.flatnonzero(y < level)
@@ -97,7 +100,7 @@ def full_width(t, y, k):
     return float(right - left)
 
 
-def passage(t, v, **options):
+def passage(t: Array, v: Array, **options) -> Passage | None:
     """Incident wave and the first reflected one after it, None if either is missing."""
     waves = arrivals(t, v, **options)
     incident = next((w for w in waves if w.peak_velocity > 0.0), None)
@@ -115,17 +118,17 @@ def passage(t, v, **options):
     )
 
 
-def time_of_flight(incident, reflected):
+def time_of_flight(incident: Arrival, reflected: Arrival) -> float:
     """Time between the peaks of two arrivals [s]."""
     return reflected.time - incident.time
 
 
-def amplitude_ratio(incident, reflected):
+def amplitude_ratio(incident: Arrival, reflected: Arrival) -> float:
     """|reflected| over incident peak velocity."""
     return abs(reflected.peak_velocity / incident.peak_velocity)
 
 
-def velocity_sum_ratio(v_before, v_after):
+def velocity_sum_ratio(v_before: Array, v_after: Array) -> float:
     """|sum of final| over sum of initial velocities: no measure of loss, 1.36 for 17 elastic beads
     on a rigid wall (E. Falcon, C. Laroche, S. Fauve, C. Coste, Eur. Phys. J. B 3 (1998) 45); nan
     where the initial ones cancel."""
@@ -135,7 +138,7 @@ def velocity_sum_ratio(v_before, v_after):
     return float(abs(np.sum(v_after)) / start)
 
 
-def energy_restitution(mass, v_before, v_after):
+def energy_restitution(mass: Array, v_before: Array, v_after: Array) -> float:
     """sqrt of final over initial kinetic energy: 1 without loss."""
     before, after = mass @ np.square(v_before), mass @ np.square(v_after)
     return float(np.sqrt(after / before))

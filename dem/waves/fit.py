@@ -6,11 +6,13 @@ with the velocity s and the displacement S of a solitary wave: p_j passes, d_j s
 a sphere that nobody stops. Least squares over t_j, c_j, p_j, d_j (K. Levenberg, D. Marquardt).
 """
 
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from dem.kernels.arguments import Array
 from dem.waves.arrivals import Arrival
 from dem.waves.solitary import ENDS, WIDTH, displacement_shape, velocity_shape
 
@@ -41,7 +43,7 @@ class Fit(NamedTuple):
     misfit: float  # rms of the residual over the largest peak
 
 
-def groups(guesses):
+def groups(guesses: Iterable[Guess]) -> list[list[Guess]]:
     """Guesses in order of time, those whose stretches of the record overlap in one list.
 
     Lists of more than MOST are parted at their widest gap.
@@ -64,12 +66,12 @@ def _parted(group):
     return [*_parted(group[:k]), *_parted(group[k:])]
 
 
-def apart(one, other):
+def apart(one: Guess, other: Guess) -> float:
     """Distance of two crests in the mean of their widths."""
     return 2.0 * abs(other.time - one.time) / (one.width + other.width)
 
 
-def fit(t, v, guesses):
+def fit(t: Array, v: Array, guesses: Sequence[Guess]) -> Fit:
     """Fit of the waves of one group to the record around them."""
     reach = REACH * max(guess.width for guess in guesses)
     near = (t >= guesses[0].time - reach) & (t <= guesses[-1].time + reach)

@@ -4,13 +4,16 @@ A wave that passes alone is measured on the record itself; waves that overlap ar
 their shape. What a wave must look like there, and when, is known from its track.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from dem.kernels.arguments import Array
 from dem.waves.arrivals import Arrival, crest, full_width
 from dem.waves.fit import Guess, apart, fit, groups
 from dem.waves.solitary import WIDTH
+from dem.waves.tracks import WaveTrack
 
 SEPARABLE = 0.6  # widths between crests from which on a fit shares waves out as they are
 CLEAR = 1.5  # widths between crests from which on waves do not touch
@@ -38,7 +41,7 @@ class _Passage(NamedTuple):
     leaves: float  # [s] when the sphere passes the wave on
 
 
-def labels(tracks, t, v, sphere):
+def labels(tracks: Sequence[WaveTrack], t: Array, v: Array, sphere: int) -> tuple[Label, ...]:
     """Waves at a sphere (counted from 1) with record v (k,), in order of time.
 
     The striker's own start is no arrival. The time of a wave that leaves its sphere moving, as the

@@ -5,14 +5,17 @@ J. Yang, C. Silvestro, S. N. Sangiorgio, S. L. Borkowski, E. Ebramzadeh, L. De N
 Smart Mater. Struct. 21 (2012) 015008; thesis, section 2.2.1, whose equations are named.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dem.chain import Chain
+from dem.kernels.arguments import Array
 from dem.trajectory import Trajectory
 from dem.waves.arrivals import energy_restitution, velocity_sum_ratio
+from dem.waves.tracks import WaveTrack
 
 AT_END = 4  # contacts from the wall within which a wave is that of the collision
 EMPTY = 1e-3  # of the largest force: between two waves
@@ -47,7 +50,7 @@ def exponent(x: ArrayLike, y: ArrayLike) -> float:
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
-def contact_time(t, force, *, threshold=CONTACT):
+def contact_time(t: ArrayLike, force: ArrayLike, *, threshold: float = CONTACT) -> ContactTime:
     """ContactTime of the collision with the largest force (k,); above the force at its start.
 
     It counts while the force is above `threshold` times its peak; ends are interpolated.
@@ -67,29 +70,31 @@ def _crossing(t, F, i, level):
     return t[i] + (level - F[i]) / (F[i + 1] - F[i]) * (t[i + 1] - t[i])
 
 
-def dimensionless_contact_time(seconds, mass, speed, A_wall):
+def dimensionless_contact_time(seconds: float, mass: float, speed: float, A_wall: float) -> float:
     """tau_c of (2.5), T_c = tau_c m^(2/5) V^(-1/5) A_w^(-2/5) with the striker's speed V."""
     return seconds / (mass**0.4 * speed**-0.2 * A_wall**-0.4)
 
 
-def travelling_time(n, radius, speed_in, speed_back):
+def travelling_time(n: int, radius: float, speed_in: float, speed_back: float) -> float:
     """(2.6) [s]: through n spheres and back."""
     return 2.0 * n * radius * (1.0 / speed_in + 1.0 / speed_back)
 
 
-def force_ratio(incident, reflected):
+def force_ratio(incident: float, reflected: float) -> float:
     """ARR of (2.9): |reflected / incident peak velocity|^(6/5), the ratio of forces."""
     return abs(reflected / incident) ** 1.2
 
 
-def track_speed(track, radius):
+def track_speed(track: WaveTrack, radius: Array) -> float:
     """Speed [m/s] of a track past spheres of radius (n,) [m], the slope through all its pulses."""
     times = np.array([pulse.time for pulse in track.pulses])
     places = 2.0 * np.cumsum(radius)[[pulse.contact - 1 for pulse in track.pulses]]
     return float(abs(np.polyfit(times - times[0], places, 1)[0]))
 
 
-def wall_contact(t, v, contact_force, chain, tracks):
+def wall_contact(
+    t: Array, v: Array, contact_force: Array, chain: Chain, tracks: Sequence[WaveTrack]
+) -> WallContact:
     """WallContact of a chain's run; v (k, n), contact_force (k, n), its `tracks`."""
     closed = _collision(t, contact_force)
     speed = float(np.abs(v[0]).max())

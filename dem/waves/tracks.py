@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dem.kernels.arguments import Array
 from dem.waves.arrivals import crest, peaks
 from dem.waves.solitary import force, speed, velocity_of_force
 
@@ -41,7 +42,7 @@ class WaveTrack(NamedTuple):
         first = self.kind == "incident" and self.number == 1
         return self.kind if first else f"{self.kind} {self.number}"
 
-    def time_at(self, contact):
+    def time_at(self, contact: int) -> float:
         """When the largest force is at a contact [s]; beyond the ends by the speed there."""
         way = 1 if self.kind == "incident" else -1
         places = np.array([way * pulse.contact for pulse in self.pulses])
@@ -51,7 +52,9 @@ class WaveTrack(NamedTuple):
         return end.time + way * (contact - end.contact) * end.passing_time
 
 
-def wave_tracks(t, v, contact_force, mass, A, *, threshold=0.03):
+def wave_tracks(
+    t: Array, v: Array, contact_force: Array, mass: Array, A: Array, *, threshold: float = 0.03
+) -> tuple[WaveTrack, ...]:
     """Wave tracks in the records v (k, n) and contact_force (k, n_contacts) of all spheres.
 
     A pulse counts if the spheres in its wave reach `threshold` of those in the largest one, and a
