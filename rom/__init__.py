@@ -21,6 +21,7 @@ from rom.reduced_model import (
     receptance,
     static_compliance,
 )
+from rom.selection import Selection
 from rom.substructure_file import Substructure, load_mtx, substructure
 from rom.truncation import LOSS
 
@@ -35,6 +36,7 @@ __all__ = [
     "ModalWall",
     "ReducedModel",
     "ReductionError",
+    "Selection",
     "Substructure",
     "Surface",
     "craig_bampton",

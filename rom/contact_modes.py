@@ -22,6 +22,7 @@ from scipy.linalg import solve_triangular
 
 from rom.factorisation import Pencil, ReductionError, static_response
 from rom.lanczos import EigenPairs, with_columns
+from rom.selection import Selection
 from rom.truncation import LOSS, frequencies, receptances, rms, size
 
 CONVERGED = 5e-3  # bound of the space's own error where a number of modes is asked for
@@ -50,30 +51,22 @@ class Chosen(NamedTuple):
     space: EigenPairs
 
 
-def contact_modes(
-    problem: Pencil,
-    w: np.ndarray,
-    known: EigenPairs,
-    *,
-    n_modes: int | None = None,
-    error: float | None = None,
-    to_hz: float,
-    finer_hz: float | None = None,
-) -> Chosen:
-    """The n_modes that matter most for the receptance at the contact up to to_hz, or the fewest
-    that with a residual vector keep it to a relative rms error.
+def contact_modes(problem: Pencil, w: np.ndarray, known: EigenPairs, asked: Selection) -> Chosen:
+    """The asked number of modes that matter most for the receptance at the contact up to to_hz, or
+    the fewest that with a residual vector keep it to the asked relative rms error.
 
     known (k,) are modes to keep in any case, the rigid-body ones among them. The error stated
     holds for the modes with the residual vector: the space's bound and what the choice leaves.
     With finer_hz all that they are chosen from stands for the full model up to that frequency.
     Raises ReductionError.
     """
+    n_modes, error, to_hz = asked.n_modes, asked.error, asked.to_hz
     bound = CONVERGED if error is None else 0.3 * error
     n_vectors = 0 if n_modes is None else n_modes + 1 - len(known.omega)
-    if finer_hz is None:
+    if asked.finer_hz is None:
         space = krylov_space(problem, w, known, bound, to_hz, n_vectors)
     else:
-        space = finer_space(problem, w, known, max(to_hz, finer_hz), n_vectors)
+        space = finer_space(problem, w, known, max(to_hz, asked.finer_hz), n_vectors)
     pairs, n_known = space.pairs, len(known.omega)
     phi = pairs.phi.T @ w
     order = _ranked(pairs.omega, phi, n_known, to_hz)

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from rom.contact_modes import finer_space, static_shapes
-from rom.factorisation import Factorise, ReductionError, superlu, symmetric
+from rom.factorisation import Factorise, superlu, symmetric
 from rom.fixed_interface import (
     FixedInterface,
     Partition,
@@ -22,10 +22,10 @@ from rom.fixed_interface import (
     none_of,
     whole_pencil,
 )
-from rom.free_modes import require_choice, require_one_choice
 from rom.health import require_faithful
 from rom.lanczos import EigenPairs, lowest_modes, modes_below
 from rom.reduced_model import ReducedModel, contact_functional, modal, of_modes
+from rom.selection import Selection, require_selection
 from rom.truncation import LOSS, first_cutoff_hz, frequencies, rms, size
 
 
@@ -34,52 +34,33 @@ def craig_bampton(
     M: ArrayLike | sp.sparray,
     w: ArrayLike,
     boundary: ArrayLike,
+    asked: Selection,
     *,
-    n_modes: int | None = None,
-    cutoff_hz: float | None = None,
-    error: float | None = None,
-    to_hz: float | None = None,
-    shift: float | None = None,
-    choice: str = "lowest",
-    modes: tuple[np.ndarray, np.ndarray] | None = None,
     C: ArrayLike | sp.sparray | None = None,
-    finer_hz: float | None = None,
     factorise: Factorise = superlu,
 ) -> ReducedModel:
-    """Reduce K, M (n, n) to the dofs in boundary (b,) and k fixed-interface modes.
+    """Reduce K, M (n, n) to the dofs in boundary (b,) and the fixed-interface modes asked for.
 
-    Give n_modes, or cutoff_hz [Hz] for all fixed-interface modes below it, or error and to_hz [Hz]
-    for as many as keep the receptance at the contact to a relative rms error up to that frequency;
-    with to_hz the result states its error. w (n,) may only load the boundary. One factorisation
-    of K_ii serves constraint modes and fixed-interface modes; factorise(A) returns an object with
-    .solve. shift is refused: constraint modes need K_ii itself, which a held boundary makes
-    positive definite even where K floats. choice "lowest" takes the fixed-interface modes in the
-    order of their frequencies; "contact" takes what the free modes of the same choice (see
-    rom.contact_modes) do inside, beside those of `modes` (omega, phi (n, k)), which then all stay.
-    With finer_hz the result carries a finer model that stands for the full one up to there.
+    w (n,) may only load the boundary. One factorisation of K_ii, which a held boundary makes
+    positive definite even where K floats, serves constraint modes and fixed-interface modes;
+    factorise(A) returns an object with .solve. A cutoff and choice "lowest" speak of the
+    fixed-interface modes; "contact" takes what the free modes of that choice do inside.
     Raises ReductionError with one sentence where the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
-    require_one_choice(n_modes, cutoff_hz, error, to_hz)
-    require_choice(choice, n_modes, error, to_hz)
-    if shift:
-        raise ReductionError(
-            f"shift={shift:g} would make the constraint modes inexact; leave it out, K_ii is "
-            f"positive definite once the boundary is fixed."
-        )
+    require_selection(asked)
     fixed = fixed_interface(K, M, w, boundary, factorise)
     C = None if C is None else symmetric(C, "C")
-    if choice == "contact":
-        asked = {"n_modes": n_modes, "error": error, "to_hz": to_hz, "finer_hz": finer_hz}
-        pairs, stated, space = modes_inside(fixed, modes, **asked)
+    if asked.by_contact:
+        pairs, stated, space = modes_inside(fixed, asked)
         reduced = _projected(fixed, C, pairs)
-        shapes = static_shapes(modal(reduced).omega, pairs.omega.max(initial=0.0), to_hz)
+        shapes = static_shapes(modal(reduced).omega, pairs.omega.max(initial=0.0), asked.to_hz)
         reduced = reduced._replace(error=stated, n_residual=shapes)
     else:
-        reduced = _lowest(fixed, C, n_modes, cutoff_hz, error, to_hz)
-        space = _finer(fixed, len(reduced.w), finer_hz)
-    finer = None if finer_hz is None else of_modes(*space, w, C)
+        reduced = _lowest(fixed, C, asked)
+        space = _finer(fixed, len(reduced.w), asked.finer_hz)
+    finer = None if asked.finer_hz is None else of_modes(*space, w, C)
     reduced = reduced._replace(finer=finer)
     require_faithful(reduced, K, M)
     return reduced
@@ -91,22 +72,16 @@ def _finer(fixed: FixedInterface, n_modes: int, finer_hz: float | None) -> Eigen
     return finer_space(whole_pencil(fixed), fixed.w, none_of(fixed), finer_hz, n_modes).pairs
 
 
-def _lowest(
-    fixed: FixedInterface,
-    C: sp.csc_array | None,
-    n_modes: int | None,
-    cutoff_hz: float | None,
-    error: float | None,
-    to_hz: float | None,
-) -> ReducedModel:
+def _lowest(fixed: FixedInterface, C: sp.csc_array | None, asked: Selection) -> ReducedModel:
     """The lowest fixed-interface modes, as many as the error asks for."""
-    cutoff = first_cutoff_hz(error, to_hz) if error is not None else cutoff_hz
+    error, to_hz, cutoff = asked.error, asked.to_hz, asked.cutoff_hz
+    if error is not None:
+        cutoff = first_cutoff_hz(error, to_hz)
     while True:
-        pairs = (
-            modes_below(fixed.interior, cutoff)
-            if n_modes is None
-            else lowest_modes(fixed.interior, n_modes)
-        )
+        if asked.n_modes is None:
+            pairs = modes_below(fixed.interior, cutoff)
+        else:
+            pairs = lowest_modes(fixed.interior, asked.n_modes)
         reduced = _projected(fixed, C, pairs)
         if to_hz is not None:
             reduced = reduced._replace(error=_error(fixed, reduced, pairs.phi, to_hz))

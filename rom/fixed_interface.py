@@ -18,6 +18,7 @@ from rom.contact_modes import contact_modes
 from rom.factorisation import Factorise, Pencil, ReductionError, solutions
 from rom.floating import is_held, pencil
 from rom.lanczos import EigenPairs, known_modes
+from rom.selection import Selection
 
 
 class Partition(NamedTuple):
@@ -129,22 +130,13 @@ class _Condensed:
         return x
 
 
-def modes_inside(
-    fixed: FixedInterface,
-    modes: tuple[np.ndarray, np.ndarray] | None,
-    *,
-    n_modes: int | None,
-    error: float | None,
-    to_hz: float,
-    finer_hz: float | None = None,
-) -> tuple[EigenPairs, float, EigenPairs]:
+def modes_inside(fixed: FixedInterface, asked: Selection) -> tuple[EigenPairs, float, EigenPairs]:
     """What the free modes that the contact moves do inside, as Ritz pairs of K_ii and M_ii; the
     error that those modes with a residual vector have: theirs is no larger, constraint modes and
     these hold every one of those vectors; and the free modes that they were chosen from."""
     whole = whole_pencil(fixed)
-    known = none_of(fixed) if modes is None else known_modes(whole, *modes)
-    asked = {"n_modes": n_modes, "error": error, "to_hz": to_hz, "finer_hz": finer_hz}
-    chosen = contact_modes(whole, fixed.w, known, **asked)
+    known = none_of(fixed) if asked.modes is None else known_modes(whole, *asked.modes)
+    chosen = contact_modes(whole, fixed.w, known, asked)
     b, i = fixed.part
     inside = chosen.pairs.phi[i] - fixed.psi @ chosen.pairs.phi[b]
     return _ritz(fixed.interior, inside), chosen.error, chosen.space

@@ -21,6 +21,7 @@ from rom.floating import pencil
 from rom.health import require_faithful, require_static_response
 from rom.lanczos import EigenPairs, known_modes, lowest_modes, modes_below, modes_until
 from rom.reduced_model import ReducedModel, contact_functional, of_modes
+from rom.selection import Selection, require_selection
 from rom.truncation import Moments, tail_errors
 
 
@@ -28,46 +29,31 @@ def free_modes(
     K: ArrayLike | sp.sparray,
     M: ArrayLike | sp.sparray,
     w: ArrayLike,
+    asked: Selection,
     *,
-    n_modes: int | None = None,
-    cutoff_hz: float | None = None,
-    error: float | None = None,
-    to_hz: float | None = None,
-    shift: float | None = None,
-    modes: tuple[np.ndarray, np.ndarray] | None = None,
-    choice: str = "lowest",
     C: ArrayLike | sp.sparray | None = None,
-    finer_hz: float | None = None,
+    shift: float | None = None,
     factorise: Factorise = superlu,
 ) -> ReducedModel:
-    """Reduce K, M (n, n) to k free modes and the residual vector of the contact functional w (n,).
+    """Reduce K, M (n, n) to the free modes asked for and the residual vector of the contact
+    functional w (n,).
 
-    Give n_modes, or cutoff_hz [Hz] for all modes below it, or error and to_hz [Hz] for the fewest
-    that with the residual vector give the receptance at the contact to a relative rms error up to
-    that frequency; with to_hz the result states its error. modes = (omega (k,) [rad/s], phi (n, k)
-    mass-normalised) are modes that are already there; the other three cut them.
-    choice "lowest" takes the modes in the order of their frequencies, "contact" those that matter
-    most at the contact up to to_hz (see rom.contact_modes), beside `modes`, which then all stay.
-    With finer_hz the result carries a finer model that stands for the full one up to there.
     shift [rad^2/s^2], negative, is the sigma of K - sigma M that gets factorised; None takes K
     itself, or where K floats freely a shift of -(omega_1 / 10)^2. factorise(A) returns an object
     with .solve. Raises ReductionError with one sentence where the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
-    require_one_choice(n_modes, cutoff_hz, error, to_hz, modes)
-    require_choice(choice, n_modes, error, to_hz)
+    require_selection(asked, modes_suffice=True)
     problem = pencil(K, M, factorise, shift)
     C = None if C is None else symmetric(C, "C")
-    known = None if modes is None else known_modes(problem, *modes)
-    if choice == "contact":
-        kept = known_or_rigid(problem, known)
-        asked = {"n_modes": n_modes, "error": error, "to_hz": to_hz, "finer_hz": finer_hz}
-        (omega, phi), beyond, stated, space = contact_modes(problem, w, kept, **asked)
+    known = None if asked.modes is None else known_modes(problem, *asked.modes)
+    if asked.by_contact:
+        found = contact_modes(problem, w, known_or_rigid(problem, known), asked)
+        (omega, phi), beyond, stated, space = found
     else:
-        found = _lowest(problem, w, known, n_modes, cutoff_hz, error, to_hz)
-        (omega, phi), beyond, stated = found
-        space = _finer(problem, w, len(omega), finer_hz)
+        (omega, phi), beyond, stated = _lowest(problem, w, known, asked)
+        space = _finer(problem, w, len(omega), asked.finer_hz)
     residual = _residual(M, w, omega, phi, beyond)
     T = phi if residual is None else np.column_stack([phi, residual])
     squared = omega**2 if residual is None else np.append(omega**2, residual @ (K @ residual))
@@ -80,9 +66,9 @@ def free_modes(
         kind="free-modes",
         n_boundary=0,
         notes={},
-        n_residual=_static_shapes(squared, residual, to_hz if choice == "contact" else None),
+        n_residual=_static_shapes(squared, residual, asked.to_hz if asked.by_contact else None),
         error=stated,
-        finer=None if finer_hz is None else of_modes(*space, w, C),
+        finer=None if asked.finer_hz is None else of_modes(*space, w, C),
     )
     require_faithful(reduced, K, M)
     require_static_response(reduced, K, M, w, _rigid(problem, EigenPairs(omega, phi)))
@@ -95,57 +81,12 @@ def _static_shapes(squared: np.ndarray, residual: np.ndarray | None, to_hz: floa
     return static_shapes(np.sqrt(squared), np.sqrt(squared[:-1].max(initial=0.0)), to_hz)
 
 
-def require_one_choice(
-    n_modes: int | None,
-    cutoff_hz: float | None,
-    error: float | None,
-    to_hz: float | None,
-    modes: object = None,
-) -> None:
-    """Raise ReductionError unless exactly one of the ways to choose modes is taken."""
-    choices = sum(choice is not None for choice in (n_modes, cutoff_hz, error))
-    if choices > 1 or (choices == 0 and modes is None):
-        raise ReductionError("give one of n_modes, cutoff_hz or error to say which modes to keep.")
-    if error is not None and (to_hz is None or not (0 < error < 1)):
-        raise ReductionError(
-            f"error={error:g} with to_hz={to_hz}: an error lies between 0 and 1 and needs the "
-            f"frequency to_hz up to which it holds."
-        )
-
-
-def require_choice(
-    choice: str, n_modes: int | None, error: float | None, to_hz: float | None
-) -> None:
-    """Raise ReductionError unless the order of the modes is known and can be found."""
-    if choice not in ("lowest", "contact"):
-        raise ReductionError(f"choice is {choice!r}; it can be 'lowest' or 'contact'.")
-    if choice == "contact" and (to_hz is None or (n_modes is None and error is None)):
-        raise ReductionError(
-            "choice 'contact' needs n_modes or error, and to_hz, the frequency up to which modes "
-            "are to matter; a cutoff takes the lowest."
-        )
-
-
 class Choice(NamedTuple):
     """Modes, the static response (n,) to the contact force beyond them, and the error left."""
 
     pairs: EigenPairs
     residual: np.ndarray
     error: float | None
-
-
-def _lowest(
-    problem: Pencil,
-    w: np.ndarray,
-    known: EigenPairs | None,
-    n_modes: int | None,
-    cutoff_hz: float | None,
-    error: float | None,
-    to_hz: float | None,
-) -> Choice:
-    if error is None:
-        return _as_told(problem, w, known, n_modes, cutoff_hz, to_hz)
-    return _to_error(problem, w, known, error, to_hz)
 
 
 def _finer(
@@ -156,26 +97,21 @@ def _finer(
     return finer_space(problem, w, known_or_rigid(problem, None), finer_hz, n_modes).pairs
 
 
-def _as_told(
-    problem: Pencil,
-    w: np.ndarray,
-    known: EigenPairs | None,
-    n_modes: int | None,
-    cutoff_hz: float | None,
-    to_hz: float | None,
-) -> Choice:
+def _lowest(problem: Pencil, w: np.ndarray, known: EigenPairs | None, asked: Selection) -> Choice:
+    if asked.error is not None:
+        return _to_error(problem, w, known, asked.error, asked.to_hz)
     if known is not None:
-        pairs = _cut(known, n_modes, cutoff_hz)
-    elif n_modes is not None:
-        pairs = lowest_modes(problem, n_modes)
+        pairs = _cut(known, asked.n_modes, asked.cutoff_hz)
+    elif asked.n_modes is not None:
+        pairs = lowest_modes(problem, asked.n_modes)
     else:
-        pairs = modes_below(problem, cutoff_hz)
+        pairs = modes_below(problem, asked.cutoff_hz)
     rigid = _rigid(problem, pairs)
     static = static_response(problem, w, rigid)
     beyond = _beyond(problem.M, pairs.phi, static)
-    if to_hz is None:
+    if asked.to_hz is None:
         return Choice(pairs, beyond, None)
-    return Choice(pairs, beyond, _errors(problem, w, static, rigid, pairs, to_hz)[-1])
+    return Choice(pairs, beyond, _errors(problem, w, static, rigid, pairs, asked.to_hz)[-1])
 
 
 def _to_error(

@@ -16,7 +16,7 @@ from coupling import (
     verdict,
 )
 from coupling.wall import coupled_wall, wall_from_reduced, wall_of
-from rom import Contact, craig_bampton, free_modes, full_order
+from rom import Contact, Selection, craig_bampton, free_modes, full_order
 
 E, NU, RHO = 210e9, 0.3, 7850.0
 N = 120
@@ -55,8 +55,8 @@ def velocity_difference(run, reference):
 def reduced_bar(kind, n_modes):
     K, M, w = bar()
     if kind == "free-modes":
-        return free_modes(K, M, w, n_modes=n_modes)
-    return craig_bampton(K, M, w, [N - 1], n_modes=n_modes)
+        return free_modes(K, M, w, Selection(n_modes=n_modes))
+    return craig_bampton(K, M, w, [N - 1], Selection(n_modes=n_modes))
 
 
 @pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
@@ -94,7 +94,7 @@ def test_a_wall_without_participation_conserves_energy_but_sends_back_other_wave
 def test_the_wall_takes_the_momentum_that_the_chain_loses():
     K, M, w = bar(held=False)
     chain, v0 = chain_of(4), speeds(4)
-    wall = wall_from_reduced(free_modes(K, M, w, n_modes=20), half_space=0)
+    wall = wall_from_reduced(free_modes(K, M, w, Selection(n_modes=20)), half_space=0)
     run = impact(chain, wall, v0, duration=1e-3, error=1e-6).trajectory
     rigid = abs(wall.phi[0])
     bar_momentum = run.final.p[0] * np.sign(wall.phi[0]) / rigid  # phi = 1 / sqrt(mass)
@@ -158,7 +158,7 @@ def test_a_dashpot_inside_the_wall_is_marched_and_its_loss_is_in_the_ledger():
     K, M, w = bar()
     dashpot = sp.csc_array(([2e3], ([60], [60])), shape=K.shape)
     chain, v0 = chain_of(4), speeds(4)
-    reduced = free_modes(K, M, w, n_modes=24, C=dashpot)
+    reduced = free_modes(K, M, w, Selection(n_modes=24), C=dashpot)
     full = coupled_wall(full_order(K, M, w, C=dashpot), half_space=0)
     small = impact(chain, coupled_wall(reduced, half_space=0), v0, duration=1e-3, error=1e-8)
     large = impact(chain, full, v0, duration=1e-3, error=1e-8)
@@ -169,7 +169,7 @@ def test_a_dashpot_inside_the_wall_is_marched_and_its_loss_is_in_the_ledger():
 
 def test_proportional_damping_marches_alike_as_ratios_and_as_a_matrix():
     K, M, w = bar()
-    reduced = free_modes(K, M, w, n_modes=8, C=30 * M + 2e-8 * K)
+    reduced = free_modes(K, M, w, Selection(n_modes=8), C=30 * M + 2e-8 * K)
     chain, v0 = chain_of(3), speeds(3)
     ratios = impact(chain, wall_from_reduced(reduced, half_space=0), v0, duration=8e-4, error=1e-7)
     matrix = impact(chain, coupled_wall(reduced, half_space=0), v0, duration=8e-4, error=1e-10)

@@ -19,7 +19,7 @@ from coupling import (
     verdict,
 )
 from coupling.wall import coupled_wall, wall_from_reduced
-from rom import craig_bampton, free_modes, full_order, modal, static_compliance
+from rom import Selection, craig_bampton, free_modes, full_order, modal, static_compliance
 
 E, NU, RHO = 210e9, 0.3, 7850.0
 HZ = 2 * np.pi
@@ -93,13 +93,13 @@ def test_moving_modes_residual_and_half_space_add_up_to_the_static_compliance(
     cutoff_hz, half_space
 ):
     K, M, w = bar()
-    reduced = free_modes(K, M, w, n_modes=12)
+    reduced = free_modes(K, M, w, Selection(n_modes=12))
     wall = wall_from_reduced(reduced, half_space=half_space, cutoff_hz=cutoff_hz)
     assert static_wall(wall) + half_space == pytest.approx(0.5 / (E * 1.6e-3), rel=1e-9)
 
 
 def test_all_beyond_the_cutoff_is_one_oscillator_or_a_spring():
-    reduced = free_modes(*bar(), n_modes=12)
+    reduced = free_modes(*bar(), Selection(n_modes=12))
     own = modal(reduced)
     for cutoff_hz, n_modes in ((None, 12), (20e3, 4), (1.0, 0), (1e9, 13)):
         wall = wall_from_reduced(reduced, half_space=0, cutoff_hz=cutoff_hz)
@@ -117,7 +117,7 @@ def test_all_beyond_the_cutoff_is_one_oscillator_or_a_spring():
 
 
 def test_an_oscillator_for_the_rest_answers_far_better_than_a_spring():
-    exact, reduced = full_order(*bar()), free_modes(*bar(), n_modes=12)
+    exact, reduced = full_order(*bar()), free_modes(*bar(), Selection(n_modes=12))
     omega = HZ * np.linspace(100, 20e3, 77)
     own = modal(exact)
     right = own.phi**2 @ (1 / (own.omega[:, None] ** 2 - omega**2))
@@ -131,8 +131,10 @@ def test_an_oscillator_for_the_rest_answers_far_better_than_a_spring():
 
 def test_both_reductions_give_the_same_wall_below_the_cutoff():
     K, M, w = bar()
-    free = wall_from_reduced(free_modes(K, M, w, n_modes=20), half_space=0, cutoff_hz=20e3)
-    fixed = craig_bampton(K, M, w, [119], n_modes=40)
+    free = wall_from_reduced(
+        free_modes(K, M, w, Selection(n_modes=20)), half_space=0, cutoff_hz=20e3
+    )
+    fixed = craig_bampton(K, M, w, [119], Selection(n_modes=40))
     held = wall_from_reduced(fixed, half_space=0, cutoff_hz=20e3)
     np.testing.assert_allclose(held.omega, free.omega, rtol=1e-3)
     np.testing.assert_allclose(np.abs(held.phi), np.abs(free.phi), rtol=1e-3)
@@ -140,7 +142,7 @@ def test_both_reductions_give_the_same_wall_below_the_cutoff():
 
 def test_constraint_modes_are_no_modes_of_the_wall():
     K, M, w = bar()
-    fixed = craig_bampton(K, M, w, np.arange(100, 120), n_modes=10)
+    fixed = craig_bampton(K, M, w, np.arange(100, 120), Selection(n_modes=10))
     wall = wall_from_reduced(fixed, half_space=0, remainder="spring")
     assert 10 <= len(wall.omega) <= 12 < len(fixed.w)
 
@@ -151,7 +153,9 @@ def test_a_preloaded_chain_rests_on_the_whole_static_compliance():
         0.0127, 7800.0, E, NU, count=2, wall_young=E, wall_poisson=NU, preload=50.0
     )
     for cutoff in (1.0, 20e3, 1e9):
-        wall = wall_from_reduced(free_modes(K, M, w, n_modes=9), half_space=0, cutoff_hz=cutoff)
+        wall = wall_from_reduced(
+            free_modes(K, M, w, Selection(n_modes=9)), half_space=0, cutoff_hz=cutoff
+        )
         rest = dem.equilibrium(chain, wall)
         hertz = (50.0 / chain.A[-1]) ** (2 / 3)
         assert rest.x[-1] == pytest.approx(hertz + 50 * 0.5 / (E * 1.6e-3), rel=1e-9)
@@ -168,7 +172,7 @@ def test_series_law_turns_over_where_its_formula_says():
 
 def test_a_wall_that_makes_the_contact_give_way_is_refused():
     K, M, w = bar()
-    reduced = free_modes(K, M, w, n_modes=5)
+    reduced = free_modes(K, M, w, Selection(n_modes=5))
     A, force = 1.7e10, 700.0
     steep = (2 / 3) * A ** (-2 / 3) * force ** (-1 / 3)
     compliance = static_compliance(reduced)
@@ -230,12 +234,12 @@ def test_a_damping_table_is_interpolated_or_paired_with_the_nearest():
 def test_damping_that_cannot_be_is_refused(damping, sentence):
     K, M, w = bar()
     with pytest.raises(CouplingError, match=sentence):
-        wall_from_reduced(free_modes(K, M, w, n_modes=5), half_space=0, damping=damping)
+        wall_from_reduced(free_modes(K, M, w, Selection(n_modes=5)), half_space=0, damping=damping)
 
 
 def test_mass_proportional_damping_of_a_floating_wall_is_refused():
     K, M, w = bar(held=False)
-    reduced = free_modes(K, M, w, n_modes=5)
+    reduced = free_modes(K, M, w, Selection(n_modes=5))
     assert wall_from_reduced(reduced, half_space=0).omega[0] == 0
     with pytest.raises(CouplingError, match="floats freely"):
         wall_from_reduced(reduced, half_space=0, damping=RayleighDamping(3.0, 0.0))
@@ -246,9 +250,9 @@ def test_a_proportional_matrix_gives_the_same_ratios_as_its_coefficients(kind):
     K, M, w = bar()
     C = 20.0 * M + 3e-8 * K
     reduced = (
-        free_modes(K, M, w, n_modes=20, C=C)
+        free_modes(K, M, w, Selection(n_modes=20), C=C)
         if kind == "free-modes"
-        else craig_bampton(K, M, w, [119], n_modes=20, C=C)
+        else craig_bampton(K, M, w, [119], Selection(n_modes=20), C=C)
     )
     by_matrix = wall_from_reduced(reduced, half_space=0, cutoff_hz=40e3)
     by_coefficients = wall_from_reduced(
@@ -259,7 +263,7 @@ def test_a_proportional_matrix_gives_the_same_ratios_as_its_coefficients(kind):
 
 def test_given_ratios_add_to_those_of_the_matrix():
     K, M, w = bar()
-    reduced = free_modes(K, M, w, n_modes=6, C=1e-8 * K)
+    reduced = free_modes(K, M, w, Selection(n_modes=6), C=1e-8 * K)
     alone = wall_from_reduced(reduced, half_space=0).zeta
     both = wall_from_reduced(reduced, half_space=0, damping=ModalDamping(0.01)).zeta
     np.testing.assert_allclose(both, alone + 0.01)
@@ -268,7 +272,7 @@ def test_given_ratios_add_to_those_of_the_matrix():
 def test_a_dashpot_inside_is_refused_by_ratios_and_kept_by_the_coupled_wall():
     K, M, w = bar()
     dashpot = sp.csc_array(([300.0], ([60], [60])), shape=K.shape)
-    reduced = free_modes(K, M, w, n_modes=10, C=dashpot)
+    reduced = free_modes(K, M, w, Selection(n_modes=10), C=dashpot)
     with pytest.raises(CouplingError, match="couples the wall's modes"):
         wall_from_reduced(reduced, half_space=0)
     wall = coupled_wall(reduced, half_space=0)
@@ -281,7 +285,9 @@ V0 = np.r_[0.31, np.zeros(4)]
 
 def test_verdict_names_wall_frequency_peak_force_and_step():
     K, M, w = bar()
-    wall = wall_from_reduced(free_modes(K, M, w, n_modes=8), half_space=0, remainder="spring")
+    wall = wall_from_reduced(
+        free_modes(K, M, w, Selection(n_modes=8)), half_space=0, remainder="spring"
+    )
     judged = verdict(CHAIN, wall, V0)
     assert judged.possible and judged.passive and not judged.findings
     assert judged.largest_wall_frequency == pytest.approx(wall.omega.max() / HZ)
@@ -311,7 +317,7 @@ def test_predicted_peak_force_is_not_exceeded(v0):
 def test_verdict_finds_walls_that_cannot_work(change, possible, finding):
     K, M, w = bar()
     wall = wall_from_reduced(
-        free_modes(K, M, w, n_modes=8), half_space=0, remainder="spring"
+        free_modes(K, M, w, Selection(n_modes=8)), half_space=0, remainder="spring"
     )._replace(**change)
     judged = verdict(CHAIN, wall, V0)
     assert judged.possible is possible

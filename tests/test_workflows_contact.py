@@ -73,7 +73,7 @@ def test_full_order_and_reduced_block_give_the_same_velocities():
     local = fem.half_space_on_mesh(model, STRUCK, patch, steel)
     models = (
         rom.full_order(model.K, model.M, patch.w),
-        rom.free_modes(model.K, model.M, patch.w, n_modes=30),
+        rom.free_modes(model.K, model.M, patch.w, rom.Selection(n_modes=30)),
     )
     walls = [wall_from_reduced(m, half_space=local) for m in models]
     run = {"duration": 1.5e-3, "dt": 2e-7}

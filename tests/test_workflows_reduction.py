@@ -239,8 +239,8 @@ def whole():
     rig = scene("rig-rom", COARSE)
     model = assembly_stages.model(rig, assembly_stages.mesh(rig))
     contact = assembly_stages.contact(rig, model)
-    asked = {"n_modes": 120, "choice": "contact", "to_hz": 20e3, "factorise": fem.factorised}
-    found = rom.free_modes(model.K, model.M, contact.w, **asked)
+    asked = rom.Selection(n_modes=120, choice="contact", to_hz=20e3)
+    found = rom.free_modes(model.K, model.M, contact.w, asked, factorise=fem.factorised)
     return found._replace(T=None, n_residual=1, contact=contact_of(rig, model, contact))
 
 

@@ -49,9 +49,7 @@ def coarse_reduction(scene: Scene) -> rom.ReducedModel:
         model.K,
         model.M,
         contact.w,
-        n_modes=stages.N_MODES[0],
-        choice="contact",
-        to_hz=TO_HZ,
+        rom.Selection(n_modes=stages.N_MODES[0], choice="contact", to_hz=TO_HZ),
         factorise=fem.factorised,
     )._replace(T=None, contact=contact_of(coarse, model, contact))
 

@@ -58,14 +58,15 @@ def _require_other_nodes(scene: Scene, contact: fem.ContactPatch, w_reading) -> 
 def _reduced(
     scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes, w_reading
 ) -> rom.ReducedModel:
-    asked = {**size(scene), "factorise": fem.factorised, "C": dashpots(scene, model)}
+    asked, C = selection(scene), dashpots(scene, model)
+    ready = hammer_modes(modes) if asked.by_contact else None
     if scene.reduction.kind == "craig-bampton":
-        boundary = boundary_of(contact, w_reading, asked["C"])
+        boundary = boundary_of(contact, w_reading, C)
         _require_room(scene, len(boundary), len(contact.w))
-        ready = hammer_modes(modes) if asked["choice"] == "contact" else None
-        return rom.craig_bampton(model.K, model.M, contact.w, boundary, **asked, modes=ready)
-    ready = _ready(scene, modes) if asked["choice"] == "lowest" else hammer_modes(modes)
-    return rom.free_modes(model.K, model.M, contact.w, **asked, modes=ready)
+        asked, matrices = asked._replace(modes=ready), (model.K, model.M, contact.w, boundary)
+        return rom.craig_bampton(*matrices, asked, C=C, factorise=fem.factorised)
+    asked = asked._replace(modes=ready or _ready(scene, modes))
+    return rom.free_modes(model.K, model.M, contact.w, asked, C=C, factorise=fem.factorised)
 
 
 def boundary_of(contact: fem.ContactPatch, w_reading, C) -> NDArray[np.int64]:
@@ -131,19 +132,14 @@ def mass_properties(model: fem.Model, reduced: rom.ReducedModel) -> rom.MassProp
     return rom.MassProperties(body.mass, centre, body.grounding, mass_captured(model, reduced))
 
 
-def size(scene: Scene) -> dict:
+def selection(scene: Scene) -> rom.Selection:
     """How many modes, which, and up to what frequency."""
     table = scene.reduction
     choice = "lowest" if table.cutoff is not None else table.choice
     to_hz = table.to_hz or (TO_HZ if table.error or choice == "contact" else None)
-    return {
-        "finer_hz": TO_HZ,
-        "n_modes": table.modes,
-        "cutoff_hz": table.cutoff,
-        "error": table.error,
-        "to_hz": to_hz,
-        "choice": choice,
-    }
+    return rom.Selection(
+        table.modes, table.cutoff, table.error, to_hz=to_hz, choice=choice, finer_hz=TO_HZ
+    )
 
 
 def hammer_modes(modes: AssemblyModes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -85,10 +85,9 @@ REFERENCE = {
 def reference(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> Reference:
     """The full model's answer at the contact up to the highest band."""
     to_hz = BANDS_HZ[-1]
-    whole = rom.free_modes(
-        model.K, model.M, contact.w, error=BOUND, to_hz=to_hz, choice="contact",
-        factorise=fem.factorised,
-    )._replace(T=None, contact=contact_of(scene, model, contact))  # fmt: skip
+    asked = rom.Selection(error=BOUND, to_hz=to_hz, choice="contact")
+    whole = rom.free_modes(model.K, model.M, contact.w, asked, factorise=fem.factorised)
+    whole = whole._replace(T=None, contact=contact_of(scene, model, contact))
     f = tuple(share * to_hz for share in CHECKED)
     direct = fem.receptance(model.K, model.M, contact.w, np.array(f), loss_factor=rom.LOSS)
     off = np.linalg.norm(rom.receptance(whole, None, f, loss=rom.LOSS) - direct)

@@ -18,7 +18,7 @@ import rom
 from coupling.wall import wall_from_reduced
 from workflows.pipeline.assembly import AssemblyModes
 from workflows.pipeline.chain import chain, initial_velocity
-from workflows.pipeline.reduction import hammer_modes, size
+from workflows.pipeline.reduction import hammer_modes, selection
 from workflows.pipeline.wall import damping
 from workflows.scene import Scene
 from workflows.studies.accuracy.shared_solutions import SharedSolutions
@@ -42,19 +42,20 @@ def reduced_to(
     contact: Contact, kind: str, n_modes: int, choice: str, to_hz: float
 ) -> rom.ReducedModel:
     """So many modes, those of the contact chosen up to to_hz [Hz]."""
-    asked = {"n_modes": n_modes, "choice": choice, "to_hz": to_hz if choice == "contact" else None}
+    to_hz = to_hz if choice == "contact" else None
+    asked = rom.Selection(n_modes=n_modes, choice=choice, to_hz=to_hz)
     return _reduced(contact, kind, asked, contact.shared)
 
 
 def _reduced(
-    contact: Contact, kind: str, asked: dict, factorise: rom.Factorise
+    contact: Contact, kind: str, asked: rom.Selection, factorise: rom.Factorise
 ) -> rom.ReducedModel:
-    asked = {**asked, "factorise": factorise}
+    matrices = (contact.K, contact.M, contact.w)
     if kind == "free-modes":
-        reduced = rom.free_modes(contact.K, contact.M, contact.w, **asked)
+        reduced = rom.free_modes(*matrices, asked, factorise=factorise)
     else:
         boundary = np.flatnonzero(contact.w)
-        reduced = rom.craig_bampton(contact.K, contact.M, contact.w, boundary, **asked)
+        reduced = rom.craig_bampton(*matrices, boundary, asked, factorise=factorise)
     return reduced._replace(T=None, contact=contact.known)
 
 
@@ -123,7 +124,7 @@ def costs_of(
 ) -> Costs:
     """The scene's reduction against the eigen-solve; marches with the `largest` models, and with
     the modes that an error up to to_hz [Hz] keeps, against a rigid wall."""
-    few = {"error": ERROR, "choice": "contact", "to_hz": to_hz}
+    few = rom.Selection(error=ERROR, choice="contact", to_hz=to_hz)
     kept = _reduced(contact, KIND, few, contact.shared)
     models = largest | {f"the modes of reduction.error = {ERROR:g}": kept}
     return Costs(_solve_cost(scene, contact, modes), tuple(_march_costs(scene, models)))
@@ -131,9 +132,9 @@ def costs_of(
 
 def _solve_cost(scene: Scene, contact: Contact, modes: AssemblyModes) -> SolveCost:
     n = scene.reduction.modes or 40
-    asked = size(scene)
-    if asked["choice"] == "contact":
-        asked["modes"] = hammer_modes(modes)
+    asked = selection(scene)
+    if asked.by_contact:
+        asked = asked._replace(modes=hammer_modes(modes))
     calls = (
         lambda: fem.factorised(contact.K),
         lambda: fem.modes(contact.K, contact.M, n),

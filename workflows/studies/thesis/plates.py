@@ -118,7 +118,7 @@ def middle_wall(plate: Plate, size: Sizes) -> dem.Wall:
     corner = (-size.reach / 2, -size.reach / 2)
     patch = fem.contact_patch(model, STRUCK, corner, size.patch, mirrors="yz")
     reduced = rom.free_modes(
-        model.K, model.M, patch.w, cutoff_hz=size.cutoff_hz, factorise=fem.factorised
+        model.K, model.M, patch.w, rom.Selection(cutoff_hz=size.cutoff_hz), factorise=fem.factorised
     )
     return _wall(model, plate, patch, mirrors, reduced)
 
@@ -140,8 +140,8 @@ def edge_walls(plate: Plate, size: Sizes, distances: Sequence[float]) -> Iterato
     for distance in distances:
         at = (distance - far / 2, -size.reach / 2)
         patch = fem.contact_patch(model, STRUCK, at, size.patch, mirrors="z")
-        cutoff = {"cutoff_hz": size.cutoff_hz} if modes is None else {"modes": modes}
-        reduced = rom.free_modes(model.K, model.M, patch.w, factorise=lambda A: factor, **cutoff)
+        asked = rom.Selection(cutoff_hz=size.cutoff_hz if modes is None else None, modes=modes)
+        reduced = rom.free_modes(model.K, model.M, patch.w, asked, factorise=lambda A: factor)
         modes = modes or _modes(reduced)
         near = NEAR * size.contact_seed
         yield _wall(model, plate, patch, mirrors, reduced, within=near)

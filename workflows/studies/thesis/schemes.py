@@ -64,7 +64,11 @@ def ours(scene: Scene, body: Body, *, damping: coupling.Damping | None = None) -
     patch = fem.contact_patch(body.model, STRUCK, body.point, body.radius)
     local = fem.half_space_on_mesh(body.model, STRUCK, patch, material(scene.assembly, "block"))
     reduced = rom.free_modes(
-        body.model.K, body.model.M, patch.w, n_modes=N_MODES, factorise=fem.factorised
+        body.model.K,
+        body.model.M,
+        patch.w,
+        rom.Selection(n_modes=N_MODES),
+        factorise=fem.factorised,
     )
     return wall_from_reduced(reduced, half_space=local, damping=damping)
 
@@ -82,7 +86,12 @@ def of_the_thesis(
     reading = fem.node_patch(body.model, STRUCK, spots).w
     boundary = np.flatnonzero(force + reading)
     reduced = rom.craig_bampton(
-        body.model.K, body.model.M, force, boundary, n_modes=N_MODES, factorise=fem.factorised
+        body.model.K,
+        body.model.M,
+        force,
+        boundary,
+        rom.Selection(n_modes=N_MODES),
+        factorise=fem.factorised,
     )
     reduced = reduced._replace(contact=rom.Contact(weights_read=reading @ reduced.T))
     return coupled_wall(reduced, half_space=0.0, damping=damping, cutoff_hz=np.inf)
