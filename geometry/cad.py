@@ -113,10 +113,10 @@ def face_of(tag: int) -> Face:
     return _on_cylinder(face, numbers[:3], numbers[3:6], point, normal)
 
 
-def distance(point, face: Face) -> float:
-    """Of a point from the nearest point of a face [m]."""
+def distance(point, face: int) -> float:
+    """Of a point from the nearest point of a face, by its tag [m]."""
     tag = gmsh.model.occ.addPoint(*point)
-    away, *_ = gmsh.model.occ.getDistance(0, tag, 2, face.tag)
+    away, *_ = gmsh.model.occ.getDistance(0, tag, 2, face)
     gmsh.model.occ.remove([(0, tag)])
     return away
 

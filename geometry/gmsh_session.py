@@ -1,7 +1,7 @@
 """gmsh holds one global state: opened, silenced and closed here, its bare exceptions as ours."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import gmsh
@@ -45,8 +45,24 @@ def silent() -> Iterator[None]:
 @contextmanager
 def boolean_tolerance(length: float) -> Iterator[None]:
     """Within it, surfaces closer than `length` [m] are one surface to an intersection."""
-    gmsh.option.setNumber("Geometry.ToleranceBoolean", length)
+    with _options({"Geometry.ToleranceBoolean": length}):
+        yield
+
+
+@contextmanager
+def mesh_options(values: Mapping[str, float]) -> Iterator[None]:
+    """Options of gmsh's group "Mesh", and what they were afterwards."""
+    with _options({f"Mesh.{name}": value for name, value in values.items()}):
+        yield
+
+
+@contextmanager
+def _options(values: Mapping[str, float]) -> Iterator[None]:
+    before = {name: gmsh.option.getNumber(name) for name in values}
+    for name, value in values.items():
+        gmsh.option.setNumber(name, value)
     try:
         yield
     finally:
-        gmsh.option.setNumber("Geometry.ToleranceBoolean", 0.0)
+        for name, value in before.items():
+            gmsh.option.setNumber(name, value)

@@ -4,7 +4,7 @@ A surface that lies on the body splits the faces under it, so that elements end 
 faces of the split body a face or an imprint became is what OpenCASCADE's general fuse tells.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import gmsh
@@ -32,61 +32,74 @@ class Imprinted(NamedTuple):
     faces: dict[str, tuple[int, ...]]
 
 
-def imprinted(
-    body: Body,
-    touching: Sequence[Touch] = (),
-    discs: Mapping[str, Disc] | None = None,
-    named: Mapping[str, Selected] | None = None,
-    *,
-    gap: float,
-) -> Imprinted:
-    """The body with its touching regions "a|b" and discs imprinted, and `named` faces followed.
+class Region(NamedTuple):
+    """A surface in the CAD model that lies on a face of a body."""
 
-    Raises ValueError when an imprint would cut the body or falls beside it.
+    tag: int
+    on: int  # tag of the face
+
+
+def regions(
+    body: Body, touching: Sequence[Touch], discs: Mapping[str, Disc], gap: float
+) -> dict[str, list[Region]]:
+    """What to imprint on a body, by name: where it touches others "a|b", and its discs.
+
+    Raises ValueError for a disc that falls beside its faces.
     """
-    regions = {t.name: _copies(body, t) for t in touching if body.name in t.bodies}
-    mine = {name: disc for name, disc in (discs or {}).items() if disc.on.body == body.name}
-    regions |= {name: _on_faces(name, disc, gap) for name, disc in mine.items()}
-    picked = {name: s.tags for name, s in (named or {}).items() if s.body == body.name}
-    tag, old, new = _split(body, [tag for tags in regions.values() for tag in tags], gap)
-    found = {name: _flat(old[tag] for tag in tags) for name, tags in picked.items()}
-    found |= {name: _flat(new[tag] for tag in tags) for name, tags in regions.items()}
-    return Imprinted(tag, found)
+    found = {t.name: list(_touched(body, t)) for t in touching if body.name in t.bodies}
+    mine = {name: disc for name, disc in discs.items() if disc.on.body == body.name}
+    found |= {name: _on_faces(name, disc, gap) for name, disc in mine.items()}
+    gmsh.model.occ.synchronize()
+    return found
 
 
-def _flat(lists) -> tuple[int, ...]:
+def imprinted(
+    body: Body, wanted: Mapping[str, Sequence[Region]], named: Mapping[str, Selected], gap: float
+) -> Imprinted:
+    """The body with regions imprinted, and `named` faces followed; the regions are used up.
+
+    Raises ValueError when an imprint would cut the body.
+    """
+    picked = {name: s.tags for name, s in named.items() if s.body == body.name}
+    tags = {name: [region.tag for region in parts] for name, parts in wanted.items()}
+    tag, old, new = _split(body, [tag for parts in tags.values() for tag in parts], gap)
+    found = {name: flat(old[tag] for tag in parts) for name, parts in picked.items()}
+    return Imprinted(tag, found | {n: flat(new[tag] for tag in parts) for n, parts in tags.items()})
+
+
+def flat(lists: Iterable[Sequence[int]]) -> tuple[int, ...]:
+    """All of several lists, each once."""
     return tuple(dict.fromkeys(tag for tags in lists for tag in tags))
 
 
-def _copies(body: Body, touch: Touch) -> list[int]:
+def _touched(body: Body, touch: Touch) -> Iterator[Region]:
     """The common regions, those of planes moved onto the body's own face across the gap."""
     occ = gmsh.model.occ
     side = touch.bodies.index(body.name)
-    copies = []
     for contact in touch.contacts:
         face = body.face(contact.faces[side])
         for _, tag in occ.copy([(2, tag) for tag in contact.regions]):
             if face.normal is not None:
                 off = (face.centre - occ.getCenterOfMass(2, tag)) @ face.normal
                 occ.translate([(2, tag)], *(off * face.normal))
-            copies.append(tag)
-    return copies
+            yield Region(tag, face.tag)
 
 
-def _on_faces(name: str, disc: Disc, gap: float) -> list[int]:
+def _on_faces(name: str, disc: Disc, gap: float) -> list[Region]:
     """The parts of a disc that lie on the faces it is meant for."""
     occ = gmsh.model.occ
-    drawn = occ.addDisk(*disc.centre, disc.radius, disc.radius, zAxis=list(disc.normal))
-    copies = occ.copy([(2, tag) for tag in disc.on.tags])
-    with boolean_tolerance(2 * gap):
-        parts, _ = occ.intersect([(2, drawn)], copies)
-    tags = [tag for dimension, tag in parts if dimension == 2]
-    if not tags:
+    parts = []
+    for face in disc.on.tags:
+        drawn = occ.addDisk(*disc.centre, disc.radius, disc.radius, zAxis=list(disc.normal))
+        with boolean_tolerance(2 * gap):
+            common, _ = occ.intersect([(2, drawn)], occ.copy([(2, face)]))
+        parts += [Region(tag, face) for dimension, tag in common if dimension == 2]
+    if not parts:
         raise ValueError(
             f'"{name}": a disc of radius {disc.radius:.6g} m at {np.round(disc.centre, 6).tolist()}'
             f" m does not lie on the faces of {disc.on.body} it belongs to."
         )
-    return tags
+    return parts
 
 
 def _split(body: Body, tools: list[int], gap: float):

@@ -6,14 +6,21 @@ the axis, per 2, is the flux of the radial vector rho; scaling all rho by s scal
     s = sqrt( sum r A / sum |rho . a| )        A of the faces, a of the facets (area vectors)
 """
 
-from typing import NamedTuple
+from dataclasses import replace
+from math import pi
+from typing import NamedTuple, TypeVar
 
 import gmsh
 import numpy as np
 from numpy.typing import NDArray
+from skfem import Mesh
 
 from geometry.cad import face_of
+from geometry.imprint import Disc
 from geometry.solids import Face, off_axis, parallel
+
+AnyMesh = TypeVar("AnyMesh", bound=Mesh)
+RIM = 1e-6  # relative distance from a disc's rim of the nodes on it
 
 
 class Round(NamedTuple):
@@ -74,3 +81,22 @@ def _flux(p, rho, facets) -> float:
     a, b, c = (p[facets[:, i]] for i in range(3))
     area = np.cross(b - a, c - a) / 2
     return float(np.sum(abs(np.sum(rho[facets].mean(axis=1) * area, axis=1))))
+
+
+def rimmed(mesh: AnyMesh, name: str, disc: Disc) -> AnyMesh:
+    """The mesh with the rim of a disc moved out, so that its polygon has the circle's area.
+
+    A disc that its face cuts off stays as it is.
+    """
+    nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
+    rho = mesh.p[:, nodes].T - disc.centre
+    rim = np.abs(np.linalg.norm(rho, axis=1) - disc.radius) < RIM * disc.radius
+    u = rho[rim][0] / np.linalg.norm(rho[rim][0]) if rim.any() else np.eye(3)[0]
+    v = np.cross(disc.normal / np.linalg.norm(disc.normal), u)
+    angle = np.sort(np.arctan2(rho[rim] @ v, rho[rim] @ u))
+    steps = np.diff(angle, append=angle[:1] + 2 * pi)
+    if not len(steps) or steps.max() > pi / 4:
+        return mesh
+    p = mesh.p.copy()
+    p[:, nodes[rim]] += (np.sqrt(2 * pi / np.sin(steps).sum()) - 1) * rho[rim].T
+    return replace(mesh, doflocs=p)

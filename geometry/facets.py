@@ -1,0 +1,20 @@
+"""Facets of a mesh found by their corners."""
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Mesh
+
+
+def facets_of(mesh: Mesh, corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers of the outer facets with these corners (n, 3 or 4), in any order."""
+    outer = mesh.boundary_facets()
+    both = np.concatenate([np.sort(mesh.facets[:, outer].T), np.sort(corners)])
+    _, same = np.unique(both, axis=0, return_inverse=True)
+    at = np.empty(same.max() + 1, dtype=np.int64)
+    at[same[: len(outer)]] = outer
+    return at[same[len(outer) :]]
+
+
+def triangles(quads: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Quadrilaterals (n, 4), each in two (2 n, 3)."""
+    return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
