@@ -16,6 +16,7 @@ from fem.correlation import (
 )
 from fem.dashpots import dashpots
 from fem.elasticity import Structure, assemble
+from fem.elliptical_contact import EllipticalContact, elliptical_contact
 from fem.factorisation import factorised
 from fem.grounding import RigidBody, rigid_body
 from fem.half_space import half_space_on_mesh
@@ -26,7 +27,7 @@ from fem.mirror import mirrored
 from fem.model import Connections, Held, Model, Table, joined
 from fem.modes import Modes, modes
 from fem.response import receptance
-from fem.spot import Spot, planar_spot
+from fem.spot import Spot, planar_spot, round_spot
 from fem.trace import outer_nodes
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "Bushing",
     "Connections",
     "ContactPatch",
+    "EllipticalContact",
     "Held",
     "Joint",
     "Loose",
@@ -56,6 +58,7 @@ __all__ = [
     "contact_patch",
     "dashpots",
     "disc_quadrature",
+    "elliptical_contact",
     "factorised",
     "half_space_on_mesh",
     "joined",
@@ -70,5 +73,6 @@ __all__ = [
     "planar_spot",
     "receptance",
     "rigid_body",
+    "round_spot",
     "target_mac",
 ]

@@ -25,6 +25,7 @@ ORDER = {
     "C3D20": [0, 3, 6, 2, 1, 5, 7, 4, 10, 16, 14, 9, 12, 18, 17, 11, 8, 15, 19, 13],
     "C3D10": list(range(10)),
 }
+TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]  # of a tetrahedron inside out, as scikit-fem may sort it
 PER_LINE = 4  # terms of an equation
 
 
@@ -81,9 +82,12 @@ def _elements(model: Model) -> Iterator[str]:
     last = 0
     for body, basis in model.structure.basis.items():
         kind = "C3D20" if isinstance(basis.mesh, MeshHex) else "C3D10"
-        nodes = (model.structure.first[body] + basis.element_dofs[0::3]) // 3 + 1
+        nodes = ((model.structure.first[body] + basis.element_dofs[0::3]) // 3 + 1)[ORDER[kind]]
+        if kind == "C3D10":
+            inside_out = basis.mesh.orientation() < 0
+            nodes[:, inside_out] = nodes[TURNED][:, inside_out]
         yield f"*ELEMENT, TYPE={kind}, ELSET={_label(body)}"
-        for number, cell in enumerate(nodes[ORDER[kind]].T, start=last + 1):
+        for number, cell in enumerate(nodes.T, start=last + 1):
             yield from _wrapped([number, *cell])
         last += basis.nelems
 

@@ -60,7 +60,7 @@ def contact_patch(
     mirrors: str = "",
 ) -> ContactPatch:
     """The patch of `radius` [m] on a face, at a point [m] from the middle of a plane along its two
-    axes (`fem.planar_spot`), or at a spot of a curved face.
+    axes (`fem.planar_spot`), or at a spot of a round face (`fem.round_spot`).
 
     Displacement counts along the chain's direction of travel, into the wall. `mirrors` names the
     axes, "y", "z" or "yz", along which a mirror plane at the point ends the mesh: the disc folds

@@ -9,6 +9,7 @@ from fem.elasticity import Structure
 
 PLANE = 1e-6  # of a face's size: what a plane face may leave its plane by
 ROUNDING = 1e-9  # of a normal's length
+ROUND = 0.02  # of a radius: what corners of a mesh may leave a round face by
 FLAT = 0.1  # of the smallest radius of curvature: the largest patch that a half-space is under
 
 
@@ -38,11 +39,9 @@ def planar_spot(structure: Structure, face: str, at: tuple[float, float]) -> Spo
     These are the two global axes farthest from the normal, in their order, laid into the plane.
     Raises ValueError for a face that is not plane.
     """
-    body, facets = structure.facets(face)
-    mesh = structure.basis[body].mesh
-    corners = np.unique(mesh.facets[:, facets])
-    points = mesh.p[:, corners].T
-    normal = _normal(mesh.p[:, mesh.facets[:, facets]])
+    corners, middles = _facets(structure, face)
+    points = corners.reshape(3, -1).T
+    normal = _normal(corners)
     off = np.ptp(points @ normal)
     size = np.ptp(points, axis=0).max()
     if off > PLANE * size:
@@ -53,10 +52,60 @@ def planar_spot(structure: Structure, face: str, at: tuple[float, float]) -> Spo
     axes = spanning(normal)
     along = points @ axes.T
     middle = (along.min(axis=0) + along.max(axis=0)) / 2 + np.asarray(at, dtype=float)
+    height = points.mean(axis=0) @ normal
+    side = np.sign(np.mean(middles @ normal) - height)
+    return Spot(middle @ axes + height * normal, side * normal, axes)
+
+
+def round_spot(
+    structure: Structure,
+    face: str,
+    near: tuple[float, float, float],
+    centre: NDArray[np.float64],
+    radius: float,
+    axis: NDArray[np.float64] | None = None,
+) -> Spot:
+    """The spot nearest to a point (3,) [m] on a cylinder of an axis (3,) through `centre` (3,) [m],
+    or without one on a sphere around it.
+
+    Raises ValueError for a point on the axis, and where the mesh of the face is not as round.
+    """
+    corners, middles = _facets(structure, face)
+    away = _beside(np.asarray(near, dtype=float) - centre, axis)
+    if np.linalg.norm(away) < ROUNDING * radius:
+        raise ValueError(f"{list(near)} m lies in the middle of {face!r}: it tells no side of it.")
+    outward = away / np.linalg.norm(away)
+    rims = np.linalg.norm(_beside(corners.reshape(3, -1).T - centre, axis), axis=1)
+    if np.abs(rims / radius - 1).max() > ROUND:
+        raise ValueError(
+            f"the face {face!r} is not of radius {radius:g} m about its middle: its mesh has "
+            f"{rims.min():g} to {rims.max():g} m."
+        )
+    depths = np.linalg.norm(_beside(middles - centre, axis), axis=1)
+    convex = 1.0 if depths.mean() < rims.mean() else -1.0
+    point = np.asarray(near, dtype=float) - away + radius * outward
+    along = spanning(outward) if axis is None else np.array([axis, np.cross(outward, axis)])
+    along = along / np.linalg.norm(along, axis=1)[:, None]
+    radii = (convex * radius if axis is None else np.inf, convex * radius)
+    facet = np.ptp(corners, axis=1).max()
+    sagging = (facet**2 / 4 + (FLAT * radius) ** 2) / (2 * radius)
+    return Spot(point, -convex * outward, along, radii, gap=sagging)
+
+
+def _facets(structure: Structure, face: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners (3, n_corners, n) of a face's facets and middles (n, 3) of the elements behind."""
+    body, facets = structure.facets(face)
+    mesh = structure.basis[body].mesh
     cells = mesh.t[:, mesh.f2t[0, facets]]
-    depth = (mesh.p[:, cells].mean(axis=(1, 2)) - points.mean(axis=0)) @ normal
-    point = middle @ axes + points.mean(axis=0) @ normal * normal
-    return Spot(point, float(np.sign(depth)) * normal, axes)
+    return mesh.p[:, mesh.facets[:, facets]], mesh.p[:, cells].mean(axis=1).T
+
+
+def _beside(along: NDArray[np.float64], axis: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """What of vectors (..., 3) is normal to an axis, all of it without one."""
+    if axis is None:
+        return along
+    unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    return along - (along @ unit)[..., None] * unit
 
 
 def spanning(normal: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ from subprocess import run
 import numpy as np
 import pytest
 from scipy.sparse import block_diag, csr_matrix
-from skfem import MeshHex
+from skfem import ElementTetP2, MeshHex, MeshTet
 
 from fem import (
     Bushing,
@@ -15,6 +15,7 @@ from fem import (
     Joint,
     Material,
     Model,
+    Orthotropic,
     Side,
     Table,
     assemble,
@@ -23,9 +24,11 @@ from fem import (
     factorised,
     joined,
     modes,
+    normal_frame,
 )
 from fem.abaqus import input_deck
 from fem.constraints import congruent, eliminated, fixed
+from fem.elasticity import ELEMENTS
 from fem.joints import mean_sides
 from fem.trace import face_nodes
 from geometry import PARTS, Assembly, by_body, held_faces, hex_mesh, interfaces
@@ -141,3 +144,29 @@ def test_calculix_finds_the_same_ten_frequencies(join, n_parts, tmp_path):
     theirs = calculix_hz(input_deck(model, steel), tmp_path)
     ours = modes(model.K, model.M, 10).frequency_hz
     np.testing.assert_allclose(ours, theirs[:10], rtol=PRINTED)
+
+
+def test_tetrahedra_plies_turned_joints_and_the_ground_are_in_the_deck(tmp_path, monkeypatch):
+    """A ply of tetrahedra on a steel block, by a bolt in a frame of its own, mean on both sides.
+
+    CalculiX integrates the masses of C3D10 with the 4 points of order 2: so do we here.
+    """
+    monkeypatch.setitem(ELEMENTS, MeshTet, (ElementTetP2(), 2, 2))
+    line = np.linspace(-0.03, 0.03, 3)
+    lower = MeshHex.init_tensor(line, line, [0, LOWER / 2, LOWER])
+    upper = MeshTet.init_tensor(*2 * [np.linspace(-0.02, 0.02, 4)], np.linspace(LOWER, 0.08, 3))
+    meshes = {
+        "lower": lower.with_boundaries({"base": at(0.0), "top": at(LOWER)}),
+        "upper": upper.with_boundaries({"foot": at(LOWER), "top": at(0.08)}),
+    }
+    axes = ((1, 1, 0), (-1, 1, 0.2))
+    ply = Orthotropic((135e9, 9e9, 7e9), (0.3, 0.25, 0.4), (5e9, 4e9, 3e9), 1600.0, axes)
+    materials = {"lower": BLOCKS["lower"], "upper": ply}
+    k, frame = Bushing(1e8, 3e8, 2e8, 2e4, 3e4, 1e4), normal_frame(np.array([1.0, 2.0, 2.0]))
+    middle = np.array([0.0, 0.0, LOWER])
+    sides = Side("upper:foot", "mean"), Side("lower:top", "mean", within=0.025)
+    bolt = Joint("bolt", *sides, middle, k, frame)
+    earth = Joint("earth", Side("lower:base"), None, np.zeros(3), Bushing(kx=1e7, kz=5e7))
+    model = joined(assemble(meshes, materials), Connections(joints=[bolt, earth]))
+    theirs = calculix_hz(input_deck(model, materials), tmp_path)
+    np.testing.assert_allclose(modes(model.K, model.M, 10).frequency_hz, theirs[:10], rtol=PRINTED)
