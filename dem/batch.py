@@ -18,7 +18,7 @@ from dem.checks import InvalidChain, columns, positive, saves, whole
 from dem.kernels.arguments import Array, Steps
 from dem.kernels.lanes import LANES, Blocks, SavedLanes, march_lanes
 from dem.kernels.oscillators import oscillator_propagator
-from dem.schemes import SCHEMES, default_scheme
+from dem.schemes import SCHEMES, named_scheme
 from dem.stability import UnstableStep
 from dem.step_control import march_to_error
 from dem.trajectory import equal_steps, march
@@ -61,10 +61,7 @@ def march_batch(
     if (dt is None) == (error is None):
         raise InvalidChain("give either dt or error to say how finely to march")
     members = _Members(chain, wall, v0)
-    if scheme is None:
-        scheme = default_scheme(*members[0][:2])
-    if scheme not in SCHEMES:
-        raise InvalidChain(f"scheme {scheme!r} is unknown; take one of {', '.join(SCHEMES)}")
+    scheme = named_scheme(scheme, *members[0][:2]).name
     observed = columns(observed, members.mass.shape[1])
     saves(n_save, members.mass.size)
     positive("duration", duration, " s")

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dem.chain import Chain, Wall
+from dem.checks import require
 from dem.kernels.arguments import Array, Correction
 
 
@@ -141,6 +142,15 @@ SCHEMES = {
         _scheme("energy4", 4, np.zeros(0), _SUZUKI4[1], "implicit"),
     )
 }
+
+
+def named_scheme(
+    name: str | None, chain: Chain, wall: Wall | None, *, stiffly_damped: bool = False
+) -> Scheme:
+    """The scheme of a name; without one the scheme that measures best. Raises InvalidChain."""
+    name = name or default_scheme(chain, wall, stiffly_damped=stiffly_damped)
+    require(name in SCHEMES, f"scheme {name!r} is unknown; take one of {', '.join(SCHEMES)}")
+    return SCHEMES[name]
 
 
 def default_scheme(chain: Chain, wall: Wall | None, *, stiffly_damped: bool = False) -> str:

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dem.chain import Chain, Wall, validate
+from dem.checks import InvalidChain
 from dem.kernels.checks import fastest_contact
-from dem.schemes import SCHEMES, Scheme, default_scheme
-from dem.statics import Equilibrium, static_state
+from dem.kernels.laws import HUNT_CROSSLEY
+from dem.prepared import Prepared, prepare
+from dem.schemes import SCHEMES, Scheme, named_scheme
 
 _NONE = np.zeros(0)
 NEAR_FOLD = 0.1  # of the contact's stiffness that a negative spring in series leaves
@@ -23,17 +25,28 @@ class UnstableStep(ValueError):
     """A step for which the march has no meaning."""
 
 
-def refuse_step(
-    chain: Chain, wall: Wall | None, v0: ArrayLike, static: Equilibrium, dt: float, scheme: Scheme
-) -> None:
+def marching_scheme(
+    prepared: Prepared, v0: ArrayLike, dt: float, name: str | None = None
+) -> Scheme:
+    """The scheme of a name, or the one that measures best at steps of dt; raises InvalidChain."""
+    stiff = dt * fastest_decay(prepared, v0) > BACKWARD
+    method = named_scheme(name, prepared.chain, prepared.wall, stiffly_damped=stiff)
+    if method.kind == "implicit" and prepared.chain.yield_overlap is not None:
+        raise InvalidChain(
+            f"scheme {method.name!r} takes no plastic contacts; take one that is explicit"
+        )
+    return method
+
+
+def refuse_step(prepared: Prepared, v0: ArrayLike, dt: float, scheme: Scheme) -> None:
     """Raise UnstableStep if the contacts or the damping make dt meaningless for the scheme."""
-    rate, limit = fastest_rate(chain, wall, v0, static), stability_interval(scheme)
+    rate, limit = fastest_rate(prepared, v0), stability_interval(scheme)
     if dt * rate > limit:
         raise UnstableStep(
             f"dt = {dt:.3g} s is unstable for contacts of {rate:.3g} rad/s; "
             f"take dt < {limit / rate:.3g} s"
         )
-    decay, back = fastest_decay(chain, wall, v0, static), backward_reach(scheme)
+    decay, back = fastest_decay(prepared, v0), backward_reach(scheme)
     if dt * decay * back > 2.0 * BACKWARD:
         raise UnstableStep(
             f"dt = {dt:.3g} s is unstable for damping of {decay:.3g} 1/s with scheme "
@@ -42,46 +55,44 @@ def refuse_step(
         )
 
 
-def fastest_rate(chain: Chain, wall: Wall | None, v0: ArrayLike, static: Equilibrium) -> float:
+def fastest_rate(prepared: Prepared, v0: ArrayLike) -> float:
     """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
     on top of the static force. Wall modes faster than the contact itself are springs to it."""
+    chain, wall = prepared.chain, prepared.wall
     omega = phi = _NONE
     if wall is not None and wall.omega.size:
         order = np.argsort(wall.omega)
         omega, phi = wall.omega[order], wall.phi[order]
     energy = 0.5 * float(np.dot(chain.mass, np.square(v0)))
-    arrays = (np.asarray(values, float) for values in (chain.mass, chain.A, static.force))
+    arrays = (np.asarray(values, float) for values in (chain.mass, chain.A, prepared.static.force))
     return fastest_contact(*arrays, energy, omega, phi)
 
 
-def fastest_decay(chain: Chain, wall: Wall | None, v0: ArrayLike, static: Equilibrium) -> float:
+def fastest_decay(prepared: Prepared, v0: ArrayLike) -> float:
     """Upper estimate of the largest rate [1/s] at which damping wears motion down."""
+    chain, wall, damping = prepared.chain, prepared.wall, prepared.damping
     rates = [0.0]
     if wall is not None and wall.omega.size:
         over = np.sqrt(np.maximum(wall.zeta**2 - 1.0, 0.0))
         rates.append((wall.omega * (wall.zeta + over)).max())
     if wall is not None and wall.mobility > 0.0:
-        stiffness = 1.5 * chain.A[-1] * np.sqrt(_deepest(chain, v0, static)[-1])
-        rates.append(wall.mobility * stiffness)
-    if chain.dissipation != "none" and chain.A.size:
-        inverse = 1.0 / chain.mass
-        pair = inverse[:-1] + inverse[1:]
-        if wall is not None:
-            pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
-        deepest = _deepest(chain, v0, static)
+        rates.append(wall.mobility * 1.5 * chain.A[-1] * np.sqrt(_deepest(prepared, v0)[-1]))
+    if damping is not None and chain.A.size:
+        deepest = _deepest(prepared, v0)
         force = chain.A * deepest**1.5
-        damper = chain.gamma * (force if chain.dissipation == "hunt-crossley" else 1.0)
+        damper = damping.gamma * (force if damping.law == HUNT_CROSSLEY else 1.0)
         if wall is not None and wall.residual_compliance < 0.0:
             stiffness = 1.5 * chain.A[-1] * np.sqrt(deepest[-1])
             damper[-1] /= max(1.0 + wall.residual_compliance * stiffness, NEAR_FOLD) ** 2
-        rates.append((damper * pair).max())
+        rates.append((damper * damping.inverse_mass).max())
     return float(max(rates))
 
 
-def _deepest(chain, v0, static):
+def _deepest(prepared, v0):
     """Overlap [m] of every contact with all kinetic energy in it on top of the static force."""
+    chain = prepared.chain
     energy = 0.5 * float(chain.mass @ np.square(v0))
-    return (2.5 * energy / chain.A) ** 0.4 + (static.force / chain.A) ** (2 / 3)
+    return (2.5 * energy / chain.A) ** 0.4 + (prepared.static.force / chain.A) ** (2 / 3)
 
 
 def backward_reach(scheme: Scheme) -> float:
@@ -118,6 +129,5 @@ def stability_limit(
 ) -> float:
     """Largest meaningful step [s]; contacts that share a sphere can lower it by up to sqrt(2)."""
     validate(chain, wall, v0)
-    method = SCHEMES[scheme or default_scheme(chain, wall)]
-    rate = fastest_rate(chain, wall, v0, static_state(chain, wall))
+    method, rate = named_scheme(scheme, chain, wall), fastest_rate(prepare(chain, wall), v0)
     return stability_interval(method) / rate if rate > 0.0 else np.inf

@@ -7,17 +7,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dem.chain import Chain, State, Wall, validate
-from dem.checks import InvalidChain, columns, positive, saves
+from dem.checks import columns, positive, saves
 from dem.kernels.arguments import Array
-from dem.schemes import SCHEMES, default_scheme
+from dem.prepared import prepare
+from dem.schemes import SCHEMES
 from dem.stability import (
-    BACKWARD,
     UnstableStep,
     fastest_decay,
     fastest_rate,
+    marching_scheme,
     stability_interval,
 )
-from dem.trajectory import Trajectory, march, prepare, run, start
+from dem.trajectory import Trajectory, march, run, start
 
 FIRST, MOST = 1.5, 2.0  # order that one pair of marches shows, and that any number of them does
 BELOW = 0.5  # the observed order, which scatters
@@ -80,9 +81,9 @@ def march_to_error(
         if value not in (None, np.inf):
             positive(name, value)
     prepared = prepare(chain, wall)
-    rate = max(fastest_rate(chain, wall, v0, prepared.static), 1.0 / duration)
-    method = _method(chain, wall, v0, prepared, rate, scheme)
-    state = start(chain, wall, v0, prepared.static)
+    rate = max(fastest_rate(prepared, v0), 1.0 / duration)
+    method = marching_scheme(prepared, v0, 1.0 / (3.0 * rate), scheme)
+    state = start(prepared, v0)
     allowed = max_evaluations or 2e10 / (chain.mass.size + prepared.static.q.size)
     asked = _Asked(
         duration,
@@ -93,12 +94,12 @@ def march_to_error(
         scale or float(np.abs(v0).max()) or 1.0,
         _assumed_order(chain, method),
         allowed / 20 if method.kind == "implicit" else allowed,
-        _witness(chain, wall, v0, prepared, state) if method.kind == "implicit" else None,
+        _witness(prepared, state) if method.kind == "implicit" else None,
     )
 
     def attempt(step, saves):
         try:
-            return run(chain, wall, prepared, state, duration, step, method, saves)
+            return run(prepared, state, duration, step, method, saves)
         except UnstableStep:
             return None
 
@@ -120,30 +121,22 @@ class _Asked(NamedTuple):
     witness: Callable | None  # what another way to damp says of a march, in shares of the energy
 
 
-def _witness(chain, wall, v0, prepared, state):
+def _witness(prepared, state):
     """How far the work of a march's dampers is from what they do one by one, each exactly
     ("verlet"): steps that do not resolve them may all be wrong in the same way. 0 if they do."""
-    decay = fastest_decay(chain, wall, v0, prepared.static)
+    decay = fastest_decay(prepared, state.v)
 
     def apart(found):
         if prepared.damping is None or found.dt * decay < 1.0:
             return 0.0
         try:
-            other = run(chain, wall, prepared, state, found.t[-1], found.dt, SCHEMES["verlet"], 1)
+            other = run(prepared, state, found.t[-1], found.dt, SCHEMES["verlet"], 1)
         except UnstableStep:
             return np.inf
         off = other.dissipated_contact[-1] - found.dissipated_contact[-1]
         return abs(off) / (found.energy_kinetic[0] or np.abs(found.energy_total).max() or 1.0)
 
     return apart
-
-
-def _method(chain, wall, v0, prepared, rate, name):
-    decay = fastest_decay(chain, wall, v0, prepared.static)
-    name = name or default_scheme(chain, wall, stiffly_damped=decay > 3.0 * BACKWARD * rate)
-    if name not in SCHEMES:
-        raise InvalidChain(f"scheme {name!r} is unknown; take one of {', '.join(SCHEMES)}")
-    return SCHEMES[name]
 
 
 def _refined(attempt, step, method, asked):

@@ -5,12 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import LAWS, Chain, State, Wall, validate
+from dem.chain import Chain, State, Wall, validate
 from dem.checks import InvalidChain, positive, saves, vector
 from dem.kernels import oscillators
 from dem.kernels.arguments import (
     Array,
-    Damping,
     LeafSprings,
     Modes,
     Motion,
@@ -22,9 +21,9 @@ from dem.kernels.arguments import (
 from dem.kernels.explicit import march as march_explicit
 from dem.kernels.implicit import march_implicit, workspace
 from dem.kernels.laws import plastic_loss
-from dem.schemes import SCHEMES, Scheme, default_scheme
-from dem.stability import BACKWARD, UnstableStep, fastest_decay, refuse_step
-from dem.statics import Equilibrium, static_state
+from dem.prepared import Prepared, prepare
+from dem.schemes import Scheme
+from dem.stability import UnstableStep, marching_scheme, refuse_step
 
 MOST_STEPS = 1e12  # months
 
@@ -69,14 +68,6 @@ class Trajectory(NamedTuple):
         )
 
 
-class Prepared(NamedTuple):
-    """What a chain and its wall are to every march, whatever its step."""
-
-    static: Equilibrium
-    load: Array | None  # (n,) [N]
-    damping: Damping | None
-
-
 def require_march(
     chain: Chain, wall: Wall | None, v0: ArrayLike, *, dt: float | None = None
 ) -> None:
@@ -84,16 +75,7 @@ def require_march(
     validate(chain, wall, v0)
     prepared = prepare(chain, wall)
     if dt is not None:
-        refuse_step(chain, wall, v0, prepared.static, dt, _scheme(chain, wall, v0, prepared, dt))
-
-
-def _scheme(chain, wall, v0, prepared, dt, name=None):
-    """The scheme of a name, or the one that measures best."""
-    decay = fastest_decay(chain, wall, v0, prepared.static)
-    name = name or default_scheme(chain, wall, stiffly_damped=dt * decay > BACKWARD)
-    if name not in SCHEMES:
-        raise InvalidChain(f"scheme {name!r} is unknown; take one of {', '.join(SCHEMES)}")
-    return SCHEMES[name]
+        refuse_step(prepared, v0, dt, marching_scheme(prepared, v0, dt))
 
 
 def march(
@@ -123,16 +105,12 @@ def march(
     if n_save is not None:
         saves(n_save, chain.mass.size)
     prepared = prepare(chain, wall)
-    state = start(chain, wall, v0, prepared.static) if state is None else state
-    method = _scheme(chain, wall, state.v, prepared, dt, scheme)
-    refuse_step(chain, wall, state.v, prepared.static, dt, method)
-    if method.kind == "implicit" and chain.yield_overlap is not None:
-        raise InvalidChain(
-            f"scheme {scheme!r} takes no plastic contacts; take one that is explicit"
-        )
+    state = start(prepared, v0) if state is None else state
+    method = marching_scheme(prepared, state.v, dt, scheme)
+    refuse_step(prepared, state.v, dt, method)
     if n_save is None:
         n_save = min(1000, int(np.ceil(duration / dt * (1 - 1e-9))))
-    trajectory = run(chain, wall, prepared, state, duration, dt, method, n_save)
+    trajectory = run(prepared, state, duration, dt, method, n_save)
     if not trajectory.energy_error <= 1.0 and _ledger_is_broken(trajectory):
         raise UnstableStep(
             f"with dt = {trajectory.dt:.3g} s the energy ledger is off by "
@@ -154,62 +132,21 @@ def _ledger_is_broken(trajectory):
     return not np.ptp(trajectory.energy_total) <= largest
 
 
-def start(chain: Chain, wall: Wall | None, v0: ArrayLike, static: Equilibrium) -> State:
+def start(prepared: Prepared, v0: ArrayLike) -> State:
     """State at rest in equilibrium, with the velocities v0."""
+    static = prepared.static
     n_modes = static.q.size
     return State(static.x, np.array(v0, float), np.zeros(n_modes), np.zeros(n_modes), np.zeros(4))
 
 
-def prepare(chain: Chain, wall: Wall | None) -> Prepared:
-    """Static state and what follows from it for every march."""
-    static = static_state(chain, wall)
-    if chain.yield_overlap is not None:
-        _require_elastic(chain, static)
-    return Prepared(static, _load(wall, static), _damping(chain, wall))
-
-
-def _load(wall, static):
-    """(n,) [N] what holds every sphere against its contacts at rest; None for nothing."""
-    if not static.force.any():
-        return None
-    force = np.concatenate([[0.0], static.force, [0.0] if wall is None else []])
-    return force[1:] - force[:-1]
-
-
-def _require_elastic(chain, static):
-    overlap = (static.force / chain.A) ** (2.0 / 3.0)
-    i = int((overlap / chain.yield_overlap).argmax())
-    if overlap[i] > chain.yield_overlap[i]:
-        raise InvalidChain(
-            f"contact {i + 1} is pressed {overlap[i]:.3g} m at rest, beyond its yield overlap of "
-            f"{chain.yield_overlap[i]:.3g} m; lower the preload or the leaf anchors"
-        )
-
-
-def _damping(chain, wall):
-    if chain.dissipation == "none" or not np.any(chain.gamma):
-        return None
-    inverse = 1.0 / chain.mass
-    pair = inverse[:-1] + inverse[1:]
-    if wall is not None:
-        pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
-    return Damping(np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair)
-
-
 def run(
-    chain: Chain,
-    wall: Wall | None,
-    prepared: Prepared,
-    state: State,
-    duration: float,
-    dt: float,
-    scheme: Scheme,
-    n_save: int,
+    prepared: Prepared, state: State, duration: float, dt: float, scheme: Scheme, n_save: int
 ) -> Trajectory:
-    """Trajectory of a validated and prepared chain; see `march`."""
+    """Trajectory of a prepared chain; see `march`."""
+    chain = prepared.chain
     steps = equal_steps(duration, dt, n_save)
     n = chain.mass.size
-    parts = _parts(chain, wall, prepared, state, scheme, steps.h)
+    parts = _parts(prepared, state, scheme, steps.h)
     motion = Motion(state.x.copy(), state.v.copy(), np.zeros(n + 1), state.wall.copy(), np.zeros(2))
     out = _saved(n_save + 1, n, chain.A.size)
     shown = motion._replace(f=np.zeros(n + 1))
@@ -275,22 +212,23 @@ def _saved(k, n, n_contacts):
     )
 
 
-def _parts(chain, wall, prepared, state, scheme, h):
+def _parts(prepared, state, scheme, h):
+    chain, wall, static, load, damping = prepared
     implicit = scheme.kind == "implicit"
     spans = h * (scheme.b if implicit else scheme.a)
-    leaf = _leaf_springs(chain, prepared.static, spans, implicit)
+    leaf = _leaf_springs(chain, static, spans, implicit)
     plastic = _plastic(chain, state)
-    extra = (prepared.load, leaf, prepared.damping, plastic)
+    extra = (load, leaf, damping, plastic)
     return Parts(
         chain.mass, 1.0 / chain.mass, chain.A,
         preload=float(chain.preload),
-        offset=0.0 if wall is None else float(wall.phi @ prepared.static.q),
-        load=prepared.load,
+        offset=0.0 if wall is None else float(wall.phi @ static.q),
+        load=load,
         leaf=leaf,
         residual=None if wall is None else wall.residual_compliance or None,
         mobility=None if wall is None else wall.mobility or None,
-        modes=_modes(wall, prepared.static, state, spans, implicit),
-        damping=prepared.damping,
+        modes=_modes(wall, static, state, spans, implicit),
+        damping=damping,
         plastic=plastic,
         bare=() if all(part is None for part in extra) else None,
     )  # fmt: skip

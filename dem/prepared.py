@@ -1,0 +1,55 @@
+"""What a chain and its wall are to every march, whatever its step."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dem.chain import LAWS, Chain, Wall
+from dem.checks import InvalidChain
+from dem.kernels.arguments import Array, Damping
+from dem.statics import Equilibrium, static_state
+
+
+class Prepared(NamedTuple):
+    """A validated chain and its wall, with what follows from them."""
+
+    chain: Chain
+    wall: Wall | None
+    static: Equilibrium
+    load: Array | None  # (n,) [N] what holds every sphere against its contacts; None for nothing
+    damping: Damping | None
+
+
+def prepare(chain: Chain, wall: Wall | None) -> Prepared:
+    """Of a validated chain; raises InvalidChain, NoEquilibrium."""
+    static = static_state(chain, wall)
+    if chain.yield_overlap is not None:
+        _require_elastic(chain, static)
+    return Prepared(chain, wall, static, _load(wall, static), _damping(chain, wall))
+
+
+def _load(wall, static):
+    if not static.force.any():
+        return None
+    force = np.concatenate([[0.0], static.force, [0.0] if wall is None else []])
+    return force[1:] - force[:-1]
+
+
+def _require_elastic(chain, static):
+    overlap = (static.force / chain.A) ** (2.0 / 3.0)
+    i = int((overlap / chain.yield_overlap).argmax())
+    if overlap[i] > chain.yield_overlap[i]:
+        raise InvalidChain(
+            f"contact {i + 1} is pressed {overlap[i]:.3g} m at rest, beyond its yield overlap of "
+            f"{chain.yield_overlap[i]:.3g} m; lower the preload or the leaf anchors"
+        )
+
+
+def _damping(chain, wall):
+    if chain.dissipation == "none" or not np.any(chain.gamma):
+        return None
+    inverse = 1.0 / chain.mass
+    pair = inverse[:-1] + inverse[1:]
+    if wall is not None:
+        pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
+    return Damping(np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair)
