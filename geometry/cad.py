@@ -22,9 +22,9 @@ from geometry.step_file import check_step, name_solids, unit
 
 KINDS = {"Plane": "plane", "Cylinder": "cylinder", "Cone": "cone", "Sphere": "sphere"}
 KINDS |= {"Torus": "torus"}
-FORBIDDEN = re.compile(r"[^\w.-]+")  # in a name: what a selector or a table's key would trip over
+FORBIDDEN = re.compile(r"[^\w.+-]+")  # in a name: what a selector or a table's key would trip over
 UNNAMED = re.compile(r"(open cascade step translator.*|solid|body|compound|=>.*|\d*)", re.I)
-FLAT = 1e-9  # volume over the cube of the box's diagonal, below which a solid has none
+THINNEST = 1e-6  # m, of a solid: less is a surface drawn twice
 
 
 class Model(NamedTuple):
@@ -67,13 +67,14 @@ def body_of(name: str, tag: int) -> Body:
     occ = gmsh.model.occ
     lower, upper = _box(3, tag)
     volume = occ.getMass(3, tag)
-    if not volume > FLAT * np.linalg.norm(upper - lower) ** 3:
+    faces = gmsh.model.getBoundary([(3, tag)], oriented=False)
+    area = sum(occ.getMass(*face) for face in faces)
+    if not 2 * volume > THINNEST * area:
         size = " x ".join(f"{side:.3g}" for side in upper - lower)
         raise InvalidGeometry(
             f'body "{name}" ({size} m) has no volume ({volume:.3g} m^3): its thickness is zero or '
             "its faces are inside out; repair it in the CAD."
         )
-    faces = gmsh.model.getBoundary([(3, tag)], oriented=False)
     return Body(
         name,
         tag,

@@ -41,9 +41,10 @@ def unit(path: Path) -> str:
 def name_solids(path: Path, names: list[str]) -> None:
     """Names, in their order, in place of those that OpenCASCADE numbers its solids by."""
     text = path.read_text(encoding="latin-1")
-    whole = names[0] if len(names) == 1 else path.stem
 
     def named(match: re.Match) -> str:
-        return f"'{names[int(match[1]) - 1] if match[1] else whole}'"
+        if match[1] is None and len(names) > 1:
+            return "'assembly'"
+        return "'{}'".format(names[int(match[1] or 1) - 1].replace("'", "''"))
 
     path.write_text(WRITTEN.sub(named, text), encoding="latin-1")

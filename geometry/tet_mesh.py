@@ -4,8 +4,6 @@ Screw holes, washers, the lines between screws and the clamp lines are imprinted
 the pads on the plate; the block is refined towards the contact.
 """
 
-from pathlib import Path
-
 import gmsh
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +18,7 @@ from geometry.assembly import (
     sheets,
     washer_z_range,
 )
-from geometry.gmsh_session import session, silent
+from geometry.gmsh_session import session
 from geometry.naming import named
 
 TETRAHEDRON = 4  # gmsh's element type
@@ -50,15 +48,6 @@ def tet_mesh(
         if contact_seed is not None:
             _refined(a, contact_point, contact_seed, block_seed)
         return _meshed(assembly, volumes)
-
-
-def write_step(assembly: Assembly, path: Path) -> None:
-    """The bodies as a STEP file, its lengths in the unit that it states, mm."""
-    with session():
-        _bodies(assembly)
-        gmsh.model.occ.synchronize()
-        with silent():
-            gmsh.write(str(path))
 
 
 def _bodies(a: Assembly) -> dict[str, list[int]]:

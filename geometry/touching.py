@@ -13,10 +13,12 @@ from typing import NamedTuple
 import gmsh
 import numpy as np
 
+from geometry.assembly import InvalidGeometry
 from geometry.gmsh_session import boolean_tolerance
-from geometry.solids import ALIGNED, Body, Face, off_axis, parallel
+from geometry.solids import ALIGNED, SAME, Body, Face, off_axis, parallel
 
 NEAR = 1e-3  # m, bodies closer than this that do not touch are told
+FACETS = 0.04  # of a radius, by which facets of 20 edges around may miss those of another mesh
 FRACTION = 1e-6  # of the smaller face: a common area below is none
 
 
@@ -26,6 +28,7 @@ class Contact(NamedTuple):
     faces: tuple[int, int]  # tags
     area: float  # m^2
     gap: float  # m, mean distance of the two
+    radius: float  # m, of a cylinder or a sphere, 0 of others
     regions: tuple[int, ...]  # tags of their common part, surfaces in the CAD model
 
 
@@ -46,6 +49,11 @@ class Touch(NamedTuple):
     @property
     def gap(self) -> float:
         return max(contact.gap for contact in self.contacts)
+
+    @property
+    def mesh_gap(self) -> float:
+        """How far the straight facets of two meshes may lie apart here [m]."""
+        return max(contact.gap + FACETS * contact.radius for contact in self.contacts)
 
 
 class NearMiss(NamedTuple):
@@ -73,6 +81,37 @@ class Neighbours(NamedTuple):
         """Bodies that touch no other."""
         touched = {name for touch in self.touching for name in touch.bodies}
         return tuple(name for name in bodies if name not in touched)
+
+
+def require_apart(found: Neighbours) -> None:
+    """Raises InvalidGeometry for bodies that overlap, with the volume and what to do."""
+    for overlap in found.overlaps:
+        a, b = overlap.bodies
+        if overlap.inside:
+            outer = b if overlap.inside == a else a
+            raise InvalidGeometry(
+                f'"{overlap.inside}" lies inside "{outer}", which is solid there; cut it out of '
+                f'"{outer}" or remove it.'
+            )
+        raise InvalidGeometry(
+            f'"{a}" and "{b}" overlap by {1e9 * overlap.volume:.4g} mm^3; cut one out of the '
+            "other or move it."
+        )
+
+
+def told(miss: NearMiss) -> str:
+    """A pair that nearly touches, in a sentence."""
+    a, b = miss.bodies
+    at = "[{:.4g}, {:.4g}, {:.4g}] m".format(*(miss.at.round(9) + 0.0))
+    if miss.distance < SAME:
+        return (
+            f'"{a}" and "{b}" meet along a line or at a point, near {at}, and touch over no area: '
+            "nothing can be tied there."
+        )
+    return (
+        f'"{a}" and "{b}" miss each other by {1e3 * miss.distance:.4g} mm, near {at}; '
+        "faces closer than gap touch."
+    )
 
 
 def neighbours(bodies: Mapping[str, Body], gap: float) -> Neighbours:
@@ -105,7 +144,8 @@ def _contacts(a: Body, b: Body, gap: float) -> Iterator[Contact]:
             regions = _common(one, other, gap)
             area = sum(gmsh.model.occ.getMass(2, tag) for tag in regions)
             if area > FRACTION * min(one.area, other.area):
-                yield Contact((one.tag, other.tag), area, distance, regions)
+                radius = one.radius or 0.0
+                yield Contact((one.tag, other.tag), area, distance, radius, regions)
 
 
 def _apart(one: Face, other: Face) -> float | None:

@@ -1,14 +1,21 @@
 """Bodies of shapes and of STEP files, against volumes, areas and axes known exactly."""
 
 from math import pi
+from pathlib import Path
 
+import gmsh
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geometry import InvalidGeometry
-from geometry.cad import model, write_step
+from geometry import Assembly, InvalidGeometry, boxes
+from geometry import volume as assembly_volume
+from geometry.assembly import SIDES
+from geometry.cad import body_of, model, write_step
+from geometry.gmsh_session import session, silent
+from geometry.rig import shapes as rig_shapes
 from geometry.shapes import Box, Cylinder, Hole, Plate, volume
+from geometry.touching import neighbours
 
 HOLES = tuple(Hole(8.5e-3, at) for at in ((0.02, 0.02), (0.18, 0.02), (0.18, 0.08), (0.02, 0.08)))
 RECTANGLE = ((0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1))
@@ -69,6 +76,45 @@ def test_step_files_keep_names_and_volumes(tmp_path):
         assert {b.name: b.volume for b in read.bodies.values()} == pytest.approx(
             {name: volume(box) for name, box in many.items()}, rel=1e-9
         )
+
+
+def test_the_rig_is_read_back_from_its_own_step_file(tmp_path):
+    rig = Assembly()
+    write_step(rig_shapes(rig), tmp_path / "rig.step")
+    with model({}, tmp_path / "rig.step") as read:
+        bodies = read.bodies
+        pairs = {t.name: t.area for t in neighbours(bodies, 1e-5).touching}
+    assert list(bodies) == [*boxes(rig), *SIDES]
+    total = sum(body.volume for body in bodies.values())
+    assert total == pytest.approx(assembly_volume(rig), rel=1e-6)
+    holes = 2 * pi * rig.hole_radius**2
+    overlap = {"block": rig.head_overlap, "sheets_support": rig.foot_overlap}
+    expected = {
+        f"{body}|{sheet}": length * rig.sheet_width - holes
+        for body, length in overlap.items()
+        for sheet in SIDES
+    }
+    expected |= {"sheets_support|support": rig.support_x * rig.support_y}
+    expected |= {"support|plate": rig.support_x * rig.support_y}
+    assert pairs == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_step_file_of_surfaces_alone_is_refused(tmp_path):
+    path = str(tmp_path / "skin.step")
+    with session(), silent():
+        gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.write(path)
+    with pytest.raises(InvalidGeometry, match="surfaces without a volume"), model({}, Path(path)):
+        pass
+
+
+def test_a_solid_of_no_thickness_is_refused():
+    with session():
+        tag = gmsh.model.occ.addBox(0, 0, 0, 0.1, 0.1, 4e-7)
+        gmsh.model.occ.synchronize()
+        with pytest.raises(InvalidGeometry, match=r'body "foil" .* has no volume'):
+            body_of("foil", tag)
 
 
 def test_a_step_file_in_inches_is_converted_and_says_so(tmp_path):

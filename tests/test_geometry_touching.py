@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from geometry import InvalidGeometry
 from geometry.cad import model
 from geometry.shapes import Box, Cylinder, Hole, Plate
-from geometry.touching import neighbours
+from geometry.touching import neighbours, require_apart, told
 
 GAP = 1e-5
 TURNS = [(0, 0, 0), (10, 20, 30), (90, 0, 45)]
@@ -73,6 +74,26 @@ def test_faces_touch_across_a_gap_over_their_common_part(turn):
     assert touch.gap == pytest.approx(8e-6, rel=1e-6)
     (miss,) = found(shapes, gap=1e-6)[0].misses
     assert miss.distance == pytest.approx(8e-6, rel=1e-6)
+
+
+def test_bodies_that_overlap_or_lie_inside_each_other_are_refused():
+    near, _ = found({"a": Box((0.1,) * 3), "b": Box((0.1,) * 3, at=(0.09, 0, 0))})
+    with pytest.raises(InvalidGeometry, match=r'"a" and "b" overlap by 1e\+05 mm\^3'):
+        require_apart(near)
+    near, _ = found({"a": Box((0.1,) * 3), "core": Box((0.01,) * 3)})
+    with pytest.raises(InvalidGeometry, match='"core" lies inside "a"'):
+        require_apart(near)
+    bored = Plate(RECTANGLE, 0.02, (Hole(0.01, (0.1, 0.05)),))
+    near, _ = found({"plate": bored, "pin": Cylinder(0.005, 0.01, at=(0.1, 0.05, 0.01))})
+    require_apart(near)
+
+
+def test_near_misses_and_lines_are_told_in_a_sentence():
+    cube = Box((0.1,) * 3)
+    near, _ = found({"a": cube, "b": Box((0.1,) * 3, at=(0.1003, 0, 0))})
+    assert '"a" and "b" miss each other by 0.3 mm' in told(near.misses[0])
+    near, _ = found({"a": cube, "b": Box((0.1,) * 3, at=(0.1, 0.1, 0))})
+    assert "along a line or at a point, near [0.05, 0.05, " in told(near.misses[0])
 
 
 def test_edges_that_meet_are_no_contact_but_a_distance_of_nothing():

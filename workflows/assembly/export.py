@@ -4,6 +4,7 @@ from pathlib import Path
 
 import rom
 from fem.abaqus import input_deck
+from geometry.rig import shapes
 from workflows.files.run_folder import writing_file
 from workflows.files.wall import require_reader
 from workflows.pipeline.assembly import dashpots, materials
@@ -28,10 +29,10 @@ def write_model(pipeline: Pipeline, inp: Path | None, step: Path | None) -> None
         with writing_file(inp) as part:
             part.write_text(text, encoding="utf-8")
     if step:
-        from geometry.tet_mesh import write_step
+        from geometry.cad import write_step
 
         with writing_file(step) as part:
-            write_step(assembly(scene.assembly), part)
+            write_step(shapes(assembly(scene.assembly)), part)
 
 
 def write_reduced(pipeline: Pipeline, path: Path, matrices: Path | None = None) -> None:
