@@ -23,8 +23,7 @@ from coupling.plate import (
 )
 from coupling.pruning import LeftOut, Pruning, mode_costs, prune
 from coupling.radiation import radiated_energy
-from coupling.series_law import largest_monotone_force, require_monotone
-from coupling.verdict import Verdict, predicted_peak_force, verdict
+from coupling.verdict import Verdict, largest_monotone_force, predicted_peak_force, verdict
 
 __all__ = [
     "CoupledWall",
@@ -51,7 +50,6 @@ __all__ = [
     "prune",
     "radiated_energy",
     "rayleigh",
-    "require_monotone",
     "slenderness",
     "verdict",
     "with_coupled_error",

@@ -16,6 +16,7 @@ from coupling.coupled_wall import CoupledWall
 from coupling.errors import CouplingError
 from dem import Chain, State, Trajectory, Wall, equilibrium
 from dem.kernels.laws import hertz_indentation
+from dem.spheres import hertz_stiffness, time_scale
 
 CLIPPED = {"linear-clipped", "hunt-crossley"}
 STIFF = 100.0  # times as fast as the fastest mode: a march of minutes
@@ -106,9 +107,7 @@ class _Motion:
         self.chain, self.wall = chain, wall
         n, k = len(chain.mass), len(wall.omega)
         self.n, self.k = n, k
-        zeros = np.zeros(n)
-        self.leaf = zeros if chain.leaf_stiffness is None else np.asarray(chain.leaf_stiffness)
-        self.anchor = zeros if chain.leaf_anchor is None else np.asarray(chain.leaf_anchor)
+        self.leaf, self.anchor = chain.springs
         self.gamma = np.zeros(n) if chain.gamma is None else np.asarray(chain.gamma)
 
     def split(self, y: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -123,7 +122,7 @@ class _Motion:
         static = equilibrium(self.chain, Wall(*np.zeros((3, 0)), residual_compliance=float(soft)))
         q = wall.force * static.force[-1] / squared
         speed = np.abs(v0).max(initial=0.0) or 1e-3
-        period = (self.chain.mass.max() / self.chain.A.min()) ** 0.4 * speed**-0.2
+        period = time_scale(self.chain.mass.max(), self.chain.A.min(), speed)
         mass = self.chain.mass.max()
         scale = np.concatenate(
             [
@@ -147,7 +146,7 @@ class _Motion:
         damping = self.gamma * approach * (elastic if chain.dissipation == "hunt-crossley" else 1.0)
         damping = np.where(delta > 0, damping, 0.0)
         # the contact gives way by 1 / (1 + s k) of the gap, and hands on as much of its damping
-        stiffness = 1.5 * chain.A[-1] * np.sqrt(delta[-1])
+        stiffness = hertz_stiffness(delta[-1], chain.A[-1])
         damping[-1] /= (1 + wall.residual_compliance * stiffness) ** 2
         if chain.dissipation in CLIPPED:
             damping = np.maximum(damping, -elastic)

@@ -50,10 +50,8 @@ class Equations(NamedTuple):
     spheres: np.ndarray  # (2, n) 1/m, A of the contact behind each sphere (0: none)
     modes: np.ndarray | None  # (3, n_modes) phi, omega^2, 2 zeta omega
     residual: float | None
-    preload: float | None
-    leaf: np.ndarray | None  # (2, n) stiffness, anchor
-    gamma: np.ndarray | None  # (n,) damping of each contact
-    law: int  # of the damping
+    held: np.ndarray | None  # (3, n) stiffness and anchor of leaf springs, preload
+    damping: tuple[np.ndarray, int] | None  # (n,) coefficient of each contact, law
     mobility: float | None
 
 
@@ -86,7 +84,7 @@ def damped(force, approach, gamma, law):
 
 
 @njit(error_model="numpy", fastmath=True)
-def rate_into(y, out, spheres, modes, residual, preload, leaf, gamma, law, mobility):
+def rate_into(y, out, spheres, modes, residual, held, damping, mobility):
     """Write y' to out."""
     n = spheres.shape[1]
     wall = 0.0
@@ -104,14 +102,13 @@ def rate_into(y, out, spheres, modes, residual, preload, leaf, gamma, law, mobil
             gap = indentation(gap, spheres[1, i], residual)
         gap = max(gap, 0.0)
         force = spheres[1, i] * gap * np.sqrt(gap)
-        if gamma is not None:
+        if damping is not None:
+            gamma, law = damping
             approach = y[n + i] - (y[n + i + 1] if i < n - 1 else speed)
             force = damped(force, approach, gamma[i], law)
         total = before - force
-        if leaf is not None:
-            total -= leaf[0, i] * (y[i] - leaf[1, i])
-        if preload is not None and i == n - 1:
-            total += preload
+        if held is not None:
+            total += held[2, i] - held[0, i] * (y[i] - held[1, i])
         out[i] = y[n + i]
         out[n + i] = spheres[0, i] * total
         before = force
@@ -126,10 +123,10 @@ def rate_into(y, out, spheres, modes, residual, preload, leaf, gamma, law, mobil
 
 
 @njit(error_model="numpy")
-def rate(y, spheres, modes, residual, preload, leaf, gamma, law, mobility):
+def rate(y, spheres, modes, residual, held, damping, mobility):
     """y' of y."""
     out = np.empty_like(y)
-    rate_into(y, out, spheres, modes, residual, preload, leaf, gamma, law, mobility)
+    rate_into(y, out, spheres, modes, residual, held, damping, mobility)
     return out
 
 
@@ -137,21 +134,19 @@ def equations(problem: Problem) -> Equations:
     """The constants of a problem."""
     chain, wall = problem.chain, problem.wall
     A = np.append(chain.A, np.zeros(chain.mass.size - chain.A.size))
-    modes = leaf = residual = gamma = mobility = None
+    modes = held = residual = damping = mobility = None
     if wall is not None and wall.omega.size:
         modes = np.array([wall.phi, wall.omega**2, 2 * wall.zeta * wall.omega])
     if wall is not None and wall.residual_compliance:
         residual = float(wall.residual_compliance)
-    if np.any(chain.leaf_stiffness):
-        anchor = 0.0 if chain.leaf_anchor is None else chain.leaf_anchor
-        leaf = np.array([chain.leaf_stiffness, anchor + np.zeros_like(A)])
+    if np.any(chain.leaf_stiffness) or chain.preload:
+        held = np.array([*chain.springs, np.append(np.zeros(A.size - 1), chain.preload)])
     if chain.dissipation != "none":
         gamma = np.append(chain.gamma, np.zeros(A.size - chain.A.size))
+        damping = gamma, LAWS[chain.dissipation]
     if wall is not None and wall.mobility:
         mobility = float(wall.mobility)
-    spheres, preload = np.array([1 / chain.mass, A]), float(chain.preload) or None
-    law = LAWS[chain.dissipation]
-    return Equations(spheres, modes, residual, preload, leaf, gamma, law, mobility)
+    return Equations(np.array([1 / chain.mass, A]), modes, residual, held, damping, mobility)
 
 
 def initial_state(problem: Problem) -> np.ndarray:
@@ -298,8 +293,9 @@ def energy(problem: Problem, y: np.ndarray) -> np.ndarray:
     total = 0.5 * v**2 @ chain.mass + 0.4 * (force * overlap).sum(axis=1) - chain.preload * x[:, -1]
     if constants.residual is not None:
         total += 0.5 * constants.residual * force[:, -1] ** 2
-    if constants.leaf is not None:
-        total += 0.5 * (x - constants.leaf[1]) ** 2 @ constants.leaf[0]
+    if constants.held is not None:
+        stiffness, anchor, _ = constants.held
+        total += 0.5 * (x - anchor) ** 2 @ stiffness
     if constants.modes is not None:
         q, p = np.split(modal, 2, axis=1)
         total += 0.5 * (p**2).sum(axis=1) + 0.5 * q**2 @ constants.modes[1]

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coupling.march import Impact, impact
-from coupling.series_law import largest_monotone_force
+from coupling.march import impact
+from coupling.verdict import largest_monotone_force
 from dem import Chain, Trajectory, Wall
+from dem.spheres import hertz_overlap, hertz_stiffness
 
 FINE = 20000  # saved forces of the run that the costs are estimated from
 
@@ -34,12 +35,11 @@ class LeftOut(NamedTuple):
 
 class Pruning(NamedTuple):
     """A wall of fewer modes: what was left out, the largest velocity change over the striker's
-    speed that was measured for it, and the run with the whole wall."""
+    speed that was measured for it."""
 
     wall: Wall
     left_out: tuple[LeftOut, ...]
     cost: float
-    whole: Impact
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -68,12 +68,12 @@ def prune(chain: Chain, wall: Wall, v0: ArrayLike, *, duration: float, error: fl
         pruned = without(wall, order[:n])
         allowed = largest_monotone_force(pruned.residual_compliance, chain.A[-1])
         if n == 0:
-            return Pruning(wall, (), 0.0, whole)
+            return Pruning(wall, (), 0.0)
         if whole.verdict.predicted_peak_force < allowed:
             run = impact(chain, pruned, v0, duration=duration, error=0.1 * error, n_save=FINE)
             cost = np.abs(run.trajectory.v - whole.trajectory.v).max() / speed
             if cost <= error:
-                return Pruning(pruned, tuple(order[:n]), float(cost), whole)
+                return Pruning(pruned, tuple(order[:n]), float(cost))
         n = int(0.8 * n)
 
 
@@ -94,7 +94,7 @@ def mode_costs(chain: Chain, wall: Wall, run: Trajectory) -> tuple[LeftOut, ...]
     """What leaving out each mode would cost, by the cheaper way, from the wall force of a run."""
     F = run.contact_force[:, -1]
     h = run.t[1] - run.t[0]
-    stiffness = 1.5 * chain.A[-1] ** (2 / 3) * np.cbrt(np.maximum(F, 0))
+    stiffness = hertz_stiffness(hertz_overlap(np.maximum(F, 0), chain.A[-1]), chain.A[-1])
     stiffness = stiffness / (1 + wall.residual_compliance * stiffness)
     momentum = chain.mass[-1] * np.abs(run.v[0]).max()
     slope = h * stiffness / momentum

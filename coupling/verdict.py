@@ -3,6 +3,8 @@
 Predicted peak force: one sphere on the wall, F = A^(2/5) (5/4 m V^2)^(3/5), which a chain does not
 reach (Hertz; Johnson, Contact Mechanics, sec. 11.4). Contact stiffness there:
 k = dF/d delta = 3/2 A^(2/3) F^(1/3), in series with the residual compliance k / (1 + s k).
+A finite-element body loaded over a patch holds the half-space under it, and so does the Hertz law:
+one of them has to go, and s may come out negative (sec. 3.2 and 3.4).
 """
 
 from typing import NamedTuple
@@ -11,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coupling.coupled_wall import CoupledWall
-from coupling.series_law import largest_monotone_force
 from dem import Chain, Wall
+from dem.spheres import hertz_overlap, hertz_stiffness
 
 FALCON = 1.03  # peak force of a column of spheres over that of one sphere; 1.024 is the limit
 
@@ -20,9 +22,9 @@ FALCON = 1.03  # peak force of a column of spheres over that of one sphere; 1.02
 class Verdict(NamedTuple):
     """A judgement of a chain and its wall at given velocities.
 
-    possible: the run can start; passive: the wall cannot make energy; frequencies in Hz, forces in
-    N, stiffness in N/m, suggested_dt in s; monotone_force: the largest force the series law
-    carries; findings: what forbids the run or spoils it; sentences: all of it for a reader.
+    possible: the run can start; passive: the wall cannot make energy; frequencies in Hz, force
+    in N, suggested_dt in s; findings: what forbids the run or makes it wrong; sentences: all of it
+    for a reader.
     """
 
     possible: bool
@@ -31,20 +33,23 @@ class Verdict(NamedTuple):
     largest_wall_frequency: float
     contact_frequency: float
     predicted_peak_force: float
-    contact_stiffness: float
-    monotone_force: float
     suggested_dt: float
     findings: tuple[str, ...]
     sentences: tuple[str, ...]
 
 
-def predicted_peak_force(chain: Chain, v0: ArrayLike, A: float) -> float:
-    """Largest force [N] to expect at a contact of coefficient A [N/m^1.5], preload included."""
-    return float(_peak_forces(chain, v0, A))
+def largest_monotone_force(residual: float, contact_coefficient: float) -> float:
+    """Force [N] up to which delta = (F/A)^(2/3) + s F grows with F; inf for s >= 0.
+
+    d delta / dF = 2/3 A^(-2/3) F^(-1/3) + s = 0 at F = (2 / (3 |s|))^3 / A^2.
+    """
+    if residual >= 0:
+        return np.inf
+    return (2 / (3 * abs(residual))) ** 3 / contact_coefficient**2
 
 
-def _peak_forces(chain: Chain, v0: ArrayLike, A: ArrayLike) -> np.ndarray:
-    """As above, for contacts A of any shape."""
+def predicted_peak_force(chain: Chain, v0: ArrayLike, A: ArrayLike) -> np.ndarray:
+    """Largest forces [N] to expect at contacts of coefficients A [N/m^1.5], preload included."""
     v0, mass, A = np.asarray(v0, dtype=float), np.asarray(chain.mass), np.asarray(A, dtype=float)
     swing = max(v0.max(initial=0.0) - min(v0.min(initial=0.0), 0.0), 0.0)
     one = FALCON * A**0.4 * (1.25 * mass.max() * swing**2) ** 0.6
@@ -55,9 +60,9 @@ def _peak_forces(chain: Chain, v0: ArrayLike, A: ArrayLike) -> np.ndarray:
 def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Verdict:
     """Judge a chain of n spheres with velocities v0 (n,) [m/s] against a wall, None for no wall."""
     A = float(np.max(chain.A, initial=0.0)) if wall is None else float(chain.A[-1])
-    force = predicted_peak_force(chain, v0, A)
+    force = float(predicted_peak_force(chain, v0, A))
     s = 0.0 if wall is None else wall.residual_compliance
-    hertz = 1.5 * A ** (2 / 3) * force ** (1 / 3)
+    hertz = float(hertz_stiffness(hertz_overlap(force, A), A)) if A else 0.0
     limit = largest_monotone_force(s, A)
     stiffness = hertz / (1 + s * hertz) if force < limit else np.inf
     findings, passive = _findings(wall, s, force, limit)
@@ -72,8 +77,6 @@ def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Ver
         largest_wall_frequency=fastest / (2 * np.pi),
         contact_frequency=omega / (2 * np.pi),
         predicted_peak_force=force,
-        contact_stiffness=float(stiffness),
-        monotone_force=float(limit),
         suggested_dt=dt,
         findings=findings,
         sentences=sentences,
@@ -127,7 +130,8 @@ def _kick_frequency(
     """Largest circular frequency [rad/s] of the contacts at their peak forces: the step's limit."""
     inverse, A = 1 / np.asarray(chain.mass), np.asarray(chain.A)
     between = A[: len(inverse) - 1]
-    k = 1.5 * between ** (2 / 3) * _peak_forces(chain, v0, between) ** (1 / 3)
+    overlap = hertz_overlap(predicted_peak_force(chain, v0, between), between)
+    k = hertz_stiffness(overlap, between)
     k = np.append(k, [] if wall is None else stiffness)
     last = 0.0 if wall is None else float(_reading(wall) @ _reading(wall))
     pair = np.append(inverse[:-1] + inverse[1:], [] if wall is None else inverse[-1] + last)

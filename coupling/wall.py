@@ -16,7 +16,6 @@ import numpy as np
 from coupling.coupled_wall import CoupledWall
 from coupling.damping import Damping, couples_modes, damping_ratios, matrix_ratios
 from coupling.errors import CouplingError
-from coupling.series_law import require_monotone
 from dem import Wall
 from rom import ModalWall, ReducedModel, modal, modal_compliance, static_compliance
 
@@ -50,8 +49,6 @@ def wall_from_reduced(
     damping: Damping | None = None,
     cutoff_hz: float | None = None,
     remainder: str = "oscillator",
-    contact_coefficient: float | None = None,
-    largest_force: float | None = None,
     modes: ModalWall | None = None,
 ) -> Wall:
     """The wall a chain leans on, from a reduced model.
@@ -60,16 +57,12 @@ def wall_from_reduced(
     elastic body). Modes below cutoff_hz [Hz] move one by one; None takes all that are more than
     static shapes: no residual vectors, none above the highest fixed-interface mode. The rest is one
     "oscillator", or a massless "spring" where its frequency would cost steps. damping adds to what
-    C of the model gives. With contact_coefficient A [N/m^1.5] of the last contact and largest_force
-    [N], the series law delta = (F/A)^(2/3) + s F is checked monotone up to that force. modes are
-    those of `rom.modal(reduced)`, where they are known.
+    C of the model gives. modes are those of `rom.modal(reduced)`, where they are known.
     Raises CouplingError.
     """
     modes = modal(reduced) if modes is None else modes
     moving = moving_modes(modes, kept_modes(modes, reduced, cutoff_hz), remainder)
     residual = residual_compliance(reduced, modes, moving, half_space)
-    if contact_coefficient is not None and largest_force is not None:
-        require_monotone(residual, contact_coefficient, largest_force)
     zeta = damping_ratios(damping, moving.omega) + matrix_ratios(moving.damping, moving.omega)
     return Wall(moving.omega, zeta, moving.phi, residual, 0.0)
 

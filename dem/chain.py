@@ -49,6 +49,13 @@ class Chain(NamedTuple):
     preload: float = 0.0  # [N] on the last sphere, towards the wall
     yield_overlap: Array | None = None  # [m] one per contact, where it turns plastic
 
+    @property
+    def springs(self) -> tuple[Array, Array]:
+        """Stiffness and anchor of the leaf springs, (n,) each; zeros where there are none."""
+        found = (self.leaf_stiffness, self.leaf_anchor)
+        none = np.zeros(self.mass.size)
+        return tuple(none if part is None else np.asarray(part, float) for part in found)
+
 
 class Wall(NamedTuple):
     """n_modes oscillators q'' + 2 zeta omega q' + omega^2 q = phi F in parallel, u_w = phi q.

@@ -7,6 +7,7 @@ import numpy as np
 from dem.chain import LAWS, Chain, Wall
 from dem.checks import InvalidChain
 from dem.kernels.arguments import Array, Damping
+from dem.spheres import hertz_overlap
 from dem.statics import Equilibrium, static_state
 
 
@@ -36,7 +37,7 @@ def _load(wall, static):
 
 
 def _require_elastic(chain, static):
-    overlap = (static.force / chain.A) ** (2.0 / 3.0)
+    overlap = hertz_overlap(static.force, chain.A)
     i = int((overlap / chain.yield_overlap).argmax())
     if overlap[i] > chain.yield_overlap[i]:
         raise InvalidChain(

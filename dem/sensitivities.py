@@ -25,7 +25,8 @@ from dem.kernels.sensitivities import (
     march_alone,
     workspace,
 )
-from dem.static_sensitivities import Directions, or_zeros, static_sensitivities
+from dem.spheres import hertz_overlap, hertz_stiffness, time_scale
+from dem.static_sensitivities import Directions, static_sensitivities
 from dem.statics import equilibrium
 
 SMOOTH = ("none", "hunt-crossley")
@@ -77,10 +78,10 @@ def no_directions(chain: Chain, wall: Wall | None) -> Directions:
 def usual_step(chain: Chain, wall: Wall | None, v0: ArrayLike) -> float:
     """Step [s] from the stiffest contact at the impact of the fastest sphere, or at rest."""
     mass, A, speed = chain.mass.min(), chain.A.max(), np.abs(v0).max()
-    rate = (A / mass) ** 0.4 * speed**0.2
     force = equilibrium(chain, wall).force.max(initial=0.0)
-    at_rest = np.sqrt(1.5 * A ** (2 / 3) * force ** (1 / 3) / mass)
-    return 1.0 / (STEPS_PER_TIME_SCALE * max(rate, at_rest))
+    at_rest = np.sqrt(hertz_stiffness(hertz_overlap(force, A), A) / mass)
+    moving = 1.0 / time_scale(mass, A, speed) if speed else 0.0
+    return 1.0 / (STEPS_PER_TIME_SCALE * max(moving, at_rest))
 
 
 def march_with_sensitivities(
@@ -140,11 +141,8 @@ def _rig(chain, wall, static, h):
     n = chain.mass.size
     load = np.zeros(n)
     load[-1] = chain.preload
-    leaf, anchor = or_zeros(chain.leaf_stiffness, n), or_zeros(chain.leaf_anchor, n)
-    return Rig(
-        chain.A, or_zeros(chain.gamma, chain.A.size), chain.mass, load, leaf, anchor,
-        *_wall(wall, static, h),
-    )  # fmt: skip
+    gamma = np.zeros(chain.A.size) if chain.gamma is None else np.asarray(chain.gamma, float)
+    return Rig(chain.A, gamma, chain.mass, load, *chain.springs, *_wall(wall, static, h))
 
 
 def _wall(wall, static, h):

@@ -46,6 +46,21 @@ def hertz_coefficient(
     return 4.0 / 3.0 * contact_modulus(E1, nu1, E2, nu2) * np.sqrt(relative_radius(R1, R2))
 
 
+def hertz_overlap(force: ArrayLike, A: ArrayLike) -> Array:
+    """delta = (F / A)^(2/3) [m]."""
+    return (np.asarray(force, float) / A) ** (2.0 / 3.0)
+
+
+def hertz_stiffness(overlap: ArrayLike, A: ArrayLike) -> Array:
+    """dF/d delta = 3/2 A delta^(1/2) [N/m]."""
+    return 1.5 * np.asarray(A, float) * np.sqrt(overlap)
+
+
+def hertz_energy(force: ArrayLike, A: ArrayLike) -> Array:
+    """2/5 F delta [J] of a contact under a force."""
+    return 0.4 * np.asarray(force, float) * hertz_overlap(force, A)
+
+
 def modulus_of_contact(A: ArrayLike, R: ArrayLike) -> Array:
     """E* [Pa] behind a Hertz coefficient A and the relative radius R."""
     return 0.75 * A / np.sqrt(R)
@@ -77,8 +92,7 @@ def yielded_radius(force: ArrayLike, R: ArrayLike, A: ArrayLike, overlap: ArrayL
     a^2 = R delta as in Hertz' law, with the straight line of Thornton's."""
     first = A * overlap**1.5
     beyond = np.maximum(np.asarray(force, float) / first - 1.0, 0.0) / 1.5
-    elastic = (np.minimum(force, first) / A) ** (2.0 / 3.0)
-    return np.sqrt(R * (elastic + overlap * beyond))
+    return np.sqrt(R * (hertz_overlap(np.minimum(force, first), A) + overlap * beyond))
 
 
 def time_scale(m: ArrayLike, A: ArrayLike, speed: ArrayLike) -> Array:

@@ -15,6 +15,7 @@ from dem.kernels.checks import fastest_contact
 from dem.kernels.laws import HUNT_CROSSLEY
 from dem.prepared import Prepared, prepare
 from dem.schemes import SCHEMES, Scheme, named_scheme
+from dem.spheres import hertz_overlap, hertz_stiffness
 
 _NONE = np.zeros(0)
 NEAR_FOLD = 0.1  # of the contact's stiffness that a negative spring in series leaves
@@ -76,13 +77,13 @@ def fastest_decay(prepared: Prepared, v0: ArrayLike) -> float:
         over = np.sqrt(np.maximum(wall.zeta**2 - 1.0, 0.0))
         rates.append((wall.omega * (wall.zeta + over)).max())
     if wall is not None and wall.mobility > 0.0:
-        rates.append(wall.mobility * 1.5 * chain.A[-1] * np.sqrt(_deepest(prepared, v0)[-1]))
+        rates.append(wall.mobility * hertz_stiffness(_deepest(prepared, v0)[-1], chain.A[-1]))
     if damping is not None and chain.A.size:
         deepest = _deepest(prepared, v0)
         force = chain.A * deepest**1.5
         damper = damping.gamma * (force if damping.law == HUNT_CROSSLEY else 1.0)
         if wall is not None and wall.residual_compliance < 0.0:
-            stiffness = 1.5 * chain.A[-1] * np.sqrt(deepest[-1])
+            stiffness = hertz_stiffness(deepest[-1], chain.A[-1])
             damper[-1] /= max(1.0 + wall.residual_compliance * stiffness, NEAR_FOLD) ** 2
         rates.append((damper * damping.inverse_mass).max())
     return float(max(rates))
@@ -92,7 +93,7 @@ def _deepest(prepared, v0):
     """Overlap [m] of every contact with all kinetic energy in it on top of the static force."""
     chain = prepared.chain
     energy = 0.5 * float(chain.mass @ np.square(v0))
-    return (2.5 * energy / chain.A) ** 0.4 + (prepared.static.force / chain.A) ** (2 / 3)
+    return (2.5 * energy / chain.A) ** 0.4 + hertz_overlap(prepared.static.force, chain.A)
 
 
 def backward_reach(scheme: Scheme) -> float:

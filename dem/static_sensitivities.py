@@ -6,6 +6,7 @@ import numpy as np
 
 from dem.chain import Chain, Wall, static_compliance
 from dem.kernels.arguments import Array
+from dem.spheres import hertz_overlap, hertz_stiffness
 from dem.statics import Equilibrium
 
 IDLE = 1e-9  # of the largest force: what the solver of the static state leaves in open contacts
@@ -54,8 +55,8 @@ def static_sensitivities(
 
 def _static_slopes(chain, static, compliance, walled):
     """Derivatives of each contact's force by its overlap, its stiffness, the compliance behind."""
-    d = (static.force / chain.A) ** (2.0 / 3.0)
-    k = 1.5 * chain.A * np.sqrt(d)
+    d = hertz_overlap(static.force, chain.A)
+    k = hertz_stiffness(d, chain.A)
     soft = np.ones_like(k)
     if walled and np.isfinite(compliance):
         soft[-1] = 1.0 / (1.0 + compliance * k[-1])
@@ -65,8 +66,7 @@ def _static_slopes(chain, static, compliance, walled):
 def _stiffness(chain, static, slope):
     """(n, n); a sphere that nothing holds keeps just touching the next."""
     n = chain.mass.size
-    leaf = or_zeros(chain.leaf_stiffness, n)
-    K = np.diag(leaf)
+    K = np.diag(chain.springs[0])
     for i, k in enumerate(slope):
         K[i, i] += k
         if i < n - 1:
@@ -86,7 +86,7 @@ def _idle(chain, static):
     n = chain.mass.size
     force = np.concatenate([[0.0], static.force, np.zeros(n - chain.A.size)])
     open_ = force <= IDLE * force.max()
-    return np.flatnonzero((or_zeros(chain.leaf_stiffness, n) == 0.0) & open_[:-1] & open_[1:])
+    return np.flatnonzero((chain.springs[0] == 0.0) & open_[:-1] & open_[1:])
 
 
 def _loads(chain, static, directions, source):
@@ -108,7 +108,3 @@ def _compliance_sensitivities(wall, directions):
     phi, omega = wall.phi[moving, None], wall.omega[moving, None]
     by_phi, by_omega = 2.0 * phi / omega**2, -2.0 * phi**2 / omega**3
     return np.sum(by_phi * directions.phi[moving] + by_omega * directions.omega[moving], axis=0)
-
-
-def or_zeros(values: Array | None, size: int) -> Array:
-    return np.zeros(size) if values is None else np.asarray(values, float)

@@ -7,6 +7,7 @@ import numpy as np
 from dem.chain import Chain, Wall, static_compliance, validate
 from dem.kernels.arguments import Array
 from dem.kernels.equilibrium import Bearing, rest, static_residual
+from dem.spheres import hertz_overlap, hertz_stiffness
 
 REGULAR = 1e-8  # of a closed contact's stiffness, in the tangent
 
@@ -36,8 +37,7 @@ def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
     """`equilibrium` of what is validated."""
     n = chain.mass.size
     n_modes = 0 if wall is None else wall.omega.size
-    stiffness = np.zeros(n) if chain.leaf_stiffness is None else chain.leaf_stiffness
-    anchor = np.zeros(n) if chain.leaf_anchor is None else chain.leaf_anchor
+    stiffness, anchor = chain.springs
     if chain.preload == 0.0 and not (stiffness * anchor).any():
         return Equilibrium(np.zeros(n), np.zeros(chain.A.size), np.zeros(n_modes))
     compliance = static_compliance(wall)
@@ -75,7 +75,7 @@ def _balance(chain, n_contacts, stiffness, anchor, compliance):
     n = held.size
     first = int(held.argmax()) if held.any() else n - 1  # spheres before it just touch
     carried = abs(P) + float(np.abs(stiffness * anchor).sum())
-    overlap = (carried / A.min(initial=np.inf)) ** (2.0 / 3.0)
+    overlap = hertz_overlap(carried, A.min(initial=np.inf))
     x, force = np.where(held, anchor, overlap), np.zeros(n + 1)
     if n_contacts == n and compliance < 0:  # half of the largest approach that a force answers
         x = np.minimum(x, 2 / (27 * (compliance * A[-1]) ** 2))
@@ -83,12 +83,12 @@ def _balance(chain, n_contacts, stiffness, anchor, compliance):
         np.ascontiguousarray(A[:n_contacts])[first:], stiffness[first:], anchor[first:], P,
         compliance if n_contacts == n else 0.0,
     )  # fmt: skip
-    floor = REGULAR * 1.5 * A.max(initial=0.0) * np.sqrt(overlap)
+    floor = REGULAR * hertz_stiffness(overlap, A.max(initial=0.0))
     unbalanced = rest(x[first:], bearing, floor, 500)
     pushed = np.cumsum(stiffness * anchor) + np.r_[np.zeros(n - 1), P]
     if not unbalanced <= 1e-9 * carried and n_contacts == n and (pushed[first:] > 0).all():
         # of a long chain: from where the springs' forces at x = 0 would press it
-        gap = (np.maximum(pushed, 0) / A) ** (2.0 / 3.0)
+        gap = hertz_overlap(np.maximum(pushed, 0), A)
         gap[-1] += max(compliance, 0.0) * pushed[-1]
         x[:] = np.cumsum(gap[::-1])[::-1]
         unbalanced = rest(x[first:], bearing, floor, 500)

@@ -55,17 +55,15 @@ def march_to_error(
     duration: float,
     error: float,
     observed: Sequence[int] | None = None,
-    scale: float | None = None,
     energy_error: float | None = None,
     scheme: str | None = None,
     n_save: int = 1000,
     max_evaluations: float | None = None,
 ) -> Controlled:
-    """Trajectory whose velocities are off by less than `error` times `scale` on the observed
-    spheres, and whose ledger closes to `energy_error`.
+    """Trajectory whose velocities are off by less than `error` times the largest initial speed on
+    the observed spheres, and whose ledger closes to `energy_error`.
 
-    observed: indices of spheres, None for all; scale: the largest initial speed unless given;
-    energy_error: error / 100 unless given;
+    observed: indices of spheres, None for all; energy_error: error / 100 unless given;
     max_evaluations: of all contacts, unless given as many as take about a minute. The estimate
     divides the difference of two marches by what order 1.5 leaves, of a third by what the observed
     order leaves, up to 2 (0.75 for the linear laws, whose force jumps): all schemes here keep more,
@@ -75,9 +73,8 @@ def march_to_error(
     positive("error", error)
     positive("duration", duration, " s")
     saves(n_save, chain.mass.size)
-    for name, value in (
-        ("scale", scale), ("energy_error", energy_error), ("max_evaluations", max_evaluations),
-    ):  # fmt: skip
+    limits = {"energy_error": energy_error, "max_evaluations": max_evaluations}
+    for name, value in limits.items():
         if value not in (None, np.inf):
             positive(name, value)
     prepared = prepare(chain, wall)
@@ -91,7 +88,7 @@ def march_to_error(
         error,
         energy_error or max(1e-2 * error, 1e-12),
         columns(observed, chain.mass.size),
-        scale or float(np.abs(v0).max()) or 1.0,
+        float(np.abs(v0).max()) or 1.0,
         _assumed_order(chain, method),
         allowed / 20 if method.kind == "implicit" else allowed,
         _witness(prepared, state) if method.kind == "implicit" else None,
@@ -134,7 +131,7 @@ def _witness(prepared, state):
         except UnstableStep:
             return np.inf
         off = other.dissipated_contact[-1] - found.dissipated_contact[-1]
-        return abs(off) / (found.energy_kinetic[0] or np.abs(found.energy_total).max() or 1.0)
+        return abs(off) / found.energy_scale
 
     return apart
 
@@ -191,9 +188,8 @@ def _compared(coarse, fine, tried, method, asked):
 def _rounding_of_energy(run, method):
     """Energy error that no step avoids: of sums much larger than the motion, and of each part of
     each step."""
-    scale = run.energy_kinetic[0] or np.abs(run.energy_total).max() or 1.0
     largest = max(np.abs(part).max() for part in run.ledger)
-    return EPSILON * (ULPS * largest / scale + run.n_steps * method.evaluations)
+    return EPSILON * (ULPS * largest / run.energy_scale + run.n_steps * method.evaluations)
 
 
 def _require_hope(step, spent, tried, method, asked):

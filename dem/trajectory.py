@@ -54,6 +54,11 @@ class Trajectory(NamedTuple):
     final: State
 
     @property
+    def energy_scale(self) -> float:
+        """[J] what errors of the energy are relative to."""
+        return float(self.energy_kinetic[0] or np.abs(self.energy_total).max() or 1.0)
+
+    @property
     def ledger(self) -> tuple[np.ndarray, ...]:
         """The parts that make up energy_total, work_preload with the opposite sign."""
         return (
@@ -155,8 +160,10 @@ def run(
         saved = march_implicit(motion, shown, parts, *work, scheme.b, steps, out)
     else:
         before = motion._replace(x=np.empty(n), v=np.empty(n), wall=np.empty(4))
-        fractions = (scheme.a, scheme.b, scheme.correction)
-        saved = march_explicit(motion, before, shown, parts, *fractions, steps, out)
+        fractions = (scheme.a, scheme.b)
+        saved = march_explicit(
+            motion, before, shown, parts, fractions, scheme.correction, steps, out
+        )
     if saved < n_save:
         raise UnstableStep(
             f"the state is not finite at t = {saved * steps.stride * steps.h:.4g} s with "
@@ -253,8 +260,7 @@ def _leaf_springs(chain, static, spans, implicit):
     omega = np.sqrt(chain.leaf_stiffness / chain.mass)
     free = np.zeros_like(omega)
     return LeafSprings(
-        chain.leaf_stiffness,
-        np.zeros_like(chain.mass) if chain.leaf_anchor is None else chain.leaf_anchor,
+        *chain.springs,
         static.x,
         oscillators.propagators(spans, omega, free)[:, :3].copy(),
         _step_responses(omega, free, spans) if implicit else None,

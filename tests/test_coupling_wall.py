@@ -13,6 +13,7 @@ from coupling import (
     ModalDamping,
     RayleighDamping,
     damping_ratios,
+    impact,
     largest_monotone_force,
     predicted_peak_force,
     rayleigh,
@@ -23,6 +24,8 @@ from rom import Selection, craig_bampton, free_modes, full_order, modal, static_
 
 E, NU, RHO = 210e9, 0.3, 7850.0
 HZ = 2 * np.pi
+CHAIN = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=5, wall_young=E, wall_poisson=NU)
+V0 = np.r_[0.31, np.zeros(4)]
 
 
 def bar(n=120, length=0.5, area=1.6e-3, held=True):
@@ -170,28 +173,18 @@ def test_series_law_turns_over_where_its_formula_says():
     assert largest_monotone_force(0.0, A) == np.inf
 
 
-def test_a_wall_that_makes_the_contact_give_way_is_refused():
-    K, M, w = bar()
-    reduced = free_modes(K, M, w, Selection(n_modes=5))
-    A, force = 1.7e10, 700.0
-    steep = (2 / 3) * A ** (-2 / 3) * force ** (-1 / 3)
-    compliance = static_compliance(reduced)
-    wall_from_reduced(
-        reduced,
-        half_space=compliance + 0.9 * steep,
-        cutoff_hz=1.0,
-        remainder="spring",
-        contact_coefficient=A,
-        largest_force=force,
-    )
-    with pytest.raises(CouplingError, match="give way"):
-        wall_from_reduced(
-            reduced,
-            half_space=compliance + 1.1 * steep,
-            cutoff_hz=1.0,
-            contact_coefficient=A,
-            largest_force=force,
-        )
+@pytest.mark.parametrize(("share", "possible"), [(0.97, True), (1.03, False)])
+def test_a_wall_that_makes_the_contact_give_way_is_refused(share, possible):
+    """Just below and above the residual compliance that turns over at the predicted force."""
+    A = CHAIN.A[-1]
+    steep = (2 / 3) * A ** (-2 / 3) * predicted_peak_force(CHAIN, V0, A) ** (-1 / 3)
+    reduced = free_modes(*bar(), Selection(n_modes=5))
+    half_space = static_compliance(reduced) + share * steep
+    wall = wall_from_reduced(reduced, half_space=half_space, cutoff_hz=1.0, remainder="spring")
+    assert verdict(CHAIN, wall, V0).possible == possible
+    if not possible:
+        with pytest.raises(CouplingError, match="gives way"):
+            impact(CHAIN, wall, V0, duration=1e-3, error=1e-3)
 
 
 def test_rayleigh_ratios_of_the_thesis_are_what_its_coefficients_imply():
@@ -277,10 +270,6 @@ def test_a_dashpot_inside_is_refused_by_ratios_and_kept_by_the_coupled_wall():
         wall_from_reduced(reduced, half_space=0)
     wall = coupled_wall(reduced, half_space=0)
     assert np.linalg.matrix_rank(wall.D, tol=1e-6 * np.abs(wall.D).max()) == 1
-
-
-CHAIN = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=5, wall_young=E, wall_poisson=NU)
-V0 = np.r_[0.31, np.zeros(4)]
 
 
 def test_verdict_names_wall_frequency_peak_force_and_step():

@@ -229,8 +229,7 @@ def march(
     before: Motion,
     shown: Motion,
     parts: Parts,
-    a: Array,
-    b: Array,
+    fractions: tuple[Array, Array],
     correction: Correction | None,
     steps: Steps,
     saved: Saved,
@@ -241,7 +240,7 @@ def march(
     has forces of its own. Changes motion and modes in place. Ends early, and says after how many
     saves, when a state is not finite.
     """
-    dt, n_save, stride = steps
+    (a, b), (dt, n_save, stride) = fractions, steps
     stale = n_save >= 0  # a literal True would compile what takes it once more
     for k in range(n_save + 1):
         for _step in range(stride if k > 0 else 0):

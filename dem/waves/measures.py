@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from dem.chain import Chain
 from dem.kernels.arguments import Array
+from dem.spheres import hertz_energy
 from dem.trajectory import Trajectory
 from dem.waves.arrivals import energy_restitution, velocity_sum_ratio
 from dem.waves.tracks import WaveTrack
@@ -133,7 +134,7 @@ def wave_energy(run: Trajectory, chain: Chain) -> WaveEnergy:
     return WaveEnergy(
         float(run.energy_kinetic[way].mean() / whole),
         float(run.energy_kinetic[k] / whole),
-        float(0.4 * force[k, -1] ** (5 / 3) / chain.A[-1] ** (2 / 3) / whole),
+        float(hertz_energy(force[k, -1], chain.A[-1]) / whole),
     )
 
 
@@ -144,7 +145,7 @@ def leading_share(run: Trajectory, chain: Chain) -> float:
     gap = int(v.argmax()) - 1
     while F[gap] > EMPTY * F.max() and F[gap] >= F[gap - 1]:
         gap -= 1
-    stored = 0.4 * F ** (5 / 3) / chain.A ** (2 / 3)
+    stored = hertz_energy(F, chain.A)
     moving = 0.5 * chain.mass[gap + 1 :] @ v[gap + 1 :] ** 2
     return float((moving + stored[gap:].sum()) / run.energy_kinetic[0])
 
