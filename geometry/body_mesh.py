@@ -14,7 +14,7 @@ from geometry.hexahedra import hexahedra
 from geometry.imprint import Disc, regions
 from geometry.roundness import rimmed
 from geometry.selectors import Selected
-from geometry.sizes import Fine, Size, default_seed
+from geometry.sizes import Fine, size_of
 from geometry.solids import Body
 from geometry.tetrahedra import tetrahedra
 from geometry.touching import Touch
@@ -40,8 +40,7 @@ def body_meshes(
     meshes = {}
     for name, body in bodies.items():
         wanted = regions(body, touching, discs or {}, gap)
-        seed = (seeds or {}).get(name) or default_seed(body)
-        size = Size(seed, tuple(f for f in fine if f.body == name))
+        size = size_of(body, (seeds or {}).get(name), fine)
         order = (body, wanted, named or {}, size, gap)
         mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
         for key, disc in (discs or {}).items():

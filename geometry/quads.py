@@ -4,7 +4,8 @@ Rectangles that carry only rectangles become grids, rings become polar grids; an
 meshed by gmsh in triangles that are joined to quadrilaterals and split once more.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from math import pi
 from typing import NamedTuple
@@ -16,12 +17,17 @@ from numpy.typing import NDArray
 from geometry.gmsh_session import EDGES_AROUND, boolean_tolerance, mesh_options
 from geometry.prism import Imprints, Prism, corners_of
 from geometry.sizes import Size, mesh_visible, size_at
-from geometry.solids import Vector, parallel
+from geometry.solids import SAME, Vector, parallel
 
 TRIANGLE, QUADRILATERAL = 2, 3  # gmsh's element types
 # gmsh's algorithms for triangles (frontal for quadrilaterals, frontal, Delaunay) and for joining
-# them (full-quad, full-quad by blossom), the best first: none succeeds everywhere
-JOINED = ((8, 2), (6, 2), (5, 3))
+# them (full-quad, by blossom, or simple and split), the best first: only the last never fails
+JOINED = (
+    {"Algorithm": 8, "RecombinationAlgorithm": 2},
+    {"Algorithm": 6, "RecombinationAlgorithm": 2},
+    {"Algorithm": 5, "RecombinationAlgorithm": 3},
+    {"RecombinationAlgorithm": 1, "SubdivisionAlgorithm": 1, "MeshSizeFactor": 2},
+)
 SQUARE = 0.15  # sine of the sharpest corner, less is left to tetrahedra
 
 
@@ -67,7 +73,8 @@ def _grid(prism: Prism, marks: Imprints, size: Size) -> Flat | None:
     lines = []
     for i, axis in enumerate((u, v)):
         stops = [*(feet @ axis), *(end for box in boxes.values() for end in box[i])]
-        lines.append(spaced(stops, lambda x, axis=axis: size_at(size, x, axis)))
+        inner = [end for end in stops if min(stops) + SAME < end < max(stops) - SAME]
+        lines.append(spaced(stops, partial(size_at, size, axis=axis, edges=inner)))
     x, y = np.meshgrid(*lines, indexing="ij")
     off = (prism.base[0].centre @ prism.axis) * prism.axis
     p = off + x.reshape(-1, 1) * u + y.reshape(-1, 1) * v
@@ -165,14 +172,18 @@ def _free(prism: Prism, marks: Imprints, size: Size, gap: float) -> Flat | None:
         tag: [t for d, t in parts if d == 2] for tag, parts in zip(tags, became, strict=False)
     }
     visible = sorted({t for parts in pieces.values() for t in parts})
-    tried = (_joined(pieces, visible, size, *options) for options in JOINED)
+    tried = (_joined(pieces, visible, size, options) for options in JOINED)
     return next((flat for flat in tried if flat and _squareness(flat) > SQUARE), None)
 
 
-def _joined(pieces, visible, size: Size, algorithm: int, recombination: int) -> Flat | None:
-    options = {"RecombineAll": 1, "Algorithm": algorithm, "RecombinationAlgorithm": recombination}
-    with mesh_options(options):
-        mesh_visible([(2, tag) for tag in visible], size)
+def _joined(pieces, visible, size: Size, options: Mapping[str, float]) -> Flat | None:
+    try:
+        with mesh_options({"RecombineAll": 1, **options}):
+            mesh_visible([(2, tag) for tag in visible], size)
+    except Exception as error:
+        if type(error) is not Exception:  # gmsh raises bare Exceptions
+            raise
+        return None
     return _read(pieces, visible)
 
 

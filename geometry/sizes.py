@@ -1,16 +1,21 @@
 """Element sizes of a body: a seed, less at fine points, growing away from them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from math import pi
 from typing import NamedTuple
 
 import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.solids import Body, Vector
+from geometry.gmsh_session import EDGES_AROUND, mesh_options
+from geometry.solids import Body, Vector, parallel
 
 GRADING = 0.35  # growth of the element size per distance from a fine point
+STEEP = 0.7  # the same from a line
 ACROSS, LAYERS = 15, 1 / 3  # elements along a body's diagonal, and through a thin one, at least
+EDGE = 4  # of the seed, the finest where a partner ends
+SAMPLED = 200  # points of a line that distances are taken from
 
 
 class Fine(NamedTuple):
@@ -26,17 +31,30 @@ class Size(NamedTuple):
 
     seed: float
     fine: tuple[Fine, ...] = ()
+    edge: float | None = None  # where a partner ends inside a face
 
 
-def default_seed(body: Body) -> float:
-    """Element size from a body's extent, less for a thin one [m]."""
+def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) -> Size:
+    """The sizes of a body, its seed by its extent unless given.
+
+    A body bends sharply where a partner that holds it ends, over a length of its thickness: there
+    elements of a thin one are as small.
+    """
     thickness = 2 * body.volume / body.area
-    return float(min(np.linalg.norm(body.upper - body.lower) / ACROSS, thickness / LAYERS))
+    extent = float(np.linalg.norm(body.upper - body.lower))
+    seed = seed or min(extent / ACROSS, thickness / LAYERS)
+    edge = max(thickness, seed / EDGE)
+    mine = tuple(f for f in fine if f.body == body.name)
+    return Size(seed, mine, edge if edge < seed else None)
 
 
-def size_at(size: Size, x: NDArray[np.float64], axis: Vector) -> NDArray[np.float64]:
-    """Sizes along a line of an axis, at its coordinates x [m]."""
+def size_at(
+    size: Size, x: NDArray[np.float64], axis: Vector, edges: Sequence[float] = ()
+) -> NDArray[np.float64]:
+    """Sizes along a line of an axis, at its coordinates x [m], partners ending at `edges`."""
     grown = [f.size + GRADING * np.abs(x - f.point @ axis) for f in size.fine]
+    if size.edge:
+        grown += [size.edge + STEEP * np.abs(x - edge) for edge in edges]
     return np.minimum.reduce([np.full_like(x, size.seed), *grown])
 
 
@@ -45,27 +63,70 @@ def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
     gmsh.model.mesh.clear()
     gmsh.model.setVisibility(gmsh.model.getEntities(), 0)
     gmsh.model.setVisibility(entities, 1, recursive=True)
-    gmsh.option.setNumber("Mesh.MeshOnlyVisible", 1)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", size.seed)
-    _refine(size)
-    gmsh.model.mesh.generate(max(dimension for dimension, _ in entities))
+    dimension = entities[0][0]
+    solid = dimension == 3
+    faces = gmsh.model.getBoundary(entities, oriented=False) if solid else entities
+    _refine(size, [tag for _, tag in faces])
+    # faces by the fields alone: between two fine lines they would all be fine
+    options = {"MeshOnlyVisible": 1, "MeshSizeMax": size.seed, "MeshSizeExtendFromBoundary": -3}
+    with mesh_options(options):
+        gmsh.model.mesh.generate(dimension)
 
 
-def _refine(size: Size) -> None:
+def _refine(size: Size, faces: Sequence[int]) -> None:
+    """Sizes that grow away from fine points, from where partners end, and from circles."""
     field = gmsh.model.mesh.field
     for tag in field.list():
         field.remove(tag)
-    balls = [_ball(f, size.seed) for f in size.fine if f.size < size.seed]
+    curves = sorted({tag for face in faces for tag in gmsh.model.getAdjacencies(2, face)[1]})
+    lines = _ends_inside(curves, faces) if size.edge else []
+    around = {tag: 2 * pi * _radius(tag) / EDGES_AROUND for tag in curves if _is("Circle", tag)}
+    fields = [_ball(f, size.seed) for f in size.fine if f.size < size.seed]
+    fields += [_from(lines, size.edge, size.seed, STEEP)] if lines else []
+    for fine in sorted({round(s, 9) for s in around.values() if s < size.seed}):
+        circles = [tag for tag, s in around.items() if round(s, 9) == fine]
+        fields.append(_from(circles, fine, size.seed, GRADING))
     least = field.add("Min")
-    field.setNumbers(least, "FieldsList", balls)
+    field.setNumbers(least, "FieldsList", fields)
     field.setAsBackgroundMesh(least)
 
 
+def _ends_inside(curves: Sequence[int], faces: Sequence[int]) -> list[int]:
+    """Straight lines between parts of one plane: there a partner ends."""
+    flat = {tag for tag in faces if gmsh.model.getType(2, tag) == "Plane"}
+    return [c for c in curves if _is("Line", c) and _in_plane(c, flat)]
+
+
+def _in_plane(curve: int, flat: set[int]) -> bool:
+    beside = [tag for tag in gmsh.model.getAdjacencies(1, curve)[0] if tag in flat]
+    normals = [gmsh.model.getEntityProperties(2, tag)[1][:3] for tag in beside]
+    return len(normals) == 2 and parallel(*normals)
+
+
+def _is(kind: str, curve: int) -> bool:
+    return gmsh.model.getType(1, curve) == kind
+
+
+def _radius(circle: int) -> float:
+    first, _ = gmsh.model.getParametrizationBounds(1, circle)
+    return 1 / gmsh.model.getCurvature(1, circle, first)[0]
+
+
 def _ball(fine: Fine, coarse: float) -> int:
-    field = gmsh.model.mesh.field
-    tag = field.add("Ball")
-    numbers = dict(zip(("XCenter", "YCenter", "ZCenter"), fine.point, strict=True))
-    numbers |= {"VIn": fine.size, "VOut": coarse, "Radius": fine.size}
-    for name, value in (numbers | {"Thickness": (coarse - fine.size) / GRADING}).items():
-        field.setNumber(tag, name, value)
+    middle = dict(zip(("XCenter", "YCenter", "ZCenter"), fine.point, strict=True))
+    growing = {"Radius": fine.size, "Thickness": (coarse - fine.size) / GRADING}
+    return _field("Ball", middle | growing | {"VIn": fine.size, "VOut": coarse})
+
+
+def _from(curves: Sequence[int], fine: float, coarse: float, growth: float) -> int:
+    away = _field("Distance", {"Sampling": SAMPLED})
+    gmsh.model.mesh.field.setNumbers(away, "CurvesList", curves)
+    growing = {"DistMin": 0.0, "DistMax": (coarse - fine) / growth}
+    return _field("Threshold", growing | {"InField": away, "SizeMin": fine, "SizeMax": coarse})
+
+
+def _field(kind: str, numbers: Mapping[str, float]) -> int:
+    tag = gmsh.model.mesh.field.add(kind)
+    for name, value in numbers.items():
+        gmsh.model.mesh.field.setNumber(tag, name, value)
     return tag
