@@ -21,9 +21,12 @@ from geometry.solids import SAME, Vector, parallel
 
 TRIANGLE, QUADRILATERAL = 2, 3  # gmsh's element types
 # gmsh's algorithms for triangles (frontal for quadrilaterals, frontal, Delaunay) and for joining
-# them (full-quad, by blossom, or simple and split), the best first: only the last never fails
+# them (full-quad, by blossom, or simple and split), the best first; full-quad halves all lines and
+# gives up on one of a single element, which smaller elements avoid
 JOINED = (
     {"Algorithm": 8, "RecombinationAlgorithm": 2},
+    {"Algorithm": 8, "RecombinationAlgorithm": 2, "MeshSizeFactor": 0.7},
+    {"Algorithm": 8, "RecombinationAlgorithm": 2, "MeshSizeFactor": 0.5},
     {"Algorithm": 6, "RecombinationAlgorithm": 2},
     {"Algorithm": 5, "RecombinationAlgorithm": 3},
     {"RecombinationAlgorithm": 1, "SubdivisionAlgorithm": 1, "MeshSizeFactor": 2},

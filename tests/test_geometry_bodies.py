@@ -167,6 +167,28 @@ def test_a_tube_in_a_ring_is_polar_and_touches_over_its_length():
         assert area(mesh, "tube|ring") == pytest.approx(2 * pi * 0.05 * 0.03, rel=5e-3)
 
 
+@pytest.mark.parametrize(("element", "hole"), [(None, False), (None, True), ("tet", True)])
+def test_a_thin_body_is_fine_where_its_partner_ends_and_there_alone(element, hole):
+    holes = (Hole(0.006, (0.08, 0.03)),) if hole else ()
+    shapes = {
+        "sheet": Plate(((0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06)), 1e-3, holes),
+        "clamp": Box((0.03, 0.06, 0.03), at=(0.015, 0.03, -0.015)),
+    }
+    seed = 4e-3
+    with model(shapes) as drawn:
+        pairs = neighbours(drawn.bodies, GAP).touching
+        seeds = {"sheet": seed}
+        mesh = body_meshes(drawn.bodies, pairs, gap=GAP, seeds=seeds, element=element)["sheet"]
+    ends = mesh.p[:, mesh.edges]
+    lower = np.all(ends[2] < 1e-9, axis=0)
+    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=0)
+    crossing = lower & (np.abs(ends[0] - 0.03).min(axis=0) < 1e-9)
+    far = lower & (np.abs(ends[0] - 0.06).max(axis=0) < 0.005)
+    # a grid is fine across the line only
+    assert length[crossing & (np.ptp(ends[0], axis=0) > 5e-4)].mean() < 0.45 * seed
+    assert length[far].mean() > 0.7 * seed
+
+
 def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_only():
     outline = ((0, 0), (0.1, 0), (0.1, 0.05), (0.05, 0.08), (0, 0.05))
     shapes = {"pad": Plate(outline, 0.03), "leg": Box((0.02, 0.02, 0.1), at=(0.05, 0.03, -0.05))}
