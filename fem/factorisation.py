@@ -1,7 +1,8 @@
-"""Sparse factorisation of symmetric matrices: PARDISO where it is installed, else SuperLU.
+"""Sparse factorisation of symmetric matrices.
 
-Up to some thirty thousand unknowns the two take the same time; beyond, PARDISO's nested dissection
-wins (the `fast` extra installs it).
+Up to some twenty thousand unknowns SuperLU's minimum degree is as good as any; beyond, nested
+dissection wins: PARDISO's where it is installed (the `fast` extra), else our own Cholesky's. What
+has no Cholesky factor, being indefinite or complex, is left to SuperLU.
 """
 
 from functools import cache
@@ -15,7 +16,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, triu
 from scipy.sparse.linalg import splu
 
+from fem.multifrontal import Cholesky, NotPositiveDefinite
+
 WORTH_PARDISO = 20_000  # unknowns
+WORTH_DISSECTION = 25_000
 SYMMETRIC, SOLVE = -2, 33  # PARDISO's matrix type and phase
 RECOVERED = 1e-3  # of a known solution: a singular matrix loses it altogether
 
@@ -54,7 +58,7 @@ def factorised(A: csc_matrix) -> Factor:
         raise ValueError("the matrix holds NaN or inf; check material and stiffnesses.")
     if A.shape[0] >= WORTH_PARDISO and np.isrealobj(A.data) and has_pardiso():
         return _checked(Pardiso(A), A)
-    return _checked(_superlu(A), A)
+    return _checked(_dissected(A) or _superlu(A), A)
 
 
 @cache
@@ -69,6 +73,16 @@ def _mkl() -> str:
     from pypardiso import PyPardisoSolver
 
     return PyPardisoSolver().libmkl._name
+
+
+def _dissected(A: csc_matrix) -> Factor | None:
+    """Cholesky's factor of a matrix that is large and positive definite, else None."""
+    if A.shape[0] < WORTH_DISSECTION or np.iscomplexobj(A.data):
+        return None
+    try:
+        return Cholesky(A)
+    except NotPositiveDefinite:
+        return None
 
 
 def _superlu(A: csc_matrix) -> Factor:

@@ -1,0 +1,167 @@
+"""Cholesky's factors of large sparse matrices, domain by domain of a nested dissection.
+
+Each domain is a dense front: its own unknowns, eliminated here, and those of its ancestors that it
+touches, to which it leaves an update,
+
+    L11 L11^T = F11,    L21 = F21 L11^-T,    U = F22 - L21 L21^T
+
+(Liu, SIAM Review 34 (1992) 82). All work is that of dense BLAS; L alone is kept, half of what LU
+needs.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.lapack import dpotrf
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
+
+from fem.nested_dissection import Domain, edges, nested_dissection
+
+
+class NotPositiveDefinite(ValueError):
+    """A pivot is not positive: Cholesky's factors do not exist."""
+
+
+class Front(NamedTuple):
+    """Positions in the order of elimination."""
+
+    first: int  # own ones: from the first ...
+    end: int  # ... up to the end
+    boundary: NDArray[np.int64]  # (b,) of ancestors, ascending
+    children: tuple[int, ...]
+
+
+class Plan(NamedTuple):
+    """What is eliminated when."""
+
+    order: NDArray[np.int64]  # (n,) unknown at each position
+    fronts: list[Front]
+
+    @property
+    def bytes(self) -> int:
+        """That the factor will take."""
+        return 8 * sum((f.end - f.first) * (f.end - f.first + len(f.boundary)) for f in self.fronts)
+
+
+class Cholesky:
+    """The factor of a symmetric positive definite matrix."""
+
+    def __init__(self, A: csc_matrix) -> None:
+        """Raises NotPositiveDefinite."""
+        self._order, self._fronts = plan(A)
+        self.blocks = _factors(A[self._order][:, self._order].tocsc(), self._fronts)
+
+    def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        """x of A x = b, (n,) or (n, k)."""
+        y = b[self._order].reshape(len(b), -1).astype(float)
+        # two halves that nothing joins have nothing between them
+        pairs = [pair for pair in zip(self._fronts, self.blocks, strict=True) if len(pair[1][0])]
+        for front, (L11, L21) in pairs:
+            own = dtrsm(1.0, L11, y[front.first : front.end], lower=1)
+            y[front.first : front.end] = own
+            y[front.boundary] -= L21 @ own
+        for front, (L11, L21) in reversed(pairs):
+            rest = y[front.first : front.end] - L21.T @ y[front.boundary]
+            y[front.first : front.end] = dtrsm(1.0, L11, rest, lower=1, trans_a=1)
+        x = np.empty_like(y)
+        x[self._order] = y
+        return x.reshape(b.shape)
+
+
+def plan(A: csc_matrix) -> Plan:
+    """The order of elimination of a symmetric matrix, and its fronts."""
+    group = _alike(A)
+    n_groups = int(group.max()) + 1
+    pattern = coo_matrix(A)
+    joined = (np.ones(pattern.nnz), (group[pattern.row], group[pattern.col]))
+    graph = csr_matrix(joined, shape=(n_groups, n_groups))
+    graph.data[:] = 1.0  # whatever the number of unknowns in a group
+    domains = nested_dissection(graph)
+    sequence = np.concatenate([d.vertices for d in domains])
+    rank = np.empty(n_groups, dtype=np.int64)
+    rank[sequence] = np.arange(n_groups)
+    order = np.argsort(rank[group], kind="stable")
+    ends = np.concatenate([[0], np.cumsum(np.bincount(rank[group], minlength=n_groups))])
+    return Plan(order, _fronts(graph, domains, rank, ends))
+
+
+def _alike(A: csc_matrix) -> NDArray[np.int64]:
+    """Number (n,) of the group of unknowns that are coupled to the same ones."""
+    mark = np.random.default_rng(0).integers(1, 2**62, A.shape[0])
+    ones = csc_matrix((np.ones(A.nnz, np.int64), A.indices, A.indptr), shape=A.shape)
+    return np.unique(ones.T @ mark, return_inverse=True)[1].ravel()
+
+
+def _fronts(graph: csr_matrix, domains: Sequence[Domain], rank, ends) -> list[Front]:
+    """Of groups with their positions `rank` and first unknowns `ends`."""
+    fronts: list[Front] = []
+    touched: list[NDArray[np.int64]] = []  # ranks of the ancestors of each domain
+    first = 0
+    for vertices, children in domains:
+        last = first + len(vertices)
+        met = [rank[edges(graph, vertices)[1]], *(touched[child] for child in children)]
+        ancestors = np.unique(np.concatenate(met))
+        ancestors = ancestors[ancestors >= last]
+        counts = ends[ancestors + 1] - ends[ancestors]
+        boundary = np.repeat(ends[ancestors], counts) + _within(counts)
+        fronts.append(Front(int(ends[first]), int(ends[last]), boundary, children))
+        touched.append(ancestors)
+        first = last
+    return fronts
+
+
+def _within(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """0, 1, ... within each of consecutive groups of these sizes."""
+    starts = np.cumsum(counts) - counts
+    return np.arange(counts.sum()) - np.repeat(starts, counts)
+
+
+def _factors(A: csc_matrix, fronts: Sequence[Front]) -> list[tuple[NDArray, NDArray]]:
+    """L11 and L21 of every front of the ordered matrix."""
+    blocks, updates = [], {}
+    for i, front in enumerate(fronts):
+        F11, F21 = _assembled(A, front)
+        F22 = np.zeros((len(front.boundary),) * 2, order="F")
+        for child in front.children:
+            _extend(front, fronts[child].boundary, updates.pop(child), (F11, F21, F22))
+        L11, L21, updates[i] = _eliminated(F11, F21, F22) if len(F11) else (F11, F21, F22)
+        blocks.append((L11, L21))
+    return blocks
+
+
+def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """L11, L21 and the update, in place of the three; raises NotPositiveDefinite."""
+    L11, failed = dpotrf(F11, lower=1, overwrite_a=1, clean=0)
+    if failed:
+        raise NotPositiveDefinite("a pivot of the factorisation is not positive.")
+    if not len(F21):
+        return L11, F21, F22
+    L21 = dtrsm(1.0, L11, F21, side=1, lower=1, trans_a=1, overwrite_b=1)
+    return L11, L21, dsyrk(-1.0, L21, beta=1.0, c=F22, lower=1, overwrite_c=1)
+
+
+def _assembled(A: csc_matrix, front: Front) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What the matrix itself has in F11 and F21."""
+    k = front.end - front.first
+    entries = slice(A.indptr[front.first], A.indptr[front.end])
+    rows, values = A.indices[entries], A.data[entries]
+    columns = np.repeat(np.arange(k), np.diff(A.indptr[front.first : front.end + 1]))
+    own = (rows >= front.first) & (rows < front.end)
+    F11, F21 = np.zeros((k, k), order="F"), np.zeros((len(front.boundary), k), order="F")
+    F11[rows[own] - front.first, columns[own]] = values[own]
+    below = rows >= front.end
+    F21[np.searchsorted(front.boundary, rows[below]), columns[below]] = values[below]
+    return F11, F21
+
+
+def _extend(front: Front, rows: NDArray[np.int64], U: NDArray, blocks: tuple) -> None:
+    """Add a child's update U on these rows to the three blocks, in place; lower triangles only."""
+    F11, F21, F22 = blocks
+    n_own = int(np.searchsorted(rows, front.end))
+    own, rest = rows[:n_own] - front.first, np.searchsorted(front.boundary, rows[n_own:])
+    F11[np.ix_(own, own)] += U[:n_own, :n_own]
+    F21[np.ix_(rest, own)] += U[n_own:, :n_own]
+    F22[np.ix_(rest, rest)] += U[n_own:, n_own:]
