@@ -22,7 +22,6 @@ from dem.kernels.sensitivities import (
     Slopes,
     Spheres,
     march,
-    march_alone,
     workspace,
 )
 from dem.spheres import hertz_overlap, hertz_stiffness, time_scale
@@ -111,11 +110,7 @@ def march_with_sensitivities(
     out = Record(*np.zeros((2, n_steps + 1, m)), *np.zeros((2, n_steps + 1, m, p)))
     rig, observed = _rig(chain, wall, static, h), np.asarray(observed, np.int64)
     work = workspace(Spheres(static.x, np.array(v0, float), d_static.x, directions.v0), rig)
-    if p == 0:
-        march_alone(work, rig, h, n_steps, observed, out)
-    else:
-        slopes = _slopes(chain, directions, d_static)
-        march(work, rig, slopes, h, n_steps, observed, out)
+    march(work, rig, _slopes(chain, directions, d_static), h, n_steps, observed, out)
     t = np.linspace(0.0, duration, n_steps + 1)
     if not np.isfinite(out.v).all():
         raise InvalidChain(

@@ -66,9 +66,12 @@ class Newton(NamedTuple):
 class Passage(NamedTuple):
     """A contact over a part of a step."""
 
+    i: int
+    last: bool  # is it that at the wall?
     g0: float  # overlap before
     g1: float  # and after
     w0: float  # approach velocity before
+    compliance: float  # of both bodies
 
 
 # --- mean forces -------------------------------------------------------------------------------
@@ -141,17 +144,10 @@ def lead(z: float) -> tuple[float, float]:
 
 @ieee_inline
 def mean_force(
-    i: int,
-    last: bool,
-    over: Passage,
-    per_dt: float,
-    compliance: float,
-    A: Array,
-    residual: float | None,
-    damping: Damping | None,
+    over: Passage, per_dt: float, A: Array, residual: float | None, damping: Damping | None
 ) -> tuple[float, float, float]:
-    """Mean total force of contact i over the step 1 / per_dt, its slope in g1, its elastic part."""
-    g0, g1, w0 = over
+    """Mean total force of a contact over the step 1 / per_dt, its slope in g1, its elastic part."""
+    i, last, g0, g1, w0, compliance = over
     if residual is not None and last:
         elastic, slope = mean_series(g0, g1, A[i], residual)
     else:
@@ -215,10 +211,12 @@ def imbalance(
     n = x0.size - 1
     per_dt = 1.0 / dt  # a division in every contact would be half the price of the damping
     for i in range(parts.A.size):
-        over = Passage(x0[i] - x0[i + 1], x1[i] - x1[i + 1], speed[i] - speed[i + 1])
-        both = compliance[i] + compliance[i + 1]
+        over = Passage(
+            i, i == n - 1, x0[i] - x0[i + 1], x1[i] - x1[i + 1], speed[i] - speed[i + 1],
+            compliance[i] + compliance[i + 1],
+        )  # fmt: skip
         f[i + 1], newton.slope[i], newton.elastic[i] = mean_force(
-            i, i == n - 1, over, per_dt, both, parts.A, residual, damping
+            over, per_dt, parts.A, residual, damping
         )
     square = 0.0
     for i in range(n + 1):

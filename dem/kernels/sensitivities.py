@@ -171,31 +171,30 @@ def acceleration_sensitivities(X: Array, dF: Array, rig: Rig, d_load: Array, dA:
 
 
 @fastmath_inline
-def push_modes(h: float, s: int, stages: Stages, phi: Array, d_phi: Array, modal: Modal) -> None:
-    """Add the impulse of the force of stage s over h to the modes' velocities, its derivative to
-    theirs."""
+def move_modes(
+    start: Modal, h: float, s: int, drifts: bool, stages: Stages, rig: Rig, slopes: Slopes,
+    out: Modal,
+) -> None:  # fmt: skip
+    """out = start + h N_s, the impulse of the force of stage s, which may drift for half a step:
+    z <- E z, Z <- E Z + dE z."""
+    z, Z, phi, E, by_omega, by_zeta = (
+        start.z, start.Z, rig.phi, rig.propagator, rig.by_omega, rig.by_zeta,
+    )  # fmt: skip
     force, d_force = stages.force[s], stages.d_force[s]
     for j in range(phi.size):
-        modal.z[1, j] += h * phi[j] * force
+        q, p = z[0, j], z[1, j] + h * phi[j] * force
         for m in range(d_force.size):
-            modal.Z[1, j, m] += h * (phi[j] * d_force[m] + d_phi[j, m] * force)
-
-
-@fastmath_inline
-def propagate_modes(rig: Rig, slopes: Slopes, modal: Modal) -> None:
-    """Free motion over half a step: z <- E z, Z <- E Z + dE z."""
-    z, Z, E, by_omega, by_zeta = modal.z, modal.Z, rig.propagator, rig.by_omega, rig.by_zeta
-    for j in range(z.shape[1]):
-        q, p = z[0, j], z[1, j]
-        for m in range(Z.shape[2]):
-            a, b = Z[0, j, m], Z[1, j, m]
-            w, c = slopes.omega[j, m], slopes.zeta[j, m]
-            for r in range(2):
-                moved = E[j, r, 0] * a + E[j, r, 1] * b
-                moved += w * (by_omega[j, r, 0] * q + by_omega[j, r, 1] * p)
-                Z[r, j, m] = moved + c * (by_zeta[j, r, 0] * q + by_zeta[j, r, 1] * p)
-        z[0, j] = E[j, 0, 0] * q + E[j, 0, 1] * p
-        z[1, j] = E[j, 1, 0] * q + E[j, 1, 1] * p
+            a, b = Z[0, j, m], Z[1, j, m] + h * (phi[j] * d_force[m] + slopes.phi[j, m] * force)
+            out.Z[0, j, m], out.Z[1, j, m] = a, b
+            if drifts:
+                w, c = slopes.omega[j, m], slopes.zeta[j, m]
+                for r in range(2):
+                    moved = E[j, r, 0] * a + E[j, r, 1] * b
+                    moved += w * (by_omega[j, r, 0] * q + by_omega[j, r, 1] * p)
+                    out.Z[r, j, m] = moved + c * (by_zeta[j, r, 0] * q + by_zeta[j, r, 1] * p)
+        if drifts:
+            q, p = E[j, 0, 0] * q + E[j, 0, 1] * p, E[j, 1, 0] * q + E[j, 1, 1] * p
+        out.z[0, j], out.z[1, j] = q, p
 
 
 @fastmath_inline
@@ -207,42 +206,6 @@ def combine(
         out[i] = x[i] + h * slope[i]
         for m in range(X.shape[1]):
             d_out[i, m] = X[i, m] + h * d_slope[i, m]
-
-
-@fastmath_inline
-def stage_modes(
-    s: int,
-    dt: float,
-    modal: Modal,
-    half: Modal,
-    stages: Stages,
-    rig: Rig,
-    slopes: Slopes,
-    at_stage: Modal,
-) -> None:
-    """Modes at the s-th stage of a step; `half` holds them half a step on.
-
-    z_1 = z,  z_2 = E (z + h/2 N_1),  z_3 = E z + h/2 N_2,  z_4 = E (E z + h N_3).
-    """
-    start = modal if s < 2 else half
-    for r in range(2):
-        combine(start.z[r], start.Z[r], 0.0, start.z[r], start.Z[r], at_stage.z[r], at_stage.Z[r])
-    if s > 0:
-        push_modes(dt if s == 3 else 0.5 * dt, s - 1, stages, rig.phi, slopes.phi, at_stage)
-    if s == 1 or s == 3:
-        propagate_modes(rig, slopes, at_stage)
-
-
-@fastmath_inline
-def advance_modes(dt: float, stages: Stages, rig: Rig, slopes: Slopes, modal: Modal) -> None:
-    """z <- E E (z + h/6 N_1) + E h/3 (N_2 + N_3) + h/6 N_4, in place."""
-    phi, d_phi = rig.phi, slopes.phi
-    push_modes(dt / 6.0, 0, stages, phi, d_phi, modal)
-    propagate_modes(rig, slopes, modal)
-    push_modes(dt / 3.0, 1, stages, phi, d_phi, modal)
-    push_modes(dt / 3.0, 2, stages, phi, d_phi, modal)
-    propagate_modes(rig, slopes, modal)
-    push_modes(dt / 6.0, 3, stages, phi, d_phi, modal)
 
 
 @fastmath_inline
@@ -291,29 +254,30 @@ def workspace(spheres: Spheres, rig: Rig) -> Workspace:
 
 @fastmath_march
 def march(
-    work: Workspace,
-    rig: Rig,
-    slopes: Slopes,
-    dt: float,
-    n_steps: int,
-    observed: Array,
+    work: Workspace, rig: Rig, slopes: Slopes, dt: float, n_steps: int, observed: Array,
     record: Record,
-) -> None:
-    """March the workspace's spheres, and record the observed ones."""
+) -> None:  # fmt: skip
+    """March the workspace's spheres, and record the observed ones.
+
+    Modes at the stages:  z_1 = z,  z_2 = E (z + h/2 N_1),  z_3 = E z + h/2 N_2,
+    z_4 = E (E z + h N_3),  and after the step  E E (z + h/6 N_1) + E h/3 (N_2 + N_3) + h/6 N_4.
+    """
     f, a, dF, dA, spheres, at_stage, total, modal, modal_at_stage, half, stages = work
-    n, n_contacts = a.size, rig.A.size
+    (n, p), n_contacts = dA.shape, rig.A.size
     weights, spans = (dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0), (0.5 * dt, 0.5 * dt, dt, 0.0)
     for step in range(n_steps + 1):
-        stage_modes(1, 0.0, modal, modal, stages, rig, slopes, half)
+        move_modes(modal, 0.0, 0, dt != 0.0, stages, rig, slopes, half)
         for s in range(4):
-            stage_modes(s, dt, modal, half, stages, rig, slopes, modal_at_stage)
+            start, force, span = modal if s < 2 else half, max(s - 1, 0), spans[s - 1]
+            move_modes(start, span, force, s % 2 == 1, stages, rig, slopes, modal_at_stage)
             contacts(at_stage.x, at_stage.v, modal_at_stage.z, rig, f)
             accelerations(at_stage.x, f, rig, a)
-            contact_sensitivities(at_stage, modal_at_stage, f, rig.phi, slopes, dF)
-            acceleration_sensitivities(at_stage.X, dF, rig, slopes.load, dA)
+            if p > 0:
+                contact_sensitivities(at_stage, modal_at_stage, f, rig.phi, slopes, dF)
+                acceleration_sensitivities(at_stage.X, dF, rig, slopes.load, dA)
             if n_contacts == n:
                 stages.force[s] = f[FORCE, n - 1] - rig.rest_force
-                for m in range(dF.shape[1]):
+                for m in range(p):
                     stages.d_force[s, m] = dF[n - 1, m] - slopes.rest_force[m]
             if s == 0:
                 save(step, observed, spheres, a, dA, record)
@@ -321,71 +285,5 @@ def march(
             add(spheres, spans[s], at_stage, a, dA, at_stage)
         add(total, 0.0, total, a, dA, spheres)
         add(total, 0.0, total, a, dA, at_stage)
-        advance_modes(dt, stages, rig, slopes, modal)
-
-
-# --- without derivatives -----------------------------------------------------------------------
-
-
-@fastmath_inline
-def stage_modes_alone(
-    s: int, dt: float, z: Array, half: Array, force: Array, rig: Rig, at_stage: Array
-) -> None:
-    """`stage_modes` without derivatives."""
-    h = 0.0 if s == 0 else dt if s == 3 else 0.5 * dt
-    phi, E = rig.phi, rig.propagator
-    for j in range(phi.size):
-        q, p = (z[0, j], z[1, j]) if s < 2 else (half[0, j], half[1, j])
-        p += h * phi[j] * force[max(s - 1, 0)]
-        if s == 1 or s == 3:
-            q, p = E[j, 0, 0] * q + E[j, 0, 1] * p, E[j, 1, 0] * q + E[j, 1, 1] * p
-        at_stage[0, j], at_stage[1, j] = q, p
-
-
-@fastmath_inline
-def advance_modes_alone(dt: float, force: Array, rig: Rig, z: Array, half: Array) -> None:
-    """`advance_modes` without derivatives; `half` gets the modes half a step on."""
-    phi, E = rig.phi, rig.propagator
-    for j in range(phi.size):
-        q, p = z[0, j], z[1, j] + dt / 6.0 * phi[j] * force[0]
-        q, p = E[j, 0, 0] * q + E[j, 0, 1] * p, E[j, 1, 0] * q + E[j, 1, 1] * p
-        p += dt / 3.0 * phi[j] * (force[1] + force[2])
-        q, p = E[j, 0, 0] * q + E[j, 0, 1] * p, E[j, 1, 0] * q + E[j, 1, 1] * p
-        p += dt / 6.0 * phi[j] * force[3]
-        z[0, j], z[1, j] = q, p
-        half[0, j] = E[j, 0, 0] * q + E[j, 0, 1] * p
-        half[1, j] = E[j, 1, 0] * q + E[j, 1, 1] * p
-
-
-@fastmath_march
-def march_alone(
-    work: Workspace, rig: Rig, dt: float, n_steps: int, observed: Array, record: Record
-) -> None:
-    """`march` without derivatives, in a third of the time."""
-    f, a, force = work.f, work.a, work.stages.force
-    x, v, xs, vs = work.spheres.x, work.spheres.v, work.at_stage.x, work.at_stage.v
-    x_sum, v_sum = work.total.x, work.total.v
-    z, zs, half = work.modal.z, work.modal_at_stage.z, work.half.z
-    v_seen, a_seen = record.v, record.a
-    n, n_contacts = x.size, rig.A.size
-    weights, spans = (dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0), (0.5 * dt, 0.5 * dt, dt, 0.0)
-    for step in range(n_steps + 1):
         for s in range(4):
-            stage_modes_alone(s, dt, z, half, force, rig, zs)
-            contacts(xs, vs, zs, rig, f)
-            accelerations(xs, f, rig, a)
-            if n_contacts == n:
-                force[s] = f[FORCE, n - 1] - rig.rest_force
-            if s == 0:
-                for o in range(observed.size):
-                    v_seen[step, o], a_seen[step, o] = v[observed[o]], a[observed[o]]
-            weight, span = weights[s], spans[s]
-            for i in range(n):
-                x_sum[i] += weight * vs[i]
-                v_sum[i] += weight * a[i]
-                xs[i] = x[i] + span * vs[i]
-                vs[i] = v[i] + span * a[i]
-        for i in range(n):
-            x[i] = xs[i] = x_sum[i]
-            v[i] = vs[i] = v_sum[i]
-        advance_modes_alone(dt, force, rig, z, half)
+            move_modes(modal, weights[s], s, s % 2 == 0, stages, rig, slopes, modal)
