@@ -1,7 +1,7 @@
 """Linear constraints by elimination: slave dofs written in others, U = T u, K -> T^T K T.
 
 A constraint states U[slaves] = A U; with an empty A it holds them still. Slaves may lean on dofs
-that are slaves elsewhere (a sheet on a support that itself stands on a plate); the chain is
+that are slaves elsewhere (a bracket on a beam that itself stands on a plate); the chain is
 followed until only free dofs remain. Of two constraints on one dof the first holds it.
 """
 

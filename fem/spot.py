@@ -9,6 +9,7 @@ from fem.elasticity import Structure
 
 PLANE = 1e-6  # of a face's size: what a plane face may leave its plane by
 ROUNDING = 1e-9  # of a normal's length
+SAGGING = 0.1  # of the largest facet: 8 edges around a circle leave that much
 ROUND = 0.02  # of a radius: what corners of a mesh may leave a round face by
 FLAT = 0.1  # of the smallest radius of curvature: the largest patch that a half-space is under
 
@@ -41,8 +42,7 @@ def planar_spot(structure: Structure, face: str, at: tuple[float, float]) -> Spo
     """
     corners, middles = _facets(structure, face)
     points = corners.reshape(3, -1).T
-    normal = _normal(corners)
-    off = np.ptp(points @ normal)
+    normal, off = _plane(corners)
     size = np.ptp(points, axis=0).max()
     if off > PLANE * size:
         raise ValueError(
@@ -55,6 +55,14 @@ def planar_spot(structure: Structure, face: str, at: tuple[float, float]) -> Spo
     height = points.mean(axis=0) @ normal
     side = np.sign(np.mean(middles @ normal) - height)
     return Spot(middle @ axes + height * normal, side * normal, axes)
+
+
+def sagging(structure: Structure, face: str) -> float:
+    """What facets of a face may lie off one that is meshed otherwise [m]: nothing of a plane."""
+    corners, _ = _facets(structure, face)
+    if _plane(corners)[1] <= PLANE * np.ptp(corners, axis=(1, 2)).max():
+        return 0.0
+    return SAGGING * np.ptp(corners, axis=1).max()
 
 
 def round_spot(
@@ -88,8 +96,8 @@ def round_spot(
     along = along / np.linalg.norm(along, axis=1)[:, None]
     radii = (convex * radius if axis is None else np.inf, convex * radius)
     facet = np.ptp(corners, axis=1).max()
-    sagging = (facet**2 / 4 + (FLAT * radius) ** 2) / (2 * radius)
-    return Spot(point, -convex * outward, along, radii, gap=sagging)
+    gap = (facet**2 / 4 + (FLAT * radius) ** 2) / (2 * radius)
+    return Spot(point, -convex * outward, along, radii, gap)
 
 
 def _facets(structure: Structure, face: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -117,8 +125,9 @@ def spanning(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([first, np.sign(across @ second) * across])
 
 
-def _normal(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit normal (3,) of facets (3, n_corners, n) taken together."""
+def _plane(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Unit normal (3,) of facets (3, n_corners, n) taken together, and what they leave its plane
+    by [m]."""
     n = len(corners[0])
     vectors = np.cross((corners[:, 1] - corners[:, 0]).T, (corners[:, n - 1] - corners[:, 0]).T)
     areas = np.linalg.norm(vectors, axis=1)
@@ -126,4 +135,5 @@ def _normal(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     mean = (vectors * np.sign(vectors @ vectors[areas.argmax()])[:, None]).sum(axis=0)
     normal = mean / np.linalg.norm(mean)
     normal[np.abs(normal) < ROUNDING] = 0.0  # else a contact along x would read y and z as well
-    return normal / np.linalg.norm(normal)
+    normal /= np.linalg.norm(normal)
+    return normal, float(np.ptp(corners.reshape(3, -1).T @ normal))

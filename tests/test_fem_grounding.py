@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 from skfem import MeshHex
 
-from fem import Connections, Held, Joint, Material, Side, Tie, assemble, joined, rigid_body
+from fem import (
+    Connections,
+    Held,
+    Joint,
+    Material,
+    Side,
+    Tie,
+    assemble,
+    joined,
+    loose_bodies,
+    rigid_body,
+)
 from fem.grounding import require_free_joints
 from fem.joints import rigid_motion, tie
 
@@ -54,6 +65,29 @@ def test_a_tie_across_a_gap_that_is_allowed_follows_rigid_motions_exactly():
     model = joined(structure, Connections([gap]))
     R = rigid_motion(structure.points, np.zeros(3))
     np.testing.assert_allclose(model.T @ R[model.free], R, atol=1e-12)
+
+
+def ring(inner, outer, around, faces):
+    """A quarter of a ring, `around` elements along its arc."""
+    angle, z = np.linspace(0, np.pi / 2, around + 1), [0, 0.01, 0.02]
+    mesh = MeshHex.init_tensor(angle, np.linspace(inner, outer, 3), z)
+    named = {name: mesh.facets_satisfying(test) for name, test in faces.items()}
+    phi, r, height = mesh.p
+    bent = np.array([r * np.cos(phi), r * np.sin(phi), height])
+    return MeshHex(bent, mesh.t).with_boundaries(named)
+
+
+def test_a_pin_tied_in_its_bore_follows_rigid_motions_though_their_facets_miss():
+    """9 and 7 elements along a quarter: chords 0.1 to 0.3 mm off each other."""
+    meshes = {
+        "pin": ring(0.01, 0.03, 9, {"out": lambda x: x[1] > 0.03 - 1e-9}),
+        "hub": ring(0.03, 0.05, 7, {"bore": lambda x: x[1] < 0.03 + 1e-9}),
+    }
+    structure = assemble(meshes, dict.fromkeys(meshes, STEEL))
+    model = joined(structure, Connections([Tie("pin:out", "hub:bore")]))
+    R = rigid_motion(structure.points, np.zeros(3))
+    np.testing.assert_allclose(model.T @ R[model.free], R, atol=1e-11)
+    assert not loose_bodies(structure, Connections([Tie("pin:out", "hub:bore")]))
 
 
 @pytest.mark.parametrize("wrong", [1.001, 0.999])
