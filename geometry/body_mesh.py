@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 from skfem import Basis, Mesh
 
+from geometry.foreseen import require_few
 from geometry.hexahedra import hexahedra
 from geometry.imprint import Disc, regions
 from geometry.roundness import rimmed
@@ -35,12 +36,16 @@ def body_meshes(
 
     Its boundaries are the `named` faces and the `discs` of the body, and "a|b" where it touches
     another, under the same key in both. `element` "tet" takes tetrahedra for all. Raises
-    ValueError, naming the body, for what gmsh cannot mesh.
+    InvalidGeometry for a seed that is too fine, ValueError, naming the body, for what gmsh cannot
+    mesh.
     """
+    sizes = {name: size_of(body, (seeds or {}).get(name), fine) for name, body in bodies.items()}
+    for name, body in bodies.items():
+        require_few(body, sizes[name])
     meshes = {}
     for name, body in bodies.items():
         wanted = regions(body, touching, discs or {}, gap)
-        size = size_of(body, (seeds or {}).get(name), fine)
+        size = sizes[name]
         order = (body, wanted, named or {}, size, gap)
         mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
         for key, disc in (discs or {}).items():

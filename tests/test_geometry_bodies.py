@@ -10,10 +10,11 @@ from skfem import FacetBasis, MeshHex, MeshTet
 from geometry import InvalidGeometry, smallest_quality
 from geometry.body_mesh import body_meshes, facet_error
 from geometry.cad import model
+from geometry.foreseen import foreseen_nodes
 from geometry.imprint import Disc
 from geometry.selectors import Selected, bodies_named, faces, touches
 from geometry.shapes import Box, Cylinder, Hole, Plate
-from geometry.sizes import Fine
+from geometry.sizes import Fine, size_of
 from geometry.touching import neighbours
 
 GAP = 1e-5
@@ -187,6 +188,32 @@ def test_a_thin_body_is_fine_where_its_partner_ends_and_there_alone(element, hol
     # a grid is fine across the line only
     assert length[crossing & (np.ptp(ends[0], axis=0) > 5e-4)].mean() < 0.45 * seed
     assert length[far].mean() > 0.7 * seed
+
+
+@pytest.mark.parametrize("element", ["hex", "tet"])
+@pytest.mark.parametrize("finer", [1.0, 0.4])
+def test_nodes_are_foreseen_within_a_factor_of_two(element, finer):
+    shapes = {
+        "block": Box((0.06, 0.05, 0.04)),
+        "plate": Plate(RECTANGLE, 0.008, tuple(Hole(2 * BORE, corner) for corner in CORNERS)),
+        "pin": Cylinder(0.01, 0.16),
+        "tube": Cylinder(0.05, 0.2, 0.04),
+    }
+    with model(shapes) as drawn:
+        seeds = {name: finer * size_of(body).seed for name, body in drawn.bodies.items()}
+        meshes = body_meshes(drawn.bodies, gap=GAP, seeds=seeds, element=element)
+    for name, mesh in meshes.items():
+        size = size_of(drawn.bodies[name], seeds[name])
+        foreseen = foreseen_nodes(drawn.bodies[name], size, element)
+        assert 0.5 < foreseen / (mesh.nvertices + mesh.nedges) < 2
+
+
+def test_a_seed_that_no_machine_solves_is_refused_before_meshing():
+    with (
+        model({"block": Box((0.1, 0.1, 0.1))}) as drawn,
+        pytest.raises(InvalidGeometry, match=r"seed = 0\.0002 m .* take a seed above 0\.00092 m"),
+    ):
+        body_meshes(drawn.bodies, gap=GAP, seeds={"block": 2e-4})
 
 
 def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_only():
