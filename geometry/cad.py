@@ -18,7 +18,7 @@ from geometry.assembly import InvalidGeometry
 from geometry.gmsh_session import session, silent
 from geometry.shapes import Box, Cylinder, Plate, Shape
 from geometry.solids import Body, Face, off_axis
-from geometry.step_file import check_step, name_solids, unit
+from geometry.step_file import check_step, face_names, name_solids, unit
 
 KINDS = {"Plane": "plane", "Cylinder": "cylinder", "Cone": "cone", "Sphere": "sphere"}
 KINDS |= {"Torus": "torus"}
@@ -207,7 +207,21 @@ def _read(step: Path) -> dict[str, int]:
     if not volumes:
         found = "surfaces without a volume" if read else "nothing"
         raise InvalidGeometry(f"{step} holds {found}; export its bodies as solids.")
+    _name_faces(volumes, face_names(step))
     return _named(volumes)
+
+
+def _name_faces(volumes: list[int], names: list[list[str]]) -> None:
+    """gmsh does not read them, but keeps the order of solids and faces in the file.
+
+    A file that places one solid several times has another order: its faces stay without names.
+    """
+    boundaries = [gmsh.model.getBoundary([(3, tag)], oriented=False) for tag in volumes]
+    if list(map(len, boundaries)) != list(map(len, names)):
+        return
+    for faces, given in zip(boundaries, names, strict=True):
+        for (_, tag), name in zip(faces, given, strict=True):
+            gmsh.model.setEntityName(2, tag, name)
 
 
 def _named(volumes: list[int]) -> dict[str, int]:

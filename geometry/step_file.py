@@ -4,6 +4,7 @@ ISO 10303-21 (the file), ISO 10303-41 (units: SI_UNIT with a prefix, CONVERSION_
 """
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 from geometry.assembly import InvalidGeometry
@@ -13,6 +14,11 @@ CONVERTED = re.compile(r"CONVERSION_BASED_UNIT\s*\(\s*'([^']*)'\s*,[^)]*\)\s*LEN
 SI = re.compile(r"SI_UNIT\s*\(\s*\.?(\$|\w+)\.?\s*,\s*\.METRE\.\s*\)", re.I)
 
 WRITTEN = re.compile(r"'Open CASCADE STEP translator [\d.]+ \d+(?:\.(\d+))?'")
+
+NAMED_FACE = re.compile(r"ADVANCED_FACE\s*\(\s*'(?!NONE')[^']")
+ENTITY = re.compile(r"#(\d+)\s*=\s*(\w+)\s*\((.*?)\)\s*;", re.S)
+SOLIDS = ("MANIFOLD_SOLID_BREP", "BREP_WITH_VOIDS")
+REFERENCE = re.compile(r"#(\d+)")
 
 
 def check_step(path: Path) -> None:
@@ -36,6 +42,31 @@ def unit(path: Path) -> str:
         return converted[1].lower()
     metric = SI.search(text)
     return PREFIXES.get(metric[1].upper(), metric[1].lower()) if metric else "mm"
+
+
+def face_names(path: Path) -> list[list[str]]:
+    """Of every solid in the file the names of its faces, "" for none; empty where none has one."""
+    text = path.read_text(encoding="latin-1")
+    if not NAMED_FACE.search(text):
+        return []
+    entities = {number: (kind, inside) for number, kind, inside in ENTITY.findall(text)}
+    solids = [inside for kind, inside in entities.values() if kind in SOLIDS]
+    return [[_name(face) for face in _faces(inside, entities)] for inside in solids]
+
+
+def _faces(inside: str, entities: dict[str, tuple[str, str]]) -> Iterator[str]:
+    """Of a solid, a shell or an oriented shell, in their order."""
+    for number in REFERENCE.findall(inside):
+        kind, own = entities.get(number, ("", ""))
+        if kind == "ADVANCED_FACE":
+            yield own
+        elif kind.endswith("CLOSED_SHELL"):
+            yield from _faces(own, entities)
+
+
+def _name(face: str) -> str:
+    name = face.lstrip()[1:].partition("'")[0]
+    return "" if name == "NONE" else name
 
 
 def name_solids(path: Path, names: list[str]) -> None:

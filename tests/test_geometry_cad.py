@@ -14,6 +14,7 @@ from geometry.assembly import SIDES
 from geometry.cad import body_of, model, write_step
 from geometry.gmsh_session import session, silent
 from geometry.rig import shapes as rig_shapes
+from geometry.selectors import faces
 from geometry.shapes import Box, Cylinder, Hole, Plate, volume
 from geometry.touching import neighbours
 
@@ -133,6 +134,26 @@ def test_a_step_file_in_inches_is_converted_and_says_so(tmp_path):
     with model({}, tmp_path / "cube.step") as read:
         assert read.unit == "inch"
         assert read.bodies["cube"].volume == pytest.approx(0.254**3)
+
+
+def test_faces_named_in_a_step_file_are_picked_by_their_names(tmp_path):
+    path = tmp_path / "named.step"
+    write_step({"a": Box((0.1,) * 3), "b": Cylinder(0.02, 0.1, 0.01, at=(1, 0, 0))}, path)
+    pieces = path.read_text().split("ADVANCED_FACE(''")
+    # the first faces of the box are -x and +x, the last two of the tube its ends and its bore
+    named = ["", "left", "right", *[""] * 4, "outside", "top", "bottom", "NONE"]
+    text = pieces[0] + "".join(
+        f"ADVANCED_FACE('{name}'{piece}" for name, piece in zip(named[1:], pieces[1:], strict=True)
+    )
+    path.write_text(text)
+    with model({}, path) as read:
+        (left,) = faces("#left", read.bodies).tags
+        (outside,) = faces("b:#outside", read.bodies).tags
+        a, b = read.bodies.values()
+        np.testing.assert_allclose(a.face(left).centre, [-0.05, 0, 0], atol=1e-9)
+        assert b.face(outside).radius == pytest.approx(0.02)
+        with pytest.raises(InvalidGeometry, match='the CAD names "bottom", "left", "outside"'):
+            faces("#NONE", read.bodies)
 
 
 def test_equal_names_in_a_step_file_are_numbered(tmp_path):
