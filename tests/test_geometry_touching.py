@@ -2,12 +2,16 @@
 
 from math import pi
 
+import gmsh
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from skfem import FacetBasis, MeshHex
 
 from geometry import InvalidGeometry
-from geometry.cad import model
+from geometry.body_mesh import body_meshes, facet_error
+from geometry.cad import body_of, model
+from geometry.gmsh_session import session
 from geometry.shapes import Box, Cylinder, Hole, Plate
 from geometry.touching import neighbours, require_apart, told
 
@@ -127,3 +131,82 @@ def test_overlaps_are_told_with_their_volume():
 def test_bodies_far_apart_are_not_told_of():
     near, bodies = found({"a": Box((0.1,) * 3), "b": Box((0.1,) * 3, at=(0.2, 0, 0))})
     assert near == ((), (), ()) and near.free(bodies) == ("a", "b")
+
+
+def cut(solid, *tools):
+    ((_, tag),), _ = gmsh.model.occ.cut([(3, solid)], [(3, tool) for tool in tools])
+    return tag
+
+
+def ball_in_socket(occ):
+    """A ball of 20 mm in a hollow as deep as its radius."""
+    hollow = occ.addSphere(0, 0, 0, 0.02)
+    return {"ball": occ.addSphere(0, 0, 0, 0.02), "b": cut(_block(occ, -0.05, 0.0), hollow)}
+
+
+def plug_in_cone(occ):
+    """Radii 20 and 10 mm over a height of 30 mm, seated over 20 mm."""
+    plug, seat = (occ.addCone(0, 0, 0, 0, 0, 0.03, 0.02, 0.01) for _ in "ab")
+    return {"plug": plug, "b": cut(_block(occ, 0, 0.02), seat)}
+
+
+def half_shell(occ):
+    """Half of a block around a shaft of 20 mm, over 30 mm."""
+    shaft, bore = (occ.addCylinder(0, 0, 0, 0, 0, 0.2, 0.02) for _ in "ab")
+    return {"shaft": shaft, "b": cut(occ.addBox(-0.04, 0, 0.05, 0.08, 0.04, 0.03), bore)}
+
+
+def cube_in_a_corner(occ):
+    corner = cut(occ.addBox(-0.01, 0, -0.01, 0.06, 0.03, 0.06), occ.addBox(0, -1, 0, 1, 2, 1))
+    return {"cube": occ.addBox(0, 0, 0, 0.05, 0.05, 0.05), "b": corner}
+
+
+def bridge_on_two_feet(occ):
+    bridge = cut(_block(occ, 0, 0.03), occ.addBox(-0.02, -0.1, -0.1, 0.04, 0.2, 0.12))
+    return {"bridge": bridge, "b": occ.addBox(-0.05, -0.05, -0.01, 0.1, 0.1, 0.01)}
+
+
+def shaft_through_a_housing(occ):
+    housing = cut(
+        occ.addBox(-0.06, -0.04, 0, 0.12, 0.08, 0.06),
+        occ.addBox(-0.05, -0.03, 0.01, 0.1, 0.06, 0.1),
+        occ.addCylinder(-0.1, 0, 0.03, 0.2, 0, 0, 0.01),
+    )
+    return {"shaft": occ.addCylinder(-0.08, 0, 0.03, 0.16, 0, 0, 0.01), "b": housing}
+
+
+def _block(occ, lower, upper):
+    return occ.addBox(-0.03, -0.03, lower, 0.06, 0.06, upper - lower)
+
+
+# common area, pairs of faces, how far the facets' area may be off it
+ASSEMBLED = {
+    ball_in_socket: (2 * pi * 0.02**2, 1, 0.03),
+    plug_in_cone: (pi * (0.02 + 0.04 / 3) * np.hypot(0.02, 0.02 / 3), 1, 0.02),
+    half_shell: (pi * 0.02 * 0.03, 1, 0.01),
+    cube_in_a_corner: (2 * 0.05 * 0.03, 2, 1e-9),
+    bridge_on_two_feet: (2 * 0.01 * 0.06, 2, 1e-9),
+    shaft_through_a_housing: (2 * 2 * pi * 0.01 * 0.01, 2, 0.01),
+}
+
+
+@pytest.mark.parametrize("make", ASSEMBLED)
+def test_pairs_of_any_shape_touch_over_their_common_area_and_mesh_with_it(make):
+    expected, n_faces, facets = ASSEMBLED[make]
+    with session():
+        tags = make(gmsh.model.occ)
+        gmsh.model.occ.rotate([(3, tag) for tag in tags.values()], 0, 0, 0, 1, 2, 3, 0.4)
+        gmsh.model.occ.synchronize()
+        bodies = {name: body_of(name, tag) for name, tag in tags.items()}
+        near = neighbours(bodies, GAP)
+        require_apart(near)
+        (touch,) = near.touching
+        assert touch.area == pytest.approx(expected, rel=1e-6)
+        assert len(touch.contacts) == n_faces
+        for name, mesh in body_meshes(bodies, near.touching, gap=GAP).items():
+            basis = FacetBasis(mesh, mesh.elem(), facets=touch.name)
+            assert basis.dx.sum() == pytest.approx(expected, rel=facets)
+            assert abs(facet_error(mesh, bodies[name])) < facets
+            round_about = make in (ball_in_socket, plug_in_cone)
+            hollow = make is shaft_through_a_housing and name == "b"
+            assert isinstance(mesh, MeshHex) != (round_about or hollow)
