@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, triu
 from scipy.sparse.linalg import splu
 
-from fem.multifrontal import Cholesky, NotPositiveDefinite
+from fem.multifrontal import NEITHER, Cholesky, NotPositiveDefinite, Singular
 
 WORTH_PARDISO = 20_000  # unknowns
 WORTH_DISSECTION = 25_000
@@ -76,7 +76,10 @@ def _mkl() -> str:
 
 
 def _dissected(A: csc_matrix) -> Factor | None:
-    """Cholesky's factor of a matrix that is large and positive definite, else None."""
+    """Cholesky's factor of a matrix that is large and positive definite, else None.
+
+    Raises Singular.
+    """
     if A.shape[0] < WORTH_DISSECTION or np.iscomplexobj(A.data):
         return None
     try:
@@ -91,18 +94,12 @@ def _superlu(A: csc_matrix) -> Factor:
     try:
         return splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     except RuntimeError as error:
-        raise _singular() from error
+        raise Singular(NEITHER) from error
 
 
 def _checked(factor: Factor, A: csc_matrix) -> Factor:
     known = np.random.default_rng(0).standard_normal(A.shape[0])
     found = factor.solve((A @ known).astype(A.dtype))
     if not np.linalg.norm(found - known) < RECOVERED * np.linalg.norm(known):
-        raise _singular()
+        raise Singular(NEITHER)
     return factor
-
-
-def _singular() -> ValueError:
-    return ValueError(
-        "the stiffness is singular: a part is neither held nor joined; hold it, or shift."
-    )

@@ -14,15 +14,23 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigvalsh
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
 from fem.nested_dissection import Domain, edges, nested_dissection
 
+NEITHER = "the stiffness is singular: a part is neither held nor joined; hold it, or shift."
+SINGULAR = 1e-9  # of a front's largest eigenvalue: a negative one below this is rounding
+
 
 class NotPositiveDefinite(ValueError):
-    """A pivot is not positive: Cholesky's factors do not exist."""
+    """Some eigenvalue is negative: Cholesky's factors do not exist."""
+
+
+class Singular(ValueError):
+    """Some eigenvalue is zero but for rounding."""
 
 
 class Front(NamedTuple):
@@ -50,7 +58,7 @@ class Cholesky:
     """The factor of a symmetric positive definite matrix."""
 
     def __init__(self, A: csc_matrix) -> None:
-        """Raises NotPositiveDefinite."""
+        """Raises NotPositiveDefinite or Singular."""
         self._order, self._fronts = plan(A)
         self.blocks = _factors(A[self._order][:, self._order].tocsc(), self._fronts)
 
@@ -133,10 +141,13 @@ def _factors(A: csc_matrix, fronts: Sequence[Front]) -> list[tuple[NDArray, NDAr
 
 
 def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """L11, L21 and the update, in place of the three; raises NotPositiveDefinite."""
-    L11, failed = dpotrf(F11, lower=1, overwrite_a=1, clean=0)
+    """L11, L21 and the update; raises NotPositiveDefinite or Singular."""
+    L11, failed = dpotrf(F11, lower=1, clean=0)
     if failed:
-        raise NotPositiveDefinite("a pivot of the factorisation is not positive.")
+        values = eigvalsh(F11, lower=True)
+        if values[0] < -SINGULAR * np.abs(values).max():
+            raise NotPositiveDefinite("the matrix has negative eigenvalues.")
+        raise Singular(NEITHER)
     if not len(F21):
         return L11, F21, F22
     L21 = dtrsm(1.0, L11, F21, side=1, lower=1, trans_a=1, overwrite_b=1)

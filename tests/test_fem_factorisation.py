@@ -6,7 +6,7 @@ from skfem import MeshTet
 
 from fem import Connections, Held, Material, assemble, factorisation, factorised, joined
 from fem.factorisation import Pardiso, _superlu, has_pardiso
-from fem.multifrontal import Cholesky, plan
+from fem.multifrontal import Cholesky, NotPositiveDefinite, Singular, plan
 from fem.nested_dissection import _cover, edges, nested_dissection
 
 STEEL = Material(210e9, 0.3, 7850.0)
@@ -119,3 +119,7 @@ def test_what_has_no_cholesky_factor_is_left_to_superlu(monkeypatch):
     np.testing.assert_allclose(indefinite @ factorised(indefinite).solve(b), b, rtol=1e-6)
     with pytest.raises(ValueError, match="neither held nor joined"):
         factorised(brick(4, held=False).K)
+    with pytest.raises(Singular):
+        Cholesky(brick(4, held=False).K)
+    with pytest.raises(NotPositiveDefinite):
+        Cholesky(indefinite)
