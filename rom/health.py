@@ -30,11 +30,11 @@ class Health(NamedTuple):
 
     asymmetry: float
     lowest_mass: float
-    lowest_stiffness: float
-    n_rigid: int
-    static_compliance: float
-    participation: float
     findings: tuple[str, ...]
+    lowest_stiffness: float = np.nan
+    n_rigid: int = 0
+    static_compliance: float = np.nan
+    participation: float = np.nan
     fixed_interface_hz: tuple[float, ...] = ()
 
 
@@ -64,36 +64,32 @@ def health(reduced: ReducedModel, *, modes: ModalWall | None = None) -> Health:
     lowest = mass[0] / max(mass[-1], np.finfo(float).tiny)
     if lowest < len(reduced.w) * EPS:
         findings.append(f"M is not positive definite (lowest eigenvalue {mass[0]:.1e} of 1).")
-        return Health(asymmetry, lowest, np.nan, 0, np.nan, np.nan, tuple(findings))
-    return _with_modes(reduced, asymmetry, lowest, findings, modes)
-
-
-def _with_modes(
-    reduced: ReducedModel,
-    asymmetry: float,
-    lowest_mass: float,
-    findings: list[str],
-    modes: ModalWall | None,
-) -> Health:
+        return Health(asymmetry, lowest, tuple(findings))
     stiffness = _extremes(_unit_diagonal(reduced.K))
-    lowest = stiffness[0] / stiffness[-1] if stiffness[-1] > 0 else 0.0
+    found = Health(
+        asymmetry,
+        lowest,
+        tuple(findings),
+        stiffness[0] / stiffness[-1] if stiffness[-1] > 0 else 0.0,
+    )
     try:
-        wall = modal(reduced) if modes is None else modes
+        return _with_modes(found, reduced, modal(reduced) if modes is None else modes)
     except ReductionError as indefinite:
-        findings.append(str(indefinite))
-        return Health(asymmetry, lowest_mass, lowest, 0, np.nan, np.nan, tuple(findings))
+        return found._replace(findings=(*findings, str(indefinite)))
+
+
+def _with_modes(found: Health, reduced: ReducedModel, wall: ModalWall) -> Health:
+    D, findings = wall.damping, found.findings
+    if D is not None and np.linalg.eigvalsh(D)[0] < -1e-9 * np.abs(D).max():
+        findings += ("C is indefinite; the damping would feed energy into the wall.",)
     moved = np.abs(wall.phi) > 1e-9 * np.abs(wall.phi).max()
-    if (
-        wall.damping is not None
-        and np.linalg.eigvalsh(wall.damping)[0] < -1e-9 * np.abs(wall.damping).max()
-    ):
-        findings.append("C is indefinite; the damping would feed energy into the wall.")
-    n_rigid = int(np.count_nonzero(wall.omega == 0))
-    compliance = modal_compliance(wall)
-    return Health(
-        asymmetry, lowest_mass, lowest, n_rigid, compliance, float(moved.mean()), tuple(findings),
-        fixed_interface_hz(reduced),
-    )  # fmt: skip
+    return found._replace(
+        findings=findings,
+        n_rigid=int(np.count_nonzero(wall.omega == 0)),
+        static_compliance=modal_compliance(wall),
+        participation=float(moved.mean()),
+        fixed_interface_hz=fixed_interface_hz(reduced),
+    )
 
 
 def fixed_interface_hz(reduced: ReducedModel) -> tuple[float, ...]:
