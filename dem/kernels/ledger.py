@@ -15,7 +15,7 @@ from dem.kernels.arguments import (
     U,
     V,
 )
-from dem.kernels.compiled import fastmath
+from dem.kernels.compiled import fastmath_inline
 from dem.kernels.laws import (
     LINEAR,
     STOPPED,
@@ -28,7 +28,7 @@ from dem.kernels.laws import (
 from dem.kernels.modes import modal_energy
 
 
-@fastmath
+@fastmath_inline
 def total_forces(
     dt: float,
     motion: Motion,
@@ -68,7 +68,7 @@ def total_forces(
     return contact, spring
 
 
-@fastmath
+@fastmath_inline
 def leaf_energy(x: Array, leaf: LeafSprings | None) -> float:
     energy = 0.0
     if leaf is not None:
@@ -77,7 +77,7 @@ def leaf_energy(x: Array, leaf: LeafSprings | None) -> float:
     return energy
 
 
-@fastmath
+@fastmath_inline
 def save(
     k: int, dt: float, motion: Motion, parts: Parts, saved: Saved, mobility: float | None
 ) -> bool:
