@@ -163,7 +163,7 @@ def _refined(attempt, step, method, asked):
     return Controlled(fine._replace(error_estimate=estimate), report)
 
 
-class _Tried(NamedTuple):
+class _Comparison(NamedTuple):
     """A march beside a coarser one."""
 
     dt: float
@@ -182,7 +182,7 @@ def _compared(coarse, fine, tried, method, asked):
     excess = max(estimate / asked.error, fine.energy_error / closed)
     if excess <= 1.0 and asked.witness is not None:
         excess = max(excess, asked.witness(fine) / SHARED)
-    return _Tried(fine.dt, difference, fine.energy_error, coarse.dt, estimate, excess)
+    return _Comparison(fine.dt, difference, fine.energy_error, coarse.dt, estimate, excess)
 
 
 def _rounding_of_energy(run, method):

@@ -7,7 +7,7 @@ from dem import Chain, InvalidChain, Wall, march, march_to_error, rigid_wall
 from dem.spheres import contact_modulus, hertz_coefficient, max_pressure, yield_overlap
 
 
-def impact(n):
+def speeds(n):
     return np.eye(n)[0]
 
 
@@ -27,8 +27,8 @@ def test_below_yield_nothing_changes():
     hertz = Chain(np.ones(6), np.ones(6), np.ones(6))
     plastic = hertz._replace(yield_overlap=np.full(6, 2.0))
     options = dict(duration=20.0, dt=0.05, n_save=40, scheme="suzuki4")
-    one = march(hertz, rigid_wall(), impact(6), **options)
-    two = march(plastic, rigid_wall(), impact(6), **options)
+    one = march(hertz, rigid_wall(), speeds(6), **options)
+    two = march(plastic, rigid_wall(), speeds(6), **options)
     assert two.v == pytest.approx(one.v, abs=1e-13)
     assert two.dissipated_contact.max() == 0.0
 
@@ -50,7 +50,7 @@ def test_first_loading_is_softer_and_second_hertzian():
 def test_ledger_closes_on_a_moving_wall(residual):
     wall = Wall(np.array([0.5, 2.0]), np.array([0.0, 0.1]), np.array([0.3, 0.2]), residual)
     chain = Chain(np.ones(9), np.ones(9), np.ones(9), yield_overlap=np.full(9, 0.3))
-    run = march_to_error(chain, wall, impact(9), duration=40.0, error=1e-4, n_save=40).trajectory
+    run = march_to_error(chain, wall, speeds(9), duration=40.0, error=1e-4, n_save=40).trajectory
     assert run.energy_error < 1e-6
     assert run.dissipated_contact[-1] > 0.1
     assert np.diff(run.dissipated_contact).min() >= 0.0
@@ -67,3 +67,12 @@ def test_plastic_rest_is_refused():
     chain = Chain(np.ones(1), np.ones(1), np.ones(1), preload=1.0, yield_overlap=np.full(1, 0.2))
     with pytest.raises(InvalidChain, match="beyond its yield overlap"):
         march(chain, rigid_wall(), np.zeros(1), duration=1.0, dt=0.1)
+
+
+@pytest.mark.parametrize("how", [{"dt": 0.05}, {"error": 1e-3}])
+def test_an_implicit_scheme_is_refused(how):
+    """Its march does not know of yield: no step would close the energy."""
+    chain = Chain(np.ones(2), np.ones(2), np.ones(2), yield_overlap=np.full(2, 0.2))
+    run = march if "dt" in how else march_to_error
+    with pytest.raises(InvalidChain, match="'energy4' takes no plastic contacts"):
+        run(chain, rigid_wall(), speeds(2), duration=5.0, n_save=10, scheme="energy4", **how)

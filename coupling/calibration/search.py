@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from coupling.calibration.fitting import Fit, rms
-from coupling.calibration.lengthening import ROUNDS, Lengthening
+from coupling.calibration.growing_windows import ROUNDS, GrowingWindows
 from coupling.calibration.parameters import Parameter
 from coupling.calibration.scan import Scan, scanned
 from coupling.calibration.signals import first_waves_end
 
-LENGTHENINGS = 8
+WINDOWS = 8
 BEFORE = 2.0  # contact time scales: where windows begin before the first touch
 MOST = 100  # model runs of a fit on the fine model: a slow one may end at the truth yet
 REFINABLE = 1e-4  # of the fastest sphere: misfit of the first waves that the last stage can better
@@ -94,7 +94,7 @@ class Search:
         self.stages: list[Stage] = []
         self.same_starts = self.starts = 0
         self.scan: Scan | None = None
-        self.steps = Lengthening(self.coarse, self.enough, RUNS)
+        self.steps = GrowingWindows(self.coarse, self.enough, RUNS)
         self.exact = 1.1 * max(coarseness, EXACT * fine.largest)
 
     def _coarse(self) -> tuple[Fit, float]:
@@ -188,7 +188,7 @@ class Search:
         """The chain from the first waves; the little that the wall has to say in them is let in
         where it is fitted anyhow, and thrown away."""
         began, chain = perf_counter(), ~self.of_wall
-        ends = self._lengths(0.1, self.first_waves.max(), LENGTHENINGS)
+        ends = self._lengths(0.1, self.first_waves.max(), WINDOWS)
         windows = [self.windows(self.coarse, end) for end in ends]
         free = self.every if self.options.joint else chain
         enough = REFINABLE * self.fine.largest if self.options.joint else 0.0
@@ -242,7 +242,7 @@ class Search:
         rounds = 1 if best.misfit <= enough else ROUNDS
         best, _ = self.steps.swapped(best, self.every, everything, self.exact, rounds=rounds)
         if best.misfit > enough:
-            ends = self._lengths(0.5, t[-1, 0], LENGTHENINGS)
+            ends = self._lengths(0.5, t[-1, 0], WINDOWS)
             windows = [(t <= end) | (t <= self.first_waves) for end in ends]
             other, misfit, _ = self.steps.on_windows(z, self.every, windows, 0.0)
             best = best if best.misfit <= misfit else best._replace(z=other, misfit=misfit)

@@ -17,7 +17,7 @@ WORSE = 2.0  # misfit guessed for a swap that is not worth a fit
 BETTER = 0.97  # misfit of a swap worth keeping
 
 
-class Lengthening:
+class GrowingWindows:
     """Fits of one problem; `budget` counts down the model runs that swaps may still take, and
     `enough` is the misfit [m/s] of so many samples that needs no further search."""
 
