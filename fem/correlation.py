@@ -17,7 +17,7 @@ from fem.model import Model
 from fem.modes import Modes
 
 LEAST_SHARE = 0.3  # a mode has a character from this share on
-RIGID = 1e-5  # below this share of the highest frequency a mode strains nothing but by rounding
+RIGID = 1e-4  # below this share of the highest frequency a mode strains nothing but by rounding
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 STRAIN = "strain"
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csc_matrix, csr_matrix, diags_array
+from scipy.sparse import csc_matrix, csr_matrix, diags_array
 
 from fem.constraints import (
     Constraint,
@@ -15,7 +15,7 @@ from fem.constraints import (
     eliminated,
     fixed,
 )
-from fem.elasticity import Structure
+from fem.elasticity import Structure, block_diagonal
 from fem.grounding import require_free_joints
 from fem.joints import DIRECTIONS, Joint, Tie, mean_sides, rigid_sides, tie
 from fem.trace import face_nodes
@@ -173,7 +173,7 @@ def _with_table(structure: Structure, sway: Sway | None, n_between: int):
     """K and M of all dofs."""
     stiffness, mass = ([], []) if sway is None else ([sway.stiffness] * 2, [sway.mass] * 2)
     return [
-        block_diag([A, diags_array([*[0.0] * n_between, *below])], format="csr")
+        block_diagonal([A, csr_matrix(diags_array([*[0.0] * n_between, *below]))])
         if n_between + len(below)
         else A
         for A, below in ((structure.K, stiffness), (structure.M, mass))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.sparse import csc_matrix, csr_matrix
+from scipy.spatial.transform import Rotation
 from skfem import MeshHex
 
 from fem import (
@@ -17,6 +18,7 @@ from fem import (
     assemble,
     joined,
     modes,
+    normal_frame,
 )
 from fem.constraints import Constraint, claimed, eliminated
 from fem.joints import distributing, rigid_motion
@@ -167,3 +169,67 @@ def test_a_mode_that_rounding_has_turned_is_refused_with_what_to_do():
     with pytest.raises(ValueError, match=r"lost in the rounding of K .*stiffen the softest joints"):
         _check(found, K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2))
     _check(found._replace(phi=np.eye(2)), K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2))
+
+
+def turned_blocks(turn):
+    """The two blocks, turned as a whole about the origin."""
+    plain = blocks()
+    meshes = {
+        body: MeshHex(turn @ basis.mesh.p, basis.mesh.t).with_boundaries(basis.mesh.boundaries)
+        for body, basis in plain.basis.items()
+    }
+    return assemble(meshes, dict.fromkeys(meshes, STEEL))
+
+
+@pytest.mark.parametrize("coupling", ["rigid", "mean"])
+def test_springs_stand_along_the_frame_of_their_joint(coupling):
+    """Turned with its frame, the assembly keeps its frequencies; in a global one it does not."""
+    turn = Rotation.from_euler("xyz", [30.0, -50.0, 80.0], degrees=True).as_matrix()
+    sides = Side("upper:foot", coupling), Side("lower:top", "mean", within=0.012)
+    k = Bushing(1e7, 3e7, 9e7, 1e3, 2e3, 5e2)
+
+    def hz(turn, frame):
+        centre = turn @ [0.0, 0.0, LOWER]
+        how = Connections(joints=[Joint("bolt", *sides, centre, k, frame)], held=[BASE])
+        return frequencies(joined(turned_blocks(turn), how), 6)
+
+    plain = hz(np.eye(3), np.eye(3))
+    np.testing.assert_allclose(hz(turn, turn.T), plain, rtol=1e-8)
+    assert np.abs(hz(turn, np.eye(3)) / plain - 1).max() > 0.05
+
+
+def test_the_normal_frame_has_z_along_the_bolt_and_x_along_the_first_axis_beside_it():
+    np.testing.assert_allclose(normal_frame([0, 0, 2.0]), np.eye(3))
+    np.testing.assert_allclose(normal_frame([1, 0, 0]), [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    frame = normal_frame([1.0, 2.0, -1.0])
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(frame) == pytest.approx(1.0) and frame[0, 0] > 0.8
+    np.testing.assert_allclose(frame[2] * np.sqrt(6), [1, 2, -1])
+
+
+@pytest.mark.parametrize(("key", "axis"), [("kx", 0), ("ky", 1), ("kz", 2)])
+def test_a_body_on_a_spring_to_the_ground_is_a_mass_on_a_spring(structure, key, axis):
+    """All but one direction rigid: sqrt(k / m), the body's own give of 1e-5 or so apart."""
+    k, centre = 1e4, np.array([0.0, 0.0, 0.0])
+    earth = Joint("earth", Side("lower:base"), None, centre, Bushing(**{key: k}))
+    model = joined(structure, Connections([TIE], [earth]))
+    assert model.spring == (f"earth.{key}",)
+    mass = model.structure.M.sum() / 3
+    first = frequencies(model, 1)[0]
+    assert first == pytest.approx(np.sqrt(k / mass) / (2 * np.pi), rel=1e-4)
+    moved = model.T @ modes(model.K, model.M, 1).phi[:, 0]
+    assert np.sum(moved[axis::3] ** 2) > 0.999 * np.sum(moved**2)
+
+
+def test_a_washer_that_holds_too_few_nodes_is_refused(structure):
+    small = Side("upper:foot", "rigid", within=2e-3)
+    joint = Joint("bolt", small, Side("lower:top", "mean"), np.array([0.0, 0.0, LOWER]))
+    with pytest.raises(ValueError, match=r"joint bolt holds \d nodes of upper:foot within 0.002 m"):
+        joined(structure, Connections(joints=[joint]))
+
+
+def test_a_joint_on_a_face_that_is_held_already_is_refused(structure):
+    joint = Joint("bolt", Side("upper:foot"), Side("lower:base", "mean"), np.zeros(3), Bushing())
+    earth = joint._replace(first=Side("lower:base", "mean"), second=None)
+    with pytest.raises(ValueError, match="joint bolt: what it holds to is held by supports"):
+        joined(structure, Connections([TIE], [earth], [BASE]))

@@ -1,0 +1,116 @@
+"""Modes told by what a body does, by number and by measured shapes."""
+
+import numpy as np
+import pytest
+from skfem import MeshHex, MeshTet
+
+from fem import (
+    Connections,
+    Held,
+    Material,
+    Motion,
+    Number,
+    Shape,
+    Tie,
+    assemble,
+    joined,
+    modes,
+    outer_nodes,
+    pair,
+    target_mac,
+)
+from fem.trace import at_node
+
+STEEL = Material(210e9, 0.3, 7850.0)
+LENGTH = 0.2  # m
+
+
+def at(axis, value):
+    return lambda x: np.abs(x[axis] - value) < 1e-9
+
+
+@pytest.fixture(scope="module")
+def model():
+    """A heavy cube of tetrahedra at the end of a bar of hexahedra, wider along y than along z."""
+    bar = MeshHex.init_tensor(
+        np.linspace(0, LENGTH, 13), np.linspace(-0.01, 0.01, 3), np.linspace(-0.005, 0.005, 3)
+    )
+    side = np.linspace(-0.02, 0.02, 4)
+    cube = MeshTet.init_tensor(side + LENGTH + 0.02, side, side)
+    meshes = {
+        "bar": bar.with_boundaries({"start": at(0, 0.0), "end": at(0, LENGTH)}),
+        "cube": cube.with_boundaries({"back": at(0, LENGTH)}),
+    }
+    structure = assemble(meshes, {"bar": STEEL, "cube": STEEL._replace(young=210e11)})
+    tie = Tie("bar:end", "cube:back")
+    return joined(structure, Connections([tie], held=[Held("bar:start")]))
+
+
+@pytest.fixture(scope="module")
+def found(model):
+    return modes(model.K, model.M, 8, shift_hz=20.0)
+
+
+def test_a_beam_with_a_mass_bends_flat_then_upright_then_twists(model, found):
+    targets = [Motion("cube", m) for m in ("z+ry", "y+rz", "rx", "x")]
+    pairing = pair(model, found, targets)
+    np.testing.assert_array_equal(pairing.index[:3], [0, 1, 2])
+    assert pairing.index[3] > 3 and np.all(pairing.score > 0.5)
+    assert np.all(pairing.character.sum(axis=0) < 1 + 1e-6)  # shares of one energy
+
+
+def test_strain_is_where_the_soft_body_is(model, found):
+    of_bar, of_cube = pair(model, found, [Motion(b, "strain") for b in ("bar", "cube")]).character
+    np.testing.assert_allclose(of_bar + of_cube, 1.0, rtol=1e-6)
+    assert of_bar[0] > 0.99
+
+
+def test_numbers_count_modes_that_strain_something(model, found):
+    assert list(pair(model, found, [Number(1), Number(5), Number(9)]).index) == [0, 4, -1]
+    free = joined(model.structure, Connections([Tie("bar:end", "cube:back")]))
+    floating = modes(free.K, free.M, 8, shift_hz=20.0)
+    assert list(pair(free, floating, [Number(1)]).index) == [6]
+
+
+def test_a_measured_shape_is_paired_by_its_mac(model, found):
+    """Read at four points across, with a phase of its own and noise of a twentieth."""
+    spots = [(x, 0.0, 0.0) for x in (0.05, 0.1, 0.15, 0.2)]
+    directions = [np.eye(3)[i] for i in (1, 2)]
+    rows = [at_node(model.structure, np.array(s), d) for s in spots for d in directions]
+    reading = np.array(rows) @ model.T
+    rng = np.random.default_rng(3)
+    for mode in (0, 1, 3):
+        shape = reading @ found.phi[:, mode]
+        noise = np.abs(shape).max() / 20 * rng.standard_normal(len(shape))
+        target = Shape(reading, (shape + noise) * np.exp(0.7j))
+        pairing = pair(model, found, [target])
+        assert pairing.index[0] == mode and pairing.score[0] > 0.95
+    stranger = Shape(reading, np.array([1.0, -1, -1, 1, 1, -1, -1, 1]))
+    assert pair(model, found, [stranger]).score[0] < 0.3
+
+
+def test_target_mac_is_one_for_the_mode_itself_on_the_body_that_tells_it(model, found):
+    targets = [Motion("cube", "z"), Number(3)]
+    shapes = found.phi[:, [0, 2]]
+    table = target_mac((model, model), (found.phi, -2 * shapes), targets)
+    assert table.shape == (8, 2)
+    np.testing.assert_allclose([table[0, 0], table[2, 1]], 1.0)
+    assert table[0, 1] < 0.1
+
+
+def test_a_motion_of_no_direction_is_refused():
+    with pytest.raises(ValueError, match="motion = 'x-ry' of cube must be a sum of x, y, z"):
+        assert Motion("cube", "x-ry").directions
+
+
+def test_outer_nodes_hold_triangles_beside_quadrilaterals(model):
+    """Every facet turns around its own body's outside; their areas are those of the bodies."""
+    outer = outer_nodes(model.structure)
+    corners = outer.points[outer.faces]
+    np.testing.assert_allclose(model.structure.points[outer.dofs[:, 0] // 3], outer.points)
+    triangles = outer.faces[:, 2] == outer.faces[:, 3]
+    halves = [np.cross(corners[:, i] - corners[:, 0], corners[:, i + 1] - corners[:, 0])
+              for i in (1, 2)]  # fmt: skip
+    areas = sum(np.linalg.norm(half, axis=1) / 2 for half in halves)
+    assert areas[triangles].sum() == pytest.approx(6 * 0.04**2)
+    assert areas[~triangles].sum() == pytest.approx(2 * (0.2 * 0.03 + 0.02 * 0.01))
