@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from skfem import MeshHex
 
 from geometry.assembly import (
-    PARTS,
     Assembly,
+    Box,
     boxes,
     corner_squares,
     screw_cells,
@@ -28,10 +28,12 @@ from geometry.assembly import (
     sheets,
     washer_z_range,
 )
+from geometry.grid_lines import Coordinates, Stop, graded, lines_through, refined
 from geometry.naming import named
 
-Coordinates = NDArray[np.float64]
-GROWTH = 1.7  # of neighbouring elements where a grid is graded
+EDGE = 1 / 16  # of the elements' size, at the edge of an imprint on a part below
+SHEETS_ON = {"block": "head", "sheets_support": "foot"}  # part below a sheet's overlap
+EDGE_GROWTH = 3.0  # of neighbouring elements away from it
 # skfem's order of the corners of a hexahedron, from the quadrilateral (0..3) and its copy (4..7)
 EXTRUDED = [0, 4, 3, 1, 7, 5, 2, 6]
 
@@ -44,6 +46,7 @@ def hex_mesh(
     support_seed: float,
     contact_seed: float | None = None,
     contact_point: tuple[float, float] = (0.0, 0.0),
+    glued: bool = False,
 ) -> MeshHex:
     """Every part meshed on its own, coincident faces unmerged, bodies and faces named.
 
@@ -53,12 +56,12 @@ def hex_mesh(
     """
     a = assembly
     pieces = {}
-    for name, box in boxes(a).items():
+    for name in boxes(a):
         size = block_seed if name == "block" else support_seed
-        lines = [_even(box.lower[i], box.upper[i], size) for i in range(3)]
-        if name == "block" and contact_seed is not None:
-            lines = _graded_to_contact(a, lines, block_seed, contact_seed, contact_point)
-        pieces[name] = MeshHex.init_tensor(*_with_imprints(a, name, lines, size))
+        stops = box_stops(
+            a, name, size, contact_seed=contact_seed, contact_point=contact_point, glued=glued
+        )
+        pieces[name] = MeshHex.init_tensor(*(lines_through(along, size) for along in stops))
     flat = _sheet_quadrilaterals(a, seed)
     for name, y in sheets(a).items():
         pieces[name] = _extruded(*flat, y, np.sign(y) * a.sheet_thickness)
@@ -66,58 +69,78 @@ def hex_mesh(
 
 
 def _even(lower: float, upper: float, size: float) -> Coordinates:
-    return np.linspace(lower, upper, max(1, round((upper - lower) / size)) + 1)
+    return lines_through([Stop(lower), Stop(upper)], size)
 
 
-def graded(lower: float, upper: float, point: float, fine: float, coarse: float) -> Coordinates:
-    """Grid lines from `lower` to `upper`, spaced `fine` at `point` and growing up to `coarse`."""
-    left = point - _away(point - lower, fine, coarse)[::-1]
-    right = point + _away(upper - point, fine, coarse)
-    return np.concatenate([left, right[1:]]) if len(left) > 1 else right
-
-
-def _away(length: float, fine: float, coarse: float) -> Coordinates:
-    if length <= 0:
-        return np.zeros(1)
-    steps = [min(fine, coarse)]
-    while sum(steps) < length:
-        steps.append(min(steps[-1] * GROWTH, coarse))
-    if len(steps) > 1 and sum(steps) - length > 0.5 * steps[-1]:
-        steps.pop()
-    return np.concatenate([[0.0], np.cumsum(steps)]) * (length / sum(steps))
-
-
-def _graded_to_contact(a: Assembly, lines, coarse: float, fine: float, point):
-    x, y, z = lines
-    centre = (point[0], a.block_z / 2 + point[1])
+def box_stops(
+    a: Assembly,
+    name: str,
+    size: float,
+    *,
+    contact_seed: float | None = None,
+    contact_point: tuple[float, float] = (0.0, 0.0),
+    glued: bool = False,
+) -> list[list[Stop]]:
+    """What the grid of a box with elements of `size` must pass, along x, y and z."""
+    box = boxes(a)[name]
+    edges = _outline_of_sheets(a, name) if glued else [[], [], []]
+    squares = [[], [], []]
+    contact = squares
+    if name != "block":
+        edges = [one + other for one, other in zip(edges, _edges(a), strict=True)]
+        squares = _squares(a)
+    elif contact_seed is not None:
+        centre = (box.upper[0], contact_point[0], a.block_z / 2 + contact_point[1])
+        contact = [[refined(at, contact_seed)] for at in centre]
     return [
-        graded(x[0], x[-1], x[-1], fine, coarse),
-        graded(y[0], y[-1], centre[0], fine, coarse),
-        graded(z[0], z[-1], centre[1], fine, coarse),
+        _within(
+            float(box.lower[i]),
+            float(box.upper[i]),
+            [*contact[i], *(refined(at, EDGE * size, EDGE_GROWTH) for at in edges[i])]
+            + [Stop(at) for at in squares[i]],
+        )
+        for i in range(3)
     ]
 
 
-def _with_imprints(a: Assembly, name: str, lines, size: float) -> list[Coordinates]:
-    """Grid lines where a neighbour in the stack ends, and around the squares at its corners."""
-    stack = [part for part in PARTS[2:] if part in a.parts]
-    if name not in stack:
-        return lines
-    i = stack.index(name)
-    neighbours = [boxes(a)[other] for other in stack[max(0, i - 1) : i + 2] if other != name]
-    imprinted = []
-    for axis, line in enumerate(lines[:2]):
-        values = [box[end][axis] for box in neighbours for end in (0, 1)]
-        for _, near, far in corner_squares(a, name).values():
-            values += [line[0] + near, line[0] + far, line[-1] - near, line[-1] - far]
-        imprinted.append(_with(line, values, size))
-    return [*imprinted, lines[2]]
+def _outline_of_sheets(a: Assembly, name: str) -> list[list[float]]:
+    """The edges of the sheets' faces on the part that they are glued to: x, y, z."""
+    if not sheets(a) or name not in SHEETS_ON:
+        return [[], [], []]
+    x = a.sheet_width / 2
+    return [[-x, x], [*sheets(a).values()], [*washer_z_range(a, SHEETS_ON[name])]]
 
 
-def _with(line: Coordinates, values, size: float) -> Coordinates:
-    """Even grid lines from end to end that meet every value in between."""
-    stops = np.unique(np.clip([line[0], *values, line[-1]], line[0], line[-1]).round(9))
-    pieces = [_even(*pair, size) for pair in pairwise(stops)]
-    return np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
+def _edges(a: Assembly) -> list[list[float]]:
+    """Where parts below end on each other, and where they meet."""
+    pairs = list(pairwise(_stack(a).values()))
+    across = [
+        [max(u.lower[i], v.lower[i]) for u, v in pairs]
+        + [min(u.upper[i], v.upper[i]) for u, v in pairs]
+        for i in range(2)
+    ]
+    return [*across, [u.lower[2] for u, _ in pairs]]
+
+
+def _squares(a: Assembly) -> list[list[float]]:
+    """The sides of the squares at the corners of all parts below: neighbours' grids match."""
+    found = [[], [], []]
+    for name, box in _stack(a).items():
+        for _, *span in corner_squares(a, name).values():
+            for i in range(2):
+                found[i] += [at for d in span for at in (box.lower[i] + d, box.upper[i] - d)]
+    return found
+
+
+def _stack(a: Assembly) -> dict[str, Box]:
+    return {name: box for name, box in boxes(a).items() if name != "block"}
+
+
+def _within(lower: float, upper: float, stops: list[Stop]) -> list[Stop]:
+    """The stops from end to end in ascending order, of those at one place the first."""
+    inside = [stop for stop in stops if lower - 1e-9 < stop.at < upper + 1e-9]
+    places = {round(stop.at, 9): stop for stop in [Stop(lower), Stop(upper), *reversed(inside)]}
+    return [places[at] for at in sorted(places)]
 
 
 def _sheet_quadrilaterals(a: Assembly, seed: float) -> tuple[Coordinates, NDArray[np.int64]]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshHex
 
-from geometry.hex_mesh import graded
+from geometry.grid_lines import graded
 
 LAYERS = 2  # of elements through the thickness, at least
 ON_EDGE = 1e-9  # m

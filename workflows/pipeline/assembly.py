@@ -56,14 +56,17 @@ def _whole(scene: Scene) -> Mesh:
         for sentence in too_large_file(scene, _nodes(own)):
             raise InvalidScene(sentence)
         return own
-    return _mesher(m.element)(
-        assembly(scene.assembly),
-        seed=m.seed,
-        block_seed=m.block_seed,
-        support_seed=m.support_seed,
-        contact_seed=m.contact_seed,
-        contact_point=scene.patch.point,
-    )
+    parts = assembly(scene.assembly)
+    sizes = {
+        "seed": m.seed,
+        "block_seed": m.block_seed,
+        "support_seed": m.support_seed,
+        "contact_seed": m.contact_seed,
+        "contact_point": scene.patch.point,
+    }
+    if m.element == "tet":
+        return _tet_mesher()(parts, **sizes)
+    return geometry.hex_mesh(parts, **sizes, glued=scene.assembly.constraint == "full-tie")
 
 
 def _nodes(mesh: Mesh) -> dict[str, float]:
@@ -72,9 +75,7 @@ def _nodes(mesh: Mesh) -> dict[str, float]:
     return {body: each * len(cells) for body, cells in mesh.subdomains.items()}
 
 
-def _mesher(element: str):
-    if element == "hex":
-        return geometry.hex_mesh
+def _tet_mesher():
     try:
         from geometry.tet_mesh import tet_mesh  # loads gmsh, and that its shared libraries
     except OSError as missing:

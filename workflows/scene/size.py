@@ -66,8 +66,13 @@ def _nodes(scene: Scene) -> dict[str, float]:
     from workflows.scene.assembly import assembly
 
     mesh = scene.mesh
-    seeds = {name: getattr(mesh, name) for name in SEEDS}
-    return n_nodes(assembly(scene.assembly), mesh.element, contact_point=scene.patch.point, **seeds)
+    return n_nodes(
+        assembly(scene.assembly),
+        mesh.element,
+        contact_point=scene.patch.point,
+        glued=scene.assembly.constraint == "full-tie",
+        **{name: getattr(mesh, name) for name in SEEDS},
+    )
 
 
 def room_for_two(scene: Scene) -> bool:

@@ -1,0 +1,114 @@
+"""Grid lines of boxes, closer where stresses are steep: at a contact, at the edge of an interface.
+
+Away from a stop the element size grows with the distance d up to that of the body, h(d) = s + b d.
+Elements that each are exp(b) times as large as their neighbour do so; within d there are
+
+    n(d) = int dx / h(x) = ln(1 + b d / s) / b,
+
+stretched to a whole number between every two stops.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import log, log1p
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Coordinates = NDArray[np.float64]
+GROWTH = 1.7  # of neighbouring elements away from a contact
+
+
+class Stop(NamedTuple):
+    """A coordinate that a grid line must pass, and the sizes around it."""
+
+    at: float  # [m]
+    size: float = np.inf  # h(0) [m], at most the body's
+    slope: float = 0.0  # b
+
+
+def refined(at: float, first: float, growth: float = GROWTH) -> Stop:
+    """A stop whose nearest elements have the size `first`, each next one `growth` times that."""
+    slope = log(growth)
+    return Stop(at, first * slope / (growth - 1), slope)
+
+
+def lines_through(stops: Sequence[Stop], size: float) -> Coordinates:
+    """Ascending grid lines that pass all stops, at most about `size` apart."""
+    pieces = [_Stretch.between(*pair, size).lines() for pair in pairwise(stops)]
+    return np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
+
+
+def n_cells(stops: Sequence[Stop], size: float) -> int:
+    """How many cells those lines bound."""
+    return sum(_Stretch.between(*pair, size).n_cells for pair in pairwise(stops))
+
+
+def graded(lower: float, upper: float, point: float, fine: float, coarse: float) -> Coordinates:
+    """Grid lines from `lower` to `upper`, spaced `fine` at `point` and growing up to `coarse`."""
+    ends = [Stop(at) for at in (lower, upper) if not np.isclose(at, point, rtol=0, atol=1e-12)]
+    return lines_through(sorted([*ends, refined(point, fine)]), coarse)
+
+
+class _Side(NamedTuple):
+    """One end of a stretch: elements that grow from `size` with `slope` up to `most`."""
+
+    size: float
+    slope: float
+    most: float
+    length: float  # up to where the other end's elements are as small
+
+    @property
+    def grown(self) -> float:
+        """Distance at which the elements have their full size."""
+        return (self.most - self.size) / self.slope if self.slope else 0.0
+
+    def cells(self, d):
+        """Cells within the distance d."""
+        near = min(d, self.grown)
+        growing = log1p(self.slope * near / self.size) / self.slope if near > 0 else 0.0
+        return growing + (d - near) / self.most
+
+    def distance(self, cells):
+        """Its inverse, of an array."""
+        n = self.cells(self.grown)
+        near = np.minimum(cells, n)
+        growing = self.size * np.expm1(self.slope * near) / self.slope if self.slope else 0.0
+        return growing + (cells - near) * self.most
+
+
+class _Stretch(NamedTuple):
+    """What stands between two stops."""
+
+    start: float
+    end: float
+    lower: _Side
+    upper: _Side
+
+    @classmethod
+    def between(cls, one: Stop, other: Stop, most: float) -> "_Stretch":
+        length = other.at - one.at
+        s, t = min(one.size, most), min(other.size, most)
+        slopes = one.slope + other.slope
+        meeting = (t - s + other.slope * length) / slopes if slopes else length / 2
+        meeting = min(max(meeting, 0.0), length)
+        lower = _Side(s, one.slope, most, meeting)
+        upper = _Side(t, other.slope, most, length - meeting)
+        return cls(one.at, other.at, lower, upper)
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Cells that either side would have, not whole."""
+        return self.lower.cells(self.lower.length), self.upper.cells(self.upper.length)
+
+    @property
+    def n_cells(self) -> int:
+        return max(1, round(sum(self.shares)))
+
+    def lines(self) -> Coordinates:
+        first, second = self.shares
+        place = np.linspace(0.0, first + second, self.n_cells + 1)
+        below = self.start + self.lower.distance(np.minimum(place, first))
+        above = self.end - self.upper.distance(np.minimum(place[::-1], second))
+        return np.where(place <= first, below, above)
