@@ -16,7 +16,7 @@ from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.012", "patch.radius=0.006",
+    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.012", "patch.radius=0.006",
     "reduction.modes=30", "output.samples=601",
 )  # fmt: skip
 

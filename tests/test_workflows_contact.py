@@ -20,7 +20,12 @@ from workflows.pipeline.chain import chain, initial_velocity
 from workflows.pipeline.pipeline import Pipeline
 from workflows.pipeline.rig import STRUCK
 
-COARSE = ("mesh.seed=0.012", "mesh.block_seed=0.05", "reduction.kind=free-modes")
+COARSE = (
+    "mesh.seed=0.012",
+    "mesh.block_seed=0.05",
+    "mesh.support_seed=0.1",
+    "reduction.kind=free-modes",
+)
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,12 @@ from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 
-COARSE = ("mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.contact_seed=0.03")
+COARSE = (
+    "mesh.seed=0.012",
+    "mesh.block_seed=0.05",
+    "mesh.support_seed=0.1",
+    "mesh.contact_seed=0.03",
+)
 
 
 @pytest.fixture(autouse=True)
