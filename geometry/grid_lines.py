@@ -37,7 +37,7 @@ def refined(at: float, first: float, growth: float = GROWTH) -> Stop:
 def lines_through(stops: Sequence[Stop], size: float) -> Coordinates:
     """Ascending grid lines that pass all stops, at most about `size` apart."""
     pieces = [_Stretch.between(*pair, size).lines() for pair in pairwise(stops)]
-    return np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
+    return np.concatenate([[stops[0].at], *(piece[1:] for piece in pieces)])
 
 
 def n_cells(stops: Sequence[Stop], size: float) -> int:

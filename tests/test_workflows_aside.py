@@ -13,7 +13,8 @@ from workflows.pipeline.pipeline import pipeline_of
 from workflows.pipeline.run import impact
 
 COARSE = (
-    "mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.012", "patch.radius=0.006",
+    "mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
+    "mesh.contact_seed=0.012", "patch.radius=0.006",
     'assembly.parts=["block","sheets"]', "reduction.modes=8", "time.duration=3e-4",
     "output.samples=301", "chain.count=5", "output.spheres=[1, 4]",
 )  # fmt: skip

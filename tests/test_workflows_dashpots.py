@@ -17,7 +17,8 @@ from workflows.pipeline.pipeline import Pipeline
 from workflows.scene import InvalidScene
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.012", "patch.radius=0.006",
+    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
+    "mesh.contact_seed=0.012", "patch.radius=0.006",
     "output.samples=151", "time.duration=1.5e-3", "damping={kind='none'}",
 )  # fmt: skip
 DAMPED = ("joints.head.cz=2000.0", "joints.head.cry=0.05")

@@ -9,7 +9,8 @@ import pytest
 from workflows.commands.app import COMMANDS, main
 from workflows.files.scene import built_in, scene_text, tables
 
-COARSE = ("mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.03", "reduction.modes=8",
+COARSE = ("mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
+          "mesh.contact_seed=0.03", "reduction.modes=8",
           'assembly.parts=["block","sheets"]')  # fmt: skip
 MODEL = [f"--set={change}" for change in COARSE]
 SHORT = ["--set=chain.count=4", "--set=output.spheres=[1]", "--set=time.duration=0.2 ms"]

@@ -9,6 +9,7 @@ import pytest
 from skfem.io.meshio import HEX_MAPPING
 
 from geometry import Assembly, hex_mesh, tet_mesh
+from geometry.gmsh_session import session
 from workflows.files.mesh import mesh_of
 from workflows.files.scene import scene
 from workflows.pipeline.pipeline import pipeline_of
@@ -38,7 +39,8 @@ def modes_hz(*changes):
 def file(tmp_path):
     """Block and sheets as gmsh writes them: named volumes, and one named surface."""
     mesh = hex_mesh(Assembly(parts=("block", "sheets")), seed=0.012, block_seed=0.04,
-                    support_seed=0.03, contact_seed=4e-3, contact_point=(0.03, 0.0))  # fmt: skip
+                    support_seed=0.03, contact_seed=4e-3, contact_point=(0.03, 0.0),
+                    glued=True)  # fmt: skip
     cells, tags, names = [], [], {}
     for group, kind, dim, nodes in (
         (mesh.subdomains, "hexahedron", 3, mesh.t[HEX_MAPPING[:8]]),
@@ -71,7 +73,7 @@ def test_a_mesh_without_a_name_is_refused_with_that_name(file):
 def by_gmsh(tmp_path_factory):
     """Block and sheets in tetrahedra, written by gmsh itself in its versions, orders and modes."""
     folder, parts = tmp_path_factory.mktemp("gmsh"), Assembly(parts=("block", "sheets"))
-    with tet_mesh._session():
+    with session():
         volumes = tet_mesh._bodies(parts)
         gmsh.model.occ.synchronize()
         for name, tags in volumes.items():

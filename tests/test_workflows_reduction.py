@@ -28,7 +28,8 @@ from workflows.pipeline.wall import wall_of
 from workflows.scene import InvalidScene
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.012", "patch.radius=0.006",
+    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
+    "mesh.contact_seed=0.012", "patch.radius=0.006",
     "output.samples=601", "time.duration=1e-3",
 )  # fmt: skip
 

@@ -19,7 +19,8 @@ from workflows.studies.accuracy.rows import Row, table_of
 from workflows.studies.accuracy.shared_solutions import SharedSolutions
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.012", "patch.radius=0.006",
+    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
+    "mesh.contact_seed=0.012", "patch.radius=0.006",
     "output.samples=301", "time.duration=1e-3", 'assembly.parts=["block", "sheets"]',
     "assembly.fixing=flat",
 )  # fmt: skip

@@ -14,7 +14,8 @@ from workflows.studies import catalogue, finding
 from workflows.studies.thesis import damping, energy, schemes, singularity
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.012", "patch.radius=0.006",
+    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
+    "mesh.contact_seed=0.012", "patch.radius=0.006",
 )  # fmt: skip
 
 

@@ -325,7 +325,8 @@ def test_a_material_that_no_solid_has_is_refused(tmp_path, name, value):
 
 
 def test_a_reduced_model_carries_the_material_of_its_block(tmp_path):
-    coarse = ("mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.03",
+    coarse = ("mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
+              "mesh.contact_seed=0.03",
               "reduction.modes=8", 'assembly.parts=["block","sheets"]',
               "assembly.block.young=70 GPa", "assembly.block.poisson=0.34")  # fmt: skip
     reduced = Pipeline(scene("rig-rom", coarse), Memory(None, verbose=0))("reduction")

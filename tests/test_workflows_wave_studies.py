@@ -30,7 +30,8 @@ from workflows.studies.thesis import (
 from workflows.studies.thesis.energy import chain_alone
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1", "mesh.contact_seed=0.012", "patch.radius=0.006",
+    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
+    "mesh.contact_seed=0.012", "patch.radius=0.006",
     "reduction.modes=20",
 )  # fmt: skip
 
