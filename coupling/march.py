@@ -65,21 +65,15 @@ def impact(
     run = {"duration": duration, "n_save": n_save} | options
     report = None
     if isinstance(wall, CoupledWall):
-        trajectory = _coupled(chain, wall, v0, error, run)
+        if error is None:
+            raise CouplingError("a CoupledWall is marched to an error; give error instead of dt.")
+        trajectory = march_coupled(chain, wall, v0, error=error, **run)
     elif dt is not None:
         trajectory = march(chain, wall, v0, dt=dt, **run)
         trajectory = with_step_error(chain, wall, v0, trajectory, state=run.get("state"))
     else:
         trajectory, report = _controlled(chain, wall, v0, error, horizon, run)
     return Impact(trajectory, judged, report, energy_gain(trajectory))
-
-
-def _coupled(
-    chain: Chain, wall: CoupledWall, v0: ArrayLike, error: float | None, run: dict
-) -> Trajectory:
-    if error is None:
-        raise CouplingError("a CoupledWall is marched to an error; give error instead of dt.")
-    return march_coupled(chain, wall, v0, error=error, **run)
 
 
 def _controlled(

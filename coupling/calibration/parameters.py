@@ -68,57 +68,27 @@ class Rig(NamedTuple):
 
 def rig_at(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Rig:
     """The rig with the parameters at theta (p,)."""
-    for parameter, value in zip(parameters, theta, strict=True):
-        rig = _CHANGES[parameter.kind](rig, parameter, float(value))
-    return rig
-
-
-def _contact(rig: Rig, p: Parameter, value: float) -> Rig:
-    A = rig.chain.A.copy()
-    A[p.index] *= value
-    return rig._replace(chain=rig.chain._replace(A=A))
-
-
-def _preload(rig: Rig, p: Parameter, value: float) -> Rig:
-    return rig._replace(chain=rig.chain._replace(preload=value))
-
-
-def _dissipation(rig: Rig, p: Parameter, value: float) -> Rig:
-    gamma = np.full(rig.chain.A.size, value)
-    return rig._replace(chain=rig.chain._replace(dissipation="hunt-crossley", gamma=gamma))
-
-
-def _striker(rig: Rig, p: Parameter, value: float) -> Rig:
-    return rig._replace(v0=np.append(value, rig.v0[1:]))
-
-
-def _trigger(rig: Rig, p: Parameter, value: float) -> Rig:
-    return rig._replace(trigger=value)
-
-
-def _frequency(rig: Rig, p: Parameter, value: float) -> Rig:
-    return rig._replace(wall=rig.wall._replace(omega=np.array([2.0 * np.pi * value])))
-
-
-def _mass(rig: Rig, p: Parameter, value: float) -> Rig:
-    return rig._replace(wall=rig.wall._replace(phi=np.array([value**-0.5])))
-
-
-def _damping(rig: Rig, p: Parameter, value: float) -> Rig:
-    zeta = rig.wall.zeta + (value - p.start) * rig.damping[p.index]
-    return rig._replace(wall=rig.wall._replace(zeta=np.maximum(zeta, 0.0)))
-
-
-_CHANGES = {
-    "contact": _contact,
-    "preload": _preload,
-    "dissipation": _dissipation,
-    "striker": _striker,
-    "trigger": _trigger,
-    "frequency": _frequency,
-    "mass": _mass,
-    "damping": _damping,
-}
+    chain, wall, v0, trigger, A = rig.chain, rig.wall, rig.v0, rig.trigger, rig.chain.A.copy()
+    for p, value in zip(parameters, map(float, theta), strict=True):
+        match p.kind:
+            case "contact":
+                A[p.index] *= value
+            case "preload":
+                chain = chain._replace(preload=value)
+            case "dissipation":
+                chain = chain._replace(dissipation="hunt-crossley", gamma=np.full(A.size, value))
+            case "striker":
+                v0 = np.append(value, v0[1:])
+            case "trigger":
+                trigger = value
+            case "frequency":
+                wall = wall._replace(omega=np.array([2.0 * np.pi * value]))
+            case "mass":
+                wall = wall._replace(phi=np.array([value**-0.5]))
+            case "damping":
+                zeta = wall.zeta + (value - p.start) * rig.damping[p.index]
+                wall = wall._replace(zeta=np.maximum(zeta, 0.0))
+    return rig._replace(chain=chain._replace(A=A), wall=wall, v0=v0, trigger=trigger)
 
 
 def directions(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Directions:
