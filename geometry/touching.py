@@ -160,7 +160,7 @@ def _apart(one: Face, other: Face) -> float | None:
             return None
         return abs(float((other.centre - one.centre) @ one.normal))
     if one.axis is not None:
-        if one.hollow == other.hollow or not parallel(one.axis, other.axis):
+        if not parallel(one.axis, other.axis):
             return None
         eccentric = off_axis(other.on_axis, one.on_axis, one.axis)
         return eccentric + abs(one.radius - other.radius)

@@ -227,6 +227,20 @@ def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_
         assert area(mesh, "pad|leg") == pytest.approx(4e-4, rel=1e-9)
 
 
+def test_a_side_touched_over_a_trapezium_makes_tetrahedra():
+    wide = ((0, 0), (0.1, 0), (0.1, 0.05), (0.05, 0.08), (0, 0.05))
+    slanted = ((0.02, 0), (0.08, 0), (0.06, 0.02), (0.04, 0.02))
+    meshes = hexahedra_of(
+        {
+            "pad": Plate(wide, 0.03),
+            "rib": Plate(slanted, 0.02, turn=(90, 0, 0)),
+        }
+    )
+    assert isinstance(meshes["pad"], MeshTet) and isinstance(meshes["rib"], MeshHex)
+    for mesh in meshes.values():
+        assert area(mesh, "pad|rib") == pytest.approx(0.04 * 0.02, rel=1e-9)
+
+
 SPOT = np.array([0.04, 0.0, 0.015])
 L_SHAPE = ((0, 0), (0.08, 0), (0.08, 0.02), (0.03, 0.02), (0.03, 0.1), (0, 0.1))
 PICKED = {

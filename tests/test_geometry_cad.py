@@ -121,6 +121,7 @@ def test_a_solid_of_no_thickness_is_refused():
 def test_a_step_file_in_inches_is_converted_and_says_so(tmp_path):
     write_step({"cube": Box((0.01, 0.01, 0.01))}, tmp_path / "cube.step")
     text = (tmp_path / "cube.step").read_text()
+    assert "(-5.,-5.,-5.)" in text  # in the millimetres that it states
     millimetre = "( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.) )"
     assert millimetre in text
     inch = (
