@@ -35,17 +35,25 @@ class Size(NamedTuple):
 
 
 def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) -> Size:
-    """The sizes of a body, its seed by its extent unless given.
+    """The sizes of a body, its seed the default unless given.
 
     A body bends sharply where a partner that holds it ends, over a length of its thickness: there
     elements of a thin one are as small.
     """
-    thickness = 2 * body.volume / body.area
-    extent = float(np.linalg.norm(body.upper - body.lower))
-    seed = seed or min(extent / ACROSS, thickness / LAYERS)
-    edge = max(thickness, seed / EDGE)
+    seed = seed or default_seed(body)
+    edge = max(_thickness(body), seed / EDGE)
     mine = tuple(f for f in fine if f.body == body.name)
     return Size(seed, mine, edge if edge < seed else None)
+
+
+def default_seed(body: Body) -> float:
+    """Element size from a body's extent, less for a thin one [m]."""
+    extent = float(np.linalg.norm(body.upper - body.lower))
+    return min(extent / ACROSS, _thickness(body) / LAYERS)
+
+
+def _thickness(body: Body) -> float:
+    return 2 * body.volume / body.area
 
 
 def size_at(
