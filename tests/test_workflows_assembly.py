@@ -195,7 +195,7 @@ def test_the_built_in_scene_has_the_dimensions_of_the_geometry():
 
 
 def test_the_mesh_has_a_node_at_the_contact():
-    points = assembly_stages.mesh(scene("rig-rom", COARSE))["block"].p
+    points = assembly_stages.mesh(scene("rig-rom", COARSE)).meshes["block"].p
     half = Assembly().block_z / 2
     offsets = points - np.array([[Assembly().block_x / 2], [0.03], [half]])
     assert np.linalg.norm(offsets, axis=0).min() < 1e-9

@@ -9,7 +9,7 @@ from geometry.size import n_nodes
 from geometry.tet_mesh import tet_mesh
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene, memory
-from workflows.scene.size import peak_memory, too_large_file
+from workflows.scene.size import peak_memory, too_large_mesh
 
 GB = 1e9
 MESHERS = {"hex": (hex_mesh, ElementHexS2()), "tet": (tet_mesh, ElementTetP2())}
@@ -60,9 +60,9 @@ def test_the_built_in_assembly_fits_into_two_gigabytes(monkeypatch):
 
 def test_a_mesh_of_ones_own_is_measured_as_well(monkeypatch):
     monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 2 * GB)
-    (sentence,) = too_large_file(scene("rig-rom"), {"block": 1e5})
+    (sentence,) = too_large_mesh(scene("rig-rom"), "mesh.file", {"block": 1e5})
     assert "mesh.file" in sentence and "2 GB are free" in sentence
-    assert not list(too_large_file(scene("rig-rom"), {"block": 1e4}))
+    assert not list(too_large_mesh(scene("rig-rom"), "mesh.file", {"block": 1e4}))
 
 
 def test_memory_grows_faster_than_the_unknowns_of_a_solid():

@@ -22,7 +22,7 @@ from workflows.pipeline.chain import chain, initial_velocity, start
 from workflows.pipeline.health import reduction_health
 from workflows.pipeline.impact import impact as chain_impact
 from workflows.pipeline.pipeline import pipeline_of
-from workflows.pipeline.reduction import contact_of, hammer_modes
+from workflows.pipeline.reduction import contact_of, targets_kept
 from workflows.pipeline.run import run, summary_of
 from workflows.pipeline.wall import wall_of
 from workflows.scene import InvalidScene
@@ -272,7 +272,7 @@ def test_a_mode_that_bears_two_characters_of_the_hammer_test_is_kept_once():
     """As the rigid motions of a block that nothing holds do."""
     omega, phi = np.array([0.0, 1e-3, 2e-3, 5e4]), np.eye(6)[:, :4]
     found = AssemblyModes(omega, phi, np.array([1, 2, 2, 3]), np.ones(4), 6, None)
-    kept = hammer_modes(found)
+    kept = targets_kept(found)
     np.testing.assert_array_equal(kept[0], omega[1:])
     np.testing.assert_array_equal(kept[1].T @ kept[1], np.eye(3))
 

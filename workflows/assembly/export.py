@@ -7,10 +7,11 @@ from fem.abaqus import input_deck
 from geometry.rig import shapes
 from workflows.files.run_folder import writing_file
 from workflows.files.wall import require_reader
-from workflows.pipeline.assembly import dashpots, materials
+from workflows.pipeline import bodies
+from workflows.pipeline.assembly import dashpots
 from workflows.pipeline.pipeline import Pipeline
 from workflows.pipeline.wall import save
-from workflows.scene import InvalidScene
+from workflows.scene import InvalidScene, Scene
 from workflows.scene.assembly import assembly
 
 FORMATS = (".npz", ".mat", ".h5")
@@ -24,15 +25,22 @@ def write_model(pipeline: Pipeline, inp: Path | None, step: Path | None) -> None
         raise InvalidScene(f"--step {step} must end in .step or .stp.")
     if inp:
         model = pipeline("model")
-        steel = materials(scene.assembly, model.structure.basis)
-        text = input_deck(model, steel, w=pipeline("contact").w, C=dashpots(scene, model))
+        struck = not scene.is_general or scene.strike is not None
+        w, made_of = pipeline("contact").w if struck else None, pipeline("mesh").materials
+        text = input_deck(model, made_of, w=w, C=dashpots(scene, model))
         with writing_file(inp) as part:
             part.write_text(text, encoding="utf-8")
     if step:
         from geometry.cad import write_step
 
         with writing_file(step) as part:
-            write_step(shapes(assembly(scene.assembly)), part)
+            write_step(_shapes(scene), part)
+
+
+def _shapes(scene: Scene) -> dict:
+    if scene.is_general and scene.assembly.step:
+        raise InvalidScene(f"{scene.name} has its geometry from {scene.assembly.step}; copy that.")
+    return bodies.shapes(scene) if scene.is_general else shapes(assembly(scene.assembly))
 
 
 def write_reduced(pipeline: Pipeline, path: Path, matrices: Path | None = None) -> None:

@@ -13,7 +13,6 @@ from workflows.files.hammer import SYNTHETIC, Responses, responses
 from workflows.pipeline.pipeline import Pipeline
 from workflows.pipeline.wall import damping_law
 from workflows.scene import InvalidScene, ModalDamping, Scene
-from workflows.thesis import HAMMER_TEST_HZ
 
 VIRTUAL_LINES = np.arange(10.0, 10_000.0, 0.2)  # [Hz]
 VIRTUAL_NOISE = 2e-3  # of the rms response
@@ -95,28 +94,29 @@ def applied(
     """The scene with the measured damping, and the measured frequencies to tune to."""
     if not report.targets:
         raise InvalidScene(f"{report.file} has no resonance near the modes wanted; name others.")
-    missing = sorted(set(targets(match)) - set(report.targets)) if match else []
+    wanted = targets(match, scene.measured_hz) if match else {}
+    missing = sorted(set(wanted) - set(report.targets))
     if missing:
         raise InvalidScene(f"{report.file} has no resonance near modes {missing}; leave them out.")
     return damped(scene, report), report.targets
 
 
 def damped(scene: Scene, report: HammerReport) -> Scene:
-    """The scene with the damping ratios of the test on its four modes."""
-    ratios = [report.damping.get(i) for i in (1, 2, 3, 4)]
+    """The scene with the damping ratios of the test on its measured modes."""
+    ratios = [report.damping.get(i) for i in range(1, len(scene.measured_hz) + 1)]
     if None in ratios:
         return scene
     return scene.model_copy(update={"damping": ModalDamping(kind="modal", ratio=tuple(ratios))})
 
 
 def virtual_test(pipeline: Pipeline) -> Responses:
-    """Accelerances at a corner of the block, hit askew there: computed, with noise."""
+    """Accelerances at a corner of the body struck, hit askew there: computed, with noise."""
     scene, modes = pipeline.scene, pipeline("modes")
-    damping = damping_law(scene.damping, HAMMER_TEST_HZ)
+    damping = damping_law(scene.damping, scene.measured_hz)
     if damping is None:
         raise InvalidScene("a virtual test needs damping; set damping.kind=modal with a ratio.")
     zeta = coupling.damping_ratios(damping, modes.omega)
-    read = corner_readings(pipeline("model"), "block") @ modes.phi
+    read = corner_readings(pipeline("model"), scene.struck_body) @ modes.phi
     hit = np.array([1.0, 1.0, 1.0]) / np.sqrt(3) @ read
     H = accelerances(read, hit, modes.omega, zeta, VIRTUAL_LINES)
     noisy = with_noise(H, VIRTUAL_NOISE, np.random.default_rng(0))

@@ -6,26 +6,27 @@ from pydantic import BaseModel
 from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Pipeline
 from workflows.results import plots
-from workflows.thesis import HAMMER_TEST_HZ
+from workflows.scene import InvalidScene
 
 LEGIBLE = 0.05  # smallest MAC written into its cell
 
 
 READING = """\
-at contact: participation [kg^-1/2];  score: share of the mode's energy in the block's motion of
-that hammer-test mode;  MAC: with that mode of stiff joints"""
+at contact: participation [kg^-1/2];  score: share of the mode's energy in the motion that tells the
+measured mode;  MAC: with that mode of stiff joints"""
+NO_TARGETS = "No targets: [[targets]] lists measured modes to set beside these."
 
 
 class ModeRow(BaseModel):
     """One computed mode; `hammer_mode` where it is paired with one of the test.
 
-    `score` is the share of its energy in that mode's motion of the block, `mac` that with the mode
-    of stiff joints.
+    `score` is the share of its energy in the motion that tells the measured mode, `mac` that with
+    the mode of stiff joints.
     """
 
     number: int
     frequency_hz: float
-    participation: float
+    participation: float | None
     hammer_mode: int | None = None
     hammer_hz: float | None = None
     difference_percent: float | None = None
@@ -41,27 +42,34 @@ class ModeTable(BaseModel):
 
     def text(self) -> str:
         """Aligned lines."""
-        head = f"{'mode':>5} {'Hz':>10} {'at contact':>11}  {'hammer test':<20}"
+        head = f"{'mode':>5} {'Hz':>10} {'at contact':>11}  {'measured':<20}"
         lines = [f"{head}{'score':>6}{'MAC':>6}", *(_line(row) for row in self.rows)]
-        return "\n".join([*lines, "", READING])
+        told = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
+        return "\n".join([*lines, "", told])
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:
-    """Modes beside the hammer test."""
-    modes = pipeline("modes")
-    participation, mac = pipeline("contact").w @ modes.phi, pipeline("mac")
+    """Modes beside the measured ones."""
+    scene, modes, mac = pipeline.scene, pipeline("modes"), pipeline("mac")
+    struck = not scene.is_general or scene.strike is not None
+    participation = np.abs(pipeline("contact").w @ modes.phi) if struck else [None] * len(mac)
     tested = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
     rows = [
-        _row(j, hz, participation[j], tested.get(j), modes.score, mac[j])
+        _row(j, hz, participation[j], tested.get(j), scene.measured_hz, modes.score, mac[j])
         for j, hz in enumerate(modes.omega / (2 * np.pi))
     ]
-    return ModeTable(scene=pipeline.scene.name, rows=rows)
+    return ModeTable(scene=scene.name, rows=rows)
 
 
 def mac_picture(pipeline: Pipeline) -> Picture:
     """The MAC matrix of the modes found with those of stiff joints."""
     hz = pipeline("modes").omega / (2 * np.pi)
-    mac, stiff = pipeline("mac"), [f"mode {i}" for i in range(1, 5)]
+    mac = pipeline("mac")
+    if not mac.shape[1]:
+        raise InvalidScene(
+            f"{pipeline.scene.name}: there are no targets for a MAC matrix; add [[targets]]."
+        )
+    stiff = [f"mode {i}" for i in range(1, mac.shape[1] + 1)]
     figure, (axis,) = plots.subplots(1, 1, (5, 1.2 + 0.26 * len(mac)))
     names = [f"{f:.0f} Hz" for f in hz], stiff
     plots.heat_map(axis, mac, names, "MAC", legible=LEGIBLE, limits=(0, 1))
@@ -69,11 +77,13 @@ def mac_picture(pipeline: Pipeline) -> Picture:
     return Picture("mac", plots.png(figure))
 
 
-def _row(j: int, hz: float, participation: float, tested: int | None, score, mac) -> ModeRow:
-    row = ModeRow(number=j + 1, frequency_hz=hz, participation=abs(participation))
+def _row(
+    j: int, hz: float, participation: float | None, tested: int | None, measured_hz, score, mac
+) -> ModeRow:
+    row = ModeRow(number=j + 1, frequency_hz=hz, participation=participation)
     if tested is None:
         return row
-    target = HAMMER_TEST_HZ[tested]
+    target = measured_hz[tested]
     return row.model_copy(
         update={
             "hammer_mode": tested + 1,
@@ -86,7 +96,8 @@ def _row(j: int, hz: float, participation: float, tested: int | None, score, mac
 
 
 def _line(row: ModeRow) -> str:
-    line = f"{row.number:5} {row.frequency_hz:10.2f} {row.participation:11.4f}"
+    at_contact = "-" if row.participation is None else f"{row.participation:.4f}"
+    line = f"{row.number:5} {row.frequency_hz:10.2f} {at_contact:>11}"
     if row.hammer_mode is None:
         return line
     test = f"{row.hammer_mode}: {row.hammer_hz:g} Hz ({row.difference_percent:+.1f} %)"

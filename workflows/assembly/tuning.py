@@ -13,13 +13,13 @@ from pydantic import BaseModel
 
 import fem
 from fem.tuning import Parameter, Tuning, tune
-from workflows.pipeline.assembly import JOINTS
+from workflows.assembly import parameters as of_bodies
 from workflows.pipeline.pipeline import Progress, pipeline_of
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.thesis import HAMMER_TEST_HZ
 
-SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]
-TURN = (1e2, 1e-1, 1e8)  # [N m/rad]
+JOINTS = ("head", "foot")
+SHIFT = of_bodies.SHIFT
 STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
 FACTOR = (1.0, 0.85, 1.15)  # of the block's modulus and density
 TANGENTIAL = ("kx", "kz")  # what "kt" stands for
@@ -76,18 +76,27 @@ def tuned(
     scene: Scene, match: dict[int, float], free: tuple[str, ...], progress: Progress
 ) -> tuple[Scene, TuningReport]:
     """The scene with fitted joints, and the report; raises InvalidScene for what has no joints."""
+    if scene.is_general:
+        freed_ones = of_bodies.freed(scene, free)
+    else:
+        freed_ones = _of_the_rig(scene, free or usual(match))
+    fit = _fitted(scene, freed_ones, match, progress)
+    result = _set(fit.loose, fit.found.parameters, fit.found.value)
+    confirmed = pipeline_of(result, progress)("modes").paired_hz
+    fitted = {p.name for p in fit.found.parameters}
+    unseen = [p for p in freed_ones if p.name not in fitted]
+    return result, _report(scene, match, fit, confirmed, unseen)
+
+
+def _of_the_rig(scene: Scene, names: tuple[str, ...]) -> list[Parameter]:
     if scene.assembly.constraint != "wires":
         raise InvalidScene(
             f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
             "set assembly.constraint=wires."
         )
-    freed_ones = [_from(scene, p) for p in freed(free or usual(match))]
+    freed_ones = [_from(scene, p) for p in freed(names)]
     _require_joints(scene, freed_ones)
-    fit = _fitted(scene, freed_ones, match, progress)
-    result = _set(fit.loose, fit.found.parameters, fit.found.value)
-    confirmed = pipeline_of(result, progress)("modes").paired_hz
-    unseen = [p for p in freed_ones if p not in fit.found.parameters]
-    return result, _report(scene, match, fit, confirmed, unseen)
+    return freed_ones
 
 
 class Fit(NamedTuple):
@@ -102,6 +111,8 @@ def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], 
     """The fit; what these modes do not see is left as it was in the scene."""
     loose = loosened(scene, parameters)
     basis = pipeline_of(loose, progress)("tuning-basis")
+    if scene.is_general:
+        parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
     started = perf_counter()
     found = tune(basis, parameters, match)
     seconds = perf_counter() - started
@@ -129,18 +140,19 @@ def usual(match: dict[int, float]) -> tuple[str, ...]:
     return (*joint, "block.young", "block.density") if 4 in match else joint
 
 
-def targets(match: str) -> dict[int, float]:
+def targets(match: str, measured_hz: tuple[float, ...] = HAMMER_TEST_HZ) -> dict[int, float]:
     """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own."""
     pairs = [item.partition("=") for item in match.split(",")]
     try:
-        found = {int(n): float(hz) if eq else HAMMER_TEST_HZ[int(n) - 1] for n, eq, hz in pairs}
+        found = {int(n): float(hz) if eq else measured_hz[int(n) - 1] for n, eq, hz in pairs}
     except (ValueError, IndexError):
         found = {}
     if len(found) < len(pairs) or not all(
-        1 <= n <= 4 and 0 < hz < np.inf for n, hz in found.items()
+        1 <= n <= len(measured_hz) and 0 < hz < np.inf for n, hz in found.items()
     ):
         raise InvalidScene(
-            f"--match {match} must name modes 1 to 4, each once, as in 1,3,4 or 1=51.2,3=905 (Hz)."
+            f"--match {match} must name modes 1 to {len(measured_hz)}, each once, as in 1,3,4 or "
+            "1=51.2,3=905 (Hz)."
         )
     return found
 
@@ -164,7 +176,9 @@ def _parameter(name: str) -> Parameter:
     if part not in JOINTS or not set(directions) <= set(fem.DIRECTIONS):
         raise InvalidScene(f"--free {name} is not known, {nearest(name, _known())}.")
     springs = tuple(f"{part}.{direction}" for direction in directions)
-    return Parameter(name, springs, *STARTS.get(key, TURN if key.startswith("kr") else SHIFT))
+    return Parameter(
+        name, springs, *STARTS.get(key, of_bodies.TURN if key.startswith("kr") else SHIFT)
+    )
 
 
 def _from(scene: Scene, p: Parameter) -> Parameter:
@@ -176,9 +190,11 @@ def _from(scene: Scene, p: Parameter) -> Parameter:
 
 def _now(scene: Scene, p: Parameter) -> list[tuple[str, float]]:
     """Keys of the scene that the parameter sets, each with its value."""
+    if scene.is_general:
+        return [(p.name, of_bodies.now(scene, p.name))]
     if p.springs:
         keys = [spring.split(".") for spring in p.springs]
-        return [(f"{j}.{key}", getattr(getattr(scene.joints, j), key)) for j, key in keys]
+        return [(f"{j}.{key}", getattr(scene.springs[j], key)) for j, key in keys]
     own = getattr(scene.assembly.block, p.of, None)
     return [(p.name, getattr(scene.assembly, p.of) if own is None else own)]
 
@@ -190,6 +206,8 @@ def _known() -> list[str]:
 
 def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
     """The scene with finite springs to vary, and of the block what is not to vary."""
+    if scene.is_general:
+        return _set(scene, parameters, np.array([p.start for p in parameters]))
     varied = {p.of: None for p in parameters if not p.springs}
     block = scene.assembly.block and scene.assembly.block.model_copy(update=varied)
     plain = scene.assembly.model_copy(update={"block": block})
@@ -200,6 +218,9 @@ def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
 
 def _set(scene: Scene, parameters: list[Parameter], value) -> Scene:
     """The scene with the parameters at these values."""
+    if scene.is_general:
+        names = [p.name for p in parameters]
+        return of_bodies.with_values(scene, dict(zip(names, value, strict=True)))
     joints, steel = {}, {}
     for p, x in zip(parameters, value, strict=True):
         for spring in p.springs:
@@ -220,7 +241,7 @@ def _set(scene: Scene, parameters: list[Parameter], value) -> Scene:
 def _report(scene, match, fit: Fit, confirmed, unseen: list[Parameter]) -> TuningReport:
     found = fit.found
     names = [p.name for p in found.parameters]
-    numbers = [str(i) for i in range(1, 5)]
+    numbers = [str(i) for i in range(1, len(found.modes_hz) + 1)]
     fitted = dict(zip(numbers, map(float, found.modes_hz), strict=True))
     return TuningReport(
         scene=scene.name,
@@ -238,7 +259,7 @@ def _report(scene, match, fit: Fit, confirmed, unseen: list[Parameter]) -> Tunin
         seconds=fit.seconds,
         remarks=[
             *_unseen(scene, match, unseen),
-            *_remarks(match, fitted, confirmed, found, unseen),
+            *_remarks(scene, match, fitted, confirmed, found, unseen),
         ],
     )
 
@@ -252,14 +273,14 @@ def _unseen(scene: Scene, match, parameters: list[Parameter]) -> list[str]:
     ]
 
 
-def _remarks(match, fitted, confirmed, found: Tuning, unseen: list[Parameter]) -> list[str]:
+def _remarks(scene, match, fitted, confirmed, found: Tuning, unseen: list[Parameter]) -> list[str]:
     remarks = []
     missed = {n: fitted[str(n)] / hz - 1 for n, hz in match.items()}
     for n, error in missed.items():
         if abs(error) > DISAGREEMENT:
             remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
     names = {p.name for p in (*found.parameters, *unseen)}
-    stiff = not {"head.kz", "head.kry"} <= names
+    stiff = not scene.is_general and not {"head.kz", "head.kry"} <= names
     if stiff and {2, 3} <= match.keys() and max(map(abs, missed.values())) > DISAGREEMENT:
         remarks.append(
             "Modes 2 and 3 both shear the joints along x: one stiffness for x and z that is soft "

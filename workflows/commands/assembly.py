@@ -14,8 +14,8 @@ from workflows.files.run_folder import RunFolder, checked_file, write_pictures
 from workflows.files.scene import files_read
 from workflows.files.scene import scene as load
 from workflows.scene import InvalidScene
-from workflows.scene.parts import with_assembly
-from workflows.scene.tables import LONGEST_NAME
+from workflows.scene.parts import with_assembly, with_targets
+from workflows.scene.scene import LONGEST_NAME
 
 
 def modes(
@@ -36,7 +36,7 @@ def modes(
     overwrite: Overwrite = False,
     json: json_of("{rows: [a mode or model each]}; of --inp and --step {written}") = False,
 ) -> None:
-    """Frequencies beside the hammer test, MAC and participation at the contact."""
+    """Frequencies beside the measured ones, MAC and participation at the contact."""
     from workflows.assembly.export import write_model
     from workflows.assembly.mode_table import mac_picture, mode_table
     from workflows.assembly.thesis_tables import effects, table_52, table_53
@@ -87,10 +87,9 @@ def hammer(
     """Read a hammer test: frequencies and damping by two methods."""
     from workflows.assembly.hammer import hammer_test, virtual_test
     from workflows.files.hammer import checked_synthetic, write_synthetic
-    from workflows.thesis import HAMMER_TEST_HZ
 
+    chosen = with_assembly(load(scene, tuple(changes or ())))
     if synthetic:
-        chosen = with_assembly(load(scene, tuple(changes or ())))
         checked_synthetic(file)
         from workflows.pipeline.pipeline import pipeline_of
 
@@ -98,7 +97,7 @@ def hammer(
             write_synthetic(file, virtual_test(pipeline_of(chosen, progress.stage)))
         told({"written": [str(file)]}, f"written: {file} (synthetic, not measured)", json)
         return
-    report = hammer_test(file, dict(enumerate(HAMMER_TEST_HZ, start=1)))
+    report = hammer_test(file, dict(enumerate(with_targets(chosen).measured_hz, start=1)))
     typer.echo(report.model_dump_json(indent=2) if json else report.text())
 
 
@@ -110,11 +109,11 @@ def tune_joints(
     ] = None,
     match: Annotated[
         str | None,
-        typer.Option(help="Modes to meet, as 1,3,4 or 1=51.2,3=905 [Hz]; default all four."),
+        typer.Option(help="Modes to meet, as 1,3,4 or 1=51.2,3=905 [Hz]; default all."),
     ] = None,
     free: Annotated[
         str | None,
-        typer.Option(help="What to vary, as head.ky,head.kt,block.young; default by the modes."),
+        typer.Option(help="What to vary: joints.NAME.kz,materials.NAME.young; of the rig head.ky."),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="The tuned scene; default NAME-tuned.toml.")
@@ -127,7 +126,8 @@ def tune_joints(
 
     chosen = with_assembly(load(scene, tuple(changes or ())))
     names = tuple(free.split(",")) if free is not None else ()
-    wanted = targets("1,2,3,4" if match is None else match)
+    measured_hz = with_targets(chosen).measured_hz
+    wanted = targets(match or ",".join(map(str, range(1, len(measured_hz) + 1))), measured_hz)
     if hammer_file:
         from workflows.assembly.hammer import applied, hammer_test
 

@@ -83,7 +83,7 @@ def scene(name: str | None = None, changes: tuple[str, ...] = ()) -> Scene:
 def files_read(scene: Scene, name: str | None = None) -> tuple[Path, ...]:
     """The files that a run of the scene reads: its own, and those that its tables name."""
     own = [name] if name and name not in built_in() else []
-    named = [getattr(table, "file", None) for _, table in scene]
+    named = [getattr(table, key, None) for _, table in scene for key in ("file", "step")]
     return tuple(Path(file) for file in (*own, *named) if file)
 
 

@@ -81,7 +81,8 @@ def _wanted(pipeline: Pipeline, name: str) -> bool:
     scene = pipeline.scene
     if not scene.chain and name in IMPACT:
         return False
-    coupled = scene.patch.weights == "thesis" or any(t.dashpots for _, t in scene.joints or ())
+    coupled = any(table.dashpots for table in scene.springs.values())
+    coupled = coupled or (scene.patch is not None and scene.patch.weights == "thesis")
     if name == "compilation" and (coupled or pipeline.kept("impact")):
         return False
     return not pipeline.kept(name)

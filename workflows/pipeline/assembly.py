@@ -1,5 +1,6 @@
 """The assembly's stages: mesh, joined model, modes, contact patch."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,41 +11,43 @@ from skfem import Mesh
 import fem
 import fem.tuning
 import geometry
+from fem.correlation import RIGID
 from workflows.files import mesh as mesh_file
 from workflows.files.mode_field import ModeField
-from workflows.pipeline import rig
+from workflows.pipeline import bodies, rig
+from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts
 from workflows.pipeline.rig import STRUCK
-from workflows.scene import InvalidScene, Joints, JointStiffnesses, Scene
+from workflows.scene import InvalidScene, JointStiffnesses, Scene
 from workflows.scene.assembly import assembly
-from workflows.scene.size import too_large_file
+from workflows.scene.size import too_large_mesh
 
-N_MODES = (30, 80)  # the second where the first do not reach all four of the hammer test
-GMSH_NEEDS = (
-    "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
-)
-JOINTS = ("head", "foot")
+N_MODES = (30, 80)  # the second where the first do not reach all targets
+SHOWN = 4  # modes in the pictures of a scene without targets
 
 
 class AssemblyModes(NamedTuple):
-    """Modes of the joined assembly, and which of them are those of the hammer test."""
+    """Modes of the joined assembly, and which of them are the targets."""
 
     omega: NDArray[np.float64]  # (k,) [rad/s]
     phi: NDArray[np.float64]  # (n, k) mass-normalised
-    index: NDArray[np.int64]  # (4,) -1 where none fits
-    score: NDArray[np.float64]  # (4,)
+    index: NDArray[np.int64]  # (n_targets,) -1 where none fits
+    score: NDArray[np.float64]  # (n_targets,)
     n_dofs: int
-    field: ModeField  # the paired modes on the mesh
+    field: ModeField  # the targets on the mesh, or the lowest modes where there are none
 
     @property
     def paired_hz(self) -> dict[str, float]:
-        """Frequencies of the hammer-test modes that were found, by their number."""
+        """Frequencies of the targets that were found, by their number."""
         hz = self.omega / (2 * np.pi)
         return {str(i + 1): float(hz[j]) for i, j in enumerate(self.index) if j >= 0}
 
 
-def mesh(scene: Scene) -> dict[str, Mesh]:
-    """The parts, meshed, or the user's own mesh of them."""
-    return geometry.by_body(_whole(scene))
+def mesh(scene: Scene) -> Parts:
+    """The bodies meshed, or the user's own mesh of the rig, and what joins and holds them."""
+    if scene.is_general:
+        return bodies.parts(scene)
+    meshes = geometry.by_body(_whole(scene))
+    return Parts(meshes, materials(scene.assembly, meshes), _connections(scene))
 
 
 def _whole(scene: Scene) -> Mesh:
@@ -53,7 +56,7 @@ def _whole(scene: Scene) -> Mesh:
         parts = assembly(scene.assembly)
         named = mesh_file.faces(geometry.interfaces(parts), held_faces(scene.assembly), STRUCK)
         own = mesh_file.mesh_of(Path(m.file), parts, named)
-        for sentence in too_large_file(scene, _nodes(own)):
+        for sentence in too_large_mesh(scene, f"mesh.file = {m.file!r}", nodes(own)):
             raise InvalidScene(sentence)
         return own
     parts = assembly(scene.assembly)
@@ -69,7 +72,7 @@ def _whole(scene: Scene) -> Mesh:
     return geometry.hex_mesh(parts, **sizes, glued=scene.assembly.constraint == "full-tie")
 
 
-def _nodes(mesh: Mesh) -> dict[str, float]:
+def nodes(mesh: Mesh) -> dict[str, float]:
     """Corners and middles of edges, by body as the cells are shared out."""
     each = (mesh.nvertices + mesh.nedges) / mesh.nelements
     return {body: each * len(cells) for body, cells in mesh.subdomains.items()}
@@ -86,21 +89,34 @@ def _tet_mesher():
     return tet_mesh
 
 
-def model(scene: Scene, mesh: dict[str, Mesh]) -> fem.Model:
-    """The parts assembled, joined and held."""
+def model(scene: Scene, mesh: Parts) -> fem.Model:
+    """The parts assembled, joined and held; raises InvalidScene for bodies that nothing keeps."""
+    structure = fem.assemble(mesh.meshes, mesh.materials)
+    below = scene.table and fem.Table(scene.table.frequency, scene.table.mass)
+    how = mesh.connections._replace(table=below)
+    if scene.is_general:
+        _require_kept(scene, fem.loose_bodies(structure, how))
+    return fem.joined(structure, how)
+
+
+def _require_kept(scene: Scene, loose: list[fem.Loose]) -> None:
+    for body, motions in loose:
+        raise InvalidScene(
+            f'{scene.name}: "{body}" can still move along or about {", ".join(motions)}, which '
+            "nothing keeps; tie it, bolt it, or hold a face of it. An assembly that floats says "
+            "assembly.held = []."
+        )
+
+
+def _connections(scene: Scene) -> fem.Connections:
     table = scene.assembly
-    parts = assembly(table)
-    structure = fem.assemble(mesh, materials(table, mesh))
-    touching, held = geometry.interfaces(parts), held_faces(table)
+    touching, held = geometry.interfaces(assembly(table)), held_faces(table)
     match table.constraint:
         case "full-tie":
-            how = rig.full_tie(touching, held)
+            return rig.full_tie(touching, held)
         case "screw-tie":
-            how = rig.screw_tie(touching, held)
-        case _:
-            how = rig.wires(touching, held, bushings(scene.joints))
-    below = scene.table and fem.Table(scene.table.frequency, scene.table.mass)
-    return fem.joined(structure, how._replace(table=below))
+            return rig.screw_tie(touching, held)
+    return rig.wires(touching, held, bushings(scene.springs))
 
 
 def held_faces(table) -> tuple[str, ...]:
@@ -109,9 +125,9 @@ def held_faces(table) -> tuple[str, ...]:
     return geometry.held_faces(assembly(table), fixing=table.fixing, under_washers=under_washers)
 
 
-def materials(table, bodies) -> dict[str, fem.Material]:
+def materials(table, names) -> dict[str, fem.Material]:
     """What each body is made of: the assembly's material where its own table says nothing."""
-    return {body: material(table, _part(body)) for body in bodies}
+    return {body: material(table, _part(body)) for body in names}
 
 
 def material(table, part: str) -> fem.Material:
@@ -120,13 +136,19 @@ def material(table, part: str) -> fem.Material:
     return fem.Material(steel.young, steel.poisson, steel.density)
 
 
+def solid(scene: Scene, body: str) -> fem.Material | fem.Orthotropic:
+    """What a body of the scene is made of."""
+    made_of = scene.made_of(body)
+    return bodies.material(made_of) if scene.is_general else fem.Material(**made_of.model_dump())
+
+
 def _part(body: str) -> str:
     return "sheets" if body.startswith("sheet-") or body.startswith("sheet+") else body
 
 
-def bushings(table: Joints) -> dict[str, fem.Bushing]:
+def bushings(tables: Mapping[str, JointStiffnesses]) -> dict[str, fem.Bushing]:
     """Screw stiffnesses by joint."""
-    return {joint: _bushing(getattr(table, joint)) for joint in JOINTS}
+    return {joint: _bushing(table) for joint, table in tables.items()}
 
 
 def _bushing(stiffness: JointStiffnesses) -> fem.Bushing:
@@ -135,18 +157,16 @@ def _bushing(stiffness: JointStiffnesses) -> fem.Bushing:
 
 def dashpots(scene: Scene, model: fem.Model):
     """C of the dashpots in the joints; None where there are none."""
-    if scene.joints is None:
-        return None
-    tables = {joint: getattr(scene.joints, joint).dashpots for joint in JOINTS}
+    tables = {joint: table.dashpots for joint, table in scene.springs.items()}
     named = {f"{joint}.{key}": c for joint, table in tables.items() for key, c in table.items()}
     return fem.dashpots(model, named) if named else None
 
 
 def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
-    """The lowest modes, those of the hammer test found by shape."""
+    """The lowest modes, the targets among them."""
     for n_modes in N_MODES:
-        found = fem.modes(model.K, model.M, n_modes)
-        paired = fem.pair(model, found, rig.TARGETS)
+        found = fem.modes(model.K, model.M, min(n_modes, model.K.shape[0] - 2))
+        paired = fem.pair(model, found, targets(scene))
         if np.all(paired.index >= 0):
             break
     return AssemblyModes(
@@ -159,9 +179,22 @@ def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
     )
 
 
+def targets(scene: Scene) -> tuple[fem.Target, ...]:
+    """How the measured modes of the scene are told."""
+    if not scene.is_general:
+        return rig.TARGETS
+    return tuple(
+        fem.Number(t.number) if t.number else fem.Motion(t.body, t.motion)
+        for t in scene.targets or ()
+    )
+
+
 def _field(model: fem.Model, found: fem.Modes, paired: fem.Pairing) -> ModeField:
     number = np.flatnonzero(paired.index >= 0) + 1
     index = paired.index[number - 1]
+    if not len(paired.index):
+        index = np.flatnonzero(found.omega > RIGID * found.omega.max())[:SHOWN]
+        number = index + 1
     structure = model.structure
     u = model.T @ found.phi[:, index]
     corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]
@@ -174,7 +207,9 @@ def _field(model: fem.Model, found: fem.Modes, paired: fem.Pairing) -> ModeField
 
 
 def contact(scene: Scene, model: fem.Model) -> fem.ContactPatch:
-    """The patch that loads and reads the block; of the thesis' scheme the node it loads."""
+    """The patch that loads and reads the body struck; of the thesis' scheme the node it loads."""
+    if scene.is_general:
+        return _strike(scene, model)
     patch = scene.patch
     if patch.weights == "thesis":
         return fem.node_patch(model, STRUCK, [patch.point])
@@ -183,6 +218,22 @@ def contact(scene: Scene, model: fem.Model) -> fem.ContactPatch:
     return fem.contact_patch(model, STRUCK, patch.point, patch.radius, weights=patch.weights)
 
 
+def _strike(scene: Scene, model: fem.Model) -> fem.ContactPatch:
+    strike = scene.strike
+    if strike is None:
+        raise InvalidScene(
+            f"{scene.name}: [strike] is missing, which says where the chain touches; add "
+            'on = "body:+x".'
+        )
+    face = struck(scene)
+    return fem.contact_patch(model, face, strike.at, strike.radius, weights=strike.weights)
+
+
+def struck(scene: Scene) -> str:
+    """The face that the chain leans on, as the mesh names it."""
+    return f"{scene.struck_body}:{STRIKE}" if scene.is_general else STRUCK
+
+
 def tuning_basis(scene: Scene, model: fem.Model) -> fem.tuning.TuningBasis:
     """The assembly projected on the shapes that joints can move."""
-    return fem.tuning.tuning_basis(model, rig.TARGETS)
+    return fem.tuning.tuning_basis(model, targets(scene))

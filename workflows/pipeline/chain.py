@@ -86,7 +86,7 @@ def surface(scene: Scene) -> Surface:
         return Surface(np.inf, 0.0)
     wall = scene.wall
     if isinstance(wall, RomWall) and wall.file is None:
-        wall = scene.assembly.made_of("block")
+        wall = scene.struck_material
     return Surface(
         STEEL.young if wall.young is None else wall.young,
         STEEL.poisson if wall.poisson is None else wall.poisson,

@@ -17,7 +17,7 @@ class NoPicture(RuntimeError):
 
 
 def pictures(scene: Scene, modes: AssemblyModes) -> tuple[Picture, ...]:
-    """The meshed assembly and the four modes; raises NoPicture where nothing can be rendered."""
+    """The meshed assembly and four modes; raises NoPicture where nothing can be rendered."""
     with TemporaryDirectory() as folder:
         field = Path(folder) / "modes.vtu"
         field_file.write(field, modes.field)

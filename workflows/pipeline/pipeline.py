@@ -61,33 +61,49 @@ def tables_of(*tables: str) -> Callable[[Scene], Any]:
 
 
 def _plain(table: Any) -> Any:
+    if isinstance(table, tuple):
+        return [_plain(one) for one in table]
+    if isinstance(table, dict):
+        return {name: _plain(one) for name, one in table.items()}
     return table.model_dump() if hasattr(table, "model_dump") else table
 
 
 def _wall_reads(scene: Scene) -> Any:
     file = getattr(scene.wall, "file", None)
     content = sha256(Path(file).read_bytes()).hexdigest() if file else None
-    return {**tables_of("wall", "damping", "patch", "assembly")(scene), "content": content}
+    return {
+        **tables_of("wall", "damping", "patch", "strike", "assembly")(scene),
+        "content": content,
+    }
 
 
 def _dimensions(scene: Scene) -> Any:
+    if scene.is_general:
+        step = scene.assembly.step
+        content = sha256(Path(step).read_bytes()).hexdigest() if _is_file(step) else None
+        return [tables_of(*BODIES, "mesh")(scene), content]
     from workflows.scene.assembly import assembly
 
-    own = Path(scene.mesh.file) if scene.mesh.file else None
-    content = sha256(own.read_bytes()).hexdigest() if own and own.is_file() else None
+    own = scene.mesh.file
+    content = sha256(Path(own).read_bytes()).hexdigest() if _is_file(own) else None
     return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point, content]
 
 
-COARSE = tables_of("assembly", "joints", "table", "patch")
+def _is_file(path: str | None) -> bool:
+    return path is not None and Path(path).is_file()
+
+
+BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike")
+COARSE = tables_of("assembly", "joints", "table", "patch", "strike")
 ASSEMBLY = {
     "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
     "model": Stage(
         ".assembly:model", tables_of("assembly", "joints", "table"), ("mesh",), kept=False
     ),
-    "tuning-basis": Stage(".assembly:tuning_basis", tables_of(), ("model",)),
-    "modes": Stage(".assembly:modes", tables_of(), ("model",)),
-    "mac": Stage(".mac:mac", tables_of(), ("model", "modes")),
-    "contact": Stage(".assembly:contact", tables_of("patch"), ("model",), kept=False),
+    "tuning-basis": Stage(".assembly:tuning_basis", tables_of("targets"), ("model",)),
+    "modes": Stage(".assembly:modes", tables_of("targets"), ("model",)),
+    "mac": Stage(".mac:mac", tables_of(), ("mesh", "model", "modes")),
+    "contact": Stage(".assembly:contact", tables_of("patch", "strike"), ("model",), kept=False),
     "reduction": Stage(
         ".reduction:reduction",
         tables_of("reduction", "patch", "assembly"),
@@ -105,7 +121,7 @@ ASSEMBLY = {
     "pictures": Stage(".pictures:pictures", tables_of(), ("modes",)),
 }
 
-START = ("chain", "striker", "contact", "leaf_springs", "preload", "wall", "assembly")
+START = ("chain", "striker", "contact", "leaf_springs", "preload", "wall", *BODIES)
 IMPACT = {
     "start": Stage(".chain:start", tables_of(*START), (), kept=False, listed=False),
     "impact": Stage(

@@ -5,8 +5,7 @@ from numpy.typing import NDArray
 
 import fem
 import rom
-from workflows.pipeline.assembly import JOINTS, AssemblyModes, dashpots, material
-from workflows.pipeline.rig import STRUCK
+from workflows.pipeline.assembly import AssemblyModes, dashpots, solid, struck
 from workflows.scene import Scene
 
 TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
@@ -28,7 +27,7 @@ def reduction(
         raise
     known = contact_of(scene, model, contact)._replace(
         weights_read=None if w_reading is None else w_reading @ reduced.T,
-        modes_hz=tuple(modes.field.frequency_hz.tolist()) or None,
+        modes_hz=tuple(modes.paired_hz.values()) or None,
     )
     boundary = boundary_of(contact, w_reading, dashpots(scene, model))
     outer = fem.outer_nodes(model.structure)
@@ -39,7 +38,7 @@ def reduction(
         surface=rom.Surface(outer.points, outer.faces, T),
         coordinates=names(model, boundary, reduced),
         contact=known,
-        mass=mass_properties(model, reduced),
+        mass=mass_properties(model, reduced, contact.spot.inward),
         finer=reduced.finer._replace(contact=known._replace(weights_read=None)),
     )
 
@@ -59,10 +58,10 @@ def _reduced(
     scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes, w_reading
 ) -> rom.ReducedModel:
     asked, C = selection(scene), dashpots(scene, model)
-    ready = hammer_modes(modes) if asked.by_contact else None
+    ready = targets_kept(modes) if asked.by_contact else None
     if scene.reduction.kind == "craig-bampton":
         boundary = boundary_of(contact, w_reading, C)
-        _require_room(scene, len(boundary), len(contact.w))
+        _require_room(contact, len(boundary), len(contact.w))
         asked, matrices = asked._replace(modes=ready), (model.K, model.M, contact.w, boundary)
         return rom.craig_bampton(*matrices, asked, C=C, factorise=fem.factorised)
     asked = asked._replace(modes=ready or _ready(scene, modes))
@@ -94,12 +93,12 @@ def _place(model: fem.Model, dof: int) -> str:
     return f"u_{'xyz'[dof % 3]} at x = {x:.6g}, y = {y:.6g}, z = {z:.6g} m"
 
 
-def _require_room(scene: Scene, n_boundary: int, n: int) -> None:
+def _require_room(contact: fem.ContactPatch, n_boundary: int, n: int) -> None:
     """Raise ValueError where constraint modes (n, n_boundary) would not fit into memory."""
     if n_boundary * n > MOST_VALUES:
         raise ValueError(
-            f"patch.radius = {scene.patch.radius} m holds {n_boundary} nodes of mesh.contact_seed "
-            f"= {scene.mesh.contact_seed} m, whose constraint modes of {n} unknowns would take "
+            f"the patch of radius {contact.radius:g} m holds {n_boundary} nodes of the mesh there, "
+            f"whose constraint modes of {n} unknowns would take "
             f"{8e-9 * n_boundary * n:.1f} GB, allowed are {8e-9 * MOST_VALUES:.1f}; take a larger "
             'seed, a smaller patch, or reduction.kind = "free-modes".'
         )
@@ -111,13 +110,14 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     lowest = modes.omega.min() / (2 * np.pi)
     if lowest > HELD_HZ:
         return
-    keys = [(joint, key) for joint in JOINTS for key in fem.DIRECTIONS]
+    springs = scene.springs.items()
     open_joints = [
         f"joints.{joint}.{key} = {k:g}"
-        for joint, key in keys
-        if scene.joints and (k := getattr(getattr(scene.joints, joint), key)) < OPEN
+        for joint, table in springs
+        for key in fem.DIRECTIONS
+        if (k := getattr(table, key)) < OPEN
     ]
-    loose = ", ".join(open_joints) or f"assembly.parts = {list(scene.assembly.parts)}"
+    loose = ", ".join(open_joints) or "the parts that it has"
     raise ValueError(
         f"the assembly, or a part of it, is not held: its lowest mode is at {lowest:.2g} Hz, with "
         f"{loose}. Constraint modes need what is held; hold it, or take reduction.kind = "
@@ -125,11 +125,15 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     )
 
 
-def mass_properties(model: fem.Model, reduced: rom.ReducedModel) -> rom.MassProperties:
+def mass_properties(
+    model: fem.Model, reduced: rom.ReducedModel, along: NDArray[np.float64]
+) -> rom.MassProperties:
     """Of the parts, and the share of their mass that the reduced model carries along the chain."""
     body = fem.rigid_body(model.structure)
     centre = tuple((np.round(body.centre, 9) + 0.0).tolist())  # no rounding, no minus zero
-    return rom.MassProperties(body.mass, centre, body.grounding, mass_captured(model, reduced))
+    return rom.MassProperties(
+        body.mass, centre, body.grounding, mass_captured(model, reduced, along)
+    )
 
 
 def selection(scene: Scene) -> rom.Selection:
@@ -142,10 +146,14 @@ def selection(scene: Scene) -> rom.Selection:
     )
 
 
-def hammer_modes(modes: AssemblyModes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The modes of the hammer test, which stay whatever the contact says."""
+def targets_kept(
+    modes: AssemblyModes,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """The modes measured, which stay whatever the contact says."""
     # a motion that nothing holds may bear two of the characters that the modes are found by
     index = np.unique(modes.index[modes.index >= 0])
+    if not len(modes.index):
+        return None
     return modes.omega[index], modes.phi[:, index]
 
 
@@ -162,25 +170,25 @@ def _ready(
 def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
     """w (n,) that reads the wall where the thesis' scheme does so elsewhere than it pushes."""
     patch = scene.patch
-    if patch.weights != "thesis":
+    if patch is None or patch.weights != "thesis":
         return None
     y, z = patch.point
     beside = ((y - patch.radius, z), (y + patch.radius, z))
-    return fem.node_patch(model, STRUCK, patch.nodes or beside).w
+    return fem.node_patch(model, struck(scene), patch.nodes or beside).w
 
 
-def mass_captured(model: fem.Model, reduced: rom.ReducedModel) -> float:
-    """Share of the assembly's mass that the reduced model carries along the chain."""
+def mass_captured(model: fem.Model, reduced: rom.ReducedModel, along: NDArray[np.float64]) -> float:
+    """Share of the assembly's mass that the reduced model carries along a direction (3,)."""
     on_mesh = reduced._replace(T=model.T @ reduced.T)
-    along_x = np.arange(model.T.shape[0]) % 3 == 0
-    return rom.effective_mass(on_mesh, model.structure.M, along_x).captured
+    motion = np.tile(along, model.T.shape[0] // 3)
+    return rom.effective_mass(on_mesh, model.structure.M, motion).captured
 
 
 def contact_of(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> rom.Contact:
     """The material that is struck, and the half-space that the Hertz law holds once more."""
-    steel = material(scene.assembly, "block")
-    if scene.patch.weights == "thesis":  # reads far from the node it loads, and takes nothing off
+    steel = solid(scene, scene.struck_body)
+    if reading(scene, model) is not None:  # reads far from the node it loads, and takes nothing off
         local = 0.0
     else:
-        local = fem.half_space_on_mesh(model, STRUCK, contact, steel)
+        local = fem.half_space_on_mesh(model, struck(scene), contact, steel)
     return rom.Contact(half_space=local, young=steel.young, poisson=steel.poisson)

@@ -149,7 +149,7 @@ def _estimated(pipeline: Pipeline) -> Iterator[str]:
     """Models whose error a coarser one tells; nobody knows how to coarsen a user's own mesh."""
     if needs_assembly(pipeline.scene) and not isinstance(pipeline("wall"), CoupledWall):
         yield "reduction"
-        if pipeline.scene.mesh.file is None:
+        if getattr(pipeline.scene.mesh, "file", None) is None:
             yield "mesh"
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 LARGE = 0.1  # error of the velocities, over the striker's
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
-    "mesh": "take smaller elements (mesh.seed, mesh.block_seed, mesh.support_seed)",
+    "mesh": "take smaller elements (the seeds of [mesh], or mesh.scale)",
 }
 LARGE_STEP_ERROR = 0.01  # of a step that the scene gives
 THIN = 0.65  # k h up to which Zener's plate takes the energy of a solid one within a tenth

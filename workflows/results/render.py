@@ -13,6 +13,7 @@ import pyvista as pv
 
 STEEL = ("#b8c4d0", "#d98c3f", "#d9c77a", "#5f86ad", "#8fb08f", "#b88fa8")
 SIZE = (1500, 1050)
+GRIDS = {0: (1, 1), 1: (1, 1), 2: (2, 1), 3: (2, 2), 4: (2, 2)}  # rows and columns of modes
 MATT = {"ambient": 0.35, "diffuse": 0.75, "specular": 0.0}
 
 
@@ -34,9 +35,10 @@ def assembly(grid: pv.DataSet, names: list[str], path: Path) -> None:
 def modes(grid: pv.DataSet, path: Path) -> None:
     """The modes, coloured by displacement, beside the undeformed outline."""
     names = [name for name in grid.point_data if name.startswith("mode ")]
-    plotter = _plotter((2, 2), SIZE)
+    rows, columns = GRIDS[min(len(names), 4)]
+    plotter = _plotter((rows, columns), SIZE)
     for i, name in enumerate(names[:4]):
-        plotter.subplot(i // 2, i % 2)
+        plotter.subplot(i // columns, i % columns)
         _mode(plotter, grid, name)
     plotter.screenshot(path)
 

@@ -20,8 +20,9 @@ CAPTIONS = {
     "energies": "Energies of chain, contacts and wall, and the error of their balance.",
     "frequency_response": "Receptance at the contact, displacement per force: the reduced "
     "model, and direct solutions of the full one.",
-    "assembly": "The meshed assembly, a colour per body; the chain hits the face on the right.",
-    "modes": "The four modes of the hammer test, paired by shape, beside the undeformed outline. "
+    "assembly": "The meshed assembly, a colour per body.",
+    "modes": "The measured modes, paired by shape, or the lowest ones where there are no targets, "
+    "beside the undeformed outline. "
     "Colours: displacement, dark is zero; shapes are exaggerated.",
 }
 

@@ -140,7 +140,7 @@ class Summary(BaseModel):
 def rows(summary: Summary) -> list[tuple[str, str]]:
     """The summary's single numbers as a person reads them: label, value with unit."""
     labelled = [
-        ("modes 1 to 4", _joined(summary.modes_hz.values(), "Hz")),
+        ("measured modes", _joined(summary.modes_hz.values(), "Hz")),
         ("degrees of freedom", f"{summary.dofs:,}" if summary.dofs else None),
         ("wall modes", str(summary.n_wall_modes) if summary.n_steps else None),
         ("time step", _number(summary.dt_s, "µs", 1e6)),

@@ -1,5 +1,6 @@
 """What a run is made of: tables of keys, read from TOML, checked before anything is computed."""
 
+from workflows.scene.scene import Scene
 from workflows.scene.tables import (
     Contact,
     Damping,
@@ -21,7 +22,6 @@ from workflows.scene.tables import (
     Reduction,
     RigidWall,
     RomWall,
-    Scene,
     Table,
     Time,
     nearest,

@@ -6,15 +6,14 @@ from typing import Annotated, Literal
 from pydantic import Field, create_model
 
 from geometry import Assembly
+from workflows.scene.bodies import Compressible, Modulus
 from workflows.scene.quantities import of
-from workflows.scene.tables import Density, Positive, Table
-from workflows.scene.units import LENGTH, PRESSURE
+from workflows.scene.tables import Density, Table
+from workflows.scene.units import LENGTH
 
 BODIES = ("block", "sheets", "sheets_support", "support", "plate")
 Names = Annotated[tuple[Literal[BODIES], ...], Field(strict=False)]  # type: ignore[valid-type]
-Modulus = of(Positive, PRESSURE, 1e6, 2e12)  # rubber to diamond
 USUAL = 100.0  # times the dimension of the thesis' rig, or that part of it
-Compressible = Annotated[float, Field(gt=-1, lt=0.5)]  # an incompressible solid locks
 
 
 class Steel(Table):

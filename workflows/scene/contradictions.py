@@ -5,7 +5,7 @@ from pathlib import Path
 
 from workflows.scene import DashpotWall, ModalDamping, RayleighDamping, RomWall, Scene
 from workflows.scene.size import too_large
-from workflows.thesis import HAMMER_TEST_HZ
+from workflows.scene.structure import of_bodies, of_the_rig
 
 LEAST_YIELD = 1e-6  # pressure over Young's modulus; lead has a thousandth
 SOFTEST = 1e6  # [Pa] Young's modulus of a body of finite elements
@@ -15,12 +15,19 @@ PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure")
 def contradictions(scene: Scene):
     """What speaks against the scene, its defaults filled in; nothing for a good one."""
     yield from _missing_parts(scene)
-    if scene.assembly is not None:
+    if scene.is_general:
+        yield from of_bodies(scene)
         yield from _other_surface(scene)
-        yield from _too_soft(scene)
-        yield from _outside_patch(scene)
-        yield from _unread_nodes(scene)
-        yield from _rigid_dashpots(scene)
+        yield from _dashpots(scene)
+    else:
+        yield from of_the_rig(scene)
+        if scene.assembly is not None:
+            yield from _other_surface(scene)
+            yield from _too_soft(scene)
+            yield from _outside_patch(scene)
+            yield from _unread_nodes(scene)
+            yield from _rigid_dashpots(scene)
+            yield from _dashpots(scene)
     yield from _too_few_modes(scene)
     yield from _driven_modes(scene)
     yield from too_large(scene)
@@ -61,25 +68,32 @@ def _one_step(scene: Scene):
 def _other_surface(scene: Scene):
     if not isinstance(scene.wall, RomWall) or scene.wall.file:
         return
-    block = scene.assembly.made_of("block")
+    struck = scene.struck_material
     for key, unit in (("young", " Pa"), ("poisson", "")):
-        given, own = getattr(scene.wall, key), getattr(block, key)
+        given, own = getattr(scene.wall, key), getattr(struck, key)
         if given is not None and given != own:
             yield (
-                f"wall.{key} = {given:g}{unit}, but the wall is the assembly's block, whose {key} "
-                f"is {own:g}{unit}; drop wall.{key}, or change assembly.block.{key}."
+                f"wall.{key} = {given:g}{unit}, but the wall is the assembly's "
+                f"{scene.struck_body}, whose {key} is {own:g}{unit}; drop wall.{key}, or change "
+                "what the body is made of."
             )
 
 
 def _rigid_dashpots(scene: Scene):
-    tables = scene.joints or ()
-    damped = [(joint, table, key) for joint, table in tables for key in table.dashpots]
-    for joint, table, key in damped:
+    for joint, table, key in _damped(scene):
         name = f"joints.{joint}.c{key[1:]} = {table.dashpots[key]}"
         if scene.assembly.constraint != "wires":
             yield f'{name} needs the joints of assembly.constraint = "wires"; change one of them.'
         if isinf(getattr(table, key)):
             yield f"{name} is beside {key} = inf, which never moves; give joints.{joint}.{key}."
+
+
+def _damped(scene: Scene) -> list[tuple]:
+    return [(joint, table, key) for joint, table in scene.springs.items() for key in table.dashpots]
+
+
+def _dashpots(scene: Scene):
+    damped = _damped(scene)
     if damped and scene.reduction.kind != "craig-bampton":
         yield (
             'dashpots in joints need reduction.kind = "craig-bampton", whose boundary holds them; '
@@ -95,13 +109,13 @@ def _rigid_dashpots(scene: Scene):
 
 
 def _too_few_modes(scene: Scene):
-    table, kept = scene.reduction, len(HAMMER_TEST_HZ)
+    table, kept = scene.reduction, len(scene.measured_hz)
     if scene.assembly is None or table.choice != "contact" or table.modes is None:
         return
     if table.modes < kept:
         yield (
-            f"reduction.modes = {table.modes} must be at least {kept}, the modes of the hammer "
-            'test that reduction.choice = "contact" keeps; raise it, or choose "lowest".'
+            f"reduction.modes = {table.modes} must be at least {kept}, the measured "
+            'modes that reduction.choice = "contact" keeps; raise it, or choose "lowest".'
         )
 
 
@@ -174,7 +188,7 @@ def _wrong_lengths(scene: Scene):
     if scene.leaf_springs:
         each += [(f"leaf_springs.{key}", value, n) for key, value in scene.leaf_springs]
     if isinstance(scene.damping, ModalDamping):
-        each += [("damping.ratio", scene.damping.ratio, len(HAMMER_TEST_HZ))]
+        each += [("damping.ratio", scene.damping.ratio, len(scene.measured_hz))]
     for key, value, length in each:
         if isinstance(value, tuple) and len(value) != length:
             yield f"{key} has {len(value)} values, {length} are allowed; give one each."
@@ -203,7 +217,7 @@ def _yielding(scene: Scene):
     others = {
         'wall.kind = "dashpot"': isinstance(scene.wall, DashpotWall),
         'patch.weights = "thesis"': scene.patch is not None and scene.patch.weights == "thesis",
-        "dashpots in joints": any(table.dashpots for _, table in scene.joints or ()),
+        "dashpots in joints": any(table.dashpots for table in scene.springs.values()),
     }
     lowest, least = _lowest(scene.contact.yield_pressure), LEAST_YIELD * _lowest(scene.chain.young)
     if lowest < least:

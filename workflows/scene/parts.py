@@ -1,6 +1,7 @@
 """Parts of a scene that a command or a study cannot do without."""
 
-from workflows.scene.tables import InvalidScene, Scene
+from workflows.scene.scene import Scene
+from workflows.scene.tables import InvalidScene
 
 
 def with_chain(scene: Scene) -> Scene:
@@ -14,6 +15,15 @@ def with_assembly(scene: Scene) -> Scene:
     """The scene; raises InvalidScene where it has no assembly."""
     if scene.assembly is None:
         raise InvalidScene(f"the scene {scene.name} has no [assembly]; add one, or take rig-rom.")
+    return scene
+
+
+def with_targets(scene: Scene) -> Scene:
+    """The scene; raises InvalidScene where it lists no measured modes."""
+    if not scene.measured_hz:
+        raise InvalidScene(
+            f"the scene {scene.name} has no targets; list measured modes in [[targets]]."
+        )
     return scene
 
 

@@ -53,10 +53,31 @@ def entries(table: BaseModel, written: Any = None, path: tuple[str, ...] = ()) -
     for name in type(table).model_fields:
         value, here = getattr(table, name), (*path, name)
         below = written.get(name) if isinstance(written, dict) else None
-        if isinstance(value, BaseModel):
+        if several := _tables(value):
+            for key, one in several.items():
+                yield from entries(one, _under(below, key), (*here, getattr(one, "name", str(key))))
+        elif isinstance(value, BaseModel):
             yield from entries(value, below, here)
-        elif value is not None and (quantity := _quantity(type(table), name)):
+        elif (
+            value is not None
+            and not isinstance(value, str)
+            and (quantity := _quantity(type(table), name))
+        ):
             yield from _numbers(".".join(here), value, below, quantity)
+
+
+def _tables(value: Any) -> dict[str | int, BaseModel]:
+    """Tables by name or, of a list, by their number from 1."""
+    named = value if isinstance(value, dict) else {}
+    if isinstance(value, tuple):
+        named = dict(enumerate(value, start=1))
+    return {key: one for key, one in named.items() if isinstance(one, BaseModel)}
+
+
+def _under(written: Any, key: str | int) -> Any:
+    if isinstance(written, dict):
+        return written.get(key)
+    return written[key - 1] if isinstance(written, list | tuple) else None
 
 
 def _numbers(key: str, value: Any, written: Any, quantity: Quantity) -> Iterator[Entry]:

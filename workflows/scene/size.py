@@ -35,6 +35,8 @@ def too_large(scene: Scene):
     if scene.chain:
         yield from _too_long(scene)
     if scene.assembly is not None:
+        yield from _too_exact(scene)
+    if scene.assembly is not None and not scene.is_general:
         yield from _too_fine(scene)
         yield from _too_many_modes(scene)
         yield from _too_large_mesh(scene)
@@ -77,7 +79,7 @@ def _nodes(scene: Scene) -> dict[str, float]:
 
 def room_for_two(scene: Scene) -> bool:
     """Whether two processes that each compute the scene's assembly fit into memory."""
-    if scene.assembly is None or scene.mesh.file is not None:
+    if scene.assembly is None or scene.is_general or scene.mesh.file is not None:
         return False
     return 2 * peak_memory(scene, _nodes(scene)) < free_memory()
 
@@ -100,14 +102,14 @@ def _too_large_mesh(scene: Scene):
         )
 
 
-def too_large_file(scene: Scene, nodes: dict[str, float]):
-    """A sentence on a mesh of the user's own, by the nodes of its bodies."""
+def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]):
+    """A sentence on a mesh that is there, by its name and the nodes of its bodies."""
     needed, free = peak_memory(scene, nodes), free_memory()
     if needed > free:
         yield (
-            f"mesh.file = {scene.mesh.file!r} has {3 * sum(nodes.values()):.2g} unknowns, and a "
-            f"run would take {_gigabytes(needed)} of memory, {_gigabytes(free)} are free; give a "
-            "coarser mesh."
+            f"{name} has {3 * sum(nodes.values()):.2g} unknowns, most of them in "
+            f"{max(nodes, key=nodes.get)}, and a run would take {_gigabytes(needed)} of memory, "
+            f"{_gigabytes(free)} are free; give a coarser mesh."
         )
 
 
@@ -119,12 +121,20 @@ def _size(a, part: str) -> str:
 def peak_memory(scene: Scene, nodes: dict[str, float]) -> float:
     """Bytes that a run will hold at most, of bodies with so many nodes."""
     bodies = [3.0 * n for n in nodes.values()]
-    n, seed = sum(bodies), scene.mesh.contact_seed
+    n = sum(bodies)
     fill = FILL[find_spec("pypardiso") is not None] * sum(m ** (4 / 3) for m in bodies)
-    across = log(1 + (GROWTH - 1) * scene.patch.radius / seed, GROWTH)  # elements of the patch
+    radius, seed = _patch(scene)
+    across = log(1 + (GROWTH - 1) * radius / seed, GROWTH)  # elements of the patch
     boundary = 8 + 3 * pi * across**2
     shapes = SHAPES * (boundary + (scene.reduction.modes or 40))
     return LIBRARIES + MATRICES * n + fill + 8 * n * (VECTORS + shapes)
+
+
+def _patch(scene: Scene) -> tuple[float, float]:
+    """Radius of the contact's patch, and size of the elements there [m]."""
+    if not scene.is_general:
+        return scene.patch.radius, scene.mesh.contact_seed
+    return (0.0, 1.0) if scene.strike is None else (scene.strike.radius, scene.strike.size)
 
 
 def _gigabytes(n_bytes: float) -> str:
@@ -151,6 +161,10 @@ def _too_many_modes(scene: Scene):
                 f"reduction.{key} = {asked:g} Hz must be up to {highest:.3g} Hz, below which the "
                 f"assembly has some {MOST_MODES} modes; lower it."
             )
+
+
+def _too_exact(scene: Scene):
+    table = scene.reduction
     if table.modes is not None and table.modes > MOST_MODES:
         yield f"reduction.modes = {table.modes} must be up to {MOST_MODES}; lower it."
     if table.error is not None and table.error < LEAST_ERROR:

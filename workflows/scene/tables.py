@@ -1,7 +1,6 @@
 """What a scene may hold: one pydantic model per table, every key with its unit and limits.
 
-An absent table is an absent part. Nothing here loads a solver; the assembly, whose keys are the
-dimensions of `geometry.Assembly`, is checked by `workflows.scene.assembly` when a scene has one.
+An absent table is an absent part. Nothing here loads a solver.
 """
 
 from difflib import get_close_matches
@@ -85,7 +84,7 @@ def _shape(value: Any) -> str:
     return "list" if isinstance(value, list | tuple) else "number"
 
 
-def _one_or_each(number) -> Any:
+def one_or_each(number) -> Any:
     """A number for all, or a list with one number for each."""
     each = Annotated[tuple[number, ...], Field(strict=False, min_length=1), Tag("list")]
     return Annotated[Annotated[number, Tag("number")] | each, Discriminator(_shape)]
@@ -128,10 +127,10 @@ class Chain(Table):
     """Spheres in a row, the striker first: scalars, or one value per sphere."""
 
     count: Count
-    radius: _one_or_each(Radius)  # [m]
-    density: _one_or_each(Density)  # [kg/m^3]
-    young: _one_or_each(Young)  # [Pa]
-    poisson: _one_or_each(Poisson)
+    radius: one_or_each(Radius)  # [m]
+    density: one_or_each(Density)  # [kg/m^3]
+    young: one_or_each(Young)  # [Pa]
+    poisson: one_or_each(Poisson)
     initial_velocity: Annotated[tuple[Velocity, ...], Field(strict=False)] | None = None  # [m/s]
 
 
@@ -156,12 +155,10 @@ class Contact(Table):
     """
 
     law: Literal["hertz", "thornton"] = "hertz"
-    yield_pressure: _one_or_each(YieldPressure) | None = (
-        None  # [Pa] one per contact, as those below
-    )
+    yield_pressure: one_or_each(YieldPressure) | None = None  # [Pa] one per contact, as those below
     dissipation: Literal["none", "linear", "linear-clipped", "hunt-crossley"] = "hunt-crossley"
-    coefficient: _one_or_each(NonNegative) = 0.0
-    stiffness_factor: _one_or_each(Positive) = 1.0  # one per contact, the last at the wall
+    coefficient: one_or_each(NonNegative) = 0.0
+    stiffness_factor: one_or_each(Positive) = 1.0  # one per contact, the last at the wall
 
     @model_validator(mode="before")
     @classmethod
@@ -186,8 +183,8 @@ class Contact(Table):
 class LeafSprings(Table):
     """A spring from each sphere to the ground; `offset` moves its anchor towards the wall."""
 
-    stiffness: _one_or_each(of(NonNegative, STIFFNESS)) = 0.0  # [N/m]
-    offset: _one_or_each(of(Number, LENGTH, 0, 0.1)) = 0.0  # [m]
+    stiffness: one_or_each(of(NonNegative, STIFFNESS)) = 0.0  # [N/m]
+    offset: one_or_each(of(Number, LENGTH, 0, 0.1)) = 0.0  # [m]
 
 
 class Preload(Table):
@@ -372,7 +369,7 @@ class ModalDamping(Table):
     """A ratio for all modes, or one for each of the hammer test: others take the nearest one's."""
 
     kind: Literal["modal"]
-    ratio: _one_or_each(Ratio) = 0.0
+    ratio: one_or_each(Ratio) = 0.0
 
 
 class RayleighDamping(Table):
@@ -423,36 +420,3 @@ class Output(Table):
 
     spheres: Annotated[tuple[Count, ...], Field(strict=False)] = ()
     samples: Annotated[int, Field(ge=2, le=1_000_000)] = 3001
-
-
-LONGEST_NAME = 50  # four bytes a letter and an ending fit in the 255 of a file's name
-
-
-class Scene(Table):
-    """A whole run; the assembly's own keys are checked by `workflows.scene.assembly`.
-
-    `unusual` names the keys whose values lie outside of their usual range and are meant.
-    """
-
-    name: Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=LONGEST_NAME)]
-    unusual: Annotated[tuple[str, ...], Field(strict=False)] | None = None
-    chain: Chain | None = None
-    striker: Striker | None = None
-    contact: Contact | None = None
-    leaf_springs: LeafSprings | None = None
-    preload: Preload | None = None
-    wall: Wall | None = None
-    assembly: Any = None
-    joints: Joints | None = None
-    table: Standing | None = None
-    mesh: Mesh | None = None
-    patch: Patch | None = None
-    reduction: Reduction | None = None
-    damping: Damping | None = None
-    time: Time | None = None
-    output: Output | None = None
-
-    @property
-    def n_contacts(self) -> int:
-        """Contacts of the chain, the wall's included."""
-        return self.chain.count - (self.wall is None)

@@ -1,6 +1,7 @@
 """Scenes from and to TOML: changed by `--set`, completed by defaults, refused in one sentence."""
 
 import tomllib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,11 @@ from workflows.scene import (
     Scene,
     Time,
 )
+from workflows.scene.bodies import General, Meshing
 from workflows.scene.contradictions import contradictions
 from workflows.scene.quantities import doubts, entries, unusual_keys
 
+GENERAL = General.model_fields.keys()  # keys of an assembly of bodies
 INSTEAD = {
     "time.dt": {"error"},
     "time.error": {"dt"},
@@ -102,9 +105,17 @@ def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[
         )
         return {**replaced, first: value}
     below = table.get(first, {})
+    if isinstance(below, list) and (named := _called(below, rest[0])) and len(rest) > 1:
+        with_value = _with(named, rest[1:], value, key)
+        return {**table, first: [with_value if one is named else one for one in below]}
     if not isinstance(below, dict):
         raise InvalidScene(f"--set {key}: {first} = {below!r} is a value and has no keys below it.")
     return {**table, first: _with(below, rest, value, key)}
+
+
+def _called(tables: list[Any], name: str) -> dict[str, Any] | None:
+    """The table of a list that bears the name."""
+    return next((t for t in tables if isinstance(t, dict) and t.get("name") == name), None)
 
 
 def _validated(model: type[BaseModel], tables: dict[str, Any], source: str, prefix=()):
@@ -174,29 +185,46 @@ def _defaults(scene: Scene, tables: dict[str, Any], source: str, folder: Path) -
     if scene.chain:
         filled |= {"contact": Contact(), "time": Time(), "output": Output()}
     if scene.assembly is not None:
-        filled |= {"mesh": Mesh(), "patch": Patch(), "reduction": Reduction()}
+        filled |= {"reduction": Reduction()}
     if scene.assembly is not None or isinstance(scene.wall, RomWall):
         filled |= {"damping": NoDamping()}
     filled = {name: table for name, table in filled.items() if getattr(scene, name) is None}
     if scene.assembly is not None:
-        filled["assembly"] = _assembly(tables, source, scene.unusual)
-        if filled["assembly"].constraint == "wires" and scene.joints is None:
-            filled["joints"] = Joints()
+        filled |= _structure(scene, tables, source)
     if isinstance(scene.wall, RomWall) and scene.wall.file:
         path = str(folder / scene.wall.file)
         filled["wall"] = scene.wall.model_copy(update={"file": path})
-    if scene.mesh is not None and scene.mesh.file:
-        path = str(folder / scene.mesh.file)
-        filled["mesh"] = scene.mesh.model_copy(update={"file": path})
+    for table, key in (("mesh", "file"), ("assembly", "step")):
+        if named := getattr(filled.get(table), key, None):
+            filled[table] = filled[table].model_copy(update={key: str(folder / named)})
     return filled
+
+
+def _structure(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, Any]:
+    """[assembly] and [mesh] of bodies, or of the thesis' rig with its defaults."""
+    general = isinstance(scene.assembly, dict) and (scene.bodies or GENERAL & scene.assembly.keys())
+    read = partial(_part, tables=tables, source=source, meant=scene.unusual)
+    if general:
+        return {"assembly": read(General, "assembly"), "mesh": read(Meshing, "mesh")}
+    found = {"assembly": _assembly(tables, source, scene.unusual), "mesh": read(Mesh, "mesh")}
+    if scene.patch is None:
+        found["patch"] = Patch()
+    if found["assembly"].constraint == "wires" and scene.joints is None:
+        found["joints"] = Joints()
+    return found
+
+
+def _part(model: type[BaseModel], key: str, *, tables: dict[str, Any], source: str, meant):
+    table = _validated(model, tables.get(key, {}), source, (key,))
+    _require_usual(table, tables.get(key, {}), source, (key,), meant)
+    return table
 
 
 def _assembly(tables: dict[str, Any], source: str, unusual: tuple[str, ...] | None):
     # geometry loads its mesher on import: only a scene with an assembly pays for that
     from workflows.scene.assembly import AssemblyTable, assembly
 
-    table = _validated(AssemblyTable, tables["assembly"], source, ("assembly",))
-    _require_usual(table, tables["assembly"], source, ("assembly",), unusual)
+    table = _part(AssemblyTable, "assembly", tables=tables, source=source, meant=unusual)
     try:
         assembly(table)
     except ValueError as error:

@@ -128,7 +128,7 @@ def _solved(scene: Scene, constraint: str, seed: float, block: float) -> Solved:
     ended = perf_counter()
     hz = found.frequency_hz[fem.pair(model, found, TARGETS).index]
     seconds = (meshed - started, assembled - meshed, ended - assembled)
-    return Solved(constraint, seed, model.M.shape[0], hz, seconds, _quality(mesh))
+    return Solved(constraint, seed, model.M.shape[0], hz, seconds, _quality(mesh.meshes))
 
 
 def _quality(meshes: dict[str, Mesh]) -> float:

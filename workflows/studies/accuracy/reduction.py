@@ -130,12 +130,12 @@ def _refuse(scene: Scene) -> None:
             f'the scene {scene.name} has no chain before an assembly with wall.kind = "rom"; '
             "take rig-rom."
         )
-    if scene.joints and any(table.dashpots for _, table in scene.joints):
+    if any(table.dashpots for table in scene.springs.values()):
         raise InvalidScene(
             "joints have dashpots, which this study would leave out of the responses it compares; "
             "set joints.head.cx .. joints.foot.crz to 0."
         )
-    if scene.patch.weights == "thesis":
+    if scene.patch and scene.patch.weights == "thesis":
         raise InvalidScene(
             'patch.weights = "thesis" is read elsewhere than it is pushed, which no number of '
             'modes mends; take "hertz" or "area".'

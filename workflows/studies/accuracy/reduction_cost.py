@@ -18,7 +18,7 @@ import rom
 from coupling.wall import wall_from_reduced
 from workflows.pipeline.assembly import AssemblyModes
 from workflows.pipeline.chain import chain, initial_velocity
-from workflows.pipeline.reduction import hammer_modes, selection
+from workflows.pipeline.reduction import selection, targets_kept
 from workflows.pipeline.wall import damping
 from workflows.scene import Scene
 from workflows.studies.accuracy.shared_solutions import SharedSolutions
@@ -134,7 +134,7 @@ def _solve_cost(scene: Scene, contact: Contact, modes: AssemblyModes) -> SolveCo
     n = scene.reduction.modes or 40
     asked = selection(scene)
     if asked.by_contact:
-        asked = asked._replace(modes=hammer_modes(modes))
+        asked = asked._replace(modes=targets_kept(modes))
     calls = (
         lambda: fem.factorised(contact.K),
         lambda: fem.modes(contact.K, contact.M, n),

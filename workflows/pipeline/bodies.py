@@ -1,0 +1,300 @@
+"""An assembly by the words of its scene: bodies drawn or read, where they touch, joined, meshed."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import fem
+from fem.spot import spanning
+from geometry import InvalidGeometry
+from geometry.shapes import Box, Cylinder, Hole, Plate, Shape
+from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.bodies import GROUND, Body, Bolts, Solid
+from workflows.scene.size import too_large_mesh
+
+
+class Drawing(NamedTuple):
+    """The bodies in the CAD kernel, and which of them touch; see `geometry.touching`."""
+
+    bodies: dict
+    unit: str | None  # of the file
+    near: tuple  # geometry.touching.Neighbours
+
+
+class Marks(NamedTuple):
+    """What a mesh must show: faces picked, discs under washers, and joints that stand on them."""
+
+    named: dict
+    discs: dict
+    joints: list[fem.Joint]
+
+
+@contextmanager
+def drawing(scene: Scene) -> Iterator[Drawing]:
+    """The scene's bodies; raises InvalidScene for what cannot be drawn, read, picked or joined."""
+    try:
+        from geometry.cad import model  # loads gmsh, and that its shared libraries
+        from geometry.touching import neighbours, require_apart
+    except OSError as missing:
+        raise ValueError(
+            f"gmsh cannot start ({missing}); install its shared libraries (Debian: {GMSH_NEEDS})."
+        ) from None
+    step = scene.assembly.step
+    try:
+        with model(shapes(scene), Path(step) if step else None) as drawn:
+            near = neighbours(drawn.bodies, scene.assembly.gap)
+            require_apart(near)
+            yield Drawing(drawn.bodies, drawn.unit, near)
+    except InvalidGeometry as error:
+        raise InvalidScene(f"{scene.name}: {error}") from None
+
+
+def shapes(scene: Scene) -> dict[str, Shape]:
+    """The bodies that the scene draws."""
+    return {name: _shape(b) for name, b in (scene.bodies or {}).items() if b.drawn}
+
+
+def _shape(body: Body) -> Shape:
+    place = {key: getattr(body, key) for key in ("at", "turn") if getattr(body, key)}
+    if body.box:
+        return Box(body.box, **place)
+    if body.cylinder:
+        return Cylinder(**body.cylinder.model_dump(), **place)
+    at = body.holes.at if body.holes else ()
+    holes = tuple(Hole(body.holes.diameter, point) for point in at)
+    return Plate(body.plate.outline, body.plate.thickness, holes, **place)
+
+
+def parts(scene: Scene) -> Parts:
+    """Bodies meshed each on its own, and what joins and holds them."""
+    with drawing(scene) as drawn:
+        _require_known(scene, drawn)
+        tied, marks = tied_pairs(scene, drawn), marked(scene, drawn)
+        meshes = _meshes(scene, drawn, tied, marks)
+    size = {name: mesh.nelements / drawn.bodies[name].volume for name, mesh in meshes.items()}
+    connections = fem.Connections(
+        [_tie(touch, size) for touch in tied],
+        marks.joints,
+        [fem.Held(_face(marks, f"held-{i}"), hold.directions) for i, hold in _holds(scene)],
+    )
+    made_of = {name: material(scene.made_of(name)) for name in meshes}
+    return Parts(meshes, made_of, connections)
+
+
+def material(solid: Solid) -> fem.Material | fem.Orthotropic:
+    """Of the scene's table."""
+    if solid.is_isotropic:
+        return fem.Material(solid.young, solid.poisson, solid.density)
+    axes = {} if solid.axes is None else {"axes": solid.axes}
+    return fem.Orthotropic(solid.young, solid.poisson, solid.shear, solid.density, **axes)
+
+
+def _require_known(scene: Scene, drawn: Drawing) -> None:
+    """Raise InvalidGeometry for names that no body bears, InvalidScene for one of no material."""
+    from geometry.selectors import bodies_named
+
+    for name in scene.bodies or {}:
+        bodies_named(name, drawn.bodies)
+    for name in drawn.bodies:
+        if scene.material_name(name) is None:
+            raise InvalidScene(
+                f'{scene.name}: nothing says what "{name}" is made of; give '
+                f"bodies.{name}.material, or assembly.material for all."
+            )
+
+
+def tied_pairs(scene: Scene, drawn: Drawing) -> list:
+    """The touching pairs that stay together; raises InvalidScene for one left unsaid."""
+    from geometry.selectors import touches
+
+    found, bodies = drawn.near.touching, drawn.bodies
+    tied = {t.name: t for tie in scene.ties or () for t in touches(tie.between, bodies, found)}
+    bolted = {t.name: joint.name for joint, pair in _bolted(scene, drawn) for t in pair}
+    for name in tied.keys() & bolted.keys():
+        raise InvalidScene(
+            f'{scene.name}: "{name}" is tied and has the joint {bolted[name]!r}, which a tie would '
+            "bridge; drop one of them."
+        )
+    unsaid = [t for t in found if t.name not in tied.keys() | bolted.keys()]
+    if scene.assembly.touching == "ask" and unsaid:
+        raise InvalidScene(f"{scene.name}: {_asked(unsaid)}")
+    _require_joined(scene, drawn)
+    return [*tied.values(), *(unsaid if scene.assembly.touching == "tied" else ())]
+
+
+def _asked(unsaid: list) -> str:
+    pairs = ", ".join(f'"{t.name}" ({1e6 * t.area:.4g} mm^2)' for t in unsaid)
+    lines = "\n".join(f'[[ties]]\nbetween = "{t.name}"' for t in unsaid)
+    return (
+        f"{pairs} touch, and nothing says whether they are tied, bolted or free; write "
+        f'assembly.touching = "tied" or "free", [[joints]], or of these what is meant:\n{lines}'
+    )
+
+
+def _require_joined(scene: Scene, drawn: Drawing) -> None:
+    """Raise InvalidScene for a body that touches none, though there are others, and is not held."""
+    from geometry.touching import told
+
+    held = {hold.on.partition(":")[0].partition("@")[0] for _, hold in _holds(scene)}
+    held |= {joint.partners[0].partition(":")[0] for joint in scene.joints or ()}
+    free = [name for name in drawn.near.free(drawn.bodies) if name not in held]
+    if len(drawn.bodies) == 1 or not free:
+        return
+    misses = [told(miss) for miss in drawn.near.misses if set(miss.bodies) & set(free)]
+    raise InvalidScene(
+        f'{scene.name}: "{free[0]}" touches no other body and is not held: it keeps its six rigid '
+        f"motions; move it, hold it, or raise assembly.gap = {scene.assembly.gap:g} m."
+        + "".join(f" {miss}" for miss in misses)
+    )
+
+
+def _bolted(scene: Scene, drawn: Drawing) -> Iterator[tuple[Bolts, list]]:
+    """Joints between bodies, and the touching pairs of each."""
+    from geometry.selectors import touches
+
+    for joint in scene.joints or ():
+        if GROUND not in joint.partners:
+            yield joint, touches(joint.between, drawn.bodies, drawn.near.touching)
+
+
+def _holds(scene: Scene):
+    return enumerate(scene.assembly.holds, start=1)
+
+
+def marked(scene: Scene, drawn: Drawing) -> Marks:
+    """Faces held, struck and bolted."""
+    from geometry.selectors import faces
+
+    marks = Marks({}, {}, [])
+    for i, hold in _holds(scene):
+        marks.named[f"held-{i}"] = faces(hold.on, drawn.bodies)
+    if scene.strike:
+        marks.named[STRIKE] = faces(scene.strike.on, drawn.bodies)
+    for joint, pairs in _bolted(scene, drawn):
+        _between_bodies(scene, drawn, joint, pairs, marks)
+    for joint in scene.joints or ():
+        if GROUND in joint.partners:
+            _to_the_ground(drawn, joint, marks)
+    return marks
+
+
+def _between_bodies(scene: Scene, drawn: Drawing, joint: Bolts, pairs: list, marks: Marks) -> None:
+    """Rings on both faces around each bolt of a joint."""
+    from geometry.imprint import Disc
+    from geometry.selectors import Selected, bodies_named
+
+    first = bodies_named(joint.partners[0], drawn.bodies)
+    places = [place for touch in pairs for place in _places(scene, drawn, joint, touch)]
+    if not places:
+        raise InvalidScene(
+            f'{scene.name}: joints.{joint.name} finds no hole through both of "{joint.between}"; '
+            "give at = [[x, y, z], ...] and washer."
+        )
+    for i, place in enumerate(places, start=1):
+        sides, axis = list(zip(place.bodies, place.faces, strict=True)), place.axis
+        if place.bodies[0] not in first:
+            sides, axis = sides[::-1], -axis
+        radius = joint.washer or max(place.diameters)
+        rings = []
+        for body, face in sides:
+            key = f"{joint.name}-{i}-{body}"
+            on = Selected(body, (face,))
+            marks.discs[key] = Disc(on, place.centre, place.axis, radius)
+            rings.append(f"{body}:{key}")
+        held = [fem.Side(*side) for side in zip(rings, joint.sides, strict=True)]
+        marks.joints.append(_joint(joint, *held, place.centre, axis))
+
+
+def _places(scene: Scene, drawn: Drawing, joint: Bolts, touch) -> list:
+    """Where the bolts of a joint pass from one body to the other."""
+    from geometry.holes import Concentric, concentric
+
+    if joint.at == "holes":
+        return list(concentric(touch, drawn.bodies, scene.assembly.gap))
+    body = drawn.bodies[touch.bodies[0]]
+    planes = [(body.face(c.faces[0]), c) for c in touch.contacts]
+    planes = [(face, c) for face, c in planes if face.normal is not None]
+    if not planes:
+        raise InvalidScene(
+            f'{scene.name}: joints.{joint.name} has points, but "{touch.name}" touch on no plane; '
+            "tie them."
+        )
+    found = []
+    for point in np.array(joint.at):
+        off = [(face.centre - point) @ face.normal for face, _ in planes]
+        nearest = int(np.argmin(np.abs(off)))
+        face, contact = planes[nearest]
+        at = point + off[nearest] * face.normal
+        found.append(Concentric(touch.bodies, at, face.normal, (0.0, 0.0), contact.faces))
+    return found
+
+
+def _to_the_ground(drawn: Drawing, joint: Bolts, marks: Marks) -> None:
+    """The walls of holes, each held on its own."""
+    from geometry.holes import bores
+    from geometry.selectors import Selected, faces
+
+    picked = faces(joint.partners[0], drawn.bodies)
+    walls = [b for b in bores(drawn.bodies[picked.body]) if set(b.tags) <= set(picked.tags)]
+    for i, bore in enumerate(walls, start=1):
+        key = f"{joint.name}-{i}"
+        marks.named[key] = Selected(picked.body, bore.tags)
+        side = fem.Side(f"{picked.body}:{key}", joint.sides[0])
+        marks.joints.append(_joint(joint, side, None, bore.ends.mean(axis=0), bore.axis))
+
+
+def _joint(joint: Bolts, first: fem.Side, second: fem.Side | None, centre, axis) -> fem.Joint:
+    springs = fem.Bushing(**{key: getattr(joint, key) for key in fem.DIRECTIONS})
+    frame = fem.normal_frame(axis) if joint.frame == "normal" else np.eye(3)
+    return fem.Joint(joint.name, first, second, centre, springs, frame)
+
+
+def _face(marks: Marks, name: str) -> str:
+    return f"{marks.named[name].body}:{name}"
+
+
+def _tie(touch, fineness: Mapping[str, float]) -> fem.Tie:
+    """The finer mesh follows: an order of all bodies, so that no ties form a circle."""
+    master, slave = sorted(touch.bodies, key=lambda body: fineness[body])
+    return fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", touch.mesh_gap)
+
+
+def _meshes(scene: Scene, drawn: Drawing, tied: list, marks: Marks) -> dict:
+    from geometry.body_mesh import body_meshes
+    from geometry.sizes import Fine, default_seed
+
+    scale, own = scene.mesh.scale, scene.seed_of
+    seeds = {name: scale * (own(name) or default_seed(b)) for name, b in drawn.bodies.items()}
+    struck = marks.named.get(STRIKE)
+    fine = []
+    if struck:
+        at = _struck_point(drawn, struck, scene.strike.at)
+        fine = [Fine(struck.body, at, scale * scene.strike.size)]
+    meshes = body_meshes(
+        drawn.bodies,
+        tied,
+        gap=scene.assembly.gap,
+        seeds=seeds,
+        fine=fine,
+        named=marks.named,
+        discs=marks.discs,
+        element="tet" if scene.mesh.element == "tet" else None,
+    )
+    nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
+    for sentence in too_large_mesh(scene, "the mesh of [assembly]", nodes):
+        raise InvalidScene(f"{scene.name}: {sentence}")
+    return meshes
+
+
+def _struck_point(drawn: Drawing, struck, at: tuple[float, float]):
+    """The point of the strike; raises InvalidGeometry for a face that is not plane."""
+    found = [drawn.bodies[struck.body].face(tag) for tag in struck.tags]
+    if any(face.normal is None for face in found):
+        raise InvalidGeometry(f'strike.on is no plane face of "{struck.body}"; name a plane one.')
+    lower = np.min([face.lower for face in found], axis=0)
+    upper = np.max([face.upper for face in found], axis=0)
+    return (lower + upper) / 2 + np.array(at) @ spanning(found[0].normal)

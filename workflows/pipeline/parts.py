@@ -1,0 +1,20 @@
+"""What every assembly hands over, whether the thesis' rig or bodies of a scene."""
+
+from typing import NamedTuple
+
+from skfem import Mesh
+
+import fem
+
+STRIKE = "strike"  # name of the face that the chain leans on
+GMSH_NEEDS = (
+    "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
+)
+
+
+class Parts(NamedTuple):
+    """Bodies and how they are joined and held, but for the table below."""
+
+    meshes: dict[str, Mesh]
+    materials: dict[str, fem.Material | fem.Orthotropic]
+    connections: fem.Connections

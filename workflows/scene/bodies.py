@@ -1,0 +1,251 @@
+"""The words of any assembly: bodies, materials, what joins and holds them, the strike, its modes.
+
+Faces are picked by the selectors of `geometry.selectors`, pairs of bodies by "a|b"; a * in a name
+stands for any letters.
+"""
+
+from collections.abc import Iterator, Mapping
+from fnmatch import fnmatchcase
+from re import split
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+
+from workflows.scene.quantities import of
+from workflows.scene.tables import (
+    Density,
+    Frequency,
+    JointStiffnesses,
+    Number,
+    Point,
+    Positive,
+    Seed,
+    Table,
+    one_or_each,
+)
+from workflows.scene.units import LENGTH, PRESSURE
+
+GROUND = "ground"
+SHAPES = ("box", "plate", "cylinder")
+Modulus = of(Positive, PRESSURE, 1e6, 2e12)  # rubber to diamond
+Compressible = Annotated[float, Field(gt=-1, lt=0.5)]  # an incompressible solid locks
+Ratio12 = Annotated[float, Field(gt=-10, lt=10)]  # of an orthotropic solid; its moduli bound it
+Size = of(Positive, LENGTH, 1e-5, 50)
+Place = of(Number, LENGTH, 0, 100)
+Place3 = Annotated[tuple[Place, Place, Place], Field(strict=False)]
+Vector = Annotated[tuple[float, float, float], Field(strict=False)]
+Three = Annotated[tuple[Modulus, Modulus, Modulus], Field(strict=False)]
+
+
+def _body_name(name: str) -> str:
+    if name == GROUND or not name or set(name) & set(':|@#,"'):
+        raise ValueError(f"{name!r} must be free of : | @ # , and not be {GROUND!r}: rename it")
+    return name
+
+
+def _pair(between: str) -> str:
+    sides = [side.strip() for side in between.split("|")]
+    if len(sides) != 2 or not all(sides):
+        raise ValueError(f'{between!r} must name two bodies: write "a|b"')
+    return between
+
+
+BodyName = Annotated[str, AfterValidator(_body_name)]
+Pair = Annotated[str, AfterValidator(_pair)]
+
+
+class Solid(Table):
+    """A material. An orthotropic one has three moduli along its axes 1, 2, 3, the ratios 12, 13
+    and 23, the shear moduli 12, 13 and 23, and `axes`: the direction of 1, and one beside it for 2.
+    """
+
+    young: one_or_each(Modulus)  # [Pa]
+    poisson: one_or_each(Ratio12)
+    density: Density  # [kg/m^3]
+    shear: Three | None = None  # [Pa]
+    axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
+
+    @property
+    def is_isotropic(self) -> bool:
+        return not isinstance(self.young, tuple)
+
+    @model_validator(mode="after")
+    def _whole(self) -> "Solid":
+        if self.is_isotropic and (self.shear or self.axes):
+            raise ValueError("shear and axes belong to three moduli: drop them, or give three")
+        if not self.is_isotropic and not (_three(self.young) and _three(self.poisson)):
+            raise ValueError("young and poisson must be one number or three, both alike: change it")
+        if not self.is_isotropic and self.shear is None:
+            raise ValueError("three moduli need shear = [G12, G13, G23] in Pa: add it")
+        if self.is_isotropic and (isinstance(self.poisson, tuple) or not -1 < self.poisson < 0.5):
+            raise ValueError(f"poisson = {self.poisson} must be between -1 and 0.5: change it")
+        return self
+
+
+def _three(value: Any) -> bool:
+    return isinstance(value, tuple) and len(value) == 3
+
+
+class Outline(Table):
+    """A plate: its outline in its own x-y plane, extruded along z."""
+
+    outline: Annotated[tuple[Point, ...], Field(strict=False, min_length=3)]  # [m]
+    thickness: Size  # [m]
+
+
+class Holes(Table):
+    """Round holes through a plate."""
+
+    diameter: Size  # [m]
+    at: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)]  # x, y in its plane [m]
+
+
+class Round(Table):
+    """A cylinder along its own z, or with a `bore` a tube."""
+
+    radius: Size  # [m]
+    length: Size  # [m]
+    bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 50) = 0.0  # [m] radius
+
+
+class Body(Table):
+    """A body drawn here, or one of the file: what it is made of and how finely it is meshed."""
+
+    material: str | None = None
+    seed: Seed | None = None  # [m]
+    box: Annotated[tuple[Size, Size, Size], Field(strict=False)] | None = None  # [m]
+    plate: Outline | None = None
+    cylinder: Round | None = None
+    holes: Holes | None = None
+    at: Place3 | None = None  # [m]
+    turn: Vector | None = None  # [degrees] about the global x, then y, then z
+
+    @property
+    def drawn(self) -> str | None:
+        """Which shape it has."""
+        return next((shape for shape in SHAPES if getattr(self, shape) is not None), None)
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> "Body":
+        given = [shape for shape in SHAPES if getattr(self, shape) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} exclude each other: keep one of them")
+        if self.holes and not self.plate:
+            raise ValueError("holes belong to a plate: drop them, or draw a plate")
+        if not given and (self.at or self.turn):
+            raise ValueError("at and turn place a body drawn here: add box, plate or cylinder")
+        return self
+
+
+def fitting(body: str, tables: Mapping[str, Body]) -> Iterator[Body]:
+    """The tables whose names fit a body's, its very own first."""
+    names = [name for name in tables if fnmatchcase(body, name)]
+    yield from (tables[name] for name in sorted(names, key=lambda name: name != body))
+
+
+class Hold(Table):
+    """A face on the ground, in some directions: "z" is a roller."""
+
+    on: str
+    directions: Annotated[str, Field(pattern="^[xyz]{1,3}$")] = "xyz"
+
+
+def _written(value: Any) -> str:
+    return "text" if isinstance(value, str) else "table"
+
+
+EitherHold = Annotated[
+    Annotated[str, Tag("text")] | Annotated[Hold, Tag("table")], Discriminator(_written)
+]
+
+
+class General(Table):
+    """[assembly] of bodies: where they come from, what touching means, what holds them."""
+
+    step: str | None = None  # a STEP file
+    touching: Literal["ask", "tied", "free"] = "ask"
+    gap: of(Positive, LENGTH, 1e-8, 1e-3) = 1e-5  # [m]
+    held: Annotated[tuple[EitherHold, ...], Field(strict=False)] | None = None
+    material: str | None = None
+
+    @property
+    def holds(self) -> tuple[Hold, ...]:
+        """What is held, in tables."""
+        return tuple(Hold(on=h) if isinstance(h, str) else h for h in self.held or ())
+
+
+class Meshing(Table):
+    """Quadratic elements: hexahedra where a body is a box, an extruded outline or a tube, else
+    tetrahedra; or "tet" for all. `scale` is a factor on all sizes of elements."""
+
+    element: Literal["hex", "tet"] = "hex"
+    scale: Positive = 1.0
+
+
+class Tied(Table):
+    """Pairs of touching bodies that stay together where they touch."""
+
+    between: Pair
+
+
+class Bolts(JointStiffnesses):
+    """Bolts between two bodies that touch, or from a body's holes to the ground.
+
+    `sides` say how the first and the second body are held under a washer: rigid (RBE2) or by the
+    mean of their motion (RBE3). `frame` "normal" has z along the bolt.
+    """
+
+    name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]
+    between: Pair
+    at: Literal["holes"] | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)] = (
+        "holes"  # or points [m]
+    )
+    washer: Size | None = None  # [m] radius; of holes their diameter
+    sides: Annotated[
+        tuple[Literal["rigid", "mean"], Literal["rigid", "mean"]], Field(strict=False)
+    ] = ("rigid", "mean")
+    frame: Literal["normal", "global"] = "normal"
+
+    @property
+    def partners(self) -> tuple[str, str]:
+        """The two sides of `between`."""
+        one, other = (side.strip() for side in self.between.split("|"))
+        return one, other
+
+
+class Strike(Table):
+    """Where the last sphere touches: a plane face, and a point from its middle along the two global
+    axes that span it."""
+
+    on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]
+    at: Point = (0.0, 0.0)  # [m]
+    radius: of(Positive, LENGTH) = 2e-3  # [m] of the patch
+    weights: Literal["hertz", "area"] = "hertz"
+    seed: Seed | None = None  # [m] of the elements there; twice the radius
+
+    @property
+    def body(self) -> str:
+        """The body that is struck."""
+        return split("[:@]", self.on)[0]
+
+    @property
+    def size(self) -> float:
+        """Of the elements there [m]."""
+        return self.seed or 2 * self.radius
+
+
+class Target(Table):
+    """A measured mode, told by a body's motion ("x", "x+ry", "strain") or by its number."""
+
+    hz: Frequency  # [Hz]
+    body: str | None = None
+    motion: str | None = None
+    number: Annotated[int, Field(ge=1, le=200)] | None = None
+
+    @model_validator(mode="after")
+    def _told(self) -> "Target":
+        if (self.body is None) != (self.motion is None):
+            raise ValueError("body and motion belong together: add the other")
+        if (self.body is None) == (self.number is None):
+            raise ValueError("needs body and motion, or number: give one of the two")
+        return self

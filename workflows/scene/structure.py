@@ -1,0 +1,115 @@
+"""Keys of an assembly of bodies that are each allowed but not together, a sentence each."""
+
+from collections import Counter
+from collections.abc import Iterator
+from math import isinf
+
+from workflows.scene.bodies import GROUND
+from workflows.scene.scene import Scene
+
+OF_BODIES = ("bodies", "materials", "ties", "strike", "targets")
+
+
+def of_bodies(scene: Scene) -> Iterator[str]:
+    """What speaks against an assembly of bodies."""
+    yield from _nothing_there(scene)
+    yield from _unknown_materials(scene)
+    yield from _unheld(scene)
+    yield from _unstruck(scene)
+    yield from _joints(scene)
+    if scene.patch is not None:
+        yield "[patch] belongs to the thesis' rig; write [strike] with on, at and radius."
+
+
+def of_the_rig(scene: Scene) -> Iterator[str]:
+    """Tables that need an assembly of bodies, in a scene that has none."""
+    for name in (name for name in OF_BODIES if getattr(scene, name) is not None):
+        yield (
+            f"[{name}] belongs to an assembly of bodies; give [assembly] held = [...] and bodies, "
+            f"or drop it."
+        )
+    if isinstance(scene.joints, tuple):
+        yield "[[joints]] belong to an assembly of bodies; the rig has [joints.head] and foot."
+
+
+def _nothing_there(scene: Scene):
+    drawn = [name for name, body in (scene.bodies or {}).items() if body.drawn]
+    if scene.assembly.step is None:
+        if not drawn:
+            yield "the assembly has no bodies; give assembly.step, or [bodies.NAME] with a box."
+        for name in (scene.bodies or {}).keys() - set(drawn):
+            yield (
+                f"bodies.{name} has no shape and there is no assembly.step to take it from; give "
+                "it box, plate or cylinder."
+            )
+
+
+def _unknown_materials(scene: Scene):
+    known = scene.materials or {}
+    used = {f"bodies.{name}": body.material for name, body in (scene.bodies or {}).items()}
+    for key, name in {"assembly": scene.assembly.material, **used}.items():
+        if name is not None and name not in known:
+            there = ", ".join(known) or "none"
+            yield f"{key}.material = {name!r} is not known, there is {there}; add it."
+    for name in scene.bodies or {}:
+        if scene.material_name(name) is None:
+            yield (
+                f"nothing says what {name} is made of; give bodies.{name}.material, or "
+                "assembly.material for all."
+            )
+    if scene.assembly.step and scene.assembly.material is None and not scene.bodies:
+        yield "assembly.material is missing; name the material of the bodies in assembly.step."
+
+
+def _unheld(scene: Scene):
+    grounded = any(GROUND in joint.partners for joint in scene.joints or ())
+    if scene.assembly.held is None and not grounded:
+        yield (
+            'assembly.held is missing; name the faces on the ground, as ["foot:-z"], or write '
+            "held = [] for an assembly that floats."
+        )
+
+
+def _unstruck(scene: Scene):
+    if scene.strike is None:
+        if scene.chain is not None and getattr(scene.wall, "kind", None) == "rom":
+            yield '[strike] is missing; say where the chain touches, on = "body:+x".'
+        return
+    body = scene.struck_body
+    if scene.assembly.step is None and body not in (scene.bodies or {}):
+        known = ", ".join(scene.bodies or {})
+        yield f"strike.on = {scene.strike.on!r} names no body; there are {known}."
+    elif scene.material_name(body) and not scene.struck_material.is_isotropic:
+        yield (
+            f"strike.on = {scene.strike.on!r} is of an orthotropic material, for which the "
+            "contact's law is not known here; strike an isotropic body."
+        )
+
+
+def _joints(scene: Scene):
+    if scene.joints is not None and not isinstance(scene.joints, tuple):
+        yield "[joints.head] and foot belong to the thesis' rig; write [[joints]] with a name."
+        return
+    for name, number in Counter(joint.name for joint in scene.joints or ()).items():
+        if number > 1:
+            yield f"joints has {number} tables named {name!r}; give each a name of its own."
+    for joint in scene.joints or ():
+        if GROUND not in joint.partners:
+            if joint.at != "holes" and joint.washer is None:
+                yield f"joints.{joint.name}.washer is missing; give its radius around the points."
+        elif joint.partners[1] != GROUND:
+            yield f'joints.{joint.name}.between must end with the ground; write "body:hole|ground".'
+        elif joint.at != "holes" or joint.washer is not None:
+            yield (
+                f"joints.{joint.name} holds the walls of holes to the ground; drop at and washer."
+            )
+        yield from _rigid_dashpots(joint)
+
+
+def _rigid_dashpots(joint):
+    for key in joint.dashpots:
+        if isinf(getattr(joint, key)):
+            yield (
+                f"joints.{joint.name}.c{key[1:]} = {joint.dashpots[key]} is beside {key} = inf, "
+                f"which never moves; give joints.{joint.name}.{key}."
+            )
