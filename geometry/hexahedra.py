@@ -113,23 +113,22 @@ def _anticlockwise(flat: Flat, prism: Prism) -> Flat:
 
 def _standing(prism: Prism, ends: NDArray[np.float64]) -> NDArray[np.int64]:
     """Tag of the side that stands on each edge (m, 2, 3)."""
-    under = np.full(len(ends), -1)
-    for i, edge in enumerate(ends):
-        near = [side for side in prism.sides if np.all(_off(side, edge) < 2 * SAME)]
-        middle = edge.mean(axis=0) + prism.height / 2 * prism.axis
-        away = [distance(_on(side, middle[None])[0], side.tag) for side in near[1:]]
-        away = [distance(_on(near[0], middle[None])[0], near[0].tag), *away] if away else [0.0]
-        under[i] = near[int(np.argmin(away))].tag
+    off = np.array([_off(side, ends).max(axis=1) for side in prism.sides])
+    tags = np.array([side.tag for side in prism.sides])
+    under = tags[np.argmin(off, axis=0)]
+    # of sides in one plane, or on one cylinder, the nearest
+    for i in np.flatnonzero(np.sum(off < 2 * SAME, axis=0) > 1):
+        middle = ends[i].mean(axis=0)[None] + prism.height / 2 * prism.axis
+        near = [side for side, away in zip(prism.sides, off[:, i], strict=True) if away < 2 * SAME]
+        under[i] = min(near, key=lambda side, p=middle: distance(_on(side, p)[0], side.tag)).tag
     return under
 
 
 def _off(side: Face, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance of points (n, 3) from the surface of a side."""
+    """Distance of points (..., 3) from the surface of a side."""
     if side.normal is not None:
         return np.abs((points - side.centre) @ side.normal)
-    return np.array(
-        [abs(off_axis(point, side.on_axis, side.axis) - side.radius) for point in points]
-    )
+    return np.abs(off_axis(points, side.on_axis, side.axis) - side.radius)
 
 
 def _on(side: Face, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -48,8 +48,7 @@ def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) ->
 
 def default_seed(body: Body) -> float:
     """Element size from a body's extent, less for a thin one [m]."""
-    extent = float(np.linalg.norm(body.upper - body.lower))
-    return min(extent / ACROSS, _thickness(body) / LAYERS)
+    return min(body.extent / ACROSS, _thickness(body) / LAYERS)
 
 
 def _thickness(body: Body) -> float:

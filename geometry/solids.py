@@ -48,6 +48,11 @@ class Body(NamedTuple):
     def area(self) -> float:
         return sum(face.area for face in self.faces)
 
+    @property
+    def extent(self) -> float:
+        """The diagonal of a box of this volume and inertia [m]: turning it changes nothing."""
+        return float(np.sqrt(6 * np.trace(self.inertia) / self.volume))
+
     def face(self, tag: int) -> Face:
         return next(face for face in self.faces if face.tag == tag)
 
@@ -57,9 +62,11 @@ def parallel(u: Vector, v: Vector) -> bool:
     return bool(abs(u @ v) > 1 - ALIGNED)
 
 
-def off_axis(point: Vector, on_axis: Vector, axis: Vector) -> float:
-    """Distance of a point from an axis [m]."""
-    return float(np.linalg.norm(np.cross(point - on_axis, axis)))
+def off_axis(
+    points: NDArray[np.float64], on_axis: Vector, axis: Vector
+) -> NDArray[np.float64] | np.float64:
+    """Distance of points (..., 3) from an axis [m]."""
+    return np.linalg.norm(np.cross(points - on_axis, axis), axis=-1)
 
 
 def described(face: Face) -> str:

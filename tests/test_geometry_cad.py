@@ -51,6 +51,7 @@ def test_a_turned_box_has_the_inertia_of_a_cuboid_in_its_axes(bodies):
     turn = Rotation.from_euler("xyz", SHAPES["beam"].turn, degrees=True).as_matrix()
     found = bodies["beam"]
     np.testing.assert_allclose(found.centroid, SHAPES["beam"].at, atol=1e-12)
+    assert found.extent == pytest.approx(np.linalg.norm(SHAPES["beam"].sides))
     np.testing.assert_allclose(found.inertia, turn @ about @ turn.T, atol=1e-9 * about.max())
 
 
