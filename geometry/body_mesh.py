@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from skfem import Basis, Mesh
 
 from geometry.foreseen import require_few
+from geometry.gmsh_session import failing
 from geometry.hexahedra import hexahedra
 from geometry.imprint import Disc, regions
 from geometry.roundness import rimmed
@@ -44,10 +45,11 @@ def body_meshes(
         require_few(body, sizes[name])
     meshes = {}
     for name, body in bodies.items():
-        wanted = regions(body, touching, discs or {}, gap)
         size = sizes[name]
-        order = (body, wanted, named or {}, size, gap)
-        mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
+        with failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'):
+            wanted = regions(body, touching, discs or {}, gap)
+            order = (body, wanted, named or {}, size, gap)
+            mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
         for key, disc in (discs or {}).items():
             mesh = rimmed(mesh, key, disc) if disc.on.body == name else mesh
         meshes[name] = mesh

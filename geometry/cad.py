@@ -199,7 +199,7 @@ def _read(step: Path) -> dict[str, int]:
     check_step(step)
     try:
         with silent():
-            read = gmsh.model.occ.importShapes(str(step), highestDimOnly=False)
+            read = gmsh.model.occ.importShapes(str(step), highestDimOnly=False, format="step")
     except Exception as error:
         raise InvalidGeometry(f"{step} could not be read as STEP: {error}") from None
     gmsh.model.occ.synchronize()

@@ -20,13 +20,21 @@ def session(failure: str = "gmsh could not mesh the assembly") -> Iterator[None]
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", EDGES_AROUND)
         gmsh.option.setString("Geometry.OCCTargetUnit", "M")
+        with failing(failure):
+            yield
+    finally:
+        gmsh.finalize()
+
+
+@contextmanager
+def failing(failure: str) -> Iterator[None]:
+    """Within it gmsh's errors are ValueErrors "failure: what gmsh says"."""
+    try:
         yield
     except Exception as error:
         if type(error) is not Exception:  # gmsh raises bare Exceptions
             raise
         raise ValueError(f"{failure}: {error}") from error
-    finally:
-        gmsh.finalize()
 
 
 @contextmanager

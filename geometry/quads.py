@@ -14,7 +14,7 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.gmsh_session import EDGES_AROUND, boolean_tolerance, mesh_options
+from geometry.gmsh_session import EDGES_AROUND, boolean_tolerance, failing, mesh_options
 from geometry.prism import Imprints, Prism, corners_of
 from geometry.sizes import Size, mesh_visible, size_at
 from geometry.solids import SAME, Vector, parallel
@@ -181,11 +181,9 @@ def _free(prism: Prism, marks: Imprints, size: Size, gap: float) -> Flat | None:
 
 def _joined(pieces, visible, size: Size, options: Mapping[str, float]) -> Flat | None:
     try:
-        with mesh_options({"RecombineAll": 1, **options}):
+        with failing("no quadrilaterals"), mesh_options({"RecombineAll": 1, **options}):
             mesh_visible([(2, tag) for tag in visible], size)
-    except Exception as error:
-        if type(error) is not Exception:  # gmsh raises bare Exceptions
-            raise
+    except ValueError:
         return None
     return _read(pieces, visible)
 

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from skfem import Mesh
 
 from geometry.cad import face_of
+from geometry.gmsh_session import EDGES_AROUND
 from geometry.imprint import Disc
 from geometry.solids import Face, off_axis, parallel
 
 AnyMesh = TypeVar("AnyMesh", bound=Mesh)
 RIM = 1e-6  # relative distance from a disc's rim of the nodes on it
+OPEN = 1.5  # of the usual edge: a longer one is where a face cuts the disc off
 
 
 class Round(NamedTuple):
@@ -95,7 +97,7 @@ def rimmed(mesh: AnyMesh, name: str, disc: Disc) -> AnyMesh:
     v = np.cross(disc.normal / np.linalg.norm(disc.normal), u)
     angle = np.sort(np.arctan2(rho[rim] @ v, rho[rim] @ u))
     steps = np.diff(angle, append=angle[:1] + 2 * pi)
-    if not len(steps) or steps.max() > pi / 4:
+    if not len(steps) or steps.max() > OPEN * 2 * pi / EDGES_AROUND:
         return mesh
     p = mesh.p.copy()
     p[:, nodes[rim]] += (np.sqrt(2 * pi / np.sin(steps).sum()) - 1) * rho[rim].T

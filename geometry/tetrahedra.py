@@ -24,14 +24,9 @@ def tetrahedra(
     size: Size,
     gap: float,
 ) -> MeshTet:
-    """The body in straight tetrahedra; raises ValueError for what gmsh cannot mesh."""
+    """The body in straight tetrahedra."""
     split = imprinted(body, wanted, named, gap)
-    try:
-        mesh_visible([(3, split.tag)], size)
-    except Exception as error:
-        raise ValueError(
-            f'"{body.name}" could not be meshed with elements of {size.seed:.3g} m: {error}'
-        ) from error
+    mesh_visible([(3, split.tag)], size)
     p, used, cells = _nodes_and_cells(split.tag)
     cylinders = full_cylinders(split.tag, gap)
     round_faces = [face.tag for cylinder in cylinders for face in cylinder.faces]

@@ -14,7 +14,7 @@ import gmsh
 import numpy as np
 
 from geometry.assembly import InvalidGeometry
-from geometry.gmsh_session import boolean_tolerance
+from geometry.gmsh_session import boolean_tolerance, failing
 from geometry.solids import ALIGNED, SAME, Body, Face, off_axis, parallel
 
 NEAR = 1e-3  # m, bodies closer than this that do not touch are told
@@ -120,14 +120,14 @@ def neighbours(bodies: Mapping[str, Body], gap: float) -> Neighbours:
     for a, b in combinations(bodies.values(), 2):
         if not _boxes_meet(a, b, NEAR + gap):
             continue
-        contacts = tuple(_contacts(a, b, gap))
-        overlap = _overlap(a, b, gap)
-        if overlap:
-            overlaps.append(overlap)
-        if contacts:
-            touching.append(Touch((a.name, b.name), contacts))
-        elif not overlap:
-            misses += [m for m in [_miss(a, b)] if m.distance <= NEAR]
+        with failing(f'"{a.name}" and "{b.name}" could not be intersected'):
+            contacts, overlap = tuple(_contacts(a, b, gap)), _overlap(a, b, gap)
+            if overlap:
+                overlaps.append(overlap)
+            if contacts:
+                touching.append(Touch((a.name, b.name), contacts))
+            elif not overlap:
+                misses += [m for m in [_miss(a, b)] if m.distance <= NEAR]
     return Neighbours(tuple(touching), tuple(misses), tuple(overlaps))
 
 

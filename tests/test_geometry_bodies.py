@@ -227,6 +227,25 @@ def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_
         assert area(mesh, "pad|leg") == pytest.approx(4e-4, rel=1e-9)
 
 
+def test_a_disc_that_its_face_cuts_off_keeps_its_circle():
+    place, radius = np.array([0.00625, 0.05, 0.01]), 0.0065
+    discs = {"cut": lambda bodies: Disc(faces("pad:+z", bodies), place, np.eye(3)[2], radius)}
+    mesh = hexahedra_of({"pad": Plate(RECTANGLE, 0.01)}, discs=discs)["pad"]
+    nodes = mesh.p[:, np.unique(mesh.facets[:, mesh.boundaries["cut"]])]
+    assert np.linalg.norm(nodes - place[:, None], axis=0).max() == pytest.approx(radius, rel=1e-9)
+    off = place[0] / radius
+    segment = radius**2 * (np.arccos(off) - off * np.sqrt(1 - off**2))
+    assert area(mesh, "cut") == pytest.approx(pi * radius**2 - segment, rel=0.02)
+
+
+def test_a_body_that_cannot_be_meshed_is_named():
+    box = {"block": Box((0.1, 0.1, 0.1))}
+    with model(box) as drawn:
+        gone = drawn.bodies["block"]._replace(tag=99)
+        with pytest.raises(ValueError, match='"block" could not be meshed with elements of 0'):
+            body_meshes({"block": gone}, gap=GAP, element="tet")
+
+
 def test_a_side_touched_over_a_trapezium_makes_tetrahedra():
     wide = ((0, 0), (0.1, 0), (0.1, 0.05), (0.05, 0.08), (0, 0.05))
     slanted = ((0.02, 0), (0.08, 0), (0.06, 0.02), (0.04, 0.02))
