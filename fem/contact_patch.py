@@ -55,8 +55,8 @@ def contact_patch(
     radius: float,
     *,
     weights: str = "hertz",
-    n_radial: int = 16,
-    n_around: int = 48,
+    n_radial: int = 48,
+    n_around: int = 144,
     mirrors: str = "",
 ) -> ContactPatch:
     """The patch of `radius` [m] on a face, at a point [m] from the middle of a plane along its two
@@ -65,7 +65,8 @@ def contact_patch(
     Displacement counts along the chain's direction of travel, into the wall. `mirrors` names the
     axes, "y", "z" or "yz", along which a mirror plane at the point ends the mesh: the disc folds
     onto the upper side of it. Raises ValueError when the disc leaves the face, when the face is
-    not plane, or curved too much for so large a patch.
+    not plane, or curved too much for so large a patch. The default quadrature leaves some 4e-6 of
+    the compliance where the disc crosses edges of elements, an error that falls as 1 / n^2.
     """
     spot = at if isinstance(at, Spot) else planar_spot(model.structure, face, at)
     spot.require_flat(radius)
