@@ -128,14 +128,9 @@ def overlap(i: int, motion: Motion, offset: float) -> tuple[float, float]:
 
 @ieee
 def correct_events(
-    dt: float,
-    motion: Motion,
-    before: Motion,
-    parts: Parts,
-    correction: Correction,
-    damping: Damping | None,
-    plastic: Plastic | None,
-) -> None:
+    dt: float, motion: Motion, before: Motion, parts: Parts, correction: Correction,
+    damping: Damping | None, plastic: Plastic | None,
+) -> None:  # fmt: skip
     """Add what the scheme missed at the contacts that opened or closed in the last step."""
     x, v, minv = motion.x, motion.v, parts.inverse_mass
     n = x.size

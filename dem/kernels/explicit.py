@@ -225,15 +225,9 @@ def corrected(
 
 @fastmath_march
 def march(
-    motion: Motion,
-    before: Motion,
-    shown: Motion,
-    parts: Parts,
-    fractions: tuple[Array, Array],
-    correction: Correction | None,
-    steps: Steps,
-    saved: Saved,
-) -> int:
+    motion: Motion, before: Motion, shown: Motion, parts: Parts, fractions: tuple[Array, Array],
+    correction: Correction | None, steps: Steps, saved: Saved,
+) -> int:  # fmt: skip
     """n_save times stride steps of kick b[0], drift a[0], kick b[1], ..., kick b[-1].
 
     The state is saved before and after each stride; `before` keeps that of the last step, `shown`

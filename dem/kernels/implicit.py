@@ -197,15 +197,9 @@ def largest(a: Array, b: Array | None) -> float:
 
 @ieee_inline
 def imbalance(
-    dt: float,
-    f: Array,
-    parts: Parts,
-    load: Array | None,
-    residual: float | None,
-    damping: Damping | None,
-    bodies: Bodies,
-    newton: Newton,
-) -> float:
+    dt: float, f: Array, parts: Parts, load: Array | None, residual: float | None,
+    damping: Damping | None, bodies: Bodies, newton: Newton,
+) -> float:  # fmt: skip
     """Fill forces, slopes and what the equations miss at the positions after; its square."""
     x0, x1, free, compliance, speed = bodies
     n = x0.size - 1
@@ -302,14 +296,9 @@ def predict_spheres(
 
 @ieee_inline
 def predict_wall(
-    s: int,
-    h: float,
-    wall: Array,
-    offset: float,
-    mobility: float | None,
-    modes: Modes | None,
+    s: int, h: float, wall: Array, offset: float, mobility: float | None, modes: Modes | None,
     bodies: Bodies,
-) -> None:
+) -> None:  # fmt: skip
     free, compliance = bodies.free, bodies.compliance
     n = free.size - 1
     bodies.before[n] = wall[U] + wall[DASH] + offset
@@ -330,14 +319,9 @@ def predict_wall(
 
 @ieee_inline
 def update_spheres(
-    s: int,
-    h: float,
-    motion: Motion,
-    parts: Parts,
-    load: Array | None,
-    leaf: LeafSprings | None,
+    s: int, h: float, motion: Motion, parts: Parts, load: Array | None, leaf: LeafSprings | None,
     bodies: Bodies,
-) -> None:
+) -> None:  # fmt: skip
     """Positions and velocities at the end of the s-th part of a step."""
     x, v, f, _, _ = motion
     for i in range(x.size):
@@ -401,15 +385,9 @@ def workspace(n: int, n_contacts: int) -> tuple[Bodies, Newton]:
 
 @ieee_march
 def march_implicit(
-    motion: Motion,
-    shown: Motion,
-    parts: Parts,
-    bodies: Bodies,
-    newton: Newton,
-    b: Array,
-    steps: Steps,
-    saved: Saved,
-) -> int:
+    motion: Motion, shown: Motion, parts: Parts, bodies: Bodies, newton: Newton, b: Array,
+    steps: Steps, saved: Saved,
+) -> int:  # fmt: skip
     """As `march`, by steps of the parts b[s] dt."""
     dt, n_save, stride = steps
     f, wall, ledger = motion.f, motion.wall, motion.ledger

@@ -204,13 +204,9 @@ def step_of_lanes(dt: float, stale: bool, a: Array, b: Array, lanes: Lanes, wall
 
 @ieee
 def correct_step_of_lanes(
-    dt: float,
-    lanes: Lanes,
-    x_old: Array,
-    v_old: Array,
-    correction: Correction | None,
+    dt: float, lanes: Lanes, x_old: Array, v_old: Array, correction: Correction | None,
     wall: WallPush,
-) -> bool:
+) -> bool:  # fmt: skip
     """Correct the contacts and push the modes by it; was there anything to correct?"""
     if correction is None:
         return False
@@ -243,14 +239,9 @@ def save_lanes(
 
 @fastmath_allocating
 def march_block(
-    lanes: Lanes,
-    a: Array,
-    b: Array,
-    correction: Correction | None,
-    steps: Steps,
-    observed: Array,
+    lanes: Lanes, a: Array, b: Array, correction: Correction | None, steps: Steps, observed: Array,
     saved: SavedLanes,
-) -> None:
+) -> None:  # fmt: skip
     dt, n_save, stride = steps
     x_old, v_old = np.zeros_like(lanes.x), np.zeros_like(lanes.v)
     wall = WallPush(np.zeros(LANES), np.zeros(LANES))
@@ -272,14 +263,9 @@ def march_block(
 
 @fastmath_allocating_march
 def march_lanes(
-    blocks: Blocks,
-    a: Array,
-    b: Array,
-    correction: Correction | None,
-    steps: Steps,
-    observed: Array,
-    saved: SavedLanes,
-) -> None:
+    blocks: Blocks, a: Array, b: Array, correction: Correction | None, steps: Steps,
+    observed: Array, saved: SavedLanes,
+) -> None:  # fmt: skip
     """March LANES bare chains side by side, block after block, into `saved`."""
     n_blocks, n = blocks.v0.shape[:2]
     size, modes = n * LANES, blocks.phi.shape[1] * LANES

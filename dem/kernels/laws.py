@@ -152,14 +152,9 @@ def creep(
 
 @fastmath
 def wall_force(
-    dt: float,
-    motion: Motion,
-    A: Array,
-    offset: float,
-    residual: float | None,
-    mobility: float | None,
-    plastic: Plastic | None,
-) -> float:
+    dt: float, motion: Motion, A: Array, offset: float, residual: float | None,
+    mobility: float | None, plastic: Plastic | None,
+) -> float:  # fmt: skip
     """Mean force at the wall over a kick of length dt; moves the dashpot wall."""
     last = motion.x.size - 1
     gap = motion.x[last] - motion.wall[U] - motion.wall[DASH] - offset
@@ -221,14 +216,9 @@ def spring_share(stiffness: float, residual: float) -> tuple[float, float]:
 
 @fastmath_inline
 def damper(
-    i: int,
-    last: bool,
-    force: float,
-    A: Array,
-    residual: float | None,
-    damping: Damping,
+    i: int, last: bool, force: float, A: Array, residual: float | None, damping: Damping,
     plastic: Plastic | None,
-) -> float:
+) -> float:  # fmt: skip
     """Coefficient c of the damping force c (approach velocity) of contact i."""
     if force <= 0.0:
         return 0.0

@@ -30,13 +30,9 @@ from dem.kernels.modes import modal_energy
 
 @fastmath_inline
 def total_forces(
-    dt: float,
-    motion: Motion,
-    parts: Parts,
-    residual: float | None,
-    damping: Damping | None,
+    dt: float, motion: Motion, parts: Parts, residual: float | None, damping: Damping | None,
     plastic: Plastic | None,
-) -> tuple[float, float]:
+) -> tuple[float, float]:  # fmt: skip
     """Contact forces at an instant, dissipative part included, into f; elastic energies out.
 
     A damper counts no stronger than steps of dt can tell: beyond, its force is that of rounding.
