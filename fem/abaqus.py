@@ -10,7 +10,7 @@ The contact is the node CONTACT: its displacement 1 is w^T u, so that a unit for
 patch as the chain does. A static step does so, and its answer is the compliance w^T K^-1 w.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ ORDER = {
     "C3D10": list(range(10)),
 }
 TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]  # of a tetrahedron inside out, as scikit-fem may sort it
+LONGEST_LABEL = 60  # letters; CalculiX reads 80
 PER_LINE = 4  # terms of an equation
 
 
@@ -80,13 +81,14 @@ def _joint_nodes(model: Model) -> NDArray[np.int64]:
 
 def _elements(model: Model) -> Iterator[str]:
     last = 0
+    label = _labels(model.structure.basis)
     for body, basis in model.structure.basis.items():
         kind = "C3D20" if isinstance(basis.mesh, MeshHex) else "C3D10"
         nodes = ((model.structure.first[body] + basis.element_dofs[0::3]) // 3 + 1)[ORDER[kind]]
         if kind == "C3D10":
             inside_out = basis.mesh.orientation() < 0
             nodes[:, inside_out] = nodes[TURNED][:, inside_out]
-        yield f"*ELEMENT, TYPE={kind}, ELSET={_label(body)}"
+        yield f"*ELEMENT, TYPE={kind}, ELSET={label[body]}"
         for number, cell in enumerate(nodes.T, start=last + 1):
             yield from _wrapped([number, *cell])
         last += basis.nelems
@@ -178,8 +180,9 @@ def _contact(model: Model, w: NDArray[np.float64]) -> Iterator[str]:
 
 
 def _materials(materials: Mapping[str, Material | Orthotropic]) -> Iterator[str]:
+    label = _labels(materials)
     for body, m in materials.items():
-        name, oriented = _label(body), ""
+        name, oriented = label[body], ""
         yield f"*MATERIAL, NAME={name}"
         if isinstance(m, Material):
             yield from ("*ELASTIC", f"{m.young:.12g}, {m.poisson:.12g}")
@@ -195,6 +198,11 @@ def _materials(materials: Mapping[str, Material | Orthotropic]) -> Iterator[str]
         yield f"*SOLID SECTION, ELSET={name}, MATERIAL={name}{oriented}"
 
 
-def _label(body: str) -> str:
-    kept = body.upper().replace("+", "_P_").replace("-", "_M_")
-    return "".join(c if c.isalnum() else "_" for c in kept)
+def _labels(bodies: Iterable[str]) -> dict[str, str]:
+    """Names of bodies in letters that decks allow, told apart where they fall together."""
+    found: dict[str, str] = {}
+    for body in sorted(bodies):
+        kept = body.upper().replace("+", "_P_").replace("-", "_M_")
+        label = "".join(c if c.isalnum() and c.isascii() else "_" for c in kept)[:LONGEST_LABEL]
+        found[body] = f"{label}_{len(found)}" if label in found.values() else label
+    return found

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvalsh
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from fem.nested_dissection import Domain, edges, nested_dissection
 
@@ -81,12 +81,10 @@ class Cholesky:
 
 def plan(A: csc_matrix) -> Plan:
     """The order of elimination of a symmetric matrix, and its fronts."""
-    group = _alike(A)
-    n_groups = int(group.max()) + 1
-    pattern = coo_matrix(A)
-    joined = (np.ones(pattern.nnz), (group[pattern.row], group[pattern.col]))
-    graph = csr_matrix(joined, shape=(n_groups, n_groups))
-    graph.data[:] = 1.0  # whatever the number of unknowns in a group
+    one_of, group = _alike(A)
+    n_groups = len(one_of)
+    pattern = csr_matrix((np.ones(A.nnz, np.float32), A.indices, A.indptr), shape=A.shape)
+    graph = pattern if n_groups == A.shape[0] else pattern[one_of][:, one_of]
     domains = nested_dissection(graph)
     sequence = np.concatenate([d.vertices for d in domains])
     rank = np.empty(n_groups, dtype=np.int64)
@@ -96,11 +94,15 @@ def plan(A: csc_matrix) -> Plan:
     return Plan(order, _fronts(graph, domains, rank, ends))
 
 
-def _alike(A: csc_matrix) -> NDArray[np.int64]:
-    """Number (n,) of the group of unknowns that are coupled to the same ones."""
+def _alike(A: csc_matrix) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Groups of unknowns that are coupled to the same ones: one of each, and the group (n,) of
+    every unknown."""
     mark = np.random.default_rng(0).integers(1, 2**62, A.shape[0])
     ones = csc_matrix((np.ones(A.nnz, np.int64), A.indices, A.indptr), shape=A.shape)
-    return np.unique(ones.T @ mark, return_inverse=True)[1].ravel()
+    _, one_of, group = np.unique(ones.T @ mark, return_index=True, return_inverse=True)
+    number = np.empty(len(one_of), dtype=np.int64)
+    number[np.argsort(one_of)] = np.arange(len(one_of))  # neighbours stay close in memory
+    return np.sort(one_of), number[group.ravel()]
 
 
 def _fronts(graph: csr_matrix, domains: Sequence[Domain], rank, ends) -> list[Front]:

@@ -3,8 +3,8 @@
 A separator, the thin set of vertices between two halves, is eliminated after both; each half is
 cut in the same way (George, SIAM J. Numer. Anal. 10 (1973) 345). The halves are told by
 coordinates, which the graph itself gives: distances to a few landmarks, scaled to few dimensions
-(landmark MDS; de Silva and Tenenbaum, NIPS 15 (2003) 721), and the cut is a least vertex cover of
-the edges between the halves (Koenig's theorem).
+(landmark MDS; de Silva and Tenenbaum, NIPS 15 (2003) 721), and the separator is what lies at the
+cut on the side where that is less.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
-from scipy.sparse.csgraph import maximum_bipartite_matching
 
 LANDMARKS = 24
 DIMENSIONS = 6  # bodies that are joined lie on top of each other in three
@@ -54,7 +53,6 @@ class _Cuts:
     def __init__(self, graph: csr_matrix, X: NDArray[np.float64]) -> None:
         self._graph, self._X = graph, X
         self._side = np.zeros(graph.shape[0], dtype=np.int8)
-        self._number = np.zeros(graph.shape[0], dtype=np.int64)
 
     def halved(self, vertices: NDArray[np.int64]):
         """Two parts of a set of vertices and the separator between them."""
@@ -79,36 +77,8 @@ class _Cuts:
         start, end = edges(self._graph, one)
         crossing = self._side[end] == 1
         self._side[other] = 0
-        start, end = start[crossing], end[crossing]
-        rows, columns = np.unique(start), np.unique(end)
-        if not len(rows):
-            return rows
-        self._number[rows], self._number[columns] = np.arange(len(rows)), np.arange(len(columns))
-        pairs = self._number[start], self._number[end]
-        shape = (len(rows), len(columns))
-        in_rows, in_columns = _cover(csr_matrix((np.ones(len(start)), pairs), shape=shape))
-        return np.concatenate([rows[in_rows], columns[in_columns]])
-
-
-def _cover(B: csr_matrix) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """A least set of rows and columns that all entries of B lie in, by a largest matching.
-
-    Rows and columns reached from unmatched rows by alternating paths: rows not reached, columns
-    reached.
-    """
-    partner = maximum_bipartite_matching(B, perm_type="column")  # column of each row, or -1
-    of_column = np.full(B.shape[1], -1)
-    of_column[partner[partner >= 0]] = np.flatnonzero(partner >= 0)
-    rows, columns = partner < 0, np.zeros(B.shape[1], dtype=bool)
-    front = np.flatnonzero(rows)
-    while len(front):
-        met = np.unique(edges(B, front)[1])
-        met = met[~columns[met]]
-        columns[met] = True
-        front = of_column[met]
-        front = front[(front >= 0) & ~rows[front]]
-        rows[front] = True
-    return ~rows, columns
+        sides = np.unique(start[crossing]), np.unique(end[crossing])
+        return min(sides, key=len)
 
 
 def edges(graph: csr_matrix, rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

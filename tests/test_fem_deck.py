@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from skfem import MeshHex
 
-from fem import Bushing, Material, Table, assemble, contact_patch, dashpots, joined
+from fem import Bushing, Connections, Material, Table, assemble, contact_patch, dashpots, joined
 from fem.abaqus import input_deck
 from geometry import Assembly, by_body, held_faces, hex_mesh, interfaces
 from workflows.pipeline.rig import wires
@@ -76,3 +77,14 @@ def test_the_node_of_the_contact_reads_what_the_chain_reads(model):
     assert found[3 * (int(node) - 1)] == -1
     np.testing.assert_allclose(found[model.free], w, rtol=1e-11)
     assert after(lines, "*CLOAD") == [[f"{node}, 1, 1.0"]]
+
+
+def test_bodies_whose_names_a_deck_cannot_tell_apart_are_numbered():
+    cube = MeshHex.init_tensor(*[np.linspace(0, 1, 2)] * 3)
+    meshes = dict.fromkeys(("gear box", "gear_box", "Gear/box"), cube)
+    alone = joined(assemble(meshes, steel(meshes)), Connections())
+    lines = input_deck(alone, steel(meshes)).splitlines()
+    sets = [line.split("ELSET=")[1] for line in lines if line.startswith("*ELEMENT")]
+    assert len(set(sets)) == 3 and all(name.replace("_", "").isalnum() for name in sets)
+    filled = [line.split("ELSET=")[1].split(",")[0] for line in lines if "SOLID SECTION" in line]
+    assert set(filled) == set(sets)

@@ -7,7 +7,7 @@ from skfem import MeshTet
 from fem import Connections, Held, Material, assemble, factorisation, factorised, joined
 from fem.factorisation import Pardiso, _superlu, has_pardiso
 from fem.multifrontal import Cholesky, NotPositiveDefinite, Singular, plan
-from fem.nested_dissection import _cover, edges, nested_dissection
+from fem.nested_dissection import edges, nested_dissection
 
 STEEL = Material(210e9, 0.3, 7850.0)
 
@@ -88,18 +88,6 @@ def test_nested_dissection_keeps_halves_apart_and_every_vertex_once():
             met = set(edges(graph, np.array(sorted(half)))[1].tolist())
             assert not any(met & other for other in halves if other is not half)
         below[i] = set(vertices.tolist()).union(*halves)
-
-
-def test_a_least_cover_of_a_path_takes_every_second_vertex():
-    """Rows 0..3 and columns 0..3 in a zigzag of 7 edges: a matching of 4, so a cover of 4."""
-    B = csr_matrix(np.eye(4) + np.eye(4, k=1))
-    rows, columns = _cover(B)
-    assert rows.sum() + columns.sum() == 4
-    assert not (B.toarray()[~rows][:, ~columns]).any()
-    star = csr_matrix(np.array([[1, 1, 1, 1.0], [0, 0, 0, 1], [0, 0, 0, 1]]))
-    rows, columns = _cover(star)
-    np.testing.assert_array_equal(rows, [True, False, False])
-    np.testing.assert_array_equal(columns, [False, False, False, True])
 
 
 def test_a_factor_takes_less_than_superlu_and_foresees_its_size():
