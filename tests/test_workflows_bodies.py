@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from fem import Material
+from geometry.cad import write_step
+from geometry.shapes import Box, Hole, Plate
 from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.scene.toml import toml
@@ -103,3 +105,80 @@ def test_bolted_plates_run_from_words_to_waves(capsys):
     assert {"report.html", "rom.npz", "modes.vtu"} <= {path.name for path in folder.iterdir()}
     again = scene(str(folder / "scene.toml"))
     assert toml(again) == (folder / "scene.toml").read_text()
+
+
+SLABS = {
+    "base": Box((0.06, 0.04, 0.01), at=(0.03, 0.02, 0.005)),
+    "lid": Plate(((0, 0), (0.06, 0), (0.06, 0.04), (0, 0.04)), 0.004, (Hole(0.008, (0.05, 0.02)),),
+                 at=(0.0, 0.0, 0.01)),
+}  # fmt: skip
+
+
+@pytest.fixture
+def step():
+    write_step(SLABS, Path("slabs.step"))
+    return "slabs.step"
+
+
+def test_a_look_at_a_step_file_tells_masses_pairs_and_holes(step, capsys):
+    assert beadwave("look", step, "--json") == 0
+    seen = json.loads(capsys.readouterr().out)
+    mass = {body["name"]: body["mass_kg"] for body in seen["bodies"]}
+    bored = 0.06 * 0.04 - np.pi * 0.004**2
+    assert mass == pytest.approx({"base": 7850 * 2.4e-5, "lid": 7850 * bored * 0.004}, rel=1e-6)
+    (pair,) = seen["touching"]
+    assert pair["between"] == "base|lid" and pair["area_m2"] == pytest.approx(bored, rel=1e-6)
+    (hole,) = seen["holes"]
+    assert (hole["body"], hole["number"]) == ("lid", 1)
+    assert hole["diameter_m"] == pytest.approx(0.008) and hole["axis"] == [0, 0, 1]
+    assert seen["unit"] == "mm" and seen["dofs"] == sum(b["dofs"] for b in seen["bodies"])
+
+
+def test_the_starter_scene_of_a_step_file_has_modes_and_a_reduced_model(step, capsys):
+    assert beadwave("look", step, "--scene=start.toml") == 0
+    assert beadwave("reduce", "start.toml", "--out=rom.npz", "--set=mesh.scale=2") == 0
+    with np.load("rom.npz") as held:
+        assert held["w"].sum() == pytest.approx(1.0)
+    assert len(Path("start.toml").read_text().splitlines()) <= 25
+
+
+def refused(capsys, text, *more):
+    """What a scene of this text is refused with, in status 2."""
+    assert beadwave("modes", written(text), *more) == 2
+    return capsys.readouterr().err
+
+
+ASSEMBLY = """
+materials = {{ steel = {{ young = 210e9, poisson = 0.3, density = 7850.0 }} }}
+[assembly]
+step = "slabs.step"
+material = "steel"
+{words}
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ('held = ["base:-z"]', '[[ties]]\nbetween = "base|lid"'),
+        ('held = ["base:-z"]\ntouching = "free"', '"lid" can still move'),
+        ('held = ["base:-q"]\ntouching = "tied"', '"base:-q" picks no face'),
+        ('held = ["bse:-z"]\ntouching = "tied"', 'no body is called "bse", perhaps "base"'),
+        ('touching = "tied"', "assembly.held is missing"),
+        ('held = []\ntouching = "tid"', "assembly.touching = 'tid' must be"),
+        ('held = []\nparts = ["block"]', "unknown key 'parts'"),
+        ('held = []\n[[ties]]\nbetween = "lid"', 'write "a|b"'),
+        ('held = []\n[[joints]]\nname = "b"\nbetween = "lid|base"', "no hole through both"),
+        ('held = []\n[bodies.cap]\nseed = 1e-3', 'no body is called "cap"'),
+        ('held = []\n[bodies.lid]\nmaterial = "cast"', "'cast' is not known"),
+        ('held = []\n[[targets]]\nhz = 5.0', "needs body and motion, or number"),
+        ('held = []\n[patch]\nradius = 1e-3', "[patch] belongs to the thesis' rig"),
+    ],
+)  # fmt: skip
+def test_what_a_scene_leaves_unsaid_is_asked_for(words, told, step, capsys):
+    assert told in refused(capsys, ASSEMBLY.format(words=words))
+
+
+def test_words_of_bodies_in_a_scene_of_the_rig_are_refused(capsys):
+    text = '[assembly]\nconstraint = "full-tie"\n[strike]\non = "block:+x"\n'
+    assert "[strike] belongs to an assembly of bodies" in refused(capsys, text)

@@ -16,7 +16,7 @@ from typing import Annotated
 
 import typer
 
-from workflows.commands.assembly import hammer, modes, reduce, tune_joints
+from workflows.commands.assembly import hammer, look, modes, reduce, tune_joints
 from workflows.commands.calibration import calibrate, twin
 from workflows.commands.options import Changes, Json, JsonFiles, Overwrite, SceneName, json_of
 from workflows.commands.signals import Stopped, stopped_by
@@ -134,7 +134,7 @@ def report(
 
 
 COMMANDS = {
-    "run": run, "scenes": scenes, "scene": scene, "modes": modes, "tune": tune_joints,
+    "run": run, "scenes": scenes, "scene": scene, "look": look, "modes": modes, "tune": tune_joints,
     "hammer": hammer, "reduce": reduce, "impact": impact, "accuracy": accuracy,
     "stability": stability, "study": run_study, "calibrate": calibrate, "twin": twin,
     "report": report,

@@ -72,6 +72,40 @@ def modes(
     typer.echo(found.model_dump_json(indent=2) if json else found.text())
 
 
+def look(
+    source: Annotated[
+        str, typer.Argument(metavar="FILE.step|SCENE", help="A STEP file, or a scene of bodies.")
+    ],
+    starter: Annotated[
+        Path | None, typer.Option("--scene", help="Write a scene of the file to start from.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the picture with the names.")] = None,
+    changes: Changes = None,
+    overwrite: Overwrite = False,
+    json: json_of("{bodies, touching, holes, dofs, memory_bytes, remarks}") = False,
+) -> None:
+    """Bodies, masses, touching pairs, holes and the size of the mesh, before anything is said."""
+    from workflows.assembly import look as looking
+
+    is_file = Path(source).suffix.lower() in looking.ENDINGS
+    chosen = looking.of_file(Path(source)) if is_file else load(source, tuple(changes or ()))
+    if starter and not is_file:
+        raise InvalidScene(f"--scene starts a scene of a STEP file; {source} is a scene already.")
+    if starter:
+        checked_file(starter, "--scene", inputs=(Path(source),))
+    folder = RunFolder(out, inputs=(Path(source),), overwrite=overwrite) if out else None
+    if folder:
+        folder.require("figures/assembly.png")
+    with StageProgress(sys.stderr) as progress, progress.stage("look"):
+        seen = looking.look(with_assembly(chosen), source)
+        pictures = (looking.picture(seen),) if folder else ()
+    if folder:
+        write_pictures(folder, pictures)
+    if starter:
+        looking.write_starter(starter, seen, Path(source))
+    typer.echo(seen.look.model_dump_json(indent=2) if json else seen.look.text())
+
+
 def hammer(
     file: Annotated[Path, typer.Argument(help="Frequency responses, .csv or .uff.")],
     scene: Annotated[
@@ -127,7 +161,8 @@ def tune_joints(
     chosen = with_assembly(load(scene, tuple(changes or ())))
     names = tuple(free.split(",")) if free is not None else ()
     measured_hz = with_targets(chosen).measured_hz
-    wanted = targets(match or ",".join(map(str, range(1, len(measured_hz) + 1))), measured_hz)
+    every = ",".join(map(str, range(1, len(measured_hz) + 1)))
+    wanted = targets(every if match is None else match, measured_hz)
     if hammer_file:
         from workflows.assembly.hammer import applied, hammer_test
 

@@ -77,7 +77,7 @@ def parts(scene: Scene) -> Parts:
         meshes = _meshes(scene, drawn, tied, marks)
     size = {name: mesh.nelements / drawn.bodies[name].volume for name, mesh in meshes.items()}
     connections = fem.Connections(
-        [_tie(touch, size) for touch in tied],
+        [_tie(drawn, touch, size) for touch in tied],
         marks.joints,
         [fem.Held(_face(marks, f"held-{i}"), hold.directions) for i, hold in _holds(scene)],
     )
@@ -257,10 +257,15 @@ def _face(marks: Marks, name: str) -> str:
     return f"{marks.named[name].body}:{name}"
 
 
-def _tie(touch, fineness: Mapping[str, float]) -> fem.Tie:
+def _tie(drawn: Drawing, touch, fineness: Mapping[str, float]) -> fem.Tie:
     """The finer mesh follows: an order of all bodies, so that no ties form a circle."""
+    from geometry.touching import FACETS
+
     master, slave = sorted(touch.bodies, key=lambda body: fineness[body])
-    return fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", touch.mesh_gap)
+    # facets of two meshes leave a circle that ends their common face by as much as a cylinder
+    rims = [face.radius or 0.0 for name in touch.bodies for face in drawn.bodies[name].faces]
+    gap = max(touch.mesh_gap, touch.gap + FACETS * max(rims))
+    return fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", gap)
 
 
 def _meshes(scene: Scene, drawn: Drawing, tied: list, marks: Marks) -> dict:

@@ -3,6 +3,9 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+from skfem import Mesh
+
 from workflows.files import mode_field as field_file
 from workflows.files.child import child
 from workflows.files.run_folder import Picture
@@ -18,11 +21,21 @@ class NoPicture(RuntimeError):
 
 def pictures(scene: Scene, modes: AssemblyModes) -> tuple[Picture, ...]:
     """The meshed assembly and four modes; raises NoPicture where nothing can be rendered."""
+    return _rendered(modes.field)
+
+
+def picture_of(meshes: dict[str, Mesh]) -> Picture:
+    """Bodies alone, a colour each; raises NoPicture."""
+    nothing = np.empty(0)
+    return _rendered(field_file.ModeField(meshes, nothing, nothing, nothing))[0]
+
+
+def _rendered(modes: field_file.ModeField) -> tuple[Picture, ...]:
     with TemporaryDirectory() as folder:
         field = Path(folder) / "modes.vtu"
-        field_file.write(field, modes.field)
+        field_file.write(field, modes)
         images = [Path(folder) / "assembly.png", Path(folder) / "modes.png"]
-        _render([str(field), ",".join(modes.field.meshes), *map(str, images)])
+        _render([str(field), ",".join(modes.meshes), *map(str, images)])
         return tuple(Picture(image.stem, image.read_bytes()) for image in images)
 
 

@@ -1,0 +1,260 @@
+"""What an assembly is made of: bodies, masses, where they touch, holes, and what its mesh holds."""
+
+from json import dumps
+from os.path import relpath
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import BaseModel
+
+from fem.spot import spanning
+from workflows.files.run_folder import Picture, writing_file
+from workflows.pipeline.bodies import Drawing, drawing
+from workflows.pipeline.pictures import picture_of
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.size import peak_memory
+from workflows.scene.toml import resolved
+
+STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
+PATCH = 2e-3  # [m] radius of the starter scene's patch
+ENDINGS = (".step", ".stp")
+
+
+class SeenBody(BaseModel):
+    """A body; its sides are those of the box around it, its dofs those of a mesh that was made."""
+
+    name: str
+    sides_m: tuple[float, float, float]
+    mass_kg: float | None
+    material: str | None
+    dofs: int
+
+
+class SeenPair(BaseModel):
+    """Two bodies that touch, and what the scene makes of it."""
+
+    between: str
+    area_m2: float
+    gap_m: float
+
+
+class SeenHole(BaseModel):
+    """Equal round holes of a body."""
+
+    body: str
+    diameter_m: float
+    axis: tuple[float, float, float]
+    number: int
+
+
+class Look(BaseModel):
+    """All that is there; `remarks` in sentences."""
+
+    name: str
+    unit: str | None
+    bodies: list[SeenBody]
+    touching: list[SeenPair]
+    holes: list[SeenHole]
+    dofs: int
+    memory_bytes: float
+    remarks: list[str]
+
+    def text(self) -> str:
+        """Aligned lines."""
+        unit = f", lengths in {self.unit}" if self.unit else ""
+        lines = [f"{self.name}: {len(self.bodies)} bodies{unit}", ""]
+        lines += [f"{'body':<20}{'sides [mm]':>28}{'mass [kg]':>11}{'dofs':>9}  material"]
+        lines += [_body_line(b) for b in self.bodies]
+        if self.touching:
+            lines += ["", f"{'touching':<40}{'area [mm^2]':>12}{'gap [mm]':>10}"]
+            lines += [_pair_line(pair) for pair in self.touching]
+        if self.holes:
+            lines += ["", f"{'holes':<20}{'diameter [mm]':>14}{'number':>8}  axis"]
+            lines += [_hole_line(hole) for hole in self.holes]
+        cost = f"{self.dofs:,} dofs in all, a run takes up to {self.memory_bytes / 1e9:.2g} GB"
+        return "\n".join([*lines, "", cost, *self.remarks])
+
+
+def _body_line(b: SeenBody) -> str:
+    sides = " x ".join(f"{1e3 * side:.5g}" for side in b.sides_m)
+    mass = "-" if b.mass_kg is None else f"{b.mass_kg:.4g}"
+    return f"{b.name:<20}{sides:>28}{mass:>11}{b.dofs:>9}  {b.material or '-'}"
+
+
+def _pair_line(pair: SeenPair) -> str:
+    name = f'"{pair.between}"'
+    return f"{name:<40}{1e6 * pair.area_m2:>12.5g}{1e3 * pair.gap_m:>10.3g}"
+
+
+def _hole_line(hole: SeenHole) -> str:
+    axis = ", ".join(f"{x:.3g}" for x in hole.axis)
+    return f"{hole.body + ':hole':<20}{1e3 * hole.diameter_m:>14.5g}{hole.number:>8}  {axis}"
+
+
+class Seen(NamedTuple):
+    """What was found, its picture's maker, and a scene to start from."""
+
+    look: Look
+    meshes: dict
+    starter: str | None
+
+
+def of_file(path: Path) -> Scene:
+    """A scene of all bodies of a STEP file, of steel and floating."""
+    assembly = {"step": str(path), "material": "steel", "touching": "free", "held": []}
+    tables = {"name": "look", "assembly": assembly, "materials": {"steel": STEEL}}
+    return resolved(tables, str(path))
+
+
+def look(scene: Scene, source: str) -> Seen:
+    """Bodies, pairs and holes of a scene; raises InvalidScene for the thesis' rig."""
+    if not scene.is_general:
+        raise InvalidScene(
+            f"{source} has the thesis' rig, which is told by its dimensions; write its geometry by "
+            "modes --step FILE and look at that."
+        )
+    from geometry.body_mesh import body_meshes
+    from geometry.sizes import default_seed
+
+    with drawing(scene) as drawn:
+        bodies, scale = drawn.bodies, scene.mesh.scale
+        holes, starter = _holes(drawn), _starter(drawn, Path(source))
+        seeds = {n: scale * (scene.seed_of(n) or default_seed(b)) for n, b in bodies.items()}
+        meshes = body_meshes(bodies, gap=scene.assembly.gap, seeds=seeds)
+    nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
+    seen = Look(
+        name=source,
+        unit=drawn.unit,
+        bodies=[_body(scene, b, nodes[name]) for name, b in bodies.items()],
+        touching=[
+            SeenPair(between=t.name, area_m2=t.area, gap_m=t.gap) for t in drawn.near.touching
+        ],
+        holes=holes,
+        dofs=int(3 * sum(nodes.values())),
+        memory_bytes=peak_memory(scene, nodes),
+        remarks=_remarks(drawn),
+    )
+    return Seen(seen, meshes, starter)
+
+
+def picture(seen: Seen) -> Picture:
+    """The bodies, a colour and a name each."""
+    return picture_of(seen.meshes)
+
+
+def _body(scene: Scene, body, nodes: float) -> SeenBody:
+    material = scene.material_name(body.name)
+    density = scene.materials[material].density if material in (scene.materials or {}) else None
+    return SeenBody(
+        name=body.name,
+        sides_m=tuple((body.upper - body.lower).tolist()),
+        mass_kg=None if density is None else density * body.volume,
+        material=material,
+        dofs=int(3 * nodes),
+    )
+
+
+def _holes(drawn: Drawing) -> list[SeenHole]:
+    from geometry.holes import bores
+
+    found: dict[tuple, int] = {}
+    for name, body in drawn.bodies.items():
+        for bore in bores(body):
+            axis = np.abs(np.round(bore.axis, 6)) + 0.0
+            key = (name, round(bore.diameter, 9), tuple(axis.tolist()))
+            found[key] = found.get(key, 0) + 1
+    return [
+        SeenHole(body=body, diameter_m=diameter, axis=axis, number=number)
+        for (body, diameter, axis), number in found.items()
+    ]
+
+
+def _remarks(drawn: Drawing) -> list[str]:
+    from geometry.touching import told
+
+    free = drawn.near.free(drawn.bodies) if len(drawn.bodies) > 1 else ()
+    remarks = [f'"{name}" touches no other body.' for name in free]
+    return remarks + [told(miss) for miss in drawn.near.misses]
+
+
+def _starter(drawn: Drawing, source: Path) -> str | None:
+    """TOML that runs; None where no plane face offers itself to the chain."""
+    faces = [(body, face) for body in drawn.bodies.values() for face in _upright(body)]
+    struck = next((f for f in sorted(faces, key=_height, reverse=True) if _is_whole(f[1])), None)
+    if struck is None:
+        return None
+    below = [f for f in faces if f[1].normal[2] < -0.5]
+    held = [_word(*f) for f in sorted(below, key=lambda f: f[1].centre[2])][:1]
+    return STARTER.format(
+        name=source.stem.replace(" ", "-"),
+        source=source.absolute(),
+        held=dumps(held),
+        struck=_word(*struck),
+        radius=PATCH,
+    )
+
+
+def write_starter(path: Path, seen: Seen, source: Path) -> None:
+    """Write the scene to start from; raises InvalidScene where no face offers itself."""
+    if seen.starter is None:
+        raise InvalidScene(
+            f"{source} has no plane face across an axis that a patch of {PATCH} m fits into the "
+            "middle of; write the scene by hand."
+        )
+    with writing_file(path) as part:
+        near = relpath(source.absolute(), path.absolute().parent)
+        part.write_text(seen.starter.replace(str(source.absolute()), near), encoding="utf-8")
+
+
+STARTER = """\
+# To start from: {source}. Materials, support, chain and strike are assumed; change them.
+name = "{name}"
+chain = {{ count = 10, radius = 0.00635, density = 7800.0, young = 210e9, poisson = 0.3 }}
+striker = {{ velocity = 0.3 }}
+wall = {{ kind = "rom" }}
+damping = {{ kind = "modal", ratio = 0.005 }}
+time = {{ duration = 1e-3 }}
+output = {{ spheres = [1, 5] }}
+
+[assembly]
+step = "{source}"
+touching = "tied"              # pairs that no [[ties]] or [[joints]] names: "tied", "free", "ask"
+held = {held}
+material = "steel"
+
+[materials.steel]
+young = 210e9                  # Pa
+poisson = 0.3
+density = 7850.0               # kg/m^3
+
+[strike]
+on = "{struck}"
+radius = {radius}
+"""
+
+
+def _upright(body) -> list:
+    """Plane faces along an axis, each the outermost one there and alone."""
+    flat = [f for f in body.faces if f.normal is not None and np.abs(f.normal).max() > 1 - 1e-6]
+    words = [_word(body, face) for face in flat]
+    return [face for face, word in zip(flat, words, strict=True) if words.count(word) == 1]
+
+
+def _word(body, face) -> str:
+    axis = int(np.abs(face.normal).argmax())
+    return f"{body.name}:{'+' if face.normal[axis] > 0 else '-'}{'xyz'[axis]}"
+
+
+def _height(found) -> tuple[bool, float]:
+    """Faces that look up come last, the highest at the end."""
+    return bool(found[1].normal[2] > 0.5), float(found[1].centre[2])
+
+
+def _is_whole(face) -> bool:
+    """Whether a patch fits into its middle."""
+    from geometry.cad import distance
+
+    middle = (face.lower + face.upper) / 2
+    around = PATCH * np.vstack([np.zeros((1, 3)), *(s * spanning(face.normal) for s in (2, -2))])
+    return all(distance(middle + off, face.tag) < 1e-9 for off in around)
