@@ -182,3 +182,49 @@ def test_what_a_scene_leaves_unsaid_is_asked_for(words, told, step, capsys):
 def test_words_of_bodies_in_a_scene_of_the_rig_are_refused(capsys):
     text = '[assembly]\nconstraint = "full-tie"\n[strike]\non = "block:+x"\n'
     assert "[strike] belongs to an assembly of bodies" in refused(capsys, text)
+
+
+STACK = """
+materials = { steel = { young = 210e9, poisson = 0.3, density = 7850.0 } }
+assembly = { held = ["foot:-z"], material = "steel", touching = "free" }
+[bodies.foot]
+box = [0.04, 0.04, 0.02]
+seed = 0.01
+[bodies.head]
+box = [0.04, 0.04, 0.02]
+seed = 0.01
+at = [0.0, 0.0, 0.02]
+[[joints]]
+name = "pin"
+between = "head|foot"
+at = [[0.0, 0.0, 0.01]]
+washer = 0.008
+kz = 3e7
+[[targets]]
+hz = HZ
+body = "head"
+motion = "z"
+"""
+
+
+def test_a_joint_is_tuned_to_a_target_of_the_scene(capsys):
+    """A target computed at kz = 5e7 N/m is met by that stiffness again."""
+    known = written(STACK.replace("HZ", "1000.0"), "known")
+    _, rows = modes_of(capsys, known, "--set=joints.pin.kz=5e7")
+    (hz,) = (row["frequency_hz"] for row in rows if row["hammer_mode"] == 1)
+    scene_file = written(STACK.replace("HZ", repr(hz)))
+    order = ("tune", scene_file, "--free=joints.pin.kz", "--out=tuned.toml", "--json")
+    assert beadwave(*order) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["stiffness"]["joints.pin.kz"] == pytest.approx(5e7, rel=1e-4)
+    assert report["full_order_hz"]["1"] == pytest.approx(hz, rel=1e-6)
+    assert scene("tuned.toml").springs["pin"].kz == pytest.approx(5e7, rel=1e-4)
+
+
+def test_what_cannot_be_tuned_is_named(capsys):
+    scene_file = written(STACK.replace("HZ", "1000.0"))
+    for free, told in (("joints.pn.kz", "joints.pin.kz"), ("materials.steel.shear", "materials")):
+        assert beadwave("tune", scene_file, f"--free={free}") == 2
+        assert told in capsys.readouterr().err
+    assert beadwave("tune", "cantilever", "--free=materials.aluminium.young") == 2
+    assert "has no targets" in capsys.readouterr().err
