@@ -1,6 +1,7 @@
 """The rooms, their arrows, and what stays where."""
 
 import importlib.metadata
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -35,6 +36,15 @@ def test_code_passes_the_linter():
         text=True,
     )
     assert ruff.returncode == 0, ruff.stdout
+
+
+RIG = r"""["'](block|sheets?|head|foot|support|plate|block:\+x)["']|HAMMER_TEST|STRUCK|\b8425\b"""
+
+
+@pytest.mark.parametrize("place", ["fem", "rom", "coupling", "workflows/commands"])
+def test_no_part_face_or_mode_of_the_rig_is_named_where_any_assembly_passes(place):
+    found = [path for path in (ROOT / place).rglob("*.py") if re.search(RIG, path.read_text())]
+    assert not found
 
 
 def test_tests_are_flat():
