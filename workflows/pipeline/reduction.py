@@ -117,7 +117,9 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
         for key in fem.DIRECTIONS
         if (k := getattr(table, key)) < OPEN
     ]
-    loose = ", ".join(open_joints) or "the parts that it has"
+    key = "held" if scene.is_general else "parts"
+    given = list(getattr(scene.assembly, key) or ())
+    loose = ", ".join(open_joints) or f"assembly.{key} = {given}"
     raise ValueError(
         f"the assembly, or a part of it, is not held: its lowest mode is at {lowest:.2g} Hz, with "
         f"{loose}. Constraint modes need what is held; hold it, or take reduction.kind = "
