@@ -53,15 +53,15 @@ def test_a_mesh_that_no_memory_holds_is_refused_before_it_is_made(
         scene("rig-rom", (change, f"mesh.element={element}"))
 
 
-def test_the_built_in_assembly_fits_into_two_gigabytes(monkeypatch):
-    monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 2 * GB)
+def test_the_built_in_assembly_fits_into_three_gigabytes(monkeypatch):
+    monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 3 * GB)
     assert scene("rig-rom").assembly
 
 
 def test_a_mesh_of_ones_own_is_measured_as_well(monkeypatch):
-    monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 2 * GB)
+    monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 3 * GB)
     (sentence,) = too_large_mesh(scene("rig-rom"), "mesh.file", {"block": 1e5})
-    assert "mesh.file" in sentence and "2 GB are free" in sentence
+    assert "mesh.file" in sentence and "3 GB are free" in sentence
     assert not list(too_large_mesh(scene("rig-rom"), "mesh.file", {"block": 1e4}))
 
 

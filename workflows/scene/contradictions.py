@@ -35,6 +35,7 @@ def contradictions(scene: Scene):
         yield from _wrong_lengths(scene)
         yield from _one_step(scene)
         yield from _against_a_dashpot(scene)
+        yield from _against_what_floats(scene)
         yield from _yielding(scene)
         yield from _at_rest(scene)
         yield from _unseen_spheres(scene)
@@ -208,6 +209,15 @@ def _against_a_dashpot(scene: Scene):
         yield (
             f'contact.coefficient is {last} at the wall, with wall.kind = "dashpot" it must be 0 '
             "there; give a value for each contact, or drop it."
+        )
+
+
+def _against_what_floats(scene: Scene):
+    reduced = getattr(scene.wall, "kind", None) == "rom" and scene.wall.file is None
+    if reduced and scene.floats and scene.preload and scene.preload.force > 0:
+        yield (
+            f"preload.force = {scene.preload.force} N presses on an assembly that nothing holds; "
+            "set it to 0, or hold the assembly."
         )
 
 

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag
 
 from workflows.scene.bodies import (
+    GROUND,
     Body,
     BodyName,
     Bolts,
@@ -94,6 +95,13 @@ class Scene(Table):
         if self.is_general:
             return tuple(target.hz for target in self.targets or ())
         return HAMMER_TEST_HZ
+
+    @property
+    def floats(self) -> bool:
+        """Whether nothing joins the assembly to the ground."""
+        if not self.is_general:
+            return self.assembly is not None and tuple(self.assembly.parts) == ("block",)
+        return not self.assembly.held and not any(GROUND in j.partners for j in self.joints or ())
 
     @property
     def struck_body(self) -> str:

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Iterator
 from math import isinf
 
-from workflows.scene.bodies import GROUND
 from workflows.scene.scene import Scene
 
 OF_BODIES = ("bodies", "materials", "ties", "strike", "targets")
@@ -62,8 +61,7 @@ def _unknown_materials(scene: Scene):
 
 
 def _unheld(scene: Scene):
-    grounded = any(GROUND in joint.partners for joint in scene.joints or ())
-    if scene.assembly.held is None and not grounded:
+    if scene.assembly.held is None and scene.floats:
         yield (
             'assembly.held is missing; name the faces on the ground, as ["foot:-z"], or write '
             "held = [] for an assembly that floats."
