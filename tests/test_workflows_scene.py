@@ -282,9 +282,11 @@ def test_a_surface_other_than_the_block_is_refused(key, given, own):
 
 def test_a_preload_on_an_assembly_that_floats_is_refused_before_anything_is_computed():
     alone = ('assembly.parts=["block"]', "reduction.kind=free-modes")
-    with pytest.raises(InvalidScene, match=r"preload\.force = 15\.0 N presses on an assembly that"):
+    with pytest.raises(InvalidScene, match=r"preload\.force = 15\.0 presses on an assembly that"):
         scene("rig-rom", alone)
     with pytest.raises(InvalidScene, match="presses on an assembly that nothing holds"):
         scene("cantilever", ("assembly.held=[]", "preload.force=1"))
-    assert scene("rig-rom", (*alone, "preload.force=0")).floats
+    with pytest.raises(InvalidScene, match=r"leaf_springs\.offset = 0\.0015 presses on an"):
+        scene("rig-rom", (*alone, "preload.force=0"))
+    assert scene("rig-rom", (*alone, "preload.force=0", "leaf_springs.offset=0")).floats
     assert not scene("rig-rom").floats and not scene("cantilever").floats

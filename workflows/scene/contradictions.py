@@ -213,12 +213,19 @@ def _against_a_dashpot(scene: Scene):
 
 
 def _against_what_floats(scene: Scene):
-    reduced = getattr(scene.wall, "kind", None) == "rom" and scene.wall.file is None
-    if reduced and scene.floats and scene.preload and scene.preload.force > 0:
-        yield (
-            f"preload.force = {scene.preload.force} N presses on an assembly that nothing holds; "
-            "set it to 0, or hold the assembly."
-        )
+    if getattr(scene.wall, "kind", None) != "rom" or scene.wall.file or not scene.floats:
+        return
+    springs, preload = scene.leaf_springs, scene.preload
+    pressing = {
+        "preload.force": preload.force if preload else 0.0,
+        "leaf_springs.offset": springs.offset if springs and _highest(springs.stiffness) else 0.0,
+    }
+    for key, value in pressing.items():
+        if _highest(value) > 0:
+            yield (
+                f"{key} = {value} presses on an assembly that nothing holds; set it to 0, or hold "
+                "the assembly."
+            )
 
 
 def _yielding(scene: Scene):
@@ -241,6 +248,10 @@ def _yielding(scene: Scene):
 
 def _lowest(value) -> float:
     return min(value) if isinstance(value, tuple) else value
+
+
+def _highest(value) -> float:
+    return max(value) if isinstance(value, tuple) else value
 
 
 def _at_rest(scene: Scene):

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator
 from math import isinf
 
+from workflows.scene.bodies import GROUND
 from workflows.scene.scene import Scene
 
 OF_BODIES = ("bodies", "materials", "ties", "strike", "targets")
