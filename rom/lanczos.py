@@ -19,6 +19,7 @@ from rom.factorisation import Pencil, ReductionError, noise
 DENSE = 400  # up to this many dofs LAPACK is faster than Lanczos
 BLOCK = 8  # vectors of a Lanczos block
 CHECK = 4  # blocks between two looks at convergence
+CONVERGED = 1e-10  # of theta = 1 / (omega^2 - sigma), its residual
 Enough = Callable[[np.ndarray, Callable[[], np.ndarray]], bool]
 
 
@@ -29,7 +30,7 @@ class EigenPairs(NamedTuple):
     phi: np.ndarray
 
 
-def lowest_modes(problem: Pencil, n_modes: int) -> EigenPairs:
+def lowest_modes(problem: Pencil, n_modes: int, *, tolerance: float = CONVERGED) -> EigenPairs:
     """The n_modes lowest modes of a pencil, checked mass-orthonormal.
 
     Raises ReductionError if fewer exist, M is not positive on them, or K is indefinite.
@@ -41,7 +42,7 @@ def lowest_modes(problem: Pencil, n_modes: int) -> EigenPairs:
         )
     if n_modes == 0:
         return EigenPairs(np.zeros(0), np.zeros((n, 0)))
-    omega, phi = modes_until(problem, lambda omega, _: len(omega) >= n_modes)
+    omega, phi = modes_until(problem, lambda omega, _: len(omega) >= n_modes, tolerance)
     return EigenPairs(omega[:n_modes], phi[:, :n_modes])
 
 
@@ -53,13 +54,13 @@ def modes_below(problem: Pencil, cutoff_hz: float) -> EigenPairs:
     return EigenPairs(omega[:below], phi[:, :below])
 
 
-def modes_until(problem: Pencil, enough: Enough) -> EigenPairs:
+def modes_until(problem: Pencil, enough: Enough, tolerance: float = CONVERGED) -> EigenPairs:
     """The lowest modes, as many as it takes until enough(omega, shapes) holds, or all there are.
 
     shapes() gives the mode shapes (n, k), for the price of one product.
     """
     K, M = problem.K, problem.M
-    phi = _dense_vectors(K, M) if K.shape[0] <= DENSE else _lanczos(problem, enough)
+    phi = _dense_vectors(K, M) if K.shape[0] <= DENSE else _lanczos(problem, enough, tolerance)
     phi = _mass_normalised(phi, M)
     squared = np.einsum("ij,ij->j", phi, K @ phi)
     order = np.argsort(squared)
@@ -75,7 +76,7 @@ def _dense_vectors(K: sp.csc_array, M: sp.csc_array) -> np.ndarray:
         ) from None
 
 
-def _lanczos(problem: Pencil, enough: Enough) -> np.ndarray:
+def _lanczos(problem: Pencil, enough: Enough, tolerance: float) -> np.ndarray:
     # block Lanczos on (K - sigma M)^-1 M, fully reorthogonalised in M: a block of right-hand sides
     # costs a third of as many single ones, and twins among the modes cannot be missed
     M, factor = problem.M, problem.factor
@@ -93,7 +94,8 @@ def _lanczos(problem: Pencil, enough: Enough) -> np.ndarray:
         block = _orthonormal(W, M, norm)
         exhausted = block.shape[1] == 0
         if exhausted or step % CHECK == 0:
-            pairs = _converged(H, (block.T @ (M @ W)), last, problem.sigma)
+            R = block.T @ (M @ W)
+            pairs = _converged(H, R, last, problem.sigma, tolerance)
             shapes = partial(np.matmul, Q[:, : len(H)], pairs.phi)
             if exhausted or enough(pairs.omega, shapes):
                 return shapes()
@@ -122,13 +124,15 @@ def with_columns(Q: np.ndarray, used: int, block: np.ndarray) -> np.ndarray:
     return Q
 
 
-def _converged(H: np.ndarray, R: np.ndarray, last: slice, sigma: float) -> EigenPairs:
+def _converged(
+    H: np.ndarray, R: np.ndarray, last: slice, sigma: float, tolerance: float
+) -> EigenPairs:
     """Converged Ritz pairs of the projected inverse H; phi are coefficients in the basis."""
     theta, S = eigh((H + H.T) / 2)
     order = np.argsort(-np.abs(theta))
     theta, S = theta[order], S[:, order]
     residual = np.linalg.norm(R @ S[last], axis=0)
-    n = int(np.argmax(np.append(residual > 1e-10 * np.abs(theta), True)))
+    n = int(np.argmax(np.append(residual > tolerance * np.abs(theta), True)))
     return EigenPairs(np.sqrt(np.maximum(sigma + 1 / theta[:n], 0)), S[:, :n])
 
 
