@@ -97,7 +97,7 @@ def _require_room(contact: fem.ContactPatch, n_boundary: int, n: int) -> None:
     """Raise ValueError where constraint modes (n, n_boundary) would not fit into memory."""
     if n_boundary * n > MOST_VALUES:
         raise ValueError(
-            f"the patch of radius {contact.radius:g} m holds {n_boundary} nodes of the mesh there, "
+            f"the patch of radius = {contact.radius:g} m holds {n_boundary} nodes of the mesh, "
             f"whose constraint modes of {n} unknowns would take "
             f"{8e-9 * n_boundary * n:.1f} GB, allowed are {8e-9 * MOST_VALUES:.1f}; take a larger "
             'seed, a smaller patch, or reduction.kind = "free-modes".'
