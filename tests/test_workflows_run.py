@@ -291,7 +291,16 @@ def key(stage, *changes):
     return stages.Pipeline(chosen, stages.Memory(None, verbose=0)).key(stage)
 
 
-FE = ("mesh", "model", "modes", "reduction", "coarse-reduction", "response", "pictures")
+FE = (
+    "mesh",
+    "model",
+    "modes",
+    "reduction",
+    "coarse-reduction",
+    "full-response",
+    "response",
+    "pictures",
+)
 
 
 class _Interrupted:
@@ -322,7 +331,7 @@ def test_a_changed_chain_redoes_nothing_of_the_finite_elements(change):
     [
         ("assembly.sheet_width=0.064", set(FE)),
         ("assembly.young=200e9", set(FE) - {"mesh"}),
-        ("patch.radius=0.0025", {"reduction", "coarse-reduction", "response"}),
+        ("patch.radius=0.0025", {"reduction", "coarse-reduction", "full-response", "response"}),
         ("reduction.modes=50", {"reduction", "response"}),
         ("damping.ratio=0.01", set()),
     ],

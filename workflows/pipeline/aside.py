@@ -19,7 +19,7 @@ from workflows.pipeline.pipeline import Pipeline, pipeline_of
 from workflows.scene.size import room_for_two
 
 IMPACT = ("compilation", "coarse-reduction")  # in the order in which the second process takes them
-RUN = (*IMPACT, "pictures", "response")
+RUN = (*IMPACT, "full-response", "pictures")
 FEWEST = 2  # of stages to be computed that are worth a process
 PAUSE = 0.05  # s between two looks at what the other one has
 

@@ -112,7 +112,8 @@ ASSEMBLY = {
     "coarse-reduction": Stage(
         ".errors:coarse_reduction", lambda scene: [_dimensions(scene), COARSE(scene)], ()
     ),
-    "response": Stage(".response:response", tables_of(), ("model", "contact", "reduction")),
+    "full-response": Stage(".response:full_response", tables_of(), ("model", "contact")),
+    "response": Stage(".response:response", tables_of(), ("full-response", "reduction")),
     "compilation": Stage(
         ".compilation:compilation",
         lambda scene: [environ.get("NUMBA_CACHE_DIR"), tables_of("damping")(scene)],

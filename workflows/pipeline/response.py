@@ -30,12 +30,14 @@ class Response(NamedTuple):
         return float(np.linalg.norm(self.reduced - self.full) / np.linalg.norm(self.full))
 
 
-def response(
-    scene: Scene, model: fem.Model, contact: fem.ContactPatch, reduction: rom.ReducedModel
-) -> Response:
+def full_response(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> NDArray[np.float64]:
+    """Undamped receptance (k,) [m/N] of the full model where the reduced one is checked."""
+    return fem.receptance(model.K, model.M, contact.w, np.array(CHECKED_HZ)).real
+
+
+def response(scene: Scene, full: NDArray[np.float64], reduction: rom.ReducedModel) -> Response:
     """Both responses, undamped."""
     checked, reduction = np.array(CHECKED_HZ), reduction._replace(C=None)
-    full = fem.receptance(model.K, model.M, contact.w, checked).real
     reduced = rom.receptance(reduction, None, checked).real
     f = np.geomspace(*BAND_HZ, 2000)
     curve = rom.receptance(reduction, None, f).real
