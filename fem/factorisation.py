@@ -2,8 +2,8 @@
 
 SuperLU's minimum degree is as good as any for small models, and for larger ones of thin parts;
 beyond, nested dissection wins: PARDISO's where it is installed (the `fast` extra) from 20 000
-unknowns on, else our own Cholesky's from 60 000 on. What
-has no Cholesky factor, being indefinite or complex, is left to SuperLU.
+unknowns on, else our own Cholesky's from 60 000 on. What has no Cholesky factor, being indefinite
+or complex, is left to SuperLU.
 """
 
 from functools import cache
