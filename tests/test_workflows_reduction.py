@@ -203,7 +203,7 @@ def test_errors_of_reduction_and_mesh_are_those_up_to_the_horizon(source):
         ("reduction.cutoff=1e9", "reduction.cutoff = 1e.09 Hz must be up to"),
         ("reduction.error=1e-12", "reduction.error = 1e-12 must be at least"),
         ("reduction.modes=100000", "reduction.modes = 100000 must be up to"),
-        ("reduction.modes=3", "reduction.modes = 3 must be at least 4, the modes of the hammer"),
+        ("reduction.modes=3", "reduction.modes = 3 must be at least 4, the measured modes"),
         ("patch.radius=1.0", "patch.radius = 1.0 m must be below 0.02075 m"),
     ],
 )

@@ -11,6 +11,7 @@ from geometry import PARTS
 from workflows.files.scene import built_in, scene, scene_text
 from workflows.pipeline.assembly import material
 from workflows.pipeline.chain import surface, wall
+from workflows.pipeline.impact import require_start
 from workflows.pipeline.wall import damping_law
 from workflows.scene import InvalidScene
 from workflows.scene.assembly import BODIES
@@ -282,11 +283,13 @@ def test_a_surface_other_than_the_block_is_refused(key, given, own):
 
 def test_a_preload_on_an_assembly_that_floats_is_refused_before_anything_is_computed():
     alone = ('assembly.parts=["block"]', "reduction.kind=free-modes")
+    unloaded = (*alone, "preload.force=0")
     with pytest.raises(InvalidScene, match=r"preload\.force = 15\.0 presses on an assembly that"):
-        scene("rig-rom", alone)
+        require_start(scene("rig-rom", alone))
     with pytest.raises(InvalidScene, match="presses on an assembly that nothing holds"):
-        scene("cantilever", ("assembly.held=[]", "preload.force=1"))
+        require_start(scene("cantilever", ("assembly.held=[]", "preload.force=1")))
     with pytest.raises(InvalidScene, match=r"leaf_springs\.offset = 0\.0015 presses on an"):
-        scene("rig-rom", (*alone, "preload.force=0"))
-    assert scene("rig-rom", (*alone, "preload.force=0", "leaf_springs.offset=0")).floats
-    assert not scene("rig-rom").floats and not scene("cantilever").floats
+        require_start(scene("rig-rom", unloaded))
+    require_start(scene("rig-rom", (*unloaded, "leaf_springs.offset=0")))
+    require_start(scene("rig-rom"))
+    require_start(scene("cantilever", ("preload.force=1",)))

@@ -16,8 +16,9 @@ MOST_WORK = 1e10  # steps of spheres, minutes to an hour
 
 def require_start(scene: Scene) -> None:
     """Raise InvalidScene where the chain has no state of rest, the step no meaning or the run no
-    end, of all walls but those that are yet to be reduced."""
+    end; of walls that are yet to be reduced where they float under a steady force."""
     if isinstance(scene.wall, RomWall):
+        _require_support(scene)
         return
     begun, leant_on = start(scene), wall(scene)
     try:
@@ -25,6 +26,20 @@ def require_start(scene: Scene) -> None:
         _require_end(scene, dem.stability_limit(begun.chain, leant_on, begun.velocity))
     except (dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep) as error:
         raise InvalidScene(f"{scene.name}: {str(error).rstrip('.')}.") from None
+
+
+def _require_support(scene: Scene) -> None:
+    springs, preload = scene.leaf_springs, scene.preload
+    pressing = {
+        "preload.force": preload.force if preload else 0.0,
+        "leaf_springs.offset": springs.offset if springs and np.max(springs.stiffness) else 0.0,
+    }
+    for key, value in pressing.items():
+        if scene.wall.file is None and scene.floats and np.max(value) > 0:
+            raise InvalidScene(
+                f"{scene.name}: {key} = {value} presses on an assembly that nothing holds; set it "
+                "to 0, or hold the assembly."
+            )
 
 
 def _require_end(scene: Scene, longest: float) -> None:

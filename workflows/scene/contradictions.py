@@ -35,7 +35,6 @@ def contradictions(scene: Scene):
         yield from _wrong_lengths(scene)
         yield from _one_step(scene)
         yield from _against_a_dashpot(scene)
-        yield from _against_what_floats(scene)
         yield from _yielding(scene)
         yield from _at_rest(scene)
         yield from _unseen_spheres(scene)
@@ -212,22 +211,6 @@ def _against_a_dashpot(scene: Scene):
         )
 
 
-def _against_what_floats(scene: Scene):
-    if getattr(scene.wall, "kind", None) != "rom" or scene.wall.file or not scene.floats:
-        return
-    springs, preload = scene.leaf_springs, scene.preload
-    pressing = {
-        "preload.force": preload.force if preload else 0.0,
-        "leaf_springs.offset": springs.offset if springs and _highest(springs.stiffness) else 0.0,
-    }
-    for key, value in pressing.items():
-        if _highest(value) > 0:
-            yield (
-                f"{key} = {value} presses on an assembly that nothing holds; set it to 0, or hold "
-                "the assembly."
-            )
-
-
 def _yielding(scene: Scene):
     if scene.contact.law != "thornton":
         return
@@ -248,10 +231,6 @@ def _yielding(scene: Scene):
 
 def _lowest(value) -> float:
     return min(value) if isinstance(value, tuple) else value
-
-
-def _highest(value) -> float:
-    return max(value) if isinstance(value, tuple) else value
 
 
 def _at_rest(scene: Scene):
