@@ -10,6 +10,7 @@ from typing import NamedTuple
 import gmsh
 import numpy as np
 
+from geometry.assembly import InvalidGeometry
 from geometry.gmsh_session import boolean_tolerance
 from geometry.selectors import Selected
 from geometry.solids import Body, Vector
@@ -95,9 +96,9 @@ def _on_faces(name: str, disc: Disc, gap: float) -> list[Region]:
             common, _ = occ.intersect([(2, drawn)], occ.copy([(2, face)]))
         parts += [Region(tag, face) for dimension, tag in common if dimension == 2]
     if not parts:
-        raise ValueError(
+        raise InvalidGeometry(
             f'"{name}": a disc of radius {disc.radius:.6g} m at {np.round(disc.centre, 6).tolist()}'
-            f" m does not lie on the faces of {disc.on.body} it belongs to."
+            f" m does not lie on the faces of {disc.on.body} it belongs to; move the point."
         )
     return parts
 

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from contextlib import nullcontext
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from geometry.cad import write_step
 from geometry.shapes import Box, Hole, Plate
 from workflows.commands.app import main
 from workflows.files.scene import scene
-from workflows.scene.toml import toml
+from workflows.pipeline.pipeline import pipeline_of
+from workflows.scene import InvalidScene
+from workflows.scene.toml import resolved, toml
 
 spec = spec_from_file_location("theory", Path(__file__).with_name("test_fem_theory.py"))
 theory = module_from_spec(spec)
@@ -228,3 +231,15 @@ def test_what_cannot_be_tuned_is_named(capsys):
         assert told in capsys.readouterr().err
     assert beadwave("tune", "cantilever", "--free=materials.aluminium.young") == 2
     assert "has no targets" in capsys.readouterr().err
+
+
+def test_a_washer_beside_its_face_is_bad_input():
+    box = {"box": [0.1, 0.1, 0.02]}
+    tables = {
+        "assembly": {"held": ["a:-z"], "material": "s", "touching": "free"},
+        "materials": {"s": {"young": 210e9, "poisson": 0.3, "density": 7850.0}},
+        "bodies": {"a": box, "b": {**box, "at": [0.0, 0.0, 0.02]}},
+        "joints": [{"name": "j", "between": "b|a", "at": [[0.3, 0.0, 0.01]], "washer": 8e-3}],
+    }
+    with pytest.raises(InvalidScene, match=r"does not lie on the faces of a .*; move the point"):
+        pipeline_of(resolved(tables, "w"), lambda name: nullcontext())("mesh")
