@@ -4,9 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from fem.factorisation import factorised
+from fem.factorisation import Factor, factorised
+
+ROUNDING = 200 * np.finfo(float).eps  # of K's largest eigenvalue: what it makes of a zero one
+INVERSE_ITERATIONS = 3  # of each rigid motion
 
 
 class Modes(NamedTuple):
@@ -24,20 +28,52 @@ class Modes(NamedTuple):
 def modes(K, M, n_modes: int, *, shift_hz: float = 5.0) -> Modes:
     """The lowest modes of K phi = omega^2 M phi.
 
-    The shift lies at -(2 pi shift_hz)^2, a tenth of the lowest elastic frequency or so: K itself
-    may be singular (a free part has omega = 0), and a shift near zero would return wrong modes.
-    Raises ValueError when the modes are not M-orthonormal or leave a residual.
+    The shift lies at -(2 pi shift_hz)^2, below the lowest elastic frequency: K itself may be
+    singular. Rigid motions, which would drown the elastic modes of a stiff part, are found first
+    and kept out of the rest. Raises ValueError when the modes are not M-orthonormal or leave a
+    residual.
     """
     sigma = -((2 * np.pi * shift_hz) ** 2)
     factor = factorised((K - sigma * M).tocsc())
-    n = K.shape[0]
-    inverse = LinearOperator((n, n), matvec=factor.solve)
-    start = np.random.default_rng(0).standard_normal(n)
-    eigenvalues, phi = eigsh(K, n_modes, M, sigma=sigma, OPinv=inverse, v0=start)
+    R = _rigid_motions(K, M, factor, n_modes)
+    n, n_elastic = K.shape[0], n_modes - R.shape[1]
+    eigenvalues, phi = np.zeros(0), np.empty((n, 0))
+    if n_elastic:
+        inverse = LinearOperator((n, n), matvec=lambda b: _deflated(R, M, factor, b))
+        start = np.random.default_rng(0).standard_normal(n)
+        eigenvalues, phi = eigsh(K, n_elastic, M, sigma=sigma, OPinv=inverse, v0=start)
+    if R.shape[1]:
+        V = np.hstack([R, phi])
+        eigenvalues, Q = eigh(V.T @ (K @ V), V.T @ (M @ V))
+        phi = V @ Q
     order = np.argsort(eigenvalues)
     found = Modes(np.sqrt(np.maximum(eigenvalues[order], 0.0)), phi[:, order])
     _check(found, K, M, sigma)
     return found
+
+
+def _rigid_motions(K, M, factor: Factor, most: int) -> NDArray[np.float64]:
+    """Motions (n, r) of no strain energy but by rounding, M-orthonormal; no more than `most`."""
+    R, rng = np.empty((K.shape[0], 0)), np.random.default_rng(1)
+    k, m = K.diagonal(), M.diagonal()
+    rounding = ROUNDING * np.quantile(k[m > 0] / m[m > 0], 0.99)
+    while R.shape[1] < most:
+        x = rng.standard_normal(K.shape[0])
+        for _ in range(INVERSE_ITERATIONS):
+            x = _deflated(R, M, factor, M @ x)
+            x /= np.sqrt(x @ (M @ x))
+        if x @ (K @ x) > rounding:
+            break
+        R = np.column_stack([R, x])
+    return R
+
+
+def _deflated(R, M, factor: Factor, b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """P (K - sigma M)^-1 P^T b with P = I - R R^T M."""
+    if not R.shape[1]:
+        return factor.solve(b)
+    u = factor.solve(b - M @ (R @ (R.T @ b)))
+    return u - R @ (R.T @ (M @ u))
 
 
 def _check(found: Modes, K, M, sigma: float) -> None:

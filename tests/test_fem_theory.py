@@ -132,6 +132,17 @@ def test_square_plates_have_the_frequencies_of_the_literature(theory, held):
     np.testing.assert_allclose(hz[hz > 1.0][: len(theory)], unit * np.array(theory), rtol=3e-3)
 
 
+def test_a_small_free_block_has_six_rigid_motions_at_any_shift():
+    """First elastic mode at 12 kHz, 2000 times the usual shift."""
+    line = np.linspace(0, 0.05, 13)
+    block = assemble({"block": boxed(line, line, np.linspace(0, 0.01, 4))}, {"block": STEEL})
+    free = joined(block, Connections())
+    usual, other = modes(free.K, free.M, 9), modes(free.K, free.M, 9, shift_hz=2e3)
+    assert usual.frequency_hz[5] < 0.1 < 1e4 < usual.frequency_hz[6]
+    np.testing.assert_allclose(usual.omega[6:] / other.omega[6:], 1.0, rtol=1e-8)
+    np.testing.assert_allclose(modes(free.K, free.M, 4).frequency_hz, 0.0, atol=0.1)
+
+
 OUTER, BORE, AROUND = 0.03, 0.02, 16
 
 
