@@ -17,7 +17,14 @@ from coupling.coupled_wall import CoupledWall
 from coupling.damping import Damping, couples_modes, damping_ratios, matrix_ratios
 from coupling.errors import CouplingError
 from dem import Wall
-from rom import ModalWall, ReducedModel, modal, modal_compliance, static_compliance
+from rom import (
+    ModalWall,
+    ReducedModel,
+    is_indefinite,
+    modal,
+    modal_compliance,
+    static_compliance,
+)
 
 
 def wall_of(
@@ -48,7 +55,6 @@ def wall_from_reduced(
     half_space: float,
     damping: Damping | None = None,
     cutoff_hz: float | None = None,
-    remainder: str = "oscillator",
     modes: ModalWall | None = None,
 ) -> Wall:
     """The wall a chain leans on, from a reduced model.
@@ -56,12 +62,11 @@ def wall_from_reduced(
     half_space [m/N] is taken out of the static compliance (0 if the patch is not part of an
     elastic body). Modes below cutoff_hz [Hz] move one by one; None takes all that are more than
     static shapes: no residual vectors, none above the highest fixed-interface mode. The rest is one
-    "oscillator", or a massless "spring" where its frequency would cost steps. damping adds to what
-    C of the model gives. modes are those of `rom.modal(reduced)`, where they are known.
-    Raises CouplingError.
+    oscillator. damping adds to what C of the model gives. modes are those of `rom.modal(reduced)`,
+    where they are known. Raises CouplingError.
     """
     modes = modal(reduced) if modes is None else modes
-    moving = moving_modes(modes, kept_modes(modes, reduced, cutoff_hz), remainder)
+    moving = with_oscillator(modes, kept_modes(modes, reduced, cutoff_hz))
     residual = residual_compliance(reduced, modes, moving, half_space)
     zeta = damping_ratios(damping, moving.omega) + matrix_ratios(moving.damping, moving.omega)
     return Wall(moving.omega, zeta, moving.phi, residual, 0.0)
@@ -82,31 +87,42 @@ def coupled_wall(
     modes = modal(reduced) if modes is None else modes
     kept = kept_modes(modes, reduced, cutoff_hz)
     weights = reduced.contact.weights_read
-    moving = moving_modes(modes, kept, "oscillator" if weights is None else "spring")
+    moving = (with_oscillator if weights is None else moving_modes)(modes, kept)
     reading = moving.phi if weights is None else weights @ moving.vectors
     D = np.diag(2 * damping_ratios(damping, moving.omega) * moving.omega)
     if moving.damping is not None:
         D = D + moving.damping
-    if len(D) and np.linalg.eigvalsh(D)[0] < -1e-9 * np.abs(D).max():
+    if is_indefinite(D):
         raise CouplingError("the wall's damping matrix is indefinite; it would make energy.")
     residual = 0.0 if weights is None else _cross_compliance(modes, ~kept, weights)
     return CoupledWall(moving.omega, D, moving.phi, reading, residual - half_space)
 
 
-def moving_modes(modes: ModalWall, kept: np.ndarray, remainder: str) -> ModalWall:
-    """The kept modes (r,) and, for the remainder "oscillator", one that stands for the others."""
-    if remainder not in ("oscillator", "spring"):
-        raise CouplingError(f"remainder is {remainder!r}; it can be 'oscillator' or 'spring'.")
-    columns = np.eye(len(modes.omega))[:, kept]
-    rest = ~kept & (modes.omega > 0)
-    if remainder == "oscillator" and modes.phi[rest].any():
-        shape = np.where(rest, modes.phi / np.where(rest, modes.omega, 1) ** 2, 0.0)
-        columns = np.column_stack([columns, shape / np.linalg.norm(shape)])
+def moving_modes(modes: ModalWall, kept: np.ndarray) -> ModalWall:
+    """The kept modes (r,) alone; all others follow the force at once."""
+    omega, phi, vectors, damping = modes
+    damping = None if damping is None else damping[np.ix_(kept, kept)]
+    return ModalWall(omega[kept], phi[kept], vectors[:, kept], damping)
+
+
+def with_oscillator(modes: ModalWall, kept: np.ndarray) -> ModalWall:
+    """The kept modes (r,) and one that stands for the others."""
+    moving, rest = moving_modes(modes, kept), ~kept & (modes.omega > 0)
+    if not modes.phi[rest].any():
+        return moving
+    shape = np.where(rest, modes.phi / np.where(rest, modes.omega, 1) ** 2, 0.0)
+    shape /= np.linalg.norm(shape)
+    damping = None
+    if modes.damping is not None:
+        coupled = modes.damping @ shape
+        damping = np.block(
+            [[moving.damping, coupled[kept, None]], [coupled[kept], shape @ coupled]]
+        )
     return ModalWall(
-        omega=np.sqrt((modes.omega**2) @ columns**2),
-        phi=modes.phi @ columns,
-        vectors=modes.vectors @ columns,
-        damping=None if modes.damping is None else columns.T @ modes.damping @ columns,
+        np.append(moving.omega, np.sqrt(modes.omega**2 @ shape**2)),
+        np.append(moving.phi, modes.phi @ shape),
+        np.column_stack([moving.vectors, modes.vectors @ shape]),
+        damping,
     )
 
 

@@ -8,6 +8,7 @@ from rom.health import (
     effective_mass,
     fixed_interface_hz,
     health,
+    is_indefinite,
 )
 from rom.reduced_model import (
     Contact,
@@ -45,6 +46,7 @@ __all__ = [
     "free_modes",
     "full_order",
     "health",
+    "is_indefinite",
     "load_h5",
     "load_mat",
     "load_mtx",

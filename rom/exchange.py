@@ -26,7 +26,7 @@ from scipy.io import loadmat, savemat
 from scipy.io.matlab import MatReadError
 
 from rom.contact_fields import contact, known_fields, mass_properties
-from rom.factorisation import ReductionError, symmetric
+from rom.factorisation import ReductionError, require_symmetric
 from rom.reduced_model import ReducedModel, Surface, contact_functional
 
 ARRAYS = ("K", "M", "C", "w", "T")
@@ -237,8 +237,9 @@ def _matrix(content: Mapping[str, object], name: str, path: str | Path) -> np.nd
     dense = A.toarray() if sp.issparse(A) else np.asarray(A)
     if dense.dtype.kind not in "fiu" or dense.ndim != 2 or dense.size == 0:
         raise ReductionError(f"{path}: {name} is not a real matrix (shape {dense.shape}).")
-    symmetric(dense, f"{path}: {name}")
-    return np.array(dense, dtype=float)
+    dense = np.array(dense, dtype=float)
+    require_symmetric(dense, f"{path}: {name}")
+    return dense
 
 
 def _real(w: object, path: str | Path) -> np.ndarray:

@@ -51,9 +51,15 @@ def superlu(A: sp.csc_array) -> Factor:
 def symmetric(A: ArrayLike | sp.sparray | sp.spmatrix, name: str) -> sp.csc_array:
     """A (n, n) as a sparse array; raises ReductionError unless square, finite and symmetric."""
     A = sp.csc_array(A, dtype=float)
+    require_symmetric(A, name)
+    return A
+
+
+def require_symmetric(A: sp.csc_array | np.ndarray, name: str) -> None:
+    """Raise ReductionError unless A (n, n) is square, finite and symmetric."""
     if A.shape[0] != A.shape[1]:
         raise ReductionError(f"{name} is {A.shape[0]} x {A.shape[1]}; it must be square.")
-    if not np.isfinite(A.data).all():
+    if not np.isfinite(A.data if sp.issparse(A) else A).all():
         raise ReductionError(f"{name} holds a value that is not finite.")
     asymmetry = abs(A - A.T).max() / max(abs(A).max(), np.finfo(float).tiny)
     if asymmetry > 1e-9:
@@ -61,7 +67,6 @@ def symmetric(A: ArrayLike | sp.sparray | sp.spmatrix, name: str) -> sp.csc_arra
             f"{name} is not symmetric (largest relative difference {asymmetry:.1e}, allowed 1e-9);"
             f" symmetrise it where it is assembled."
         )
-    return A
 
 
 def frequency_scale(K: sp.csc_array, M: sp.csc_array) -> float:

@@ -25,7 +25,7 @@ class Health(NamedTuple):
     asymmetry of K, M and C; lowest_mass and lowest_stiffness: smallest eigenvalue over the largest;
     n_rigid: modes at zero frequency; static_compliance [m/N] at w; participation: share of the
     modes that the contact moves at all; fixed_interface_hz (k,): frequencies with the boundary
-    held, none without a boundary.
+    held, none without a boundary; modes: those of `modal(reduced)`, None where it has none.
     """
 
     asymmetry: float
@@ -36,6 +36,7 @@ class Health(NamedTuple):
     static_compliance: float = np.nan
     participation: float = np.nan
     fixed_interface_hz: tuple[float, ...] = ()
+    modes: ModalWall | None = None
 
 
 class EffectiveMass(NamedTuple):
@@ -51,11 +52,8 @@ class EffectiveMass(NamedTuple):
         return float(self.mass.sum() / self.total)
 
 
-def health(reduced: ReducedModel, *, modes: ModalWall | None = None) -> Health:
-    """Measure a reduced model without the matrices it came from; see Health.
-
-    modes are those of `modal(reduced)`, where they are known.
-    """
+def health(reduced: ReducedModel) -> Health:
+    """Measure a reduced model without the matrices it came from; see Health."""
     asymmetry = max(_asymmetry(A) for A in (reduced.K, reduced.M, reduced.C) if A is not None)
     mass = _extremes(_unit_diagonal(reduced.M))
     findings = []
@@ -73,14 +71,14 @@ def health(reduced: ReducedModel, *, modes: ModalWall | None = None) -> Health:
         stiffness[0] / stiffness[-1] if stiffness[-1] > 0 else 0.0,
     )
     try:
-        return _with_modes(found, reduced, modal(reduced) if modes is None else modes)
+        return _with_modes(found, reduced, modal(reduced))
     except ReductionError as indefinite:
         return found._replace(findings=(*findings, str(indefinite)))
 
 
 def _with_modes(found: Health, reduced: ReducedModel, wall: ModalWall) -> Health:
     D, findings = wall.damping, found.findings
-    if D is not None and np.linalg.eigvalsh(D)[0] < -1e-9 * np.abs(D).max():
+    if D is not None and is_indefinite(D):
         findings += ("C is indefinite; the damping would feed energy into the wall.",)
     moved = np.abs(wall.phi) > 1e-9 * np.abs(wall.phi).max()
     return found._replace(
@@ -89,7 +87,19 @@ def _with_modes(found: Health, reduced: ReducedModel, wall: ModalWall) -> Health
         static_compliance=modal_compliance(wall),
         participation=float(moved.mean()),
         fixed_interface_hz=fixed_interface_hz(reduced),
+        modes=wall,
     )
+
+
+def is_indefinite(D: np.ndarray) -> bool:
+    """Whether a damping matrix (k, k) has an eigenvalue below zero by more than rounding."""
+    if not D.any():
+        return False
+    try:
+        np.linalg.cholesky(D + 1e-9 * np.abs(D).max() * np.eye(len(D)))
+    except np.linalg.LinAlgError:
+        return True
+    return False
 
 
 def fixed_interface_hz(reduced: ReducedModel) -> tuple[float, ...]:

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
-from scipy.linalg import eigh, solve
+from scipy.linalg import cholesky, eigh, solve
+from scipy.linalg.lapack import dpocon
 
 from rom.factorisation import EPS, ReductionError, symmetric
 
@@ -173,14 +174,24 @@ def _held_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray] |
     if not (stiffness > 0).all():
         return None
     scale = 1 / np.sqrt(stiffness)
+    scaled = K * np.outer(scale, scale)
     try:
-        inverse_squared, V = eigh(M * np.outer(scale, scale), K * np.outer(scale, scale))
+        if _is_singular(scaled):
+            return None
+        inverse_squared, V = eigh(M * np.outer(scale, scale), scaled)
     except np.linalg.LinAlgError:
         return None
     if inverse_squared[0] <= 10 * EPS * inverse_squared[-1]:
         return None
     V = scale[:, None] * V / np.sqrt(inverse_squared)
     return 1 / np.sqrt(inverse_squared[::-1]), V[:, ::-1]
+
+
+def _is_singular(K: np.ndarray) -> bool:
+    """Whether K is singular to rounding, at a fraction of what its modes take."""
+    norm = float(np.abs(K).sum(axis=0).max())
+    reciprocal_condition, _ = dpocon(cholesky(K), norm)
+    return reciprocal_condition < EPS
 
 
 def _floating_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -214,7 +214,8 @@ def test_an_archive_that_says_more_than_it_holds_is_refused(tmp_path, shape):
         scene("rig-rigid", (*RUN, f"wall.file={tmp_path / 'bad.npz'}"))
 
 
-def test_a_run_solves_for_the_modes_of_a_file_once(tmp_path, monkeypatch):
+@pytest.mark.parametrize("ground", [0.0, -2e8, -5e8], ids=["held", "floating", "indefinite"])
+def test_a_run_solves_for_the_modes_of_a_file_once(tmp_path, monkeypatch, ground):
     """Of 2500 coordinates each solution takes seconds; it was asked for five times."""
     solved = []
 
@@ -224,9 +225,12 @@ def test_a_run_solves_for_the_modes_of_a_file_once(tmp_path, monkeypatch):
 
     monkeypatch.setattr("rom.reduced_model.eigh", counted)
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
-    rom.save_npz(tmp_path / "wall.npz", rom.full_order(*chain_of_masses(), np.eye(6)[0]))
-    chosen = scene("rig-rigid", (*RUN, f"wall.file={tmp_path / 'wall.npz'}"))
-    impact(chosen, None, progress=lambda name: nullcontext())
+    K, M = chain_of_masses()
+    ends = np.diag(np.r_[1.0, np.zeros(4), 1.0])
+    np.savez(tmp_path / "wall.npz", K=K + ground * ends, M=M, w=np.eye(6)[0])
+    with pytest.raises(InvalidScene, match="indefinite") if ground < -2e8 else nullcontext():
+        chosen = scene("rig-rigid", (*RUN, f"wall.file={tmp_path / 'wall.npz'}"))
+        impact(chosen, None, progress=lambda name: nullcontext())
     assert solved == [6]
 
 

@@ -21,11 +21,10 @@ FEW_DIGITS = -1e-5  # of the largest eigenvalue: what rounding makes of a wall t
 
 
 class WallFile(NamedTuple):
-    """A reduced model made elsewhere, with what one solution for its modes says of it."""
+    """A reduced model made elsewhere and its health, the modes among it."""
 
     reduced: rom.ReducedModel
     health: rom.Health
-    modes: rom.ModalWall
 
 
 def loaded(wall: RomWall) -> rom.ReducedModel:
@@ -34,7 +33,7 @@ def loaded(wall: RomWall) -> rom.ReducedModel:
 
 
 def measured(wall: RomWall) -> WallFile:
-    """The same with its health and modes, found once while the file stays the same."""
+    """The same with its health, found once while the file stays the same."""
     path = Path(wall.file)
     if path.suffix not in ENDINGS:
         raise InvalidScene(f"wall.file = {wall.file!r} must end in {', '.join(ENDINGS)}.")
@@ -55,21 +54,13 @@ def _measured(path: Path, wall: RomWall, stamp: tuple[int, int, int]) -> WallFil
         )
     for finding in _overflowing(reduced):
         raise InvalidScene(f"wall.file: {path} is no wall that could be run: {finding}")
-    modes = _modes(reduced)
-    health = rom.health(reduced, modes=modes)
+    health = rom.health(reduced)
     for finding in _unsound(health):
         raise InvalidScene(f"wall.file: {path} is no wall that could be run: {finding}")
     if wall.half_space is not None:
         contact = reduced.contact._replace(half_space=wall.half_space)
         reduced = reduced._replace(contact=contact)
-    return WallFile(reduced, health, modes)
-
-
-def _modes(reduced: rom.ReducedModel) -> rom.ModalWall | None:
-    try:
-        return rom.modal(reduced)
-    except rom.ReductionError:
-        return None  # the health says why
+    return WallFile(reduced, health)
 
 
 def with_surface(wall: RomWall) -> RomWall:

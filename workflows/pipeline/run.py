@@ -165,6 +165,5 @@ def _model_numbers(pipeline: Pipeline) -> dict:
         from workflows.files.wall import measured
         from workflows.pipeline.health import reduction_health
 
-        file = measured(scene.wall)
-        return {"reduction": reduction_health(file.reduced, file.health)}
+        return {"reduction": reduction_health(*measured(scene.wall))}
     return {}

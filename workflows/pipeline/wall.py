@@ -14,10 +14,10 @@ from workflows.thesis import HAMMER_TEST_HZ
 
 def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coupling.CoupledWall:
     """The wall with the damping and up to the cutoff of the scene."""
+    reduced, modes = reduction, None
     if reduction is None:
-        reduced, _, modes = measured(scene.wall)
-    else:
-        reduced, modes = reduction, None
+        reduced, health = measured(scene.wall)
+        modes = health.modes
     held = damping(scene.damping, reduced)
     return reduced_walls.wall_of(reduced, damping=held, cutoff_hz=scene.wall.cutoff, modes=modes)
 

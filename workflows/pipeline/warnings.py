@@ -205,7 +205,8 @@ def unusual_wall_file(wall: RomWall) -> Iterator[str]:
     import rom
     from workflows.files.wall import measured
 
-    reduced, _, modes = measured(wall)
+    reduced, health = measured(wall)
+    modes = health.modes
     compliance = rom.modal_compliance(modes)
     yield from _unsaid_material(wall)
     yield from _no_average(reduced)
