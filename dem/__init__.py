@@ -1,6 +1,8 @@
-from dem.batch import Batch, march_batch
+from dem.batch import Batch, Chains, march_batch
 from dem.chain import (
+    RIGID,
     Chain,
+    Flat,
     State,
     Wall,
     dashpot_wall,
@@ -13,19 +15,23 @@ from dem.checks import InvalidChain
 from dem.schemes import SCHEMES, Scheme
 from dem.stability import UnstableStep, stability_limit
 from dem.statics import Equilibrium, NoEquilibrium, equilibrium
-from dem.step_control import Controlled, StepReport, march_to_error, with_step_error
+from dem.step_control import Controlled, Search, StepReport, march_to_error, with_step_error
 from dem.trajectory import Trajectory, march, require_march
 from dem.validity import Strain, outside, strain
 
 __all__ = [
+    "RIGID",
     "SCHEMES",
     "Batch",
     "Chain",
+    "Chains",
     "Controlled",
     "Equilibrium",
+    "Flat",
     "InvalidChain",
     "NoEquilibrium",
     "Scheme",
+    "Search",
     "State",
     "StepReport",
     "Strain",

@@ -20,7 +20,7 @@ from dem.kernels.lanes import LANES, Blocks, SavedLanes, march_lanes
 from dem.kernels.oscillators import oscillator_propagator
 from dem.schemes import SCHEMES, named_scheme
 from dem.stability import UnstableStep
-from dem.step_control import march_to_error
+from dem.step_control import Search, march_to_error
 from dem.trajectory import equal_steps, march
 
 
@@ -38,9 +38,7 @@ class Batch(NamedTuple):
 
 
 def march_batch(
-    chain: Chain,
-    wall: Wall | None,
-    v0: ArrayLike,
+    chains: "Chains",
     *,
     duration: float,
     dt: float | None = None,
@@ -50,26 +48,23 @@ def march_batch(
     n_save: int = 100,
     threads: int | None = None,
 ) -> Batch:
-    """Batch of chains that start from their static state with velocities v0.
+    """Chains that start from their static state, marched side by side.
 
-    Fields of chain and wall and v0 have a leading axis n_chains, or lack it and are shared;
-    preload, residual compliance and mobility are scalars or one per chain, the name of the
-    dissipation is shared. Give dt, or the velocity error relative to the largest initial speed: the
-    step is then found on the stiffest chain and the estimate taken from up to 16 chains. Raises
-    InvalidChain, NoEquilibrium, UnstableStep.
+    Give dt, or the velocity error relative to the largest initial speed: the step is then found on
+    the stiffest chain and the estimate taken from up to 16 chains. Raises InvalidChain,
+    NoEquilibrium, UnstableStep.
     """
     if (dt is None) == (error is None):
         raise InvalidChain("give either dt or error to say how finely to march")
-    members = _Members(chain, wall, v0)
-    scheme = named_scheme(scheme, *members[0][:2]).name
-    observed = columns(observed, members.mass.shape[1])
-    saves(n_save, members.mass.size)
+    scheme = named_scheme(scheme, *chains[0][:2]).name
+    observed = columns(observed, chains.mass.shape[1])
+    saves(n_save, chains.mass.size)
     positive("duration", duration, " s")
     positive("dt" if error is None else "error", dt if error is None else error)
     if threads is not None:
         whole("threads", threads)
     asked = _Asked(duration, n_save, observed, scheme, threads or os.cpu_count() or 1)
-    return _to_error(members, error, asked) if dt is None else _march(members, dt, asked)
+    return _to_error(chains, error, asked) if dt is None else _march(chains, dt, asked)
 
 
 class _Asked(NamedTuple):
@@ -97,8 +92,13 @@ PER_WALL = ("residual_compliance", "mobility")
 PER_MODE = ("omega", "zeta", "phi")
 
 
-class _Members:
-    """Chains of a batch, every array with its leading axis."""
+class Chains:
+    """Chains of a batch with their walls and initial velocities.
+
+    Fields of chain and wall and v0 have a leading axis n_chains, or lack it and are shared;
+    preload, residual compliance and mobility are scalars or one per chain, the name of the
+    dissipation is shared. Raises InvalidChain.
+    """
 
     def __init__(self, chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
         self.chain, self.wall = chain, wall
@@ -152,9 +152,9 @@ class _Members:
         """Without a wall."""
         return self.wall is None
 
-    def take(self, rows: Array) -> "_Members":
-        """The members of these rows."""
-        part = object.__new__(_Members)
+    def take(self, rows: Array) -> "Chains":
+        """The chains of these rows."""
+        part = object.__new__(Chains)
         part.chain, part.wall, part.count = self.chain, self.wall, len(rows)
         part.arrays = {name: values[rows] for name, values in self.arrays.items()}
         return part
@@ -170,13 +170,13 @@ def _fields(parts, scalars, vectors):
     }
 
 
-def _to_error(members, error, asked):
-    stiffest = int(members.A.max(axis=1).argmax())
+def _to_error(chains, error, asked):
+    stiffest = int(chains.A.max(axis=1).argmax())
     dt = march_to_error(
-        *members[stiffest], duration=asked.duration, error=error, observed=asked.observed,
-        scheme=asked.scheme, n_save=asked.n_save, energy_error=np.inf,
+        *chains[stiffest], duration=asked.duration, error=error, observed=asked.observed,
+        n_save=asked.n_save, search=Search(asked.scheme, energy_error=np.inf),
     ).trajectory.dt  # fmt: skip
-    sample = members.take(np.unique(np.linspace(0, members.count - 1, 16).astype(int)))
+    sample = chains.take(np.unique(np.linspace(0, chains.count - 1, 16).astype(int)))
     speed = np.abs(sample.v0).max(axis=1)[:, None, None]
     while True:
         coarse = _march(sample, dt, asked)
@@ -184,16 +184,16 @@ def _to_error(members, error, asked):
         # the coarse step is the one used: its error is the whole difference
         estimate = float((np.abs(fine.v - coarse.v) / speed).max()) * 1.25
         if estimate <= error:
-            return _march(members, dt, asked)._replace(error_estimate=estimate)
+            return _march(chains, dt, asked)._replace(error_estimate=estimate)
         dt = coarse.dt / 1.5
 
 
-def _march(members, dt, asked):
+def _march(chains, dt, asked):
     method = SCHEMES[asked.scheme]
-    if not members.bare or method.kind == "implicit":
-        return _one_by_one(members, dt, asked)
+    if not chains.bare or method.kind == "implicit":
+        return _one_by_one(chains, dt, asked)
     steps = asked.steps(dt)
-    blocks = _blocks(members, steps.h * method.a)
+    blocks = _blocks(chains, steps.h * method.a)
     n, k = len(blocks.v0), asked.n_save + 1
     saved = SavedLanes(
         np.empty((n, k, asked.observed.size, LANES)),
@@ -208,19 +208,19 @@ def _march(members, dt, asked):
     _share(work, n, asked.threads)
     v = saved.v.transpose(0, 3, 1, 2).reshape(n * LANES, k, -1)
     force = saved.wall_force.transpose(0, 2, 1).reshape(n * LANES, k)
-    found = (values[: members.count] for values in (v, force, saved.energy_error.reshape(-1)))
+    found = (values[: chains.count] for values in (v, force, saved.energy_error.reshape(-1)))
     batch = asked.batch(dt, *found)
     _require_finite(batch.energy_error, steps.h)
     return batch
 
 
-def _blocks(members, drifts):
-    none = np.zeros((members.count, 0))
-    A = members.A
-    if members.free:
-        A = np.concatenate([A, np.zeros((members.count, 1))], axis=1)
-    modes = (members.arrays.get(name, none) for name in ("phi", "omega", "zeta"))
-    parts = (members.v0, members.mass, A, *modes)
+def _blocks(chains, drifts):
+    none = np.zeros((chains.count, 0))
+    A = chains.A
+    if chains.free:
+        A = np.concatenate([A, np.zeros((chains.count, 1))], axis=1)
+    modes = (chains.arrays.get(name, none) for name in ("phi", "omega", "zeta"))
+    parts = (chains.v0, chains.mass, A, *modes)
     v0, mass, A, phi, omega, zeta = map(_packed, parts)
     return Blocks(v0, mass, A, phi, omega, _propagator(omega, zeta, drifts))
 
@@ -243,16 +243,16 @@ def _require_finite(errors, h):
         )
 
 
-def _one_by_one(members, dt, asked):
+def _one_by_one(chains, dt, asked):
     def one(i):
         run = march(
-            *members[i], duration=asked.duration, dt=dt, scheme=asked.scheme, n_save=asked.n_save
+            *chains[i], duration=asked.duration, dt=dt, scheme=asked.scheme, n_save=asked.n_save
         )
-        force = np.zeros(asked.n_save + 1) if members.free else run.contact_force[:, -1]
+        force = np.zeros(asked.n_save + 1) if chains.free else run.contact_force[:, -1]
         return run.v[:, asked.observed], force, run.energy_error
 
     with ThreadPoolExecutor(asked.threads) as pool:
-        each = zip(*pool.map(one, range(members.count)), strict=True)
+        each = zip(*pool.map(one, range(chains.count)), strict=True)
         return asked.batch(dt, *map(np.array, each))
 
 

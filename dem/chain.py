@@ -87,6 +87,16 @@ class State(NamedTuple):
         return State(self.x, -self.v, self.q, -self.p, wall, self.deepest)
 
 
+class Flat(NamedTuple):
+    """Material of the flat that the last sphere touches."""
+
+    young: float  # [Pa]
+    poisson: float
+
+
+RIGID = Flat(np.inf, 0.0)
+
+
 def row_of_spheres(
     radius: ArrayLike,
     density: ArrayLike,
@@ -94,16 +104,14 @@ def row_of_spheres(
     poisson: ArrayLike,
     *,
     count: int | None = None,
-    wall_young: float = np.inf,
-    wall_poisson: float = 0.0,
-    free: bool = False,
+    flat: Flat | None = RIGID,
     stiffness_factor: ArrayLike = 1.0,
     **parts,
 ) -> Chain:
-    """Chain of elastic spheres against a flat of the given material (default: rigid).
+    """Chain of elastic spheres against a flat, or a free one.
 
-    Material values are scalars or one per sphere; `free` leaves the flat out; `parts` are the
-    further fields of `Chain`, scalars or one per sphere or contact. Raises InvalidChain.
+    Material values are scalars or one per sphere; `parts` are the further fields of `Chain`,
+    scalars or one per sphere or contact. Raises InvalidChain.
     """
     given = {"radius": radius, "density": density, "young": young, "poisson": poisson}
     if count is not None:
@@ -114,8 +122,8 @@ def row_of_spheres(
         vector(name, values, n, positive=True)
     vector("poisson", nu, n, at_least=-1.0)
     A = hertz_coefficient(R[:-1], E[:-1], nu[:-1], R[1:], E[1:], nu[1:])
-    if not free:
-        A = np.append(A, hertz_coefficient(R[-1], E[-1], nu[-1], np.inf, wall_young, wall_poisson))
+    if flat is not None:
+        A = np.append(A, hertz_coefficient(R[-1], E[-1], nu[-1], np.inf, *flat))
     sizes = {"gamma": A.size, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": A.size}
     for name in sizes.keys() & parts.keys():
         if parts[name] is not None:
@@ -124,7 +132,7 @@ def row_of_spheres(
     for name in parts:
         require(name in Chain._fields, f"{name!r} is no part of a chain; take one of {PARTS}")
     chain = Chain(mass(R, rho), R.copy(), A * factor, **parts)
-    validate(chain, None if free else rigid_wall(), np.zeros(n))
+    validate(chain, None if flat is None else rigid_wall(), np.zeros(n))
     return chain
 
 

@@ -47,6 +47,17 @@ class Controlled(NamedTuple):
     step_report: StepReport
 
 
+class Search(NamedTuple):
+    """How the step of a march to an error is searched for."""
+
+    scheme: str | None = None  # None: what suits the chain
+    energy_error: float | None = None  # to which the ledger closes; None: error / 100
+    max_evaluations: float | None = None  # of all contacts; None: what takes about a minute
+
+
+USUAL = Search()
+
+
 def march_to_error(
     chain: Chain,
     wall: Wall | None,
@@ -55,28 +66,25 @@ def march_to_error(
     duration: float,
     error: float,
     observed: Sequence[int] | None = None,
-    energy_error: float | None = None,
-    scheme: str | None = None,
     n_save: int = 1000,
-    max_evaluations: float | None = None,
+    search: Search = USUAL,
 ) -> Controlled:
     """Trajectory whose velocities are off by less than `error` times the largest initial speed on
-    the observed spheres, and whose ledger closes to `energy_error`.
+    the observed spheres (indices, None for all).
 
-    observed: indices of spheres, None for all; energy_error: error / 100 unless given;
-    max_evaluations: of all contacts, unless given as many as take about a minute. The estimate
-    divides the difference of two marches by what order 1.5 leaves, of a third by what the observed
-    order leaves, up to 2 (0.75 for the linear laws, whose force jumps): all schemes here keep more,
-    but not at every step. Raises UnstableStep if `max_evaluations` do not suffice.
+    The estimate divides the difference of two marches by what order 1.5 leaves, of a third by what
+    the observed order leaves, up to 2 (0.75 for the linear laws, whose force jumps): all schemes
+    here keep more, but not at every step. Raises UnstableStep where the evaluations allowed do not
+    suffice.
     """
     validate(chain, wall, v0)
     positive("error", error)
     positive("duration", duration, " s")
     saves(n_save, chain.mass.size)
-    limits = {"energy_error": energy_error, "max_evaluations": max_evaluations}
-    for name, value in limits.items():
-        if value not in (None, np.inf):
-            positive(name, value)
+    scheme, energy_error, max_evaluations = search
+    for name in ("energy_error", "max_evaluations"):
+        if getattr(search, name) not in (None, np.inf):
+            positive(name, getattr(search, name))
     prepared = prepare(chain, wall)
     rate = max(fastest_rate(prepared, v0), 1.0 / duration)
     method = marching_scheme(prepared, v0, 1.0 / (3.0 * rate), scheme)

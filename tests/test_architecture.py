@@ -1,5 +1,6 @@
 """The rooms, their arrows, and what stays where."""
 
+import ast
 import importlib.metadata
 import re
 import subprocess
@@ -8,6 +9,8 @@ from pathlib import Path
 
 import pytest
 from importlinter.cli import lint_imports
+
+from workflows.commands.app import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("geometry", "fem", "rom", "dem", "coupling", "workflows")
@@ -45,6 +48,29 @@ RIG = r"""["'](block|sheets?|head|foot|support|plate|block:\+x)["']|HAMMER_TEST|
 def test_no_part_face_or_mode_of_the_rig_is_named_where_any_assembly_passes(place):
     found = [path for path in (ROOT / place).rglob("*.py") if re.search(RIG, path.read_text())]
     assert not found
+
+
+def crowded(tree):
+    """Functions of more than eight arguments, with their number."""
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+            given = function.args
+            n = len([*given.posonlyargs, *given.args, *given.kwonlyargs])
+            if n > 8:
+                yield function.name, n
+
+
+def test_no_function_takes_more_than_eight_arguments():
+    """Commands alone may: each argument of theirs is an option of the command line."""
+    paths = [path for room in ROOMS for path in (ROOT / room).rglob("*.py")]
+    commands = {(command.__module__, command.__name__) for command in COMMANDS.values()}
+    found = {
+        (".".join(path.relative_to(ROOT).with_suffix("").parts), name)
+        for path in paths
+        for name, _ in crowded(ast.parse(path.read_text()))
+    }
+    assert found <= commands
+    assert [*crowded(ast.parse("def f(a, /, b, c, d, e, f, *, g, h, i): pass"))] == [("f", 9)]
 
 
 def test_tests_are_flat():

@@ -39,9 +39,7 @@ def bar(n=N, length=0.5, area=4e-4, held=True):
 
 
 def chain_of(count, **parts):
-    return dem.row_of_spheres(
-        0.0127, 7800.0, E, NU, count=count, wall_young=E, wall_poisson=NU, **parts
-    )
+    return dem.row_of_spheres(0.0127, 7800.0, E, NU, count=count, flat=dem.Flat(E, NU), **parts)
 
 
 def speeds(count, speed=0.31):

@@ -5,7 +5,7 @@ import pytest
 
 from coupling import Plate, group_speed, infinite_plate, radiated_energy, slenderness
 from coupling.radiation import lamb_integral
-from dem import march_to_error, rigid_wall, row_of_spheres
+from dem import Flat, march_to_error, rigid_wall, row_of_spheres
 
 STEEL = (210e9, 0.3, 7800.0)
 
@@ -23,7 +23,7 @@ def test_a_sphere_on_any_plate_rebounds_by_its_inelasticity_alone(
     young, speed, wanted, restitution
 ):
     """Zener's table, reached by the thickness of plates of two materials; lambda ~ 1 / h^2."""
-    ball = row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=1, wall_young=young)
+    ball = row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=1, flat=Flat(young, 0.0))
     plate = Plate(young, 0.3, 7800.0, 0.01)
     mobility = infinite_plate(plate).mobility
     of_plate = mobility * ball.mass[0] ** 0.6 * ball.A[0] ** 0.4 * speed**0.2
@@ -52,8 +52,7 @@ def test_a_sphere_on_a_half_space_loses_what_hunter_found():
     a sine for the force: with Hertz' force 7 % more."""
     lost = []
     for speed in (0.31, 3.1):
-        ball = row_of_spheres(0.0127, 7800.0, 210e9, 0.25, count=1, wall_young=210e9,
-                              wall_poisson=0.25)  # fmt: skip
+        ball = row_of_spheres(0.0127, 7800.0, 210e9, 0.25, count=1, flat=Flat(210e9, 0.25))
         run, _ = march_to_error(ball, rigid_wall(), np.array([speed]), duration=1.3e-4, error=1e-6)
         lost.append(
             radiated_energy(run.t, run.contact_force[:, 0], 210e9, 0.25, 7800.0)

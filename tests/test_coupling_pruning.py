@@ -9,7 +9,7 @@ from coupling.pruning import oscillation, without
 from dem.kernels.oscillators import oscillator_propagator
 
 E, NU = 210e9, 0.3
-CHAIN = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=4, wall_young=E, wall_poisson=NU)
+CHAIN = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=4, flat=dem.Flat(E, NU))
 V0 = np.r_[0.31, np.zeros(3)]
 
 

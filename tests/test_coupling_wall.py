@@ -30,7 +30,7 @@ from rom import Selection, craig_bampton, free_modes, full_order, modal, static_
 
 E, NU, RHO = 210e9, 0.3, 7850.0
 HZ = 2 * np.pi
-CHAIN = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=5, wall_young=E, wall_poisson=NU)
+CHAIN = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=5, flat=dem.Flat(E, NU))
 V0 = np.r_[0.31, np.zeros(4)]
 
 
@@ -166,9 +166,7 @@ def test_constraint_modes_are_no_modes_of_the_wall():
 
 def test_a_preloaded_chain_rests_on_the_whole_static_compliance():
     K, M, w = bar()
-    chain = dem.row_of_spheres(
-        0.0127, 7800.0, E, NU, count=2, wall_young=E, wall_poisson=NU, preload=50.0
-    )
+    chain = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=2, flat=dem.Flat(E, NU), preload=50.0)
     for cutoff in (1.0, 20e3, 1e9):
         wall = wall_from_reduced(
             free_modes(K, M, w, Selection(n_modes=9)), half_space=0, cutoff_hz=cutoff
@@ -324,7 +322,7 @@ def test_verdict_finds_walls_that_cannot_work(change, possible, finding):
 
 
 def test_verdict_on_a_free_chain_and_a_rigid_wall_has_nothing_to_say_on_modes():
-    free = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=5, free=True)
+    free = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=5, flat=None)
     for chain, wall in ((free, None), (CHAIN, dem.rigid_wall())):
         judged = verdict(chain, wall, V0)
         assert judged.possible and judged.n_wall_modes == 0 and len(judged.sentences) == 2

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dem import Chain, InvalidChain, Wall, march, march_batch, one_dof_wall, rigid_wall
+from dem import Chain, Chains, InvalidChain, Wall, march, march_batch, one_dof_wall, rigid_wall
 
 
 def scattered(count, n, A_wall=1.5):
@@ -41,7 +41,7 @@ def test_batch_is_the_chains_one_by_one(kind):
         "own": moving_walls(count),
     }[kind]
     options = dict(duration=25.0, dt=0.2, n_save=25)
-    batch = march_batch(chain, wall, v0, observed=[0, 4], threads=2, **options)
+    batch = march_batch(Chains(chain, wall, v0), observed=[0, 4], threads=2, **options)
     assert batch.v.shape == (count, 26, 2)
     for i in (0, 15, 16, 36):
         one = alone(chain, wall, v0, i, scheme="rkn6", **options)
@@ -54,7 +54,7 @@ def test_batch_is_the_chains_one_by_one(kind):
 
 def test_batch_reaches_the_error_it_reports():
     chain, v0 = scattered(40, 17, 2.8)
-    batch = march_batch(chain, rigid_wall(), v0, duration=60.0, error=1e-4, n_save=60)
+    batch = march_batch(Chains(chain, rigid_wall(), v0), duration=60.0, error=1e-4, n_save=60)
     assert batch.error_estimate < 1e-4
     off = []
     for i in range(0, 40, 3):
@@ -83,7 +83,7 @@ def test_a_batch_takes_every_part(part):
     if part == "dashpot":
         wall = wall._replace(mobility=np.linspace(0.1, 2.0, 9))
     options = dict(duration=12.0, dt=0.05, n_save=12)
-    batch = march_batch(chain, wall, v0, observed=[0, 4], threads=2, **options)
+    batch = march_batch(Chains(chain, wall, v0), observed=[0, 4], threads=2, **options)
     for i in (0, 5, 8):
         preload = chain.preload[i] if part == "preload" else 0.0
         one = chain._replace(mass=chain.mass[i], A=chain.A[i], preload=preload)
@@ -96,8 +96,8 @@ def test_a_batch_takes_every_part(part):
 def test_a_batch_with_losses_reaches_the_error_it_reports():
     chain, v0 = scattered(5, 6)
     chain = chain._replace(dissipation="hunt-crossley", gamma=np.full(6, 0.1))
-    batch = march_batch(chain, rigid_wall(), v0, duration=15.0, error=1e-4, n_save=15)
-    fine = march_batch(chain, rigid_wall(), v0, duration=15.0, dt=0.005, n_save=15)
+    batch = march_batch(Chains(chain, rigid_wall(), v0), duration=15.0, error=1e-4, n_save=15)
+    fine = march_batch(Chains(chain, rigid_wall(), v0), duration=15.0, dt=0.005, n_save=15)
     off = np.abs(batch.v - fine.v).max(axis=(1, 2)) / v0[:, 0]
     assert off.max() < batch.error_estimate < 1e-4
 
@@ -106,11 +106,11 @@ def test_batch_refuses_what_it_does_not_take():
     chain, v0 = scattered(4, 5)
     options = dict(duration=1.0, dt=0.1)
     with pytest.raises(InvalidChain, match="preload is given for 3 chains, others for 4"):
-        march_batch(chain._replace(preload=np.ones(3)), rigid_wall(), v0, **options)
+        march_batch(Chains(chain._replace(preload=np.ones(3)), rigid_wall(), v0), **options)
     with pytest.raises(InvalidChain, match="either dt or error"):
-        march_batch(chain, rigid_wall(), v0, duration=1.0)
+        march_batch(Chains(chain, rigid_wall(), v0), duration=1.0)
     with pytest.raises(InvalidChain, match="scheme 'euler' is unknown"):
-        march_batch(chain, rigid_wall(), v0, scheme="euler", **options)
+        march_batch(Chains(chain, rigid_wall(), v0), scheme="euler", **options)
     chain.A[2, 1] = np.nan
     with pytest.raises(InvalidChain, match="not finite"):
-        march_batch(chain, rigid_wall(), v0, **options)
+        march_batch(Chains(chain, rigid_wall(), v0), **options)

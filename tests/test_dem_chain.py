@@ -111,13 +111,13 @@ def test_ten_steel_beads_end_like_the_published_run():
         -0.071059, -0.030186, -0.015750, -0.008808, -0.005062,
         -0.002937, -0.001702, 0.002625, 0.146923, 0.985956,
     ]  # fmt: skip
-    chain = row_of_spheres(0.010, 7780.0, 203e9, 0.3, count=10, free=True)
+    chain = row_of_spheres(0.010, 7780.0, 203e9, 0.3, count=10, flat=None)
     run = march(chain, None, speeds(10), duration=5e-4, dt=2e-7, n_save=10)
     assert run.v[-1] == pytest.approx(published, abs=1e-3)
 
 
 def test_a_bead_as_wall_is_a_bead():
-    chain = row_of_spheres(0.010, 7780.0, 203e9, 0.3, count=10, free=True)
+    chain = row_of_spheres(0.010, 7780.0, 203e9, 0.3, count=10, flat=None)
     ten = march(chain, None, speeds(10), duration=5e-4, dt=2e-7, n_save=50)
     nine = Chain(chain.mass[:9], chain.radius[:9], chain.A)
     wall = one_dof_wall(0.0, chain.mass[0])
@@ -139,7 +139,7 @@ def test_single_hertz_impact_on_a_flat():
 
 def test_chung_and_ooi_elastic_glass_spheres():
     # Y. C. Chung, J. Y. Ooi, Granular Matter 13 (2011) 643, test 1
-    chain = row_of_spheres(0.010, 2800.0, 48e9, 0.2, count=2, free=True)
+    chain = row_of_spheres(0.010, 2800.0, 48e9, 0.2, count=2, flat=None)
     v0 = np.array([10.0, -10.0])
     run = march(chain, None, v0, duration=5e-5, dt=2e-8, n_save=2500)
     closed = np.flatnonzero(run.contact_force[:, 0] > 0.0)

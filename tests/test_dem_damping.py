@@ -61,7 +61,7 @@ def test_an_infinite_damper_makes_impacts_perfectly_plastic(law, gamma):
     assert np.abs(stopped.v[5:]).max() < 1e-4 * SPEED
     assert np.abs(stopped.contact_force[5:]).max() < 1.0  # of 900 N, not gamma times rounding
     assert stopped.dissipated_contact[-1] == pytest.approx(stopped.energy_kinetic[0], rel=1e-4)
-    together = impact(row(5, dissipation=law, gamma=gamma, free=True), None)
+    together = impact(row(5, dissipation=law, gamma=gamma, flat=None), None)
     np.testing.assert_allclose(together.v[5:], SPEED / 5, rtol=1e-3)
     assert together.energy_kinetic[-1] == pytest.approx(together.energy_kinetic[0] / 5, rel=1e-3)
 
@@ -77,14 +77,17 @@ def test_dampers_whose_work_another_scheme_denies_are_not_believed(monkeypatch):
     march = step_control.run
     monkeypatch.setattr(step_control, "run", lossless)
     with pytest.raises(dem.UnstableStep, match="is not reached"):
-        impact(row(dissipation="linear-clipped", gamma=1e12), dem.rigid_wall(), max_evaluations=1e7)
+        impact(
+            row(dissipation="linear-clipped", gamma=1e12), dem.rigid_wall(),
+            search=dem.Search(max_evaluations=1e7),
+        )  # fmt: skip
 
 
 def test_neighbours_of_a_strong_damper_keep_their_own_pace():
     """Slow modes of a chain of strong dampers fade by exp(-lambda t) while fast ones die at once:
     free spheres that all touch are a heat equation in steps, lambda = (2 - 2 cos pi k/n) c/m."""
     n, c = 9, 1e6
-    chain = row(n, dissipation="linear", gamma=c, free=True)
+    chain = row(n, dissipation="linear", gamma=c, flat=None)
     pressed = chain._replace(A=chain.A * 1e-6)
     v0 = SPEED * (1.0 + 0.5 * np.cos(np.pi * (np.arange(n) + 0.5) / n))
     run = dem.march_to_error(pressed, None, v0, duration=4e-6, error=1e-4, n_save=40).trajectory

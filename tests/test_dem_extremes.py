@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from dem import (
+    Flat,
+    Search,
     UnstableStep,
     Wall,
     dashpot_wall,
@@ -118,8 +120,7 @@ def test_random_chains_reach_the_error_asked_for(seed):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 24))
     radius, young = 0.0127 * 10 ** rng.uniform(-0.2, 0.2, n), 10 ** rng.uniform(9.5, 11.5, n)
-    steel = {"wall_young": 70e9, "wall_poisson": 0.3}
-    chain = row_of_spheres(radius, 7800.0, young, 0.3, **steel)
+    chain = row_of_spheres(radius, 7800.0, young, 0.3, flat=Flat(70e9, 0.3))
     v0, options = 0.3 * rng.normal(size=n), {"duration": 3e-3, "n_save": 10}
     for error in (1e-2, 1e-3, 1e-4):
         run = march_to_error(chain, rigid_wall(), v0, error=error, **options).trajectory
@@ -130,7 +131,7 @@ def test_random_chains_reach_the_error_asked_for(seed):
 def test_a_thousand_spheres_pressed_by_their_leaf_springs_come_to_rest():
     """The search once gave up on them: the wall's reaction reaches the first sphere too slowly."""
     n = 1000
-    row = row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=n, wall_young=210e9, wall_poisson=0.3)
+    row = row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=n, flat=Flat(210e9, 0.3))
     row = row._replace(
         preload=15.0, leaf_stiffness=np.full(n, 200.0), leaf_anchor=np.full(n, 1.5e-3)
     )
@@ -144,7 +145,7 @@ def pressed():
     """Spheres that leaf springs press against a wall with 15 N, as the rig's arm does."""
     return rig(
         preload=15.0, leaf_stiffness=np.full(9, 200.0), leaf_anchor=np.full(9, 1e-3),
-        wall_young=210e9, wall_poisson=0.3,
+        flat=Flat(210e9, 0.3),
     )  # fmt: skip
 
 
@@ -177,6 +178,6 @@ def test_a_search_that_gets_no_nearer_is_given_up(monkeypatch):
     with pytest.raises(UnstableStep, match="is not reached"):
         march_to_error(
             rig(), rigid_wall(), speeds(), duration=1e-3, error=1e-4, n_save=10,
-            max_evaluations=allowed,
+            search=Search(max_evaluations=allowed),
         )  # fmt: skip
     assert sum(1e-3 / dt for dt in steps) * 6 < allowed / 3

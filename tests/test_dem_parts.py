@@ -9,6 +9,7 @@ from dem import (
     Chain,
     InvalidChain,
     NoEquilibrium,
+    Search,
     UnstableStep,
     Wall,
     dashpot_wall,
@@ -359,8 +360,9 @@ def test_march_to_error_takes_any_number_of_saves(n_save):
 def test_march_to_error_says_when_it_cannot():
     with pytest.raises(UnstableStep, match="is not reached"):
         march_to_error(
-            unit_chain(5), None, speeds(5), duration=20.0, error=1e-9, max_evaluations=1e4
-        )
+            unit_chain(5), None, speeds(5), duration=20.0, error=1e-9,
+            search=Search(max_evaluations=1e4),
+        )  # fmt: skip
 
 
 @pytest.mark.parametrize(("duration", "error"), [(1e12, 1e-3), (20.0, 1e-60)])

@@ -16,6 +16,10 @@ def row(**parts):
     return dem.row_of_spheres(**{**SPHERES, **parts})
 
 
+def batch(chain, wall, v0, **how):
+    return dem.march_batch(dem.Chains(chain, wall, v0), **how)
+
+
 @pytest.mark.parametrize("bad", BAD)
 @pytest.mark.parametrize("name", ["radius", "density", "young", "poisson", "preload"])
 def test_spheres_of_no_number_are_refused(name, bad):
@@ -44,7 +48,7 @@ def test_walls_of_no_number_are_refused(wall, named, bad):
 RUNS = {
     "equilibrium": lambda chain, wall, v0: dem.equilibrium(chain, wall),
     "march": lambda chain, wall, v0: dem.march(chain, wall, v0, **TIMES),
-    "march_batch": lambda chain, wall, v0: dem.march_batch(chain, wall, v0, **TIMES),
+    "march_batch": lambda *chains: batch(*chains, **TIMES),
     "march_to_error": lambda chain, wall, v0: dem.march_to_error(
         chain, wall, v0, duration=1e-4, error=1e-3
     ),
@@ -80,8 +84,8 @@ def test_strain_refuses_what_is_no_number(bad):
 def test_results_hold_finite_numbers_alone():
     run = dem.march(row(preload=5.0), WALL, V0, **TIMES)
     assert all(np.isfinite(part).all() for part in run[:15])
-    batch = dem.march_batch(row(), WALL, V0, **TIMES)
-    assert all(np.isfinite(part).all() for part in batch[:4])
+    found = batch(row(), WALL, V0, **TIMES)
+    assert all(np.isfinite(part).all() for part in found[:4])
 
 
 MARCH = {"n_save": 5, **TIMES}
@@ -94,7 +98,7 @@ def test_times_and_counts_of_no_number_are_refused(name, bad):
     """None is a choice for n_save of march and for dt and error of a batch."""
     to_error = {"duration": 1e-4, "error": 1e-3, "n_save": 5}
     for run, options in (
-        (dem.march, MARCH), (dem.march_to_error, to_error), (dem.march_batch, MARCH),
+        (dem.march, MARCH), (dem.march_to_error, to_error), (batch, MARCH),
     ):  # fmt: skip
         if name in options and not (bad is None and name in ("n_save", "dt")):
             with pytest.raises(dem.InvalidChain, match=name):
@@ -106,7 +110,7 @@ def test_spheres_that_are_not_there_cannot_be_observed(observed):
     with pytest.raises(dem.InvalidChain, match="from 0 to 2"):
         dem.march_to_error(row(), WALL, V0, duration=1e-4, error=1e-3, observed=observed)
     with pytest.raises(dem.InvalidChain, match="from 0 to 2"):
-        dem.march_batch(row(), WALL, V0, observed=observed, **TIMES)
+        batch(row(), WALL, V0, observed=observed, **TIMES)
 
 
 def test_more_saves_than_memory_holds_are_refused():

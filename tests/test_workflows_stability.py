@@ -78,9 +78,7 @@ def test_cases_that_must_be_accurate_are_not_refused():
 
 def test_strain_is_that_of_one_hertz_contact():
     # K. L. Johnson, Contact Mechanics (1985), eqs. 4.22 and 4.24, steel on steel flat
-    chain = dem.row_of_spheres(
-        0.01, 7800.0, 210e9, 0.3, count=1, wall_young=210e9, wall_poisson=0.3
-    )
+    chain = dem.row_of_spheres(0.01, 7800.0, 210e9, 0.3, count=1, flat=dem.Flat(210e9, 0.3))
     found = dem.strain(chain, 210e9, np.array([[0.0], [100.0]]), np.array([[0.5], [-2.0]]))
     E_star = 210e9 / (2 * (1 - 0.09))
     a = (3 * 100.0 * 0.01 / (4 * E_star)) ** (1 / 3)
@@ -98,7 +96,7 @@ def test_a_run_outside_of_its_model_says_so():
 
 
 def test_a_free_pair_that_never_touches_is_not_strained():
-    chain = spheres_of(count=1, free=True)
+    chain = spheres_of(count=1, flat=None)
     found = dem.strain(chain, 210e9, np.zeros((2, 0)), np.zeros((2, 1)))
     assert dem.outside(found) == ()
 

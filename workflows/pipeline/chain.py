@@ -9,15 +9,7 @@ import dem
 from dem import spheres
 from workflows.scene import Contact, DashpotWall, OneDofWall, RigidWall, RomWall, Scene
 
-
-class Surface(NamedTuple):
-    """Material that the last sphere touches."""
-
-    young: float  # [Pa]
-    poisson: float
-
-
-STEEL = Surface(210e9, 0.3)  # what a wall's file does not say
+STEEL = dem.Flat(210e9, 0.3)  # what a wall's file does not say
 
 
 class Start(NamedTuple):
@@ -35,16 +27,13 @@ def start(scene: Scene) -> Start:
 def chain(scene: Scene) -> dem.Chain:
     """The spheres, their contacts and what holds them."""
     c, contact, leaf = scene.chain, scene.contact, scene.leaf_springs
-    touched = Surface(np.inf, 0.0) if scene.wall is None else surface(scene)
     row = dem.row_of_spheres(
         c.radius,
         c.density,
         c.young,
         c.poisson,
         count=c.count,
-        wall_young=touched.young,
-        wall_poisson=touched.poisson,
-        free=scene.wall is None,
+        flat=None if scene.wall is None else surface(scene),
         stiffness_factor=np.asarray(contact.stiffness_factor),
         **dissipation(contact),
         leaf_stiffness=np.asarray(leaf.stiffness) if leaf else None,
@@ -80,14 +69,14 @@ def initial_velocity(scene: Scene) -> np.ndarray:
     return np.array([scene.striker.velocity] + [0.0] * (scene.chain.count - 1))
 
 
-def surface(scene: Scene) -> Surface:
+def surface(scene: Scene) -> dem.Flat:
     """The wall's material at the contact; a rigid wall has an infinite modulus."""
     if isinstance(scene.wall, RigidWall):
-        return Surface(np.inf, 0.0)
+        return dem.RIGID
     wall = scene.wall
     if isinstance(wall, RomWall) and wall.file is None:
         wall = scene.struck_material
-    return Surface(
+    return dem.Flat(
         STEEL.young if wall.young is None else wall.young,
         STEEL.poisson if wall.poisson is None else wall.poisson,
     )
@@ -119,5 +108,5 @@ def contact_radius(scene: Scene, row: dem.Chain, force: float) -> float:
         )
     touched, own = surface(scene), scene.chain
     E, nu = (np.atleast_1d(value)[-1] for value in (own.young, own.poisson))
-    E_star = spheres.contact_modulus(E, nu, touched.young, touched.poisson)
+    E_star = spheres.contact_modulus(E, nu, *touched)
     return float(spheres.contact_radius(force, row.radius[-1], E_star))

@@ -33,9 +33,7 @@ class Population(NamedTuple):
         """The first n_chains, or all."""
         case = self.case
         return dem.march_batch(
-            case.chain._replace(A=self.A[:n_chains]),
-            case.wall,
-            case.v0,
+            dem.Chains(case.chain._replace(A=self.A[:n_chains]), case.wall, case.v0),
             duration=case.duration,
             dt=dt,
             observed=case.observed,

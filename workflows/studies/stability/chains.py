@@ -14,13 +14,13 @@ from workflows.studies.stability.verdicts import Outcome, Trial
 
 ERROR = 1e-4
 RIG = {"radius": 0.0127, "density": 7800.0, "young": 210e9, "poisson": 0.3}
-STEEL = {"wall_young": 210e9, "wall_poisson": 0.3}
+STEEL = dem.Flat(210e9, 0.3)
 SPEED, N = 0.31, 9
 
 
 def spheres_of(**changes) -> dem.Chain:
     """The rig's spheres, nine unless a count or arrays are given, at a flat of steel."""
-    given = {**RIG, **STEEL, **changes}
+    given = {**RIG, "flat": STEEL, **changes}
     if not any(np.ndim(given[name]) for name in RIG):
         given.setdefault("count", N)
     return dem.row_of_spheres(**given)
@@ -44,7 +44,9 @@ def settled(
     """A run to an error, its true error against a finer one, and where it left the model."""
     run = dem.march_to_error(
         chain, wall, v0, duration=duration, error=error, n_save=n_save,
-        max_evaluations=1e9 / (chain.mass.size + (0 if wall is None else wall.omega.size)),
+        search=dem.Search(
+            max_evaluations=1e9 / (chain.mass.size + (0 if wall is None else wall.omega.size))
+        ),
     ).trajectory  # fmt: skip
     scale = float(np.abs(v0).max()) or 1.0
     off = float(np.abs(finer(chain, wall, v0, run).v - run.v).max()) / scale
@@ -84,7 +86,7 @@ def young() -> Iterator[Trial]:
 
 
 def _material(E: float) -> Outcome:
-    return _run(spheres_of(young=E, wall_young=E), struck(), young=E)
+    return _run(spheres_of(young=E, flat=dem.Flat(E, 0.3)), struck(), young=E)
 
 
 def unlike_materials() -> Iterator[Trial]:

@@ -70,7 +70,7 @@ def time_reversal() -> Iterator[Trial]:
 
 def _there_and_back(chain_of, wall: dem.Wall | None) -> Outcome:
     """What is missing from the start."""
-    chain, v0 = chain_of(free=True) if wall is None else chain_of(), struck()
+    chain, v0 = chain_of(flat=None) if wall is None else chain_of(), struck()
     options = {"duration": 1e-3, "dt": 5e-7, "scheme": "rkn6"}
     there = dem.march(chain, wall, v0, **options)
     back = dem.march(chain, wall, v0, state=there.final.reversed(), **options)

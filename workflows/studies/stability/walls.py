@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 import dem
-from workflows.studies.stability.chains import RIG, SPEED, N, settled, spheres_of, struck
+from workflows.studies.stability.chains import SPEED, N, settled, spheres_of, struck
 from workflows.studies.stability.verdicts import Outcome, Trial
 
 DURATION = 1e-3
@@ -28,8 +28,7 @@ def _modes(frequency, phi, zeta: float = 0.0) -> dem.Wall:
 
 
 def _before(wall: dem.Wall) -> Outcome:
-    steel = {"wall_young": RIG["young"], "wall_poisson": RIG["poisson"]}
-    return settled(spheres_of(**steel), wall, struck(), DURATION)
+    return settled(spheres_of(), wall, struck(), DURATION)
 
 
 def one_dof_wall() -> Iterator[Trial]:

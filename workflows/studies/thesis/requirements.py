@@ -11,12 +11,12 @@ FEWEST = 5  # spheres that make a wave
 SPHERES = (1, 4, 14)  # observed unless the scene says otherwise
 
 
-def bare(scene: Scene, **wall: float) -> dem.Chain:
-    """The scene's spheres alone against a flat of wall_young, wall_poisson (default: its own)."""
+def bare(scene: Scene, flat: dem.Flat | None = None) -> dem.Chain:
+    """The scene's spheres alone against a flat, of their own material unless another is given."""
     row = scene.chain
-    own = {"wall_young": last(row.young), "wall_poisson": last(row.poisson)}
+    flat = flat or dem.Flat(last(row.young), last(row.poisson))
     return dem.row_of_spheres(
-        row.radius, row.density, row.young, row.poisson, count=row.count, **own | wall
+        row.radius, row.density, row.young, row.poisson, count=row.count, flat=flat
     )
 
 

@@ -91,7 +91,7 @@ def _of_mass(scene: Scene, ratio: float) -> Heavy:
     row = scene.chain
     chain = dem.row_of_spheres(
         *(float(np.atleast_1d(v)[0]) for v in (row.radius, row.density, row.young, row.poisson)),
-        count=LENGTH, free=True,
+        count=LENGTH, flat=None,
     )  # fmt: skip
     chain.mass[0] *= ratio
     speed = float(np.abs(initial_velocity(scene)).max())

@@ -93,7 +93,7 @@ def _numbers(cases: list[Case]) -> dict[str, Any]:
 
 def _case(scene: Scene, ratio: float, spheres: tuple[int, ...]) -> Case:
     young, nu = ratio * last(scene.chain.young), last(scene.chain.poisson)
-    row, v0 = bare(scene, wall_young=young, wall_poisson=nu), initial_velocity(scene)
+    row, v0 = bare(scene, dem.Flat(young, nu)), initial_velocity(scene)
     unit = time_scale(row.mass[-1], row.A[-1], np.abs(v0).max())
     free = time_scale(row.mass[0], row.A[0], np.abs(v0).max())
     duration = 2.6 * len(row.mass) * free + 12 * unit
