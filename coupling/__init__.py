@@ -1,3 +1,34 @@
+"""A reduced model as the wall of a chain, and the coupled run. SI units.
+
+    wall_of    rom.ReducedModel -> dem.Wall: its modes and the residual compliance
+    impact     (chain, wall, v0, duration=..., error=...): judged, then marched
+    prune      the same wall without the modes that do not matter
+    rayleigh, ModalDamping, RayleighDamping    damping for wall_of
+    verdict    whether chain and wall can work together, in sentences
+    infinite_plate    a thin plate as a dashpot;  coupling.calibration: chains fitted to signals
+
+A wall by hand has three things that are easily left out, each some percent of the force:
+
+1. The residual compliance. Modes left out of a wall answer statically. `wall_of` puts them into an
+   oscillator of the same static compliance, and sets Wall.residual_compliance to minus the
+   compliance of the half-space under the patch, `ReducedModel.contact.half_space`: K holds it, and
+   Hertz' law holds it once more.
+2. The preload. `Chain.preload` [N] presses the last sphere to the wall; the run starts from the
+   state of rest of chain and wall under it. A scene's [preload] mass is the arm's: it is added to
+   chain.mass[-1].
+3. The surface. `flat` of dem.row_of_spheres is what the body struck is made of; without it the
+   flat is rigid.
+
+    row = dem.row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=17, preload=15.0,
+                             flat=dem.Flat(210e9, 0.3))
+    row.mass[-1] += 0.134
+    wall = coupling.wall_of(reduced)
+    found = coupling.impact(row, wall, [0.31] + 16 * [0.0], duration=3e-3, error=1e-4)
+    found.trajectory.contact_force[:, -1].max()
+
+`beadwave.impact(scene, rom=reduced)` does all of it.
+"""
+
 from coupling.coupled_march import (
     EnergyGain,
     energy_gain,
@@ -24,6 +55,7 @@ from coupling.plate import (
 from coupling.pruning import LeftOut, Pruning, mode_costs, prune
 from coupling.radiation import radiated_energy
 from coupling.verdict import Verdict, largest_monotone_force, predicted_peak_force, verdict
+from coupling.wall import wall_of
 
 __all__ = [
     "CoupledWall",
@@ -52,5 +84,6 @@ __all__ = [
     "rayleigh",
     "slenderness",
     "verdict",
+    "wall_of",
     "with_coupled_error",
 ]

@@ -1,3 +1,24 @@
+"""Chains of spheres and what they lean on: contact laws, integrators, energy, waves. SI units.
+
+    row_of_spheres   Chain from radius [m], density [kg/m^3], young [Pa], poisson; `preload` [N],
+                     `leaf_stiffness` [N/m], `gamma` and `dissipation` of the contacts
+    rigid_wall, one_dof_wall, dashpot_wall, plate_wall    walls;  a Wall is n modes and a spring
+    march_to_error   the run to a velocity error;  march: at a step dt [s]
+    stability_limit  the longest step [s];  equilibrium: the state of rest under preload
+    dem.waves        arrivals, tracks and names of solitary waves
+
+Velocities and forces are positive towards the wall; sphere 1 is the striker. A Wall has omega (n,)
+[rad/s], zeta (n,), phi (n,) [kg^-1/2] and residual_compliance [m/N], a massless spring in series
+with the contact; `coupling.wall_of` makes one of a reduced model.
+
+>>> import numpy as np
+>>> chain = row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=5)
+>>> v0 = np.array([0.3, 0.0, 0.0, 0.0, 0.0])  # m/s
+>>> found = march_to_error(chain, rigid_wall(), v0, duration=5e-4, error=1e-4)
+>>> f"{found.trajectory.contact_force.max():.0f} N"
+'732 N'
+"""
+
 from dem.batch import Batch, Chains, march_batch
 from dem.chain import (
     RIGID,

@@ -1,3 +1,22 @@
+"""Finite elements of an assembly: K and M, ties and joints, contact, modes. SI units.
+
+    assemble        meshes and materials by body -> Structure with K [N/m], M [kg]
+    joined          Structure and Connections (ties, joints, held faces) -> Model with K, M
+    contact_patch   w (n,) of a disc on a face: u_w = w @ u [m] is read, w F [N] is the load
+    half_space_on_mesh   compliance [m/N] of the patch on a half-space, which Hertz' law holds too
+    modes           omega (k,) [rad/s], phi (n, k) mass-normalised, by eigsh
+    receptance      H(f) [m/N] by direct solution;  mac, pair: modes beside measured ones
+    factorised      factor of a sparse symmetric matrix, the fastest that is installed
+
+u are the free displacements of a Model, u_mesh = model.T @ u, node after node x, y, z.
+
+    structure = fem.assemble({"block": mesh}, {"block": fem.Material(210e9, 0.3, 7850.0)})
+    model = fem.joined(structure, fem.Connections(held=[fem.Held("block:back")]))
+    hz = fem.modes(model.K, model.M, 10).frequency_hz
+
+See examples/own_mesh.py, from a mesh of one's own to an impact.
+"""
+
 from fem.contact_patch import (
     ContactPatch,
     contact_patch,

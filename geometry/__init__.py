@@ -1,3 +1,17 @@
+"""Shapes, bodies and where they touch, meshes. Lengths in m.
+
+    boxes, interfaces      bodies of the thesis' rig (an `Assembly` of dimensions), and their faces
+    hex_mesh, plate_mesh   hexahedra of the rig, and of a plate refined at a point
+    geometry.cad           STEP files in and out; geometry.prism, geometry.shapes: bodies drawn
+    geometry.body_mesh     bodies of any assembly meshed, faces that touch imprinted on each other
+
+A mesh is a `skfem.Mesh` with named boundaries, a face is told as "body:face". Raises
+InvalidGeometry, one sentence, for dimensions that nobody can build.
+
+>>> float(boxes(Assembly())["block"].upper[0])  # m, half of its 131.5 mm along the chain
+0.06575
+"""
+
 from geometry.assembly import (
     PARTS,
     Assembly,

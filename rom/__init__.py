@@ -1,3 +1,23 @@
+"""Reduced models: K, M, C, w in, smaller ones out. SI units.
+
+    free_modes       (K, M, w, Selection(n_modes=40)): free modes + the residual vector K^-1 w
+    craig_bampton    (K, M, w, boundary, Selection(...)): boundary dofs + fixed-interface modes
+    full_order       the unreduced structure as a ReducedModel, up to 5000 unknowns
+    modal            ModalWall: omega (k,) [rad/s], phi (k,) = w @ mode [kg^-1/2]
+    receptance       w^T (K - omega^2 M + i omega C)^-1 w [m/N] at frequencies [Hz]
+    static_compliance, health, effective_mass   what a reduced model is like
+    save_npz, save_mat, save_h5, load_npz, load_mat, load_h5, load_mtx   files
+
+A ReducedModel holds K (r, r) [N/m], M (r, r) [kg], C (r, r) [N s/m] or None, and w (r,): the wall
+is read as u_w = w @ q [m] and loaded by w F. `contact.half_space` [m/N] is the compliance of the
+patch on a half-space: it is still in K, and `coupling.wall_of` takes it off.
+
+>>> import numpy as np
+>>> reduced = full_order(np.array([[4e6]]), np.array([[0.1]]), [1.0])
+>>> f"{static_compliance(reduced):.2e} m/N"
+'2.50e-07 m/N'
+"""
+
 from rom.craig_bampton import craig_bampton
 from rom.exchange import load_h5, load_mat, load_npz, save_full, save_h5, save_mat, save_npz
 from rom.factorisation import Factor, Factorise, ReductionError, superlu

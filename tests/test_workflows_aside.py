@@ -36,7 +36,7 @@ def two(monkeypatch, tmp_path):
 
 def ran(rig, folder):
     """Trajectory and the stages of a run, by name."""
-    summary = impact(rig, RunFolder(folder), progress=lambda name: nullcontext())
+    summary = impact(pipeline_of(rig, lambda name: nullcontext()), RunFolder(folder))
     with np.load(folder / "trajectory.npz") as held:
         return dict(held), {stage.name: stage for stage in summary.stages}
 

@@ -5,8 +5,6 @@ The rig is a chain of six spheres, its data marched by the engine; all of it syn
 
 import numpy as np
 import pytest
-import typer
-from rich.text import Text
 from typer.testing import CliRunner
 
 from coupling.calibration.search import decisive
@@ -338,14 +336,6 @@ def test_a_folder_that_holds_the_scene_or_the_data_is_not_overwritten(tmp_path, 
         done = CliRunner().invoke(cli.app, ["calibrate", *source, "--out", "."])
         assert isinstance(done.exception, InvalidScene)
         assert "would overwrite" in str(done.exception)
-
-
-def test_help_keeps_its_units():
-    """The help is markup, which takes a bracketed word for a style unless it begins capital."""
-    for command in typer.main.get_command(cli.app).commands.values():
-        for text in (command.help, *(getattr(p, "help", None) for p in command.params)):
-            meant = (text or "").replace(r"\[", "[")  # escaped for the markup
-            assert Text.from_markup(text or "").plain == meant, text
 
 
 def test_noise_does_not_lead_beside_the_answer():

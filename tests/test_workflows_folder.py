@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rom
+from workflows.assembly.hammer import HammerTest
 from workflows.commands import app as cli
 from workflows.files.run_folder import MARKER, RunFolder, checked_file, own_folder, writing_file
 from workflows.files.scene import scene_text
@@ -347,7 +348,7 @@ def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
     monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
     monkeypatch.setattr("workflows.assembly.hammer.hammer_test", None)
     monkeypatch.setattr("workflows.assembly.hammer.applied", lambda chosen, *_: (chosen, {1: 50.0}))
-    monkeypatch.setattr("workflows.assembly.hammer.hammer_test", lambda *_: None)
+    monkeypatch.setattr("workflows.assembly.hammer.hammer_test", lambda *_: HammerTest(None, None))
     Path("d").mkdir()
     own = "rig-1dof" if arguments[0] == "twin" else "rig-rom"
     for name in ("mine.toml", "mine.npz", "mine.step", "mine.csv", "mine.uff", "d/scene.toml",

@@ -79,7 +79,7 @@ def test_the_structure_under_a_node_is_that_under_a_patch():
 
 def test_the_scheme_of_the_thesis_runs_with_a_warning_and_its_gain(tmp_path):
     thesis = scene("rig-rom", (*COARSE, "patch.weights=thesis"))
-    summary = run(thesis, RunFolder(tmp_path), progress=lambda name: nullcontext())
+    summary = run(pipeline_of(thesis, lambda name: nullcontext()), RunFolder(tmp_path))
     assert any("not passive" in sentence for sentence in summary.warnings)
     assert any("largest gain" in sentence for sentence in summary.warnings)
     assert summary.energy_error > 1e-4  # 1e-10 with one functional
@@ -116,7 +116,8 @@ def test_pruning_leaves_out_modes_within_the_error(tmp_path):
 
 
 def test_the_summary_holds_the_health_of_the_reduction(tmp_path):
-    summary = run(scene("rig-rom", COARSE), RunFolder(tmp_path), progress=lambda n: nullcontext())
+    rig = pipeline_of(scene("rig-rom", COARSE), lambda name: nullcontext())
+    summary = run(rig, RunFolder(tmp_path))
     health = summary.reduction
     assert health.coordinates == 61 and health.rigid_modes == 0
     assert health.asymmetry < 1e-12 and not health.findings

@@ -19,7 +19,7 @@ from workflows.files.scene import scene
 from workflows.files.wall import loaded
 from workflows.pipeline.chain import surface
 from workflows.pipeline.chain import wall as wall_of
-from workflows.pipeline.pipeline import Pipeline
+from workflows.pipeline.pipeline import Pipeline, pipeline_of
 from workflows.pipeline.run import impact
 from workflows.pipeline.warnings import unusual_wall_file
 from workflows.scene import InvalidScene
@@ -230,7 +230,7 @@ def test_a_run_solves_for_the_modes_of_a_file_once(tmp_path, monkeypatch, ground
     np.savez(tmp_path / "wall.npz", K=K + ground * ends, M=M, w=np.eye(6)[0])
     with pytest.raises(InvalidScene, match="indefinite") if ground < -2e8 else nullcontext():
         chosen = scene("rig-rigid", (*RUN, f"wall.file={tmp_path / 'wall.npz'}"))
-        impact(chosen, None, progress=lambda name: nullcontext())
+        impact(pipeline_of(chosen, lambda name: nullcontext()), None)
     assert solved == [6]
 
 

@@ -46,17 +46,22 @@ def _shapes(scene: Scene) -> dict:
 def write_reduced(pipeline: Pipeline, path: Path, matrices: Path | None = None) -> None:
     """Write the reduced model, and to `matrices` the model it is made of; raises InvalidScene for
     an unknown ending."""
-    if path.suffix not in FORMATS:
-        raise InvalidScene(f"--out {path} must end in one of {', '.join(FORMATS)}.")
-    if matrices and matrices.suffix not in FULL_FORMATS:
-        raise InvalidScene(f"--matrices {matrices} must end in {' or '.join(FULL_FORMATS)}.")
-    require_reader(path)
+    require_formats(path, matrices)
     reduced = pipeline("reduction")
     with writing_file(path) as part:
         save(part, reduced, pipeline.scene.damping)
     if matrices:
         with writing_file(matrices) as part:
             rom.save_full(part, full_matrices(pipeline))
+
+
+def require_formats(path: Path, matrices: Path | None) -> None:
+    """Raise InvalidScene for endings that no format has, or that nothing here writes."""
+    if path.suffix not in FORMATS:
+        raise InvalidScene(f"--out {path} must end in one of {', '.join(FORMATS)}.")
+    if matrices and matrices.suffix not in FULL_FORMATS:
+        raise InvalidScene(f"--matrices {matrices} must end in {' or '.join(FULL_FORMATS)}.")
+    require_reader(path)
 
 
 def full_matrices(pipeline: Pipeline) -> dict:

@@ -1,6 +1,7 @@
 """A hammer test: responses -> frequencies and damping by two methods -> the model's modes."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
@@ -10,8 +11,11 @@ from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_n
 from fem.identification import MeasuredMode, measured_modes
 from workflows.assembly.tuning import targets
 from workflows.files.hammer import SYNTHETIC, Responses, responses
+from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Pipeline
 from workflows.pipeline.wall import damping_law
+from workflows.results import plots
+from workflows.results.plots import Line, Panel
 from workflows.scene import InvalidScene, ModalDamping, Scene
 
 VIRTUAL_LINES = np.arange(10.0, 10_000.0, 0.2)  # [Hz]
@@ -59,7 +63,14 @@ def _line(row: HammerRow) -> str:
     return "\n".join([f"{line}  {'; '.join(row.remarks)}".rstrip()])
 
 
-def hammer_test(path: Path, expected_hz: dict[int, float]) -> HammerReport:
+class HammerTest(NamedTuple):
+    """What a file holds and what was found in it."""
+
+    report: HammerReport
+    responses: Responses
+
+
+def hammer_test(path: Path, expected_hz: dict[int, float]) -> HammerTest:
     """Read, identify and pair with modes expected near `expected_hz` {mode: Hz}."""
     test = responses(path)
     try:
@@ -74,7 +85,34 @@ def hammer_test(path: Path, expected_hz: dict[int, float]) -> HammerReport:
         raise InvalidScene(f"{path} has no peaks; give responses that reach a resonance.")
     mode = nearest_modes([m.frequency_hz for m in found], expected_hz)
     rows = [_row(m, mode.get(i)) for i, m in enumerate(found)]
-    return HammerReport(file=str(path), title=test.title, rows=rows)
+    return HammerTest(HammerReport(file=str(path), title=test.title, rows=rows), test)
+
+
+def picture(test: HammerTest) -> Picture:
+    """The responses over frequency, resonances marked, those of the model's modes by number."""
+    f, H = test.responses.frequency_hz, test.responses.H
+    positive = f > 0
+    lines = [
+        Line(f"response {i}", f[positive], np.abs(h[positive]), "-", width=0.9)
+        for i, h in enumerate(H, start=1)
+    ]
+    marked = [
+        Line(None, np.full(2, row.frequency_hz), _span(H), ":", "0.5", 0.8)
+        for row in test.report.rows
+    ]
+    panel = Panel(test.report.title, "frequency [Hz]", "response", [*marked, *lines], "xy")
+    figure, (axis,) = plots.drawn([panel], size=(8, 4.2))
+    for row in test.report.rows:
+        axis.annotate(
+            f"{row.mode}" if row.mode else "", (row.frequency_hz, _span(H)[1]), (0, 2),
+            textcoords="offset points", ha="center", fontsize=8,
+        )  # fmt: skip
+    return Picture("hammer", plots.png(figure))
+
+
+def _span(H: np.ndarray) -> np.ndarray:
+    size = np.abs(H[H != 0])
+    return np.array([size.min(), size.max()]) if size.size else np.array([1.0, 1.0])
 
 
 def _row(found: MeasuredMode, mode: int | None) -> HammerRow:

@@ -14,8 +14,6 @@ TWIN_FILES = (*FILES, "data.csv", "coverage.json")
 def write(found, folder: RunFolder) -> None:
     """scene.toml, parameters.csv, signals.csv, report.json and figures/ into a folder, and what
     samples there are."""
-    from workflows.calibration.figures import pictures
-
     report = found.report
     folder.write("scene.toml", _scene_text(found))
     folder.write("report.json", report.model_dump_json(indent=1) + "\n")
@@ -24,8 +22,15 @@ def write(found, folder: RunFolder) -> None:
     if found.posterior is not None and report.posterior.long_enough:
         with folder.writing("posterior.npz") as part:
             np.savez_compressed(part, **_samples(found))
-    drawn = pictures(found.fit, found.signals.t, report, found.posterior)
-    write_pictures(folder, tuple(Picture(name, png) for name, png in drawn.items()))
+    write_pictures(folder, drawn(found))
+
+
+def drawn(found) -> tuple[Picture, ...]:
+    """Signals, parameters, correlation, and the scan and posterior where there are any."""
+    from workflows.calibration.figures import pictures
+
+    each = pictures(found.fit, found.signals.t, found.report, found.posterior)
+    return tuple(Picture(name, png) for name, png in each.items())
 
 
 def write_data(folder: RunFolder, data: Record, covered) -> None:

@@ -1,15 +1,13 @@
 """The `beadwave` command.
 
 Exit status 0 = done, 1 = the computation failed and says why, 2 = bad input; 130 = interrupted.
-Solvers and plotting are imported by the stage that runs them, so that a command pays only for
-what its scene holds.
+What computes is imported by the command that runs, so that each pays only for what it needs.
 """
 
 import sys
 from collections.abc import Callable
 from errno import EDQUOT, EFBIG, ENAMETOOLONG, ENOSPC
 from functools import wraps
-from json import dumps
 from os import environ
 from pathlib import Path
 from typing import Annotated
@@ -18,28 +16,48 @@ import typer
 
 from workflows.commands.assembly import hammer, look, modes, reduce, tune_joints
 from workflows.commands.calibration import calibrate, twin
-from workflows.commands.options import Changes, Json, JsonFiles, Overwrite, SceneName, json_of
+from workflows.commands.examples import EXAMPLES
+from workflows.commands.options import (
+    Changes,
+    Json,
+    JsonFiles,
+    Overwrite,
+    Quiet,
+    SceneName,
+    json_of,
+    scene_names,
+)
 from workflows.commands.signals import Stopped, stopped_by
 from workflows.commands.studies import accuracy, run_study, stability
-from workflows.commands.terminal import StageProgress, printed, told, written
-from workflows.files.run_folder import RunFolder, other_scene, own_folder
-from workflows.files.scene import built_in, files_read, scene_text, tables
-from workflows.files.scene import scene as load
-from workflows.scene import InvalidScene, Scene
-from workflows.scene.parts import with_chain
-from workflows.scene.toml import toml
+from workflows.commands.terminal import StageProgress, noted, printed, shown, told, written
 
 INTERRUPTED = 130
 LONGEST = 200  # characters of a path in a sentence
-RUNS = Path("runs")  # of runs without --out
 
 app = typer.Typer(
     name="beadwave",
-    help="A chain of steel spheres hits a bolted steel assembly: from geometry to impact.",
     no_args_is_help=True,
-    add_completion=False,
+    rich_markup_mode=None,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"beadwave {version('beadwave')}")
+        raise typer.Exit
+
+
+@app.callback(epilog="In Python: import beadwave; help(beadwave). What is missing: beadwave doctor")
+def beadwave(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="The version.")
+    ] = False,
+) -> None:
+    """A chain of spheres hits a structure: from geometry to the solitary waves that come back."""
 
 
 def run(
@@ -47,33 +65,24 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Run folder; default runs/NAME.")] = None,
     changes: Changes = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Run every stage that the scene needs and fill a run folder."""
-    chosen = load(scene, tuple(changes or ()))
-    from workflows.pipeline.run import run as run_stages  # a scene that is refused loads no solver
+    from workflows.api.impacts import run as run_stages
 
-    path = out or own_folder(RUNS, chosen.name, toml(chosen))
-    folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
-    note = _replaced(path, chosen) if out else _beside(path, chosen)
-    with StageProgress(sys.stderr) as progress:
-        summary = run_stages(chosen, folder, progress=progress.stage)
-    printed(summary, json)
-    typer.echo(note, nl=False, err=True)
-    if not json:
-        typer.echo(f"written: {path}/report.html")
+    with StageProgress(f"run {scene}", quiet=quiet) as progress:
+        done = run_stages(
+            scene, changes or (), out=out, overwrite=overwrite, progress=progress.stage
+        )
+    printed(done.summary, json, quiet)
+    _warn(done.notes)
+    noted(f"written: {done.folder}/report.html", json=json, quiet=quiet)
 
 
-def _replaced(path: Path, chosen: Scene) -> str:
-    """What a run takes the place of, a line or nothing."""
-    other = other_scene(path, toml(chosen))
-    return f"replaced: the run of another scene, {other}, in {path}\n" if other else ""
-
-
-def _beside(path: Path, chosen: Scene) -> str:
-    """Why a run is not where its name says, a line or nothing."""
-    usual = RUNS / chosen.name
-    return f"{usual} is left as it is: it holds another scene\n" if path != usual else ""
+def _warn(notes: tuple[str, ...]) -> None:
+    for note in notes:
+        print(note, file=sys.stderr)
 
 
 def impact(
@@ -81,63 +90,80 @@ def impact(
     rom: Annotated[
         Path | None, typer.Option(help="A reduced model (.npz, .mat, .h5) as the wall.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Run folder to write.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for scene.toml, summary.json and trajectory.npz.")
+    ] = None,
     changes: Changes = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """The coupled run alone."""
-    wall = (f'wall={{kind = "rom", file = {dumps(str(rom.absolute()))}}}',) if rom else ()
-    chosen = with_chain(load(scene, (*wall, *(changes or ()))))
-    from workflows.pipeline.run import impact as run_impact
+    """The coupled run alone, without pictures and report."""
+    from workflows.api.impacts import impact as run_impact
 
-    inputs = files_read(chosen, scene)
-    folder = RunFolder(out, inputs=inputs, overwrite=overwrite) if out else None
-    note = _replaced(out, chosen) if out else ""
-    with StageProgress(sys.stderr) as progress:
-        summary = run_impact(chosen, folder, progress=progress.stage)
-    printed(summary, json)
-    typer.echo(note, nl=False, err=True)
+    with StageProgress(f"impact {scene}", quiet=quiet) as progress:
+        done = run_impact(
+            scene, changes or (), rom=rom, out=out, overwrite=overwrite, progress=progress.stage
+        )
+    printed(done.summary, json, quiet)
+    _warn(done.notes)
+    if out:
+        noted(f"written: {out}/trajectory.npz", json=json, quiet=quiet)
 
 
 def scenes(json: json_of("{scenes: [{name, shows}]}") = False) -> None:
     """Built-in scenes, a line each."""
-    shown = {name: text.splitlines()[0].removeprefix("# ") for name, text in built_in().items()}
-    rows = [{"name": name, "shows": line} for name, line in shown.items()]
-    lines = "\n".join(f"{name:16}{line}" for name, line in shown.items())
+    from workflows.api.scenes import scenes as built_in
+
+    known = built_in()
+    rows = [{"name": name, "shows": line} for name, line in known.items()]
+    lines = "\n".join(f"{name:16}{line}" for name, line in known.items())
     told({"scenes": rows}, lines, json)
 
 
 def scene(
-    name: Annotated[str, typer.Argument(help="A built-in scene.")],
+    name: Annotated[str, typer.Argument(help="A built-in scene.", autocompletion=scene_names)],
     json: json_of("its tables as written; inf and nan as text") = False,
 ) -> None:
     """Print a scene as commented TOML."""
+    from workflows.files.scene import scene_text, tables
+
     if json:
         told(tables(name), "", json)
     else:
-        typer.echo(scene_text(name).text, nl=False)
+        print(scene_text(name).text, end="")
 
 
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")],
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
     json: JsonFiles = False,
 ) -> None:
     """Write report.html of a run folder."""
+    from workflows.files.run_folder import RunFolder
     from workflows.results.report import require_summary, write_report
 
     require_summary(folder)
     with RunFolder(folder, overwrite=overwrite).held("report.html") as held:
         page = write_report(held)
-    written([page], json)
+    written([page], json, quiet)
+
+
+def doctor(
+    json: json_of("{installed, missing: [{name, costs, remedy}], cache, ...}") = False,
+) -> None:
+    """What is installed, what is missing, what that costs."""
+    from workflows.api.doctor import doctor as examine
+
+    shown(examine(), json)
 
 
 COMMANDS = {
     "run": run, "scenes": scenes, "scene": scene, "look": look, "modes": modes, "tune": tune_joints,
     "hammer": hammer, "reduce": reduce, "impact": impact, "accuracy": accuracy,
     "stability": stability, "study": run_study, "calibrate": calibrate, "twin": twin,
-    "report": report,
+    "report": report, "doctor": doctor,
 }  # fmt: skip
 
 
@@ -155,7 +181,8 @@ def _without_end_of_file(command: Callable) -> Callable:
 
 
 for name, command in COMMANDS.items():
-    app.command(name=name)(_without_end_of_file(command))
+    examples = "\b\nExamples:\n" + "\n".join(f"  beadwave {line}" for line in EXAMPLES[name])
+    app.command(name=name, epilog=examples)(_without_end_of_file(command))
 
 
 def main() -> None:
@@ -174,24 +201,41 @@ def _status(command) -> int:
         status = command(standalone_mode=False) or 0  # typer turns Ctrl-C into a silent 130
     except (KeyboardInterrupt, typer.Abort):
         status = INTERRUPTED
-    except InvalidScene as error:
-        return _failed(2, str(error))
     except BrokenPipeError:
         return 1
     except Exception as error:
         if number := stopped_by(error):
             raise Stopped(number) from error
-        # typer keeps its own copy of click, so a usage error is told by what it can do
-        if hasattr(error, "format_message"):
-            return _failed(2, (error.format_message() or "say which command").rstrip(".") + ".")
-        if environ.get("BEADWAVE_DEBUG"):
-            raise
-        named_too_long = isinstance(error, OSError) and error.errno == ENAMETOOLONG
-        return _failed(2 if named_too_long else 1, _sentence(error))
+        return _told(error)
 
     if status == INTERRUPTED:
         return _failed(130, "interrupted; finished stages are kept, the same command goes on.")
     return status
+
+
+def _told(error: Exception) -> int:
+    # typer keeps its own copy of click, so a usage error is told by what it can do
+    if hasattr(error, "format_message"):
+        return _failed(2, _usage(error))
+    from workflows.scene import InvalidScene
+
+    if isinstance(error, InvalidScene):
+        return _failed(2, str(error))
+    if environ.get("BEADWAVE_DEBUG"):
+        raise error
+    named_too_long = isinstance(error, OSError) and error.errno == ENAMETOOLONG
+    return _failed(2 if named_too_long else 1, _sentence(error))
+
+
+def _usage(error) -> str:
+    """What is wrong with the command line, and what was probably meant."""
+    said = (error.format_message() or "say which command").rstrip(".?!)")
+    word = said.split("'")[1] if said.startswith("No such command") else None
+    if word and "Did you mean" not in said:
+        from workflows.scene import nearest
+
+        return f"{said}; {nearest(word, COMMANDS)}."
+    return f"{said})." if said.count("(") > said.count(")") else f"{said}."
 
 
 def _sentence(error: Exception) -> str:

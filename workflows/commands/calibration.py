@@ -1,19 +1,12 @@
 """`beadwave calibrate` and `beadwave twin`."""
 
-import sys
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from workflows.commands.options import Changes, Overwrite, json_of
-from workflows.commands.terminal import StageProgress
-from workflows.files.run_folder import RunFolder
-from workflows.files.scene import files_read
-from workflows.files.scene import scene as load
-from workflows.scene import InvalidScene
-from workflows.scene.parts import with_chain
+from workflows.commands.options import Changes, Overwrite, Quiet, json_of, scene_names
+from workflows.commands.terminal import StageProgress, noted
 
 Free = Annotated[
     str | None,
@@ -62,7 +55,12 @@ Starts = Annotated[
 
 
 def calibrate(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene or a file.")],
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE", help="A built-in scene or a file.", autocompletion=scene_names
+        ),
+    ],
     data: Annotated[
         Path, typer.Argument(metavar="DATA", help="Velocities: .csv, .mat or .uff, with units.")
     ],
@@ -89,36 +87,30 @@ def calibrate(
     out: Out = None,
     changes: Changes = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Contact stiffnesses and wall parameters fitted to measured velocities."""
-    _possible(posterior, two_stage)
-    from workflows.calibration.calibrate import Request, calibrated
-    from workflows.calibration.folder import FILES, write
-    from workflows.files.velocities import record
-    from workflows.pipeline.pipeline import pipeline_of
+    """Fit contacts and wall to measured velocities."""
+    from workflows.api.measurements import calibrate as fitted
 
-    chosen = with_chain(load(scene, tuple(changes or ())))
-    measured = record(data)
-    request = Request(
-        free, bounds, trigger, band, instrument, _spheres(hold_out), two_stage, _positive(starts),
-        _seed(seed), _scan(scan),
-    )  # fmt: skip
-    folder = _folder(out, (*files_read(chosen, scene), data), overwrite)
-    with _held(folder, FILES), StageProgress(sys.stderr) as progress:
-        wall = pipeline_of(chosen, progress.stage)("wall")
-        with progress.stage("calibration"):
-            found = calibrated(chosen, wall, measured, data.name, request)
-        found = _sampled(found, posterior, seed, progress)
-        if folder:
-            write(found, folder)
-    _told(found, out, json)
+    with StageProgress(f"calibrate {scene}", quiet=quiet) as progress:
+        found = fitted(
+            scene, data, changes or (), free=free, bounds=bounds, trigger=trigger, band=band,
+            instrument=instrument, hold_out=_spheres(hold_out), two_stage=two_stage,
+            starts=_positive(starts), seed=_seed(seed), scan=_scan(scan), posterior=posterior,
+            out=out, overwrite=overwrite, progress=progress.stage,
+        )  # fmt: skip
+    _tell(found, out, json, quiet)
 
 
 def twin(
     scene: Annotated[
         str | None,
-        typer.Argument(metavar="[SCENE]", help="The scene that is fitted; default: rig-1dof."),
+        typer.Argument(
+            metavar="SCENE",
+            help="The scene that is fitted; default: rig-1dof.",
+            autocompletion=scene_names,
+        ),
     ] = None,
     scatter: Annotated[
         float, typer.Option(help="Relative scatter of the contact stiffnesses, plus or minus.")
@@ -148,91 +140,40 @@ def twin(
     out: Out = None,
     changes: Changes = None,
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """A known rig makes SYNTHETIC data, and a calibration has to find it again."""
-    _possible(posterior, two_stage)
-    from workflows.calibration import twin as experiment
-    from workflows.calibration.calibrate import Request
-    from workflows.calibration.folder import TWIN_FILES, write, write_data
-    from workflows.pipeline.pipeline import pipeline_of
+    """Calibrate to SYNTHETIC data of a known rig."""
+    from workflows.api.measurements import twin as experiment
 
-    watched = (f"output.spheres=[{spheres}]",) if spheres else ()
-    chosen = with_chain(load(scene or "rig-1dof", (*watched, *(changes or ()))))
-    setting = experiment.checked(
-        experiment.Twin(
-            scatter, frequency, noise, sampling, instrument,
-            _within("--repeats", repeats, 1, 1000), jitter, seed=_seed(seed),
-        )
-    )  # fmt: skip
-    _within("--runs", runs, 0, 100_000)
-    request = Request(
-        free, bounds, band=band, hold_out=_spheres(hold_out), two_stage=two_stage,
-        starts=_positive(starts), scan=_scan(scan),
-    )  # fmt: skip
-    folder = _folder(out, files_read(chosen, scene), overwrite)
-    covered = None
-    with _held(folder, TWIN_FILES), StageProgress(sys.stderr) as progress:
-        wall = pipeline_of(chosen, progress.stage)("wall")
-        with progress.stage("calibration"):
-            found, data = experiment.twin_run(chosen, wall, setting, request)
-        found = _sampled(found, posterior, seed, progress)
-        if runs:
-            with progress.stage(f"{runs} repeats"):
-                covered = experiment.coverage(chosen, wall, setting, request, found, runs)
-        if covered is not None:
-            found.report.coverage = covered.model_dump()
-        if folder:
-            write_data(folder, data, covered)
-            write(found, folder)
-    _told(found, out, json, covered)
+    rig = {
+        "scatter": scatter, "frequency": frequency, "noise": noise, "sampling": sampling,
+        "instrument": instrument, "repeats": _within("--repeats", repeats, 1, 1000),
+        "jitter": jitter, "seed": _seed(seed),
+    }  # fmt: skip
+    with StageProgress(f"twin {scene}", quiet=quiet) as progress:
+        found = experiment(
+            scene or "rig-1dof", changes or (), rig=rig, spheres=_spheres(spheres, "--spheres"),
+            runs=_within("--runs", runs, 0, 100_000), free=free, bounds=bounds, band=band,
+            hold_out=_spheres(hold_out), two_stage=two_stage, starts=_positive(starts),
+            scan=_scan(scan), posterior=posterior, out=out, overwrite=overwrite,
+            progress=progress.stage,
+        )  # fmt: skip
+    _tell(found, out, json, quiet)
 
 
-def _possible(posterior: bool, two_stage: bool) -> None:
-    """Raise InvalidScene for a posterior that cannot be sampled."""
-    if not posterior:
-        return
-    from workflows.calibration.posterior import require_sampler
-
-    require_sampler()
-    if two_stage:
-        raise InvalidScene(
-            "--posterior is of all parameters and all waves together; leave out --two-stage."
-        )
+def _tell(found, out: Path | None, json: bool, quiet: bool) -> None:
+    if json or not quiet:
+        print(found.report.model_dump_json(indent=1) if json else found)
+    if out:
+        noted(f"written: {out}/scene.toml", json=json, quiet=quiet)
 
 
-def _sampled(found, posterior: bool, seed: int, progress: StageProgress):
-    if not posterior:
-        return found
-    from workflows.calibration.posterior import with_posterior
-
-    with progress.stage("posterior"):
-        return with_posterior(found, seed)
-
-
-def _told(found, out: Path | None, json: bool, covered=None) -> None:
-    report = found.report
-    typer.echo(report.model_dump_json(indent=1) if json else report.text())
-    if covered is not None and not json:
-        typer.echo(covered.text())
-    if out and not json:
-        typer.echo(f"written: {out}/scene.toml")
-
-
-def _folder(out: Path | None, inputs: tuple[Path, ...], overwrite: bool) -> RunFolder | None:
-    return RunFolder(out, inputs=inputs, overwrite=overwrite) if out else None
-
-
-def _held(folder: RunFolder | None, files: tuple[str, ...]) -> AbstractContextManager:
-    """The folder, where there is one, closed to others; what an earlier command left goes."""
-    return folder.renewed(*files) if folder else nullcontext()
-
-
-def _spheres(text: str | None) -> tuple[int, ...]:
+def _spheres(text: str | None, option: str = "--hold-out") -> tuple[int, ...]:
     try:
         return tuple(int(n) for n in text.split(",")) if text else ()
     except ValueError:
-        raise InvalidScene(f"--hold-out {text} must name spheres, as 4,14.") from None
+        raise _invalid(f"{option} {text} must name spheres, as 4,14.") from None
 
 
 def _positive(starts: int) -> int:
@@ -246,7 +187,7 @@ def _seed(seed: int) -> int:
 def _within(option: str, value: int, least: int, most: int) -> int:
     if not least <= value <= most:
         shown = str(value) if abs(value) < 10**20 else "a number of more than 20 digits"
-        raise InvalidScene(f"{option} {shown} must be between {least} and {most}; change it.")
+        raise _invalid(f"{option} {shown} must be between {least} and {most}; change it.")
     return value
 
 
@@ -257,4 +198,10 @@ def _scan(text: str | None) -> tuple[float, float, int] | None:
         low, high, points = text.split(":")
         return float(low), float(high), int(points)
     except ValueError:
-        raise InvalidScene(f"--scan {text} is not low:high:points; write 100:1000:60.") from None
+        raise _invalid(f"--scan {text} is not low:high:points; write 100:1000:60.") from None
+
+
+def _invalid(sentence: str) -> Exception:
+    from workflows.scene import InvalidScene  # which loads the tables of scenes
+
+    return InvalidScene(sentence)

@@ -1,13 +1,53 @@
-"""Options that several commands share."""
+"""Options that several commands share, and what a shell completes them with."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+
+def scene_names(incomplete: str) -> list[str]:
+    """Built-in scenes that begin so; a shell completes files by itself."""
+    from workflows.files.scene import built_in
+
+    return [name for name in built_in() if name.startswith(incomplete)]
+
+
+def dotted_keys(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Keys of the scene that is named, up to the sign of equality."""
+    from workflows.files.scene import keys
+
+    return [f"{key}=" for key in keys(ctx.params.get("scene")) if key.startswith(incomplete)]
+
+
+def study_names(incomplete: str) -> list[str]:
+    """Studies of the thesis that begin so."""
+    return _names("thesis", incomplete)
+
+
+def stage_names(incomplete: str) -> list[str]:
+    """Studies of accuracy that begin so."""
+    return _names("accuracy", incomplete)
+
+
+def case_names(incomplete: str) -> list[str]:
+    """Cases of stability that begin so."""
+    return _names("stability", incomplete)
+
+
+def _names(folder: str, incomplete: str) -> list[str]:
+    from workflows.studies.catalogue import catalogue
+
+    return [name for name in catalogue(folder) if name.startswith(incomplete)]
+
+
 SceneName = Annotated[
     str | None,
-    typer.Argument(metavar="[SCENE]", help="A built-in scene or a TOML file; default: rig-rom."),
+    typer.Argument(
+        metavar="SCENE",
+        help="A built-in scene (beadwave scenes lists them) or a TOML file; default: rig-rom.",
+        autocompletion=scene_names,
+    ),
 ]
 Changes = Annotated[
     list[str] | None,
@@ -15,19 +55,25 @@ Changes = Annotated[
         "--set",
         metavar="KEY=VALUE",
         help="Set a value of the scene by its dotted key, a unit is optional: chain.radius=5mm.",
+        autocompletion=dotted_keys,
     ),
 ]
 
 
 def json_of(shape: str) -> Any:
     """The option --json of a command, with the shape of what it prints."""
-    escaped = shape.replace("[", "\\[")  # rich takes a word in brackets for a style
-    return Annotated[bool, typer.Option("--json", help=f"Print JSON: {escaped}.")]
+    return Annotated[bool, typer.Option("--json", help=f"Print JSON: {shape}.")]
 
 
 Json = json_of("summary.json")
 JsonFiles = json_of("{written: [files]}")
-StudyFolder = Annotated[Path | None, typer.Option("--out", help="Folder for table, CSV and plots.")]
+StudyFolder = Annotated[
+    Path | None, typer.Option("--out", help="Folder for tables (CSV, JSON) and pictures.")
+]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace existing files that beadwave did not write.")
+]
+Quiet = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", help="No progress and no text: files, JSON, warnings, errors."),
 ]

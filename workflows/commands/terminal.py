@@ -1,78 +1,127 @@
-"""What a person sees while a run goes on and when it is done; a pipe gets the end only."""
+"""What a person sees while a command goes on and when it is done; a pipe gets the end only."""
 
+from __future__ import annotations
+
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from json import dumps
 from pathlib import Path
-from textwrap import fill
-from typing import TextIO
+from threading import Timer
+from typing import TYPE_CHECKING
 
-import typer
+from workflows.commands.durations import Durations
 
-from workflows.results.summary import Summary, rows
-from workflows.results.tables import LINE
+if TYPE_CHECKING:
+    from workflows.results.summary import Summary
 
 LABEL = 34  # characters of a label
 UNBROKEN = "\u00a0"
+PATIENCE = 10.0  # s without a word where nobody watches a terminal
 
 
 class StageProgress:
-    """A bar per stage on a terminal, nothing elsewhere."""
+    """A bar per stage on a terminal; elsewhere a line after ten seconds; nothing with `quiet`.
 
-    def __init__(self, stream: TextIO) -> None:
-        self._bars = _bars(stream) if stream.isatty() else None
+    `command` names what runs: how long its stages took tells the next time how long they will.
+    """
 
-    def __enter__(self) -> "StageProgress":
+    def __init__(self, command: str = "", *, quiet: bool = False) -> None:
+        watched = sys.stderr.isatty()
+        self._durations = Durations(command)
+        self._bars = _bars() if watched and not quiet else None
+        self._timer = None if watched or quiet else Timer(PATIENCE, self._tell)
+        self._running: list[str] = []
+
+    def __enter__(self) -> StageProgress:
         if self._bars:
             self._bars.start()
+        if self._timer:
+            self._timer.daemon = True
+            self._timer.start()
         return self
 
     def __exit__(self, *_) -> None:
+        if self._timer:
+            self._timer.cancel()
         if self._bars:
             self._bars.stop()
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Show a stage as running, then as done."""
-        task = self._bars.add_task(name, total=None) if self._bars else None
-        yield
+        expected = self._durations.expected(name)
+        task = self._bars.add_task(name, total=None, expected=expected) if self._bars else None
+        self._running.append(name)
+        try:
+            with self._durations.measured(name):
+                yield
+        finally:
+            self._running.remove(name)
         if self._bars:
             self._bars.update(task, total=1, completed=1)
 
+    def _tell(self) -> None:
+        stage = self._running[-1] if self._running else "the command"
+        expected = self._durations.expected(stage)
+        about = f", about {expected:.0f} s in all" if expected else ""
+        print(f"beadwave: {stage} is running{about}; --quiet drops this line.", file=sys.stderr)
 
-def _bars(stream: TextIO):
+
+def _bars():
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = TextColumn("{task.description:>20}"), BarColumn(bar_width=24), TimeElapsedColumn()
-    return Progress(*columns, console=Console(file=stream))
+    from workflows.commands.bars import progress
+
+    return progress(Console(file=sys.stderr))
 
 
-def told(content: dict, text: str, json: bool) -> None:
+def told(content: dict, text: str, json: bool, quiet: bool = False) -> None:
     """A result on stdout: JSON for machines, or lines for a person."""
-    typer.echo(dumps(content, indent=2, allow_nan=False) if json else text)
+    from json import dumps
+
+    if json or not quiet:
+        print(dumps(content, indent=2, allow_nan=False) if json else text)
 
 
-def written(paths: Iterable[Path], json: bool) -> None:
+def shown(found, json: bool, quiet: bool = False) -> None:
+    """A report that knows both forms: its JSON, or its text."""
+    if json or not quiet:
+        print(found.model_dump_json(indent=2) if json else found.text())
+
+
+def noted(*lines: str, json: bool = False, quiet: bool = False) -> None:
+    """Lines after a result, for a person alone."""
+    for line in lines if not (json or quiet) else ():
+        print(line)
+
+
+def written(paths: Iterable[Path], json: bool, quiet: bool = False) -> None:
     """The files that a command has made."""
     names = [str(path) for path in paths]
-    told({"written": names}, f"written: {', '.join(names)}", json)
+    told({"written": names}, f"written: {', '.join(names)}", json, quiet)
 
 
-def printed(summary: Summary, json: bool) -> None:
+def printed(summary: Summary, json: bool, quiet: bool = False) -> None:
     """The summary on stdout: JSON for machines, lines for a person; warnings on stderr."""
     if json:
-        typer.echo(summary.text(), nl=False)
+        print(summary.text(), end="")
         return
+    if not quiet:
+        _print_lines(summary)
+    for warning in summary.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+
+
+def _print_lines(summary: Summary) -> None:
+    from workflows.results.summary import rows
+
     for label, value in [("scene", summary.scene), *rows(summary), *_waves(summary)]:
-        typer.echo(_wrapped(label, value))
+        print(_wrapped(label, value))
     for sentence in (*summary.verdict, *summary.wall_modes_left_out[-1:]):
-        typer.echo(_wrapped("verdict", sentence))
+        print(_wrapped("verdict", sentence))
     for stage in summary.stages:
         kept = "  (kept)" if stage.cached else ""
-        typer.echo(f"{stage.name:>34}  {stage.seconds:.2f} s{kept}")
-    for warning in summary.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+        print(f"{stage.name:>34}  {stage.seconds:.2f} s{kept}")
 
 
 def _waves(summary: Summary) -> list[tuple[str, str]]:
@@ -90,5 +139,9 @@ def _arrival(arrival) -> str:
 
 
 def _wrapped(label: str, value: str) -> str:
+    from textwrap import fill
+
+    from workflows.results.tables import LINE
+
     text = fill(f"{label:>{LABEL}}  {value}", LINE, subsequent_indent=" " * (LABEL + 2))
     return text.replace(UNBROKEN, " ")

@@ -53,13 +53,14 @@ def _finite(test: Responses) -> Responses:
 
 
 def _csv(path: Path) -> Responses:
-    lines = path.read_text(encoding="utf-8-sig").splitlines()[1:]
+    header, *lines = path.read_text(encoding="utf-8-sig").splitlines() or [""]
     if not any(line.strip() for line in lines):
         raise ValueError("no lines below the header")
     table = np.loadtxt(lines, delimiter=",", ndmin=2)
     if table.shape[1] < 3 or table.shape[1] % 2 == 0:
         raise ValueError(f"{table.shape[1]} columns, an odd number from 3 on is needed")
-    return Responses(table[:, 0], (table[:, 1::2] + 1j * table[:, 2::2]).T, path.stem)
+    title = SYNTHETIC if SYNTHETIC in header else path.stem
+    return Responses(table[:, 0], (table[:, 1::2] + 1j * table[:, 2::2]).T, title)
 
 
 def _uff(path: Path) -> Responses:
@@ -79,16 +80,26 @@ def write_uff(path: Path, test: Responses) -> None:
         file.write_sets(_data_set(test, i, h), mode="add" if i > 1 else "overwrite")
 
 
+def write_csv(path: Path, test: Responses) -> None:
+    """Write as CSV, the title in the header line."""
+    parts = [part for h in test.H for part in (h.real, h.imag)]
+    names = [f"{part}_{i}" for i in range(1, len(test.H) + 1) for part in ("re", "im")]
+    header = f"frequency_hz,{','.join(names)}  ({test.title})"
+    table = np.column_stack([test.frequency_hz, *parts])
+    np.savetxt(path, table, fmt="%.6g", delimiter=",", header=header, comments="")
+
+
 def write_synthetic(path: Path, test: Responses) -> None:
-    """Write a computed test."""
+    """Write a computed test, .uff or .csv."""
+    write = write_csv if path.suffix.lower() == ".csv" else write_uff
     with writing_file(path) as part:
-        write_uff(part, test)
+        write(part, test)
 
 
 def checked_synthetic(path: Path) -> Path:
     """The path of a computed test to write; raises InvalidScene where a measured one may be."""
-    if path.suffix.lower() != ".uff":
-        raise InvalidScene(f"{path} must end in .uff.")
+    if path.suffix.lower() not in (".csv", ".uff"):
+        raise InvalidScene(f"{path} must end in .csv or .uff.")
     if isfile(path) and SYNTHETIC.encode() not in path.read_bytes():
         raise InvalidScene(f"{path} is there and no synthetic test; name another file to write.")
     return checked_file(path, "FILE")

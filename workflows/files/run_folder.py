@@ -19,7 +19,7 @@ from re import escape, fullmatch, match
 from tomllib import TOMLDecodeError, loads
 from typing import NamedTuple
 
-from workflows.scene import InvalidScene
+from workflows.scene import InvalidScene, nearest
 
 MARKER = ".beadwave"
 PART = ".beadwave-"  # and the number of the process that writes it
@@ -28,10 +28,22 @@ NO_LOCKS = (ENOLCK, ENOSYS, ENOTSUP)  # file systems without locks
 
 
 class Picture(NamedTuple):
-    """A PNG for `figures/`."""
+    """A PNG, for `figures/` or a notebook, which shows it."""
 
     name: str
     png: bytes
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to a file."""
+        with writing_file(Path(path)) as part:
+            part.write_bytes(self.png)
+        return Path(path)
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+    def __repr__(self) -> str:
+        return f"<picture {self.name}, {len(self.png)} bytes of PNG>"
 
 
 class RunFolder:
@@ -276,3 +288,13 @@ def write_pictures(folder: RunFolder, pictures: tuple[Picture, ...]) -> None:
     """Write each picture to `figures/`."""
     for picture in pictures:
         folder.write(f"figures/{picture.name}.png", picture.png)
+
+
+def picture_named(pictures: Iterable[Picture], name: str | None) -> Picture:
+    """The picture of the name, the first without one; raises InvalidScene where there is none."""
+    known = {picture.name: picture for picture in pictures}
+    if not known:
+        raise InvalidScene("there is no picture of this result.")
+    if name is not None and name not in known:
+        raise InvalidScene(f"no picture {name!r}; {nearest(name, known)}.")
+    return known[next(iter(known)) if name is None else name]

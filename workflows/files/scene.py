@@ -1,13 +1,17 @@
 """Scenes by name: built-in ones and files, read with the wall's file that they name."""
 
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from json import dumps, loads
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from workflows.scene import InvalidScene, RomWall, Scene, nearest
-from workflows.scene.toml import changed, parsed, resolved
+from workflows.scene.toml import Change, changed, parsed, resolved
 
+# values by dotted keys, or texts "key=value" as --set takes them
+Changes = Mapping[str, Any] | Iterable[Change]
+Source = str | Path | Mapping[str, Any] | Scene | None  # name, file, tables; None is DEFAULT
 DEFAULT = "rig-rom"
 MOST_BYTES = 50_000_000  # a million spheres, each with values of its own
 
@@ -66,10 +70,12 @@ def _require_readable(name: str, size: int) -> None:
         )
 
 
-def scene(name: str | None = None, changes: tuple[str, ...] = ()) -> Scene:
-    """The resolved scene: `changes` ("key=value", dotted) applied, every default filled in."""
-    source, text, folder = scene_text(name)
-    found = resolved(changed(parsed(text, source), changes), source, folder)
+def scene(source: Source = None, changes: Changes = ()) -> Scene:
+    """The resolved scene: `changes` by dotted keys applied, every default filled in."""
+    if isinstance(source, Scene) and not changes:
+        return source
+    name, tables, folder = _written(source)
+    found = resolved(changed(tables, each(changes)), name, folder)
     if not isinstance(found.wall, RomWall) or found.wall.file is None:
         return found
     from workflows.files.wall import with_surface  # only a wall from a file pays for the reader
@@ -77,12 +83,39 @@ def scene(name: str | None = None, changes: tuple[str, ...] = ()) -> Scene:
     try:
         return found.model_copy(update={"wall": with_surface(found.wall)})
     except InvalidScene as error:
-        raise InvalidScene(f"{source}: {error}") from None
+        raise InvalidScene(f"{name}: {error}") from None
 
 
-def files_read(scene: Scene, name: str | None = None) -> tuple[Path, ...]:
+def _written(source: Source) -> tuple[str, dict[str, Any], Path]:
+    """Name, tables and folder of what a scene is told by."""
+    if isinstance(source, Scene):
+        return source.name, source.model_dump(exclude_none=True), Path.cwd()
+    if isinstance(source, Mapping):
+        return "scene", _plain(source), Path.cwd()
+    found = scene_text(None if source is None else str(source))
+    return found.source, parsed(found.text, found.source), found.folder
+
+
+def each(changes: Changes) -> tuple[Change, ...]:
+    """The changes one by one."""
+    return tuple(_plain(changes).items() if isinstance(changes, Mapping) else changes)
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists, paths as texts: what TOML knows."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if hasattr(value, "tolist"):  # numpy's arrays and numbers
+        return value.tolist()
+    return str(value) if isinstance(value, Path) else value
+
+
+def files_read(scene: Scene, source: Source = None) -> tuple[Path, ...]:
     """The files that a run of the scene reads: its own, and those that its tables name."""
-    own = [name] if name and name not in built_in() else []
+    is_file = isinstance(source, str | Path) and str(source) not in built_in()
+    own = [source] if is_file else []
     named = [getattr(table, key, None) for _, table in scene for key in ("file", "step")]
     return tuple(Path(file) for file in (*own, *named) if file)
 
@@ -95,3 +128,10 @@ def tables(name: str) -> dict[str, Any]:
         return loads(dumps(parsed(text, source), default=str), parse_constant=names.get)
     except RecursionError:
         raise InvalidScene(f"{source} has tables nested too deeply; a scene has two.") from None
+
+
+def keys(source: Source = None) -> list[str]:
+    """The dotted keys of the tables that a scene has."""
+    found = scene(source)
+    tables = {name: table for name, table in found if hasattr(type(table), "model_fields")}
+    return [f"{name}.{key}" for name, table in tables.items() for key in type(table).model_fields]

@@ -1,7 +1,7 @@
 """The impact: checked before anything is computed, marched, and what it did to the contacts."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -113,10 +113,11 @@ def yielding(row: dem.Chain, run: dem.Trajectory) -> tuple[str, ...]:
 
 def save_trajectory(path: Path, trajectory: dem.Trajectory) -> None:
     """Write every array of a trajectory over its saved times."""
+    np.savez_compressed(path, **over_time(trajectory))
+
+
+def over_time(trajectory: dem.Trajectory) -> dict[str, np.ndarray]:
+    """The arrays of a trajectory over its saved times, by name."""
     k = len(trajectory.t)
-    arrays = {name: value for name, value in trajectory._asdict().items() if _over_time(value, k)}
-    np.savez_compressed(path, **arrays)
-
-
-def _over_time(value: Any, k: int) -> bool:
-    return isinstance(value, np.ndarray) and len(value) == k
+    named = trajectory._asdict().items()
+    return {name: a for name, a in named if isinstance(a, np.ndarray) and len(a) == k}

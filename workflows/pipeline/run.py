@@ -13,15 +13,12 @@ from workflows.pipeline.impact import require_start, save_trajectory, yielding
 from workflows.pipeline.pipeline import (
     LIBRARIES,
     Pipeline,
-    Progress,
     library_versions,
     needs_assembly,
-    pipeline_of,
 )
 from workflows.pipeline.waves import chain_contact, sphere_waves
 from workflows.results.report import CAPTIONS, write_report
 from workflows.results.summary import ErrorEstimate, StageTime, Summary
-from workflows.scene import Scene
 from workflows.scene.toml import toml
 
 IMPACT_FILES = ("summary.json", "trajectory.npz")
@@ -35,12 +32,12 @@ FILES = (
 )
 
 
-def run(scene: Scene, folder: RunFolder, *, progress: Progress) -> Summary:
+def run(pipeline: Pipeline, folder: RunFolder) -> Summary:
     """Fill the run folder with all that the scene gives."""
+    scene = pipeline.scene
     if scene.chain:
         require_start(scene)
     with folder.run(toml(scene), FILES):
-        pipeline = pipeline_of(scene, progress)
         with two_processes(pipeline, RUN) if needs_assembly(scene) else nullcontext():
             unrendered = _write_assembly(pipeline, folder) if needs_assembly(scene) else ()
             if scene.chain:
@@ -52,11 +49,11 @@ def run(scene: Scene, folder: RunFolder, *, progress: Progress) -> Summary:
     return summary
 
 
-def impact(scene: Scene, folder: RunFolder | None, *, progress: Progress) -> Summary:
+def impact(pipeline: Pipeline, folder: RunFolder | None) -> Summary:
     """The coupled run alone; the folder, if any, gets scene, trajectory and summary."""
+    scene = pipeline.scene
     require_start(scene)
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext():
-        pipeline = pipeline_of(scene, progress)
         with two_processes(pipeline, IMPACT) if needs_assembly(scene) else nullcontext():
             summary = summary_of(pipeline)
         if folder:

@@ -1,6 +1,7 @@
 """Scenes from and to TOML: changed by `--set`, completed by defaults, refused in one sentence."""
 
 import tomllib
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from workflows.scene.bodies import General, Meshing
 from workflows.scene.contradictions import contradictions
 from workflows.scene.quantities import doubts, entries, unusual_keys
 
+Change = str | tuple[str, Any]  # "key=value" as --set takes it, or a dotted key and its value
 GENERAL = General.model_fields.keys()  # keys of an assembly of bodies
 INSTEAD = {
     "time.dt": {"error"},
@@ -68,14 +70,23 @@ def parsed(text: str, source: str) -> dict[str, Any]:
         raise InvalidScene(f"{source} holds a whole number that is too long; shorten it.") from None
 
 
-def changed(tables: dict[str, Any], changes: tuple[str, ...]) -> dict[str, Any]:
-    for change in changes:
-        key, equals, text = change.partition("=")
-        if not equals or not all(key.strip().split(".")):
-            raise InvalidScene(f"--set {change!r} is not key=value; write --set chain.count=17.")
-        tables = _with(tables, key.strip().split("."), _value(text.strip()), key.strip())
-        tables = _judged_again(tables, key.strip())
+def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]:
+    """The tables with values set by their dotted keys; raises InvalidScene for what is no key."""
+    for key, value in map(_pair, changes):
+        path = key.split(".")
+        if not all(path):
+            raise InvalidScene(f"the key {key!r} is not dotted words; write chain.count.")
+        tables = _judged_again(_with(tables, path, value, key), key)
     return tables
+
+
+def _pair(change: Change) -> tuple[str, Any]:
+    if isinstance(change, tuple):
+        return change
+    key, equals, text = change.partition("=")
+    if not equals or not all(key.strip().split(".")):
+        raise InvalidScene(f"--set {change!r} is not key=value; write --set chain.count=17.")
+    return key.strip(), _value(text.strip())
 
 
 def _judged_again(tables: dict[str, Any], key: str) -> dict[str, Any]:

@@ -6,9 +6,10 @@ from json import dumps
 from textwrap import fill
 from typing import Any, NamedTuple
 
-from workflows.files.run_folder import Picture, RunFolder, write_pictures
+from workflows.files.run_folder import Picture, RunFolder, picture_named, write_pictures
 from workflows.results import tables
 from workflows.results.tables import LINE, Table
+from workflows.scene import InvalidScene, nearest
 
 
 class Finding(NamedTuple):
@@ -17,6 +18,22 @@ class Finding(NamedTuple):
     tables: tuple[Table, ...]
     sentences: tuple[str, ...] = ()
     pictures: tuple[Picture, ...] = ()
+
+    def plot(self, name: str | None = None) -> Picture:
+        """A picture by name, the first without one."""
+        return picture_named(self.pictures, name)
+
+    def data(self, name: str | None = None):
+        """A table by name, the study's own without one, as an xarray.Dataset over its rows."""
+        from workflows.results.arrays import of_table
+
+        known = {table.name: table for table in self.tables}
+        if name is not None and name not in known:
+            raise InvalidScene(f"no table {name!r}; {nearest(name, known)}.")
+        return of_table(self.tables[0] if name is None else known[name])
+
+    def __repr__(self) -> str:
+        return text(self)
 
 
 def merged(found: Iterable[Finding]) -> Finding:

@@ -1,0 +1,26 @@
+"""Folders for pictures and files that are read, looked at before anything is computed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from workflows.files.run_folder import RunFolder
+from workflows.scene import InvalidScene
+
+
+def picture_folder(
+    out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool, *names: str
+) -> RunFolder | None:
+    """The folder that takes these pictures, or None; raises InvalidScene where it cannot."""
+    if out is None:
+        return None
+    folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite)
+    folder.require(*(f"figures/{name}.png" for name in names))
+    return folder
+
+
+def require_file(path: str | Path) -> Path:
+    """The path; raises InvalidScene where there is no such file."""
+    if not Path(path).is_file():
+        raise InvalidScene(f"no file {path}; give the path of one that exists.")
+    return Path(path)

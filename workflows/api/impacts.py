@@ -1,0 +1,205 @@
+"""Runs and impacts: a scene in, numbers, arrays and pictures out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflows.api.progress import Progress, quiet
+from workflows.files.run_folder import Picture, RunFolder, other_scene, own_folder, picture_named
+from workflows.files.scene import Changes, Source, each, files_read
+from workflows.files.scene import scene as load_scene
+from workflows.results.summary import Summary
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.parts import with_chain
+from workflows.scene.toml import toml
+
+if TYPE_CHECKING:
+    import xarray
+
+    from rom import ReducedModel
+    from workflows.pipeline.pipeline import Pipeline
+
+RUNS = Path("runs")  # of runs without a folder of their own
+
+
+@dataclass(frozen=True, repr=False)
+class Run:
+    """What a run found.
+
+    scene     as it was run, every default filled in
+    summary   single numbers: `summary.peak_wall_force_N`, `summary.modes_hz`, `summary.waves`, ...
+    arrays    of the trajectory by name, see the run folder's trajectory.npz
+    data      the same as an xarray.Dataset: dimensions time, sphere, contact, each with its unit
+    folder    the run folder, None where nothing was written
+    notes     what the user is to know of the folder, in sentences
+    """
+
+    scene: Scene
+    summary: Summary
+    folder: Path | None
+    notes: tuple[str, ...]
+    read: Callable[[], dict[str, NDArray]] = field(repr=False)
+    draw: Callable[[], Iterable[Picture]] = field(repr=False)
+
+    @cached_property
+    def arrays(self) -> dict[str, NDArray[np.float64]]:
+        """Arrays of the trajectory by name, in SI units; none of a scene without a chain."""
+        return self.read()
+
+    @property
+    def data(self) -> xarray.Dataset:
+        """The trajectory with named dimensions and units; raises InvalidScene without a chain."""
+        if not self.arrays:
+            raise InvalidScene(f"{self.summary.scene} has no chain, and so no trajectory.")
+        from workflows.results.arrays import of_trajectory
+
+        return of_trajectory(self.arrays)
+
+    def plot(self, name: str | None = None) -> Picture:
+        """A picture of the run: velocities, waves, energies, and of an assembly also assembly,
+        modes, frequency_response; the first there is without a name. A notebook shows it."""
+        return picture_named(self.draw(), name)
+
+    def text(self) -> str:
+        """The summary for a person."""
+        from workflows.results.summary import rows
+
+        return "\n".join(f"{label:>34}  {value}" for label, value in rows(self.summary))
+
+    def __repr__(self) -> str:
+        return f"{self.summary.scene}\n{self.text()}"
+
+
+def run(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Run:
+    """Every stage that a scene needs, into a run folder (`beadwave run`).
+
+    `out` is the folder, runs/NAME without it. It gets scene.toml, summary.json, trajectory.npz,
+    figures, report.html, and of an assembly rom.npz, rom.mat, modes.vtu. Files that no run left
+    there are only replaced with `overwrite`. `scene` and `changes` as in `beadwave.scene`.
+    Raises InvalidScene for bad input, ValueError where a computation fails.
+    """
+    chosen = load_scene(scene, changes)
+    from workflows.pipeline.pipeline import pipeline_of  # a scene that is refused loads no solver
+    from workflows.pipeline.run import run as run_stages
+
+    path = Path(out) if out else own_folder(RUNS, chosen.name, toml(chosen))
+    folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
+    notes = _replaced(path, chosen) if out else _beside(path, chosen)
+    summary = run_stages(pipeline_of(chosen, progress), folder)
+    return _in_folder(chosen, summary, path, notes)
+
+
+def impact(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    rom: str | Path | ReducedModel | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Run:
+    """The coupled run alone (`beadwave impact`).
+
+    `rom` takes the place of the scene's wall: a file (.npz, .mat, .h5, .mtx) or a reduced model,
+    for instance of one's own K, M, w by `beadwave.reduce_matrices`. `out` is a folder for scene,
+    trajectory and summary; without it nothing is written. Raises as `run`.
+    """
+    wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
+    chosen = with_chain(load_scene(scene, (*wall, *each(changes))))
+    from workflows.pipeline.pipeline import pipeline_of
+    from workflows.pipeline.run import impact as run_impact
+
+    inputs = files_read(chosen, scene)
+    folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite) if out else None
+    notes = _replaced(Path(out), chosen) if out else ()
+    pipeline = pipeline_of(chosen, progress)
+    summary = run_impact(pipeline, folder)
+    return _in_memory(pipeline, summary, folder and folder.path, notes)
+
+
+def load(folder: str | Path) -> Run:
+    """A finished run folder, its arrays read when they are asked for; raises InvalidScene where
+    there is none."""
+    from workflows.results.report import require_summary
+
+    path = Path(folder)
+    summary = require_summary(path)
+    return _in_folder(load_scene(path / "scene.toml"), summary, path, ())
+
+
+def _in_folder(scene: Scene, summary: Summary, path: Path, notes: tuple[str, ...]) -> Run:
+    return Run(scene, summary, path, notes, lambda: _read(path), lambda: _drawn(path))
+
+
+def _read(path: Path) -> dict[str, NDArray]:
+    file = path / "trajectory.npz"
+    if not file.is_file():
+        return {}
+    with np.load(file) as arrays:
+        return dict(arrays)
+
+
+def _drawn(path: Path) -> Iterable[Picture]:
+    from workflows.results.report import CAPTIONS
+
+    files = ((name, path / "figures" / f"{name}.png") for name in CAPTIONS)
+    return (Picture(name, file.read_bytes()) for name, file in files if file.is_file())
+
+
+def _in_memory(pipeline: Pipeline, summary: Summary, path: Path | None, notes) -> Run:
+    from workflows.pipeline.impact import over_time
+
+    def read() -> dict[str, NDArray]:
+        return over_time(pipeline("impact").trajectory)
+
+    return Run(pipeline.scene, summary, path, notes, read, lambda: pipeline("figures"))
+
+
+def _replaced(path: Path, chosen: Scene) -> tuple[str, ...]:
+    """What a run takes the place of."""
+    other = other_scene(path, toml(chosen))
+    return (f"replaced: the run of another scene, {other}, in {path}",) if other else ()
+
+
+def _beside(path: Path, chosen: Scene) -> tuple[str, ...]:
+    """Why a run is not where its name says."""
+    usual = RUNS / chosen.name
+    return (f"{usual} is left as it is: it holds another scene",) if path != usual else ()
+
+
+def _file_of(rom: str | Path | ReducedModel) -> Path:
+    """The file of a reduced model; one in memory is kept by its content beside other results."""
+    if isinstance(rom, str | Path):
+        return Path(rom).absolute()
+    from rom import save_npz
+    from workflows.files.run_folder import writing_file
+    from workflows.pipeline.cache import cache_folder, fault
+
+    content = sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in _matrices(rom)))
+    content.update(repr(rom.contact).encode())
+    folder = Path(mkdtemp()) if fault() else cache_folder() / "walls"
+    path = folder / f"{content.hexdigest()[:32]}.npz"
+    if not path.is_file():
+        with writing_file(path) as part:
+            save_npz(part, rom._replace(T=None, surface=None))
+    return path
+
+
+def _matrices(rom: ReducedModel) -> tuple[NDArray, ...]:
+    return tuple(A for A in (rom.K, rom.M, rom.C, rom.w) if A is not None)

@@ -1,0 +1,189 @@
+"""Chains and walls fitted to measured velocities, and to those of a known rig."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from workflows.api.folders import require_file
+from workflows.api.progress import Progress, quiet
+from workflows.files.run_folder import Picture, RunFolder, picture_named
+from workflows.files.scene import Changes, Source, each, files_read
+from workflows.files.scene import scene as load_scene
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.parts import with_chain
+
+if TYPE_CHECKING:
+    import xarray
+
+    from workflows.calibration.calibrate import Calibrated
+    from workflows.calibration.report import CalibrationReport
+    from workflows.calibration.twin import Coverage
+
+
+@dataclass(frozen=True, repr=False)
+class Calibration:
+    """A scene fitted to velocities: `report.parameters` one by one with their bars, `data` as
+    signals, `plot()` data against model; `coverage` of a twin that was repeated."""
+
+    scene: Scene
+    report: CalibrationReport
+    found: Calibrated
+    coverage: Coverage | None = None
+
+    @property
+    def data(self) -> xarray.Dataset:
+        """Velocity [m/s] measured, at the start of the fit and found, over time and sphere."""
+        from workflows.results.arrays import dataset
+
+        fit, signals = self.found.fit, self.found.signals
+        kinds = {"measured": fit.data, "start": fit.start, "found": fit.model}
+        over = {name: (("time", "sphere"), v, "m/s") for name, v in kinds.items()}
+        return dataset(over, time=signals.t, sphere=[n + 1 for n in signals.spheres])
+
+    def plot(self, name: str | None = None) -> Picture:
+        """signals, parameters, correlation, scan or posterior; the first without a name."""
+        from workflows.calibration.folder import drawn
+
+        return picture_named(drawn(self.found), name)
+
+    def __repr__(self) -> str:
+        told = (self.report.text(), self.coverage.text() if self.coverage else "")
+        return "\n".join(filter(None, told))
+
+
+def calibrate(
+    scene: Source,
+    data: str | Path,
+    changes: Changes = (),
+    *,
+    posterior: bool = False,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+    **asked: Any,
+) -> Calibration:
+    """Contact stiffnesses and wall parameters fitted to measured velocities (`beadwave calibrate`).
+
+    `data` is .csv, .mat or .uff with units in its header. asked, all optional:
+
+    free        "contacts,striker,trigger,wall.frequency": what to vary
+    bounds      "contacts=0.5:2"
+    trigger     "fit", "estimate", or the time of the first touch [s] as text
+    band        low-pass [Hz] on data and model alike; instrument [Hz], what the data has passed
+    hold_out    spheres left out of the fit and predicted, (4, 14)
+    two_stage   keep the chain as the first waves determine it
+    starts, seed, scan    of the search; scan = (low, high, points) of the wall's frequency [Hz]
+
+    `posterior` samples it (extra `posterior`). `out` gets scene, tables and pictures. Raises
+    InvalidScene for bad input, and for data that cannot be what it says.
+    """
+    _require_possible(posterior, asked)
+    file = require_file(data)
+    from workflows.calibration.calibrate import calibrated
+    from workflows.calibration.folder import FILES, write
+    from workflows.files.velocities import record
+    from workflows.pipeline.pipeline import pipeline_of
+
+    chosen = with_chain(load_scene(scene, changes))
+    measured, request = record(file), _request(asked)
+    folder = _folder(out, (*files_read(chosen, scene), file), overwrite)
+    with _held(folder, FILES):
+        wall = pipeline_of(chosen, progress)("wall")
+        with progress("calibration"):
+            found = calibrated(chosen, wall, measured, file.name, request)
+        found = _sampled(found, posterior, request.seed, progress)
+        if folder:
+            write(found, folder)
+    return Calibration(found.scene, found.report, found)
+
+
+def twin(
+    scene: Source = "rig-1dof",
+    changes: Changes = (),
+    *,
+    rig: dict[str, Any] | None = None,
+    spheres: Iterable[int] = (),
+    runs: int = 0,
+    posterior: bool = False,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+    **asked: Any,
+) -> Calibration:
+    """A known rig makes SYNTHETIC data, and a calibration has to find it again (`beadwave twin`).
+
+    rig      of {scatter, frequency, noise, sampling, instrument, repeats, jitter, seed}: the known
+             rig and its instrument; see workflows.calibration.twin.Twin for units and defaults
+    spheres  measured, (1, 4, 14); those of the scene without any
+    runs     repeats of the whole experiment, that count how often the bars hold the truth
+    asked    of the calibration, as in `calibrate`
+    """
+    _require_possible(posterior, asked)
+    from workflows.calibration import twin as experiment
+    from workflows.calibration.folder import TWIN_FILES, write, write_data
+    from workflows.pipeline.pipeline import pipeline_of
+
+    watched = (("output.spheres", list(spheres)),) if spheres else ()
+    chosen = with_chain(load_scene(scene, (*watched, *each(changes))))
+    setting, request = experiment.checked(experiment.Twin(**(rig or {}))), _request(asked)
+    folder = _folder(out, files_read(chosen, scene), overwrite)
+    covered = None
+    with _held(folder, TWIN_FILES):
+        wall = pipeline_of(chosen, progress)("wall")
+        with progress("calibration"):
+            found, data = experiment.twin_run(chosen, wall, setting, request)
+        found = _sampled(found, posterior, setting.seed, progress)
+        if runs:
+            with progress(f"{runs} repeats"):
+                covered = experiment.coverage(chosen, wall, setting, request, found, runs)
+            found.report.coverage = covered.model_dump()
+        if folder:
+            write_data(folder, data, covered)
+            write(found, folder)
+    return Calibration(found.scene, found.report, found, covered)
+
+
+def _require_possible(posterior: bool, asked: dict[str, Any]) -> None:
+    """Raise InvalidScene for a posterior that cannot be sampled."""
+    if not posterior:
+        return
+    from workflows.calibration.posterior import require_sampler
+
+    require_sampler()
+    if asked.get("two_stage"):
+        raise InvalidScene(
+            "--posterior is of all parameters and all waves together; leave out --two-stage."
+        )
+
+
+def _request(asked: dict[str, Any]):
+    """What is asked for; raises InvalidScene for a word that is none."""
+    from workflows.calibration.calibrate import Request
+    from workflows.scene import nearest
+
+    for name in asked:
+        if name not in Request._fields:
+            raise InvalidScene(f"{name} is not known, {nearest(name, Request._fields)}.")
+    return Request(**asked)
+
+
+def _sampled(found: Calibrated, posterior: bool, seed: int, progress: Progress) -> Calibrated:
+    if not posterior:
+        return found
+    from workflows.calibration.posterior import with_posterior
+
+    with progress("posterior"):
+        return with_posterior(found, seed)
+
+
+def _folder(out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool) -> RunFolder | None:
+    return RunFolder(Path(out), inputs=inputs, overwrite=overwrite) if out else None
+
+
+def _held(folder: RunFolder | None, files: tuple[str, ...]) -> AbstractContextManager:
+    """The folder, where there is one, closed to others; what an earlier command left goes."""
+    return folder.renewed(*files) if folder else nullcontext()

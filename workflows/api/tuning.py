@@ -1,0 +1,106 @@
+"""Joints tuned to measured modes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from os.path import isfile
+from pathlib import Path
+from re import sub
+from typing import TYPE_CHECKING
+
+from workflows.api.folders import require_file
+from workflows.api.progress import Progress, quiet
+from workflows.files.run_folder import checked_file
+from workflows.files.scene import Changes, Source, files_read
+from workflows.files.scene import scene as load_scene
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.parts import with_assembly, with_targets
+from workflows.scene.scene import LONGEST_NAME
+
+if TYPE_CHECKING:
+    from workflows.assembly.tuning import TuningReport
+
+
+USUAL = Path("NAME-tuned.toml")
+
+
+@dataclass(frozen=True, repr=False)
+class Tuned:
+    """The scene with the joints found, its report, and the file it was written to, if any."""
+
+    scene: Scene
+    report: TuningReport
+    file: Path | None
+
+    def __repr__(self) -> str:
+        return self.report.text()
+
+
+def tune(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    match: str | Iterable[int] | Mapping[int, float] | None = None,
+    free: str | Iterable[str] = (),
+    hammer: str | Path | None = None,
+    out: str | Path | None = None,
+    progress: Progress = quiet,
+) -> Tuned:
+    """Joint stiffnesses, and materials, fitted to measured modes (`beadwave tune`).
+
+    match   modes by number, [1, 3, 4], or with frequencies of one's own, {1: 51.2, 3: 905.0} [Hz];
+            all targets of the scene without it
+    free    what to vary, ["joints.NAME.kz", "materials.NAME.young"]; of the rig "head.ky"
+    hammer  a hammer test (.csv, .uff) to take frequencies and damping from
+    out     a file for the tuned scene (.toml), or USUAL for NAME-tuned.toml
+
+    A mode missed by more than 5 % is a failure: `report.failures` lists them in sentences, and
+    nothing is written. Raises InvalidScene for bad input.
+    """
+    if hammer:
+        require_file(hammer)
+    chosen = with_assembly(load_scene(scene, changes))
+    measured_hz = with_targets(chosen).measured_hz
+    from workflows.assembly.tuning import targets, tuned, write_scene
+
+    wanted_text = _matched(match)
+    every = ",".join(map(str, range(1, len(measured_hz) + 1)))
+    wanted = targets(every if wanted_text is None else wanted_text, measured_hz)
+    if hammer:
+        from workflows.assembly.hammer import applied, hammer_test
+
+        chosen, wanted = applied(chosen, hammer_test(Path(hammer), wanted).report, wanted_text)
+    path = Path(f"{chosen.name}-tuned.toml") if out is USUAL else out and Path(out)
+    if out is USUAL:
+        _require_tuned(path)
+    if path:
+        read = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
+        checked_file(path, inputs=read)
+    result, report = tuned(chosen, wanted, _names(free), progress)
+    if path and not report.failures:
+        result = result.model_copy(update={"name": _scene_name(path)})
+        write_scene(result, path, report)
+    return Tuned(result, report, path if not report.failures else None)
+
+
+def _require_tuned(path: Path) -> None:
+    """Raise InvalidScene where another file than a tuned scene bears the name nobody chose."""
+    if isfile(path) and not path.read_bytes().startswith(b"# Joints inferred"):
+        raise InvalidScene(f"{path} is there and no tuned scene; name another by --out.")
+
+
+def _matched(match: str | Iterable[int] | Mapping[int, float] | None) -> str | None:
+    if match is None or isinstance(match, str):
+        return match
+    if isinstance(match, Mapping):
+        return ",".join(f"{n}={hz!r}" for n, hz in match.items())
+    return ",".join(map(str, match))
+
+
+def _names(free: str | Iterable[str]) -> tuple[str, ...]:
+    return tuple(free.split(",") if isinstance(free, str) else free)
+
+
+def _scene_name(path: Path) -> str:
+    return sub(r"[^\w.-]", "-", path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"

@@ -1,0 +1,39 @@
+"""Bars of stages on a terminal, filled by how long the stage took the last time."""
+
+from rich.console import Console
+from rich.progress import Progress, ProgressColumn, Task, TextColumn
+from rich.progress_bar import ProgressBar
+from rich.text import Text
+
+WIDTH = 24  # characters of a bar
+NEARLY = 0.97  # of a bar that waits for its end
+
+
+class _Bar(ProgressColumn):
+    """Elapsed over expected; a pulse where nothing is known of it."""
+
+    def render(self, task: Task) -> ProgressBar:
+        expected, elapsed = task.fields["expected"], task.elapsed or 0.0
+        if task.finished:
+            return ProgressBar(total=1, completed=1, width=WIDTH)
+        if not expected or elapsed > expected:
+            return ProgressBar(total=None, pulse=True, width=WIDTH)
+        return ProgressBar(total=expected, completed=min(elapsed, NEARLY * expected), width=WIDTH)
+
+
+class _Time(ProgressColumn):
+    """Seconds so far, and those that are left."""
+
+    def render(self, task: Task) -> Text:
+        expected, elapsed = task.fields["expected"], task.elapsed or 0.0
+        if task.finished or not expected:
+            return Text(f"{elapsed:.1f} s")
+        if elapsed > expected:
+            return Text(f"{elapsed:.0f} s, longer than the last time")
+        share = 100 * min(elapsed / expected, NEARLY)
+        return Text(f"{share:2.0f} %, about {expected - elapsed:.0f} s left")
+
+
+def progress(console: Console) -> Progress:
+    """A line per stage: name, bar, time."""
+    return Progress(TextColumn("{task.description:>20}"), _Bar(), _Time(), console=console)

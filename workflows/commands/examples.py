@@ -1,0 +1,49 @@
+"""Examples in the help of each command."""
+
+EXAMPLES = {
+    "run": (
+        "run --out runs/rig-rom",
+        "run rig-1dof --set wall.frequency=269 --set striker.velocity=0.5",
+        "run mine.toml --set chain.radius=5mm",
+    ),
+    "scenes": ("scenes",),
+    "scene": ("scene rig-rom > mine.toml",),
+    "look": (
+        "look gearbox.step --out looked",
+        "look gearbox.step --scene mine.toml",
+    ),
+    "modes": (
+        "modes rig-rom --out runs/modes",
+        "modes rig-rom --set assembly.sheet_thickness=2mm",
+        "modes rig-rom --inp rig.inp --step rig.step",
+    ),
+    "tune": (
+        "tune rig-rom --match 1,3,4",
+        "tune rig-rom --match 1=50.2,2=272,3=901,4=8390 --out mine.toml",
+        "tune rig-rom --hammer test.csv",
+        "tune mine.toml --free joints.cover.kz,materials.steel.young",
+    ),
+    "hammer": (
+        "hammer test.csv --out hammer",
+        "hammer synthetic.csv --synthetic",
+    ),
+    "reduce": (
+        "reduce rig-rom --out rom.mat",
+        "reduce rig-rom --out rom.npz --matrices full.mat",
+    ),
+    "impact": (
+        "impact rig-rigid",
+        "impact rig-1dof --rom rom.npz --out runs/impact",
+        "impact rig-1dof --json | jq .peak_wall_force_N",
+    ),
+    "accuracy": (
+        "accuracy --stage time --out accuracy",
+        "accuracy rig-half-space --stage time",
+    ),
+    "stability": ("stability --case one-dof-wall --out stability",),
+    "study": ("study", "study damping --out studies"),
+    "calibrate": ("calibrate rig-1dof data.csv --instrument 100e3 --out calibrated",),
+    "twin": ("twin --out twin", "twin --runs 200"),
+    "report": ("report runs/rig-rom",),
+    "doctor": ("doctor",),
+}
