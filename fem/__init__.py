@@ -10,8 +10,8 @@
 
 u are the free displacements of a Model, u_mesh = model.T @ u, node after node x, y, z.
 
-    structure = fem.assemble({"block": mesh}, {"block": fem.Material(210e9, 0.3, 7850.0)})
-    model = fem.joined(structure, fem.Connections(held=[fem.Held("block:back")]))
+    structure = fem.assemble({"beam": mesh}, {"beam": fem.Material(210e9, 0.3, 7850.0)})
+    model = fem.joined(structure, fem.Connections(held=[fem.Held("beam:back")]))
     hz = fem.modes(model.K, model.M, 10).frequency_hz
 
 See examples/own_mesh.py, from a mesh of one's own to an impact.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from workflows.api.folders import require_file
 from workflows.api.progress import Progress, quiet
 from workflows.files.run_folder import Picture, RunFolder, picture_named
-from workflows.files.scene import Changes, Source, each, files_read
+from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.parts import with_chain
@@ -106,7 +105,6 @@ def twin(
     changes: Changes = (),
     *,
     rig: dict[str, Any] | None = None,
-    spheres: Iterable[int] = (),
     runs: int = 0,
     posterior: bool = False,
     out: str | Path | None = None,
@@ -117,8 +115,8 @@ def twin(
     """A known rig makes SYNTHETIC data, and a calibration has to find it again (`beadwave twin`).
 
     rig      of {scatter, frequency, noise, sampling, instrument, repeats, jitter, seed}: the known
-             rig and its instrument; see workflows.calibration.twin.Twin for units and defaults
-    spheres  measured, (1, 4, 14); those of the scene without any
+             rig and its instrument; see workflows.calibration.twin.Twin for units and defaults;
+             measured are the spheres of output.spheres
     runs     repeats of the whole experiment, that count how often the bars hold the truth
     asked    of the calibration, as in `calibrate`
     """
@@ -127,8 +125,7 @@ def twin(
     from workflows.calibration.folder import TWIN_FILES, write, write_data
     from workflows.pipeline.pipeline import pipeline_of
 
-    watched = (("output.spheres", list(spheres)),) if spheres else ()
-    chosen = with_chain(load_scene(scene, (*watched, *each(changes))))
+    chosen = with_chain(load_scene(scene, changes))
     setting, request = experiment.checked(experiment.Twin(**(rig or {}))), _request(asked)
     folder = _folder(out, files_read(chosen, scene), overwrite)
     covered = None

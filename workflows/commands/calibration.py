@@ -151,9 +151,10 @@ def twin(
         "instrument": instrument, "repeats": _within("--repeats", repeats, 1, 1000),
         "jitter": jitter, "seed": _seed(seed),
     }  # fmt: skip
+    watched = (("output.spheres", list(_spheres(spheres, "--spheres"))),) if spheres else ()
     with StageProgress(f"twin {scene}", quiet=quiet) as progress:
         found = experiment(
-            scene or "rig-1dof", changes or (), rig=rig, spheres=_spheres(spheres, "--spheres"),
+            scene or "rig-1dof", (*watched, *(changes or ())), rig=rig,
             runs=_within("--runs", runs, 0, 100_000), free=free, bounds=bounds, band=band,
             hold_out=_spheres(hold_out), two_stage=two_stage, starts=_positive(starts),
             scan=_scan(scan), posterior=posterior, out=out, overwrite=overwrite,
