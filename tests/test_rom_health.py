@@ -39,7 +39,7 @@ def test_fixed_interface_frequencies_are_those_of_the_part_between_its_boundarie
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_model_without_mass_is_told_in_a_sentence():
+def test_a_model_without_mass_is_reported():
     K, M = free_chain()
     massless = full_order(K, M, np.eye(N)[-1])._replace(M=np.zeros((N, N)))
     assert "M is not positive definite" in health(massless).findings[0]

@@ -123,7 +123,7 @@ def test_a_sphere_held_out_is_predicted(rig, plain):
     assert report.held_out_m_s["1"] < 0.05 * report.start_misfit_m_s["4"]
 
 
-def test_a_sphere_held_out_that_is_missed_is_told(found):
+def test_a_sphere_held_out_that_is_missed_is_reported(found):
     left = float(np.sqrt(np.mean(found.fit.misfit**2)))
     assert not list(on_held_out({"2": 2.0 * left}, found.fit))
     (sentence,) = on_held_out({"2": 2.0 * left, "3": 16.0 * left}, found.fit)
@@ -146,7 +146,7 @@ def test_two_stages_leave_the_chain_as_the_first_waves_gave_it(rig, plain):
     assert stages[1]["parameters"] == ("wall.frequency",)
 
 
-def test_noise_that_may_hide_exchanged_contacts_is_told(rig, plain):
+def test_noise_that_may_hide_swapped_contacts_is_reported(rig, plain):
     """Three starts must end alike at five times the noise of a laser; at that of ten repeats one
     is enough."""
     request = Request(instrument=SETTING.instrument, free=FEW)
@@ -156,7 +156,7 @@ def test_noise_that_may_hide_exchanged_contacts_is_told(rig, plain):
     )
     assert loud.report.noise_m_s == pytest.approx(5e-3, rel=0.1)
     assert loud.fit.same_starts >= 3 and low.fit.starts == 1
-    told = "contacts exchanged may leave hardly more"
+    told = "swapped contacts may leave hardly more"
     assert any(told in r for r in loud.report.remarks)
     assert not any(told in r for r in low.report.remarks)
 
@@ -222,7 +222,7 @@ def test_a_sphere_that_no_wave_reaches_is_refused(rig, data):
     refused(rig, data._replace(v=data.v * [1.0, 0.0]), "no wave comes by sphere 4 within")
 
 
-def test_waves_beyond_the_range_and_offsets_are_told(rig, plain, data):
+def test_waves_beyond_the_range_and_offsets_are_reported(rig, plain, data):
     """A wave that is met as it is, with the noise of a laser or without, has no such plateau."""
     noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4))
     request = Request(free="trigger", instrument=SETTING.instrument)
@@ -248,7 +248,7 @@ def test_a_record_may_begin_long_before_the_blow(rig, plain):
     assert found.fit.value[-1] == pytest.approx(800.0, rel=1e-3)
 
 
-def test_a_late_trigger_is_told_and_undone(rig, data):
+def test_a_late_trigger_is_reported_and_undone(rig, data):
     late = data._replace(t=data.t[45:] - data.t[45], v=data.v[:, 45:])
     request = Request(free="trigger", instrument=SETTING.instrument)
     report = calibrated(rig, wall(rig), late, "data.csv", request).report
@@ -261,7 +261,7 @@ def test_a_record_that_begins_after_the_blow_is_refused(rig, data):
     refused(rig, data._replace(t=data.t[120:], v=data.v[:, 120:]), "begins after it has hit")
 
 
-def test_repeats_with_shifted_triggers_are_told_and_undone(rig, clean):
+def test_repeats_with_shifted_triggers_are_reported_and_undone(rig, clean):
     shifted = experiment.measured(clean, SETTING._replace(repeats=5, jitter=1e-5))
     request = Request(free="trigger", instrument=SETTING.instrument)
     report = calibrated(rig, wall(rig), shifted, "data.csv", request).report

@@ -17,7 +17,7 @@ from workflows.results.tables import Table, as_csv, records, short, text
 from workflows.studies import catalogue, prose
 from workflows.studies.accuracy import batch, time, wall_modes, work_precision
 from workflows.studies.accuracy.rows import Row
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 
 FOLDER = Path(workflows.studies.__file__).parent
 SHORT = ("chain.count=6", "output.spheres=[1,4]", "time.duration=0.8e-3")
@@ -61,13 +61,13 @@ def test_a_template_says_paragraphs_and_refuses_a_number_that_nobody_computed(tm
     module.with_suffix(".md").write_text(
         "The body falls\n{{ way | milli | places(1) }} mm.\n\n\nB."
     )
-    assert said(str(module), way=2e-3) == ("The body falls 2.0 mm.", "B.")
+    assert rendered(str(module), way=2e-3) == ("The body falls 2.0 mm.", "B.")
     with pytest.raises(UndefinedError, match="way"):
-        said(str(module))
+        rendered(str(module))
 
 
 @pytest.mark.parametrize(
-    ("said", "words"),
+    ("written", "words"),
     [
         (prose.places(-1e-9, 2), "0.00"),
         (prose.places(float("nan"), 2), "-"),
@@ -79,8 +79,8 @@ def test_a_template_says_paragraphs_and_refuses_a_number_that_nobody_computed(tm
         (prose.verdict(None), "cannot be judged"),
     ],
 )
-def test_numbers_are_said_in_one_form(said, words):
-    assert said == words
+def test_numbers_are_written_in_one_form(written, words):
+    assert written == words
 
 
 def test_a_table_is_aligned_for_a_person_and_exact_for_machines():

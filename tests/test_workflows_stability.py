@@ -12,7 +12,7 @@ from workflows.commands.app import main
 from workflows.pipeline.warnings import large_step_error
 from workflows.studies import catalogue
 from workflows.studies.stability import steps as stability_steps
-from workflows.studies.stability.chains import settled, spheres_of, struck
+from workflows.studies.stability.chains import settled, spheres_of, striker_velocity
 from workflows.studies.stability.verdicts import Outcome, Trial, judged
 
 QUICK = sorted(
@@ -90,9 +90,9 @@ def test_strain_is_that_of_one_hertz_contact():
 
 
 def test_a_run_outside_of_its_model_says_so():
-    fast = settled(spheres_of(), dem.rigid_wall(), struck(speed=100.0), 3e-4)
+    fast = settled(spheres_of(), dem.rigid_wall(), striker_velocity(speed=100.0), 3e-4)
     assert len(fast.warnings) == 3
-    assert not settled(spheres_of(), dem.rigid_wall(), struck(speed=0.1), 1e-3).warnings
+    assert not settled(spheres_of(), dem.rigid_wall(), striker_velocity(speed=0.1), 1e-3).warnings
 
 
 def test_a_free_pair_that_never_touches_is_not_strained():
@@ -111,7 +111,7 @@ def test_yielding_contacts_are_not_warned_of_pressure():
 
 @pytest.mark.parametrize("scheme", ["verlet", "rkn6", "energy2"])
 def test_a_given_step_knows_its_error(scheme):
-    chain, wall, v0 = spheres_of(), dem.rigid_wall(), struck()
+    chain, wall, v0 = spheres_of(), dem.rigid_wall(), striker_velocity()
     exact = dem.march(chain, wall, v0, duration=1e-3, dt=1e-7, scheme="rkn6", n_save=50)
     for dt in (1e-6, 5e-6):
         run = coupling.impact(chain, wall, v0, duration=1e-3, dt=dt, scheme=scheme, n_save=50)
@@ -121,8 +121,10 @@ def test_a_given_step_knows_its_error(scheme):
 
 def test_a_continued_run_knows_its_error_too():
     chain, wall, options = spheres_of(), dem.rigid_wall(), {"dt": 2e-6, "scheme": "rkn6"}
-    first = dem.march(chain, wall, struck(), duration=5e-4, **options)
-    run = coupling.impact(chain, wall, struck(), duration=5e-4, state=first.final, **options)
+    first = dem.march(chain, wall, striker_velocity(), duration=5e-4, **options)
+    run = coupling.impact(
+        chain, wall, striker_velocity(), duration=5e-4, state=first.final, **options
+    )
     assert 0.0 < run.trajectory.error_estimate < 1e-4
 
 
@@ -133,7 +135,9 @@ def test_a_rough_step_is_warned_of():
 
 def test_energy_beyond_floating_point_is_refused():
     with pytest.raises(dem.InvalidChain, match="kinetic energy"):
-        dem.march(spheres_of(), dem.rigid_wall(), struck(speed=1e200), duration=1.0, dt=0.1)
+        dem.march(
+            spheres_of(), dem.rigid_wall(), striker_velocity(speed=1e200), duration=1.0, dt=0.1
+        )
 
 
 def test_command_prints_verdicts_for_machines(capsys, monkeypatch, tmp_path):

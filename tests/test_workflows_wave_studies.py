@@ -180,7 +180,7 @@ def test_equal_waves_are_no_distance_apart_and_distant_ones_sqrt_2(own_cache):
     named = {w.name: w for w in found}
     spheres = (1, 4, 14)
     names = ("half-space", "1-DOF 8425", "1-DOF 907", "ROM all four", "1-DOF 240")
-    runs = {name: rig_walls.struck(usual, named[name], spheres, 1e-3) for name in names}
+    runs = {name: rig_walls.impact_run(usual, named[name], spheres, 1e-3) for name in names}
     plain, high, nine, rom, low = runs.values()
     assert overall(nine, nine, spheres) == 0.0
     for number in (1, 2, 3, 4):

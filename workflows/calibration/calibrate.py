@@ -23,7 +23,7 @@ from coupling.calibration.signals import (
     noise_between_waves,
 )
 from workflows.calibration import parameters as free_parameters
-from workflows.calibration.checks import cut_off, doubts, plausible, require_samples
+from workflows.calibration.checks import cut_off, plausible, require_samples, unlike_the_model
 from workflows.calibration.report import CalibrationReport, on_held_out, report_of
 from workflows.files.velocities import Record
 from workflows.scene import InvalidScene, OneDofWall, Scene
@@ -31,7 +31,7 @@ from workflows.scene import InvalidScene, OneDofWall, Scene
 if TYPE_CHECKING:
     from coupling.calibration.posterior import Posterior
 
-LOWEST = 0.05  # low-pass times the radian of a contact
+LOWEST = 0.05  # low-pass times the contact time scale
 TRIGGERS = (-0.5, 1.0)  # of the record: where the first touch may be said to be
 SCANNED = (50.0, 2000.0, 60)  # [Hz]
 
@@ -70,20 +70,20 @@ def calibrated(
 ) -> Calibrated:
     """The scene fitted to the record; raises InvalidScene for data or requests that cannot be."""
     began = perf_counter()
-    radian = _radian(scene, wall)
-    require_samples(measured.t, radian)
-    remarks = [*plausible(scene, measured), *cut_off(measured, radian)]
+    time_scale = _contact_time_scale(scene, wall)
+    require_samples(measured.t, time_scale)
+    remarks = [*plausible(scene, measured), *cut_off(measured, time_scale)]
     used, held = _split(measured, request.hold_out)
     raw = aligned(measured.t, measured.v, tuple(n - 1 for n in measured.spheres))
     remarks += _told_repeats(raw)
-    filters = _filters(request, measured.t, radian)
+    filters = _filters(request, measured.t, time_scale)
     trigger, more = _trigger(scene, wall, raw.signals, filters, request)
     names = _names(scene, request)
     rig = free_parameters.rig(scene, wall, trigger)
     limits = free_parameters.bounds(request.bounds)
     parameters = free_parameters.parameters(scene, names, trigger, limits)
     signals = raw.signals.only(used)
-    noise = _noise(signals, filters, radian)
+    noise = _noise(signals, filters, time_scale)
     options = Options(
         staged=any(not p.of_wall for p in parameters),
         joint=not request.two_stage,
@@ -113,7 +113,7 @@ def _fitted(rig, parameters, signals, filters, options: Options, source: str) ->
         raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
 
 
-def _radian(scene: Scene, wall: dem.Wall | None) -> float:
+def _contact_time_scale(scene: Scene, wall: dem.Wall | None) -> float:
     """Time [s] within which the stiffest contact moves."""
     rig = free_parameters.rig(scene, wall, 0.0)
     step = dem.sensitivities.usual_step(rig.chain, rig.wall, rig.v0)
@@ -148,8 +148,8 @@ def _told_repeats(raw: Aligned):
         yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
 
 
-def _filters(request: Request, t: np.ndarray, radian: float) -> Filter:
-    nyquist, least = 0.5 / (t[1] - t[0]), LOWEST / radian
+def _filters(request: Request, t: np.ndarray, time_scale: float) -> Filter:
+    nyquist, least = 0.5 / (t[1] - t[0]), LOWEST / time_scale
     for name in ("band", "instrument"):
         value = getattr(request, name)
         most = nyquist if name == "band" else 10 * nyquist
@@ -173,7 +173,7 @@ def _trigger(
     data = filters.of_data(signals.v, dt)
     lag = lag_of(signals.t, data, model)
     found = _given_trigger(request.trigger, t0 + lag, signals.t)
-    return found, list(doubts(signals, data, model, found - t0, dt, forward.time_scale))
+    return found, list(unlike_the_model(signals, data, model, found - t0, dt, forward.time_scale))
 
 
 def _given_trigger(text: str, estimate: float, t: np.ndarray) -> float:
@@ -203,12 +203,12 @@ def _scan(scene: Scene, names: tuple[str, ...], request: Request):
     return low, high, points
 
 
-def _noise(signals: Signals, filters: Filter, radian: float) -> float | None:
+def _noise(signals: Signals, filters: Filter, time_scale: float) -> float | None:
     """rms [m/s] of the noise in the mean signals, by the repeats or by what lies between waves."""
     if signals.repeats > 1 and np.isfinite(signals.spread).all():
         return float(np.sqrt(np.mean(signals.spread**2) / signals.repeats))
     dt = signals.t[1] - signals.t[0]
-    return noise_between_waves(signals.t, filters.of_data(signals.v, dt), radian)
+    return noise_between_waves(signals.t, filters.of_data(signals.v, dt), time_scale)
 
 
 def _held_out(rig, fit: Calibration, signals, filters) -> dict[str, float]:

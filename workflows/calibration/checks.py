@@ -10,11 +10,11 @@ from workflows.scene import InvalidScene, Scene
 WRONG_UNITS = 20.0  # peak velocity over the striker's
 DOUBTFUL_UNITS = 3.0
 ARRIVED = 0.5  # of the largest velocity
-COARSEST = 0.5  # sampling interval in radians of a contact: refused above, flagged above half
-SHORTEST = 2.0  # record in radians of a contact
+COARSEST = 0.5  # sampling interval in contact time scales: refused above, flagged above half
+SHORTEST = 2.0  # record in contact time scales
 OFFSET = 0.02  # of the largest velocity
 STILL = 0.05  # of the largest velocity: no wave
-FLAT = 0.15  # of a radian of a contact, that no wave stays at its largest velocity
+FLAT = 0.15  # of a contact time scale, that no wave stays at its largest velocity
 LEAST_FLAT = 5  # samples
 SAME_VALUE = 1e-6  # of the largest velocity
 ALIKE = 0.5  # correlation with the start model
@@ -103,25 +103,25 @@ def _require_order(measured: Record) -> None:
             )
 
 
-def require_samples(t: np.ndarray, radian: float) -> None:
+def require_samples(t: np.ndarray, time_scale: float) -> None:
     """Raise InvalidScene where waves pass between two samples, or a record ends within one."""
     dt, last = t[1] - t[0], t[-1] - t[0]
-    if dt > COARSEST * radian:
+    if dt > COARSEST * time_scale:
         raise InvalidScene(
             f"a sample every {1e6 * dt:.3g} us is too seldom for contacts that move within "
-            f"{1e6 * radian:.3g} us; measure with {1 / (COARSEST * radian):.3g} Hz or more, or "
-            "correct the unit of time."
+            f"{1e6 * time_scale:.3g} us; measure with {1 / (COARSEST * time_scale):.3g} Hz or "
+            "more, or correct the unit of time."
         )
-    if last < SHORTEST * radian:
+    if last < SHORTEST * time_scale:
         raise InvalidScene(
-            f"the record lasts {1e6 * last:.3g} us, contacts move within {1e6 * radian:.3g} us; "
-            "correct the unit of time or record longer."
+            f"the record lasts {1e6 * last:.3g} us, contacts move within {1e6 * time_scale:.3g} "
+            "us; correct the unit of time or record longer."
         )
 
 
-def cut_off(measured: Record, radian: float):
+def cut_off(measured: Record, time_scale: float):
     """Sentences on spheres that stay at the end of what they show, as beyond a laser's range."""
-    most = max(LEAST_FLAT, FLAT * radian / (measured.t[1] - measured.t[0]))
+    most = max(LEAST_FLAT, FLAT * time_scale / (measured.t[1] - measured.t[0]))
     for i, n in enumerate(measured.spheres):
         largest = np.abs(measured.v[:, :, i]).max()
         for sign in (1.0, -1.0):
@@ -143,7 +143,7 @@ def _longest_run(there: np.ndarray) -> int:
     return int((end - begin)[inside].max(initial=0))
 
 
-def doubts(signals: Signals, data, model, lag: float, dt: float, radian: float):
+def unlike_the_model(signals: Signals, data, model, lag: float, dt: float, time_scale: float):
     """Sentences on data (k, m) that is unlike the model (k, m) it starts from, `lag` [s] later."""
     t = signals.t
     if abs(lag) > 0.5 * (t[-1] - t[0]):
@@ -154,8 +154,8 @@ def doubts(signals: Signals, data, model, lag: float, dt: float, radian: float):
     if lag < -2 * dt:
         early = 1e6 * -lag
         yield f"The first touch is {early:.3g} us before the record starts: the trigger came late."
-    if dt > 0.5 * COARSEST * radian:
-        yield f"A sample every {1e6 * dt:.3g} us is seldom for waves of {1e6 * radian:.3g} us."
+    if dt > 0.5 * COARSEST * time_scale:
+        yield f"A sample every {1e6 * dt:.3g} us is seldom for waves of {1e6 * time_scale:.3g} us."
     late = np.array([np.interp(t - lag, t, column) for column in model.T]).T
     for i, sphere in enumerate(signals.spheres):
         alike = np.corrcoef(late[:, i], data[:, i])[0, 1]

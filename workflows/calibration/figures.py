@@ -51,7 +51,7 @@ def signals(t, fit, spheres: tuple[str, ...], face: str) -> bytes:
         upper.set_ylabel(f"sphere {sphere}\nvelocity [m/s]")
         left = 1e3 * (fit.data[:, i] - fit.model[:, i])
         lower.plot(1e3 * t, left, color="black", linewidth=0.6)
-        lower.set_ylabel("left\n[mm/s]")
+        lower.set_ylabel("residual\n[mm/s]")
         frame(upper)
         frame(lower)
     name_curves(panels[0], "above")

@@ -219,7 +219,7 @@ def _on_misfit(fit: Calibration, noise: float | None, repeats: int):
         yield _beside_noise(total, noise, repeats)
         if not decisive(noise, np.abs(fit.data).max(), fit.parameters, fit.data):
             yield (
-                "At this noise, or with so few spheres measured, a chain with contacts exchanged "
+                "At this noise, or with so few spheres measured, a chain with swapped contacts "
                 "may leave hardly more, which the "
                 f"bars do not hold ({fit.same_starts} of {fit.starts} starts found this one): "
                 "measure more repeats or spheres, or hold a sphere out."
@@ -240,7 +240,7 @@ def on_held_out(left_out: dict[str, float], fit: Calibration):
             yield (
                 f"Sphere {sphere}, held out, is missed by {1e3 * misfit:.3g} mm/s, "
                 f"{misfit / fitted:.2g} times what the fitted ones leave: what was found does not "
-                "predict it, contacts may be exchanged whatever the bars say; fit to more spheres."
+                "predict it, contacts may be swapped whatever the bars say; fit to more spheres."
             )
 
 
@@ -256,7 +256,7 @@ def _beside_noise(total: float, noise: float, repeats: int) -> str:
     if total > (SUSPICIOUS if repeats > 1 else GUESSED) * noise:
         return (
             f"The misfit is {total / noise:.3g} times the {of_mean}: contacts that no laser "
-            "stands between may be exchanged, try more --starts or measure further spheres."
+            "stands between may be swapped, try more --starts or measure further spheres."
         )
     return (
         f"The misfit is {total / noise:.3g} times the {of_mean} of which {known}: noise alone "

@@ -30,7 +30,7 @@ def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, 
     observed = scene.output.spheres or (1, scene.chain.count)
     return (
         Picture("velocities", velocities(impact.trajectory, observed, waves.labels)),
-        Picture("waves", space_time(impact.trajectory, waves.trains)),
+        Picture("waves", space_time(impact.trajectory, waves.tracks)),
         Picture("energies", energies(impact.trajectory)),
     )
 
@@ -69,19 +69,19 @@ def _name(wave: Label | WaveTrack) -> str:
     return "i" if wave.number == 1 else f"i{wave.number}"
 
 
-def space_time(run, trains: Iterable[WaveTrack]) -> bytes:
+def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
     """Velocity of every sphere over time, with the waves that were followed."""
     figure, (axis,) = plots.subplots(1, 1, (8, 4.6))
     plots.space_time(axis, run.t, run.v)
     limits = axis.get_xlim(), axis.get_ylim()
     late = 1e3 * (0.97 * run.t[-1] + 0.03 * run.t[0])
-    for train in trains:
-        places = [pulse.contact + 0.5 for pulse in train.pulses]
-        times = [1e3 * pulse.time for pulse in train.pulses]
+    for track in tracks:
+        places = [pulse.contact + 0.5 for pulse in track.pulses]
+        times = [1e3 * pulse.time for pulse in track.pulses]
         axis.plot(times, places, color="black", linewidth=0.8, linestyle=(0, (3, 2)))
         left = times[-1] > late
         axis.annotate(
-            _name(train), (times[-1], places[-1]), (-4 if left else 4, 0), fontsize=8, va="center",
+            _name(track), (times[-1], places[-1]), (-4 if left else 4, 0), fontsize=8, va="center",
             textcoords="offset points", ha="right" if left else "left",
             bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "linewidth": 0},
         )  # fmt: skip

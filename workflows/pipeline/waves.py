@@ -11,16 +11,16 @@ from dem.waves.labels import Label, labels
 from dem.waves.measures import WallContact, track_speed, wall_contact
 from dem.waves.tracks import WaveTrack, wave_tracks
 from workflows.pipeline.chain import Start
-from workflows.results.summary import ChainContact, SphereWaves, WaveArrival, WaveTrain
+from workflows.results.summary import ChainContact, SphereWaves, TrackedWave, WaveArrival
 from workflows.scene import Scene
 
 NAMED = 20  # waves of a kind that are followed; after a few dozen impacts there are none to name
 
 
 class ChainWaves(NamedTuple):
-    """Waves along the chain, at the observed spheres, and the blow at the wall, if there is one."""
+    """Waves along the chain, at the observed spheres, and the impact at the wall, if any."""
 
-    trains: tuple[WaveTrack, ...]
+    tracks: tuple[WaveTrack, ...]
     labels: dict[int, tuple[Label, ...]]
     contact: WallContact | None
 
@@ -29,7 +29,7 @@ def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
     """What the run's trajectory holds of waves."""
     run, row = impact.trajectory, start.chain
     found = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A)
-    found = tuple(train for train in found if train.number <= NAMED)
+    found = tuple(track for track in found if track.number <= NAMED)
     return ChainWaves(
         found,
         {s: labels(found, run.t, run.v[:, s - 1], s) for s in scene.output.spheres},
@@ -38,7 +38,7 @@ def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
 
 
 def sphere_waves(found: ChainWaves, t, v, sphere: int) -> SphereWaves:
-    """The waves at a sphere with record v (k,); unnamed where the chain is too short for trains."""
+    """The waves at a sphere with record v (k,); unnamed where the chain is too short for tracks."""
     named = found.labels[sphere]
     passed = passage(t, v)
     listed = [_arrival(label.arrival, label.name, label.alone) for label in named]
@@ -61,7 +61,7 @@ def _arrival(wave: Arrival, name: str | None = None, alone: bool = True) -> Wave
 
 
 def chain_contact(scene: Scene, found: ChainWaves) -> ChainContact | None:
-    """The blow at the wall in the words of the thesis' section 2.2.1."""
+    """The impact at the wall in the terms of the thesis' section 2.2.1."""
     wall = found.contact
     if wall is None:
         return None
@@ -77,18 +77,18 @@ def chain_contact(scene: Scene, found: ChainWaves) -> ChainContact | None:
         arr_2_9=wall.arr,
         velocity_sum_ratio_2_8=wall.velocity_sum_ratio,
         energy_restitution=wall.energy_restitution,
-        trains=tuple(_train(train, radius) for train in found.trains),
+        trains=tuple(_track(track, radius) for track in found.tracks),
     )
 
 
-def _train(train: WaveTrack, radius: NDArray[np.float64]) -> WaveTrain:
-    first, last = train.pulses[0], train.pulses[-1]
-    return WaveTrain(
-        name=train.name,
+def _track(track: WaveTrack, radius: NDArray[np.float64]) -> TrackedWave:
+    first, last = track.pulses[0], track.pulses[-1]
+    return TrackedWave(
+        name=track.name,
         from_contact=first.contact,
         to_contact=last.contact,
         start_s=first.time,
         end_s=last.time,
-        speed_m_s=track_speed(train, radius),
-        peak_force_N=max(pulse.force for pulse in train.pulses),
+        speed_m_s=track_speed(track, radius),
+        peak_force_N=max(pulse.force for pulse in track.pulses),
     )

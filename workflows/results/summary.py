@@ -39,7 +39,7 @@ class SphereWaves(BaseModel):
     arr: float | None
 
 
-class WaveTrain(BaseModel):
+class TrackedWave(BaseModel):
     """A wave from one contact to another; contact i is that of the spheres i and i + 1."""
 
     name: str
@@ -52,7 +52,7 @@ class WaveTrain(BaseModel):
 
 
 class ChainContact(BaseModel):
-    """The chain's blow at its wall, in the thesis' numbers (2.5) to (2.9); see dem.WallContact.
+    """The chain's impact at its wall, in the thesis' numbers (2.5) to (2.9); see dem.WallContact.
 
     The contact lasts while its force is above threshold_N, 1 % of the largest above that at rest.
     The last two are of the whole record: spheres' velocities and kinetic energy, end over start.
@@ -68,7 +68,7 @@ class ChainContact(BaseModel):
     arr_2_9: float | None
     velocity_sum_ratio_2_8: float | None
     energy_restitution: float | None
-    trains: tuple[WaveTrain, ...]
+    trains: tuple[TrackedWave, ...]
 
 
 class ErrorEstimate(BaseModel):

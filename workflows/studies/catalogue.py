@@ -67,26 +67,26 @@ def chosen(folder: str, names: tuple[str, ...], option: str) -> dict[str, Entry]
     return {name: known[name] for name in names} or known
 
 
-def study(name: str, scene: Scene, watch: Progress) -> Finding:
+def study(name: str, scene: Scene, progress: Progress) -> Finding:
     """What a study of the thesis finds on the scene."""
-    return chosen("thesis", (name,), "study")[name](scene, watch)
+    return chosen("thesis", (name,), "study")[name](scene, progress)
 
 
-def accuracy(stage: str, scene: Callable[[str], Scene], watch: Progress) -> dict[str, Finding]:
+def accuracy(stage: str, scene: Callable[[str], Scene], progress: Progress) -> dict[str, Finding]:
     """The accuracy studies of a stage by name; `scene` gives the scene for a study's usual one."""
     found = {}
     for name, entry in chosen("accuracy", () if stage == "all" else (stage,), "--stage").items():
-        with watch(name):
-            found[name] = entry(scene(entry.loaded().SCENE), watch)
+        with progress(name):
+            found[name] = entry(scene(entry.loaded().SCENE), progress)
     return found
 
 
-def stability(cases: tuple[str, ...], watch: Progress) -> Finding:
+def stability(cases: tuple[str, ...], progress: Progress) -> Finding:
     """Verdicts on the trials of these cases, of all without any."""
     from workflows.studies.stability.verdicts import finding, judged
 
     rows = []
     for name, trials in chosen("stability", cases, "--case").items():
-        with watch(name):
+        with progress(name):
             rows += map(judged, trials())
     return finding(tuple(rows))

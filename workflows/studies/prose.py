@@ -9,7 +9,7 @@ from typing import Any
 PREFIXES = {"nano": 1e9, "micro": 1e6, "milli": 1e3, "kilo": 1e-3, "giga": 1e-9}
 
 
-def said(module: str, **numbers: Any) -> tuple[str, ...]:
+def rendered(module: str, **numbers: Any) -> tuple[str, ...]:
     """Paragraphs of the template beside a module (its __file__); a number it lacks is an error."""
     file = Path(module).with_suffix(".md")
     text = _environment(file.parent).get_template(file.name).render(numbers)

@@ -15,7 +15,7 @@ from workflows.studies.accuracy.problems import problem
 from workflows.studies.accuracy.rows import Row, table_of
 from workflows.studies.accuracy.work_precision import limit, timed
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 
 SCENE = "rig-rigid"
 POPULATION, SCATTER, ERROR = 8192, 0.05, 1e-4
@@ -50,9 +50,9 @@ def population(case: Problem, count: int = POPULATION) -> Population:
     return Population(case, case.chain.A * factors)
 
 
-def batch(scene: Scene, watch: Progress) -> Finding:
+def batch(scene: Scene, progress: Progress) -> Finding:
     """Runs per second of a population of chains at a median error of 1e-4."""
-    many = population(problem(scene, watch)._replace(n_save=50))
+    many = population(problem(scene, progress)._replace(n_save=50))
     dt, error = step_of_median(many, ERROR)
     threads = cpu_count() or 1
     runs = {n: timed(lambda n=n: many.marched(dt, threads=n), budget=2.0) for n in {1, threads}}
@@ -65,7 +65,7 @@ def batch(scene: Scene, watch: Progress) -> Finding:
         for n, run in sorted(runs.items())
     )  # fmt: skip
     single, best = rows[0], min(rows, key=lambda row: row.seconds)
-    sentences = said(__file__, single=single, best=best, **_limits(many, single, best))
+    sentences = rendered(__file__, single=single, best=best, **_limits(many, single, best))
     return Finding((table_of(rows),), sentences)
 
 

@@ -18,18 +18,18 @@ from workflows.studies.accuracy.work_precision import (
     scheme_row,
 )
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 
 SCENE = "rig-rigid"
 LENGTHS = (17, 100, 1000, 10000)
 
 
-def chain_length(scene: Scene, watch: Progress) -> Finding:
+def chain_length(scene: Scene, progress: Progress) -> Finding:
     """Run time against the number of spheres."""
-    case = problem(scene, watch)
+    case = problem(scene, progress)
     rows = tuple(joined.from_iterable(_length_rows(lengthened(case, n)) for n in LENGTHS))
     drawn = picture("accuracy_chain_length", rows, "spheres")
-    return Finding((table_of(rows),), said(__file__, growths=growths(rows)), (drawn,))
+    return Finding((table_of(rows),), rendered(__file__, growths=growths(rows)), (drawn,))
 
 
 def _length_rows(case: Problem) -> tuple[Row, ...]:

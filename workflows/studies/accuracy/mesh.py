@@ -29,7 +29,7 @@ from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
 from workflows.studies.accuracy.rows import Row, table_of
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 
 SCENE = "rig-rom"
 SEEDS = (8e-3, 5.66e-3, 4e-3, 2.83e-3, 2e-3)  # [m] ratio sqrt 2
@@ -56,14 +56,14 @@ class Solved(NamedTuple):
     quality: float  # smallest scaled Jacobian
 
 
-def mesh(scene: Scene, watch: Progress, *, seeds: tuple[float, ...] | None = None) -> Finding:
+def mesh(scene: Scene, progress: Progress, *, seeds: tuple[float, ...] | None = None) -> Finding:
     """Frequencies of block and sheets against the element size in the sheets."""
     with_assembly(scene)
     seeds = seeds or SEEDS + (FINER if has_pardiso() else ())
     rows, lines, limits, error = [], [], {}, {}
     for constraint in N_MODES:
-        solved = [_watched(scene, constraint, seed, BLOCK, watch) for seed in seeds]
-        larger = _watched(scene, constraint, seeds[0], COARSER * BLOCK, watch)
+        solved = [_watched(scene, constraint, seed, BLOCK, progress) for seed in seeds]
+        larger = _watched(scene, constraint, seeds[0], COARSER * BLOCK, progress)
         f = np.array([s.hz for s in solved])
         limit, order = extrapolated(np.array(seeds), f)
         rows += [_row(s, abs(s.hz[0] / limit[0] - 1)) for s in solved]
@@ -73,7 +73,7 @@ def mesh(scene: Scene, watch: Progress, *, seeds: tuple[float, ...] | None = Non
         error[constraint] = np.abs(f / limit - 1)
     picture = Picture("mesh", _picture(np.array(seeds), error))
     tables = table_of(tuple(rows), printed=False), Table("mesh", COLUMNS, tuple(lines))
-    sentences = said(
+    sentences = rendered(
         __file__, limits=limits, block=BLOCK, larger=COARSER * BLOCK, block_order=BLOCK_ORDER
     )
     return Finding(tables, sentences, (picture,))
@@ -85,10 +85,12 @@ def left_by_the_block(hz, larger_hz) -> NDArray[np.float64]:
     return (larger_hz / hz - 1)[1:] / (COARSER**BLOCK_ORDER - 1)
 
 
-def _watched(scene: Scene, constraint: str, seed: float, block: float, watch: Progress) -> Solved:
+def _watched(
+    scene: Scene, constraint: str, seed: float, block: float, progress: Progress
+) -> Solved:
     plain = STAGE_1 | {"constraint": constraint} | dict.fromkeys(geometry.PARTS)
     varied = scene.model_copy(update={"assembly": scene.assembly.model_copy(update=plain)})
-    with watch(f"{constraint} {1e3 * seed:g} mm"):
+    with progress(f"{constraint} {1e3 * seed:g} mm"):
         return _solved(varied, constraint, seed, block)
 
 

@@ -10,20 +10,20 @@ from workflows.studies.accuracy.problems import modal_wall, problem
 from workflows.studies.accuracy.rows import Row, table_of
 from workflows.studies.accuracy.work_precision import marched, observed, relative_error, timed
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 
 SCENE = "rig-rigid"
 SCHEMES = ("verlet", "suzuki4")
 
 
-def parts(scene: Scene, watch: Progress) -> Finding:
+def parts(scene: Scene, progress: Progress) -> Finding:
     """Run time at a given step with each optional part of a chain and of a wall."""
-    case = problem(scene, watch)
+    case = problem(scene, progress)
     case = case._replace(wall=modal_wall(None, 0), chain=_bare(case.chain))
     rows = tuple(
         _part_row(name, one, scheme) for scheme in SCHEMES for name, one in with_parts(case).items()
     )
-    sentences = said(__file__, ratios={scheme: _over_bare(rows, scheme) for scheme in SCHEMES})
+    sentences = rendered(__file__, ratios={scheme: _over_bare(rows, scheme) for scheme in SCHEMES})
     return Finding((table_of(rows),), sentences)
 
 

@@ -14,7 +14,7 @@ SPACING, MASS = 400.0, 4.2  # [Hz], [kg] of the block in the synthetic wall
 N_SAVE = 100
 
 
-def problem(scene: Scene, watch: Progress) -> Problem:
+def problem(scene: Scene, progress: Progress) -> Problem:
     """The scene's chain; raises InvalidScene for what the integrators cannot be given."""
     if scene.chain is None:
         raise InvalidScene(f"the scene {scene.name} has no [chain]; add one, or take rig-rigid.")
@@ -24,7 +24,7 @@ def problem(scene: Scene, watch: Progress) -> Problem:
             'ours do not know; set contact.law = "hertz" and drop contact.yield_pressure.'
         )
     require_start(scene)
-    row, wall = chain(scene), pipeline_of(scene, watch)("wall")
+    row, wall = chain(scene), pipeline_of(scene, progress)("wall")
     if not isinstance(wall, dem.Wall | None):
         raise InvalidScene(
             f"the scene {scene.name} has a wall whose modes its dampers couple, which no scheme of "

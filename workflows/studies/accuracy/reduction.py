@@ -45,7 +45,7 @@ from workflows.studies.accuracy.reduction_picture import CHOICES, KINDS, Case, m
 from workflows.studies.accuracy.rows import Row, table_of
 from workflows.studies.accuracy.shared_solutions import SharedSolutions
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 
 SCENE = "rig-rom"
 COUNTS = (10, 20, 40, 80, 150)
@@ -94,21 +94,21 @@ def reference(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> Refe
     return Reference(whole, f, float(off / np.linalg.norm(direct)))
 
 
-def reduction(scene: Scene, watch: Progress) -> Finding:
+def reduction(scene: Scene, progress: Progress) -> Finding:
     """Error and cost of a reduced wall against the number of its modes."""
     _refuse(scene)
-    run = pipeline_of(scene, watch, REFERENCE)
+    run = pipeline_of(scene, progress, REFERENCE)
     model, patch = run("model"), run("contact")
     known = contact_of(scene, model, patch)
     contact = Contact(model.K, model.M, patch.w, known, SharedSolutions())
     full = run("reference-response")
     f = np.arange(1, N_FREQUENCIES + 1) / N_FREQUENCIES * BANDS_HZ[-1]
     H = rom.receptance(full.reduced, None, f, loss=rom.LOSS)
-    with watch("reference march"):
+    with progress("reference march"):
         finest = marched(scene, wall_of(scene, full.reduced), FINER)
-    models = tuple(_models(contact, watch))
-    cases = tuple(_cases(scene, models, f, H, finest, watch))
-    with watch("what it costs"):
+    models = tuple(_models(contact, progress))
+    cases = tuple(_cases(scene, models, f, H, finest, progress))
+    with progress("what it costs"):
         largest = {
             f"{one.n_modes} {one.choice} modes": one.model
             for one in models
@@ -116,7 +116,7 @@ def reduction(scene: Scene, watch: Progress) -> Finding:
         }
         costs = costs_of(scene, contact, run("modes"), largest, BANDS_HZ[0])
     rows = tuple(row for case in cases for row in _rows(case))
-    sentences = said(
+    sentences = rendered(
         __file__, top=BANDS_HZ[-1], full=full, size=len(full.reduced.K), falls=_falls(cases),
         costs=costs, asked=ERROR,
     )  # fmt: skip
@@ -142,18 +142,18 @@ def _refuse(scene: Scene) -> None:
         )
 
 
-def _models(contact: Contact, watch: Progress) -> Iterator[Reduced]:
+def _models(contact: Contact, progress: Progress) -> Iterator[Reduced]:
     for kind, choice, n in product(KINDS, CHOICES, COUNTS):
-        with watch(f"{kind} {choice} {n}"):
+        with progress(f"{kind} {choice} {n}"):
             started = process_time() + contact.shared.saved
             model = reduced_to(contact, kind, n, choice, BANDS_HZ[-1])
             yield Reduced(choice, n, model, process_time() + contact.shared.saved - started)
 
 
 def _cases(
-    scene: Scene, models: tuple[Reduced, ...], f, full, finest: dem.Trajectory, watch: Progress
+    scene: Scene, models: tuple[Reduced, ...], f, full, finest: dem.Trajectory, progress: Progress
 ) -> Iterator[Case]:
-    with watch("marches"):
+    with progress("marches"):
         for one in models:
             for bare in (False, True)[: 2 if one.choice == CHOICES[0] else 1]:
                 yield _case(scene, one, bare, f, full, finest)

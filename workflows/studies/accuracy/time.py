@@ -19,21 +19,21 @@ from workflows.studies.accuracy.work_precision import (
     scheme_rows,
 )
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 
 SCENE = "rig-rigid"
 
 
-def time(scene: Scene, watch: Progress) -> Finding:
+def time(scene: Scene, progress: Progress) -> Finding:
     """Error of every scheme and of general-purpose integrators against their run time."""
-    case = problem(scene, watch)
+    case = problem(scene, progress)
     truth = reference(case)
     rows = (
         *scheme_rows("time", case, truth, dem.SCHEMES),
         *controlled_rows("time", case, truth),
         *peer_rows("time", case, truth, peers.peers()),
     )
-    sentences = said(
+    sentences = rendered(
         __file__, scene=scene.name, reference=truth, closed=orders_closed(case),
         opening=_orders(rows, 1e-8, last=4), ratios=ratios(rows), sundials=peers.has_sundials(),
     )  # fmt: skip

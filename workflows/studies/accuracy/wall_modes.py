@@ -23,24 +23,24 @@ from workflows.studies.accuracy.work_precision import (
     scheme_rows,
 )
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 
 SCENE = "rig-rigid"
 MODES = (0, 1, 10, 50, 150, 500)
 COMPARED = 150  # wall modes with which all others are run
 
 
-def wall_modes(scene: Scene, watch: Progress) -> Finding:
+def wall_modes(scene: Scene, progress: Progress) -> Finding:
     """Run time against the number of modes of the wall."""
     with_wall(scene)
-    case = problem(scene, watch)
+    case = problem(scene, progress)
     cases = {k: case._replace(wall=modal_wall(case.wall, k)) for k in MODES}
     step = limit(cases[0], FIXED) / 64.0
     rows = tuple(joined.from_iterable(_mode_rows(one, step, k) for k, one in cases.items()))
     compared = tuple(row for row in rows if row.parameter == COMPARED)
     where = f"{scene.name} with {COMPARED} wall modes"
     rigid, *more = growth.at_one_setting(rows, FIXED)
-    sentences = said(
+    sentences = rendered(
         __file__, own=0 if case.wall is None else case.wall.omega.size, most=MODES[-1],
         spacing=SPACING, mass=MASS, scene=where, ratios=ratios(compared), scheme=FIXED,
         rigid=rigid.seconds, growth=growth.growth(more),

@@ -239,11 +239,11 @@ def _front(rows: Iterable[Row]) -> Iterator[Row]:
             yield row
 
 
-def _between(rough: Row, fine: Row, error: float) -> float:
+def _between(coarse: Row, fine: Row, error: float) -> float:
     if fine.error <= 0.0:
         return fine.seconds
-    share = np.log(rough.error / error) / np.log(rough.error / fine.error)
-    return float(rough.seconds * (fine.seconds / rough.seconds) ** share)
+    share = np.log(coarse.error / error) / np.log(coarse.error / fine.error)
+    return float(coarse.seconds * (fine.seconds / coarse.seconds) ** share)
 
 
 class Fastest(NamedTuple):

@@ -26,7 +26,7 @@ def spheres_of(**changes) -> dem.Chain:
     return dem.row_of_spheres(**given)
 
 
-def struck(n: int = N, speed: float = SPEED) -> np.ndarray:
+def striker_velocity(n: int = N, speed: float = SPEED) -> np.ndarray:
     """Velocities with only the striker moving."""
     return speed * np.eye(1, n)[0]
 
@@ -86,7 +86,7 @@ def young() -> Iterator[Trial]:
 
 
 def _material(E: float) -> Outcome:
-    return _run(spheres_of(young=E, flat=dem.Flat(E, 0.3)), struck(), young=E)
+    return _run(spheres_of(young=E, flat=dem.Flat(E, 0.3)), striker_velocity(), young=E)
 
 
 def unlike_materials() -> Iterator[Trial]:
@@ -107,7 +107,7 @@ def unlike_radii() -> Iterator[Trial]:
 
 def _unlike(count: float = 30.0, **changes) -> Outcome:
     young = changes.get("young", RIG["young"])
-    return _run(spheres_of(**changes), struck(), count, young=young)
+    return _run(spheres_of(**changes), striker_velocity(), count, young=young)
 
 
 def radius() -> Iterator[Trial]:
@@ -123,7 +123,7 @@ def striker_speed() -> Iterator[Trial]:
 
 
 def _speed(speed: float) -> Outcome:
-    return _run(spheres_of(), struck(speed=speed))
+    return _run(spheres_of(), striker_velocity(speed=speed))
 
 
 def preload() -> Iterator[Trial]:
@@ -135,11 +135,11 @@ def preload() -> Iterator[Trial]:
 
 
 def _preloaded(force: float) -> Outcome:
-    return settled(spheres_of(preload=force), dem.rigid_wall(), struck(), 1e-3)
+    return settled(spheres_of(preload=force), dem.rigid_wall(), striker_velocity(), 1e-3)
 
 
 def _squeezed(force: float) -> Outcome:
-    return settled(squeezed(force), dem.rigid_wall(), struck(), 1e-3)
+    return settled(squeezed(force), dem.rigid_wall(), striker_velocity(), 1e-3)
 
 
 def squeezed(force: float) -> dem.Chain:
@@ -157,7 +157,7 @@ def sonic_vacuum() -> Iterator[Trial]:
 
 def _vanishing(force: float) -> Outcome:
     """Velocity difference to no force at all; a force p shifts it by about (p/F)^(2/3)."""
-    wall, v0 = dem.rigid_wall(), struck()
+    wall, v0 = dem.rigid_wall(), striker_velocity()
     options = {"duration": 1e-3, "error": 1e-7, "n_save": 100}
     one = dem.march_to_error(squeezed(force), wall, v0, **options).trajectory
     none = dem.march_to_error(squeezed(0.0), wall, v0, **options).trajectory
@@ -174,7 +174,7 @@ def dissipation() -> Iterator[Trial]:
 
 def _damped(law: str, gamma: float) -> Outcome:
     chain = spheres_of(dissipation=law, gamma=gamma)
-    return settled(chain, dem.rigid_wall(), struck(), 5e-4)
+    return settled(chain, dem.rigid_wall(), striker_velocity(), 5e-4)
 
 
 def spheres() -> Iterator[Trial]:
@@ -186,4 +186,4 @@ def spheres() -> Iterator[Trial]:
 def _many(n: int) -> Outcome:
     long = n > 1000
     chain = spheres_of(count=n)
-    return settled(chain, dem.rigid_wall(), struck(n), 3e-4 if long else 1e-3, n_save=10)
+    return settled(chain, dem.rigid_wall(), striker_velocity(n), 3e-4 if long else 1e-3, n_save=10)

@@ -8,7 +8,14 @@ import numpy as np
 import coupling
 import dem
 from workflows.pipeline.warnings import large_step_error
-from workflows.studies.stability.chains import SPEED, finer, settled, spheres_of, squeezed, struck
+from workflows.studies.stability.chains import (
+    SPEED,
+    finer,
+    settled,
+    spheres_of,
+    squeezed,
+    striker_velocity,
+)
 from workflows.studies.stability.verdicts import Outcome, Trial
 
 DRIFT_STEPS = 10_000_000
@@ -23,7 +30,7 @@ def step() -> Iterator[Trial]:
 
 def _stepped(scheme: str, share: float) -> Outcome:
     """The true error, which the run's own estimate must not fall below by more than half."""
-    chain, wall, v0 = spheres_of(), dem.rigid_wall(), struck()
+    chain, wall, v0 = spheres_of(), dem.rigid_wall(), striker_velocity()
     dt = share * dem.stability_limit(
         chain, wall, v0, scheme="verlet" if scheme == "energy2" else scheme
     )
@@ -70,7 +77,7 @@ def time_reversal() -> Iterator[Trial]:
 
 def _there_and_back(chain_of, wall: dem.Wall | None) -> Outcome:
     """What is missing from the start."""
-    chain, v0 = chain_of(flat=None) if wall is None else chain_of(), struck()
+    chain, v0 = chain_of(flat=None) if wall is None else chain_of(), striker_velocity()
     options = {"duration": 1e-3, "dt": 5e-7, "scheme": "rkn6"}
     there = dem.march(chain, wall, v0, **options)
     back = dem.march(chain, wall, v0, state=there.final.reversed(), **options)
@@ -91,7 +98,7 @@ def float_extremes() -> Iterator[Trial]:
 
 def _scaled(speed: float = SPEED, mass: float = 1.0, A: float = 1.0, duration: float = 0.0):
     """A chain in which one quantity is absurd, for thirty natural times of it."""
-    chain, v0 = spheres_of(), struck(speed=speed)
+    chain, v0 = spheres_of(), striker_velocity(speed=speed)
     chain = chain._replace(mass=mass * chain.mass, A=A * chain.A)
     natural = float(np.max((chain.mass / chain.A) ** 0.4 * np.abs(speed or 1.0) ** -0.2))
     outcome = settled(chain, dem.rigid_wall(), v0, duration or 30 * natural)

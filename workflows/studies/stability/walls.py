@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 import dem
-from workflows.studies.stability.chains import SPEED, N, settled, spheres_of, struck
+from workflows.studies.stability.chains import SPEED, N, settled, spheres_of, striker_velocity
 from workflows.studies.stability.verdicts import Outcome, Trial
 
 DURATION = 1e-3
@@ -28,7 +28,7 @@ def _modes(frequency, phi, zeta: float = 0.0) -> dem.Wall:
 
 
 def _before(wall: dem.Wall) -> Outcome:
-    return settled(spheres_of(), wall, struck(), DURATION)
+    return settled(spheres_of(), wall, striker_velocity(), DURATION)
 
 
 def one_dof_wall() -> Iterator[Trial]:

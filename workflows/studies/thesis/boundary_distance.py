@@ -18,7 +18,7 @@ from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.studies.thesis import plates
 from workflows.studies.thesis.plates import Sizes
 from workflows.studies.thesis.requirements import FEWEST, require_chain
@@ -88,24 +88,24 @@ class Series(NamedTuple):
         return float(x[0] + (y[0] - middle) / (y[0] - y[1]) * (x[1] - x[0]))
 
 
-def boundary_distance(scene: Scene, watch: Progress) -> Finding:
+def boundary_distance(scene: Scene, progress: Progress) -> Finding:
     """Reflected waves from plates struck near their clamped edge (thesis, section 2.2.2)."""
     require_chain(scene, FEWEST)
-    with watch("half-space"):
+    with progress("half-space"):
         deep = plates.collision(scene, dem.rigid_wall())
     found = []
     for ratio in RATIOS:
-        with watch(f"plate, D/t = {ratio:g}"):
+        with progress(f"plate, D/t = {ratio:g}"):
             found.append(_series(scene, ratio, _size(scene, ratio, deep)))
     base, checks = _size(scene, CHECKED, deep), []
     for name, varied in VARIED.items():
-        with watch(f"D/t = {CHECKED:g}, {name}"):
+        with progress(f"D/t = {CHECKED:g}, {name}"):
             checks.append((name, _series(scene, CHECKED, varied(base), SHOWN)))
     rows = tuple(row for series in found for row in _rows(series))
     drawn = Picture("study_boundary_distance", _picture(scene, deep, found))
     changes = [_change(name, _at(found, CHECKED), series) for name, series in checks]
     numbers = _numbers(scene, deep, found)
-    sentences = said(__file__, checked=CHECKED, changes=changes, **numbers)
+    sentences = rendered(__file__, checked=CHECKED, changes=changes, **numbers)
     return Finding((Table("boundary-distance", COLUMNS, rows),), sentences, (drawn,))
 
 
@@ -139,7 +139,7 @@ def _rows(series: Series):
 
 def _numbers(scene: Scene, deep: Collision, found: list[Series]) -> dict[str, Any]:
     return {
-        "sphere": plates.watched(scene),
+        "sphere": plates.observed_sphere(scene),
         "deep": deep,
         "found": found,
         "close": CLOSE,

@@ -15,9 +15,9 @@ from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.studies.thesis.requirements import require_rig
-from workflows.studies.thesis.schemes import Body, Run, of_the_thesis, struck
+from workflows.studies.thesis.schemes import Body, Run, impact_run, of_the_thesis
 from workflows.studies.thesis.schemes import ours as with_one_functional
 from workflows.thesis import HAMMER_TEST_HZ, THESIS
 
@@ -27,10 +27,10 @@ FAR = "thesis, read at the block's other side"
 BAND_HZ = (10.0, 5e4)
 
 
-def damping(scene: Scene, watch: Progress) -> Finding:
+def damping(scene: Scene, progress: Progress) -> Finding:
     """An undamped wall, and its Rayleigh damping over frequency (thesis, figures 6.5, 6.6)."""
     require_rig(scene)
-    runs = tuple(_runs(scene, watch))
+    runs = tuple(_runs(scene, progress))
     zeta = coupling.damping_ratios(RAYLEIGH, 2 * np.pi * np.array(HAMMER_TEST_HZ))
     rows = (
         *((f"undamped, {r.name}: largest gain of energy", r.gain.largest) for r in runs),
@@ -43,7 +43,7 @@ def damping(scene: Scene, watch: Progress) -> Finding:
     picture = Picture("study_damping", _picture(runs))
     table = Table("damping", ("quantity", "value"), rows)
     ours, *others = runs
-    sentences = said(
+    sentences = rendered(
         __file__, ours=ours, grown=_growth(ours), others=[(run, _growth(run)) for run in others],
         most=max(1.5 * ours.gain.largest, 1e-9), duration=DURATION,
         rayleigh=RAYLEIGH, ratio=zeta[0], frequency=HAMMER_TEST_HZ[0],
@@ -51,18 +51,18 @@ def damping(scene: Scene, watch: Progress) -> Finding:
     return Finding((table,), sentences, (picture,))
 
 
-def _runs(scene: Scene, watch: Progress):
+def _runs(scene: Scene, progress: Progress):
     model = stages.model(scene, stages.mesh(scene))
     body = Body(model, scene.patch.point, scene.patch.radius)
     (y, z), aside = body.point, body.radius
     beside = f"thesis, read {1e3 * body.radius:g} mm beside"
-    with watch("one functional"):
-        yield struck(scene, "one functional", with_one_functional(scene, body), DURATION)
-    with watch(beside):
-        yield struck(scene, beside, of_the_thesis(body), DURATION)
-    with watch(FAR):
+    with progress("one functional"):
+        yield impact_run(scene, "one functional", with_one_functional(scene, body), DURATION)
+    with progress(beside):
+        yield impact_run(scene, beside, of_the_thesis(body), DURATION)
+    with progress(FAR):
         wall = of_the_thesis(body, ((-y, z - aside), (-y, z + aside)))
-        yield struck(scene, FAR, wall, DURATION)
+        yield impact_run(scene, FAR, wall, DURATION)
 
 
 def _growth(run: Run) -> float:

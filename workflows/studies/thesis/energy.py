@@ -26,9 +26,9 @@ from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.studies.thesis.requirements import bare, require_chain, require_rig
-from workflows.studies.thesis.schemes import Body, Run, of_the_thesis, ours, struck
+from workflows.studies.thesis.schemes import Body, Run, impact_run, of_the_thesis, ours
 
 DURATION = 3e-3  # [s]
 SIDE = 0.3  # [m] of the large block
@@ -47,23 +47,25 @@ class Wall(NamedTuple):
     thesis: Run
 
 
-def energy(scene: Scene, watch: Progress) -> Finding:
+def energy(scene: Scene, progress: Progress) -> Finding:
     """Energy of coupled runs with and without the wall's (thesis, figures 2.7, 7.1 to 7.9)."""
     require_rig(scene)
     require_chain(scene, SHORTEST)
-    with watch("chain alone"):
+    with progress("chain alone"):
         alone, shares = chain_alone(scene)
-    with watch("half-space"):
-        still = struck(scene, "half-space", dem.rigid_wall(), DURATION)
+    with progress("half-space"):
+        still = impact_run(scene, "half-space", dem.rigid_wall(), DURATION)
     walls = []
     for name, body in (("ROM half-space", large_block(scene)), ("ROM assembly", _assembly(scene))):
-        with watch(name):
-            mine = struck(scene, "one functional", ours(scene, body), DURATION)
-            walls.append(Wall(name, mine, struck(scene, "thesis", of_the_thesis(body), DURATION)))
+        with progress(name):
+            mine = impact_run(scene, "one functional", ours(scene, body), DURATION)
+            walls.append(
+                Wall(name, mine, impact_run(scene, "thesis", of_the_thesis(body), DURATION))
+            )
     rows = ((still.name, *_measures(still)), *(row for wall in walls for row in _rows(wall)))
     columns = ("wall", "bump", "gain_at_end", "missing_without_wall")
     picture = Picture("study_energy", _picture(alone, still, *walls))
-    sentences = said(
+    sentences = rendered(
         __file__, alone=shares, on_the_way=1 - WAVE * (1 - MOVING), walls=walls,
         seeds=[FINER * scene.mesh.contact_seed, scene.mesh.contact_seed],
         rise=max(ROUNDING, 1.5 * max(wall.one_functional.gain.largest for wall in walls)),

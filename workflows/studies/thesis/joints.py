@@ -20,7 +20,7 @@ from workflows.results.tables import Table
 from workflows.scene import Joints, JointStiffnesses, Scene
 from workflows.scene.parts import with_assembly
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.thesis import HAMMER_TEST_HZ
 
 WANTED = {i: HAMMER_TEST_HZ[i - 1] for i in (1, 2, 3)}
@@ -54,17 +54,17 @@ FREEDOMS = (
 BEST = 3  # of these: the fewest freedoms with a stiffness for the vertical direction and a turn
 
 
-def joints(scene: Scene, watch: Progress) -> Finding:
+def joints(scene: Scene, progress: Progress) -> Finding:
     """The conflict of modes 2 and 3, and joint stiffnesses that resolve it (thesis, table 5.3)."""
     with_assembly(scene)
     fits, curves = [], {}
     for freedom in FREEDOMS:
-        basis, free = _basis(scene, freedom, watch)
+        basis, free = _basis(scene, freedom, progress)
         fits.append(tune(basis, free, WANTED))
         if "head.kt" in freedom.free:
             curves[freedom] = _curve(basis, free)
     rows = tuple(map(_row, FREEDOMS, fits))
-    sentences = said(
+    sentences = rendered(
         __file__, wanted=WANTED, conflicts=[_conflict(*curve) for curve in curves.items()],
         best=fits[BEST].mac[1], miss=_miss(fits[BEST]), further=_between_2_and_3(fits[BEST]),
     )  # fmt: skip
@@ -82,12 +82,14 @@ def _between_2_and_3(fit: Tuning) -> list[float]:
     return [float(f) for f in fit.all_hz if second < f < third]
 
 
-def _basis(scene: Scene, freedom: Freedom, watch: Progress) -> tuple[TuningBasis, list[Parameter]]:
+def _basis(
+    scene: Scene, freedom: Freedom, progress: Progress
+) -> tuple[TuningBasis, list[Parameter]]:
     plain = scene.assembly.model_copy(update={"constraint": "wires"})
     bare = Joints(head=JointStiffnesses(kry=freedom.turn))
     free = freed(freedom.free)
     varied = scene.model_copy(update={"assembly": plain, "joints": bare})
-    return pipeline_of(loosened(varied, free), watch)("tuning-basis"), free
+    return pipeline_of(loosened(varied, free), progress)("tuning-basis"), free
 
 
 def _miss(fit: Tuning) -> float:

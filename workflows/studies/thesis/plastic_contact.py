@@ -22,7 +22,7 @@ from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import HalfSpaceWall, RigidWall, Scene
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.studies.thesis.records import record, wave_cells, wave_columns
 from workflows.studies.thesis.requirements import last, require_chain, require_echo
 
@@ -39,13 +39,13 @@ class Case(NamedTuple):
     restitution: float  # of the last sphere alone, thrown at the wall with the striker's speed
 
 
-def plastic_contact(scene: Scene, watch: Progress) -> Finding:
+def plastic_contact(scene: Scene, progress: Progress) -> Finding:
     """Three times the contact stiffness against a contact that yields (thesis, section 7.2)."""
     spheres = require_chain(scene)
     hertz = scene.contact.model_copy(update={"law": "hertz", "yield_pressure": None})
     half_space = {"wall": HalfSpaceWall(kind="half-space"), "contact": hertz}
     elastic = chain(scene.model_copy(update=half_space))
-    with watch("contacts"):
+    with progress("contacts"):
         cases = [
             Case(_run(scene, name, law, spheres), _restitution(scene, law))
             for name, law in _laws(scene, elastic)
@@ -58,7 +58,7 @@ def plastic_contact(scene: Scene, watch: Progress) -> Finding:
     )  # fmt: skip
     rows = tuple(_row(case, max(spheres)) for case in cases)
     picture = Picture("study_plastic_contact", _picture(cases, stiff, spheres))
-    sentences = said(__file__, **_numbers(cases, stiff, max(spheres)))
+    sentences = rendered(__file__, **_numbers(cases, stiff, max(spheres)))
     return Finding((Table("plastic-contact", columns, rows),), sentences, (picture,))
 
 

@@ -41,7 +41,7 @@ class Sizes(NamedTuple):
     cutoff_hz: float
 
 
-def watched(scene: Scene) -> int:
+def observed_sphere(scene: Scene) -> int:
     """The sphere, counted from 1, at which waves are measured: fourth from the wall, as 14 of the
     thesis' 17. Farther away slow waves merge with those behind them."""
     return scene.chain.count - 3
@@ -60,7 +60,7 @@ def diameter(scene: Scene) -> float:
 
 def collision(scene: Scene, wall: dem.Wall) -> Collision:
     """The first collision of the scene's spheres with a wall."""
-    return collisions.collision(bare(scene), wall, initial_velocity(scene), watched(scene))
+    return collisions.collision(bare(scene), wall, initial_velocity(scene), observed_sphere(scene))
 
 
 def rebound(scene: Scene, wall: dem.Wall) -> float:

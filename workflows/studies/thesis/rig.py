@@ -19,7 +19,7 @@ from workflows.results.plots import panels
 from workflows.results.tables import Table
 from workflows.scene import HalfSpaceWall, LeafSprings, Preload, Scene
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.studies.thesis.records import record
 from workflows.studies.thesis.requirements import require_chain, require_echo, require_rig
 from workflows.studies.thesis.rig_statements import SEEN, Verdict, verdicts
@@ -62,17 +62,17 @@ class Case(NamedTuple):
     verdicts: tuple[Verdict, ...]
 
 
-def rig(scene: Scene, watch: Progress) -> Finding:
+def rig(scene: Scene, progress: Progress) -> Finding:
     """What the thesis says of its experiment, against each unknown of the rig (section 7.2)."""
     require_rig(scene)
     require_chain(scene)
-    walls = [w for w in rig_walls(scene, watch) if w.name not in LEFT_OUT]
-    with watch("variations"):
+    walls = [w for w in rig_walls(scene, progress) if w.name not in LEFT_OUT]
+    with progress("variations"):
         default, *changed = _variations(scene)
         default = _case(default, walls)
         require_echo(scene, default.runs[MAIN])
         others = [_case(variation, walls) for variation in changed]
-    with watch("arm without mass"):
+    with progress("arm without mass"):
         light = _light_arms(scene, walls)
     columns = (
         "unknown", "value", "seen", "hold",
@@ -80,7 +80,7 @@ def rig(scene: Scene, watch: Progress) -> Finding:
     )  # fmt: skip
     rows = tuple(_row(case, default) for case in (default, *others))
     pictures = (Picture("study_rig", _picture(default)),)
-    sentences = said(__file__, **_numbers(default, others, light))
+    sentences = rendered(__file__, **_numbers(default, others, light))
     return Finding((Table("rig", columns, rows),), sentences, pictures)
 
 
@@ -134,11 +134,11 @@ def _stiff_end(scene: Scene, factor: float):
 
 
 def _case(variation: Variation, walls: list[Setup]) -> Case:
-    runs = {wall.name: _struck(variation, wall) for wall in walls}
+    runs = {wall.name: _impact_run(variation, wall) for wall in walls}
     return Case(variation, runs, verdicts(variation.scene, runs, MAIN))
 
 
-def _struck(variation: Variation, standing: Setup) -> Observed:
+def _impact_run(variation: Variation, standing: Setup) -> Observed:
     scene, wall = variation.scene, standing.wall
     if variation.wall_mass and standing.name.startswith("1-DOF"):
         wall = wall._replace(phi=np.full(1, variation.wall_mass**-0.5))
@@ -213,7 +213,7 @@ def _light_arms(scene: Scene, walls: list[Setup]) -> LightArms:
     for force, press in LIGHT_ARM:
         pressed = _pressed(scene, STIFFNESS, press)
         light = _with(pressed, preload=Preload(force=force, mass=0.0))
-        runs = [_struck(Variation("", 0.0, light), wall) for wall in tried]
+        runs = [_impact_run(Variation("", 0.0, light), wall) for wall in tried]
         seen += [tuple(len(run.reflected(sphere)) for sphere in SPHERES) for run in runs]
         differ.append(spread(runs, 2, SPHERES[1:]))
     return LightArms(len(tried), seen, [value for value in differ if not np.isnan(value)])

@@ -22,7 +22,7 @@ def one_dof(hz: float) -> str:
     return f"1-DOF {hz:g}"
 
 
-def rig_walls(scene: Scene, watch: Progress) -> Iterator[Setup]:
+def rig_walls(scene: Scene, progress: Progress) -> Iterator[Setup]:
     """All walls before the scene's chain; one-mass walls as in rig-1dof, reduced ones built in."""
     plain = chain(_with(scene, HalfSpaceWall(kind="half-space")))
     yield Setup(HALF_SPACE, plain, dem.rigid_wall())
@@ -31,8 +31,8 @@ def rig_walls(scene: Scene, watch: Progress) -> Iterator[Setup]:
     for hz in ONE_DOF_HZ:
         yield Setup(one_dof(hz), plain, dem.one_dof_wall(hz, mass.mass, mass.damping_ratio))
     for name, known in ROMS.items():
-        with watch(name):
-            yield Setup(name, plain, pipeline_of(_meshed_as(scene, known), watch)("wall"))
+        with progress(name):
+            yield Setup(name, plain, pipeline_of(_meshed_as(scene, known), progress)("wall"))
 
 
 def _with(scene: Scene, wall) -> Scene:
@@ -48,7 +48,7 @@ def _meshed_as(scene: Scene, name: str) -> Scene:
     )
 
 
-def struck(scene: Scene, standing: Setup, spheres: tuple[int, ...], error: float) -> Observed:
+def impact_run(scene: Scene, standing: Setup, spheres: tuple[int, ...], error: float) -> Observed:
     """The chain against one of the walls, for the scene's duration."""
     return observed(
         standing, initial_velocity(scene), duration=scene.time.duration, spheres=spheres,

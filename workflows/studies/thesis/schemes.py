@@ -97,7 +97,9 @@ def of_the_thesis(
     return coupled_wall(reduced, half_space=0.0, damping=damping, cutoff_hz=np.inf)
 
 
-def struck(scene: Scene, name: str, wall: dem.Wall | coupling.CoupledWall, duration: float) -> Run:
+def impact_run(
+    scene: Scene, name: str, wall: dem.Wall | coupling.CoupledWall, duration: float
+) -> Run:
     """The scene's chain against a wall for duration [s]."""
     # over many impacts spheres move chaotically: no step holds an error of velocities for long
     held = {"horizon": min(duration, HORIZON)} if isinstance(wall, dem.Wall) else {}

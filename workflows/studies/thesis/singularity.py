@@ -23,7 +23,7 @@ from workflows.results.tables import Table
 from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 
 SEEDS = (4e-3, 2e-3, 1e-3, 0.5e-3)  # [m] at the contact
 REACH = 8e-3  # [m] to either side of the contact that is drawn
@@ -45,12 +45,12 @@ class Answer(NamedTuple):
     under_patch: NDArray[np.float64]
 
 
-def singularity(scene: Scene, watch: Progress) -> Finding:
+def singularity(scene: Scene, progress: Progress) -> Finding:
     """Compliance of a contact node and of a patch against the mesh (thesis, figures 6.2, 6.3)."""
     with_assembly(scene)
     answers = []
     for seed in SEEDS:
-        with watch(f"contact seed {1e3 * seed:g} mm"):
+        with progress(f"contact seed {1e3 * seed:g} mm"):
             answers.append(_answer(scene, seed))
     columns = (
         "seed_mm", "dofs", "node", "node_itself", "growth", "recovery_points", "patch",
@@ -66,7 +66,7 @@ def singularity(scene: Scene, watch: Progress) -> Finding:
     picture = Picture("study_singularity", _picture(answers))
     return Finding(
         (Table("singularity", columns, rows),),
-        said(__file__, **_numbers(scene, answers, grown)),
+        rendered(__file__, **_numbers(scene, answers, grown)),
         (picture,),
     )
 

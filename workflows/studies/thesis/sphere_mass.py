@@ -20,7 +20,7 @@ from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import InvalidScene, Scene
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.studies.thesis.requirements import bare, last, require_chain
 
 MASSES = (0.013, 0.07, 0.5)  # kg, thesis, figure 2.9
@@ -48,16 +48,16 @@ class Case(NamedTuple):
     measures: Measures
 
 
-def sphere_mass(scene: Scene, watch: Progress) -> Finding:
+def sphere_mass(scene: Scene, progress: Progress) -> Finding:
     """Waves of lighter and heavier spheres, by size and by density (thesis, figure 2.9)."""
     spheres = require_chain(scene)
     if max(spheres) == 1:
         raise InvalidScene("output.spheres = [1] sees no incident wave; add another sphere.")
-    with watch("chains"):
+    with progress("chains"):
         cases = [_case(scene, mass, by, spheres) for by in BY for mass in BETWEEN]
     rows = tuple((case.by, case.mass, *case.measures) for case in cases)
     striker = cases[0].run.trajectory.v[0].max()
-    sentences = said(
+    sentences = rendered(
         __file__, power={by: _powers(cases, by) for by in BY}, sphere=max(spheres),
         peaks=[case.measures.peak_velocity_m_s / striker for case in cases],
         arr=[case.measures.arr for case in cases], contact=cases[0].run.contact,

@@ -22,7 +22,7 @@ from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.studies.thesis.records import record
 from workflows.studies.thesis.requirements import bare, require_chain
 
@@ -49,12 +49,12 @@ class Heavy(NamedTuple):
     recoil: float  # its velocity at the end over that at the start
 
 
-def striker(scene: Scene, watch: Progress) -> Finding:
+def striker(scene: Scene, progress: Progress) -> Finding:
     """Scaling laws of the striker's speed, wave trains of its mass (thesis, section 2.2.1)."""
     spheres = require_chain(scene)
-    with watch("speeds"):
+    with progress("speeds"):
         runs = [_at(scene, speed, spheres) for speed in SPEEDS]
-    with watch("masses"):
+    with progress("masses"):
         heavy = [_of_mass(scene, ratio) for ratio in RATIOS]
     measures = [_measures(run) for run in runs]
     powers = Measures(*(exponent(SPEEDS, values) for values in zip(*measures, strict=True)))
@@ -63,7 +63,7 @@ def striker(scene: Scene, watch: Progress) -> Finding:
         *((f"mass x {h.ratio:g}", None, None, None, h.share, REFERENCE[h.ratio]) for h in heavy),
     )
     table = Table("striker", ("striker", *Measures._fields, "leader_share", "reference"), rows)
-    sentences = said(
+    sentences = rendered(
         __file__, power=powers, slowest=SPEEDS[0], fastest=SPEEDS[-1],
         contact=[found.contact_us for found in measures],
         off=max(abs(h.share - REFERENCE[h.ratio]) for h in heavy),

@@ -22,7 +22,7 @@ from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table, short
 from workflows.scene import Scene
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.studies.thesis.requirements import bare, last, require_chain
 
 RATIOS = np.unique(
@@ -49,14 +49,14 @@ class Case(NamedTuple):
     apart: float  # [s] the last two spheres are apart while the wall is touched
 
 
-def wall_modulus(scene: Scene, watch: Progress) -> Finding:
+def wall_modulus(scene: Scene, progress: Progress) -> Finding:
     """Contact time and secondary waves against the wall's modulus (thesis, figure 2.8)."""
     spheres = require_chain(scene)
-    with watch("walls"):
+    with progress("walls"):
         cases = [_case(scene, ratio, spheres) for ratio in RATIOS]
     table = Table("wall-modulus", COLUMNS, tuple(map(_row, cases)))
     picture = Picture("study_wall_modulus", _picture(cases, spheres))
-    return Finding((table,), said(__file__, **_numbers(cases)), (picture,))
+    return Finding((table,), rendered(__file__, **_numbers(cases)), (picture,))
 
 
 def _row(case: Case) -> tuple[float, ...]:

@@ -17,7 +17,7 @@ from workflows.pipeline.pipeline import Progress
 from workflows.results.tables import Table
 from workflows.scene import Scene
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.studies.thesis import plates
 from workflows.studies.thesis.plates import Sizes
 from workflows.studies.thesis.requirements import FEWEST, require_chain
@@ -63,24 +63,26 @@ class Results(NamedTuple):
     checks: list[tuple[str, Answer]]
 
 
-def wall_thickness(scene: Scene, watch: Progress) -> Finding:
+def wall_thickness(scene: Scene, progress: Progress) -> Finding:
     """Reflected waves from plates of any thickness, thin and solid (thesis, section 2.2.2)."""
     require_chain(scene, FEWEST)
-    with watch("half-space and infinite plates"):
+    with progress("half-space and infinite plates"):
         deep = plates.collision(scene, dem.rigid_wall())
         curve = [_zener(scene, r) for r in np.geomspace(RATIOS[0], RATIOS[-1], N_CURVE)]
         thin = [_zener(scene, ratio) for ratio in RATIOS]
     size = {z.ratio: _size(scene, z, deep) for z in thin}
     solid, checks = [], []
     for ratio in RATIOS:
-        with watch(f"solid plate, D/t = {ratio:g}"):
+        with progress(f"solid plate, D/t = {ratio:g}"):
             solid.append(_solid(scene, ratio, size[ratio]))
     for name, varied in VARIED.items():
-        with watch(f"D/t = {CHECKED:g}, {name}"):
+        with progress(f"D/t = {CHECKED:g}, {name}"):
             checks.append((name, _solid(scene, CHECKED, varied(size[CHECKED]))))
     found = Results(deep, _radiated(scene, deep), curve, thin, solid, checks)
-    sentences = said(__file__, **_numbers(scene, found, size[CHECKED]))
-    drawn = Picture("study_wall_thickness", picture(found, NEGLIGIBLE, plates.watched(scene)))
+    sentences = rendered(__file__, **_numbers(scene, found, size[CHECKED]))
+    drawn = Picture(
+        "study_wall_thickness", picture(found, NEGLIGIBLE, plates.observed_sphere(scene))
+    )
     return Finding((Table("wall-thickness", COLUMNS, _rows(scene, found)),), sentences, (drawn,))
 
 
@@ -141,7 +143,7 @@ def _numbers(scene: Scene, found: Results, size: Sizes) -> dict[str, Any]:
     striker = np.abs(deep.trajectory.v[0]).max()
     half_way = np.sqrt(flat.young / flat.density) * deep.contact.seconds / 2
     return {
-        "sphere": plates.watched(scene),
+        "sphere": plates.observed_sphere(scene),
         "rebounds": REBOUNDS,
         "worst": max(
             abs(s.restitution / z.restitution - 1) for z, s in both if s.ratio <= REBOUNDS

@@ -18,7 +18,7 @@ from workflows.results.plots import matrix, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
 from workflows.studies.finding import Finding
-from workflows.studies.prose import said
+from workflows.studies.prose import rendered
 from workflows.studies.thesis.records import record, wave_cells, wave_columns
 from workflows.studies.thesis.requirements import require_chain, require_echo, require_rig
 from workflows.studies.thesis.rig_walls import (
@@ -30,9 +30,9 @@ from workflows.studies.thesis.rig_walls import (
     SLIGHT,
     STRONG,
     UNMOVED,
+    impact_run,
     one_dof,
     rig_walls,
-    struck,
 )
 
 NUMBERS = range(1, N_WAVES + 1)
@@ -43,14 +43,14 @@ Runs = dict[str, Observed]
 Spheres = tuple[int, ...]
 
 
-def walls(scene: Scene, watch: Progress) -> Finding:
+def walls(scene: Scene, progress: Progress) -> Finding:
     """Waves that ten walls send back, and how far they differ (thesis, figures 7.13 to 7.16)."""
     require_rig(scene)
     spheres = tuple(sorted(require_chain(scene)))
     runs: Runs = {}
-    for standing in rig_walls(scene, watch):
-        with watch(standing.name):
-            runs[standing.name] = require_echo(scene, struck(scene, standing, spheres, ERROR))
+    for standing in rig_walls(scene, progress):
+        with progress(standing.name):
+            runs[standing.name] = require_echo(scene, impact_run(scene, standing, spheres, ERROR))
     pictures = (
         Picture("study_walls", _records(runs, spheres)),
         Picture("study_walls_distances", _distances(runs, spheres)),
@@ -59,7 +59,7 @@ def walls(scene: Scene, watch: Progress) -> Finding:
     beside = Table("distances", ("one", "other", *(f"D{k}" for k in NUMBERS), "all"),
                    tuple(_pairs(runs, spheres)))  # fmt: skip
     rows = tuple(_arrivals(runs, spheres))
-    sentences = said(__file__, **_numbers(runs, spheres))
+    sentences = rendered(__file__, **_numbers(runs, spheres))
     return Finding((Table("walls", columns, rows), beside), sentences, pictures)
 
 
@@ -80,7 +80,7 @@ def _or_none(value: float) -> float | None:
     return None if isnan(value) else value
 
 
-class Likeness(NamedTuple):
+class Similarity(NamedTuple):
     """Whether the one-mass wall `other` is the nearest to `one`, by the fourth wave's arrival."""
 
     one: str
@@ -112,13 +112,13 @@ class Likeness(NamedTuple):
         return self.distance[first] < 0.5 * self.distance[second]
 
 
-def _likeness(runs: Runs, one: str, other: str, spheres: Spheres) -> Likeness:
+def _similarity(runs: Runs, one: str, other: str, spheres: Spheres) -> Similarity:
     masses = [name for name in map(one_dof, ONE_DOF_HZ) if name in runs]
     found = {name: runs[name].wave(spheres[-1], "reflected", N_WAVES)
              for name in (one, *masses) if name in runs}  # fmt: skip
     times = {name: label.arrival.time for name, label in found.items() if label}
     compared = [name for name in masses if name in times and one in times]
-    return Likeness(
+    return Similarity(
         one, other, times, {name: overall(runs[one], runs[name], spheres) for name in compared}
     )
 
@@ -145,8 +145,8 @@ def _numbers(runs: Runs, spheres: Spheres) -> dict[str, Any]:
         "n_waves": N_WAVES,
         "spheres": spheres,
         "early": max([0.0, *(value for value in early if not isnan(value))]),
-        "likenesses": [_likeness(runs, one, one_dof(hz), spheres) for one, hz in ALIKE],
-        "unlike": _likeness(runs, "ROM 269", one_dof(269), spheres),
+        "similarities": [_similarity(runs, one, one_dof(hz), spheres) for one, hz in ALIKE],
+        "unlike": _similarity(runs, "ROM 269", one_dof(269), spheres),
         "waves": waves,
         "independent": [s for s in spheres if waves[1].by_sphere.get(s, inf) < UNMOVED],
         "rigid": _or_none(distance(runs[RIGID], runs[HALF_SPACE], 1, spheres)),
