@@ -44,6 +44,7 @@ from coupling.damping import (
     damping_ratios,
     rayleigh,
 )
+from coupling.elliptical_contact import PLANE, EllipticalContact, elliptical_contact
 from coupling.errors import CouplingError
 from coupling.march import Impact, impact
 from coupling.plate import (
@@ -58,9 +59,11 @@ from coupling.verdict import Verdict, largest_monotone_force, predicted_peak_for
 from coupling.wall import wall_of
 
 __all__ = [
+    "PLANE",
     "CoupledWall",
     "CouplingError",
     "Damping",
+    "EllipticalContact",
     "EnergyGain",
     "Impact",
     "LeftOut",
@@ -70,6 +73,7 @@ __all__ = [
     "RayleighDamping",
     "Verdict",
     "damping_ratios",
+    "elliptical_contact",
     "energy_gain",
     "group_speed",
     "impact",

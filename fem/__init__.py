@@ -35,7 +35,6 @@ from fem.correlation import (
 )
 from fem.dashpots import dashpots
 from fem.elasticity import Structure, assemble
-from fem.elliptical_contact import EllipticalContact, elliptical_contact
 from fem.factorisation import factorised
 from fem.grounding import RigidBody, rigid_body
 from fem.half_space import half_space_on_mesh
@@ -54,7 +53,6 @@ __all__ = [
     "Bushing",
     "Connections",
     "ContactPatch",
-    "EllipticalContact",
     "Held",
     "Joint",
     "Loose",
@@ -77,7 +75,6 @@ __all__ = [
     "contact_patch",
     "dashpots",
     "disc_quadrature",
-    "elliptical_contact",
     "factorised",
     "half_space_on_mesh",
     "joined",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from fem.model import Model
-from fem.spot import Spot, planar_spot
+from fem.spot import Spot, planar_spot, require_flat
 from fem.trace import OffFace, face_nodes, trace
 
 
@@ -69,7 +69,7 @@ def contact_patch(
     the compliance where the disc crosses edges of elements, an error that falls as 1 / n^2.
     """
     spot = at if isinstance(at, Spot) else planar_spot(model.structure, face, at)
-    spot.require_flat(radius)
+    require_flat(spot.radii, radius)
     disc, share = disc_quadrature(weights, n_radial, n_around)
     for axis in mirrors:
         i = int(np.abs(spot.axes[:, "xyz".index(axis)]).argmax())

@@ -23,15 +23,16 @@ class Spot(NamedTuple):
     radii: tuple[float, float] = (np.inf, np.inf)  # [m] of curvature along them, > 0 where convex
     gap: float = 0.0  # [m] by which the mesh may miss the tangent plane under a patch
 
-    def require_flat(self, patch_radius: float) -> None:
-        """Raise ValueError for a patch that no half-space is under."""
-        smallest = min(map(abs, self.radii))
-        if patch_radius > FLAT * smallest:
-            raise ValueError(
-                f"a patch of radius {patch_radius:g} m on a face of curvature radius {smallest:g} "
-                f"m is {patch_radius / smallest:.2g} of it, allowed is {FLAT:g}: the local law of "
-                "a half-space does not hold; take a smaller patch."
-            )
+
+def require_flat(radii: tuple[float, float], patch_radius: float) -> None:
+    """Raise ValueError for a patch that no half-space is under."""
+    smallest = min(map(abs, radii))
+    if patch_radius > FLAT * smallest:
+        raise ValueError(
+            f"a patch of radius {patch_radius:g} m on a face of curvature radius {smallest:g} "
+            f"m is {patch_radius / smallest:.2g} of it, allowed is {FLAT:g}: the local law of "
+            "a half-space does not hold; take a smaller patch."
+        )
 
 
 def planar_spot(structure: Structure, face: str, at: tuple[float, float]) -> Spot:

@@ -108,7 +108,10 @@ def face_of(tag: int) -> Face:
         name=gmsh.model.getEntityName(2, tag).split("/")[-1],
     )
     if kind == "sphere":
-        return face._replace(radius=numbers[3], hollow=normal @ (point - numbers[:3]) < 0)
+        centre, radius = numbers[:3], numbers[3]
+        return face._replace(
+            on_axis=centre, radius=radius, hollow=bool(normal @ (point - centre) < 0)
+        )
     if kind != "cylinder":
         return face
     return _on_cylinder(face, numbers[:3], numbers[3:6], point, normal)

@@ -23,7 +23,7 @@ class Face(NamedTuple):
     centre: Vector  # of the area
     normal: Vector | None  # of a plane, outward
     axis: Vector | None  # of a cylinder, a unit vector
-    on_axis: Vector | None  # of a cylinder, a point of its axis
+    on_axis: Vector | None  # of a cylinder, a point of its axis; of a sphere its centre
     radius: float | None  # of a cylinder or a sphere
     hollow: bool  # a bore: the normal points to the axis or the centre
     along: tuple[float, float]  # of a cylinder, from where to where along its axis past on_axis

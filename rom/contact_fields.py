@@ -36,6 +36,9 @@ CONTACT = {
         lambda nu: (nu > -1) & (nu <= 0.5),
         "Poisson's ratio is one number above -1 and up to 0.5",
     ),
+    "curvatures": Field(
+        "surface_curvatures_per_m", 2, rule="it must hold two numbers, leave it out"
+    ),
     "modes_hz": Field("hammer_modes_hz", None, rule=SOME),
 }
 MASS = {

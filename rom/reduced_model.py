@@ -32,6 +32,7 @@ class Contact(NamedTuple):
     The force enters through w of the model. half_space [m/N]: the compliance of the patch on a
     half-space, which the Hertz law holds once more; weights_read (r,): u_w = weights_read^T q where
     that is not w^T q, and the wall not passive; young [Pa], poisson of its surface;
+    curvatures [1/m]: principal ones of the surface, < 0 where hollow, None of a plane;
     modes_hz (k,): the modes that damping ratios belong to.
     """
 
@@ -39,6 +40,7 @@ class Contact(NamedTuple):
     weights_read: np.ndarray | None = None
     young: float | None = None
     poisson: float | None = None
+    curvatures: tuple[float, float] | None = None
     modes_hz: tuple[float, ...] | None = None
 
 

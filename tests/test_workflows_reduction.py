@@ -239,8 +239,9 @@ def test_the_surface_moves_as_the_full_model_under_the_chain(tmp_path):
 def whole():
     """As good as the full model of the coarse rig."""
     rig = scene("rig-rom", COARSE)
-    model = assembly_stages.model(rig, assembly_stages.mesh(rig))
-    contact = assembly_stages.contact(rig, model)
+    mesh = assembly_stages.mesh(rig)
+    model = assembly_stages.model(rig, mesh)
+    contact = assembly_stages.contact(rig, mesh, model)
     asked = rom.Selection(n_modes=120, choice="contact", to_hz=20e3)
     found = rom.free_modes(model.K, model.M, contact.w, asked, factorise=fem.factorised)
     return found._replace(T=None, n_residual=1, contact=contact_of(rig, model, contact))

@@ -66,16 +66,20 @@ def _measured(path: Path, wall: RomWall, stamp: tuple[int, int, int]) -> WallFil
 def with_surface(wall: RomWall) -> RomWall:
     """The wall with the material struck that its file states; raises InvalidScene for another."""
     contact = loaded(wall).contact
-    made_of = {"young": contact.young, "poisson": contact.poisson}
+    made_of = {key: getattr(contact, key) for key in ("young", "poisson", "curvatures")}
     known = {key: own for key, own in made_of.items() if own is not None}
     for key, own in known.items():
         given = getattr(wall, key)
         if given is not None and given != own:
             raise InvalidScene(
-                f"wall.{key} = {given:g}, but wall.file was made of a surface with {own:g}; drop "
-                f"wall.{key}, or take another file."
+                f"wall.{key} = {_shown(given)}, but wall.file was made of a surface with "
+                f"{_shown(own)}; drop wall.{key}, or take another file."
             )
     return wall.model_copy(update=known)
+
+
+def _shown(value: float | tuple[float, ...]) -> str:
+    return str(list(value)) if isinstance(value, tuple) else f"{value:g}"
 
 
 def _read(path: Path, wall: RomWall) -> rom.ReducedModel:

@@ -14,7 +14,7 @@ import geometry
 from fem.correlation import RIGID
 from workflows.files import mesh as mesh_file
 from workflows.files.mode_field import ModeField
-from workflows.pipeline import bodies, rig
+from workflows.pipeline import bodies, rig, strike
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts
 from workflows.pipeline.rig import STRUCK
 from workflows.scene import InvalidScene, JointStiffnesses, Scene
@@ -206,10 +206,11 @@ def _field(model: fem.Model, found: fem.Modes, paired: fem.Pairing) -> ModeField
     )
 
 
-def contact(scene: Scene, model: fem.Model) -> fem.ContactPatch:
+def contact(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
     """The patch that loads and reads the body struck; of the thesis' scheme the node it loads."""
     if scene.is_general:
-        return _strike(scene, model)
+        _require_struck(scene)
+        return strike.patch(scene, mesh, model)
     patch = scene.patch
     if patch.weights == "thesis":
         return fem.node_patch(model, STRUCK, [patch.point])
@@ -218,15 +219,12 @@ def contact(scene: Scene, model: fem.Model) -> fem.ContactPatch:
     return fem.contact_patch(model, STRUCK, patch.point, patch.radius, weights=patch.weights)
 
 
-def _strike(scene: Scene, model: fem.Model) -> fem.ContactPatch:
-    strike = scene.strike
-    if strike is None:
+def _require_struck(scene: Scene) -> None:
+    if scene.strike is None:
         raise InvalidScene(
             f"{scene.name}: [strike] is missing, which says where the chain touches; add "
             'on = "body:+x".'
         )
-    face = struck(scene)
-    return fem.contact_patch(model, face, strike.at, strike.radius, weights=strike.weights)
 
 
 def struck(scene: Scene) -> str:

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 import fem
-from fem.spot import spanning
 from geometry import InvalidGeometry
 from geometry.shapes import Box, Cylinder, Hole, Plate, Shape
-from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts
+from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts, Struck
+from workflows.pipeline.strike import struck
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.bodies import GROUND, Body, Bolts, Solid
 from workflows.scene.size import too_large_mesh
@@ -74,7 +74,8 @@ def parts(scene: Scene) -> Parts:
     with drawing(scene) as drawn:
         _require_known(scene, drawn)
         tied, marks = tied_pairs(scene, drawn), marked(scene, drawn)
-        meshes = _meshes(scene, drawn, tied, marks)
+        face = struck(scene, drawn.bodies) if scene.strike else None
+        meshes = _meshes(scene, drawn, tied, marks, face)
     size = {name: mesh.nelements / drawn.bodies[name].volume for name, mesh in meshes.items()}
     connections = fem.Connections(
         [_tie(drawn, touch, size) for touch in tied],
@@ -82,7 +83,7 @@ def parts(scene: Scene) -> Parts:
         [fem.Held(_face(marks, f"held-{i}"), hold.directions) for i, hold in _holds(scene)],
     )
     made_of = {name: material(scene.made_of(name)) for name in meshes}
-    return Parts(meshes, made_of, connections)
+    return Parts(meshes, made_of, connections, face)
 
 
 def material(solid: Solid) -> fem.Material | fem.Orthotropic:
@@ -172,8 +173,6 @@ def marked(scene: Scene, drawn: Drawing) -> Marks:
     marks = Marks({}, {}, [])
     for i, hold in _holds(scene):
         marks.named[f"held-{i}"] = faces(hold.on, drawn.bodies)
-    if scene.strike:
-        marks.named[STRIKE] = faces(scene.strike.on, drawn.bodies)
     for joint, pairs in _bolted(scene, drawn):
         _between_bodies(scene, drawn, joint, pairs, marks)
     for joint in scene.joints or ():
@@ -268,24 +267,23 @@ def _tie(drawn: Drawing, touch, fineness: Mapping[str, float]) -> fem.Tie:
     return fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", gap)
 
 
-def _meshes(scene: Scene, drawn: Drawing, tied: list, marks: Marks) -> dict:
+def _meshes(scene: Scene, drawn: Drawing, tied: list, marks: Marks, struck: Struck | None) -> dict:
     from geometry.body_mesh import body_meshes
     from geometry.sizes import Fine, default_seed
 
     scale, own = scene.mesh.scale, scene.seed_of
     seeds = {name: scale * (own(name) or default_seed(b)) for name, b in drawn.bodies.items()}
-    struck = marks.named.get(STRIKE)
-    fine = []
+    named, fine = marks.named, []
     if struck:
-        at = _struck_point(drawn, struck, scene.strike.at)
-        fine = [Fine(struck.body, at, scale * scene.strike.size)]
+        fine = [Fine(struck.face.body, struck.point, scale * scene.strike.size)]
+        named = named | {STRIKE: struck.face}
     meshes = body_meshes(
         drawn.bodies,
         tied,
         gap=scene.assembly.gap,
         seeds=seeds,
         fine=fine,
-        named=marks.named,
+        named=named,
         discs=marks.discs,
         element="tet" if scene.mesh.element == "tet" else None,
     )
@@ -293,13 +291,3 @@ def _meshes(scene: Scene, drawn: Drawing, tied: list, marks: Marks) -> dict:
     for sentence in too_large_mesh(scene, "the mesh of [assembly]", nodes):
         raise InvalidScene(f"{scene.name}: {sentence}")
     return meshes
-
-
-def _struck_point(drawn: Drawing, struck, at: tuple[float, float]):
-    """The point of the strike; raises InvalidGeometry for a face that is not plane."""
-    found = [drawn.bodies[struck.body].face(tag) for tag in struck.tags]
-    if any(face.normal is None for face in found):
-        raise InvalidGeometry(f'strike.on is no plane face of "{struck.body}"; name a plane one.')
-    lower = np.min([face.lower for face in found], axis=0)
-    upper = np.max([face.upper for face in found], axis=0)
-    return (lower + upper) / 2 + np.array(at) @ spanning(found[0].normal)

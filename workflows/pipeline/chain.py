@@ -7,7 +7,15 @@ import numpy as np
 import coupling
 import dem
 from dem import spheres
-from workflows.scene import Contact, DashpotWall, OneDofWall, RigidWall, RomWall, Scene
+from workflows.scene import (
+    Contact,
+    DashpotWall,
+    InvalidScene,
+    OneDofWall,
+    RigidWall,
+    RomWall,
+    Scene,
+)
 
 STEEL = dem.Flat(210e9, 0.3)  # what a wall's file does not say
 
@@ -17,11 +25,36 @@ class Start(NamedTuple):
 
     chain: dem.Chain
     velocity: np.ndarray  # (n,) [m/s]
+    ellipse: coupling.EllipticalContact = coupling.PLANE  # at the wall
 
 
-def start(scene: Scene) -> Start:
-    """The chain and its velocities before the impact."""
-    return Start(chain(scene), initial_velocity(scene))
+def start(scene: Scene, curvatures: tuple[float, float] | None = None) -> Start:
+    """The chain and its velocities before the impact on a face of these curvatures [1/m]."""
+    scene = curved(scene, curvatures) if curvatures else scene
+    return Start(chain(scene), initial_velocity(scene), ellipse(scene))
+
+
+def curved(scene: Scene, curvatures: tuple[float, float]) -> Scene:
+    """The scene with a wall whose face has these principal curvatures [1/m]."""
+    return scene.model_copy(
+        update={"wall": scene.wall.model_copy(update={"curvatures": curvatures})}
+    )
+
+
+def ellipse(scene: Scene) -> coupling.EllipticalContact:
+    """The contact of the last sphere with the wall; raises InvalidScene for a hollow too tight."""
+    curvatures = getattr(scene.wall, "curvatures", None)
+    if not curvatures or not any(curvatures):
+        return coupling.PLANE
+    if scene.contact.yield_pressure is not None:
+        raise InvalidScene(
+            f"{scene.name}: contact.yield_pressure is of circular contacts, the face struck is "
+            "curved; drop it, or strike a plane face."
+        )
+    try:
+        return coupling.elliptical_contact(np.atleast_1d(scene.chain.radius)[-1], curvatures)
+    except ValueError as error:
+        raise InvalidScene(f"{scene.name}: {error}") from None
 
 
 def chain(scene: Scene) -> dem.Chain:
@@ -40,6 +73,7 @@ def chain(scene: Scene) -> dem.Chain:
         leaf_anchor=np.asarray(leaf.offset) if leaf else None,
         preload=scene.preload.force if scene.preload else 0.0,
     )
+    row.A[-1] *= ellipse(scene).stiffness
     if scene.preload:
         row.mass[-1] += scene.preload.mass
     if contact.yield_pressure is None:
@@ -101,7 +135,7 @@ def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall
 
 
 def contact_radius(scene: Scene, row: dem.Chain, force: float) -> float:
-    """Radius of the contact at the wall [m]."""
+    """Radius of the contact at a plane wall [m]."""
     if row.yield_overlap is not None:
         return float(
             spheres.yielded_radius(force, row.radius[-1], row.A[-1], row.yield_overlap[-1])

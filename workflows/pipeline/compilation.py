@@ -3,7 +3,7 @@
 import numpy as np
 
 import rom
-from workflows.pipeline.chain import Start
+from workflows.pipeline.chain import start
 from workflows.pipeline.impact import impact
 from workflows.pipeline.wall import wall_of
 from workflows.scene import Scene
@@ -12,7 +12,7 @@ HALF_SPACE = 1e-9  # [m/N] of the block's patch, some
 BRIEF = {"duration": 20e-6, "horizon": 20e-6}  # [s] some steps
 
 
-def compilation(scene: Scene, start: Start) -> int:
+def compilation(scene: Scene) -> int:
     """Steps of a brief impact on a wall of two modes, all of whose functions numba then keeps."""
     K, M = 1e7 * np.array([[2.0, -1.0], [-1.0, 2.0]]), np.eye(2)
     whole = rom.full_order(K, M, np.array([1.0, 0.0]))
@@ -23,4 +23,4 @@ def compilation(scene: Scene, start: Start) -> int:
         "output": scene.output.model_copy(update={"samples": 5}),
     }
     wall = wall_of(scene, stand_in)
-    return impact(scene.model_copy(update=brief), start, wall).trajectory.n_steps
+    return impact(scene.model_copy(update=brief), start(scene), wall).trajectory.n_steps

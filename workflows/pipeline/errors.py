@@ -44,8 +44,9 @@ def reduction_error(
 def coarse_reduction(scene: Scene) -> rom.ReducedModel:
     """The assembly on elements twice as large, reduced the quickest way."""
     coarse = scene.model_copy(update={"mesh": _coarser(scene.mesh)})
-    model = stages.model(coarse, stages.mesh(coarse))
-    contact = stages.contact(coarse, model)
+    mesh = stages.mesh(coarse)
+    model = stages.model(coarse, mesh)
+    contact = stages.contact(coarse, mesh, model)
     return rom.free_modes(
         model.K,
         model.M,

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from skfem import Mesh
 
 import fem
@@ -12,9 +14,39 @@ GMSH_NEEDS = (
 )
 
 
+class Struck(NamedTuple):
+    """The face that the chain leans on, and the point struck; of a round one its middle, radius and
+    axis."""
+
+    face: tuple  # geometry.selectors.Selected
+    point: NDArray[np.float64]  # (3,) [m]
+    centre: NDArray[np.float64] | None = None  # (3,) [m] on a cylinder's axis, or a sphere's
+    radius: float | None = None  # [m] < 0 of a hollow
+    axis: NDArray[np.float64] | None = None  # (3,) of a cylinder
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        """Principal radii of curvature [m]."""
+        one = np.inf if self.radius is None else self.radius
+        return (one if self.axis is None else np.inf, one)
+
+    @property
+    def away(self) -> NDArray[np.float64]:
+        """From the middle or the axis of a round face to the point, (3,) [m]."""
+        away = self.point - self.centre
+        return away if self.axis is None else away - (away @ self.axis) * self.axis
+
+    @property
+    def foot(self) -> NDArray[np.float64]:
+        """The point moved onto a round surface."""
+        beside = np.linalg.norm(self.away)
+        return self.point + (abs(self.radius) / beside - 1) * self.away
+
+
 class Parts(NamedTuple):
     """Bodies and how they are joined and held, but for the table below."""
 
     meshes: dict[str, Mesh]
     materials: dict[str, fem.Material | fem.Orthotropic]
     connections: fem.Connections
+    struck: Struck | None = None

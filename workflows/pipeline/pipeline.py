@@ -95,6 +95,7 @@ def _is_file(path: str | None) -> bool:
 
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike")
 COARSE = tables_of("assembly", "joints", "table", "patch", "strike")
+START = ("chain", "striker", "contact", "leaf_springs", "preload", "wall", *BODIES)
 ASSEMBLY = {
     "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
     "model": Stage(
@@ -103,7 +104,10 @@ ASSEMBLY = {
     "tuning-basis": Stage(".assembly:tuning_basis", tables_of("targets"), ("model",)),
     "modes": Stage(".assembly:modes", tables_of("targets"), ("model",)),
     "mac": Stage(".mac:mac", tables_of(), ("mesh", "model", "modes")),
-    "contact": Stage(".assembly:contact", tables_of("patch", "strike"), ("model",), kept=False),
+    "contact": Stage(
+        ".assembly:contact", tables_of("patch", "strike"), ("mesh", "model"), kept=False
+    ),
+    "curvatures": Stage(".strike:curvatures", tables_of(), ("mesh",), listed=False),
     "reduction": Stage(
         ".reduction:reduction",
         tables_of("reduction", "patch", "assembly"),
@@ -116,13 +120,12 @@ ASSEMBLY = {
     "response": Stage(".response:response", tables_of(), ("full-response", "reduction")),
     "compilation": Stage(
         ".compilation:compilation",
-        lambda scene: [environ.get("NUMBA_CACHE_DIR"), tables_of("damping")(scene)],
-        ("start",),
+        lambda scene: [environ.get("NUMBA_CACHE_DIR"), tables_of("damping", *START)(scene)],
+        (),
     ),
     "pictures": Stage(".pictures:pictures", tables_of(), ("modes",)),
 }
 
-START = ("chain", "striker", "contact", "leaf_springs", "preload", "wall", *BODIES)
 IMPACT = {
     "start": Stage(".chain:start", tables_of(*START), (), kept=False, listed=False),
     "impact": Stage(
@@ -145,14 +148,17 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     """The stages that this scene may need; those of an assembly only where one is struck."""
     needs = ("reduction",) if needs_assembly(scene) and scene.chain else ()
     wall = Stage(".chain:wall", _wall_reads, needs)
+    impact = IMPACT
+    if needs and scene.is_general:
+        impact = IMPACT | {"start": IMPACT["start"]._replace(needs=("curvatures",))}
     if not getattr(scene.wall, "prune", False):
-        return {**ASSEMBLY, "wall": wall, **IMPACT}
+        return {**ASSEMBLY, "wall": wall, **impact}
     walls = {
         "whole-wall": wall,
         "pruning": Stage(".impact:pruning", tables_of("time"), ("start", "whole-wall")),
         "wall": Stage(".impact:pruned_wall", tables_of(), ("pruning",)),
     }
-    return {**ASSEMBLY, **walls, **IMPACT}
+    return {**ASSEMBLY, **walls, **impact}
 
 
 def needs_assembly(scene: Scene) -> bool:

@@ -193,4 +193,6 @@ def contact_of(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> rom
         local = 0.0
     else:
         local = fem.half_space_on_mesh(model, struck(scene), contact, steel)
-    return rom.Contact(half_space=local, young=steel.young, poisson=steel.poisson)
+    curvatures = tuple(1 / radius for radius in contact.spot.radii)
+    known = rom.Contact(half_space=local, young=steel.young, poisson=steel.poisson)
+    return known._replace(curvatures=curvatures if any(curvatures) else None)

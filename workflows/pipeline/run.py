@@ -111,7 +111,7 @@ def summary_of(pipeline: Pipeline, told: tuple[str, ...] = ()) -> Summary:
 def _chain_numbers(pipeline: Pipeline) -> dict:
     scene, wall, found = pipeline.scene, pipeline("wall"), pipeline("waves")
     run, verdict, *_ = pipeline("impact")
-    row = pipeline("start").chain
+    row, _, ellipse = pipeline("start")
     numbers = {
         "n_wall_modes": 0 if wall is None else len(wall.omega),
         "dt_s": run.dt,
@@ -126,7 +126,7 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
     if getattr(scene.wall, "prune", False):
         numbers["wall_modes_left_out"] = pipeline("pruning").sentences
     peak = float(run.contact_force[:, -1].max())
-    radius = contact_radius(scene, row, peak)
+    radius = ellipse.size * contact_radius(scene, row, peak)
     return numbers | {"peak_wall_force_N": peak, "contact_radius_m": radius}
 
 

@@ -13,11 +13,12 @@ import numpy as np
 
 import coupling
 import dem
+from dem.validity import SMALL_CONTACT
 from dem.waves import solitary
 from dem.waves.measures import contact_time
 from dem.waves.solitary import WIDTH
 from workflows.pipeline.cache import cache_folder, fault
-from workflows.pipeline.chain import Start
+from workflows.pipeline.chain import Start, contact_radius
 from workflows.pipeline.waves import ChainWaves
 from workflows.scene import DashpotWall, RomWall, Scene
 
@@ -51,6 +52,7 @@ def of_chain(
     run = impact.trajectory
     yield from judged(impact)
     yield from dem.outside(dem.strain(start.chain, scene.chain.young, run.contact_force, run.v))
+    yield from long_contact(scene, start, run)
     yield from large_step_error(run.error_estimate)
     yield from beyond_the_horizon(scene)
     if isinstance(scene.wall, RomWall) and scene.wall.file is not None:
@@ -60,6 +62,20 @@ def of_chain(
     yield from unequal_spheres(start)
     yield from overlapping_waves(waves)
     yield from short_record(scene, start, waves, run)
+
+
+def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[str]:
+    """An ellipse on a curved face that is not small beside the sphere."""
+    if start.ellipse == coupling.PLANE:
+        return
+    peak, sphere = float(run.contact_force[:, -1].max()), float(start.chain.radius[-1])
+    half = start.ellipse.longest(contact_radius(scene, start.chain, peak))
+    if half > SMALL_CONTACT * sphere:
+        yield (
+            f"The contact with the curved wall grows {2e3 * half:.2g} mm long, "
+            f"{half / sphere:.2g} of the sphere's radius to either side, where Hertz' law asks for "
+            f"less than {SMALL_CONTACT:g}; strike slower, or a flatter face."
+        )
 
 
 def results_not_kept() -> Iterator[str]:

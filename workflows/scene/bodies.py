@@ -215,10 +215,11 @@ class Bolts(JointStiffnesses):
 
 class Strike(Table):
     """Where the last sphere touches: a plane face, and a point from its middle along the two global
-    axes that span it."""
+    axes that span it; or a plane, a cylinder or a sphere, and the point of it that is nearest to
+    [x, y, z]. "body@x,y,z" of a round face tells both."""
 
     on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]
-    at: Point = (0.0, 0.0)  # [m]
+    at: Annotated[tuple[Place, ...], Field(strict=False, min_length=2, max_length=3)] = (0.0, 0.0)
     radius: of(Positive, LENGTH) = 2e-3  # [m] of the patch
     weights: Literal["hertz", "area"] = "hertz"
     seed: Seed | None = None  # [m] of the elements there; twice the radius
@@ -227,6 +228,17 @@ class Strike(Table):
     def body(self) -> str:
         """The body that is struck."""
         return split("[:@]", self.on)[0]
+
+    @property
+    def point(self) -> tuple[float, ...] | None:
+        """The point whose nearest is struck; None for one told from the middle of a plane face."""
+        return self.at if len(self.at) == 3 else None
+
+    @property
+    def selected_at(self) -> tuple[float, ...] | None:
+        """The point that selects the face, if one does."""
+        words = self.on.partition("@")[2].split(",")
+        return tuple(map(float, words)) if len(words) == 3 else None
 
     @property
     def size(self) -> float:

@@ -270,6 +270,8 @@ class RomWall(Table):
     prune: bool = False
     young: Young | None = None  # [Pa] of the surface struck; of [assembly] it is the block's own
     poisson: Poisson | None = None
+    # principal ones of the face struck [1/m], < 0 hollow; of [assembly] they are its own
+    curvatures: Annotated[tuple[Number, Number], Field(strict=False)] | None = None
 
 
 Wall = Annotated[

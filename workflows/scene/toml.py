@@ -155,7 +155,11 @@ def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, 
         case "value_error":
             return f"{key}: {error['ctx']['error']}."
         case "too_short":
-            return f"{key} is an empty list; give at least one value."
+            if not found:
+                return f"{key} is an empty list; give at least one value."
+            values = "value" if len(found) == 1 else "values"
+            least = error["ctx"]["min_length"]
+            return f"{key} = {_shown(found)} has {len(found)} {values}; give at least {least}."
         case "too_long":
             most = error["ctx"]["max_length"]
             return f"{key} = {_shown(found)} has {len(found)} values; give {most}."

@@ -5,7 +5,7 @@ import numpy as np
 import dem
 from coupling.peers import Problem
 from dem.spheres import force_scale
-from workflows.pipeline.chain import chain, initial_velocity
+from workflows.pipeline.chain import initial_velocity
 from workflows.pipeline.impact import require_start
 from workflows.pipeline.pipeline import Progress, pipeline_of
 from workflows.scene import InvalidScene, Scene
@@ -24,7 +24,8 @@ def problem(scene: Scene, progress: Progress) -> Problem:
             'ours do not know; set contact.law = "hertz" and drop contact.yield_pressure.'
         )
     require_start(scene)
-    row, wall = chain(scene), pipeline_of(scene, progress)("wall")
+    run = pipeline_of(scene, progress)
+    row, wall = run("start").chain, run("wall")
     if not isinstance(wall, dem.Wall | None):
         raise InvalidScene(
             f"the scene {scene.name} has a wall whose modes its dampers couple, which no scheme of "

@@ -4,6 +4,7 @@ With relative radii of curvature 1/R' = 1/R + 1/R_1 <= 1/R'' = 1/R + 1/R_2 and R
 
     P = 4/3 E* sqrt(R_e) F2^(-3/2) delta^(3/2),
     R'/R'' = ((a/b)^2 E(e) - K(e)) / (K(e) - E(e)),    e^2 = 1 - (b/a)^2,
+    sqrt(a b) = (3 P R_e / 4 E*)^(1/3) F1,
     F1^3 = 4 / (pi e^2) (b/a)^(3/2) sqrt(((a/b)^2 E - K) (K - E)),
     F2 = 2/pi sqrt(b/a) K(e) / F1.
 
@@ -25,35 +26,42 @@ class EllipticalContact(NamedTuple):
 
     stiffness: float  # factor on the constant k of F = k delta^(3/2) of a plane
     axes: float  # a/b of the ellipse
+    size: float  # sqrt(a b) over the radius of the contact with a plane under the same force
+
+    def longest(self, radius: float) -> float:
+        """a [m], of the radius [m] of the contact with a plane."""
+        return float(self.size * np.sqrt(self.axes) * radius)
 
 
-def elliptical_contact(sphere_radius: float, radii: tuple[float, float]) -> EllipticalContact:
-    """Of a sphere's radius and the surface's principal radii [m], inf plane, < 0 concave.
+PLANE = EllipticalContact(1.0, 1.0, 1.0)
+
+
+def elliptical_contact(sphere_radius: float, curvatures: tuple[float, float]) -> EllipticalContact:
+    """Of a sphere's radius [m] and the surface's principal curvatures [1/m], < 0 where concave.
 
     Raises ValueError for a surface that closes around the sphere.
     """
-    relative = sorted((1 / sphere_radius + 1 / radius for radius in radii), reverse=True)
+    relative = sorted((1 / sphere_radius + curvature for curvature in curvatures), reverse=True)
     if relative[-1] <= 0:
         raise ValueError(
             f"a sphere of radius {sphere_radius:g} m does not fit into a hollow of radius "
-            f"{-max(r for r in radii if r < 0):g} m; take a smaller sphere or another face."
+            f"{-1 / min(curvatures):g} m; take a smaller sphere or another face."
         )
-    ratio = relative[0] / relative[1]
-    mean = (relative[0] * relative[1]) ** -0.5
-    m, F2 = _ellipse(ratio)
+    mean = (relative[0] * relative[1]) ** -0.5 / sphere_radius
+    m, F1, F2 = _ellipse(relative[0] / relative[1])
     return EllipticalContact(
-        float(np.sqrt(mean / sphere_radius) * F2**-1.5), float((1 - m) ** -0.5)
+        float(mean**0.5 * F2**-1.5), float((1 - m) ** -0.5), float(mean ** (1 / 3) * F1)
     )
 
 
-def _ellipse(ratio: float) -> tuple[float, float]:
-    """e^2 and F2 of relative radii R' / R'' = ratio >= 1."""
+def _ellipse(ratio: float) -> tuple[float, float, float]:
+    """e^2, F1 and F2 of relative radii R' / R'' = ratio >= 1."""
     if ratio < 1 + ROUND:
-        return 0.0, 1.0
+        return 0.0, 1.0, 1.0
     m = brentq(lambda m: np.log(_parts(m)[0] / _parts(m)[1] / ratio), ROUND / 10, SLIMMEST)
     slender = np.sqrt(1 - m)  # b/a
     F1 = (4 / (np.pi * m) * slender**1.5 * np.sqrt(np.prod(_parts(m)))) ** (1 / 3)
-    return m, 2 / np.pi * np.sqrt(slender) * ellipk(m) / F1
+    return m, F1, 2 / np.pi * np.sqrt(slender) * ellipk(m) / F1
 
 
 def _parts(m: float) -> tuple[float, float]:

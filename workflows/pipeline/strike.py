@@ -1,0 +1,109 @@
+"""Where the chain touches an assembly of bodies: a point of a plane, a cylinder or a sphere."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+from fem.spot import require_flat, spanning
+from workflows.pipeline.parts import STRIKE, Parts, Struck
+from workflows.scene import InvalidScene, Scene
+
+FLAT = (0.0, 0.0)
+
+
+def struck(scene: Scene, bodies: Mapping) -> Struck:
+    """The face of the CAD model that the scene strikes; raises InvalidScene for one that no Hertz
+    law is known of, or whose point is not told."""
+    from geometry.selectors import Selected, faces
+
+    picked = faces(scene.strike.on, bodies)
+    found = [bodies[picked.body].face(tag) for tag in picked.tags]
+    if scene.strike.point is None and all(face.normal is not None for face in found):
+        return Struck(picked, _from_the_middle(found, scene.strike.at))
+    near = scene.strike.point or scene.strike.selected_at
+    if near is None:
+        raise InvalidScene(
+            f"{scene.name}: strike.on = {scene.strike.on!r} is no plane face, which has a middle; "
+            "say where it is struck, at = [x, y, z] in m."
+        )
+    first = _nearest(found, near)
+    own = Selected(picked.body, tuple(f.tag for f in found if _one_surface(first, f)))
+    if first.normal is not None:
+        return Struck(own, near + ((first.centre - near) @ first.normal) * first.normal)
+    return _on_round_face(scene, Struck(own, np.array(near), *_roundness(scene, first)))
+
+
+def _on_round_face(scene: Scene, found: Struck) -> Struck:
+    """The point moved onto the face; raises InvalidScene where none is nearest, or the patch is
+    large beside the radius."""
+    if np.linalg.norm(found.away) < 1e-9:
+        raise InvalidScene(
+            f"{scene.name}: strike: {found.point.tolist()} m lies in the middle of "
+            f"{scene.strike.on!r}: it tells no side of it; move the point."
+        )
+    try:
+        require_flat(found.radii, scene.strike.radius)
+    except ValueError as error:
+        raise InvalidScene(f"{scene.name}: strike.radius: {error}") from None
+    return found._replace(point=found.foot)
+
+
+def _from_the_middle(found: list, at: tuple[float, ...]) -> NDArray[np.float64]:
+    lower = np.min([face.lower for face in found], axis=0)
+    upper = np.max([face.upper for face in found], axis=0)
+    return (lower + upper) / 2 + np.array(at) @ spanning(found[0].normal)
+
+
+def _nearest(found: list, near: tuple[float, ...]):
+    from geometry.cad import distance
+
+    return min(found, key=lambda face: distance(near, face.tag))
+
+
+def _one_surface(one, other) -> bool:
+    from geometry.solids import SAME, off_axis, parallel
+
+    if one.kind != other.kind:
+        return False
+    if one.normal is not None:
+        return (
+            parallel(one.normal, other.normal)
+            and abs((one.centre - other.centre) @ one.normal) < SAME
+        )
+    apart = other.on_axis - one.on_axis
+    beside = off_axis(other.on_axis, one.on_axis, one.axis) if one.axis is not None else apart
+    turned = one.axis is not None and not parallel(one.axis, other.axis)
+    return not turned and max(np.linalg.norm(beside), abs(one.radius - other.radius)) < SAME
+
+
+def _roundness(scene: Scene, face) -> tuple:
+    """Middle, signed radius and axis of a round face; raises InvalidScene for another."""
+    if face.kind not in ("cylinder", "sphere"):
+        raise InvalidScene(
+            f"{scene.name}: strike.on = {scene.strike.on!r} is a face of the kind {face.kind}; "
+            "strike a plane, a cylinder or a sphere."
+        )
+    return face.on_axis, -face.radius if face.hollow else face.radius, face.axis
+
+
+def curvatures(scene: Scene, mesh: Parts) -> tuple[float, float]:
+    """Principal curvatures [1/m] of the face struck, 0 of a plane, < 0 of a hollow."""
+    return FLAT if mesh.struck is None else tuple(1 / radius for radius in mesh.struck.radii)
+
+
+def patch(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
+    """What loads and reads the body struck; raises InvalidScene where it leaves the face."""
+    strike, face, at = scene.strike, mesh.struck, scene.strike.at
+    name = f"{face.face.body}:{STRIKE}"
+    if face.radius is not None:
+        near = face.point, face.centre, abs(face.radius), face.axis
+        at = fem.round_spot(model.structure, name, *near)
+    elif strike.point is not None:
+        middle = fem.planar_spot(model.structure, name, FLAT)
+        at = tuple(middle.axes @ (face.point - middle.point))
+    try:
+        return fem.contact_patch(model, name, at, strike.radius, weights=strike.weights)
+    except ValueError as error:
+        raise InvalidScene(f"{scene.name}: strike: {str(error).rstrip('.')}.") from None
