@@ -39,6 +39,7 @@ from rom.reduced_model import (
     full_order,
     modal,
     modal_compliance,
+    modes_alone,
     receptance,
     static_compliance,
 )
@@ -73,6 +74,7 @@ __all__ = [
     "load_npz",
     "modal",
     "modal_compliance",
+    "modes_alone",
     "receptance",
     "save_full",
     "save_h5",

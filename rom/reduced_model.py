@@ -162,6 +162,15 @@ def modal(reduced: ReducedModel) -> ModalWall:
     return ModalWall(omega, reduced.w @ V, V, damping)
 
 
+def modes_alone(reduced: ReducedModel, n: int) -> ReducedModel:
+    """The n lowest modes of a reduced model, nothing for the rest."""
+    wall = modal(reduced)
+    return reduced._replace(
+        K=np.diag(wall.omega[:n] ** 2), M=np.eye(n), C=None, w=wall.phi[:n], n_boundary=0,
+        n_residual=0, kind="free-modes",
+    )  # fmt: skip
+
+
 def _require_positive_mass(M: np.ndarray) -> None:
     mass = np.diag(M)
     if not (mass > 0).all():

@@ -10,27 +10,29 @@ import pytest
 
 import dem
 from coupling import peers
+from coupling.work_precision import runs
+from coupling.work_precision.growth import growth_exponent, line
+from coupling.work_precision.population import population, step_of_median
+from coupling.work_precision.problems import lengthened, modal_wall
+from coupling.work_precision.ratios import ratios, seconds_at
+from coupling.work_precision.rows import Row
+from coupling.work_precision.runs import (
+    Reference,
+    limit,
+    peer_rows,
+    reference,
+    scheme_row,
+    scheme_rows,
+    timed,
+)
 from workflows.commands.app import main
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.studies import finding
-from workflows.studies.accuracy import batch, chain_length, folder, parts, time, work_precision
-from workflows.studies.accuracy.growth import line
-from workflows.studies.accuracy.problems import lengthened, modal_wall, problem
-from workflows.studies.accuracy.rows import Row, table_of
-from workflows.studies.accuracy.work_precision import (
-    Reference,
-    growth_exponent,
-    limit,
-    peer_rows,
-    ratios,
-    reference,
-    scheme_row,
-    scheme_rows,
-    seconds_at,
-    timed,
-)
+from workflows.studies.accuracy import chain_length, folder, parts, time
+from workflows.studies.accuracy.problems import problem
+from workflows.studies.accuracy.rows import table_of
 
 SHORT = ("chain.count=6", "output.spheres=[1,4]", "time.duration=0.8e-3")
 
@@ -148,8 +150,8 @@ def test_walls_keep_their_own_modes_first():
 
 
 def test_step_of_a_population_leaves_the_median_error_asked_for(case):
-    many = batch.population(case._replace(n_save=20), 64)
-    dt, error = batch.step_of_median(many, 1e-4)
+    many = population(case._replace(n_save=20), 64)
+    dt, error = step_of_median(many, 1e-4)
     assert 1e-6 < error <= 1e-4
     assert 1e-6 < dt < 3e-5
     assert np.std(many.A / case.chain.A) == pytest.approx(0.05, rel=0.15)
@@ -217,7 +219,7 @@ def test_a_peer_that_gives_up_leaves_no_row(case):
 
 def test_steps_that_the_engine_refuses_are_left_out(case, monkeypatch):
     refusing = limit(case, "verlet")
-    monkeypatch.setattr(work_precision, "limit", lambda problem, scheme: 4 * refusing)
+    monkeypatch.setattr(runs, "limit", lambda problem, scheme: 4 * refusing)
     rows = list(scheme_rows("time", case, reference(case), ["verlet"], halvings=5))
     assert rows and max(row.setting for row in rows) < refusing
 

@@ -11,12 +11,13 @@ from jinja2 import UndefinedError
 
 import workflows.studies
 from coupling import peers
+from coupling.work_precision import runs
+from coupling.work_precision.rows import Row
 from dem.waves.measures import exponent
 from workflows.files.scene import scene
 from workflows.results.tables import Table, as_csv, records, short, text
 from workflows.studies import catalogue, prose
-from workflows.studies.accuracy import batch, time, wall_modes, work_precision
-from workflows.studies.accuracy.rows import Row
+from workflows.studies.accuracy import batch, time, wall_modes
 from workflows.studies.prose import rendered
 
 FOLDER = Path(workflows.studies.__file__).parent
@@ -99,7 +100,7 @@ def test_the_exponent_of_a_power_law_is_found():
 @pytest.fixture
 def few_peers(monkeypatch):
     monkeypatch.setattr(peers, "peers", lambda: {"odeint": peers.odeint})
-    monkeypatch.setattr(work_precision, "ASKED", (1e-2,))
+    monkeypatch.setattr(runs, "ASKED", (1e-2,))
 
 
 def rows_of(*methods):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rom
+from coupling.work_precision.rows import Row
 from workflows.assembly.hammer import HammerTest
 from workflows.commands import app as cli
 from workflows.files.run_folder import MARKER, RunFolder, checked_file, own_folder, writing_file
@@ -17,7 +18,7 @@ from workflows.pipeline.run import FILES, IMPACT_FILES
 from workflows.results.report import CAPTIONS
 from workflows.scene import InvalidScene
 from workflows.studies.accuracy import folder as accuracy
-from workflows.studies.accuracy.rows import Row, table_of
+from workflows.studies.accuracy.rows import table_of
 from workflows.studies.finding import Finding
 
 SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")

@@ -5,6 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+from fem.convergence import extrapolated
 from workflows.files.scene import scene
 from workflows.studies.accuracy import mesh as study
 
@@ -15,7 +16,7 @@ H = 8e-3 / np.sqrt(2) ** np.arange(5)
 def test_the_limit_and_the_order_of_a_power_law_are_found(order):
     """Rounding of 50 Hz over the last difference, 1e-5 of it: 1e-9 in the order."""
     f0, c = np.array([50.0, 900.0]), np.array([2e3, 5e4])
-    limit, p = study.extrapolated(H, f0 + c * H[:, None] ** order)
+    limit, p = extrapolated(H, f0 + c * H[:, None] ** order)
     np.testing.assert_allclose(limit, f0, rtol=1e-9)
     np.testing.assert_allclose(p, order, rtol=1e-6)
 
@@ -23,13 +24,13 @@ def test_the_limit_and_the_order_of_a_power_law_are_found(order):
 @pytest.mark.parametrize("order", [0.3, 6.0])
 def test_an_order_that_no_mode_has_tells_no_limit(order):
     f = 50.0 + 2e3 * H[:, None] ** order
-    limit, p = study.extrapolated(H, f)
+    limit, p = extrapolated(H, f)
     assert np.isnan(p).all() and limit == f[-1]
 
 
 def test_neither_do_values_that_turn_or_stand_still():
     f = np.array([[51.0, 50.0], [0.0, 50.0], [50.0, 50.0], [0.0, 50.0], [50.5, 50.0]])
-    limit, p = study.extrapolated(H, f)
+    limit, p = extrapolated(H, f)
     assert np.isnan(p).all() and np.array_equal(limit, [50.5, 50.0])
 
 

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
+from coupling.work_precision.rows import Row
+from fem.shared_solutions import SharedSolutions
 from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.results.tables import Table
 from workflows.scene import InvalidScene
 from workflows.studies import finding
 from workflows.studies.accuracy import reduction as study
-from workflows.studies.accuracy.rows import Row, table_of
-from workflows.studies.accuracy.shared_solutions import SharedSolutions
+from workflows.studies.accuracy.rows import table_of
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",

@@ -4,19 +4,15 @@ from itertools import chain as joined
 
 from coupling import peers
 from coupling.peers import Problem
+from coupling.work_precision.growth import growths
+from coupling.work_precision.problems import lengthened
+from coupling.work_precision.rows import Row
+from coupling.work_precision.runs import limit, peer_rows, reference, scheme_row
 from workflows.pipeline.pipeline import Progress
 from workflows.scene import Scene
-from workflows.studies.accuracy.growth import growths, picture
-from workflows.studies.accuracy.problems import lengthened, problem
-from workflows.studies.accuracy.rows import Row, table_of
-from workflows.studies.accuracy.work_precision import (
-    FIXED,
-    PEER_TOLERANCE,
-    limit,
-    peer_rows,
-    reference,
-    scheme_row,
-)
+from workflows.studies.accuracy.curves import FIXED, PEER_TOLERANCE, over_size
+from workflows.studies.accuracy.problems import problem
+from workflows.studies.accuracy.rows import table_of
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 
@@ -28,7 +24,7 @@ def chain_length(scene: Scene, progress: Progress) -> Finding:
     """Run time against the number of spheres."""
     case = problem(scene, progress)
     rows = tuple(joined.from_iterable(_length_rows(lengthened(case, n)) for n in LENGTHS))
-    drawn = picture("accuracy_chain_length", rows, "spheres")
+    drawn = over_size("accuracy_chain_length", rows, "spheres")
     return Finding((table_of(rows),), rendered(__file__, growths=growths(rows)), (drawn,))
 
 

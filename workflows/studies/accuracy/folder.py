@@ -2,10 +2,11 @@
 
 from json import dumps, loads
 
+from coupling.work_precision.rows import Row
 from workflows.files.run_folder import RunFolder
 from workflows.studies import finding
 from workflows.studies.accuracy.machine import machine
-from workflows.studies.accuracy.rows import Row, table_of
+from workflows.studies.accuracy.rows import table_of
 from workflows.studies.finding import Finding
 
 FILES = (*finding.files("accuracy"), "machine.json")

@@ -17,6 +17,8 @@ from skfem import Mesh
 
 import fem
 import geometry
+from coupling.work_precision.rows import Row
+from fem.convergence import extrapolated
 from fem.factorisation import has_pardiso
 from workflows.files.run_folder import Picture
 from workflows.pipeline import assembly as stages
@@ -27,7 +29,7 @@ from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
-from workflows.studies.accuracy.rows import Row, table_of
+from workflows.studies.accuracy.rows import table_of
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 
@@ -37,7 +39,6 @@ FINER = (1.41e-3, 1e-3)  # [m] 190 000 and 350 000 unknowns, where a faster solv
 BLOCK = 8e-3  # [m] elements of the block
 BLOCK_ORDER = 1.0  # that singular edges leave at least
 STAGE_1 = {"parts": geometry.PARTS[:2], "fixing": "flat"}
-ORDERS = 1.0, 4.0  # of clamp lines with singular stress, of smooth modes by quadratic elements
 COLUMNS = (
     "constraint", "seed_mm", "dofs", *(f"f{i}_Hz" for i in range(1, 5)),
     *(f"error{i}_%" for i in range(1, 5)), "mesh_s", "assembly_s", "solution_s", "quality",
@@ -135,20 +136,3 @@ def _solved(scene: Scene, constraint: str, seed: float, block: float) -> Solved:
 
 def _quality(meshes: dict[str, Mesh]) -> float:
     return min(map(geometry.smallest_quality, meshes.values()))
-
-
-def extrapolated(
-    h: NDArray[np.float64], f: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """f_0 (m,) and p (m,) of f = f_0 + c h^p by every second of sizes h (k,), values f (k, m).
-
-    Takes the finest three of them, k >= 5. Where they give no order between those of a singular and
-    of a smooth mode, f_0 is the last value and p is nan.
-    """
-    coarse, middle, fine = f[-5::2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = (coarse - middle) / (middle - fine)
-        order = np.log(ratio) / np.log(h[-3] / h[-1])
-        limit = fine - (middle - fine) / (ratio - 1)
-    told = (order >= ORDERS[0]) & (order <= ORDERS[1])
-    return np.where(told, limit, fine), np.where(told, order, np.nan)

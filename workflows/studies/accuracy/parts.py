@@ -4,11 +4,13 @@ import numpy as np
 
 import dem
 from coupling.peers import Problem
+from coupling.work_precision.problems import modal_wall
+from coupling.work_precision.rows import Row
+from coupling.work_precision.runs import marched, observed, relative_error, timed
 from workflows.pipeline.pipeline import Progress
 from workflows.scene import Scene
-from workflows.studies.accuracy.problems import modal_wall, problem
-from workflows.studies.accuracy.rows import Row, table_of
-from workflows.studies.accuracy.work_precision import marched, observed, relative_error, timed
+from workflows.studies.accuracy.problems import problem
+from workflows.studies.accuracy.rows import table_of
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 

@@ -26,6 +26,8 @@ import numpy as np
 import dem
 import fem
 import rom
+from coupling.work_precision.rows import Row
+from fem.shared_solutions import SharedSolutions
 from workflows.files.run_folder import Picture
 from workflows.pipeline.chain import curved, initial_velocity
 from workflows.pipeline.pipeline import Progress, Stage, pipeline_of, tables_of
@@ -42,8 +44,7 @@ from workflows.studies.accuracy.reduction_cost import (
     wall_of,
 )
 from workflows.studies.accuracy.reduction_picture import CHOICES, KINDS, Case, method_name, picture
-from workflows.studies.accuracy.rows import Row, table_of
-from workflows.studies.accuracy.shared_solutions import SharedSolutions
+from workflows.studies.accuracy.rows import table_of
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 
@@ -162,7 +163,7 @@ def _cases(
 
 def _case(scene: Scene, one: Reduced, bare: bool, f, full, finest) -> Case:
     whole, n = one.model, one.n_modes
-    reduced = modes_alone(whole, n) if bare else whole
+    reduced = rom.modes_alone(whole, n) if bare else whole
     error = rom.receptance(reduced, None, f, loss=rom.LOSS) - full
     bands = [f <= band for band in BANDS_HZ]
     # modes alone do not hold the half-space that only many of them add up to: none is taken out
@@ -173,21 +174,12 @@ def _case(scene: Scene, one: Reduced, bare: bool, f, full, finest) -> Case:
     return Case(
         method=method_name(whole.kind, one.choice, bare),
         n_modes=n,
-        reach=float(modes_alone(whole, n).K[-1, -1] ** 0.5 / (2 * np.pi)),
+        reach=float(rom.modes_alone(whole, n).K[-1, -1] ** 0.5 / (2 * np.pi)),
         receptance=tuple(float(np.linalg.norm(error[b]) / np.linalg.norm(full[b])) for b in bands),
         velocities=float(np.abs(v - finest.v)[:, observed].max() / speed),
         reduce=one.seconds,
         march=least_seconds((lambda: marched(scene, wall, 1.0),), REPEATS)[0],
     )
-
-
-def modes_alone(reduced: rom.ReducedModel, n: int) -> rom.ReducedModel:
-    """The n lowest modes of a reduced model, nothing for the rest."""
-    wall = rom.modal(reduced)
-    return reduced._replace(
-        K=np.diag(wall.omega[:n] ** 2), M=np.eye(n), C=None, w=wall.phi[:n], n_boundary=0,
-        n_residual=0, kind="free-modes",
-    )  # fmt: skip
 
 
 def _rows(case: Case) -> Iterator[Row]:

@@ -16,12 +16,12 @@ import dem
 import fem
 import rom
 from coupling.wall import wall_from_reduced
+from fem.shared_solutions import SharedSolutions
 from workflows.pipeline.assembly import AssemblyModes
 from workflows.pipeline.chain import chain, initial_velocity
 from workflows.pipeline.reduction import selection, targets_kept
 from workflows.pipeline.wall import damping
 from workflows.scene import Scene
-from workflows.studies.accuracy.shared_solutions import SharedSolutions
 
 KIND = "free-modes"
 ERROR = 1e-4  # of the reduction, and of the marches that are compared

@@ -5,19 +5,16 @@ from collections.abc import Iterable
 import dem
 from coupling import peers
 from coupling.peers import Problem
+from coupling.work_precision.growth import growth_exponent
+from coupling.work_precision.problems import pressed
+from coupling.work_precision.ratios import ratios
+from coupling.work_precision.rows import Row
+from coupling.work_precision.runs import controlled_rows, peer_rows, reference, scheme_rows
 from workflows.pipeline.pipeline import Progress
 from workflows.scene import Scene
-from workflows.studies.accuracy.problems import pressed, problem
-from workflows.studies.accuracy.rows import Row, table_of
-from workflows.studies.accuracy.work_precision import (
-    controlled_rows,
-    growth_exponent,
-    peer_rows,
-    picture,
-    ratios,
-    reference,
-    scheme_rows,
-)
+from workflows.studies.accuracy.curves import picture
+from workflows.studies.accuracy.problems import problem
+from workflows.studies.accuracy.rows import table_of
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 

@@ -4,24 +4,17 @@ from itertools import chain as joined
 
 from coupling import peers
 from coupling.peers import Problem
+from coupling.work_precision.growth import at_one_setting, growth
+from coupling.work_precision.problems import MASS, SPACING, modal_wall
+from coupling.work_precision.ratios import ratios
+from coupling.work_precision.rows import Row
+from coupling.work_precision.runs import limit, peer_rows, reference, scheme_row, scheme_rows
 from workflows.pipeline.pipeline import Progress
 from workflows.scene import Scene
 from workflows.scene.parts import with_wall
-from workflows.studies.accuracy import growth
-from workflows.studies.accuracy.problems import MASS, SPACING, modal_wall, problem
-from workflows.studies.accuracy.rows import Row, table_of
-from workflows.studies.accuracy.work_precision import (
-    DRAWN,
-    FIXED,
-    PEER_TOLERANCE,
-    limit,
-    peer_rows,
-    picture,
-    ratios,
-    reference,
-    scheme_row,
-    scheme_rows,
-)
+from workflows.studies.accuracy.curves import DRAWN, FIXED, PEER_TOLERANCE, over_size, picture
+from workflows.studies.accuracy.problems import problem
+from workflows.studies.accuracy.rows import table_of
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 
@@ -39,15 +32,15 @@ def wall_modes(scene: Scene, progress: Progress) -> Finding:
     rows = tuple(joined.from_iterable(_mode_rows(one, step, k) for k, one in cases.items()))
     compared = tuple(row for row in rows if row.parameter == COMPARED)
     where = f"{scene.name} with {COMPARED} wall modes"
-    rigid, *more = growth.at_one_setting(rows, FIXED)
+    rigid, *more = at_one_setting(rows, FIXED)
     sentences = rendered(
         __file__, own=0 if case.wall is None else case.wall.omega.size, most=MODES[-1],
         spacing=SPACING, mass=MASS, scene=where, ratios=ratios(compared), scheme=FIXED,
-        rigid=rigid.seconds, growth=growth.growth(more),
+        rigid=rigid.seconds, growth=growth(more),
     )  # fmt: skip
     drawn = (
         picture("accuracy_wall_modes", compared, where),
-        growth.picture("accuracy_mode_growth", rows, "wall modes"),
+        over_size("accuracy_mode_growth", rows, "wall modes"),
     )
     return Finding((table_of(rows),), sentences, drawn)
 

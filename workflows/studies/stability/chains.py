@@ -9,10 +9,9 @@ from functools import partial
 import numpy as np
 
 import dem
-from dem.spheres import time_scale
-from workflows.studies.stability.verdicts import Outcome, Trial
+from coupling.verification import Outcome, collisions, settled
+from workflows.studies.stability.verdicts import Trial
 
-ERROR = 1e-4
 RIG = {"radius": 0.0127, "density": 7800.0, "young": 210e9, "poisson": 0.3}
 STEEL = dem.Flat(210e9, 0.3)
 SPEED, N = 0.31, 9
@@ -29,49 +28,6 @@ def spheres_of(**changes) -> dem.Chain:
 def striker_velocity(n: int = N, speed: float = SPEED) -> np.ndarray:
     """Velocities with only the striker moving."""
     return speed * np.eye(1, n)[0]
-
-
-def settled(
-    chain: dem.Chain,
-    wall: dem.Wall | None,
-    v0: np.ndarray,
-    duration: float,
-    *,
-    young: float | np.ndarray = RIG["young"],
-    error: float = ERROR,
-    n_save: int = 100,
-) -> Outcome:
-    """A run to an error, its true error against a finer one, and where it left the model."""
-    run = dem.march_to_error(
-        chain, wall, v0, duration=duration, error=error, n_save=n_save,
-        search=dem.Search(
-            max_evaluations=1e9 / (chain.mass.size + (0 if wall is None else wall.omega.size))
-        ),
-    ).trajectory  # fmt: skip
-    scale = float(np.abs(v0).max()) or 1.0
-    off = float(np.abs(finer(chain, wall, v0, run).v - run.v).max()) / scale
-    warnings = dem.outside(dem.strain(chain, young, run.contact_force, run.v))
-    return Outcome(max(off, 1e-2 * run.energy_error), error, warnings)
-
-
-def finer(
-    chain: dem.Chain, wall: dem.Wall | None, v0: np.ndarray, run: dem.Trajectory
-) -> dem.Trajectory:
-    """The same with a quarter of the step, by another scheme where one bears the damping; the
-    implicit ones, which alone average a force that jumps, with an eighth."""
-    march = partial(dem.march, chain, wall, v0, duration=run.t[-1], n_save=run.t.size - 1)
-    if run.scheme.startswith("energy"):
-        return march(scheme=run.scheme, dt=run.dt / 8)
-    try:
-        return march(scheme="split6" if chain.dissipation == "none" else "kahan-li6", dt=run.dt / 4)
-    except dem.UnstableStep:
-        return march(scheme=run.scheme, dt=run.dt / 4)
-
-
-def collisions(chain: dem.Chain, speed: float, count: float = 40.0) -> float:
-    """Duration [s] of so many of the slowest contact's natural times."""
-    n = chain.A.size
-    return count * float(time_scale(chain.mass[:n], chain.A, speed).max())
 
 
 def _run(chain: dem.Chain, v0: np.ndarray, count: float = 30.0, **options) -> Outcome:

@@ -7,16 +7,10 @@ import numpy as np
 
 import coupling
 import dem
+from coupling.verification import Outcome, finer, settled
 from workflows.pipeline.warnings import large_step_error
-from workflows.studies.stability.chains import (
-    SPEED,
-    finer,
-    settled,
-    spheres_of,
-    squeezed,
-    striker_velocity,
-)
-from workflows.studies.stability.verdicts import Outcome, Trial
+from workflows.studies.stability.chains import SPEED, spheres_of, squeezed, striker_velocity
+from workflows.studies.stability.verdicts import Trial
 
 DRIFT_STEPS = 10_000_000
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from coupling.verification import Outcome
 from workflows.results.tables import Table
 from workflows.studies.finding import Finding
 
@@ -30,14 +31,6 @@ class Row(NamedTuple):
     allowed: float | None
     sentence: str
     seconds: float
-
-
-class Outcome(NamedTuple):
-    """The measured error of an answer, what it may be, and what the run warned of."""
-
-    value: float
-    allowed: float
-    warnings: tuple[str, ...] = ()
 
 
 class Trial(NamedTuple):

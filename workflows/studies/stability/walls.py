@@ -6,8 +6,9 @@ from functools import partial
 import numpy as np
 
 import dem
-from workflows.studies.stability.chains import SPEED, N, settled, spheres_of, striker_velocity
-from workflows.studies.stability.verdicts import Outcome, Trial
+from coupling.verification import Outcome, settled
+from workflows.studies.stability.chains import SPEED, N, spheres_of, striker_velocity
+from workflows.studies.stability.verdicts import Trial
 
 DURATION = 1e-3
 

@@ -11,11 +11,11 @@ from time import process_time
 
 import numpy as np
 
-import fem
+from fem.factorisation import factorised
 
 
 class SharedSolutions:
-    """Called with a matrix it returns a factor, as fem.factorised; saved [s] of the processor."""
+    """Called with a matrix it returns a factor, as `factorised`; saved [s] of the processor."""
 
     def __init__(self) -> None:
         self.saved = 0.0
@@ -24,7 +24,7 @@ class SharedSolutions:
     def __call__(self, A):
         """A factor of A whose solutions are shared."""
         key = _digest(A.data, A.indices, A.indptr)
-        return _Factor(self, key, self.once(key, lambda: fem.factorised(A)))
+        return _Factor(self, key, self.once(key, lambda: factorised(A)))
 
     def once(self, key: bytes, computed):
         """What `computed` returns, from the store where it was computed before."""

@@ -14,18 +14,11 @@ import numpy as np
 import dem
 from coupling import peers
 from coupling.peers import Problem, Solver
-from workflows.files.run_folder import Picture
-from workflows.results.plots import Line, Panel, panels
-from workflows.studies.accuracy.rows import Row
+from coupling.work_precision.rows import Row
 
-TARGETS = (1e-4, 1e-6)
 TOLERANCES = tuple(10.0**-k for k in range(3, 12))
 ASKED = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 CONTROLLED = "march_to_error"
-DRAWN = ("verlet", "rkn4", "rkn6", "rkn6a", "suzuki4", "energy4", CONTROLLED)
-FIXED = "rkn6"  # what sizes are compared with, at one step for all
-PEER_TOLERANCE = 1e-8
-SOLVE_IVP = ("RK45", "DOP853", "LSODA", "Radau")
 SLOW = 0.5  # [s], beyond which a method's tolerance is not tightened further
 
 
@@ -218,98 +211,3 @@ def _peer_row(
         relative_error(problem, velocities(problem, found.y), truth.v), run.warm,
         peers.energy_error(problem, found.y), found.steps, found.evaluations, run.cold, tolerance,
     )  # fmt: skip
-
-
-def seconds_at(rows: Iterable[Row], error: float) -> float:
-    """Time at an error, between two runs on a log-log line; inf where none is as exact."""
-    before = None
-    for row in _front(rows):
-        if row.error <= error:
-            return row.seconds if before is None else _between(before, row, error)
-        before = row
-    return np.inf
-
-
-def _front(rows: Iterable[Row]) -> Iterator[Row]:
-    """Runs that none is faster and more exact than, fastest first."""
-    best = np.inf
-    for row in sorted(rows, key=lambda row: row.seconds):
-        if row.error < best:
-            best = row.error
-            yield row
-
-
-def _between(coarse: Row, fine: Row, error: float) -> float:
-    if fine.error <= 0.0:
-        return fine.seconds
-    share = np.log(coarse.error / error) / np.log(coarse.error / fine.error)
-    return float(coarse.seconds * (fine.seconds / coarse.seconds) ** share)
-
-
-class Fastest(NamedTuple):
-    """The method that reaches an error first."""
-
-    method: str
-    seconds: float
-
-
-def fastest(rows: Iterable[Row], methods: Iterable[str], error: float) -> Fastest:
-    """The method among these that reaches the error in the least time."""
-    runs = {method: [] for method in methods}
-    for row in rows:
-        if row.method in runs:
-            runs[row.method].append(row)
-    times = [Fastest(method, seconds_at(found, error)) for method, found in runs.items()]
-    return min(times, key=lambda one: one.seconds)
-
-
-class Ratio(NamedTuple):
-    """The fastest of our schemes at an error, and the fastest of each kind of other methods."""
-
-    error: float
-    ours: Fastest
-    others: tuple[Fastest, ...]
-
-
-def ratios(rows: tuple[Row, ...]) -> tuple[Ratio, ...]:
-    """Who reaches each of the errors in the least time, solve_ivp, older codes and SUNDIALS apart;
-    a kind of which none reaches it is left out."""
-    older = [name for name in peers.SCIPY if name not in SOLVE_IVP]
-    return tuple(_ratio(rows, (SOLVE_IVP, older, peers.SUNDIALS), error) for error in TARGETS)
-
-
-def _ratio(rows: tuple[Row, ...], kinds: tuple[Iterable[str], ...], error: float) -> Ratio:
-    others = (fastest(rows, methods, error) for methods in kinds)
-    reached = tuple(one for one in others if np.isfinite(one.seconds))
-    return Ratio(error, fastest(rows, dem.SCHEMES, error), reached)
-
-
-def growth_exponent(size: Iterable[float], seconds: Iterable[float]) -> float:
-    """Slope of log seconds over log size by least squares."""
-    return float(np.polyfit(np.log(list(size)), np.log(list(seconds)), 1)[0])
-
-
-def picture(name: str, rows: Iterable[Row], title: str) -> Picture:
-    """Error over run time, a curve for each method."""
-    rows = list(rows)
-    methods = [*DRAWN, *peers.peers()]
-    lines = [_line(rows, method) for method in methods]
-    panel = Panel(
-        title, "run time, warm [ms]", "velocity error, relative to the fastest sphere at the start",
-        [line for line in lines if len(line.x)], "xy", (None, 1.0), legend="aside",
-    )  # fmt: skip
-    return Picture(name, panels([panel], size=(8, 5.2)))
-
-
-def _line(rows: list[Row], method: str) -> Line:
-    runs = sorted((row for row in rows if row.method == method), key=lambda row: -row.setting)
-    points = np.array([(1e3 * row.seconds, row.error) for row in runs])
-    return Line(method, *points.reshape(-1, 2).T, *look(method))
-
-
-def look(method: str) -> tuple[str, int | str]:
-    """Style and colour of a method's curve: ours full, in colour; others dashed, in greys."""
-    if method in DRAWN:
-        return "o-", DRAWN.index(method)
-    others = list(peers.peers())
-    return "o--", str(0.25 + 0.45 * others.index(method) / max(len(others) - 1, 1))

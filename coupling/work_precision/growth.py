@@ -6,11 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
-import dem
-from workflows.files.run_folder import Picture
-from workflows.results.plots import Line, Panel, panels
-from workflows.studies.accuracy.rows import Row
-from workflows.studies.accuracy.work_precision import growth_exponent, look
+from coupling.work_precision.rows import Row
 
 
 class Growth(NamedTuple):
@@ -52,26 +48,6 @@ def at_one_setting(rows: Iterable[Row], method: str) -> list[Row]:
     return [first[size] for size in sorted(first)]
 
 
-def picture(name: str, rows: tuple[Row, ...], size: str) -> Picture:
-    """Times of the methods that were run at all sizes."""
-    methods = dict.fromkeys(row.method for row in rows)
-    runs = {method: at_one_setting(rows, method) for method in methods}
-    longest = max(map(len, runs.values()))
-    lines = [
-        Line(
-            f"{method}, {_setting(found[0])}",
-            np.array([max(row.parameter, 0.5) for row in found]),
-            np.array([1e3 * row.seconds for row in found]),
-            *look(method),
-        )
-        for method, found in runs.items()
-        if len(found) == longest
-    ]
-    panel = Panel("", f"number of {size}", "run time, warm [ms]", lines, "xy", legend="aside")
-    return Picture(name, panels([panel], size=(8, 5.2)))
-
-
-def _setting(row: Row) -> str:
-    if row.method in dem.SCHEMES:
-        return f"step {1e6 * row.setting:.2g} µs"
-    return f"tolerance {row.setting:.0e}"
+def growth_exponent(size: Iterable[float], seconds: Iterable[float]) -> float:
+    """Slope of log seconds over log size by least squares."""
+    return float(np.polyfit(np.log(list(size)), np.log(list(seconds)), 1)[0])

@@ -1,0 +1,52 @@
+"""Variants of a problem: pressed shut, lengthened, before a wall of more modes."""
+
+import numpy as np
+
+import dem
+from coupling.peers import Problem
+from dem.spheres import force_scale
+
+SPACING, MASS = 400.0, 4.2  # [Hz], [kg] of the block in the synthetic wall
+
+
+def pressed(case: Problem) -> Problem:
+    """The case between a spring on the first sphere and a rigid wall, hit too softly to open."""
+    n = case.v0.size
+    scale = float(np.abs(case.v0).max())
+    peak = force_scale(case.chain.mass[0], case.chain.A[0], scale)
+    first = np.eye(n)[0]
+    stiffness = 0.01 * peak ** (1 / 3) * case.chain.A[0] ** (2 / 3)
+    row = case.chain._replace(leaf_stiffness=stiffness * first, leaf_anchor=None, preload=0.0)
+    A = row.A if row.A.size == n else np.append(row.A, row.A[-1])
+    squeezed = n * (peak / A.min()) ** (2 / 3) + peak / stiffness
+    row = row._replace(A=A, leaf_anchor=squeezed * first)
+    return case._replace(chain=row, wall=dem.rigid_wall(), v0=0.01 * case.v0, n_save=10)
+
+
+def lengthened(case: Problem, n: int) -> Problem:
+    """The case with n spheres, the middle one repeated."""
+    chain, old = case.chain, case.v0.size
+    if n <= old:
+        return case
+    spheres = np.r_[: old // 2, np.full(n - old, old // 2), old // 2 : old]
+    contacts = spheres[: chain.A.size - old] if chain.A.size < old else spheres
+    per_sphere = {
+        name: values[spheres]
+        for name in ("mass", "radius", "leaf_stiffness", "leaf_anchor")
+        if (values := getattr(chain, name)) is not None
+    }
+    v0 = np.where(np.arange(n) < old, np.resize(case.v0, n), 0.0)
+    return case._replace(chain=chain._replace(A=chain.A[contacts], **per_sphere), v0=v0)
+
+
+def modal_wall(wall: dem.Wall | None, count: int) -> dem.Wall:
+    """The wall's own modes, continued at equal spacing by those of a free block."""
+    wall = dem.rigid_wall() if wall is None else wall
+    own = min(count, wall.omega.size)
+    lowest = wall.omega[own - 1] + 2 * np.pi * SPACING if own else 2 * np.pi * 50.0
+    more = lowest + 2 * np.pi * SPACING * np.arange(count - own)
+    return wall._replace(
+        omega=np.append(wall.omega[:own], more),
+        zeta=np.append(wall.zeta[:own], np.zeros(count - own)),
+        phi=np.append(wall.phi[:own], np.full(count - own, np.sqrt(2.0 / MASS))),
+    )

@@ -1,0 +1,68 @@
+"""The curves of the accuracy studies: error over run time, run time over size."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+import dem
+from coupling import peers
+from coupling.work_precision.growth import at_one_setting
+from coupling.work_precision.rows import Row
+from coupling.work_precision.runs import CONTROLLED
+from workflows.files.run_folder import Picture
+from workflows.results.plots import Line, Panel, panels
+
+DRAWN = ("verlet", "rkn4", "rkn6", "rkn6a", "suzuki4", "energy4", CONTROLLED)
+FIXED = "rkn6"  # what sizes are compared with, at one step for all
+PEER_TOLERANCE = 1e-8
+
+
+def picture(name: str, rows: Iterable[Row], title: str) -> Picture:
+    """Error over run time, a curve for each method."""
+    rows = list(rows)
+    methods = [*DRAWN, *peers.peers()]
+    lines = [_line(rows, method) for method in methods]
+    panel = Panel(
+        title, "run time, warm [ms]", "velocity error, relative to the fastest sphere at the start",
+        [line for line in lines if len(line.x)], "xy", (None, 1.0), legend="aside",
+    )  # fmt: skip
+    return Picture(name, panels([panel], size=(8, 5.2)))
+
+
+def _line(rows: list[Row], method: str) -> Line:
+    runs = sorted((row for row in rows if row.method == method), key=lambda row: -row.setting)
+    points = np.array([(1e3 * row.seconds, row.error) for row in runs])
+    return Line(method, *points.reshape(-1, 2).T, *look(method))
+
+
+def look(method: str) -> tuple[str, int | str]:
+    """Style and colour of a method's curve: ours full, in colour; others dashed, in greys."""
+    if method in DRAWN:
+        return "o-", DRAWN.index(method)
+    others = list(peers.peers())
+    return "o--", str(0.25 + 0.45 * others.index(method) / max(len(others) - 1, 1))
+
+
+def over_size(name: str, rows: tuple[Row, ...], size: str) -> Picture:
+    """Times of the methods that were run at all sizes."""
+    methods = dict.fromkeys(row.method for row in rows)
+    runs = {method: at_one_setting(rows, method) for method in methods}
+    longest = max(map(len, runs.values()))
+    lines = [
+        Line(
+            f"{method}, {_setting(found[0])}",
+            np.array([max(row.parameter, 0.5) for row in found]),
+            np.array([1e3 * row.seconds for row in found]),
+            *look(method),
+        )
+        for method, found in runs.items()
+        if len(found) == longest
+    ]
+    panel = Panel("", f"number of {size}", "run time, warm [ms]", lines, "xy", legend="aside")
+    return Picture(name, panels([panel], size=(8, 5.2)))
+
+
+def _setting(row: Row) -> str:
+    if row.method in dem.SCHEMES:
+        return f"step {1e6 * row.setting:.2g} µs"
+    return f"tolerance {row.setting:.0e}"
