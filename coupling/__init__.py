@@ -1,6 +1,6 @@
 """A reduced model as the wall of a chain, and the coupled run. SI units.
 
-    wall_of    rom.ReducedModel -> dem.Wall: its modes and the residual compliance
+    coupling.wall.wall_of    rom.ReducedModel -> dem.Wall: its modes, its residual compliance
     impact     (chain, wall, v0, duration=..., error=...): judged, then marched
     prune      the same wall without the modes that do not matter
     rayleigh, ModalDamping, RayleighDamping    damping for wall_of
@@ -19,10 +19,12 @@ A wall by hand has three things that are easily left out, each some percent of t
 3. The surface. `flat` of dem.row_of_spheres is what the body struck is made of; without it the
    flat is rigid.
 
+    import coupling.wall  # loads rom, which other walls need not
+
     row = dem.row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=17, preload=15.0,
                              flat=dem.Flat(210e9, 0.3))
     row.mass[-1] += 0.134
-    wall = coupling.wall_of(reduced)
+    wall = coupling.wall.wall_of(reduced)
     found = coupling.impact(row, wall, [0.31] + 16 * [0.0], duration=3e-3, error=1e-4)
     found.trajectory.contact_force[:, -1].max()
 
@@ -56,7 +58,6 @@ from coupling.plate import (
 from coupling.pruning import LeftOut, Pruning, mode_costs, prune
 from coupling.radiation import radiated_energy
 from coupling.verdict import Verdict, largest_monotone_force, predicted_peak_force, verdict
-from coupling.wall import wall_of
 
 __all__ = [
     "PLANE",
@@ -88,6 +89,5 @@ __all__ = [
     "rayleigh",
     "slenderness",
     "verdict",
-    "wall_of",
     "with_coupled_error",
 ]

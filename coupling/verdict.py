@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from coupling.coupled_wall import CoupledWall
 from dem import Chain, Wall
 from dem.spheres import hertz_overlap, hertz_stiffness
-from rom import is_indefinite
 
 FALCON = 1.03  # peak force of a column of spheres over that of one sphere; 1.024 is the limit
 
@@ -106,6 +105,8 @@ def _energy_source(wall: Wall | CoupledWall | None) -> str | None:
                 "The force enters through other weights than the displacement is read, so the "
                 "wall is not passive and will make energy; use one contact functional for both."
             )
+        from rom import is_indefinite  # scipy.sparse, for a tenth of a second
+
         return "The wall's damping is negative." if is_indefinite(wall.D) else None
     if wall is None or (np.all(wall.zeta >= 0) and wall.mobility >= 0):
         return None

@@ -16,6 +16,7 @@ import beadwave
 import coupling
 import dem
 import rom
+from coupling.wall import wall_of
 from workflows.commands.app import COMMANDS, main
 from workflows.pipeline.chain import chain, initial_velocity
 
@@ -188,7 +189,7 @@ def test_a_wall_by_hand_is_that_of_the_scene():
     material = (c.radius, c.density, c.young, c.poisson)
     row = dem.row_of_spheres(*material, count=5, preload=15.0, flat=dem.Flat(young, poisson))
     row.mass[-1] += 0.134
-    wall = coupling.wall_of(model)
+    wall = wall_of(model)
     run = {"duration": 5e-4, "error": found.scene.time.error}
     v0 = np.array([found.scene.striker.velocity, 0.0, 0.0, 0.0, 0.0])
     by_hand = coupling.impact(row, wall, v0, **run).trajectory.contact_force[:, -1].max()

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from time import perf_counter, sleep
 
 from workflows.files.child import while_open
-from workflows.pipeline.pipeline import Pipeline, pipeline_of
+from workflows.pipeline.pipeline import Pipeline, couples, pipeline_of
 from workflows.scene.size import room_for_two
 
 IMPACT = ("compilation", "coarse-reduction")  # in the order in which the second process takes them
@@ -81,9 +81,7 @@ def _wanted(pipeline: Pipeline, name: str) -> bool:
     scene = pipeline.scene
     if not scene.chain and name in IMPACT:
         return False
-    coupled = any(table.dashpots for table in scene.springs.values())
-    coupled = coupled or (scene.patch is not None and scene.patch.weights == "thesis")
-    if name == "compilation" and (coupled or pipeline.kept("impact")):
+    if name == "compilation" and (couples(scene) or pipeline.kept("impact")):
         return False
     return not pipeline.kept(name)
 

@@ -39,7 +39,7 @@ class Stage(NamedTuple):
     needs: tuple[str, ...]
     kept: bool = True  # a quick stage with a large result is computed anew
     listed: bool = True  # among the times of a run
-    after: tuple[str, ...] = ()  # what a second process computes for it
+    after: tuple[str, ...] = ()  # what it goes faster after, a second process may compute it
 
     @property
     def module(self) -> str:
@@ -127,7 +127,7 @@ ASSEMBLY = {
 }
 
 IMPACT = {
-    "start": Stage(".chain:start", tables_of(*START), (), kept=False, listed=False),
+    "start": Stage(".chain:start", tables_of(*START), (), listed=False),
     "impact": Stage(
         ".impact:impact", tables_of("time", "output"), ("start", "wall"), after=("compilation",)
     ),
@@ -166,6 +166,12 @@ def needs_assembly(scene: Scene) -> bool:
     if scene.assembly is None:
         return False
     return scene.chain is None or (isinstance(scene.wall, RomWall) and scene.wall.file is None)
+
+
+def couples(scene: Scene) -> bool:
+    """Whether dashpots or the thesis' scheme make a wall that is marched by its own integrator."""
+    dashpots = any(table.dashpots for table in scene.springs.values())
+    return dashpots or (scene.patch is not None and scene.patch.weights == "thesis")
 
 
 class Pipeline:
@@ -239,7 +245,7 @@ class Pipeline:
         """Run a stage on the results it needs."""
         stage = self._stages[name]
         needed = [self(need) for need in stage.needs]
-        for other in stage.after if self.beside else ():
+        for other in stage.after:
             self(other)
         function = stage.function.split(":")[1]
         self._computed.add(name)

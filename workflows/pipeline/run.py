@@ -35,7 +35,7 @@ FILES = (
 def run(pipeline: Pipeline, folder: RunFolder) -> Summary:
     """Fill the run folder with all that the scene gives."""
     scene = pipeline.scene
-    if scene.chain:
+    if scene.chain and not pipeline.kept("impact"):
         require_start(scene)
     with folder.run(toml(scene), FILES):
         with two_processes(pipeline, RUN) if needs_assembly(scene) else nullcontext():
@@ -52,7 +52,8 @@ def run(pipeline: Pipeline, folder: RunFolder) -> Summary:
 def impact(pipeline: Pipeline, folder: RunFolder | None) -> Summary:
     """The coupled run alone; the folder, if any, gets scene, trajectory and summary."""
     scene = pipeline.scene
-    require_start(scene)
+    if not pipeline.kept("impact"):
+        require_start(scene)
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext():
         with two_processes(pipeline, IMPACT) if needs_assembly(scene) else nullcontext():
             summary = summary_of(pipeline)
