@@ -14,8 +14,6 @@ Johnson, Contact Mechanics (1985), sec. 4.2, eqs. 4.25 to 4.28.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ellipe, ellipk
 
 ROUND = 1e-6  # of a ratio of radii: closer to 1 the ellipse is a circle
 SLIMMEST = 1 - 1e-9  # e^2 of the longest ellipse, some 10^4 times as long as wide
@@ -58,6 +56,9 @@ def _ellipse(ratio: float) -> tuple[float, float, float]:
     """e^2, F1 and F2 of relative radii R' / R'' = ratio >= 1."""
     if ratio < 1 + ROUND:
         return 0.0, 1.0, 1.0
+    from scipy.optimize import brentq  # a third of a second that plane walls do not pay for
+    from scipy.special import ellipk
+
     m = brentq(lambda m: np.log(_parts(m)[0] / _parts(m)[1] / ratio), ROUND / 10, SLIMMEST)
     slender = np.sqrt(1 - m)  # b/a
     F1 = (4 / (np.pi * m) * slender**1.5 * np.sqrt(np.prod(_parts(m)))) ** (1 / 3)
@@ -66,5 +67,7 @@ def _ellipse(ratio: float) -> tuple[float, float, float]:
 
 def _parts(m: float) -> tuple[float, float]:
     """(a/b)^2 E - K and K - E."""
+    from scipy.special import ellipe, ellipk
+
     K, E = ellipk(m), ellipe(m)
     return E / (1 - m) - K, K - E

@@ -1,0 +1,197 @@
+"""Comfort of the command line: help, completion, progress, hints, `doctor`."""
+
+import json
+import re
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import typer
+
+from workflows.commands import durations, options, studies, terminal
+from workflows.commands.app import COMMANDS, app, main
+from workflows.commands.examples import EXAMPLES
+from workflows.files.scene import built_in
+from workflows.studies.catalogue import catalogue
+
+ROOT = Path(__file__).parents[1]
+SHORT = ("--set=chain.count=4", "--set=output.spheres=[1]", "--set=time.duration=0.2 ms")
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def beadwave(monkeypatch, capfd):
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["beadwave", *arguments])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capfd.readouterr()
+        return end.value.code or 0, out, err
+
+    return run
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_shows_examples_on_lines_of_eighty(command, beadwave):
+    status, out, err = beadwave(command, "-h")
+    assert status == 0 and err == ""
+    assert all(f"  beadwave {line}" in out for line in EXAMPLES[command])
+    assert all(len(line) <= 80 for line in out.splitlines() if "beadwave" not in line)
+
+
+def test_examples_use_options_and_scenes_that_are_there():
+    known = typer.main.get_command(app).commands
+    for name, lines in EXAMPLES.items():
+        for line in lines:
+            command, *words = line.split(" > ")[0].split(" | ")[0].split()
+            assert command == name
+            given = {word.partition("=")[0] for word in words if word.startswith("--")}
+            assert given <= {option for p in known[name].params for option in p.opts}
+            scenes = {word for word in words if re.fullmatch(r"rig-[\w-]+", word)}
+            assert scenes <= set(built_in())
+
+
+def test_help_names_what_options_take(beadwave):
+    out = re.sub(r"\s+", " ", beadwave("stability", "-h")[1])
+    assert sorted(studies.CASES.split(", ")) == sorted(catalogue("stability"))
+    assert studies.CASES in out
+    out = beadwave("accuracy", "-h")[1]
+    assert all(name in out for name in catalogue("accuracy"))
+    assert "re_1, im_1" in beadwave("hammer", "-h")[1]
+
+
+def test_version(beadwave):
+    assert beadwave("--version") == (0, "beadwave 0.1.0\n", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (("rnu",), "run"),
+        (("stabilty",), "stability"),
+        (("impact", "rig-rgid"), "rig-rigid"),
+        (("impact", "rig-1dof", "--set=wall.frequecy=3"), "frequency"),
+        (("impact", "--otu=d"), "--out"),
+        (("study", "wals"), "walls"),
+        (("accuracy", "--stage=tme"), "time"),
+        (("stability", "--case=prelod"), "preload"),
+        (("tune", "--free=haed.ky"), "head.ky"),
+    ],
+)
+def test_a_mistyped_word_is_answered_by_the_one_that_was_meant(arguments, meant, beadwave):
+    status, out, err = beadwave(*arguments)
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1 and meant in err
+
+
+def test_quiet_leaves_files_and_warnings_alone(beadwave):
+    status, out, err = beadwave("run", "rig-rigid", "--quiet", "--out=out", *SHORT)
+    assert (status, out) == (0, "") and Path("out/report.html").is_file()
+    assert all(line.startswith("warning: ") for line in err.splitlines())
+    assert json.loads(beadwave("impact", "rig-rigid", "-q", "--json", *SHORT)[1])["n_steps"] > 0
+
+
+def test_an_impact_says_where_it_wrote_and_leaves_no_empty_folder(beadwave):
+    _, out, _ = beadwave("impact", "rig-rigid", "--out=out", *SHORT)
+    assert "written: out/trajectory.npz" in out
+    names = {path.name for path in Path("out").iterdir()}
+    assert names == {".beadwave", "scene.toml", "summary.json", "trajectory.npz"}
+
+
+def test_completion_knows_scenes_keys_studies_and_stages():
+    assert options.scene_names("rig-rom") == ["rig-rom", "rig-rom-269", "rig-rom-907"]
+    assert set(options.study_names("wa")) == {"wall-modulus", "wall-thickness", "walls"}
+    assert options.stage_names("me") == ["mesh"] and "preload" in options.case_names("p")
+
+    typed = SimpleNamespace(params={"scene": "rig-1dof"})
+    keys = options.dotted_keys(typed, "wall.")
+    assert {"wall.frequency=", "wall.mass="} <= set(keys) and "wall.young=" in keys
+    assert "striker.velocity=" in options.dotted_keys(typed, "stri")
+
+
+def test_doctor_tells_what_is_missing_and_what_that_costs(beadwave, monkeypatch):
+    from workflows.api import doctor
+
+    def absent(name):
+        raise doctor.PackageNotFoundError(name)
+
+    monkeypatch.setattr(doctor, "version", absent)
+    monkeypatch.setattr(doctor, "PROGRAMS", {"no-such-program": ("debian-package", "less")})
+    found = json.loads(beadwave("doctor", "--json")[1])
+    missing = {name: (costs, remedy) for name, costs, remedy in found["missing"]}
+    assert missing["h5py"][1] == "./install.sh h5" and ".h5" in missing["h5py"][0]
+    assert missing["no-such-program"] == ("less", "apt-get install debian-package")
+    assert found["cores"] > 0 and found["cache"].endswith("cache")
+    out = beadwave("doctor")[1]
+    assert "missing: h5py: reduced models cannot be read from or written to .h5" in out
+
+
+def test_doctor_and_the_installer_know_the_same_libraries():
+    from workflows.api.doctor import LIBRARIES, MISSING
+
+    text = (ROOT / "install.sh").read_text()
+    listed = dict(re.findall(r'^    "(lib[^"]+)": "([^"]+)",$', text, re.M))
+    assert listed == {name: package for name, (package, _) in LIBRARIES.items()}
+    extras = (ROOT / "pyproject.toml").read_text()
+    assert all(f"\n{extra} = " in extras for extra, _ in MISSING.values())
+
+
+def test_a_stage_tells_the_next_time_how_long_it_takes(monkeypatch, tmp_path):
+    (tmp_path / "cache").mkdir()
+    clock = iter((10.0, 17.0, 20.0, 20.4))
+    monkeypatch.setattr(durations, "perf_counter", lambda: next(clock))
+    known = durations.Durations("run mine")
+    assert known.expected("march") is None and known.expected("compilation") == 30.0
+    for stage in ("march", "brief"):
+        with known.measured(stage):
+            pass
+    assert known.expected("march") == 7.0 and known.expected("brief") is None
+    assert durations.Durations("run other").expected("march") is None
+    (tmp_path / "cache" / durations.NAME).write_text("[1")
+    assert known.expected("march") is None
+
+
+def test_bars_fill_with_the_time_that_was_expected():
+    from io import StringIO
+
+    from rich.console import Console
+
+    from workflows.commands.bars import progress
+
+    written = StringIO()
+    bars = progress(Console(file=written, width=79))
+    known = bars.add_task("modes", total=None, expected=40.0)
+    bars.tasks[known].start_time = bars.get_time() - 10.0
+    bars.add_task("waves", total=None, expected=None)
+    bars.console.print(bars.get_renderable())
+    assert re.search(r"modes .* 25 %, about 30 s left", written.getvalue())
+    assert re.search(r"waves .* 0\.\d s", written.getvalue())
+
+
+def test_a_long_command_says_one_line_where_nobody_watches_a_terminal(monkeypatch, capfd):
+    monkeypatch.setattr(terminal, "PATIENCE", 0.05)
+    for quiet in (False, True):
+        with terminal.StageProgress("run mine", quiet=quiet) as progress:
+            with progress.stage("modes"):
+                time.sleep(0.3)
+        said = capfd.readouterr().err
+        assert said == ("" if quiet else terminal_line())
+
+
+def terminal_line():
+    return "beadwave: modes is running, about 12 s in all; --quiet drops this line.\n"
+
+
+def test_a_missing_hammer_file_is_told_before_anything_is_loaded(beadwave, monkeypatch):
+    monkeypatch.setattr("workflows.api.hammer.load_scene", None)
+    monkeypatch.setattr("workflows.api.tuning.load_scene", None)
+    for arguments in (("hammer", "none.csv"), ("tune", "--hammer=none.csv")):
+        status, _, err = beadwave(*arguments)
+        assert status == 2 and "no file none.csv" in err
