@@ -59,9 +59,9 @@ def test_examples_use_options_and_scenes_that_are_there():
 
 
 def test_help_names_what_options_take(beadwave):
-    out = re.sub(r"\s+", " ", beadwave("stability", "-h")[1])
+    out = re.sub(r"\s", "", beadwave("stability", "-h")[1])
     assert sorted(studies.CASES.split(", ")) == sorted(catalogue("stability"))
-    assert studies.CASES in out
+    assert studies.CASES.replace(" ", "") in out
     out = beadwave("accuracy", "-h")[1]
     assert all(name in out for name in catalogue("accuracy"))
     assert "re_1, im_1" in beadwave("hammer", "-h")[1]
