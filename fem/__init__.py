@@ -46,6 +46,7 @@ from fem.model import Connections, Held, Model, Table, joined
 from fem.modes import Modes, modes
 from fem.response import receptance
 from fem.spot import Spot, planar_spot, round_spot
+from fem.surface import OnSurface, on_surface
 from fem.trace import outer_nodes
 
 __all__ = [
@@ -61,6 +62,7 @@ __all__ = [
     "Modes",
     "Motion",
     "Number",
+    "OnSurface",
     "Orthotropic",
     "Pairing",
     "RigidBody",
@@ -84,6 +86,7 @@ __all__ = [
     "modes",
     "node_patch",
     "normal_frame",
+    "on_surface",
     "outer_nodes",
     "pair",
     "planar_spot",

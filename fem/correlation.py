@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from fem.joints import rigid_motion
 from fem.model import Model
@@ -51,7 +52,7 @@ class Number(NamedTuple):
 class Shape(NamedTuple):
     """A mode told by a measured shape."""
 
-    reading: NDArray[np.float64]  # (m, n) reads a model where and how the test did
+    reading: NDArray[np.float64] | csr_matrix  # (m, n) reads a model where and how the test did
     shape: NDArray[np.complex128]  # (m,) measured
 
     def within(self, V: NDArray[np.float64]) -> "Shape":

@@ -83,7 +83,7 @@ def trace(
     point, facet = _candidates(corners, points, max(1e-7 * size, gap))
     cells = mesh.f2t[0, facets[facet]]
     target = points[point].T[:, :, None]
-    X = _local(basis.mapping, target, cells)
+    X = local_coordinates(basis.mapping, target, cells)
     outside = _outside(mesh.elem(), X[:, :, 0])
     outside += np.linalg.norm((basis.mapping.F(X, tind=cells) - target)[:, :, 0], axis=0) / size
     best = _least(point, outside, len(points))
@@ -94,7 +94,7 @@ def trace(
         raise OffFace(
             f"the point {np.round(points[bad], 6).tolist()} m does not lie on the face {face!r}."
         )
-    P = _interpolation(basis, X[:, best, 0], cells[best])
+    P = interpolation(basis, X[:, best, 0], cells[best])
     return csr_matrix(
         (P.data, P.indices + structure.first[body], P.indptr), (P.shape[0], structure.n_dofs)
     )
@@ -115,7 +115,7 @@ def _candidates(corners, points, tolerance: float):
     return np.nonzero(inside)
 
 
-def _local(mapping, x, cells) -> NDArray[np.float64]:
+def local_coordinates(mapping, x, cells) -> NDArray[np.float64]:
     """Local coordinates (3, n, 1) of points in cells, by Newton's method.
 
     scikit-fem's own inverse clips to the cell and gives up on a point a rounding error outside it.
@@ -143,7 +143,7 @@ def _least(group, value, n: int) -> NDArray[np.int64]:
     return best
 
 
-def _interpolation(basis: Basis, X, cells) -> csr_matrix:
+def interpolation(basis: Basis, X, cells) -> csr_matrix:
     scalar = basis.elem.elem
     n_points, n_shapes = len(cells), basis.Nbfun // 3
     phi = np.array([np.broadcast_to(scalar.lbasis(X, i)[0], n_points) for i in range(n_shapes)])

@@ -174,7 +174,7 @@ material = "steel"
         ('held = []\n[[joints]]\nname = "b"\nbetween = "lid|base"', "no hole through both"),
         ('held = []\n[bodies.cap]\nseed = 1e-3', 'no body is called "cap"'),
         ('held = []\n[bodies.lid]\nmaterial = "cast"', "'cast' is not known"),
-        ('held = []\n[[targets]]\nhz = 5.0', "needs body and motion, or number"),
+        ('held = []\n[[targets]]\nhz = 5.0', "needs body and motion, number or shape"),
         ('held = []\n[patch]\nradius = 1e-3', "[patch] belongs to the thesis' rig"),
     ],
 )  # fmt: skip

@@ -96,7 +96,7 @@ def drop(lines):
         ("gap.csv", csv(change=drop), "a gap of 11 steps follows sample 30"),
         ("back.csv", csv(change=put(7, "3e-6,1,1")), "time does not grow at sample 8"),
         ("uneven.csv", csv(change=put(7, "7.4e-6,1,1")), "not equidistant"),
-        ("bad.uff", "    -1\n    58\n    -1\n", "no UFF58 file"),
+        ("bad.uff", "    -1\n    58\n    -1\n", "no UFF file"),
         ("bad.mat", "no matlab", "no .mat file"),
     ],
 )

@@ -48,15 +48,15 @@ def _plain(value) -> np.ndarray:
     return np.full(value.shape, "no numbers") if value.dtype.kind in "OV" else value
 
 
-def _uff(path: Path, *names: str) -> Arrays:
+def _uff(path: Path, kinds: str, *names: str) -> Arrays:
     import pyuff
 
     try:
         file = pyuff.UFF(str(path))
-        numbers = np.flatnonzero(file.get_set_types() == 58)
-        sets = [file.read_sets(int(number)) for number in numbers]
+        wanted = np.isin(file.get_set_types(), list(map(int, kinds.split())))
+        sets = [file.read_sets(int(number)) for number in np.flatnonzero(wanted)]
     except Exception:  # pyuff raises nothing narrower
-        raise ValueError("it is no UFF58 file that pyuff can read") from None
+        raise ValueError("it is no UFF file that pyuff can read") from None
     values = {
         f"{i} {name}": _plain(held[name])
         for i, held in enumerate(sets)

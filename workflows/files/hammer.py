@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflows.files.run_folder import checked_file, writing_file
-from workflows.files.uff import data_sets_58, pyuff
+from workflows.files.uff import data_sets, pyuff
 from workflows.scene import InvalidScene
 
 RESPONSE = 4  # UFF58's function type of a frequency response
@@ -64,7 +64,7 @@ def _csv(path: Path) -> Responses:
 
 
 def _uff(path: Path) -> Responses:
-    sets = [s for s in data_sets_58(path) if s["func_type"] == RESPONSE]
+    sets = [s for s in data_sets(path, 58) if s["func_type"] == RESPONSE]
     if not sets:
         raise ValueError("no data set 58 with a frequency response")
     if any(len(s["x"]) != len(sets[0]["x"]) for s in sets):

@@ -117,7 +117,8 @@ def files_read(scene: Scene, source: Source = None) -> tuple[Path, ...]:
     is_file = isinstance(source, str | Path) and str(source) not in built_in()
     own = [source] if is_file else []
     named = [getattr(table, key, None) for _, table in scene for key in ("file", "step")]
-    return tuple(Path(file) for file in (*own, *named) if file)
+    shapes = [target.shape for target in scene.targets or ()]
+    return tuple(Path(file) for file in (*own, *named, *shapes) if file)
 
 
 def tables(name: str) -> dict[str, Any]:

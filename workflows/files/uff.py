@@ -1,20 +1,28 @@
-"""Data sets 58 of universal files (UFF), through pyuff."""
+"""Data sets of universal files (UFF), through pyuff."""
 
 from pathlib import Path
 
 from workflows.files.foreign import arrays
 from workflows.scene import InvalidScene
 
-FIELDS = (
-    "func_type", "rsp_node", "x", "data", "id1",
-    "abscissa_axis_units_lab", "ordinate_axis_units_lab",
-)  # fmt: skip
+FIELDS = {
+    58: (
+        "func_type", "rsp_node", "rsp_dir", "ref_node", "ref_dir", "x", "data", "id1",
+        "abscissa_axis_units_lab", "ordinate_axis_units_lab",
+    ),
+    55: ("analysis_type", "freq", "eig", "node_nums", "r1", "r2", "r3"),
+    15: ("node_nums", "disp_cs", "x", "y", "z"),
+    164: ("length",),
+}  # fmt: skip
+FIELDS[2411] = FIELDS[15]
 
 
-def data_sets_58(path: Path) -> list[dict]:
-    """What is asked of every data set 58: numbers, arrays and labels; raises Unreadable."""
+def data_sets(path: Path, *kinds: int) -> list[dict]:
+    """What is asked of every data set of these kinds: numbers, arrays, labels, its type; raises
+    Unreadable."""
     pyuff()
-    held = arrays("uff", path, *FIELDS)
+    names = dict.fromkeys(name for kind in kinds for name in FIELDS[kind])
+    held = arrays("uff", path, " ".join(map(str, kinds)), "type", *names)
     sets: list[dict] = [{} for _ in range(int(held.pop("count")))]
     for key, value in held.items():
         number, name = key.split()
@@ -28,6 +36,6 @@ def pyuff():
         import pyuff
     except ImportError:
         raise InvalidScene(
-            "UFF58 files need pyuff; ./install.sh identify adds it, or give .csv."
+            "universal files (.uff, .unv) need pyuff; ./install.sh identify adds it."
         ) from None
     return pyuff

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflows.files.foreign import arrays
-from workflows.files.uff import data_sets_58
+from workflows.files.uff import data_sets
 from workflows.scene import InvalidScene
 
 SYNTHETIC = "SYNTHETIC: computed, not measured"
@@ -150,7 +150,7 @@ def _uff(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
     raw = path.read_bytes()
     if b"58b" not in raw and sum(line.strip() == b"-1" for line in raw.splitlines()) % 2:
         raise ValueError("its last data set has no end, the file is cut off")
-    sets = data_sets_58(path)
+    sets = data_sets(path, 58)
     sets = [s for s in sets if s["func_type"] == TIME_RESPONSE]
     if not sets:
         raise ValueError("no data set 58 that can be read has a time response (function type 1)")

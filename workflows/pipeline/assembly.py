@@ -17,6 +17,7 @@ from workflows.files.mode_field import ModeField
 from workflows.pipeline import bodies, rig, strike
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts
 from workflows.pipeline.rig import STRUCK
+from workflows.pipeline.targets import targets
 from workflows.scene import InvalidScene, JointStiffnesses, Scene
 from workflows.scene.assembly import assembly
 from workflows.scene.size import too_large_mesh
@@ -166,7 +167,7 @@ def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
     """The lowest modes, the targets among them."""
     for n_modes in N_MODES:
         found = fem.modes(model.K, model.M, min(n_modes, model.K.shape[0] - 2))
-        paired = fem.pair(model, found, targets(scene))
+        paired = fem.pair(model, found, targets(scene, model))
         if np.all(paired.index >= 0):
             break
     return AssemblyModes(
@@ -176,16 +177,6 @@ def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
         paired.score,
         model.M.shape[0],
         _field(model, found, paired),
-    )
-
-
-def targets(scene: Scene) -> tuple[fem.Target, ...]:
-    """How the measured modes of the scene are told."""
-    if not scene.is_general:
-        return rig.TARGETS
-    return tuple(
-        fem.Number(t.number) if t.number else fem.Motion(t.body, t.motion)
-        for t in scene.targets or ()
     )
 
 
@@ -234,4 +225,4 @@ def struck(scene: Scene) -> str:
 
 def tuning_basis(scene: Scene, model: fem.Model) -> fem.tuning.TuningBasis:
     """The assembly projected on the shapes that joints can move."""
-    return fem.tuning.tuning_basis(model, targets(scene))
+    return fem.tuning.tuning_basis(model, targets(scene, model))

@@ -11,20 +11,21 @@ from numpy.typing import NDArray
 import fem
 import geometry
 from workflows.pipeline import rig
-from workflows.pipeline.assembly import AssemblyModes, modes, targets
+from workflows.pipeline.assembly import AssemblyModes, modes
 from workflows.pipeline.parts import Parts
+from workflows.pipeline.targets import targets
 from workflows.scene import Scene
 from workflows.scene.assembly import assembly
 
 
 def mac(scene: Scene, mesh: Parts, model: fem.Model, found: AssemblyModes) -> NDArray[np.float64]:
     """MAC (k, n_targets) of the modes found with the targets of stiff joints; nan without one."""
-    if not targets(scene):
+    if not scene.measured_hz:
         return np.empty((len(found.omega), 0))
     stiff = fem.joined(model.structure, _stiff(scene, mesh))
     reference = modes(scene, stiff)
     shapes = found.phi, reference.phi[:, reference.index]
-    found_mac = fem.target_mac((model, stiff), shapes, targets(scene))
+    found_mac = fem.target_mac((model, stiff), shapes, targets(scene, stiff))
     return np.where(reference.index >= 0, found_mac, np.nan)
 
 

@@ -70,27 +70,30 @@ def _plain(table: Any) -> Any:
 
 def _wall_reads(scene: Scene) -> Any:
     file = getattr(scene.wall, "file", None)
-    content = sha256(Path(file).read_bytes()).hexdigest() if file else None
-    return {
-        **tables_of("wall", "damping", "patch", "strike", "assembly")(scene),
-        "content": content,
-    }
+    tables = tables_of("wall", "damping", "patch", "strike", "assembly")(scene)
+    return {**tables, "content": _content(file)}
+
+
+def _targets(scene: Scene) -> Any:
+    files = {target.shape for target in scene.targets or ()}
+    return [tables_of("targets")(scene), sorted(map(str, map(_content, files)))]
 
 
 def _dimensions(scene: Scene) -> Any:
     if scene.is_general:
         step = scene.assembly.step
-        content = sha256(Path(step).read_bytes()).hexdigest() if _is_file(step) else None
-        return [tables_of(*BODIES, "mesh")(scene), content]
+        return [tables_of(*BODIES, "mesh")(scene), _content(step)]
     from workflows.scene.assembly import assembly
 
-    own = scene.mesh.file
-    content = sha256(Path(own).read_bytes()).hexdigest() if _is_file(own) else None
+    content = _content(scene.mesh.file)
     return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point, content]
 
 
-def _is_file(path: str | None) -> bool:
-    return path is not None and Path(path).is_file()
+def _content(path: str | None) -> str | None:
+    """What tells the content of a file from another; None where there is none."""
+    if path is None or not Path(path).is_file():
+        return None
+    return sha256(Path(path).read_bytes()).hexdigest()
 
 
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike")
@@ -101,8 +104,8 @@ ASSEMBLY = {
     "model": Stage(
         ".assembly:model", tables_of("assembly", "joints", "table"), ("mesh",), kept=False
     ),
-    "tuning-basis": Stage(".assembly:tuning_basis", tables_of("targets"), ("model",)),
-    "modes": Stage(".assembly:modes", tables_of("targets"), ("model",)),
+    "tuning-basis": Stage(".assembly:tuning_basis", _targets, ("model",)),
+    "modes": Stage(".assembly:modes", _targets, ("model",)),
     "mac": Stage(".mac:mac", tables_of(), ("mesh", "model", "modes")),
     "contact": Stage(
         ".assembly:contact", tables_of("patch", "strike"), ("mesh", "model"), kept=False

@@ -6,6 +6,7 @@ stands for any letters.
 
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
+from pathlib import Path
 from re import split
 from typing import Annotated, Any, Literal
 
@@ -247,17 +248,23 @@ class Strike(Table):
 
 
 class Target(Table):
-    """A measured mode, told by a body's motion ("x", "x+ry", "strain") or by its number."""
+    """A measured mode, told by a body's motion ("x", "x+ry", "strain"), by its number, or by a file
+    of measured shapes (.uff), of which the modes of the assembly have the MAC."""
 
     hz: Frequency  # [Hz]
     body: str | None = None
     motion: str | None = None
     number: Annotated[int, Field(ge=1, le=200)] | None = None
+    shape: str | None = None
 
     @model_validator(mode="after")
     def _told(self) -> "Target":
         if (self.body is None) != (self.motion is None):
             raise ValueError("body and motion belong together: add the other")
-        if (self.body is None) == (self.number is None):
-            raise ValueError("needs body and motion, or number: give one of the two")
+        if sum(told is not None for told in (self.body, self.number, self.shape)) != 1:
+            raise ValueError("needs body and motion, number or shape: give one of the three")
         return self
+
+    def beside(self, folder: Path) -> "Target":
+        """The same with its file looked for in a folder."""
+        return self.model_copy(update={"shape": str(folder / self.shape)}) if self.shape else self

@@ -212,6 +212,8 @@ def _defaults(scene: Scene, tables: dict[str, Any], source: str, folder: Path) -
     for table, key in (("mesh", "file"), ("assembly", "step")):
         if named := getattr(filled.get(table), key, None):
             filled[table] = filled[table].model_copy(update={key: str(folder / named)})
+    if any(target.shape for target in scene.targets or ()):
+        filled["targets"] = tuple(target.beside(folder) for target in scene.targets)
     return filled
 
 

@@ -1,0 +1,187 @@
+"""Measured shapes as targets: written from a known model with noise, paired by MAC, refused."""
+
+import json
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fem import on_surface
+from fem.hammer_test import accelerances
+from workflows.files.scene import scene
+from workflows.pipeline.pipeline import pipeline_of
+from workflows.scene import InvalidScene
+
+pyuff = pytest.importorskip("pyuff", reason="universal files are optional (the extra `identify`)")
+
+BEAM = """
+materials = { steel = { young = 210e9, poisson = 0.3, density = 7850.0 } }
+assembly = { held = ["beam:-x"], material = "steel" }
+mesh = { scale = 2.0 }
+strike = { on = "beam:+y" }
+[bodies.beam]
+box = [0.2, 0.012, 0.02]
+"""
+TARGETS = [4, 0, 2]  # modes measured, in this order; the first one twists
+TARGET = '[[targets]]\nhz = {}\nshape = "shapes.uff"\n'
+NOISE = 0.03
+SHIFT = 1.02  # of measured frequencies over those of the model
+
+
+def pipeline(text, *changes):
+    Path("beam.toml").write_text(text)
+    return pipeline_of(scene("beam.toml", changes), lambda name: nullcontext())
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory):
+    """Points beside the beam, modes of the model there (k, m, 3), frequencies."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("known"))
+        patch.setenv("BEADWAVE_CACHE_DIR", str(Path.cwd()))
+        run = pipeline(BEAM)
+        model, modes = run("model"), run("modes")
+    x = np.linspace(-0.08, 0.1, 7)
+    points = np.array([[x, 0.0061, 0.008], [x, 0.006, -0.008]], dtype=object)
+    points = np.concatenate([np.column_stack(np.broadcast_arrays(*row)) for row in points])
+    P = on_surface(model.structure, points.astype(float)).P
+    shapes = (P @ model.T @ modes.phi[:, :8]).T.reshape(8, len(points), 3)
+    return points.astype(float), shapes, modes.omega[:8]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch, known):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+
+def noisy(values):
+    rng = np.random.default_rng(2)
+    return values + NOISE * np.abs(values).max() * rng.standard_normal(values.shape)
+
+
+def written(*sets, name="shapes.uff"):
+    file = pyuff.UFF(name)
+    for i, one in enumerate(sets):
+        file.write_sets(one, mode="add" if i else "overwrite")
+
+
+def nodes(points):
+    n = len(points)
+    x, y, z = points.T
+    zero = [0] * n
+    return pyuff.prepare_15(list(range(1, n + 1)), zero, zero, zero, list(x), list(y), list(z))
+
+
+def shape_55(values, hz):
+    """Measured along y and z alone."""
+    parts = {f"r{i + 1}": values[:, i] * (i > 0) for i in range(3)}
+    head = {f"id{i}": "NONE" for i in range(1, 6)}
+    return pyuff.prepare_55(
+        model_type=1, analysis_type=2, data_ch=2, spec_data_type=8, data_type=2, n_data_per_node=3,
+        node_nums=np.arange(1, len(values) + 1), load_case=1, mode_n=1, freq=hz, modal_m=0,
+        modal_damp_vis=0.0, modal_damp_his=0.0, **parts, **head,
+    )  # fmt: skip
+
+
+def responses_58(shapes, omega, roving=False):
+    """Accelerances at all points along y, against y, and z to a hammer that strikes askew."""
+    n = shapes.shape[1]
+    ends = [(i, axis) for i in range(n) for axis in (1, 2)]
+    read = np.array([shapes[:, i, axis] * (-1 if axis == 1 else 1) for i, axis in ends])
+    hz = np.arange(50.0, 1.1 * omega.max() / (2 * np.pi), 1.0)
+    H = accelerances(read, read[-1] + read[-4], omega, np.full(len(omega), 0.004), hz)
+    H = H + NOISE * np.abs(H).max(axis=0) * np.random.default_rng(3).standard_normal(H.shape)
+    for (i, axis), h in zip(ends, H, strict=True):
+        there, other = (i + 1, -2 if axis == 1 else 3), (n, 3)
+        response, reference = (other, there) if roving else (there, other)
+        yield pyuff.prepare_58(
+            binary=0, func_type=4, rsp_node=response[0], rsp_dir=response[1],
+            ref_node=reference[0], ref_dir=reference[1], data=h, x=hz, id1="test",
+            rsp_ent_name="r", ref_ent_name="h", abscissa_spacing=1, abscissa_spec_data_type=18,
+            ordinate_spec_data_type=12, orddenom_spec_data_type=13,
+        )  # fmt: skip
+
+
+def measured_hz(known):
+    return [SHIFT * known[2][i] / (2 * np.pi) for i in TARGETS]
+
+
+def paired(known):
+    text = BEAM + "".join(TARGET.format(repr(float(hz))) for hz in measured_hz(known))
+    modes = pipeline(text)("modes")
+    return modes.index.tolist(), modes.score
+
+
+def test_shapes_of_data_set_55_find_their_modes(known):
+    points, shapes, _ = known
+    all_hz = zip(TARGETS, measured_hz(known), strict=True)
+    written(nodes(points), *(shape_55(noisy(shapes[i]), hz) for i, hz in all_hz))
+    index, score = paired(known)
+    assert index == TARGETS and np.all(score > 0.98) and np.all(score < 1)
+
+
+@pytest.mark.parametrize("roving", [False, True])
+def test_responses_at_many_points_tell_the_shapes_of_their_peaks(known, roving):
+    points, shapes, omega = known
+    written(nodes(points), *responses_58(shapes, SHIFT * omega, roving))
+    index, score = paired(known)
+    assert index == TARGETS and np.all(score > 0.95)
+
+
+def test_points_in_millimetres_say_so(known):
+    points, shapes, _ = known
+    millimetres = {"type": 164, "units_code": 5, "units_description": "mm", "temp_mode": 1,
+                   "length": 1e3, "force": 1.0, "temp": 1.0, "temp_offset": 0.0}  # fmt: skip
+    hz = measured_hz(known)
+    sets = [shape_55(shapes[i], f) for i, f in zip(TARGETS, hz, strict=True)]
+    written(nodes(1e3 * points), *sets)
+    with pytest.raises(InvalidScene, match=r"m from the assembly, allowed .*unit in data set 164"):
+        paired(known)
+    written(millimetres, nodes(1e3 * points), *sets)
+    assert paired(known)[0] == TARGETS
+
+
+def test_a_shape_is_tuned_to_by_the_command(known, capsys):
+    from workflows.assembly.tuning import tuned
+
+    points, shapes, omega = known
+    hz = float(SHIFT * omega[2] / (2 * np.pi))
+    written(nodes(points), shape_55(noisy(shapes[2]), hz))
+    Path("beam.toml").write_text(BEAM + TARGET.format(hz))
+    free = ("materials.steel.young",)
+    _, report = tuned(scene("beam.toml"), {1: hz}, free, lambda name: nullcontext())
+    assert report.stiffness["materials.steel.young"] == pytest.approx(SHIFT**2, rel=1e-6)
+    assert report.full_order_hz["1"] == pytest.approx(hz, rel=1e-6)
+    assert json.loads(report.model_dump_json())["mac"]["1"] > 0.98
+
+
+@pytest.mark.parametrize(
+    ("sets", "told"),
+    [
+        (lambda p, s: [shape_55(s[0], 100.0)], "it has no points, which data set 15 or 2411 holds"),
+        (lambda p, s: [nodes(p)], "neither shapes .* nor frequency responses"),
+        (lambda p, s: [nodes(p), shape_55(s[0], 150.0)], "no shape near 100 Hz, there are 150 Hz"),
+        (lambda p, s: [nodes(p[:3]), shape_55(s[0], 100.0)], "node 4 has no point"),
+        (lambda p, s: [nodes(p[:1]), shape_55(s[0][:1], 100.0)], "2 measured displacements"),
+        (lambda p, s: [nodes(p), shape_55(0 * s[0], 100.0)], "0 measured displacements"),
+    ],
+)
+def test_files_without_the_shape_are_refused_in_a_sentence(known, sets, told):
+    written(*sets(*known[:2]))
+    with pytest.raises(InvalidScene, match=told):
+        pipeline(BEAM + TARGET.format(100.0))("modes")
+
+
+def test_what_is_no_universal_file_is_refused_in_a_sentence():
+    for name, content, told in (
+        ("shapes.csv", "1,2", r"must end in \.uff or \.unv"),
+        ("none.uff", None, "no file"),
+        ("shapes.uff", "    -1\n    55\n", "holds no shape that can be read"),
+        ("shapes.uff", "nothing", "holds no shape that can be read"),
+    ):
+        if content is not None:
+            Path(name).write_text(content)
+        with pytest.raises(InvalidScene, match=told):
+            pipeline(BEAM + TARGET.format(100.0).replace("shapes.uff", name))("modes")
