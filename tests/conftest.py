@@ -3,6 +3,21 @@
 import signal
 from os import environ
 
+import pytest
+
 environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # tests that start in the background inherit an ignored Ctrl-C, and so would the runs that they stop
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """A cache of results that the tests of a file share."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture
+def shared_cache(cache, tmp_path, monkeypatch):
+    """The commands of a test keep their results there, and work in a folder of their own."""
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(cache))
+    monkeypatch.chdir(tmp_path)

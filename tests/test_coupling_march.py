@@ -1,5 +1,7 @@
 """Chain and wall marched together: full order against reduced, energy, the scheme of the thesis."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -16,26 +18,14 @@ from coupling import (
     verdict,
 )
 from coupling.wall import coupled_wall, wall_from_reduced, wall_of
+from known_models import steel_bar
 from rom import Contact, Selection, craig_bampton, free_modes, full_order
 
 E, NU, RHO = 210e9, 0.3, 7850.0
 N = 120
 
 
-def bar(n=N, length=0.5, area=4e-4, held=True):
-    """Steel bar of n lumped masses, struck at its far end: half as heavy as a chain of spheres."""
-    h = length / n
-    diagonal = np.full(n, 2.0)
-    diagonal[-1] = 1
-    diagonal[0] = 2 if held else 1
-    K = (
-        E
-        * area
-        / h
-        * sp.diags_array([-np.ones(n - 1), diagonal, -np.ones(n - 1)], offsets=[-1, 0, 1])
-    )
-    M = RHO * area * h * sp.diags_array(np.r_[np.ones(n - 1), 0.5])
-    return K.tocsc(), M.tocsc(), np.eye(n)[-1]
+bar = partial(steel_bar, 4e-4)  # m^2: half as heavy as a chain of spheres
 
 
 def chain_of(count, **parts):

@@ -1,5 +1,6 @@
 """The wall seen from the contact: statics, half-space, damping, refusals."""
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -26,6 +27,7 @@ from coupling.wall import (
     residual_compliance,
     wall_from_reduced,
 )
+from known_models import steel_bar
 from rom import Selection, craig_bampton, free_modes, full_order, modal, static_compliance
 
 E, NU, RHO = 210e9, 0.3, 7850.0
@@ -34,20 +36,7 @@ CHAIN = dem.row_of_spheres(0.0127, 7800.0, E, NU, count=5, flat=dem.Flat(E, NU))
 V0 = np.r_[0.31, np.zeros(4)]
 
 
-def bar(n=120, length=0.5, area=1.6e-3, held=True):
-    """Steel bar of n lumped masses, struck at its far end."""
-    h = length / n
-    diagonal = np.full(n, 2.0)
-    diagonal[-1] = 1
-    diagonal[0] = 2 if held else 1
-    K = (
-        E
-        * area
-        / h
-        * sp.diags_array([-np.ones(n - 1), diagonal, -np.ones(n - 1)], offsets=[-1, 0, 1])
-    )
-    M = RHO * area * h * sp.diags_array(np.r_[np.ones(n - 1), 0.5])
-    return K.tocsc(), M.tocsc(), np.eye(n)[-1]
+bar = partial(steel_bar, 1.6e-3)  # m^2
 
 
 def spring_wall(reduced, half_space=0.0, cutoff_hz=None):

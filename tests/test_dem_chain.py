@@ -10,19 +10,7 @@ import pytest
 from dem import Chain, dashpot_wall, march, one_dof_wall, rigid_wall, row_of_spheres
 from dem.spheres import force_scale, hertz_coefficient, mass, time_scale
 from dem.waves.arrivals import arrivals, passage, velocity_sum_ratio
-
-
-def unit_chain(n, A_wall=None, **parts):
-    A = np.ones(n - 1 if A_wall is None else n)
-    if A_wall is not None:
-        A[-1] = A_wall
-    return Chain(np.ones(n), np.full(n, 0.5), A, **parts)
-
-
-def speeds(n, speed=1.0):
-    v0 = np.zeros(n)
-    v0[0] = speed
-    return v0
+from known_models import speeds, unit_chain
 
 
 @pytest.fixture(scope="module")

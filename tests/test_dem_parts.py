@@ -6,7 +6,6 @@ import pytest
 
 from dem import (
     SCHEMES,
-    Chain,
     InvalidChain,
     NoEquilibrium,
     Search,
@@ -22,19 +21,7 @@ from dem import (
 )
 from dem.kernels.laws import damping_impulse
 from dem.kernels.oscillators import oscillator_propagator
-
-
-def unit_chain(n, A_wall=None, **parts):
-    A = np.ones(n - 1 if A_wall is None else n)
-    if A_wall is not None:
-        A[-1] = A_wall
-    return Chain(np.ones(n), np.full(n, 0.5), A, **parts)
-
-
-def speeds(n, speed=1.0):
-    v0 = np.zeros(n)
-    v0[0] = speed
-    return v0
+from known_models import speeds, unit_chain
 
 
 def modal_wall(damped=True, **parts):

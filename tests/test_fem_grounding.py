@@ -8,7 +8,6 @@ from fem import (
     Connections,
     Held,
     Joint,
-    Material,
     Side,
     Tie,
     assemble,
@@ -18,8 +17,8 @@ from fem import (
 )
 from fem.grounding import require_free_joints
 from fem.joints import rigid_motion, tie
+from known_models import STEEL, stacked
 
-STEEL = Material(210e9, 0.3, 7850.0)
 SIDE, HEIGHT = 0.06, 0.05  # m
 
 
@@ -33,15 +32,7 @@ def two_blocks(gap=0.0):
     across = np.linspace(-SIDE / 2, SIDE / 2, 3)
     lower = MeshHex.init_tensor(across, across, [0, HEIGHT])
     upper = lower.translated((0.0, 0.0, HEIGHT + gap))
-    meshes = {
-        "lower": lower.with_boundaries({"base": at(0.0), "top": at(HEIGHT)}),
-        "upper": upper.with_boundaries({"foot": at(HEIGHT + gap)}),
-    }
-    return assemble(meshes, dict.fromkeys(meshes, STEEL))
-
-
-def at(z):
-    return lambda x: np.abs(x[2] - z) < 1e-9
+    return stacked(lower, upper, HEIGHT, gap)
 
 
 def test_a_rigid_body_has_the_mass_and_centre_of_its_volume():

@@ -11,7 +11,6 @@ from fem import (
     Connections,
     Held,
     Joint,
-    Material,
     Side,
     Table,
     Tie,
@@ -23,8 +22,8 @@ from fem import (
 from fem.constraints import Constraint, claimed, eliminated
 from fem.joints import distributing, rigid_motion
 from fem.modes import Modes, _check
+from known_models import STEEL, at, stacked
 
-STEEL = Material(210e9, 0.3, 7850.0)
 LOWER, UPPER = 0.05, 0.12  # m
 
 
@@ -39,16 +38,6 @@ def blocks(fine=3, coarse=2):
         *2 * [np.linspace(-0.01, 0.01, fine + 1)], np.linspace(LOWER, UPPER, 4)
     )
     return stacked(lower, upper, LOWER)
-
-
-def at(z):
-    return lambda x: np.abs(x[2] - z) < 1e-9
-
-
-def stacked(lower, upper, height):
-    lower = lower.with_boundaries({"base": at(0.0), "top": at(height)})
-    meshes = {"lower": lower, "upper": upper.with_boundaries({"foot": at(height)})}
-    return assemble(meshes, dict.fromkeys(meshes, STEEL))
 
 
 @pytest.fixture(scope="module")

@@ -1,19 +1,20 @@
 """The assembly through all stages on a coarse mesh, and the files it leaves."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
 import tomli_w
 
+from command_line import beadwave
 from geometry import Assembly
 from workflows.assembly import thesis_tables
-from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.pipeline import assembly as assembly_stages
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved
+
+pytestmark = pytest.mark.usefixtures("shared_cache")
 
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
@@ -22,27 +23,8 @@ COARSE = (
 )  # fmt: skip
 
 
-def beadwave(*arguments):
-    """The exit status of a command."""
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
-        patch.setattr(sys, "argv", ["beadwave", *arguments])
-        main()
-    return end.value.code or 0
-
-
 def coarse(command, *more):
     return beadwave(command, "rig-rom", *(f"--set={change}" for change in COARSE), *more)
-
-
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture(autouse=True)
-def shared_cache(cache, tmp_path, monkeypatch):
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(cache))
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture(scope="module")

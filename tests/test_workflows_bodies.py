@@ -1,7 +1,6 @@
 """Scenes of any assembly through the commands: modes against theory, runs, tuning, refusals."""
 
 import json
-import sys
 from contextlib import nullcontext
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -9,39 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from command_line import beadwave
 from fem import Material
 from geometry.cad import write_step
 from geometry.shapes import Box, Hole, Plate
-from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.pipeline.pipeline import pipeline_of
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
+
+pytestmark = pytest.mark.usefixtures("shared_cache")
 
 spec = spec_from_file_location("theory", Path(__file__).with_name("test_fem_theory.py"))
 theory = module_from_spec(spec)
 spec.loader.exec_module(theory)
 ALUMINIUM = Material(70e9, 0.33, 2700.0)
 ENDS = ("clamped", "free")
-
-
-def beadwave(*arguments):
-    """The exit status of a command."""
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
-        patch.setattr(sys, "argv", ["beadwave", *map(str, arguments)])
-        main()
-    return end.value.code or 0
-
-
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture(autouse=True)
-def shared_cache(cache, tmp_path, monkeypatch):
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(cache))
-    monkeypatch.chdir(tmp_path)
 
 
 def modes_of(capsys, *arguments):

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import rom
+from command_line import beadwave
 from coupling.work_precision.rows import Row
 from workflows.assembly.hammer import HammerTest
-from workflows.commands import app as cli
 from workflows.files.run_folder import MARKER, RunFolder, checked_file, own_folder, writing_file
 from workflows.files.scene import scene_text
 from workflows.pipeline.run import FILES, IMPACT_FILES
@@ -28,14 +28,6 @@ SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.du
 def own_cache(tmp_path, tmp_path_factory, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path_factory.getbasetemp() / "files-cache"))
     monkeypatch.chdir(tmp_path)
-
-
-def beadwave(*arguments):
-    """The exit status of a command."""
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
-        patch.setattr(sys, "argv", ["beadwave", *arguments])
-        cli.main()
-    return end.value.code or 0
 
 
 def small(command, name, *more):

@@ -27,21 +27,13 @@ from workflows.pipeline.run import run, summary_of
 from workflows.pipeline.wall import wall_of
 from workflows.scene import InvalidScene
 
+pytestmark = pytest.mark.usefixtures("shared_cache")
+
 COARSE = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
     "mesh.contact_seed=0.012", "patch.radius=0.006",
     "output.samples=601", "time.duration=1e-3",
 )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture(autouse=True)
-def shared_cache(cache, monkeypatch):
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(cache))
 
 
 def pipeline(*changes):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workflows.commands.app import main
+from command_line import beadwave
 from workflows.files.scene import scene
 from workflows.pipeline import pipeline as stages
 from workflows.pipeline.sources import modules
@@ -22,14 +22,6 @@ SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.du
 def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
-
-
-def beadwave(*arguments):
-    """The exit status of a command."""
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
-        patch.setattr(sys, "argv", ["beadwave", *arguments])
-        main()
-    return end.value.code or 0
 
 
 def small(command, name, *more):

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from command_line import beadwave
 from dem import rigid_wall
-from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.pipeline.chain import contact_radius, start, wall
 from workflows.pipeline.impact import impact
@@ -104,10 +104,3 @@ def test_what_knows_no_history_refuses_it(command, tmp_path, capsys):
     assert beadwave(command, "rig-rigid", *given, *(f"--set={change}" for change in LAW)) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and ("history" in said or "plastic contacts" in said)
-
-
-def beadwave(*arguments):
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
-        patch.setattr("sys.argv", ["beadwave", *arguments])
-        main()
-    return end.value.code or 0

@@ -1,0 +1,46 @@
+"""Chains and structures that several tests know the answers of."""
+
+import numpy as np
+import scipy.sparse as sp
+
+from dem import Chain
+from fem import Material, assemble
+
+YOUNG, DENSITY = 210e9, 7850.0
+STEEL = Material(YOUNG, 0.3, DENSITY)
+
+
+def unit_chain(n, A_wall=None, **parts):
+    """Spheres of mass 1 and diameter 1, contacts of A = 1; at a wall where A_wall is given."""
+    A = np.ones(n - 1 if A_wall is None else n)
+    if A_wall is not None:
+        A[-1] = A_wall
+    return Chain(np.ones(n), np.full(n, 0.5), A, **parts)
+
+
+def speeds(n, speed=1.0):
+    """Velocities (n,) with only the striker moving."""
+    return speed * np.eye(1, n)[0]
+
+
+def steel_bar(area, n=120, length=0.5, held=True):
+    """K, M of n lumped masses and w that strikes the far end."""
+    h = length / n
+    diagonal = np.full(n, 2.0)
+    diagonal[-1] = 1
+    diagonal[0] = 2 if held else 1
+    chain = sp.diags_array([-np.ones(n - 1), diagonal, -np.ones(n - 1)], offsets=[-1, 0, 1])
+    M = DENSITY * area * h * sp.diags_array(np.r_[np.ones(n - 1), 0.5])
+    return (YOUNG * area / h * chain).tocsc(), M.tocsc(), np.eye(n)[-1]
+
+
+def at(z):
+    """Facets at a height."""
+    return lambda x: np.abs(x[2] - z) < 1e-9
+
+
+def stacked(lower, upper, height, gap=0.0):
+    """Structure of a steel body on another that ends at `height` [m], `gap` [m] between them."""
+    lower = lower.with_boundaries({"base": at(0.0), "top": at(height)})
+    meshes = {"lower": lower, "upper": upper.with_boundaries({"foot": at(height + gap)})}
+    return assemble(meshes, dict.fromkeys(meshes, STEEL))
