@@ -1,9 +1,9 @@
 """Sparse factorisation of symmetric matrices.
 
-SuperLU's minimum degree is as good as any for small models, and for larger ones of thin parts;
-beyond, nested dissection wins: PARDISO's where it is installed (the `fast` extra) from 20 000
-unknowns on, else our own Cholesky's from 60 000 on. What has no Cholesky factor, being indefinite
-or complex, is left to SuperLU.
+Small and thin ones are SuperLU's, whose minimum degree makes little fill there; solids, of which it
+makes much, are dissected, by PARDISO where it is installed (the `fast` extra), else by our own
+Cholesky. The work that minimum degree would make decides. What has no Cholesky factor, being
+indefinite or complex, is left to SuperLU.
 """
 
 from functools import cache
@@ -15,12 +15,14 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, triu
-from scipy.sparse.linalg import splu
 
+from fem.grouping import grouped, minimum_degree, minimum_degree_work
 from fem.multifrontal import NEITHER, Cholesky, NotPositiveDefinite, Singular
 
 WORTH_PARDISO = 20_000  # unknowns
-WORTH_DISSECTION = 60_000  # thin assemblies: 49 000 take SuperLU 8.5 s for 30 modes, ours 15 s
+WORTH_COUNTING = 5_000, 80_000  # unknowns; below SuperLU takes least, above dissection does
+# work of an unknown: SuperLU does 3 to 5e9 a second, our own takes 60 us an unknown at such sizes
+WORTH_DISSECTION = 250e3
 SYMMETRIC, SOLVE = -2, 33  # PARDISO's matrix type and phase
 RECOVERED = 1e-3  # of a known solution: a singular matrix loses it altogether
 
@@ -77,23 +79,25 @@ def _mkl() -> str:
 
 
 def _dissected(A: csc_matrix) -> Factor | None:
-    """Cholesky's factor of a matrix that is large and positive definite, else None.
+    """Cholesky's factor of a matrix that is worth it and positive definite, else None.
 
     Raises Singular.
     """
-    if A.shape[0] < WORTH_DISSECTION or np.iscomplexobj(A.data):
+    n, (few, many) = A.shape[0], WORTH_COUNTING
+    if n < few or np.iscomplexobj(A.data):
+        return None
+    groups = grouped(A)
+    if n < many and minimum_degree_work(groups) < WORTH_DISSECTION * n:
         return None
     try:
-        return Cholesky(A)
+        return Cholesky(A, groups)
     except NotPositiveDefinite:
         return None
 
 
 def _superlu(A: csc_matrix) -> Factor:
-    # minimum degree on A + A^T with diagonal pivots: 3 to 12 times faster than the default here
-    options = {"SymmetricMode": True}
     try:
-        return splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        return minimum_degree(A)
     except RuntimeError as error:
         raise Singular(NEITHER) from error
 

@@ -10,6 +10,7 @@ needs.
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -18,10 +19,14 @@ from scipy.linalg import eigvalsh
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csc_matrix, csr_matrix
+from threadpoolctl import ThreadpoolController
 
+from fem.grouping import Groups
 from fem.nested_dissection import Domain, edges, nested_dissection
 
 NEITHER = "the stiffness is singular: a part is neither held nor joined; hold it, or shift."
+WORTH_THREADS = 1e9  # work of a front; of smaller ones threads wait for each other longer than that
+COLUMNS = 64  # of a front that are added at once
 SINGULAR = 1e-9  # of a front's largest eigenvalue: a negative one below this is rounding
 
 
@@ -41,6 +46,17 @@ class Front(NamedTuple):
     boundary: NDArray[np.int64]  # (b,) of ancestors, ascending
     children: tuple[int, ...]
 
+    @property
+    def work(self) -> float:
+        """Multiplications and additions of its elimination."""
+        k, b = self.end - self.first, len(self.boundary)
+        return k**3 / 3 + k * k * b + float(k) * b * b
+
+    @property
+    def stored(self) -> int:
+        """Numbers in L11 and L21."""
+        return (self.end - self.first) * (self.end - self.first + len(self.boundary))
+
 
 class Plan(NamedTuple):
     """What is eliminated when."""
@@ -51,19 +67,23 @@ class Plan(NamedTuple):
     @property
     def bytes(self) -> int:
         """That the factor will take."""
-        return 8 * sum((f.end - f.first) * (f.end - f.first + len(f.boundary)) for f in self.fronts)
+        return 8 * sum(front.stored for front in self.fronts)
 
 
 class Cholesky:
     """The factor of a symmetric positive definite matrix."""
 
-    def __init__(self, A: csc_matrix) -> None:
-        """Raises NotPositiveDefinite or Singular."""
-        self._order, self._fronts = plan(A)
+    def __init__(self, A: csc_matrix, groups: Groups) -> None:
+        """groups are those of A; raises NotPositiveDefinite or Singular."""
+        self._order, self._fronts = plan(groups)
         self.blocks = _factors(A[self._order][:, self._order].tocsc(), self._fronts)
 
     def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """x of A x = b, (n,) or (n, k)."""
+        with _pools().limit(limits=1):
+            return self._solved(b)
+
+    def _solved(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         y = b[self._order].reshape(len(b), -1).astype(float)
         # two halves that nothing joins have nothing between them
         pairs = [pair for pair in zip(self._fronts, self.blocks, strict=True) if len(pair[1][0])]
@@ -79,30 +99,21 @@ class Cholesky:
         return x.reshape(b.shape)
 
 
-def plan(A: csc_matrix) -> Plan:
-    """The order of elimination of a symmetric matrix, and its fronts."""
-    one_of, group = _alike(A)
-    n_groups = len(one_of)
-    pattern = csr_matrix((np.ones(A.nnz, np.float32), A.indices, A.indptr), shape=A.shape)
-    graph = pattern if n_groups == A.shape[0] else pattern[one_of][:, one_of]
-    domains = nested_dissection(graph)
+@cache
+def _pools() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def plan(groups: Groups) -> Plan:
+    """The order of elimination of a symmetric matrix's unknowns, and its fronts."""
+    (graph, group), weight = groups, groups.weight
+    domains = nested_dissection(graph, weight)
     sequence = np.concatenate([d.vertices for d in domains])
-    rank = np.empty(n_groups, dtype=np.int64)
-    rank[sequence] = np.arange(n_groups)
+    rank = np.empty(len(sequence), dtype=np.int64)
+    rank[sequence] = np.arange(len(sequence))
     order = np.argsort(rank[group], kind="stable")
-    ends = np.concatenate([[0], np.cumsum(np.bincount(rank[group], minlength=n_groups))])
+    ends = np.append(0, np.cumsum(weight[sequence]))
     return Plan(order, _fronts(graph, domains, rank, ends))
-
-
-def _alike(A: csc_matrix) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Groups of unknowns that are coupled to the same ones: one of each, and the group (n,) of
-    every unknown."""
-    mark = np.random.default_rng(0).integers(1, 2**62, A.shape[0])
-    ones = csc_matrix((np.ones(A.nnz, np.int64), A.indices, A.indptr), shape=A.shape)
-    _, one_of, group = np.unique(ones.T @ mark, return_index=True, return_inverse=True)
-    number = np.empty(len(one_of), dtype=np.int64)
-    number[np.argsort(one_of)] = np.arange(len(one_of))  # neighbours stay close in memory
-    return np.sort(one_of), number[group.ravel()]
 
 
 def _fronts(graph: csr_matrix, domains: Sequence[Domain], rank, ends) -> list[Front]:
@@ -144,7 +155,8 @@ def _factors(A: csc_matrix, fronts: Sequence[Front]) -> list[tuple[NDArray, NDAr
 
 def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """L11, L21 and the update; raises NotPositiveDefinite or Singular."""
-    L11, failed = dpotrf(F11, lower=1, clean=0)
+    with _pools().limit(limits=1):
+        L11, failed = dpotrf(F11, lower=1, clean=0)
     if failed:
         values = eigvalsh(F11, lower=True)
         if values[0] < -SINGULAR * np.abs(values).max():
@@ -152,8 +164,10 @@ def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> tuple[NDArray, NDAr
         raise Singular(NEITHER)
     if not len(F21):
         return L11, F21, F22
-    L21 = dtrsm(1.0, L11, F21, side=1, lower=1, trans_a=1, overwrite_b=1)
-    return L11, L21, dsyrk(-1.0, L21, beta=1.0, c=F22, lower=1, overwrite_c=1)
+    with _pools().limit(limits=1):
+        L21 = dtrsm(1.0, L11, F21, side=1, lower=1, trans_a=1, overwrite_b=1)
+    with _pools().limit(limits=None if L21.shape[1] * len(L21) ** 2 > WORTH_THREADS else 1):
+        return L11, L21, dsyrk(-1.0, L21, beta=1.0, c=F22, lower=1, overwrite_c=1)
 
 
 def _assembled(A: csc_matrix, front: Front) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -172,9 +186,19 @@ def _assembled(A: csc_matrix, front: Front) -> tuple[NDArray[np.float64], NDArra
 
 def _extend(front: Front, rows: NDArray[np.int64], U: NDArray, blocks: tuple) -> None:
     """Add a child's update U on these rows to the three blocks, in place; lower triangles only."""
-    F11, F21, F22 = blocks
     n_own = int(np.searchsorted(rows, front.end))
     own, rest = rows[:n_own] - front.first, np.searchsorted(front.boundary, rows[n_own:])
-    F11[np.ix_(own, own)] += U[:n_own, :n_own]
-    F21[np.ix_(rest, own)] += U[n_own:, :n_own]
-    F22[np.ix_(rest, rest)] += U[n_own:, n_own:]
+    F11, F21, F22 = blocks
+    _add(F11, own, own, U[:n_own, :n_own])
+    _add(F21, rest, own, U[n_own:, :n_own])
+    _add(F22, rest, rest, U[n_own:, n_own:])
+
+
+def _add(F: NDArray, rows: NDArray[np.int64], columns: NDArray[np.int64], U: NDArray) -> None:
+    """Add U to these rows and columns of F, in place; of equal ones the lower triangle."""
+    flat = F.T.reshape(-1)  # F is stored by columns
+    for first in range(0, len(columns), COLUMNS):
+        some = columns[first : first + COLUMNS]
+        below = first if rows is columns else 0
+        at = (some[:, None] * len(F) + rows[below:]).ravel()
+        flat[at] += U.T[first : first + COLUMNS, below:].ravel()

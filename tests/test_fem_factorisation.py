@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix, csr_matrix, diags_array
+from scipy.sparse import csc_matrix, csr_matrix, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 from skfem import MeshTet
 
 from fem import Connections, Held, Material, assemble, factorisation, factorised, joined
 from fem.factorisation import Pardiso, _superlu, has_pardiso
+from fem.grouping import grouped, minimum_degree_work
 from fem.multifrontal import Cholesky, NotPositiveDefinite, Singular, plan
 from fem.nested_dissection import edges, nested_dissection
 
@@ -65,11 +66,15 @@ def brick(n, held):
     return joined(structure, Connections(held=faces))
 
 
+def dissected(A):
+    return Cholesky(A, grouped(A))
+
+
 def test_cholesky_by_nested_dissection_solves_as_superlu_does():
     K = brick(6, held=True).K
     b = np.random.default_rng(0).normal(size=(K.shape[0], 3))
     exact = splu(K).solve(b)
-    found = Cholesky(K)
+    found = dissected(K)
     np.testing.assert_allclose(found.solve(b), exact, rtol=0, atol=1e-9 * np.abs(exact).max())
     np.testing.assert_allclose(found.solve(b[:, 0]), exact[:, 0], atol=1e-9 * np.abs(exact).max())
 
@@ -77,7 +82,7 @@ def test_cholesky_by_nested_dissection_solves_as_superlu_does():
 def test_nested_dissection_keeps_halves_apart_and_every_vertex_once():
     K = brick(7, held=True).K
     graph = csr_matrix(abs(K).sign())
-    domains = nested_dissection(graph)
+    domains = nested_dissection(graph, np.ones(K.shape[0], dtype=int))
     assert np.array_equal(
         np.sort(np.concatenate([d.vertices for d in domains])), range(len(K.indptr) - 1)
     )
@@ -92,13 +97,13 @@ def test_nested_dissection_keeps_halves_apart_and_every_vertex_once():
 
 def test_a_factor_takes_less_than_superlu_and_foresees_its_size():
     K = brick(7, held=True).K
-    foreseen, factor = plan(K).bytes, Cholesky(K)
+    foreseen, factor = plan(grouped(K)).bytes, dissected(K)
     assert sum(L11.nbytes + L21.nbytes for L11, L21 in factor.blocks) == foreseen
     assert foreseen < 0.7 * 8 * _superlu(K).nnz
 
 
 def test_what_has_no_cholesky_factor_is_left_to_superlu(monkeypatch):
-    monkeypatch.setattr(factorisation, "WORTH_DISSECTION", 10)
+    monkeypatch.setattr(factorisation, "WORTH_COUNTING", (10, 10))
     model = brick(4, held=True)
     assert isinstance(factorised(model.K), Cholesky)
     indefinite = (model.K - (2 * np.pi * 1e5) ** 2 * model.M).tocsc()
@@ -108,6 +113,48 @@ def test_what_has_no_cholesky_factor_is_left_to_superlu(monkeypatch):
     with pytest.raises(ValueError, match="neither held nor joined"):
         factorised(brick(4, held=False).K)
     with pytest.raises(Singular):
-        Cholesky(brick(4, held=False).K)
+        dissected(brick(4, held=False).K)
     with pytest.raises(NotPositiveDefinite):
-        Cholesky(indefinite)
+        dissected(indefinite)
+
+
+def test_minimum_degree_is_counted_on_the_groups_of_unknowns():
+    K = brick(7, held=True).K
+    groups = grouped(K)
+    assert len(groups.weight) < 0.4 * K.shape[0]
+    made = np.sum(np.diff(_superlu(K).L.indptr).astype(float) ** 2)
+    assert minimum_degree_work(groups) == pytest.approx(made, rel=0.5)
+
+
+def test_work_decides_between_minimum_degree_and_dissection(monkeypatch):
+    monkeypatch.setattr(factorisation, "WORTH_COUNTING", (10, np.inf))
+    K = brick(6, held=True).K
+    thin = spring_chain(3000)
+    assert not isinstance(factorised(thin), Cholesky)
+    work = minimum_degree_work(grouped(K)) / K.shape[0]
+    for worth, dissected_then in ((0.9 * work, True), (1.1 * work, False)):
+        monkeypatch.setattr(factorisation, "WORTH_DISSECTION", worth)
+        assert isinstance(factorised(K), Cholesky) == dissected_then
+
+
+def test_a_plane_through_a_regular_grid_is_found_as_its_separator():
+    """The first cut of 30 x 10 x 10 points is one of 100."""
+    axes = [diags_array([np.ones(n - 1), np.ones(n), np.ones(n - 1)], offsets=[-1, 0, 1])
+            for n in (30, 10, 10)]  # fmt: skip
+    graph = csr_matrix(kron(axes[0], kron(axes[1], axes[2])))
+    *_, first = nested_dissection(graph, np.ones(3000, dtype=int))
+    assert len(first.vertices) == 100
+
+
+def test_bodies_that_hang_on_a_thread_are_cut_there():
+    """Cubes of 9^3 and 11^3 points, joined by a line of 5: halves need not be equal."""
+    cubes = [MeshTet.init_tensor(*[np.arange(n)] * 3) for n in (9, 11)]
+    sizes = [9**3, 5, 11**3]
+    first = np.cumsum([0, *sizes])
+    pairs = [cube.edges + first[2 * i] for i, cube in enumerate(cubes)]
+    line = np.arange(first[1] - 1, first[2] + 1)
+    i, j = np.hstack([*pairs, [line[:-1], line[1:]]])
+    n = first[-1]
+    graph = csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
+    *_, cut = nested_dissection(csr_matrix(graph + graph.T + eye_array(n)), np.ones(n, dtype=int))
+    assert len(cut.vertices) == 1 and cut.vertices[0] in line
