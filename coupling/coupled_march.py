@@ -68,7 +68,8 @@ def march_coupled(
     if solution.status < 0 or not np.isfinite(solution.y).all():
         raise CouplingError(
             f"the coupled march stopped at t={solution.t[-1] if len(solution.t) else 0:.4g} s: "
-            f"{solution.message} The wall feeds energy into the chain, or the contact gave way."
+            f"{solution.message} The wall feeds energy into the chain, or the contact became "
+            "unstable."
         )
     return motion.trajectory(t, solution.y.T, solution.nfev // 12)
 
@@ -202,8 +203,8 @@ def _indentation(gap: float, A: float, s: float) -> float:
     found = hertz_indentation(gap, A, s)
     if math.isnan(found):
         raise CouplingError(
-            f"the contact gave way: a residual compliance of {s:.3g} m/N answers no force to an "
-            f"approach of {gap:.3g} m; lower the cutoff frequency."
+            f"the contact became unstable: a residual compliance of {s:.3g} m/N answers no force "
+            f"to an approach of {gap:.3g} m; lower the cutoff frequency."
         )
     return found
 

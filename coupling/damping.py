@@ -56,8 +56,8 @@ def rayleigh(
     if alpha < 0 or beta < 0:
         raise CouplingError(
             f"damping ratios {zeta_1:g} at {frequency_1_hz:g} Hz and {zeta_2:g} at "
-            f"{frequency_2_hz:g} Hz want alpha={alpha:.3g}, beta={beta:.3g}; a negative one drives "
-            f"other modes, use modal ratios instead."
+            f"{frequency_2_hz:g} Hz want alpha={alpha:.3g}, beta={beta:.3g}; a negative one feeds "
+            f"energy into other modes; use modal ratios instead."
         )
     return RayleighDamping(float(alpha), float(beta))
 
@@ -78,7 +78,7 @@ def damping_ratios(damping: Damping | None, omega: np.ndarray) -> np.ndarray:
         worst = int(np.argmin(zeta))
         raise CouplingError(
             f"the damping ratio at {omega[worst] / 2 / np.pi:.4g} Hz is {zeta[worst]:.3g}; "
-            f"a wall that takes no energy from nowhere has ratios >= 0."
+            f"a passive wall has ratios >= 0."
         )
     return np.where(omega > 0, zeta, 0.0)
 
@@ -87,7 +87,7 @@ def _rayleigh_ratios(damping: RayleighDamping, omega: np.ndarray) -> np.ndarray:
     alpha, beta = damping
     if alpha and not omega.all():
         raise CouplingError(
-            f"alpha={alpha:g} 1/s would brake the rigid-body motion of a wall that floats freely; "
+            f"alpha={alpha:g} 1/s would damp the rigid-body motion of a free-floating wall; "
             f"use modal ratios or alpha=0."
         )
     with np.errstate(divide="ignore", invalid="ignore"):

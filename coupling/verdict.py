@@ -80,16 +80,17 @@ def _findings(
     findings = []
     if not force < limit:
         findings.append(
-            f"The contact gives way at {limit:.3g} N, below the predicted peak of {force:.3g} N, "
-            f"since the residual compliance is {s:.3g} m/N; lower the cutoff frequency or load a "
-            f"larger patch."
+            f"The contact becomes unstable at {limit:.3g} N, below the predicted peak of "
+            f"{force:.3g} N, since the residual compliance is {s:.3g} m/N; lower the "
+            f"cutoff frequency or load a larger patch."
         )
     unsound = _energy_source(wall)
     if unsound:
         findings.append(unsound)
     if wall is not None and len(wall.omega) and not np.any(_reading(wall)):
         findings.append(
-            "No wall mode moves the contact, so the wall acts as a rigid one; check the patch."
+            "No wall mode has participation at the contact: the wall acts as rigid; check the "
+            "patch."
         )
     return tuple(findings), unsound is None
 
@@ -103,7 +104,7 @@ def _energy_source(wall: Wall | CoupledWall | None) -> str | None:
         if not wall.reciprocal:
             return (
                 "The force enters through other weights than the displacement is read, so the "
-                "wall is not passive and will make energy; use one contact functional for both."
+                "wall is not passive and will generate energy; use one contact functional for both."
             )
         from rom import is_indefinite  # scipy.sparse, for a tenth of a second
 
@@ -112,7 +113,7 @@ def _energy_source(wall: Wall | CoupledWall | None) -> str | None:
         return None
     return (
         f"The wall has a damping ratio of {np.min(wall.zeta, initial=0.0):.3g} and a mobility of "
-        f"{wall.mobility:.3g}; both must be >= 0, or it makes energy."
+        f"{wall.mobility:.3g}; both must be >= 0, or it generates energy."
     )
 
 

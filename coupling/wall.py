@@ -93,7 +93,7 @@ def coupled_wall(
     if moving.damping is not None:
         D = D + moving.damping
     if is_indefinite(D):
-        raise CouplingError("the wall's damping matrix is indefinite; it would make energy.")
+        raise CouplingError("the wall's damping matrix is indefinite; it would generate energy.")
     residual = 0.0 if weights is None else _cross_compliance(modes, ~kept, weights)
     return CoupledWall(moving.omega, D, moving.phi, reading, residual - half_space)
 

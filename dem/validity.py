@@ -80,7 +80,8 @@ def outside(found: Strain) -> tuple[str, ...]:
     if found.radius_ratio > SMALL_CONTACT:
         said.append(
             f"A contact grows to {found.radius_ratio:.2g} of the sphere's radius, where Hertz' law "
-            f"asks for less than {SMALL_CONTACT:g}; strike softer or take a stiffer material."
+            f"requires less than {SMALL_CONTACT:g}; reduce the striker's velocity or take a "
+            "stiffer material."
         )
     if found.pressure > found.yield_pressure:
         said.append(
@@ -91,6 +92,6 @@ def outside(found: Strain) -> tuple[str, ...]:
     if found.speed_ratio > SLOW:
         said.append(
             f"A sphere moves at {found.speed_ratio:.2g} of the speed of sound in it, where a "
-            f"static contact law asks for less than {SLOW:g}; strike slower."
+            f"static contact law requires less than {SLOW:g}; reduce the striker's velocity."
         )
     return tuple(said)

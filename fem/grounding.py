@@ -54,8 +54,8 @@ def require_free_joints(
         worst = np.abs(off[constraint.slaves < n]).max(initial=0.0) / size
         if worst > GROUNDED:
             raise ValueError(
-                f"{constraint.name} holds rigid motions back, as if by springs to the ground: it "
-                f"misses them by {worst:.1e} of the structure's size, allowed is {GROUNDED:.0e}; "
+                f"{constraint.name} restrains rigid-body motions, as springs to the ground would: "
+                f"it misses them by {worst:.1e} of the structure's size, allowed is {GROUNDED:.0e}; "
                 f"let its faces lie on each other."
             )
 

@@ -82,7 +82,9 @@ def round_spot(
     corners, middles = _facets(structure, face)
     away = _beside(np.asarray(near, dtype=float) - centre, axis)
     if np.linalg.norm(away) < ROUNDING * radius:
-        raise ValueError(f"{list(near)} m lies in the middle of {face!r}: it tells no side of it.")
+        raise ValueError(
+            f"{list(near)} m lies in the middle of {face!r}: the struck side is not defined."
+        )
     outward = away / np.linalg.norm(away)
     rims = np.linalg.norm(_beside(corners.reshape(3, -1).T - centre, axis), axis=1)
     if np.abs(rims / radius - 1).max() > ROUND:

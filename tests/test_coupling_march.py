@@ -169,7 +169,7 @@ def test_proportional_damping_marches_alike_as_ratios_and_as_a_matrix():
 def test_a_run_that_cannot_work_is_refused_before_it_starts():
     chain, v0 = chain_of(3), speeds(3)
     wall = wall_from_reduced(reduced_bar("free-modes", 8), half_space=0)
-    with pytest.raises(CouplingError, match="gives way"):
+    with pytest.raises(CouplingError, match="becomes unstable"):
         impact(chain, wall._replace(residual_compliance=-1e-7), v0, duration=1e-3, error=1e-4)
     with pytest.raises(CouplingError, match="either error or dt"):
         impact(chain, wall, v0, duration=1e-3)
@@ -180,7 +180,7 @@ def test_a_run_that_cannot_work_is_refused_before_it_starts():
 def test_a_contact_that_gives_way_stops_the_coupled_march():
     chain = chain_of(1)
     wall = as_coupled(dem.rigid_wall())._replace(residual_compliance=-2e-8)
-    with pytest.raises(CouplingError, match="gave way"):
+    with pytest.raises(CouplingError, match="became unstable"):
         march_coupled(chain, wall, np.array([3.0]), duration=1e-3)
 
 

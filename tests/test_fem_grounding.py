@@ -87,5 +87,7 @@ def test_a_tie_that_does_not_follow_a_rigid_motion_is_noticed(wrong):
     structure = two_blocks()
     sound = tie(structure, TIE, structure.n_dofs)
     require_free_joints(structure, [sound], np.empty((0, 3)))
-    with pytest.raises(ValueError, match="tie upper:foot to lower:top holds rigid motions back"):
+    with pytest.raises(
+        ValueError, match="tie upper:foot to lower:top restrains rigid-body motions"
+    ):
         require_free_joints(structure, [sound._replace(A=wrong * sound.A)], np.empty((0, 3)))

@@ -114,7 +114,7 @@ def test_what_the_modes_do_not_see_stays_as_it_was(match, free, kept):
     rig = scene("rig-rom", COARSE)
     result, report = tuned(rig, targets(match), (free,), silent)
     assert result == rig and not report.stiffness
-    assert report.remarks[0] == f"{free} is not seen by mode {match}: it {kept}."
+    assert report.remarks[0] == f"{free} is not determined by mode {match}: it {kept}."
 
 
 def test_a_stiffness_starts_from_the_value_of_its_scene():

@@ -12,8 +12,8 @@ LEGIBLE = 0.05  # smallest MAC written into its cell
 
 
 READING = """\
-at contact: participation [kg^-1/2];  score: share of the mode's energy in the motion that tells the
-measured mode;  MAC: with that mode of stiff joints"""
+at contact: participation [kg^-1/2];  score: share of the mode's energy in the motion that
+identifies the measured mode;  MAC: with that mode of stiff joints"""
 NO_TARGETS = "No targets: [[targets]] lists measured modes to set beside these."
 
 

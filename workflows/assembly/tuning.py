@@ -57,7 +57,7 @@ class TuningReport(BaseModel):
 
     def _value(self, name: str) -> str:
         spread = self.deviation[name]
-        seen = "left open by these modes" if spread is None else f"+- {100 * spread:.2g} %"
+        seen = "not determined by these modes" if spread is None else f"+- {100 * spread:.2g} %"
         return f"{name:>14} = {self.stiffness[name]:<12.5g} {seen}"
 
     @property
@@ -268,7 +268,7 @@ def _unseen(scene: Scene, match, parameters: list[Parameter]) -> list[str]:
     values = [entry for p in parameters for entry in _now(scene, p)]
     modes = "mode " + ", ".join(map(str, match))
     return [
-        f"{key} is not seen by {modes}: it stays {'rigid' if np.isinf(x) else f'{x:g}'}."
+        f"{key} is not determined by {modes}: it stays {'rigid' if np.isinf(x) else f'{x:g}'}."
         for key, x in values
     ]
 
@@ -288,7 +288,9 @@ def _remarks(scene, match, fitted, confirmed, found: Tuning, unseen: list[Parame
         )
     for i, hz in confirmed.items():
         if abs(fitted[i] / hz - 1) > DISAGREEMENT:
-            remarks.append(f"the full model has mode {i} at {hz:.2f} Hz: the projection is off.")
+            remarks.append(
+                f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
+            )
     for i, share in enumerate(found.mac, start=1):
         if share < 0.8:
             remarks.append(

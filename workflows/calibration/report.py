@@ -192,18 +192,18 @@ def _on_combinations(fit: Calibration):
     unseen = [c for c in found if not c.two_sigma < 2.0]
     for combination in unseen[:TOLD]:
         yield (
-            f"The data cannot tell apart: {combination.text(fit.parameters)} (two sigma "
+            f"The data cannot separate: {combination.text(fit.parameters)} (two sigma "
             f"{combination.two_sigma:.2g} of their scales)."
         )
     if len(unseen) > TOLD:
         yield (
-            f"Nor can it tell {len(unseen) - TOLD} more of {len(found)} combinations; free fewer "
-            "parameters or measure further spheres."
+            f"Nor can it separate {len(unseen) - TOLD} more of {len(found)} combinations; free "
+            "fewer parameters or measure further spheres."
         )
     if found and not unseen:
         yield (
             f"Least determined: {found[0].text(fit.parameters)} (two sigma {found[0].two_sigma:.2g}"
-            " of their scales); near what was found nothing is left undetermined."
+            " of their scales); near the solution no parameter is left undetermined."
         )
 
 
@@ -212,8 +212,8 @@ def _on_misfit(fit: Calibration, noise: float | None, repeats: int):
     total = float(np.sqrt(np.mean(fit.misfit**2)))
     if noise is None:
         yield (
-            f"How large the noise is cannot be told from one record of so many waves: whether "
-            f"{1e3 * total:.3g} mm/s is noise or a wrong chain is open; measure repeats."
+            f"The noise cannot be estimated from one record of so many waves: whether "
+            f"{1e3 * total:.3g} mm/s is noise or a wrong chain remains open; measure repeats."
         )
     else:
         yield _beside_noise(total, noise, repeats)

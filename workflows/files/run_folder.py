@@ -160,8 +160,8 @@ class RunFolder:
         target = self.path / name
         if lexists(target) and not (self._overwrite or self.ours(name)):
             raise InvalidScene(
-                f"--out {self.path} holds {name} that no run of ours left as it is; "
-                "choose another, or replace it by --overwrite."
+                f"--out {self.path} holds {name}, which beadwave did not write or which "
+                "was changed since; choose another, or replace it by --overwrite."
             )
 
     def ours(self, name: str) -> bool:

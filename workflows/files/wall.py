@@ -53,10 +53,10 @@ def _measured(path: Path, wall: RomWall, stamp: tuple[int, int, int]) -> WallFil
             "reduce it further."
         )
     for finding in _overflowing(reduced):
-        raise InvalidScene(f"wall.file: {path} is no wall that could be run: {finding}")
+        raise InvalidScene(f"wall.file: {path} cannot be used as a wall: {finding}")
     health = rom.health(reduced)
     for finding in _unsound(health):
-        raise InvalidScene(f"wall.file: {path} is no wall that could be run: {finding}")
+        raise InvalidScene(f"wall.file: {path} cannot be used as a wall: {finding}")
     if wall.half_space is not None:
         contact = reduced.contact._replace(half_space=wall.half_space)
         reduced = reduced._replace(contact=contact)

@@ -37,7 +37,7 @@ def _require_support(scene: Scene) -> None:
     for key, value in pressing.items():
         if scene.wall.file is None and scene.floats and np.max(value) > 0:
             raise InvalidScene(
-                f"{scene.name}: {key} = {value} presses on an assembly that nothing holds; set it "
+                f"{scene.name}: {key} = {value} acts on an assembly without supports; set it "
                 "to 0, or hold the assembly."
             )
 

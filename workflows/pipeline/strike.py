@@ -41,7 +41,7 @@ def _on_round_face(scene: Scene, found: Struck) -> Struck:
     if np.linalg.norm(found.away) < 1e-9:
         raise InvalidScene(
             f"{scene.name}: strike: {found.point.tolist()} m lies in the middle of "
-            f"{scene.strike.on!r}: it tells no side of it; move the point."
+            f"{scene.strike.on!r}: the struck side is not defined; move the point."
         )
     try:
         require_flat(found.radii, scene.strike.radius)

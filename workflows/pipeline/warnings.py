@@ -74,7 +74,7 @@ def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[st
         yield (
             f"The contact with the curved wall grows {2e3 * half:.2g} mm long, "
             f"{half / sphere:.2g} of the sphere's radius to either side, where Hertz' law asks for "
-            f"less than {SMALL_CONTACT:g}; strike slower, or a flatter face."
+            f"less than {SMALL_CONTACT:g}; reduce striker.velocity, or strike a flatter face."
         )
 
 
@@ -121,7 +121,7 @@ def beyond_the_horizon(scene: Scene) -> Iterator[str]:
     time = scene.time
     if time.dt is None and time.duration > time.horizon:
         yield (
-            f"The velocities are held to the error until {1e3 * time.horizon:g} ms; beyond, only "
+            f"The velocities stay within the error until {1e3 * time.horizon:g} ms; beyond, only "
             "the energy is, since spheres move chaotically after tens of impacts. time.horizon "
             "moves it."
         )
@@ -147,8 +147,8 @@ def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
     slender = coupling.slenderness(plate, seconds) if 0 < seconds < np.inf else 0.0
     if slender >= THIN:
         yield (
-            f"The plate is thick against its bending waves (k h = {slender:.2f}, thin is below "
-            f"{THIN:g}); a solid one takes over a tenth more energy, see beadwave study "
+            f"The plate is thick relative to its bending waves (k h = {slender:.2f}, thin is below "
+            f"{THIN:g}); a solid one absorbs over 10 % more energy, see beadwave study "
             "wall-thickness."
         )
 
@@ -160,8 +160,8 @@ def unequal_spheres(start: Start) -> Iterator[str]:
     if spread >= UNEQUAL:
         yield (
             f"The spheres' masses differ by a factor of {spread:.3g}: waves are followed and named "
-            "by the solitary wave of equal spheres, which theirs are not; do not trust names, "
-            "speeds, ARR and TOF."
+            "by the solitary wave of equal spheres, which does not apply here; names, "
+            "speeds, ARR and TOF are unreliable."
         )
 
 
@@ -174,7 +174,7 @@ def overlapping_waves(found: ChainWaves) -> Iterator[str]:
     has, it, its = ("has", "it overlaps", "its") if poor == 1 else ("have", "they overlap", "their")
     yield (
         f"{poor} of {len(named)} waves at the observed spheres {has} a quality below {TRUSTED:g}: "
-        f"{it} with others too much to be taken apart, or the spheres differ; do not trust {its} "
+        f"{it} with others too much to be separated, or the spheres differ; do not rely on {its} "
         f"velocit{'y' if poor == 1 else 'ies'}."
     )
 
@@ -298,6 +298,6 @@ def _too_large_half_space(modes: rom.ModalWall, whole: float, local: float):
     if modes.omega.all() and local > whole:
         yield (
             f"The half-space taken off is {local:.3g} m/N, more than the {whole:.3g} m/N of all of "
-            "wall.file: what is left of the structure pushes back. Is wall.half_space that of its "
-            "patch?"
+            "wall.file: the compliance left for the structure is negative. Is wall.half_space that "
+            "of its patch?"
         )

@@ -137,7 +137,7 @@ def _too_soft(scene: Scene):
         if young is not None and young < SOFTEST:
             yield (
                 f"{name}.young = {young:g} Pa must be at least {SOFTEST:g} Pa, that of rubber: "
-                "modes of softer bodies are countless; raise it."
+                "softer bodies have too many modes; raise it."
             )
 
 

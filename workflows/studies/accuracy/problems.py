@@ -18,8 +18,8 @@ def problem(scene: Scene, progress: Progress) -> Problem:
         raise InvalidScene(f"the scene {scene.name} has no [chain]; add one, or take rig-rigid.")
     if scene.contact.law != "hertz":
         raise InvalidScene(
-            f'contact.law = "{scene.contact.law}" keeps a history, which the integrators beside '
-            'ours do not know; set contact.law = "hertz" and drop contact.yield_pressure.'
+            f'contact.law = "{scene.contact.law}" depends on the history, which general-purpose '
+            'integrators do not support; set contact.law = "hertz" and drop contact.yield_pressure.'
         )
     require_start(scene)
     run = pipeline_of(scene, progress)

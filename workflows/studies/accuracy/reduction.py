@@ -140,7 +140,7 @@ def _refuse(scene: Scene) -> None:
     if scene.patch and scene.patch.weights == "thesis":
         raise InvalidScene(
             'patch.weights = "thesis" is read elsewhere than it is pushed, which no number of '
-            'modes mends; take "hertz" or "area".'
+            'modes corrects; take "hertz" or "area".'
         )
 
 

@@ -43,8 +43,8 @@ def picture(cases: tuple[Case, ...], bands_hz: tuple[float, ...]) -> bytes:
     reduced = _lines(cases, lambda c: c.reduce)
     marched = _lines(cases, lambda c: 1e3 * c.march, named=True)
     drawn += [
-        Panel("what the reduction costs", "modes", "seconds", reduced, "xy"),
-        Panel("what the march costs", "modes", "milliseconds", marched, "xy"),
+        Panel("cost of the reduction", "modes", "seconds", reduced, "xy"),
+        Panel("cost of the time integration", "modes", "milliseconds", marched, "xy"),
     ]
     return panels(drawn, columns=3, size=(4.6, 3.6), legend_apart=True)
 

@@ -188,9 +188,9 @@ def _picture(scene: Scene, deep: Collision, found: list[Series]) -> bytes:
     return panels(
         [
             Panel("amplitude ratio of the reflected wave (2.9)", x, "ARR", arr),
-            Panel("energy that the plate takes", x, "% of the striker's", lost),
+            Panel("energy absorbed by the plate", x, "% of the striker's", lost),
             Panel(
-                "what is left of the edge's effect", "distance / reach of the bending waves",
+                "remaining effect of the edge", "distance / reach of the bending waves",
                 "(ARR - far) / (edge - far)", scaled,
             ),
             _forces(scene, _at(found, CHECKED)),

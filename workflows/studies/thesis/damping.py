@@ -89,7 +89,7 @@ def _picture(runs: tuple[Run, ...]) -> bytes:
 
 def _gains(runs: tuple[Run, ...]) -> Panel:
     lines = [Line(r.name, r.milliseconds, 100 * (r.total - r.total[0]), width=1.0) for r in runs]
-    return Panel("energy made", "time [ms]", "energy [% of the striker's]", lines)
+    return Panel("energy generated", "time [ms]", "energy [% of the striker's]", lines)
 
 
 def _log_gains(runs: tuple[Run, ...]) -> Panel:

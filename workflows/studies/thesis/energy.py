@@ -182,7 +182,7 @@ def _wall_energy(run: Run) -> Panel:
         Line("missing without the wall", run.milliseconds, 100 * (1 - run.without_wall)),
         Line("energy of the wall", run.milliseconds, 100 * held),
     ]
-    title = "ROM assembly: what is missing is the wall's (figure 7.9)"
+    title = "ROM assembly: the missing energy is the wall's (figure 7.9)"
     return Panel(title, "time [ms]", "energy [% of the striker's]", lines)
 
 
@@ -193,7 +193,7 @@ def _holding(run: Run) -> Panel:
         Line(name, run.milliseconds, 100 * (value - value[0]) / whole)
         for name, value in terms.items()
     ]
-    return Panel("what holds the chain", "time [ms]", "change [% of the striker's]", lines)
+    return Panel("preload and leaf springs", "time [ms]", "change [% of the striker's]", lines)
 
 
 def _compared(title: str, wall: Wall, share: str) -> Panel:

@@ -150,7 +150,7 @@ def _picture(cases: list[Case], rigid: Observed, spheres: tuple[int, ...]) -> by
     runs = [case.run for case in cases]
     records = [record(f"sphere {sphere}", runs, sphere) for sphere in spheres]
     loop = Panel(
-        "last contact: what each law does", "approach to the wall [µm]", "force [N]", depth
+        "last contact: force over approach", "approach to the wall [µm]", "force [N]", depth
     )
     rows = [loop, _forces(cases[0].run), _pressures(cases[0].run, rigid), *records]
     return panels(rows, columns=3, size=(4.8, 3.2))

@@ -135,8 +135,11 @@ def _picture(answers: list[Answer]) -> bytes:
     force = [
         Panel(title, "y from the contact [mm]", "displacement [nm/N]", lines, y_limits=limits)
         for title, lines in (
-            ("force at the node: the mesh decides (figure 6.2)", _profiles(answers, "under_node")),
-            ("the same force over a patch: it does not", _profiles(answers, "under_patch")),
+            (
+                "force at the node: depends on the mesh (figure 6.2)",
+                _profiles(answers, "under_node"),
+            ),
+            ("the same force over a patch: converged", _profiles(answers, "under_patch")),
         )
     ]
     return panels([*force, *_convergence(answers)], columns=2, size=(5.2, 3.6))
@@ -173,7 +176,7 @@ def _convergence(answers: list[Answer]) -> tuple[Panel, Panel]:
     ]
     return (
         Panel(
-            "what each gives way beyond the structure", "contact seed [mm]", "compliance [nm/N]",
+            "compliance beyond that of the structure", "contact seed [mm]", "compliance [nm/N]",
             lines, "xy",
         ),
         Panel(

@@ -45,7 +45,7 @@ def _lost(found) -> Panel:
         _level("half-space, radiated waves", found, 100 * found.radiated),
         _level("thesis: walls thicker than c T_c", found, 5.0, 4, ":"),
     ]
-    return Panel("energy that the wall takes", RATIO, "% of the striker's", lines, "xy")
+    return Panel("energy absorbed by the wall", RATIO, "% of the striker's", lines, "xy")
 
 
 def _rebound(found) -> Panel:

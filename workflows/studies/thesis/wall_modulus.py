@@ -163,5 +163,5 @@ def _records(cases: list[Case], sphere: int) -> Panel:
         )
         for case in chosen
     ]
-    title = f"sphere {sphere}: a soft wall answers later, and twice"
+    title = f"sphere {sphere}: a soft wall reflects later, and twice"
     return Panel(title, "time [ms]", "velocity [m/s]", lines)

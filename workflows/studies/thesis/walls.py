@@ -177,4 +177,4 @@ def _distances(runs: Runs, spheres: Spheres) -> bytes:
     apart = np.zeros((len(names), len(names)))
     for (i, one), (j, other) in combinations(enumerate(runs.values()), 2):
         apart[i, j] = apart[j, i] = overall(one, other, spheres)
-    return matrix(apart, names, "distance over all that comes back [-]")
+    return matrix(apart, names, "distance over all reflected waves [-]")
