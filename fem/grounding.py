@@ -55,8 +55,8 @@ def require_free_joints(
         if worst > GROUNDED:
             raise ValueError(
                 f"{constraint.name} restrains rigid-body motions, as springs to the ground would: "
-                f"it misses them by {worst:.1e} of the structure's size, allowed is {GROUNDED:.0e}; "
-                f"let its faces lie on each other."
+                f"it misses them by {worst:.1e} of the structure's size, allowed is "
+                f"{GROUNDED:.0e}; let its faces lie on each other."
             )
 
 

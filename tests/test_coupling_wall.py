@@ -198,9 +198,9 @@ def test_rayleigh_ratios_of_the_thesis_are_what_its_coefficients_imply():
 
 
 def test_rayleigh_that_would_drive_other_modes_is_refused():
-    with pytest.raises(CouplingError, match="drives other modes"):
+    with pytest.raises(CouplingError, match="feeds energy into other modes"):
         rayleigh(50.0, 0.001, 5000.0, 0.5)
-    with pytest.raises(CouplingError, match="drives other modes"):
+    with pytest.raises(CouplingError, match="feeds energy into other modes"):
         rayleigh(50.0, 0.5, 5000.0, 0.001)
 
 
@@ -235,7 +235,7 @@ def test_mass_proportional_damping_of_a_floating_wall_is_refused():
     K, M, w = bar(held=False)
     reduced = free_modes(K, M, w, Selection(n_modes=5))
     assert wall_from_reduced(reduced, half_space=0).omega[0] == 0
-    with pytest.raises(CouplingError, match="floats freely"):
+    with pytest.raises(CouplingError, match="free-floating"):
         wall_from_reduced(reduced, half_space=0, damping=RayleighDamping(3.0, 0.0))
 
 

@@ -238,7 +238,7 @@ RAYLEIGH = ("damping.kind=rayleigh", "damping.frequency=[51, 8425]", "damping.ra
     [
         (RAYLEIGH[:2], "belong together"),
         ((*RAYLEIGH, "damping.alpha=3.0"), "keep one"),
-        ((*RAYLEIGH[:2], "damping.ratio=[0.001, 0.5]"), "drives other modes"),
+        ((*RAYLEIGH[:2], "damping.ratio=[0.001, 0.5]"), "feeds energy into other modes"),
         ((*RAYLEIGH[:2], "damping.ratio=[0.8, 0.0053, 0.1]"), "3 values; give 2"),
     ],
 )
@@ -284,7 +284,7 @@ def test_a_surface_other_than_the_block_is_refused(key, given, own):
 def test_a_preload_on_an_assembly_that_floats_is_refused_before_anything_is_computed():
     alone = ('assembly.parts=["block"]', "reduction.kind=free-modes")
     unloaded = (*alone, "preload.force=0")
-    with pytest.raises(InvalidScene, match=r"preload\.force = 15\.0 presses on an assembly that"):
+    with pytest.raises(InvalidScene, match=r"preload\.force = 15\.0 acts on an assembly without"):
         require_start(scene("rig-rom", alone))
     with pytest.raises(InvalidScene, match="acts on an assembly without supports"):
         require_start(scene("cantilever", ("assembly.held=[]", "preload.force=1")))
