@@ -1,0 +1,11 @@
+#!/bin/sh
+# Builds the documentation into docs/_site; warnings are errors. `docs/build.sh all` first runs the
+# commands of every page and computes the gallery, some ten minutes.
+set -eu
+cd "$(dirname "$0")/.."
+if [ "${1:-}" = all ]; then
+    .venv/bin/python docs/run_commands.py
+    .venv/bin/python docs/gallery.py
+fi
+.venv/bin/python -m sphinx -W --keep-going -q docs docs/_site
+echo "written: docs/_site/index.html"

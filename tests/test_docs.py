@@ -1,0 +1,131 @@
+"""The documentation: what it shows runs, what it names is there."""
+
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beadwave
+import rom
+from workflows.commands.app import COMMANDS
+from workflows.files.scene import built_in
+from workflows.pipeline.run import IMPACT_FILES
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+
+
+def loaded(name):
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+COMMANDS_OF = loaded("run_commands")
+QUICK = [name for name, page in COMMANDS_OF.pages().items() if not COMMANDS_OF.is_slow(page)]
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_what_a_page_shows_runs(name):
+    COMMANDS_OF.run(COMMANDS_OF.pages()[name])
+
+
+def test_a_line_that_fails_is_an_error(tmp_path):
+    page = tmp_path / "wrong.md"
+    page.write_text("```sh\nbeadwave impact no-such-scene\n```\n")
+    with pytest.raises(subprocess.CalledProcessError):
+        COMMANDS_OF.run(page)
+
+
+def test_commands_options_and_scenes_of_the_pages_are_there():
+    import typer
+
+    from workflows.commands.app import app
+
+    known = typer.main.get_command(app).commands
+    for page in (*DOCS.glob("*.md"), ROOT / "README.md"):
+        for line in re.findall(r"beadwave ([a-z]+(?: [^\n`|]*)?)", page.read_text("utf-8")):
+            command, _, rest = line.partition(" ")
+            if command not in known:
+                continue
+            options = {option for p in known[command].params for option in p.opts}
+            assert set(re.findall(r"(--[a-z-]+)", rest)) <= {*options, "--help"}, line
+            assert set(re.findall(r"\brig-[\w-]*\w", rest)) <= set(built_in()), line
+
+
+def test_every_command_has_its_help_on_the_page():
+    text = (DOCS / "commands.md").read_text(encoding="utf-8")
+    assert all(f"beadwave {name} --help" in text for name in COMMANDS)
+
+
+def test_the_interface_lists_all_functions():
+    text = (DOCS / "api.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"auto(?:function|class):: (\w+)", text))
+    assert listed == set(beadwave.__all__) - {"InvalidScene", "Scene"}
+
+
+def test_formats_name_every_array_of_the_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = (DOCS / "formats.md").read_text(encoding="utf-8")
+    short = {"chain.count": 3, "output.spheres": [1], "time.duration": 2e-4}
+    beadwave.impact("rig-rigid", short, out="out")
+    with np.load("out/trajectory.npz") as arrays:
+        assert all(f"`{name}`" in text for name in arrays)
+    model = rom.full_order(np.diag([1e6, 4e6]), np.eye(2), [1.0, 0.0], C=np.eye(2))
+    model = model._replace(
+        contact=rom.Contact(1e-9, None, 2e11, 0.3, (51.0,)), coordinates=("a", "b")
+    )
+    rom.save_npz("rom.npz", model._replace(T=None))
+    with np.load("rom.npz") as arrays:
+        missing = [
+            name for name in arrays if f"`{name}`" not in text and name not in ("n_boundary",)
+        ]
+    assert not missing
+    assert all(f"`{name}`" in text for name in IMPACT_FILES)
+
+
+@pytest.mark.parametrize("name", ["impact", "own-mesh"])
+def test_a_notebook_runs(name, tmp_path):
+    nbclient = pytest.importorskip("nbclient")
+    nbformat = pytest.importorskip("nbformat")
+    notebook = nbformat.read(DOCS / "notebooks" / f"{name}.ipynb", as_version=4)
+    client = nbclient.NotebookClient(
+        notebook,
+        timeout=300,
+        kernel_name="python3",
+        resources={"metadata": {"path": str(tmp_path)}},
+    )
+    client.execute()
+    outputs = [o for cell in notebook.cells for o in cell.get("outputs", ())]
+    assert any("image/png" in o.get("data", {}) for o in outputs)
+    assert any("N" in o.get("text", "") for o in outputs if o.output_type == "stream")
+
+
+def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
+    pytest.importorskip("sphinx")
+    pytest.importorskip("myst_nb")
+    copied = shutil.copytree(
+        DOCS, tmp_path / "docs", ignore=lambda _, names: [n for n in names if n[:1] == "_"]
+    )
+    gallery = loaded("gallery")
+    monkeypatch.setattr(gallery, "HERE", copied / "gallery")
+    monkeypatch.setattr(sys, "argv", ["gallery", "striker"])
+    gallery.main()
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", "-W", "-q", str(copied), str(tmp_path / "site")],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
+    assert "Contact stiffnesses and wall parameters fitted" in page
