@@ -36,6 +36,8 @@ for library, package in PACKAGES.items():
         print(package, end=" ")
 PYTHON
 )
+# the tests open the report page in a browser
+case ",${1:-}," in *,test,*) command -v chromium >/dev/null || missing="${missing}chromium " ;; esac
 
 if [ -n "$missing" ]; then
     if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then

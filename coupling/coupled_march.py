@@ -188,6 +188,7 @@ class _Motion:
             elastic + damping,
             q @ wall.reading,
             p @ wall.reading,
+            q.astype(np.float32),
             *energies,
             total,
             float(t[-1] / max(n_steps, 1)),

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dem.chain import Chain, State, Wall, validate
 from dem.checks import InvalidChain, positive, saves, vector
@@ -26,6 +26,7 @@ from dem.schemes import Scheme
 from dem.stability import UnstableStep, marching_scheme, refuse_step
 
 MOST_STEPS = 1e12  # months
+MOST_MODES = 500  # whose coordinates are saved: 6 MB of a run's usual 3000 instants
 
 
 class Trajectory(NamedTuple):
@@ -37,6 +38,7 @@ class Trajectory(NamedTuple):
     contact_force: Array  # (k, n_contacts)
     wall_x: Array  # (k,) modes and dashpot, without the residual spring
     wall_v: Array  # (k,)
+    wall_q: NDArray[np.float32]  # (k, n_modes) [kg^1/2 m] of a wall of up to MOST_MODES, else empty
     energy_kinetic: Array  # (k,) spheres
     energy_contact: Array  # (k,)
     energy_leaf: Array  # (k,)
@@ -153,7 +155,7 @@ def run(
     n = chain.mass.size
     parts = _parts(prepared, state, scheme, steps.h)
     motion = Motion(state.x.copy(), state.v.copy(), np.zeros(n + 1), state.wall.copy(), np.zeros(2))
-    out = _saved(n_save + 1, n, chain.A.size)
+    out = _saved(n_save + 1, n, chain.A.size, state.q.size)
     shown = motion._replace(f=np.zeros(n + 1))
     if scheme.kind == "implicit":
         work = workspace(n, chain.A.size)
@@ -192,6 +194,7 @@ def _trajectory(out, t, steps, scheme, final):
         out.v,
         out.force,
         *out.wall.T,
+        out.modes,
         *out.energy[:, :8].T,
         total,
         steps.h,
@@ -209,13 +212,14 @@ def _instants(duration, n_save):
     return t
 
 
-def _saved(k, n, n_contacts):
+def _saved(k, n, n_contacts, n_modes):
     return Saved(
         np.empty((k, n)),
         np.empty((k, n)),
         np.empty((k, n_contacts)),
         np.empty((k, 2)),
         np.empty((k, 9)),
+        np.empty((k, n_modes if n_modes <= MOST_MODES else 0), np.float32),
     )
 
 

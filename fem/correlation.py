@@ -154,3 +154,11 @@ def target_mac(
 def _centre_of_mass(nodes, M) -> NDArray[np.float64]:
     lumped = np.asarray(M.sum(axis=1)).ravel()[0::3]
     return lumped @ nodes / lumped.sum()
+
+
+def effective_mass(model: Model, phi: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share (k, 3) of the whole mass that each mode (n, k) carries along x, y and z."""
+    structure = model.structure
+    R = rigid_motion(structure.points, np.zeros(3))[:, :3]
+    inertia = structure.M @ R
+    return (phi.T @ (model.T[: len(R)].T @ inertia)) ** 2 / np.sum(R * inertia, axis=0)

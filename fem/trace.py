@@ -39,21 +39,23 @@ class OuterNodes(NamedTuple):
         np.int64
     ]  # (k, 3 or 4) into the points; a triangle beside quads repeats its last
     dofs: NDArray[np.int64]  # (m, 3) their displacements
+    body: NDArray[np.int64]  # (m,) which of the structure's bodies each belongs to
 
 
 def outer_nodes(structure: Structure) -> OuterNodes:
     """The corners of all facets that belong to one element only."""
-    points, faces, dofs, n = [], [], [], 0
+    points, faces, dofs, bodies, n = [], [], [], [], 0
     corners = max(basis.mesh.facets.shape[0] for basis in structure.basis.values())
-    for body, basis in structure.basis.items():
+    for i, (body, basis) in enumerate(structure.basis.items()):
         facets = basis.mesh.facets[:, basis.mesh.boundary_facets()]
         used, face = np.unique(facets, return_inverse=True)
         face = n + face.reshape(facets.shape).T
         faces.append(np.pad(face, [(0, 0), (0, corners - face.shape[1])], mode="edge"))
         dofs.append(structure.first[body] + basis.nodal_dofs[:, used].T)
         points.append(basis.mesh.p[:, used].T)
+        bodies.append(np.full(len(used), i))
         n += len(used)
-    return OuterNodes(*map(np.concatenate, (points, faces, dofs)))
+    return OuterNodes(*map(np.concatenate, (points, faces, dofs, bodies)))
 
 
 def face_quadrature(

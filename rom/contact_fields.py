@@ -24,6 +24,7 @@ class Field(NamedTuple):
 
 
 SOME = "it must hold numbers, leave it out"
+THREE = "it must hold three numbers, leave it out"
 CONTACT = {
     "half_space": Field(
         "half_space_compliance_m_per_N", 1, lambda s: s >= 0, "a compliance is one number >= 0"
@@ -40,10 +41,12 @@ CONTACT = {
         "surface_curvatures_per_m", 2, rule="it must hold two numbers, leave it out"
     ),
     "modes_hz": Field("hammer_modes_hz", None, rule=SOME),
+    "point": Field("contact_point_m", 3, rule=THREE),
+    "direction": Field("contact_direction", 3, rule=THREE),
 }
 MASS = {
     "mass": Field("mass_kg"),
-    "centre": Field("centre_m", 3, rule="it must hold three numbers, leave it out"),
+    "centre": Field("centre_m", 3, rule=THREE),
     "grounding": Field("grounding"),
     "captured": Field("effective_mass_captured"),
 }

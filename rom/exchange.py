@@ -35,7 +35,8 @@ M q'' + (C + C_damping) q' + K q = w F, contact displacement u_w = w' q, SI unit
 K [N/m], M [kg], C and C_damping [N s/m] where q is a displacement [m], else by the scale of q;
 w [1]; F [N] along the chain's travel. The first n_boundary q are displacements, coordinates names
 all. Outer nodes: u = T_surface q [m], rows x, y, z of node 1, then of node 2, ...; surface_points
-(m x 3) [m]; surface_faces count nodes from 1. C, C_damping and T_surface stand where known."""
+(m x 3) [m]; surface_faces count nodes from 1, surface_body numbers the body of each node by
+surface_bodies. C, C_damping and T_surface stand where known."""
 BROKEN = (OSError, ValueError, TypeError, KeyError, EOFError, BadZipFile, MatReadError, zlib.error)
 MOST_BYTES = 4e9  # of an archive: K, M and C of 13 000 coordinates
 
@@ -158,6 +159,11 @@ def _fields(reduced: ReducedModel, C_damping: ArrayLike | None) -> dict[str, obj
             "surface_points": reduced.surface.points,
             "surface_faces": reduced.surface.faces + 1,
         }
+    if reduced.surface and reduced.surface.body is not None:
+        arrays |= {
+            "surface_body": reduced.surface.body + 1,
+            "surface_bodies": np.array(reduced.surface.bodies),
+        }
     return (
         {name: A for name, A in arrays.items() if A is not None}
         | {
@@ -266,7 +272,10 @@ def _surface(content: Mapping[str, object]) -> Surface | None:
     if any(name not in content for name in names):
         return None
     points, faces, T = (np.asarray(content[name]) for name in names)
-    return Surface(points, faces - 1, T)
+    if "surface_body" not in content:
+        return Surface(points, faces - 1, T)
+    bodies = tuple(map(_word, np.ravel(content.get("surface_bodies", ()))))
+    return Surface(points, faces - 1, T, np.ravel(content["surface_body"]) - 1, bodies)
 
 
 def _text(content: Mapping[str, object], name: str, default: str) -> str:

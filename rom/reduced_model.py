@@ -24,6 +24,8 @@ class Surface(NamedTuple):
     points: np.ndarray  # (m, 3) [m]
     faces: np.ndarray  # (k, 3 or 4) into the points, around each face
     T: np.ndarray  # (3 m, r) in single precision: for pictures and readings, not for solving
+    body: np.ndarray | None = None  # (m,) which of the bodies each node belongs to, from 0
+    bodies: tuple[str, ...] = ()  # their names
 
 
 class Contact(NamedTuple):
@@ -33,7 +35,8 @@ class Contact(NamedTuple):
     half-space, which the Hertz law holds once more; weights_read (r,): u_w = weights_read^T q where
     that is not w^T q, and the wall not passive; young [Pa], poisson of its surface;
     curvatures [1/m]: principal ones of the surface, < 0 where hollow, None of a plane;
-    modes_hz (k,): the modes that damping ratios belong to.
+    modes_hz (k,): the modes that damping ratios belong to; point (3,) [m] and direction (3,): where
+    the force enters and along what unit vector, into the structure.
     """
 
     half_space: float | None = None
@@ -42,6 +45,8 @@ class Contact(NamedTuple):
     poisson: float | None = None
     curvatures: tuple[float, float] | None = None
     modes_hz: tuple[float, ...] | None = None
+    point: tuple[float, ...] | None = None
+    direction: tuple[float, ...] | None = None
 
 
 class MassProperties(NamedTuple):

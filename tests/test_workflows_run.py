@@ -45,7 +45,10 @@ CONTRACT = {
     "scene", "modes_hz", "dofs", "n_wall_modes", "dt_s", "n_steps", "peak_wall_force_N",
     "contact_radius_m", "energy_error", "error_estimate", "waves", "stages", "warnings", "versions",
 }  # fmt: skip
-BESIDE = {"verdict", "reduction", "wall_modes_left_out", "wall_contact"}
+BESIDE = {
+    "verdict", "reduction", "wall_modes_left_out", "wall_contact", "command", "date", "modes",
+    "sources",
+}  # fmt: skip
 
 
 def test_the_summary_has_the_keys_of_the_contract(capsys):
@@ -65,6 +68,9 @@ def test_the_trajectory_file_has_the_arrays_of_the_contract(name, n_contacts, tm
     k = 201
     assert shapes.pop("x") == shapes.pop("v") == (k, 5)
     assert shapes.pop("contact_force") == (k, n_contacts)
+    if name == "rig-1dof":
+        assert shapes.pop("wall_q") == (k, 1)
+        assert shapes.pop("wall_omega") == shapes.pop("wall_phi") == (1,)
     assert set(shapes) == {
         "t", "wall_x", "wall_v", "energy_kinetic", "energy_contact", "energy_leaf", "energy_wall",
         "energy_residual", "dissipated_contact", "dissipated_wall", "work_preload", "energy_total",

@@ -104,3 +104,4 @@ class Saved(NamedTuple):
     force: Array
     wall: Array  # (k, 2) displacement, velocity
     energy: Array  # (k, 9) in the order of Trajectory
+    modes: Array  # (k, n_modes) q of the modes, in single precision; (k, 0) saves none

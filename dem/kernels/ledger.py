@@ -8,6 +8,7 @@ from dem.kernels.arguments import (
     Array,
     Damping,
     LeafSprings,
+    Modes,
     Motion,
     Parts,
     Plastic,
@@ -74,6 +75,13 @@ def leaf_energy(x: Array, leaf: LeafSprings | None) -> float:
 
 
 @fastmath_inline
+def save_modes(row: Array, modes: Modes | None) -> None:
+    if modes is not None:
+        for j in range(row.size):
+            row[j] = modes.q[j] + modes.static[j]
+
+
+@fastmath_inline
 def save(
     k: int, dt: float, motion: Motion, parts: Parts, saved: Saved, mobility: float | None
 ) -> bool:
@@ -87,6 +95,7 @@ def save(
         kinetic += 0.5 * parts.mass[i] * v[i] ** 2
     for i in range(parts.A.size):
         saved.force[k, i] = motion.f[i + 1]
+    save_modes(saved.modes[k], parts.modes)
     swing, absolute = modal_energy(parts.modes)
     saved.wall[k, 0] = wall[U] + wall[DASH] + parts.offset
     saved.wall[k, 1] = wall[V]

@@ -17,6 +17,7 @@ from workflows.api.progress import Progress, quiet
 from workflows.files.run_folder import Picture, RunFolder, other_scene, own_folder, picture_named
 from workflows.files.scene import Changes, Source, each, files_read
 from workflows.files.scene import scene as load_scene
+from workflows.results.provenance import origin
 from workflows.results.summary import Summary
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.parts import with_chain
@@ -101,7 +102,8 @@ def run(
     path = Path(out) if out else own_folder(RUNS, chosen.name, toml(chosen))
     folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
     notes = _replaced(path, chosen) if out else _beside(path, chosen)
-    summary = run_stages(pipeline_of(chosen, progress), folder)
+    asked = origin("run", chosen, scene, changes)
+    summary = run_stages(pipeline_of(chosen, progress), folder, origin=asked)
     return _in_folder(chosen, summary, path, notes)
 
 
@@ -121,7 +123,8 @@ def impact(
     trajectory and summary; without it nothing is written. Raises as `run`.
     """
     wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
-    chosen = with_chain(load_scene(scene, (*wall, *each(changes))))
+    changes = (*wall, *each(changes))
+    chosen = with_chain(load_scene(scene, changes))
     from workflows.pipeline.pipeline import pipeline_of
     from workflows.pipeline.run import impact as run_impact
 
@@ -129,7 +132,7 @@ def impact(
     folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite) if out else None
     notes = _replaced(Path(out), chosen) if out else ()
     pipeline = pipeline_of(chosen, progress)
-    summary = run_impact(pipeline, folder)
+    summary = run_impact(pipeline, folder, origin=origin("impact", chosen, scene, changes))
     return _in_memory(pipeline, summary, folder and folder.path, notes)
 
 

@@ -9,19 +9,30 @@ from numpy.typing import NDArray
 from skfem import Mesh
 from skfem.io.meshio import to_meshio
 
+MEASURED = "measured"
+
 
 class ModeField(NamedTuple):
     """Modes at the vertices of the bodies, one body after the other."""
 
     meshes: dict[str, Mesh]
-    number: NDArray[np.int64]  # (k,) of the hammer-test mode
+    number: NDArray[np.int64]  # (k,) among the computed ones, from 1
     frequency_hz: NDArray[np.float64]  # (k,)
-    displacement: NDArray[np.float64]  # (k, n_vertices, 3) mass-normalised
+    displacement: NDArray[np.float32]  # (k, n_vertices, 3) mass-normalised
+    target: NDArray[np.int64]  # (k,) the measured mode that it is, from 1; 0 for none
+
+    @property
+    def names(self) -> list[str]:
+        """What each mode is called in the file."""
+        every = zip(self.number, self.frequency_hz, self.target, strict=True)
+        return [f"mode {i}: {hz:.4g} Hz{f', {MEASURED} {t}' if t else ''}" for i, hz, t in every]
 
 
 def write(path: Path, field: ModeField) -> None:
-    """Write the meshes with the body of each cell, counted from 0, and a vector field per mode."""
-    modes = zip(field.number, field.frequency_hz, field.displacement, strict=True)
+    """Write the meshes with the body of each cell, counted from 0, and a vector field per mode.
+
+    The first mode is the active vector field: ParaView's Warp By Vector takes it unasked.
+    """
     bodies = [
         to_meshio(mesh, encode_cell_data=False, encode_point_data=False)
         for mesh in field.meshes.values()
@@ -33,7 +44,11 @@ def write(path: Path, field: ModeField) -> None:
     whole = Grid(
         np.concatenate([body.points for body in bodies]),
         blocks,
-        {f"mode {i}: {hz:.4g} Hz": u for i, hz, u in modes},
+        dict(zip(field.names, field.displacement, strict=True)),
         {"body": [np.full(len(cells), i, np.int32) for i, (_, cells) in enumerate(blocks)]},
     )
     whole.write(path, file_format="vtu")
+    if field.names:
+        raw = path.read_bytes()
+        active = f'<PointData Vectors="{field.names[0]}">'.encode()
+        path.write_bytes(raw.replace(b"<PointData>", active, 1))

@@ -96,6 +96,11 @@ def _written(source: Source) -> tuple[str, dict[str, Any], Path]:
     return found.source, parsed(found.text, found.source), found.folder
 
 
+def tables_of(source: Source) -> dict[str, Any]:
+    """The tables that a scene is told by, as they are written."""
+    return _written(source)[1]
+
+
 def each(changes: Changes) -> tuple[Change, ...]:
     """The changes one by one."""
     return tuple(_plain(changes).items() if isinstance(changes, Mapping) else changes)

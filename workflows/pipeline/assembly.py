@@ -23,7 +23,7 @@ from workflows.scene.assembly import assembly
 from workflows.scene.size import too_large_mesh
 
 N_MODES = (30, 80)  # the second where the first do not reach all targets
-SHOWN = 4  # modes in the pictures of a scene without targets
+SHOWN = 12  # modes that a scene without targets writes
 
 
 class AssemblyModes(NamedTuple):
@@ -34,7 +34,8 @@ class AssemblyModes(NamedTuple):
     index: NDArray[np.int64]  # (n_targets,) -1 where none fits
     score: NDArray[np.float64]  # (n_targets,)
     n_dofs: int
-    field: ModeField  # the targets on the mesh, or the lowest modes where there are none
+    effective_mass: NDArray[np.float64]  # (k, 3) share of the mass along x, y, z
+    field: ModeField  # all up to the highest target, or the lowest ones where there are none
 
     @property
     def paired_hz(self) -> dict[str, float]:
@@ -176,24 +177,26 @@ def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
         paired.index,
         paired.score,
         model.M.shape[0],
+        fem.effective_mass(model, found.phi),
         _field(model, found, paired),
     )
 
 
 def _field(model: fem.Model, found: fem.Modes, paired: fem.Pairing) -> ModeField:
-    number = np.flatnonzero(paired.index >= 0) + 1
-    index = paired.index[number - 1]
-    if not len(paired.index):
-        index = np.flatnonzero(found.omega > RIGID * found.omega.max())[:SHOWN]
-        number = index + 1
+    last = paired.index.max(initial=-1) + 1
+    index = np.flatnonzero(found.omega > RIGID * found.omega.max())[:SHOWN]
+    index = np.arange(last) if last else index
+    target = np.zeros(len(found.omega), dtype=int)
+    target[paired.index[paired.index >= 0]] = np.flatnonzero(paired.index >= 0) + 1
     structure = model.structure
-    u = model.T @ found.phi[:, index]
+    u = (model.T @ found.phi[:, index]).astype(np.float32)
     corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]
     return ModeField(
         {body: basis.mesh for body, basis in structure.basis.items()},
-        number,
+        index + 1,
         found.frequency_hz[index],
         np.moveaxis(u[np.concatenate(corners)], 2, 0),
+        target[index],
     )
 
 
@@ -216,6 +219,13 @@ def _require_struck(scene: Scene) -> None:
             f"{scene.name}: [strike] is missing, which says where the chain touches; add "
             'on = "body:+x".'
         )
+
+
+def participation(
+    scene: Scene, contact: fem.ContactPatch, modes: AssemblyModes
+) -> NDArray[np.float64]:
+    """|w^T phi| (k,) [kg^-1/2] of the modes at the contact."""
+    return np.abs(contact.w @ modes.phi)
 
 
 def struck(scene: Scene) -> str:

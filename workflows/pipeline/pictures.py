@@ -27,7 +27,7 @@ def pictures(scene: Scene, modes: AssemblyModes) -> tuple[Picture, ...]:
 def picture_of(meshes: dict[str, Mesh]) -> Picture:
     """Bodies alone, a colour each; raises NoPicture."""
     nothing = np.empty(0)
-    return _rendered(field_file.ModeField(meshes, nothing, nothing, nothing))[0]
+    return _rendered(field_file.ModeField(meshes, *(nothing,) * 4))[0]
 
 
 def _rendered(modes: field_file.ModeField) -> tuple[Picture, ...]:

@@ -111,6 +111,9 @@ ASSEMBLY = {
         ".assembly:contact", tables_of("patch", "strike"), ("mesh", "model"), kept=False
     ),
     "curvatures": Stage(".strike:curvatures", tables_of(), ("mesh",), listed=False),
+    "participation": Stage(
+        ".assembly:participation", tables_of(), ("contact", "modes"), listed=False
+    ),
     "reduction": Stage(
         ".reduction:reduction",
         tables_of("reduction", "patch", "assembly"),
@@ -120,7 +123,7 @@ ASSEMBLY = {
         ".errors:coarse_reduction", lambda scene: [_dimensions(scene), COARSE(scene)], ()
     ),
     "full-response": Stage(".response:full_response", tables_of(), ("model", "contact")),
-    "response": Stage(".response:response", tables_of(), ("full-response", "reduction")),
+    "response": Stage(".response:response", tables_of("damping"), ("full-response", "reduction")),
     "compilation": Stage(
         ".compilation:compilation",
         lambda scene: [environ.get("NUMBA_CACHE_DIR"), tables_of("damping", *START)(scene)],

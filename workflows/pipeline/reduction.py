@@ -28,6 +28,8 @@ def reduction(
     known = contact_of(scene, model, contact)._replace(
         weights_read=None if w_reading is None else w_reading @ reduced.T,
         modes_hz=tuple(modes.paired_hz.values()) or None,
+        point=tuple(contact.spot.point.tolist()),
+        direction=tuple(contact.spot.inward.tolist()),
     )
     boundary = boundary_of(contact, w_reading, dashpots(scene, model))
     outer = fem.outer_nodes(model.structure)
@@ -35,7 +37,7 @@ def reduction(
     return reduced._replace(
         T=None,
         notes={"patch_weights": contact.weights, "patch_radius_m": repr(contact.radius)},
-        surface=rom.Surface(outer.points, outer.faces, T),
+        surface=rom.Surface(outer.points, outer.faces, T, outer.body, tuple(model.structure.basis)),
         coordinates=names(model, boundary, reduced),
         contact=known,
         mass=mass_properties(model, reduced, contact.spot.inward),

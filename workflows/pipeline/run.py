@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import nullcontext
+from datetime import datetime
 from platform import python_version
 
 from coupling import CoupledWall
@@ -17,6 +18,7 @@ from workflows.pipeline.pipeline import (
     needs_assembly,
 )
 from workflows.pipeline.waves import chain_contact, sphere_waves
+from workflows.results.provenance import UNKNOWN, Origin
 from workflows.results.report import CAPTIONS, write_report
 from workflows.results.summary import ErrorEstimate, StageTime, Summary
 from workflows.scene.toml import toml
@@ -27,12 +29,13 @@ FILES = (
     "report.html",
     "rom.npz",
     "rom.mat",
+    "response.npz",
     "modes.vtu",
     *(f"figures/{name}.png" for name in CAPTIONS),
 )
 
 
-def run(pipeline: Pipeline, folder: RunFolder) -> Summary:
+def run(pipeline: Pipeline, folder: RunFolder, *, origin: Origin = UNKNOWN) -> Summary:
     """Fill the run folder with all that the scene gives."""
     scene = pipeline.scene
     if scene.chain and not pipeline.kept("impact"):
@@ -43,20 +46,20 @@ def run(pipeline: Pipeline, folder: RunFolder) -> Summary:
             if scene.chain:
                 _write_trajectory(pipeline, folder)
                 write_pictures(folder, pipeline("figures"))
-            summary = summary_of(pipeline, unrendered)
+            summary = summary_of(pipeline, unrendered, origin)
         folder.write("summary.json", summary.text())
         write_report(folder)
     return summary
 
 
-def impact(pipeline: Pipeline, folder: RunFolder | None) -> Summary:
+def impact(pipeline: Pipeline, folder: RunFolder | None, *, origin: Origin = UNKNOWN) -> Summary:
     """The coupled run alone; the folder, if any, gets scene, trajectory and summary."""
     scene = pipeline.scene
     if not pipeline.kept("impact"):
         require_start(scene)
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext():
         with two_processes(pipeline, IMPACT) if needs_assembly(scene) else nullcontext():
-            summary = summary_of(pipeline)
+            summary = summary_of(pipeline, origin=origin)
         if folder:
             _write_trajectory(pipeline, folder)
             folder.write("summary.json", summary.text())
@@ -67,6 +70,7 @@ def _write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:
     """Modes, reduced model and pictures, each as soon as it is there; a warning without them."""
     from workflows.files import mode_field
     from workflows.pipeline.pictures import NoPicture
+    from workflows.pipeline.response import save_response
     from workflows.pipeline.wall import save
 
     with folder.writing("modes.vtu") as path:
@@ -74,6 +78,8 @@ def _write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:
     for name in ("rom.npz", "rom.mat"):
         with folder.writing(name) as path:
             save(path, pipeline("reduction"), pipeline.scene.damping)
+    with folder.writing("response.npz") as path:
+        save_response(path, pipeline("response"))
     write_pictures(folder, (pipeline("response").picture,))
     try:
         write_pictures(folder, pipeline("pictures"))
@@ -85,10 +91,10 @@ def _write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:
 def _write_trajectory(pipeline: Pipeline, folder: RunFolder) -> None:
     trajectory = pipeline("impact").trajectory
     with folder.writing("trajectory.npz") as path:
-        save_trajectory(path, trajectory)
+        save_trajectory(path, trajectory, pipeline("wall"))
 
 
-def summary_of(pipeline: Pipeline, told: tuple[str, ...] = ()) -> Summary:
+def summary_of(pipeline: Pipeline, told: tuple[str, ...] = (), origin: Origin = UNKNOWN) -> Summary:
     """The numbers of a run; a stage that the run did not need is left at its absence."""
     scene, found = pipeline.scene, {}
     told = [*told, *(() if pipeline.keeps else warnings.results_not_kept())]
@@ -102,6 +108,9 @@ def summary_of(pipeline: Pipeline, told: tuple[str, ...] = ()) -> Summary:
         told += found["reduction"].findings
     return Summary(
         scene=scene.name,
+        command=origin.command,
+        date=datetime.now().astimezone().isoformat(timespec="seconds"),
+        sources=origin.sources,
         stages=tuple(StageTime(**report._asdict()) for report in pipeline.reports),
         warnings=tuple(told),
         versions={"python": python_version(), **library_versions(("beadwave", *LIBRARIES))},
@@ -155,10 +164,15 @@ def _model_numbers(pipeline: Pipeline) -> dict:
     """The assembly's part of the summary, or that of a wall from a file."""
     scene = pipeline.scene
     if needs_assembly(scene):
-        from workflows.pipeline.health import reduction_health
+        from workflows.pipeline.health import modes_found, reduction_health
 
         modes, health = pipeline("modes"), reduction_health(pipeline("reduction"))
-        return {"modes_hz": modes.paired_hz, "dofs": modes.n_dofs, "reduction": health}
+        return {
+            "modes_hz": modes.paired_hz,
+            "modes": modes_found(pipeline),
+            "dofs": modes.n_dofs,
+            "reduction": health,
+        }
     if getattr(scene.wall, "file", None):
         from workflows.files.wall import measured
         from workflows.pipeline.health import reduction_health

@@ -10,13 +10,22 @@ from workflows.results.tables import Table
 
 DIMENSIONS = {
     "t": ("time",), "x": ("time", "sphere"), "v": ("time", "sphere"),
-    "contact_force": ("time", "contact"),
+    "contact_force": ("time", "contact"), "wall_q": ("time", "mode"),
 }  # fmt: skip
-UNITS = {"t": "s", "x": "m", "v": "m/s", "contact_force": "N", "wall_x": "m", "wall_v": "m/s"}
+UNITS = {
+    "t": "s",
+    "x": "m",
+    "v": "m/s",
+    "contact_force": "N",
+    "wall_x": "m",
+    "wall_v": "m/s",
+    "wall_q": "kg^0.5 m",
+}
 WORDS = {
     "x": "displacement towards the wall", "v": "velocity towards the wall",
     "contact_force": "force of sphere i on its neighbour or the wall, pushing",
     "wall_x": "displacement of the wall, without its static part", "wall_v": "its velocity",
+    "wall_q": "coordinate of a mode of the wall, mass-normalised",
 }  # fmt: skip
 
 

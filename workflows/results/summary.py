@@ -108,13 +108,42 @@ class ReductionHealth(BaseModel):
     findings: tuple[str, ...] = ()
 
 
+class ModeFound(BaseModel):
+    """A computed mode, and the target that it is, if it is one.
+
+    participation at the contact [kg^-1/2]; effective_mass: shares of the whole mass along x, y, z;
+    score: share of the mode's energy in the motion that tells the target; mac: with that mode of
+    stiff joints, where `modes` or `tune` has computed it before.
+    """
+
+    number: int
+    frequency_hz: float
+    participation: float | None = None
+    effective_mass: tuple[float, float, float]
+    target: int | None = None
+    target_hz: float | None = None
+    shape: str | None = None
+    score: float | None = None
+    mac: float | None = None
+
+
+class ValueSource(BaseModel):
+    """Where a value of the scene comes from: thesis, inferred, assumed, yours, chosen, default."""
+
+    kind: str
+    note: str = ""
+
+
 class Summary(BaseModel):
     """Every number of a run that is worth comparing."""
 
     model_config = ConfigDict(ser_json_inf_nan="null", frozen=True)
 
     scene: str
+    command: str = ""
+    date: str = ""
     modes_hz: dict[str, float] = {}
+    modes: tuple[ModeFound, ...] = ()
     dofs: int = 0
     n_wall_modes: int = 0
     dt_s: float | None = None
@@ -131,6 +160,7 @@ class Summary(BaseModel):
     stages: tuple[StageTime, ...] = ()
     warnings: tuple[str, ...] = ()
     versions: dict[str, str] = {}
+    sources: dict[str, ValueSource] = {}
 
     def text(self) -> str:
         """JSON, indented."""

@@ -1,0 +1,281 @@
+"""The report page in a real browser without a network: what it computes, draws and lets through.
+
+Chromium comes from the system (install.sh takes it from apt), playwright drives it.
+"""
+
+import json
+import re
+import shutil
+import sys
+
+import numpy as np
+import pytest
+
+import rom
+from coupling.surface_motion import wall_modes
+from workflows.commands.app import main
+from workflows.files.scene import scene as load
+from workflows.results.numbers import si
+from workflows.results.provenance import sources
+from workflows.results.report import _harmless
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+BROWSER = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+COARSE = (
+    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
+    "mesh.contact_seed=0.012", "patch.radius=0.006", "reduction.modes=30",
+)  # fmt: skip
+SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
+LARGEST = 3_000_000  # bytes of the page of the default run, whose mesh is four times as fine
+needs_browser = pytest.mark.skipif(not CHROMIUM, reason="no chromium: apt-get install chromium")
+
+
+def beadwave(*arguments):
+    """The exit status of a command."""
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
+        patch.setattr(sys, "argv", ["beadwave", *arguments])
+        main()
+    return end.value.code or 0
+
+
+def run_of(name, changes, folder):
+    changes = [f"--set={change}" for change in changes]
+    assert beadwave("run", name, f"--out={folder}", *changes) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    """A coarse run of the rig."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        yield run_of("rig-rom", COARSE, tmp_path_factory.mktemp("rig"))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=BROWSER)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(browser):
+    """Opens a page of a folder off line; what it complains of ends up in its list."""
+    contexts = []
+
+    def open_page(folder, scheme="light", width=1280):
+        view = {"width": width, "height": 900}
+        context = browser.new_context(
+            viewport=view, color_scheme=scheme, offline=True, reduced_motion="reduce"
+        )
+        contexts.append(context)
+        page = context.new_page()
+        page.complaints = []
+        page.on("console", lambda message: page.complaints.append(message.text))
+        page.on("pageerror", lambda error: page.complaints.append(str(error)))
+        page.goto(f"file://{folder}/report.html")
+        page.wait_for_timeout(300)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+@needs_browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 400])
+def test_the_page_opens_without_complaint_and_fits(rig, opened, scheme, width):
+    page = opened(rig, scheme, width)
+    assert page.complaints == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.locator(".chart canvas").count() >= 5
+    background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, re.findall(r"\d+", background))) < 200) == (scheme == "dark")
+
+
+@needs_browser
+def test_the_displacement_at_the_contact_is_that_of_the_trajectory(rig, opened):
+    page = opened(rig)
+    with np.load(rig / "trajectory.npz") as run:
+        t, wall_x = run["t"], run["wall_x"] - run["wall_x"][0]
+    instants = np.random.default_rng(0).uniform(0, t[-1], 50)
+    there = page.evaluate("ts => ts.map((t) => beadwave.view.atContact(t))", instants.tolist())
+    off = np.abs(np.array(there) - np.interp(instants, t, wall_x)).max()
+    assert off < 1e-3 * np.abs(wall_x).max()
+
+
+@needs_browser
+def test_the_surface_moves_as_the_reduced_model_says(rig, opened):
+    """16 bits of a shape and the shapes left out (1e-3 of the largest displacement)."""
+    page, reduced = opened(rig), rom.load_npz(rig / "rom.npz")
+    with np.load(rig / "trajectory.npz") as run:
+        t, q = run["t"], run["wall_q"] - run["wall_q"][0]
+        shape = wall_modes(reduced, run["wall_omega"], run["wall_phi"]).shape
+    u = np.einsum("tk,kmi->tmi", q, shape)
+    rng = np.random.default_rng(1)
+    for node, i in rng.integers((u.shape[1], len(t)), size=(20, 2)):
+        arguments = [int(node), float(t[i])]
+        there = page.evaluate("([node, t]) => beadwave.view.displacement(node, t)", arguments)
+        assert np.abs(np.array(there) - u[i, node]).max() < 2e-3 * np.abs(u).max()
+
+
+def picture(page):
+    return page.locator(".view").screenshot()
+
+
+@needs_browser
+def test_the_view_changes_with_the_play_head_the_mode_and_the_mouse(rig, opened):
+    page = opened(rig)
+    shown = []
+    for seconds in (0.2e-3, 1.2e-3):
+        page.evaluate("t => beadwave.clock.seek(t)", seconds)
+        shown.append(picture(page))
+    box = page.locator(".view canvas").bounding_box()
+    page.mouse.move(box["x"] + 300, box["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 400, box["y"] + 230)
+    page.mouse.up()
+    shown.append(picture(page))
+    page.click("button[data-mode='1']")
+    page.wait_for_timeout(200)
+    shown.append(picture(page))
+    assert len(set(shown)) == 4
+
+
+@needs_browser
+def test_the_play_head_stands_at_the_same_time_in_view_and_plots(rig, opened):
+    page = opened(rig)
+    page.evaluate("beadwave.clock.seek(1.5e-3)")
+    page.wait_for_timeout(100)
+    places = page.evaluate(
+        "[...document.querySelectorAll('[data-plot] .head')].map((head) => {"
+        "const over = head.parentElement.getBoundingClientRect();"
+        "return (head.getBoundingClientRect().left - over.left) / over.width})"
+    )
+    np.testing.assert_allclose(places, 0.5, atol=0.02)  # of 3 ms
+    assert page.locator("#impact .time").inner_text().startswith("1.500 ms")
+
+
+@needs_browser
+def test_ten_frames_a_second_are_drawn_in_software(rig, opened):
+    """On a machine that others share: the best of three seconds."""
+    page = opened(rig)
+    page.locator("#impact").scroll_into_view_if_needed()
+    rates = [page.evaluate(FRAMES) for _ in range(3)]
+    assert max(rates) >= 10, rates
+
+
+FRAMES = """async () => {
+  const { clock } = beadwave;
+  clock.play(true);
+  await new Promise((done) => setTimeout(done, 1500));
+  clock.frames = 0;
+  const start = performance.now();
+  await new Promise((done) => setTimeout(done, 1500));
+  clock.play(false);
+  return (1000 * clock.frames) / (performance.now() - start);
+}"""
+
+
+@needs_browser
+def test_the_curves_are_saved_as_they_were_run(rig, opened, tmp_path):
+    page = opened(rig)
+    with page.expect_download() as download:
+        page.click("figure[data-plot='velocity'] button.csv")
+    download.value.save_as(tmp_path / "velocity.csv")
+    head, *_ = (tmp_path / "velocity.csv").read_text().splitlines()
+    assert head == '"time [s]","sphere 1 [m/s]","sphere 4 [m/s]","sphere 14 [m/s]"'
+    table = np.loadtxt(tmp_path / "velocity.csv", delimiter=",", skiprows=1)
+    with np.load(rig / "trajectory.npz") as run:
+        np.testing.assert_allclose(table[:, 0], run["t"], rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(table[:, 1:], run["v"][:, [0, 3, 13]], atol=1e-7)
+
+
+@needs_browser
+def test_without_webgl_the_still_pictures_stand_in(rig, browser, opened):
+    page = opened(rig)
+    page.add_init_script("HTMLCanvasElement.prototype.getContext = ((own) => function (kind) {"
+                         "return kind === 'webgl2' ? null : own.apply(this, arguments);"
+                         "})(HTMLCanvasElement.prototype.getContext)")  # fmt: skip
+    page.reload()
+    page.wait_for_timeout(300)
+    assert page.complaints == []
+    assert not page.locator(".view canvas").is_visible()
+    assert page.locator(".without img").count() == len(list(rig.glob("figures/[am]*.png")))
+
+
+@needs_browser
+@pytest.mark.parametrize("name", ["rig-rigid", "rig-half-space", "rig-1dof", "free-chain"])
+def test_a_wall_without_a_shape_is_stood_for(name, opened, tmp_path, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    page = opened(run_of(name, SMALL, tmp_path / "out"))
+    assert page.complaints == []
+    before = picture(page)
+    page.evaluate("beadwave.clock.seek(0.9 * beadwave.clock.duration)")
+    assert picture(page) != before
+    told = page.locator("#impact .needs-view > .note").inner_text()
+    assert ("no wall" in told) if name == "free-chain" else ("stand" in told)
+
+
+@needs_browser
+def test_nothing_of_a_scene_runs_in_the_browser(opened, tmp_path, monkeypatch):
+    """Names are escaped, and what were injected all the same is not allowed to run."""
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    folder = run_of("rig-rigid", SMALL, tmp_path / "out")
+    evil = "</script><script>window.evil = 1</script><img src=x onerror='window.evil = 1'>"
+    summary = json.loads((folder / "summary.json").read_text())
+    summary |= {"warnings": [evil], "command": evil, "scene": evil, "verdict": [evil]}
+    (folder / "summary.json").write_text(json.dumps(summary))
+    assert beadwave("report", str(folder)) == 0
+    page = opened(folder)
+    assert page.complaints == []
+    assert page.locator("h1").inner_text() == evil
+    page.evaluate("document.body.insertAdjacentHTML('beforeend', `<img src=x onerror='evil=1'>`)")
+    page.wait_for_timeout(200)
+    assert not page.evaluate("'evil' in window")
+
+
+def test_data_hold_no_end_of_a_script():
+    text = _harmless({"name": "</script>&\u2028"})
+    assert not set("<>&\u2028") & set(text)
+    assert json.loads(text) == {"name": "</script>&\u2028"}
+
+
+def test_the_page_needs_no_network_and_stays_small(rig):
+    html = (rig / "report.html").read_text()
+    assert len(html) < LARGEST
+    assert not re.findall(r'(?:src|href)="(?!data:|#)', html)
+
+
+def test_every_value_of_a_built_in_scene_says_where_it_is_from():
+    found = sources(load("rig-rom"), None, ())
+    assert found["chain.count"].kind == "thesis"
+    assert found["chain.radius"].kind == "inferred"
+    assert found["joints.head.ky"].kind == "inferred"
+    assert found["chain.young"].kind == "assumed"
+    assert found["mesh.seed"].kind == "chosen"
+    assert found["contact.stiffness_factor"].kind == "default"
+
+
+def test_what_differs_from_a_built_in_scene_is_yours(tmp_path):
+    change = ("chain.radius=0.02",)
+    found = sources(load("rig-rom", change), "rig-rom", change)
+    assert found["chain.radius"].kind == "yours"
+    assert found["chain.young"].kind == "assumed"
+    own = tmp_path / "own.toml"
+    own.write_text("chain = { count = 3, radius = 0.0127, density = 7800.0, young = 210e9, "
+                   "poisson = 0.3 }\nstriker = { velocity = 0.31 }\n")  # fmt: skip
+    found = sources(load(str(own)), str(own), ())
+    assert {found[f"chain.{key}"].kind for key in ("count", "radius")} == {"yours"}
+    assert found["time.duration"].kind == "default"
+
+
+def test_numbers_bear_prefixes():
+    said = [si(1.738e5, "Hz"), si(3.02e-7, "s"), si(0.09999, "m"), si(0.0, "N"), si(None, "N")]
+    assert [text.replace("\u00a0", " ") for text in said] == [
+        "174 kHz", "302 ns", "100 mm", "0 N", "-"
+    ]  # fmt: skip

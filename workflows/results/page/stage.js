@@ -1,0 +1,254 @@
+// The 3-D view: the assembly, or a simple wall in its place, and the spheres before it.
+
+import { cameraOf } from "./camera.js";
+import { outline, triangles } from "./mesh.js";
+import { rgb } from "./theme.js";
+import { wallOf } from "./wall.js";
+
+const SURFACE = {
+  vertex: `#version 300 es
+    in vec3 position; in float size;
+    uniform mat4 modelViewMatrix; uniform mat4 projectionMatrix;
+    out vec3 place; out float amount;
+    void main() {
+      vec4 seen = modelViewMatrix * vec4(position, 1.0);
+      place = seen.xyz; amount = size;
+      gl_Position = projectionMatrix * seen;
+    }`,
+  fragment: `#version 300 es
+    precision highp float;
+    in vec3 place; in float amount;
+    uniform vec3 ramp[4]; uniform float most;
+    out vec4 colour;
+    void main() {
+      vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
+      float light = 0.42 + 0.58 * abs(dot(normal, normalize(vec3(0.25, 0.45, 1.0))));
+      float s = 3.0 * clamp(amount / most, 0.0, 1.0);
+      vec3 base = s < 1.0 ? mix(ramp[0], ramp[1], s)
+        : s < 2.0 ? mix(ramp[1], ramp[2], s - 1.0) : mix(ramp[2], ramp[3], s - 2.0);
+      colour = vec4(light * base, 1.0);
+    }`,
+};
+
+const LINES = {
+  vertex: `#version 300 es
+    in vec3 position;
+    uniform mat4 modelViewMatrix; uniform mat4 projectionMatrix;
+    void main() {
+      gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+      gl_Position.z -= 0.0004 * gl_Position.w; // before the faces that they bound
+    }`,
+  fragment: `#version 300 es
+    precision highp float;
+    uniform vec3 tint; out vec4 colour;
+    void main() { colour = vec4(tint, 1.0); }`,
+};
+
+const SPHERES = {
+  vertex: `#version 300 es
+    in vec3 position; in vec3 normal; in vec4 sphere; in float speed;
+    uniform mat4 modelViewMatrix; uniform mat4 projectionMatrix; uniform mat3 normalMatrix;
+    out vec3 out_normal; out float amount;
+    void main() {
+      out_normal = normalMatrix * normal; amount = speed;
+      gl_Position = projectionMatrix * modelViewMatrix * vec4(sphere.xyz + sphere.w * position, 1.0);
+    }`,
+  fragment: `#version 300 es
+    precision highp float;
+    in vec3 out_normal; in float amount;
+    uniform vec3 towards; uniform vec3 rest; uniform vec3 away; uniform float most;
+    out vec4 colour;
+    void main() {
+      vec3 normal = normalize(out_normal);
+      float light = 0.4 + 0.6 * max(0.0, dot(normal, normalize(vec3(0.25, 0.45, 1.0))));
+      float s = clamp(amount / most, -1.0, 1.0);
+      float share = sign(s) * sqrt(abs(s)); // small velocities are seen as well
+      vec3 base = mix(rest, share > 0.0 ? towards : away, abs(share));
+      float shine = pow(max(0.0, dot(normal, normalize(vec3(0.2, 0.5, 1.0)))), 40.0);
+      colour = vec4(light * base + 0.35 * shine, 1.0);
+    }`,
+};
+
+/** Whether this browser can draw it. */
+export function canDraw() {
+  try {
+    return Boolean(document.createElement("canvas").getContext("webgl2"));
+  } catch {
+    return false;
+  }
+}
+
+/** The view on a canvas; assembly and chain may each be absent, points are from the contact on. */
+export function stageOf(canvas, { assembly, chain, wall }) {
+  const renderer = new OGL.Renderer({
+    canvas, webgl: 2, alpha: true, antialias: true, preserveDrawingBuffer: true,
+    dpr: Math.min(devicePixelRatio, 2),
+  });
+  const gl = renderer.gl;
+  const scene = new OGL.Transform();
+  const direction = assembly ? assembly.direction : [1, 0, 0];
+  const solid = assembly && solidOf(gl, scene, assembly);
+  const balls = chain && ballsOf(gl, scene, chain, direction);
+  const simple = !assembly && chain && wall ? wallOf(gl, scene, wall, chain, { LINES, SURFACE }) : null;
+  const eye = cameraOf(gl, canvas, draw);
+  let shown = "all";
+
+  function draw() {
+    renderer.render({ scene, camera: eye.camera });
+  }
+
+  function points() {
+    const parts = [];
+    if (solid) parts.push(solid.rest);
+    if (simple) parts.push(simple.corners);
+    if (balls && shown === "all") parts.push(balls.corners);
+    return parts.flatMap((part) => Array.from(part));
+  }
+
+  /** Stand so that all is seen: obliquely from before the contact, and above. */
+  function fit() {
+    const upright = Math.abs(direction[2]) > 0.8;
+    const side = upright ? [0.55, -1, 0] : [direction[1], -direction[0], 0];
+    const front = upright ? [0, 0, 0.2] : direction.map((x) => -0.62 * x);
+    eye.fit(points(), [0, 1, 2].map((i) => side[i] + front[i] + (i === 2 ? 0.5 : 0)));
+    draw();
+  }
+
+  function resize() {
+    const { clientWidth, clientHeight } = canvas.parentElement;
+    if (!clientWidth) return;
+    renderer.setSize(clientWidth, clientHeight);
+    eye.camera.perspective({ aspect: clientWidth / clientHeight });
+    fit();
+  }
+
+  /** Fewer pixels, for a machine that is slow to draw. */
+  function coarsen() {
+    const { clientWidth, clientHeight } = canvas.parentElement;
+    renderer.dpr = Math.max(0.7 * renderer.dpr, 0.5);
+    renderer.setSize(clientWidth, clientHeight);
+  }
+
+  function recolour() {
+    solid?.recolour();
+    balls?.recolour();
+    simple?.recolour();
+    if (canvas.clientWidth !== canvas.parentElement.clientWidth) resize();
+    draw();
+  }
+
+  recolour();
+  new ResizeObserver(resize).observe(canvas.parentElement);
+  resize();
+  return {
+    draw, fit, recolour, coarsen, zoom: eye.zoom, direction,
+    setSolid: solid?.set, setBalls: balls?.set, setWall: simple?.set,
+    /** Show all, or the assembly alone. */
+    only(what) {
+      if (shown === what) return;
+      shown = what;
+      if (balls) balls.mesh.visible = what === "all";
+      fit();
+    },
+  };
+}
+
+function solidOf(gl, scene, assembly) {
+  const { rest, faces, width } = assembly;
+  const position = Float32Array.from(rest);
+  const size = new Float32Array(rest.length / 3);
+  const edges = outline(rest, faces, width);
+  const dynamic = { usage: gl.DYNAMIC_DRAW };
+  const surface = new OGL.Geometry(gl, {
+    position: { size: 3, data: position, ...dynamic },
+    size: { size: 1, data: size, ...dynamic },
+    index: { data: triangles(faces, width) },
+  });
+  const lines = new OGL.Geometry(gl, {
+    position: { size: 3, data: position, ...dynamic },
+    index: { data: edges },
+  });
+  const paint = new OGL.Program(gl, {
+    ...SURFACE, cullFace: false, uniforms: { ramp: { value: [] }, most: { value: 1 } },
+  });
+  const ink = new OGL.Program(gl, { ...LINES, uniforms: { tint: { value: [0, 0, 0] } } });
+  new OGL.Mesh(gl, { geometry: surface, program: paint, frustumCulled: false }).setParent(scene);
+  new OGL.Mesh(gl, {
+    geometry: lines, program: ink, mode: gl.LINES, frustumCulled: false,
+  }).setParent(scene);
+
+  /** Displacements u times a factor, coloured by their size over `most`. */
+  function set(u, factor, most) {
+    for (let i = 0; i < position.length; i++) position[i] = rest[i] + factor * u[i];
+    for (let i = 0; i < size.length; i++) {
+      size[i] = Math.hypot(u[3 * i], u[3 * i + 1], u[3 * i + 2]);
+    }
+    paint.uniforms.most.value = most || 1;
+    for (const geometry of [surface, lines]) geometry.attributes.position.needsUpdate = true;
+    surface.attributes.size.needsUpdate = true;
+  }
+
+  function recolour() {
+    paint.uniforms.ramp.value = [0, 1, 2, 3].flatMap((i) => rgb(`ramp-${i}`));
+    ink.uniforms.tint.value = rgb("edge");
+  }
+
+  return { rest, set, recolour };
+}
+
+function ballsOf(gl, scene, chain, direction) {
+  const radius = chain.radius;
+  const n = radius.length;
+  const ball = new OGL.Sphere(gl, { radius: 1, widthSegments: 24, heightSegments: 16 });
+  const place = new Float32Array(4 * n);
+  const speed = new Float32Array(n);
+  // the last sphere touches the contact point; each one lies before the next
+  const centre = new Float32Array(n);
+  let before = 0;
+  for (let i = n - 1; i >= 0; i--) {
+    before += radius[i];
+    centre[i] = -before;
+    before += radius[i];
+  }
+  const { position, normal, index } = ball.attributes;
+  const geometry = new OGL.Geometry(gl, {
+    position: { size: 3, data: position.data },
+    normal: { size: 3, data: normal.data },
+    index: { data: index.data },
+    sphere: { size: 4, data: place, instanced: 1, usage: gl.DYNAMIC_DRAW },
+    speed: { size: 1, data: speed, instanced: 1, usage: gl.DYNAMIC_DRAW },
+  });
+  const uniforms = Object.fromEntries(
+    ["towards", "rest", "away", "most"].map((name) => [name, { value: 1 }]),
+  );
+  const program = new OGL.Program(gl, { ...SPHERES, uniforms });
+  const mesh = new OGL.Mesh(gl, { geometry, program, frustumCulled: false });
+  mesh.setParent(scene);
+
+  /** Displacements x (n) towards the wall times a factor, coloured by velocities v over `most`. */
+  function set(x, factor, v, most) {
+    for (let i = 0; i < n; i++) {
+      const along = centre[i] + factor * x[i];
+      for (let j = 0; j < 3; j++) place[4 * i + j] = along * direction[j];
+      place[4 * i + 3] = radius[i];
+      speed[i] = v[i];
+    }
+    uniforms.most.value = most || 1;
+    geometry.attributes.sphere.needsUpdate = true;
+    geometry.attributes.speed.needsUpdate = true;
+  }
+
+  function recolour() {
+    for (const name of ["towards", "rest", "away"]) uniforms[name].value = rgb(`sphere-${name}`);
+  }
+
+  const corners = [];
+  for (let i = 0; i < n; i++) {
+    for (const [dx, dy, dz] of [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]) {
+      const at = direction.map((d) => d * centre[i]);
+      corners.push(at[0] + dx * radius[i], at[1] + dy * radius[i], at[2] + dz * radius[i]);
+    }
+  }
+  set(new Float32Array(n), 0, speed, 1);
+  return { mesh, set, recolour, corners };
+}

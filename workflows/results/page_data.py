@@ -1,0 +1,235 @@
+"""What the page draws and computes with, from the files of a run folder.
+
+The assembly moves as X + s sum_k q_k(t) phi_k(X): outer nodes X and shapes phi_k of the wall's
+modes from `rom.npz`, their coordinates q_k from `trajectory.npz`, in 16 bits. Shapes that together
+move no node by more than LEFT_OUT of the largest displacement are left out; u_w has all modes.
+"""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflows.files.scene import scene as load
+from workflows.results.packing import floats, quantised, whole
+from workflows.results.summary import Summary
+from workflows.scene import InvalidScene, RomWall, Scene
+
+LEFT_OUT = 1e-3
+MOST_FRAMES = 3001  # instants that the page holds
+MOST_VALUES = 600_000  # of a chain's positions and velocities
+MOST_DRAWN = 300  # spheres, those next to the wall
+BYTES = 1_300_000  # of all shapes: in 8 bits where 16 take more
+LEDGER = {
+    "energy_kinetic": "spheres, kinetic",
+    "energy_contact": "contacts",
+    "energy_leaf": "leaf springs",
+    "energy_wall": "wall, modes",
+    "energy_residual": "wall, residual compliance",
+    "dissipated_contact": "lost in contacts",
+    "dissipated_wall": "lost in the wall",
+    "work_preload": "less work of the preload",
+}
+
+
+class Shapes(NamedTuple):
+    """Shapes (k, m, 3) on the outer nodes, which of them each wall mode and each mode shown is."""
+
+    shape: NDArray[np.float32]
+    of_wall: list[int]  # (n_wall_modes,) -1 where it was left out
+    of_mode: list[int]  # one for each of summary.modes, -1 where the model has none
+
+
+def page_data(folder: Path, summary: Summary) -> dict[str, Any]:
+    """Everything that the page's scripts read, as JSON takes it."""
+    scene = load(str(folder / "scene.toml"))
+    run = _arrays(folder / "trajectory.npz")
+    data: dict[str, Any] = {"scene": scene.name, "wall": wall_words(scene)}
+    if run:
+        data |= {
+            "chain": _chain(scene, run),
+            "curves": _curves(scene, run),
+            "waves": _waves(summary),
+        }
+    if reduced := _reduced(folder, scene):
+        data["assembly"] = _assembly(reduced, scene, run, summary)
+    if response := _arrays(folder / "response.npz"):
+        data["response"] = _response(response)
+    return data
+
+
+def _arrays(path: Path) -> dict[str, NDArray]:
+    if not path.is_file():
+        return {}
+    with np.load(path) as file:
+        return {name: file[name] for name in file.files}
+
+
+def wall_words(scene: Scene) -> str | None:
+    """The kind of the wall; None for a free chain."""
+    return None if scene.wall is None else scene.wall.kind
+
+
+def _every(n: int, width: int) -> int:
+    """Take each so many of n instants of so many values."""
+    return max(1, -(-n // MOST_FRAMES), -(-n * width // MOST_VALUES))
+
+
+def _chain(scene: Scene, run: dict[str, NDArray]) -> dict[str, Any]:
+    """Positions and velocities of the spheres next to the wall, from the first drawn on."""
+    k, n = run["x"].shape
+    first = max(0, n - MOST_DRAWN)
+    every = _every(k, n - first)
+    radius = np.broadcast_to(scene.chain.radius, n)[first:]
+    return {
+        "first": first + 1,
+        "radius": radius.tolist(),
+        "dt": float(every * (run["t"][1] - run["t"][0])),
+        "x": quantised(run["x"][::every, first:] - run["x"][0, first:]),
+        "v": quantised(run["v"][::every, first:]),
+        "wall_x": quantised(run["wall_x"][::every, None] - run["wall_x"][0]),
+    }
+
+
+def _curves(scene: Scene, run: dict[str, NDArray]) -> dict[str, Any]:
+    """Time histories in single precision: name, unit and values of each curve by plot."""
+    every = max(1, -(-len(run["t"]) // MOST_FRAMES))
+    n = run["v"].shape[1]
+    observed = scene.output.spheres or (1, n)
+    plots = {"velocity": [(f"sphere {s}", "m/s", run["v"][:, s - 1]) for s in observed]}
+    if scene.wall is not None:
+        plots["force"] = [("force at the wall", "N", run["contact_force"][:, -1])]
+        moved = run["wall_x"] - run["wall_x"][0]
+        plots["wall"] = [("displacement at the contact", "m", moved)] if moved.any() else []
+    plots["energy"] = [(words, "J", values) for words, values in ledger(run)]
+    return {
+        "dt": float(every * (run["t"][1] - run["t"][0])),
+        "plots": {
+            name: [{"name": w, "unit": u, "values": floats(v[::every])} for w, u, v in curves]
+            for name, curves in plots.items()
+            if curves
+        },
+    }
+
+
+def ledger(run: dict[str, NDArray]) -> list[tuple[str, NDArray]]:
+    """Energies [J] by name, changes since the start but for the kinetic one, and their sum."""
+    found = []
+    for name, words in LEDGER.items():
+        sign = -1.0 if name.startswith("work") else 1.0
+        change = sign * (run[name] - (0.0 if name == "energy_kinetic" else run[name][0]))
+        if np.any(change):
+            found.append((words, change))
+    return [*found, ("sum", sum(values for _, values in found))]
+
+
+def _waves(summary: Summary) -> dict[str, Any]:
+    contact = summary.wall_contact
+    tracks = [track.model_dump() for track in contact.trains] if contact else []
+    marks = {
+        sphere: [arrival.model_dump() for arrival in waves.arrivals]
+        for sphere, waves in summary.waves.items()
+    }
+    return {"tracks": tracks, "marks": marks}
+
+
+def _reduced(folder: Path, scene: Scene):
+    """The reduced model behind the wall with its outer nodes, None where there is none."""
+    path = folder / "rom.npz"
+    if not path.is_file():
+        file = scene.wall.file if isinstance(scene.wall, RomWall) else None
+        path = Path(file) if file and file.endswith(".npz") else path
+    if not path.is_file():
+        return None
+    import rom  # only a scene with a reduced model pays for it
+
+    try:
+        reduced = rom.load_npz(path)
+    except rom.ReductionError:
+        return None
+    return reduced if reduced.surface is not None and reduced.contact.point else None
+
+
+def _assembly(reduced, scene: Scene, run: dict[str, NDArray], summary: Summary) -> dict[str, Any]:
+    surface, point = reduced.surface, np.array(reduced.contact.point)
+    shapes = _shapes(reduced, scene, run, summary)
+    k, m = shapes.shape.shape[:2]
+    body = np.zeros(m, int) if surface.body is None else surface.body
+    return {
+        "points": quantised(surface.points - point),
+        "faces": whole(surface.faces),
+        "body": whole(body),
+        "bodies": surface.bodies or ("assembly",),
+        "origin": point.tolist(),
+        "direction": reduced.contact.direction,
+        "shapes": quantised(shapes.shape.reshape(k, -1).T, "i2" if 6 * k * m <= BYTES else "i1"),
+        "of_mode": shapes.of_mode,
+        "of_wall": shapes.of_wall,
+        **_wall_motion(run),
+    }
+
+
+def _wall_motion(run: dict[str, NDArray]) -> dict[str, Any]:
+    """The coordinates of the wall's modes over time, from rest."""
+    if "wall_q" not in run:
+        return {}
+    every = max(1, -(-len(run["t"]) // MOST_FRAMES))
+    return {
+        "phi": run["wall_phi"].tolist(),
+        "frequency_hz": (run["wall_omega"] / (2 * np.pi)).tolist(),
+        "q": quantised((run["wall_q"] - run["wall_q"][0])[::every]),
+        "dt": float(every * (run["t"][1] - run["t"][0])),
+    }
+
+
+def _shapes(reduced, scene: Scene, run: dict[str, NDArray], summary: Summary) -> Shapes:
+    """The shapes of the wall's modes that show, and of the modes listed that are none of them."""
+    from coupling.surface_motion import structure_modes, wall_modes
+
+    shown = structure_modes(reduced, [mode.frequency_hz for mode in summary.modes])
+    there = shown.omega > 0
+    if "wall_q" not in run:
+        return Shapes(shown.shape[there], [], _numbered(there).tolist())
+    cutoff = getattr(scene.wall, "cutoff", None)
+    wall = wall_modes(reduced, run["wall_omega"], run["wall_phi"], cutoff_hz=cutoff)
+    same = np.isclose(shown.omega[:, None], wall.omega, rtol=1e-9, atol=0)
+    kept = _kept(wall.shape, run["wall_q"] - run["wall_q"][0]) | same.any(axis=0)
+    alone, place = there & ~same.any(axis=1), _numbered(kept)
+    own = np.where(alone, kept.sum() + _numbered(alone), -1)
+    of_mode = np.where(same.any(axis=1), place[same.argmax(axis=1)], own)
+    shapes = np.concatenate([wall.shape[kept], shown.shape[alone]])
+    return Shapes(shapes, place.tolist(), of_mode.tolist())
+
+
+def _numbered(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """0, 1, 2 ... where it is true, -1 elsewhere."""
+    return np.where(mask, np.cumsum(mask) - 1, -1)
+
+
+def _kept(shape: NDArray, q: NDArray) -> NDArray[np.bool_]:
+    """Mask (k,) of the modes without those that together move no node by more than LEFT_OUT of
+    the largest displacement."""
+    moved = np.abs(q).max(axis=0) * np.abs(shape).max(axis=(1, 2))
+    order = np.argsort(moved)
+    kept = np.ones(len(moved), dtype=bool)
+    kept[order[np.cumsum(moved[order]) <= LEFT_OUT * moved.max(initial=0.0)]] = False
+    return kept
+
+
+def _response(found: dict[str, NDArray]) -> dict[str, Any]:
+    return {
+        "frequency_hz": floats(found["frequency_hz"]),
+        "reduced": floats(np.abs(found["reduced"])),
+        "finer": floats(np.abs(found["finer"])),
+        "checked_hz": found["checked_hz"].tolist(),
+        "full": np.abs(found["full"]).tolist(),
+    }
+
+
+def unreadable(folder: Path, summary: Summary) -> dict[str, Any]:
+    """The data, or none where a file of the scene is gone."""
+    try:
+        return page_data(folder, summary)
+    except InvalidScene:
+        return {}
