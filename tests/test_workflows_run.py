@@ -1,6 +1,7 @@
 """Runs from the command to the folder: status, files, what is kept, what is loaded."""
 
 import json
+import re
 import subprocess
 import sys
 from errno import EACCES, ENOSPC
@@ -331,7 +332,7 @@ def test_a_changed_chain_redoes_nothing_of_the_finite_elements(change):
         ("assembly.young=200e9", set(FE) - {"mesh"}),
         ("patch.radius=0.0025", {"reduction", "coarse-reduction", "full-response", "response"}),
         ("reduction.modes=50", {"reduction", "response"}),
-        ("damping.ratio=0.01", set()),
+        ("damping.ratio=0.01", {"response"}),
     ],
 )
 def test_only_what_depends_on_a_change_is_redone(change, redone):
@@ -361,7 +362,7 @@ def test_the_report_is_one_page_that_needs_no_other(tmp_path):
     small("run", "rig-1dof", "--out=out")
     page = (tmp_path / "out" / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 3
-    assert 'src="http' not in page and "href=" not in page
+    assert not re.findall(r'(?:src|href)="(?!data:|#)', page)
     (tmp_path / "out" / "report.html").unlink()
     assert beadwave("report", "out") == 0
     assert (tmp_path / "out" / "report.html").read_text() == page
