@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from workflows.assembly.tuning import _from, freed, loosened, targets, tuned, usual
+from workflows.assembly.tuning import _from, _targeted, freed, loosened, targets, tuned, usual
 from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
@@ -113,7 +113,7 @@ def test_a_block_of_its_own_keeps_what_is_not_tuned():
 def test_what_the_modes_do_not_see_stays_as_it_was(match, free, kept):
     rig = scene("rig-rom", COARSE)
     result, report = tuned(rig, targets(match), (free,), silent)
-    assert result == rig and not report.stiffness
+    assert result.model_copy(update={"targets": None}) == rig and not report.stiffness
     assert report.remarks[0] == f"{free} is not determined by mode {match}: it {kept}."
 
 
@@ -143,3 +143,15 @@ def test_a_gross_miss_is_a_failure_and_writes_no_scene(tmp_path, monkeypatch, ca
     assert json.loads(told.out)["match"] == {"1": 48000.0}
     assert "no scene is written: mode 1 of 48000 Hz is missed by -99.9 %" in told.err
     assert told.err.count("\n") == 1
+
+
+def test_a_tuned_scene_is_judged_by_what_it_was_tuned_to():
+    result, _ = tuned(scene("rig-rom", COARSE), {1: 53.0, 2: 269.0}, ("head.ky", "head.kz"), silent)
+    assert result.measured_hz == (53.0, 269.0, 907.0, 8425.0)
+    again = scene(result, {"targets": [{"hz": 54.0, "number": 1}]})
+    assert again.measured_hz == (54.0, 269.0, 907.0, 8425.0)
+    for wrong in ([{"hz": 54.0, "number": 5}], [{"hz": 54.0, "number": 1}] * 2):
+        with pytest.raises(InvalidScene, match="modes 1 to 4, each once"):
+            scene(result, {"targets": wrong})
+    plate = scene("plate-on-bolts", {"targets": [{"hz": 900.0, "number": 1}]})
+    assert _targeted(plate, {1: 950.0}).measured_hz == (950.0,)

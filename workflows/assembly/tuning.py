@@ -16,6 +16,7 @@ from fem.tuning import Parameter, Tuning, tune
 from workflows.assembly import parameters as of_bodies
 from workflows.pipeline.pipeline import Progress, pipeline_of
 from workflows.scene import InvalidScene, Scene, nearest
+from workflows.scene.bodies import Target
 from workflows.thesis import HAMMER_TEST_HZ
 
 JOINTS = ("head", "foot")
@@ -81,7 +82,7 @@ def tuned(
     else:
         freed_ones = _of_the_rig(scene, free or usual(match))
     fit = _fitted(scene, freed_ones, match, progress)
-    result = _set(fit.loose, fit.found.parameters, fit.found.value)
+    result = _targeted(_set(fit.loose, fit.found.parameters, fit.found.value), match)
     confirmed = pipeline_of(result, progress)("modes").paired_hz
     fitted = {p.name for p in fit.found.parameters}
     unseen = [p for p in freed_ones if p.name not in fitted]
@@ -236,6 +237,17 @@ def _set(scene: Scene, parameters: list[Parameter], value) -> Scene:
         block = (scene.assembly.block or Steel()).model_copy(update=steel)
         update["assembly"] = scene.assembly.model_copy(update={"block": block})
     return scene.model_copy(update=update)
+
+
+def _targeted(scene: Scene, match: dict[int, float]) -> Scene:
+    """The scene with the frequencies that it was tuned to among its targets."""
+    if scene.is_general:
+        own = enumerate(scene.targets or (), start=1)
+        told = [t.model_copy(update={"hz": match.get(n, t.hz)}) for n, t in own]
+    else:
+        hz = {t.number: t.hz for t in scene.targets or ()} | match
+        told = [Target(number=n, hz=hz[n]) for n in sorted(hz)]
+    return scene.model_copy(update={"targets": tuple(told)})
 
 
 def _report(scene, match, fit: Fit, confirmed, unseen: list[Parameter]) -> TuningReport:

@@ -181,7 +181,9 @@ def _without_end_of_file(command: Callable) -> Callable:
 
 
 for name, command in COMMANDS.items():
-    examples = "\b\nExamples:\n" + "\n".join(f"  beadwave {line}" for line in EXAMPLES[name])
+    examples = "\b\nExamples:\n" + "\n".join(
+        f"  beadwave {line}" for line in EXAMPLES.get(name, ())
+    )
     app.command(name=name, epilog=examples)(_without_end_of_file(command))
 
 

@@ -94,7 +94,8 @@ class Scene(Table):
         """Frequencies of the measured modes of the assembly."""
         if self.is_general:
             return tuple(target.hz for target in self.targets or ())
-        return HAMMER_TEST_HZ
+        own = {target.number: target.hz for target in self.targets or ()}
+        return tuple(own.get(i, hz) for i, hz in enumerate(HAMMER_TEST_HZ, start=1))
 
     @property
     def floats(self) -> bool:

@@ -7,7 +7,7 @@ from math import isinf
 from workflows.scene.bodies import GROUND
 from workflows.scene.scene import Scene
 
-OF_BODIES = ("bodies", "materials", "ties", "strike", "targets")
+OF_BODIES = ("bodies", "materials", "ties", "strike")
 
 
 def of_bodies(scene: Scene) -> Iterator[str]:
@@ -27,6 +27,12 @@ def of_the_rig(scene: Scene) -> Iterator[str]:
         yield (
             f"[{name}] belongs to an assembly of bodies; give [assembly] held = [...] and bodies, "
             f"or drop it."
+        )
+    known, told = range(1, len(scene.measured_hz) + 1), [t.number for t in scene.targets or ()]
+    if any(number not in known or told.count(number) > 1 for number in told):
+        yield (
+            f"[[targets]] of the rig are its modes {known[0]} to {known[-1]}, each once, as "
+            "number = 1 with hz; number the others so, or drop them."
         )
     if isinstance(scene.joints, tuple):
         yield "[[joints]] belong to an assembly of bodies; the rig has [joints.head] and foot."
