@@ -48,6 +48,7 @@ from fem.modes import Modes, modes
 from fem.response import receptance
 from fem.spot import Spot, planar_spot, round_spot
 from fem.surface import OnSurface, on_surface
+from fem.threads import one_thread
 from fem.trace import outer_nodes
 
 __all__ = [
@@ -89,6 +90,7 @@ __all__ = [
     "node_patch",
     "normal_frame",
     "on_surface",
+    "one_thread",
     "outer_nodes",
     "pair",
     "planar_spot",

@@ -10,7 +10,7 @@ needs.
 """
 
 from collections.abc import Sequence
-from functools import cache
+from contextlib import nullcontext
 from typing import NamedTuple
 
 import numpy as np
@@ -19,13 +19,13 @@ from scipy.linalg import eigvalsh
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csc_matrix, csr_matrix
-from threadpoolctl import ThreadpoolController
 
 from fem.grouping import Groups
 from fem.nested_dissection import Domain, edges, nested_dissection
+from fem.threads import one_thread
 
 NEITHER = "the stiffness is singular: a part is neither held nor joined; hold it, or shift."
-WORTH_THREADS = 1e9  # work of a front; of smaller ones threads wait for each other longer than that
+WORTH_THREADS = 1e9  # multiplications and additions of one update
 COLUMNS = 64  # of a front that are added at once
 SINGULAR = 1e-9  # of a front's largest eigenvalue: a negative one below this is rounding
 
@@ -80,7 +80,7 @@ class Cholesky:
 
     def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """x of A x = b, (n,) or (n, k)."""
-        with _pools().limit(limits=1):
+        with one_thread():
             return self._solved(b)
 
     def _solved(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -97,11 +97,6 @@ class Cholesky:
         x = np.empty_like(y)
         x[self._order] = y
         return x.reshape(b.shape)
-
-
-@cache
-def _pools() -> ThreadpoolController:
-    return ThreadpoolController()
 
 
 def plan(groups: Groups) -> Plan:
@@ -155,7 +150,7 @@ def _factors(A: csc_matrix, fronts: Sequence[Front]) -> list[tuple[NDArray, NDAr
 
 def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """L11, L21 and the update; raises NotPositiveDefinite or Singular."""
-    with _pools().limit(limits=1):
+    with one_thread():
         L11, failed = dpotrf(F11, lower=1, clean=0)
     if failed:
         values = eigvalsh(F11, lower=True)
@@ -164,9 +159,9 @@ def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> tuple[NDArray, NDAr
         raise Singular(NEITHER)
     if not len(F21):
         return L11, F21, F22
-    with _pools().limit(limits=1):
+    with one_thread():
         L21 = dtrsm(1.0, L11, F21, side=1, lower=1, trans_a=1, overwrite_b=1)
-    with _pools().limit(limits=None if L21.shape[1] * len(L21) ** 2 > WORTH_THREADS else 1):
+    with nullcontext() if F21.size * len(F21) > WORTH_THREADS else one_thread():
         return L11, L21, dsyrk(-1.0, L21, beta=1.0, c=F22, lower=1, overwrite_c=1)
 
 

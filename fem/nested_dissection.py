@@ -72,8 +72,9 @@ def _dissect(part: Part, domains: list[Domain]) -> int:
     vertices = part.vertices
     if len(vertices) > LEAF:
         side = _cut(part)
-        halves = [np.flatnonzero(side == half) for half in (0, 1)]
-        if min(map(len, halves)) > 0:
+        # the larger half first: what it leaves waits for less of the other
+        halves = sorted((np.flatnonzero(side == half) for half in (0, 1)), key=len, reverse=True)
+        if len(halves[1]):
             children = tuple(_dissect(part.only(half), domains) for half in halves)
             vertices = vertices[side == MIDDLE]
     domains.append(Domain(vertices, children))

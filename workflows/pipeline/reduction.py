@@ -21,7 +21,8 @@ def reduction(
     w_reading = reading(scene, model)
     _require_other_nodes(scene, contact, w_reading)
     try:
-        reduced = _reduced(scene, model, contact, modes, w_reading)
+        with fem.one_thread():
+            reduced = _reduced(scene, model, contact, modes, w_reading)
     except rom.ReductionError:
         _require_held(scene, modes)
         raise
