@@ -288,7 +288,7 @@ def test_a_preload_on_an_assembly_that_floats_is_refused_before_anything_is_comp
         require_start(scene("rig-rom", alone))
     with pytest.raises(InvalidScene, match="acts on an assembly without supports"):
         require_start(scene("cantilever", ("assembly.held=[]", "preload.force=1")))
-    with pytest.raises(InvalidScene, match=r"leaf_springs\.offset = 0\.0015 presses on an"):
+    with pytest.raises(InvalidScene, match=r"leaf_springs\.offset = 0\.0015 acts on an"):
         require_start(scene("rig-rom", unloaded))
     require_start(scene("rig-rom", (*unloaded, "leaf_springs.offset=0")))
     require_start(scene("rig-rom"))
