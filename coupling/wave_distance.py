@@ -7,6 +7,8 @@ passes: 0 for equal waves, sqrt(2) for waves that do not meet.
 """
 
 from itertools import combinations
+from math import isnan
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,3 +68,48 @@ def _guess(label: Label) -> Guess:
     wave = label.arrival
     width = wave.width if wave.width == wave.width else 0.0
     return Guess(wave.time, wave.peak_velocity, width or 1e-4)
+
+
+class Similarity(NamedTuple):
+    """Whether the one-mass wall `other` is the nearest to `one`, by the fourth wave's arrival."""
+
+    one: str
+    other: str
+    times: dict[str, float]  # [s] of the fourth waves, of `one` and of the one-mass walls
+    distance: dict[str, float]  # over all that comes back, of the one-mass walls to `one`
+
+    @property
+    def missing(self) -> str | None:
+        """The wall that sends no fourth wave, if one of the two does not."""
+        return next((name for name in (self.one, self.other) if name not in self.times), None)
+
+    @property
+    def nearest(self) -> str:
+        """The one-mass wall whose fourth wave comes nearest to that of `one`."""
+        at = self.times[self.one]
+        others = (name for name in self.times if name != self.one)
+        return min(others, key=lambda name: abs(at - self.times[name]))
+
+    @property
+    def ranked(self) -> list[str]:
+        """One-mass walls from the least distance on."""
+        return sorted(self.distance, key=self.distance.get)
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the distance tells the first of them from the second."""
+        first, second, *_ = self.ranked
+        return self.distance[first] < 0.5 * self.distance[second]
+
+
+class Dependence(NamedTuple):
+    """Largest distance of two walls in a reflected wave; None, and no sphere, if none sends it."""
+
+    distance: float | None
+    by_sphere: dict[int, float]
+
+
+def dependence(runs: list[Observed], number: int, spheres: tuple[int, ...]) -> Dependence:
+    found = {sphere: spread(runs, number, (sphere,)) for sphere in spheres}
+    seen = {sphere: value for sphere, value in found.items() if not isnan(value)}
+    return Dependence(None if isnan(far := spread(runs, number, spheres)) else far, seen)

@@ -38,7 +38,7 @@ from dem.stability import UnstableStep, stability_limit
 from dem.statics import Equilibrium, NoEquilibrium, equilibrium
 from dem.step_control import Controlled, Search, StepReport, march_to_error, with_step_error
 from dem.trajectory import Trajectory, march, require_march
-from dem.validity import Strain, outside, strain
+from dem.validity import Strain, outside, strain, yielding
 
 __all__ = [
     "RIGID",
@@ -73,4 +73,5 @@ __all__ = [
     "stability_limit",
     "strain",
     "with_step_error",
+    "yielding",
 ]

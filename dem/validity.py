@@ -21,6 +21,7 @@ from dem.spheres import (
     radii_of_contacts,
     yielded_radius,
 )
+from dem.trajectory import Trajectory
 
 SMALL_CONTACT = 0.1  # contact radius over the smaller sphere's
 YIELD_STRAIN = 0.01  # yield stress over Young's modulus of hardened steel, a hard material
@@ -95,3 +96,19 @@ def outside(found: Strain) -> tuple[str, ...]:
             f"static contact law requires less than {SLOW:g}; reduce the striker's velocity."
         )
     return tuple(said)
+
+
+def yielding(row: Chain, run: Trajectory) -> tuple[str, ...]:
+    """A sentence on the contacts that a run has pressed beyond their yield."""
+    if row.yield_overlap is None:
+        return ()
+    first = row.A * row.yield_overlap**1.5
+    ratio = run.contact_force.max(axis=0) / first
+    worst, n = int(ratio.argmax()), ratio.size
+    if not ratio[worst] > 1.0:
+        return ("No contact yields.",)
+    where = "at the wall" if worst == len(row.mass) - 1 else f"of spheres {worst + 1}, {worst + 2}"
+    return (
+        f"{(ratio > 1.0).sum()} of {n} contacts yield; the one {where} most, pressed to "
+        f"{ratio[worst]:.3g} times the {first[worst]:.3g} N at which it starts to.",
+    )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import coupling
+from coupling import plate_sizes
 from coupling.collision import first_contact
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
@@ -31,7 +32,7 @@ def found(name):
         patch.setattr(boundary_distance, "RATIOS", (2.0, 4.0))
         patch.setattr(boundary_distance, "DIAMETERS", (0.4, 1.2, 2.0, 3.2, 4.0))
         patch.setattr(boundary_distance, "SHOWN", (0.4,))
-        patch.setattr(wall_thickness, "VARIED", {"modes doubled": plates.with_more_modes})
+        patch.setattr(wall_thickness, "VARIED", {"modes doubled": plate_sizes.with_more_modes})
         patch.setattr(boundary_distance, "VARIED", {})
         return catalogue.study(name, scene("rig-half-space"), lambda name: nullcontext())
 
@@ -44,7 +45,7 @@ def column(finding, name, **where):
 def solid(ratio, **changes):
     rig = scene("rig-half-space")
     plate = plates.steel(rig, plates.diameter(rig) / ratio)
-    size = plates.sizes(plate, RISE, RISE)._replace(**changes)
+    size = plate_sizes.sizes(plate, RISE, RISE)._replace(**changes)
     return rig, plate, plates.middle_wall(plate, size)
 
 
@@ -60,7 +61,7 @@ def test_a_sphere_rebounds_from_a_solid_plate_as_from_zeners(ratio):
 
 def test_edges_that_answer_within_the_contact_are_felt():
     """The size of the plate matters only then: a third of it gives the sphere more back."""
-    size = plates.sizes(solid(4.0)[1], RISE, RISE)
+    size = plate_sizes.sizes(solid(4.0)[1], RISE, RISE)
     rig, plate, small = solid(4.0, reach=size.reach / 3)
     zener = plates.rebound(rig, coupling.infinite_plate(plate))
     assert abs(plates.rebound(rig, small) / zener - 1) > 0.1
@@ -122,7 +123,7 @@ def test_a_run_on_a_plate_too_thick_for_zener_says_so(thickness, warned):
     rig = scene("rig-half-space", ("wall.kind=dashpot", f"wall.plate_thickness={thickness}"))
     sentences = list(thick_plate(rig, impact(rig, start(rig), wall(rig)).trajectory))
     assert any("k h = 0.99" in sentence for sentence in sentences) == warned
-    assert any("thick against" in sentence for sentence in sentences) == warned
+    assert any("thick relative to" in sentence for sentence in sentences) == warned
 
 
 def test_a_scene_without_a_wave_is_refused():

@@ -6,7 +6,7 @@ DOP853 at the limit of its tolerances, its steps held small, must agree with it.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -211,3 +211,14 @@ def _peer_row(
         relative_error(problem, velocities(problem, found.y), truth.v), run.warm,
         peers.energy_error(problem, found.y), found.steps, found.evaluations, run.cold, tolerance,
     )  # fmt: skip
+
+
+def least_seconds(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
+    """Processor seconds of the quickest of some runs of every call, the calls in turns."""
+    best = [np.inf] * len(calls)
+    for _ in range(repeats):
+        for i, call in enumerate(calls):
+            started = process_time()
+            call()
+            best[i] = min(best[i], process_time() - started)
+    return best

@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
-from scipy.signal import butter, sosfilt, sosfilt_zi
 
 import dem
 from coupling.calibration.calibration import calibrate
+from coupling.calibration.instrument import OVERSAMPLED, Clean, Twin, repeated, shown
 from coupling.calibration.parameters import Parameter
 from coupling.calibration.search import Options
 from coupling.calibration.signals import Filter, aligned
@@ -28,23 +28,8 @@ from workflows.pipeline.chain import chain, initial_velocity
 from workflows.results.tables import LINE
 from workflows.scene import InvalidScene, OneDofWall, Scene
 
-OVERSAMPLED = 4  # samples of the march per sample of the instrument
 MARCHED = 1e-8  # relative velocity error of the data's own march
 SOUGHT = 0.9  # share of repeats inside their bars
-
-
-class Twin(NamedTuple):
-    """The rig that makes the data, and the instrument; all of it assumed, none of it measured."""
-
-    scatter: float = 0.1  # of the contacts' stiffness, uniform to either side
-    frequency: float = 240.0  # Hz, of a 1dof wall: what the thesis found
-    noise: float = 1e-3  # m/s rms in the instrument's band, of one repeat
-    sampling: float = 1e6  # Hz
-    instrument: float = 100e3  # Hz, low-pass of order 4 in the vibrometer
-    repeats: int = 10
-    jitter: float = 2e-6  # s, standard deviation of the trigger
-    before: float = 50e-6  # s of record before the first touch
-    seed: int = 0
 
 
 class Truth(NamedTuple):
@@ -124,14 +109,6 @@ def truth(scene: Scene, twin: Twin) -> Truth:
     return Truth(factors, twin.frequency if of_mass else None)
 
 
-class Clean(NamedTuple):
-    """What the instrument would show without noise and with a perfect trigger, oversampled."""
-
-    t: np.ndarray  # (k,) [s] on the record's clock
-    v: np.ndarray  # (k, m) [m/s]
-    spheres: tuple[int, ...]
-
-
 def clean(scene: Scene, wall: dem.Wall | None, twin: Twin, made_by: Truth) -> Clean:
     """The known rig marched and filtered by the instrument."""
     if not scene.output.spheres:
@@ -141,36 +118,15 @@ def clean(scene: Scene, wall: dem.Wall | None, twin: Twin, made_by: Truth) -> Cl
     if made_by.frequency is not None:
         wall = wall._replace(omega=np.array([2 * np.pi * made_by.frequency]))
     rate, observed = OVERSAMPLED * twin.sampling, [n - 1 for n in scene.output.spheres]
-    lead, n = round(twin.before * rate), round(scene.time.duration * rate)
+    n = round(scene.time.duration * rate)
     v0 = initial_velocity(scene)
     found = dem.march_to_error(rig, wall, v0, duration=n / rate, error=MARCHED, n_save=n)
-    v = np.vstack([np.tile(v0[observed], (lead, 1)), found.trajectory.v[:, observed]])
-    sos = butter(4, twin.instrument, fs=rate, output="sos")
-    v = sosfilt(sos, v, axis=0, zi=sosfilt_zi(sos)[:, :, None] * v[0])[0]
-    late = Filter(instrument=twin.instrument).lag(1.0 / rate)
-    return Clean(np.arange(len(v)) / rate + late, v, scene.output.spheres)
+    return shown(found.trajectory.v[:, observed], v0[observed], twin, scene.output.spheres)
 
 
 def measured(made: Clean, twin: Twin, run: int = 0) -> Record:
     """The record of one experiment: repeats with jitter of the trigger and noise."""
-    rng = np.random.default_rng([twin.seed, 1, run])
-    edge = int(np.ceil(4 * twin.jitter * twin.sampling * OVERSAMPLED)) if twin.repeats > 1 else 0
-    last = len(made.t) - 1 - edge
-    t = np.arange(0, int((made.t[last] - made.t[0]) * twin.sampling) + 1) / twin.sampling
-    late = twin.jitter * rng.standard_normal(twin.repeats) if twin.repeats > 1 else np.zeros(1)
-    late -= late.mean()
-    signals = [np.array([np.interp(t - s, made.t, x) for x in made.v.T]).T for s in late]
-    return Record(t, np.array(signals) + _noise(rng, twin, len(t), made), made.spheres, SYNTHETIC)
-
-
-def _noise(rng, twin: Twin, k: int, made: Clean) -> np.ndarray:
-    """White noise through the instrument's low-pass, (repeats, k, m), of the rms asked for."""
-    if twin.noise == 0.0:
-        return np.zeros((twin.repeats, k, len(made.spheres)))
-    fine = rng.standard_normal((twin.repeats, OVERSAMPLED * k + 400, len(made.spheres)))
-    sos = butter(4, twin.instrument, fs=OVERSAMPLED * twin.sampling, output="sos")
-    seen = sosfilt(sos, fine, axis=1)[:, 400:]
-    return twin.noise * (seen / seen.std())[:, ::OVERSAMPLED]
+    return Record(*repeated(made, twin, run), made.spheres, SYNTHETIC)
 
 
 def twin_run(

@@ -95,22 +95,6 @@ def pruned_wall(scene: Scene, pruning: PrunedWall) -> dem.Wall:
     return pruning.wall
 
 
-def yielding(row: dem.Chain, run: dem.Trajectory) -> tuple[str, ...]:
-    """A sentence on the contacts that a run has pressed beyond their yield."""
-    if row.yield_overlap is None:
-        return ()
-    first = row.A * row.yield_overlap**1.5
-    ratio = run.contact_force.max(axis=0) / first
-    worst, n = int(ratio.argmax()), ratio.size
-    if not ratio[worst] > 1.0:
-        return ("No contact yields.",)
-    where = "at the wall" if worst == len(row.mass) - 1 else f"of spheres {worst + 1}, {worst + 2}"
-    return (
-        f"{(ratio > 1.0).sum()} of {n} contacts yield; the one {where} most, pressed to "
-        f"{ratio[worst]:.3g} times the {first[worst]:.3g} N at which it starts to.",
-    )
-
-
 def save_trajectory(
     path: Path, trajectory: dem.Trajectory, wall: dem.Wall | coupling.CoupledWall | None
 ) -> None:

@@ -5,12 +5,13 @@ from contextlib import nullcontext
 from datetime import datetime
 from platform import python_version
 
+import dem
 from coupling import CoupledWall
 from workflows.files.run_folder import RunFolder, write_pictures
 from workflows.pipeline import warnings
 from workflows.pipeline.aside import IMPACT, RUN, two_processes
 from workflows.pipeline.chain import contact_radius
-from workflows.pipeline.impact import require_start, save_trajectory, yielding
+from workflows.pipeline.impact import require_start, save_trajectory
 from workflows.pipeline.pipeline import (
     LIBRARIES,
     Pipeline,
@@ -127,7 +128,7 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
         "dt_s": run.dt,
         "n_steps": run.n_steps,
         "energy_error": run.energy_error,
-        "verdict": (*verdict.sentences, *yielding(row, run)),
+        "verdict": (*verdict.sentences, *dem.yielding(row, run)),
         "waves": {str(s): sphere_waves(found, run.t, run.v[:, s - 1], s) for s in found.labels},
         "wall_contact": chain_contact(scene, found),
     }

@@ -27,6 +27,7 @@ import dem
 import fem
 import rom
 from coupling.work_precision.rows import Row
+from coupling.work_precision.runs import least_seconds
 from fem.shared_solutions import SharedSolutions
 from workflows.files.run_folder import Picture
 from workflows.pipeline.chain import curved, initial_velocity
@@ -38,7 +39,6 @@ from workflows.studies.accuracy.reduction_cost import (
     ERROR,
     Contact,
     costs_of,
-    least_seconds,
     marched,
     reduced_to,
     wall_of,

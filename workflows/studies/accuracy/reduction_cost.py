@@ -4,8 +4,7 @@ Seconds are those of the processor, the least of some repeats taken in turns: a 
 other work to do spoils them least so. BLAS runs on one thread.
 """
 
-from collections.abc import Callable, Iterator
-from time import process_time
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ import dem
 import fem
 import rom
 from coupling.wall import wall_from_reduced
+from coupling.work_precision.runs import least_seconds
 from fem.shared_solutions import SharedSolutions
 from workflows.pipeline.assembly import AssemblyModes
 from workflows.pipeline.chain import chain, initial_velocity
@@ -77,17 +77,6 @@ def marched(scene: Scene, wall: dem.Wall, finer: float) -> dem.Trajectory:
         observed=observed,
         n_save=scene.output.samples - 1,
     ).trajectory
-
-
-def least_seconds(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
-    """Processor seconds of the quickest of some runs of every call, the calls in turns."""
-    best = [np.inf] * len(calls)
-    for _ in range(repeats):
-        for i, call in enumerate(calls):
-            started = process_time()
-            call()
-            best[i] = min(best[i], process_time() - started)
-    return best
 
 
 class SolveCost(NamedTuple):

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 import coupling
 import dem
-from coupling.collision import FAINTEST_ARR, Collision
+from coupling import plate_sizes
+from coupling.collision import Collision
+from coupling.edge_series import CLOSE, Series
+from coupling.plate_sizes import Sizes
 from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Progress
 from workflows.results.plots import Line, Panel, panels
@@ -20,72 +23,18 @@ from workflows.scene import Scene
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 from workflows.studies.thesis import plates
-from workflows.studies.thesis.plates import Sizes
 from workflows.studies.thesis.requirements import FEWEST, require_chain
 
 RATIOS = (1.0, 2.0, 4.0, 6.0)  # D/t
 DIAMETERS = (0.2, 0.4, 0.6, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.2, 4.0, 5.0, 6.0)  # distances
 CHECKED = 4.0  # D/t at which mesh and modes are varied
-CLOSE = 0.05  # of the ARR far from the edge: where the edge no longer matters
 SHOWN = (0.4, 1.2, 2.0, 6.0)  # distances whose forces are drawn and whose ARR is checked
 
-VARIED = {"elements halved": plates.refined, "modes doubled": plates.with_more_modes}
+VARIED = {"elements halved": plate_sizes.refined, "modes doubled": plate_sizes.with_more_modes}
 COLUMNS = (
     "d_over_t", "distance_mm", "arr", "arr_over_far", "energy_lost_percent", "contact_time_us",
     "peak_force_N",
 )  # fmt: skip
-
-
-class Series(NamedTuple):
-    """One plate struck at all distances."""
-
-    ratio: float  # D/t
-    plate: coupling.Plate
-    distance: NDArray[np.float64]  # (k,) [m]
-    collisions: list[Collision]
-
-    @property
-    def arr(self) -> NDArray[np.float64]:
-        """(k,)"""
-        return np.array([one.arr for one in self.collisions])
-
-    @property
-    def far(self) -> float:
-        """ARR at the largest distance."""
-        return self.collisions[-1].arr
-
-    @property
-    def edge(self) -> float:
-        """ARR at the smallest distance."""
-        return self.collisions[0].arr
-
-    @property
-    def edge_over_far(self) -> float:
-        """ARR at the smallest distance over that at the largest."""
-        return float(self.over_far[0])
-
-    @property
-    def over_far(self) -> NDArray[np.float64]:
-        """ARR over that far away, or over what could just be seen (k,)."""
-        return self.arr / max(self.far, FAINTEST_ARR)
-
-    @property
-    def critical(self) -> float:
-        """Distance [m] beyond which ARR stays within CLOSE of that far away."""
-        away = np.abs(self.over_far - self.over_far[-1])
-        last = int(np.flatnonzero(away > CLOSE).max(initial=-1))
-        if last < 0:
-            return 0.0
-        x, y = self.distance[last : last + 2], away[last : last + 2]
-        return float(x[0] + (y[0] - CLOSE) / (y[0] - y[1]) * (x[1] - x[0]))
-
-    @property
-    def half_way(self) -> float:
-        """Distance [m] at which ARR has fallen half of its way from the edge to far away."""
-        middle = (self.arr[0] + self.far) / 2
-        beyond = int((self.arr < middle).argmax())
-        x, y = self.distance[beyond - 1 : beyond + 1], self.arr[beyond - 1 : beyond + 1]
-        return float(x[0] + (y[0] - middle) / (y[0] - y[1]) * (x[1] - x[0]))
 
 
 def boundary_distance(scene: Scene, progress: Progress) -> Finding:
@@ -112,7 +61,7 @@ def boundary_distance(scene: Scene, progress: Progress) -> Finding:
 def _size(scene: Scene, ratio: float, deep: Collision) -> Sizes:
     plate = plates.steel(scene, plates.diameter(scene) / ratio)
     until = plates.collision(scene, coupling.infinite_plate(plate)).contact.seconds
-    size = plates.sizes(plate, deep.contact.seconds, until)
+    size = plate_sizes.sizes(plate, deep.contact.seconds, until)
     # fine elements run all along the line of contacts
     nearest = DIAMETERS[0] * plates.diameter(scene)
     return size._replace(contact_seed=nearest, patch=min(size.patch, nearest / 2))

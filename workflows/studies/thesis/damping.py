@@ -8,6 +8,7 @@ needed to say so. Thesis, figures 6.5 and 6.6, equation 6.1.
 import numpy as np
 
 import coupling
+from coupling.energy_run import EnergyRun
 from workflows.files.run_folder import Picture
 from workflows.pipeline import assembly as stages
 from workflows.pipeline.pipeline import Progress
@@ -17,7 +18,7 @@ from workflows.scene import Scene
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 from workflows.studies.thesis.requirements import require_rig
-from workflows.studies.thesis.schemes import Body, Run, impact_run, of_the_thesis
+from workflows.studies.thesis.schemes import Body, impact_run, of_the_thesis
 from workflows.studies.thesis.schemes import ours as with_one_functional
 from workflows.thesis import HAMMER_TEST_HZ, THESIS
 
@@ -65,7 +66,7 @@ def _runs(scene: Scene, progress: Progress):
         yield impact_run(scene, FAR, wall, DURATION)
 
 
-def _growth(run: Run) -> float:
+def _growth(run: EnergyRun) -> float:
     """Rms velocity of the wall in the last third of the time after the first touch over that in the
     first."""
     v = run.trajectory.wall_v[run.trajectory.contact_force[:, -1].argmax() :]
@@ -73,7 +74,7 @@ def _growth(run: Run) -> float:
     return float(last / first)
 
 
-def _picture(runs: tuple[Run, ...]) -> bytes:
+def _picture(runs: tuple[EnergyRun, ...]) -> bytes:
     speed = 1.1 * max(np.abs(run.trajectory.v[:, -1]).max() for run in runs)
     moving = [
         Panel(
@@ -87,12 +88,12 @@ def _picture(runs: tuple[Run, ...]) -> bytes:
     return panels([*moving, _gains(runs), _log_gains(runs), _rayleigh()], columns=2, size=(5.6, 3))
 
 
-def _gains(runs: tuple[Run, ...]) -> Panel:
+def _gains(runs: tuple[EnergyRun, ...]) -> Panel:
     lines = [Line(r.name, r.milliseconds, 100 * (r.total - r.total[0]), width=1.0) for r in runs]
     return Panel("energy generated", "time [ms]", "energy [% of the striker's]", lines)
 
 
-def _log_gains(runs: tuple[Run, ...]) -> Panel:
+def _log_gains(runs: tuple[EnergyRun, ...]) -> Panel:
     lines = [
         Line(r.name, r.milliseconds, np.maximum(np.abs(r.total - r.total[0]), 1e-16), width=1.0)
         for r in runs

@@ -14,6 +14,7 @@ import coupling
 import dem
 import fem
 import geometry
+from coupling.energy_run import EnergyRun
 from coupling.observed_run import ERROR, N_SAVE
 from dem.spheres import time_scale
 from dem.waves.measures import WaveEnergy, wave_energy
@@ -28,7 +29,7 @@ from workflows.scene import Scene
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 from workflows.studies.thesis.requirements import bare, require_chain, require_rig
-from workflows.studies.thesis.schemes import Body, Run, impact_run, of_the_thesis, ours
+from workflows.studies.thesis.schemes import Body, impact_run, of_the_thesis, ours
 
 DURATION = 3e-3  # [s]
 SIDE = 0.3  # [m] of the large block
@@ -43,8 +44,8 @@ class Wall(NamedTuple):
     """A wall in both schemes."""
 
     name: str
-    one_functional: Run
-    thesis: Run
+    one_functional: EnergyRun
+    thesis: EnergyRun
 
 
 def energy(scene: Scene, progress: Progress) -> Finding:
@@ -102,7 +103,7 @@ def _assembly(scene: Scene) -> Body:
     return Body(model, scene.patch.point, scene.patch.radius)
 
 
-def _measures(run: Run) -> tuple[float, float, float]:
+def _measures(run: EnergyRun) -> tuple[float, float, float]:
     """Largest rise of the total energy, what is left of it, largest gap without the wall."""
     missing = float((1 - run.without_wall).max())
     return run.gain.largest, run.gain.final, missing
@@ -113,14 +114,14 @@ def _rows(wall: Wall):
     yield f"{wall.name}, thesis", *_measures(wall.thesis)
 
 
-def _held_energy(run: Run) -> dict[str, float]:
+def _held_energy(run: EnergyRun) -> dict[str, float]:
     """Largest changes of what the thesis leaves out in a first approximation."""
     held = {"preload": run.trajectory.work_preload, "leaf": run.trajectory.energy_leaf}
     whole = run.trajectory.energy_kinetic[0]
     return {name: np.abs(energy - energy[0]).max() / whole for name, energy in held.items()}
 
 
-def _picture(alone: dem.Trajectory, still: Run, block: Wall, assembly: Wall) -> bytes:
+def _picture(alone: dem.Trajectory, still: EnergyRun, block: Wall, assembly: Wall) -> bytes:
     rows = [
         _alone(alone),
         _displacements("half-space (figure 7.1)", still),
@@ -158,7 +159,7 @@ def _alone(run: dem.Trajectory) -> Panel:
     return Panel(title, "time [ms]", label, lines, y_limits=(-5.0, 150.0))
 
 
-def _displacements(title: str, run: Run) -> Panel:
+def _displacements(title: str, run: EnergyRun) -> Panel:
     motion = run.trajectory
     lines = [
         Line("last sphere", run.milliseconds, 1e6 * (motion.x[:, -1] - motion.x[0, -1])),
@@ -176,7 +177,7 @@ def _energies(title: str, totals: dict[str, np.ndarray], full: bool = False) -> 
     return Panel(title, "time [ms]", "energy [% of the striker's]", lines, y_limits=span)
 
 
-def _wall_energy(run: Run) -> Panel:
+def _wall_energy(run: EnergyRun) -> Panel:
     held = run.total - run.without_wall
     lines = [
         Line("missing without the wall", run.milliseconds, 100 * (1 - run.without_wall)),
@@ -186,7 +187,7 @@ def _wall_energy(run: Run) -> Panel:
     return Panel(title, "time [ms]", "energy [% of the striker's]", lines)
 
 
-def _holding(run: Run) -> Panel:
+def _holding(run: EnergyRun) -> Panel:
     motion, whole = run.trajectory, run.trajectory.energy_kinetic[0]
     terms = {"work of the preload": motion.work_preload, "leaf springs": motion.energy_leaf}
     lines = [

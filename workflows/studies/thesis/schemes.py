@@ -6,12 +6,12 @@ Ours loads and reads a patch. The thesis pushes at the contact node and reads tw
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import coupling
 import dem
 import fem
 import rom
+from coupling.energy_run import EnergyRun
 from coupling.wall import coupled_wall, wall_from_reduced
 from workflows.pipeline.assembly import material
 from workflows.pipeline.chain import chain, initial_velocity
@@ -30,33 +30,6 @@ class Body(NamedTuple):
     model: fem.Model
     point: tuple[float, float]  # y, z [m] from the middle of its face
     radius: float  # [m] of the patch, and of the recovery points' distance
-
-
-class Run(NamedTuple):
-    """A coupled run and what it made of energy."""
-
-    name: str
-    trajectory: dem.Trajectory
-    gain: coupling.EnergyGain
-
-    @property
-    def milliseconds(self) -> NDArray[np.float64]:
-        return 1e3 * self.trajectory.t
-
-    @property
-    def total(self) -> NDArray[np.float64]:
-        """The whole ledger over the striker's energy, 1 at the start (k,)."""
-        return self._share(self.trajectory.energy_total)
-
-    @property
-    def without_wall(self) -> NDArray[np.float64]:
-        """The ledger without the wall's part over the striker's energy, 1 at the start (k,)."""
-        run = self.trajectory
-        wall = run.energy_wall + run.energy_residual + run.dissipated_wall
-        return self._share(run.energy_total - wall)
-
-    def _share(self, energy: NDArray[np.float64]) -> NDArray[np.float64]:
-        return 1 + (energy - energy[0]) / self.trajectory.energy_kinetic[0]
 
 
 def ours(scene: Scene, body: Body, *, damping: coupling.Damping | None = None) -> dem.Wall:
@@ -99,7 +72,7 @@ def of_the_thesis(
 
 def impact_run(
     scene: Scene, name: str, wall: dem.Wall | coupling.CoupledWall, duration: float
-) -> Run:
+) -> EnergyRun:
     """The scene's chain against a wall for duration [s]."""
     # over many impacts spheres move chaotically: no step holds an error of velocities for long
     held = {"horizon": min(duration, HORIZON)} if isinstance(wall, dem.Wall) else {}
@@ -107,4 +80,4 @@ def impact_run(
         chain(scene), wall, initial_velocity(scene), duration=duration, error=ERROR,
         n_save=N_SAVE, **held,
     )  # fmt: skip
-    return Run(name, run.trajectory, run.energy_gain)
+    return EnergyRun(name, run.trajectory, run.energy_gain)

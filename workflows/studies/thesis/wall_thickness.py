@@ -11,7 +11,9 @@ import numpy as np
 
 import coupling
 import dem
+from coupling import plate_sizes
 from coupling.collision import Collision
+from coupling.plate_sizes import Sizes
 from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Progress
 from workflows.results.tables import Table
@@ -19,7 +21,6 @@ from workflows.scene import Scene
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 from workflows.studies.thesis import plates
-from workflows.studies.thesis.plates import Sizes
 from workflows.studies.thesis.requirements import FEWEST, require_chain
 from workflows.studies.thesis.thickness_figure import picture
 
@@ -33,10 +34,10 @@ FAINT = 0.05  # ARR that nobody would look for
 REBOUNDS = 6.0  # D/t up to which one sphere rebounds at more than a tenth of its speed
 
 VARIED = {
-    "elements halved": plates.refined,
-    "modes doubled": plates.with_more_modes,
-    "1.5 times as wide": plates.widened,
-    "patch halved": plates.with_half_the_patch,
+    "elements halved": plate_sizes.refined,
+    "modes doubled": plate_sizes.with_more_modes,
+    "1.5 times as wide": plate_sizes.widened,
+    "patch halved": plate_sizes.with_half_the_patch,
 }
 COLUMNS = (
     "model", "d_over_t", "t_mm", "k_h", "restitution", "arr", "lost_%", "contact_us",
@@ -102,7 +103,7 @@ def _solid(scene: Scene, ratio: float, size: Sizes) -> Answer:
 
 def _size(scene: Scene, zener: Answer, deep: Collision) -> Sizes:
     rise, until = deep.contact.seconds, zener.collision.contact.seconds
-    return plates.sizes(_plate(scene, zener.ratio), rise, until)
+    return plate_sizes.sizes(_plate(scene, zener.ratio), rise, until)
 
 
 def _radiated(scene: Scene, deep: Collision) -> float:
@@ -139,7 +140,7 @@ def _numbers(scene: Scene, found: Results, size: Sizes) -> dict[str, Any]:
     flat, deep = plates.steel(scene, 1.0), found.half_space
     both = list(zip(found.thin, found.solid, strict=True))
     close = [s.ratio for z, s in both if abs(s.collision.lost / z.collision.lost - 1) < CLOSE]
-    omega = plates.CARRIED * np.pi / deep.contact.seconds
+    omega = plate_sizes.CARRIED * np.pi / deep.contact.seconds
     striker = np.abs(deep.trajectory.v[0]).max()
     half_way = np.sqrt(flat.young / flat.density) * deep.contact.seconds / 2
     return {

@@ -6,12 +6,12 @@ compared with each other, by the distances of `coupling.wave_distance`.
 
 from itertools import combinations
 from math import inf, isnan
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from coupling.observed_run import ERROR, Observed
-from coupling.wave_distance import distance, overall, spread
+from coupling.wave_distance import Similarity, dependence, distance, overall, spread
 from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Progress
 from workflows.results.plots import matrix, panels
@@ -80,38 +80,6 @@ def _or_none(value: float) -> float | None:
     return None if isnan(value) else value
 
 
-class Similarity(NamedTuple):
-    """Whether the one-mass wall `other` is the nearest to `one`, by the fourth wave's arrival."""
-
-    one: str
-    other: str
-    times: dict[str, float]  # [s] of the fourth waves, of `one` and of the one-mass walls
-    distance: dict[str, float]  # over all that comes back, of the one-mass walls to `one`
-
-    @property
-    def missing(self) -> str | None:
-        """The wall that sends no fourth wave, if one of the two does not."""
-        return next((name for name in (self.one, self.other) if name not in self.times), None)
-
-    @property
-    def nearest(self) -> str:
-        """The one-mass wall whose fourth wave comes nearest to that of `one`."""
-        at = self.times[self.one]
-        others = (name for name in self.times if name != self.one)
-        return min(others, key=lambda name: abs(at - self.times[name]))
-
-    @property
-    def ranked(self) -> list[str]:
-        """One-mass walls from the least distance on."""
-        return sorted(self.distance, key=self.distance.get)
-
-    @property
-    def chooses(self) -> bool:
-        """Whether the distance tells the first of them from the second."""
-        first, second, *_ = self.ranked
-        return self.distance[first] < 0.5 * self.distance[second]
-
-
 def _similarity(runs: Runs, one: str, other: str, spheres: Spheres) -> Similarity:
     masses = [name for name in map(one_dof, ONE_DOF_HZ) if name in runs]
     found = {name: runs[name].wave(spheres[-1], "reflected", N_WAVES)
@@ -123,23 +91,10 @@ def _similarity(runs: Runs, one: str, other: str, spheres: Spheres) -> Similarit
     )
 
 
-class Dependence(NamedTuple):
-    """Largest distance of two walls in a reflected wave; None, and no sphere, if none sends it."""
-
-    distance: float | None
-    by_sphere: dict[int, float]
-
-
-def _dependence(runs: list[Observed], number: int, spheres: Spheres) -> Dependence:
-    found = {sphere: spread(runs, number, (sphere,)) for sphere in spheres}
-    seen = {sphere: value for sphere, value in found.items() if not isnan(value)}
-    return Dependence(_or_none(spread(runs, number, spheres)), seen)
-
-
 def _numbers(runs: Runs, spheres: Spheres) -> dict[str, Any]:
     bodies = [runs[name] for name in (*FEW, *ROMS) if name in runs]
     moving = [run for name, run in runs.items() if name != RIGID]
-    waves = {k: _dependence(moving, k, spheres) for k in NUMBERS}
+    waves = {k: dependence(moving, k, spheres) for k in NUMBERS}
     early = [spread(bodies, k, spheres) for k in NUMBERS[:-1]]
     return {
         "n_waves": N_WAVES,
