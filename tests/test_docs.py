@@ -41,6 +41,17 @@ def test_what_a_page_shows_runs(name):
     COMMANDS_OF.run(COMMANDS_OF.pages()[name])
 
 
+def test_the_python_of_the_readme_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(
+        r"^```python\n(.*?)^```", (ROOT / "README.md").read_text("utf-8"), re.M | re.S
+    )
+    names = {}
+    exec(code, names)
+    stated = float(re.search(r"# (\d+) N", code)[1])
+    assert names["result"].summary.peak_wall_force_N == pytest.approx(stated, abs=0.5)
+
+
 def test_a_line_that_fails_is_an_error(tmp_path):
     page = tmp_path / "wrong.md"
     page.write_text("```sh\nbeadwave impact no-such-scene\n```\n")
