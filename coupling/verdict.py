@@ -139,12 +139,14 @@ def _sentences(
 ) -> tuple[str, ...]:
     place = "between spheres" if wall is None else "at the wall"
     lines = [
-        f"Predicted peak force {place} {force:.4g} N, contact stiffness {stiffness:.3g} N/m.",
-        f"Highest frequency of the contacts {omega / 2 / np.pi:.4g} Hz.",
+        f"Predicted peak force {place} {force:.3g} N, contact stiffness {1e-6 * stiffness:.3g} "
+        "MN/m.",
+        f"Highest frequency of the contacts {omega / 2e3 / np.pi:.3g} kHz.",
     ]
     if wall is not None and len(wall.omega):
+        n, highest = len(wall.omega), np.max(wall.omega) / 2e3 / np.pi
         lines.append(
-            f"The wall has {len(wall.omega)} modes up to {np.max(wall.omega) / 2 / np.pi:.4g} Hz "
-            f"and a residual compliance of {wall.residual_compliance:.4g} m/N."
+            f"The wall has {n} mode{'s' if n > 1 else ''} up to {highest:.3g} kHz and a residual "
+            f"compliance of {1e9 * wall.residual_compliance:.3g} nm/N."
         )
     return tuple(lines)

@@ -72,9 +72,11 @@ class Run:
 
     def text(self) -> str:
         """The summary for a person."""
-        from workflows.results.summary import rows
+        from workflows.results.rows import details, headline
 
-        return "\n".join(f"{label:>34}  {value}" for label, value in rows(self.summary))
+        lines = (*headline(self.summary), *details(self.summary))
+        text = "\n".join(f"{label:>36}  {value}" for label, value in lines)
+        return text.replace("\u00a0", " ")
 
     def __repr__(self) -> str:
         return f"{self.summary.scene}\n{self.text()}"

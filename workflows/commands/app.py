@@ -24,6 +24,7 @@ from workflows.commands.options import (
     Overwrite,
     Quiet,
     SceneName,
+    Verbose,
     json_of,
     scene_names,
 )
@@ -65,6 +66,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Run folder; default runs/NAME.")] = None,
     changes: Changes = None,
     overwrite: Overwrite = False,
+    verbose: Verbose = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -75,7 +77,7 @@ def run(
         done = run_stages(
             scene, changes or (), out=out, overwrite=overwrite, progress=progress.stage
         )
-    printed(done.summary, json, quiet)
+    printed(done.summary, json, quiet, verbose)
     _warn(done.notes)
     noted(f"written: {done.folder}/report.html", json=json, quiet=quiet)
 
@@ -95,6 +97,7 @@ def impact(
     ] = None,
     changes: Changes = None,
     overwrite: Overwrite = False,
+    verbose: Verbose = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -105,7 +108,7 @@ def impact(
         done = run_impact(
             scene, changes or (), rom=rom, out=out, overwrite=overwrite, progress=progress.stage
         )
-    printed(done.summary, json, quiet)
+    printed(done.summary, json, quiet, verbose)
     _warn(done.notes)
     if out:
         noted(f"written: {out}/trajectory.npz", json=json, quiet=quiet)

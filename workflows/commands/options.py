@@ -73,6 +73,9 @@ StudyFolder = Annotated[
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace existing files that beadwave did not write.")
 ]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Every number of the run, verdict and stages.")
+]
 Quiet = Annotated[
     bool,
     typer.Option("--quiet", "-q", help="No progress and no text: files, JSON, warnings, errors."),

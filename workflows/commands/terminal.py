@@ -14,7 +14,8 @@ from workflows.commands.durations import Durations
 if TYPE_CHECKING:
     from workflows.results.summary import Summary
 
-LABEL = 34  # characters of a label
+LABEL = 35  # characters of a label
+LINE = 80  # of a line
 UNBROKEN = "\u00a0"
 PATIENCE = 10.0  # s without a word where nobody watches a terminal
 
@@ -101,47 +102,33 @@ def written(paths: Iterable[Path], json: bool, quiet: bool = False) -> None:
     told({"written": names}, f"written: {', '.join(names)}", json, quiet)
 
 
-def printed(summary: Summary, json: bool, quiet: bool = False) -> None:
+def printed(summary: Summary, json: bool, quiet: bool = False, verbose: bool = False) -> None:
     """The summary on stdout: JSON for machines, lines for a person; warnings on stderr."""
     if json:
         print(summary.text(), end="")
         return
     if not quiet:
-        _print_lines(summary)
+        _print_lines(summary, verbose)
     for warning in summary.warnings:
         print(f"warning: {warning}", file=sys.stderr)
 
 
-def _print_lines(summary: Summary) -> None:
-    from workflows.results.summary import rows
+def _print_lines(summary: Summary, verbose: bool) -> None:
+    from workflows.results.rows import details, headline
 
-    for label, value in [("scene", summary.scene), *rows(summary), *_waves(summary)]:
+    for label, value in (*headline(summary), *(details(summary) if verbose else ())):
         print(_wrapped(label, value))
+    if not verbose:
+        return
     for sentence in (*summary.verdict, *summary.wall_modes_left_out[-1:]):
         print(_wrapped("verdict", sentence))
     for stage in summary.stages:
         kept = "  (kept)" if stage.cached else ""
-        print(f"{stage.name:>34}  {stage.seconds:.2f} s{kept}")
-
-
-def _waves(summary: Summary) -> list[tuple[str, str]]:
-    return [
-        (f"waves at sphere {sphere}", ", ".join(_arrival(a) for a in waves.arrivals) or "none")
-        for sphere, waves in summary.waves.items()
-    ]
-
-
-def _arrival(arrival) -> str:
-    """In a line of its own or with others, never on two."""
-    name = f"{arrival.name} " if arrival.name else ""
-    said = f"{name}{arrival.peak_velocity_m_s:+.3g} m/s at {1e3 * arrival.time_s:.4g} ms"
-    return said.replace(" ", UNBROKEN)
+        print(_wrapped(stage.name, f"{stage.seconds:.2f} s{kept}"))
 
 
 def _wrapped(label: str, value: str) -> str:
     from textwrap import fill
-
-    from workflows.results.tables import LINE
 
     text = fill(f"{label:>{LABEL}}  {value}", LINE, subsequent_indent=" " * (LABEL + 2))
     return text.replace(UNBROKEN, " ")

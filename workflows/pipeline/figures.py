@@ -10,19 +10,9 @@ from dem.waves.tracks import WaveTrack
 from workflows.files.run_folder import Picture
 from workflows.pipeline.waves import ChainWaves
 from workflows.results import plots
+from workflows.results.page_data import ledger
 from workflows.results.plots import Line, Panel
 from workflows.scene import Scene
-
-LEDGER = {
-    "energy_kinetic": "spheres, kinetic",
-    "energy_contact": "contacts",
-    "energy_leaf": "leaf springs",
-    "energy_wall": "wall modes",
-    "energy_residual": "wall, static",
-    "dissipated_contact": "dissipated in contacts",
-    "dissipated_wall": "dissipated in the wall",
-    "work_preload": "work of the preload",
-}
 
 
 def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, ...]:
@@ -90,14 +80,11 @@ def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
 
 
 def energies(run) -> bytes:
-    """The ledger over time and how far it is from closing."""
-    t, ledger = 1e3 * run.t, run._asdict()
-    shown = {name: words for name, words in LEDGER.items() if np.any(ledger[name])}
-    lines = [
-        Line(words, t, 1e3 * ledger[name], None, i, 1.2)
-        for i, (name, words) in enumerate(shown.items())
-    ]
-    lines.append(Line("total", t, 1e3 * run.energy_total, "--", "black", 1.0))
+    """The ledger over time, changes since the start, and how far it is from closing."""
+    t = 1e3 * run.t
+    *parts, (_, total) = ledger(run._asdict())
+    lines = [Line(words, t, 1e3 * E, None, i, 1.2) for i, (words, E) in enumerate(parts)]
+    lines.append(Line("sum", t, 1e3 * total, "--", "black", 1.0))
     gap = (run.energy_total - run.energy_total[0]) / max(run.energy_kinetic[0], 1e-300)
     power = int(np.floor(np.log10(np.abs(gap).max(initial=0.0) or 1.0)))
     closure = f"closure error\n[1e{power} of the\nstriker's]"

@@ -1,11 +1,13 @@
 """The stage that renders, in a process of its own."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 from skfem import Mesh
 
+import fem
 from workflows.files import mode_field as field_file
 from workflows.files.child import child
 from workflows.files.run_folder import Picture
@@ -19,9 +21,9 @@ class NoPicture(RuntimeError):
     """The pictures could not be rendered; the message says what to install."""
 
 
-def pictures(scene: Scene, modes: AssemblyModes) -> tuple[Picture, ...]:
+def pictures(scene: Scene, modes: AssemblyModes, contact: fem.ContactPatch) -> tuple[Picture, ...]:
     """The meshed assembly and four modes; raises NoPicture where nothing can be rendered."""
-    return _rendered(modes.field)
+    return _rendered(modes.field, [*contact.spot.point, *contact.spot.inward])
 
 
 def picture_of(meshes: dict[str, Mesh]) -> Picture:
@@ -30,12 +32,13 @@ def picture_of(meshes: dict[str, Mesh]) -> Picture:
     return _rendered(field_file.ModeField(meshes, *(nothing,) * 4))[0]
 
 
-def _rendered(modes: field_file.ModeField) -> tuple[Picture, ...]:
+def _rendered(modes: field_file.ModeField, strike: Sequence[float] = ()) -> tuple[Picture, ...]:
     with TemporaryDirectory() as folder:
         field = Path(folder) / "modes.vtu"
         field_file.write(field, modes)
         images = [Path(folder) / "assembly.png", Path(folder) / "modes.png"]
-        _render([str(field), ",".join(modes.meshes), *map(str, images)])
+        point = ",".join(f"{number:.9g}" for number in strike)
+        _render([str(field), ",".join(modes.meshes), point, *map(str, images)])
         return tuple(Picture(image.stem, image.read_bytes()) for image in images)
 
 

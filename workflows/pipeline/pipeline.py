@@ -129,7 +129,7 @@ ASSEMBLY = {
         lambda scene: [environ.get("NUMBA_CACHE_DIR"), tables_of("damping", *START)(scene)],
         (),
     ),
-    "pictures": Stage(".pictures:pictures", tables_of(), ("modes",)),
+    "pictures": Stage(".pictures:pictures", tables_of(), ("modes", "contact")),
 }
 
 IMPACT = {

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from workflows.results.numbers import NONE, digits, grouped, percent, si
+from workflows.results.numbers import grouped, si
 from workflows.results.packing import unpacked
 from workflows.results.provenance import flat
-from workflows.results.summary import ReductionHealth, Summary
+from workflows.results.rows import at_wall, budget, facts, reduction_rows
+from workflows.results.summary import Summary
 from workflows.scene import (
     DashpotWall,
     HalfSpaceWall,
@@ -19,12 +20,6 @@ from workflows.scene import (
 )
 from workflows.scene.quantities import entries
 
-STEPS = {"time step": "time", "reduction": "reduction", "mesh": "mesh"}
-SECONDS = {  # whose stages stand behind which error
-    "time step": ("impact", "wall", "compilation"),
-    "reduction": ("reduction", "reduction-error", "full-response", "response", "modes", "contact"),
-    "mesh": ("mesh", "model", "coarse-reduction", "mesh-error"),
-}
 STANDS_FOR = {
     "rigid": "The wall is rigid and has no shape: the slab stands for it.",
     "half-space": "The wall is a half-space without an end: the block stands for it, and does not "
@@ -71,28 +66,6 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         "scene_rows": rows,
         "defaults": [row for row in rows if row["kind"] == "default"],
     }
-
-
-def facts(summary: Summary) -> list[tuple[str, str]]:
-    """The few numbers beside the answer."""
-    contact, found = summary.wall_contact, []
-    if contact:
-        found += [
-            ("time of flight TOF", si(contact.tof_s, "s")),
-            ("amplitude ratio ARR", percent(contact.arr_2_9)),
-            ("wave speed in, back", _pair(contact.speed_in_m_s, contact.speed_back_m_s)),
-            ("peak force at the wall", si(summary.peak_wall_force_N, "N")),
-        ]
-    hz = list(summary.modes_hz.values())
-    if hz:
-        found.append(("measured modes, computed", f"{' / '.join(digits(f, 4) for f in hz)} Hz"))
-    seconds = sum(stage.seconds for stage in summary.stages if not stage.cached)
-    found.append(("computed in", f"{digits(seconds)} s" if seconds >= 0.01 else "kept results"))
-    return [(label, value) for label, value in found if value not in (NONE, "")]
-
-
-def _pair(one: float | None, two: float | None) -> str:
-    return f"{digits(one)}, {si(two, 'm/s')}" if one and two else si(one, "m/s")
 
 
 def chain_words(scene: Scene) -> str:
@@ -156,75 +129,6 @@ def view_note(data: dict[str, Any]) -> str:
     return f"Spheres are coloured by velocity, red towards the wall. {standing}"
 
 
-def at_wall(summary: Summary) -> list[tuple[str, str, str]]:
-    """The collision in the measures of the literature: label, value, what it is."""
-    c = summary.wall_contact
-    if c is None:
-        return []
-    rows = [
-        ("peak force", si(summary.peak_wall_force_N, "N"), "largest force of the last contact"),
-        ("contact radius", si(summary.contact_radius_m, "m"), "of the Hertz contact at that force"),
-        (
-            "contact time",
-            si(c.contact_time_s, "s"),
-            f"while the force is above {si(c.threshold_N, 'N')}, 1 % of its peak above rest",
-        ),
-        (
-            "dimensionless contact time τ_c",
-            _digits(c.tau_c),
-            "contact time over (m² / (V A_w²))^(1/5): mass of a sphere, speed of the striker, "
-            "Hertz coefficient at the wall",
-        ),
-        ("wave speed, incident", si(c.speed_in_m_s, "m/s"), "mean along the chain"),
-        ("wave speed, reflected", si(c.speed_back_m_s, "m/s"), "of the first reflected wave"),
-        (
-            "travelling time",
-            si(c.travelling_time_s, "s"),
-            "through all spheres and back at these two speeds",
-        ),
-        ("time of flight TOF", si(c.tof_s, "s"), "travelling time and contact time"),
-        (
-            "amplitude ratio ARR",
-            percent(c.arr_2_9),
-            "|reflected / incident velocity|^(6/5), mean along the chain: the ratio of the forces",
-        ),
-        (
-            "energy restitution",
-            percent(c.energy_restitution),
-            "square root of kinetic energy at the end over that at the start",
-        ),
-        (
-            "velocity sum ratio",
-            percent(c.velocity_sum_ratio_2_8),
-            "sum of sphere speeds, end over start; no measure of loss: elastic spheres reach 136 %",
-        ),
-    ]
-    return [row for row in rows if row[1] != NONE]
-
-
-def _digits(value: float | None) -> str:
-    return NONE if value is None else digits(value)
-
-
-def budget(summary: Summary) -> list[tuple[str, str, str]]:
-    """Each error beside the seconds of the stages that it pays for."""
-    spent = {stage.name: stage.seconds for stage in summary.stages if not stage.cached}
-    rows, told = [], set()
-    for label, name in STEPS.items():
-        error = getattr(summary.error_estimate, name)
-        own = [stage for stage in SECONDS[label] if stage in spent]
-        told |= set(own)
-        seconds = digits(sum(spent[stage] for stage in own)) if own else ""
-        if error is not None or own:
-            rows.append((label, percent(error, 2), seconds))
-    if summary.energy_error is not None:
-        rows.append(("energy balance", percent(summary.energy_error, 2), ""))
-    rest = sum(seconds for name, seconds in spent.items() if name not in told)
-    if rest:
-        rows.append(("pictures and waves", "", digits(rest)))
-    return rows
-
-
 def energies(plots: dict[str, Any]) -> list[tuple[str, float, float, float]]:
     """Of each part: energy at the end [J], its share of the striker's, the largest [J]."""
     curves = [(one["name"], unpacked(one["values"])) for one in plots.get("energy", [])]
@@ -233,34 +137,6 @@ def energies(plots: dict[str, Any]) -> list[tuple[str, float, float, float]]:
     start = float(curves[0][1][0]) or 1.0
     ends = [(name, float(E[-1]), float(E[np.abs(E).argmax()])) for name, E in curves]
     return [(name, last, last / start, most) for name, last, most in ends]
-
-
-def reduction_rows(health: ReductionHealth) -> list[tuple[str, str]]:
-    """The reduced model in numbers."""
-    own = health.static_compliance_m_per_N - health.half_space_compliance_m_per_N
-    rows = [
-        ("kind", f"{health.kind}, {health.coordinates} coordinates"),
-        ("static compliance of the structure", si(own, "m/N")),
-        ("with the half-space under the patch", si(health.static_compliance_m_per_N, "m/N")),
-        ("mass", si(health.mass_kg, "kg", 4)),
-        ("centre of mass x, y, z", ", ".join(si(x, "m") for x in health.centre_m)),
-        (
-            "lowest fixed-interface frequencies",
-            ", ".join(si(f, "Hz", 4) for f in health.fixed_interface_hz),
-        ),
-        ("effective mass along the chain", percent(health.effective_mass_captured)),
-        ("share of modes excited at the contact", percent(health.moved_by_the_contact)),
-        ("rigid-body residual forces", percent(health.grounding, 2)),
-        ("matrix asymmetry", percent(health.asymmetry, 2)),
-        ("receptance error (rms)", _receptance(health)),
-    ]
-    return [(label, value) for label, value in rows if value not in (NONE, "")]
-
-
-def _receptance(health: ReductionHealth) -> str:
-    stated = percent(health.receptance_error, 2)
-    loss = health.receptance_loss_factor
-    return f"{stated} at a loss factor of {percent(loss)}" if loss else stated
 
 
 def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:

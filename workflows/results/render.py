@@ -1,7 +1,8 @@
 """Rendered pictures of the assembly and its modes, from `modes.vtu`; run as a process of its own.
 
-    python -m workflows.results.render modes.vtu bodies assembly.png modes.png
+    python -m workflows.results.render modes.vtu bodies strike assembly.png modes.png
 
+`strike` is point and direction, six numbers between commas, or nothing.
 A render without a GL library kills its process: the run that started it loses the pictures only.
 """
 
@@ -11,14 +12,24 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
+MEASURED = "measured"  # in the names of modes that are targets
+
 STEEL = ("#b8c4d0", "#d98c3f", "#d9c77a", "#5f86ad", "#8fb08f", "#b88fa8")
 SIZE = (1500, 1050)
 GRIDS = {0: (1, 1), 1: (1, 1), 2: (2, 1), 3: (2, 2), 4: (2, 2)}  # rows and columns of modes
+IMPACT = "#c8371b"
+RAMP = ("#cfd5db", "#f3c35f", "#e2622f", "#8b1a3a")  # of displacements, as in the report page
+EXAGGERATED = 0.05  # of the assembly's size: the largest displacement as drawn
+BAR = {
+    "vertical": True, "n_labels": 3, "fmt": "%.1f", "width": 0.05, "height": 0.5,
+    "position_x": 0.88, "position_y": 0.08, "label_font_size": 14, "title_font_size": 1,
+    "color": "black",
+}  # fmt: skip
 MATT = {"ambient": 0.35, "diffuse": 0.75, "specular": 0.0}
 
 
-def assembly(grid: pv.DataSet, names: list[str], path: Path) -> None:
-    """The mesh, each body in a colour of its own."""
+def assembly(grid: pv.DataSet, names: list[str], strike: list[float], path: Path) -> None:
+    """The mesh, each body in a colour of its own, with its dimensions and the arrow of impact."""
     plotter = _plotter((1, 1), SIZE)
     for i, name in enumerate(names):
         body = grid.extract_cells(grid.cell_data["body"] == i).extract_surface(algorithm=None)
@@ -27,14 +38,33 @@ def assembly(grid: pv.DataSet, names: list[str], path: Path) -> None:
         plotter.add_text(
             name, position=(0.82, 0.93 - 0.04 * i), viewport=True, font_size=12, color=_dark(colour)
         )
-    plotter.add_axes(line_width=3)
+    if strike:
+        _arrow(plotter, np.array(strike[:3]), np.array(strike[3:]), 0.2 * grid.length)
+    millimetres = [1e3 * x for x in grid.bounds]
+    plotter.show_bounds(
+        axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]", n_xlabels=3,
+        n_ylabels=3, n_zlabels=3, fmt="%.0f", font_size=11, location="outer", color="#505050",
+    )  # fmt: skip
     _view(plotter)
     plotter.screenshot(path)
 
 
+def _arrow(plotter: pv.Plotter, tip: np.ndarray, along: np.ndarray, length: float) -> None:
+    start = tip - length * along
+    arrow = pv.Arrow(
+        start=start, direction=along, scale=float(length), shaft_radius=0.025, tip_radius=0.07
+    )
+    plotter.add_mesh(arrow, color=IMPACT, **MATT)
+    plotter.add_point_labels(
+        [start], ["impact"], font_size=22, text_color=IMPACT, shape=None, show_points=False,
+        always_visible=True,
+    )  # fmt: skip
+
+
 def modes(grid: pv.DataSet, path: Path) -> None:
-    """The modes, coloured by displacement, beside the undeformed outline."""
+    """The measured modes, or the first ones, coloured by displacement, and the outline at rest."""
     names = [name for name in grid.point_data if name.startswith("mode ")]
+    names = [name for name in names if MEASURED in name] or names
     rows, columns = GRIDS[min(len(names), 4)]
     plotter = _plotter((rows, columns), SIZE)
     for i, name in enumerate(names[:4]):
@@ -46,21 +76,31 @@ def modes(grid: pv.DataSet, path: Path) -> None:
 def _mode(plotter: pv.Plotter, grid: pv.DataSet, name: str) -> None:
     u = grid.point_data[name]
     size = np.linalg.norm(u, axis=1)
-    factor = 0.08 * grid.length / size.max()
     bent = grid.copy()
-    bent.points = grid.points + factor * u
-    bent["displacement"] = size / size.max()
+    bent.points = grid.points + EXAGGERATED * grid.length / size.max() * u
+    bent[f"{name}: displacement"] = size / size.max()
+    outline = grid.extract_surface(algorithm=None).extract_feature_edges(30)
     plotter.add_mesh(
         bent.extract_surface(algorithm=None),
-        scalars="displacement",
-        cmap="viridis",
-        show_scalar_bar=False,
+        scalars=f"{name}: displacement",
+        cmap=ramp(RAMP, 64),
+        clim=(0, 1),
+        scalar_bar_args={"title": f"{name}: displacement", **BAR},
         **MATT,
     )
-    outline = grid.extract_surface(algorithm=None).extract_feature_edges(30)
-    plotter.add_mesh(outline, color="#606060", line_width=1.5)
+    edges = bent.extract_surface(algorithm=None).extract_feature_edges(30)
+    plotter.add_mesh(edges, color="#202020", line_width=1.5)
+    plotter.add_mesh(outline, color="#909090", line_width=1.0)
     plotter.add_text(name, font_size=12, color="black")
     _view(plotter)
+
+
+def ramp(colours: tuple[str, ...], n: int) -> list[str]:
+    """n colours between these."""
+    ends = np.array([pv.Color(colour).float_rgb for colour in colours])
+    places = np.linspace(0, len(colours) - 1, n)
+    channels = [np.interp(places, np.arange(len(colours)), channel) for channel in ends.T]
+    return [pv.Color(colour).hex_rgb for colour in np.transpose(channels).tolist()]
 
 
 def _dark(colour: str) -> list[float]:
@@ -80,9 +120,10 @@ def _view(plotter: pv.Plotter) -> None:
 
 
 def main(arguments: list[str]) -> None:
-    field, names, assembly_png, modes_png = arguments
+    field, names, strike, assembly_png, modes_png = arguments
     grid = pv.read(field)
-    assembly(grid, names.split(","), Path(assembly_png))
+    numbers = [float(number) for number in strike.split(",") if number]
+    assembly(grid, names.split(","), numbers, Path(assembly_png))
     modes(grid, Path(modes_png))
 
 

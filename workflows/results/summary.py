@@ -1,8 +1,5 @@
 """What a run found, as other programs read it: `summary.json`."""
 
-from math import isfinite
-from typing import Any
-
 from pydantic import BaseModel, ConfigDict
 
 
@@ -165,85 +162,3 @@ class Summary(BaseModel):
     def text(self) -> str:
         """JSON, indented."""
         return self.model_dump_json(indent=2) + "\n"
-
-
-def rows(summary: Summary) -> list[tuple[str, str]]:
-    """The summary's single numbers as a person reads them: label, value with unit."""
-    labelled = [
-        ("measured modes", _joined(summary.modes_hz.values(), "Hz")),
-        ("degrees of freedom", f"{summary.dofs:,}" if summary.dofs else None),
-        ("wall modes", str(summary.n_wall_modes) if summary.n_steps else None),
-        ("time step", _number(summary.dt_s, "µs", 1e6)),
-        ("steps", f"{summary.n_steps:,}" if summary.n_steps else None),
-        ("peak wall force", _number(summary.peak_wall_force_N, "N")),
-        ("contact radius", _number(summary.contact_radius_m, "mm", 1e3)),
-        *_contact_rows(summary.wall_contact),
-        ("energy balance error", _number(summary.energy_error)),
-        ("time step error", _number(summary.error_estimate.time)),
-        ("reduction error", _number(summary.error_estimate.reduction)),
-        ("mesh error", _number(summary.error_estimate.mesh)),
-        *_reduction_rows(summary.reduction),
-    ]
-    return [(label, value) for label, value in labelled if value]
-
-
-def _contact_rows(contact: ChainContact | None) -> list[tuple[str, str | None]]:
-    if contact is None:
-        return []
-    return [
-        ("contact time, tau_c", _with_tau(contact)),
-        (
-            "wave speed, incident, reflected",
-            _pair(contact.speed_in_m_s, contact.speed_back_m_s, "m/s"),
-        ),
-        (
-            "travelling time, time of flight",
-            _pair(contact.travelling_time_s, contact.tof_s, "ms", 1e3),
-        ),
-        ("amplitude ratio ARR (2.9)", _number(contact.arr_2_9)),
-        ("velocity sum ratio (2.8)", _number(contact.velocity_sum_ratio_2_8)),
-        ("energy restitution", _number(contact.energy_restitution)),
-    ]
-
-
-def _with_tau(contact: ChainContact) -> str | None:
-    seconds = _number(contact.contact_time_s, "µs", 1e6)
-    above = _number(contact.threshold_N, "N")
-    return seconds and f"{seconds} above {above}, {_number(contact.tau_c) or 'no'}"
-
-
-def _pair(one: float | None, two: float | None, unit: str, scale: float = 1.0) -> str | None:
-    found = [_number(value, unit, scale) for value in (one, two)]
-    return None if None in found else ", ".join(found)
-
-
-def _reduction_rows(health: ReductionHealth | None) -> list[tuple[str, str | None]]:
-    if health is None:
-        return []
-    own = health.static_compliance_m_per_N - health.half_space_compliance_m_per_N
-    return [
-        ("reduced model", f"{health.kind}, {health.coordinates} coordinates"),
-        ("static compliance of the structure", _number(own, "m/N")),
-        ("static compliance with half-space", _number(health.static_compliance_m_per_N, "m/N")),
-        ("mass", _number(health.mass_kg, "kg")),
-        ("centre of mass x, y, z", _joined([1e3 * x for x in health.centre_m], "mm")),
-        ("rigid-body residual forces", _number(health.grounding)),
-        ("fixed-interface frequencies", _joined(health.fixed_interface_hz, "Hz")),
-        ("effective mass along the chain", _number(health.effective_mass_captured, "%", 100)),
-        ("modes excited at the contact", _number(health.moved_by_the_contact, "%", 100)),
-        ("matrix asymmetry", _number(health.asymmetry)),
-        ("receptance error", _receptance_error(health)),
-    ]
-
-
-def _receptance_error(health: ReductionHealth) -> str | None:
-    stated, loss = _number(health.receptance_error), health.receptance_loss_factor
-    return f"{stated} rms, at a loss factor of {loss:g}" if stated and loss else stated
-
-
-def _number(value: Any, unit: str = "", scale: float = 1.0) -> str | None:
-    return None if value is None or not isfinite(value) else f"{scale * value:.4g} {unit}".rstrip()
-
-
-def _joined(values, unit: str) -> str | None:
-    return " / ".join(f"{value:.5g}" for value in values) + f" {unit}" if values else None
