@@ -8,6 +8,7 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from fem.factorisation import Factor, factorised
+from fem.threads import one_thread
 
 ROUNDING = 200 * np.finfo(float).eps  # of K's largest eigenvalue: what it makes of a zero one
 INVERSE_ITERATIONS = 3  # of each rigid motion
@@ -41,7 +42,8 @@ def modes(K, M, n_modes: int, *, shift_hz: float = 5.0) -> Modes:
     if n_elastic:
         inverse = LinearOperator((n, n), matvec=lambda b: _deflated(R, M, factor, b))
         start = np.random.default_rng(0).standard_normal(n)
-        eigenvalues, phi = eigsh(K, n_elastic, M, sigma=sigma, OPinv=inverse, v0=start)
+        with one_thread():
+            eigenvalues, phi = eigsh(K, n_elastic, M, sigma=sigma, OPinv=inverse, v0=start)
     if R.shape[1]:
         V = np.hstack([R, phi])
         eigenvalues, Q = eigh(V.T @ (K @ V), V.T @ (M @ V))

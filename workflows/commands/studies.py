@@ -32,7 +32,7 @@ def accuracy(
     stage: Annotated[
         str,
         typer.Option(
-            help="time, chain-length, wall-modes, batch, parts, mesh, reduction, or all.",
+            help="time, chain-length, wall-modes, batch, parts, mesh, reduction, size, or all.",
             autocompletion=stage_names,
         ),
     ] = "all",

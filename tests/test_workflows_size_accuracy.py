@@ -1,0 +1,67 @@
+"""Seconds and memory over the unknowns, stage by stage."""
+
+from contextlib import nullcontext
+from os import W_OK, access
+from shutil import which
+from sys import executable
+
+import numpy as np
+import pytest
+
+from workflows.files.scene import scene
+from workflows.studies.accuracy import size as study
+from workflows.studies.accuracy.cost import cost_of_command, costed
+
+STAGES = ["mesh", "assemble", "factorise", "modes", "reduce"]
+MB = 1e6
+
+
+@pytest.fixture(scope="module")
+def found():
+    coarse = scene("cantilever", ("reduction.modes=10",))
+    return study.size(coarse, lambda name: nullcontext(), times=(1.4, 2.0, 1.0))
+
+
+def test_every_stage_of_every_mesh_is_measured(found):
+    own = [row for row in found.tables[0].rows if row.method != study.CALCULIX]
+    dofs = sorted({row.parameter for row in own})
+    assert [row.method for row in own] == 3 * STAGES and len(dofs) == 3
+    assert all(row.seconds > 0 for row in own)
+    assert [row.parameter for row in own] == [n for n in dofs for _ in STAGES]
+
+
+def test_the_error_falls_with_the_elements_and_the_finest_mesh_has_none(found):
+    errors = found.tables[1].column("error")
+    assert errors[0] > errors[1] > 0 and errors[2] is None
+
+
+def test_exponents_are_told_and_drawn(found):
+    exponents = {row.stage: row for row in found.tables[2].rows}
+    assert set(STAGES) <= set(exponents)
+    dofs, seconds = (np.log(found.tables[1].column(c)) for c in ("dofs", "modes [s]"))
+    slope = np.polyfit(dofs, seconds, 1)[0]
+    assert abs(exponents["modes"].seconds / slope - 1) < 1e-6
+    assert found.pictures[0].png and "growing with the power" in found.sentences[0]
+
+
+@pytest.mark.skipif(which("ccx") is None, reason="CalculiX is not installed")
+def test_calculix_solves_the_same_deck(found):
+    assert "CalculiX [s]" in found.tables[1].columns
+    assert any(sentence.startswith("CalculiX takes") for sentence in found.sentences)
+
+
+@pytest.mark.skipif(not access("/proc/self/clear_refs", W_OK), reason="peaks are not forgotten")
+def test_memory_is_that_of_the_work_alone():
+    """The peak of what came before is forgotten."""
+    _, much = costed(lambda: np.ones(int(400 * MB / 8)).sum())
+    _, little = costed(lambda: np.ones(8).sum())
+    assert much.bytes - little.bytes > 300 * MB
+
+
+def test_another_program_is_measured_without_this_one(tmp_path):
+    held = np.ones(int(400 * MB / 8))
+    program = [executable, "-c", "import time; x = b'x' * 50_000_000; time.sleep(0.3)"]
+    cost = cost_of_command(program, tmp_path)
+    assert held.sum() > 0 and cost.seconds > 0.3
+    assert cost.bytes is None or 50 * MB < cost.bytes < 300 * MB
+    assert cost_of_command([executable, "-c", "raise SystemExit(1)"], tmp_path) is None

@@ -1,0 +1,197 @@
+"""Seconds and memory of each stage against the unknowns, the exponents, and what bounds them.
+
+    cost = c dofs^p
+
+by least squares over logarithms. All elements grow and shrink together. The stages are those of
+`beadwave reduce`: mesh, assembly of K and M with what joins them, one factorisation of K on its
+own, the lowest modes (which factorise for themselves) and the reduction. CalculiX, where it is
+installed, finds ten modes of the same deck in the same run.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from shutil import which
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+from coupling.work_precision.growth import growth_exponent
+from coupling.work_precision.rows import Row
+from fem.abaqus import input_deck
+from fem.correlation import RIGID
+from fem.factorisation import has_pardiso
+from workflows.files.run_folder import Picture
+from workflows.pipeline import assembly as stages
+from workflows.pipeline.pipeline import Progress
+from workflows.pipeline.reduction import reduction
+from workflows.results.plots import Line, Panel, panels
+from workflows.results.tables import Table
+from workflows.scene import Mesh, Scene
+from workflows.scene.parts import with_assembly
+from workflows.studies.accuracy.cost import Cost, cost_of_command, costed
+from workflows.studies.accuracy.rows import table_of
+from workflows.studies.finding import Finding
+from workflows.studies.prose import rendered
+
+SCENE = "plate-on-bolts"
+TIMES = (2.83, 2.0, 1.41, 1.0)  # the scene's element sizes
+FINER = (0.71,)  # where a faster solver is installed
+SHIFT = (2 * np.pi * 5.0) ** 2  # [rad^2/s^2]
+CALCULIX, N_MODES = "CalculiX", 10
+PEER_UNTIL = 1e5  # unknowns, minutes with its default solver
+COMPARED = 6  # elastic modes
+
+
+class Sized(NamedTuple):
+    """One mesh: what its modes are, and what its stages cost."""
+
+    times: float  # the scene's element sizes
+    dofs: int
+    hz: NDArray[np.float64]  # (COMPARED,)
+    costs: dict[str, Cost]  # by stage
+
+
+def size(scene: Scene, progress: Progress, *, times: tuple[float, ...] | None = None) -> Finding:
+    """Seconds and memory of mesh, assembly, factor, modes and reduction against the unknowns."""
+    with_assembly(scene)
+    times = times or TIMES + (FINER if has_pardiso() else ())
+    sized = []
+    for factor in sorted(times, reverse=True):
+        with progress(f"elements times {factor:g}"):
+            sized.append(_sized(_scaled(scene, factor), factor))
+    errors = [_error(one, sized[-1]) for one in sized[:-1]] + [None]
+    names = tuple(dict.fromkeys(name for one in sized for name in one.costs))
+    rows = tuple(
+        Row("size", name, one.dofs, error, cost.seconds)
+        for one, error in zip(sized, errors, strict=True)
+        for name, cost in one.costs.items()
+    )
+    growths = {name: _growth(sized, name) for name in names}
+    tables = (
+        table_of(rows, printed=False),
+        Table("size", *_lines(sized, errors, names)),
+        Table("exponents", ("stage", "seconds", "memory"), tuple(growths.values())),
+    )
+    last = sized[-1]
+    ours = {name: cost for name, cost in last.costs.items() if name != CALCULIX}
+    sentences = rendered(
+        __file__,
+        last=last,
+        slowest=max(ours, key=lambda name: ours[name].seconds),
+        largest=max(ours, key=lambda name: ours[name].bytes or 0.0),
+        seconds=sum(cost.seconds for cost in ours.values()),
+        growths=growths,
+        compared=COMPARED,
+        peer=_beside_the_peer(sized),
+        n_modes=N_MODES,
+    )
+    return Finding(tables, sentences, (Picture("size", _picture(sized, names)),))
+
+
+def _scaled(scene: Scene, factor: float) -> Scene:
+    """The scene with its element sizes times a factor."""
+    sizes = {name: factor * value for name, value in scene.mesh if isinstance(value, float)}
+    return scene.model_copy(update={"mesh": Mesh.model_copy(scene.mesh, update=sizes)})
+
+
+def _sized(scene: Scene, times: float) -> Sized:
+    costs = {}
+
+    def stage(name, call):
+        result, costs[name] = costed(call)
+        return result
+
+    mesh = stage("mesh", lambda: stages.mesh(scene))
+    model = stage("assemble", lambda: stages.model(scene, mesh))
+    stage("factorise", lambda: _factorise(model))
+    modes = stage("modes", lambda: stages.modes(scene, model))
+    if not scene.is_general or scene.strike is not None:
+        contact = stages.contact(scene, mesh, model)
+        stage("reduce", lambda: reduction(scene, model, contact, modes))
+    if which("ccx") and model.K.shape[0] < PEER_UNTIL:
+        peer = _calculix(input_deck(model, mesh.materials, n_modes=N_MODES))
+        costs |= {} if peer is None else {CALCULIX: peer}
+    elastic = modes.omega[modes.omega > RIGID * modes.omega.max()]
+    return Sized(times, modes.n_dofs, elastic[:COMPARED] / (2 * np.pi), costs)
+
+
+def _factorise(model: fem.Model) -> None:
+    """Factorise K as the modes do, and let the factor go."""
+    fem.factorised((model.K + SHIFT * model.M).tocsc())
+
+
+def _calculix(deck: str) -> Cost | None:
+    with TemporaryDirectory() as folder:
+        Path(folder, "deck.inp").write_text(deck, encoding="utf-8")
+        return cost_of_command(["ccx", "deck"], Path(folder))
+
+
+def _error(one: Sized, finest: Sized) -> float:
+    """Largest relative difference of the frequencies."""
+    return float(np.abs(one.hz / finest.hz - 1).max())
+
+
+class Growth(NamedTuple):
+    """Exponents of a stage's cost over the unknowns; None where it is not told."""
+
+    stage: str
+    seconds: float
+    bytes: float | None
+
+
+def _growth(sized: list[Sized], stage: str) -> Growth:
+    ran = [one for one in sized if stage in one.costs]
+    if len(ran) < 2:
+        return Growth(stage, np.nan, None)
+    dofs = [one.dofs for one in ran]
+    seconds, held = zip(*(one.costs[stage] for one in ran), strict=True)
+    told = None not in held
+    return Growth(
+        stage, growth_exponent(dofs, seconds), growth_exponent(dofs, held) if told else None
+    )
+
+
+def _lines(sized: Iterable[Sized], errors, stages: tuple[str, ...]):
+    """Columns and rows of the table."""
+    units = [f"{stage} [{unit}]" for stage in stages for unit in ("s", "GB")]
+    rows = tuple(
+        (one.times, one.dofs, error, *(x for s in stages for x in _told(one.costs.get(s))))
+        for one, error in zip(sized, errors, strict=True)
+    )
+    return ("elements", "dofs", "error", *units), rows
+
+
+def _told(cost: Cost | None) -> tuple[float | None, float | None]:
+    if cost is None:
+        return None, None
+    return cost.seconds, None if cost.bytes is None else cost.bytes / 1e9
+
+
+class Beside(NamedTuple):
+    """The largest mesh that both solved."""
+
+    dofs: int
+    ours: float  # [s] of our modes
+    theirs: float  # [s]
+
+
+def _beside_the_peer(sized: list[Sized]) -> Beside | None:
+    both = [one for one in sized if CALCULIX in one.costs]
+    if not both:
+        return None
+    costs = both[-1].costs
+    return Beside(both[-1].dofs, costs["modes"].seconds, costs[CALCULIX].seconds)
+
+
+def _picture(sized: list[Sized], stages: tuple[str, ...]) -> bytes:
+    """Seconds and memory of each stage against the unknowns."""
+    told = {s: np.array([(one.dofs, *_told(one.costs[s])) for one in sized if s in one.costs],
+                        dtype=float).T for s in stages}  # fmt: skip
+    sets = [
+        Panel("", "unknowns", label, [Line(s, told[s][0], told[s][i], "o-") for s in stages], "xy")
+        for i, label in ((1, "time [s]"), (2, "memory held at most [GB]"))
+    ]
+    return panels(sets, columns=2, size=(4.5, 3.8))
