@@ -1,6 +1,7 @@
-"""Write gearbox.step: two walls and a bearing on a base, a shaft between, a cover on four holes.
+"""Draw gearbox.step beside this file: a shaft between two bearings on a base, and a cover on both
+bearings that two bolts hold on a column.
 
-python examples/gearbox.py gearbox.step
+python examples/gearbox.py && beadwave run examples/gearbox.toml
 """
 
 import sys
@@ -9,20 +10,23 @@ from pathlib import Path
 from geometry.cad import write_step
 from geometry.shapes import Box, Cylinder, Hole, Plate
 
-CORNERS = ((0.015, 0.015), (0.185, 0.015), (0.185, 0.085), (0.015, 0.085))
-BASE = ((0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1))
-HOLES = tuple(Hole(0.0066, corner) for corner in CORNERS)
-ENDS = ((0, 0), (0.03, 0), (0.03, 0.1), (0, 0.1))
-BORES = (Hole(0.0066, (0.015, 0.015)), Hole(0.0066, (0.015, 0.085)))
+WIDE, DEEP = 0.2, 0.1  # m
+BASE = ((0, 0), (WIDE, 0), (WIDE, DEEP), (0, DEEP))
+COLUMN = ((0, 0), (0.03, 0), (0.03, DEEP), (0, DEEP))
+BEARING = (0.03, DEEP, 0.03)
+BOLTS = ((0.015, 0.015), (0.015, 0.085))
 
 SHAPES = {
     "base": Plate(BASE, 0.012),
-    "wall-left": Plate(ENDS, 0.06, BORES, at=(0.0, 0.0, 0.012)),
-    "wall-right": Plate(ENDS, 0.06, BORES, at=(0.17, 0.0, 0.012)),
-    "bearing": Box((0.03, 0.1, 0.06), at=(0.1, 0.05, 0.042)),
-    "shaft": Cylinder(0.008, 0.055, at=(0.0575, 0.05, 0.042), turn=(0.0, 90.0, 0.0)),
-    "cover": Plate(BASE, 0.006, HOLES, at=(0.0, 0.0, 0.072)),
+    "bearing-left": Box(BEARING, at=(0.035, 0.05, 0.027)),
+    "bearing-right": Box(BEARING, at=(0.12, 0.05, 0.027)),
+    "shaft": Cylinder(0.008, 0.055, at=(0.0775, 0.05, 0.027), turn=(0.0, 90.0, 0.0)),
+    "column": Plate(COLUMN, 0.03, tuple(Hole(0.009, at) for at in BOLTS), at=(0.17, 0.0, 0.012)),
+    "cover": Plate(
+        BASE, 0.006, tuple(Hole(0.009, (0.17 + x, y)) for x, y in BOLTS), at=(0.0, 0.0, 0.042)
+    ),
 }
 
 if __name__ == "__main__":
-    write_step(SHAPES, Path(sys.argv[1]))
+    default = Path(__file__).with_suffix(".step")
+    write_step(SHAPES, Path(sys.argv[1]) if sys.argv[1:] else default)

@@ -20,6 +20,15 @@ COARSE = (
 )  # fmt: skip
 
 
+BEAM = ("mesh.scale=3", "reduction.modes=8", "time.duration=3e-4", "output.samples=301",
+        "chain.count=5", "output.spheres=[1, 4]")  # fmt: skip
+
+
+@pytest.fixture(params=["rig", "bodies"])
+def assembly(request):
+    return scene("rig-rom", COARSE) if request.param == "rig" else scene("cantilever", BEAM)
+
+
 @pytest.fixture
 def rig():
     return scene("rig-rom", COARSE)
@@ -48,7 +57,7 @@ def alone(rig, folder, monkeypatch):
         return ran(rig, folder)
 
 
-def test_two_processes_give_the_numbers_of_one_bit_for_bit(rig, two, tmp_path, monkeypatch):
+def test_two_processes_give_the_numbers_of_one_bit_for_bit(assembly, two, tmp_path, monkeypatch):
     begun = []
 
     def noted(*arguments):
@@ -57,8 +66,8 @@ def test_two_processes_give_the_numbers_of_one_bit_for_bit(rig, two, tmp_path, m
 
     open_one = aside.while_open
     monkeypatch.setattr(aside, "while_open", noted)
-    found, stages = ran(rig, tmp_path / "two")
-    single, of_one = alone(rig, tmp_path / "one", monkeypatch)
+    found, stages = ran(assembly, tmp_path / "two")
+    single, of_one = alone(assembly, tmp_path / "one", monkeypatch)
     assert len(begun) == 1
     assert stages.keys() == of_one.keys() >= {"compilation", "impact"}
     assert not any(stage.cached for stage in stages.values())

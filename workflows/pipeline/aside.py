@@ -89,7 +89,15 @@ def _wanted(pipeline: Pipeline, name: str) -> bool:
 def _allowed(pipeline: Pipeline) -> bool:
     """BEADWAVE_PROCESSES=1 keeps a run to one process."""
     allowed = environ.get("BEADWAVE_PROCESSES") != "1" and len(sched_getaffinity(0)) > 1
-    return allowed and pipeline.keeps and room_for_two(pipeline.scene)
+    return allowed and pipeline.keeps and _have_room(pipeline)
+
+
+def _have_room(pipeline: Pipeline) -> bool:
+    """What bodies of a scene hold is known once they are meshed, which the run does anyway."""
+    scene = pipeline.scene
+    if scene.is_general:
+        return room_for_two(scene, pipeline("mesh").nodes)
+    return scene.mesh.file is None and room_for_two(scene)
 
 
 def _taken(folder: Path, name: str) -> bool:

@@ -50,3 +50,8 @@ class Parts(NamedTuple):
     materials: dict[str, fem.Material | fem.Orthotropic]
     connections: fem.Connections
     struck: Struck | None = None
+
+    @property
+    def nodes(self) -> dict[str, float]:
+        """Corners and middles of edges, by body."""
+        return {name: float(m.nvertices + m.nedges) for name, m in self.meshes.items()}

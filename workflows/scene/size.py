@@ -77,11 +77,10 @@ def _nodes(scene: Scene) -> dict[str, float]:
     )
 
 
-def room_for_two(scene: Scene) -> bool:
-    """Whether two processes that each compute the scene's assembly fit into memory."""
-    if scene.assembly is None or scene.is_general or scene.mesh.file is not None:
-        return False
-    return 2 * peak_memory(scene, _nodes(scene)) < free_memory()
+def room_for_two(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
+    """Whether two processes that each compute the scene's assembly fit into memory; `nodes` of a
+    mesh that is there."""
+    return 2 * peak_memory(scene, nodes or _nodes(scene)) < free_memory()
 
 
 def _too_large_mesh(scene: Scene):
