@@ -38,6 +38,13 @@ def test_a_csv_gives_frequencies_and_damping_of_the_rig_s_modes(csv):
     np.testing.assert_allclose(list(report.damping.values()), [0.01, 0.008, 0.006], rtol=0.1)
 
 
+def test_without_targets_resonances_stand_alone_and_the_report_says_so(csv):
+    report = hammer_test(csv, {}).report
+    assert len(report.rows) >= 3 and not report.targets
+    assert "No targets" in report.text()
+    assert "No targets" not in hammer_test(csv, RIG).report.text()
+
+
 def test_uff_keeps_the_responses_and_says_that_they_are_synthetic(tmp_path):
     pytest.importorskip("pyuff", reason="UFF58 is optional (the extra `identify`)")
     path, test = tmp_path / "test.uff", computed()

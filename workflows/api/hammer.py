@@ -11,7 +11,7 @@ from workflows.api.progress import Progress, quiet
 from workflows.files.run_folder import Picture, write_pictures
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
-from workflows.scene.parts import with_assembly, with_targets
+from workflows.scene.parts import with_assembly
 
 if TYPE_CHECKING:
     from workflows.assembly.hammer import HammerReport
@@ -48,7 +48,7 @@ def hammer(
     folder for the picture. Needs the extra `identify`. Raises InvalidScene for bad input.
     """
     path = require_file(file)
-    chosen = with_targets(with_assembly(load_scene(scene, changes)))
+    chosen = with_assembly(load_scene(scene, changes))
     inputs = (*files_read(chosen, scene), path)
     folder = picture_folder(out, inputs, overwrite, "hammer")
     from workflows.assembly.hammer import hammer_test, picture

@@ -9,6 +9,7 @@ from pydantic import BaseModel
 import coupling
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.identification import MeasuredMode, measured_modes
+from workflows.assembly.mode_table import NO_TARGETS
 from workflows.assembly.tuning import targets
 from workflows.files.hammer import SYNTHETIC, Responses, responses
 from workflows.files.run_folder import Picture
@@ -37,6 +38,7 @@ class HammerReport(BaseModel):
 
     file: str
     title: str
+    n_targets: int  # of the scene that the resonances are paired with
     rows: list[HammerRow]
 
     @property
@@ -53,7 +55,8 @@ class HammerReport(BaseModel):
     def text(self) -> str:
         """Aligned lines with remarks."""
         head = f"{'Hz':>10} {'half-power':>11} {'fit':>9} {'mode':>5}"
-        return "\n".join([self.title, head, *(_line(row) for row in self.rows)])
+        lines = [self.title, head, *(_line(row) for row in self.rows)]
+        return "\n".join(lines if self.n_targets else [*lines, "", NO_TARGETS])
 
 
 def _line(row: HammerRow) -> str:
@@ -85,7 +88,8 @@ def hammer_test(path: Path, expected_hz: dict[int, float]) -> HammerTest:
         raise InvalidScene(f"{path} has no peaks; give responses that reach a resonance.")
     mode = nearest_modes([m.frequency_hz for m in found], expected_hz)
     rows = [_row(m, mode.get(i)) for i, m in enumerate(found)]
-    return HammerTest(HammerReport(file=str(path), title=test.title, rows=rows), test)
+    n = len(expected_hz)
+    return HammerTest(HammerReport(file=str(path), title=test.title, n_targets=n, rows=rows), test)
 
 
 def picture(test: HammerTest) -> Picture:
