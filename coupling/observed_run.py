@@ -52,6 +52,22 @@ class Observed(NamedTuple):
         """What comes back to a sphere, in order of time."""
         return tuple(label for label in self.labels[sphere] if label.kind == "reflected")
 
+    def largest(self, number: int) -> float:
+        """Largest velocity of a reflected wave in any contact over the fastest sphere's at the
+        start, 0 without one."""
+        back = [
+            track for track in self.tracks if (track.kind, track.number) == ("reflected", number)
+        ]
+        sizes = [abs(pulse.velocity) for track in back for pulse in track.pulses]
+        return max(sizes, default=0.0) / np.abs(self.trajectory.v[0]).max()
+
+    @property
+    def parted(self) -> float:
+        """Time [s] for which the last spheres do not touch while the wall is touched."""
+        contact, t = self.contact.contact_time, self.trajectory.t
+        inside = (t > contact.start) & (t < contact.end)
+        return float((self.trajectory.contact_force[inside, -2] == 0.0).sum() * (t[1] - t[0]))
+
     @property
     def pressures(self) -> NDArray[np.float64]:
         """Largest pressure [Pa] ever in each contact (n,), the last one at the wall."""

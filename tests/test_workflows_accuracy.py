@@ -12,8 +12,9 @@ import dem
 from coupling import peers
 from coupling.work_precision import runs
 from coupling.work_precision.growth import growth_exponent, line
+from coupling.work_precision.orders import orders_closed
 from coupling.work_precision.population import population, step_of_median
-from coupling.work_precision.problems import lengthened, modal_wall
+from coupling.work_precision.problems import lengthened, modal_wall, with_parts
 from coupling.work_precision.ratios import ratios, seconds_at
 from coupling.work_precision.rows import Row
 from coupling.work_precision.runs import (
@@ -30,7 +31,7 @@ from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.studies import finding
-from workflows.studies.accuracy import chain_length, folder, parts, time
+from workflows.studies.accuracy import chain_length, folder, parts
 from workflows.studies.accuracy.problems import problem
 from workflows.studies.accuracy.rows import table_of
 
@@ -127,7 +128,7 @@ def test_first_call_is_kept_apart_from_the_least():
 
 
 def test_orders_of_the_schemes_are_stated(case):
-    found = time.orders_closed(case)
+    found = orders_closed(case)
     for name, scheme in dem.SCHEMES.items():
         assert found[name] == pytest.approx(scheme.order, abs=0.15), name
 
@@ -158,7 +159,7 @@ def test_step_of_a_population_leaves_the_median_error_asked_for(case):
 
 
 def test_every_part_costs_and_leaves_a_small_error(case):
-    cases = parts.with_parts(case)
+    cases = with_parts(case)
     rows = [parts._part_row(name, one, "suzuki4") for name, one in cases.items()]
     assert len(rows) == 10
     assert all(row.error < 1e-4 and row.energy_error < 1e-4 for row in rows)

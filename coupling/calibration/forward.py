@@ -96,6 +96,13 @@ class Forward:
         seen = self.filters.of_model(v, dt)
         return seen, self.filters.of_model(dv, dt) if sensitivities else dv
 
+    def misfits(self, theta: np.ndarray) -> dict[str, float]:
+        """rms misfit [m/s] to the signals at theta (p,), by the sphere's number."""
+        dt = self.signals.t[1] - self.signals.t[0]
+        off = self.velocities(theta) - self.filters.of_data(self.signals.v, dt)
+        rms = np.sqrt(np.mean(off**2, axis=0))
+        return {str(n + 1): float(x) for n, x in zip(self.signals.spheres, rms, strict=True)}
+
 
 def _refined(t: np.ndarray, fine: int) -> np.ndarray:
     return t if fine == 1 else np.linspace(t[0], t[-1], fine * (len(t) - 1) + 1)

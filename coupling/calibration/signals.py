@@ -198,3 +198,11 @@ def _passed(t: np.ndarray, v: np.ndarray, pause: float) -> float:
     calm = np.convolve(quiet, np.ones(width), mode="valid") >= width - 0.5
     rest = np.flatnonzero(calm[arrived[0] :])
     return float(t[arrived[0] + rest[0]]) if rest.size else float(t[-1])
+
+
+def noise_of_mean(signals: Signals, filters: Filter, time_scale: float) -> float | None:
+    """rms [m/s] of the noise in the mean signals, by the repeats or by what lies between waves."""
+    if signals.repeats > 1 and np.isfinite(signals.spread).all():
+        return float(np.sqrt(np.mean(signals.spread**2) / signals.repeats))
+    dt = signals.t[1] - signals.t[0]
+    return noise_between_waves(signals.t, filters.of_data(signals.v, dt), time_scale)

@@ -50,3 +50,32 @@ def modal_wall(wall: dem.Wall | None, count: int) -> dem.Wall:
         zeta=np.append(wall.zeta[:own], np.zeros(count - own)),
         phi=np.append(wall.phi[:own], np.full(count - own, np.sqrt(2.0 / MASS))),
     )
+
+
+def bare(chain: dem.Chain) -> dem.Chain:
+    """The spheres and their Hertz contacts alone."""
+    return dem.Chain(chain.mass, chain.radius, chain.A)
+
+
+def with_parts(case: Problem) -> dict[str, Problem]:
+    """The bare case and the case with each part."""
+    chain, n = case.chain, case.chain.mass.size
+    contacts = np.ones(chain.A.size)
+    yields = 1e-3 * chain.radius[0] * contacts
+    chains = {
+        "bare": chain,
+        "leaf springs": chain._replace(leaf_stiffness=np.full(n, 1e3)),
+        "preload": chain._replace(preload=10.0),
+        "linear-clipped": chain._replace(dissipation="linear-clipped", gamma=10.0 * contacts),
+        "hunt-crossley": chain._replace(dissipation="hunt-crossley", gamma=0.1 * contacts),
+        "plastic contacts": chain._replace(yield_overlap=yields),
+    }
+    walls = {
+        "residual spring": case.wall._replace(residual_compliance=1e-9),
+        "1 wall mode": modal_wall(None, 1),
+        "40 wall modes": modal_wall(None, 40),
+        "dashpot wall": dem.dashpot_wall(1e4),
+    }
+    return {name: case._replace(chain=one) for name, one in chains.items()} | {
+        name: case._replace(wall=one) for name, one in walls.items()
+    }

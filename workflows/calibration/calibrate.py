@@ -20,7 +20,7 @@ from coupling.calibration.signals import (
     Signals,
     aligned,
     lag_of,
-    noise_between_waves,
+    noise_of_mean,
 )
 from workflows.calibration import parameters as free_parameters
 from workflows.calibration.checks import cut_off, plausible, require_samples, unlike_the_model
@@ -83,7 +83,7 @@ def calibrated(
     limits = free_parameters.bounds(request.bounds)
     parameters = free_parameters.parameters(scene, names, trigger, limits)
     signals = raw.signals.only(used)
-    noise = _noise(signals, filters, time_scale)
+    noise = noise_of_mean(signals, filters, time_scale)
     options = Options(
         staged=any(not p.of_wall for p in parameters),
         joint=not request.two_stage,
@@ -94,7 +94,8 @@ def calibrated(
     )
     fit = _fitted(rig, parameters, signals, filters, options, source)
     forward = Forward(rig, fit.parameters, signals, filters)
-    left_out = _held_out(rig, fit, raw.signals.only(held), filters) if held else {}
+    others = Forward(rig, fit.parameters, raw.signals.only(held), filters) if held else None
+    left_out = others.misfits(fit.value) if others else {}
     report = report_of(scene, source, measured, fit, signals, noise, left_out)
     report.seconds = perf_counter() - began
     report.remarks[:0] = [*remarks, *more, *on_held_out(left_out, fit)]
@@ -201,20 +202,3 @@ def _scan(scene: Scene, names: tuple[str, ...], request: Request):
     if not (0 < low < high < np.inf and 3 <= points <= 1000):
         raise InvalidScene(f"--scan {low:g}:{high:g}:{points} must grow and have 3 to 1000 points.")
     return low, high, points
-
-
-def _noise(signals: Signals, filters: Filter, time_scale: float) -> float | None:
-    """rms [m/s] of the noise in the mean signals, by the repeats or by what lies between waves."""
-    if signals.repeats > 1 and np.isfinite(signals.spread).all():
-        return float(np.sqrt(np.mean(signals.spread**2) / signals.repeats))
-    dt = signals.t[1] - signals.t[0]
-    return noise_between_waves(signals.t, filters.of_data(signals.v, dt), time_scale)
-
-
-def _held_out(rig, fit: Calibration, signals, filters) -> dict[str, float]:
-    forward = Forward(rig, fit.parameters, signals, filters)
-    data = filters.of_data(signals.v, signals.t[1] - signals.t[0])
-    left = forward.velocities(fit.value) - data
-    return {
-        str(n + 1): float(np.sqrt(np.mean(left[:, i] ** 2))) for i, n in enumerate(signals.spheres)
-    }

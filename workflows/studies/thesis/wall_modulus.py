@@ -99,21 +99,7 @@ def _case(scene: Scene, ratio: float, spheres: tuple[int, ...]) -> Case:
     duration = 2.6 * len(row.mass) * free + 12 * unit
     setup = Setup(f"{ratio:g}", row, dem.rigid_wall())
     run = observed(setup, v0, duration=duration, spheres=spheres, faint=FAINT)
-    return Case(ratio, young, run, _second(run), _apart(run))
-
-
-def _second(run: Observed) -> float:
-    back = [track for track in run.tracks if (track.kind, track.number) == ("reflected", 2)]
-    sizes = [abs(pulse.velocity) for track in back for pulse in track.pulses]
-    return max(sizes, default=0.0) / np.abs(run.trajectory.v[0]).max()
-
-
-def _apart(run: Observed) -> float:
-    """Time [s] for which the last spheres do not touch between the wall's first touch and its
-    release."""
-    contact, t = run.contact.contact_time, run.trajectory.t
-    inside = (t > contact.start) & (t < contact.end)
-    return float((run.trajectory.contact_force[inside, -2] == 0.0).sum() * (t[1] - t[0]))
+    return Case(ratio, young, run, run.largest(2), run.parted)
 
 
 def critical(cases: list[Case]) -> tuple[float, float] | None:
