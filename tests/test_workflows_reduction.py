@@ -265,7 +265,7 @@ def test_the_stated_error_of_a_reduction_is_no_less_than_the_true_one(changes, w
 def test_a_mode_that_bears_two_characters_of_the_hammer_test_is_kept_once():
     """As the rigid motions of a block that nothing holds do."""
     omega, phi = np.array([0.0, 1e-3, 2e-3, 5e4]), np.eye(6)[:, :4]
-    found = AssemblyModes(omega, phi, np.array([1, 2, 2, 3]), np.ones(4), 6, None)
+    found = AssemblyModes(omega, phi, np.array([1, 2, 2, 3]), np.ones(4), 6, None, None)
     kept = targets_kept(found)
     np.testing.assert_array_equal(kept[0], omega[1:])
     np.testing.assert_array_equal(kept[1].T @ kept[1], np.eye(3))

@@ -17,6 +17,7 @@ MISSING = {  # distribution of an extra: extra, what one goes without
     "pypardiso": ("fast", "factorisations of large models take longer; results are the same"),
     "h5py": ("h5", "reduced models cannot be read from or written to .h5"),
     "sdypy-EMA": ("identify", "no damping by a fit of the poles; hammer stops"),
+    "imageio-ffmpeg": ("film", "films are GIF, not MP4"),
     "emcee": ("posterior", "no calibrate --posterior"),
     "scikit-sundae": ("peers", "no CVODE in the tables of accuracy"),
 }

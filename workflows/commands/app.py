@@ -153,6 +153,36 @@ def report(
     written([page], json, quiet)
 
 
+def film(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")],
+    out: Annotated[
+        str | None, typer.Option(help="File in DIR, .mp4 (extra film) or .gif; default film.*.")
+    ] = None,
+    pvd: Annotated[
+        bool, typer.Option("--pvd", help="Write film.pvd and its surfaces for ParaView instead.")
+    ] = False,
+    seconds: Annotated[float, typer.Option(min=0.5, max=60.0, help="How long the film is.")] = 8.0,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json: JsonFiles = False,
+) -> None:
+    """The impact of a run folder as a film, structure and spheres with stated factors."""
+    from importlib.util import find_spec
+
+    from workflows.files.run_folder import RunFolder
+    from workflows.results.film import film as draw
+    from workflows.results.film import paraview, require_name
+    from workflows.results.report import require_summary
+
+    require_summary(folder)
+    name = out or ("film.mp4" if find_spec("imageio_ffmpeg") else "film.gif")
+    require_name(name)
+    with RunFolder(folder, overwrite=overwrite).held("film.pvd" if pvd else name) as held:
+        with StageProgress("film", quiet=quiet) as progress, progress.stage("film"):
+            files = paraview(held) if pvd else draw(held, name, seconds=seconds)
+    written(files, json, quiet)
+
+
 def doctor(
     json: json_of("{installed, missing: [{name, costs, remedy}], cache, ...}") = False,
 ) -> None:
@@ -166,7 +196,7 @@ COMMANDS = {
     "run": run, "scenes": scenes, "scene": scene, "look": look, "modes": modes, "tune": tune_joints,
     "hammer": hammer, "reduce": reduce, "impact": impact, "accuracy": accuracy,
     "stability": stability, "study": run_study, "calibrate": calibrate, "twin": twin,
-    "report": report, "doctor": doctor,
+    "report": report, "film": film, "doctor": doctor,
 }  # fmt: skip
 
 

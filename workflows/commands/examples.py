@@ -45,5 +45,6 @@ EXAMPLES = {
     "calibrate": ("calibrate rig-1dof data.csv --instrument 100e3 --out calibrated",),
     "twin": ("twin --out twin", "twin --runs 200"),
     "report": ("report runs/rig-rom",),
+    "film": ("film runs/rig-rom", "film runs/rig-rom --out impact.gif", "film runs/rig-rom --pvd"),
     "doctor": ("doctor",),
 }

@@ -44,7 +44,7 @@ class Shapes(NamedTuple):
 def page_data(folder: Path, summary: Summary) -> dict[str, Any]:
     """Everything that the page's scripts read, as JSON takes it."""
     scene = load(str(folder / "scene.toml"))
-    run = _arrays(folder / "trajectory.npz")
+    run = arrays(folder / "trajectory.npz")
     data: dict[str, Any] = {"scene": scene.name, "wall": wall_words(scene)}
     if run:
         data |= {
@@ -52,14 +52,15 @@ def page_data(folder: Path, summary: Summary) -> dict[str, Any]:
             "curves": _curves(scene, run),
             "waves": _waves(summary),
         }
-    if reduced := _reduced(folder, scene):
+    if reduced := reduced_model(folder, scene):
         data["assembly"] = _assembly(reduced, scene, run, summary)
-    if response := _arrays(folder / "response.npz"):
+    if response := arrays(folder / "response.npz"):
         data["response"] = _response(response)
     return data
 
 
-def _arrays(path: Path) -> dict[str, NDArray]:
+def arrays(path: Path) -> dict[str, NDArray]:
+    """The arrays of a file, none where there is no file."""
     if not path.is_file():
         return {}
     with np.load(path) as file:
@@ -134,7 +135,7 @@ def _waves(summary: Summary) -> dict[str, Any]:
     return {"tracks": tracks, "marks": marks}
 
 
-def _reduced(folder: Path, scene: Scene):
+def reduced_model(folder: Path, scene: Scene):
     """The reduced model behind the wall with its outer nodes, None where there is none."""
     path = folder / "rom.npz"
     if not path.is_file():

@@ -1,0 +1,63 @@
+"""The impact as a film, and as surfaces over time for ParaView."""
+
+import re
+
+import meshio
+import numpy as np
+import pytest
+from PIL import Image
+
+from command_line import beadwave
+
+SMALL = ("chain.count=4", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A short run against one mass on a spring."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        folder = tmp_path_factory.mktemp("run")
+        changes = [f"--set={change}" for change in SMALL]
+        assert beadwave("run", "rig-1dof", f"--out={folder}", *changes) == 0
+    return folder
+
+
+def test_a_film_shows_the_impact_frame_by_frame(folder):
+    assert beadwave("film", str(folder), "--out=film.gif", "--seconds=0.5") == 0
+    with Image.open(folder / "film.gif") as film:
+        assert film.n_frames == 10
+        pictures = []
+        for i in (0, 5, 9):
+            film.seek(i)
+            pictures.append(np.asarray(film.convert("RGB"), dtype=float))
+    assert min(np.abs(one - other).max() for one, other in pairwise(pictures)) > 50
+
+
+def test_paraview_gets_the_displacements_of_the_trajectory(folder):
+    assert beadwave("film", str(folder), "--pvd") == 0
+    listed = re.findall(
+        r'timestep="(\S+)" part="(\d)" file="(\S+)"', (folder / "film.pvd").read_text()
+    )
+    with np.load(folder / "trajectory.npz") as run:
+        t, x, wall = run["t"], run["x"] - run["x"][0], run["wall_x"] - run["wall_x"][0]
+    assert float(listed[-1][0]) == pytest.approx(t[-1], rel=1e-6)
+    for time, part, name in listed[100:104]:
+        i = int(np.abs(t - float(time)).argmin())
+        moved = meshio.read(folder / name).point_data["displacement"][:, 0]
+        wanted = x[i] if part == "1" else np.full(8, wall[i])
+        np.testing.assert_allclose(moved, wanted, atol=1e-6 * np.abs(x).max())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [(["--out=film.avi"], ".mp4 or .gif"), (["--out=../film.gif"], "names a file in DIR")],
+)
+def test_a_name_that_is_no_film_is_refused(folder, options, said, capsys):
+    assert beadwave("film", str(folder), *options) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_folder_without_a_run_has_no_film(tmp_path, capsys):
+    assert beadwave("film", str(tmp_path)) == 2
+    assert "no finished run folder" in capsys.readouterr().err
