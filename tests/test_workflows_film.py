@@ -1,6 +1,7 @@
 """The impact as a film, and as surfaces over time for ParaView."""
 
 import re
+from itertools import pairwise
 
 import meshio
 import numpy as np
