@@ -134,7 +134,7 @@ def test_what_is_free_already_is_not_advised_to_be_freed():
 
 def test_a_gross_miss_is_a_failure_and_writes_no_scene(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    arguments = ["tune", "--match=1=48000", "--free=head.ky", "--json"]
+    arguments = ["tune", "--match=1=48000", "--free=head.ky", "--json", "--quiet"]
     monkeypatch.setattr(sys, "argv", ["beadwave", *arguments, *(f"--set={c}" for c in COARSE)])
     with pytest.raises(SystemExit) as end:
         main()

@@ -124,8 +124,8 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     given = list(getattr(scene.assembly, key) or ())
     loose = ", ".join(open_joints) or f"assembly.{key} = {given}"
     raise ValueError(
-        f"the assembly, or a part of it, is not held: its lowest mode is at {lowest:.2g} Hz, with "
-        f"{loose}. Constraint modes need what is held; hold it, or take reduction.kind = "
+        f"the assembly, or a part of it, is not held: its lowest mode is below {HELD_HZ:g} Hz, "
+        f"with {loose}. Constraint modes need what is held; hold it, or take reduction.kind = "
         '"free-modes".'
     )
 
