@@ -108,7 +108,7 @@ def unusual_keys(found: Iterator[Entry]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(entry.key for entry in found if entry.unusual))
 
 
-def doubts(found: Iterator[Entry], meant: tuple[str, ...]) -> Iterator[str]:
+def implausible(found: Iterator[Entry], meant: tuple[str, ...]) -> Iterator[str]:
     """A sentence on each number outside of its usual range that does not say that it is meant."""
     for entry in found:
         if entry.unusual and entry.key not in meant and not isinstance(entry.written, str):

@@ -24,7 +24,7 @@ from workflows.scene import (
 )
 from workflows.scene.bodies import General, Meshing
 from workflows.scene.contradictions import contradictions
-from workflows.scene.quantities import doubts, entries, unusual_keys
+from workflows.scene.quantities import entries, implausible, unusual_keys
 
 Change = str | tuple[str, Any]  # "key=value" as --set takes it, or a dotted key and its value
 GENERAL = General.model_fields.keys()  # keys of an assembly of bodies
@@ -137,45 +137,40 @@ def _validated(model: type[BaseModel], tables: dict[str, Any], source: str, pref
 
 
 def _require_usual(table: BaseModel, written: dict[str, Any], source: str, prefix, meant) -> None:
-    for sentence in doubts(entries(table, written, prefix), meant or ()):
+    for sentence in implausible(entries(table, written, prefix), meant or ()):
         raise InvalidScene(f"{source}: {sentence}")
 
 
+SENTENCES = {
+    "missing": "{key} is missing; add it.",
+    "union_tag_not_found": "{key}.kind is missing; add it to say which kind this is.",
+    "union_tag_invalid": "{key}.kind = {kind!r} must be one of {expected_tags}; change it.",
+    "value_error": "{key}: {error}.",
+    "empty": "{key} is an empty list; give at least one value.",
+    "too_short": "{key} = {shown} has {count}; give at least {min_length}.",
+    "too_long": "{key} = {shown} has {count}; give {max_length}.",
+    "tuple_type": "{key} = {shown} must be a list; write {key} = [...].",
+    "string_pattern_mismatch": "{key} = {shown} must be letters, digits, '.', '-' and '_', the "
+    "first a letter, a digit or '_'; change it.",
+    "string_too_long": "{key} = {shown} must have at most {max_length} characters; give another.",
+    "model_type": "{key} = {found!r} must be a table; write [{key}] with keys below it.",
+}
+SENTENCES["model_attributes_type"] = SENTENCES["model_type"]
+
+
 def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, ...]) -> str:
-    key = ".".join((*prefix, *_key(error, tables))) or "the scene"
-    found, allowed = error["input"], error["msg"].replace("Input should", "must", 1)
-    match error["type"]:
-        case "missing":
-            return f"{key} is missing; add it."
-        case "union_tag_not_found":
-            return f"{key}.kind is missing; add it to say which kind this is."
-        case "union_tag_invalid":
-            expected = error["ctx"]["expected_tags"]
-            return f"{key}.kind = {found['kind']!r} must be one of {expected}; change it."
-        case "value_error":
-            return f"{key}: {error['ctx']['error']}."
-        case "too_short":
-            if not found:
-                return f"{key} is an empty list; give at least one value."
-            values = "value" if len(found) == 1 else "values"
-            least = error["ctx"]["min_length"]
-            return f"{key} = {_shown(found)} has {len(found)} {values}; give at least {least}."
-        case "too_long":
-            most = error["ctx"]["max_length"]
-            return f"{key} = {_shown(found)} has {len(found)} values; give {most}."
-        case "tuple_type":
-            return f"{key} = {_shown(found)} must be a list; write {key} = [...]."
-        case "string_pattern_mismatch":
-            return (
-                f"{key} = {_shown(found)} must be letters, digits, '.', '-' and '_', the first a "
-                "letter, a digit or '_'; change it."
-            )
-        case "string_too_long":
-            most = error["ctx"]["max_length"]
-            return f"{key} = {_shown(found)} must have at most {most} characters; give another."
-        case "model_type" | "model_attributes_type":
-            return f"{key} = {found!r} must be a table; write [{key}] with keys below it."
-    return f"{key} = {_shown(found)} {allowed}; change it."
+    found, type_ = error["input"], error["type"]
+    type_ = "empty" if type_ == "too_short" and not found else type_
+    n = len(found) if isinstance(found, list | tuple) else 0
+    return SENTENCES.get(type_, "{key} = {shown} {allowed}; change it.").format(
+        key=".".join((*prefix, *_key(error, tables))) or "the scene",
+        found=found,
+        shown=_shown(found),
+        kind=found.get("kind") if isinstance(found, dict) else None,
+        count=f"{n} value{'s' * (n != 1)}",
+        allowed=error["msg"].replace("Input should", "must", 1),
+        **error.get("ctx", {}),
+    )
 
 
 def _shown(value: Any) -> str:
