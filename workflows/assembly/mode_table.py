@@ -100,6 +100,6 @@ def _line(row: ModeRow) -> str:
     line = f"{row.number:5} {row.frequency_hz:10.2f} {at_contact:>11}"
     if row.hammer_mode is None:
         return line
-    test = f"{row.hammer_mode}: {row.hammer_hz:g} Hz ({row.difference_percent:+.1f} %)"
+    test = f"{row.hammer_mode}: {row.hammer_hz:.5g} Hz ({row.difference_percent:+.1f} %)"
     mac = "-" if row.mac is None else f"{row.mac:.2f}"
     return f"{line}  {test:<20}{row.score:6.2f}{mac:>6}"

@@ -196,7 +196,7 @@ def short_record(
     elif share >= PRESSED:
         yield (
             f"{ends} while contacts hold {100 * share:.0f} % of the striker's energy more than at "
-            "rest: the sum of velocities (2.8) and the restitution are not those of spheres that "
+            "rest: the velocity sum ratio and the restitution are not those of spheres that "
             "have parted; take a longer one."
         )
 

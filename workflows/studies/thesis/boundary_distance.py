@@ -136,7 +136,7 @@ def _picture(scene: Scene, deep: Collision, found: list[Series]) -> bytes:
     ]
     return panels(
         [
-            Panel("amplitude ratio of the reflected wave (2.9)", x, "ARR", arr),
+            Panel("amplitude ratio (v_back / v_in)^(6/5)", x, "ARR", arr),
             Panel("energy absorbed by the plate", x, "% of the striker's", lost),
             Panel(
                 "remaining effect of the edge", "distance / reach of the bending waves",

@@ -36,7 +36,7 @@ def _arr(found, negligible: float) -> Panel:
         _level("half-space", found, found.half_space.arr),
         Line("thesis: negligible from here", np.full(2, negligible), np.array([0, 1.0]), ":", 4),
     ]
-    return Panel("amplitude ratio of the reflected wave, equation (2.9)", RATIO, "ARR", lines, "x")
+    return Panel("amplitude ratio (v_back / v_in)^(6/5)", RATIO, "ARR", lines, "x")
 
 
 def _lost(found) -> Panel:

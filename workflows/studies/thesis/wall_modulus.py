@@ -131,7 +131,7 @@ def _picture(cases: list[Case], spheres: tuple[int, ...]) -> bytes:
         [
             Panel("contact time (figure 2.8)", modulus, "contact time [µs]",
                   [Line(None, young, time, "o-")], "xy"),
-            Panel("dimensionless, equation (2.5)", modulus, "tau_c [-]",
+            Panel("dimensionless contact time", modulus, "tau_c [-]",
                   [Line(None, young, tau, "o-")], "x"),
             Panel("second reflected wave (figure 2.8)", modulus, "velocity over the striker's",
                   [Line(None, young, second, "o-"), *fades], "x"),
