@@ -94,10 +94,10 @@ def test_formats_name_every_array_of_the_files(tmp_path, monkeypatch):
     with np.load("out/trajectory.npz") as arrays:
         assert all(f"`{name}`" in text for name in arrays)
     model = rom.full_order(np.diag([1e6, 4e6]), np.eye(2), [1.0, 0.0], C=np.eye(2))
-    model = model._replace(
-        contact=rom.Contact(1e-9, None, 2e11, 0.3, (51.0,)), coordinates=("a", "b")
-    )
-    rom.save_npz("rom.npz", model._replace(T=None))
+    surface = rom.Surface(np.zeros((1, 3)), np.zeros((1, 4), int), np.zeros((3, 2)))
+    contact = rom.Contact(1e-9, young=2e11, poisson=0.3, modes_hz=(51.0,))
+    known = {"contact": contact, "coordinates": ("a", "b"), "surface": surface, "error": 1e-4}
+    rom.save_npz("rom.npz", model._replace(T=None, **known))
     with np.load("rom.npz") as arrays:
         missing = [
             name for name in arrays if f"`{name}`" not in text and name not in ("n_boundary",)
