@@ -12,7 +12,7 @@ A scene is a name (`beadwave.scenes()`), a TOML file, a dict of its tables, or a
 sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz.
 
     scene, scenes                what is computed, checked and completed
-    run, impact, load            impacts; a finished run folder
+    run, impact, load, film      impacts; a finished run folder, and its film
     modes, tune, hammer          an assembly's modes, joints fitted to measured ones, hammer tests
     reduce, reduce_matrices      a reduced model: of a scene, of one's own K, M, w
     look, export                 bodies and where they touch; CalculiX, Abaqus, STEP
@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from workflows.api.doctor import doctor
+    from workflows.api.film import film
     from workflows.api.hammer import hammer, write_hammer_test
     from workflows.api.impacts import Run, impact, load, run
     from workflows.api.look import look
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "workflows.api.doctor": ("doctor",),
+    "workflows.api.film": ("film",),
     "workflows.api.hammer": ("hammer", "write_hammer_test"),
     "workflows.api.impacts": ("Run", "impact", "load", "run"),
     "workflows.api.look": ("look",),
@@ -67,6 +69,7 @@ __all__ = [
     "calibrate",
     "doctor",
     "export",
+    "film",
     "hammer",
     "impact",
     "load",

@@ -166,20 +166,13 @@ def film(
     quiet: Quiet = False,
     json: JsonFiles = False,
 ) -> None:
-    """The impact of a run folder as a film, structure and spheres with stated factors."""
-    from importlib.util import find_spec
+    """The impact of a run folder as a film (MP4, GIF, ParaView)."""
+    from workflows.api.film import film as draw
 
-    from workflows.files.run_folder import RunFolder
-    from workflows.results.film import film as draw
-    from workflows.results.film import paraview, require_name
-    from workflows.results.report import require_summary
-
-    require_summary(folder)
-    name = out or ("film.mp4" if find_spec("imageio_ffmpeg") else "film.gif")
-    require_name(name)
-    with RunFolder(folder, overwrite=overwrite).held("film.pvd" if pvd else name) as held:
-        with StageProgress("film", quiet=quiet) as progress, progress.stage("film"):
-            files = paraview(held) if pvd else draw(held, name, seconds=seconds)
+    with StageProgress("film", quiet=quiet) as progress:
+        files = draw(
+            folder, out=out, pvd=pvd, seconds=seconds, overwrite=overwrite, progress=progress.stage
+        )
     written(files, json, quiet)
 
 
