@@ -63,7 +63,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         "budget": budget(summary),
         "energies": energies(plots),
         "reduction_rows": reduction_rows(summary.reduction) if summary.reduction else [],
-        "scene_rows": rows,
+        "scene_groups": groups(rows),
         "defaults": [row for row in rows if row["kind"] == "default"],
     }
 
@@ -161,6 +161,15 @@ def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
     return found
 
 
+def groups(rows: list[dict[str, str]]) -> dict[str, list[dict[str, str]]]:
+    """The rows that somebody wrote, by table in the scene's order."""
+    found: dict[str, list[dict[str, str]]] = {}
+    for row in rows:
+        if row["kind"] != "default":
+            found.setdefault(row["table"], []).append(row)
+    return found
+
+
 def _shown(value: Any, unit: str) -> str:
     if isinstance(value, tuple | list):
         return ", ".join(_shown(one, unit) for one in value)
@@ -168,7 +177,11 @@ def _shown(value: Any, unit: str) -> str:
         return str(value)
     if value == np.inf:
         return "rigid"
-    return grouped(value) if isinstance(value, int) and not unit else si(value, unit, 6)
+    return (
+        grouped(value)
+        if isinstance(value, int) and not unit
+        else si(value, unit.replace("^3", "\u00b3"), 6)
+    )
 
 
 def _note(comment: str) -> str:

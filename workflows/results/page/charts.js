@@ -139,7 +139,7 @@ export function responseChart(holder, response, height = 320) {
       : {};
   const plain = (plot, ticks) => ticks.map((value) => (value === null ? "" : hertz(value)));
   const options = {
-    scales: { x: { time: false, distr: 3 }, y: { distr: 3 } },
+    scales: { x: { time: false, distr: 3, range: (_, min, max) => [min, max] }, y: { distr: 3 } },
     series: [
       { label: "frequency", value: (_, hz) => (hz === null ? "–" : `${digits(hz, 4)} Hz`) },
       ...series(curves, dots),
