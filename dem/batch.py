@@ -1,8 +1,9 @@
 """Many chains at once: equal in length and wall modes, different in everything else.
 
-Bare chains lie side by side in the lanes of vector registers and in blocks on the threads. Bare
-means Hertz contacts, no dissipation, yield, leaf springs, preload, residual spring or dashpot;
-chains with any of these are marched one by one, dealt to the threads.
+Chains lie side by side in the lanes of vector registers and in blocks on the threads: Hertz
+contacts, preload, leaf springs, walls without or with modes. Chains with dissipation, yield, a
+residual spring or a dashpot are marched one by one, dealt to the threads. Steps do not stop at the
+samples, which lie on polynomials of the steps.
 """
 
 import os
@@ -15,11 +16,13 @@ from numpy.typing import ArrayLike
 
 from dem.chain import Chain, Wall, validate
 from dem.checks import InvalidChain, columns, positive, saves, whole
-from dem.kernels.arguments import Array, Steps
-from dem.kernels.lanes import LANES, Blocks, SavedLanes, march_lanes
+from dem.dense import values_between, velocities_between
+from dem.kernels.arguments import Array
+from dem.kernels.lanes import LANES, Blocks, Held, LaneSteps, SavedLanes, march_lanes
 from dem.kernels.oscillators import oscillator_propagator
 from dem.schemes import SCHEMES, named_scheme
 from dem.stability import UnstableStep
+from dem.statics import approach, static_state
 from dem.step_control import Search, march_to_error
 from dem.trajectory import equal_steps, march
 
@@ -79,13 +82,18 @@ class _Asked(NamedTuple):
     def batch(self, dt: float, v: Array, wall_force: Array, errors: Array) -> Batch:
         """What marches by steps up to dt have left."""
         steps, t = self.steps(dt), np.linspace(0.0, self.duration, self.n_save + 1)
-        return Batch(t, v, wall_force, errors, steps.h, steps.stride * steps.n_save, self.scheme)
+        return Batch(t, v, wall_force, errors, steps.h, steps.n_steps, self.scheme)
 
-    def steps(self, dt: float) -> Steps:
-        """Equal ones up to dt."""
-        return equal_steps(self.duration, dt, self.n_save)
+    def steps(self, dt: float) -> LaneSteps:
+        """Equal ones up to dt, which end at the samples where those are farther apart."""
+        if dt * self.n_save <= self.duration:
+            steps = equal_steps(self.duration, dt, self.n_save)
+            return LaneSteps(steps.h, steps.stride * self.n_save, self.n_save)
+        n = int(np.ceil(self.duration / dt * (1 - 1e-9)))
+        return LaneSteps(self.duration / n, n, self.n_save)
 
 
+SEARCHED = 100  # samples at which a step is sought: more would make it short for their own sake
 PER_CHAIN = ("preload",)
 PER_CONTACT = ("mass", "radius", "A", "gamma", "leaf_stiffness", "leaf_anchor", "yield_overlap")
 PER_WALL = ("residual_compliance", "mobility")
@@ -140,10 +148,9 @@ class Chains:
         return self.arrays[name]
 
     @property
-    def bare(self) -> bool:
+    def fit_lanes(self) -> bool:
         """Without any part that the lanes do not know."""
-        parts = ("preload", "leaf_stiffness", *PER_WALL)
-        without = not any(np.any(self.arrays.get(name, 0.0)) for name in parts)
+        without = not any(np.any(self.arrays.get(name, 0.0)) for name in PER_WALL)
         lossless = self.chain.dissipation == "none" and self.chain.yield_overlap is None
         return without and lossless
 
@@ -174,7 +181,7 @@ def _to_error(chains, error, asked):
     stiffest = int(chains.A.max(axis=1).argmax())
     dt = march_to_error(
         *chains[stiffest], duration=asked.duration, error=error, observed=asked.observed,
-        n_save=asked.n_save, search=Search(asked.scheme, energy_error=np.inf),
+        n_save=min(asked.n_save, SEARCHED), search=Search(asked.scheme, energy_error=np.inf),
     ).trajectory.dt  # fmt: skip
     sample = chains.take(np.unique(np.linspace(0, chains.count - 1, 16).astype(int)))
     speed = np.abs(sample.v0).max(axis=1)[:, None, None]
@@ -190,7 +197,7 @@ def _to_error(chains, error, asked):
 
 def _march(chains, dt, asked):
     method = SCHEMES[asked.scheme]
-    if not chains.bare or method.kind == "implicit":
+    if not chains.fit_lanes or method.kind == "implicit":
         return _one_by_one(chains, dt, asked)
     steps = asked.steps(dt)
     blocks = _blocks(chains, steps.h * method.a)
@@ -202,7 +209,7 @@ def _march(chains, dt, asked):
     )
 
     def work(part):
-        own, into = (type(whole)(*(a[part] for a in whole)) for whole in (blocks, saved))
+        own, into = _part(blocks, part), _part(saved, part)
         march_lanes(own, method.a, method.b, method.correction, steps, asked.observed, into)
 
     _share(work, n, asked.threads)
@@ -214,15 +221,56 @@ def _march(chains, dt, asked):
     return batch
 
 
+def _part(whole, rows):
+    """The same rows of every array of a tuple of arrays and such tuples."""
+    parts = (_part(a, rows) if isinstance(a, tuple) else a[rows] for a in whole)
+    return type(whole)(*parts)
+
+
 def _blocks(chains, drifts):
     none = np.zeros((chains.count, 0))
-    A = chains.A
+    A, stiffness = chains.A, chains.arrays.get("leaf_stiffness", none)
     if chains.free:
         A = np.concatenate([A, np.zeros((chains.count, 1))], axis=1)
     modes = (chains.arrays.get(name, none) for name in ("phi", "omega", "zeta"))
     parts = (chains.v0, chains.mass, A, *modes)
     v0, mass, A, phi, omega, zeta = map(_packed, parts)
-    return Blocks(v0, mass, A, phi, omega, _propagator(omega, zeta, drifts))
+    swing = _packed(np.sqrt(stiffness / chains.mass) if stiffness.any() else none)
+    return Blocks(
+        v0, mass, A, phi, omega, _propagator(omega, zeta, drifts), _held(chains),
+        _propagator(swing, np.zeros_like(swing), drifts),
+    )  # fmt: skip
+
+
+def _held(chains):
+    """The static states; empty for chains that nothing presses or holds."""
+    none, preload = np.zeros((chains.count, 0)), chains.preload[:, None]
+    stiffness = chains.arrays.get("leaf_stiffness", none)
+    if not (preload.any() or stiffness.any()):
+        return Held(*map(_packed, [none] * len(Held._fields)))
+    rest, force, modes = _static(chains)
+    anchor = chains.arrays.get("leaf_anchor", np.zeros_like(chains.mass))
+    at_wall = force[:, -1:] if not chains.free else np.zeros_like(preload)
+    ends = np.zeros_like(preload)
+    all_forces = np.hstack([ends, force, ends] if chains.free else [ends, force])
+    offset = (chains.phi * modes).sum(axis=1, keepdims=True) if modes.size else ends
+    leaf = (stiffness, anchor) if stiffness.any() else (none, none)
+    parts = (rest, np.diff(all_forces), offset, at_wall, modes, preload, *leaf)
+    return Held(*map(_packed, parts))
+
+
+def _static(chains):
+    """Positions (n_chains, n), contact forces and displacements of the modes at rest."""
+    preload, phi = chains.preload, chains.arrays.get("phi")
+    springs = chains.arrays.get("leaf_stiffness")
+    if not (chains.free or np.any(springs) or (preload < 0.0).any() or (chains.omega == 0).any()):
+        response = phi / chains.omega**2
+        compliance = (phi * response).sum(axis=1)
+        x = approach(chains.A[:, -1], preload, compliance)[:, None]
+        alone = np.arange(chains.mass.shape[1]) == chains.mass.shape[1] - 1
+        return x + 0.0 * chains.mass, preload[:, None] * alone, response * preload[:, None]
+    static = [static_state(*chains[i][:2]) for i in range(chains.count)]
+    return tuple(np.array(parts) for parts in zip(*static, strict=True))
 
 
 def _propagator(omega, zeta, drifts):
@@ -244,16 +292,38 @@ def _require_finite(errors, h):
 
 
 def _one_by_one(chains, dt, asked):
+    steps = asked.steps(dt)
+    at_steps = steps.n_steps < asked.n_save
+
     def one(i):
+        chain, wall, v0 = chains[i]
         run = march(
-            *chains[i], duration=asked.duration, dt=dt, scheme=asked.scheme, n_save=asked.n_save
-        )
-        force = np.zeros(asked.n_save + 1) if chains.free else run.contact_force[:, -1]
-        return run.v[:, asked.observed], force, run.energy_error
+            chain, wall, v0, duration=asked.duration, dt=dt, scheme=asked.scheme,
+            n_save=steps.n_steps if at_steps else asked.n_save,
+        )  # fmt: skip
+        v, force = run.v[:, asked.observed], _wall_force(run, wall)
+        if at_steps:
+            a = _accelerations(chain, wall, run)[:, asked.observed]
+            v = velocities_between(run.x[:, asked.observed], v, a, steps.h, asked.n_save)
+            force = values_between(force, asked.n_save)
+        return v, force, run.energy_error
 
     with ThreadPoolExecutor(asked.threads) as pool:
         each = zip(*pool.map(one, range(chains.count)), strict=True)
         return asked.batch(dt, *map(np.array, each))
+
+
+def _wall_force(run, wall):
+    return np.zeros(run.t.size) if wall is None else run.contact_force[:, -1]
+
+
+def _accelerations(chain, wall, run):
+    """(k, n) [m/s^2] of a run's spheres by the forces on them."""
+    stiffness, anchor = chain.springs
+    force = np.pad(run.contact_force, ((0, 0), (1, wall is None)))
+    pushed = -np.diff(force, axis=1) - stiffness * (run.x - anchor)
+    pushed[:, -1] += chain.preload
+    return pushed / chain.mass
 
 
 def _packed(values):

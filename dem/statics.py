@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dem.chain import Chain, Wall, static_compliance, validate
 from dem.kernels.arguments import Array
@@ -41,12 +42,26 @@ def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
     if chain.preload == 0.0 and not (stiffness * anchor).any():
         return Equilibrium(np.zeros(n), np.zeros(chain.A.size), np.zeros(n_modes))
     compliance = static_compliance(wall)
-    x, force = _rest(chain, wall, stiffness, anchor, compliance)
+    if (
+        wall is not None
+        and chain.preload > 0.0
+        and 0.0 <= compliance < np.inf
+        and not stiffness.any()
+    ):
+        x = np.full(n, approach(chain.A[-1], chain.preload, compliance))
+        force = np.append(np.zeros(n - 1), float(chain.preload))
+    else:
+        x, force = _rest(chain, wall, stiffness, anchor, compliance)
     q = np.zeros(n_modes)
     if n_modes and force[-1] > 0.0:
         moving = wall.phi != 0.0
         q[moving] = wall.phi[moving] * force[-1] / wall.omega[moving] ** 2
     return Equilibrium(x, force, q)
+
+
+def approach(A: ArrayLike, force: ArrayLike, compliance: ArrayLike) -> Array:
+    """Way [m] of a body that a force presses on a wall of a static compliance [m/N]."""
+    return hertz_overlap(force, A) + np.multiply(compliance, force)
 
 
 def _rest(chain, wall, stiffness, anchor, compliance):

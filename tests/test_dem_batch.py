@@ -114,3 +114,37 @@ def test_batch_refuses_what_it_does_not_take():
     chain.A[2, 1] = np.nan
     with pytest.raises(InvalidChain, match="not finite"):
         march_batch(Chains(chain, rigid_wall(), v0), **options)
+
+
+@pytest.mark.parametrize("part", ["nothing", "preload", "leaf springs", "dissipation"])
+def test_samples_closer_than_steps_keep_the_error(part):
+    """On a modal wall, against steps fifty times shorter; the force at the wall too."""
+    chain, v0 = scattered(5, 7)
+    chain, wall = chain._replace(**PARTS.get(part, {})), moving_walls(5)
+    wall = wall._replace(omega=wall.omega + 0.2)
+    if part == "preload":
+        chain = chain._replace(preload=chain.preload[:5])
+    run = dict(duration=24.0, n_save=1200)
+    coarse = march_batch(Chains(chain, wall, v0), dt=0.25, **run)
+    fine = march_batch(Chains(chain, wall, v0), dt=0.005, **run)
+    assert coarse.n_steps == 96
+    speed, force = v0[:, :1, None], fine.wall_force.max(axis=1, keepdims=True)
+    assert np.abs((coarse.v - fine.v) / speed).max() < 2e-3
+    assert np.abs((coarse.wall_force - fine.wall_force) / force).max() < 2e-2
+    at_steps = march_batch(Chains(chain, wall, v0), dt=0.25, duration=24.0, n_save=96)
+    every = np.linspace(0, 1200, 97)[::2].astype(int)
+    assert coarse.v[:, every] == pytest.approx(at_steps.v[:, ::2], abs=1e-12)
+
+
+def test_samples_between_steps_converge_with_the_scheme():
+    """Of a pressed chain, whose contacts stay closed."""
+    chain, v0 = scattered(3, 7)
+    chain = chain._replace(leaf_stiffness=np.full(7, 1.0), leaf_anchor=np.linspace(1.4, 0.2, 7))
+    v0 *= 0.02
+    run = dict(duration=12.0, n_save=900)
+    exact = march_batch(Chains(chain, rigid_wall(), v0), dt=0.01, **run)
+    errors = [
+        np.abs(march_batch(Chains(chain, rigid_wall(), v0), dt=dt, **run).v - exact.v).max()
+        for dt in (0.4, 0.2)
+    ]
+    assert 4.5 < np.log2(errors[0] / errors[1]) < 6.5

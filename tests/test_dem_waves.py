@@ -8,7 +8,7 @@ import pytest
 
 from dem import Chain, march, one_dof_wall, rigid_wall
 from dem.waves import solitary
-from dem.waves.arrivals import peaks, velocity_sum_ratio
+from dem.waves.arrivals import passage, passages, peaks, velocity_sum_ratio
 from dem.waves.fit import Guess, fit, groups
 from dem.waves.labels import labels
 from dem.waves.measures import (
@@ -275,3 +275,20 @@ def test_a_wave_between_two_samples_is_told_by_its_fit():
     found = labels((slow, quick), t, v, 6)
     assert [label.number for label in found] == [1, 2]
     assert all(np.isfinite(label.arrival.time) for label in found)
+
+
+def test_passages_of_many_records_are_those_of_each():
+    rng = np.random.default_rng(3)
+    t = np.linspace(0.0, 1.0, 400)
+    v = np.array([np.convolve(rng.normal(size=430), np.hanning(31), "valid") for _ in range(200)])
+    v[3], v[4] = 0.0, np.abs(v[4])
+    missing = 0
+    for record, found in zip(v, passages(t, v), strict=True):
+        one = passage(t, record)
+        missing += one is None
+        if one is None:
+            assert np.isnan(found[2:]).all()
+        else:
+            expected = [*one.incident[:2], *one.reflected[:2]]
+            assert found == pytest.approx(expected, rel=1e-12, abs=0.0)
+    assert missing == 2

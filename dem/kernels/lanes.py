@@ -1,13 +1,14 @@
-"""Bare chains side by side in the lanes of vector registers: sphere i of lane l is i * LANES + l.
+"""Chains side by side in the lanes of vector registers: sphere i of lane l is i * LANES + l.
 
-The wall is one more sphere without mass, moved by its modes alone.
+The wall is one more sphere without mass, moved by its modes alone. Steps do not stop at the samples
+that are kept: those lie on the polynomials of `dense`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from dem.kernels.arguments import Array, Correction, Steps
+from dem.kernels.arguments import Array, Correction
 from dem.kernels.compiled import (
     fastmath,
     fastmath_allocating,
@@ -15,10 +16,32 @@ from dem.kernels.compiled import (
     fastmath_inline,
     ieee,
 )
+from dem.kernels.dense import Place, cubic, quintic, quintic_slope
 from dem.kernels.events import missed_impulse
 from dem.kernels.laws import hertz_force
 
 LANES = 16
+
+
+class LaneSteps(NamedTuple):
+    """Equal steps, and equal samples that need not lie at their ends."""
+
+    h: float  # [s]
+    n_steps: int
+    n_save: int
+
+
+class Held(NamedTuple):
+    """What chains at rest are held by, (n_blocks, m, LANES) each; m = 0 where nothing does."""
+
+    rest: Array  # (n) [m] of the spheres
+    load: Array  # (n) [N] balances the contact forces at rest
+    wall_offset: Array  # (1) [m] of the wall at rest
+    wall_force: Array  # (1) [N]
+    static: Array  # (n_modes) of the modes at rest
+    preload: Array  # (1) [N]
+    stiffness: Array  # (n) [N/m] of the leaf springs, m = 0 without any
+    anchor: Array  # (n) [m]
 
 
 class Blocks(NamedTuple):
@@ -30,6 +53,8 @@ class Blocks(NamedTuple):
     phi: Array
     omega: Array
     propagator: Array  # (n_blocks, n_drifts, 4, n_modes * LANES)
+    held: Held
+    swing: Array  # (n_blocks, n_drifts, 4, n * LANES) of the leaf springs; n = 0 without any
 
 
 class SavedLanes(NamedTuple):
@@ -46,7 +71,7 @@ class Lanes(NamedTuple):
     x: Array  # ((n + 1) LANES,)
     v: Array
     f: Array
-    q: Array  # (n_modes * LANES,)
+    q: Array  # (n_modes * LANES,) from rest
     p: Array
     inverse_mass: Array  # ((n + 1) LANES,) 0 of the wall
     mass: Array  # (n LANES,)
@@ -54,6 +79,8 @@ class Lanes(NamedTuple):
     phi: Array
     omega: Array
     propagator: Array  # (n_drifts, 4, n_modes * LANES)
+    held: Held  # (m LANES,) each
+    swing: Array  # (n_drifts, 4, n LANES)
 
 
 class WallPush(NamedTuple):
@@ -89,6 +116,8 @@ def read_modes_of_lanes(lanes: Lanes) -> None:
     u, w = lanes.x[lanes.A.size :], lanes.v[lanes.A.size :]
     u[:] = 0.0
     w[:] = 0.0
+    for lane in range(lanes.held.wall_offset.size):
+        u[lane] = lanes.held.wall_offset[lane]
     for j in range(0, q.size, LANES):
         for lane in range(LANES):
             u[lane] += phi[j + lane] * q[j + lane]
@@ -149,9 +178,11 @@ def correct_lanes(
 
 @fastmath
 def energy_of_lanes(lanes: Lanes, energy: Array) -> None:
+    """Energy of the motion, and what the preload has left to do."""
     x, v, mass, A, q, p, omega = (
         lanes.x, lanes.v, lanes.mass, lanes.A, lanes.q, lanes.p, lanes.omega,
     )  # fmt: skip
+    held = lanes.held
     energy[:] = 0.0
     for row in range(0, A.size, LANES):
         for lane in range(LANES):
@@ -162,26 +193,46 @@ def energy_of_lanes(lanes: Lanes, energy: Array) -> None:
     for row in range(0, q.size, LANES):
         for lane in range(LANES):
             j = row + lane
-            energy[lane] += 0.5 * (p[j] * p[j] + omega[j] * omega[j] * q[j] * q[j])
+            moved = q[j] + held.static[j] if held.static.size > 0 else q[j]
+            energy[lane] += 0.5 * (p[j] * p[j] + omega[j] * omega[j] * moved * moved)
+    for row in range(0, held.stiffness.size, LANES):
+        for lane in range(LANES):
+            j = row + lane
+            bent = x[j] - held.anchor[j]
+            energy[lane] += 0.5 * held.stiffness[j] * bent * bent
+    last = A.size - LANES
+    for lane in range(held.preload.size):
+        energy[lane] -= held.preload[lane] * (x[last + lane] - held.rest[last + lane])
 
 
 @fastmath_inline
 def kick_lanes(kick: float, lanes: Lanes, wall: WallPush) -> None:
-    v, f, minv = lanes.v, lanes.f, lanes.inverse_mass
+    v, f, minv, load = lanes.v, lanes.f, lanes.inverse_mass, lanes.held.load
     size = lanes.A.size
     for j in range(size):
         v[j] += kick * minv[j] * (f[j] - f[j + LANES])
+    for j in range(load.size):
+        v[j] += kick * minv[j] * load[j]
     if lanes.q.size > 0:
         for lane in range(LANES):
             wall.impulse[lane] = kick * f[size + lane]
+        for lane in range(lanes.held.wall_force.size):
+            wall.impulse[lane] -= kick * lanes.held.wall_force[lane]
         push_modes_of_lanes(wall.impulse, lanes.q, lanes.p, lanes.phi, None)
 
 
 @fastmath_inline
 def drift_lanes(i: int, drift: float, lanes: Lanes) -> None:
-    x, v = lanes.x, lanes.v
-    for j in range(lanes.A.size):
-        x[j] += drift * v[j]
+    x, v, rest = lanes.x, lanes.v, lanes.held.rest
+    if lanes.swing.shape[2] > 0:
+        E = lanes.swing[i]
+        for j in range(lanes.A.size):
+            u = x[j] - rest[j]
+            x[j] = rest[j] + E[0, j] * u + E[1, j] * v[j]
+            v[j] = E[2, j] * u + E[3, j] * v[j]
+    else:
+        for j in range(lanes.A.size):
+            x[j] += drift * v[j]
     if lanes.q.size > 0:
         drift_modes_of_lanes(lanes.q, lanes.p, lanes.propagator[i])
         read_modes_of_lanes(lanes)
@@ -220,65 +271,156 @@ def correct_step_of_lanes(
     return True
 
 
+class Ends(NamedTuple):
+    """Observed spheres, the last one and the wall at an end of a step, (rows, LANES) each; the
+    last two rows are those of the last sphere and of the wall."""
+
+    x: Array
+    v: Array
+    a: Array
+
+
 @fastmath
-def save_lanes(
-    lanes: Lanes, observed: Array, energy: Array, start: Array, saved: SavedLanes
+def note_end(lanes: Lanes, observed: Array, end: Ends) -> None:
+    """What the polynomials of a step need of one of its ends; forces are fresh."""
+    if lanes.q.size > 0:
+        read_modes_of_lanes(lanes)  # pushed by the last kick
+    x, v, f, minv, held = lanes.x, lanes.v, lanes.f, lanes.inverse_mass, lanes.held
+    n = lanes.A.size // LANES
+    for i in range(observed.size + 2):
+        sphere = observed[i] if i < observed.size else n - 1 + i - observed.size
+        for lane in range(LANES):
+            j = sphere * LANES + lane
+            end.x[i, lane] = x[j]
+            end.v[i, lane] = v[j]
+            if sphere == n:
+                continue
+            pushed = f[j] - f[j + LANES]
+            if held.load.size > 0:
+                pushed += held.load[j]
+            if held.stiffness.size > 0:
+                pushed -= held.stiffness[j] * (x[j] - held.rest[j])
+            end.a[i, lane] = minv[j] * pushed
+
+
+@fastmath
+def sample_lanes(
+    s: float, h: float, one: Ends, two: Ends, A: Array, v: Array, wall_force: Array
 ) -> None:
-    """Observed velocities v (n_observed, lanes), wall force and worst energy error so far."""
-    x, A = lanes.x, lanes.A
+    """Observed velocities and the force at the wall at the share s of a step."""
+    rows = v.shape[0]
     last = A.size - LANES
     for lane in range(LANES):
-        for i in range(observed.size):
-            saved.v[i, lane] = lanes.v[observed[i] * LANES + lane]
-        d = max(x[last + lane] - x[last + LANES + lane], 0.0)
-        saved.wall_force[lane] = hertz_force(d, A[last + lane])
-        change = abs(energy[lane] - start[lane]) / start[lane]
-        if not change <= saved.energy_error[lane]:  # keeps a NaN
-            saved.energy_error[lane] = change
+        for i in range(rows):
+            here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
+            there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
+            v[i, lane] = quintic_slope(s, h, here, there)
+        i = rows
+        here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
+        there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
+        k = rows + 1
+        wall = cubic(s, h, one.x[k, lane], one.v[k, lane], two.x[k, lane], two.v[k, lane])
+        d = quintic(s, h, here, there) - wall
+        wall_force[lane] = hertz_force(d if d > 0.0 else 0.0, A[last + lane])
+
+
+@fastmath
+def note_energy(energy: Array, start: Array, scale: Array, worst: Array) -> None:
+    for lane in range(LANES):
+        change = abs(energy[lane] - start[lane]) / scale[lane]
+        if not change <= worst[lane]:  # keeps a NaN
+            worst[lane] = change
+
+
+@fastmath
+def kinetic_energy(lanes: Lanes, energy: Array) -> None:
+    """Of the spheres; 1 where none moves, as errors are relative to it."""
+    energy[:] = 0.0
+    for row in range(0, lanes.A.size, LANES):
+        for lane in range(LANES):
+            j = row + lane
+            energy[lane] += 0.5 * lanes.mass[j] * lanes.v[j] * lanes.v[j]
+    for lane in range(LANES):
+        if energy[lane] == 0.0:
+            energy[lane] = 1.0
 
 
 @fastmath_allocating
 def march_block(
-    lanes: Lanes, a: Array, b: Array, correction: Correction | None, steps: Steps, observed: Array,
-    saved: SavedLanes,
+    lanes: Lanes, a: Array, b: Array, correction: Correction | None, steps: LaneSteps,
+    observed: Array, saved: SavedLanes,
 ) -> None:  # fmt: skip
-    dt, n_save, stride = steps
+    dt, n_steps, n_save = steps
     x_old, v_old = np.zeros_like(lanes.x), np.zeros_like(lanes.v)
     wall = WallPush(np.zeros(LANES), np.zeros(LANES))
-    start, energy = np.zeros(LANES), np.zeros(LANES)
-    stale = n_save >= 0  # a literal True would compile what takes it once more
-    for k in range(n_save + 1):
-        for _step in range(stride if k > 0 else 0):
-            if correction is not None:
-                for j in range(x_old.size):
-                    x_old[j], v_old[j] = lanes.x[j], lanes.v[j]
-            stale = step_of_lanes(dt, stale, a, b, lanes, wall)
-            stale |= correct_step_of_lanes(dt, lanes, x_old, v_old, correction, wall)
+    start, energy, scale = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    shape = (observed.size + 2, LANES)
+    one = Ends(np.zeros(shape), np.zeros(shape), np.zeros(shape))
+    two = Ends(np.zeros(shape), np.zeros(shape), np.zeros(shape))
+    forces_of_lanes(lanes.x, lanes.A, lanes.f)
+    stale = n_save < 0  # a literal False would compile what takes it once more
+    energy_of_lanes(lanes, start)
+    kinetic_energy(lanes, scale)
+    note_end(lanes, observed, two)
+    sample_lanes(1.0, dt, two, two, lanes.A, saved.v[0], saved.wall_force[0])
+    k = 1
+    for step in range(n_steps):
+        due = k * n_steps <= (step + 1) * n_save
+        if due:
+            if stale:
+                forces_of_lanes(lanes.x, lanes.A, lanes.f)
+                stale = n_save < 0
+            note_end(lanes, observed, one)
+        if correction is not None:
+            for j in range(x_old.size):
+                x_old[j], v_old[j] = lanes.x[j], lanes.v[j]
+        stale = step_of_lanes(dt, stale, a, b, lanes, wall)
+        stale |= correct_step_of_lanes(dt, lanes, x_old, v_old, correction, wall)
+        if not due:
+            continue
+        if stale:
+            forces_of_lanes(lanes.x, lanes.A, lanes.f)
+            stale = n_save < 0
+        note_end(lanes, observed, two)
+        while k <= n_save and k * n_steps <= (step + 1) * n_save:
+            s = (k * n_steps - step * n_save) / n_save
+            sample_lanes(s, dt, one, two, lanes.A, saved.v[k], saved.wall_force[k])
+            k += 1
         energy_of_lanes(lanes, energy)
-        if k == 0:
-            start = energy.copy()
-        row = SavedLanes(saved.v[k], saved.wall_force[k], saved.energy_error)
-        save_lanes(lanes, observed, energy, start, row)
+        note_energy(energy, start, scale, saved.energy_error)
 
 
 @fastmath_allocating_march
 def march_lanes(
-    blocks: Blocks, a: Array, b: Array, correction: Correction | None, steps: Steps,
+    blocks: Blocks, a: Array, b: Array, correction: Correction | None, steps: LaneSteps,
     observed: Array, saved: SavedLanes,
 ) -> None:  # fmt: skip
-    """March LANES bare chains side by side, block after block, into `saved`."""
+    """March LANES chains side by side, block after block, into `saved`."""
     n_blocks, n = blocks.v0.shape[:2]
     size, modes = n * LANES, blocks.phi.shape[1] * LANES
     padded = size + LANES
     for block in range(n_blocks):
         mass = blocks.mass[block].reshape(size)
-        minv, v = np.zeros(padded), np.zeros(padded)
+        minv, x, v = np.zeros(padded), np.zeros(padded), np.zeros(padded)
         minv[:size] = 1.0 / mass
         v[:size] = blocks.v0[block].reshape(size)
+        held = held_by(blocks.held, block)
+        x[: held.rest.size] = held.rest
         lanes = Lanes(
-            np.zeros(padded), v, np.zeros(padded), np.zeros(modes), np.zeros(modes), minv, mass,
+            x, v, np.zeros(padded), np.zeros(modes), np.zeros(modes), minv, mass,
             blocks.A[block].reshape(size), blocks.phi[block].reshape(modes),
-            blocks.omega[block].reshape(modes), blocks.propagator[block],
+            blocks.omega[block].reshape(modes), blocks.propagator[block], held, blocks.swing[block],
         )  # fmt: skip
+        if held.wall_offset.size > 0:
+            x[size:] = held.wall_offset
         kept = SavedLanes(saved.v[block], saved.wall_force[block], saved.energy_error[block])
         march_block(lanes, a, b, correction, steps, observed, kept)
+
+
+@fastmath_allocating
+def held_by(held: Held, block: int) -> Held:
+    return Held(
+        held.rest[block].ravel(), held.load[block].ravel(), held.wall_offset[block].ravel(),
+        held.wall_force[block].ravel(), held.static[block].ravel(), held.preload[block].ravel(),
+        held.stiffness[block].ravel(), held.anchor[block].ravel(),
+    )  # fmt: skip

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dem.kernels.arguments import Array
+from dem.kernels.passages import fill_passages
 
 CANCEL = 1e-12  # of their sum without signs: below, velocities cancel but for rounding
 
@@ -142,3 +143,12 @@ def energy_restitution(mass: Array, v_before: Array, v_after: Array) -> float:
     """sqrt of final over initial kinetic energy: 1 without loss."""
     before, after = mass @ np.square(v_before), mass @ np.square(v_after)
     return float(np.sqrt(after / before))
+
+
+def passages(t: Array, v: Array, *, threshold: float = 0.2) -> Array:
+    """(m, 4) time [s] and peak velocity [m/s] of the incident wave and of the first reflected one
+    of `passage` for records v (m, k) at equal times t (k,); nan for a wave that there is not."""
+    found = np.empty((len(v), 4))
+    fill_passages(np.ascontiguousarray(v, float), threshold, found)
+    found[:, ::2] = t[0] + found[:, ::2] * (t[1] - t[0])
+    return found

@@ -1,0 +1,1 @@
+"""Many cases of one scene: which, how they are computed together, and the table that they leave."""

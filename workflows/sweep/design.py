@@ -1,0 +1,254 @@
+"""Which cases a sweep has: grids, lists, samples and tables of values for keys of a scene."""
+
+import csv
+from collections.abc import Callable, Iterable, Mapping
+from hashlib import sha256
+from itertools import product
+from json import dumps
+from math import isfinite
+from pathlib import Path
+from tomllib import TOMLDecodeError, loads
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from workflows.scene import InvalidScene
+
+MOST_CASES = 10_000_000  # rows of a table that a laptop still holds
+SAMPLES = ("lhs", "sobol")
+FORMS = "start:stop:n, start:stop:n:log, or a list a,b,c"
+RANGE = "low:high or low:high:log"
+
+Number = Callable[[str, str], float]  # of a key and a text, which may have a unit
+
+
+class Design(NamedTuple):
+    """Cases of a sweep: `columns` has the values of each key, one per case."""
+
+    kind: str  # "grid", "lhs", "sobol" or "table"
+    columns: dict[str, tuple[Any, ...]]
+    base: int = 0  # of a Sobol design: samples of its matrices A and B
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys that vary."""
+        return tuple(self.columns)
+
+    @property
+    def n_cases(self) -> int:
+        """How many cases there are."""
+        return len(next(iter(self.columns.values())))
+
+    @property
+    def digest(self) -> str:
+        """Changes with every value of every case."""
+        return sha256(dumps(self.columns, default=repr).encode()).hexdigest()[:12]
+
+    def case(self, i: int) -> dict[str, Any]:
+        """Values of one case by key."""
+        return {key: values[i] for key, values in self.columns.items()}
+
+
+class Axis(NamedTuple):
+    """One `--over`: values of a grid, or a range to sample."""
+
+    key: str
+    values: tuple[Any, ...] = ()
+    low: float = 0.0
+    high: float = 0.0
+    logarithmic: bool = False
+
+    def at(self, unit: np.ndarray) -> np.ndarray:
+        """Values for places (n,) between 0 and 1 in the range."""
+        if self.logarithmic:
+            return self.low * (self.high / self.low) ** unit
+        return self.low + (self.high - self.low) * unit
+
+
+def grid(over: Iterable[str], number: Number) -> Design:
+    """Every combination of the values of all axes, the last key varying fastest.
+
+    Raises InvalidScene for an axis that cannot be read and for more cases than a table holds.
+    """
+    axes = _distinct([_grid_axis(text, number) for text in over])
+    n = 1
+    for axis in axes:
+        n *= len(axis.values)
+    _require_number(n)
+    rows = product(*(axis.values for axis in axes))
+    return Design("grid", _columns([axis.key for axis in axes], rows))
+
+
+def sampled(over: Iterable[str], sample: str, seed: int, number: Number) -> Design:
+    """Latin hypercube ("lhs:n"), or the matrices A, B and A_B of a Sobol design ("sobol:n").
+
+    A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259: A and B have n rows each, A_B takes
+    one column of B at a time, n (d + 2) cases for d keys. Raises InvalidScene.
+    """
+    kind, n = _sample(sample)
+    axes = _distinct([_range_axis(text, number) for text in over])
+    _require_number(n * (len(axes) + 2 if kind == "sobol" else 1))
+    unit = _unit_sobol(n, len(axes), seed) if kind == "sobol" else _unit_lhs(n, len(axes), seed)
+    columns = {axis.key: tuple(axis.at(unit[:, j]).tolist()) for j, axis in enumerate(axes)}
+    return Design(kind, columns, n if kind == "sobol" else 0)
+
+
+def _unit_lhs(n: int, d: int, seed: int) -> np.ndarray:
+    from scipy.stats import qmc
+
+    return qmc.LatinHypercube(d, rng=np.random.default_rng(seed)).random(n)
+
+
+def _unit_sobol(n: int, d: int, seed: int) -> np.ndarray:
+    from scipy.stats import qmc
+
+    both = qmc.Sobol(2 * d, rng=np.random.default_rng(seed)).random(n)
+    A, B = both[:, :d], both[:, d:]
+    mixed = [np.where(np.arange(d) == j, B, A) for j in range(d)]
+    return np.vstack([A, B, *mixed])
+
+
+def table(path: Path) -> Design:
+    """The cases of a CSV file: a line of keys, then a line of values for each case."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = [line for line in csv.reader(file) if any(cell.strip() for cell in line)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or "it is no CSV in UTF-8"
+        raise InvalidScene(f"--cases {path} cannot be read ({reason}); give a CSV file.") from None
+    if len(lines) < 2:
+        raise InvalidScene(
+            f"--cases {path} has {len(lines)} lines; give a line of keys and one for each case."
+        )
+    keys = [cell.strip() for cell in lines[0]]
+    for key in keys:
+        _require_key(key, f"--cases {path}")
+    if len(set(keys)) < len(keys):
+        raise InvalidScene(f"--cases {path} names a key twice; name each once.")
+    for i, line in enumerate(lines[1:], start=2):
+        if len(line) != len(keys):
+            raise InvalidScene(
+                f"--cases {path}: line {i} has {len(line)} values for {len(keys)} keys; give one "
+                "for each key."
+            )
+    _require_number(len(lines) - 1)
+    rows = ([_value(cell.strip()) for cell in line] for line in lines[1:])
+    return Design("table", _columns(keys, rows))
+
+
+def _columns(keys: list[str], rows: Iterable[Iterable[Any]]) -> dict[str, tuple[Any, ...]]:
+    return dict(zip(keys, zip(*rows, strict=True), strict=True))
+
+
+def _distinct(axes: list[Axis]) -> list[Axis]:
+    keys = [axis.key for axis in axes]
+    if not axes:
+        raise InvalidScene(f"a sweep needs keys to vary; write --over key={FORMS}, or --cases.")
+    if twice := next((key for key in keys if keys.count(key) > 1), None):
+        raise InvalidScene(f"--over names {twice} twice; give all its values at once.")
+    return axes
+
+
+def _split(text: str, form: str) -> tuple[str, str]:
+    key, equals, values = (part.strip() for part in text.partition("="))
+    if not equals or not values:
+        raise InvalidScene(f"--over {text!r} is not key=values; write key={form}.")
+    _require_key(key, "--over")
+    return key, values
+
+
+def _require_key(key: str, where: str) -> None:
+    if not all(key.split(".")):
+        raise InvalidScene(f"{where} {key!r} is no dotted key; write chain.young, for example.")
+
+
+def _grid_axis(text: str, number: Number) -> Axis:
+    key, values = _split(text, FORMS)
+    parts = values.split(":")
+    if len(parts) == 1:
+        return Axis(key, _listed(values))
+    if len(parts) not in (3, 4) or parts[3:] not in ([], ["log"]):
+        raise InvalidScene(f"--over {text} must be {FORMS}, or {RANGE} beside --sample.")
+    low, high = (number(key, part.strip()) for part in parts[:2])
+    n = _whole(parts[2], text)
+    if n == 1:
+        raise InvalidScene(f"--over {text} has one value; take --set {key}={parts[0]}.")
+    axis = _checked(Axis(key, (), low, high, bool(parts[3:])), text)
+    spaced = axis.at(np.linspace(0.0, 1.0, n))
+    spaced[[0, -1]] = low, high  # as they are given, not as they are rounded
+    return axis._replace(values=tuple(spaced.tolist()))
+
+
+def _range_axis(text: str, number: Number) -> Axis:
+    key, values = _split(text, RANGE)
+    parts = values.split(":")
+    if len(parts) not in (2, 3) or parts[2:] not in ([], ["log"]):
+        raise InvalidScene(f"--over {text} beside --sample must be {RANGE}.")
+    low, high = (number(key, part.strip()) for part in parts[:2])
+    return _checked(Axis(key, (), low, high, bool(parts[2:])), text)
+
+
+def _checked(axis: Axis, text: str) -> Axis:
+    if not (isfinite(axis.low) and isfinite(axis.high)) or axis.low == axis.high:
+        raise InvalidScene(f"--over {text} must run between two finite numbers that differ.")
+    if axis.logarithmic and min(axis.low, axis.high) <= 0.0:
+        raise InvalidScene(f"--over {text} is logarithmic and must run between numbers above 0.")
+    return axis
+
+
+def _listed(text: str) -> tuple[Any, ...]:
+    """Values of a list: TOML values, or bare words."""
+    try:
+        return tuple(loads(f"values = [{text}]")["values"])
+    except (TOMLDecodeError, ValueError, RecursionError):
+        return tuple(_value(part.strip()) for part in text.split(","))
+
+
+def _value(text: str) -> Any:
+    """A TOML value; a bare word is a string."""
+    try:
+        return loads(f"value = {text}")["value"]
+    except (TOMLDecodeError, ValueError, KeyError, RecursionError):
+        return text
+
+
+def _whole(text: str, where: str) -> int:
+    if not (text.strip().isdecimal() and 0 < int(text) <= MOST_CASES):
+        raise InvalidScene(
+            f"--over {where}: {text.strip()!r} must be a number of values up to {MOST_CASES}."
+        )
+    return int(text)
+
+
+def _sample(text: str) -> tuple[str, int]:
+    kind, _, n = text.partition(":")
+    if kind not in SAMPLES or not (n.isdecimal() and 2 <= int(n) <= MOST_CASES):
+        raise InvalidScene(f"--sample {text} must be lhs:n or sobol:n with n of at least 2.")
+    if kind == "sobol" and int(n).bit_count() != 1:
+        above = 1 << int(n).bit_length()
+        raise InvalidScene(
+            f"--sample {text}: Sobol sequences are balanced at powers of 2; take {above // 2} or "
+            f"{above}."
+        )
+    return kind, int(n)
+
+
+def _require_number(n: int) -> None:
+    if n > MOST_CASES:
+        raise InvalidScene(f"the sweep has {n} cases, a table holds {MOST_CASES}; take fewer.")
+
+
+def number_of(tables: Mapping[str, Any], read: Callable[[str, str], Any]) -> Number:
+    """How a number is read for a key: as it stands, or, with a unit, as the scene reads it."""
+
+    def number(key: str, text: str) -> float:
+        try:
+            return float(text)
+        except ValueError:
+            pass
+        found = read(key, text)
+        if isinstance(found, bool) or not isinstance(found, int | float):
+            raise InvalidScene(f"--over {key}: {text!r} is no number; give numbers for a range.")
+        return float(found)
+
+    return number
