@@ -95,6 +95,7 @@ class Flat(NamedTuple):
 
 
 RIGID = Flat(np.inf, 0.0)
+_NEIGHBOURS = np.s_[:-1], np.s_[1:], np.s_[-1:]
 
 
 def row_of_spheres(
@@ -111,29 +112,40 @@ def row_of_spheres(
     """Chain of elastic spheres against a flat, or a free one.
 
     Material values are scalars or one per sphere; `parts` are the further fields of `Chain`,
-    scalars or one per sphere or contact. Raises InvalidChain.
+    scalars or one per sphere or contact. Values with a leading axis, (n_chains, 1) or
+    (n_chains, n), make the chains of a batch. Raises InvalidChain.
     """
     given = {"radius": radius, "density": density, "young": young, "poisson": poisson}
     if count is not None:
         whole("count", count)
-    n = count or max(np.size(values) for values in given.values())
+    n = count or max(np.shape(values)[-1] if np.ndim(values) else 1 for values in given.values())
     R, rho, E, nu = (spread(name, values, n) for name, values in given.items())
     for name, values in (("radius", R), ("density", rho), ("young", E)):
-        vector(name, values, n, positive=True)
-    vector("poisson", nu, n, at_least=-1.0)
-    A = hertz_coefficient(R[:-1], E[:-1], nu[:-1], R[1:], E[1:], nu[1:])
+        vector(name, values.ravel(), values.size, positive=True)
+    vector("poisson", nu.ravel(), nu.size, at_least=-1.0)
+    R, rho, E, nu = np.broadcast_arrays(R, rho, E, nu)
+    one, two, last = ([part[..., some] for part in (R, E, nu)] for some in _NEIGHBOURS)
+    A = hertz_coefficient(*one, *two)
     if flat is not None:
-        A = np.append(A, hertz_coefficient(R[-1], E[-1], nu[-1], np.inf, *flat))
-    sizes = {"gamma": A.size, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": A.size}
+        A = _side_by_side(A, hertz_coefficient(*last, np.inf, *flat))
+    contacts = A.shape[-1]
+    sizes = {"gamma": contacts, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": contacts}
     for name in sizes.keys() & parts.keys():
         if parts[name] is not None:
             parts[name] = spread(name, parts[name], sizes[name]).copy()
-    factor = spread("stiffness_factor", stiffness_factor, A.size)
+    factor = spread("stiffness_factor", stiffness_factor, contacts)
     for name in parts:
         require(name in Chain._fields, f"{name!r} is no part of a chain; take one of {PARTS}")
     chain = Chain(mass(R, rho), R.copy(), A * factor, **parts)
-    validate(chain, None if flat is None else rigid_wall(), np.zeros(n))
+    if chain.mass.ndim == chain.A.ndim == 1:
+        validate(chain, None if flat is None else rigid_wall(), np.zeros(n))
     return chain
+
+
+def _side_by_side(*parts: Array) -> Array:
+    """Columns of arrays whose leading axes are broadcast."""
+    lead = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
+    return np.concatenate([np.broadcast_to(p, (*lead, p.shape[-1])) for p in parts], axis=-1)
 
 
 def rigid_wall() -> Wall:
@@ -141,18 +153,22 @@ def rigid_wall() -> Wall:
     return Wall(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
-def one_dof_wall(frequency: float, mass: float, damping_ratio: float = 0.0) -> Wall:
-    """One mass on a spring to the ground; frequency in Hz (0: a free mass). Raises InvalidChain."""
-    scalar("wall frequency", frequency, at_least=0.0)
-    above_0("wall mass", mass)
-    scalar("wall damping_ratio", damping_ratio, at_least=0.0)
-    omega = 2.0 * np.pi * frequency
-    return Wall(np.array([omega]), np.array([damping_ratio]), np.array([mass**-0.5]))
+def one_dof_wall(frequency: ArrayLike, mass: ArrayLike, damping_ratio: ArrayLike = 0.0) -> Wall:
+    """One mass on a spring to the ground; frequency in Hz (0: a free mass). Raises InvalidChain.
+
+    Values (n_chains, 1) make the walls of a batch.
+    """
+    for name, value in (("frequency", frequency), ("damping_ratio", damping_ratio)):
+        vector(f"wall {name}", np.ravel(value), np.size(value), at_least=0.0)
+    vector("wall mass", np.ravel(mass), np.size(mass), positive=True)
+    omega = 2.0 * np.pi * np.atleast_1d(np.asarray(frequency, float))
+    zeta, phi = np.atleast_1d(np.asarray(damping_ratio, float)), np.atleast_1d(np.power(mass, -0.5))
+    return Wall(omega, zeta, phi)
 
 
-def dashpot_wall(coefficient: float) -> Wall:
+def dashpot_wall(coefficient: ArrayLike) -> Wall:
     """A wall that resists with coefficient * velocity [N s/m]. Raises InvalidChain."""
-    above_0("dashpot coefficient", coefficient)
+    vector("dashpot coefficient", np.ravel(coefficient), np.size(coefficient), positive=True)
     return rigid_wall()._replace(mobility=1.0 / coefficient)
 
 

@@ -42,9 +42,10 @@ def vector(
 
 
 def spread(name: str, values: object, size: int) -> Array:
-    """(size,) of one number or one each."""
+    """(..., size) of one number or one each, behind the leading axes that there are."""
     try:
-        return np.broadcast_to(np.asarray(values, float), size)
+        given = np.asarray(values, float)
+        return np.broadcast_to(given, (*given.shape[:-1], size))
     except (TypeError, ValueError):
         raise InvalidChain(f"{name} is {values!r}; give one number or {size}") from None
 

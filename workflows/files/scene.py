@@ -74,8 +74,32 @@ def scene(source: Source = None, changes: Changes = ()) -> Scene:
     """The resolved scene: `changes` by dotted keys applied, every default filled in."""
     if isinstance(source, Scene) and not changes:
         return source
-    name, tables, folder = _written(source)
-    found = resolved(changed(tables, each(changes)), name, folder)
+    return completed(written(source, changes))
+
+
+class Written(NamedTuple):
+    """A scene as it is written."""
+
+    name: str  # where it comes from, for sentences
+    tables: dict[str, Any]
+    folder: Path  # paths inside the scene are relative to it
+
+
+def written(source: Source = None, changes: Changes = ()) -> Written:
+    """The tables of a scene with `changes` by dotted keys applied, nothing else."""
+    if isinstance(source, Scene):
+        found = Written(source.name, source.model_dump(exclude_none=True), Path.cwd())
+    elif isinstance(source, Mapping):
+        found = Written("scene", _plain(source), Path.cwd())
+    else:
+        name, text, folder = scene_text(None if source is None else str(source))
+        found = Written(name, parsed(text, name), folder)
+    return found._replace(tables=changed(found.tables, each(changes)))
+
+
+def completed(one: Written) -> Scene:
+    """The scene with every default filled in; raises InvalidScene."""
+    found = resolved(one.tables, one.name, one.folder)
     if not isinstance(found.wall, RomWall) or found.wall.file is None:
         return found
     from workflows.files.wall import with_surface  # only a wall from a file pays for the reader
@@ -83,17 +107,7 @@ def scene(source: Source = None, changes: Changes = ()) -> Scene:
     try:
         return found.model_copy(update={"wall": with_surface(found.wall)})
     except InvalidScene as error:
-        raise InvalidScene(f"{name}: {error}") from None
-
-
-def _written(source: Source) -> tuple[str, dict[str, Any], Path]:
-    """Name, tables and folder of what a scene is told by."""
-    if isinstance(source, Scene):
-        return source.name, source.model_dump(exclude_none=True), Path.cwd()
-    if isinstance(source, Mapping):
-        return "scene", _plain(source), Path.cwd()
-    found = scene_text(None if source is None else str(source))
-    return found.source, parsed(found.text, found.source), found.folder
+        raise InvalidScene(f"{one.name}: {error}") from None
 
 
 def tables_of(source: Source) -> dict[str, Any]:

@@ -57,6 +57,34 @@ def ellipse(scene: Scene) -> coupling.EllipticalContact:
         raise InvalidScene(f"{scene.name}: {error}") from None
 
 
+TOGETHER = {
+    "chain": ("radius", "density", "young", "poisson"),
+    "striker": ("velocity",),
+    "contact": ("stiffness_factor", "coefficient"),
+    "leaf_springs": ("stiffness", "offset"),
+    "preload": ("force", "mass"),
+    "wall": ("frequency", "mass", "damping_ratio", "coefficient", "young", "poisson"),
+}
+
+
+def together(scene: Scene, columns: dict[str, np.ndarray], wall: Any) -> dem.Chains:
+    """Chains that differ in keys of TOGETHER, one value (n_chains,) of `columns` each, behind a
+    wall of their own, or all behind the one that is given. Raises dem.InvalidChain."""
+    for key, values in columns.items():
+        table, name = key.split(".")
+        own = getattr(scene, table).model_copy(update={name: np.asarray(values, float)[:, None]})
+        scene = scene.model_copy(update={table: own})
+    row, v0 = chain(scene), initial_velocity(scene)
+    wall = simple_wall(scene) if wall is None else wall
+    if wall is not None:
+        wall = wall._replace(mobility=_flat(wall.mobility))
+    return dem.Chains(row._replace(preload=_flat(row.preload)), wall, v0)
+
+
+def _flat(value: Any) -> Any:
+    return np.ravel(value) if np.ndim(value) else value
+
+
 def chain(scene: Scene) -> dem.Chain:
     """The spheres, their contacts and what holds them."""
     c, contact, leaf = scene.chain, scene.contact, scene.leaf_springs
@@ -75,7 +103,8 @@ def chain(scene: Scene) -> dem.Chain:
     )
     row.A[-1] *= ellipse(scene).stiffness
     if scene.preload:
-        row.mass[-1] += scene.preload.mass
+        last = np.arange(c.count) == c.count - 1
+        row = row._replace(mass=row.mass + np.multiply(scene.preload.mass, last))
     if contact.yield_pressure is None:
         return row
     return row._replace(yield_overlap=yield_overlaps(row, contact.yield_pressure))
@@ -100,7 +129,10 @@ def initial_velocity(scene: Scene) -> np.ndarray:
     """(n,) [m/s]"""
     if scene.chain.initial_velocity is not None:
         return np.array(scene.chain.initial_velocity)
-    return np.array([scene.striker.velocity] + [0.0] * (scene.chain.count - 1))
+    velocity = np.asarray(scene.striker.velocity, float)
+    start = np.zeros((*velocity.shape[:-1], scene.chain.count))
+    start[..., :1] = velocity
+    return start
 
 
 def surface(scene: Scene) -> dem.Flat:
@@ -118,6 +150,15 @@ def surface(scene: Scene) -> dem.Flat:
 
 def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall | None:
     """What the chain leans on; None for a free chain."""
+    if isinstance(scene.wall, RomWall):
+        from workflows.pipeline.wall import wall_of
+
+        return wall_of(scene, reduction)
+    return simple_wall(scene)
+
+
+def simple_wall(scene: Scene) -> dem.Wall | None:
+    """A wall that no reduced model makes; None for a free chain."""
     match scene.wall:
         case None:
             return None
@@ -127,10 +168,6 @@ def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall
             return dem.plate_wall(scene.wall.young, scene.wall.poisson, density, thickness)
         case DashpotWall(coefficient=coefficient):
             return dem.dashpot_wall(coefficient)
-        case RomWall():
-            from workflows.pipeline.wall import wall_of
-
-            return wall_of(scene, reduction)
     return dem.rigid_wall()
 
 

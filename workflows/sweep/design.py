@@ -1,7 +1,7 @@
 """Which cases a sweep has: grids, lists, samples and tables of values for keys of a scene."""
 
 import csv
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from hashlib import sha256
 from itertools import product
 from json import dumps
@@ -236,19 +236,3 @@ def _sample(text: str) -> tuple[str, int]:
 def _require_number(n: int) -> None:
     if n > MOST_CASES:
         raise InvalidScene(f"the sweep has {n} cases, a table holds {MOST_CASES}; take fewer.")
-
-
-def number_of(tables: Mapping[str, Any], read: Callable[[str, str], Any]) -> Number:
-    """How a number is read for a key: as it stands, or, with a unit, as the scene reads it."""
-
-    def number(key: str, text: str) -> float:
-        try:
-            return float(text)
-        except ValueError:
-            pass
-        found = read(key, text)
-        if isinstance(found, bool) or not isinstance(found, int | float):
-            raise InvalidScene(f"--over {key}: {text!r} is no number; give numbers for a range.")
-        return float(found)
-
-    return number

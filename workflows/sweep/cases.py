@@ -1,0 +1,152 @@
+"""The cases of a sweep by what they share: a wall, and whether their chains march side by side."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from workflows.files.scene import Changes, Source, Written, completed, written
+from workflows.pipeline.chain import TOGETHER
+from workflows.scene import DashpotWall, InvalidScene, RomWall, Scene
+from workflows.scene.parts import with_chain
+from workflows.scene.toml import changed
+from workflows.sweep.design import Design
+
+SIDE_BY_SIDE = {f"{table}.{name}" for table, names in TOGETHER.items() for name in names}
+
+
+class Base(NamedTuple):
+    """The scene that a sweep varies."""
+
+    written: Written
+
+    def with_values(self, values: dict[str, Any]) -> Scene:
+        """The scene of one case; raises InvalidScene."""
+        tables = changed(self.written.tables, values.items())
+        return with_chain(completed(self.written._replace(tables=tables)))
+
+    def number(self, key: str, text: str) -> float:
+        """What a text means for a key of the scene, a unit included; raises InvalidScene."""
+        try:
+            return float(text)
+        except ValueError:
+            found: Any = self.with_values({key: text})
+        for name in key.split("."):
+            found = found.get(name) if isinstance(found, dict) else getattr(found, name, None)
+        if isinstance(found, bool) or not isinstance(found, int | float):
+            raise InvalidScene(f"{key}: {text!r} is no number; give numbers for a range.")
+        return float(found)
+
+
+def base_of(source: Source, changes: Changes) -> Base:
+    """The scene of a name, file or tables with its changes; raises InvalidScene."""
+    base = Base(written(source, changes))
+    base.with_values({})
+    return base
+
+
+class Group(NamedTuple):
+    """Cases that differ only in keys that chains side by side may differ in."""
+
+    shared: dict[str, Any]  # values of the other keys
+    columns: dict[str, tuple[Any, ...]]  # one value per case
+    cases: tuple[int, ...]
+
+    def values(self, i: int) -> dict[str, Any]:
+        """All keys of the i-th case of the group."""
+        return self.shared | {key: column[i] for key, column in self.columns.items()}
+
+    def take(self, rows: list[int]) -> "Group":
+        """Some of its cases."""
+        columns = {key: tuple(column[i] for i in rows) for key, column in self.columns.items()}
+        return Group(self.shared, columns, tuple(self.cases[i] for i in rows))
+
+
+def groups(base: Base, design: Design, missing: list[int]) -> Iterator[Group]:
+    """The missing cases of a design, grouped, in order of their first case."""
+    apart = [key for key in design.keys if not _side_by_side(key, design.columns[key])]
+    joint = [key for key in design.keys if key not in apart]
+    found: dict[str, list[int]] = {}
+    for i in missing:
+        found.setdefault(repr([design.columns[key][i] for key in apart]), []).append(i)
+    for cases in found.values():
+        shared = {key: design.columns[key][cases[0]] for key in apart}
+        columns = {key: tuple(design.columns[key][i] for i in cases) for key in joint}
+        yield Group(shared, columns, tuple(cases))
+
+
+def _side_by_side(key: str, values: tuple[Any, ...]) -> bool:
+    number = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+    return key in SIDE_BY_SIDE and number
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A group whose scenes are read; those that are refused are told by their sentences."""
+
+    base: Base
+    group: Group
+    refused: dict[int, str]  # by place in the group
+
+    @cached_property
+    def scene(self) -> Scene | None:
+        """The scene of the first case that is not refused."""
+        n = len(self.group.cases)
+        first = next((i for i in range(n) if i not in self.refused), None)
+        return None if first is None else self.base.with_values(self.group.values(first))
+
+    @cached_property
+    def sound(self) -> Group:
+        """The cases that are not refused."""
+        n = len(self.group.cases)
+        return self.group.take([i for i in range(n) if i not in self.refused])
+
+    def parts(self, size: int) -> Iterator["Checked"]:
+        """The same in pieces of up to `size` cases; the refused ones are in the first."""
+        refused = sorted(self.refused)
+        if refused:
+            apart = self.group.take(refused)
+            own = {i: self.refused[place] for i, place in enumerate(refused)}
+            yield Checked(self.base, apart, own)
+        sound = self.sound
+        for first in range(0, len(sound.cases), size):
+            places = list(range(first, min(first + size, len(sound.cases))))
+            yield Checked(self.base, sound.take(places), {})
+
+    @property
+    def joins(self) -> bool:
+        """Whether its chains may march side by side."""
+        scene = self.scene
+        differs = {key.split(".")[0] for key in self.group.columns}
+        return not (
+            scene.contact.yield_pressure is not None
+            or scene.time.dt is not None
+            or scene.time.duration > scene.time.horizon
+            or getattr(scene.wall, "prune", False)
+            or (isinstance(scene.wall, RomWall | DashpotWall) and "wall" in differs)
+        )
+
+
+def checked(base: Base, group: Group) -> Checked:
+    """The group with its refused cases.
+
+    Ranges and usual sizes are intervals: where the smallest and the largest value of each key are
+    taken, so are those between. Where one is refused, each case is looked at.
+    """
+    probes = {0, len(group.cases) - 1}
+    for column in group.columns.values():
+        probes |= {int(np.argmin(column)), int(np.argmax(column))}
+    if any(_refusal(base, group, i) for i in probes):
+        found = ((i, _refusal(base, group, i)) for i in range(len(group.cases)))
+        return Checked(base, group, {i: sentence for i, sentence in found if sentence})
+    return Checked(base, group, {})
+
+
+def _refusal(base: Base, group: Group, i: int) -> str | None:
+    try:
+        base.with_values(group.values(i))
+    except InvalidScene as reason:
+        return str(reason)
+    return None

@@ -1,0 +1,101 @@
+"""The same tasks on the processes of a Dask cluster: one of this machine, or one by its address.
+
+Dask sends what a lost worker held to another one; a task that ends several workers fails, and its
+cases are rows that say so.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from os import sched_getaffinity
+from typing import Any
+
+from workflows.scene import InvalidScene
+from workflows.sweep.march import Prepared, models, prepared, rows
+from workflows.sweep.rows import FAILED, Rows, without_result
+from workflows.sweep.tasks import Sharing, Task
+
+RETRIES = 2  # of a task whose worker ended
+PATIENCE = "10s"  # to reach a scheduler
+AHEAD = 4  # tasks for each thread that are handed over before the first is done
+
+
+@contextmanager
+def client(scheduler: str | None, workers: int | None) -> Iterator[Any]:
+    """A client of the scheduler at an address, or of processes of this machine, one a core.
+
+    Raises InvalidScene where Dask is not installed or the scheduler does not answer.
+    """
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise InvalidScene(
+            "processes and clusters need dask.distributed, which is not installed; "
+            "./install.sh sweep installs it."
+        ) from None
+    dask.config.set({"distributed.scheduler.allowed-failures": RETRIES})
+    if scheduler is None:
+        n = workers or len(sched_getaffinity(0))
+        own = LocalCluster(n_workers=n, threads_per_worker=1, dashboard_address=":0")
+        with own, Client(own) as found:
+            yield found
+        return
+    try:
+        with Client(scheduler, timeout=PATIENCE) as found:
+            yield found
+    except (OSError, ValueError, TimeoutError):
+        raise InvalidScene(
+            f"--scheduler {scheduler} does not answer; give the address of a running Dask "
+            "scheduler, tcp://host:8786 for example."
+        ) from None
+
+
+def on(found: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
+    """What computes tasks with a client."""
+
+    def run(sharings: Iterator[Sharing]) -> Iterator[list[Rows]]:
+        from distributed import as_completed
+
+        own: dict[str, Any] = {}
+        running: dict[Any, Task] = {}
+        done = as_completed([])
+        most = AHEAD * max(1, sum(found.nthreads().values()))
+        for task, shared in _with_shared(found, sharings, own):
+            future = found.submit(_rows, task, shared, pure=False, retries=RETRIES)
+            running[future] = task
+            done.add(future)
+            while len(running) >= most:
+                yield _result(next(done), running)
+        while running:
+            yield _result(next(done), running)
+
+    return run
+
+
+def _with_shared(found, sharings, own):
+    """Tasks, each with the future of what it shares with others."""
+    for sharing in sharings:
+        if sharing.key is not None and sharing.key not in own:
+            own[sharing.key] = found.submit(models, sharing.scene, pure=False, retries=RETRIES)
+        shared = Prepared()
+        if sharing.scene is not None:
+            made = own.get(sharing.key)
+            shared = found.submit(prepared, sharing.scene, made, pure=False, retries=RETRIES)
+        for task in sharing.tasks:
+            yield task, shared
+
+
+def _rows(task: Task, shared: Prepared) -> list[Rows]:
+    return rows(task.checked, shared, task.signals)
+
+
+def _result(future: Any, running: dict[Any, Task]) -> list[Rows]:
+    """Rows of a task; of one that ended its workers, rows that say so."""
+    task = running.pop(future)
+    try:
+        return future.result()
+    except Exception as reason:  # whatever a worker died of
+        said = f"its worker ended ({type(reason).__name__}): too little memory, or it was killed"
+        cases = task.checked.group.cases
+        spheres = task.checked.base.with_values({}).output.spheres
+        return [without_result(spheres, cases, FAILED, [said] * len(cases))]

@@ -1,0 +1,58 @@
+"""What a case leaves in the table: its waves at the watched spheres, the wall's force, errors."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dem.waves.arrivals import passages
+
+DONE, REFUSED, FAILED = "done", "refused", "failed"
+RUN = (
+    "wall_peak_force_N", "wall_peak_s", "energy_error", "error_time", "error_reduction",
+    "error_mesh", "dt_s", "steps", "seconds", "status", "message",
+)  # fmt: skip
+OF_SPHERE = ("incident_s", "incident_m_s", "reflected_s", "reflected_m_s", "tof_s", "arr")
+Array = np.ndarray
+
+
+class Rows(NamedTuple):
+    """Rows of cases, and where they were asked for their signals."""
+
+    cases: tuple[int, ...]
+    columns: dict[str, list[Any]]
+    signals: dict[str, Array] | None = None  # v (cases, k, spheres), wall_force (cases, k), t (k,)
+
+
+def names(spheres: tuple[int, ...]) -> tuple[str, ...]:
+    """Columns of the table behind the keys."""
+    return (*(f"sphere_{s}_{name}" for s in spheres for name in OF_SPHERE), *RUN)
+
+
+def measured(
+    spheres: tuple[int, ...], t: Array, v: Array, wall_force: Array, **run: Any
+) -> dict[str, list[Any]]:
+    """Columns of cases with velocities v (m, k, len(spheres)) [m/s] and wall_force (m, k) [N] at
+    times t (k,) [s]; `run` has a number for all, or one each, of the other columns."""
+    m, found = len(v), {}
+    for j, sphere in enumerate(spheres):
+        waves = passages(t, v[:, :, j])
+        tof, arr = waves[:, 2] - waves[:, 0], np.abs(waves[:, 3] / waves[:, 1])
+        for name, values in zip(OF_SPHERE, (*waves.T, tof, arr), strict=True):
+            found[f"sphere_{sphere}_{name}"] = values.tolist()
+    found["wall_peak_force_N"] = wall_force.max(axis=1).tolist()
+    found["wall_peak_s"] = t[wall_force.argmax(axis=1)].tolist()
+    run = {"status": DONE, "message": "", "error_reduction": np.nan, "error_mesh": np.nan} | run
+    for name, value in run.items():
+        each = value.tolist() if isinstance(value, np.ndarray) else value
+        found[name] = list(each) if isinstance(each, list | tuple) else [each] * m
+    return {name: found[name] for name in names(spheres)}
+
+
+def without_result(
+    spheres: tuple[int, ...], cases: tuple[int, ...], status: str, messages: list[str]
+) -> Rows:
+    """Rows of cases that were refused or failed, each with its sentence."""
+    columns: dict[str, list[Any]] = {name: [np.nan] * len(cases) for name in names(spheres)}
+    columns |= {"status": [status] * len(cases), "message": messages}
+    columns["seconds"] = [0.0] * len(cases)
+    return Rows(cases, columns)

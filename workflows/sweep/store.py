@@ -1,0 +1,144 @@
+"""The table of a sweep on disk: parts as cases are done, one Parquet file at the end."""
+
+from json import dumps
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workflows.files.run_folder import RunFolder
+from workflows.scene import InvalidScene
+from workflows.sweep.design import Design
+from workflows.sweep.rows import Rows
+
+TABLE, SIGNALS = "cases.parquet", "signals.nc"
+TEXT = ("status", "message")
+
+
+def require_libraries(signals: bool) -> None:
+    """Raise InvalidScene where what writes the tables is not installed."""
+    try:
+        import pyarrow  # noqa: F401
+
+        if signals:
+            import h5netcdf  # noqa: F401
+    except ImportError as missing:
+        raise InvalidScene(
+            f"a sweep writes its table by {missing.name}, which is not installed; "
+            "./install.sh sweep installs it."
+        ) from None
+
+
+class Store:
+    """Parts of a design's rows in a run folder, and the whole table of them."""
+
+    def __init__(self, folder: RunFolder, design: Design, spheres: tuple[int, ...]) -> None:
+        self._folder = folder
+        self._design = design
+        self._spheres = spheres
+        self._prefix = f"parts/{design.digest}-"
+
+    @property
+    def parts(self) -> list[Path]:
+        """Files of rows that are complete, of this design alone."""
+        found = self._folder.path.glob(f"{self._prefix}*.parquet")
+        return [path for path in found if self._folder.ours(self._name(path))]
+
+    def missing(self) -> list[int]:
+        """Cases without a row."""
+        there = np.zeros(self._design.n_cases, bool)
+        for part in self.parts:
+            there[_read(part, ["case"])["case"]] = True
+        return np.flatnonzero(~there).tolist()
+
+    def add(self, rows: Rows) -> None:
+        """Write rows; they are there complete or not at all."""
+        import pyarrow.parquet as pq
+
+        first = min(rows.cases)
+        with self._folder.writing(f"{self._prefix}{first}-{len(rows.cases)}.parquet") as path:
+            pq.write_table(self._arrow(rows), path)
+        if rows.signals:
+            with self._folder.writing(f"{self._prefix}{first}-{len(rows.cases)}.npz") as path:
+                np.savez(path, cases=rows.cases, **rows.signals)
+
+    def _arrow(self, rows: Rows) -> Any:
+        import pyarrow as pa
+
+        keys = {
+            key: _typed([values[i] for i in rows.cases])
+            for key, values in self._design.columns.items()
+        }
+        found = {
+            name: pa.array(values, pa.string() if name in TEXT else pa.float64())
+            for name, values in rows.columns.items()
+        }
+        return pa.table({"case": pa.array(rows.cases, pa.int64()), **keys, **found})
+
+    def finish(self) -> Any:
+        """The whole table, in order of the cases, as cases.parquet; the parts go with the run."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        tables = [pq.read_table(part) for part in self.parts]
+        whole = pa.concat_tables(tables, promote_options="permissive").sort_by("case")
+        with self._folder.writing(TABLE) as path:
+            pq.write_table(whole, path)
+        if kept := self._signal_parts():
+            with self._folder.writing(SIGNALS) as path:
+                _write_signals(path, kept, whole, self._spheres)
+        return whole
+
+    def _signal_parts(self) -> list[Path]:
+        found = self._folder.path.glob(f"{self._prefix}*.npz")
+        return [path for path in found if self._folder.ours(self._name(path))]
+
+    def _name(self, path: Path) -> str:
+        return path.relative_to(self._folder.path).as_posix()
+
+
+def _read(part: Path, columns: list[str]) -> dict[str, np.ndarray]:
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(part, columns=columns)
+    return {name: table[name].to_numpy() for name in columns}
+
+
+def _typed(values: list[Any]) -> Any:
+    """Numbers as they are, anything else as text."""
+    import pyarrow as pa
+
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+        return pa.array(values, pa.float64())
+    return pa.array([v if isinstance(v, str) else dumps(v, default=str) for v in values])
+
+
+def _write_signals(path: Path, parts: list[Path], table: Any, spheres: tuple[int, ...]) -> None:
+    """Velocities and the wall's force of every case, as netCDF with named dimensions."""
+    import h5netcdf
+
+    with np.load(parts[0]) as first:
+        t = first["t"]
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"case": table.num_rows, "time": t.size, "sphere": len(spheres)}
+        _variable(file, "time", ("time",), t, "s", "time since the striker starts")
+        _variable(file, "sphere", ("sphere",), np.array(spheres), "1", "counted from the striker")
+        for key in table.column_names:
+            values = table[key].to_numpy()
+            if (key != "status" and values.dtype.kind == "f") or key == "case":
+                _variable(file, key, ("case",), values, "", "see the table of cases")
+        v = file.create_variable("v", ("case", "time", "sphere"), np.float32)
+        force = file.create_variable("wall_force", ("case", "time"), np.float32)
+        v.attrs.update(units="m/s", long_name="velocity towards the wall")
+        force.attrs.update(units="N", long_name="contact force at the wall")
+        for part in parts:
+            with np.load(part) as one:
+                for i, case in enumerate(one["cases"]):
+                    v[case], force[case] = one["v"][i], one["wall_force"][i]
+
+
+def _variable(
+    file: Any, name: str, axes: tuple[str, ...], values: np.ndarray, unit: str, says: str
+):
+    found = file.create_variable(name, axes, values.dtype, data=values)
+    found.attrs.update(units=unit, long_name=says)

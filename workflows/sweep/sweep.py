@@ -1,0 +1,75 @@
+"""A sweep from its design to its table: what is shared once, every missing case once."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from workflows.files.run_folder import RunFolder
+from workflows.scene import InvalidScene
+from workflows.sweep.cases import Base, checked, groups
+from workflows.sweep.design import Design
+from workflows.sweep.march import Prepared, models, models_key, prepared, rows
+from workflows.sweep.rows import Rows
+from workflows.sweep.store import Store
+from workflows.sweep.tasks import Sharing, Task
+
+CHUNK = 500  # cases side by side: what a killed sweep loses at the most
+ALONE = 20  # cases one after another, some seconds
+FIXED = ("name", "output.", "unusual")  # keys that the table's columns depend on
+Engine = Callable[[Iterator[Sharing]], Iterator[list[Rows]]]
+Told = Callable[[int, int], None]  # cases done, cases in all
+
+
+def require_keys(base: Base, design: Design, signals: bool) -> None:
+    """Raise InvalidScene for keys that cannot vary, or that no scene has."""
+    for key in design.keys:
+        if key.startswith(FIXED) or (signals and key.startswith("time.")):
+            raise InvalidScene(
+                f"{key} cannot vary in a sweep{' with --signals' if signals else ''}: all cases "
+                "share the columns of one table; set it for all by --set."
+            )
+    first = design.case(0)
+    for key in design.keys:
+        try:
+            base.with_values({key: first[key]})
+        except InvalidScene as reason:
+            if "Extra inputs" in str(reason) or "not permitted" in str(reason):
+                raise InvalidScene(str(reason)) from None
+
+
+def sweep(
+    base: Base, design: Design, folder: RunFolder, engine: Engine | None, *, signals: bool,
+    told: Told,
+) -> Any:  # fmt: skip
+    """The table of all cases; those whose rows are in the folder are not computed again."""
+    spheres = base.with_values({}).output.spheres
+    store = Store(folder, design, spheres)
+    missing = store.missing()
+    done = design.n_cases - len(missing)
+    told(done, design.n_cases)
+    tasks = _tasks(base, design, missing, signals)
+    for found in (engine or _here)(tasks):
+        for part in found:
+            store.add(part)
+            done += len(part.cases)
+        told(done, design.n_cases)
+    return store.finish()
+
+
+def _tasks(base: Base, design: Design, missing: list[int], signals: bool) -> Iterator[Sharing]:
+    """For each group of cases with one wall, the tasks that share it."""
+    for group in groups(base, design, missing):
+        looked = checked(base, group)
+        size = CHUNK if looked.scene and looked.joins else ALONE
+        key = models_key(looked.scene) if looked.scene else None
+        yield Sharing(looked.scene, key, [Task(part, signals) for part in looked.parts(size)])
+
+
+def _here(sharings: Iterator[Sharing]) -> Iterator[list[Rows]]:
+    """Rows task by task in this process; models of scenes that share them are there once."""
+    kept: dict[str, Any] = {}
+    for sharing in sharings:
+        if sharing.key is not None and sharing.key not in kept:
+            kept = {sharing.key: models(sharing.scene)}
+        shared = prepared(sharing.scene, kept.get(sharing.key)) if sharing.scene else Prepared()
+        for task in sharing.tasks:
+            yield rows(task.checked, shared, task.signals)
