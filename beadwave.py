@@ -17,6 +17,7 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     reduce, reduce_matrices      a reduced model: of a scene, of one's own K, M, w
     look, export                 bodies and where they touch; CalculiX, Abaqus, STEP
     calibrate, twin              a chain and its wall fitted to measured velocities
+    sweep, load_sweep            many cases into one table, what outputs depend on
     study, accuracy, stability   the thesis again; errors against run times; extreme cases
     doctor                       what is installed, what is missing and what that costs
 
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from workflows.api.reduction import reduce, reduce_matrices
     from workflows.api.scenes import scene, scenes
     from workflows.api.studies import accuracy, stability, studies, study
+    from workflows.api.sweeps import load_sweep, sweep, sweep_price
     from workflows.api.tuning import tune
     from workflows.scene import InvalidScene, Scene
 
@@ -56,6 +58,7 @@ _HOMES = {
     "workflows.api.reduction": ("reduce", "reduce_matrices"),
     "workflows.api.scenes": ("scene", "scenes"),
     "workflows.api.studies": ("accuracy", "stability", "studies", "study"),
+    "workflows.api.sweeps": ("load_sweep", "sweep", "sweep_price"),
     "workflows.api.tuning": ("tune",),
     "workflows.scene": ("InvalidScene", "Scene"),
 }
@@ -73,6 +76,7 @@ __all__ = [
     "hammer",
     "impact",
     "load",
+    "load_sweep",
     "look",
     "modes",
     "reduce",
@@ -83,6 +87,8 @@ __all__ = [
     "stability",
     "studies",
     "study",
+    "sweep",
+    "sweep_price",
     "thesis_table",
     "tune",
     "twin",

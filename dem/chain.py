@@ -137,7 +137,7 @@ def row_of_spheres(
     for name in parts:
         require(name in Chain._fields, f"{name!r} is no part of a chain; take one of {PARTS}")
     chain = Chain(mass(R, rho), R.copy(), A * factor, **parts)
-    if chain.mass.ndim == chain.A.ndim == 1:
+    if all(np.ndim(part) < 2 for part in chain):  # a batch looks at its chains itself
         validate(chain, None if flat is None else rigid_wall(), np.zeros(n))
     return chain
 

@@ -48,8 +48,7 @@ def test_batch_is_the_chains_one_by_one(kind):
         assert batch.v[i] == pytest.approx(one.v[:, [0, 4]], abs=1e-12)
         wall_force = one.contact_force[:, -1] if wall else np.zeros(26)
         assert batch.wall_force[i] == pytest.approx(wall_force, abs=1e-12)
-        if kind != "own" and kind != "shared":
-            assert batch.energy_error[i] == pytest.approx(one.energy_error, abs=1e-12)
+        assert batch.energy_error[i] == pytest.approx(one.energy_error, abs=1e-12)
 
 
 def test_batch_reaches_the_error_it_reports():

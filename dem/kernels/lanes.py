@@ -88,6 +88,8 @@ class WallPush(NamedTuple):
 
     impulse: Array
     shift: Array
+    square: Array  # phi phi of each lane, velocity of the wall after unit impulse
+    work: Array  # on the modes so far
 
 
 @fastmath
@@ -107,6 +109,24 @@ def push_modes_of_lanes(
             p[j + lane] += phi[j + lane] * impulse[lane]
             if shift is not None:
                 q[j + lane] += phi[j + lane] * shift[lane]
+
+
+@fastmath
+def book_work(v: Array, wall: WallPush) -> None:
+    """Work of the impulses on the modes, and the velocity that they leave the wall with."""
+    w = v[v.size - LANES :]
+    for lane in range(LANES):
+        impulse = wall.impulse[lane]
+        wall.work[lane] += impulse * (w[lane] + 0.5 * wall.square[lane] * impulse)
+        w[lane] += wall.square[lane] * impulse
+
+
+@fastmath
+def squares_of_lanes(phi: Array, square: Array) -> None:
+    square[:] = 0.0
+    for j in range(0, phi.size, LANES):
+        for lane in range(LANES):
+            square[lane] += phi[j + lane] * phi[j + lane]
 
 
 @fastmath
@@ -177,12 +197,9 @@ def correct_lanes(
 
 
 @fastmath
-def energy_of_lanes(lanes: Lanes, energy: Array) -> None:
+def energy_of_lanes(lanes: Lanes, work: Array, energy: Array) -> None:
     """Energy of the motion, and what the preload has left to do."""
-    x, v, mass, A, q, p, omega = (
-        lanes.x, lanes.v, lanes.mass, lanes.A, lanes.q, lanes.p, lanes.omega,
-    )  # fmt: skip
-    held = lanes.held
+    x, v, mass, A, q, held = lanes.x, lanes.v, lanes.mass, lanes.A, lanes.q, lanes.held
     energy[:] = 0.0
     for row in range(0, A.size, LANES):
         for lane in range(LANES):
@@ -190,11 +207,14 @@ def energy_of_lanes(lanes: Lanes, energy: Array) -> None:
             d = x[j] - x[j + LANES]
             d = d if d > 0.0 else 0.0
             energy[lane] += 0.4 * hertz_force(d, A[j]) * d + 0.5 * mass[j] * v[j] * v[j]
-    for row in range(0, q.size, LANES):
+    # of the modes what the work on them says: it knows of their damping
+    for row in range(0, held.static.size, LANES):
         for lane in range(LANES):
             j = row + lane
-            moved = q[j] + held.static[j] if held.static.size > 0 else q[j]
-            energy[lane] += 0.5 * (p[j] * p[j] + omega[j] * omega[j] * moved * moved)
+            bent = held.static[j] * (q[j] + 0.5 * held.static[j])
+            energy[lane] += lanes.omega[j] * lanes.omega[j] * bent
+    for lane in range(LANES if q.size > 0 else 0):
+        energy[lane] += work[lane]
     for row in range(0, held.stiffness.size, LANES):
         for lane in range(LANES):
             j = row + lane
@@ -218,6 +238,7 @@ def kick_lanes(kick: float, lanes: Lanes, wall: WallPush) -> None:
             wall.impulse[lane] = kick * f[size + lane]
         for lane in range(lanes.held.wall_force.size):
             wall.impulse[lane] -= kick * lanes.held.wall_force[lane]
+        book_work(lanes.v, wall)
         push_modes_of_lanes(wall.impulse, lanes.q, lanes.p, lanes.phi, None)
 
 
@@ -261,11 +282,10 @@ def correct_step_of_lanes(
     """Correct the contacts and push the modes by it; was there anything to correct?"""
     if correction is None:
         return False
-    if lanes.q.size > 0:
-        read_modes_of_lanes(lanes)
     if not correct_lanes(dt, lanes, x_old, v_old, correction, wall):
         return False
     if lanes.q.size > 0:
+        book_work(lanes.v, wall)
         push_modes_of_lanes(wall.impulse, lanes.q, lanes.p, lanes.phi, wall.shift)
         read_modes_of_lanes(lanes)
     return True
@@ -283,8 +303,6 @@ class Ends(NamedTuple):
 @fastmath
 def note_end(lanes: Lanes, observed: Array, end: Ends) -> None:
     """What the polynomials of a step need of one of its ends; forces are fresh."""
-    if lanes.q.size > 0:
-        read_modes_of_lanes(lanes)  # pushed by the last kick
     x, v, f, minv, held = lanes.x, lanes.v, lanes.f, lanes.inverse_mass, lanes.held
     n = lanes.A.size // LANES
     for i in range(observed.size + 2):
@@ -352,14 +370,15 @@ def march_block(
 ) -> None:  # fmt: skip
     dt, n_steps, n_save = steps
     x_old, v_old = np.zeros_like(lanes.x), np.zeros_like(lanes.v)
-    wall = WallPush(np.zeros(LANES), np.zeros(LANES))
+    wall = WallPush(np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES))
+    squares_of_lanes(lanes.phi, wall.square)
     start, energy, scale = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     shape = (observed.size + 2, LANES)
     one = Ends(np.zeros(shape), np.zeros(shape), np.zeros(shape))
     two = Ends(np.zeros(shape), np.zeros(shape), np.zeros(shape))
     forces_of_lanes(lanes.x, lanes.A, lanes.f)
     stale = n_save < 0  # a literal False would compile what takes it once more
-    energy_of_lanes(lanes, start)
+    energy_of_lanes(lanes, wall.work, start)
     kinetic_energy(lanes, scale)
     note_end(lanes, observed, two)
     sample_lanes(1.0, dt, two, two, lanes.A, saved.v[0], saved.wall_force[0])
@@ -386,7 +405,7 @@ def march_block(
             s = (k * n_steps - step * n_save) / n_save
             sample_lanes(s, dt, one, two, lanes.A, saved.v[k], saved.wall_force[k])
             k += 1
-        energy_of_lanes(lanes, energy)
+        energy_of_lanes(lanes, wall.work, energy)
         note_energy(energy, start, scale, saved.energy_error)
 
 

@@ -30,6 +30,7 @@ from workflows.commands.options import (
 )
 from workflows.commands.signals import Stopped, stopped_by
 from workflows.commands.studies import accuracy, run_study, stability
+from workflows.commands.sweeps import sweep
 from workflows.commands.terminal import StageProgress, noted, printed, shown, told, written
 
 INTERRUPTED = 130
@@ -189,7 +190,7 @@ COMMANDS = {
     "run": run, "scenes": scenes, "scene": scene, "look": look, "modes": modes, "tune": tune_joints,
     "hammer": hammer, "reduce": reduce, "impact": impact, "accuracy": accuracy,
     "stability": stability, "study": run_study, "calibrate": calibrate, "twin": twin,
-    "report": report, "film": film, "doctor": doctor,
+    "sweep": sweep, "report": report, "film": film, "doctor": doctor,
 }  # fmt: skip
 
 

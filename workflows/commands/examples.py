@@ -27,6 +27,11 @@ EXAMPLES = {
         "hammer test.csv --out hammer",
         "hammer synthetic.csv --synthetic",
     ),
+    "sweep": (
+        "sweep rig-1dof --over wall.frequency=100:1000:19 --over wall.mass=1,3",
+        "sweep rig-rigid --over striker.velocity=0.1:1 --over preload.force=1:50 --sample lhs:1000",
+        "sweep --open sweeps/rig-rigid --of sphere_14_tof_s --against striker.velocity",
+    ),
     "reduce": (
         "reduce rig-rom --out rom.mat",
         "reduce rig-rom --out rom.npz --matrices full.mat",

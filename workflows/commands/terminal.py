@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
@@ -58,6 +58,27 @@ class StageProgress:
                 yield
         finally:
             self._running.remove(name)
+        if self._bars:
+            self._bars.update(task, total=1, completed=1)
+
+    @contextmanager
+    def counted(self, name: str) -> Iterator[Callable[[int, int], None]]:
+        """Show work that says how many of its pieces are done, and of how many."""
+        task = self._bars.add_task(name, total=None, expected=None) if self._bars else None
+        self._running.append(name)
+        first: list[int] = []  # pieces that were done before
+
+        def told(done: int, n: int) -> None:
+            first[:] = first or [done]
+            fresh = done - first[0]
+            if self._bars and fresh:
+                elapsed = self._bars.tasks[task].elapsed or 0.0
+                left = elapsed * (n - done) / fresh
+                said = f"{name}: {done} of {n}"
+                self._bars.update(task, expected=elapsed + left, description=said)
+
+        yield told
+        self._running.remove(name)
         if self._bars:
             self._bars.update(task, total=1, completed=1)
 

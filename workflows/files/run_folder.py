@@ -65,17 +65,17 @@ class RunFolder:
         """
         same = _text(self.path / "scene.toml") == scene_toml
         with self.held(*(() if same else ("scene.toml",)), *files):
-            self._clear(("summary.json", "report.html") if same else self._noted())
+            self.clear(("summary.json", "report.html") if same else self._noted())
             self.write("scene.toml", scene_toml)
             yield self
-            self._clear(self._noted().keys() - self._written)
+            self.clear(self._noted().keys() - self._written)
 
     @contextmanager
     def renewed(self, *files: str) -> Iterator["RunFolder"]:
         """The same for a result without a resolved scene: what is not written again goes."""
         with self.held(*files):
             yield self
-            self._clear(self._noted().keys() - self._written)
+            self.clear(self._noted().keys() - self._written)
 
     def require(self, *files: str) -> None:
         """Raise InvalidScene where the folder cannot be one, or one of these files is not ours."""
@@ -117,12 +117,16 @@ class RunFolder:
                 raise
         return marker
 
-    def _clear(self, names: Iterable[str]) -> None:
+    def clear(self, names: Iterable[str]) -> None:
         """Remove these files as far as they are ours and no input."""
         for name in names:
             target = self.path / name
             if self.ours(name) and not _among(target, self._inputs):
                 target.unlink()
+
+    def keep(self, names: Iterable[str]) -> None:
+        """Take files of an earlier run for those of this one."""
+        self._written.update(names)
 
     def make(self) -> None:
         """Make the folder; raises InvalidScene where it cannot be one."""

@@ -20,6 +20,13 @@ AHEAD = 4  # tasks for each thread that are handed over before the first is done
 
 
 @contextmanager
+def engine(scheduler: str | None, workers: int | None) -> Iterator[Callable]:
+    """What computes tasks on the processes of a cluster."""
+    with client(scheduler, workers) as found:
+        yield on(found)
+
+
+@contextmanager
 def client(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     """A client of the scheduler at an address, or of processes of this machine, one a core.
 

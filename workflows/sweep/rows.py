@@ -11,6 +11,7 @@ RUN = (
     "wall_peak_force_N", "wall_peak_s", "energy_error", "error_time", "error_reduction",
     "error_mesh", "dt_s", "steps", "seconds", "status", "message",
 )  # fmt: skip
+TEXT = ("status", "message")
 OF_SPHERE = ("incident_s", "incident_m_s", "reflected_s", "reflected_m_s", "tof_s", "arr")
 Array = np.ndarray
 

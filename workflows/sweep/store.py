@@ -1,6 +1,6 @@
 """The table of a sweep on disk: parts as cases are done, one Parquet file at the end."""
 
-from json import dumps
+from json import dumps, loads
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +9,10 @@ import numpy as np
 from workflows.files.run_folder import RunFolder
 from workflows.scene import InvalidScene
 from workflows.sweep.design import Design
-from workflows.sweep.rows import Rows
+from workflows.sweep.rows import TEXT, Rows
 
 TABLE, SIGNALS = "cases.parquet", "signals.nc"
-TEXT = ("status", "message")
+ABOUT = b"beadwave"  # in the table's metadata: what it is a table of
 
 
 def require_libraries(signals: bool) -> None:
@@ -32,11 +32,14 @@ def require_libraries(signals: bool) -> None:
 class Store:
     """Parts of a design's rows in a run folder, and the whole table of them."""
 
-    def __init__(self, folder: RunFolder, design: Design, spheres: tuple[int, ...]) -> None:
+    def __init__(
+        self, folder: RunFolder, design: Design, spheres: tuple[int, ...], signals: bool
+    ) -> None:
         self._folder = folder
         self._design = design
         self._spheres = spheres
-        self._prefix = f"parts/{design.digest}-"
+        self._signals = signals
+        self._prefix = f"part-{design.digest}{'-signals' if signals else ''}-"
 
     @property
     def parts(self) -> list[Path]:
@@ -44,8 +47,22 @@ class Store:
         found = self._folder.path.glob(f"{self._prefix}*.parquet")
         return [path for path in found if self._folder.ours(self._name(path))]
 
+    def whole(self) -> bool:
+        """Whether the table of this design is there."""
+        import pyarrow.parquet as pq
+
+        if not self._folder.ours(TABLE):
+            return False
+        about = loads((pq.read_schema(self._folder.path / TABLE).metadata or {}).get(ABOUT, b"{}"))
+        kept = self._folder.ours(SIGNALS) or not self._signals
+        return about.get("digest") == self._design.digest and kept
+
+    def keep(self) -> None:
+        """Leave the table of an earlier sweep of this design as it is."""
+        self._folder.keep((TABLE, SIGNALS) if self._signals else (TABLE,))
+
     def missing(self) -> list[int]:
-        """Cases without a row."""
+        """Cases without a row in the parts."""
         there = np.zeros(self._design.n_cases, bool)
         for part in self.parts:
             there[_read(part, ["case"])["case"]] = True
@@ -75,19 +92,26 @@ class Store:
         }
         return pa.table({"case": pa.array(rows.cases, pa.int64()), **keys, **found})
 
-    def finish(self) -> Any:
+    def finish(self) -> None:
         """The whole table, in order of the cases, as cases.parquet; the parts go with the run."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
+        parts = [*self.parts, *self._signal_parts()]
         tables = [pq.read_table(part) for part in self.parts]
         whole = pa.concat_tables(tables, promote_options="permissive").sort_by("case")
+        whole = whole.replace_schema_metadata({ABOUT: dumps(self._about())})
         with self._folder.writing(TABLE) as path:
             pq.write_table(whole, path)
         if kept := self._signal_parts():
             with self._folder.writing(SIGNALS) as path:
                 _write_signals(path, kept, whole, self._spheres)
-        return whole
+        self._folder.clear(self._name(part) for part in parts)
+
+    def _about(self) -> dict[str, Any]:
+        design = self._design
+        about = {"kind": design.kind, "keys": design.keys, "base": design.base}
+        return about | {"digest": design.digest}
 
     def _signal_parts(self) -> list[Path]:
         found = self._folder.path.glob(f"{self._prefix}*.npz")

@@ -32,17 +32,21 @@ def require_keys(base: Base, design: Design, signals: bool) -> None:
         try:
             base.with_values({key: first[key]})
         except InvalidScene as reason:
-            if "Extra inputs" in str(reason) or "not permitted" in str(reason):
+            if "unknown key" in str(reason):
                 raise InvalidScene(str(reason)) from None
 
 
 def sweep(
     base: Base, design: Design, folder: RunFolder, engine: Engine | None, *, signals: bool,
     told: Told,
-) -> Any:  # fmt: skip
-    """The table of all cases; those whose rows are in the folder are not computed again."""
-    spheres = base.with_values({}).output.spheres
-    store = Store(folder, design, spheres)
+) -> None:  # fmt: skip
+    """Fill the folder with the table of all cases; those whose rows are there are not computed
+    again."""
+    store = Store(folder, design, base.with_values({}).output.spheres, signals)
+    if store.whole():
+        store.keep()
+        told(design.n_cases, design.n_cases)
+        return
     missing = store.missing()
     done = design.n_cases - len(missing)
     told(done, design.n_cases)
@@ -52,7 +56,7 @@ def sweep(
             store.add(part)
             done += len(part.cases)
         told(done, design.n_cases)
-    return store.finish()
+    store.finish()
 
 
 def _tasks(base: Base, design: Design, missing: list[int], signals: bool) -> Iterator[Sharing]:

@@ -1,0 +1,113 @@
+"""`beadwave sweep`: many cases of a scene."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from workflows.commands.options import (
+    Changes,
+    Overwrite,
+    Quiet,
+    SceneName,
+    dotted_keys,
+    json_of,
+)
+from workflows.commands.terminal import StageProgress, noted, told
+
+Over = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--over",
+        metavar="KEY=VALUES",
+        help="A key that varies: start:stop:n, start:stop:n:log, or a list a,b,c; beside --sample "
+        "a range low:high or low:high:log. May be repeated; a unit is optional.",
+        autocompletion=dotted_keys,
+    ),
+]
+
+
+def sweep(
+    scene: SceneName = None,
+    over: Over = None,
+    sample: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND:N",
+            help="lhs:N, a Latin hypercube; sobol:N, N (keys + 2) cases for Sobol's indices.",
+        ),
+    ] = None,
+    cases: Annotated[
+        Path | None, typer.Option(help="A CSV of cases: a line of keys, then values.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Random seed of --sample.", min=0)] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder; default sweeps/NAME.")] = None,
+    signals: Annotated[
+        bool, typer.Option("--signals", help="Keep velocities and wall force: signals.nc.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only tell cases, seconds and memory to expect.")
+    ] = False,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes of this machine, by Dask.", min=1)
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://host:8786, instead."),
+    ] = None,
+    open_folder: Annotated[
+        Path | None, typer.Option("--open", metavar="DIR", help="Show a finished sweep.")
+    ] = None,
+    of: Annotated[
+        str | None, typer.Option(metavar="OUTPUT", help="With --open: draw this output.")
+    ] = None,
+    against: Annotated[
+        str | None, typer.Option(metavar="KEY[,KEY]", help="With --open --of: over these keys.")
+    ] = None,
+    changes: Changes = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json: json_of("{cases, status, folder, outputs: [...], effects: [...]}") = False,
+) -> None:
+    """Many cases into one table: grids, lists, samples."""
+    if open_folder:
+        _show(open_folder, of, against, overwrite, quiet, json)
+        return
+    what = {"over": over or (), "sample": sample, "cases": cases, "seed": seed}
+    if dry_run:
+        _tell_price(scene, changes, what, workers, quiet, json)
+        return
+    from workflows.api.sweeps import sweep as compute
+
+    with StageProgress(f"sweep {scene}", quiet=quiet) as progress:
+        with progress.counted("cases") as done:
+            found = compute(
+                scene, changes or (), **what, out=out, scheduler=scheduler, workers=workers,
+                signals=signals, overwrite=overwrite, told=done,
+            )  # fmt: skip
+    told(found.record(), found.text(), json, quiet)
+    noted(f"written: {found.folder}/cases.parquet", json=json, quiet=quiet)
+
+
+def _tell_price(scene, changes, what, workers, quiet, json) -> None:
+    from workflows.api.sweeps import sweep_price
+    from workflows.results import tables
+
+    with StageProgress(f"sweep {scene}", quiet=quiet) as progress, progress.stage("first case"):
+        found = sweep_price(scene, changes or (), **what, workers=workers)
+    told(found._asdict(), tables.text(found.table()), json, quiet)
+
+
+def _show(folder, of, against, overwrite, quiet, json) -> None:
+    from workflows.api.sweeps import load_sweep
+    from workflows.files.run_folder import RunFolder
+
+    found = load_sweep(folder)
+    if of is None:
+        told(found.record(), found.text(), json, quiet)
+        return
+    picture = found.plot(of, tuple(against.split(",")) if against else None)
+    name = picture.name + (f"_over_{against.replace(',', '_')}" if against else "")
+    with RunFolder(folder, overwrite=overwrite).held(f"figures/{name}.png") as held:
+        path = held.write(f"figures/{name}.png", picture.png)
+    told({"written": [str(path)]}, f"written: {path}", json, quiet)

@@ -1,0 +1,83 @@
+"""Pictures of an output over the keys of a sweep: a curve, a map, or points."""
+
+import numpy as np
+
+from workflows.files.run_folder import Picture
+from workflows.results.plots import Line, Panel, heat_map, panels, png, subplots
+from workflows.scene import InvalidScene
+
+FEW = 8  # curves in one plot
+COLUMNS = 3  # of panels
+Array = np.ndarray
+
+
+def picture(name: str, y: Array, keys: dict[str, Array]) -> Picture:
+    """An output y (n_cases,) over one or more keys, each with a value per case.
+
+    Raises InvalidScene where no case has the output.
+    """
+    there = np.isfinite(y)
+    if not there.any():
+        raise InvalidScene(f"no case has a {name}; choose another output.")
+    y, keys = y[there], {key: values[there] for key, values in keys.items()}
+    numeric = [key for key in keys if keys[key].dtype.kind in "fiu"]
+    if len(keys) == 1 and numeric:
+        return Picture(name, panels([_curve(name, y, *keys.items())]))
+    if len(keys) == 2 and _is_grid(*keys.values()):
+        return Picture(name, _grid(name, y, keys, numeric))
+    shown = [_points(name, y, key, keys[key]) for key in keys]
+    return Picture(name, panels(shown, columns=min(COLUMNS, len(shown)), size=(4, 3)))
+
+
+def _curve(name, y, item) -> Panel:
+    key, x = item
+    order = np.argsort(x, kind="stable")
+    return Panel("", key, name, [Line(None, x[order], y[order], "o-")], _spacing(x))
+
+
+def _points(name, y, key, x) -> Panel:
+    if x.dtype.kind not in "fiu":
+        x = np.unique(x, return_inverse=True)[1].astype(float)
+    return Panel("", key, name, [Line(None, x, y, "o", width=0.0)], _spacing(x))
+
+
+def _spacing(x: Array) -> str:
+    """A logarithmic axis for values that are spaced so."""
+    x = np.unique(x)
+    return "x" if x.size > 2 and x[0] > 0 and x[-1] / x[0] > 30 else ""
+
+
+def _is_grid(a: Array, b: Array) -> bool:
+    pairs = len(set(zip(a.tolist(), b.tolist(), strict=True)))
+    return pairs == len(np.unique(a)) * len(np.unique(b)) == len(a)
+
+
+def _grid(name, y, keys, numeric) -> bytes:
+    (one, a), (two, b) = keys.items()
+    rows, columns = np.unique(a), np.unique(b)
+    few = two in numeric and len(rows) <= FEW
+    values = np.full((len(rows), len(columns)), np.nan)
+    values[np.searchsorted(rows, a), np.searchsorted(columns, b)] = y
+    if few:
+        lines = [
+            Line(f"{one} = {_short(r)}", columns, line)
+            for r, line in zip(rows, values, strict=True)
+        ]
+        return panels([Panel("", two, name, lines, _spacing(columns))])
+    figure, (axis,) = subplots(1, 1, (8, 5))
+    labels = [
+        [_short(v) if i in _labelled(len(each)) else "" for i, v in enumerate(each)]
+        for each in (rows, columns)
+    ]
+    heat_map(axis, values, (labels[0], labels[1]), name, cmap="viridis")
+    axis.set_ylabel(one)
+    axis.set_xlabel(two)
+    return png(figure)
+
+
+def _labelled(n: int) -> set[int]:
+    return set(np.linspace(0, n - 1, min(n, 8)).round().astype(int).tolist())
+
+
+def _short(value) -> str:
+    return value if isinstance(value, str) else f"{value:.4g}"

@@ -1,0 +1,159 @@
+"""A finished sweep: its table, what it says, and pictures of it."""
+
+from collections import Counter
+from functools import cached_property
+from json import loads
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workflows.files.run_folder import Picture
+from workflows.results import tables
+from workflows.results.tables import Table
+from workflows.scene import InvalidScene, nearest
+from workflows.sweep.design import Design
+from workflows.sweep.effects import Effects, effects_table, sobol_effects
+from workflows.sweep.rows import DONE, TEXT
+from workflows.sweep.store import ABOUT, SIGNALS, TABLE
+
+SHOWN = 20  # cases of a table on a terminal
+MAIN = ("tof_s", "arr")
+Array = np.ndarray
+
+
+class Sweep:
+    """What a sweep found: a row a case.
+
+    design    which cases there are
+    columns   the table's columns by name, keys first; (n_cases,) arrays
+    folder    where cases.parquet is
+    """
+
+    def __init__(self, folder: Path, table: Any) -> None:
+        self.folder = folder
+        about = loads(table.schema.metadata[ABOUT])
+        self.columns = {name: _array(table[name]) for name in table.column_names}
+        keys = {key: tuple(self.columns[key].tolist()) for key in about["keys"]}
+        self.design = Design(about["kind"], keys, about["base"])
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """Columns with numbers that cases have."""
+        own = {"case", "seconds", *self.design.keys, *TEXT}
+        return tuple(
+            name for name, values in self.columns.items()
+            if name not in own and np.isfinite(values).any()
+        )  # fmt: skip
+
+    @property
+    def main(self) -> tuple[str, ...]:
+        """The outputs that are drawn unasked: TOF and ARR of the last sphere, the wall's force."""
+        waves = [name for name in self.outputs if name.endswith(MAIN)]
+        return (*waves[-len(MAIN) :], *(n for n in self.outputs if n == "wall_peak_force_N"))
+
+    def data(self) -> Any:
+        """The table as a pandas.DataFrame."""
+        import pandas
+
+        return pandas.DataFrame(self.columns).set_index("case")
+
+    def signals(self) -> Any:
+        """Velocities and the wall's force of all cases, an xarray.Dataset with the dimensions
+        case, time, sphere; raises InvalidScene where the sweep did not keep them."""
+        path = self.folder / SIGNALS
+        if not path.is_file():
+            raise InvalidScene(f"{self.folder} has no signals; sweep with --signals.")
+        import xarray
+
+        return xarray.open_dataset(path, engine="h5netcdf")
+
+    def effects(self, output: str, *, logarithm: bool = False) -> Effects:
+        """Sobol's indices of an output, or of its logarithm, with their standard errors."""
+        y = self._output(output)
+        return sobol_effects(self.design, np.log(y) if logarithm else y)
+
+    def plot(self, output: str | None = None, keys: tuple[str, ...] | None = None) -> Picture:
+        """An output over keys, all that vary without any; raises InvalidScene for other names."""
+        from workflows.sweep.figures import picture
+
+        name = output or next(iter(self.main), "")
+        chosen = keys or self.design.keys
+        for key in chosen:
+            _known(key, self.design.keys, "key")
+        return picture(name, self._output(name), {key: self.columns[key] for key in chosen})
+
+    def pictures(self) -> tuple[Picture, ...]:
+        """Those of the main outputs."""
+        return tuple(self.plot(name) for name in self.main)
+
+    def _output(self, name: str) -> Array:
+        _known(name, self.outputs, "output")
+        return self.columns[name]
+
+    def counts(self) -> dict[str, int]:
+        """How many cases are done, refused and failed."""
+        return dict(Counter(self.columns["status"].tolist()))
+
+    def messages(self) -> dict[str, int]:
+        """Sentences of cases without a result, the most frequent first."""
+        return dict(Counter(m for m in self.columns["message"].tolist() if m).most_common())
+
+    def found(self) -> tuple[Table, ...]:
+        """The table or, of many cases, the range of each output; and what outputs depend on."""
+        effects = effects_table(self.design, {name: self.columns[name] for name in self.main})
+        first = self._cases() if self.design.n_cases <= SHOWN else self._ranges()
+        return (first,) if effects is None else (first, effects)
+
+    def _cases(self) -> Table:
+        names = (*self.design.keys, *self.main, "status")
+        rows = zip(*(self.columns[name].tolist() for name in names), strict=True)
+        return Table("cases", names, tuple(rows))
+
+    def _ranges(self) -> Table:
+        rows = []
+        for name in self.outputs:
+            there = self.columns[name][np.isfinite(self.columns[name])]
+            rows.append((name, *map(float, (there.min(), np.median(there), there.max()))))
+        return Table("outputs", ("output", "smallest", "median", "largest"), tuple(rows))
+
+    def text(self) -> str:
+        """For a person."""
+        counts = ", ".join(f"{n} {status}" for status, n in self.counts().items())
+        said = [f"{n} x {sentence}" for sentence, n in list(self.messages().items())[:5]]
+        shown = [tables.text(table) for table in self.found()]
+        return "\n\n".join([f"{self.design.n_cases} cases: {counts}", *shown, *said])
+
+    def record(self) -> dict[str, Any]:
+        """For machines: cases by status, and the tables."""
+        found = {table.name: tables.records(table) for table in self.found()}
+        about = {"cases": self.design.n_cases, "status": self.counts(), "folder": str(self.folder)}
+        return {**about, "done": self.counts().get(DONE, 0), **found}
+
+
+def _array(column: Any) -> Array:
+    return column.to_numpy(zero_copy_only=False)
+
+
+def _known(name: str, names: tuple[str, ...], what: str) -> None:
+    if name not in names:
+        raise InvalidScene(f"{what} {name!r} is not in the sweep; {nearest(name, names)}.")
+
+
+def opened(folder: str | Path) -> Sweep:
+    """A sweep's folder; raises InvalidScene where it holds no table of ours."""
+    path = Path(folder) / TABLE
+    try:
+        import pyarrow.parquet as pq
+
+        table = pq.read_table(path)
+        return Sweep(Path(folder), table)
+    except ImportError as missing:
+        raise InvalidScene(
+            f"{path} is read by {missing.name}, which is not installed; ./install.sh sweep."
+        ) from None
+    except FileNotFoundError:
+        raise InvalidScene(f"{folder} holds no {TABLE}; give the folder of a sweep.") from None
+    except (OSError, ValueError, KeyError, TypeError) as reason:
+        said = str(reason).splitlines()[0]
+        raise InvalidScene(f"{path} is no table of a sweep ({said}); sweep again.") from None
