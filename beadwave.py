@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from workflows.api.reduction import reduce, reduce_matrices
     from workflows.api.scenes import scene, scenes
     from workflows.api.studies import accuracy, stability, studies, study
-    from workflows.api.sweeps import load_sweep, sweep, sweep_price
+    from workflows.api.sweeps import Cases, load_sweep, sweep, sweep_price
     from workflows.api.tuning import tune
     from workflows.scene import InvalidScene, Scene
 
@@ -58,13 +58,14 @@ _HOMES = {
     "workflows.api.reduction": ("reduce", "reduce_matrices"),
     "workflows.api.scenes": ("scene", "scenes"),
     "workflows.api.studies": ("accuracy", "stability", "studies", "study"),
-    "workflows.api.sweeps": ("load_sweep", "sweep", "sweep_price"),
+    "workflows.api.sweeps": ("Cases", "load_sweep", "sweep", "sweep_price"),
     "workflows.api.tuning": ("tune",),
     "workflows.scene": ("InvalidScene", "Scene"),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "Cases",
     "InvalidScene",
     "Run",
     "Scene",

@@ -19,6 +19,9 @@ MISSING = {  # distribution of an extra: extra, what one goes without
     "sdypy-EMA": ("identify", "no damping by a fit of the poles; hammer stops"),
     "imageio-ffmpeg": ("film", "films are GIF, not MP4"),
     "emcee": ("posterior", "no calibrate --posterior"),
+    "pyarrow": ("sweep", "no beadwave sweep"),
+    "distributed": ("sweep", "no sweep on several processes or on a cluster"),
+    "h5netcdf": ("sweep", "no sweep --signals"),
     "scikit-sundae": ("peers", "no CVODE in the tables of accuracy"),
 }
 PROGRAMS = {"ccx": ("calculix-ccx", "no comparison with CalculiX in the tests")}

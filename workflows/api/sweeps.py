@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
-from os import sched_getaffinity
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from workflows.files.run_folder import RunFolder, own_folder
 from workflows.files.scene import Changes, Source, files_read
@@ -23,31 +22,40 @@ SWEEPS = Path("sweeps")  # of sweeps without a folder of their own
 FILES = ("cases.parquet", "signals.nc")
 
 
+class Cases(NamedTuple):
+    """The cases of a sweep.
+
+    `over` has the keys that vary, as {"striker.velocity": [0.3, 0.5]} or as texts of `--over`:
+    "striker.velocity=0.1:1:10", "preload.force=1:100:5:log", "wall.kind=rigid,half-space". With
+    `sample` "lhs:n" or "sobol:n" they are ranges, "striker.velocity=0.1:1". `table` is a CSV
+    instead, with a line of keys and a line of values for each case.
+    """
+
+    over: Mapping[str, Any] | Iterable[str] = ()
+    sample: str | None = None
+    table: str | Path | None = None
+    seed: int = 0
+
+
 def sweep(
     scene: Source = None,
     changes: Changes = (),
     *,
-    over: Mapping[str, Any] | Iterable[str] = (),
-    sample: str | None = None,
-    cases: str | Path | None = None,
-    seed: int = 0,
+    cases: Cases | Mapping[str, Any],
     out: str | Path | None = None,
-    scheduler: str | None = None,
-    workers: int | None = None,
+    on: int | str = 1,
     signals: bool = False,
     overwrite: bool = False,
     told: Callable[[int, int], None] = lambda done, n: None,
 ) -> Sweep:
     """Every case once, into one table (`beadwave sweep`).
 
-    `over` has the keys that vary, as {"striker.velocity": [0.3, 0.5]} or texts as of `--over`:
-    "striker.velocity=0.1:1:10", "preload.force=1:100:5:log", "wall.kind=rigid,half-space". With
-    `sample` "lhs:n" or "sobol:n" they are ranges, "striker.velocity=0.1:1". `cases` is a CSV with
-    a line of keys and a line of values for each case. `scheduler` is the address of a Dask
-    cluster; `workers` processes of this machine compute walls that differ. `signals` keeps the
-    velocities of all cases. A sweep that was stopped goes on with what is missing. `told` is
-    called with cases done and cases in all. Raises InvalidScene for bad input; a case that is
-    refused or fails is a row of the table with its sentence.
+    `cases` is a Cases, or a dict of the keys of a grid, {"striker.velocity": "0.1:1:10"}. `on` is
+    how many processes compute walls that differ, or the address of a Dask scheduler. `signals`
+    keeps the velocities of all cases. `out` is the folder, sweeps/NAME without it; a sweep that
+    was stopped goes on with what is missing. `told` is called with cases done and cases in all.
+    Raises InvalidScene for bad input; a case that is refused or fails is a row of the table with
+    its sentence.
     """
     from workflows.sweep.cases import base_of
     from workflows.sweep.result import opened
@@ -56,15 +64,15 @@ def sweep(
     from workflows.sweep.sweep import sweep as compute
 
     require_libraries(signals)
-    base = base_of(scene, changes)
-    design = _design(base, over, sample, cases, seed)
+    base, cases = base_of(scene, changes), _cases(cases)
+    design = _design(base, cases)
     require_keys(base, design, signals)
     chosen = base.with_values({})
     text = toml(chosen)
     path = Path(out) if out else own_folder(SWEEPS, chosen.name, text)
-    read = (*files_read(chosen, scene), *([Path(cases)] if cases else []))
+    read = (*files_read(chosen, scene), *([Path(cases.table)] if cases.table else []))
     folder = RunFolder(path, inputs=read, overwrite=overwrite)
-    with folder.run(text, FILES), _engine(base, design, scheduler, workers) as engine:
+    with folder.run(text, FILES), _engine(on) as engine:
         compute(base, design, folder, engine, signals=signals, told=told)
         found = opened(path)
         for picture in found.pictures():
@@ -76,11 +84,8 @@ def sweep_price(
     scene: Source = None,
     changes: Changes = (),
     *,
-    over: Mapping[str, Any] | Iterable[str] = (),
-    sample: str | None = None,
-    cases: str | Path | None = None,
-    seed: int = 0,
-    workers: int | None = None,
+    cases: Cases | Mapping[str, Any],
+    processes: int | None = None,
 ) -> Price:
     """Cases, shared models, seconds and memory of a sweep, timed on its first cases."""
     from workflows.sweep.cases import base_of
@@ -88,31 +93,35 @@ def sweep_price(
     from workflows.sweep.sweep import require_keys
 
     base = base_of(scene, changes)
-    design = _design(base, over, sample, cases, seed)
+    design = _design(base, _cases(cases))
     require_keys(base, design, False)
-    return price(base, design, workers or len(sched_getaffinity(0)))
+    return price(base, design, processes or 1)
 
 
 def load_sweep(folder: str | Path) -> Sweep:
-    """A finished sweep, from its folder."""
+    """A finished sweep from its folder; raises InvalidScene where it holds no table."""
     from workflows.sweep.result import opened
 
     return opened(folder)
 
 
-def _design(base: Base, over: Any, sample: str | None, cases: Any, seed: int) -> Design:
+def _cases(cases: Cases | Mapping[str, Any]) -> Cases:
+    return cases if isinstance(cases, Cases) else Cases(cases)
+
+
+def _design(base: Base, cases: Cases) -> Design:
     from workflows.sweep import design
 
-    texts = [over] if isinstance(over, str) else over
+    over = cases.over
     if isinstance(over, Mapping):
-        texts = [f"{key}={_listed(values)}" for key, values in over.items()]
-    texts = tuple(texts)
-    if cases is not None:
-        if texts or sample:
+        over = [f"{key}={_listed(values)}" for key, values in over.items()]
+    texts = (over,) if isinstance(over, str) else tuple(over)
+    if cases.table is not None:
+        if texts or cases.sample:
             raise InvalidScene("--cases has all values; leave out --over and --sample.")
-        return design.table(Path(cases))
-    if sample:
-        return design.sampled(texts, sample, seed, base.number)
+        return design.table(Path(cases.table))
+    if cases.sample:
+        return design.sampled(texts, cases.sample, cases.seed, base.number)
     return design.grid(texts, base.number)
 
 
@@ -125,10 +134,10 @@ def _listed(values: Any) -> str:
     return ",".join(dumps(getattr(value, "item", lambda v=value: v)()) for value in values)
 
 
-def _engine(base: Base, design: Design, scheduler: str | None, workers: int | None) -> Any:
+def _engine(on: int | str) -> Any:
     """Processes where a cluster or several are asked for; this one otherwise."""
-    if scheduler is None and (workers or 1) == 1:
+    if on == 1:
         return nullcontext()
     from workflows.sweep.cluster import engine
 
-    return engine(scheduler, workers)
+    return engine(on)

@@ -73,16 +73,18 @@ def sweep(
     if open_folder:
         _show(open_folder, of, against, overwrite, quiet, json)
         return
-    what = {"over": over or (), "sample": sample, "cases": cases, "seed": seed}
+    from workflows.api.sweeps import Cases
+    from workflows.api.sweeps import sweep as compute
+
+    what = Cases(over or (), sample, cases, seed)
     if dry_run:
         _tell_price(scene, changes, what, workers, quiet, json)
         return
-    from workflows.api.sweeps import sweep as compute
 
     with StageProgress(f"sweep {scene}", quiet=quiet) as progress:
         with progress.counted("cases") as done:
             found = compute(
-                scene, changes or (), **what, out=out, scheduler=scheduler, workers=workers,
+                scene, changes or (), cases=what, out=out, on=scheduler or workers or 1,
                 signals=signals, overwrite=overwrite, told=done,
             )  # fmt: skip
     told(found.record(), found.text(), json, quiet)
@@ -94,7 +96,7 @@ def _tell_price(scene, changes, what, workers, quiet, json) -> None:
     from workflows.results import tables
 
     with StageProgress(f"sweep {scene}", quiet=quiet) as progress, progress.stage("first case"):
-        found = sweep_price(scene, changes or (), **what, workers=workers)
+        found = sweep_price(scene, changes or (), cases=what, processes=workers)
     told(found._asdict(), tables.text(found.table()), json, quiet)
 
 

@@ -6,7 +6,6 @@ cases are rows that say so.
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from os import sched_getaffinity
 from typing import Any
 
 from workflows.scene import InvalidScene
@@ -20,15 +19,9 @@ AHEAD = 4  # tasks for each thread that are handed over before the first is done
 
 
 @contextmanager
-def engine(scheduler: str | None, workers: int | None) -> Iterator[Callable]:
-    """What computes tasks on the processes of a cluster."""
-    with client(scheduler, workers) as found:
-        yield on(found)
-
-
-@contextmanager
-def client(scheduler: str | None, workers: int | None) -> Iterator[Any]:
-    """A client of the scheduler at an address, or of processes of this machine, one a core.
+def engine(where: int | str) -> Iterator[Callable]:
+    """What computes tasks on so many processes of this machine, or on the cluster of a scheduler
+    at an address.
 
     Raises InvalidScene where Dask is not installed or the scheduler does not answer.
     """
@@ -41,20 +34,20 @@ def client(scheduler: str | None, workers: int | None) -> Iterator[Any]:
             "./install.sh sweep installs it."
         ) from None
     dask.config.set({"distributed.scheduler.allowed-failures": RETRIES})
-    if scheduler is None:
-        n = workers or len(sched_getaffinity(0))
-        own = LocalCluster(n_workers=n, threads_per_worker=1, dashboard_address=":0")
-        with own, Client(own) as found:
-            yield found
+    if isinstance(where, int):
+        own = LocalCluster(n_workers=where, threads_per_worker=1, dashboard_address=":0")
+        with own, Client(own) as client:
+            yield on(client)
         return
     try:
-        with Client(scheduler, timeout=PATIENCE) as found:
-            yield found
+        client = Client(where, timeout=PATIENCE)
     except (OSError, ValueError, TimeoutError):
         raise InvalidScene(
-            f"--scheduler {scheduler} does not answer; give the address of a running Dask "
+            f"--scheduler {where} does not answer; give the address of a running Dask "
             "scheduler, tcp://host:8786 for example."
         ) from None
+    with client:
+        yield on(client)
 
 
 def on(found: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
