@@ -1,5 +1,7 @@
 """The assembly's model in few coordinates at the contact: how many, which, and what it carries."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,17 +14,56 @@ TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene sa
 MOST_VALUES = 1.5e8  # of the constraint modes: 1.2 GB, some minutes
 HELD_HZ = 0.1  # below, a wall floats for all that a chain notices
 OPEN = 1.0  # [N/m] of a joint that holds nothing
+NOTHING = np.empty(0, np.int64)
+
+
+class Jointed(NamedTuple):
+    """A reduced model that keeps the elongation of each spring in the joints as a coordinate."""
+
+    reduced: rom.ReducedModel
+    places: dict[str, NDArray[np.int64]]  # coordinates of a spring, "joint.direction"
+    stiffness: dict[str, float]  # [N/m] or [N m/rad] that the reduced model has
+
+    def with_stiffness(self, stiffness: dict[str, float]) -> rom.ReducedModel:
+        """The same structure with other springs: exact in statics, as good in its modes as the
+        fixed-interface modes, which no spring changes."""
+        K = self.reduced.K.copy()
+        for name, k in stiffness.items():
+            at = self.places[name]
+            K[at, at] += k - self.stiffness[name]
+        return self.reduced._replace(K=K)
+
+
+def jointed(
+    scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes
+) -> Jointed:
+    """The reduction of many assemblies that differ in the springs of their joints."""
+    C = dashpots(scene, model)
+    boundary = boundary_of(contact, reading(scene, model), C, model.elongation)
+    reduced = reduction(scene, model, contact, modes, keep=model.elongation)
+    names, at = np.array(model.spring), np.searchsorted(boundary, model.elongation)
+    places = {name: at[names == name] for name in dict.fromkeys(model.spring)}
+    stiffness = dict(zip(model.spring, model.stiffness.tolist(), strict=True))
+    return Jointed(reduced, places, stiffness)
 
 
 def reduction(
-    scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes
+    scene: Scene,
+    model: fem.Model,
+    contact: fem.ContactPatch,
+    modes: AssemblyModes,
+    *,
+    keep: NDArray[np.int64] = NOTHING,
 ) -> rom.ReducedModel:
-    """The model in few coordinates at the contact, with the way back to the outer nodes alone."""
+    """The model in few coordinates at the contact, with the way back to the outer nodes alone.
+
+    `keep` are further dofs that stay as they are.
+    """
     w_reading = reading(scene, model)
     _require_other_nodes(scene, contact, w_reading)
     try:
         with fem.one_thread():
-            reduced = _reduced(scene, model, contact, modes, w_reading)
+            reduced = _reduced(scene, model, contact, modes, w_reading, keep)
     except rom.ReductionError:
         _require_held(scene, modes)
         raise
@@ -32,7 +73,7 @@ def reduction(
         point=tuple(contact.spot.point.tolist()),
         direction=tuple(contact.spot.inward.tolist()),
     )
-    boundary = boundary_of(contact, w_reading, dashpots(scene, model))
+    boundary = boundary_of(contact, w_reading, dashpots(scene, model), keep)
     outer = fem.outer_nodes(model.structure)
     T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
     return reduced._replace(
@@ -58,12 +99,13 @@ def _require_other_nodes(scene: Scene, contact: fem.ContactPatch, w_reading) -> 
 
 
 def _reduced(
-    scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes, w_reading
-) -> rom.ReducedModel:
+    scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes, w_reading,
+    keep: NDArray[np.int64],
+) -> rom.ReducedModel:  # fmt: skip
     asked, C = selection(scene), dashpots(scene, model)
     ready = targets_kept(modes) if asked.by_contact else None
     if scene.reduction.kind == "craig-bampton":
-        boundary = boundary_of(contact, w_reading, C)
+        boundary = boundary_of(contact, w_reading, C, keep)
         _require_room(contact, len(boundary), len(contact.w))
         asked, matrices = asked._replace(modes=ready), (model.K, model.M, contact.w, boundary)
         return rom.craig_bampton(*matrices, asked, C=C, factorise=fem.factorised)
@@ -71,13 +113,14 @@ def _reduced(
     return rom.free_modes(model.K, model.M, contact.w, asked, C=C, factorise=fem.factorised)
 
 
-def boundary_of(contact: fem.ContactPatch, w_reading, C) -> NDArray[np.int64]:
+def boundary_of(
+    contact: fem.ContactPatch, w_reading, C, keep: NDArray[np.int64] = NOTHING
+) -> NDArray[np.int64]:
     """Dofs (b,) that a Craig-Bampton model keeps as they are."""
     # w reads x alone: y and z of its nodes would only be constraint modes to solve for
     boundary = np.flatnonzero(contact.w if w_reading is None else contact.w + w_reading)
-    if C is None:
-        return boundary
-    return np.union1d(boundary, np.flatnonzero(C.diagonal()))  # modes answer slowly to dashpots
+    damped = NOTHING if C is None else np.flatnonzero(C.diagonal())  # modes answer slowly to it
+    return np.union1d(boundary, np.union1d(damped, keep))
 
 
 def names(

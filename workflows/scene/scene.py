@@ -89,6 +89,11 @@ class Scene(Table):
             return dict(self.joints)
         return {joint.name: joint for joint in self.joints or ()}
 
+    def stiffness(self, spring: str) -> float:
+        """Of a spring, "joint.direction" [N/m] or [N m/rad]."""
+        joint, _, direction = spring.rpartition(".")
+        return getattr(self.springs[joint], direction)
+
     @property
     def measured_hz(self) -> tuple[float, ...]:
         """Frequencies of the measured modes of the assembly."""

@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from workflows.scene import InvalidScene
-from workflows.sweep.march import Prepared, models, prepared, rows
+from workflows.sweep.march import rows
+from workflows.sweep.models import Prepared, models, prepared
 from workflows.sweep.rows import FAILED, Rows, without_result
 from workflows.sweep.tasks import Sharing, Task
 
@@ -76,11 +77,12 @@ def _with_shared(found, sharings, own):
     """Tasks, each with the future of what it shares with others."""
     for sharing in sharings:
         if sharing.key is not None and sharing.key not in own:
-            own[sharing.key] = found.submit(models, sharing.scene, pure=False, retries=RETRIES)
+            own[sharing.key] = found.submit(models, sharing.source, pure=False, retries=RETRIES)
         shared = Prepared()
         if sharing.scene is not None:
             made = own.get(sharing.key)
-            shared = found.submit(prepared, sharing.scene, made, pure=False, retries=RETRIES)
+            what = (prepared, sharing.scene, sharing.source, made)
+            shared = found.submit(*what, pure=False, retries=RETRIES)
         for task in sharing.tasks:
             yield task, shared
 

@@ -1,86 +1,17 @@
 """Cases of a group on one wall: side by side where the batch takes them, else one after another."""
 
-from contextlib import nullcontext
 from time import perf_counter
-from typing import Any, NamedTuple
 
 import numpy as np
 
 import coupling
 import dem
-from workflows.pipeline.chain import simple_wall, start, together, wall
+from workflows.pipeline.chain import simple_wall, start, together
 from workflows.pipeline.impact import impact, require_start
-from workflows.pipeline.pipeline import needs_assembly, pipeline_of
-from workflows.scene import InvalidScene, RomWall, Scene
+from workflows.scene import RomWall
 from workflows.sweep.cases import Checked, Group
+from workflows.sweep.models import FAILURES, Prepared, sentence
 from workflows.sweep.rows import FAILED, REFUSED, Rows, measured, without_result
-
-FAILURES = (
-    dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep, coupling.CouplingError, InvalidScene,
-    ValueError, ArithmeticError, np.linalg.LinAlgError, MemoryError,
-)  # fmt: skip
-
-
-class Models(NamedTuple):
-    """Reduced models of an assembly, on its mesh and on a coarser one."""
-
-    reduction: Any
-    coarse: Any | None
-
-
-class Prepared(NamedTuple):
-    """What the cases of a group share: the wall, if a reduced model makes it, and errors of that
-    model, measured at the group's first case; or why there is none."""
-
-    wall: dem.Wall | coupling.CoupledWall | None = None
-    error_reduction: float = float("nan")
-    error_mesh: float = float("nan")
-    failure: str = ""
-
-
-def models_key(scene: Scene) -> str | None:
-    """The same for scenes that share their reduced models; None where none is computed."""
-    if not needs_assembly(scene):
-        return None
-    pipeline = pipeline_of(scene, lambda name: nullcontext())
-    return pipeline.key("reduction") + pipeline.key("coarse-reduction")
-
-
-def models(scene: Scene) -> Models | str:
-    """The reduced models of a scene's assembly, from the cache where they are kept; a sentence
-    where they fail."""
-    pipeline = pipeline_of(scene, lambda name: nullcontext())
-    own = getattr(scene.mesh, "file", None) is not None  # nobody knows how to coarsen it
-    try:
-        return Models(pipeline("reduction"), None if own else pipeline("coarse-reduction"))
-    except FAILURES as reason:
-        return _sentence(reason)
-
-
-def prepared(scene: Scene, found: Models | str | None) -> Prepared:
-    """What the cases of a group share, whose first scene this is."""
-    if isinstance(found, str):
-        return Prepared(failure=found)
-    if not isinstance(scene.wall, RomWall):
-        return Prepared()
-    try:
-        shared = Prepared(wall(scene, found and found.reduction))
-        return shared if found is None else _with_errors(scene, shared, found)
-    except FAILURES as reason:
-        return Prepared(failure=_sentence(reason))
-
-
-def _with_errors(scene: Scene, shared: Prepared, found: Models) -> Prepared:
-    if isinstance(shared.wall, coupling.CoupledWall):
-        return shared
-    from workflows.pipeline.errors import mesh_error, reduction_error  # finite elements
-
-    begun = start(scene)
-    run = impact(scene, begun, shared.wall)
-    shared = shared._replace(error_reduction=reduction_error(scene, begun, found.reduction, run))
-    if found.coarse is None:
-        return shared
-    return shared._replace(error_mesh=mesh_error(scene, begun, found.coarse, run))
 
 
 def rows(checked: Checked, shared: Prepared, signals: bool) -> list[Rows]:
@@ -121,7 +52,7 @@ def _side_by_side(checked: Checked, group: Group, shared: Prepared, signals: boo
         )
     except FAILURES as reason:
         if len(group.cases) == 1:
-            return [without_result(_spheres(checked), group.cases, FAILED, [_sentence(reason)])]
+            return [without_result(_spheres(checked), group.cases, FAILED, [sentence(reason)])]
         middle = len(group.cases) // 2
         halves = range(middle), range(middle, len(group.cases))
         parts = (group.take(list(half)) for half in halves)
@@ -149,7 +80,7 @@ def _alone(checked: Checked, group: Group, i: int, shared: Prepared, signals: bo
         leant_on = shared.wall if isinstance(scene.wall, RomWall) else simple_wall(scene)
         run = impact(scene, start(scene), leant_on).trajectory
     except FAILURES as reason:
-        return without_result(_spheres(checked), cases, FAILED, [_sentence(reason)])
+        return without_result(_spheres(checked), cases, FAILED, [sentence(reason)])
     v = run.v[None][:, :, [sphere - 1 for sphere in scene.output.spheres]]
     force = run.contact_force[None, :, -1] if scene.wall else np.zeros((1, len(run.t)))
     table = measured(
@@ -163,7 +94,3 @@ def _alone(checked: Checked, group: Group, i: int, shared: Prepared, signals: bo
 
 def _number(value: float | None) -> float:
     return float("nan") if value is None else value
-
-
-def _sentence(reason: Any) -> str:
-    return str(reason).strip() or type(reason).__name__

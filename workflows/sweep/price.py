@@ -3,11 +3,12 @@
 from time import perf_counter
 from typing import NamedTuple
 
-from workflows.pipeline.pipeline import pipeline_of
 from workflows.results.tables import Table
-from workflows.sweep.cases import Base, checked, groups
+from workflows.sweep.cases import Base
 from workflows.sweep.design import Design
-from workflows.sweep.march import Prepared, models, models_key, prepared, rows
+from workflows.sweep.march import rows
+from workflows.sweep.models import is_kept, models, prepared
+from workflows.sweep.tasks import CHUNK, Sharing, sharings
 
 TRIED = 64  # cases side by side that are timed, or one alone
 SIZE = 8e-9  # GB of a number
@@ -40,43 +41,40 @@ class Price(NamedTuple):
 
 def price(base: Base, design: Design, workers: int) -> Price:
     """Timed on the first cases and on the first reduced model that is missing, which are kept."""
-    looked = [checked(base, group) for group in groups(base, design, list(range(design.n_cases)))]
-    walls = [one for one in looked if one.scene is not None]
-    keys = {key: one.scene for one in walls if (key := models_key(one.scene))}
-    missing = [scene for scene in keys.values() if not _kept(scene)]
+    every = list(sharings(base, design, list(range(design.n_cases)), False))
+    walls = [one for one in every if one.scene is not None]
+    sources = {one.key: one.source for one in walls if one.key is not None}
+    missing = [source for source in sources.values() if not is_kept(source)]
     started = perf_counter()
     if missing:
         models(missing[0])
     seconds_model = perf_counter() - started if missing else 0.0
     seconds_case = _seconds_case(walls[0]) if walls else 0.0
-    refused = sum(len(one.refused) for one in looked)
+    tasks = [task.checked for one in every for task in one.tasks]
+    refused = sum(len(one.refused) for one in tasks)
+    joined = sum(len(t.checked.group.cases) for w in walls if _joins(w) for t in w.tasks)
     run = seconds_case * (design.n_cases - refused) + seconds_model * max(0, len(missing) - 1)
-    joined = sum(len(one.sound.cases) for one in walls if one.joins)
     return Price(
-        design.n_cases, refused, len(walls), len(keys), len(missing), joined, seconds_case,
+        design.n_cases, refused, len(walls), len(sources), len(missing), joined, seconds_case,
         seconds_model, workers, run / workers, _memory(walls[0]) if walls else 0.0,
     )  # fmt: skip
 
 
-def _kept(scene) -> bool:
-    pipeline = pipeline_of(scene, lambda name: None)
-    return pipeline.kept("reduction") and pipeline.kept("coarse-reduction")
+def _joins(one: Sharing) -> bool:
+    return one.tasks[-1].checked.joins
 
 
-def _seconds_case(one) -> float:
-    shared = prepared(one.scene, models(one.scene) if models_key(one.scene) else None)
-    if not isinstance(shared, Prepared) or shared.failure:
-        return 0.0
-    some = next(one.parts(TRIED if one.joins else 1))
+def _seconds_case(one: Sharing) -> float:
+    found = models(one.source) if one.key is not None else None
+    shared, looked = prepared(one.scene, one.source, found), one.tasks[-1].checked
+    some = next(looked.parts(TRIED if looked.joins else 1))
     rows(some, shared, False)  # compiles
     started = perf_counter()
     rows(some, shared, False)
     return (perf_counter() - started) / len(some.group.cases)
 
 
-def _memory(one) -> float:
-    from workflows.sweep.sweep import CHUNK
-
+def _memory(one: Sharing) -> float:
     scene = one.scene
     per_case = scene.output.samples * (len(scene.output.spheres) + 1)
-    return SIZE * 3 * per_case * (CHUNK if one.joins else 1)
+    return SIZE * 3 * per_case * (CHUNK if _joins(one) else 1)

@@ -5,15 +5,14 @@ from typing import Any
 
 from workflows.files.run_folder import RunFolder
 from workflows.scene import InvalidScene
-from workflows.sweep.cases import Base, checked, groups
+from workflows.sweep.cases import Base
 from workflows.sweep.design import Design
-from workflows.sweep.march import Prepared, models, models_key, prepared, rows
+from workflows.sweep.march import rows
+from workflows.sweep.models import Prepared, models, prepared
 from workflows.sweep.rows import Rows
 from workflows.sweep.store import Store
-from workflows.sweep.tasks import Sharing, Task
+from workflows.sweep.tasks import Sharing, sharings
 
-CHUNK = 500  # cases side by side: what a killed sweep loses at the most
-ALONE = 20  # cases one after another, some seconds
 FIXED = ("name", "output.", "unusual")  # keys that the table's columns depend on
 Engine = Callable[[Iterator[Sharing]], Iterator[list[Rows]]]
 Told = Callable[[int, int], None]  # cases done, cases in all
@@ -50,7 +49,7 @@ def sweep(
     missing = store.missing()
     done = design.n_cases - len(missing)
     told(done, design.n_cases)
-    tasks = _tasks(base, design, missing, signals)
+    tasks = sharings(base, design, missing, signals)
     for found in (engine or _here)(tasks):
         for part in found:
             store.add(part)
@@ -59,21 +58,12 @@ def sweep(
     store.finish()
 
 
-def _tasks(base: Base, design: Design, missing: list[int], signals: bool) -> Iterator[Sharing]:
-    """For each group of cases with one wall, the tasks that share it."""
-    for group in groups(base, design, missing):
-        looked = checked(base, group)
-        size = CHUNK if looked.scene and looked.joins else ALONE
-        key = models_key(looked.scene) if looked.scene else None
-        yield Sharing(looked.scene, key, [Task(part, signals) for part in looked.parts(size)])
-
-
-def _here(sharings: Iterator[Sharing]) -> Iterator[list[Rows]]:
+def _here(work: Iterator[Sharing]) -> Iterator[list[Rows]]:
     """Rows task by task in this process; models of scenes that share them are there once."""
     kept: dict[str, Any] = {}
-    for sharing in sharings:
-        if sharing.key is not None and sharing.key not in kept:
-            kept = {sharing.key: models(sharing.scene)}
-        shared = prepared(sharing.scene, kept.get(sharing.key)) if sharing.scene else Prepared()
-        for task in sharing.tasks:
+    for one in work:
+        if one.key is not None and one.key not in kept:
+            kept = {one.key: models(one.source)}
+        shared = prepared(one.scene, one.source, kept.get(one.key)) if one.scene else Prepared()
+        for task in one.tasks:
             yield rows(task.checked, shared, task.signals)

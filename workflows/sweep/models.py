@@ -1,0 +1,124 @@
+"""Reduced models and walls that cases share, each computed once."""
+
+from contextlib import nullcontext
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import coupling
+import dem
+from workflows.pipeline.chain import start, wall
+from workflows.pipeline.impact import impact
+from workflows.pipeline.pipeline import Pipeline, Stage, needs_assembly, pipeline_of, tables_of
+from workflows.scene import InvalidScene, RomWall, Scene
+
+FAILURES = (
+    dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep, coupling.CouplingError, InvalidScene,
+    ValueError, ArithmeticError, np.linalg.LinAlgError, MemoryError,
+)  # fmt: skip
+FURTHER = {
+    "jointed": Stage(
+        ".reduction:jointed",
+        tables_of("reduction", "patch", "assembly"),
+        ("model", "contact", "modes"),
+    )
+}
+
+
+class Source(NamedTuple):
+    """The scene whose assembly is reduced, and the springs of its joints that cases vary."""
+
+    scene: Scene
+    springs: tuple[str, ...] = ()  # "joint.direction"
+
+    @property
+    def stages(self) -> tuple[str, str]:
+        """Names of the reduction and of that on a coarser mesh."""
+        return ("jointed" if self.springs else "reduction"), "coarse-reduction"
+
+    @property
+    def pipeline(self) -> Pipeline:
+        """Stages of the scene, kept as those of a run are."""
+        return pipeline_of(self.scene, lambda name: nullcontext(), FURTHER)
+
+
+class Models(NamedTuple):
+    """Reduced models of an assembly on its mesh and on a coarser one, as far as that is known."""
+
+    reduction: Any
+    coarse: Any | None
+    errors: tuple[float, float] | None = None  # where springs vary: those of the source
+
+
+class Prepared(NamedTuple):
+    """What the cases of a group share: the wall, if a reduced model makes it, and errors of that
+    model; or why there is none."""
+
+    wall: dem.Wall | coupling.CoupledWall | None = None
+    error_reduction: float = float("nan")
+    error_mesh: float = float("nan")
+    failure: str = ""
+
+
+def models_key(source: Source) -> str | None:
+    """The same for sources that share their models; None where none is computed."""
+    if not needs_assembly(source.scene):
+        return None
+    return "".join(source.pipeline.key(stage) for stage in source.stages)
+
+
+def is_kept(source: Source) -> bool:
+    """Whether the models were computed earlier."""
+    return all(source.pipeline.kept(stage) for stage in source.stages)
+
+
+def models(source: Source) -> Models | str:
+    """The models, from the cache where they are kept; a sentence where they fail."""
+    pipeline, (reduction, coarse) = source.pipeline, source.stages
+    own_mesh = getattr(source.scene.mesh, "file", None) is not None  # nobody can coarsen it
+    try:
+        found = Models(pipeline(reduction), None if own_mesh else pipeline(coarse))
+        if not source.springs:
+            return found
+        usual = Models(found.reduction.reduced, found.coarse)
+        return found._replace(errors=_errors(source.scene, wall(source.scene, usual[0]), usual))
+    except FAILURES as reason:
+        return sentence(reason)
+
+
+def prepared(scene: Scene, source: Source, found: Models | str | None) -> Prepared:
+    """What the cases of a group share, whose first scene this is."""
+    if isinstance(found, str):
+        return Prepared(failure=found)
+    if not isinstance(scene.wall, RomWall):
+        return Prepared()
+    try:
+        if found is None:
+            return Prepared(wall(scene, None))
+        if source.springs:
+            springs = {name: scene.stiffness(name) for name in source.springs}
+            return Prepared(wall(scene, found.reduction.with_stiffness(springs)), *found.errors)
+        own = wall(scene, found.reduction)
+        return Prepared(own, *_errors(scene, own, found))
+    except FAILURES as reason:
+        return Prepared(failure=sentence(reason))
+
+
+def _errors(scene: Scene, own: Any, found: Models) -> tuple[float, float]:
+    """Of reduction and mesh in the waves of a scene."""
+    none = float("nan")
+    if isinstance(own, coupling.CoupledWall):
+        return none, none
+    from workflows.pipeline.errors import mesh_error, reduction_error  # finite elements
+
+    begun = start(scene)
+    run = impact(scene, begun, own)
+    of_reduction = reduction_error(scene, begun, found.reduction, run)
+    return of_reduction, none if found.coarse is None else mesh_error(
+        scene, begun, found.coarse, run
+    )
+
+
+def sentence(reason: Exception) -> str:
+    """Why something failed, for a row of the table."""
+    return str(reason).strip() or type(reason).__name__
