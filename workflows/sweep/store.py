@@ -132,8 +132,9 @@ def _typed(values: list[Any]) -> Any:
     """Numbers as they are, anything else as text."""
     import pyarrow as pa
 
-    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
-        return pa.array(values, pa.float64())
+    kinds = {type(value) for value in values}
+    if kinds <= {int, float}:
+        return pa.array(values, pa.float64() if float in kinds else pa.int64())
     return pa.array([v if isinstance(v, str) else dumps(v, default=str) for v in values])
 
 

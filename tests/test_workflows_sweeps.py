@@ -1,0 +1,449 @@
+"""Sweeps: which cases, each once and right, through kills and refusals, and what they depend on."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beadwave
+import dem
+from beadwave import Cases, InvalidScene
+from workflows.sweep import sweep as sweeping
+from workflows.sweep import tasks
+from workflows.sweep.cases import base_of
+from workflows.sweep.cluster import engine
+from workflows.sweep.design import grid, sampled, table
+
+TWO = """
+name = "two"
+chain = { count = 6, radius = 0.005, density = 7800.0, young = 210e9, poisson = 0.3 }
+striker = { velocity = 0.2 }
+wall = { kind = "rom" }
+damping = { kind = "modal", ratio = 0.002 }
+time = { duration = 4e-4 }
+output = { spheres = [1, 5], samples = 401 }
+materials = { steel = { young = 210e9, poisson = 0.3, density = 7850.0 } }
+strike = { on = "plate:+z", at = [0.0, 0.01], radius = 2e-3 }
+[assembly]
+held = ["base:-z"]
+material = "steel"
+[bodies]
+base = { box = [0.06, 0.04, 0.02], seed = 0.02 }
+plate = { box = [0.06, 0.04, 0.006], at = [0.0, 0.0, 0.013], seed = 0.02 }
+[[joints]]
+name = "bolt"
+between = "plate|base"
+at = [[-0.02, 0.0, 0.01], [0.02, 0.0, 0.01]]
+washer = 5e-3
+kz = 2e7
+"""
+SHORT = {"chain.count": 5, "output.spheres": [1, 4], "time.duration": 6e-4, "output.samples": 601}
+
+
+@pytest.fixture(autouse=True)
+def here(shared_cache):
+    pass
+
+
+def number(key, text):
+    return float(text)
+
+
+# --- which cases -------------------------------------------------------------------------------
+
+
+def test_a_grid_has_every_combination_the_last_key_fastest():
+    found = grid(("a.b=1:3:3", "c.d=2,5", "e.f=1:100:3:log"), number)
+    assert found.n_cases == 18 and found.keys == ("a.b", "c.d", "e.f")
+    assert found.case(0) == {"a.b": 1.0, "c.d": 2, "e.f": 1.0}
+    assert found.columns["e.f"][:4] == pytest.approx((1.0, 10.0, 100.0, 1.0))
+    assert found.columns["c.d"][2:7] == (2, 5, 5, 5, 2)
+    assert len({tuple(found.case(i).values()) for i in range(18)}) == 18
+
+
+def test_words_and_lists_are_values_too():
+    found = grid(("wall.kind=rigid, half-space", "x.y=[1, 2], [3]"), number)
+    assert found.columns["wall.kind"] == ("rigid", "rigid", "half-space", "half-space")
+    assert found.columns["x.y"] == ([1, 2], [3], [1, 2], [3])
+
+
+def test_units_are_read_by_the_key():
+    base = base_of("rig-rigid", ())
+    found = grid(("chain.radius=5mm:15mm:3",), base.number)
+    assert found.columns["chain.radius"] == pytest.approx((0.005, 0.01, 0.015))
+
+
+def test_a_latin_hypercube_has_one_value_in_each_slice():
+    found = sampled(("a.b=1:5", "c.d=1:1000:log"), "lhs:40", 3, number)
+    slices = (np.array(found.columns["a.b"]) - 1.0) / 4.0 * 40
+    assert sorted(slices.astype(int)) == list(range(40))
+    powers = np.log10(found.columns["c.d"]) / 3 * 40
+    assert sorted(powers.astype(int)) == list(range(40))
+
+
+def test_a_sobol_design_swaps_one_column_at_a_time():
+    found = sampled(("a.b=0:1", "c.d=0:1", "e.f=0:1"), "sobol:8", 0, number)
+    A, B, *mixed = np.array(list(found.columns.values())).T.reshape(5, 8, 3)
+    for j, one in enumerate(mixed):
+        assert np.array_equal(one[:, j], B[:, j])
+        assert np.array_equal(np.delete(one, j, 1), np.delete(A, j, 1))
+
+
+def test_a_table_is_read_as_it_stands(tmp_path):
+    path = tmp_path / "cases.csv"
+    path.write_text("wall.kind, striker.velocity\nrigid, 0.3\nhalf-space, 0.5\n\n")
+    assert table(path).columns == {
+        "wall.kind": ("rigid", "half-space"),
+        "striker.velocity": (0.3, 0.5),
+    }
+
+
+@pytest.mark.parametrize(
+    ("over", "sample", "says"),
+    [
+        ((), None, "needs keys to vary"),
+        (("striker.velocity",), None, "is not key=values"),
+        (("striker.velocity=1:2",), None, "start:stop:n"),
+        (("striker.velocity=1:2:1",), None, "has one value"),
+        (("striker.velocity=1:2:0",), None, "must be a number of values"),
+        (("striker.velocity=1:1:3",), None, "two finite numbers that differ"),
+        (("striker.velocity=0:1:3:log",), None, "between numbers above 0"),
+        (("striker.velocity=1:nan:3",), None, "two finite numbers"),
+        (("striker.velocity=1 kg:2 kg:3",), None, "a velocity is needed"),
+        (("wall.kind=rigid:half-space:3",), None, "rigid"),
+        (("striker.velocity=1,2", "striker.velocity=3,4"), None, "twice"),
+        (("striker..velocity=1,2",), None, "no dotted key"),
+        (("striker.velocity=1:2:4000", "chain.young=1:2:4000"), None, "16000000 cases"),
+        (("striker.velocty=1,2",), None, "unknown key 'velocty'"),
+        (("output.samples=10,20",), None, "cannot vary"),
+        (("name=a,b",), None, "cannot vary"),
+        (("striker.velocity=1:2:3",), "lhs:9", "low:high"),
+        (("striker.velocity=1:2",), "sobol:9", "take 8 or 16"),
+        (("striker.velocity=1:2",), "monte-carlo:9", "lhs:n or sobol:n"),
+    ],
+)
+def test_bad_designs_are_refused_in_a_sentence(over, sample, says):
+    with pytest.raises(InvalidScene, match=says):
+        beadwave.sweep("rig-rigid", cases=Cases(over, sample), out="out")
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("striker.velocity\n", "1 lines"),
+        ("striker.velocity,striker.velocity\n1,2\n", "twice"),
+        ("striker.velocity,chain.young\n1\n", "line 2 has 1 values for 2 keys"),
+        ("striker velocity.,x\n1,2\n", "no dotted key"),
+    ],
+)
+def test_bad_tables_are_refused_in_a_sentence(tmp_path, text, says):
+    path = tmp_path / "cases.csv"
+    path.write_text(text)
+    with pytest.raises(InvalidScene, match=says):
+        beadwave.sweep("rig-rigid", cases=Cases(table=path), out="out")
+    assert path.read_text() == text
+
+
+# --- each case right ---------------------------------------------------------------------------
+
+PARTS = {
+    "rigid": ("rig-rigid", {"preload.force": 5.0, "preload.mass": 0.0}, {"preload.force": "1,30"}),
+    "free": ("free-chain", {}, {"chain.young": "150e9,220e9"}),
+    "half-space": ("rig-half-space", {}, {"wall.young": "70e9,400e9"}),
+    "one mass": ("rig-1dof", {}, {"wall.frequency": "200,900", "wall.mass": "1,3"}),
+    "damped": (
+        "rig-half-space",
+        {"contact.dissipation": "hunt-crossley", "contact.coefficient": 0.3},
+        {"contact.coefficient": "0.1,0.5", "chain.density": "7000,8000"},
+    ),
+    "plate": ("rig-half-space", {"wall.kind": "dashpot", "wall.coefficient": 900.0}, {}),
+}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_cases_side_by_side_are_the_runs_alone(part):
+    scene, changes, over = PARTS[part]
+    over = {"striker.velocity": "0.2,0.4", **over}
+    found = beadwave.sweep(scene, SHORT | changes, cases=over, out="out", signals=True)
+    assert set(found.counts()) == {"done"}
+    signals = found.signals()
+    for i in range(found.design.n_cases):
+        case = found.design.case(i)
+        alone = beadwave.impact(scene, SHORT | changes | case)
+        speed = case["striker.velocity"]
+        seen = alone.arrays["v"][:, [0, 3]]
+        assert np.abs(signals["v"].values[i] - seen).max() < 2e-4 * speed
+        waves = alone.summary.waves["4"]
+        if waves.tof_s:
+            assert found.columns["sphere_4_tof_s"][i] == pytest.approx(waves.tof_s, rel=2e-3)
+            assert found.columns["sphere_4_arr"][i] == pytest.approx(waves.arr, rel=2e-3)
+        if part != "free":
+            peak = alone.summary.peak_wall_force_N
+            assert found.columns["wall_peak_force_N"][i] == pytest.approx(peak, rel=2e-3)
+        assert found.columns["error_time"][i] < 1e-4
+        assert found.columns["energy_error"][i] < 1e-3
+
+
+def test_keys_that_change_the_chain_make_groups(monkeypatch):
+    over = {"chain.count": "5,6", "wall.kind": "rigid,half-space", "striker.velocity": "0.2,0.3"}
+    calls = []
+    monkeypatch.setattr(
+        sweeping, "rows", lambda *a: calls.append(a[0].group.cases) or original(*a)
+    )
+    found = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
+    assert sorted(calls) == [(0, 1), (2, 3), (4, 5), (6, 7)]
+    assert (found.columns["wall_peak_force_N"] > 0).all()
+    alone = beadwave.impact("rig-rigid", SHORT | found.design.case(7))
+    peak = alone.summary.peak_wall_force_N
+    assert found.columns["wall_peak_force_N"][7] == pytest.approx(peak, rel=1e-3)
+
+
+original = sweeping.rows
+
+
+def test_a_case_that_is_refused_or_fails_is_a_row():
+    over = {"wall.mass": "-1,1", "preload.force": "0,1,1e9"}
+    found = beadwave.sweep("rig-1dof", SHORT, cases=over, out="out")
+    status = found.columns["status"].tolist()
+    assert status[:3] == ["refused"] * 3 and status[3:5] == ["done"] * 2
+    assert status[5] != "done"
+    message = found.columns["message"].tolist()
+    assert "wall.mass = -1 must be greater than 0" in message[0] and message[3] == ""
+    assert np.isnan(found.columns["sphere_4_arr"][:3]).all()
+
+
+def test_failing_cases_leave_those_beside_them(monkeypatch):
+    own = dem.march_batch
+
+    def march(chains, **options):
+        if (chains.v0 > 0.5).any():
+            raise dem.UnstableStep("too fast to march")
+        return own(chains, **options)
+
+    monkeypatch.setattr(dem, "march_batch", march)
+    found = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1:0.7:7"}, out="out")
+    assert found.columns["status"].tolist() == ["done"] * 5 + ["failed"] * 2
+    assert found.columns["message"][5] == "too fast to march"
+    assert np.isnan(found.columns["wall_peak_force_N"][5:]).all()
+
+
+# --- what cases share --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    made = []
+    own = sweeping.models
+    monkeypatch.setattr(sweeping, "models", lambda source: made.append(source) or own(source))
+    return made
+
+
+def test_cases_share_their_reduced_model(counted):
+    over = {"wall.cutoff": "5e3,2e4", "striker.velocity": "0.1,0.2"}
+    Path("two.toml").write_text(TWO)
+    found = beadwave.sweep("two.toml", cases=over, out="out")
+    assert len(counted) == 1 and set(found.counts()) == {"done"}
+    alone = beadwave.impact("two.toml", found.design.case(3)).summary
+    got = found.columns["wall_peak_force_N"][3]
+    assert got == pytest.approx(alone.peak_wall_force_N, rel=1e-3)
+    assert found.columns["error_reduction"][0] > 0 and found.columns["error_mesh"][0] > 0
+
+
+def test_springs_of_joints_share_one_reduced_model(counted):
+    over = {"joints.bolt.kz": "1e6:1e9:7:log"}
+    Path("two.toml").write_text(TWO)
+    found = beadwave.sweep("two.toml", cases=over, out="out")
+    assert len(counted) == 1 and counted[0].springs == ("bolt.kz",)
+    peaks = found.columns["wall_peak_force_N"]
+    assert len(np.unique(peaks)) == 7
+    for i in (0, 6):
+        alone = beadwave.impact("two.toml", found.design.case(i)).summary
+        stated = found.columns["error_reduction"][i] + alone.error_estimate.reduction
+        assert abs(peaks[i] / alone.peak_wall_force_N - 1.0) < 2 * stated < 1e-3
+        waves = alone.waves["5"]
+        assert found.columns["sphere_5_arr"][i] == pytest.approx(waves.arr, rel=2 * stated)
+
+
+def test_a_rigid_direction_has_a_model_of_its_own(counted):
+    over = {"joints.bolt.kz": "1e7,inf"}
+    Path("two.toml").write_text(TWO)
+    beadwave.sweep("two.toml", cases=over, out="out")
+    assert [source.springs for source in counted] == [(), ()]
+
+
+# --- each case once ----------------------------------------------------------------------------
+
+
+def test_a_sweep_that_was_stopped_goes_on(monkeypatch):
+    monkeypatch.setattr(tasks, "CHUNK", 4)
+    over = {"striker.velocity": "0.1:1:20"}
+    whole = beadwave.sweep("rig-rigid", SHORT, cases=over, out="whole")
+
+    def stop(done, n):
+        if done >= 8:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        beadwave.sweep("rig-rigid", SHORT, cases=over, out="out", told=stop)
+    computed = []
+    monkeypatch.setattr(
+        sweeping, "rows", lambda *a: computed.extend(a[0].group.cases) or original(*a)
+    )
+    found = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
+    assert sorted(computed) == list(range(8, 20))
+    for name, values in whole.columns.items():
+        if name not in ("seconds", "status", "message"):
+            assert np.array_equal(values, found.columns[name], equal_nan=True), name
+    assert not list(Path("out").glob("part-*"))
+    computed.clear()
+    again = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
+    assert computed == [] and again.design.n_cases == 20
+
+
+def test_other_cases_or_another_scene_are_computed_anew(monkeypatch):
+    one = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, out="out")
+    two = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.3"}, out="out")
+    assert two.design.case(1) == {"striker.velocity": 0.3}
+    changes = SHORT | {"chain.radius": 0.01}
+    three = beadwave.sweep("rig-rigid", changes, cases={"striker.velocity": "0.1,0.3"}, out="out")
+    assert three.columns["wall_peak_force_N"][0] < one.columns["wall_peak_force_N"][0]
+
+
+KILLED = """
+import beadwave, os, signal
+from workflows.sweep import tasks
+tasks.CHUNK = 5
+def told(done, n):
+    if done >= 10:
+        os.kill(os.getpid(), signal.SIGKILL)
+beadwave.sweep("rig-rigid", {short}, cases={{"striker.velocity": "0.1:1:30"}}, out="out", told=told)
+"""
+
+
+def test_a_killed_sweep_loses_nothing_that_was_done():
+    script = KILLED.format(short=SHORT)
+    ended = subprocess.run([sys.executable, "-c", script], timeout=120, capture_output=True)
+    assert ended.returncode == -signal.SIGKILL, ended.stderr
+    assert sorted(path.name for path in Path("out").glob("*.parquet"))
+    seen = []
+    found = beadwave.sweep(
+        "rig-rigid", SHORT, cases={"striker.velocity": "0.1:1:30"}, out="out",
+        told=lambda done, n: seen.append(done),
+    )  # fmt: skip
+    assert seen[0] == 10 and found.columns["case"].tolist() == list(range(30))
+    assert set(found.counts()) == {"done"}
+
+
+# --- processes ---------------------------------------------------------------------------------
+
+
+def test_processes_leave_the_same_table_though_one_is_killed(monkeypatch):
+    over = {"chain.count": "4,5,6,7", "striker.velocity": "0.1,0.2"}
+    changes = SHORT | {"output.spheres": [1, 3]}
+    here = beadwave.sweep("rig-rigid", changes, cases=over, out="here")
+    base, killed = base_of("rig-rigid", changes), []
+    cases = grid(tuple(f"{key}={values}" for key, values in over.items()), number)
+    with engine(2) as run:
+        found = {}
+        for parts in run(tasks.sharings(base, cases, list(range(8)), False)):
+            for part in parts:
+                found.update(zip(part.cases, part.columns["wall_peak_force_N"], strict=True))
+            if not killed:
+                killed.append(_kill_a_worker())
+    assert [found[i] for i in range(8)] == here.columns["wall_peak_force_N"].tolist()
+
+
+def _kill_a_worker():
+    from distributed import get_client
+
+    pids = list(get_client().run(os.getpid).values())
+    os.kill(pids[0], signal.SIGKILL)
+    time.sleep(0.2)
+    return pids[0]
+
+
+def test_a_scheduler_that_does_not_answer_is_told(monkeypatch):
+    monkeypatch.setattr("workflows.sweep.cluster.PATIENCE", "1s")
+    with pytest.raises(InvalidScene, match=r"tcp://127.0.0.1:1 does not answer"):
+        beadwave.sweep(
+            "rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, on="tcp://127.0.0.1:1"
+        )
+
+
+# --- what outputs depend on --------------------------------------------------------------------
+
+
+def test_sobol_indices_are_those_of_the_power_law():
+    """A chain on a half-space of its own material, nothing else: ln TOF = c + 0.4 ln m - 0.4 ln A
+    - 0.2 ln V, with m ~ R^3 rho and A ~ R^(1/2): R^1, rho^0.4, V^-0.2."""
+    over = {
+        "chain.radius": "0.010:0.014:log",
+        "chain.density": "5000:9000:log",
+        "striker.velocity": "0.1:1:log",
+    }
+    found = beadwave.sweep(
+        "rig-half-space", {"time.duration": 4e-3}, cases=Cases(over, "sobol:128"), out="out"
+    )
+    effects = found.effects("sphere_14_tof_s", logarithm=True)
+    share = (np.array([1.0, 0.4, -0.2]) * np.log([1.4, 1.8, 10.0])) ** 2
+    share /= share.sum()
+    for index, error in ((effects.first, effects.first_error), (effects.total, effects.total_error)):
+        assert (np.abs(index - share) < 3 * error + 1e-3).all()
+        assert (error < 0.15).all()
+    assert effects.used == 128
+    text = found.text()
+    assert "first order" in text and "chain.radius" in text
+
+
+def test_indices_need_a_design_for_them():
+    found = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, out="out")
+    with pytest.raises(InvalidScene, match="--sample sobol:n"):
+        found.effects("sphere_4_tof_s")
+
+
+@pytest.mark.parametrize(
+    ("over", "sample"),
+    [
+        ({"striker.velocity": "0.1:0.4:4"}, None),
+        ({"striker.velocity": "0.1:0.4:3", "chain.young": "1e11:2e11:10"}, None),
+        ({"striker.velocity": "0.1:0.4:9", "chain.young": "1e11:2e11:10"}, None),
+        ({"striker.velocity": "0.1:0.4:3", "wall.kind": "rigid,half-space"}, None),
+        ({"striker.velocity": "0.1:0.4", "chain.young": "1e11:2e11", "chain.density": "7e3:8e3"},
+         "lhs:20"),
+    ],
+)  # fmt: skip
+def test_pictures_need_no_code(over, sample):
+    found = beadwave.sweep("rig-rigid", SHORT, cases=Cases(over, sample), out="out")
+    names = {path.name for path in Path("out/figures").iterdir()}
+    assert names == {"sphere_4_tof_s.png", "sphere_4_arr.png", "wall_peak_force_N.png"}
+    assert found.plot("energy_error", (next(iter(over)),)).png.startswith(b"\x89PNG")
+    with pytest.raises(InvalidScene, match="'sphere_4_tof' is not in the sweep"):
+        found.plot("sphere_4_tof")
+
+
+def test_a_table_is_read_by_others(tmp_path):
+    import pandas
+
+    beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, out="out")
+    frame = pandas.read_parquet("out/cases.parquet")
+    assert frame["striker.velocity"].tolist() == [0.1, 0.2]
+    assert beadwave.load_sweep("out").data()["status"].tolist() == ["done", "done"]
+    with pytest.raises(InvalidScene, match=r"holds no cases\.parquet"):
+        beadwave.load_sweep(tmp_path / "nothing")
+    Path("out/cases.parquet").write_bytes(b"PAR1 rubbish PAR1")
+    with pytest.raises(InvalidScene, match="is no table of a sweep"):
+        beadwave.load_sweep("out")
+
+
+def test_the_price_is_told_before():
+    over = {"wall.kind": "rigid,half-space", "striker.velocity": "0.1:1:50"}
+    price = beadwave.sweep_price("rig-rigid", SHORT, cases=over)
+    assert price.cases == 100 and price.walls == 2 and price.side_by_side == 100
+    assert 0 < price.seconds < 30 and price.refused == 0
+    assert not Path("sweeps").exists()
