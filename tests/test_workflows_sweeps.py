@@ -393,7 +393,8 @@ def test_sobol_indices_are_those_of_the_power_law():
     effects = found.effects("sphere_14_tof_s", logarithm=True)
     share = (np.array([1.0, 0.4, -0.2]) * np.log([1.4, 1.8, 10.0])) ** 2
     share /= share.sum()
-    for index, error in ((effects.first, effects.first_error), (effects.total, effects.total_error)):
+    both = (effects.first, effects.first_error), (effects.total, effects.total_error)
+    for index, error in both:
         assert (np.abs(index - share) < 3 * error + 1e-3).all()
         assert (error < 0.15).all()
     assert effects.used == 128

@@ -112,7 +112,7 @@ def completed(one: Written) -> Scene:
 
 def tables_of(source: Source) -> dict[str, Any]:
     """The tables that a scene is told by, as they are written."""
-    return _written(source)[1]
+    return written(source).tables
 
 
 def each(changes: Changes) -> tuple[Change, ...]:

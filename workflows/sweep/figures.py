@@ -6,6 +6,7 @@ from workflows.files.run_folder import Picture
 from workflows.results.plots import Line, Panel, heat_map, panels, png, subplots
 from workflows.scene import InvalidScene
 
+ENDINGS = (("_m_s", "m/s", 1.0), ("_s", "\N{MICRO SIGN}s", 1e6), ("_N", "N", 1.0))
 FEW = 8  # curves in one plot
 COLUMNS = 3  # of panels
 Array = np.ndarray
@@ -19,14 +20,29 @@ def picture(name: str, y: Array, keys: dict[str, Array]) -> Picture:
     there = np.isfinite(y)
     if not there.any():
         raise InvalidScene(f"no case has a {name}; choose another output.")
-    y, keys = y[there], {key: values[there] for key, values in keys.items()}
+    title, scale = _label(name)
+    y, keys = scale * y[there], {key: values[there] for key, values in keys.items()}
     numeric = [key for key in keys if keys[key].dtype.kind in "fiu"]
     if len(keys) == 1 and numeric:
-        return Picture(name, panels([_curve(name, y, *keys.items())]))
+        return Picture(name, panels([_curve(title, y, *keys.items())]))
     if len(keys) == 2 and _is_grid(*keys.values()):
-        return Picture(name, _grid(name, y, keys, numeric))
-    shown = [_points(name, y, key, keys[key]) for key in keys]
+        return Picture(name, _grid(title, y, keys, numeric))
+    shown = [_points(title, y, key, keys[key]) for key in keys]
     return Picture(name, panels(shown, columns=min(COLUMNS, len(shown)), size=(4, 3)))
+
+
+def _label(name: str) -> tuple[str, float]:
+    """An output as a person reads it, and the factor to the unit there."""
+    quantity, unit, scale = name, "", 1.0
+    for ending, shown, factor in ENDINGS:
+        if name.endswith(ending):
+            quantity, unit, scale = name.removesuffix(ending), f" [{shown}]", factor
+            break
+    of, _, rest = quantity.removeprefix("sphere_").partition("_")
+    if name.startswith("sphere_"):
+        words = {"tof": "TOF", "arr": "ARR", "incident": "incident wave"}
+        quantity = f"{words.get(rest, f'{rest} wave')} at sphere {of}"
+    return f"{quantity.replace('_', ' ')}{unit}", scale
 
 
 def _curve(name, y, item) -> Panel:
@@ -69,7 +85,7 @@ def _grid(name, y, keys, numeric) -> bytes:
         [_short(v) if i in _labelled(len(each)) else "" for i, v in enumerate(each)]
         for each in (rows, columns)
     ]
-    heat_map(axis, values, (labels[0], labels[1]), name, cmap="viridis")
+    heat_map(axis, values[::-1], (labels[0][::-1], labels[1]), name, cmap="viridis")
     axis.set_ylabel(one)
     axis.set_xlabel(two)
     return png(figure)

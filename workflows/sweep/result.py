@@ -27,6 +27,7 @@ class Sweep:
 
     design    which cases there are
     columns   the table's columns by name, keys first; (n_cases,) arrays
+    units     of keys, where they have one
     folder    where cases.parquet is
     """
 
@@ -36,6 +37,7 @@ class Sweep:
         self.columns = {name: _array(table[name]) for name in table.column_names}
         keys = {key: tuple(self.columns[key].tolist()) for key in about["keys"]}
         self.design = Design(about["kind"], keys, about["base"])
+        self.units: dict[str, str] = about["units"]
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
@@ -81,11 +83,15 @@ class Sweep:
         chosen = keys or self.design.keys
         for key in chosen:
             _known(key, self.design.keys, "key")
-        return picture(name, self._output(name), {key: self.columns[key] for key in chosen})
+        keyed = {self._named(key): self.columns[key] for key in chosen}
+        return picture(name, self._output(name), keyed)
 
     def pictures(self) -> tuple[Picture, ...]:
         """Those of the main outputs."""
         return tuple(self.plot(name) for name in self.main)
+
+    def _named(self, key: str) -> str:
+        return f"{key} [{self.units[key]}]" if key in self.units else key
 
     def _output(self, name: str) -> Array:
         _known(name, self.outputs, "output")

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from workflows.files.run_folder import RunFolder
-from workflows.scene import InvalidScene
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.quantities import entries
 from workflows.sweep.design import Design
 from workflows.sweep.rows import TEXT, Rows
 
@@ -32,13 +33,13 @@ def require_libraries(signals: bool) -> None:
 class Store:
     """Parts of a design's rows in a run folder, and the whole table of them."""
 
-    def __init__(
-        self, folder: RunFolder, design: Design, spheres: tuple[int, ...], signals: bool
-    ) -> None:
+    def __init__(self, folder: RunFolder, design: Design, scene: Scene, signals: bool) -> None:
         self._folder = folder
         self._design = design
-        self._spheres = spheres
+        self._spheres = scene.output.spheres
         self._signals = signals
+        units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
+        self._units = {key: units[key] for key in design.keys if key in units}
         self._prefix = f"part-{design.digest}{'-signals' if signals else ''}-"
 
     @property
@@ -111,7 +112,7 @@ class Store:
     def _about(self) -> dict[str, Any]:
         design = self._design
         about = {"kind": design.kind, "keys": design.keys, "base": design.base}
-        return about | {"digest": design.digest}
+        return about | {"digest": design.digest, "units": self._units}
 
     def _signal_parts(self) -> list[Path]:
         found = self._folder.path.glob(f"{self._prefix}*.npz")

@@ -41,7 +41,7 @@ def sweep(
 ) -> None:  # fmt: skip
     """Fill the folder with the table of all cases; those whose rows are there are not computed
     again."""
-    store = Store(folder, design, base.with_values({}).output.spheres, signals)
+    store = Store(folder, design, base.with_values({}), signals)
     if store.whole():
         store.keep()
         told(design.n_cases, design.n_cases)
