@@ -193,9 +193,7 @@ def test_cases_side_by_side_are_the_runs_alone(part):
 def test_keys_that_change_the_chain_make_groups(monkeypatch):
     over = {"chain.count": "5,6", "wall.kind": "rigid,half-space", "striker.velocity": "0.2,0.3"}
     calls = []
-    monkeypatch.setattr(
-        sweeping, "rows", lambda *a: calls.append(a[0].group.cases) or original(*a)
-    )
+    monkeypatch.setattr(sweeping, "rows", lambda *a: calls.append(a[0].group.cases) or original(*a))
     found = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
     assert sorted(calls) == [(0, 1), (2, 3), (4, 5), (6, 7)]
     assert (found.columns["wall_peak_force_N"] > 0).all()

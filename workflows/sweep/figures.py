@@ -75,11 +75,8 @@ def _grid(name, y, keys, numeric) -> bytes:
     values = np.full((len(rows), len(columns)), np.nan)
     values[np.searchsorted(rows, a), np.searchsorted(columns, b)] = y
     if few:
-        lines = [
-            Line(f"{one} = {_short(r)}", columns, line)
-            for r, line in zip(rows, values, strict=True)
-        ]
-        return panels([Panel("", two, name, lines, _spacing(columns))])
+        lines = [Line(_valued(one, r), columns, line) for r, line in zip(rows, values, strict=True)]
+        return panels([Panel("", two, name, lines, _spacing(columns), legend="aside")])
     figure, (axis,) = subplots(1, 1, (8, 5))
     labels = [
         [_short(v) if i in _labelled(len(each)) else "" for i, v in enumerate(each)]
@@ -93,6 +90,11 @@ def _grid(name, y, keys, numeric) -> bytes:
 
 def _labelled(n: int) -> set[int]:
     return set(np.linspace(0, n - 1, min(n, 8)).round().astype(int).tolist())
+
+
+def _valued(key: str, value) -> str:
+    name, _, unit = key.partition(" [")
+    return f"{name} = {_short(value)} {unit.removesuffix(']')}".rstrip()
 
 
 def _short(value) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from workflows.files.run_folder import RunFolder
-from workflows.scene import InvalidScene
+from workflows.scene import InvalidScene, Scene
 from workflows.sweep.cases import Base
 from workflows.sweep.design import Design
 from workflows.sweep.march import rows
@@ -41,7 +41,7 @@ def sweep(
 ) -> None:  # fmt: skip
     """Fill the folder with the table of all cases; those whose rows are there are not computed
     again."""
-    store = Store(folder, design, base.with_values({}), signals)
+    store = Store(folder, design, _typical(base, design), signals)
     if store.whole():
         store.keep()
         told(design.n_cases, design.n_cases)
@@ -56,6 +56,14 @@ def sweep(
             done += len(part.cases)
         told(done, design.n_cases)
     store.finish()
+
+
+def _typical(base: Base, design: Design) -> Scene:
+    """The scene of the first case, or the one that is swept where that case is refused."""
+    try:
+        return base.with_values(design.case(0))
+    except InvalidScene:
+        return base.with_values({})
 
 
 def _here(work: Iterator[Sharing]) -> Iterator[list[Rows]]:
