@@ -17,7 +17,8 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     reduce, reduce_matrices      a reduced model: of a scene, of one's own K, M, w
     look, export                 bodies and where they touch; CalculiX, Abaqus, STEP
     calibrate, twin              a chain and its wall fitted to measured velocities
-    sweep, load_sweep            many cases into one table, what outputs depend on
+    sweep, sweep_price           many cases into one table, what outputs depend on; the cost
+    load_sweep                   a finished sweep
     study, accuracy, stability   the thesis again; errors against run times; extreme cases
     doctor                       what is installed, what is missing and what that costs
 
