@@ -14,6 +14,7 @@ import beadwave
 import rom
 from workflows.commands.app import COMMANDS
 from workflows.files.scene import built_in
+from workflows.pipeline.response import Response
 from workflows.pipeline.run import IMPACT_FILES
 
 ROOT = Path(__file__).parents[1]
@@ -90,7 +91,7 @@ def test_formats_name_every_array_of_the_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = (DOCS / "formats.md").read_text(encoding="utf-8")
     short = {"chain.count": 3, "output.spheres": [1], "time.duration": 2e-4}
-    beadwave.impact("rig-rigid", short, out="out")
+    beadwave.impact("rig-1dof", short, out="out")
     with np.load("out/trajectory.npz") as arrays:
         assert all(f"`{name}`" in text for name in arrays)
     model = rom.full_order(np.diag([1e6, 4e6]), np.eye(2), [1.0, 0.0], C=np.eye(2))
@@ -103,6 +104,7 @@ def test_formats_name_every_array_of_the_files(tmp_path, monkeypatch):
             name for name in arrays if f"`{name}`" not in text and name not in ("n_boundary",)
         ]
     assert not missing
+    assert all(f"`{name}`" in text for name in Response._fields if name != "picture")
     assert all(f"`{name}`" in text for name in IMPACT_FILES)
 
 

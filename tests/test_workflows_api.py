@@ -109,6 +109,12 @@ def test_arrays_bear_names_and_units():
     peak = float(data.contact_force.sel(contact=5).max())
     assert peak == found.summary.peak_wall_force_N
     assert list(data.sphere) == [1, 2, 3, 4, 5] and data.energy_total.units == "J"
+    found = beadwave.impact("rig-1dof", SHORT, out="out")
+    data = found.data
+    assert data.wall_q.dims == ("time", "mode") and data.wall_phi.dims == ("mode",)
+    at_contact = (data.wall_q * data.wall_phi).sum("mode")
+    np.testing.assert_allclose(at_contact, data.wall_x, atol=1e-12)
+    assert beadwave.load("out").data.equals(data)
 
 
 def test_a_scene_is_told_in_any_way(tmp_path):

@@ -168,10 +168,10 @@ def _drawn(path: Path) -> Iterable[Picture]:
 
 
 def _in_memory(pipeline: Pipeline, summary: Summary, path: Path | None, notes) -> Run:
-    from workflows.pipeline.impact import over_time
+    from workflows.pipeline.impact import arrays
 
     def read() -> dict[str, NDArray]:
-        return over_time(pipeline("impact").trajectory)
+        return arrays(pipeline("impact").trajectory, pipeline("wall"))
 
     return Run(pipeline.scene, summary, path, notes, read, lambda: pipeline("figures"))
 

@@ -99,7 +99,14 @@ def save_trajectory(
     path: Path, trajectory: dem.Trajectory, wall: dem.Wall | coupling.CoupledWall | None
 ) -> None:
     """Write every array of a trajectory over its saved times, and the modes of the wall."""
-    np.savez_compressed(path, **over_time(trajectory), **wall_modes(trajectory, wall))
+    np.savez_compressed(path, **arrays(trajectory, wall))
+
+
+def arrays(
+    trajectory: dem.Trajectory, wall: dem.Wall | coupling.CoupledWall | None
+) -> dict[str, np.ndarray]:
+    """What is saved of a run, by name."""
+    return over_time(trajectory) | wall_modes(trajectory, wall)
 
 
 def over_time(trajectory: dem.Trajectory) -> dict[str, np.ndarray]:

@@ -20,7 +20,10 @@ UNITS = {
     "wall_x": "m",
     "wall_v": "m/s",
     "wall_q": "kg^0.5 m",
+    "wall_omega": "rad/s",
+    "wall_phi": "kg^-0.5",
 }
+OF_MODES = ("wall_omega", "wall_phi")
 WORDS = {
     "x": "displacement towards the wall", "v": "velocity towards the wall",
     "contact_force": "force of sphere i on its neighbour or the wall, pushing",
@@ -34,6 +37,7 @@ def of_trajectory(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     k = len(arrays["t"])
     over_time = {n: a for n, a in arrays.items() if n != "t" and a.shape[:1] == (k,) and a.ndim < 3}
     found = {name: (*_dimensions(name, a), _about(name)) for name, a in over_time.items()}
+    found |= {n: ("mode", arrays[n], {"units": UNITS[n]}) for n in OF_MODES if n in arrays}
     numbered = {"sphere": arrays["x"].shape[1], "contact": arrays["contact_force"].shape[1]}
     coords = {name: np.arange(1, n + 1) for name, n in numbered.items()}
     return xarray.Dataset(found, coords | {"time": ("time", arrays["t"], {"units": "s"})})
