@@ -148,7 +148,7 @@ def damped(scene: Scene, report: HammerReport) -> Scene:
     ratios = [report.damping.get(i) for i in range(1, len(scene.measured_hz) + 1)]
     if None in ratios:
         return scene
-    return scene.model_copy(update={"damping": ModalDamping(kind="modal", ratio=tuple(ratios))})
+    return scene.but(damping=ModalDamping(kind="modal", ratio=tuple(ratios)))
 
 
 def virtual_test(pipeline: Pipeline) -> Responses:

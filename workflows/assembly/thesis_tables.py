@@ -85,7 +85,7 @@ def table_53(scene: Scene, progress: Progress) -> Table:
 
 def _tuned_row(scene: Scene, row: Row53, progress: Progress) -> TableRow:
     match = {i: HAMMER_TEST_HZ[i - 1] for i in row.match}
-    bare = scene.model_copy(update={"joints": Joints(head=JointStiffnesses(kry=LOOSE_TURN))})
+    bare = scene.but(joints=Joints(head=JointStiffnesses(kry=LOOSE_TURN)))
     _, report = tuned(bare, match, (), progress)
     thesis_hz = THESIS["table_5_3"].get(row.model, HAMMER_TEST_HZ)
     return _compared(row.model, report.full_order_hz, thesis_hz)
@@ -96,9 +96,7 @@ def _row(scene: Scene, row: Row52, progress: Progress) -> TableRow:
     fixing = "bolted" if row.constraint == "screw-tie" and "plate" in row.parts else "flat"
     plain = dict.fromkeys(BODIES)  # the thesis' models are of one steel
     parts = {"parts": row.parts, "constraint": row.constraint, "fixing": fixing, **plain}
-    fine = scene.mesh.model_copy(update={"seed": min(scene.mesh.seed, SEED_52)})
-    assembly = scene.assembly.model_copy(update=parts)
-    varied = scene.model_copy(update={"assembly": assembly, "mesh": fine})
+    varied = scene.but(assembly=parts, mesh={"seed": min(scene.mesh.seed, SEED_52)})
     found = pipeline_of(varied, progress)("modes").paired_hz
     return _compared(row.model, found, THESIS["table_5_2"][row.model])
 

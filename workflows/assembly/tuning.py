@@ -210,9 +210,7 @@ def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
     if scene.is_general:
         return _set(scene, parameters, np.array([p.start for p in parameters]))
     varied = {p.of: None for p in parameters if not p.springs}
-    block = scene.assembly.block and scene.assembly.block.model_copy(update=varied)
-    plain = scene.assembly.model_copy(update={"block": block})
-    bare = scene.model_copy(update={"assembly": plain})
+    bare = scene.but(assembly={"block": varied}) if scene.assembly.block else scene
     springs = [p for p in parameters if p.springs]
     return _set(bare, springs, np.array([p.start for p in springs]))
 
@@ -229,25 +227,23 @@ def _set(scene: Scene, parameters: list[Parameter], value) -> Scene:
             joints.setdefault(joint, {})[key] = float(x)
         if not p.springs:
             steel[p.of] = float(x) * getattr(scene.assembly, p.of)
-    tables = {name: getattr(scene.joints, name).model_copy(update=k) for name, k in joints.items()}
-    update = {"joints": scene.joints.model_copy(update=tables)}
+    found = scene.but(joints=joints)
     if steel:
         from workflows.scene.assembly import Steel
 
-        block = (scene.assembly.block or Steel()).model_copy(update=steel)
-        update["assembly"] = scene.assembly.model_copy(update={"block": block})
-    return scene.model_copy(update=update)
+        found = found.but(assembly={"block": (scene.assembly.block or Steel()).but(**steel)})
+    return found
 
 
 def _targeted(scene: Scene, match: dict[int, float]) -> Scene:
     """The scene with the frequencies that it was tuned to among its targets."""
     if scene.is_general:
         own = enumerate(scene.targets or (), start=1)
-        told = [t.model_copy(update={"hz": match.get(n, t.hz)}) for n, t in own]
+        told = [t.but(hz=match.get(n, t.hz)) for n, t in own]
     else:
         hz = {t.number: t.hz for t in scene.targets or ()} | match
         told = [Target(number=n, hz=hz[n]) for n in sorted(hz)]
-    return scene.model_copy(update={"targets": tuple(told)})
+    return scene.but(targets=tuple(told))
 
 
 def _report(scene, match, fit: Fit, confirmed, unseen: list[Parameter]) -> TuningReport:

@@ -8,7 +8,7 @@ import coupling
 import dem
 from coupling.calibration.parameters import RATIOS, Parameter, Rig
 from workflows.pipeline.chain import chain, initial_velocity
-from workflows.scene import InvalidScene, ModalDamping, OneDofWall, RomWall, Scene, nearest
+from workflows.scene import InvalidScene, ModalDamping, OneDofWall, Preload, RomWall, Scene, nearest
 
 CONTACT = (0.2, 5.0, 0.1)  # factor on the scene's stiffness: low, high, scale
 FACTOR = (0.05, 20.0, 0.1)  # of the start: low, high, scale
@@ -204,38 +204,26 @@ def calibrated_scene(
 ) -> Scene:
     """The scene with the parameters at these values."""
     factors = np.broadcast_to(np.array(scene.contact.stiffness_factor, float), scene.n_contacts)
-    factors, tables = factors.copy(), {"name": name}
+    factors, scene = factors.copy(), scene.but(name=name)
     ratios = np.atleast_1d(getattr(scene.damping, "ratio", 0.0)).astype(float)
     for p, x in zip(found, map(float, value), strict=True):
         match p.kind:
             case "contact":
                 factors[p.index] *= x
             case "preload":
-                preload = scene.preload or _table("Preload")
-                tables["preload"] = preload.model_copy(update={"force": x})
+                scene = scene.but(preload=(scene.preload or Preload()).but(force=x))
             case "dissipation":
-                update = {"dissipation": "hunt-crossley", "coefficient": x}
-                tables["contact"] = scene.contact.model_copy(update=update)
+                scene = scene.but(contact={"dissipation": "hunt-crossley", "coefficient": x})
             case "striker":
-                tables["striker"] = scene.striker.model_copy(update={"velocity": x})
+                scene = scene.but(striker={"velocity": x})
             case "frequency" | "mass":
-                wall = tables.get("wall", scene.wall)
-                tables["wall"] = wall.model_copy(update={p.kind: x})
+                scene = scene.but(wall={p.kind: x})
             case "damping" if isinstance(scene.wall, OneDofWall):
-                wall = tables.get("wall", scene.wall)
-                tables["wall"] = wall.model_copy(update={"damping_ratio": x})
+                scene = scene.but(wall={"damping_ratio": x})
             case "damping":
                 ratios[p.index] = x
                 ratio = float(ratios[0]) if len(ratios) == 1 else tuple(map(float, ratios))
-                tables["damping"] = scene.damping.model_copy(update={"ratio": ratio})
+                scene = scene.but(damping={"ratio": ratio})
     if any(p.kind == "contact" for p in found):
-        contact = tables.get("contact", scene.contact)
-        update = {"stiffness_factor": tuple(map(float, factors))}
-        tables["contact"] = contact.model_copy(update=update)
-    return scene.model_copy(update=tables)
-
-
-def _table(name: str):
-    from workflows import scene
-
-    return getattr(scene, name)()
+        return scene.but(contact={"stiffness_factor": tuple(map(float, factors))})
+    return scene

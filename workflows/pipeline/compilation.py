@@ -20,15 +20,12 @@ BRIEF = {"duration": 20e-6, "horizon": 20e-6}  # [s] some steps
 def compilation(scene: Scene) -> NDArray[np.float64]:
     """Times (k,) [s] of a brief impact, all of whose functions numba then keeps; none where it is
     not done."""
-    brief = {
-        "time": scene.time.model_copy(update=BRIEF),
-        "output": scene.output.model_copy(update={"samples": 5}),
-    }
+    brief = scene.but(time=BRIEF, output={"samples": 5})
     if couples(scene):
         return np.empty(0)
     wall = _stand_in(scene) if needs_assembly(scene) else wall_of(scene)
     with suppress(ValueError):  # the run itself says what is wrong
-        return impact(scene.model_copy(update=brief), start(scene), wall).trajectory.t
+        return impact(brief, start(scene), wall).trajectory.t
     return np.empty(0)
 
 

@@ -23,7 +23,7 @@ from workflows.pipeline import assembly as stages
 from workflows.pipeline.chain import Start
 from workflows.pipeline.reduction import TO_HZ, contact_of
 from workflows.pipeline.wall import wall_of
-from workflows.scene import Mesh, Scene
+from workflows.scene import Scene
 
 COARSER = 2.0  # times the element size
 ORDER = 1.5  # of the mesh's error
@@ -35,15 +35,15 @@ def reduction_error(
     scene: Scene, start: Start, reduction: rom.ReducedModel, impact: coupling.Impact
 ) -> float:
     """Against the finer model: relative velocity difference of the observed spheres."""
-    whole = scene.wall.model_copy(update={"cutoff": None})
-    finer = wall_of(scene.model_copy(update={"wall": whole}), reduction.finer)
+    finer = wall_of(scene.but(wall={"cutoff": None}), reduction.finer)
     dt = impact.trajectory.dt / SHORTER
     return MARGIN * _difference(scene, start, finer, impact, dt=dt)
 
 
 def coarse_reduction(scene: Scene) -> rom.ReducedModel:
     """The assembly on elements twice as large, reduced the quickest way."""
-    coarse = scene.model_copy(update={"mesh": _coarser(scene.mesh)})
+    sizes = {name: COARSER * value for name, value in scene.mesh if isinstance(value, float)}
+    coarse = scene.but(mesh=sizes)
     mesh = stages.mesh(coarse)
     model = stages.model(coarse, mesh)
     contact = stages.contact(coarse, mesh, model)
@@ -61,11 +61,6 @@ def mesh_error(
 ) -> float:
     """Against the coarser mesh: the same difference, extrapolated to elements of no size."""
     return _difference(scene, start, wall_of(scene, coarse), impact) / (COARSER**ORDER - 1)
-
-
-def _coarser(mesh: Mesh) -> Mesh:
-    sizes = {name: COARSER * value for name, value in mesh if isinstance(value, float)}
-    return mesh.model_copy(update=sizes)
 
 
 def _difference(

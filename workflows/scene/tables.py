@@ -5,7 +5,7 @@ An absent table is an absent part. Nothing here loads a solver.
 
 from difflib import get_close_matches
 from math import isfinite
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -64,6 +64,14 @@ class Table(BaseModel):
         if unknown:
             raise ValueError(f"unknown key {unknown[0]!r}, {nearest(unknown[0], cls.model_fields)}")
         return table
+
+    def but(self, **values: Any) -> Self:
+        """The same with other values, unchecked; a dict changes keys of the table that is there."""
+        return self.model_copy(update={name: self._new(name, x) for name, x in values.items()})
+
+    def _new(self, name: str, value: Any) -> Any:
+        old = getattr(self, name)
+        return old.but(**value) if isinstance(value, dict) and isinstance(old, Table) else value
 
 
 def _is_table(value: Any) -> bool:

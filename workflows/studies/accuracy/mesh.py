@@ -90,7 +90,7 @@ def _watched(
     scene: Scene, constraint: str, seed: float, block: float, progress: Progress
 ) -> Solved:
     plain = STAGE_1 | {"constraint": constraint} | dict.fromkeys(geometry.PARTS)
-    varied = scene.model_copy(update={"assembly": scene.assembly.model_copy(update=plain)})
+    varied = scene.but(assembly=plain)
     with progress(f"{constraint} {1e3 * seed:g} mm"):
         return _solved(varied, constraint, seed, block)
 
@@ -119,9 +119,7 @@ def _picture(seeds: NDArray[np.float64], error: dict[str, NDArray[np.float64]]) 
 
 
 def _solved(scene: Scene, constraint: str, seed: float, block: float) -> Solved:
-    varied = {"seed": seed, "block_seed": block, "contact_seed": None}
-    sizes = scene.mesh.model_copy(update=varied)
-    at_seed = scene.model_copy(update={"mesh": sizes})
+    at_seed = scene.but(mesh={"seed": seed, "block_seed": block, "contact_seed": None})
     started = perf_counter()
     mesh = stages.mesh(at_seed)
     meshed = perf_counter()

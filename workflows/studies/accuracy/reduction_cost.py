@@ -133,7 +133,7 @@ def _solve_cost(scene: Scene, contact: Contact, modes: AssemblyModes) -> SolveCo
 
 
 def _march_costs(scene: Scene, models: dict[str, rom.ReducedModel]) -> Iterator[MarchCost]:
-    at = scene.model_copy(update={"time": scene.time.model_copy(update={"error": ERROR})})
+    at = scene.but(time={"error": ERROR})
     walls = [wall_of(at, model) for model in models.values()]
     runs = [lambda wall=wall: marched(at, wall, 1.0) for wall in (dem.rigid_wall(), *walls)]
     rigid, *seconds = least_seconds(tuple(runs), REPEATS)

@@ -85,10 +85,8 @@ def _between_2_and_3(fit: Tuning) -> list[float]:
 def _basis(
     scene: Scene, freedom: Freedom, progress: Progress
 ) -> tuple[TuningBasis, list[Parameter]]:
-    plain = scene.assembly.model_copy(update={"constraint": "wires"})
     bare = Joints(head=JointStiffnesses(kry=freedom.turn))
-    free = freed(freedom.free)
-    varied = scene.model_copy(update={"assembly": plain, "joints": bare})
+    free, varied = freed(freedom.free), scene.but(assembly={"constraint": "wires"}, joints=bare)
     return pipeline_of(loosened(varied, free), progress)("tuning-basis"), free
 
 

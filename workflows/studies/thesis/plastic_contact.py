@@ -42,15 +42,14 @@ class Case(NamedTuple):
 def plastic_contact(scene: Scene, progress: Progress) -> Finding:
     """Three times the contact stiffness against a contact that yields (thesis, section 7.2)."""
     spheres = require_chain(scene)
-    hertz = scene.contact.model_copy(update={"law": "hertz", "yield_pressure": None})
-    half_space = {"wall": HalfSpaceWall(kind="half-space"), "contact": hertz}
-    elastic = chain(scene.model_copy(update=half_space))
+    hertz = scene.but(contact={"law": "hertz", "yield_pressure": None})
+    elastic = chain(hertz.but(wall=HalfSpaceWall(kind="half-space")))
     with progress("contacts"):
         cases = [
             Case(_run(scene, name, law, spheres), _restitution(scene, law))
             for name, law in _laws(scene, elastic)
         ]
-        rigid = chain(scene.model_copy(update=half_space | {"wall": RigidWall(kind="rigid")}))
+        rigid = chain(hertz.but(wall=RigidWall(kind="rigid")))
         stiff = _run(scene, "rigid", rigid, spheres)
     columns = (
         "last contact", "force_N", "contact_us", "restitution", "lost_%",

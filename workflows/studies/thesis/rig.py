@@ -88,37 +88,29 @@ def _variations(scene: Scene) -> Iterator[Variation]:
     yield Variation("default", 0.0, scene)
     arm, (stiffness, press_now) = scene.preload or Preload(), _leaf_springs(scene)
     for mass in (0.0, 0.034, 0.067, 0.1, 0.17):
-        changed = arm.model_copy(update={"mass": mass})
-        yield Variation("arm's mass [kg]", mass, _with(scene, preload=changed))
+        yield Variation("arm's mass [kg]", mass, scene.but(preload=arm.but(mass=mass)))
     for force in (5.0, 10.0, 25.0, 50.0):
-        changed = arm.model_copy(update={"force": force})
-        yield Variation("preload [N]", force, _with(scene, preload=changed))
+        yield Variation("preload [N]", force, scene.but(preload=arm.but(force=force)))
     for press in (0.0, 0.1, 1.0):
         yield Variation("leaf press [N]", press, _pressed(scene, stiffness, press))
     for value in (50.0, 1000.0):
         yield Variation("leaf [N/m]", value, _pressed(scene, value, press_now))
     for value in (0.05, 0.2):
-        changed = scene.contact.model_copy(
-            update={"dissipation": "hunt-crossley", "coefficient": value}
-        )
-        yield Variation("dissipation [s/m]", value, _with(scene, contact=changed))
-    yield Variation("wall's factor", 3.0, _with(scene, contact=_stiff_end(scene, 3.0)))
+        lossy = {"dissipation": "hunt-crossley", "coefficient": value}
+        yield Variation("dissipation [s/m]", value, scene.but(contact=lossy))
+    stiff_end = (*(1.0,) * (scene.n_contacts - 1), 3.0)
+    yield Variation("wall's factor", 3.0, scene.but(contact={"stiffness_factor": stiff_end}))
     for radius in (0.0120, 0.0135):
-        changed = scene.chain.model_copy(update={"radius": radius})
-        yield Variation("radius [m]", radius, _with(scene, chain=changed))
+        yield Variation("radius [m]", radius, scene.but(chain={"radius": radius}))
     for mass in (1.0, 4.2, 10.0):
         yield Variation("1-DOF mass [kg]", mass, scene, mass)
-
-
-def _with(scene: Scene, **tables) -> Scene:
-    return scene.model_copy(update=tables)
 
 
 def _pressed(scene: Scene, stiffness: float, press: float) -> Scene:
     """Leaf springs that press with `press` [N] each; none where they press with nothing."""
     if not press:
-        return _with(scene, leaf_springs=None)
-    return _with(scene, leaf_springs=LeafSprings(stiffness=stiffness, offset=press / stiffness))
+        return scene.but(leaf_springs=None)
+    return scene.but(leaf_springs=LeafSprings(stiffness=stiffness, offset=press / stiffness))
 
 
 def _leaf_springs(scene: Scene) -> tuple[float, float]:
@@ -126,11 +118,6 @@ def _leaf_springs(scene: Scene) -> tuple[float, float]:
     leaf = scene.leaf_springs or LeafSprings()
     stiffness = np.asarray(leaf.stiffness)
     return float(stiffness.max()) or STIFFNESS, float(np.max(stiffness * np.asarray(leaf.offset)))
-
-
-def _stiff_end(scene: Scene, factor: float):
-    factors = (*(1.0,) * (scene.n_contacts - 1), factor)
-    return scene.contact.model_copy(update={"stiffness_factor": factors})
 
 
 def _case(variation: Variation, walls: list[Setup]) -> Case:
@@ -142,7 +129,7 @@ def _impact_run(variation: Variation, standing: Setup) -> Observed:
     scene, wall = variation.scene, standing.wall
     if variation.wall_mass and standing.name.startswith("1-DOF"):
         wall = wall._replace(phi=np.full(1, variation.wall_mass**-0.5))
-    row = chain(_with(scene, wall=HalfSpaceWall(kind="half-space")))
+    row = chain(scene.but(wall=HalfSpaceWall(kind="half-space")))
     return observed(
         Setup(standing.name, row, wall), initial_velocity(scene), duration=scene.time.duration,
         spheres=SPHERES, error=ERROR, n_save=N_SAVE, visible=VISIBLE,
@@ -212,7 +199,7 @@ def _light_arms(scene: Scene, walls: list[Setup]) -> LightArms:
     seen, differ = [], []
     for force, press in LIGHT_ARM:
         pressed = _pressed(scene, STIFFNESS, press)
-        light = _with(pressed, preload=Preload(force=force, mass=0.0))
+        light = pressed.but(preload=Preload(force=force, mass=0.0))
         runs = [_impact_run(Variation("", 0.0, light), wall) for wall in tried]
         seen += [tuple(len(run.reflected(sphere)) for sphere in SPHERES) for run in runs]
         differ.append(spread(runs, 2, SPHERES[1:]))

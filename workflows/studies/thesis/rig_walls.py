@@ -24,9 +24,9 @@ def one_dof(hz: float) -> str:
 
 def rig_walls(scene: Scene, progress: Progress) -> Iterator[Setup]:
     """All walls before the scene's chain; one-mass walls as in rig-1dof, reduced ones built in."""
-    plain = chain(_with(scene, HalfSpaceWall(kind="half-space")))
+    plain = chain(scene.but(wall=HalfSpaceWall(kind="half-space")))
     yield Setup(HALF_SPACE, plain, dem.rigid_wall())
-    yield Setup(RIGID, chain(_with(scene, RigidWall(kind="rigid"))), dem.rigid_wall())
+    yield Setup(RIGID, chain(scene.but(wall=RigidWall(kind="rigid"))), dem.rigid_wall())
     mass = built_in("rig-1dof").wall
     for hz in ONE_DOF_HZ:
         yield Setup(one_dof(hz), plain, dem.one_dof_wall(hz, mass.mass, mass.damping_ratio))
@@ -35,17 +35,11 @@ def rig_walls(scene: Scene, progress: Progress) -> Iterator[Setup]:
             yield Setup(name, plain, pipeline_of(_meshed_as(scene, known), progress)("wall"))
 
 
-def _with(scene: Scene, wall) -> Scene:
-    return scene.model_copy(update={"wall": wall})
-
-
 def _meshed_as(scene: Scene, name: str) -> Scene:
     """A built-in scene with the mesh, patch and reduction of this one."""
     known = built_in(name)
     same = ("mesh", "patch", "reduction")
-    return known.model_copy(
-        update={key: getattr(scene, key) or getattr(known, key) for key in same}
-    )
+    return known.but(**{key: getattr(scene, key) or getattr(known, key) for key in same})
 
 
 def impact_run(scene: Scene, standing: Setup, spheres: tuple[int, ...], error: float) -> Observed:

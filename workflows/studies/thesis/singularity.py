@@ -72,8 +72,7 @@ def singularity(scene: Scene, progress: Progress) -> Finding:
 
 
 def _answer(scene: Scene, seed: float) -> Answer:
-    sizes = scene.mesh.model_copy(update={"contact_seed": seed})
-    fine = scene.model_copy(update={"mesh": sizes})
+    fine = scene.but(mesh={"contact_seed": seed})
     model = stages.model(fine, stages.mesh(fine))
     point, radius = scene.patch.point, scene.patch.radius
     node = fem.node_patch(model, STRUCK, [point])

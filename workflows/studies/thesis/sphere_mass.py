@@ -72,7 +72,7 @@ def _case(scene: Scene, mass: float, by: str, spheres: tuple[int, ...]) -> Case:
     changed = {key: last(getattr(scene.chain, key)) for key in keys}
     factor = mass / dem.spheres.mass(changed["radius"], changed["density"])
     changed[by] *= factor ** (1 / 3) if by == "radius" else factor
-    row = bare(scene.model_copy(update={"chain": scene.chain.model_copy(update=changed)}))
+    row = bare(scene.but(chain=changed))
     v0 = initial_velocity(scene)
     duration = 2.8 * len(v0) * time_scale(row.mass[0], row.A[0], np.abs(v0).max())
     setup = Setup(f"{mass:g} kg", row, dem.rigid_wall())
