@@ -11,6 +11,7 @@ from fem.factorisation import Factor, factorised
 from fem.threads import one_thread
 
 ROUNDING = 200 * np.finfo(float).eps  # of K's largest eigenvalue: what it makes of a zero one
+CONVERGED = 1e-11  # of an eigenvalue's residual: rounding takes a sixth more solutions
 INVERSE_ITERATIONS = 3  # of each rigid motion
 
 
@@ -43,7 +44,9 @@ def modes(K, M, n_modes: int, *, shift_hz: float = 5.0) -> Modes:
         inverse = LinearOperator((n, n), matvec=lambda b: _deflated(R, M, factor, b))
         start = np.random.default_rng(0).standard_normal(n)
         with one_thread():
-            eigenvalues, phi = eigsh(K, n_elastic, M, sigma=sigma, OPinv=inverse, v0=start)
+            eigenvalues, phi = eigsh(
+                K, n_elastic, M, sigma=sigma, OPinv=inverse, v0=start, tol=CONVERGED
+            )
     if R.shape[1]:
         V = np.hstack([R, phi])
         eigenvalues, Q = eigh(V.T @ (K @ V), V.T @ (M @ V))

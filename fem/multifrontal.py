@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvalsh
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix, tril
 
 from fem.grouping import Groups
 from fem.nested_dissection import Domain, edges, nested_dissection
@@ -76,7 +76,7 @@ class Cholesky:
     def __init__(self, A: csc_matrix, groups: Groups) -> None:
         """groups are those of A; raises NotPositiveDefinite or Singular."""
         self._order, self._fronts = plan(groups)
-        self.blocks = _factors(A[self._order][:, self._order].tocsc(), self._fronts)
+        self.blocks = _factors(tril(A[self._order][:, self._order], format="csc"), self._fronts)
 
     def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
         """x of A x = b, (n,) or (n, k)."""
@@ -136,7 +136,7 @@ def _within(counts: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _factors(A: csc_matrix, fronts: Sequence[Front]) -> list[tuple[NDArray, NDArray]]:
-    """L11 and L21 of every front of the ordered matrix."""
+    """L11 and L21 of every front of the ordered matrix, of which the lower triangle is enough."""
     blocks, updates = [], {}
     for i, front in enumerate(fronts):
         F11, F21 = _assembled(A, front)

@@ -14,6 +14,7 @@ from geometry.solids import Body, Vector, parallel
 GRADING = 0.35  # growth of the element size per distance from a fine point
 STEEP = 0.7  # the same from a line
 ACROSS, LAYERS = 20, 1 / 2  # elements along a body's diagonal, and through a thin one, at least
+ACROSS_ALL = 60  # elements along an assembly's diagonal that are fine enough for its small bodies
 EDGE = 4  # of the seed, the finest where a partner ends
 SAMPLED = 200  # points of a line that distances are taken from
 
@@ -46,13 +47,21 @@ def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) ->
     return Size(seed, mine, edge if edge < seed else None)
 
 
-def default_seed(body: Body) -> float:
-    """Element size from a body's extent, less for a thin one [m].
+def default_seeds(bodies: Mapping[str, Body]) -> dict[str, float]:
+    """Of every body of an assembly: small ones, which bend and stretch above all modes of the
+    whole, have elements of a size that counts in the whole."""
+    corners = [corner for body in bodies.values() for corner in (body.lower, body.upper)]
+    least = float(np.linalg.norm(np.ptp(corners, axis=0))) / ACROSS_ALL
+    return {name: default_seed(body, least) for name, body in bodies.items()}
+
+
+def default_seed(body: Body, least: float = 0.0) -> float:
+    """Element size from a body's extent, `least` or more, less for a thin one [m].
 
     The first six modes of a free beam, plate, tube and block lie within 0.5 % (hexahedra) and
     0.8 % (tetrahedra) of those on meshes twice as fine.
     """
-    return min(body.extent / ACROSS, _thickness(body) / LAYERS)
+    return min(max(body.extent / ACROSS, least), _thickness(body) / LAYERS)
 
 
 def _thickness(body: Body) -> float:

@@ -14,7 +14,7 @@ from geometry.foreseen import foreseen_nodes
 from geometry.imprint import Disc
 from geometry.selectors import Selected, bodies_named, faces, touches
 from geometry.shapes import Box, Cylinder, Hole, Plate
-from geometry.sizes import Fine, size_of
+from geometry.sizes import Fine, default_seed, default_seeds, size_of
 from geometry.touching import neighbours
 
 GAP = 1e-5
@@ -312,3 +312,13 @@ def test_patterns_name_bodies_and_pairs(shapes):
         assert [t.name for t in touches("block|cover", bodies, pairs)] == ["cover|block"]
         with pytest.raises(InvalidGeometry, match='do not touch; touching pairs are "bolt-0'):
             touches("block|base", bodies, pairs)
+
+
+def test_small_bodies_have_elements_that_count_in_the_assembly():
+    shapes = {"large": Box((0.3, 0.2, 0.1)), "small": Box((0.02, 0.02, 0.02), at=(0.0, 0.0, 0.06))}
+    with model(shapes) as drawn:
+        seeds = default_seeds(drawn.bodies)
+        alone = {name: default_seed(body) for name, body in drawn.bodies.items()}
+        assert seeds["large"] == alone["large"]
+        diagonal = np.linalg.norm([0.3, 0.2, 0.12])
+        assert abs(seeds["small"] / (diagonal / 60) - 1) < 1e-6 and seeds["small"] > alone["small"]

@@ -116,6 +116,7 @@ def test_a_look_at_a_step_file_tells_masses_pairs_and_holes(step, capsys):
     (hole,) = seen["holes"]
     assert (hole["body"], hole["number"]) == ("lid", 1)
     assert hole["diameter_m"] == pytest.approx(0.008) and hole["axis"] == [0, 0, 1]
+    assert seen["seconds"] > 0 and seen["memory_bytes"] > 0
     assert seen["unit"] == "mm" and seen["dofs"] == sum(b["dofs"] for b in seen["bodies"])
 
 

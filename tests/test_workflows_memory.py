@@ -9,7 +9,7 @@ from geometry.size import n_nodes
 from geometry.tet_mesh import tet_mesh
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene, memory
-from workflows.scene.size import peak_memory, too_large_mesh
+from workflows.scene.size import foreseen_seconds, peak_memory, too_large_mesh
 
 GB = 1e9
 MESHERS = {"hex": (hex_mesh, ElementHexS2()), "tet": (tet_mesh, ElementTetP2())}
@@ -70,6 +70,16 @@ def test_memory_grows_faster_than_the_unknowns_of_a_solid():
     rig = scene("rig-rom")
     few, many, more = (peak_memory(rig, {"block": n}) for n in (1e5, 2e5, 4e5))
     assert (more - many) > 2.2 * (many - few)
+
+
+def test_the_rig_is_foreseen_within_a_factor_of_two():
+    """The built-in rig held 1.27 GB and took 22 s of a core."""
+    rig = scene("rig-rom")
+    nodes = {"all": 49062 / 3}
+    assert 0.5 < peak_memory(rig, nodes) / (1.27 * GB) < 2
+    assert 0.5 < foreseen_seconds(nodes) / 22 < 2
+    tenfold = foreseen_seconds({"all": 10 * 49062 / 3}) / foreseen_seconds(nodes)
+    assert 10 < tenfold < 10 ** (4 / 3)
 
 
 def test_trajectories_that_no_memory_holds_are_refused(monkeypatch):

@@ -13,7 +13,7 @@ from workflows.files.run_folder import Picture, writing_file
 from workflows.pipeline.bodies import Drawing, drawing
 from workflows.pipeline.pictures import picture_of
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.size import peak_memory
+from workflows.scene.size import foreseen_seconds, peak_memory
 from workflows.scene.toml import resolved
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
@@ -58,6 +58,7 @@ class Look(BaseModel):
     holes: list[SeenHole]
     dofs: int
     memory_bytes: float
+    seconds: float
     remarks: list[str]
 
     def text(self) -> str:
@@ -72,7 +73,11 @@ class Look(BaseModel):
         if self.holes:
             lines += ["", f"{'holes':<20}{'diameter [mm]':>14}{'number':>8}  axis"]
             lines += [_hole_line(hole) for hole in self.holes]
-        cost = f"{self.dofs:,} dofs in all, a run takes up to {self.memory_bytes / 1e9:.2g} GB"
+        seconds = float(f"{self.seconds:.2g}")
+        cost = (
+            f"{self.dofs:,} dofs in all; modes and reduction take some {seconds:g} s of one core "
+            f"and {self.memory_bytes / 1e9:.2g} GB, within a factor of 2"
+        )
         return "\n".join([*lines, "", cost, *self.remarks])
 
 
@@ -115,13 +120,15 @@ def look(scene: Scene, source: str) -> Seen:
             "modes --step FILE and look at that."
         )
     from geometry.body_mesh import body_meshes
-    from geometry.sizes import default_seed
+    from geometry.sizes import default_seeds
 
     with drawing(scene) as drawn:
         bodies, scale = drawn.bodies, scene.mesh.scale
         holes, starter = _holes(drawn), _starter(drawn, Path(source))
-        seeds = {n: scale * (scene.seed_of(n) or default_seed(b)) for n, b in bodies.items()}
-        meshes = body_meshes(bodies, gap=scene.assembly.gap, seeds=seeds)
+        usual = default_seeds(bodies)
+        seeds = {name: scale * (scene.seed_of(name) or usual[name]) for name in bodies}
+        # with the outlines of partners on each other, where elements are as small as in a run
+        meshes = body_meshes(bodies, drawn.near.touching, gap=scene.assembly.gap, seeds=seeds)
     nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
     seen = Look(
         name=source,
@@ -133,6 +140,7 @@ def look(scene: Scene, source: str) -> Seen:
         holes=holes,
         dofs=int(3 * sum(nodes.values())),
         memory_bytes=peak_memory(scene, nodes),
+        seconds=foreseen_seconds(nodes),
         remarks=_remarks(drawn),
     )
     return Seen(seen, meshes, starter)

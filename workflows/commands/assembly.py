@@ -63,7 +63,7 @@ def look(
     changes: Changes = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
-    json: json_of("{bodies, touching, holes, dofs, memory_bytes, remarks}") = False,
+    json: json_of("{bodies, touching, holes, dofs, memory_bytes, seconds, remarks}") = False,
 ) -> None:
     """Bodies, masses, touching pairs, holes, size of the mesh."""
     from workflows.api.look import look as look_at

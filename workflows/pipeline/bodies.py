@@ -269,10 +269,10 @@ def _tie(drawn: Drawing, touch, fineness: Mapping[str, float]) -> fem.Tie:
 
 def _meshes(scene: Scene, drawn: Drawing, tied: list, marks: Marks, struck: Struck | None) -> dict:
     from geometry.body_mesh import body_meshes
-    from geometry.sizes import Fine, default_seed
+    from geometry.sizes import Fine, default_seeds
 
-    scale, own = scene.mesh.scale, scene.seed_of
-    seeds = {name: scale * (own(name) or default_seed(b)) for name, b in drawn.bodies.items()}
+    scale, usual = scene.mesh.scale, default_seeds(drawn.bodies)
+    seeds = {name: scale * (scene.seed_of(name) or usual[name]) for name in drawn.bodies}
     named, fine = marks.named, []
     if struck:
         fine = [Fine(struck.face.body, struck.point, scale * scene.strike.size)]

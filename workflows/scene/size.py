@@ -4,10 +4,15 @@ A run's peak memory, stage upon stage, of bodies of N_i unknowns, N = sum N_i (b
 
     LIBRARIES + MATRICES N + FILL sum N_i^(4/3) + 8 N (VECTORS + SHAPES (boundary + modes))
 
-K and M with what assembling and joining them holds, 10 to 15 kB an unknown on meshes of 7000 to
-56000; a factor as nested dissection fills it in a solid, 560 MB (SuperLU) and 240 MB (PARDISO) for
-a block of 24000, of which sheets, being flat, take a part; Lanczos vectors; constraint modes and
-the copies made of them. Whole runs took from 0.5 to 1 times the sum.
+K and M with what joining them holds, 4 kB an unknown of tetrahedra, 11 kB of hexahedra; a factor
+with its fronts as nested dissection fills it in a solid, 1.0 GB of hexahedra with 77 000 unknowns,
+3.4 GB of tetrahedra with 275 000; Lanczos vectors; constraint modes and the copies made of them.
+Five runs of 39 000 to 275 000 unknowns held from 0.65 to 1.1 times the sum. Their time, from mesh
+to reduced model on one core,
+
+    START + SOLVED N^(4/3)
+
+since most of it reads factors: from 0.8 to 1.1 times that of 39 000 and 49 000 unknowns.
 """
 
 from importlib.util import find_spec
@@ -16,8 +21,9 @@ from math import log, pi, prod
 from workflows.scene import Scene
 from workflows.scene.memory import free_memory
 
-LIBRARIES, MATRICES, VECTORS, SHAPES = 0.35e9, 13e3, 160, 3
-FILL = {False: 800.0, True: 400.0}  # by SuperLU, by PARDISO
+LIBRARIES, MATRICES, VECTORS, SHAPES = 0.35e9, 8e3, 160, 3
+FILL = {False: 250.0, True: 190.0}  # by our own Cholesky, by PARDISO
+START, SOLVED = 2.0, 1.4e-5  # s, s
 TRAJECTORY = 70  # bytes for each saved instant of a sphere: 31 in a march, then errors and pictures
 
 MOST_STEPS = 1e9  # minutes to hours
@@ -127,6 +133,11 @@ def peak_memory(scene: Scene, nodes: dict[str, float]) -> float:
     boundary = 8 + 3 * pi * across**2
     shapes = SHAPES * (boundary + (scene.reduction.modes or 40))
     return LIBRARIES + MATRICES * n + fill + 8 * n * (VECTORS + shapes)
+
+
+def foreseen_seconds(nodes: dict[str, float]) -> float:
+    """That mesh, modes and reduction take on one core, within a factor of 2."""
+    return START + SOLVED * (3.0 * sum(nodes.values())) ** (4 / 3)
 
 
 def _patch(scene: Scene) -> tuple[float, float]:
