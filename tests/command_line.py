@@ -6,6 +6,11 @@ import pytest
 
 from workflows.commands.app import main
 
+COARSE_RIG = (
+    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
+    "mesh.contact_seed=0.012", "patch.radius=0.006",
+)  # fmt: skip
+
 
 def beadwave(*arguments):
     """The exit status of a command."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from command_line import beadwave
+from command_line import COARSE_RIG, beadwave
 from geometry import Assembly
 from workflows.assembly import thesis_tables
 from workflows.files.scene import scene
@@ -17,8 +17,7 @@ from workflows.scene.toml import resolved
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
-    "mesh.contact_seed=0.012", "patch.radius=0.006",
+    *COARSE_RIG,
     "reduction.modes=30", "output.samples=601",
 )  # fmt: skip
 

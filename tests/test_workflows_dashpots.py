@@ -9,6 +9,7 @@ from scipy.sparse import csc_matrix
 import coupling
 import fem
 import rom
+from command_line import COARSE_RIG
 from workflows.files.scene import scene
 from workflows.pipeline.assembly import dashpots
 from workflows.pipeline.cache import memory
@@ -17,8 +18,7 @@ from workflows.pipeline.pipeline import Pipeline
 from workflows.scene import InvalidScene
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
-    "mesh.contact_seed=0.012", "patch.radius=0.006",
+    *COARSE_RIG,
     "output.samples=151", "time.duration=1.5e-3", "damping={kind='none'}",
 )  # fmt: skip
 DAMPED = ("joints.head.cz=2000.0", "joints.head.cry=0.05")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import rom
-from command_line import beadwave
+from command_line import COARSE_RIG, beadwave
 from coupling.surface_motion import wall_modes
 from workflows.files.scene import scene as load
 from workflows.results.numbers import si
@@ -23,8 +23,7 @@ from workflows.results.report import _harmless
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 BROWSER = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
-    "mesh.contact_seed=0.012", "patch.radius=0.006", "reduction.modes=30",
+    *COARSE_RIG, "reduction.modes=30",
 )  # fmt: skip
 SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
 LARGEST = 3_000_000  # bytes of the page of the default run, whose mesh is four times as fine

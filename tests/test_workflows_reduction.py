@@ -12,6 +12,7 @@ import coupling
 import dem
 import fem
 import rom
+from command_line import COARSE_RIG
 from workflows.assembly.export import write_reduced
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
@@ -30,8 +31,7 @@ from workflows.scene import InvalidScene
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
-    "mesh.contact_seed=0.012", "patch.radius=0.006",
+    *COARSE_RIG,
     "output.samples=601", "time.duration=1e-3",
 )  # fmt: skip
 

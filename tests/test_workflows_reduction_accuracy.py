@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
+from command_line import COARSE_RIG
 from coupling.work_precision.rows import Row
 from fem.shared_solutions import SharedSolutions
 from workflows.commands.app import main
@@ -20,8 +21,7 @@ from workflows.studies.accuracy import reduction as study
 from workflows.studies.accuracy.rows import table_of
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
-    "mesh.contact_seed=0.012", "patch.radius=0.006",
+    *COARSE_RIG,
     "output.samples=301", "time.duration=1e-3", 'assembly.parts=["block", "sheets"]',
     "assembly.fixing=flat",
 )  # fmt: skip

@@ -6,17 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from command_line import COARSE_RIG
 from workflows.commands.app import main
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.studies import catalogue, finding
 from workflows.studies.thesis import damping, energy, schemes, singularity
-
-COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
-    "mesh.contact_seed=0.012", "patch.radius=0.006",
-)  # fmt: skip
 
 
 @cache
@@ -28,7 +24,7 @@ def found(name):
         patch.setattr(damping, "DURATION", 1e-3)
         patch.setattr(schemes, "N_MODES", 20)
         patch.setattr(schemes, "ERROR", 1e-5)
-        return catalogue.study(name, scene("rig-rom", COARSE), lambda name: nullcontext())
+        return catalogue.study(name, scene("rig-rom", COARSE_RIG), lambda name: nullcontext())
 
 
 def column(finding, name):
@@ -81,4 +77,4 @@ def test_studies_are_listed_and_an_unknown_one_is_refused(monkeypatch, capsys):
     assert not end.value.code
     assert all(name in capsys.readouterr().out for name in ("singularity",))
     with pytest.raises(InvalidScene, match="singularity"):
-        catalogue.study("singular", scene("rig-rom", COARSE), lambda name: nullcontext())
+        catalogue.study("singular", scene("rig-rom", COARSE_RIG), lambda name: nullcontext())

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 import dem
+from command_line import COARSE_RIG
 from coupling.observed_run import Setup, observed
 from coupling.wave_distance import distance, overall
 from workflows.files.run_folder import RunFolder
@@ -30,8 +31,7 @@ from workflows.studies.thesis import (
 from workflows.studies.thesis.energy import chain_alone
 
 COARSE = (
-    "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
-    "mesh.contact_seed=0.012", "patch.radius=0.006",
+    *COARSE_RIG,
     "reduction.modes=20",
 )  # fmt: skip
 
