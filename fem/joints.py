@@ -52,6 +52,7 @@ class Side(NamedTuple):
     coupling: Literal["rigid", "mean"] = "rigid"
     over: str | None = None  # the mean is taken over the footprint of this face; None: its own
     within: float = np.inf  # [m] of the joint's centre: a washer's radius
+    gap: float = 0.0  # [m] by which that other face may miss this one
 
 
 class Joint(NamedTuple):
@@ -199,7 +200,7 @@ def _mean_motion(structure: Structure, coupling: _Coupling) -> csr_matrix:
     points, weights = points[near], weights[near]
     _require_spread(rigid_motion(points, coupling.centre), coupling)
     C = distributing(points, weights, coupling.centre)
-    found = csr_matrix(C) @ _on(structure, side.face, side.over or side.face, points)
+    found = csr_matrix(C) @ _on(structure, side.face, side.over or side.face, points, side.gap)
     found.eliminate_zeros()
     return found
 

@@ -13,7 +13,7 @@ from skfem import Basis, Mesh
 from geometry.foreseen import require_few
 from geometry.gmsh_session import failing
 from geometry.hexahedra import hexahedra
-from geometry.imprint import Disc, regions
+from geometry.imprint import Disc, Share, regions
 from geometry.roundness import rimmed
 from geometry.selectors import Selected
 from geometry.sizes import Fine, size_of
@@ -30,12 +30,12 @@ def body_meshes(
     seeds: Mapping[str, float] | None = None,
     fine: Sequence[Fine] = (),
     named: Mapping[str, Selected] | None = None,
-    discs: Mapping[str, Disc] | None = None,
+    patches: Mapping[str, Disc | Share] | None = None,
     element: str | None = None,
 ) -> dict[str, Mesh]:
     """A mesh for every body, in metres, to call in the bodies' ``with model(...)``, once.
 
-    Its boundaries are the `named` faces and the `discs` of the body, and "a|b" where it touches
+    Its boundaries are the `named` faces and the `patches` of the body, and "a|b" where it touches
     another, under the same key in both. `element` "tet" takes tetrahedra for all. Raises
     InvalidGeometry for a seed that is too fine, ValueError, naming the body, for what gmsh cannot
     mesh.
@@ -47,11 +47,12 @@ def body_meshes(
     for name, body in bodies.items():
         size = sizes[name]
         with failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'):
-            wanted = regions(body, touching, discs or {}, gap)
+            wanted = regions(body, touching, patches or {}, gap)
             order = (body, wanted, named or {}, size, gap)
             mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
-        for key, disc in (discs or {}).items():
-            mesh = rimmed(mesh, key, disc) if disc.on.body == name else mesh
+        for key, disc in (patches or {}).items():
+            round_one = isinstance(disc, Disc) and disc.on.body == name
+            mesh = rimmed(mesh, key, disc) if round_one else mesh
         meshes[name] = mesh
     return meshes
 

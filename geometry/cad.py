@@ -84,6 +84,7 @@ def body_of(name: str, tag: int) -> Body:
         lower,
         upper,
         tuple(face_of(face) for _, face in faces),
+        distance,
     )
 
 

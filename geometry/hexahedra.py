@@ -3,7 +3,7 @@
 Layers end where a part of a side that a partner touches ends.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -94,12 +94,26 @@ def _below(prism: Prism, size: Size) -> Size:
 def _layers(prism: Prism, marks: Imprints, flat: Flat, size: Size) -> Layers:
     stops = [end for patch in marks.sides.values() for end in (patch.lower, patch.upper)]
     foot = prism.base[0].centre @ prism.axis
-    heights = spaced([0.0, prism.height, *stops], lambda z: size_at(size, z + foot, prism.axis))
+    edges = [] if size.edge else [*_sharp_heights(prism, marks)]
+    heights = spaced(
+        [0.0, prism.height, *stops],
+        lambda z: size_at(size, z + foot, prism.axis, np.add(foot, edges)),
+    )
     flat = _anticlockwise(flat, prism)
     sides = np.sort(flat.quads[:, [[0, 1], [1, 2], [2, 3], [3, 0]]].reshape(-1, 2))
     edges, count = np.unique(sides, axis=0, return_counts=True)
     rim = edges[count == 1]
     return Layers(prism, flat, rim, _standing(prism, flat.p[rim]), heights)
+
+
+def _sharp_heights(prism: Prism, marks: Imprints) -> Iterator[float]:
+    """Where stresses are singular, above the base."""
+    for patch in marks.sharp:
+        yield from (patch.lower, patch.upper)
+    below = {face.tag for face in prism.base}
+    for region in marks.base.values():
+        if region.sharp:
+            yield 0.0 if region.on in below else prism.height
 
 
 def _anticlockwise(flat: Flat, prism: Prism) -> Flat:

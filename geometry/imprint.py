@@ -1,4 +1,4 @@
-"""Lines drawn on a body's faces before it is meshed: outlines of partners, washers, patches.
+"""Lines drawn on a body's faces before it is meshed: outlines of partners, washers, shares.
 
 A surface that lies on the body splits the faces under it, so that elements end on its rim. Which
 faces of the split body a face or an imprint became is what OpenCASCADE's general fuse tells.
@@ -13,7 +13,7 @@ import numpy as np
 from geometry.assembly import InvalidGeometry
 from geometry.gmsh_session import boolean_tolerance
 from geometry.selectors import Selected
-from geometry.solids import Body, Vector
+from geometry.solids import Body, Face, Vector
 from geometry.touching import Touch
 
 
@@ -24,6 +24,15 @@ class Disc(NamedTuple):
     centre: Vector  # (3,) [m]
     normal: Vector  # of the disc, as of the faces or against it
     radius: float  # m
+
+
+class Share(NamedTuple):
+    """The part of a common face that is nearer to one bolt than to the others of it."""
+
+    on: Selected
+    regions: tuple[int, ...]  # the common face in the CAD model
+    centre: Vector  # (3,) of the bolt [m]
+    others: Sequence[Vector]
 
 
 class Imprinted(NamedTuple):
@@ -38,18 +47,22 @@ class Region(NamedTuple):
 
     tag: int
     on: int  # tag of the face
+    sharp: bool = False  # bodies that are tied end on it: stresses are singular along its rim
 
 
 def regions(
-    body: Body, touching: Sequence[Touch], discs: Mapping[str, Disc], gap: float
+    body: Body, touching: Sequence[Touch], patches: Mapping[str, Disc | Share], gap: float
 ) -> dict[str, list[Region]]:
-    """What to imprint on a body, by name: where it touches others "a|b", and its discs.
+    """What to imprint on a body, by name: where it touches others "a|b", and its patches.
 
-    Raises ValueError for a disc that falls beside its faces.
+    Raises ValueError for a patch that falls beside its faces.
     """
     found = {t.name: list(_touched(body, t)) for t in touching if body.name in t.bodies}
-    mine = {name: disc for name, disc in discs.items() if disc.on.body == body.name}
-    found |= {name: _on_faces(name, disc, gap) for name, disc in mine.items()}
+    for name, patch in patches.items():
+        if patch.on.body == body.name:
+            share = isinstance(patch, Share)
+            found[name] = list(_nearest(body, patch) if share else _on_faces(patch, gap))
+            _require_some(name, patch, found[name])
     gmsh.model.occ.synchronize()
     return found
 
@@ -75,32 +88,62 @@ def flat(lists: Iterable[Sequence[int]]) -> tuple[int, ...]:
 
 def _touched(body: Body, touch: Touch) -> Iterator[Region]:
     """The common regions, those of planes moved onto the body's own face across the gap."""
-    occ = gmsh.model.occ
     side = touch.bodies.index(body.name)
     for contact in touch.contacts:
         face = body.face(contact.faces[side])
-        for _, tag in occ.copy([(2, tag) for tag in contact.regions]):
-            if face.normal is not None:
-                off = (face.centre - occ.getCenterOfMass(2, tag)) @ face.normal
-                occ.translate([(2, tag)], *(off * face.normal))
-            yield Region(tag, face.tag)
+        for tag in _copied(contact.regions, face):
+            yield Region(tag, face.tag, sharp=not contact.flush)
 
 
-def _on_faces(name: str, disc: Disc, gap: float) -> list[Region]:
+def _copied(regions: Sequence[int], face: Face) -> Iterator[int]:
+    occ = gmsh.model.occ
+    for _, tag in occ.copy([(2, tag) for tag in regions]):
+        if face.normal is not None:
+            off = (face.centre - occ.getCenterOfMass(2, tag)) @ face.normal
+            occ.translate([(2, tag)], *(off * face.normal))
+        yield tag
+
+
+def _nearest(body: Body, share: Share) -> Iterator[Region]:
+    """The common face on this side of the lines half-way to the other bolts."""
+    face = body.face(share.on.tags[0])
+    parts = [(2, tag) for tag in _copied(share.regions, face)]
+    for other in share.others:
+        if parts:
+            half = _half_plane(face, share.centre, other, reach=4 * body.extent)
+            parts, _ = gmsh.model.occ.intersect(parts, [(2, half)])
+    return (Region(tag, face.tag) for dimension, tag in parts if dimension == 2)
+
+
+def _half_plane(face: Face, centre: Vector, other: Vector, reach: float) -> int:
+    """A rectangle in the plane of a face, from half-way between two points on to the first."""
+    occ = gmsh.model.occ
+    away = (other - centre) / np.linalg.norm(other - centre)
+    along, middle = reach * np.cross(face.normal, away), (centre + other) / 2
+    middle = middle + ((face.centre - middle) @ face.normal) * face.normal
+    ends = middle + along, middle - along
+    corners = [occ.addPoint(*p) for p in (*ends, ends[1] - reach * away, ends[0] - reach * away)]
+    lines = [occ.addLine(*pair) for pair in zip(corners, corners[1:] + corners[:1], strict=True)]
+    return occ.addPlaneSurface([occ.addCurveLoop(lines)])
+
+
+def _on_faces(disc: Disc, gap: float) -> Iterator[Region]:
     """The parts of a disc that lie on the faces it is meant for."""
     occ = gmsh.model.occ
-    parts = []
     for face in disc.on.tags:
         drawn = occ.addDisk(*disc.centre, disc.radius, disc.radius, zAxis=list(disc.normal))
         with boolean_tolerance(2 * gap):
             common, _ = occ.intersect([(2, drawn)], occ.copy([(2, face)]))
-        parts += [Region(tag, face) for dimension, tag in common if dimension == 2]
+        yield from (Region(tag, face) for dimension, tag in common if dimension == 2)
+
+
+def _require_some(name: str, patch: Disc | Share, parts: list[Region]) -> None:
     if not parts:
+        what = f"disc of radius {patch.radius:.6g} m" if isinstance(patch, Disc) else "bolt's share"
         raise InvalidGeometry(
-            f'"{name}": a disc of radius {disc.radius:.6g} m at {np.round(disc.centre, 6).tolist()}'
-            f" m does not lie on the faces of {disc.on.body} it belongs to; move the point."
+            f'"{name}": a {what} at {np.round(patch.centre, 6).tolist()} m does not lie on the '
+            f"faces of {patch.on.body} it belongs to; move the point."
         )
-    return parts
 
 
 def _split(body: Body, tools: list[int], gap: float):

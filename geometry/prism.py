@@ -50,6 +50,11 @@ class Imprints(NamedTuple):
     base: dict[int, Region]  # by tag, on the base or the top
     sides: dict[int, SidePatch]
 
+    @property
+    def sharp(self) -> list[SidePatch]:
+        """Parts of sides with a singular rim."""
+        return [patch for patch in self.sides.values() if patch.region.sharp]
+
 
 def prisms(body: Body) -> Iterator[Prism]:
     """Every way to see a body as an extrusion, the lowest first."""

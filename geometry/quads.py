@@ -76,8 +76,12 @@ def _grid(prism: Prism, marks: Imprints, size: Size) -> Flat | None:
     lines = []
     for i, axis in enumerate((u, v)):
         stops = [*(feet @ axis), *(end for box in boxes.values() for end in box[i])]
-        inner = [end for end in stops if min(stops) + SAME < end < max(stops) - SAME]
-        lines.append(spaced(stops, partial(size_at, size, axis=axis, edges=inner)))
+        if size.edge:
+            edges = [end for end in stops if min(stops) + SAME < end < max(stops) - SAME]
+        else:
+            edges = [end for tag, box in boxes.items() if marks.base[tag].sharp for end in box[i]]
+            edges += [end for patch in marks.sharp for end in patch.feet @ axis]
+        lines.append(spaced(stops, partial(size_at, size, axis=axis, edges=edges)))
     x, y = np.meshgrid(*lines, indexing="ij")
     off = (prism.base[0].centre @ prism.axis) * prism.axis
     p = off + x.reshape(-1, 1) * u + y.reshape(-1, 1) * v

@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from geometry.assembly import InvalidGeometry
-from geometry.cad import distance
 from geometry.holes import bores
 from geometry.solids import ALIGNED, SAME, Body, Face, described
 from geometry.touching import Touch
@@ -109,7 +108,7 @@ def _outermost(body: Body, selector: str, what: str) -> tuple[int, ...]:
 
 
 def _nearest(body: Body, selector: str, point) -> tuple[int, ...]:
-    away = {face.tag: distance(point, face.tag) for face in body.faces}
+    away = {face.tag: body.distance(point, face.tag) for face in body.faces}
     first = body.face(min(away, key=lambda tag: away[tag]))
     tied = [f for f in body.faces if away[f.tag] < away[first.tag] + SAME]
     round_about = [bore.tags for hollow in (True, False) for bore in bores(body, hollow=hollow)]

@@ -1,7 +1,7 @@
 """Element sizes of a body: a seed, less at fine points, growing away from them."""
 
 from collections.abc import Mapping, Sequence
-from math import pi
+from math import log, pi
 from typing import NamedTuple
 
 import gmsh
@@ -13,9 +13,13 @@ from geometry.solids import Body, Vector, parallel
 
 GRADING = 0.35  # growth of the element size per distance from a fine point
 STEEP = 0.7  # the same from a line
+# at a singular edge of a thick body the first element has 1/8 of the seed and each next one three
+# times as much: h(d) = seed / 8 * log(3) / 2 + log(3) d
+SHARP, SHARPLY = log(3) / 16, log(3)
 ACROSS, LAYERS = 20, 1 / 2  # elements along a body's diagonal, and through a thin one, at least
 ACROSS_ALL = 60  # elements along an assembly's diagonal that are fine enough for its small bodies
 EDGE = 4  # of the seed, the finest where a partner ends
+THIN = 1.5  # of the thickness: a body with a larger seed is thin
 SAMPLED = 200  # points of a line that distances are taken from
 
 
@@ -44,7 +48,7 @@ def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) ->
     seed = seed or default_seed(body)
     edge = max(_thickness(body), seed / EDGE)
     mine = tuple(f for f in fine if f.body == body.name)
-    return Size(seed, mine, edge if edge < seed else None)
+    return Size(seed, mine, edge if THIN * edge <= seed else None)
 
 
 def default_seeds(bodies: Mapping[str, Body]) -> dict[str, float]:
@@ -73,8 +77,8 @@ def size_at(
 ) -> NDArray[np.float64]:
     """Sizes along a line of an axis, at its coordinates x [m], partners ending at `edges`."""
     grown = [f.size + GRADING * np.abs(x - f.point @ axis) for f in size.fine]
-    if size.edge:
-        grown += [size.edge + STEEP * np.abs(x - edge) for edge in edges]
+    finest, slope = (size.edge, STEEP) if size.edge else (SHARP * size.seed, SHARPLY)
+    grown += [finest + slope * np.abs(x - edge) for edge in edges]
     return np.minimum.reduce([np.full_like(x, size.seed), *grown])
 
 

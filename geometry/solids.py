@@ -3,6 +3,7 @@
 Lengths in metres, in global axes. Faces carry the tag that the CAD model knows them by.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,7 @@ class Body(NamedTuple):
     lower: Vector  # box around it
     upper: Vector
     faces: tuple[Face, ...]
+    distance: Callable[[Vector, int], float]  # of a point from a face by its tag [m]
 
     @property
     def area(self) -> float:

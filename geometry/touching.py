@@ -30,6 +30,7 @@ class Contact(NamedTuple):
     gap: float  # m, mean distance of the two
     radius: float  # m, of a cylinder or a sphere, 0 of others
     regions: tuple[int, ...]  # tags of their common part, surfaces in the CAD model
+    flush: bool  # both faces end where the other does
 
 
 class Touch(NamedTuple):
@@ -144,8 +145,8 @@ def _contacts(a: Body, b: Body, gap: float) -> Iterator[Contact]:
             regions = _common(one, other, gap)
             area = sum(gmsh.model.occ.getMass(2, tag) for tag in regions)
             if area > FRACTION * min(one.area, other.area):
-                radius = one.radius or 0.0
-                yield Contact((one.tag, other.tag), area, distance, radius, regions)
+                radius, flush = one.radius or 0.0, area > (1 - FRACTION) * max(one.area, other.area)
+                yield Contact((one.tag, other.tag), area, distance, radius, regions, flush)
 
 
 def _apart(one: Face, other: Face) -> float | None:

@@ -55,7 +55,7 @@ def meshed(shapes, request):
         }
         named = {"upper": upper, "bores": faces("cover:hole(8..9 mm)", drawn.bodies)}
         struck = Fine("block", R @ [0.1, 0.05, 0.038], 5e-4)
-        order = {"fine": [struck], "named": named, "discs": discs, "element": request.param}
+        order = {"fine": [struck], "named": named, "patches": discs, "element": request.param}
         meshes = body_meshes(drawn.bodies, pairs, gap=GAP, **order)
         kind = MeshTet if request.param == "tet" else MeshHex
         assert all(isinstance(mesh, kind) for mesh in meshes.values())
@@ -105,7 +105,8 @@ def test_elements_are_fine_at_a_fine_point_and_grow_away_from_it(meshed):
     middle = mesh.p[:, mesh.edges].mean(axis=1)
     away = np.linalg.norm(middle - (R @ [0.1, 0.05, 0.038])[:, None], axis=0)
     assert 2.5e-4 < edges[away < 1e-3].mean() < 1e-3
-    assert edges[away > 0.025].mean() > 2e-3
+    # smaller ones are where it ends on the cover
+    assert np.quantile(edges[away > 0.025], 0.8) > 2e-3
 
 
 def test_a_body_that_touches_none_is_meshed_like_any():
@@ -124,15 +125,15 @@ def test_a_disc_beside_its_faces_is_refused(shapes):
         with pytest.raises(
             ValueError, match=r'"pad": a disc .* does not lie on the faces of block'
         ):
-            body_meshes({"block": drawn.bodies["block"]}, gap=GAP, discs={"pad": beside})
+            body_meshes({"block": drawn.bodies["block"]}, gap=GAP, patches={"pad": beside})
 
 
 def hexahedra_of(shapes, **order):
     """Meshes of shapes that are all to be hexahedra, where they touch imprinted."""
     with model(shapes) as drawn:
         pairs = neighbours(drawn.bodies, GAP).touching
-        discs = {n: make(drawn.bodies) for n, make in order.pop("discs", {}).items()}
-        return body_meshes(drawn.bodies, pairs, gap=GAP, discs=discs, **order)
+        discs = {n: make(drawn.bodies) for n, make in order.pop("patches", {}).items()}
+        return body_meshes(drawn.bodies, pairs, gap=GAP, patches=discs, **order)
 
 
 @pytest.mark.parametrize("turn", [(0, 0, 0), TURN])
@@ -154,6 +155,22 @@ def test_boxes_that_touch_on_part_of_a_top_and_of_a_side_are_grids(turn):
         assert area(meshes[name], "floor|rib") == pytest.approx(0.07 * 0.011, rel=1e-9)
     for mesh in meshes.values():
         assert isinstance(mesh, MeshHex) and smallest_quality(mesh) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(("side", "finest"), [(0.05, 1 / 8), (0.1, 1.0)])
+def test_thick_bodies_are_fine_where_one_ends_on_the_other(side, finest):
+    """There stresses are singular; not where both end together."""
+    floor, tower = Box((0.1, 0.1, 0.05)), Box((side, side, 0.05), at=(0, 0, 0.05))
+    seed = 0.0125
+    with model({"floor": floor, "tower": tower}) as drawn:
+        pairs = neighbours(drawn.bodies, GAP).touching
+        seeds = dict.fromkeys(drawn.bodies, seed)
+        meshes = body_meshes(drawn.bodies, pairs, gap=GAP, seeds=seeds)
+    for mesh in meshes.values():
+        for x in mesh.p:
+            steps = np.diff(np.unique(x.round(9)))
+            assert steps.min() == pytest.approx(finest * seed, rel=0.3)
+            assert seed / 2 < steps.max() < 1.3 * seed
 
 
 def test_a_tube_in_a_ring_is_polar_and_touches_over_its_length():
@@ -220,7 +237,7 @@ def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_
     outline = ((0, 0), (0.1, 0), (0.1, 0.05), (0.05, 0.08), (0, 0.05))
     shapes = {"pad": Plate(outline, 0.03), "leg": Box((0.02, 0.02, 0.1), at=(0.05, 0.03, -0.05))}
     on_side = {"spot": lambda bodies: Disc(faces("pad:-y", bodies), SPOT, np.eye(3)[1], 0.008)}
-    meshes = hexahedra_of(shapes, discs=on_side)
+    meshes = hexahedra_of(shapes, patches=on_side)
     assert isinstance(meshes["pad"], MeshTet) and isinstance(meshes["leg"], MeshHex)
     assert area(meshes["pad"], "spot") == pytest.approx(pi * 0.008**2, rel=1e-9)
     for mesh in meshes.values():
@@ -230,7 +247,7 @@ def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_
 def test_a_disc_that_its_face_cuts_off_keeps_its_circle():
     place, radius = np.array([0.00625, 0.05, 0.01]), 0.0065
     discs = {"cut": lambda bodies: Disc(faces("pad:+z", bodies), place, np.eye(3)[2], radius)}
-    mesh = hexahedra_of({"pad": Plate(RECTANGLE, 0.01)}, discs=discs)["pad"]
+    mesh = hexahedra_of({"pad": Plate(RECTANGLE, 0.01)}, patches=discs)["pad"]
     nodes = mesh.p[:, np.unique(mesh.facets[:, mesh.boundaries["cut"]])]
     assert np.linalg.norm(nodes - place[:, None], axis=0).max() == pytest.approx(radius, rel=1e-9)
     off = place[0] / radius

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from skfem import FacetBasis
 
 from command_line import beadwave
 from fem import Material
@@ -226,3 +227,31 @@ def test_a_washer_beside_its_face_is_bad_input():
     }
     with pytest.raises(InvalidScene, match=r"does not lie on the faces of a .*; move the point"):
         pipeline_of(resolved(tables, "w"), lambda name: nullcontext())("mesh")
+
+
+SHARED = STACK.replace("[[0.0, 0.0, 0.01]]", "[[-0.01, 0.0, 0.01], [0.005, 0.0, 0.01]]")
+
+
+@pytest.mark.parametrize("sides", ['["rigid", "mean"]', '["mean", "rigid"]', '["mean", "mean"]'])
+def test_bolts_without_washers_share_the_common_face_half_way(sides):
+    """40 mm of face, bolts at -10 and 5 mm: 17.5 and 22.5 mm for each, on the side drawn."""
+    text = SHARED.replace("washer = 0.008", f'washer = "share"\nsides = {sides}')
+    stage = pipeline_of(scene(written(text.replace("HZ", "1.0"))), lambda name: nullcontext())
+    drawn = "foot" if sides.startswith('["mean", "r') else "head"
+    mesh, area = stage("mesh").meshes[drawn], []
+    for i in (1, 2):
+        facets = FacetBasis(mesh, mesh.elem(), facets=f"pin-{i}-{drawn}")
+        area.append(facets.dx.sum())
+    np.testing.assert_allclose(area, [0.0175 * 0.04, 0.0225 * 0.04], rtol=1e-9)
+    first, second = stage("mesh").connections.joints[0][1:3]
+    assert (first.face[:4], second.face[:4]) == ("head", "foot")
+    assert {first.over, second.over} == {None, f"{drawn}:pin-1-{drawn}"}
+    assert len(stage("modes").omega) > 4
+
+
+def test_a_joint_whose_first_name_fits_both_bodies_keeps_their_order():
+    text = STACK.replace("bodies.head", "bodies.foot-2").replace('"head"', '"foot-2"')
+    text = text.replace("head|foot", "foot*|foot").replace("HZ", "1.0")
+    stage = pipeline_of(scene(written(text)), lambda name: nullcontext())
+    (joint,) = stage("mesh").connections.joints
+    assert joint.first.face.startswith("foot-2:") and joint.second.face.startswith("foot:")

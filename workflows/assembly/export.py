@@ -38,8 +38,8 @@ def write_model(pipeline: Pipeline, inp: Path | None, step: Path | None) -> None
 
 
 def _shapes(scene: Scene) -> dict:
-    if scene.is_general and scene.assembly.step:
-        raise InvalidScene(f"{scene.name} has its geometry from {scene.assembly.step}; copy that.")
+    if scene.is_general and scene.assembly.file:
+        raise InvalidScene(f"{scene.name} has its geometry from {scene.assembly.file}; copy that.")
     return bodies.shapes(scene) if scene.is_general else shapes(assembly(scene.assembly))
 
 

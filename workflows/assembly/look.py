@@ -189,7 +189,7 @@ def _remarks(drawn: Drawing) -> list[str]:
 def _starter(drawn: Drawing, source: Path) -> str | None:
     """TOML that runs; None where no plane face offers itself to the chain."""
     faces = [(body, face) for body in drawn.bodies.values() for face in _upright(body)]
-    struck = next((f for f in sorted(faces, key=_height, reverse=True) if _is_whole(f[1])), None)
+    struck = next((f for f in sorted(faces, key=_height, reverse=True) if _is_whole(*f)), None)
     if struck is None:
         return None
     below = [f for f in faces if f[1].normal[2] < -0.5]
@@ -259,10 +259,8 @@ def _height(found) -> tuple[bool, float]:
     return bool(found[1].normal[2] > 0.5), float(found[1].centre[2])
 
 
-def _is_whole(face) -> bool:
+def _is_whole(body, face) -> bool:
     """Whether a patch fits into its middle."""
-    from geometry.cad import distance
-
     middle = (face.lower + face.upper) / 2
     around = PATCH * np.vstack([np.zeros((1, 3)), *(s * spanning(face.normal) for s in (2, -2))])
-    return all(distance(middle + off, face.tag) < 1e-9 for off in around)
+    return all(body.distance(middle + off, face.tag) < 1e-9 for off in around)

@@ -25,26 +25,53 @@ CELLS = {4: "tetrahedra", 5: "pyramids", 6: "prisms", 8: "hexahedra"}
 
 def mesh_of(path: Path, assembly: Assembly, faces: set[str]) -> Mesh:
     """The mesh of a file, edges straight; raises InvalidScene where it cannot stand for ours."""
+    points, groups = _read(path)
+    wanted = sorted(bodies(assembly))
+    _require(path, "volume", set(wanted), {g.name for g in groups if g.dimension == 3})
+    solid = _solid(path, points, {name: _cells(path, groups, name) for name in wanted})
+    placed = geometry.named(solid.mesh, assembly, solid.body)
+    placed = placed.with_boundaries(_facets(solid, groups))
+    _require(path, "surface", faces, {n for n, f in placed.boundaries.items() if len(f)})
+    return placed
+
+
+def volumes_of(path: Path) -> dict[str, Mesh]:
+    """Every named volume of a file as a mesh of its own, with the named surfaces on its outside;
+    raises InvalidScene where there is none."""
+    points, groups = _read(path)
+    names = dict.fromkeys(g.name for g in groups if g.dimension == 3)
+    cells = {name: _cells(path, groups, name) for name in names}
+    if not cells:
+        raise InvalidScene(
+            f"{path} has no named volumes; name each body, in gmsh as a physical volume, elsewhere "
+            "as a set of cells."
+        )
+    for kind in KINDS:
+        of_kind = [t for t in cells.values() if t.shape[1] == kind]
+        _require_once(path, np.concatenate([np.empty((0, kind), np.int64), *of_kind]))
+    found = {}
+    for name, t in cells.items():
+        solid = _solid(path, points, {name: t})
+        found[name] = solid.mesh.with_boundaries(_facets(solid, groups))
+    return found
+
+
+def _read(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
+    """Points and named cells; raises InvalidScene for what is no mesh."""
     if not path.is_file():
-        raise InvalidScene(f"mesh.file = {str(path)!r}: there is no such file.")
+        raise InvalidScene(f"mesh {str(path)!r}: there is no such file.")
     try:
         found = arrays("mesh", path)
     except Unreadable as error:
         raise InvalidScene(
-            f"mesh.file = {str(path)!r} cannot be read as a mesh ({error}); "
-            "give a file that gmsh or meshio read."
+            f"{str(path)!r} cannot be read as a mesh ({error}); give a file that gmsh or meshio "
+            "read."
         ) from None
     groups = [
         CellGroup(name, int(dimension), found[f"cells{i}"])
         for i, (dimension, name) in enumerate(str(n).split(" ", 1) for n in found["names"])
     ]
-    wanted = sorted(bodies(assembly))
-    _require(path, "volume", set(wanted), {g.name for g in groups if g.dimension == 3})
-    solid = _solid(path, found["points"], {name: _cells(path, groups, name) for name in wanted})
-    placed = geometry.named(solid.mesh, assembly, solid.body)
-    placed = placed.with_boundaries(_facets(solid, groups))
-    _require(path, "surface", faces, {n for n, f in placed.boundaries.items() if len(f)})
-    return placed
+    return found["points"], groups
 
 
 def _cells(path: Path, groups: list[CellGroup], body: str) -> NDArray[np.int64]:
@@ -54,7 +81,7 @@ def _cells(path: Path, groups: list[CellGroup], body: str) -> NDArray[np.int64]:
     if len(kinds) > 1 or kinds[0] not in KINDS:
         told = " and ".join(CELLS.get(kind, f"cells of {kind} corners") for kind in kinds)
         raise InvalidScene(
-            f"mesh.file = {str(path)!r} fills the volume {body!r} with {told}; give tetrahedra "
+            f"the mesh {str(path)!r} fills the volume {body!r} with {told}; give tetrahedra "
             "alone or hexahedra alone."
         )
     return np.concatenate([g.corners for g in named])
@@ -73,7 +100,7 @@ def _solid(path: Path, points: NDArray[np.float64], cells: dict[str, NDArray[np.
     if len(kinds) > 1:
         told = " and ".join(f"{name!r} with {CELLS[kind]}" for kind, name in kinds.items())
         raise InvalidScene(
-            f"mesh.file = {str(path)!r} fills {told}; mesh all volumes with one of the two."
+            f"the mesh {str(path)!r} fills {told}; mesh all volumes with one of the two."
         )
     (n_corners,) = kinds
     used, t = np.unique(np.concatenate(list(cells.values())), return_inverse=True)
@@ -92,7 +119,7 @@ def _require_once(path: Path, t: NDArray[np.int64]) -> None:
     twice = len(t) - len(np.unique(np.sort(t, axis=1), axis=0))
     if twice:
         raise InvalidScene(
-            f"mesh.file = {str(path)!r} has {twice} cells in two volumes; put each in one."
+            f"the mesh {str(path)!r} has {twice} cells in two volumes; put each in one."
         )
 
 
@@ -126,6 +153,6 @@ def _require(path: Path, what: str, wanted: set[str], found: dict) -> None:
     missing = sorted(wanted - set(found))
     if missing:
         raise InvalidScene(
-            f"mesh.file = {str(path)!r} has no {what} named {missing[0]!r} "
+            f"the mesh {str(path)!r} has no {what} named {missing[0]!r} "
             f"({len(missing)} of {len(wanted)} are missing), {nearest(missing[0], found or ['-'])}."
         )

@@ -135,7 +135,7 @@ def files_read(scene: Scene, source: Source = None) -> tuple[Path, ...]:
     """The files that a run of the scene reads: its own, and those that its tables name."""
     is_file = isinstance(source, str | Path) and str(source) not in built_in()
     own = [source] if is_file else []
-    named = [getattr(table, key, None) for _, table in scene for key in ("file", "step")]
+    named = [getattr(table, key, None) for _, table in scene for key in ("file", "step", "mesh")]
     shapes = [target.shape for target in scene.targets or ()]
     return tuple(Path(file) for file in (*own, *named, *shapes) if file)
 

@@ -10,26 +10,30 @@ import numpy as np
 import fem
 from geometry import InvalidGeometry
 from geometry.shapes import Box, Cylinder, Hole, Plate, Shape
+from workflows.pipeline.own_mesh import OwnMesh, own_mesh
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts, Struck
 from workflows.pipeline.strike import struck
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.bodies import GROUND, Body, Bolts, Solid
+from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, Solid
 from workflows.scene.size import too_large_mesh
+
+LARGEST = 30.0  # m, of an assembly: a thousand times as much is in other units
 
 
 class Drawing(NamedTuple):
-    """The bodies in the CAD kernel, and which of them touch; see `geometry.touching`."""
+    """The bodies in the CAD kernel or in a mesh, and which of them touch; see `geometry`."""
 
     bodies: dict
     unit: str | None  # of the file
     near: tuple  # geometry.touching.Neighbours
+    own: OwnMesh | None = None  # of the user
 
 
 class Marks(NamedTuple):
-    """What a mesh must show: faces picked, discs under washers, and joints that stand on them."""
+    """What a mesh must show: faces picked, what bolts hold of them, joints that stand on that."""
 
     named: dict
-    discs: dict
+    patches: dict
     joints: list[fem.Joint]
 
 
@@ -43,14 +47,33 @@ def drawing(scene: Scene) -> Iterator[Drawing]:
         raise ValueError(
             f"gmsh cannot start ({missing}); install its shared libraries (Debian: {GMSH_NEEDS})."
         ) from None
-    step = scene.assembly.step
+    step, mesh = scene.assembly.step, scene.assembly.mesh
     try:
+        if mesh:
+            own = own_mesh(Path(mesh), scene.assembly.gap)
+            _require_size(own.bodies)
+            require_apart(own.meeting.near)
+            yield Drawing(own.bodies, None, own.meeting.near, own)
+            return
         with model(shapes(scene), Path(step) if step else None) as drawn:
+            _require_size(drawn.bodies)
             near = neighbours(drawn.bodies, scene.assembly.gap)
             require_apart(near)
             yield Drawing(drawn.bodies, drawn.unit, near)
     except InvalidGeometry as error:
         raise InvalidScene(f"{scene.name}: {error}") from None
+
+
+def _require_size(bodies: Mapping) -> None:
+    """Raise InvalidGeometry for an assembly in other units than its file says."""
+    sides = np.max([b.upper for b in bodies.values()], axis=0)
+    sides = sides - np.min([b.lower for b in bodies.values()], axis=0)
+    if sides.max() > LARGEST:
+        size = " x ".join(f"{side:.4g}" for side in sides)
+        raise InvalidGeometry(
+            f"the assembly is {size} m, allowed are {LARGEST:g} m: its file is in other units than "
+            "it says, or a mesh not in metres; write it anew."
+        )
 
 
 def shapes(scene: Scene) -> dict[str, Shape]:
@@ -75,8 +98,15 @@ def parts(scene: Scene) -> Parts:
         _require_known(scene, drawn)
         tied, marks = tied_pairs(scene, drawn), marked(scene, drawn)
         face = struck(scene, drawn.bodies) if scene.strike else None
-        meshes = _meshes(scene, drawn, tied, marks, face)
-    size = {name: mesh.nelements / drawn.bodies[name].volume for name, mesh in meshes.items()}
+        if drawn.own:
+            size = {name: 1 / body.volume for name, body in drawn.bodies.items()}
+            meshes = _named(scene, drawn.own, [(t, _roles(t, size)[1]) for t in tied], marks, face)
+        else:
+            meshes = _meshes(scene, drawn, tied, marks, face)
+            size = {n: mesh.nelements / drawn.bodies[n].volume for n, mesh in meshes.items()}
+    nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
+    for sentence in too_large_mesh(scene, "the mesh of [assembly]", nodes):
+        raise InvalidScene(f"{scene.name}: {sentence}")
     connections = fem.Connections(
         [_tie(drawn, touch, size) for touch in tied],
         marks.joints,
@@ -182,11 +212,10 @@ def marked(scene: Scene, drawn: Drawing) -> Marks:
 
 
 def _between_bodies(scene: Scene, drawn: Drawing, joint: Bolts, pairs: list, marks: Marks) -> None:
-    """Rings on both faces around each bolt of a joint."""
-    from geometry.imprint import Disc
-    from geometry.selectors import Selected, bodies_named
+    """What each bolt of a joint holds on both faces."""
+    from geometry.selectors import bodies_named
 
-    first = bodies_named(joint.partners[0], drawn.bodies)
+    first, second = (bodies_named(side, drawn.bodies) for side in joint.partners)
     places = [place for touch in pairs for place in _places(scene, drawn, joint, touch)]
     if not places:
         raise InvalidScene(
@@ -194,18 +223,55 @@ def _between_bodies(scene: Scene, drawn: Drawing, joint: Bolts, pairs: list, mar
             "give at = [[x, y, z], ...] and washer."
         )
     for i, place in enumerate(places, start=1):
-        sides, axis = list(zip(place.bodies, place.faces, strict=True)), place.axis
-        if place.bodies[0] not in first:
-            sides, axis = sides[::-1], -axis
-        radius = joint.washer or max(place.diameters)
-        rings = []
-        for body, face in sides:
-            key = f"{joint.name}-{i}-{body}"
-            on = Selected(body, (face,))
-            marks.discs[key] = Disc(on, place.centre, place.axis, radius)
-            rings.append(f"{body}:{key}")
-        held = [fem.Side(*side) for side in zip(rings, joint.sides, strict=True)]
-        marks.joints.append(_joint(joint, *held, place.centre, axis))
+        under, axis = list(zip(place.bodies, place.faces, strict=True)), place.axis
+        if not (place.bodies[0] in first and place.bodies[1] in second):
+            under, axis = under[::-1], -axis
+        key = f"{joint.name}-{i}"
+        if joint.washer == SHARE:
+            sides = _shares(scene, joint, key, under, _neighbours(place, places, pairs), marks)
+        else:
+            sides = _rings(joint, key, under, place, marks)
+        marks.joints.append(_joint(joint, *sides, place.centre, axis))
+
+
+def _rings(joint: Bolts, key: str, under: list, place, marks: Marks) -> list[fem.Side]:
+    """Discs under the washers, on both faces."""
+    from geometry.imprint import Disc
+    from geometry.selectors import Selected
+
+    radius = joint.washer or max(place.diameters)
+    sides = []
+    for (body, face), coupling in zip(under, joint.sides, strict=True):
+        marks.patches[f"{key}-{body}"] = Disc(
+            Selected(body, (face,)), place.centre, place.axis, radius
+        )
+        sides.append(fem.Side(f"{body}:{key}-{body}", coupling))
+    return sides
+
+
+def _shares(scene: Scene, joint: Bolts, key: str, under: list, share, marks: Marks) -> list:
+    """The bolt's share of the common face, drawn on the sides that are rigid, else on the first;
+    the mean of the other is taken over its footprint there."""
+    from geometry.selectors import Selected
+
+    drawn = [i for i, coupling in enumerate(joint.sides) if coupling == "rigid"] or [0]
+    sides: list = [None, None]
+    for i in sorted((0, 1), key=lambda i: i not in drawn):
+        (body, face), coupling = under[i], joint.sides[i]
+        on, name = Selected(body, (face,)), f"{key}-{body}"
+        (marks.patches if i in drawn else marks.named)[name] = share(on) if i in drawn else on
+        over = None if i in drawn else sides[drawn[0]].face
+        sides[i] = fem.Side(f"{body}:{name}", coupling, over, gap=2 * scene.assembly.gap)
+    return sides
+
+
+def _neighbours(place, places: list, pairs: list):
+    """Makes a bolt's share: nearer to it than to the others on the same face."""
+    from geometry.imprint import Share
+
+    others = [p.centre for p in places if p.faces == place.faces and p is not place]
+    regions = next(c.regions for t in pairs for c in t.contacts if c.faces == place.faces)
+    return lambda on: Share(on, regions, place.centre, others)
 
 
 def _places(scene: Scene, drawn: Drawing, joint: Bolts, touch) -> list:
@@ -256,11 +322,16 @@ def _face(marks: Marks, name: str) -> str:
     return f"{marks.named[name].body}:{name}"
 
 
+def _roles(touch, fineness: Mapping[str, float]) -> list[str]:
+    """Who leads and who follows, the finer mesh or smaller body: an order of all bodies, so that no
+    ties form a circle."""
+    return sorted(touch.bodies, key=lambda body: fineness[body])
+
+
 def _tie(drawn: Drawing, touch, fineness: Mapping[str, float]) -> fem.Tie:
-    """The finer mesh follows: an order of all bodies, so that no ties form a circle."""
     from geometry.touching import FACETS
 
-    master, slave = sorted(touch.bodies, key=lambda body: fineness[body])
+    master, slave = _roles(touch, fineness)
     # facets of two meshes leave a circle that ends their common face by as much as a cylinder
     rims = [face.radius or 0.0 for name in touch.bodies for face in drawn.bodies[name].faces]
     gap = max(touch.mesh_gap, touch.gap + FACETS * max(rims))
@@ -277,17 +348,22 @@ def _meshes(scene: Scene, drawn: Drawing, tied: list, marks: Marks, struck: Stru
     if struck:
         fine = [Fine(struck.face.body, struck.point, scale * scene.strike.size)]
         named = named | {STRIKE: struck.face}
-    meshes = body_meshes(
+    return body_meshes(
         drawn.bodies,
         tied,
         gap=scene.assembly.gap,
         seeds=seeds,
         fine=fine,
         named=named,
-        discs=marks.discs,
+        patches=marks.patches,
         element="tet" if scene.mesh.element == "tet" else None,
     )
-    nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
-    for sentence in too_large_mesh(scene, "the mesh of [assembly]", nodes):
-        raise InvalidScene(f"{scene.name}: {sentence}")
-    return meshes
+
+
+def _named(scene: Scene, own: OwnMesh, tied: list, marks: Marks, struck: Struck | None) -> dict:
+    """The user's meshes with all faces named; raises InvalidScene for what facets cannot show."""
+    named = marks.named | ({STRIKE: struck.face} if struck else {})
+    try:
+        return own.marked(named, marks.patches, tied)
+    except ValueError as error:
+        raise InvalidScene(f"{scene.name}: {error}") from None

@@ -81,8 +81,7 @@ def _targets(scene: Scene) -> Any:
 
 def _dimensions(scene: Scene) -> Any:
     if scene.is_general:
-        step = scene.assembly.step
-        return [tables_of(*BODIES, "mesh")(scene), _content(step)]
+        return [tables_of(*BODIES, "mesh")(scene), _content(scene.assembly.file)]
     from workflows.scene.assembly import assembly
 
     content = _content(scene.mesh.file)

@@ -157,7 +157,7 @@ def _estimated(pipeline: Pipeline) -> Iterator[str]:
     """Models whose error a coarser one tells; nobody knows how to coarsen a user's own mesh."""
     if needs_assembly(pipeline.scene) and not isinstance(pipeline("wall"), CoupledWall):
         yield "reduction"
-        if getattr(pipeline.scene.mesh, "file", None) is None:
+        if pipeline.scene.own_mesh is None:
             yield "mesh"
 
 

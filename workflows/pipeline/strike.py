@@ -28,7 +28,8 @@ def struck(scene: Scene, bodies: Mapping) -> Struck:
             f"{scene.name}: strike.on = {scene.strike.on!r} is no plane face, which has a middle; "
             "say where it is struck, at = [x, y, z] in m."
         )
-    first = _nearest(found, near)
+    away = bodies[picked.body].distance
+    first = min(found, key=lambda face: away(near, face.tag))
     own = Selected(picked.body, tuple(f.tag for f in found if _one_surface(first, f)))
     if first.normal is not None:
         return Struck(own, near + ((first.centre - near) @ first.normal) * first.normal)
@@ -54,12 +55,6 @@ def _from_the_middle(found: list, at: tuple[float, ...]) -> NDArray[np.float64]:
     lower = np.min([face.lower for face in found], axis=0)
     upper = np.max([face.upper for face in found], axis=0)
     return (lower + upper) / 2 + np.array(at) @ spanning(found[0].normal)
-
-
-def _nearest(found: list, near: tuple[float, ...]):
-    from geometry.cad import distance
-
-    return min(found, key=lambda face: distance(near, face.tag))
 
 
 def _one_surface(one, other) -> bool:

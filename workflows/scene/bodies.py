@@ -27,6 +27,7 @@ from workflows.scene.tables import (
 from workflows.scene.units import LENGTH, PRESSURE
 
 GROUND = "ground"
+SHARE = "share"  # of the common face, in place of a washer
 SHAPES = ("box", "plate", "cylinder")
 Modulus = of(Positive, PRESSURE, 1e6, 2e12)  # rubber to diamond
 Compressible = Annotated[float, Field(gt=-1, lt=0.5)]  # an incompressible solid locks
@@ -164,10 +165,16 @@ class General(Table):
     """[assembly] of bodies: where they come from, what touching means, what holds them."""
 
     step: str | None = None  # a STEP file
+    mesh: str | None = None  # or a mesh with named volumes, in metres
     touching: Literal["ask", "tied", "free"] = "ask"
     gap: of(Positive, LENGTH, 1e-8, 1e-3) = 1e-5  # [m]
     held: Annotated[tuple[EitherHold, ...], Field(strict=False)] | None = None
     material: str | None = None
+
+    @property
+    def file(self) -> str | None:
+        """Where bodies that are not drawn come from."""
+        return self.step or self.mesh
 
     @property
     def holds(self) -> tuple[Hold, ...]:
@@ -193,7 +200,8 @@ class Bolts(JointStiffnesses):
     """Bolts between two bodies that touch, or from a body's holes to the ground.
 
     `sides` say how the first and the second body are held under a washer: rigid (RBE2) or by the
-    mean of their motion (RBE3). `frame` "normal" has z along the bolt.
+    mean of their motion (RBE3). In place of a washer a bolt may hold its "share" of the common
+    face, half-way to the next bolts. `frame` "normal" has z along the bolt.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]
@@ -201,7 +209,7 @@ class Bolts(JointStiffnesses):
     at: Literal["holes"] | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)] = (
         "holes"  # or points [m]
     )
-    washer: Size | None = None  # [m] radius; of holes their diameter
+    washer: Size | Literal["share"] | None = None  # [m] radius; of holes their diameter
     sides: Annotated[
         tuple[Literal["rigid", "mean"], Literal["rigid", "mean"]], Field(strict=False)
     ] = ("rigid", "mean")

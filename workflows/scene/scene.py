@@ -83,6 +83,11 @@ class Scene(Table):
         return isinstance(self.assembly, General)
 
     @property
+    def own_mesh(self) -> str | None:
+        """The file of the user's own mesh."""
+        return self.assembly.mesh if self.is_general else self.mesh.file
+
+    @property
     def springs(self) -> dict[str, JointStiffnesses]:
         """Stiffnesses and dashpots of the joints by name."""
         if isinstance(self.joints, Joints):

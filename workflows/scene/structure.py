@@ -13,6 +13,7 @@ OF_BODIES = ("bodies", "materials", "ties", "strike")
 def of_bodies(scene: Scene) -> Iterator[str]:
     """What speaks against an assembly of bodies."""
     yield from _nothing_there(scene)
+    yield from _own_mesh(scene)
     yield from _unknown_materials(scene)
     yield from _unheld(scene)
     yield from _unstruck(scene)
@@ -40,14 +41,31 @@ def of_the_rig(scene: Scene) -> Iterator[str]:
 
 def _nothing_there(scene: Scene):
     drawn = [name for name, body in (scene.bodies or {}).items() if body.drawn]
-    if scene.assembly.step is None:
+    if scene.assembly.file is None:
         if not drawn:
-            yield "the assembly has no bodies; give assembly.step, or [bodies.NAME] with a box."
+            yield (
+                "the assembly has no bodies; give assembly.step or assembly.mesh, or "
+                "[bodies.NAME] with a box."
+            )
         for name in (scene.bodies or {}).keys() - set(drawn):
             yield (
-                f"bodies.{name} has no shape and there is no assembly.step to take it from; give "
-                "it box, plate or cylinder."
+                f"bodies.{name} has no shape and there is no assembly.step or mesh to take it "
+                "from; give it box, plate or cylinder."
             )
+
+
+def _own_mesh(scene: Scene):
+    """What a mesh that is there leaves no room for."""
+    if scene.assembly.mesh is None:
+        return
+    if scene.assembly.step:
+        yield "assembly.step and assembly.mesh exclude each other; keep one of them."
+    for name, body in (scene.bodies or {}).items():
+        if body.drawn or body.seed:
+            key = body.drawn or "seed"
+            yield f"bodies.{name}.{key} is beside assembly.mesh, which has all elements; drop it."
+    if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
+        yield "[mesh] is beside assembly.mesh, which has all elements; drop it."
 
 
 def _unknown_materials(scene: Scene):
@@ -63,8 +81,8 @@ def _unknown_materials(scene: Scene):
                 f"nothing says what {name} is made of; give bodies.{name}.material, or "
                 "assembly.material for all."
             )
-    if scene.assembly.step and scene.assembly.material is None and not scene.bodies:
-        yield "assembly.material is missing; name the material of the bodies in assembly.step."
+    if scene.assembly.file and scene.assembly.material is None and not scene.bodies:
+        yield "assembly.material is missing; name the material of the bodies in the file."
 
 
 def _unheld(scene: Scene):
@@ -81,7 +99,7 @@ def _unstruck(scene: Scene):
             yield '[strike] is missing; say where the chain touches, on = "body:+x".'
         return
     body = scene.struck_body
-    if scene.assembly.step is None and body not in (scene.bodies or {}):
+    if scene.assembly.file is None and body not in (scene.bodies or {}):
         known = ", ".join(scene.bodies or {})
         yield f"strike.on = {scene.strike.on!r} names no body; there are {known}."
     elif scene.material_name(body) and not scene.struck_material.is_isotropic:

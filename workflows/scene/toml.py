@@ -204,7 +204,7 @@ def _defaults(scene: Scene, tables: dict[str, Any], source: str, folder: Path) -
     if isinstance(scene.wall, RomWall) and scene.wall.file:
         path = str(folder / scene.wall.file)
         filled["wall"] = scene.wall.model_copy(update={"file": path})
-    for table, key in (("mesh", "file"), ("assembly", "step")):
+    for table, key in (("mesh", "file"), ("assembly", "step"), ("assembly", "mesh")):
         if named := getattr(filled.get(table), key, None):
             filled[table] = filled[table].model_copy(update={key: str(folder / named)})
     if any(target.shape for target in scene.targets or ()):

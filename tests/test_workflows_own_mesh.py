@@ -1,0 +1,147 @@
+"""Scenes on a mesh of the user's own: bodies, touching pairs, bolts, ties, strikes, wrong files."""
+
+import json
+from pathlib import Path
+
+import gmsh
+import meshio
+import numpy as np
+import pytest
+
+from command_line import beadwave
+from geometry.gmsh_session import session
+
+pytestmark = pytest.mark.usefixtures("shared_cache")
+
+SCENE = """
+materials.steel = {{ young = 210e9, poisson = 0.3, density = 7850.0 }}
+strike = {{ on = "{top}:+z", at = [0.01, 0.0] }}
+[assembly]
+material = "steel"
+held = ["base:-z"]
+{words}
+"""
+BOLTS = '[[joints]]\nname = "bolts"\nbetween = "cover|base"\nkz = 1e8\nwasher = 8e-3'
+SIDES, HOLES, RADIUS = (0.1, 0.06), ((0.02, 0.03), (0.08, 0.03)), 4e-3
+
+
+def bolted(path, order):
+    """A cover on a base, two holes through both, as gmsh meshes them: apart, in groups."""
+    with session():
+        occ, tags = gmsh.model.occ, {}
+        for name, z, height in (("base", 0.0, 0.02), ("cover", 0.02, 0.006)):
+            solid = occ.addBox(0, 0, z, *SIDES, height)
+            drills = [(3, occ.addCylinder(*at, z, 0, 0, height, RADIUS)) for at in HOLES]
+            ((_, tags[name]),), _ = occ.cut([(3, solid)], drills)
+        occ.synchronize()
+        for name, tag in tags.items():
+            group = gmsh.model.addPhysicalGroup(3, [tag])
+            gmsh.model.setPhysicalName(3, group, name)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.015)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 10)
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(order)
+        gmsh.write(str(path))
+
+
+def boxes(path, *, names=("base", "cover"), at=0.0, lift=0.0, scale=1.0):
+    """Hexahedra below, tetrahedra of another size above, in any of meshio's formats with sets."""
+    from skfem import MeshHex, MeshTet
+    from skfem.io.meshio import HEX_MAPPING
+
+    x = np.linspace(0, 0.04, 5)
+    low, high = MeshHex.init_tensor(x, x, x[:3]), MeshTet.init_tensor(x[:4], x[:3], x[:3] / 2)
+    points = np.vstack([low.p.T, high.p.T + [at, 0.0, 0.02 + lift]]) * scale
+    cells = [("hexahedron", low.t[HEX_MAPPING[:8]].T), ("tetra", high.t.T + low.p.shape[1])]
+    first, second = np.arange(low.nelements), np.arange(high.nelements)
+    sets = dict(zip(names, ([first, second[:0]], [first[:0], second]), strict=True))
+    meshio.Mesh(points, cells, cell_sets=sets).write(path)
+
+
+def written(words, top="cover"):
+    Path("mine.toml").write_text(SCENE.format(words=words, top=top), encoding="utf-8")
+    return "mine.toml"
+
+
+def modes_hz(capsys, words, n=4):
+    assert beadwave("modes", written(words), "--json") == 0
+    return [row["frequency_hz"] for row in json.loads(capsys.readouterr().out)["rows"]][:n]
+
+
+def refused(capsys, words):
+    assert beadwave("modes", written(words)) == 2
+    told = capsys.readouterr().err.strip().splitlines()[-1]
+    assert told.count(". ") <= 1
+    return told
+
+
+@pytest.fixture(scope="module")
+def meshes(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("meshes")
+    for order in (1, 2):
+        bolted(folder / f"bolted-{order}.msh", order)
+    return folder
+
+
+def test_a_plate_of_gmsh_has_the_modes_of_one_drawn(meshes, capsys):
+    """Tied, by elements of either order; bolts whose washers end on element edges leave more."""
+    outline = f"[[0, 0], [{SIDES[0]}, 0], [{SIDES[0]}, {SIDES[1]}], [0, {SIDES[1]}]]"
+    body = """[bodies.{}]
+plate = {{ outline = {}, thickness = {} }}
+holes = {{ diameter = 0.008, at = [[0.02, 0.03], [0.08, 0.03]] }}
+at = [0.0, 0.0, {}]"""
+    drawn = [body.format("base", outline, 0.02, 0.0), body.format("cover", outline, 0.006, 0.02)]
+    expected = modes_hz(capsys, "\n".join(['touching = "tied"', *drawn, "[mesh]\nscale = 2"]))
+    first, second = (f'mesh = "{meshes}/bolted-{order}.msh"' for order in (1, 2))
+    tied = modes_hz(capsys, f'{first}\ntouching = "tied"')
+    np.testing.assert_allclose(tied, expected, rtol=0.01)
+    again = modes_hz(capsys, f'{second}\ntouching = "tied"')
+    np.testing.assert_allclose(again, tied, rtol=1e-6)
+    bolted = modes_hz(capsys, f'{first}\ntouching = "free"\n{BOLTS}')
+    assert np.all(np.divide(bolted, tied) < 0.9)
+
+
+def test_a_mesh_of_hexahedra_and_tetrahedra_is_tied_where_they_touch(capsys):
+    """A stocky column held below; not tied, its upper half floats."""
+    file = "boxes.inp"
+    boxes(file)
+    assert 'between = "base|cover"' in refused(capsys, f'mesh = "{file}"')
+    tied = modes_hz(capsys, f'mesh = "{file}"\ntouching = "tied"')
+    assert 8e3 < tied[0] < 4e4
+    told = refused(capsys, f'mesh = "{file}"\ntouching = "free"')
+    assert '"cover" can still move' in told
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "told"),
+    [
+        ({}, "seed", 'bodies.cover.seed is beside assembly.mesh'),
+        ({"at": 0.1}, "", '"cover" touches no other body and is not held'),
+        ({"at": 0.025}, "", "let its mesh end where the other body does"),
+        ({"lift": -0.004}, "", '"base" and "cover" overlap by'),
+        ({"lift": 4e-4}, "", "miss each other by 0.4 mm"),
+        ({"scale": 1000.0}, "", "the assembly is 40 x 40 x 30 m"),
+        ({"names": ("base", "lid")}, "", 'no body is called "cover"'),
+    ],
+)  # fmt: skip
+def test_a_mesh_that_cannot_stand_for_an_assembly_is_refused(change, words, told, capsys):
+    boxes("boxes.inp", **change)
+    words = "[bodies.cover]\nseed = 1e-3" if words else ""
+    assert told in refused(capsys, f'mesh = "boxes.inp"\ntouching = "tied"\n{words}')
+
+
+def test_files_that_are_no_mesh_of_bodies_are_refused(meshes, capsys):
+    whole = (meshes / "bolted-1.msh").read_bytes()
+    Path("cut.msh").write_bytes(whole[: len(whole) // 2])
+    Path("text.msh").write_text("no mesh")
+    tet = np.eye(4, 3), [("tetra", np.array([[0, 1, 2, 3]]))]
+    meshio.Mesh(*tet).write("unnamed.inp")
+    for file, told in (
+        ("none.msh", "there is no such file"),
+        ("cut.msh", "cut off before $EndElements"),
+        ("text.msh", "does not begin with $MeshFormat"),
+        ("unnamed.inp", "has no named volumes; name each body"),
+    ):
+        assert told in refused(capsys, f'mesh = "{file}"')
+    both = f'mesh = "{meshes}/bolted-1.msh"\nstep = "other.step"'
+    assert "step and assembly.mesh exclude each other" in refused(capsys, both)
