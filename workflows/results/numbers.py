@@ -48,12 +48,14 @@ def percent(value: float | None, n: int = 3) -> str:
     r"""A share in percent, small ones in millionths.
 
     >>> percent(0.008809), percent(2.91e-8, 2), percent(1e-15)
-    ('0.881\xa0%', '0.029\xa0ppm', '< 0.001\xa0ppm')
+    ('0.881\xa0%', '0.029\xa0ppm', '<\xa00.001\xa0ppm')
     """
     if value is None or not isfinite(value):
         return NONE
     if 0 < abs(value) < 1e-5:
-        return f"{digits(1e6 * value, n)}{GLUE}ppm" if abs(value) >= 1e-9 else f"< 0.001{GLUE}ppm"
+        return (
+            f"{digits(1e6 * value, n)}{GLUE}ppm" if abs(value) >= 1e-9 else f"<{GLUE}0.001{GLUE}ppm"
+        )
     return f"{digits(100 * value, n)}{GLUE}%"
 
 

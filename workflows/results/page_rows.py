@@ -75,16 +75,17 @@ def chain_words(scene: Scene) -> str:
     size = " to ".join(si(2 * R, "m") for R in (radius[0], radius[-1])[: len(radius)])
     row = f"{grouped(chain.count)} sphere{'s' if chain.count > 1 else ''} of {size} diameter"
     if scene.striker is None:
-        return f"{row} start with velocities of their own and lean on"
+        return f"{row} start with velocities of their own{' and lean on' if scene.wall else ''}"
     speed = si(scene.striker.velocity, "m/s")
-    return f"{row}: the first one strikes the row at {speed}, and the last one leans on"
+    leans = "" if scene.wall is None else ", and the last one leans on"
+    return f"{row}: the first one strikes the row at {speed}{leans}"
 
 
 def wall_words(scene: Scene, summary: Summary) -> str:
     """What the chain leans on, to the end of the sentence."""
     match scene.wall:
         case None:
-            return "nothing: the chain is free."
+            return "with nothing behind it."
         case RigidWall():
             return "a rigid wall."
         case HalfSpaceWall(young=E):

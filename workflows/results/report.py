@@ -125,5 +125,5 @@ def _small(path: Path) -> str:
 
     raw = BytesIO()
     with Image.open(path) as picture:
-        picture.convert("RGB").quantize(COLOURS).save(raw, "PNG", optimize=True)
+        picture.convert("RGB").quantize(COLOURS, Image.Quantize.FASTOCTREE).save(raw, "PNG")
     return b64encode(raw.getvalue()).decode()
