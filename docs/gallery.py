@@ -3,6 +3,7 @@
 Run it before the build: python docs/gallery.py; it writes docs/gallery/NAME.md and NAME.png.
 """
 
+import re
 import sys
 from pathlib import Path
 
@@ -31,8 +32,9 @@ def page(name: str, shows: str) -> None:
     found = beadwave.study(name)
     found.plot().save(HERE / f"{name}.png")
     title = name.replace("-", " ").capitalize()
-    text = "\n\n".join(found.sentences)
-    (HERE / f"{name}.md").write_text(PAGE.format(**locals()), encoding="utf-8")
+    text = "\n\n".join(re.sub(r"([\\`*_\[\]<>$#|{}])", r"\\\1", said) for said in found.sentences)
+    page = PAGE.format(title=title, shows=shows, name=name, found=text)
+    (HERE / f"{name}.md").write_text(page, encoding="utf-8")
 
 
 def main() -> None:
