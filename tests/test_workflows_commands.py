@@ -2,6 +2,7 @@
 
 import json
 import re
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -110,10 +111,29 @@ def test_completion_knows_scenes_keys_studies_and_stages():
     assert set(options.study_names("wa")) == {"wall-modulus", "wall-thickness", "walls"}
     assert options.stage_names("me") == ["mesh"] and "preload" in options.case_names("p")
 
-    typed = SimpleNamespace(params={"scene": "rig-1dof"})
-    keys = options.dotted_keys(typed, "wall.")
-    assert {"wall.frequency=", "wall.mass="} <= set(keys) and "wall.young=" in keys
-    assert "striker.velocity=" in options.dotted_keys(typed, "stri")
+    for params, words in (({"scene": "rig-1dof"}, []), ({"scene": None}, ["rig-1dof"])):
+        typed = SimpleNamespace(params=params, args=words)
+        keys = options.dotted_keys(typed, "wall.")
+        assert {"wall.frequency=", "wall.mass="} <= set(keys) and "wall.young=" in keys
+        assert "striker.velocity=" in options.dotted_keys(typed, "stri")
+    assert options.dotted_keys(SimpleNamespace(params={}, args=["none.toml"]), "wall.") == []
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [("run rig-1", "rig-1dof"), ("impact rig-1dof --set wall.freq", "wall.frequency=")],
+)
+def test_a_shell_completes(line, found, monkeypatch):
+    words = f"beadwave {line}"
+    for name, value in (
+        ("_BEADWAVE_COMPLETE", "complete_bash"), ("COMP_WORDS", words),
+        ("COMP_CWORD", str(len(words.split()) - 1)), ("_TYPER_COMPLETE_ARGS", words),
+    ):  # fmt: skip
+        monkeypatch.setenv(name, value)
+    done = subprocess.run(
+        [Path(sys.executable).parent / "beadwave"], capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == [found]
 
 
 def test_doctor_tells_what_is_missing_and_what_that_costs(beadwave, monkeypatch):

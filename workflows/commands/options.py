@@ -16,8 +16,14 @@ def scene_names(incomplete: str) -> list[str]:
 def dotted_keys(ctx: typer.Context, incomplete: str) -> list[str]:
     """Keys of the scene that is named, up to the sign of equality."""
     from workflows.files.scene import keys
+    from workflows.scene import InvalidScene
 
-    return [f"{key}=" for key in keys(ctx.params.get("scene")) if key.startswith(incomplete)]
+    # a line that ends in an option without its value leaves the words before it among the others
+    given = ctx.params.get("scene") or next((word for word in ctx.args if word[:1] != "-"), None)
+    try:
+        return [f"{key}=" for key in keys(given) if key.startswith(incomplete)]
+    except InvalidScene:
+        return []
 
 
 def study_names(incomplete: str) -> list[str]:
