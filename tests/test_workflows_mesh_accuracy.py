@@ -55,8 +55,21 @@ def test_finer_meshes_are_softer_and_the_study_says_by_how_much(monkeypatch):
 def test_what_the_block_leaves_is_no_less_than_halving_its_elements_shows():
     """Of an error c h^p with p above 1, halving shows 1 - 2^-p of it, and more is told."""
     rig = scene("rig-full-tie", ())
+    watch = lambda name: nullcontext()  # noqa: E731
     coarse, usual, fine = (
-        study._solved(rig, "full-tie", 24e-3, block).hz for block in (40e-3, 20e-3, 10e-3)
+        study._watched(rig, "full-tie", 24e-3, block, watch).hz for block in (40e-3, 20e-3, 10e-3)
     )
     left = study.left_by_the_block(usual, coarse)
     assert (left >= (usual / fine - 1)[1:]).all()
+
+
+def test_bodies_of_a_scene_are_meshed_finer_and_finer_and_fall_towards_their_limit():
+    """A cantilever's first four modes over mesh.scale; each coarser mesh is stiffer."""
+    cantilever = scene("cantilever", ("mesh.scale=2",))
+    found = study.mesh(cantilever, lambda name: nullcontext())
+    _, table = found.tables
+    scale, dofs, hz = (np.array([row[i] for row in table.rows]) for i in (1, 2, slice(3, 7)))
+    np.testing.assert_allclose(scale, [8, 5.66, 4, 2.82, 2])
+    assert np.all(np.diff(dofs) > 0)
+    assert np.all(np.diff(hz, axis=0) < 0)
+    assert "cantilever: the frequencies converge to" in found.sentences[0]

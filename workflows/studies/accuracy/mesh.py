@@ -1,4 +1,4 @@
-"""Frequencies against the element size in the sheets: the thesis' figure 5.4, with the error.
+"""Frequencies against the element size; of the rig that in the sheets, the thesis' figure 5.4.
 
     f(h) = f_0 + c h^p
 
@@ -8,6 +8,7 @@ the block keep their size: one thing varies. What they leave is told beside, fro
 block's elements twice as large and the order that singular stresses leave.
 """
 
+from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ from workflows.files.run_folder import Picture
 from workflows.pipeline import assembly as stages
 from workflows.pipeline.errors import COARSER
 from workflows.pipeline.pipeline import Progress
-from workflows.pipeline.rig import TARGETS
+from workflows.pipeline.targets import targets
 from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
@@ -36,30 +37,32 @@ from workflows.studies.prose import rendered
 SCENE = "rig-rom"
 SEEDS = (8e-3, 5.66e-3, 4e-3, 2.83e-3, 2e-3)  # [m] ratio sqrt 2
 FINER = (1.41e-3, 1e-3)  # [m] 190 000 and 350 000 unknowns, where a faster solver is installed
+SHEETS = "element size in the sheets [mm]"
 BLOCK = 8e-3  # [m] elements of the block
 BLOCK_ORDER = 1.0  # that singular edges leave at least
 STAGE_1 = {"parts": geometry.PARTS[:2], "fixing": "flat"}
-COLUMNS = (
-    "constraint", "seed_mm", "dofs", *(f"f{i}_Hz" for i in range(1, 5)),
-    *(f"error{i}_%" for i in range(1, 5)), "mesh_s", "assembly_s", "solution_s", "quality",
-)  # fmt: skip
 N_MODES = {"full-tie": 18, "screw-tie": 30}  # that reach mode 4
+SCALES = (4.0, 2.83, 2.0, 1.41, 1.0)  # of the scene's mesh.scale, of any other assembly
+FIRST = tuple(fem.Number(i) for i in range(1, 5))  # of a scene without targets
+TEMPLATE = str(Path(__file__).with_name("mesh_of_bodies.md"))
 
 
 class Solved(NamedTuple):
     """One mesh: what it found and what it cost."""
 
-    constraint: str
-    seed: float  # [m]
+    name: str  # of the constraint, or of the scene
+    size: float  # of the elements: [m], or mesh.scale
     dofs: int
-    hz: NDArray[np.float64]  # (4,)
+    hz: NDArray[np.float64]  # (k,) of the targets
     seconds: tuple[float, float, float]  # mesh, assembly, solution
     quality: float  # smallest scaled Jacobian
 
 
 def mesh(scene: Scene, progress: Progress, *, seeds: tuple[float, ...] | None = None) -> Finding:
-    """Frequencies of block and sheets against the element size in the sheets."""
+    """Frequencies against the element size; of the rig that in the sheets, of bodies of all."""
     with_assembly(scene)
+    if scene.is_general:
+        return _of_bodies(scene, progress)
     seeds = seeds or SEEDS + (FINER if has_pardiso() else ())
     rows, lines, limits, error = [], [], {}, {}
     for constraint in N_MODES:
@@ -68,16 +71,40 @@ def mesh(scene: Scene, progress: Progress, *, seeds: tuple[float, ...] | None = 
         f = np.array([s.hz for s in solved])
         limit, order = extrapolated(np.array(seeds), f)
         rows += [_row(s, abs(s.hz[0] / limit[0] - 1)) for s in solved]
-        lines += [_line(s, limit) for s in solved]
+        lines += [_line(s._replace(size=1e3 * s.size), limit) for s in solved]
         left = left_by_the_block(solved[0].hz, larger.hz)
         limits[constraint] = limit.tolist(), order.tolist(), left.tolist()
         error[constraint] = np.abs(f / limit - 1)
-    picture = Picture("mesh", _picture(np.array(seeds), error))
-    tables = table_of(tuple(rows), printed=False), Table("mesh", COLUMNS, tuple(lines))
+    picture = Picture("mesh", _picture(SHEETS, 1e3 * np.array(seeds), error))
+    head = _columns("constraint", "seed_mm", 4)
+    tables = table_of(tuple(rows), printed=False), Table("mesh", head, tuple(lines))
     sentences = rendered(
         __file__, limits=limits, block=BLOCK, larger=COARSER * BLOCK, block_order=BLOCK_ORDER
     )
     return Finding(tables, sentences, (picture,))
+
+
+def _of_bodies(scene: Scene, progress: Progress) -> Finding:
+    """Of an assembly of bodies: its targets, or its first modes, over mesh.scale."""
+    scales, solved = scene.mesh.scale * np.array(SCALES), []
+    for scale in scales:
+        at_scale = scene.but(mesh={"scale": float(scale)})
+        with progress(f"mesh.scale {scale:.3g}"):
+            solved.append(_solved(at_scale, scene.name, scale, stages.N_MODES[0]))
+    f = np.array([s.hz for s in solved])
+    limit, order = extrapolated(scales, f)
+    rows = tuple(_row(s, abs(s.hz[0] / limit[0] - 1)) for s in solved)
+    table = Table(
+        "mesh", _columns("scene", "mesh.scale", len(limit)), tuple(_line(s, limit) for s in solved)
+    )
+    picture = _picture("mesh.scale", scales, {scene.name: np.abs(f / limit - 1)})
+    found = {
+        "limit": limit.tolist(),
+        "order": order.tolist(),
+        "error": (f[-1] / limit - 1).tolist(),
+    }
+    sentences = rendered(TEMPLATE, name=scene.name, **found)
+    return Finding((table_of(rows, printed=False), table), sentences, (Picture("mesh", picture),))
 
 
 def left_by_the_block(hz, larger_hz) -> NDArray[np.float64]:
@@ -90,46 +117,52 @@ def _watched(
     scene: Scene, constraint: str, seed: float, block: float, progress: Progress
 ) -> Solved:
     plain = STAGE_1 | {"constraint": constraint} | dict.fromkeys(geometry.PARTS)
-    varied = scene.but(assembly=plain)
+    sizes = {"seed": seed, "block_seed": block, "contact_seed": None}
+    varied = scene.but(assembly=plain, mesh=sizes)
     with progress(f"{constraint} {1e3 * seed:g} mm"):
-        return _solved(varied, constraint, seed, block)
+        return _solved(varied, constraint, seed, N_MODES[constraint])
+
+
+def _columns(name: str, size: str, n: int) -> tuple[str, ...]:
+    f, errors = ([head.format(i) for i in range(1, n + 1)] for head in ("f{}_Hz", "error{}_%"))
+    return (name, size, "dofs", *f, *errors, "mesh_s", "assembly_s", "solution_s", "quality")
 
 
 def _row(solved: Solved, error: float) -> Row:
-    return Row("mesh", solved.constraint, solved.seed, float(error), sum(solved.seconds))
+    return Row("mesh", solved.name, float(solved.size), float(error), sum(solved.seconds))
 
 
 def _line(solved: Solved, limit: NDArray[np.float64]) -> tuple:
     off = 100 * (solved.hz / limit - 1)
-    size = solved.constraint, 1e3 * solved.seed, solved.dofs
+    size = solved.name, float(solved.size), solved.dofs
     return (*size, *map(float, (*solved.hz, *off, *solved.seconds, solved.quality)))
 
 
-def _picture(seeds: NDArray[np.float64], error: dict[str, NDArray[np.float64]]) -> bytes:
-    """Relative errors (k, 4) of the four modes against the element size (k,) [m]."""
+def _picture(size: str, sizes: NDArray[np.float64], error: dict[str, NDArray]) -> bytes:
+    """Relative errors (k, m) of the modes against the element sizes (k,)."""
     sets = [
         Panel(
-            constraint, "element size in the sheets [mm]", "" if beside else "frequency error [%]",
-            [Line(None if beside else f"mode {i}", 1e3 * seeds, 100 * np.where(e > 0, e, np.nan),
-                  "o-") for i, e in enumerate(values.T, 1)], "xy",
+            name, size, "" if beside else "frequency error [%]",
+            [Line(None if beside else f"mode {i}", sizes, 100 * np.where(e > 0, e, np.nan), "o-")
+             for i, e in enumerate(values.T, 1)], "xy",
         )
-        for beside, (constraint, values) in enumerate(error.items())
+        for beside, (name, values) in enumerate(error.items())
     ]  # fmt: skip
     return panels(sets, columns=len(sets), size=(8 / len(sets), 3.8), sharey=True)
 
 
-def _solved(scene: Scene, constraint: str, seed: float, block: float) -> Solved:
-    at_seed = scene.but(mesh={"seed": seed, "block_seed": block, "contact_seed": None})
+def _solved(scene: Scene, name: str, size: float, n_modes: int) -> Solved:
     started = perf_counter()
-    mesh = stages.mesh(at_seed)
+    mesh = stages.mesh(scene)
     meshed = perf_counter()
-    model = stages.model(at_seed, mesh)
+    model = stages.model(scene, mesh)
     assembled = perf_counter()
-    found = fem.modes(model.K, model.M, N_MODES[constraint])
+    found = fem.modes(model.K, model.M, n_modes)
     ended = perf_counter()
-    hz = found.frequency_hz[fem.pair(model, found, TARGETS).index]
+    index = fem.pair(model, found, targets(scene, model) or FIRST).index
+    hz = np.where(index >= 0, found.frequency_hz[index], np.nan)
     seconds = (meshed - started, assembled - meshed, ended - assembled)
-    return Solved(constraint, seed, model.M.shape[0], hz, seconds, _quality(mesh.meshes))
+    return Solved(name, size, model.M.shape[0], hz, seconds, _quality(mesh.meshes))
 
 
 def _quality(meshes: dict[str, Mesh]) -> float:
