@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from geometry.assembly import InvalidGeometry
 from geometry.cell_groups import CellGroup
+from geometry.gmsh_session import session
 
 HEAD, END = b"$MeshFormat", b"$EndElements"
 
@@ -19,7 +20,8 @@ HEAD, END = b"$MeshFormat", b"$EndElements"
 def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
     """Points (n, 3) and the named volumes and surfaces of a .msh file.
 
-    Raises InvalidGeometry for a file that is no mesh of gmsh or is cut off.
+    Raises InvalidGeometry for a file that is no mesh of gmsh or is cut off, ValueError for what
+    gmsh cannot read.
     """
     content = path.read_bytes()
     # anything without this head gmsh would run as a script of its own
@@ -27,17 +29,9 @@ def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
         raise InvalidGeometry("it does not begin with $MeshFormat")
     if END not in content:
         raise InvalidGeometry("it is cut off before $EndElements")
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with session("gmsh could not read it"):
         gmsh.merge(str(path))
         return _points_and_groups()
-    except Exception as error:
-        if type(error) is not Exception:  # gmsh raises bare Exceptions
-            raise
-        raise InvalidGeometry(f"gmsh says: {error}") from None
-    finally:
-        gmsh.finalize()
 
 
 def _points_and_groups() -> tuple[NDArray[np.float64], list[CellGroup]]:

@@ -1,0 +1,86 @@
+"""Bad CAD by command: status 2 and one sentence that says what is wrong and what to do."""
+
+from pathlib import Path
+
+import gmsh
+import pytest
+
+from command_line import beadwave
+from geometry.cad import write_step
+from geometry.gmsh_session import session, silent
+from geometry.shapes import Box, Cylinder
+
+pytestmark = pytest.mark.usefixtures("shared_cache")
+
+SCENE = """
+materials.steel = {{ young = 210e9, poisson = 0.3, density = 7850.0 }}
+[assembly]
+step = "bad.step"
+material = "steel"
+touching = "tied"
+held = ["{held}"]
+"""
+CUBE = Box((0.04, 0.04, 0.04))
+ON_TOP = Box((0.04, 0.04, 0.04), at=(0, 0, 0.04))
+
+
+def step_of(**shapes):
+    write_step(shapes, Path("bad.step"))
+
+
+def rewritten(old, new, **shapes):
+    step_of(**shapes)
+    text = Path("bad.step").read_text()
+    assert old in text
+    Path("bad.step").write_text(text.replace(old, new))
+
+
+def surfaces():
+    with session(), silent():
+        gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.write("bad.step")
+
+
+def foil():
+    with session(), silent():
+        gmsh.model.occ.addBox(0, 0, 0, 0.1, 0.1, 4e-7)
+        gmsh.model.occ.synchronize()
+        gmsh.write("bad.step")
+
+
+def cut_off():
+    step_of(a=CUBE)
+    text = Path("bad.step").read_text()
+    Path("bad.step").write_text(text[: len(text) // 2])
+
+
+@pytest.mark.parametrize(
+    ("make", "held", "told"),
+    [
+        (lambda: Path("bad.step").write_text(""), "a:-z", "bad.step is empty"),
+        (cut_off, "a:-z", "is cut off before END-ISO-10303-21"),
+        (surfaces, "a:-z", "holds surfaces without a volume; export its bodies as solids"),
+        (foil, "body:-z", "has no volume (4e-09 m^3): its thickness is zero"),
+        (lambda: rewritten("'b'", "'a'", a=CUBE, b=ON_TOP), "a:-z",
+         'no body is called "a"; there are "a-1", "a-2"'),
+        (lambda: step_of(a=CUBE), "a@0.02,0.02,0.0", "is as near to a plane"),
+        (lambda: step_of(a=CUBE, b=Box((0.01,) * 3)), "a:-z", '"b" lies inside "a"'),
+        (lambda: step_of(a=CUBE, b=Box((0.04,) * 3, at=(0.03, 0, 0))), "a:-z", "overlap by"),
+        (lambda: rewritten(".MILLI.,.METRE.", "$,.METRE.", a=CUBE), "a:-z", "is 40 x 40 x 40 m"),
+        (
+            lambda: step_of(a=CUBE, b=Cylinder(0.01, 0.04, at=(0, 0, 0.03), turn=(90, 0, 0))),
+            "a:-z", "meet along a line or at a point",
+        ),
+        (
+            lambda: step_of(a=CUBE, b=Box((0.04,) * 3, at=(0, 0, 0.0405))),
+            "a:-z", "miss each other by 0.5 mm",
+        ),
+    ],
+)  # fmt: skip
+def test_bad_cad_is_refused_in_a_sentence(make, held, told, capsys):
+    make()
+    Path("mine.toml").write_text(SCENE.format(held=held), encoding="utf-8")
+    assert beadwave("modes", "mine.toml") == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert told in error[-1] and "Traceback" not in "".join(error)
