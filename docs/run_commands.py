@@ -16,7 +16,8 @@ from tempfile import TemporaryDirectory
 
 DOCS = Path(__file__).parent
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.M | re.S)
-SECONDS = re.compile(r"^ +[\w-]+ +\d+\.\d\d s( +\(kept\))?$")  # of stages, another each time
+# of stages: others each time
+SECONDS = re.compile(r"^ +([\w-]+ +\d+\.\d\d s( +\(kept\))?|seconds  .*| +[a-z-]+ \d+\.\d+\))$")
 HEAD, TAIL = 18, 8  # lines of a long output that are shown
 
 

@@ -12,7 +12,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment
 from markupsafe import Markup
 from pydantic import ValidationError
 
@@ -48,6 +47,8 @@ def write_report(folder: RunFolder) -> Path:
 
 def page(folder: Path, summary: Summary) -> str:
     """The page of a run folder."""
+    from jinja2 import Environment  # only who writes a page pays
+
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     numbers: tuple[Callable, ...] = (si, percent, difference, grouped, share_percent)
     environment.filters |= {filter.__name__: filter for filter in numbers}
