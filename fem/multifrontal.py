@@ -6,7 +6,7 @@ touches, to which it leaves an update,
     L11 L11^T = F11,    L21 = F21 L11^-T,    U = F22 - L21 L21^T
 
 (Liu, SIAM Review 34 (1992) 82). All work is that of dense BLAS; L alone is kept, half of what LU
-needs.
+needs, its triangles packed in rectangles (Gustavson et al., ACM TOMS 37 (2010) 18).
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvalsh
 from scipy.linalg.blas import dsyrk, dtrsm
-from scipy.linalg.lapack import dpotrf
+from scipy.linalg.lapack import dpotrf, dtfsm, dtrttf
 from scipy.sparse import csc_matrix, csr_matrix, tril
 
 from fem.grouping import Groups
@@ -55,7 +55,8 @@ class Front(NamedTuple):
     @property
     def stored(self) -> int:
         """Numbers in L11 and L21."""
-        return (self.end - self.first) * (self.end - self.first + len(self.boundary))
+        k = self.end - self.first
+        return k * (k + 1) // 2 + k * len(self.boundary)
 
 
 class Plan(NamedTuple):
@@ -88,12 +89,12 @@ class Cholesky:
         # two halves that nothing joins have nothing between them
         pairs = [pair for pair in zip(self._fronts, self.blocks, strict=True) if len(pair[1][0])]
         for front, (L11, L21) in pairs:
-            own = dtrsm(1.0, L11, y[front.first : front.end], lower=1)
+            own = dtfsm(1.0, L11, y[front.first : front.end], uplo="L")
             y[front.first : front.end] = own
             y[front.boundary] -= L21 @ own
         for front, (L11, L21) in reversed(pairs):
             rest = y[front.first : front.end] - L21.T @ y[front.boundary]
-            y[front.first : front.end] = dtrsm(1.0, L11, rest, lower=1, trans_a=1)
+            y[front.first : front.end] = dtfsm(1.0, L11, rest, uplo="L", trans="T")
         x = np.empty_like(y)
         x[self._order] = y
         return x.reshape(b.shape)
@@ -149,7 +150,7 @@ def _factors(A: csc_matrix, fronts: Sequence[Front]) -> list[tuple[NDArray, NDAr
 
 
 def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """L11, L21 and the update; raises NotPositiveDefinite or Singular."""
+    """L11 in LAPACK's packed format, L21 and the update; raises NotPositiveDefinite or Singular."""
     with one_thread():
         L11, failed = dpotrf(F11, lower=1, clean=0)
     if failed:
@@ -157,12 +158,13 @@ def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> tuple[NDArray, NDAr
         if values[0] < -SINGULAR * np.abs(values).max():
             raise NotPositiveDefinite("the matrix has negative eigenvalues.")
         raise Singular(NEITHER)
+    packed = dtrttf(L11, uplo="L")[0]
     if not len(F21):
-        return L11, F21, F22
+        return packed, F21, F22
     with one_thread():
         L21 = dtrsm(1.0, L11, F21, side=1, lower=1, trans_a=1, overwrite_b=1)
     with nullcontext() if F21.size * len(F21) > WORTH_THREADS else one_thread():
-        return L11, L21, dsyrk(-1.0, L21, beta=1.0, c=F22, lower=1, overwrite_c=1)
+        return packed, L21, dsyrk(-1.0, L21, beta=1.0, c=F22, lower=1, overwrite_c=1)
 
 
 def _assembled(A: csc_matrix, front: Front) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

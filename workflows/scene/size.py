@@ -6,7 +6,7 @@ A run's peak memory, stage upon stage, of bodies of N_i unknowns, N = sum N_i (b
 
 K and M with what joining them holds, 4 kB an unknown of tetrahedra, 11 kB of hexahedra; a factor
 with its fronts as nested dissection fills it in a solid, 1.0 GB of hexahedra with 77 000 unknowns,
-3.4 GB of tetrahedra with 275 000; Lanczos vectors; constraint modes and the copies made of them.
+3.1 GB of tetrahedra with 275 000; Lanczos vectors; constraint modes and the copies made of them.
 Five runs of 39 000 to 275 000 unknowns held from 0.65 to 1.1 times the sum. Their time, from mesh
 to reduced model on one core,
 
