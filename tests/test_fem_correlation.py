@@ -13,6 +13,7 @@ from fem import (
     Shape,
     Tie,
     assemble,
+    effective_mass,
     joined,
     modes,
     outer_nodes,
@@ -114,3 +115,18 @@ def test_outer_nodes_hold_triangles_beside_quadrilaterals(model):
     areas = sum(np.linalg.norm(half, axis=1) / 2 for half in halves)
     assert areas[triangles].sum() == pytest.approx(6 * 0.04**2)
     assert areas[~triangles].sum() == pytest.approx(2 * (0.2 * 0.03 + 0.02 * 0.01))
+
+
+def test_rigid_motions_carry_all_of_a_floating_mass_and_elastic_modes_none():
+    block = MeshHex.init_tensor(*(np.linspace(0, size, 3) for size in (0.05, 0.04, 0.03)))
+    floating = joined(assemble({"block": block}, {"block": STEEL}), Connections())
+    share = effective_mass(floating, modes(floating.K, floating.M, 9).phi)
+    np.testing.assert_allclose(share[:6].sum(axis=0), 1.0, rtol=1e-6)
+    assert share[6:].max() < 1e-6
+
+
+def test_outer_nodes_say_which_body_they_are_of(model):
+    outer = outer_nodes(model.structure)
+    names = np.array(list(model.structure.basis))[outer.body]
+    assert np.all(outer.points[names == "bar", 0] < LENGTH + 1e-9)
+    assert np.all(outer.points[names == "cube", 0] > LENGTH - 1e-9)

@@ -9,6 +9,7 @@ import shutil
 from importlib import import_module
 from os import environ
 
+import meshio
 import numpy as np
 import pytest
 
@@ -248,6 +249,18 @@ def test_the_page_needs_no_network_and_stays_small(rig):
     html = (rig / "report.html").read_text()
     assert len(html) < LARGEST
     assert not re.findall(r'(?:src|href)="(?!data:|#)', html)
+
+
+def test_paraview_warps_a_mode_unasked_and_finds_all_up_to_the_highest_target(rig):
+    raw = (rig / "modes.vtu").read_bytes()
+    modes = json.loads((rig / "summary.json").read_text())["modes"]
+    first = re.search(rb'<PointData Vectors="([^"]+)">', raw)[1].decode()
+    names = list(meshio.read(rig / "modes.vtu").point_data)
+    assert names[0] == first and len(names) == len(modes)
+    assert [i + 1 for i, name in enumerate(names) if "measured" in name] == [
+        mode["number"] for mode in modes if mode["target"]
+    ]
+    assert modes[-1]["target"] == 4
 
 
 def test_every_value_of_a_built_in_scene_says_where_it_is_from():
