@@ -72,9 +72,63 @@ def calculix_hz():
     return [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()][:10]
 
 
+# an orthotropic plate on a hinge and rollers, a steel boss on it, struck on its side
+MIXED = """
+chain = { count = 6, radius = 0.005, density = 7800.0, young = 210e9, poisson = 0.3 }
+striker = { velocity = 0.2 }
+wall = { kind = "rom" }
+damping = { kind = "modal", ratio = 0.002 }
+time = { duration = 5e-4 }
+output = { spheres = [1, 4] }
+[materials.steel]
+young = 210e9
+poisson = 0.3
+density = 7850.0
+[materials.ply]
+young = [135e9, 9e9, 9e9]
+poisson = [0.3, 0.3, 0.45]
+shear = [5e9, 5e9, 3.1e9]
+density = 1600.0
+[assembly]
+held = [
+    { on = "plate:-x", directions = "yz" },
+    { on = "plate:+x", directions = "yz" },
+    { on = "plate:-y", directions = "x" },
+]
+touching = "tied"
+[bodies.plate]
+box = [0.2, 0.1, 0.006]
+material = "ply"
+[bodies.boss]
+cylinder = { radius = 0.02, length = 0.04 }
+at = [0.0, 0.0, 0.023]
+material = "steel"
+[strike]
+on = "boss:cylinder"
+at = [0.1, 0.0, 0.023]
+radius = 1e-3
+"""
+
+
+def test_every_command_takes_a_scene_without_targets_and_says_so(capsys):
+    Path("mixed.toml").write_text(MIXED)
+    coarse = "--set=mesh.scale=4"
+    assert beadwave("modes", "mixed.toml", coarse) == 0
+    assert "No targets" in capsys.readouterr().out
+    assert beadwave("reduce", "mixed.toml", coarse, "--out=mixed.npz") == 0
+    assert beadwave("tune", "mixed.toml", coarse, "--free=materials.steel.young") == 2
+    assert "no targets" in capsys.readouterr().err
+    assert beadwave("hammer", "mixed.csv", "--scene=mixed.toml", coarse, "--synthetic") == 0
+    assert Path("mixed.csv").stat().st_size > 0
+    capsys.readouterr()
+    summary = answer(capsys, "impact", "mixed.toml", coarse)
+    assert summary["energy_error"] < 1e-6 and not summary["modes_hz"]
+
+
 @pytest.mark.skipif(which("ccx") is None, reason="CalculiX (Debian: calculix-ccx)")
-@pytest.mark.parametrize(("name", "scale"), COARSE.items())
+@pytest.mark.parametrize(("name", "scale"), [*COARSE.items(), ("mixed.toml", 3.0)])
 def test_calculix_finds_the_same_ten_frequencies(name, scale, capsys):
+    Path("mixed.toml").write_text(MIXED)
     changes = f"--set=mesh.scale={scale}"
     assert beadwave("modes", name, changes, "--inp=deck.inp") == 0
     capsys.readouterr()
