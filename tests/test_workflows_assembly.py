@@ -166,7 +166,7 @@ def test_a_wall_without_the_assembly_builds_none_of_it(run, capsys):
     summary = json.loads(capsys.readouterr().out)
     assert summary["modes_hz"] == {}
     stages = {stage["name"] for stage in summary["stages"]}
-    assert stages == {"wall", "impact", "waves", "figures"}
+    assert stages == {"wall", "compilation", "impact", "waves", "figures"}
 
 
 def test_the_built_in_scene_has_the_dimensions_of_the_geometry():
