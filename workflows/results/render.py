@@ -12,9 +12,15 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
+from workflows.results.callouts import callouts
+
 MEASURED = "measured"  # in the names of modes that are targets
 
-STEEL = ("#b8c4d0", "#d98c3f", "#d9c77a", "#5f86ad", "#8fb08f", "#b88fa8")
+EYE, UP = (1.0, -1.3, 0.55), (0.0, 0.0, 1.0)
+STEEL = (
+    "#b8c4d0", "#d98c3f", "#d9c77a", "#5f86ad", "#8fb08f", "#b88fa8", "#7fc4c4", "#a86b4f",
+    "#c9a0dc", "#6f7f3f", "#e0a8a0", "#3f6f6f", "#8c8cc8", "#b0b070",
+)  # fmt: skip
 SIZE = (1500, 1050)
 GRIDS = {0: (1, 1), 1: (1, 1), 2: (2, 1), 3: (2, 2), 4: (2, 2)}  # rows and columns of modes
 IMPACT = "#c8371b"
@@ -31,13 +37,13 @@ MATT = {"ambient": 0.35, "diffuse": 0.75, "specular": 0.0}
 def assembly(grid: pv.DataSet, names: list[str], strike: list[float], path: Path) -> None:
     """The mesh, each body in a colour of its own, with its dimensions and the arrow of impact."""
     plotter = _plotter((1, 1), SIZE)
-    for i, name in enumerate(names):
+    surfaces = []
+    for i in range(len(names)):
         body = grid.extract_cells(grid.cell_data["body"] == i).extract_surface(algorithm=None)
         colour = STEEL[i % len(STEEL)]
         plotter.add_mesh(body, color=colour, show_edges=True, edge_color="#404040", **MATT)
-        plotter.add_text(
-            name, position=(0.82, 0.93 - 0.04 * i), viewport=True, font_size=12, color=_dark(colour)
-        )
+        surfaces.append(body)
+    _names(plotter, names, [_points(body) for body in surfaces])
     if strike:
         _arrow(plotter, np.array(strike[:3]), np.array(strike[3:]), 0.2 * grid.length)
     millimetres = [1e3 * x for x in grid.bounds]
@@ -47,6 +53,26 @@ def assembly(grid: pv.DataSet, names: list[str], strike: list[float], path: Path
     )  # fmt: skip
     _view(plotter)
     plotter.screenshot(path)
+
+
+def _names(plotter: pv.Plotter, names: list[str], points: list[np.ndarray]) -> None:
+    """Beside the assembly, each with a line to its body."""
+    found = callouts(points, EYE, UP)
+    for i, (name, callout) in enumerate(zip(names, found, strict=True)):
+        colour = _dark(STEEL[i % len(STEEL)])
+        text = name if callout.seen else f"{name} (hidden)"
+        plotter.add_lines(np.array([callout.anchor, callout.text]), color=colour, width=2)
+        plotter.add_point_labels(
+            [callout.text], [text], font_size=20, text_color=colour, shape=None,
+            always_visible=True, show_points=False, justification_vertical="center",
+            justification_horizontal="right" if callout.left else "left",
+        )  # fmt: skip
+    dots = [callout.anchor for callout in found if callout.seen]
+    plotter.add_points(np.array(dots), color="black", point_size=7)
+
+
+def _points(body: pv.PolyData) -> np.ndarray:
+    return np.concatenate([body.points, body.cell_centers().points])
 
 
 def _arrow(plotter: pv.Plotter, tip: np.ndarray, along: np.ndarray, length: float) -> None:
@@ -114,7 +140,7 @@ def _plotter(shape: tuple[int, int], size: tuple[int, int]) -> pv.Plotter:
 
 
 def _view(plotter: pv.Plotter) -> None:
-    plotter.view_vector((1.0, -1.3, 0.55), viewup=(0, 0, 1))
+    plotter.view_vector(EYE, viewup=UP)
     plotter.enable_parallel_projection()
     plotter.camera.zoom(1.15)
 
