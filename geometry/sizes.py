@@ -13,9 +13,10 @@ from geometry.solids import Body, Vector, parallel
 
 GRADING = 0.35  # growth of the element size per distance from a fine point
 STEEP = 0.7  # the same from a line
-# at a singular edge of a thick body the first element has 1/8 of the seed and each next one three
-# times as much: h(d) = seed / 8 * log(3) / 2 + log(3) d
-SHARP, SHARPLY = log(3) / 16, log(3)
+# at a singular edge of a thick body of more than twice the default seed the first element has 1/8
+# of it, or 1/2 of the default, and each next one three times as much: h(d) = first log(3) / 2 +
+# log(3) d; at the default seed the edges leave less than the rest
+SHARP, SHARPEST, SHARPLY, COARSE = 1 / 8, 1 / 2, log(3), 2.0
 ACROSS, LAYERS = 20, 1 / 2  # elements along a body's diagonal, and through a thin one, at least
 ACROSS_ALL = 60  # elements along an assembly's diagonal that are fine enough for its small bodies
 EDGE = 4  # of the seed, the finest where a partner ends
@@ -36,7 +37,8 @@ class Size(NamedTuple):
 
     seed: float
     fine: tuple[Fine, ...] = ()
-    edge: float | None = None  # where a partner ends inside a face
+    edge: float | None = None  # where a partner ends inside a face of a thin body
+    sharp: float | None = None  # of the first element at a singular edge of a thick one
 
 
 def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) -> Size:
@@ -48,7 +50,9 @@ def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) ->
     seed = seed or default_seed(body)
     edge = max(_thickness(body), seed / EDGE)
     mine = tuple(f for f in fine if f.body == body.name)
-    return Size(seed, mine, edge if THIN * edge <= seed else None)
+    usual = default_seed(body)
+    sharp = max(SHARP * seed, SHARPEST * usual) if seed > COARSE * usual else None
+    return Size(seed, mine, edge if THIN * edge <= seed else None, sharp)
 
 
 def default_seeds(bodies: Mapping[str, Body]) -> dict[str, float]:
@@ -77,8 +81,10 @@ def size_at(
 ) -> NDArray[np.float64]:
     """Sizes along a line of an axis, at its coordinates x [m], partners ending at `edges`."""
     grown = [f.size + GRADING * np.abs(x - f.point @ axis) for f in size.fine]
-    finest, slope = (size.edge, STEEP) if size.edge else (SHARP * size.seed, SHARPLY)
-    grown += [finest + slope * np.abs(x - edge) for edge in edges]
+    if size.edge:
+        grown += [size.edge + STEEP * np.abs(x - edge) for edge in edges]
+    elif size.sharp:
+        grown += [SHARPLY * (size.sharp / 2 + np.abs(x - edge)) for edge in edges]
     return np.minimum.reduce([np.full_like(x, size.seed), *grown])
 
 
