@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dem import Chain, InvalidChain, Wall, march, march_to_error, rigid_wall
+from dem import Chain, InvalidChain, Search, Wall, march, march_to_error, rigid_wall
 from dem.spheres import contact_modulus, hertz_coefficient, max_pressure, yield_overlap
 
 
@@ -69,10 +69,13 @@ def test_plastic_rest_is_refused():
         march(chain, rigid_wall(), np.zeros(1), duration=1.0, dt=0.1)
 
 
-@pytest.mark.parametrize("how", [{"dt": 0.05}, {"error": 1e-3}])
+@pytest.mark.parametrize(
+    "how",
+    [{"dt": 0.05, "scheme": "energy4"}, {"error": 1e-3, "search": Search("energy4")}],
+)
 def test_an_implicit_scheme_is_refused(how):
     """Its march does not know of yield: no step would close the energy."""
     chain = Chain(np.ones(2), np.ones(2), np.ones(2), yield_overlap=np.full(2, 0.2))
     run = march if "dt" in how else march_to_error
     with pytest.raises(InvalidChain, match="'energy4' takes no plastic contacts"):
-        run(chain, rigid_wall(), speeds(2), duration=5.0, n_save=10, scheme="energy4", **how)
+        run(chain, rigid_wall(), speeds(2), duration=5.0, n_save=10, **how)

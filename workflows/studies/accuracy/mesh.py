@@ -44,7 +44,7 @@ STAGE_1 = {"parts": geometry.PARTS[:2], "fixing": "flat"}
 N_MODES = {"full-tie": 18, "screw-tie": 30}  # that reach mode 4
 SCALES = (4.0, 2.83, 2.0, 1.41, 1.0)  # of the scene's mesh.scale, of any other assembly
 FIRST = tuple(fem.Number(i) for i in range(1, 5))  # of a scene without targets
-TEMPLATE = str(Path(__file__).with_name("mesh_of_bodies.md"))
+TEMPLATE = str(Path(__file__).with_name("_mesh_of_bodies.md"))
 
 
 class Solved(NamedTuple):
