@@ -110,7 +110,8 @@ print(f[1])
 def force_of(folder, **environment):
     """Of an overlap of 4 at a contact of 1, by the sources in a folder."""
     done = subprocess.run(
-        [sys.executable, "-c", FORCE], env=os.environ | {"PYTHONPATH": str(folder)} | environment,
+        [sys.executable, "-P", "-c", FORCE],
+        env=os.environ | {"PYTHONPATH": str(folder)} | environment,
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     return float(done.stdout)
