@@ -13,6 +13,7 @@ release = installed("beadwave")
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
 exclude_patterns = ["_build", "_site", "jupyter_execute"]
+suppress_warnings = ["toc.empty_glob"]  # a gallery that was not computed
 nb_execution_mode = "off"  # the tests run the notebooks
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
@@ -31,4 +32,3 @@ def setup(app):
         lines[:] = as_rst(lines)
 
     app.connect("autodoc-process-docstring", plain)
-suppress_warnings = ["toc.empty_glob"]  # a gallery that was not computed
