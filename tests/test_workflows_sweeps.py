@@ -366,6 +366,11 @@ def _kill_a_worker():
     return pids[0]
 
 
+def test_no_process_at_all_is_refused():
+    with pytest.raises(InvalidScene, match="give at least 1"):
+        beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, on=0)
+
+
 def test_a_scheduler_that_does_not_answer_is_told(monkeypatch):
     monkeypatch.setattr("workflows.sweep.cluster.PATIENCE", "1s")
     with pytest.raises(InvalidScene, match=r"tcp://127.0.0.1:1 does not answer"):

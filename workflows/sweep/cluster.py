@@ -24,8 +24,11 @@ def engine(where: int | str) -> Iterator[Callable]:
     """What computes tasks on so many processes of this machine, or on the cluster of a scheduler
     at an address.
 
-    Raises InvalidScene where Dask is not installed or the scheduler does not answer.
+    Raises InvalidScene for no process at all, where Dask is not installed, and where the scheduler
+    does not answer.
     """
+    if isinstance(where, int) and where < 1:
+        raise InvalidScene(f"on = {where} processes; give at least 1, or a scheduler's address.")
     try:
         import dask
         from distributed import Client, LocalCluster
