@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,17 @@ def test_a_run_touches_nothing_in_a_folder_that_holds_a_file_it_would_replace(na
     assert contents("out") == before
     said = capsys.readouterr().err
     assert name in said and "--overwrite" in said and one_line(said)
+
+
+@pytest.mark.parametrize("place", ["../victim.dat", "figures/../../victim.dat", "absolute"])
+def test_a_forged_marker_leads_no_run_out_of_its_folder(place, tmp_path):
+    victim = tmp_path / "victim.dat"
+    victim.write_bytes(b"theirs")
+    name = str(victim) if place == "absolute" else place
+    Path("out", "figures").mkdir(parents=True)
+    Path("out", MARKER).write_text(f"\n{sha256(b'theirs').hexdigest()}  {name}\n")
+    assert small("impact", "rig-1dof", "--out=out") == 0
+    assert victim.read_bytes() == b"theirs"
 
 
 def test_files_that_a_run_does_not_write_stay_as_they_are():

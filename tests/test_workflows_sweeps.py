@@ -66,6 +66,18 @@ def test_a_grid_has_every_combination_the_last_key_fastest():
     assert len({tuple(found.case(i).values()) for i in range(18)}) == 18
 
 
+def test_whole_numbers_stay_whole():
+    found = grid(("chain.count=15:17:3", "a.b=1:2:3", "c.d=1.0:3.0:3"), number)
+    kinds = {key: {type(value) for value in values} for key, values in found.columns.items()}
+    assert kinds == {"chain.count": {int}, "a.b": {float}, "c.d": {float}}
+
+
+def test_a_pipe_is_no_table(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InvalidScene, match="no ordinary file"):
+        table(tmp_path / "pipe")
+
+
 def test_words_and_lists_are_values_too():
     found = grid(("wall.kind=rigid, half-space", "x.y=[1, 2], [3]"), number)
     assert found.columns["wall.kind"] == ("rigid", "rigid", "half-space", "half-space")
@@ -107,6 +119,7 @@ def test_a_table_is_read_as_it_stands(tmp_path):
     ("over", "sample", "says"),
     [
         ((), None, "needs keys to vary"),
+        (("striker.velocity=300,400",), None, "all 2 cases are refused"),
         (("striker.velocity",), None, "is not key=values"),
         (("striker.velocity=1:2",), None, "start:stop:n"),
         (("striker.velocity=1:2:1",), None, "has one value"),
@@ -125,12 +138,13 @@ def test_a_table_is_read_as_it_stands(tmp_path):
         (("striker.velocity=1:2:3",), "lhs:9", "low:high"),
         (("striker.velocity=1:2",), "sobol:9", "take 8 or 16"),
         (("striker.velocity=1:2",), "monte-carlo:9", "lhs:n or sobol:n"),
+        (("striker.velocity=1:2",), "lhs:1000000000", "between 2 and 10000000"),
     ],
 )
 def test_bad_designs_are_refused_in_a_sentence(over, sample, says):
     with pytest.raises(InvalidScene, match=says):
         beadwave.sweep("rig-rigid", cases=Cases(over, sample), out="out")
-    assert not Path("out").exists()
+    assert not Path("out").exists() or "are refused" in says
 
 
 @pytest.mark.parametrize(

@@ -75,9 +75,17 @@ def sweep(
     with folder.run(text, FILES), _engine(on) as engine:
         compute(base, design, folder, engine, signals=signals, told=told)
         found = opened(path)
+        _require_one(found)
         for picture in found.pictures():
             folder.write(f"figures/{picture.name}.png", picture.png)
     return found
+
+
+def _require_one(found: Sweep) -> None:
+    """Raise InvalidScene where every case was refused."""
+    if found.counts() == {"refused": found.design.n_cases}:
+        first = next(iter(found.messages()))
+        raise InvalidScene(f"all {found.design.n_cases} cases are refused; {first}")
 
 
 def sweep_price(

@@ -177,9 +177,15 @@ class RunFolder:
         """Digests of what was written, by name; half a line is of a run that was killed."""
         noted: dict[str, set[str]] = {}
         for line in (_text(self.path / MARKER) or "").splitlines():
-            if found := fullmatch(r"([0-9a-f]{64})  (.+)", line):
+            found = fullmatch(r"([0-9a-f]{64})  (.+)", line)
+            if found and self._inside(found[2]):
                 noted.setdefault(found[2], set()).add(found[1])
         return noted
+
+    def _inside(self, name: str) -> bool:
+        """Whether a name leads to a place in the folder: markers may be made by anybody."""
+        folder = self.path.resolve()
+        return (folder / name).parent.resolve().is_relative_to(folder)
 
     def _note(self, name: str, part: Path) -> None:
         digest = _digest(part)

@@ -110,6 +110,8 @@ def _unit_sobol(n: int, d: int, seed: int) -> np.ndarray:
 
 def table(path: Path) -> Design:
     """The cases of a CSV file: a line of keys, then a line of values for each case."""
+    if path.exists() and not path.is_file():  # a pipe would be waited for
+        raise InvalidScene(f"--cases {path} is no ordinary file; give a CSV file.")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = [line for line in csv.reader(file) if any(cell.strip() for cell in line)]
@@ -176,6 +178,9 @@ def _grid_axis(text: str, number: Number) -> Axis:
     axis = _checked(Axis(key, (), low, high, bool(parts[3:])), text)
     spaced = axis.at(np.linspace(0.0, 1.0, n))
     spaced[[0, -1]] = low, high  # as they are given, not as they are rounded
+    whole = all(part.strip().lstrip("-").isdecimal() for part in parts[:2])
+    if whole and not np.any(spaced % 1.0):  # of keys that count
+        spaced = spaced.astype(int)
     return axis._replace(values=tuple(spaced.tolist()))
 
 
@@ -223,7 +228,9 @@ def _whole(text: str, where: str) -> int:
 def _sample(text: str) -> tuple[str, int]:
     kind, _, n = text.partition(":")
     if kind not in SAMPLES or not (n.isdecimal() and 2 <= int(n) <= MOST_CASES):
-        raise InvalidScene(f"--sample {text} must be lhs:n or sobol:n with n of at least 2.")
+        raise InvalidScene(
+            f"--sample {text} must be lhs:n or sobol:n with n between 2 and {MOST_CASES}."
+        )
     if kind == "sobol" and int(n).bit_count() != 1:
         above = 1 << int(n).bit_length()
         raise InvalidScene(
