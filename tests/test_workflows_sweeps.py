@@ -13,6 +13,7 @@ import pytest
 import beadwave
 import dem
 from beadwave import Cases, InvalidScene
+from workflows.files.run_folder import RunFolder
 from workflows.sweep import sweep as sweeping
 from workflows.sweep import tasks
 from workflows.sweep.cases import base_of
@@ -325,6 +326,29 @@ def test_other_cases_or_another_scene_are_computed_anew(monkeypatch):
     changes = SHORT | {"chain.radius": 0.01}
     three = beadwave.sweep("rig-rigid", changes, cases={"striker.velocity": "0.1,0.3"}, out="out")
     assert three.columns["wall_peak_force_N"][0] < one.columns["wall_peak_force_N"][0]
+
+
+def test_a_case_counts_as_done_once_its_signals_are_there(monkeypatch):
+    """Ended between the two files of a part."""
+    over, written, parts = {"striker.velocity": "0.1,0.2"}, RunFolder.writing, []
+
+    def full(self, name):
+        parts.extend([name] if name.startswith("part-") else [])
+        if len(parts) == 2:
+            raise OSError("no space")
+        return written(self, name)
+
+    with monkeypatch.context() as disk, pytest.raises(OSError, match="no space"):
+        disk.setattr(RunFolder, "writing", full)
+        beadwave.sweep("rig-rigid", SHORT, cases=over, out="out", signals=True)
+    found = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out", signals=True)
+    assert np.abs(found.signals()["v"].values).max(axis=(1, 2)) == pytest.approx([0.1, 0.2])
+
+
+def test_springs_with_units_have_models_of_their_own(counted):
+    Path("two.toml").write_text(TWO)
+    found = beadwave.sweep("two.toml", cases={"joints.bolt.kz": ["1e7 N/m"]}, out="out")
+    assert found.counts() == {"done": 1} and [one.springs for one in counted] == [()]
 
 
 KILLED = """

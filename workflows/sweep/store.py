@@ -73,12 +73,12 @@ class Store:
         """Write rows; they are there complete or not at all."""
         import pyarrow.parquet as pq
 
-        first = min(rows.cases)
-        with self._folder.writing(f"{self._prefix}{first}-{len(rows.cases)}.parquet") as path:
-            pq.write_table(self._arrow(rows), path)
-        if rows.signals:
-            with self._folder.writing(f"{self._prefix}{first}-{len(rows.cases)}.npz") as path:
+        name = f"{self._prefix}{min(rows.cases)}-{len(rows.cases)}"
+        if rows.signals:  # first: a case counts as done by its row
+            with self._folder.writing(f"{name}.npz") as path:
                 np.savez(path, cases=rows.cases, **rows.signals)
+        with self._folder.writing(f"{name}.parquet") as path:
+            pq.write_table(self._arrow(rows), path)
 
     def _arrow(self, rows: Rows) -> Any:
         import pyarrow as pa

@@ -53,8 +53,9 @@ def source_of(looked: Checked, design: Design) -> Source:
     except InvalidScene:
         return Source(own)
     springs = tuple(key.removeprefix("joints.") for key in keys)
-    every = [float(k) for key in keys for k in design.columns[key]]
-    if all(isfinite(k) for k in (*every, *(usual.stiffness(spring) for spring in springs))):
+    every = [k for key in keys for k in design.columns[key]]
+    every += [usual.stiffness(spring) for spring in springs]
+    if all(isinstance(k, int | float) and isfinite(k) for k in every):
         return Source(usual, springs)
     return Source(own)
 
