@@ -312,7 +312,7 @@ def test_a_sweep_that_was_stopped_goes_on(monkeypatch):
     assert sorted(computed) == list(range(8, 20))
     for name, values in whole.columns.items():
         if name not in ("seconds", "status", "message"):
-            assert np.array_equal(values, found.columns[name], equal_nan=True), name
+            np.testing.assert_allclose(found.columns[name], values, 1e-13, 1e-15, err_msg=name)
     assert not list(Path("out").glob("part-*"))
     computed.clear()
     again = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
@@ -392,7 +392,9 @@ def test_processes_leave_the_same_table_though_one_is_killed(monkeypatch):
                 found.update(zip(part.cases, part.columns["wall_peak_force_N"], strict=True))
             if not killed:
                 killed.append(_kill_a_worker())
-    assert [found[i] for i in range(8)] == here.columns["wall_peak_force_N"].tolist()
+    # to the last digits: memory that lies elsewhere may sum in another order
+    expected = here.columns["wall_peak_force_N"]
+    np.testing.assert_allclose([found[i] for i in range(8)], expected, rtol=1e-13)
 
 
 def _kill_a_worker():
