@@ -14,9 +14,10 @@ import pytest
 
 import coupling
 import dem
-from dem.kernels import compiled as kept
+from dem.kernels import kept_code as kept
 from dem.kernels import laws
-from dem.kernels.compiled import CheckedFile, njit
+from dem.kernels.compiled import Compiled, njit
+from dem.kernels.kept_code import CheckedFile
 
 ROOT = Path(dem.__file__).parents[1]
 ROOMS = (*walk_packages(dem.__path__, "dem."), *walk_packages(coupling.__path__, "coupling."))
@@ -51,9 +52,9 @@ def test_damaged_code_is_compiled_again(damage, suffix, tmp_path, monkeypatch, c
     whole = file.read_bytes()
     file.write_bytes(damage(whole))
     again, found = compiled()
-    assert found == 42.0 and sum(again.stats.cache_hits.values()) == 0
+    assert found == 42.0 and sum(again.dispatcher.stats.cache_hits.values()) == 0
     healed, found = compiled()
-    assert found == 42.0 and sum(healed.stats.cache_hits.values()) == 1
+    assert found == 42.0 and sum(healed.dispatcher.stats.cache_hits.values()) == 1
     assert capfd.readouterr() == ("", "")
 
 
@@ -68,12 +69,14 @@ def test_a_folder_that_takes_no_code_costs_the_next_start_only(tmp_path, monkeyp
 
 def compiled_functions():
     named = [value for room in ROOMS for value in vars(import_module(room.name)).values()]
-    return {value for value in named if isinstance(value, numba.core.dispatcher.Dispatcher)}
+    return {value for value in named if isinstance(value, Compiled)}
 
 
 def test_every_compiled_function_of_ours_is_checked():
     assert len(compiled_functions()) > 50
-    assert all(isinstance(f._cache._cache_file, CheckedFile) for f in compiled_functions())
+    assert all(
+        isinstance(f.dispatcher._cache._cache_file, CheckedFile) for f in compiled_functions()
+    )
 
 
 def test_an_inner_function_called_from_python_runs_there():
@@ -86,7 +89,7 @@ def reached(function):
     found = [names[name] for name in code.co_names if name in names]
     modules = [value for value in found if isinstance(value, ModuleType)]
     found += [vars(module).get(name) for module in modules for name in code.co_names]
-    called = [f for f in found if isinstance(f, numba.core.dispatcher.Dispatcher)]
+    called = [f for f in found if isinstance(f, Compiled)]
     return {Path(f.py_func.__code__.co_filename).parent for f in (function, *called)}
 
 

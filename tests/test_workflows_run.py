@@ -125,6 +125,11 @@ def test_an_impact_loads_no_library_that_fits_filters_or_draws(name):
     loads_nothing_of((*ASSEMBLY, *SLOW), "impact", name)
 
 
+def test_an_impact_that_is_kept_compiles_nothing():
+    loads_nothing_of((), "impact", "rig-1dof")
+    loads_nothing_of(("numba", *ASSEMBLY, *SLOW), "impact", "rig-1dof")
+
+
 BAD = {
     "typo": ["--set=chain.cuont=3"],
     "text for a number": ["--set=chain.radius='a'"],

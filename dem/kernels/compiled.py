@@ -1,123 +1,45 @@
-"""`numba.njit` whose kept machine code is checked before it is used, and the ways to compile.
+"""The ways to compile a function. numba, a quarter of a second to import, is loaded by the first
+call: a run whose results are all kept does without."""
 
-Machine code holds what it calls and the constants that it reads, also those of other files, and
-numba looks at the function's own file alone. It is kept in a folder named by all sources that it
-may come from: those beside the function and the kernels here. Each index and each piece of code
-ends in its sha256. What is cut short, empty or changed is as good as absent: it is compiled again
-and written over.
-"""
-
-import pickle
-import shutil
 from collections.abc import Callable
-from contextlib import suppress
-from functools import cache
-from hashlib import sha256
-from pathlib import Path
+from functools import cached_property, update_wrapper
 
-import numba
-from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.registry import CPUDispatcher
-
-LENGTH = sha256().digest_size
 FAST = {"contract", "reassoc", "nsz", "arcp"}
-PREFIX = "code-"
-KEPT = 3  # folders of code: of this state of the sources and of the last ones before
 
 
-@cache
-def fingerprint(folder: Path) -> str:
-    """A digest of the sources of a folder and of the kernels."""
-    read = sha256()
-    for source in sorted({*folder.glob("*.py"), *Path(__file__).parent.glob("*.py")}):
-        content = source.read_bytes()
-        read.update(f"{source.name} {len(content)}\n".encode() + content)
-    return read.hexdigest()
+class Compiled:
+    """A function that numba compiles.
 
+    An inner one is called by compiled ones only, which saves a fifth of the compilation: it has no
+    entry from Python, which runs it uncompiled.
+    """
 
-class CheckedFile(IndexDataCacheFile):
-    """A function's index and code, with their checksums; no trouble with them is the caller's."""
+    def __init__(self, function: Callable, *, inner: bool, **options) -> None:
+        update_wrapper(self, function)
+        self.py_func, self._inner, self._options = function, inner, options
 
-    def save(self, key: object, data: object) -> None:
-        """Keep the code, unless the folder takes none."""
-        with suppress(OSError):
-            folder = Path(self._cache_path)
-            if not folder.is_dir():
-                folder.mkdir(parents=True)
-                _forget_oldest(folder.parent)
-            super().save(key, data)
+    @cached_property
+    def dispatcher(self) -> Callable:
+        """The function as numba has it."""
+        from dem.kernels.kept_code import dispatcher
 
-    def _dump(self, obj):
-        content = super()._dump(obj)
-        return content + sha256(content).digest()  # a pickle ends before it
+        return dispatcher(self.py_func, **self._options)
 
-    def _load_index(self):
-        try:
-            with open(self._index_path, "rb") as index:
-                pickle.load(index)  # the version
-                _require_whole(index.read())
-            return super()._load_index()
-        except Exception:  # what unpickling rubbish raises has no bounds
-            return {}
-
-    def _load_data(self, name):
-        with open(self._data_path(name), "rb") as code:
-            _require_whole(code.read())
-        return super()._load_data(name)
-
-
-def _require_whole(content: bytes) -> None:
-    """Raise OSError, which numba takes for an absent file, where the checksum does not fit."""
-    if sha256(content[:-LENGTH]).digest() != content[-LENGTH:]:
-        raise OSError("damaged")
-
-
-def _forget_oldest(place: Path) -> None:
-    folders = sorted(place.glob(f"{PREFIX}*"), key=lambda folder: folder.stat().st_mtime)
-    for folder in folders[:-KEPT]:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-class CheckedCache(FunctionCache):
-    """The code of a function, in a folder of its sources where numba would keep it."""
-
-    def __init__(self, function: Callable) -> None:
-        super().__init__(function)
-        sources = Path(function.__code__.co_filename).parent
-        self._cache_file = CheckedFile(
-            str(Path(self.cache_path, PREFIX + fingerprint(sources)[:16])),
-            self._impl.filename_base,
-            self._cache_file._source_stamp,
-        )
-
-
-class Inner(CPUDispatcher):
-    """A function without an entry from Python, which runs it uncompiled: numba would jump to 0."""
+    @property
+    def _numba_type_(self):
+        """How numba knows the function where a compiled one calls it."""
+        return self.dispatcher._numba_type_
 
     def __call__(self, *arguments):
         """What the function gives."""
-        return self.py_func(*arguments)
+        return (self.py_func if self._inner else self.dispatcher)(*arguments)
 
 
 def njit(*, inner: bool = False, **options) -> Callable:
-    """A decorator that compiles a function and keeps what was compiled.
-
-    An inner function is one that only compiled ones call: a fifth less to compile.
-    """
+    """A decorator that compiles a function and keeps what was compiled."""
     if inner:
         options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-
-    def compiled(function):
-        dispatcher = numba.njit(**options)(function)
-        if dispatcher is function:  # where NUMBA_DISABLE_JIT is set
-            return function
-        if inner:
-            dispatcher.__class__ = Inner
-        with suppress(RuntimeError):  # no folder takes code: each start compiles anew
-            dispatcher._cache = CheckedCache(function)
-        return dispatcher
-
-    return compiled
+    return lambda function: Compiled(function, inner=inner, **options)
 
 
 # `_nrt=False`: no reference counts, which would cost more than the arithmetic of a short chain;

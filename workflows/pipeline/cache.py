@@ -5,6 +5,7 @@ that others may write into, is not read.
 """
 
 from contextlib import suppress
+from functools import cache
 from hashlib import file_digest
 from logging import ERROR, getLogger
 from os import W_OK, access, environ, geteuid, replace
@@ -49,6 +50,13 @@ class CheckedStore(FileSystemStoreBackend):
             raise OSError(str(error)) from None
 
 
+@cache
+def _make_room(store: CheckedStore) -> None:
+    """Drop the oldest results, once in a process: it looks at all of them."""
+    with suppress(OSError):
+        store.enforce_store_limits(LIMIT)
+
+
 def _digest(path: Path) -> str:
     with path.open("rb") as file:
         return file_digest(file, "sha256").hexdigest()
@@ -68,10 +76,7 @@ def memory() -> Memory | None:
     register_store_backend("checked", CheckedStore)
     if fault():
         return None
-    kept = Memory(_results(), verbose=0, backend="checked")
-    with suppress(OSError):
-        kept.reduce_size(bytes_limit=LIMIT)
-    return kept
+    return Memory(_results(), verbose=0, backend="checked")
 
 
 def fault() -> str | None:

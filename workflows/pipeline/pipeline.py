@@ -10,6 +10,7 @@ finite elements.
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
+from functools import cache
 from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -289,6 +290,7 @@ def library_versions(names: tuple[str, ...]) -> dict[str, str]:
     return {name: found for name in names if (found := _version(name))}
 
 
+@cache
 def _version(name: str) -> str | None:
     try:
         return version(name)

@@ -1,0 +1,98 @@
+"""`numba.njit` whose kept machine code is checked before it is used.
+
+Machine code holds what it calls and the constants that it reads, also those of other files, and
+numba looks at the function's own file alone. It is kept in a folder named by all sources that it
+may come from: those beside the function and the kernels here. Each index and each piece of code
+ends in its sha256. What is cut short, empty or changed is as good as absent: it is compiled again
+and written over.
+"""
+
+import pickle
+import shutil
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+import numba
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+LENGTH = sha256().digest_size
+PREFIX = "code-"
+KEPT = 3  # folders of code: of this state of the sources and of the last ones before
+
+
+@cache
+def fingerprint(folder: Path) -> str:
+    """A digest of the sources of a folder and of the kernels."""
+    read = sha256()
+    for source in sorted({*folder.glob("*.py"), *Path(__file__).parent.glob("*.py")}):
+        content = source.read_bytes()
+        read.update(f"{source.name} {len(content)}\n".encode() + content)
+    return read.hexdigest()
+
+
+class CheckedFile(IndexDataCacheFile):
+    """A function's index and code, with their checksums; no trouble with them is the caller's."""
+
+    def save(self, key: object, data: object) -> None:
+        """Keep the code, unless the folder takes none."""
+        with suppress(OSError):
+            folder = Path(self._cache_path)
+            if not folder.is_dir():
+                folder.mkdir(parents=True)
+                _forget_oldest(folder.parent)
+            super().save(key, data)
+
+    def _dump(self, obj):
+        content = super()._dump(obj)
+        return content + sha256(content).digest()  # a pickle ends before it
+
+    def _load_index(self):
+        try:
+            with open(self._index_path, "rb") as index:
+                pickle.load(index)  # the version
+                _require_whole(index.read())
+            return super()._load_index()
+        except Exception:  # what unpickling rubbish raises has no bounds
+            return {}
+
+    def _load_data(self, name):
+        with open(self._data_path(name), "rb") as code:
+            _require_whole(code.read())
+        return super()._load_data(name)
+
+
+def _require_whole(content: bytes) -> None:
+    """Raise OSError, which numba takes for an absent file, where the checksum does not fit."""
+    if sha256(content[:-LENGTH]).digest() != content[-LENGTH:]:
+        raise OSError("damaged")
+
+
+def _forget_oldest(place: Path) -> None:
+    folders = sorted(place.glob(f"{PREFIX}*"), key=lambda folder: folder.stat().st_mtime)
+    for folder in folders[:-KEPT]:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+class CheckedCache(FunctionCache):
+    """The code of a function, in a folder of its sources where numba would keep it."""
+
+    def __init__(self, function: Callable) -> None:
+        super().__init__(function)
+        sources = Path(function.__code__.co_filename).parent
+        self._cache_file = CheckedFile(
+            str(Path(self.cache_path, PREFIX + fingerprint(sources)[:16])),
+            self._impl.filename_base,
+            self._cache_file._source_stamp,
+        )
+
+
+def dispatcher(function: Callable, **options) -> Callable:
+    """What compiles the function for the arguments that it is called with, and keeps the code."""
+    found = numba.njit(**options)(function)
+    if found is not function:  # as it is where NUMBA_DISABLE_JIT is set
+        with suppress(RuntimeError):  # no folder takes code: each start compiles anew
+            found._cache = CheckedCache(function)
+    return found
