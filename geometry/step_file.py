@@ -24,7 +24,8 @@ REFERENCE = re.compile(r"#(\d+)")
 def check_step(path: Path) -> None:
     """Raises InvalidGeometry for a file that is missing, empty, cut off, or no STEP file."""
     if not path.is_file():
-        raise InvalidGeometry(f"{path} does not exist.")
+        why = "is no ordinary file" if path.exists() else "does not exist"
+        raise InvalidGeometry(f"{path} {why}; give a STEP file.")
     content = path.read_bytes()
     if not content.strip():
         raise InvalidGeometry(f"{path} is empty; export the bodies as STEP again.")

@@ -214,4 +214,4 @@ def test_a_missing_hammer_file_is_told_before_anything_is_loaded(beadwave, monke
     monkeypatch.setattr("workflows.api.tuning.load_scene", None)
     for arguments in (("hammer", "none.csv"), ("tune", "--hammer=none.csv")):
         status, _, err = beadwave(*arguments)
-        assert status == 2 and "no file none.csv" in err
+        assert status == 2 and "none.csv does not exist" in err

@@ -13,7 +13,8 @@ import rom
 from command_line import beadwave
 from coupling.work_precision.rows import Row
 from workflows.assembly.hammer import HammerTest
-from workflows.files.run_folder import MARKER, RunFolder, checked_file, own_folder, writing_file
+from workflows.files.own_folder import own_folder
+from workflows.files.run_folder import MARKER, RunFolder, checked_file, writing_file
 from workflows.files.scene import scene_text
 from workflows.pipeline.run import FILES, IMPACT_FILES
 from workflows.results.report import CAPTIONS
@@ -226,7 +227,7 @@ def test_the_run_that_is_replaced_is_named(capsys):
     assert small("run", "rig-1dof", "--out=out") == 0
     assert "replaced" not in capsys.readouterr().err
     assert small("run", "rig-rigid", "--out=out") == 0
-    assert "replaced: the run of another scene, rig-1dof, in out" in capsys.readouterr().err
+    assert "replaced: what an earlier run of rig-1dof left in out" in capsys.readouterr().err
 
 
 NAMES = ["..", ".", "...", "a/b", "../a", "/tmp/a", ".hidden", "a" * 300, "-x", "", "a\nb"]

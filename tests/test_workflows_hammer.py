@@ -68,7 +68,7 @@ def test_measured_damping_reaches_the_scene_only_when_all_four_are_known(csv):
     ("name", "text", "sentence"),
     [
         ("a.txt", "", "must end in"),
-        ("none.csv", None, "no file"),
+        ("none.csv", None, "does not exist"),
         ("empty.csv", "", "no lines below the header"),
         ("words.csv", "f,re,im\na,b,c\n", "no frequency responses"),
         ("two.csv", "f,re\n1,2\n2,3\n", "2 columns"),

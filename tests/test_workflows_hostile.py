@@ -73,6 +73,29 @@ def test_what_is_no_file_of_a_scene_is_refused_and_not_waited_for(name, tmp_path
 
 
 @pytest.mark.parametrize(
+    ("file", "arguments"),
+    [
+        ("p.step", ["look", "p.step"]),
+        ("p.csv", ["hammer", "p.csv"]),
+        ("p.uff", ["hammer", "p.uff"]),
+        ("p.csv", ["tune", "--hammer=p.csv"]),
+        ("p.npz", ["impact", "rig-1dof", "--rom=p.npz"]),
+        ("p.mtx", ["impact", "rig-1dof", "--rom=p.mtx"]),
+        ("p.mat", ["calibrate", "rig-1dof", "p.mat"]),
+        ("p.msh", ["modes", "rig-rom", "--set=mesh={file='p.msh'}"]),
+        ("p.csv", ["sweep", "rig-1dof", "--cases=p.csv"]),
+        ("cases.parquet", ["sweep", "--open=."]),
+        ("summary.json", ["report", "."]),
+        ("summary.json", ["film", "."]),
+    ],
+)
+def test_a_pipe_is_called_what_it_is_and_not_waited_for(file, arguments, capfd):
+    os.mkfifo(file)
+    said = refused(capfd, *arguments)
+    assert file in said and "no ordinary file" in said
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["study", "joints", "rig-1dof"], "has no [assembly]"),
@@ -81,8 +104,12 @@ def test_what_is_no_file_of_a_scene_is_refused_and_not_waited_for(name, tmp_path
         (["accuracy", "free-chain", "--stage=wall-modes"], "has no [wall]"),
         (["impact", "rig-1dof", "--rom=" + "n" * 300 + ".npz"], "too long"),
         (["run", "--nope"], "No such option"),
-        (["tune", "--match="], "must name modes 1 to 4"),
-        (["tune", "--match=1", "--free="], "is not known"),
+        (["tune", "--match=,"], "must name modes 1 to 4"),
+        (["tune", "--match="], "the word after --match= is empty"),
+        (["tune", "--match=1", "--free=,"], "is not known"),
+        (["run", "rig-1dof", "--out", ""], "after --out is empty"),
+        (["impact", "rig-1dof", "--out=", "--quiet"], "after --out= is empty"),
+        (["impact", ""], "after impact is empty"),
         (["twin", "--runs=-1"], "--runs -1 must be between 0 and 100000"),
         (["twin", "--repeats=" + "9" * 400], "--repeats a number of more than 20 digits"),
         (["twin", "--seed=" + "9" * 400], "--seed a number of more than 20 digits"),

@@ -137,7 +137,7 @@ def test_files_that_are_no_mesh_of_bodies_are_refused(meshes, capsys):
     tet = np.eye(4, 3), [("tetra", np.array([[0, 1, 2, 3]]))]
     meshio.Mesh(*tet).write("unnamed.inp")
     for file, told in (
-        ("none.msh", "there is no such file"),
+        ("none.msh", "none.msh does not exist"),
         ("cut.msh", "cut off before $EndElements"),
         ("text.msh", "does not begin with $MeshFormat"),
         ("unnamed.inp", "has no named volumes; name each body"),

@@ -177,7 +177,7 @@ def test_files_without_the_shape_are_refused_in_a_sentence(known, sets, told):
 def test_what_is_no_universal_file_is_refused_in_a_sentence():
     for name, content, told in (
         ("shapes.csv", "1,2", r"must end in \.uff or \.unv"),
-        ("none.uff", None, "no file"),
+        ("none.uff", None, "does not exist"),
         ("shapes.uff", "    -1\n    55\n", "holds no shape that can be read"),
         ("shapes.uff", "nothing", "holds no shape that can be read"),
     ):

@@ -328,6 +328,29 @@ def test_other_cases_or_another_scene_are_computed_anew(monkeypatch):
     assert three.columns["wall_peak_force_N"][0] < one.columns["wall_peak_force_N"][0]
 
 
+def test_other_cases_of_a_scene_get_a_folder_of_their_own():
+    first, other = {"striker.velocity": "0.1,0.2"}, {"striker.velocity": "0.1,0.3"}
+    one = beadwave.sweep("rig-rigid", SHORT, cases=first)
+    before = (one.folder / "cases.parquet").read_bytes()
+    two = beadwave.sweep("rig-rigid", SHORT, cases=other)
+    assert (one.notes, one.folder.name) == ((), "rig-rigid")
+    assert (
+        two.folder.name == "rig-rigid-2" and (one.folder / "cases.parquet").read_bytes() == before
+    )
+    assert two.notes == (f"{one.folder} is left as it is: it holds another run",)
+    assert beadwave.sweep("rig-rigid", SHORT, cases=first).folder == one.folder
+
+
+@pytest.mark.parametrize("command", ["sweep", "run", "impact"])
+def test_what_takes_the_place_of_a_sweep_says_so(command):
+    swept = {"striker.velocity": "0.1,0.2"}
+    assert beadwave.sweep("rig-rigid", SHORT, cases=swept, out="out").notes == ()
+    assert beadwave.sweep("rig-rigid", SHORT, cases=swept, out="out").notes == ()
+    more = {"cases": {"preload.force": "1,2"}} if command == "sweep" else {}
+    found = getattr(beadwave, command)("rig-rigid", SHORT, **more, out="out")
+    assert found.notes == ("replaced: what an earlier run of rig-rigid left in out",)
+
+
 def test_a_case_counts_as_done_once_its_signals_are_there(monkeypatch):
     """Ended between the two files of a part."""
     over, written, parts = {"striker.velocity": "0.1,0.2"}, RunFolder.writing, []
@@ -478,7 +501,7 @@ def test_a_table_is_read_by_others(tmp_path):
     frame = pandas.read_parquet("out/cases.parquet")
     assert frame["striker.velocity"].tolist() == [0.1, 0.2]
     assert beadwave.load_sweep("out").data()["status"].tolist() == ["done", "done"]
-    with pytest.raises(InvalidScene, match=r"holds no cases\.parquet"):
+    with pytest.raises(InvalidScene, match=r"cases\.parquet does not exist"):
         beadwave.load_sweep(tmp_path / "nothing")
     Path("out/cases.parquet").write_bytes(b"PAR1 rubbish PAR1")
     with pytest.raises(InvalidScene, match="is no table of a sweep"):

@@ -82,7 +82,7 @@ def drop(lines):
     ("name", "text", "sentence"),
     [
         ("a.txt", "", "must end in"),
-        ("none.csv", None, "no file"),
+        ("none.csv", None, "does not exist"),
         ("empty.csv", "", "no samples"),
         ("unit.csv", csv(head="time [s],sphere 1 [km/h],sphere 4 [m/s]"), "unit of sphere 1"),
         ("nounit.csv", csv(head="time,sphere 1 [m/s],sphere 4 [m/s]"), "the first column"),

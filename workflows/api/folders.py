@@ -1,11 +1,10 @@
-"""Folders for pictures and files that are read, looked at before anything is computed."""
+"""Folders for pictures, looked at before anything is computed."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from workflows.files.run_folder import RunFolder
-from workflows.scene import InvalidScene
 
 
 def picture_folder(
@@ -17,10 +16,3 @@ def picture_folder(
     folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite)
     folder.require(*(f"figures/{name}.png" for name in names))
     return folder
-
-
-def require_file(path: str | Path) -> Path:
-    """The path; raises InvalidScene where there is no such file."""
-    if not Path(path).is_file():
-        raise InvalidScene(f"no file {path}; give the path of one that exists.")
-    return Path(path)

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from workflows.api.folders import picture_folder, require_file
+from workflows.api.folders import picture_folder
 from workflows.api.progress import Progress, quiet
+from workflows.files.hammer import HAMMER
 from workflows.files.run_folder import Picture, write_pictures
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
+from workflows.scene.existing import require_file
 from workflows.scene.parts import with_assembly
 
 if TYPE_CHECKING:
@@ -47,7 +49,7 @@ def hammer(
     ... on each line. The resonances are paired with the measured modes of `scene`. `out` is a
     folder for the picture. Needs the extra `identify`. Raises InvalidScene for bad input.
     """
-    path = require_file(file)
+    path = require_file(file, HAMMER)
     chosen = with_assembly(load_scene(scene, changes))
     inputs = (*files_read(chosen, scene), path)
     folder = picture_folder(out, inputs, overwrite, "hammer")

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflows.api.progress import Progress, quiet
-from workflows.files.run_folder import Picture, RunFolder, other_scene, own_folder, picture_named
+from workflows.files.own_folder import Place, given, place
+from workflows.files.run_folder import Picture, RunFolder, picture_named
 from workflows.files.scene import Changes, Source, each, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.results.provenance import origin
@@ -101,9 +102,8 @@ def run(
     from workflows.pipeline.pipeline import pipeline_of  # a scene that is refused loads no solver
     from workflows.pipeline.run import run as run_stages
 
-    path = Path(out) if out else own_folder(RUNS, chosen.name, toml(chosen))
+    path, notes = place(out, RUNS, chosen.name, toml(chosen))
     folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
-    notes = _replaced(path, chosen) if out else _beside(path, chosen)
     asked = origin("run", chosen, scene, changes)
     summary = run_stages(pipeline_of(chosen, progress), folder, origin=asked)
     return _in_folder(chosen, summary, path, notes)
@@ -131,11 +131,11 @@ def impact(
     from workflows.pipeline.run import impact as run_impact
 
     inputs = files_read(chosen, scene)
-    folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite) if out else None
-    notes = _replaced(Path(out), chosen) if out else ()
+    path, notes = given(Path(out), toml(chosen)) if out else Place(None)
+    folder = RunFolder(path, inputs=inputs, overwrite=overwrite) if path else None
     pipeline = pipeline_of(chosen, progress)
     summary = run_impact(pipeline, folder, origin=origin("impact", chosen, scene, changes))
-    return _in_memory(pipeline, summary, folder and folder.path, notes)
+    return _in_memory(pipeline, summary, path, notes)
 
 
 def load(folder: str | Path) -> Run:
@@ -174,18 +174,6 @@ def _in_memory(pipeline: Pipeline, summary: Summary, path: Path | None, notes) -
         return arrays(pipeline("impact").trajectory, pipeline("wall"))
 
     return Run(pipeline.scene, summary, path, notes, read, lambda: pipeline("figures"))
-
-
-def _replaced(path: Path, chosen: Scene) -> tuple[str, ...]:
-    """What a run takes the place of."""
-    other = other_scene(path, toml(chosen))
-    return (f"replaced: the run of another scene, {other}, in {path}",) if other else ()
-
-
-def _beside(path: Path, chosen: Scene) -> tuple[str, ...]:
-    """Why a run is not where its name says."""
-    usual = RUNS / chosen.name
-    return (f"{usual} is left as it is: it holds another scene",) if path != usual else ()
 
 
 def _file_of(rom: str | Path | ReducedModel) -> Path:

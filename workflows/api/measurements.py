@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workflows.api.folders import require_file
 from workflows.api.progress import Progress, quiet
 from workflows.files.run_folder import Picture, RunFolder, picture_named
 from workflows.files.scene import Changes, Source, files_read
@@ -81,7 +80,7 @@ def calibrate(
     InvalidScene for bad input, and for data that cannot be what it says.
     """
     _require_possible(posterior, asked)
-    file = require_file(data)
+    file = Path(data)
     from workflows.calibration.calibrate import calibrated
     from workflows.calibration.folder import FILES, write
     from workflows.files.velocities import record

@@ -7,7 +7,8 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from workflows.files.run_folder import RunFolder, own_folder
+from workflows.files.own_folder import place
+from workflows.files.run_folder import RunFolder
 from workflows.files.scene import Changes, Source, files_read
 from workflows.scene import InvalidScene
 from workflows.scene.toml import toml
@@ -68,13 +69,13 @@ def sweep(
     design = _design(base, cases)
     require_keys(base, design, signals)
     chosen = base.with_values({})
-    text = toml(chosen)
-    path = Path(out) if out else own_folder(SWEEPS, chosen.name, text)
+    text = f"{toml(chosen)}\n# swept: {design.n_cases} cases, {design.digest}\n"
+    path, notes = place(out, SWEEPS, chosen.name, text)
     read = (*files_read(chosen, scene), *([Path(cases.table)] if cases.table else []))
     folder = RunFolder(path, inputs=read, overwrite=overwrite)
     with folder.run(text, FILES), _engine(on) as engine:
         compute(base, design, folder, engine, signals=signals, told=told)
-        found = opened(path)
+        found = opened(path, notes)
         _require_one(found)
         for picture in found.pictures():
             folder.write(f"figures/{picture.name}.png", picture.png)

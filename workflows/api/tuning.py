@@ -9,12 +9,13 @@ from pathlib import Path
 from re import sub
 from typing import TYPE_CHECKING
 
-from workflows.api.folders import require_file
 from workflows.api.progress import Progress, quiet
+from workflows.files.hammer import HAMMER
 from workflows.files.run_folder import checked_file
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
+from workflows.scene.existing import require_file
 from workflows.scene.parts import with_assembly, with_targets
 from workflows.scene.scene import LONGEST_NAME
 
@@ -59,7 +60,7 @@ def tune(
     nothing is written. Raises InvalidScene for bad input.
     """
     if hammer:
-        require_file(hammer)
+        require_file(hammer, HAMMER)
     chosen = with_assembly(load_scene(scene, changes))
     measured_hz = with_targets(chosen).measured_hz
     from workflows.assembly.tuning import targets, tuned, write_scene

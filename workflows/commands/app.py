@@ -8,8 +8,10 @@ import sys
 from collections.abc import Callable
 from errno import EDQUOT, EFBIG, ENAMETOOLONG, ENOSPC
 from functools import wraps
+from itertools import pairwise
 from os import environ
 from pathlib import Path
+from re import fullmatch
 from typing import Annotated
 
 import typer
@@ -31,7 +33,7 @@ from workflows.commands.options import (
 from workflows.commands.signals import Stopped, stopped_by
 from workflows.commands.studies import accuracy, run_study, stability
 from workflows.commands.sweeps import sweep
-from workflows.commands.terminal import StageProgress, noted, printed, shown, told, written
+from workflows.commands.terminal import StageProgress, noted, printed, shown, told, warned, written
 
 INTERRUPTED = 130
 LONGEST = 200  # characters of a path in a sentence
@@ -79,13 +81,8 @@ def run(
             scene, changes or (), out=out, overwrite=overwrite, progress=progress.stage
         )
     printed(done.summary, json, quiet, verbose)
-    _warn(done.notes)
+    warned(done.notes)
     noted(f"written: {done.folder}/report.html", json=json, quiet=quiet)
-
-
-def _warn(notes: tuple[str, ...]) -> None:
-    for note in notes:
-        print(note, file=sys.stderr)
 
 
 def impact(
@@ -110,7 +107,7 @@ def impact(
             scene, changes or (), rom=rom, out=out, overwrite=overwrite, progress=progress.stage
         )
     printed(done.summary, json, quiet, verbose)
-    _warn(done.notes)
+    warned(done.notes)
     if out:
         noted(f"written: {out}/trajectory.npz", json=json, quiet=quiet)
 
@@ -225,8 +222,21 @@ def main() -> None:
     sys.exit(_status(app))
 
 
+def _require_values(words: list[str]) -> None:
+    """Raise InvalidScene for an empty word: a shell's variable that is not set; a folder of no name
+    would be this one."""
+    for before, word in pairwise(["beadwave", *words]):
+        if not word or fullmatch("--[a-z-]+=", word):
+            from workflows.scene import InvalidScene
+
+            raise InvalidScene(
+                f"the word after {word or before} is empty; fill it or leave it out."
+            )
+
+
 def _status(command) -> int:
     try:
+        _require_values(sys.argv[1:])
         status = command(standalone_mode=False) or 0  # typer turns Ctrl-C into a silent 130
     except (KeyboardInterrupt, typer.Abort):
         status = INTERRUPTED

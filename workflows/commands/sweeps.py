@@ -13,7 +13,7 @@ from workflows.commands.options import (
     dotted_keys,
     json_of,
 )
-from workflows.commands.terminal import StageProgress, noted, told
+from workflows.commands.terminal import StageProgress, noted, told, warned
 
 Over = Annotated[
     list[str] | None,
@@ -88,6 +88,7 @@ def sweep(
                 signals=signals, overwrite=overwrite, told=done,
             )  # fmt: skip
     told(found.record(), found.text(), json, quiet)
+    warned(found.notes)
     noted(f"written: {found.folder}/cases.parquet", json=json, quiet=quiet)
 
 

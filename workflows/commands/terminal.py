@@ -111,6 +111,12 @@ def shown(found, json: bool, quiet: bool = False) -> None:
         print(found.model_dump_json(indent=2) if json else found.text())
 
 
+def warned(notes: Iterable[str]) -> None:
+    """Sentences on stderr that a user is to see, whatever is printed."""
+    for note in notes:
+        print(note, file=sys.stderr)
+
+
 def noted(*lines: str, json: bool = False, quiet: bool = False) -> None:
     """Lines after a result, for a person alone."""
     for line in lines if not (json or quiet) else ():

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from workflows.files.run_folder import checked_file, writing_file
 from workflows.files.uff import data_sets, pyuff
 from workflows.scene import InvalidScene
+from workflows.scene.existing import require_file
 
 RESPONSE = 4  # UFF58's function type of a frequency response
+HAMMER = "give a hammer test as .csv or .uff"
 MOST = 1e60  # in size of a frequency or a response
 SYNTHETIC = "SYNTHETIC: computed, not measured"
 
@@ -32,8 +34,7 @@ def responses(path: Path) -> Responses:
     read = {".csv": _csv, ".uff": _uff, ".unv": _uff}.get(path.suffix.lower())
     if read is None:
         raise InvalidScene(f"{path} must end in .csv, .uff or .unv.")
-    if not path.is_file():
-        raise InvalidScene(f"no file {path}; give a hammer test as .csv or .uff.")
+    require_file(path, HAMMER)
     try:
         return _finite(read(path))
     except (ValueError, KeyError, IndexError, UnicodeDecodeError) as error:

@@ -18,6 +18,7 @@ import geometry
 from geometry import Assembly, CellGroup, Interface
 from workflows.files.foreign import Unreadable, arrays
 from workflows.scene import InvalidScene, nearest
+from workflows.scene.existing import require_file
 
 KINDS = {4: MeshTet, 8: MeshHex}  # by the corners of a cell
 CELLS = {4: "tetrahedra", 5: "pyramids", 6: "prisms", 8: "hexahedra"}
@@ -58,8 +59,7 @@ def volumes_of(path: Path) -> dict[str, Mesh]:
 
 def _read(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
     """Points and named cells; raises InvalidScene for what is no mesh."""
-    if not path.is_file():
-        raise InvalidScene(f"mesh {str(path)!r}: there is no such file.")
+    require_file(path, "give a mesh that gmsh or meshio read", key="mesh: ")
     try:
         found = arrays("mesh", path)
     except Unreadable as error:

@@ -10,13 +10,11 @@ from contextlib import contextmanager
 from errno import ENOLCK, ENOSYS, ENOTSUP
 from fcntl import LOCK_EX, LOCK_NB, flock
 from hashlib import file_digest
-from itertools import count
 from os import O_CREAT, O_RDWR, W_OK, access, close, getpid, kill, replace
 from os import open as open_file
 from os.path import exists, isdir, isfile, lexists
 from pathlib import Path
 from re import escape, fullmatch, match
-from tomllib import TOMLDecodeError, loads
 from typing import NamedTuple
 
 from workflows.scene import InvalidScene, nearest
@@ -235,32 +233,6 @@ def _unfit(folder: Path) -> str | None:
     if not isdir(there):
         return f"{there} is no folder"
     return None if access(there, W_OK) else f"{there} is read-only"
-
-
-def own_folder(parent: Path, name: str, scene_toml: str) -> Path:
-    """NAME in the parent, or the first of NAME-2, NAME-3, ... that no other scene's files fill."""
-    numbered = (parent / (name if n == 1 else f"{name}-{n}") for n in count(1))
-    return next(path for path in numbered if _takes(path, scene_toml))
-
-
-def _takes(path: Path, scene_toml: str) -> bool:
-    """Whether the folder is absent, or ours with this very scene, or with none yet."""
-    if not lexists(path):
-        return True
-    scene = path / "scene.toml"
-    ours = isfile(path / MARKER) or (isdir(path) and not any(path.iterdir()))
-    return ours and (_text(scene) == scene_toml or not lexists(scene))
-
-
-def other_scene(path: Path, scene_toml: str) -> str | None:
-    """The name of another scene, a run of which fills the folder."""
-    held = _text(path / "scene.toml") if isfile(path / MARKER) else None
-    if held is None or held == scene_toml:
-        return None
-    try:
-        return str(loads(held).get("name", "unknown"))
-    except TOMLDecodeError:
-        return "unknown"
 
 
 def _digest(path: Path) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from workflows.scene import InvalidScene, RomWall, Scene, nearest
+from workflows.scene.existing import require_file
 from workflows.scene.toml import Change, changed, parsed, resolved
 
 # values by dotted keys, or texts "key=value" as --set takes them
@@ -47,8 +48,8 @@ def _file_text(name: str, scenes: dict[str, str]) -> str:
     path = Path(name)
     if path.is_dir() and (path / "scene.toml").is_file():
         raise InvalidScene(f"{name} is a run folder; give its {path / 'scene.toml'}.")
-    if path.exists() and not path.is_file():  # a pipe would be waited for, a device has no end
-        raise InvalidScene(f"{name} is no ordinary file; give a TOML file or a built-in scene.")
+    if path.exists():
+        require_file(name, "give a TOML file or a built-in scene")
     try:
         _require_readable(name, path.stat().st_size)
         return path.read_text(encoding="utf-8-sig")  # some editors put a byte order mark

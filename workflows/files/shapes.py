@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from workflows.files.foreign import Unreadable
 from workflows.files.uff import data_sets
 from workflows.scene import InvalidScene
+from workflows.scene.existing import require_file
 
 ENDINGS = (".uff", ".unv")
 POINTS, UNITS, SHAPE, RESPONSE = (15, 2411), 164, 55, 58
@@ -46,8 +47,7 @@ def measured_shape(path: Path, hz: float) -> MeasuredShape:
     """The shape of the mode at `hz`; raises InvalidScene where the file has none."""
     if path.suffix.lower() not in ENDINGS:
         raise InvalidScene(f"shape = {str(path)!r} must end in {' or '.join(ENDINGS)}.")
-    if not path.is_file():
-        raise InvalidScene(f"shape: no file {path}; give measured shapes as .uff.")
+    require_file(path, "give measured shapes as .uff", key="shape: ")
     try:
         return _shape(_sets(path, path.stat().st_mtime_ns), hz)
     except (Unreadable, ValueError, KeyError, TypeError, IndexError) as error:

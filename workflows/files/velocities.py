@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from workflows.files.foreign import arrays
 from workflows.files.uff import data_sets
 from workflows.scene import InvalidScene
+from workflows.scene.existing import require_file
 
 SYNTHETIC = "SYNTHETIC: computed, not measured"
 TIME_RESPONSE = 1  # UFF58's function type
@@ -43,8 +44,7 @@ def record(path: Path) -> Record:
     read = {".csv": _csv, ".mat": _mat, ".uff": _uff, ".unv": _uff}.get(path.suffix.lower())
     if read is None:
         raise InvalidScene(f"{path} must end in .csv, .mat, .uff or .unv.")
-    if not path.is_file():
-        raise InvalidScene(f"no file {path}; give measured velocities as .csv, .mat or .uff.")
+    require_file(path, "give measured velocities as .csv, .mat or .uff")
     try:
         t, columns, title = read(path)
         return _stacked(_equidistant(t), columns, title)

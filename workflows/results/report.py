@@ -22,6 +22,7 @@ from workflows.results.numbers import difference, grouped, percent, share_percen
 from workflows.results.page_data import page_data
 from workflows.results.summary import Summary
 from workflows.scene import InvalidScene, Scene
+from workflows.scene.existing import unfit
 
 CAPTIONS = {
     "velocities": "Velocities of the observed spheres, positive towards the wall; i marks the "
@@ -68,12 +69,12 @@ def page(folder: Path, summary: Summary) -> str:
 def require_summary(folder: Path) -> Summary:
     """The summary of a run folder; raises InvalidScene where there is none."""
     path = folder / "summary.json"
+    if why := unfit(path):
+        raise InvalidScene(
+            f"{folder} is no finished run folder: {path.name} {why}; run the scene first."
+        )
     try:
         return Summary.model_validate_json(path.read_text(encoding="utf-8"))
-    except OSError:
-        raise InvalidScene(
-            f"{folder} is no finished run folder: {path.name} is missing; run the scene first."
-        ) from None
     except (ValidationError, UnicodeDecodeError):
         raise InvalidScene(
             f"{path} is not a summary of this program; run the scene again."

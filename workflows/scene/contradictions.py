@@ -4,6 +4,7 @@ from math import isinf
 from pathlib import Path
 
 from workflows.scene import DashpotWall, ModalDamping, RayleighDamping, RomWall, Scene
+from workflows.scene.existing import unfit
 from workflows.scene.size import too_large
 from workflows.scene.structure import of_bodies, of_the_rig
 
@@ -48,8 +49,8 @@ def _missing_parts(scene: Scene):
         yield "[wall] needs a [chain] that hits it; add one or drop [wall]."
     if isinstance(wall, RomWall) and wall.file is None and scene.assembly is None:
         yield 'wall.kind = "rom" needs [assembly] or wall.file; add one of them.'
-    if isinstance(wall, RomWall) and wall.file and not Path(wall.file).is_file():
-        yield f"wall.file = {wall.file!r} does not exist; give a .npz, .mat, .h5 or .mtx."
+    if isinstance(wall, RomWall) and wall.file and (why := unfit(Path(wall.file))):
+        yield f"wall.file = {wall.file!r} {why}; give a .npz, .mat, .h5 or .mtx."
     if chain and wall is None and chain.count < 2:
         yield "chain.count = 1 must be at least 2 without a wall; add spheres or [wall]."
     if chain and wall is None and scene.preload and scene.preload.force > 0:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflows.scene import InvalidScene
+from workflows.scene.existing import require_file
 
 MOST_CASES = 10_000_000  # rows of a table that a laptop still holds
 SAMPLES = ("lhs", "sobol")
@@ -110,8 +111,7 @@ def _unit_sobol(n: int, d: int, seed: int) -> np.ndarray:
 
 def table(path: Path) -> Design:
     """The cases of a CSV file: a line of keys, then a line of values for each case."""
-    if path.exists() and not path.is_file():  # a pipe would be waited for
-        raise InvalidScene(f"--cases {path} is no ordinary file; give a CSV file.")
+    require_file(path, "give a CSV file", key="--cases ")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = [line for line in csv.reader(file) if any(cell.strip() for cell in line)]

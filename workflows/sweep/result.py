@@ -12,6 +12,7 @@ from workflows.files.run_folder import Picture
 from workflows.results import tables
 from workflows.results.tables import Table
 from workflows.scene import InvalidScene, nearest
+from workflows.scene.existing import unfit
 from workflows.sweep.design import Design
 from workflows.sweep.effects import Effects, effects_table, sobol_effects
 from workflows.sweep.rows import DONE, TEXT
@@ -29,10 +30,11 @@ class Sweep:
     columns   the table's columns by name, keys first; (n_cases,) arrays
     units     of keys, where they have one
     folder    where cases.parquet is
+    notes     what the user is to know of the folder, in sentences
     """
 
-    def __init__(self, folder: Path, table: Any) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, table: Any, notes: tuple[str, ...] = ()) -> None:
+        self.folder, self.notes = folder, notes
         about = loads(table.schema.metadata[ABOUT])
         self.columns = {name: _array(table[name]) for name in table.column_names}
         keys = {key: tuple(self.columns[key].tolist()) for key in about["keys"]}
@@ -146,20 +148,20 @@ def _known(name: str, names: tuple[str, ...], what: str) -> None:
         raise InvalidScene(f"{what} {name!r} is not in the sweep; {nearest(name, names)}.")
 
 
-def opened(folder: str | Path) -> Sweep:
+def opened(folder: str | Path, notes: tuple[str, ...] = ()) -> Sweep:
     """A sweep's folder; raises InvalidScene where it holds no table of ours."""
     path = Path(folder) / TABLE
+    if why := unfit(path):
+        raise InvalidScene(f"{path} {why}; give the folder of a sweep.")
     try:
         import pyarrow.parquet as pq
 
         table = pq.read_table(path)
-        return Sweep(Path(folder), table)
+        return Sweep(Path(folder), table, notes)
     except ImportError as missing:
         raise InvalidScene(
             f"{path} is read by {missing.name}, which is not installed; ./install.sh sweep."
         ) from None
-    except FileNotFoundError:
-        raise InvalidScene(f"{folder} holds no {TABLE}; give the folder of a sweep.") from None
     except (OSError, ValueError, KeyError, TypeError) as reason:
         said = str(reason).splitlines()[0]
         raise InvalidScene(f"{path} is no table of a sweep ({said}); sweep again.") from None
