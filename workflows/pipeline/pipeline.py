@@ -75,6 +75,14 @@ def _wall_reads(scene: Scene) -> Any:
     return {**tables, "content": _content(file)}
 
 
+def _observed(scene: Scene) -> Any:
+    return [scene.output.spheres, scene.output.samples]
+
+
+def _marched(scene: Scene) -> Any:
+    return [tables_of("time")(scene), _observed(scene)]
+
+
 def _targets(scene: Scene) -> Any:
     files = {target.shape for target in scene.targets or ()}
     return [tables_of("targets")(scene), sorted(map(str, map(_content, files)))]
@@ -134,19 +142,18 @@ ASSEMBLY = {
 
 IMPACT = {
     "start": Stage(".chain:start", tables_of(*START), (), listed=False),
-    "impact": Stage(
-        ".impact:impact", tables_of("time", "output"), ("start", "wall"), after=("compilation",)
-    ),
-    "reduction-error": Stage(
-        ".errors:reduction_error", tables_of("time", "output"), ("start", "reduction", "impact")
-    ),
+    "impact": Stage(".impact:impact", _marched, ("start", "wall"), after=("compilation",)),
+    "reduction-error": Stage(".errors:reduction_error", _marched, ("start", "reduction", "impact")),
     "mesh-error": Stage(
         ".errors:mesh_error",
-        tables_of("damping", "time", "output"),
+        lambda scene: [_marched(scene), tables_of("damping")(scene)],
         ("start", "coarse-reduction", "impact"),
     ),
-    "waves": Stage(".waves:waves", tables_of("output"), ("start", "impact")),
-    "figures": Stage(".figures:of_chain", tables_of("output"), ("impact", "waves")),
+    "waves": Stage(".waves:waves", _observed, ("start", "impact")),
+    "figures": Stage(".figures:of_chain", _observed, ("impact", "waves")),
+    "record": Stage(
+        ".signals:record", tables_of("output"), ("impact", "waves"), kept=False, listed=False
+    ),
 }
 
 

@@ -24,7 +24,7 @@ from workflows.results.report import CAPTIONS, write_report
 from workflows.results.summary import ErrorEstimate, StageTime, Summary
 from workflows.scene.toml import toml
 
-IMPACT_FILES = ("summary.json", "trajectory.npz")
+IMPACT_FILES = ("summary.json", "trajectory.npz", "signals.csv")
 FILES = (
     *IMPACT_FILES,
     "report.html",
@@ -93,6 +93,10 @@ def _write_trajectory(pipeline: Pipeline, folder: RunFolder) -> None:
     trajectory = pipeline("impact").trajectory
     with folder.writing("trajectory.npz") as path:
         save_trajectory(path, trajectory, pipeline("wall"))
+    if pipeline.scene.output.sensors:
+        from workflows.pipeline.signals import csv_text  # scipy's filters, a second
+
+        folder.write("signals.csv", csv_text(pipeline.scene, pipeline("record")))
 
 
 def summary_of(pipeline: Pipeline, told: tuple[str, ...] = (), origin: Origin = UNKNOWN) -> Summary:
@@ -132,6 +136,10 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
         "waves": {str(s): sphere_waves(found, run.t, run.v[:, s - 1], s) for s in found.labels},
         "wall_contact": chain_contact(scene, found),
     }
+    if scene.output.sensors:
+        from workflows.pipeline.signals import sensor_waves
+
+        numbers["sensors"] = sensor_waves(scene, pipeline("record"))
     if wall is None:
         return numbers
     if getattr(scene.wall, "prune", False):

@@ -1,7 +1,7 @@
 """A summary's numbers as a person reads them: label, value with unit, what it is."""
 
 from workflows.results.numbers import GLUE, NONE, digits, grouped, percent, si
-from workflows.results.summary import ReductionHealth, SphereWaves, Summary
+from workflows.results.summary import ReductionHealth, SensorWaves, SphereWaves, Summary
 
 STEPS = {"time step": "time", "reduction": "reduction", "mesh": "mesh"}
 SECONDS = {  # whose stages stand behind which error
@@ -18,6 +18,7 @@ def headline(summary: Summary) -> list[tuple[str, str]]:
     if hz:
         found.append(("measured modes, computed", f"{' / '.join(digits(f, 4) for f in hz)} Hz"))
     found += [(f"waves at sphere {s}", arrivals(waves)) for s, waves in summary.waves.items()]
+    found += [(name, sensed(one)) for name, one in summary.sensors.items()]
     if contact:
         found += [
             ("time of flight TOF", si(contact.tof_s, "s")),
@@ -36,6 +37,14 @@ def arrivals(waves: SphereWaves) -> str:
         for wave in waves.arrivals
     ]
     return ", ".join(one.replace(" ", GLUE) for one in told) or "none"
+
+
+def sensed(signal: SensorWaves) -> str:
+    """A sensor's signal in a line."""
+    told = [f"up to {si(signal.largest, signal.unit)}"]
+    if signal.tof_s is not None:
+        told += [f"TOF {si(signal.tof_s, 's')}", f"ARR {percent(signal.arr)}"]
+    return ", ".join(one.replace(" ", GLUE) for one in told)
 
 
 def _errors(summary: Summary) -> str:

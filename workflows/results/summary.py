@@ -36,6 +36,26 @@ class SphereWaves(BaseModel):
     arr: float | None
 
 
+class SensedArrival(BaseModel):
+    """A wave in a sensor's signal: its crest, of a force-rate that of the force [V s], [N], of a
+    displacement that of the velocity [V/s], [m/s]."""
+
+    name: str
+    time_s: float
+    height: float
+
+
+class SensorWaves(BaseModel):
+    """A sensor's signal: its unit, largest value, waves; between the incident and the first
+    reflected one the time, and the ratio of their heights."""
+
+    unit: str
+    largest: float
+    arrivals: tuple[SensedArrival, ...]
+    tof_s: float | None
+    arr: float | None
+
+
 class TrackedWave(BaseModel):
     """A wave from one contact to another; contact i is that of the spheres i and i + 1."""
 
@@ -150,6 +170,7 @@ class Summary(BaseModel):
     energy_error: float | None = None
     error_estimate: ErrorEstimate = ErrorEstimate()
     waves: dict[str, SphereWaves] = {}
+    sensors: dict[str, SensorWaves] = {}
     wall_contact: ChainContact | None = None
     reduction: ReductionHealth | None = None
     verdict: tuple[str, ...] = ()

@@ -1,6 +1,7 @@
 """What a run is made of: tables of keys, read from TOML, checked before anything is computed."""
 
 from workflows.scene.scene import Scene
+from workflows.scene.sensors import Instrument, Output, Sensor
 from workflows.scene.tables import (
     Contact,
     Damping,
@@ -14,7 +15,6 @@ from workflows.scene.tables import (
     ModalDamping,
     NoDamping,
     OneDofWall,
-    Output,
     Patch,
     Positive,
     Preload,
@@ -32,6 +32,7 @@ __all__ = [
     "Damping",
     "DashpotWall",
     "HalfSpaceWall",
+    "Instrument",
     "InvalidScene",
     "JointStiffnesses",
     "Joints",
@@ -49,6 +50,7 @@ __all__ = [
     "RigidWall",
     "RomWall",
     "Scene",
+    "Sensor",
     "Table",
     "Time",
     "nearest",

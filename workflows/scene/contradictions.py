@@ -10,6 +10,7 @@ from workflows.scene.structure import of_bodies, of_the_rig
 
 LEAST_YIELD = 1e-6  # pressure over Young's modulus; lead has a thousandth
 SOFTEST = 1e6  # [Pa] Young's modulus of a body of finite elements
+MOST_TAKEN = 1e6  # samples of an instrument
 PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure")
 
 
@@ -39,6 +40,7 @@ def contradictions(scene: Scene):
         yield from _yielding(scene)
         yield from _at_rest(scene)
         yield from _unseen_spheres(scene)
+        yield from _sensors(scene)
 
 
 def _missing_parts(scene: Scene):
@@ -249,3 +251,31 @@ def _unseen_spheres(scene: Scene):
                 f"output.spheres has {sphere}, allowed are 1 to chain.count = {scene.chain.count}; "
                 "drop it or add spheres."
             )
+
+
+def _sensors(scene: Scene):
+    sensors, instrument = scene.output.sensors or (), scene.output.instrument
+    if instrument and not sensors:
+        yield "output.instrument records nothing; add output.sensors, or drop it."
+    for i, one in enumerate(sensors, start=1):
+        key = f"output.sensors.{i}"
+        if one.sphere > scene.chain.count:
+            yield (
+                f"{key}.sphere = {one.sphere}, allowed are 1 to chain.count = {scene.chain.count}; "
+                "change it or add spheres."
+            )
+        if one.label in [other.label for other in sensors[: i - 1]]:
+            yield f"{key} is a second sensor of {one.label}; drop it."
+        if one.gain == 0:
+            yield f"{key}.gain = 0 shows nothing; give another, or a name if it is not known."
+        if one.low_pass and one.high_pass and one.high_pass >= one.low_pass:
+            yield (
+                f"{key}.high_pass = {one.high_pass:g} Hz must be below its low_pass = "
+                f"{one.low_pass:g} Hz; lower it."
+            )
+    taken = instrument.sampling * scene.time.duration if instrument and scene.time else 0.0
+    if not (2 <= taken <= MOST_TAKEN or not instrument):
+        yield (
+            f"output.instrument.sampling = {instrument.sampling:g} Hz takes {taken:.3g} samples in "
+            f"time.duration, allowed are 2 to {MOST_TAKEN:.0e}; change one of them."
+        )

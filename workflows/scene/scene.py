@@ -16,6 +16,7 @@ from workflows.scene.bodies import (
     Tied,
     fitting,
 )
+from workflows.scene.sensors import Output
 from workflows.scene.tables import (
     Chain,
     Contact,
@@ -23,7 +24,6 @@ from workflows.scene.tables import (
     Joints,
     JointStiffnesses,
     LeafSprings,
-    Output,
     Patch,
     Preload,
     Reduction,

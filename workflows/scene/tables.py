@@ -148,7 +148,8 @@ class Striker(Table):
     velocity: of(Positive, VELOCITY, 0, 100)  # [m/s] towards the wall
 
 
-def _read(key: str, value: Any, kind: Kind) -> Any:
+def si_of(key: str, value: Any, kind: Kind) -> Any:
+    """A number in SI of a text with a unit of the kind; raises ValueError with the key."""
     try:
         return in_si(value, kind) if isinstance(value, str) else value
     except NoSuchQuantity as error:
@@ -176,8 +177,8 @@ class Contact(Table):
             return table
         kind = DASHPOT if str(table.get("dissipation")).startswith("linear") else SLOWNESS
         given = table["coefficient"]
-        read = [_read("coefficient", x, kind) for x in given] if isinstance(given, list) else None
-        return {**table, "coefficient": read or _read("coefficient", given, kind)}
+        read = [si_of("coefficient", x, kind) for x in given] if isinstance(given, list) else None
+        return {**table, "coefficient": read or si_of("coefficient", given, kind)}
 
     @model_validator(mode="after")
     def _yields_or_not(self) -> "Contact":
@@ -423,10 +424,3 @@ class Time(Table):
     @classmethod
     def _one_measure(cls, table: Any) -> Any:
         return _exactly_one(table, "error", "dt", default=1e-4)
-
-
-class Output(Table):
-    """Spheres observed (1 = striker), and how many instants are written."""
-
-    spheres: Annotated[tuple[Count, ...], Field(strict=False)] = ()
-    samples: Annotated[int, Field(ge=2, le=1_000_000)] = 3001

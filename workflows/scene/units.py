@@ -1,8 +1,8 @@
 """Numbers with a unit, "1.2 mm" or "7.85 g/cm3", in SI.
 
-A unit is a product of symbols with powers; a sign / divides by the one symbol after it. Angles are
-a dimension of their own here: 60 rad/s is no frequency in Hz. Products are exact, "12.7 mm" is the
-number 0.0127.
+A unit is a product of symbols with powers; a sign / divides by the one symbol after it. Angles and
+voltages are dimensions of their own here: 60 rad/s is no frequency in Hz. Products are exact, "12.7
+mm" is the number 0.0127.
 """
 
 from fractions import Fraction
@@ -16,10 +16,10 @@ class NoSuchQuantity(ValueError):
 
 
 class Unit(NamedTuple):
-    """A factor to SI and the powers of metre, kilogram, second and radian."""
+    """A factor to SI and the powers of metre, kilogram, second, radian and volt."""
 
     factor: Fraction
-    powers: tuple[int, int, int, int]
+    powers: tuple[int, int, int, int, int]
 
 
 class Kind(NamedTuple):
@@ -31,6 +31,7 @@ class Kind(NamedTuple):
 
 
 LENGTH = Kind("length", "m", ("mm", "um"))
+DISPLACEMENT = LENGTH._replace(name="displacement")
 MASS = Kind("mass", "kg", ("g",))
 TIME = Kind("time", "s", ("ms", "us", "ns"))
 FREQUENCY = Kind("frequency", "Hz", ("kHz",))
@@ -45,32 +46,41 @@ TURN_DASHPOT = Kind("dashpot of a turn", "N m s/rad")
 COMPLIANCE = Kind("compliance", "m/N", ("mm/N",))
 RATE = Kind("rate", "1/s")
 SLOWNESS = Kind("loss per velocity", "s/m")
+FORCE_RATE = Kind("rate of a force", "N/s", ("N/us",))
+VOLTAGE = Kind("voltage", "V", ("mV",))
+GAINS = {
+    "force": Kind("gain of a force", "V/N", ("mV/N",)),
+    "force-rate": Kind("gain of a rate of a force", "V s/N", ("V us/N",)),
+    "velocity": Kind("gain of a velocity", "V s/m", ("mV s/m",)),
+    "displacement": Kind("gain of a displacement", "V/m", ("V/mm",)),
+}
 KINDS = (
     LENGTH, MASS, TIME, FREQUENCY, VELOCITY, FORCE, PRESSURE, DENSITY, STIFFNESS, TURN_STIFFNESS,
-    DASHPOT, TURN_DASHPOT, COMPLIANCE, SLOWNESS,
+    DASHPOT, TURN_DASHPOT, COMPLIANCE, SLOWNESS, FORCE_RATE, VOLTAGE, *GAINS.values(),
 )  # fmt: skip
 
 PREFIXES = {"n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "d": -1, "k": 3, "M": 6, "G": 9}
 PREFIXED = {
-    "m": Unit(Fraction(1), (1, 0, 0, 0)),
-    "g": Unit(Fraction(1, 1000), (0, 1, 0, 0)),
-    "s": Unit(Fraction(1), (0, 0, 1, 0)),
-    "rad": Unit(Fraction(1), (0, 0, 0, 1)),
-    "Hz": Unit(Fraction(1), (0, 0, -1, 0)),
-    "N": Unit(Fraction(1), (1, 1, -2, 0)),
-    "Pa": Unit(Fraction(1), (-1, 1, -2, 0)),
-    "J": Unit(Fraction(1), (2, 1, -2, 0)),
-    "bar": Unit(Fraction(10**5), (-1, 1, -2, 0)),
+    "m": Unit(Fraction(1), (1, 0, 0, 0, 0)),
+    "g": Unit(Fraction(1, 1000), (0, 1, 0, 0, 0)),
+    "s": Unit(Fraction(1), (0, 0, 1, 0, 0)),
+    "rad": Unit(Fraction(1), (0, 0, 0, 1, 0)),
+    "Hz": Unit(Fraction(1), (0, 0, -1, 0, 0)),
+    "N": Unit(Fraction(1), (1, 1, -2, 0, 0)),
+    "Pa": Unit(Fraction(1), (-1, 1, -2, 0, 0)),
+    "J": Unit(Fraction(1), (2, 1, -2, 0, 0)),
+    "V": Unit(Fraction(1), (0, 0, 0, 0, 1)),
+    "bar": Unit(Fraction(10**5), (-1, 1, -2, 0, 0)),
 }
 POUND_FORCE = Fraction("4.4482216152605")
 SYMBOLS = PREFIXED | {
-    "t": Unit(Fraction(1000), (0, 1, 0, 0)),
-    "min": Unit(Fraction(60), (0, 0, 1, 0)),
-    "in": Unit(Fraction("0.0254"), (1, 0, 0, 0)),
-    "ft": Unit(Fraction("0.3048"), (1, 0, 0, 0)),
-    "lb": Unit(Fraction("0.45359237"), (0, 1, 0, 0)),
-    "lbf": Unit(POUND_FORCE, (1, 1, -2, 0)),
-    "psi": Unit(POUND_FORCE / Fraction("0.0254") ** 2, (-1, 1, -2, 0)),
+    "t": Unit(Fraction(1000), (0, 1, 0, 0, 0)),
+    "min": Unit(Fraction(60), (0, 0, 1, 0, 0)),
+    "in": Unit(Fraction("0.0254"), (1, 0, 0, 0, 0)),
+    "ft": Unit(Fraction("0.3048"), (1, 0, 0, 0, 0)),
+    "lb": Unit(Fraction("0.45359237"), (0, 1, 0, 0, 0)),
+    "lbf": Unit(POUND_FORCE, (1, 1, -2, 0, 0)),
+    "psi": Unit(POUND_FORCE / Fraction("0.0254") ** 2, (-1, 1, -2, 0, 0)),
 }
 NUMBER = r"([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)"
 FACTOR = compile(r"\s*([*·/]?)\s*([A-Za-zµμ]+)(?:(?:\^|\*\*)?(-?[1-9]))?", ASCII)
@@ -112,7 +122,7 @@ def _short(text: str) -> str:
 def unit_of(text: str) -> Unit | None:
     """The unit that a text stands for, None where it holds an unknown symbol."""
     text = text.strip().removeprefix("1")
-    factor, powers, at = Fraction(1), (0, 0, 0, 0), 0
+    factor, powers, at = Fraction(1), (0, 0, 0, 0, 0), 0
     while at < len(text):
         found = FACTOR.match(text, at)
         symbol = _symbol(found[2]) if found else None

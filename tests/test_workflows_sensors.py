@@ -1,0 +1,91 @@
+"""Sensors of a scene: keys, units, refusals, and what a run writes of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from command_line import beadwave
+from workflows.files.scene import scene
+from workflows.scene import InvalidScene
+
+FORCE = {"sphere": 9, "gain": "2 mV/N", "low_pass": "100 kHz"}
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+
+def with_sensors(*sensors, **instrument):
+    told = {"output.sensors": list(sensors)}
+    return scene("rig-half-space", told | ({"output.instrument": instrument} if instrument else {}))
+
+
+def test_a_gain_has_the_unit_of_its_quantity():
+    found = with_sensors(FORCE, {"sphere": 9, "quantity": "velocity", "gain": "coil A"})
+    known, unknown = found.output.sensors
+    assert known.gain == 2e-3 and known.unit == "V" and known.label == "force 9"
+    assert unknown.gain == "coil A" and unknown.unit == "V"
+    assert with_sensors({"sphere": 2, "range": "300 mN"}).output.sensors[0].range == 0.3
+
+
+REFUSED = {
+    "gain of a displacement, a gain of a force is needed": {"sphere": 9, "gain": "2 mV/m"},
+    "'a.b' is no number with a unit": {"sphere": 9, "gain": "a.b"},
+    "a voltage, a force is needed": {"sphere": 9, "range": "3 V"},
+    "allowed are 1 to chain.count = 17": {"sphere": 18},
+    "must be 'force', 'force-rate', 'velocity' or 'displacement'": {"sphere": 3, "quantity": "x"},
+    "gain = 0 shows nothing": {"sphere": 3, "gain": 0.0},
+    "must be below its low_pass": {"sphere": 3, "low_pass": 1e3, "high_pass": 2e3},
+    "nearest known is 'order'": {"sphere": 3, "ordr": 2},
+}
+
+
+@pytest.mark.parametrize("sentence", REFUSED)
+def test_a_sensor_that_cannot_be_is_refused(sentence):
+    with pytest.raises(InvalidScene, match=sentence.replace("(", r"\(")):
+        with_sensors(REFUSED[sentence])
+
+
+def test_two_sensors_of_the_same_are_refused():
+    with pytest.raises(InvalidScene, match="second sensor of force 9"):
+        with_sensors(FORCE, {"sphere": 9})
+
+
+def test_an_instrument_without_sensors_or_samples_is_refused():
+    with pytest.raises(InvalidScene, match="records nothing"):
+        scene("rig-half-space", {"output.instrument": {"bits": 8}})
+    with pytest.raises(InvalidScene, match=r"takes 3e\+06 samples"):
+        with_sensors(FORCE, sampling="1 GHz")
+
+
+def test_a_run_writes_signals_and_tells_their_waves(tmp_path, capsys):
+    sensors = '--set=output.sensors=[{sphere=9, gain="2 mV/N"}, {sphere=4, quantity="velocity"}]'
+    instrument = "--set=output.instrument={sampling=2e6, bits=12}"
+    assert beadwave("impact", "rig-half-space", sensors, instrument, "--out=o", "--json") == 0
+    told = json.loads(capsys.readouterr().out)["sensors"]
+    head, names, *rows = (tmp_path / "o" / "signals.csv").read_text().splitlines()
+    assert "SYNTHETIC" in head
+    assert names == "time [s], sphere 9 force [V], sphere 4 velocity [m/s]"
+    table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    assert table.shape == (6001, 3)
+    kept = np.load(tmp_path / "o" / "trajectory.npz")
+    force = 0.5 * (kept["contact_force"][:, 7] + kept["contact_force"][:, 8])
+    step = 2e-3 * force.max() / (2**11 - 1)
+    assert np.abs(table[::2, 1] - 2e-3 * force).max() <= 0.5 * step * (1 + 1e-3)
+    assert told["force 9"]["unit"] == "V"
+    assert told["force 9"]["tof_s"] == pytest.approx(told["velocity 4"]["tof_s"], rel=0.5)
+    assert told["force 9"]["largest"] == pytest.approx(2e-3 * force.max(), rel=1e-3)
+
+
+def test_a_sensor_costs_no_other_march(tmp_path, capsys):
+    quick = ("--set=chain.count=4", "--set=time.duration=0.3e-3", "--set=output.spheres=[1]")
+    beadwave("impact", "rig-half-space", *quick, "--json")
+    capsys.readouterr()
+    beadwave("impact", "rig-half-space", *quick, "--set=output.sensors=[{sphere=2}]", "--json")
+    stages = {
+        stage["name"]: stage["cached"] for stage in json.loads(capsys.readouterr().out)["stages"]
+    }
+    assert stages["impact"]

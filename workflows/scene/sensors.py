@@ -1,0 +1,86 @@
+"""What a run writes: observed spheres, sensors on them, the instrument that records those."""
+
+from re import fullmatch
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from workflows.scene.quantities import of
+from workflows.scene.tables import Count, Frequency, Number, Positive, Ratio, Table, si_of
+from workflows.scene.units import (
+    DISPLACEMENT,
+    FORCE,
+    FORCE_RATE,
+    FREQUENCY,
+    GAINS,
+    VELOCITY,
+    VOLTAGE,
+)
+
+KINDS = {
+    "force": FORCE,
+    "force-rate": FORCE_RATE,
+    "velocity": VELOCITY,
+    "displacement": DISPLACEMENT,
+}
+NAME = r"[A-Za-z][\w -]*"
+
+
+class Sensor(Table):
+    """What one channel shows of a sphere: the mean of its two contact forces, its rate, a velocity
+    or a displacement; forces and displacements count from the state at the start.
+
+    `gain` makes a voltage of it: a number in V per unit of the quantity, or a name for one that is
+    not known, which sensors of the same name share. `noise` is of records that are computed.
+    """
+
+    sphere: Count
+    quantity: Literal["force", "force-rate", "velocity", "displacement"] = "force"
+    gain: Number | str | None = None  # [V/N], [V s/N], [V s/m] or [V/m]
+    low_pass: Frequency | None = None  # [Hz] Butterworth, as high_pass
+    high_pass: Frequency | None = None  # [Hz]
+    order: Annotated[int, Field(ge=1, le=8)] = 4
+    range: Positive | None = None  # [V] or the quantity's unit; none: the signal's largest value
+    noise: Ratio = 0.0  # rms over the signal's largest value
+
+    @model_validator(mode="before")
+    @classmethod
+    def _units(cls, table: Any) -> Any:
+        """Those of gain and range follow from the quantity."""
+        if not isinstance(table, dict) or table.get("quantity", "force") not in KINDS:
+            return table
+        quantity, gain = table.get("quantity", "force"), table.get("gain")
+        known = dict(table)
+        if isinstance(gain, str) and not fullmatch(NAME, gain):
+            known["gain"] = si_of("gain", gain, GAINS[quantity])
+        if "range" in table:
+            kind = KINDS[quantity] if gain is None else VOLTAGE
+            known["range"] = si_of("range", table["range"], kind)
+        return known
+
+    @property
+    def label(self) -> str:
+        """The quantity and its sphere."""
+        return f"{self.quantity} {self.sphere}"
+
+    @property
+    def unit(self) -> str:
+        """Of the signal."""
+        return (KINDS[self.quantity] if self.gain is None else VOLTAGE).unit
+
+
+class Instrument(Table):
+    """What takes the signals of all sensors at once; `seed` draws the noise of computed records."""
+
+    sampling: of(Positive, FREQUENCY, 1e3, 1e9) = 1e6  # [Hz]
+    bits: Annotated[int, Field(ge=2, le=24)] | None = None  # over -range to range
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+
+
+class Output(Table):
+    """Spheres observed (1 = striker), how many instants are written, and what sensors show."""
+
+    spheres: Annotated[tuple[Count, ...], Field(strict=False)] = ()
+    samples: Annotated[int, Field(ge=2, le=1_000_000)] = 3001
+    sensors: Annotated[tuple[Sensor, ...], Field(strict=False, min_length=1)] | None = None
+    instrument: Instrument | None = None
