@@ -14,9 +14,13 @@ u are the free displacements of a Model, u_mesh = model.T @ u, node after node x
     model = fem.joined(structure, fem.Connections(held=[fem.Held("beam:back")]))
     hz = fem.modes(model.K, model.M, 10).frequency_hz
 
+    beam            Timoshenko's beam: Bending with K, M and the patch that is struck
+
 See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
 
+from fem.beam import ENDS, End, Section, beam, rectangle, section, tube
+from fem.bending import Bending, Buckled
 from fem.contact_patch import (
     ContactPatch,
     contact_patch,
@@ -53,9 +57,13 @@ from fem.trace import outer_nodes
 
 __all__ = [
     "DIRECTIONS",
+    "ENDS",
+    "Bending",
+    "Buckled",
     "Bushing",
     "Connections",
     "ContactPatch",
+    "End",
     "Held",
     "Joint",
     "Loose",
@@ -68,6 +76,7 @@ __all__ = [
     "Orthotropic",
     "Pairing",
     "RigidBody",
+    "Section",
     "Shape",
     "Side",
     "Spot",
@@ -76,6 +85,7 @@ __all__ = [
     "Target",
     "Tie",
     "assemble",
+    "beam",
     "contact_patch",
     "dashpots",
     "disc_quadrature",
@@ -95,7 +105,10 @@ __all__ = [
     "pair",
     "planar_spot",
     "receptance",
+    "rectangle",
     "rigid_body",
     "round_spot",
+    "section",
     "target_mac",
+    "tube",
 ]

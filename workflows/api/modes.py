@@ -14,7 +14,7 @@ from workflows.files.run_folder import Picture, checked_file, write_pictures
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.parts import with_assembly
+from workflows.scene.parts import with_assembly, with_structure
 
 if TYPE_CHECKING:
     import xarray
@@ -73,7 +73,7 @@ def modes(
     `out` is a folder for the picture of the MAC matrix. Raises InvalidScene for bad input or a
     scene without an assembly, ValueError where a computation fails.
     """
-    chosen = with_assembly(load_scene(scene, changes))
+    chosen = with_structure(load_scene(scene, changes))
     folder = picture_folder(out, files_read(chosen, scene), overwrite, "mac")
     from workflows.assembly.mode_table import mode_table
     from workflows.pipeline.pipeline import pipeline_of

@@ -11,7 +11,7 @@ from workflows.files.run_folder import Picture, checked_file
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import Scene
-from workflows.scene.parts import with_assembly
+from workflows.scene.parts import with_structure
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -60,7 +60,7 @@ def reduce(
     `out` writes it to .npz, .mat or .h5, `matrices` the full model's K, M, w. Raises
     InvalidScene for bad input, ValueError where a computation fails.
     """
-    chosen = with_assembly(load_scene(scene, changes))
+    chosen = with_structure(load_scene(scene, changes))
     for option, path in (("--out", out), ("--matrices", matrices)):
         if path:
             checked_file(Path(path), option, inputs=files_read(chosen, scene))

@@ -68,7 +68,8 @@ def full_matrices(pipeline: Pipeline) -> dict:
     """K, M, w and where there are dashpots C of the joined and held model on its free unknowns:
     T_mesh gives the mesh's displacements, x, y, z of node 1, then of node 2, ... of mesh_points."""
     model, C = pipeline("model"), dashpots(pipeline.scene, pipeline("model"))
-    points = model.structure.points
+    drawn = pipeline.scene.bending is not None
+    points = model.drawn.p.T if drawn else model.structure.points
     found = {"K": model.K, "M": model.M, "w": pipeline("contact").w}
     found |= {"T_mesh": model.T, "mesh_points": points}
     return found if C is None else found | {"C": C}

@@ -14,6 +14,7 @@ LEGIBLE = 0.05  # smallest MAC written into its cell
 READING = """\
 at contact: participation [kg^-1/2];  score: share of the mode's energy in the motion that
 identifies the measured mode;  MAC: with that mode of stiff joints"""
+LOADED = "The static load is {:.4g} % of the load that buckles it."
 NO_TARGETS = "No targets: [[targets]] lists measured modes to set beside these."
 
 
@@ -39,13 +40,15 @@ class ModeTable(BaseModel):
 
     scene: str
     rows: list[ModeRow]
+    load_factor: float | None = None  # static load over that which buckles the structure
 
     def text(self) -> str:
         """Aligned lines."""
         head = f"{'mode':>5} {'Hz':>10} {'at contact':>11}  {'measured':<20}"
         lines = [f"{head}{'score':>6}{'MAC':>6}", *(_line(row) for row in self.rows)]
         told = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
-        return "\n".join([*lines, "", told])
+        load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
+        return "\n".join([*lines, "", told, load]).rstrip()
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:
@@ -58,7 +61,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         _row(j, hz, participation[j], tested.get(j), scene.measured_hz, modes.score, mac[j])
         for j, hz in enumerate(modes.omega / (2 * np.pi))
     ]
-    return ModeTable(scene=scene.name, rows=rows)
+    return ModeTable(scene=scene.name, rows=rows, load_factor=modes.load_factor)
 
 
 def mac_picture(pipeline: Pipeline) -> Picture:

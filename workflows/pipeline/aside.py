@@ -95,6 +95,8 @@ def _allowed(pipeline: Pipeline) -> bool:
 def _have_room(pipeline: Pipeline) -> bool:
     """What bodies of a scene hold is known once they are meshed, which the run does anyway."""
     scene = pipeline.scene
+    if scene.bending is not None:
+        return True
     if scene.is_general:
         return room_for_two(scene, pipeline("mesh").nodes)
     return scene.mesh.file is None and room_for_two(scene)

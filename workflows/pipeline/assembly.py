@@ -36,6 +36,7 @@ class AssemblyModes(NamedTuple):
     n_dofs: int
     effective_mass: NDArray[np.float64]  # (k, 3) share of the mass along x, y, z
     field: ModeField  # all up to the highest target, or the lowest ones where there are none
+    load_factor: float | None = None  # static load over that which buckles it; None where unloaded
 
     @property
     def paired_hz(self) -> dict[str, float]:

@@ -10,7 +10,7 @@ import dem
 from workflows.pipeline.chain import start
 from workflows.pipeline.chain import wall as wall_of
 from workflows.pipeline.impact import impact
-from workflows.pipeline.pipeline import couples, needs_assembly
+from workflows.pipeline.pipeline import couples, needs_structure
 from workflows.scene import Scene
 
 HALF_SPACE = 1e-9  # [m/N] of the block's patch, some
@@ -23,7 +23,7 @@ def compilation(scene: Scene) -> NDArray[np.float64]:
     brief = scene.but(time=BRIEF, output={"samples": 5})
     if couples(scene):
         return np.empty(0)
-    wall = _stand_in(scene) if needs_assembly(scene) else wall_of(scene)
+    wall = _stand_in(scene) if needs_structure(scene) else wall_of(scene)
     with suppress(ValueError):  # the run itself says what is wrong
         return impact(brief, start(scene), wall).trajectory.t
     return np.empty(0)

@@ -106,7 +106,7 @@ def _content(path: str | None) -> str | None:
 
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike")
 COARSE = tables_of("assembly", "joints", "table", "patch", "strike")
-START = ("chain", "striker", "contact", "leaf_springs", "preload", "wall", *BODIES)
+START = ("chain", "striker", "contact", "leaf_springs", "preload", "wall", "beam", *BODIES)
 ASSEMBLY = {
     "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
     "model": Stage(
@@ -140,6 +140,15 @@ ASSEMBLY = {
     "pictures": Stage(".pictures:pictures", tables_of(), ("modes", "contact")),
 }
 
+BENDING = ASSEMBLY | {
+    "model": Stage(".bending:model", tables_of("beam"), (), kept=False),
+    "modes": Stage(".bending:modes", tables_of(), ("model",)),
+    "mac": Stage(".bending:mac", tables_of(), ("modes",), listed=False),
+    "contact": Stage(".bending:contact", tables_of(), ("model",), kept=False, listed=False),
+    "reduction": Stage(".bending:reduction", tables_of("reduction"), ("model",)),
+    "coarse-reduction": Stage(".bending:coarse_reduction", tables_of("beam"), ()),
+}
+
 IMPACT = {
     "start": Stage(".chain:start", tables_of(*START), (), listed=False),
     "impact": Stage(".impact:impact", _marched, ("start", "wall"), after=("compilation",)),
@@ -159,24 +168,25 @@ IMPACT = {
 
 def stages_of(scene: Scene) -> dict[str, Stage]:
     """The stages that this scene may need; those of an assembly only where one is struck."""
-    needs = ("reduction",) if needs_assembly(scene) and scene.chain else ()
+    needs = ("reduction",) if needs_structure(scene) and scene.chain else ()
     wall = Stage(".chain:wall", _wall_reads, needs)
+    structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
     if needs and scene.is_general:
         impact = IMPACT | {"start": IMPACT["start"]._replace(needs=("curvatures",))}
     if not getattr(scene.wall, "prune", False):
-        return {**ASSEMBLY, "wall": wall, **impact}
+        return {**structure, "wall": wall, **impact}
     walls = {
         "whole-wall": wall,
         "pruning": Stage(".impact:pruning", tables_of("time"), ("start", "whole-wall")),
         "wall": Stage(".impact:pruned_wall", tables_of(), ("pruning",)),
     }
-    return {**ASSEMBLY, **walls, **impact}
+    return {**structure, **walls, **impact}
 
 
-def needs_assembly(scene: Scene) -> bool:
-    """Whether a run of this scene builds the assembly."""
-    if scene.assembly is None:
+def needs_structure(scene: Scene) -> bool:
+    """Whether a run of this scene builds its finite elements."""
+    if not scene.has_structure:
         return False
     return scene.chain is None or (isinstance(scene.wall, RomWall) and scene.wall.file is None)
 

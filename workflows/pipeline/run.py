@@ -16,7 +16,7 @@ from workflows.pipeline.pipeline import (
     LIBRARIES,
     Pipeline,
     library_versions,
-    needs_assembly,
+    needs_structure,
 )
 from workflows.pipeline.waves import chain_contact, sphere_waves
 from workflows.results.provenance import UNKNOWN, Origin
@@ -42,8 +42,8 @@ def run(pipeline: Pipeline, folder: RunFolder, *, origin: Origin = UNKNOWN) -> S
     if scene.chain and not pipeline.kept("impact"):
         require_start(scene)
     with folder.run(toml(scene), FILES):
-        with two_processes(pipeline, RUN) if needs_assembly(scene) else nullcontext():
-            unrendered = _write_assembly(pipeline, folder) if needs_assembly(scene) else ()
+        with two_processes(pipeline, RUN) if needs_structure(scene) else nullcontext():
+            unrendered = _write_assembly(pipeline, folder) if needs_structure(scene) else ()
             if scene.chain:
                 _write_trajectory(pipeline, folder)
                 write_pictures(folder, pipeline("figures"))
@@ -59,7 +59,7 @@ def impact(pipeline: Pipeline, folder: RunFolder | None, *, origin: Origin = UNK
     if not pipeline.kept("impact"):
         require_start(scene)
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext():
-        with two_processes(pipeline, IMPACT) if needs_assembly(scene) else nullcontext():
+        with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
             summary = summary_of(pipeline, origin=origin)
         if folder:
             _write_trajectory(pipeline, folder)
@@ -109,7 +109,7 @@ def summary_of(pipeline: Pipeline, told: tuple[str, ...] = (), origin: Origin = 
         needed = [pipeline(name) for name in ("start", "impact", "waves")]
         told += [*doubts, *warnings.of_chain(scene, *needed)]
     found |= _model_numbers(pipeline)
-    if needs_assembly(scene):
+    if needs_structure(scene):
         told += found["reduction"].findings
     return Summary(
         scene=scene.name,
@@ -163,7 +163,7 @@ def _errors(pipeline: Pipeline) -> tuple[ErrorEstimate, list[str]]:
 
 def _estimated(pipeline: Pipeline) -> Iterator[str]:
     """Models whose error a coarser one tells; nobody knows how to coarsen a user's own mesh."""
-    if needs_assembly(pipeline.scene) and not isinstance(pipeline("wall"), CoupledWall):
+    if needs_structure(pipeline.scene) and not isinstance(pipeline("wall"), CoupledWall):
         yield "reduction"
         if pipeline.scene.own_mesh is None:
             yield "mesh"
@@ -172,7 +172,7 @@ def _estimated(pipeline: Pipeline) -> Iterator[str]:
 def _model_numbers(pipeline: Pipeline) -> dict:
     """The assembly's part of the summary, or that of a wall from a file."""
     scene = pipeline.scene
-    if needs_assembly(scene):
+    if needs_structure(scene):
         from workflows.pipeline.health import modes_found, reduction_health
 
         modes, health = pipeline("modes"), reduction_health(pipeline("reduction"))
@@ -180,6 +180,7 @@ def _model_numbers(pipeline: Pipeline) -> dict:
             "modes_hz": modes.paired_hz,
             "modes": modes_found(pipeline),
             "dofs": modes.n_dofs,
+            "load_factor": modes.load_factor,
             "reduction": health,
         }
     if getattr(scene.wall, "file", None):

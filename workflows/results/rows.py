@@ -17,6 +17,8 @@ def headline(summary: Summary) -> list[tuple[str, str]]:
     found = [("scene", summary.scene)]
     if hz:
         found.append(("measured modes, computed", f"{' / '.join(digits(f, 4) for f in hz)} Hz"))
+    if summary.load_factor is not None:
+        found.append(("load over buckling load", percent(summary.load_factor)))
     found += [(f"waves at sphere {s}", arrivals(waves)) for s, waves in summary.waves.items()]
     found += [(name, sensed(one)) for name, one in summary.sensors.items()]
     if contact:

@@ -162,6 +162,7 @@ class Summary(BaseModel):
     modes_hz: dict[str, float] = {}
     modes: tuple[ModeFound, ...] = ()
     dofs: int = 0
+    load_factor: float | None = None  # static load over that which buckles the structure
     n_wall_modes: int = 0
     dt_s: float | None = None
     n_steps: int = 0

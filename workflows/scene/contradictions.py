@@ -6,7 +6,7 @@ from pathlib import Path
 from workflows.scene import DashpotWall, ModalDamping, RayleighDamping, RomWall, Scene
 from workflows.scene.existing import unfit
 from workflows.scene.size import too_large
-from workflows.scene.structure import of_bodies, of_the_rig
+from workflows.scene.structure import of_bending, of_bodies, of_the_rig
 
 LEAST_YIELD = 1e-6  # pressure over Young's modulus; lead has a thousandth
 SOFTEST = 1e6  # [Pa] Young's modulus of a body of finite elements
@@ -17,6 +17,7 @@ PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure")
 def contradictions(scene: Scene):
     """What speaks against the scene, its defaults filled in; nothing for a good one."""
     yield from _missing_parts(scene)
+    yield from of_bending(scene)
     if scene.is_general:
         yield from of_bodies(scene)
         yield from _other_surface(scene)
@@ -45,12 +46,12 @@ def contradictions(scene: Scene):
 
 def _missing_parts(scene: Scene):
     chain, wall = scene.chain, scene.wall
-    if chain is None and scene.assembly is None:
-        yield "there is neither [chain] nor [assembly]; add one of them."
+    if chain is None and not scene.has_structure:
+        yield "there is none of [chain], [assembly] and [beam]; add one of them."
     if chain is None and wall is not None:
         yield "[wall] needs a [chain] that hits it; add one or drop [wall]."
-    if isinstance(wall, RomWall) and wall.file is None and scene.assembly is None:
-        yield 'wall.kind = "rom" needs [assembly] or wall.file; add one of them.'
+    if isinstance(wall, RomWall) and wall.file is None and not scene.has_structure:
+        yield 'wall.kind = "rom" needs [assembly], [beam] or wall.file; add one of them.'
     if isinstance(wall, RomWall) and wall.file and (why := unfit(Path(wall.file))):
         yield f"wall.file = {wall.file!r} {why}; give a .npz, .mat, .h5 or .mtx."
     if chain and wall is None and chain.count < 2:

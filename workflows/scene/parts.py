@@ -11,6 +11,15 @@ def with_chain(scene: Scene) -> Scene:
     return scene
 
 
+def with_structure(scene: Scene) -> Scene:
+    """The scene; raises InvalidScene where there are no finite elements in it."""
+    if not scene.has_structure:
+        raise InvalidScene(
+            f"the scene {scene.name} has no [assembly] and no [beam]; add one, or take rig-rom."
+        )
+    return scene
+
+
 def with_assembly(scene: Scene) -> Scene:
     """The scene; raises InvalidScene where it has no assembly."""
     if scene.assembly is None:

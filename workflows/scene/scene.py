@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
+from workflows.scene.bending import Beam
 from workflows.scene.bodies import (
     GROUND,
     Body,
@@ -57,6 +58,7 @@ class Scene(Table):
     leaf_springs: LeafSprings | None = None
     preload: Preload | None = None
     wall: Wall | None = None
+    beam: Beam | None = None
     assembly: Any = None
     materials: dict[str, Solid] | None = None
     bodies: dict[BodyName, Body] | None = None
@@ -83,8 +85,20 @@ class Scene(Table):
         return isinstance(self.assembly, General)
 
     @property
+    def bending(self) -> Beam | None:
+        """The structure of bending theory, told in one table."""
+        return self.beam
+
+    @property
+    def has_structure(self) -> bool:
+        """Whether there are finite elements to reduce."""
+        return self.assembly is not None or self.bending is not None
+
+    @property
     def own_mesh(self) -> str | None:
         """The file of the user's own mesh."""
+        if self.bending is not None:
+            return None
         return self.assembly.mesh if self.is_general else self.mesh.file
 
     @property
@@ -102,6 +116,8 @@ class Scene(Table):
     @property
     def measured_hz(self) -> tuple[float, ...]:
         """Frequencies of the measured modes of the assembly."""
+        if self.bending is not None:
+            return ()
         if self.is_general:
             return tuple(target.hz for target in self.targets or ())
         own = {target.number: target.hz for target in self.targets or ()}
@@ -109,7 +125,9 @@ class Scene(Table):
 
     @property
     def floats(self) -> bool:
-        """Whether nothing joins the assembly to the ground."""
+        """Whether nothing joins the structure to the ground."""
+        if self.bending is not None:
+            return self.bending.floats
         if not self.is_general:
             return self.assembly is not None and tuple(self.assembly.parts) == ("block",)
         return not self.assembly.held and not any(GROUND in j.partners for j in self.joints or ())
@@ -122,6 +140,8 @@ class Scene(Table):
     @property
     def struck_material(self) -> Any:
         """What it is made of."""
+        if self.bending is not None:
+            return self.bending
         return self.made_of(self.struck_body)
 
     def made_of(self, body: str) -> Any:

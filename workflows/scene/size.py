@@ -40,7 +40,7 @@ def too_large(scene: Scene):
     """Sentences on keys that ask for more than a machine holds."""
     if scene.chain:
         yield from _too_long(scene)
-    if scene.assembly is not None:
+    if scene.has_structure:
         yield from _too_exact(scene)
     if scene.assembly is not None and not scene.is_general:
         yield from _too_fine(scene)

@@ -22,6 +22,26 @@ def of_bodies(scene: Scene) -> Iterator[str]:
         yield "[patch] belongs to the thesis' rig; write [strike] with on, at and radius."
 
 
+def of_bending(scene: Scene) -> Iterator[str]:
+    """What speaks against a beam."""
+    if scene.bending is None:
+        return
+    others = ("assembly", *OF_BODIES, "joints", "targets", "table", "mesh", "patch")
+    for name in (name for name in others if getattr(scene, name) is not None):
+        yield f"[{name}] is beside [beam], which is a structure of its own; drop one of them."
+    if scene.beam.axial_force and scene.beam.floats:
+        yield (
+            f"beam.axial_force = {scene.beam.axial_force:g} N acts on a beam that can move as a "
+            "rigid body; set it to 0, or hold an end."
+        )
+    held = scene.beam.floats and scene.reduction.kind == "craig-bampton"
+    if held:
+        yield (
+            'reduction.kind = "craig-bampton" needs a beam that is held; hold an end, or take '
+            '"free-modes".'
+        )
+
+
 def of_the_rig(scene: Scene) -> Iterator[str]:
     """Tables that need an assembly of bodies, in a scene that has none."""
     for name in (name for name in OF_BODIES if getattr(scene, name) is not None):

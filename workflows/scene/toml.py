@@ -33,6 +33,10 @@ INSTEAD = {
     "time.error": {"dt"},
     "wall.coefficient": {"plate_thickness", "density"},
     "wall.plate_thickness": {"coefficient"},
+    "beam.thickness": {"diameter", "bore", "area", "second_moment"},
+    "beam.width": {"diameter", "bore", "area", "second_moment"},
+    "beam.diameter": {"width", "thickness", "area", "second_moment"},
+    "beam.area": {"width", "thickness", "diameter", "bore"},
     "reduction.modes": {"cutoff", "error"},
     "reduction.cutoff": {"modes", "error"},
     "reduction.error": {"modes", "cutoff"},
@@ -194,9 +198,10 @@ def _defaults(scene: Scene, tables: dict[str, Any], source: str, folder: Path) -
     filled: dict[str, Any] = {}
     if scene.chain:
         filled |= {"contact": Contact(), "time": Time(), "output": Output()}
-    if scene.assembly is not None:
-        filled |= {"reduction": Reduction()}
-    if scene.assembly is not None or isinstance(scene.wall, RomWall):
+    if scene.has_structure:
+        kind = "craig-bampton" if scene.assembly is not None else "free-modes"
+        filled |= {"reduction": Reduction(kind=kind)}
+    if scene.has_structure or isinstance(scene.wall, RomWall):
         filled |= {"damping": NoDamping()}
     filled = {name: table for name, table in filled.items() if getattr(scene, name) is None}
     if scene.assembly is not None:

@@ -44,6 +44,8 @@ TURN_STIFFNESS = Kind("stiffness of a turn", "N m/rad")
 DASHPOT = Kind("dashpot", "N s/m", ("N s/mm",))
 TURN_DASHPOT = Kind("dashpot of a turn", "N m s/rad")
 COMPLIANCE = Kind("compliance", "m/N", ("mm/N",))
+AREA = Kind("area", "m^2", ("mm^2", "cm^2"))
+SECOND_MOMENT = Kind("second moment of area", "m^4", ("mm^4", "cm^4"))
 RATE = Kind("rate", "1/s")
 SLOWNESS = Kind("loss per velocity", "s/m")
 FORCE_RATE = Kind("rate of a force", "N/s", ("N/us",))
@@ -56,7 +58,8 @@ GAINS = {
 }
 KINDS = (
     LENGTH, MASS, TIME, FREQUENCY, VELOCITY, FORCE, PRESSURE, DENSITY, STIFFNESS, TURN_STIFFNESS,
-    DASHPOT, TURN_DASHPOT, COMPLIANCE, SLOWNESS, FORCE_RATE, VOLTAGE, *GAINS.values(),
+    DASHPOT, TURN_DASHPOT, COMPLIANCE, SLOWNESS, FORCE_RATE, VOLTAGE, AREA, SECOND_MOMENT,
+    *GAINS.values(),
 )  # fmt: skip
 
 PREFIXES = {"n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "d": -1, "k": 3, "M": 6, "G": 9}

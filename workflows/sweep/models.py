@@ -9,7 +9,7 @@ import coupling
 import dem
 from workflows.pipeline.chain import start, wall
 from workflows.pipeline.impact import impact
-from workflows.pipeline.pipeline import Pipeline, Stage, needs_assembly, pipeline_of, tables_of
+from workflows.pipeline.pipeline import Pipeline, Stage, needs_structure, pipeline_of, tables_of
 from workflows.scene import InvalidScene, RomWall, Scene
 
 FAILURES = (
@@ -62,7 +62,7 @@ class Prepared(NamedTuple):
 
 def models_key(source: Source) -> str | None:
     """The same for sources that share their models; None where none is computed."""
-    if not needs_assembly(source.scene):
+    if not needs_structure(source.scene):
         return None
     return "".join(source.pipeline.key(stage) for stage in source.stages)
 

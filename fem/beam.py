@@ -1,0 +1,202 @@
+"""Timoshenko's beam by finite elements of high order on its middle line.
+
+    2 V = int E I theta'^2 + kappa G A (w' - theta)^2 + N w'^2 dx
+    2 T = int rho A w_t^2 + rho I theta_t^2 dx
+
+w is the deflection along the chain, theta the turn of the sections. The axial force N > 0 pulls; it
+works on the whole slope w', as Engesser has it and as K_G of a solid does: a hinged beam buckles at
+P_E / (1 + P_E / kappa G A), P_E = pi^2 E I / L^2. Haringx' theory, where N stands across the turned
+section, differs by the square of P_E / kappa G A.
+Timoshenko, Phil. Mag. 41 (1921) 744; Engesser, Zentralbl. Bauverw. 11 (1891) 483; Bazant and
+Cedolin, Stability of Structures (2010), sec. 1.7. Shear factors: Hutchinson, J. Appl. Mech. 68
+(2001) 87, and of a rectangle 5 (1 + nu) / (6 + 5 nu), his for a narrow one.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import block_array, csc_array, csr_matrix, diags_array
+from scipy.sparse.linalg import LinearOperator, eigsh
+from skfem import Basis, BilinearForm, ElementLinePp, MeshHex, MeshLine
+
+from fem.bending import Bending, Buckled
+from fem.contact_patch import ContactPatch
+from fem.factorisation import factorised
+from fem.materials import Material
+from fem.spot import Spot
+
+ORDER = 10  # of the elements
+RESOLVED_HZ = 40e3  # a wave of this frequency is as long as an element, and right to 1e-8
+FEWEST = 2  # elements to each side of the strike
+SLICES = 120  # along the beam as it is drawn
+DOWN, ACROSS = np.array([0.0, 0.0, -1.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+class Section(NamedTuple):
+    """A beam's cross-section, and the box that it is drawn as."""
+
+    area: float  # [m^2]
+    second_moment: float  # [m^4] about the axis that it bends about
+    shear_factor: float
+    width: float  # [m] across
+    thickness: float  # [m] along the chain
+
+
+class End(NamedTuple):
+    """What holds an end: inf is rigid, 0 is free."""
+
+    shift: float  # [N/m]
+    turn: float  # [N m/rad]
+
+
+ENDS = {"hinged": End(np.inf, 0.0), "clamped": End(np.inf, np.inf), "free": End(0.0, 0.0)}
+
+
+def rectangle(width: float, thickness: float, poisson: float) -> Section:
+    """width across and thickness along the chain [m]."""
+    shear = 5 * (1 + poisson) / (6 + 5 * poisson)
+    return Section(width * thickness, width * thickness**3 / 12, shear, width, thickness)
+
+
+def tube(diameter: float, bore: float, poisson: float) -> Section:
+    """Outer and inner diameter [m]; a bore of 0 is a rod."""
+    a, b, nu = diameter / 2, bore / 2, poisson
+    squares, mixed, inner = a**2 + b**2, a**2 * b**2, a**4 + b**4
+    poly = (7 + 12 * nu + 4 * nu**2) * inner + (34 + 48 * nu + 16 * nu**2) * mixed
+    shear = 6 * squares**2 * (1 + nu) ** 2 / poly
+    area = np.pi * (a**2 - b**2)
+    return Section(area, area * squares / 4, shear, diameter, diameter)
+
+
+def section(area: float, second_moment: float, shear_factor: float) -> Section:
+    """Of any shape [m^2], [m^4]; drawn as a rectangle."""
+    thickness = np.sqrt(12 * second_moment / area)
+    return Section(area, second_moment, shear_factor, area / thickness, thickness)
+
+
+def beam(
+    length: float,
+    section: Section,
+    material: Material,
+    ends: tuple[End, End],
+    position: float,
+    *,
+    axial_force: float = 0.0,
+    coarser: float = 1.0,
+) -> Bending:
+    """A beam of a length [m] struck at a position [m] from its first end.
+
+    axial_force [N] is positive where it pulls; elements are `coarser` times as long as usual.
+    Raises Buckled where the force presses more than the beam can bear.
+    """
+    x = _nodes(length, section, material, position, coarser)
+    basis = Basis(MeshLine(x), ElementLinePp(ORDER), intorder=2 * ORDER)
+    mass, slope, mixed = (form.assemble(basis) for form in (_mass, _slope, _mixed))
+    kGA, EI = _stiffnesses(section, material)
+    held = _ends(basis, ends)
+    K = block_array([[kGA * slope, -kGA * mixed.T], [-kGA * mixed, EI * slope + kGA * mass]])
+    M = block_array([[section.area * mass, None], [None, section.second_moment * mass]])
+    K_G = block_array([[slope, None], [None, 0 * mass]])
+    inertia = M @ np.isin(np.arange(2 * basis.N), basis.nodal_dofs)  # of the deflections, all 1
+    free = np.flatnonzero(np.isfinite(held))
+    K, M, K_G = (csc_array(A.tocsc()[free][:, free]) for A in (K, material.density * M, K_G))
+    K.setdiag(K.diagonal() + held[free])
+    factor = _load_factor(K, K_G, axial_force) if axial_force < 0 else None
+    struck = int(basis.nodal_dofs[0, np.argmin(np.abs(x - position))])
+    drawn, T = _drawn(basis, length, section)
+    return Bending(
+        csc_array(K + axial_force * K_G) if axial_force else K,
+        M,
+        T[:, free],
+        drawn,
+        _patch(struck, free, position, section),
+        material.density * inertia[free],
+        material.density * section.area * length,
+        "beam",
+        load_factor=factor,
+    )
+
+
+@BilinearForm
+def _mass(u, v, _):
+    return u * v
+
+
+@BilinearForm
+def _slope(u, v, _):
+    return u.grad[0] * v.grad[0]
+
+
+@BilinearForm
+def _mixed(u, v, _):
+    return u.grad[0] * v
+
+
+def _nodes(
+    length: float, section: Section, material: Material, position: float, coarser: float
+) -> NDArray[np.float64]:
+    """Ends of the elements [m], the strike among them."""
+    longest = coarser * _wave_length(section, material)
+    sides = (position, length - position)
+    first, last = (max(FEWEST, int(np.ceil(side / longest))) for side in sides)
+    before, after = np.linspace(0, position, first + 1), np.linspace(position, length, last + 1)
+    return np.append(before, after[1:])
+
+
+def _wave_length(section: Section, material: Material) -> float:
+    """Of the shorter wave at RESOLVED_HZ [m]: (kGA k^2 - rho A s^2) (EI k^2 + kGA - rho I s^2) =
+    (kGA k)^2."""
+    s2 = (2 * np.pi * RESOLVED_HZ) ** 2
+    kGA, EI = _stiffnesses(section, material)
+    rho_A, rho_I = material.density * section.area, material.density * section.second_moment
+    a, b, c = kGA * EI, s2 * (rho_I * kGA + rho_A * EI), s2 * rho_A * (s2 * rho_I - kGA)
+    return float(2 * np.pi * np.sqrt(2 * a / (b + np.sqrt(b**2 - 4 * a * c))))
+
+
+def _stiffnesses(section: Section, material: Material) -> tuple[float, float]:
+    """kappa G A [N] and E I [N m^2]."""
+    shear = section.shear_factor * material.lame[1] * section.area
+    return shear, material.young * section.second_moment
+
+
+def _ends(basis: Basis, ends: tuple[End, End]) -> NDArray[np.float64]:
+    """Springs (2 n,) on the deflections, then on the turns; inf is held."""
+    springs = np.zeros(2 * basis.N)
+    for node, end in zip((0, basis.mesh.p.argmax()), ends, strict=True):
+        dof = basis.nodal_dofs[0, node]
+        springs[[dof, basis.N + dof]] = end
+    return springs
+
+
+def _load_factor(K: csc_array, K_G: csc_array, force: float) -> float:
+    """The pressing force over that which buckles the beam."""
+    inverse, start = LinearOperator(K.shape, factorised(K).solve), np.ones(K.shape[0])
+    largest = eigsh(K_G, 1, K, Minv=inverse, which="LA", v0=start, return_eigenvectors=False)
+    factor = float(-force * largest[0])
+    if factor >= 1:
+        raise Buckled(
+            f"a pressing force of {-force:.6g} N is {factor:.4g} of the buckling load of "
+            f"{-force / factor:.6g} N; take less"
+        )
+    return factor
+
+
+def _drawn(basis: Basis, length: float, section: Section) -> tuple[MeshHex, csr_matrix]:
+    """The beam as a box, and what each of its vertices does."""
+    x = np.linspace(0, length, SLICES + 1)
+    sides = [np.array([-0.5, 0.5]) * side for side in (section.width, section.thickness)]
+    box = MeshHex.init_tensor(x, *sides)
+    section_of = np.abs(box.p[0][:, None] - x).argmin(axis=1)
+    P = csr_matrix(basis.probes(x[None]))[section_of]
+    turned, zero = diags_array(-box.p[2]) @ P, csr_matrix(P.shape)
+    T = csr_matrix(block_array([[zero, turned], [zero, zero], [P, zero]]))
+    m = len(section_of)
+    return box, T[np.arange(3 * m).reshape(3, m).T.ravel()]
+
+
+def _patch(dof: int, free: NDArray[np.int64], position: float, section: Section) -> ContactPatch:
+    """A point on top, struck downwards."""
+    w = -(free == dof).astype(float)
+    spot = Spot(np.array([position, 0.0, section.thickness / 2]), DOWN, ACROSS)
+    return ContactPatch(w, np.flatnonzero(w), w, spot, 0.0, "point")

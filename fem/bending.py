@@ -1,0 +1,42 @@
+"""What a beam and a plate of bending theory have in common: K, M, the strike, and how they look."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_matrix
+from skfem import MeshHex
+
+from fem.contact_patch import ContactPatch
+
+
+class Buckled(ValueError):
+    """A load under which the structure at rest is not stable."""
+
+
+class Bending(NamedTuple):
+    """Deflections and turns of a middle line or plane, held, on the unknowns that stay free.
+
+    Drawn as a body of hexahedra, whose vertices T moves: u (3 m,) = T @ q, vertex after vertex.
+    """
+
+    K: csc_array  # (n, n) [N/m], with what the axial force adds
+    M: csc_array  # (n, n) [kg]
+    T: csr_matrix  # (3 m, n)
+    drawn: MeshHex  # of m vertices
+    patch: ContactPatch
+    inertia: NDArray[np.float64]  # (n,) [kg] forces on q by a unit acceleration along z
+    mass: float  # [kg]
+    name: str
+    half_space: float = 0.0  # [m/N] that K holds of the half-space in Hertz' law
+    load_factor: float | None = None  # of the buckling load, where something presses
+
+    @property
+    def middle(self) -> NDArray[np.float64]:
+        """Centre of mass (3,) [m]."""
+        return (self.drawn.p.min(axis=1) + self.drawn.p.max(axis=1)) / 2
+
+    def effective_mass(self, phi: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Share (k, 3) of the mass that mass-normalised modes phi (n, k) move along x, y, z."""
+        along_z = (phi.T @ self.inertia) ** 2 / self.mass
+        return np.column_stack([0 * along_z, 0 * along_z, along_z])

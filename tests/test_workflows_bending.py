@@ -1,0 +1,153 @@
+"""Scenes whose structure is told in one table."""
+
+import json
+import subprocess
+import sys
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+import coupling
+import fem
+import rom
+from command_line import beadwave
+from workflows.files.scene import scene
+from workflows.pipeline.pipeline import pipeline_of
+from workflows.scene import InvalidScene
+
+pytestmark = pytest.mark.usefixtures("shared_cache")
+SHORT = ("time.duration=6e-4", "chain.count=5", "output.spheres=[1, 3]")
+
+
+def computed(name, *changes):
+    return pipeline_of(scene(name, changes), lambda stage: nullcontext())
+
+
+def test_a_beam_is_the_wall_that_its_matrices_make():
+    """The same K, M, w by hand: the run's wall has no half-space and no other compliance."""
+    found = computed("beam", *SHORT)
+    table = found.scene.beam
+    by_hand = fem.beam(
+        table.length, fem.rectangle(table.width, table.thickness, table.poisson),
+        fem.Material(table.young, table.poisson, table.density),
+        (fem.ENDS["hinged"], fem.ENDS["hinged"]), table.position,
+    )  # fmt: skip
+    static = by_hand.patch.w @ fem.factorised(by_hand.K).solve(by_hand.patch.w)
+    wall = found("wall")
+    assert abs((wall.phi**2 / wall.omega**2).sum() / static - 1) < 1e-8
+    assert wall.residual_compliance == 0
+    assert found("reduction").contact.young == table.young
+
+
+def test_both_reductions_of_a_beam_give_the_same_waves():
+    free = computed("beam", *SHORT)("impact").trajectory
+    bounded = computed("beam", *SHORT, "reduction.kind=craig-bampton")("impact").trajectory
+    assert np.abs(free.v - bounded.v).max() < 1e-4 * 0.3
+    rigid = computed("beam", *SHORT, "wall.kind=rigid")("impact").trajectory
+    assert np.abs(free.v - rigid.v).max() > 0.01 * 0.3
+
+
+def test_a_beam_is_told_with_its_errors_and_its_load(capsys):
+    pressed = ("--set=beam.axial_force=-3e3",)
+    order = ("impact", "beam", *(f"--set={change}" for change in SHORT), *pressed, "--json")
+    assert beadwave(*order) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert 0 < summary["error_estimate"]["reduction"] < 1e-3
+    assert 0 < summary["error_estimate"]["mesh"] < 1e-3
+    kGA = 5 * 1.3 / 7.5 * 210e9 / 2.6 * 2e-4
+    euler = np.pi**2 * 210e9 * 0.02 * 0.01**3 / 12 / 0.5**2
+    assert summary["load_factor"] == pytest.approx(3e3 / (euler / (1 + euler / kGA)), rel=1e-6)
+    assert beadwave("modes", "beam", *pressed) == 0
+    assert "of the load that buckles it" in capsys.readouterr().out
+
+
+REFUSED = {
+    ("beam.axial_force=-2e4",): "of the buckling load of",
+    ("beam.axial_force=-1e3", "beam.left=free", "beam.right=free"): "can move as a rigid body",
+    ("beam.position=0.5",): "position = 0.5 m must be below length = 0.5 m",
+    ("beam.left=glued",): "beam.left",
+    ("beam.bore=0.001",): "bore belongs to diameter",
+    ("beam.area=1e-4",): "area and second_moment belong together",
+    ("beam.area=1e-4", "beam.second_moment=1e-9"): "add shear_factor",
+    ("beam.diameter=0.02", "beam.bore=0.02"): "bore = 0.02 m must be below diameter",
+    ("beam.thickness=1",): "a section 1 m high is no beam of length = 0.5 m",
+    ("beam.width=10",): "10 mm",
+    ("patch.radius=0.002",): "[patch] is beside [beam]",
+    ("preload.force=1", "beam.left=free", "beam.right=free"): "preload.force",
+    ("reduction.kind=craig-bampton", "beam.left=free", "beam.right=free"): '"free-modes"',
+}
+
+
+@pytest.mark.parametrize("changes", REFUSED)
+def test_a_beam_that_cannot_be_is_refused_in_a_sentence(changes, capsys):
+    assert beadwave("impact", "beam", *(f"--set={change}" for change in changes)) == 2
+    told = capsys.readouterr().err
+    assert REFUSED[changes] in told and "Traceback" not in told and told.count("\n") <= 2
+
+
+def test_what_needs_an_assembly_says_so_of_a_beam(capsys):
+    for order in (
+        ("tune", "beam", "--match=1"),
+        ("look", "beam"),
+        ("modes", "beam", "--inp=a"),
+    ):
+        assert beadwave(*order) == 2
+        assert "[assembly]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("section", ["diameter=0.02", "diameter=0.03"])
+def test_a_round_section_replaces_the_rectangle(section):
+    changes = (f"beam.{section}", *(("beam.bore=0.02",) if "3" in section else ()))
+    found = scene("beam", changes)
+    assert found.beam.width is None and found.beam.diameter
+    assert len(computed("beam", *changes)("modes").omega) == 30
+
+
+def test_a_beam_on_springs_takes_a_table(tmp_path):
+    path = tmp_path / "springs.toml"
+    text = scene_text("beam").replace('left = "hinged"', "left = { shift = 1e6, turn = 50.0 }")
+    path.write_text(text)
+    soft = computed(str(path))("modes").omega[0]
+    stiff = computed(str(path), "beam.left.shift=1e9")("modes").omega[0]
+    assert soft < 0.995 * stiff
+
+
+def scene_text(name):
+    from workflows.files.scene import scene_text as text
+
+    return text(name).text
+
+
+def test_a_beam_that_floats_has_the_wall_of_a_free_body():
+    wall = computed("beam", "beam.left=free", "beam.right=free")("wall")
+    assert np.count_nonzero(wall.omega == 0) == 2
+
+
+def test_a_beam_asks_for_no_mesher():
+    """Nor for the viewer; a run draws in a process of its own."""
+    code = (
+        "import sys; from contextlib import nullcontext\n"
+        "from workflows.files.scene import scene\n"
+        "from workflows.pipeline.pipeline import pipeline_of\n"
+        "pipeline_of(scene('beam', ('time.duration=2e-4',)), lambda s: nullcontext())('wall')\n"
+        "print(*({'gmsh', 'pyvista', 'matplotlib'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
+def test_the_file_of_a_reduced_beam_is_its_wall(tmp_path):
+    assert beadwave("reduce", "beam", "--out", tmp_path / "rom.npz") == 0
+    assert beadwave("reduce", "beam", "--out", "own.npz", "--matrices", "full.npz") == 0
+    full = np.load("full.npz", allow_pickle=True)
+    assert len(full["mesh_points"]) == 121 * 4
+    kept, own = rom.load_npz(tmp_path / "rom.npz"), computed("beam")("reduction")
+    assert np.array_equal(kept.w, own.w) and kept.contact.half_space == 0
+    assert np.allclose(coupling.wall.wall_of(kept).omega, coupling.wall.wall_of(own).omega)
+
+
+@pytest.mark.parametrize("key", ["thickness", "young", "length", "position"])
+def test_an_unusable_number_is_refused(key):
+    with pytest.raises(InvalidScene, match=f"beam.{key}"):
+        scene("beam", (f"beam.{key}=-1.0",))

@@ -1,0 +1,114 @@
+"""The stages of a beam: model, modes, reduced model, by the same doors as an assembly."""
+
+import numpy as np
+
+import fem
+import rom
+from workflows.files.mode_field import ModeField
+from workflows.pipeline.assembly import SHOWN, AssemblyModes
+from workflows.pipeline.reduction import TO_HZ, selection
+from workflows.scene import InvalidScene, Scene
+
+N_MODES = 30
+COARSER = 2.0  # times the elements' length, for the mesh's error
+NO_TARGETS = np.empty(0, np.int64)
+
+
+def model(scene: Scene, coarser: float = 1.0) -> fem.Bending:
+    """The beam; raises InvalidScene where the axial force buckles it."""
+    try:
+        return _beam(scene.beam, coarser)
+    except fem.Buckled as why:
+        raise InvalidScene(
+            f"{scene.name}: beam.axial_force = {scene.beam.axial_force:g} N: {why}."
+        ) from None
+
+
+def _beam(table, coarser: float) -> fem.Bending:
+    made_of = fem.Material(table.young, table.poisson, table.density)
+    ends = tuple(fem.End(*springs) for springs in table.springs)
+    return fem.beam(
+        table.length, section(table), made_of, ends, table.position,
+        axial_force=table.axial_force, coarser=coarser,
+    )  # fmt: skip
+
+
+def section(table) -> fem.Section:
+    """The cross-section, with the shear factor of its shape or the one given."""
+    if table.width:
+        found = fem.rectangle(table.width, table.thickness, table.poisson)
+    elif table.diameter:
+        found = fem.tube(table.diameter, table.bore, table.poisson)
+    else:
+        found = fem.section(table.area, table.second_moment, table.shear_factor)
+    return found._replace(shear_factor=table.shear_factor or found.shear_factor)
+
+
+def modes(scene: Scene, model: fem.Bending) -> AssemblyModes:
+    """The lowest modes; a beam has no targets."""
+    n = model.K.shape[0]
+    found = fem.modes(model.K, model.M, min(N_MODES, n - 2))
+    return AssemblyModes(
+        found.omega, found.phi, NO_TARGETS, np.empty(0), n, model.effective_mass(found.phi),
+        _field(model, found), model.load_factor,
+    )  # fmt: skip
+
+
+def _field(model: fem.Bending, found: fem.Modes) -> ModeField:
+    index = np.flatnonzero(found.omega > fem.correlation.RIGID * found.omega.max())[:SHOWN]
+    u = (model.T @ found.phi[:, index]).T.reshape(len(index), -1, 3)
+    meshes = {model.name: model.drawn}
+    target = np.zeros(len(index), dtype=int)
+    return ModeField(meshes, index + 1, found.frequency_hz[index], u.astype(np.float32), target)
+
+
+def contact(scene: Scene, model: fem.Bending) -> fem.ContactPatch:
+    """Where it is struck."""
+    return model.patch
+
+
+def mac(scene: Scene, modes: AssemblyModes) -> np.ndarray:
+    """(k, 0): there is nothing to compare with."""
+    return np.empty((len(modes.omega), 0))
+
+
+def reduction(scene: Scene, model: fem.Bending) -> rom.ReducedModel:
+    """The model in few coordinates at the contact, with the way back to its drawn surface."""
+    matrices = (model.K, model.M, model.patch.w)
+    if scene.reduction.kind == "craig-bampton":
+        reduced = rom.craig_bampton(
+            *matrices, model.patch.boundary, selection(scene), factorise=fem.factorised
+        )
+    else:
+        reduced = rom.free_modes(*matrices, selection(scene), factorise=fem.factorised)
+    known = contact_of(scene, model)
+    drawn, n = model.drawn, len(model.drawn.p[0])
+    T = (model.T @ reduced.T).astype(np.float32)
+    faces = drawn.facets[:, drawn.boundary_facets()].T
+    return reduced._replace(
+        T=None,
+        surface=rom.Surface(drawn.p.T, faces, T, np.zeros(n, int), (model.name,)),
+        contact=known,
+        mass=rom.MassProperties(model.mass, tuple(model.middle)),
+        finer=reduced.finer._replace(contact=known),
+    )
+
+
+def contact_of(scene: Scene, model: fem.Bending) -> rom.Contact:
+    """The material that is struck; a beam's section does not yield, there is no half-space in K."""
+    made_of, spot = scene.struck_material, model.patch.spot
+    return rom.Contact(
+        half_space=model.half_space,
+        young=made_of.young,
+        poisson=made_of.poisson,
+        point=tuple(spot.point.tolist()),
+        direction=tuple(spot.inward.tolist()),
+    )
+
+
+def coarse_reduction(scene: Scene) -> rom.ReducedModel:
+    """The same on longer elements, reduced the quickest way."""
+    coarse = model(scene, COARSER)
+    asked = rom.Selection(n_modes=N_MODES, choice="contact", to_hz=TO_HZ)
+    found = rom.free_modes(coarse.K, coarse.M, coarse.patch.w, asked, factorise=fem.factorised)
+    return found._replace(T=None, contact=contact_of(scene, coarse))

@@ -1,0 +1,108 @@
+"""The words of a structure in one table: a beam of bending theory."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from workflows.scene.quantities import of
+from workflows.scene.tables import Density, Number, Positive, Spring, Table, TurnSpring
+from workflows.scene.units import AREA, FORCE, LENGTH, PRESSURE, SECOND_MOMENT
+
+Modulus = of(Positive, PRESSURE, 1e6, 2e12)  # rubber to diamond
+Compressible = Annotated[float, Field(gt=-1, lt=0.5)]
+Size = of(Positive, LENGTH, 1e-5, 50)
+Side = of(Positive, LENGTH, 1e-5, 2)  # of a section
+Force = of(Number, FORCE, 0, 1e9)
+SECTIONS = {"width": "thickness", "diameter": None, "area": "second_moment"}
+
+
+class EndSprings(Table):
+    """Springs of a beam's end to the ground; inf is rigid."""
+
+    shift: Spring  # [N/m] across the beam
+    turn: TurnSpring = 0.0  # [N m/rad]
+
+
+def _written(value: Any) -> str:
+    return "text" if isinstance(value, str) else "table"
+
+
+EndOfBeam = Annotated[
+    Annotated[Literal["hinged", "clamped", "free"], Tag("text")]
+    | Annotated[EndSprings, Tag("table")],
+    Discriminator(_written),
+]
+
+
+class Beam(Table):
+    """A straight Timoshenko beam, struck across.
+
+    The section is width and thickness (along the chain), diameter with or without a bore, or area
+    and second_moment. `position` is from the left end; axial_force > 0 pulls, < 0 presses.
+    """
+
+    length: Size  # [m]
+    width: Side | None = None  # [m]
+    thickness: Side | None = None  # [m]
+    diameter: Side | None = None  # [m]
+    bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 2) = 0.0  # [m] inner diameter
+    area: of(Positive, AREA, 1e-9, 10) | None = None  # [m^2]
+    second_moment: of(Positive, SECOND_MOMENT, 1e-18, 10) | None = None  # [m^4]
+    shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # of the section's shape
+    young: Modulus  # [Pa]
+    poisson: Compressible = 0.3
+    density: Density  # [kg/m^3]
+    left: EndOfBeam
+    right: EndOfBeam
+    position: Size  # [m]
+    axial_force: Force = 0.0  # [N]
+
+    @property
+    def springs(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """(shift, turn) of both ends, inf rigid."""
+        return _springs(self.left), _springs(self.right)
+
+    @property
+    def floats(self) -> bool:
+        """Whether the beam can move as a rigid body."""
+        (shift, turn), (other_shift, other_turn) = self.springs
+        n_turns = (shift > 0) + (other_shift > 0)
+        return n_turns == 0 or (n_turns == 1 and turn == 0 and other_turn == 0)
+
+    @model_validator(mode="after")
+    def _one_section(self) -> "Beam":
+        given = [key for key in SECTIONS if getattr(self, key) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "nothing"
+            raise ValueError(
+                f"the section is told by {found}: give width and thickness, diameter, or area and "
+                "second_moment"
+            )
+        for key, partner in SECTIONS.items():
+            if partner and (getattr(self, key) is None) != (getattr(self, partner) is None):
+                raise ValueError(f"{key} and {partner} belong together: add the other")
+        if self.area and self.shear_factor is None:
+            raise ValueError("area and second_moment say no shape: add shear_factor")
+        if self.bore and not self.diameter:
+            raise ValueError("bore belongs to diameter: drop it, or give diameter")
+        if self.bore and self.bore >= self.diameter:
+            raise ValueError(
+                f"bore = {self.bore:g} m must be below diameter = {self.diameter:g} m: change it"
+            )
+        height = self.thickness or self.diameter or 0.0
+        if height >= self.length:
+            raise ValueError(
+                f"a section {height:g} m high is no beam of length = {self.length:g} m: draw it as "
+                "a body"
+            )
+        if not self.position < self.length:
+            raise ValueError(
+                f"position = {self.position:g} m must be below length = {self.length:g} m: move it"
+            )
+        return self
+
+
+def _springs(end: Any) -> tuple[float, float]:
+    inf = float("inf")
+    words = {"hinged": (inf, 0.0), "clamped": (inf, inf), "free": (0.0, 0.0)}
+    return words[end] if isinstance(end, str) else (end.shift, end.turn)
