@@ -175,3 +175,13 @@ def test_the_drawn_beam_moves_as_its_sections_do():
     x, _, z = beam.drawn.p
     turn = u[np.argmax(x), 2] / LENGTH
     assert np.allclose(u, turn * np.column_stack([-z, 0 * x, x]), atol=1e-6 * abs(turn) * LENGTH)
+
+
+def test_shear_factors_of_round_sections_are_hutchinsons():
+    """J. Appl. Mech. 68 (2001) 87: of a rod, and (1 + nu) / (2 + nu) of a thin tube."""
+    nu = 0.3
+    rod = 6 * (1 + nu) ** 2 / (7 + 12 * nu + 4 * nu**2)
+    assert abs(fem.tube(0.02, 0.0, nu).shear_factor / rod - 1) < 1e-12
+    thin = fem.tube(0.02, 0.01999, nu)
+    assert abs(thin.shear_factor / ((1 + nu) / (2 + nu)) - 1) < 1e-5
+    assert abs(thin.second_moment / (thin.area * 0.01**2 / 2) - 1) < 1e-3
