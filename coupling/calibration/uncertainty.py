@@ -51,9 +51,14 @@ class Uncertainty(NamedTuple):
 
 
 def uncertainty(
-    parameters: Sequence[Parameter], residual: np.ndarray, J: np.ndarray, held: np.ndarray
+    parameters: Sequence[Parameter],
+    residual: np.ndarray,
+    J: np.ndarray,
+    held: np.ndarray,
+    prior: np.ndarray | None = None,
 ) -> Uncertainty:
-    """Of a fit with the residual (k, m) and the Jacobian J (k, m, p)."""
+    """Of a fit with the residual (k, m) and the Jacobian J (k, m, p); `prior` (p, p) is what is
+    known besides, one over the covariance in scales: all is determined then."""
     scale = np.array([p.scale for p in parameters])
     free = ~np.asarray(held)
     scaled = (J * scale)[:, :, free]
@@ -64,6 +69,9 @@ def uncertainty(
     middle = noise_along(U, residual)
     spread = Vt[seen].T / s[seen]
     covariance = spread @ middle @ spread.T
+    if prior is not None:
+        known = np.linalg.pinv(covariance, hermitian=True) + prior[np.ix_(free, free)]
+        covariance, seen = np.linalg.pinv(known, hermitian=True), np.ones(p, bool)
     whole = np.zeros((len(scale), len(scale)))
     whole[np.ix_(free, free)] = covariance
     two_sigma = 2.0 * np.sqrt(np.diag(whole)) * scale

@@ -1,0 +1,112 @@
+"""The least-squares problem of an inspection: residuals over the noise, unknown gains eliminated.
+
+    r = W (y - g f(theta)),   g = <W f, W y> / <W f, W f>   of each sensor without a known gain
+
+g follows theta (variable projection; the derivative is L. Kaufman's, BIT 15 (1975) 49). `summed`
+compares the running sums of the signals in place of the signals: two waves that do not meet still
+differ by more the farther they are apart, so that the misfit has one valley where it had many.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from coupling.calibration.fitting import rms
+from coupling.inspection.forward import IMPOSSIBLE, Forward, Shot, Unknowns
+
+CONVERGED = 1e-9
+HUGE = 1e3  # residual of a run that cannot be, in noise
+MARGIN = 1e-9  # of the bounds' distance, inside of them
+
+
+class Fitted(NamedTuple):
+    """Where a fit ended; misfit is the rms of the residual over the noise."""
+
+    theta: NDArray[np.float64]
+    misfit: float
+    evaluations: int
+    converged: bool
+
+
+class Fit(NamedTuple):
+    """Model and records; `unknown_gain` (m,) tells the sensors whose gains follow."""
+
+    forward: Forward
+    unknowns: Unknowns
+    shots: tuple[Shot, ...]
+    unknown_gain: NDArray[np.bool_]
+    summed: bool = False
+
+    @property
+    def data(self) -> NDArray[np.float64]:
+        """(S, k, m)"""
+        return np.array([shot.y for shot in self.shots])
+
+    @property
+    def weight(self) -> NDArray[np.float64]:
+        """(S, 1, m) one over the noise."""
+        return 1.0 / np.array([shot.noise for shot in self.shots])[:, None]
+
+    def of_shots(self, shots: Sequence[int], every: int = 1) -> "Fit":
+        """The same on some of the records, on every so many samples of them."""
+        kept = (self.shots[s] for s in shots)
+        thinned = tuple(one._replace(t=one.t[::every], y=one.y[::every]) for one in kept)
+        return self._replace(unknowns=self.unknowns.only(shots), shots=thinned)
+
+    def gains(self, shown: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(m,) of signals (S, k, m) computed with the gains that the sensors say."""
+        model, data = self._compared(shown), self._compared(self.data)
+        size = np.maximum(np.sum(model**2, axis=(0, 1)), 1e-300)
+        return np.where(self.unknown_gain, np.sum(model * data, axis=(0, 1)) / size, 1.0)
+
+    def residual(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(S k m,) over the noise; huge where no run is possible."""
+        try:
+            shown = self.forward.signals(self.unknowns, theta, self.shots)
+        except IMPOSSIBLE:
+            return np.full(self.data.size, HUGE)
+        return self._compared(self.gains(shown) * shown - self.data).ravel()
+
+    def jacobian(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(S k m, p) by theta in scales, the gains following."""
+        shown, slopes = self.forward.jacobian(self.unknowns, theta, self.shots)
+        moved = self._compared(self.gains(shown)[:, None] * slopes)
+        model = self._compared(shown)
+        along = model / np.maximum(np.linalg.norm(model, axis=(0, 1)), 1e-300)
+        share = np.einsum("skm,skmp->mp", along, moved) * self.unknown_gain[:, None]
+        return (moved - along[..., None] * share).reshape(-1, moved.shape[-1])
+
+    def _compared(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signals or their derivatives (S, k, m, ...) over the noise."""
+        found = values * self.weight.reshape(*self.weight.shape, *[1] * (values.ndim - 3))
+        return np.cumsum(found, axis=1) / np.sqrt(found.shape[1]) if self.summed else found
+
+    def misfit(self, theta: NDArray[np.float64]) -> float:
+        """rms of the residual over the noise."""
+        return rms(self.residual(theta))
+
+    def solved(
+        self, theta: NDArray[np.float64], most: int = 40, tolerance: float = CONVERGED
+    ) -> Fitted:
+        """The least misfit from theta (p,) on, over the numbers that the records take."""
+        scale, (low, high) = self.unknowns.scale, self.unknowns.ends()
+        free = np.unique([*self.unknowns.of_system.ravel(), *self.unknowns.trigger])
+        margin = MARGIN * (high - low)
+        begin = np.clip(theta, low + margin, high - margin)
+
+        def whole(part):
+            full = begin.copy()
+            full[free] = part * scale[free]
+            return full
+
+        found = least_squares(
+            lambda part: self.residual(whole(part)),
+            begin[free] / scale[free],
+            lambda part: self.jacobian(whole(part))[:, free],
+            bounds=(low[free] / scale[free], high[free] / scale[free]),
+            xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=most,
+        )  # fmt: skip
+        return Fitted(whole(found.x), rms(found.fun), found.nfev, found.status > 0)

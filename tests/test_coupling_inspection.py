@@ -1,0 +1,166 @@
+"""Numbers of a hinged beam from the forces that a bead of the chain has measured."""
+
+import numpy as np
+import pytest
+
+import dem
+from coupling import CouplingError
+from coupling.calibration.parameters import Parameter
+from coupling.inspection.fitting import Fit
+from coupling.inspection.forward import Forward, Shot, System, unknowns
+from coupling.inspection.information import bars_over_time, bounds_information, felt_from
+from coupling.inspection.inversion import inverted
+from coupling.inspection.search import rise
+from coupling.sensors import Sensor, recorded
+
+LENGTH, WIDTH, DENSITY, AT = 0.3, 0.04, 2700.0, 0.12
+BUCKLING = 70e9 * WIDTH * 0.012**3 / 12 * np.pi**2 / LENGTH**2  # N, of the middle of the bounds
+TRUTH = np.array([0.0124, 72e9, 0.5])  # m, Pa, axial force over the buckling load
+SPEEDS = np.array([0.302, 0.447])
+TRIGGERS = np.array([52e-6, 47e-6])
+SENSORS = (Sensor(4, "force", noise=0.01),)
+SHARED = (
+    Parameter("thickness", "key", 0.012, 0.009, 0.015, 2e-4),
+    Parameter("young", "key", 70e9, 56e9, 84e9, 1e9),
+    Parameter("axial force", "key", 0.0, -0.2, 0.9, 0.05),
+)
+
+
+def hinged(h, E, share, n=30):
+    k = np.arange(1, n + 1) * np.pi / LENGTH
+    mass = DENSITY * WIDTH * h
+    squares = (E * WIDTH * h**3 / 12 * k**4 - share * BUCKLING * k**2) / mass
+    if squares.min() <= 0:
+        raise CouplingError("buckled")
+    phi = np.sqrt(2.0 / (mass * LENGTH)) * np.sin(k * AT)
+    return dem.Wall(np.sqrt(squares), np.full(n, 0.003), phi)
+
+
+def system(values, wall=hinged):
+    h, E, share, speed = values
+    flat = dem.Flat(E, 0.33)
+    chain = dem.row_of_spheres(0.00953, 7800.0, 210e9, 0.3, count=9, flat=flat)
+    return System(chain, wall(h, E, share), np.r_[speed, np.zeros(8)])
+
+
+STEP = 4 * dem.sensitivities.usual_step(*system([*TRUTH, SPEEDS.max()]))
+
+
+def sought(speeds=(0.3, 0.45)):
+    """Unknowns of two records, each with a velocity and a trigger of its own."""
+    own = [[Parameter(f"velocity {i}", "key", v, 0.7 * v, 1.4 * v, 0.01)]
+           for i, v in enumerate(speeds)]  # fmt: skip
+    triggers = [Parameter(f"trigger {i}", "trigger", 0.0, -2e-4, 2e-4, 3e-6)
+                for i in range(len(speeds))]  # fmt: skip
+    return unknowns(SHARED, own, triggers)
+
+
+def measured(duration, gain=0.2, wall=hinged, seed=0, bits=8):
+    """Two records at 1 MHz, by a march of finer steps: noise of 1 %, 8 bits."""
+    t = np.arange(0.0, duration, 1e-6)
+    blank = tuple(Shot(t, np.zeros((len(t), 1)), np.ones(1)) for _ in SPEEDS)
+    true = Forward(lambda values: system(values, wall), SENSORS, STEP / 4)
+    theta = np.concatenate([TRUTH, np.column_stack([SPEEDS, TRIGGERS]).ravel()])
+    for i, y in enumerate(gain * true.signals(sought(), theta, blank)):
+        noisy = recorded(SENSORS, y, bits, [seed, i])
+        rms = 0.01 * np.abs(y).max() * np.hypot(1.0, 0.01 / 0.0347 / 2)  # and of 8 bits
+        yield Shot(t, noisy, np.array([rms]))
+
+
+def problem(duration, **how):
+    shots = tuple(measured(duration, **how))
+    return Fit(Forward(system, SENSORS, STEP), sought(), shots, np.array([True]))
+
+
+@pytest.fixture(scope="module")
+def found():
+    return inverted(problem(3.5e-3), n_shared=3, sensors=["bead"])
+
+
+def test_thickness_modulus_and_axial_force_are_found_within_their_bars(found):
+    off = np.abs(found.value[:3] - TRUTH)
+    assert (off <= 1.5 * found.uncertainty.two_sigma[:3]).all()
+    assert off[0] < 0.01 * TRUTH[0] and off[1] < 0.02 * TRUTH[1] and off[2] < 0.05
+    np.testing.assert_allclose(found.value[[3, 5]], SPEEDS, rtol=5e-3)
+    np.testing.assert_allclose(found.value[[4, 6]], TRIGGERS, atol=5e-7)
+    assert found.gains[0] / 0.2 == pytest.approx(1.0, abs=3e-3)
+    assert found.whole_misfit == pytest.approx(1.0, abs=0.05)
+    assert found.memory == pytest.approx(1.0, abs=0.1)
+    assert not found.at_bound.any()
+
+
+def test_bars_of_white_noise_are_those_of_fisher_s_information(found):
+    B = bounds_information(found.parameters)
+    ends = np.array([1200, 2500, 3500])
+    bars = bars_over_time(found.slopes, B, ends)
+    scale = np.array([p.scale for p in found.parameters])
+    np.testing.assert_allclose(bars[-1] * scale, found.uncertainty.two_sigma, rtol=0.3)
+    assert (np.diff(bars, axis=0) <= 1e-9 * bars[0]).all()  # no record tells less for being longer
+
+
+def test_the_first_reflected_wave_does_not_tell_the_axial_force():
+    """It lasts 1.2 ms; the bar of the force is that of its bounds, and those of thickness and
+    modulus hold the truth although the force that came out is far off."""
+    short = inverted(problem(1.2e-3), n_shared=3, starts=2, sensors=["bead"])
+    share = short.uncertainty.two_sigma[2] / (SHARED[2].high - SHARED[2].low)
+    assert share > 0.5
+    assert short.uncertainty.combinations[0].text(short.parameters).startswith("1.00 axial force")
+    assert (np.abs(short.value[:2] - TRUTH[:2]) <= 1.5 * short.uncertainty.two_sigma[:2]).all()
+
+
+def test_waves_feel_a_number_from_the_time_on_that_the_model_says(found):
+    whole = np.array([(p.high - p.low) / p.scale if p.kind == "key" else 0.0
+                      for p in found.parameters])  # fmt: skip
+    thickness, _, force = felt_from(found.slopes, whole)[:3]
+    assert 400 < thickness < 900 < force < 3500  # the wave is back after 0.5 ms
+    still = np.full_like(whole, 1e-12)
+    assert (felt_from(found.slopes, still) == found.slopes.shape[1]).all()
+
+
+def test_a_structure_that_the_model_cannot_be_is_told_by_what_it_leaves():
+    def on_a_mass(h, E, share):
+        return dem.one_dof_wall(400.0, 0.2, 0.01)
+
+    wrong = inverted(problem(2e-3, wall=on_a_mass), n_shared=3, starts=2, sensors=["bead"])
+    assert wrong.whole_misfit > 1.5
+    assert wrong.memory > 1.5
+
+
+def test_derivatives_are_those_of_the_signals():
+    fit = problem(2e-3)
+    theta = np.concatenate([TRUTH, np.column_stack([SPEEDS, TRIGGERS]).ravel()])
+    _, slopes = fit.forward.jacobian(fit.unknowns, theta, fit.shots)
+    for j, step in enumerate(1e-3 * fit.unknowns.scale):
+        moved = theta + np.outer([step, -step], np.eye(len(theta))[j])
+        up, down = (fit.forward.signals(fit.unknowns, x, fit.shots) for x in moved)
+        central = 1e3 * (up - down) / 2
+        off = np.abs(slopes[..., j] - central).max() / np.abs(central).max()
+        assert off < 2e-3, fit.unknowns.parameters[j].name
+
+
+def test_gains_that_are_known_are_kept():
+    fit = problem(1.2e-3)
+    shown = np.array([shot.y for shot in fit.shots]) / 0.2
+    assert fit.gains(shown)[0] == pytest.approx(0.2, rel=1e-12)
+    assert fit._replace(unknown_gain=np.array([False])).gains(shown)[0] == 1.0
+
+
+def test_running_sums_tell_how_far_two_waves_are_apart():
+    fit = problem(1.2e-3)
+    theta = np.concatenate([TRUTH, np.column_stack([SPEEDS, TRIGGERS]).ravel()])
+    late = [theta + s * np.eye(7)[4] for s in (0.0, 60e-6, 120e-6, 180e-6)]
+    plain, summed = ([one.misfit(x) for x in late] for one in (fit, fit._replace(summed=True)))
+    assert plain[3] < 1.05 * plain[2]  # a wave that is farther off misses by no more
+    assert (np.diff(summed) > 0.15 * summed[1]).all()
+
+
+def test_a_first_wave_rises_between_samples():
+    t = np.linspace(0.0, 1e-3, 101)
+    y = np.clip((t - 3.04e-4) / 1e-4, 0.0, 1.0)[:, None]
+    assert rise(t, -2.0 * y) == pytest.approx(3.34e-4, abs=1e-7)
+
+
+def test_too_few_samples_are_refused():
+    fit = problem(1.2e-3).of_shots([0], every=300)
+    with pytest.raises(CouplingError, match="do not determine"):
+        inverted(fit, n_shared=3, sensors=["bead"])
