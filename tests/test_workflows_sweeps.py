@@ -71,6 +71,8 @@ def test_whole_numbers_stay_whole():
     found = grid(("chain.count=15:17:3", "a.b=1:2:3", "c.d=1.0:3.0:3"), number)
     kinds = {key: {type(value) for value in values} for key, values in found.columns.items()}
     assert kinds == {"chain.count": {int}, "a.b": {float}, "c.d": {float}}
+    steps = grid(("chain.count=5:404:400",), number)  # steps of 1 that linspace does not round to
+    assert steps.columns["chain.count"] == tuple(range(5, 405))
 
 
 def test_a_pipe_is_no_table(tmp_path):
@@ -506,6 +508,31 @@ def test_a_table_is_read_by_others(tmp_path):
     Path("out/cases.parquet").write_bytes(b"PAR1 rubbish PAR1")
     with pytest.raises(InvalidScene, match="is no table of a sweep"):
         beadwave.load_sweep("out")
+
+
+def test_the_price_of_many_cases_is_that_of_some():
+    cases = {"chain.count": "5:404:400", "striker.velocity": "0.1:1:500"}
+    price = beadwave.sweep_price("rig-rigid", SHORT, cases=cases)
+    assert (price.cases, price.walls, price.side_by_side) == (200_000, 400, 200_000)
+    half = {"contact.dissipation": "none,no-such", "chain.count": "5:304:300"}
+    some = beadwave.sweep_price("rig-rigid", SHORT, cases=half)
+    assert some.refused == some.walls == some.side_by_side == 300
+
+
+def test_the_price_of_what_cannot_be_computed_is_its_sentence():
+    long = {"chain.count": "900000:1000000:5"}
+    with pytest.raises(InvalidScene, match=r"all 5 cases are refused; .* allowed are 1e\+08"):
+        beadwave.sweep_price("rig-rigid", cases=long)
+    base, few = SHORT | {"wall.kind": "half-space"}, {"chain.count": "4,5,900000"}
+    price = beadwave.sweep_price("rig-rigid", base, cases=few)
+    assert price.refused == 1 and "900000" in price.notes[0]
+
+
+def test_the_price_of_walls_that_fail_says_why(tmp_path):
+    Path("two.toml").write_text(TWO)
+    cases = {"striker.velocity": "0.1,0.2"}
+    price = beadwave.sweep_price("two.toml", {"bodies.plate.seed": 5e-5}, cases=cases)
+    assert price.refused == 0 and "take a seed above" in price.notes[0]
 
 
 def test_the_price_is_told_before():

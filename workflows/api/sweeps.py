@@ -76,17 +76,16 @@ def sweep(
     with folder.run(text, FILES), _engine(on) as engine:
         compute(base, design, folder, engine, signals=signals, told=told)
         found = opened(path, notes)
-        _require_one(found)
+        _require_one(design, found.counts().get("refused", 0), found.messages())
         for picture in found.pictures():
             folder.write(f"figures/{picture.name}.png", picture.png)
     return found
 
 
-def _require_one(found: Sweep) -> None:
+def _require_one(design: Design, refused: int, messages: Iterable[str]) -> None:
     """Raise InvalidScene where every case was refused."""
-    if found.counts() == {"refused": found.design.n_cases}:
-        first = next(iter(found.messages()))
-        raise InvalidScene(f"all {found.design.n_cases} cases are refused; {first}")
+    if refused == design.n_cases:
+        raise InvalidScene(f"all {refused} cases are refused; {next(iter(messages))}")
 
 
 def sweep_price(
@@ -104,7 +103,9 @@ def sweep_price(
     base = base_of(scene, changes)
     design = _design(base, _cases(cases))
     require_keys(base, design, False)
-    return price(base, design, processes or 1)
+    found = price(base, design, processes or 1)
+    _require_one(design, found.refused, found.notes)
+    return found
 
 
 def load_sweep(folder: str | Path) -> Sweep:

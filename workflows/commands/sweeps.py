@@ -98,7 +98,7 @@ def _tell_price(scene, changes, what, workers, quiet, json) -> None:
 
     with StageProgress(f"sweep {scene}", quiet=quiet) as progress, progress.stage("first case"):
         found = sweep_price(scene, changes or (), cases=what, processes=workers)
-    told(found._asdict(), tables.text(found.table()), json, quiet)
+    told(found._asdict(), "\n\n".join([tables.text(found.table()), *found.notes]), json, quiet)
 
 
 def _show(folder, of, against, overwrite, quiet, json) -> None:

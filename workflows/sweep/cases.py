@@ -1,6 +1,6 @@
 """The cases of a sweep by what they share: a wall, and whether their chains march side by side."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -64,17 +64,23 @@ class Group(NamedTuple):
         return Group(self.shared, columns, tuple(self.cases[i] for i in rows))
 
 
-def groups(base: Base, design: Design, missing: list[int]) -> Iterator[Group]:
+def groups(base: Base, design: Design, missing: Sequence[int]) -> Iterator[Group]:
     """The missing cases of a design, grouped, in order of their first case."""
+    if not missing:
+        return
     apart = [key for key in design.keys if not _side_by_side(key, design.columns[key])]
     joint = [key for key in design.keys if key not in apart]
-    found: dict[str, list[int]] = {}
-    for i in missing:
+    found: dict[str, Sequence[int]] = {} if apart else {"all": missing}
+    for i in missing if apart else ():
         found.setdefault(repr([design.columns[key][i] for key in apart]), []).append(i)
     for cases in found.values():
         shared = {key: design.columns[key][cases[0]] for key in apart}
-        columns = {key: tuple(design.columns[key][i] for i in cases) for key in joint}
+        columns = {key: _taken(design.columns[key], cases) for key in joint}
         yield Group(shared, columns, tuple(cases))
+
+
+def _taken(column: tuple[Any, ...], cases: Sequence[int]) -> tuple[Any, ...]:
+    return column if len(cases) == len(column) else tuple(column[i] for i in cases)
 
 
 def _side_by_side(key: str, values: tuple[Any, ...]) -> bool:

@@ -3,9 +3,8 @@
 import csv
 from collections.abc import Callable, Iterable
 from hashlib import sha256
-from itertools import product
 from json import dumps
-from math import isfinite
+from math import isfinite, prod
 from pathlib import Path
 from tomllib import TOMLDecodeError, loads
 from typing import Any, NamedTuple
@@ -72,12 +71,14 @@ def grid(over: Iterable[str], number: Number) -> Design:
     Raises InvalidScene for an axis that cannot be read and for more cases than a table holds.
     """
     axes = _distinct([_grid_axis(text, number) for text in over])
-    n = 1
-    for axis in axes:
-        n *= len(axis.values)
-    _require_number(n)
-    rows = product(*(axis.values for axis in axes))
-    return Design("grid", _columns([axis.key for axis in axes], rows))
+    lengths = [len(axis.values) for axis in axes]
+    _require_number(prod(lengths))
+    columns, before = {}, 1
+    for axis, n in zip(axes, lengths, strict=True):
+        each = prod(lengths) // (before * n)
+        columns[axis.key] = tuple(v for v in axis.values for _ in range(each)) * before
+        before *= n
+    return Design("grid", columns)
 
 
 def sampled(over: Iterable[str], sample: str, seed: int, number: Number) -> Design:
@@ -179,8 +180,8 @@ def _grid_axis(text: str, number: Number) -> Axis:
     spaced = axis.at(np.linspace(0.0, 1.0, n))
     spaced[[0, -1]] = low, high  # as they are given, not as they are rounded
     whole = all(part.strip().lstrip("-").isdecimal() for part in parts[:2])
-    if whole and not np.any(spaced % 1.0):  # of keys that count
-        spaced = spaced.astype(int)
+    if whole and np.allclose(spaced, np.round(spaced), 1e-12, 0.0):  # of keys that count
+        spaced = np.round(spaced).astype(int)
     return axis._replace(values=tuple(spaced.tolist()))
 
 

@@ -5,7 +5,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from workflows.scene import InvalidScene, Scene
-from workflows.sweep.cases import Base, Checked, checked, groups
+from workflows.sweep.cases import Base, Checked, Group, checked, groups
 from workflows.sweep.design import Design
 from workflows.sweep.models import Source, models_key
 
@@ -32,13 +32,17 @@ class Sharing(NamedTuple):
 
 def sharings(base: Base, design: Design, cases: list[int], signals: bool) -> Iterator[Sharing]:
     """For each group of these cases, the tasks that share its wall."""
-    for group in groups(base, design, cases):
-        looked = checked(base, group)
-        scene = looked.scene
-        source = scene and source_of(looked, design)
-        size = CHUNK if scene and looked.joins else ALONE
-        tasks = [Task(part, signals) for part in looked.parts(size)]
-        yield Sharing(scene, source, source and models_key(source), tasks)
+    return (sharing(base, design, group, signals) for group in groups(base, design, cases))
+
+
+def sharing(base: Base, design: Design, group: Group, signals: bool) -> Sharing:
+    """The tasks of a group of cases."""
+    looked = checked(base, group)
+    scene = looked.scene
+    source = scene and source_of(looked, design)
+    size = CHUNK if scene and looked.joins else ALONE
+    tasks = [Task(part, signals) for part in looked.parts(size)]
+    return Sharing(scene, source, source and models_key(source), tasks)
 
 
 def source_of(looked: Checked, design: Design) -> Source:
