@@ -25,7 +25,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fem.constraints import Constraint
 from fem.elasticity import Structure
-from fem.spot import sagging
+from fem.sagging import sagging
 from fem.trace import OffFace, face_nodes, face_quadrature, trace
 
 DIRECTIONS = ("kx", "ky", "kz", "krx", "kry", "krz")
@@ -117,10 +117,10 @@ def distributing(
 def tie(structure: Structure, pair: Tie, n_total: int) -> Constraint:
     """The nodes of the slave face follow the displacement of the master face.
 
-    Facets of curved faces may miss each other by what straight edges leave.
+    Facets of curved faces, and rims, may miss each other by what straight edges leave.
     """
     dofs = face_nodes(structure, pair.slave)
-    gap = max(pair.gap, sagging(structure, pair.master))
+    gap = pair.gap + sagging(structure, pair.slave) + sagging(structure, pair.master)
     P = _on(structure, pair.master, pair.slave, _positions(structure, dofs), gap)
     return Constraint(dofs.ravel(), widened(P, n_total), f"the tie {pair.slave} to {pair.master}")
 

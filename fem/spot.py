@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.elasticity import Structure
+from fem.sagging import area_vectors
 
 PLANE = 1e-6  # of a face's size: what a plane face may leave its plane by
 ROUNDING = 1e-9  # of a normal's length
-SAGGING = 0.1  # of the largest facet: 8 edges around a circle leave that much
 ROUND = 0.02  # of a radius: what corners of a mesh may leave a round face by
 FLAT = 0.1  # of the smallest radius of curvature: the largest patch that a half-space is under
 
@@ -56,14 +56,6 @@ def planar_spot(structure: Structure, face: str, at: tuple[float, float]) -> Spo
     height = points.mean(axis=0) @ normal
     side = np.sign(np.mean(middles @ normal) - height)
     return Spot(middle @ axes + height * normal, side * normal, axes)
-
-
-def sagging(structure: Structure, face: str) -> float:
-    """What facets of a face may lie off one that is meshed otherwise [m]: nothing of a plane."""
-    corners, _ = _facets(structure, face)
-    if _plane(corners)[1] <= PLANE * np.ptp(corners, axis=(1, 2)).max():
-        return 0.0
-    return SAGGING * np.ptp(corners, axis=1).max()
 
 
 def round_spot(
@@ -131,8 +123,7 @@ def spanning(normal: NDArray[np.float64]) -> NDArray[np.float64]:
 def _plane(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Unit normal (3,) of facets (3, n_corners, n) taken together, and what they leave its plane
     by [m]."""
-    n = len(corners[0])
-    vectors = np.cross((corners[:, 1] - corners[:, 0]).T, (corners[:, n - 1] - corners[:, 0]).T)
+    vectors = area_vectors(corners)
     areas = np.linalg.norm(vectors, axis=1)
     # facets may turn either way round: all are brought to that of the largest
     mean = (vectors * np.sign(vectors @ vectors[areas.argmax()])[:, None]).sum(axis=0)

@@ -175,7 +175,6 @@ def _contacts(met: Met, one: Skin, other: Skin, a: Body, b: Body):
                 (int(first), int(second)),
                 area,
                 _gap(*faces, met, mine),
-                faces[0].radius or 0.0,
                 (),
                 area > (1 - FRACTION) * max(faces[0].area, faces[1].area),
             )

@@ -18,7 +18,6 @@ from geometry.gmsh_session import boolean_tolerance, failing
 from geometry.solids import ALIGNED, SAME, Body, Face, off_axis, parallel
 
 NEAR = 1e-3  # m, bodies closer than this that do not touch are told
-FACETS = 0.04  # of a radius, by which facets of 20 edges around may miss those of another mesh
 FRACTION = 1e-6  # of the smaller face: a common area below is none
 
 
@@ -28,7 +27,6 @@ class Contact(NamedTuple):
     faces: tuple[int, int]  # tags
     area: float  # m^2
     gap: float  # m, mean distance of the two
-    radius: float  # m, of a cylinder or a sphere, 0 of others
     regions: tuple[int, ...]  # tags of their common part, surfaces in the CAD model
     flush: bool  # both faces end where the other does
 
@@ -50,11 +48,6 @@ class Touch(NamedTuple):
     @property
     def gap(self) -> float:
         return max(contact.gap for contact in self.contacts)
-
-    @property
-    def mesh_gap(self) -> float:
-        """How far the straight facets of two meshes may lie apart here [m]."""
-        return max(contact.gap + FACETS * contact.radius for contact in self.contacts)
 
 
 class NearMiss(NamedTuple):
@@ -145,8 +138,8 @@ def _contacts(a: Body, b: Body, gap: float) -> Iterator[Contact]:
             regions = _common(one, other, gap)
             area = sum(gmsh.model.occ.getMass(2, tag) for tag in regions)
             if area > FRACTION * min(one.area, other.area):
-                radius, flush = one.radius or 0.0, area > (1 - FRACTION) * max(one.area, other.area)
-                yield Contact((one.tag, other.tag), area, distance, radius, regions, flush)
+                flush = area > (1 - FRACTION) * max(one.area, other.area)
+                yield Contact((one.tag, other.tag), area, distance, regions, flush)
 
 
 def _apart(one: Face, other: Face) -> float | None:

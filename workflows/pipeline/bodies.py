@@ -108,7 +108,7 @@ def parts(scene: Scene) -> Parts:
     for sentence in too_large_mesh(scene, "the mesh of [assembly]", nodes):
         raise InvalidScene(f"{scene.name}: {sentence}")
     connections = fem.Connections(
-        [_tie(drawn, touch, size) for touch in tied],
+        [_tie(touch, size) for touch in tied],
         marks.joints,
         [fem.Held(_face(marks, f"held-{i}"), hold.directions) for i, hold in _holds(scene)],
     )
@@ -328,14 +328,9 @@ def _roles(touch, fineness: Mapping[str, float]) -> list[str]:
     return sorted(touch.bodies, key=lambda body: fineness[body])
 
 
-def _tie(drawn: Drawing, touch, fineness: Mapping[str, float]) -> fem.Tie:
-    from geometry.touching import FACETS
-
+def _tie(touch, fineness: Mapping[str, float]) -> fem.Tie:
     master, slave = _roles(touch, fineness)
-    # facets of two meshes leave a circle that ends their common face by as much as a cylinder
-    rims = [face.radius or 0.0 for name in touch.bodies for face in drawn.bodies[name].faces]
-    gap = max(touch.mesh_gap, touch.gap + FACETS * max(rims))
-    return fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", gap)
+    return fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", touch.gap)
 
 
 def _meshes(scene: Scene, drawn: Drawing, tied: list, marks: Marks, struck: Struck | None) -> dict:
