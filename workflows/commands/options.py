@@ -41,6 +41,11 @@ def case_names(incomplete: str) -> list[str]:
     return _names("stability", incomplete)
 
 
+def group_names(incomplete: str) -> list[str]:
+    """Groups of comparisons that begin so."""
+    return _names("verify", incomplete)
+
+
 def _names(folder: str, incomplete: str) -> list[str]:
     from workflows.studies.catalogue import catalogue
 

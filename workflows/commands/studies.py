@@ -1,4 +1,4 @@
-"""`beadwave accuracy`, `stability` and `study`: what is measured and made again."""
+"""`beadwave accuracy`, `stability`, `verify` and `study`: what is measured and made again."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +12,7 @@ from workflows.commands.options import (
     SceneName,
     StudyFolder,
     case_names,
+    group_names,
     json_of,
     scene_names,
     stage_names,
@@ -86,6 +87,35 @@ def stability(
     told(finding.record(found), finding.text(found if every else brief(found)), json, quiet)
 
 
+def verify(
+    group: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Only this group; may be repeated. --list names them.",
+            autocompletion=group_names,
+        ),
+    ] = None,
+    listed: Annotated[bool, typer.Option("--list", help="The groups, a line each.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for the table as CSV.")] = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json: json_of("{rows: [{group, quantity, ours, theirs, difference, ...}]}") = False,
+) -> None:
+    """Our results beside independent codes, published and exact ones."""
+    if listed:
+        _list("verify", "groups", json)
+        return
+    from workflows.api.studies import verify as comparisons
+    from workflows.studies import finding
+    from workflows.studies.verify.comparisons import wrong
+
+    with StageProgress("verify", quiet=quiet) as progress:
+        found = comparisons(group or (), out=out, overwrite=overwrite, progress=progress.stage)
+    told(finding.record(found), finding.text(found), json, quiet)
+    if sentence := wrong(found):
+        raise ValueError(sentence)
+
+
 def run_study(
     name: Annotated[
         str | None,
@@ -106,7 +136,7 @@ def run_study(
     from workflows.api.studies import study
 
     if name is None:
-        _list(json)
+        _list("thesis", "studies", json)
         return
     from workflows.studies import finding
 
@@ -119,9 +149,9 @@ def run_study(
     noted(f"written: {path}/figures/{found.pictures[0].name}.png", json=json, quiet=quiet)
 
 
-def _list(json: bool) -> None:
+def _list(folder: str, called: str, json: bool) -> None:
     from workflows.studies import catalogue
 
-    known = catalogue.catalogue("thesis").items()
+    known = catalogue.catalogue(folder).items()
     rows = [{"name": name, "shows": entry.shows} for name, entry in known]
-    told({"studies": rows}, catalogue.listing("thesis"), json)
+    told({called: rows}, catalogue.listing(folder), json)

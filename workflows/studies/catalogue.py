@@ -1,9 +1,10 @@
 """The studies, found in their folders: whatever returns what studies of that folder return.
 
 A module of `thesis` or `accuracy` has one public function of the scene that returns a `Finding`,
-a module of `stability` one public generator of trials for each case. Its name with hyphens is that
-of the study, the first line of its docstring its line in the listing. Another study is another
-file; nothing is listed by hand, and listing imports none of them.
+a module of `stability` one public generator of trials for each case, one of `verify` a generator of
+comparisons for each group. Its name with hyphens is that of the study, the first line of its
+docstring its line in the listing. Another study is another file; nothing is listed by hand, and
+listing imports none of them.
 """
 
 import ast
@@ -17,7 +18,12 @@ from workflows.pipeline.pipeline import Progress
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.studies.finding import Finding
 
-RETURNED = {"thesis": "Finding", "accuracy": "Finding", "stability": "Iterator[Trial]"}
+RETURNED = {
+    "thesis": "Finding",
+    "accuracy": "Finding",
+    "stability": "Iterator[Trial]",
+    "verify": "Iterator[Comparison]",
+}
 WIDTH = 20  # of a name in the listing
 
 
@@ -89,4 +95,15 @@ def stability(cases: tuple[str, ...], progress: Progress) -> Finding:
     for name, trials in chosen("stability", cases, "--case").items():
         with progress(name):
             rows += map(judged, trials())
+    return finding(tuple(rows))
+
+
+def verify(groups: tuple[str, ...], progress: Progress) -> Finding:
+    """Comparisons of these groups, of all without any."""
+    from workflows.studies.verify.comparisons import finding, rows_of
+
+    rows = []
+    for name, comparisons in chosen("verify", groups, "--group").items():
+        with progress(name):
+            rows += rows_of(name, comparisons)
     return finding(tuple(rows))

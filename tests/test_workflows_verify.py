@@ -1,0 +1,128 @@
+"""Our results beside published figures, exact solutions and independent programs, as rows."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from workflows.commands.app import main
+from workflows.studies import catalogue
+from workflows.studies.verify.comparisons import (
+    Missing,
+    compared,
+    finding,
+    require_module,
+    require_program,
+    rows_of,
+    wrong,
+)
+from workflows.studies.verify.formulas import DAMPED, LAWS, WALLS, comparison
+
+
+def row_of(run):
+    """The only row of a group that yields, or raises, this."""
+
+    def group():
+        yield run()
+
+    (row,) = rows_of("group", group)
+    return row
+
+
+def pair(ours, theirs, **options):
+    return compared("x", ours, theirs, **{"allowed": 1e-3, "source": "a book", **options})
+
+
+QUICK = ("solitary-wave", "contacts", "chain-and-wall")
+
+
+@pytest.mark.parametrize("group", QUICK)
+def test_published_and_exact_numbers_of_chains_are_reached(group):
+    rows = [*rows_of(group, catalogue.catalogue("verify")[group])]
+    assert len(rows) >= 6
+    assert not [row for row in rows if row.verdict != "within"]
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("dissipation", DAMPED)
+def test_marches_follow_the_formulas_by_another_integrator(law, dissipation):
+    """Each law with each damping, walls in turn; `beadwave verify` has all of them."""
+    turn = (LAWS.index(law) + 2 * [*DAMPED].index(dissipation)) % 5
+    row = row_of(lambda: comparison(law, dissipation, WALLS[turn]))
+    assert row.verdict == "within", row
+
+
+def test_the_difference_is_that_of_the_entries_that_differ_most():
+    found = pair([1.0, 2.5, 3.0], [1.0, 2.0, 4.0])
+    assert (found.ours, found.theirs, found.difference) == (3.0, 4.0, 0.25)
+    assert pair([1.0, 2.5], [1.0, 2.0], of=0.1).difference == pytest.approx(5.0)
+    assert np.isnan(pair([1.0, np.nan], [1.0, 2.0]).difference)
+
+
+@pytest.mark.parametrize(
+    ("ours", "verdict"), [(1.0005, "within"), (1.01, "outside"), (np.nan, "outside")]
+)
+def test_a_row_is_within_or_outside_of_what_is_allowed(ours, verdict):
+    row = row_of(lambda: pair(ours, 1.0))
+    assert row.verdict == verdict
+    assert (wrong(finding((row,))) is None) == (verdict == "within")
+
+
+def test_what_raises_has_failed_and_keeps_the_rows_before_it():
+    def group():
+        yield pair(1.0, 1.0)
+        raise ZeroDivisionError("division by zero")
+
+    first, second = rows_of("group", group)
+    assert (first.verdict, second.verdict) == ("within", "failed")
+    assert "division" in second.source
+    assert "group: failed" in wrong(finding((first, second)))
+
+
+@pytest.mark.parametrize(
+    ("required", "remedy"),
+    [
+        (lambda: require_program("no-such-program", "its-package"), "apt-get install its-package"),
+        (lambda: require_module("no_such_module"), "./install.sh verify"),
+    ],
+)
+def test_a_program_that_is_not_there_is_skipped_with_what_installs_it(required, remedy):
+    with pytest.raises(Missing):
+        required()
+    row = row_of(required)
+    assert row.verdict == "skipped" and remedy in row.source
+    assert wrong(finding((row,))) is None
+
+
+def command(monkeypatch, *words):
+    monkeypatch.setattr(sys, "argv", ["beadwave", "verify", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    return end.value.code
+
+
+def test_the_command_prints_rows_for_machines_and_writes_the_table(capsys, monkeypatch, tmp_path):
+    out = ("--group", "contacts", "--json", "--out", str(tmp_path))
+    assert command(monkeypatch, *out) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert {row["verdict"] for row in rows} == {"within"}
+    assert any("Siconos" in row["source"] for row in rows)
+    assert len((tmp_path / "verify.csv").read_text().splitlines()) == 1 + len(rows)
+
+
+def test_a_row_outside_ends_in_status_1_and_its_name(capsys, monkeypatch):
+    def off(groups, progress):
+        return finding((row_of(lambda: pair(2.0, 1.0)),))
+
+    monkeypatch.setattr(catalogue, "verify", off)
+    assert command(monkeypatch) == 1
+    told = capsys.readouterr()
+    assert "x (outside)" in told.out and "1 rows are outside" in told.err
+
+
+def test_groups_are_listed_and_an_unknown_one_is_bad_input(capsys, monkeypatch):
+    assert command(monkeypatch, "--list") == 0
+    assert set(QUICK) < {line.split()[0] for line in capsys.readouterr().out.splitlines()}
+    assert command(monkeypatch, "--group", "contact") == 2
+    assert "contacts" in capsys.readouterr().err

@@ -1,0 +1,141 @@
+"""Our results beside those of independent programs, published figures and exact solutions.
+
+within   the difference is at most what is allowed
+outside  it is above, or no number
+failed   the computation ended in the sentence below
+skipped  the independent program is not installed
+"""
+
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from shutil import which
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workflows.results.tables import Table
+from workflows.studies.finding import Finding
+
+VERDICTS = ("within", "outside", "failed", "skipped")
+PRINTED = ("group", "quantity", "ours", "theirs", "difference", "allowed", "seconds")
+
+
+class Missing(Exception):
+    """An independent program is not installed; says how to install it."""
+
+
+class Comparison(NamedTuple):
+    """A quantity by us and by them; of arrays the entries that differ most."""
+
+    quantity: str
+    ours: float
+    theirs: float
+    difference: float  # largest, over their largest or an absolute scale
+    allowed: float
+    source: str
+
+
+class Row(NamedTuple):
+    """A comparison, its verdict and what it took since the one before it."""
+
+    group: str
+    quantity: str
+    ours: float | None
+    theirs: float | None
+    difference: float | None
+    allowed: float | None
+    seconds: float
+    verdict: str
+    source: str
+
+
+def compared(
+    quantity: str,
+    ours: ArrayLike,
+    theirs: ArrayLike,
+    *,
+    allowed: float,
+    source: str,
+    of: float | None = None,
+) -> Comparison:
+    """The largest difference of arrays of one shape over `of`, without it over their largest."""
+    a, b = np.broadcast_arrays(np.asarray(ours, float), np.asarray(theirs, float))
+    off = np.abs(a - b)
+    worst = np.unravel_index(np.argmax(np.where(np.isnan(off), np.inf, off)), off.shape)
+    scale = float(np.abs(b).max()) if of is None else of
+    difference = float(off[worst]) / scale
+    return Comparison(quantity, float(a[worst]), float(b[worst]), difference, allowed, source)
+
+
+def require_program(name: str, package: str) -> None:
+    """Raises Missing if no such program is on the path; `package` is Debian's."""
+    if which(name) is None:
+        raise Missing(f"{name} is not installed; apt-get install {package} adds it.")
+
+
+def require_module(name: str) -> None:
+    """Raises Missing if no such Python module is installed, of the extra `verify`."""
+    if find_spec(name) is None:
+        raise Missing(f"{name} is not installed; ./install.sh verify adds it.")
+
+
+def rows_of(group: str, comparisons: Callable[[], Iterator[Comparison]]) -> Iterator[Row]:
+    """The rows of a group, each computed when it is asked for; what ends it early is its last."""
+    started = perf_counter()
+
+    def row(verdict: str, quantity: str, source: str, *numbers: float | None) -> Row:
+        nonlocal started
+        since, started = started, perf_counter()
+        return Row(group, quantity, *numbers, started - since, verdict, source)
+
+    nothing = (None,) * 4
+    try:
+        with np.errstate(all="ignore"):
+            for quantity, *numbers, source in comparisons():
+                verdict = "within" if numbers[2] <= numbers[3] else "outside"
+                yield row(verdict, quantity, source, *numbers)
+    except Missing as missing:
+        yield row("skipped", "skipped", str(missing), *nothing)
+    except Exception as error:
+        yield row("failed", "failed", f"{type(error).__name__}: {error}", *nothing)
+
+
+def finding(rows: tuple[Row, ...]) -> Finding:
+    """The table, its sources, what was skipped or failed, and a count."""
+    table = Table("verify", Row._fields, rows, (PRINTED, *map(_printed, rows)))
+    return Finding((table,), (*_sources(rows), *_ended(rows), _count(rows)))
+
+
+def wrong(found: Finding) -> str | None:
+    """A sentence on the rows that are outside or failed, None where there are none."""
+    of = zip(*(found.tables[0].column(name) for name in ("group", "quantity", "verdict")),
+             strict=True)  # fmt: skip
+    bad = [f"{group}: {quantity}" for group, quantity, said in of if said in VERDICTS[1:3]]
+    if not bad:
+        return None
+    return f"{len(bad)} rows are outside of what is allowed: {'; '.join(bad)}."
+
+
+def _printed(row: Row) -> tuple:
+    digits = [None if x is None else f"{x:.7g}" for x in (row.ours, row.theirs)]
+    mark = "" if row.verdict in ("within", "skipped") else f" ({row.verdict})"
+    return (row.group, row.quantity + mark, *digits, row.difference, row.allowed, row.seconds)
+
+
+def _sources(rows: tuple[Row, ...]) -> Iterator[str]:
+    told = [row for row in rows if row.difference is not None]
+    for group in dict.fromkeys(row.group for row in told):
+        sources = dict.fromkeys(row.source for row in told if row.group == group)
+        yield f"{group} beside {'; '.join(sources)}."
+
+
+def _ended(rows: tuple[Row, ...]) -> Iterator[str]:
+    return (f"{row.group} {row.verdict}: {row.source}" for row in rows if row.difference is None)
+
+
+def _count(rows: tuple[Row, ...]) -> str:
+    verdicts = [row.verdict for row in rows]
+    counts = (f"{verdicts.count(v)} {v}" for v in VERDICTS)
+    return f"{len(rows)} rows: {', '.join(counts)}; {sum(row.seconds for row in rows):.0f} s."

@@ -1,0 +1,84 @@
+"""Random scenes beside scipy's DOP853: every contact law, dissipation, wall and leaf spring."""
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+
+import dem
+from coupling.formulas import motion
+from dem.spheres import force_scale, time_scale
+from workflows.studies.verify.comparisons import Comparison, compared
+
+DAMPED = {"none": 0.0, "linear": 20.0, "linear-clipped": 20.0, "hunt-crossley": 0.2}
+WALLS = ("free", "rigid", "one mass", "modes", "compliance", "dashpot")
+LAWS = ("hertz", "thornton")
+ERROR, ALLOWED = 1e-7, 1e-6  # of the largest initial speed
+SOURCE = "the equations of motion in numpy by DOP853 of scipy"
+
+
+def formulas() -> Iterator[Comparison]:
+    """Random chains, each law and dissipation at each wall, beside their formulas by DOP853."""
+    for law, dissipation, wall in product(LAWS, DAMPED, WALLS):
+        if (law, wall) != ("thornton", "dashpot"):
+            yield comparison(law, dissipation, wall)
+
+
+def comparison(law: str, dissipation: str, wall: str) -> Comparison:
+    """Velocities of the random scene of these parts."""
+    seed = (LAWS.index(law) * len(DAMPED) + [*DAMPED].index(dissipation)) * len(WALLS)
+    rng = np.random.default_rng(seed + WALLS.index(wall))
+    chain, behind, v0 = scene(rng, law, dissipation, wall)
+    speed = float(np.abs(v0).max())
+    duration = 3.0 * v0.size * float(time_scale(chain.mass.max(), chain.A.min(), speed))
+    run = dem.march_to_error(chain, behind, v0, duration=duration, error=ERROR, n_save=50)
+    theirs = motion(chain, behind, v0, run.trajectory.t)
+    name = f"{law}, {dissipation} damping, {wall} wall: velocities [V]"
+    return compared(name, run.trajectory.v, theirs.v, allowed=ALLOWED, of=speed, source=SOURCE)
+
+
+def scene(
+    rng: np.random.Generator, law: str, dissipation: str, wall: str
+) -> tuple[dem.Chain, dem.Wall | None, np.ndarray]:
+    """Two to five unlike spheres, some pressed or on leaf springs, and their velocities."""
+    n = int(rng.integers(2, 5))
+    radius = 0.0127 * 2 ** rng.uniform(-0.5, 0.5, n)
+    young = 210e9 * 10 ** rng.uniform(-0.6, 0.0, n)
+    flat = None if wall == "free" else dem.Flat(210e9, 0.3)
+    chain = dem.row_of_spheres(radius, 7800.0, young, 0.3, flat=flat)
+    v0 = np.append(0.31, rng.uniform(-0.1, 0.1, n - 1))
+    return _with_parts(rng, chain, law, dissipation, wall), _wall(rng, wall, chain), v0
+
+
+def _with_parts(rng, chain: dem.Chain, law: str, dissipation: str, wall: str) -> dem.Chain:
+    n, contacts, force = chain.mass.size, chain.A.size, _force(chain)
+    parts = {"dissipation": dissipation}
+    if dissipation != "none":
+        parts["gamma"] = DAMPED[dissipation] * rng.uniform(0.3, 1.0, contacts)
+    if wall == "dashpot" and dissipation != "none":
+        parts["gamma"][-1] = 0.0
+    if law == "thornton":
+        parts["yield_overlap"] = (rng.uniform(0.1, 0.5) * force / chain.A) ** (2 / 3)
+    elif rng.random() < 0.5 and wall in ("rigid", "modes", "compliance"):
+        parts |= {"leaf_stiffness": rng.uniform(1e3, 2e5, n), "preload": 0.1 * force}
+        parts["leaf_anchor"] = rng.uniform(0.0, 2e-4, n)
+    return chain._replace(**parts)
+
+
+def _force(chain: dem.Chain) -> float:
+    return float(force_scale(chain.mass[0], chain.A[0], 0.31))
+
+
+def _wall(rng: np.random.Generator, kind: str, chain: dem.Chain) -> dem.Wall | None:
+    if kind == "free":
+        return None
+    if kind == "one mass":
+        return dem.one_dof_wall(rng.uniform(50.0, 2e3), rng.uniform(0.05, 2.0), rng.uniform(0, 0.1))
+    if kind == "dashpot":
+        return dem.dashpot_wall(10 ** rng.uniform(2.5, 4.0))
+    if kind == "rigid":
+        return dem.rigid_wall()
+    omega, phi = 2 * np.pi * np.geomspace(100.0, 2e4, 5), rng.uniform(0.2, 1.0, 5)
+    wall = dem.Wall(omega, rng.uniform(0.0, 0.05, 5), phi)
+    softer = (_force(chain) / chain.A[-1]) ** (2 / 3) / _force(chain)
+    return wall._replace(residual_compliance=rng.choice([-0.1, 1.0]) * softer * (kind != "modes"))
