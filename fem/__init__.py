@@ -14,7 +14,7 @@ u are the free displacements of a Model, u_mesh = model.T @ u, node after node x
     model = fem.joined(structure, fem.Connections(held=[fem.Held("beam:back")]))
     hz = fem.modes(model.K, model.M, 10).frequency_hz
 
-    beam            Timoshenko's beam: Bending with K, M and the patch that is struck
+    beam, plate     by the theories of Timoshenko and of Mindlin: K, M and the patch that is struck
 
 See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
@@ -49,6 +49,7 @@ from fem.mechanisms import Loose, loose_bodies
 from fem.mirror import mirrored
 from fem.model import Connections, Held, Model, Table, joined
 from fem.modes import Modes, modes
+from fem.plate import Sheet, TooLarge, plate
 from fem.response import receptance
 from fem.spot import Spot, planar_spot, round_spot
 from fem.surface import OnSurface, on_surface
@@ -78,12 +79,14 @@ __all__ = [
     "RigidBody",
     "Section",
     "Shape",
+    "Sheet",
     "Side",
     "Spot",
     "Structure",
     "Table",
     "Target",
     "Tie",
+    "TooLarge",
     "assemble",
     "beam",
     "contact_patch",
@@ -104,6 +107,7 @@ __all__ = [
     "outer_nodes",
     "pair",
     "planar_spot",
+    "plate",
     "receptance",
     "rectangle",
     "rigid_body",

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_array, csc_array, csr_matrix, diags_array
 from scipy.sparse.linalg import LinearOperator, eigsh
-from skfem import Basis, BilinearForm, ElementLinePp, MeshHex, MeshLine
+from skfem import MeshHex
 
-from fem.bending import Bending, Buckled
+from fem.bending import ACROSS, DOWN, Bending, Buckled, vertex_by_vertex
 from fem.contact_patch import ContactPatch
 from fem.factorisation import factorised
+from fem.line import Line, divided, line, wave_length
 from fem.materials import Material
 from fem.spot import Spot
 
@@ -30,7 +31,6 @@ ORDER = 10  # of the elements
 RESOLVED_HZ = 40e3  # a wave of this frequency is as long as an element, and right to 1e-8
 FEWEST = 2  # elements to each side of the strike
 SLICES = 120  # along the beam as it is drawn
-DOWN, ACROSS = np.array([0.0, 0.0, -1.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 class Section(NamedTuple):
@@ -90,27 +90,26 @@ def beam(
     axial_force [N] is positive where it pulls; elements are `coarser` times as long as usual.
     Raises Buckled where the force presses more than the beam can bear.
     """
-    x = _nodes(length, section, material, position, coarser)
-    basis = Basis(MeshLine(x), ElementLinePp(ORDER), intorder=2 * ORDER)
-    mass, slope, mixed = (form.assemble(basis) for form in (_mass, _slope, _mixed))
+    longest = coarser * _wave_length(section, material)
+    along = line(divided([0.0, position, length], longest, FEWEST), ORDER)
+    _, mass, slope, mixed = along
     kGA, EI = _stiffnesses(section, material)
-    held = _ends(basis, ends)
+    held = _ends(along, length, ends)
     K = block_array([[kGA * slope, -kGA * mixed.T], [-kGA * mixed, EI * slope + kGA * mass]])
     M = block_array([[section.area * mass, None], [None, section.second_moment * mass]])
     K_G = block_array([[slope, None], [None, 0 * mass]])
-    inertia = M @ np.isin(np.arange(2 * basis.N), basis.nodal_dofs)  # of the deflections, all 1
+    inertia = M @ np.append(along.one, 0 * along.one)
     free = np.flatnonzero(np.isfinite(held))
     K, M, K_G = (csc_array(A.tocsc()[free][:, free]) for A in (K, material.density * M, K_G))
     K.setdiag(K.diagonal() + held[free])
     factor = _load_factor(K, K_G, axial_force) if axial_force < 0 else None
-    struck = int(basis.nodal_dofs[0, np.argmin(np.abs(x - position))])
-    drawn, T = _drawn(basis, length, section)
+    drawn, T = _drawn(along, length, section)
     return Bending(
         csc_array(K + axial_force * K_G) if axial_force else K,
         M,
         T[:, free],
         drawn,
-        _patch(struck, free, position, section),
+        _patch(along.node(position), free, position, section),
         material.density * inertia[free],
         material.density * section.area * length,
         "beam",
@@ -118,40 +117,10 @@ def beam(
     )
 
 
-@BilinearForm
-def _mass(u, v, _):
-    return u * v
-
-
-@BilinearForm
-def _slope(u, v, _):
-    return u.grad[0] * v.grad[0]
-
-
-@BilinearForm
-def _mixed(u, v, _):
-    return u.grad[0] * v
-
-
-def _nodes(
-    length: float, section: Section, material: Material, position: float, coarser: float
-) -> NDArray[np.float64]:
-    """Ends of the elements [m], the strike among them."""
-    longest = coarser * _wave_length(section, material)
-    sides = (position, length - position)
-    first, last = (max(FEWEST, int(np.ceil(side / longest))) for side in sides)
-    before, after = np.linspace(0, position, first + 1), np.linspace(position, length, last + 1)
-    return np.append(before, after[1:])
-
-
 def _wave_length(section: Section, material: Material) -> float:
-    """Of the shorter wave at RESOLVED_HZ [m]: (kGA k^2 - rho A s^2) (EI k^2 + kGA - rho I s^2) =
-    (kGA k)^2."""
-    s2 = (2 * np.pi * RESOLVED_HZ) ** 2
-    kGA, EI = _stiffnesses(section, material)
-    rho_A, rho_I = material.density * section.area, material.density * section.second_moment
-    a, b, c = kGA * EI, s2 * (rho_I * kGA + rho_A * EI), s2 * rho_A * (s2 * rho_I - kGA)
-    return float(2 * np.pi * np.sqrt(2 * a / (b + np.sqrt(b**2 - 4 * a * c))))
+    """Of the wave that is resolved [m]."""
+    inertia = material.density * np.array([section.area, section.second_moment])
+    return wave_length(2 * np.pi * RESOLVED_HZ, *_stiffnesses(section, material), *inertia)
 
 
 def _stiffnesses(section: Section, material: Material) -> tuple[float, float]:
@@ -160,12 +129,12 @@ def _stiffnesses(section: Section, material: Material) -> tuple[float, float]:
     return shear, material.young * section.second_moment
 
 
-def _ends(basis: Basis, ends: tuple[End, End]) -> NDArray[np.float64]:
+def _ends(along: Line, length: float, ends: tuple[End, End]) -> NDArray[np.float64]:
     """Springs (2 n,) on the deflections, then on the turns; inf is held."""
-    springs = np.zeros(2 * basis.N)
-    for node, end in zip((0, basis.mesh.p.argmax()), ends, strict=True):
-        dof = basis.nodal_dofs[0, node]
-        springs[[dof, basis.N + dof]] = end
+    n = along.basis.N
+    springs = np.zeros(2 * n)
+    for x, end in zip((0.0, length), ends, strict=True):
+        springs[[along.node(x), n + along.node(x)]] = end
     return springs
 
 
@@ -182,17 +151,15 @@ def _load_factor(K: csc_array, K_G: csc_array, force: float) -> float:
     return factor
 
 
-def _drawn(basis: Basis, length: float, section: Section) -> tuple[MeshHex, csr_matrix]:
+def _drawn(along: Line, length: float, section: Section) -> tuple[MeshHex, csr_matrix]:
     """The beam as a box, and what each of its vertices does."""
     x = np.linspace(0, length, SLICES + 1)
     sides = [np.array([-0.5, 0.5]) * side for side in (section.width, section.thickness)]
     box = MeshHex.init_tensor(x, *sides)
     section_of = np.abs(box.p[0][:, None] - x).argmin(axis=1)
-    P = csr_matrix(basis.probes(x[None]))[section_of]
+    P = along.at(x)[section_of]
     turned, zero = diags_array(-box.p[2]) @ P, csr_matrix(P.shape)
-    T = csr_matrix(block_array([[zero, turned], [zero, zero], [P, zero]]))
-    m = len(section_of)
-    return box, T[np.arange(3 * m).reshape(3, m).T.ravel()]
+    return box, vertex_by_vertex([[zero, turned], [zero, zero], [P, zero]])
 
 
 def _patch(dof: int, free: NDArray[np.int64], position: float, section: Section) -> ContactPatch:

@@ -4,10 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_matrix
+from scipy.sparse import block_array, csc_array, csr_matrix
 from skfem import MeshHex
 
 from fem.contact_patch import ContactPatch
+
+DOWN, ACROSS = np.array([0.0, 0.0, -1.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 class Buckled(ValueError):
@@ -40,3 +42,9 @@ class Bending(NamedTuple):
         """Share (k, 3) of the mass that mass-normalised modes phi (n, k) move along x, y, z."""
         along_z = (phi.T @ self.inertia) ** 2 / self.mass
         return np.column_stack([0 * along_z, 0 * along_z, along_z])
+
+
+def vertex_by_vertex(blocks: list[list]) -> csr_matrix:
+    """T (3 m, n) of blocks (m, ..) for u_x, u_y, u_z."""
+    T = csr_matrix(block_array(blocks))
+    return T[np.arange(T.shape[0]).reshape(3, -1).T.ravel()]

@@ -86,6 +86,43 @@ def test_a_beam_that_cannot_be_is_refused_in_a_sentence(changes, capsys):
     assert REFUSED[changes] in told and "Traceback" not in told and told.count("\n") <= 2
 
 
+PLATE = ("time.duration=4e-4", "chain.count=4", "output.spheres=[1, 3]", "reduction.modes=60")
+
+
+def test_a_plate_is_the_wall_that_its_matrices_make_less_what_the_disc_adds():
+    found = computed("plate", *PLATE)
+    table, reduced, wall = found.scene.plate, found("reduction"), found("wall")
+    steel = fem.Material(table.young, table.poisson, table.density)
+    sheet = fem.Sheet(table.length, table.width, table.thickness, steel)
+    by_hand = fem.plate(sheet, ("hinged",) * 4, table.at)
+    static = by_hand.patch.w @ fem.factorised(by_hand.K).solve(by_hand.patch.w)
+    assert wall.residual_compliance == -by_hand.half_space < 0
+    assert abs((wall.phi**2 / wall.omega**2).sum() / static - 1) < 1e-6
+    assert reduced.surface.bodies == ("plate",) and reduced.mass.mass == by_hand.mass
+    assert found("reduction-error") < 1e-3
+    assert found("impact").verdict.passive
+
+
+NO_PLATE = {
+    ("plate.thickness=0.1",): "must be up to a quarter of the shorter side",
+    ("plate.at=[0.004, 0.1]",): "allowed are 0.008 to 0.292 m",
+    ("plate.left=glued",): "plate.left",
+    ("beam.length=1",): "beam.young is missing",
+    ("mesh.scale=2",): "[mesh] is beside [plate]",
+    ("reduction.kind=craig-bampton", *(f"plate.{e}=free" for e in ("right", "front", "back"))): (
+        '"craig-bampton" needs a plate that is held'
+    ),
+    ("plate.length=20", "plate.width=20", "plate.thickness=0.001"): "unknowns",
+}
+
+
+@pytest.mark.parametrize("changes", NO_PLATE)
+def test_a_plate_that_cannot_be_is_refused_in_a_sentence(changes, capsys):
+    assert beadwave("impact", "plate", *(f"--set={change}" for change in changes)) == 2
+    told = capsys.readouterr().err
+    assert NO_PLATE[changes] in told and "Traceback" not in told and told.count("\n") <= 2
+
+
 def test_what_needs_an_assembly_says_so_of_a_beam(capsys):
     for order in (
         ("tune", "beam", "--match=1"),

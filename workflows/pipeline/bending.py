@@ -1,4 +1,4 @@
-"""The stages of a beam: model, modes, reduced model, by the same doors as an assembly."""
+"""The stages of a beam or a plate, by the doors of an assembly: model, modes, reduced model."""
 
 import numpy as np
 
@@ -15,13 +15,15 @@ NO_TARGETS = np.empty(0, np.int64)
 
 
 def model(scene: Scene, coarser: float = 1.0) -> fem.Bending:
-    """The beam; raises InvalidScene where the axial force buckles it."""
+    """The beam or plate; raises InvalidScene where the axial force buckles it, and for a plate of
+    more waves than there is memory for."""
     try:
-        return _beam(scene.beam, coarser)
+        return _beam(scene.beam, coarser) if scene.plate is None else _plate(scene.plate, coarser)
     except fem.Buckled as why:
-        raise InvalidScene(
-            f"{scene.name}: beam.axial_force = {scene.beam.axial_force:g} N: {why}."
-        ) from None
+        force = scene.beam.axial_force
+        raise InvalidScene(f"{scene.name}: beam.axial_force = {force:g} N: {why}.") from None
+    except fem.TooLarge as why:
+        raise InvalidScene(f"{scene.name}: {why}.") from None
 
 
 def _beam(table, coarser: float) -> fem.Bending:
@@ -31,6 +33,12 @@ def _beam(table, coarser: float) -> fem.Bending:
         table.length, section(table), made_of, ends, table.position,
         axial_force=table.axial_force, coarser=coarser,
     )  # fmt: skip
+
+
+def _plate(table, coarser: float) -> fem.Bending:
+    made_of = fem.Material(table.young, table.poisson, table.density)
+    sheet = fem.Sheet(table.length, table.width, table.thickness, made_of, table.shear_factor)
+    return fem.plate(sheet, table.edges, table.at, coarser=coarser)
 
 
 def section(table) -> fem.Section:
@@ -45,7 +53,7 @@ def section(table) -> fem.Section:
 
 
 def modes(scene: Scene, model: fem.Bending) -> AssemblyModes:
-    """The lowest modes; a beam has no targets."""
+    """The lowest modes; there are no targets."""
     n = model.K.shape[0]
     found = fem.modes(model.K, model.M, min(N_MODES, n - 2))
     return AssemblyModes(
@@ -95,7 +103,7 @@ def reduction(scene: Scene, model: fem.Bending) -> rom.ReducedModel:
 
 
 def contact_of(scene: Scene, model: fem.Bending) -> rom.Contact:
-    """The material that is struck; a beam's section does not yield, there is no half-space in K."""
+    """The material that is struck; a beam's section holds no half-space, a plate's disc does."""
     made_of, spot = scene.struck_material, model.patch.spot
     return rom.Contact(
         half_space=model.half_space,

@@ -104,9 +104,10 @@ def _content(path: str | None) -> str | None:
     return sha256(Path(path).read_bytes()).hexdigest()
 
 
+BENT = ("beam", "plate")
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike")
 COARSE = tables_of("assembly", "joints", "table", "patch", "strike")
-START = ("chain", "striker", "contact", "leaf_springs", "preload", "wall", "beam", *BODIES)
+START = ("chain", "striker", "contact", "leaf_springs", "preload", "wall", *BENT, *BODIES)
 ASSEMBLY = {
     "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
     "model": Stage(
@@ -141,12 +142,12 @@ ASSEMBLY = {
 }
 
 BENDING = ASSEMBLY | {
-    "model": Stage(".bending:model", tables_of("beam"), (), kept=False),
+    "model": Stage(".bending:model", tables_of(*BENT), (), kept=False),
     "modes": Stage(".bending:modes", tables_of(), ("model",)),
     "mac": Stage(".bending:mac", tables_of(), ("modes",), listed=False),
     "contact": Stage(".bending:contact", tables_of(), ("model",), kept=False, listed=False),
     "reduction": Stage(".bending:reduction", tables_of("reduction"), ("model",)),
-    "coarse-reduction": Stage(".bending:coarse_reduction", tables_of("beam"), ()),
+    "coarse-reduction": Stage(".bending:coarse_reduction", tables_of(*BENT), ()),
 }
 
 IMPACT = {

@@ -1,4 +1,4 @@
-"""The words of a structure in one table: a beam of bending theory."""
+"""The words of a structure in one table: a beam or a plate of bending theory."""
 
 from typing import Annotated, Any, Literal
 
@@ -99,6 +99,57 @@ class Beam(Table):
             raise ValueError(
                 f"position = {self.position:g} m must be below length = {self.length:g} m: move it"
             )
+        return self
+
+
+Edge = Literal["hinged", "clamped", "free"]
+
+
+class Plate(Table):
+    """A rectangular Mindlin plate from x = 0 to length and y = 0 to width, struck on its face.
+
+    Edges are left and right at the ends of its length, front and back at those of its width; a
+    hinged one turns about itself. Modes may be many: see reduction.
+    """
+
+    length: Size  # [m] along x
+    width: Size  # [m] along y
+    thickness: Side  # [m]
+    shear_factor: Annotated[float, Field(gt=0, le=1.2)] | None = None  # 5 / (6 - poisson)
+    young: Modulus  # [Pa]
+    poisson: Compressible = 0.3
+    density: Density  # [kg/m^3]
+    left: Edge
+    right: Edge
+    front: Edge
+    back: Edge
+    at: Annotated[tuple[Size, Size], Field(strict=False)]  # x, y [m] from the corner
+
+    @property
+    def edges(self) -> tuple[str, str, str, str]:
+        """At x = 0, x = length, y = 0, y = width."""
+        return self.left, self.right, self.front, self.back
+
+    @property
+    def floats(self) -> bool:
+        """Whether the plate can move as a rigid body: one hinged edge lets it turn."""
+        held = [edge for edge in self.edges if edge != "free"]
+        return not held or held == ["hinged"]
+
+    @model_validator(mode="after")
+    def _struck_inside(self) -> "Plate":
+        h = self.thickness
+        if 4 * h > min(self.length, self.width):
+            raise ValueError(
+                f"thickness = {h:g} m must be up to a quarter of the shorter side, "
+                f"{min(self.length, self.width):g} m: draw a thicker one as a body"
+            )
+        for axis, x, side in zip("xy", self.at, (self.length, self.width), strict=True):
+            if not h <= x <= side - h:
+                raise ValueError(
+                    f"at has {axis} = {x:g} m, allowed are {h:g} to {side - h:g} m, one thickness "
+                    "from the edges: move it"
+                )
         return self
 
 

@@ -47,11 +47,11 @@ def contradictions(scene: Scene):
 def _missing_parts(scene: Scene):
     chain, wall = scene.chain, scene.wall
     if chain is None and not scene.has_structure:
-        yield "there is none of [chain], [assembly] and [beam]; add one of them."
+        yield "there is none of [chain], [assembly], [beam] and [plate]; add one of them."
     if chain is None and wall is not None:
         yield "[wall] needs a [chain] that hits it; add one or drop [wall]."
     if isinstance(wall, RomWall) and wall.file is None and not scene.has_structure:
-        yield 'wall.kind = "rom" needs [assembly], [beam] or wall.file; add one of them.'
+        yield 'wall.kind = "rom" needs [assembly], [beam], [plate] or wall.file; add one of them.'
     if isinstance(wall, RomWall) and wall.file and (why := unfit(Path(wall.file))):
         yield f"wall.file = {wall.file!r} {why}; give a .npz, .mat, .h5 or .mtx."
     if chain and wall is None and chain.count < 2:

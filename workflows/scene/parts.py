@@ -15,7 +15,8 @@ def with_structure(scene: Scene) -> Scene:
     """The scene; raises InvalidScene where there are no finite elements in it."""
     if not scene.has_structure:
         raise InvalidScene(
-            f"the scene {scene.name} has no [assembly] and no [beam]; add one, or take rig-rom."
+            f"the scene {scene.name} has no [assembly], [beam] or [plate]; add one, or take "
+            "rig-rom."
         )
     return scene
 

@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from workflows.scene.bending import Beam
+from workflows.scene.bending import Beam, Plate
 from workflows.scene.bodies import (
     GROUND,
     Body,
@@ -59,6 +59,7 @@ class Scene(Table):
     preload: Preload | None = None
     wall: Wall | None = None
     beam: Beam | None = None
+    plate: Plate | None = None
     assembly: Any = None
     materials: dict[str, Solid] | None = None
     bodies: dict[BodyName, Body] | None = None
@@ -85,9 +86,9 @@ class Scene(Table):
         return isinstance(self.assembly, General)
 
     @property
-    def bending(self) -> Beam | None:
+    def bending(self) -> Beam | Plate | None:
         """The structure of bending theory, told in one table."""
-        return self.beam
+        return self.beam or self.plate
 
     @property
     def has_structure(self) -> bool:

@@ -23,21 +23,30 @@ def of_bodies(scene: Scene) -> Iterator[str]:
 
 
 def of_bending(scene: Scene) -> Iterator[str]:
-    """What speaks against a beam."""
+    """What speaks against a beam or a plate."""
     if scene.bending is None:
         return
-    others = ("assembly", *OF_BODIES, "joints", "targets", "table", "mesh", "patch")
+    own = "plate" if scene.beam is None else "beam"
+    others = (
+        "assembly",
+        *(("plate",) if scene.beam else ()),
+        *OF_BODIES,
+        "joints",
+        "targets",
+        "table",
+        "mesh",
+        "patch",
+    )
     for name in (name for name in others if getattr(scene, name) is not None):
-        yield f"[{name}] is beside [beam], which is a structure of its own; drop one of them."
-    if scene.beam.axial_force and scene.beam.floats:
+        yield f"[{name}] is beside [{own}], which is a structure of its own; drop one of them."
+    if scene.beam and scene.beam.axial_force and scene.beam.floats:
         yield (
             f"beam.axial_force = {scene.beam.axial_force:g} N acts on a beam that can move as a "
             "rigid body; set it to 0, or hold an end."
         )
-    held = scene.beam.floats and scene.reduction.kind == "craig-bampton"
-    if held:
+    if scene.floats and scene.reduction.kind == "craig-bampton":
         yield (
-            'reduction.kind = "craig-bampton" needs a beam that is held; hold an end, or take '
+            f'reduction.kind = "craig-bampton" needs a {own} that is held; hold it, or take '
             '"free-modes".'
         )
 

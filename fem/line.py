@@ -1,0 +1,68 @@
+"""Finite elements of high order on a line: what a beam is made of, and by products a plate."""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from skfem import Basis, BilinearForm, ElementLinePp, MeshLine
+
+
+class Line(NamedTuple):
+    """Shape functions N_i along a line and their integrals, all (n, n)."""
+
+    basis: Basis
+    mass: csr_matrix  # int N_i N_j [m]
+    slope: csr_matrix  # int N_i' N_j' [1/m]
+    mixed: csr_matrix  # int N_i N_j'
+
+    def at(self, x: NDArray[np.float64]) -> csr_matrix:
+        """Values (k, n) of the functions at places x (k,) [m]."""
+        return csr_matrix(self.basis.probes(x[None]))
+
+    def node(self, x: float) -> int:
+        """The function that is 1 at the end of an element nearest to x [m]."""
+        return int(self.basis.nodal_dofs[0, np.argmin(np.abs(self.basis.mesh.p[0] - x))])
+
+    @property
+    def one(self) -> NDArray[np.float64]:
+        """(n,) the function 1."""
+        return np.isin(np.arange(self.basis.N), self.basis.nodal_dofs).astype(float)
+
+
+def line(ends: NDArray[np.float64], order: int) -> Line:
+    """Elements between these places [m]."""
+    basis = Basis(MeshLine(ends), ElementLinePp(order), intorder=2 * order)
+    return Line(basis, *(form.assemble(basis) for form in (_mass, _slope, _mixed)))
+
+
+def divided(places: list[float], longest: float, fewest: int = 1) -> NDArray[np.float64]:
+    """Ends of elements [m] between ascending places, none longer than `longest`."""
+    pairs = pairwise(places)
+    parts = [
+        np.linspace(a, b, max(fewest, int(np.ceil((b - a) / longest))) + 1)[:-1] for a, b in pairs
+    ]
+    return np.append(np.concatenate(parts), places[-1])
+
+
+@BilinearForm
+def _mass(u, v, _):
+    return u * v
+
+
+@BilinearForm
+def _slope(u, v, _):
+    return u.grad[0] * v.grad[0]
+
+
+@BilinearForm
+def _mixed(u, v, _):
+    return u.grad[0] * v
+
+
+def wave_length(s: float, shear: float, bending: float, mass: float, inertia: float) -> float:
+    """Of the shorter wave [m] at s [rad/s]: (S k^2 - m s^2) (B k^2 + S - J s^2) = (S k)^2."""
+    a, c = shear * bending, s**2 * mass * (s**2 * inertia - shear)
+    b = s**2 * (inertia * shear + mass * bending)
+    return float(2 * np.pi * np.sqrt(2 * a / (b + np.sqrt(b**2 - 4 * a * c))))
