@@ -14,7 +14,7 @@ u are the free displacements of a Model, u_mesh = model.T @ u, node after node x
     model = fem.joined(structure, fem.Connections(held=[fem.Held("beam:back")]))
     hz = fem.modes(model.K, model.M, 10).frequency_hz
 
-    beam, plate     by the theories of Timoshenko and of Mindlin: K, M and the patch that is struck
+    beam, mindlin_plate   bending by the theories of Timoshenko and of Mindlin, as K, M and w
 
 See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
@@ -49,7 +49,7 @@ from fem.mechanisms import Loose, loose_bodies
 from fem.mirror import mirrored
 from fem.model import Connections, Held, Model, Table, joined
 from fem.modes import Modes, modes
-from fem.plate import Sheet, TooLarge, plate
+from fem.plate import Sheet, TooLarge, mindlin_plate
 from fem.response import receptance
 from fem.spot import Spot, planar_spot, round_spot
 from fem.surface import OnSurface, on_surface
@@ -98,6 +98,7 @@ __all__ = [
     "joined",
     "loose_bodies",
     "mac",
+    "mindlin_plate",
     "mirrored",
     "modes",
     "node_patch",
@@ -107,7 +108,6 @@ __all__ = [
     "outer_nodes",
     "pair",
     "planar_spot",
-    "plate",
     "receptance",
     "rectangle",
     "rigid_body",

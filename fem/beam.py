@@ -112,7 +112,6 @@ def beam(
         _patch(along.node(position), free, position, section),
         material.density * inertia[free],
         material.density * section.area * length,
-        "beam",
         load_factor=factor,
     )
 

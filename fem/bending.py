@@ -29,7 +29,6 @@ class Bending(NamedTuple):
     patch: ContactPatch
     inertia: NDArray[np.float64]  # (n,) [kg] forces on q by a unit acceleration along z
     mass: float  # [kg]
-    name: str
     half_space: float = 0.0  # [m/N] that K holds of the half-space in Hertz' law
     load_factor: float | None = None  # of the buckling load, where something presses
 

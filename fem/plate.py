@@ -86,7 +86,7 @@ class Sheet(NamedTuple):
         return rho * self.thickness, rho * self.thickness**3 / 12
 
 
-def plate(
+def mindlin_plate(
     sheet: Sheet, edges: tuple[str, str, str, str], at: tuple[float, float], *, coarser: float = 1.0
 ) -> Bending:
     """A plate with edges "hinged", "clamped" or "free" at x = 0, x = length, y = 0, y = width,
@@ -114,7 +114,6 @@ def plate(
         _patch(sheet, along, at, free),
         M @ np.append(one, np.zeros(2 * len(one)))[free],
         sheet.inertia[0] * sheet.length * sheet.width,
-        "plate",
         half_space=beyond_the_solid(sheet),
     )
 

@@ -35,7 +35,7 @@ def compliance(plate):
 def test_ten_modes_of_a_hinged_plate_are_those_of_the_closed_form(thickness):
     """No locking where it is thin."""
     sheet = fem.Sheet(0.3, 0.23, thickness, STEEL)
-    plate = fem.plate(sheet, HINGED, (0.11, 0.1))
+    plate = fem.mindlin_plate(sheet, HINGED, (0.11, 0.1))
     found = fem.modes(plate.K, plate.M, 10).omega
     assert np.abs(found / hinged_omega(sheet, 10) - 1).max() < 5e-6
 
@@ -53,7 +53,7 @@ def test_the_static_deflection_is_that_of_naviers_series():
     shape = np.multiply.outer(*(np.sin(k * x) for k, x in zip(waves, at, strict=True)))
     read = (shape * hertz(np.sqrt(k2) * b)) ** 2 * 4 / (sheet.length * sheet.width)
     exact = (read * (1 / (D * k2**2) + 1 / (S * k2))).sum()
-    assert abs(compliance(fem.plate(sheet, HINGED, at)) / exact - 1) < 1e-5
+    assert abs(compliance(fem.mindlin_plate(sheet, HINGED, at)) / exact - 1) < 1e-5
 
 
 def solid_compliance(side, h, material):
@@ -75,7 +75,7 @@ def test_the_compliance_at_the_contact_is_that_of_the_solid(slenderness, poisson
     be, which leaves a logarithm."""
     material = STEEL._replace(poisson=poisson)
     sheet = fem.Sheet(0.4, 0.4, 0.4 / slenderness, material)
-    plate = fem.plate(sheet, HINGED, (0.2, 0.2))
+    plate = fem.mindlin_plate(sheet, HINGED, (0.2, 0.2))
     left = compliance(plate) - plate.half_space
     exact = solid_compliance(0.4, sheet.thickness, material)
     assert abs(left / exact - 1) < (1e-3 if poisson else 1e-2)
@@ -87,7 +87,7 @@ def test_what_is_taken_off_knows_its_disc():
     left = []
     for factor in (0.8, 0.86):
         sheet = fem.Sheet(0.4, 0.4, 0.01, STEEL, factor)
-        plate = fem.plate(sheet, HINGED, (0.2, 0.2))
+        plate = fem.mindlin_plate(sheet, HINGED, (0.2, 0.2))
         left.append(compliance(plate) - plate.half_space)
     assert abs(left[0] / left[1] - 1) < 1e-4
     assert sheet.patch_radius < 0.98 * fem.Sheet(0.4, 0.4, 0.01, STEEL, 0.8).patch_radius
@@ -104,14 +104,14 @@ LITERATURE = {  # omega a^2 sqrt(rho h / D) of thin square plates, Leissa, NASA 
 @pytest.mark.parametrize("edges", LITERATURE)
 def test_a_thin_square_plate_has_the_frequency_of_the_literature(edges):
     sheet = fem.Sheet(0.4, 0.4, 0.002, STEEL)
-    plate = fem.plate(sheet, edges, (0.17, 0.2), coarser=2.0)
+    plate = fem.mindlin_plate(sheet, edges, (0.17, 0.2), coarser=2.0)
     unit = np.sqrt(stiffnesses(sheet)[1] / (STEEL.density * sheet.thickness)) / 0.4**2
     assert abs(fem.modes(plate.K, plate.M, 1).omega[0] / unit / LITERATURE[edges] - 1) < 1.5e-3
 
 
 def test_a_plate_that_floats_has_three_rigid_motions_and_moves_as_drawn():
     sheet = fem.Sheet(0.3, 0.2, 0.01, STEEL)
-    plate = fem.plate(sheet, ("free",) * 4, (0.1, 0.1), coarser=2.0)
+    plate = fem.mindlin_plate(sheet, ("free",) * 4, (0.1, 0.1), coarser=2.0)
     found = fem.modes(plate.K, plate.M, 6)
     rigid = found.omega < RIGID * found.omega.max()
     assert np.count_nonzero(rigid) == 3

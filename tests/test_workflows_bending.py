@@ -94,7 +94,7 @@ def test_a_plate_is_the_wall_that_its_matrices_make_less_what_the_disc_adds():
     table, reduced, wall = found.scene.plate, found("reduction"), found("wall")
     steel = fem.Material(table.young, table.poisson, table.density)
     sheet = fem.Sheet(table.length, table.width, table.thickness, steel)
-    by_hand = fem.plate(sheet, ("hinged",) * 4, table.at)
+    by_hand = fem.mindlin_plate(sheet, ("hinged",) * 4, table.at)
     static = by_hand.patch.w @ fem.factorised(by_hand.K).solve(by_hand.patch.w)
     assert wall.residual_compliance == -by_hand.half_space < 0
     assert abs((wall.phi**2 / wall.omega**2).sum() / static - 1) < 1e-6

@@ -38,7 +38,7 @@ def _beam(table, coarser: float) -> fem.Bending:
 def _plate(table, coarser: float) -> fem.Bending:
     made_of = fem.Material(table.young, table.poisson, table.density)
     sheet = fem.Sheet(table.length, table.width, table.thickness, made_of, table.shear_factor)
-    return fem.plate(sheet, table.edges, table.at, coarser=coarser)
+    return fem.mindlin_plate(sheet, table.edges, table.at, coarser=coarser)
 
 
 def section(table) -> fem.Section:
@@ -58,14 +58,14 @@ def modes(scene: Scene, model: fem.Bending) -> AssemblyModes:
     found = fem.modes(model.K, model.M, min(N_MODES, n - 2))
     return AssemblyModes(
         found.omega, found.phi, NO_TARGETS, np.empty(0), n, model.effective_mass(found.phi),
-        _field(model, found), model.load_factor,
+        _field(scene, model, found), model.load_factor,
     )  # fmt: skip
 
 
-def _field(model: fem.Bending, found: fem.Modes) -> ModeField:
+def _field(scene: Scene, model: fem.Bending, found: fem.Modes) -> ModeField:
     index = np.flatnonzero(found.omega > fem.correlation.RIGID * found.omega.max())[:SHOWN]
     u = (model.T @ found.phi[:, index]).T.reshape(len(index), -1, 3)
-    meshes = {model.name: model.drawn}
+    meshes = {scene.struck_body: model.drawn}
     target = np.zeros(len(index), dtype=int)
     return ModeField(meshes, index + 1, found.frequency_hz[index], u.astype(np.float32), target)
 
@@ -95,7 +95,7 @@ def reduction(scene: Scene, model: fem.Bending) -> rom.ReducedModel:
     faces = drawn.facets[:, drawn.boundary_facets()].T
     return reduced._replace(
         T=None,
-        surface=rom.Surface(drawn.p.T, faces, T, np.zeros(n, int), (model.name,)),
+        surface=rom.Surface(drawn.p.T, faces, T, np.zeros(n, int), (scene.struck_body,)),
         contact=known,
         mass=rom.MassProperties(model.mass, tuple(model.middle)),
         finer=reduced.finer._replace(contact=known),

@@ -136,6 +136,8 @@ class Scene(Table):
     @property
     def struck_body(self) -> str:
         """The body that the chain leans on."""
+        if self.bending is not None:
+            return "plate" if self.beam is None else "beam"
         return self.strike.body if self.is_general else "block"
 
     @property

@@ -26,7 +26,7 @@ def of_bending(scene: Scene) -> Iterator[str]:
     """What speaks against a beam or a plate."""
     if scene.bending is None:
         return
-    own = "plate" if scene.beam is None else "beam"
+    own = scene.struck_body
     others = (
         "assembly",
         *(("plate",) if scene.beam else ()),
