@@ -86,13 +86,16 @@ def trace(
     cells = mesh.f2t[0, facets[facet]]
     target = points[point].T[:, :, None]
     X = local_coordinates(basis.mapping, target, cells)
-    outside = _outside(mesh.elem(), X[:, :, 0])
+    phi = _vertex_functions(mesh.elem(), X[:, :, 0])
+    outside = np.maximum(0.0, -phi.min(axis=0))
     outside += np.linalg.norm((basis.mapping.F(X, tind=cells) - target)[:, :, 0], axis=0) / size
     best = _least(point, outside, len(points))
-    distance = np.append(outside, np.inf)[best]  # -1 is a point without a candidate
-    allowed = np.append(np.maximum(MISS, 2 * gap / _sizes(corners[:, :, facet])), 0.0)[best]
-    if np.any(distance > allowed):
-        bad = int(np.argmax(distance - allowed))
+    inside = np.maximum(phi, 0.0) / np.maximum(phi, 0.0).sum(axis=0)
+    nearest = np.einsum("ijk,jk->ik", mesh.p[:, mesh.t[:, cells]], inside)
+    away = np.linalg.norm(nearest - target[:, :, 0], axis=0) - MISS * _sizes(corners[:, :, facet])
+    distance = np.append(away, np.inf)[best]  # -1 is a point without a candidate
+    if np.any(distance > gap):
+        bad = int(np.argmax(distance))
         raise OffFace(
             f"the point {np.round(points[bad], 6).tolist()} m does not lie on the face {face!r}."
         )
@@ -131,10 +134,11 @@ def local_coordinates(mapping, x, cells) -> NDArray[np.float64]:
     return X
 
 
-def _outside(vertex_element, X) -> NDArray[np.float64]:
-    """How far local coordinates lie outside the cell: negative vertex functions."""
-    phi = [vertex_element.lbasis(X, i)[0] for i in range(vertex_element.doflocs.shape[0])]
-    return np.maximum(0.0, -np.min(phi, axis=0))
+def _vertex_functions(vertex_element, X) -> NDArray[np.float64]:
+    """Of the cell's corners (k, n) at local coordinates X (3, n): negative outside the cell."""
+    return np.array(
+        [vertex_element.lbasis(X, i)[0] for i in range(vertex_element.doflocs.shape[0])]
+    )
 
 
 def _least(group, value, n: int) -> NDArray[np.int64]:

@@ -6,6 +6,7 @@ from skfem import MeshHex
 
 from fem import Connections, Held, Tie, assemble, joined
 from fem.sagging import sagging
+from fem.trace import OffFace, trace
 from known_models import STEEL, at
 
 INNER, OUTER, HEIGHT = 1e-3, 2e-3, 3e-3  # m
@@ -64,3 +65,15 @@ def test_a_pin_smaller_than_its_hole_by_more_is_refused():
     structure = assemble(meshes, dict.fromkeys(meshes, STEEL))
     with pytest.raises(ValueError, match="does not lie on"):
         joined(structure, Connections([Tie("pin:outer", "ring:inner")]))
+
+
+@pytest.mark.parametrize(("gap", "lies"), [(0.5e-3, True), (0.3e-3, False)])
+def test_a_gap_is_a_distance_whatever_the_shape_of_the_elements(gap, lies):
+    mesh = MeshHex.init_tensor([0, 10e-3], [0, 0.5e-3, 1e-3], [0, HEIGHT])
+    structure = assemble({"strip": mesh.with_boundaries({"top": at(HEIGHT)})}, {"strip": STEEL})
+    beside = np.array([[5e-3, 1.4e-3, HEIGHT]])
+    if lies:
+        assert trace(structure, "strip:top", beside, gap=gap).sum() == pytest.approx(3.0)
+    else:
+        with pytest.raises(OffFace):
+            trace(structure, "strip:top", beside, gap=gap)
