@@ -18,7 +18,7 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     look, export                 bodies and where they touch; CalculiX, Abaqus, STEP
     calibrate, twin              a chain and its wall fitted to measured velocities
     sweep, sweep_price           many cases into one table, what outputs depend on; the cost
-    load_sweep                   a finished sweep
+    scan, load_sweep             the chain over a face, a map; a finished sweep or scan
     study, accuracy, stability   the thesis again; errors against run times; extreme cases
     verify                       our results beside independent codes and published numbers
     doctor                       what is installed, what is missing and what that costs
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from workflows.api.reduction import reduce, reduce_matrices
     from workflows.api.scenes import scene, scenes
     from workflows.api.studies import accuracy, stability, studies, study, verify
-    from workflows.api.sweeps import Cases, load_sweep, sweep, sweep_price
+    from workflows.api.sweeps import Cases, load_sweep, scan, sweep, sweep_price
     from workflows.api.tuning import tune
     from workflows.scene import InvalidScene, Scene
 
@@ -60,7 +60,7 @@ _HOMES = {
     "workflows.api.reduction": ("reduce", "reduce_matrices"),
     "workflows.api.scenes": ("scene", "scenes"),
     "workflows.api.studies": ("accuracy", "stability", "studies", "study", "verify"),
-    "workflows.api.sweeps": ("Cases", "load_sweep", "sweep", "sweep_price"),
+    "workflows.api.sweeps": ("Cases", "load_sweep", "scan", "sweep", "sweep_price"),
     "workflows.api.tuning": ("tune",),
     "workflows.scene": ("InvalidScene", "Scene"),
 }
@@ -85,6 +85,7 @@ __all__ = [
     "reduce",
     "reduce_matrices",
     "run",
+    "scan",
     "scene",
     "scenes",
     "stability",

@@ -42,7 +42,7 @@ from fem.dashpots import dashpots
 from fem.elasticity import Structure, assemble
 from fem.factorisation import factorised
 from fem.grounding import RigidBody, rigid_body
-from fem.half_space import half_space_on_mesh
+from fem.half_space import half_space_on_mesh, half_spaces_on_mesh
 from fem.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
 from fem.materials import Material, Orthotropic
 from fem.mechanisms import Loose, loose_bodies
@@ -54,7 +54,7 @@ from fem.response import receptance
 from fem.spot import Spot, planar_spot, round_spot
 from fem.surface import OnSurface, on_surface
 from fem.threads import one_thread
-from fem.trace import outer_nodes
+from fem.trace import face_edges, outer_nodes
 
 __all__ = [
     "DIRECTIONS",
@@ -93,8 +93,10 @@ __all__ = [
     "dashpots",
     "disc_quadrature",
     "effective_mass",
+    "face_edges",
     "factorised",
     "half_space_on_mesh",
+    "half_spaces_on_mesh",
     "joined",
     "loose_bodies",
     "mac",

@@ -63,25 +63,51 @@ def half_space_on_mesh(
     curvature of the face: the exact field takes their place.
     Raises ValueError for a material that is not isotropic.
     """
+    return half_spaces_on_mesh(model, face, [patch], material, mirrors=mirrors, within=within)[0]
+
+
+def half_spaces_on_mesh(
+    model: Model,
+    face: str,
+    patches: Sequence[ContactPatch],
+    material: Material,
+    *,
+    mirrors: Sequence[str] = (),
+    within: float = np.inf,
+) -> list[float]:
+    """The same [m/N] at several patches of one face, for one factorisation."""
     if not isinstance(material, Material):
         raise ValueError(
             f"{face!r} is of an orthotropic material, whose half-space is not known here; strike "
             "an isotropic body."
         )
-    structure = model.structure
+    near = [(p, min(within, NEAR * min(map(abs, p.spot.radii)))) for p in patches]
+    free, prescribed = _held_around(model.structure, face, near, mirrors)
+    K = model.structure.K[free]
+    factor, K_prescribed = factorised(K[:, free].tocsc()), K[:, prescribed]
+    found = []
+    for patch in patches:
+        u = _far_field(model.structure, prescribed, patch, material)
+        w = patch.on_mesh[free]
+        found.append(patch.on_mesh[prescribed] @ u + w @ factor.solve(w - K_prescribed @ u))
+    return [float(compliance) for compliance in found]
+
+
+def _held_around(
+    structure: Structure,
+    face: str,
+    near: Sequence[tuple[ContactPatch, float]],
+    mirrors: Sequence[str],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Dofs of the elements near any patch: those that are free, and those on the outside."""
     body, struck = structure.facets(face)
-    mesh, first = structure.basis[body].mesh, structure.first[body]
-    cells = _near(mesh, patch, min(within, NEAR * min(map(abs, patch.spot.radii))))
-    dofs = first + np.unique(structure.basis[body].element_dofs[:, cells])
+    basis, first = structure.basis[body], structure.first[body]
+    cells = np.unique(np.concatenate([_near(basis.mesh, *one) for one in near]))
     ended = [structure.facets(mirror)[1] for mirror in mirrors]
-    prescribed = first + _other_faces(structure.basis[body], [struck, *ended], cells)
+    prescribed = first + _other_faces(basis, [struck, *ended], cells)
     still = [normal_dofs(structure, mirror) for mirror in mirrors]
-    free = np.setdiff1d(dofs, np.concatenate([prescribed, *still]))
-    u = np.zeros(structure.n_dofs)
-    u[prescribed] = _far_field(structure, prescribed, patch, material)
-    load = patch.on_mesh - structure.K @ u
-    u[free] = factorised(structure.K[free][:, free].tocsc()).solve(load[free])
-    return float(patch.on_mesh @ u)
+    dofs = first + np.unique(basis.element_dofs[:, cells])
+    return np.setdiff1d(dofs, np.concatenate([prescribed, *still])), prescribed
 
 
 def _near(mesh, patch: ContactPatch, within: float) -> NDArray[np.int64]:

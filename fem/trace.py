@@ -31,6 +31,17 @@ def face_nodes(structure: Structure, face: str) -> NDArray[np.int64]:
     return structure.first[body] + own
 
 
+def face_edges(structure: Structure, face: str) -> NDArray[np.float64]:
+    """Ends (m, 2, 3) [m] of the edges where a face ends, at holes too."""
+    body, facets = structure.facets(face)
+    mesh = structure.basis[body].mesh
+    corners = mesh.facets[:, facets]
+    n = len(corners)  # numbered around a facet
+    edges = np.hstack([corners[[i, (i + 1) % n]] for i in range(n)])
+    own, times = np.unique(np.sort(edges, axis=0), axis=1, return_counts=True)
+    return mesh.p[:, own[:, times == 1]].transpose(2, 1, 0)
+
+
 class OuterNodes(NamedTuple):
     """Corners of the elements on the outside of all bodies."""
 

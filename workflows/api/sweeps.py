@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from workflows.sweep.result import Sweep
 
 SWEEPS = Path("sweeps")  # of sweeps without a folder of their own
+SCANS = Path("scans")
 FILES = ("cases.parquet", "signals.nc")
 
 
@@ -86,6 +87,49 @@ def _require_one(design: Design, refused: int, messages: Iterable[str]) -> None:
     """Raise InvalidScene where every case was refused."""
     if refused == design.n_cases:
         raise InvalidScene(f"all {refused} cases are refused; {next(iter(messages))}")
+
+
+def scan(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    face: str | None = None,
+    grid: str = "20x20",
+    out: str | Path | None = None,
+    signals: bool = False,
+    overwrite: bool = False,
+    told: Callable[[int, int], None] = lambda done, n: None,
+) -> Sweep:
+    """The chain at every point of a grid over a plane face, into one table (`beadwave scan`).
+
+    `face` is "body:+x", the one that the scene strikes without it; the first number of `grid` is
+    that of points along the first of the two axes that span it. All points share one reduction,
+    whose error at the worst of them is in the table. Other arguments as in `sweep`. Raises
+    InvalidScene for bad input; a point whose patch leaves the face is a row with its sentence.
+    """
+    from workflows.pipeline.face import StruckFace
+    from workflows.sweep.cases import base_of
+    from workflows.sweep.result import opened
+    from workflows.sweep.scan import grid as grid_of
+    from workflows.sweep.scan import scan as compute
+    from workflows.sweep.scan import struck_scene
+    from workflows.sweep.store import require_libraries
+
+    require_libraries(signals)
+    points, base = grid_of(grid), base_of(scene, changes)
+    chosen = struck_scene(base, face)
+    text = f"{toml(chosen)}\n# scanned: {points.rows}x{points.columns} points\n"
+    path, notes = place(out, SCANS, chosen.name, text)
+    folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
+    with folder.run(text, FILES):
+        struck = StruckFace(chosen)
+        design = points.design(struck)
+        compute(struck, design, folder, signals=signals, told=told)
+        found = opened(path, notes)
+        _require_one(design, found.counts().get("refused", 0), found.messages())
+        for picture in found.pictures():
+            folder.write(f"figures/{picture.name}.png", picture.png)
+    return found
 
 
 def sweep_price(

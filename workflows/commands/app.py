@@ -32,7 +32,7 @@ from workflows.commands.options import (
 )
 from workflows.commands.signals import Stopped, stopped_by
 from workflows.commands.studies import accuracy, run_study, stability, verify
-from workflows.commands.sweeps import sweep
+from workflows.commands.sweeps import scan, sweep
 from workflows.commands.terminal import StageProgress, noted, printed, shown, told, warned, written
 
 INTERRUPTED = 130
@@ -187,7 +187,7 @@ COMMANDS = {
     "run": run, "scenes": scenes, "scene": scene, "look": look, "modes": modes, "tune": tune_joints,
     "hammer": hammer, "reduce": reduce, "impact": impact, "accuracy": accuracy,
     "stability": stability, "verify": verify, "study": run_study, "calibrate": calibrate,
-    "twin": twin, "sweep": sweep, "report": report, "film": film, "doctor": doctor,
+    "twin": twin, "sweep": sweep, "scan": scan, "report": report, "film": film, "doctor": doctor,
 }  # fmt: skip
 
 

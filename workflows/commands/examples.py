@@ -32,6 +32,10 @@ EXAMPLES = {
         "sweep rig-rigid --over striker.velocity=0.1:1 --over preload.force=1:50 --sample lhs:1000",
         "sweep --open sweeps/rig-rigid --of sphere_14_tof_s --against striker.velocity",
     ),
+    "scan": (
+        "scan rig-rom --grid 20x20",
+        "scan mine.toml --face plate:+z --grid 30x10 --out scanned",
+    ),
     "reduce": (
         "reduce rig-rom --out rom.mat",
         "reduce rig-rom --out rom.npz --matrices full.mat",

@@ -1,4 +1,4 @@
-"""`beadwave sweep`: many cases of a scene."""
+"""`beadwave sweep` and `scan`: many cases of a scene, many points of a face."""
 
 from pathlib import Path
 from typing import Annotated
@@ -89,6 +89,37 @@ def sweep(
             )  # fmt: skip
     told(found.record(), found.text(), json, quiet)
     warned(found.notes)
+    noted(f"written: {found.folder}/cases.parquet", json=json, quiet=quiet)
+
+
+def scan(
+    scene: SceneName = None,
+    face: Annotated[
+        str | None,
+        typer.Option(metavar="BODY:FACE", help="A plane face; default the one that is struck."),
+    ] = None,
+    grid: Annotated[
+        str, typer.Option(metavar="NxM", help="Points along the two axes that span the face.")
+    ] = "20x20",
+    out: Annotated[Path | None, typer.Option(help="Folder; default scans/NAME.")] = None,
+    signals: Annotated[
+        bool, typer.Option("--signals", help="Keep velocities and wall force: signals.nc.")
+    ] = False,
+    changes: Changes = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json: json_of("{cases, status, folder, outputs: [...]}") = False,
+) -> None:
+    """The chain over a face: TOF, ARR and force as a map."""
+    from workflows.api.sweeps import scan as compute
+
+    with StageProgress(f"scan {scene}", quiet=quiet) as progress:
+        with progress.counted("points") as done:
+            found = compute(
+                scene, changes or (), face=face, grid=grid, out=out, signals=signals,
+                overwrite=overwrite, told=done,
+            )  # fmt: skip
+    told(found.record(), found.text(), json, quiet)
     noted(f"written: {found.folder}/cases.parquet", json=json, quiet=quiet)
 
 

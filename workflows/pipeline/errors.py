@@ -40,10 +40,15 @@ def reduction_error(
     return MARGIN * _difference(scene, start, finer, impact, dt=dt)
 
 
+def coarser(scene: Scene) -> Scene:
+    """The scene with elements twice as large."""
+    sizes = {name: COARSER * value for name, value in scene.mesh if isinstance(value, float)}
+    return scene.but(mesh=sizes)
+
+
 def coarse_reduction(scene: Scene) -> rom.ReducedModel:
     """The assembly on elements twice as large, reduced the quickest way."""
-    sizes = {name: COARSER * value for name, value in scene.mesh if isinstance(value, float)}
-    coarse = scene.but(mesh=sizes)
+    coarse = coarser(scene)
     mesh = stages.mesh(coarse)
     model = stages.model(coarse, mesh)
     contact = stages.contact(coarse, mesh, model)

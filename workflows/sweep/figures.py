@@ -1,6 +1,7 @@
 """Pictures of an output over the keys of a sweep: a curve, a map, or points."""
 
 import numpy as np
+from matplotlib.collections import LineCollection
 
 from workflows.files.run_folder import Picture
 from workflows.results.plots import Line, Panel, heat_map, panels, png, subplots
@@ -29,6 +30,39 @@ def picture(name: str, y: Array, keys: dict[str, Array]) -> Picture:
         return Picture(name, _grid(title, y, keys, numeric))
     shown = [_points(title, y, key, keys[key]) for key in keys]
     return Picture(name, panels(shown, columns=min(COLUMNS, len(shown)), size=(4, 3)))
+
+
+def face_map(name: str, y: Array, columns: dict[str, Array], face: dict) -> Picture:
+    """An output at the points of a face, on a picture of the face; points without it stay blank.
+
+    Raises InvalidScene where no point has the output.
+    """
+    title, scale = _label(name)
+    across, up = (1e3 * columns[axis] for axis in face["axes"])
+    if not np.isfinite(y).any():
+        raise InvalidScene(f"no point has a {name}; choose another output.")
+    edges = 1e3 * np.array(face["edges"])
+    ends = np.stack([edges.min(axis=(0, 1)), edges.max(axis=(0, 1))])
+    wide, high = np.ptp(ends, axis=0)
+    figure, (axis,) = subplots(1, 1, (7.5, np.clip(6 * high / wide + 1, 2.5, 9)))
+    tiles = zip((across, up), ends.T, strict=True)
+    places = [_borders(np.unique(values), *limits) for values, limits in tiles]
+    grid = scale * y.reshape(len(places[0]) - 1, len(places[1]) - 1).T
+    shown = axis.pcolormesh(*places, grid, cmap="viridis")
+    axis.add_collection(LineCollection(edges, colors="black", linewidths=1.2))
+    for label, axis_name in zip((axis.set_xlabel, axis.set_ylabel), face["axes"], strict=True):
+        label(f"{axis_name} from the middle [mm]")
+    axis.set_title(f"{title}, {face['name']}", fontsize=9, loc="left")
+    axis.set_aspect("equal")
+    axis.autoscale_view()
+    axis.spines[:].set_visible(False)
+    figure.colorbar(shown, ax=axis, label=title, shrink=0.8)
+    return Picture(name, png(figure))
+
+
+def _borders(values: Array, low: float, high: float) -> Array:
+    """Of tiles around values between two ends, half-way from one to the next."""
+    return np.concatenate([[low], (values[1:] + values[:-1]) / 2, [high]])
 
 
 def _label(name: str) -> tuple[str, float]:

@@ -30,6 +30,7 @@ class Sweep:
     columns   the table's columns by name, keys first; (n_cases,) arrays
     units     of keys, where they have one
     folder    where cases.parquet is
+    face      of a scan: its name, axes and edges; None of other sweeps
     notes     what the user is to know of the folder, in sentences
     """
 
@@ -40,6 +41,7 @@ class Sweep:
         keys = {key: tuple(self.columns[key].tolist()) for key in about["keys"]}
         self.design = Design(about["kind"], keys, about["base"])
         self.units: dict[str, str] = about["units"]
+        self.face: dict[str, Any] | None = about.get("face")
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
@@ -79,9 +81,11 @@ class Sweep:
 
     def plot(self, output: str | None = None, keys: tuple[str, ...] | None = None) -> Picture:
         """An output over keys, all that vary without any; raises InvalidScene for other names."""
-        from workflows.sweep.figures import picture
+        from workflows.sweep.figures import face_map, picture
 
         name = output or next(iter(self.main), "")
+        if self.face and keys is None:
+            return face_map(name, self._output(name), self.columns, self.face)
         chosen = keys or self.design.keys
         for key in chosen:
             _known(key, self.design.keys, "key")

@@ -2,7 +2,7 @@
 
 from json import dumps, loads
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,16 +30,30 @@ def require_libraries(signals: bool) -> None:
         ) from None
 
 
+class About(NamedTuple):
+    """What a table says of itself beside its design: units of keys that no scene has, and the face
+    whose points its cases are."""
+
+    units: dict[str, str]
+    face: dict[str, Any] | None = None
+
+
+ALONE = About({})
+
+
 class Store:
     """Parts of a design's rows in a run folder, and the whole table of them."""
 
-    def __init__(self, folder: RunFolder, design: Design, scene: Scene, signals: bool) -> None:
+    def __init__(
+        self, folder: RunFolder, design: Design, scene: Scene, signals: bool, about: About = ALONE
+    ) -> None:
         self._folder = folder
         self._design = design
         self._spheres = scene.output.spheres
         self._signals = signals
         units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
-        self._units = {key: units[key] for key in design.keys if key in units}
+        self._units = about.units | {key: units[key] for key in design.keys if key in units}
+        self._face = about.face
         self._prefix = f"part-{design.digest}{'-signals' if signals else ''}-"
 
     @property
@@ -112,7 +126,7 @@ class Store:
     def _about(self) -> dict[str, Any]:
         design = self._design
         about = {"kind": design.kind, "keys": design.keys, "base": design.base}
-        return about | {"digest": design.digest, "units": self._units}
+        return about | {"digest": design.digest, "units": self._units, "face": self._face}
 
     def _signal_parts(self) -> list[Path]:
         found = self._folder.path.glob(f"{self._prefix}*.npz")

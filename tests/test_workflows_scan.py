@@ -1,0 +1,136 @@
+"""Scans: every point as its single run, mirrored points alike, points beside the face told."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import beadwave
+from beadwave import InvalidScene
+from workflows.pipeline.face import Outline
+from workflows.sweep.scan import Grid, grid
+
+BLOCK = {
+    "name": "block",
+    "chain": {"count": 6, "radius": 0.005, "density": 7800.0, "young": 210e9, "poisson": 0.3},
+    "striker": {"velocity": 0.2},
+    "wall": {"kind": "rom"},
+    "damping": {"kind": "modal", "ratio": 0.002},
+    "time": {"duration": 4e-4},
+    "output": {"spheres": [1, 5], "samples": 401},
+    "materials": {"steel": {"young": 210e9, "poisson": 0.3, "density": 7850.0}},
+    "strike": {"on": "block:+z", "radius": 2e-3},
+    "assembly": {"held": ["block:-z"], "material": "steel"},
+    "bodies": {"block": {"box": [0.06, 0.04, 0.02], "seed": 0.01}},
+}
+DRILLED = {
+    "outline": [[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]],
+    "thickness": 0.02,
+}
+
+
+@pytest.fixture(autouse=True)
+def here(shared_cache):
+    pass
+
+
+@pytest.fixture(scope="module")
+def scanned(tmp_path_factory):
+    out = tmp_path_factory.mktemp("scan") / "out"
+    return beadwave.scan(BLOCK, grid="5x4", out=out, signals=True)
+
+
+def test_a_point_is_its_single_run_within_the_errors_stated(scanned):
+    v = scanned.signals()["v"].to_numpy()
+    for case in (0, 7, 13):
+        at = [scanned.columns[axis][case].item() for axis in ("x", "y")]
+        alone = beadwave.impact(BLOCK, {"strike.at": at})
+        own = alone.summary.error_estimate
+        stated = sum(scanned.columns[f"error_{of}"][case] for of in ("time", "reduction", "mesh"))
+        allowed = stated + own.time + own.reduction + own.mesh
+        off = np.abs(v[case] - alone.arrays["v"][:, [0, 4]]).max() / 0.2
+        assert 0.0 < off < allowed < 0.02
+        assert scanned.columns["error_reduction"][case] < 1e-3
+        force = scanned.columns["wall_peak_force_N"][case]
+        assert abs(force / alone.summary.peak_wall_force_N - 1.0) < 5 * allowed
+
+
+def test_mirrored_points_are_equal(scanned):
+    for name in ("sphere_5_arr", "sphere_5_tof_s", "wall_peak_force_N"):
+        found = scanned.columns[name].reshape(5, 4)
+        assert np.abs(found / found[::-1] - 1.0).max() < 1e-8
+        assert np.abs(found / found[:, ::-1] - 1.0).max() < 1e-8
+        assert np.ptp(found) > 1e-5 * np.abs(found).max()
+
+
+def test_the_map_shows_the_face(scanned):
+    assert {p.name for p in scanned.folder.glob("figures/*")} >= {"sphere_5_arr.png"}
+    edges = np.array(scanned.face["edges"])
+    assert scanned.face["name"].startswith("block:") and scanned.face["axes"] == ["x", "y"]
+    length = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1).sum()
+    assert abs(length / (2 * (0.06 + 0.04)) - 1.0) < 1e-9
+    again = beadwave.load_sweep(scanned.folder)
+    assert again.plot("wall_peak_s").png.startswith(b"\x89PNG")
+
+
+def test_points_in_a_hole_are_rows_that_say_so(tmp_path):
+    plate = {"plate": DRILLED, "holes": {"diameter": 0.012, "at": [[0.0, 0.0]]}, "seed": 0.01}
+    scene = BLOCK | {"bodies": {"block": plate}}
+    found = beadwave.scan(scene, grid="3x3", out=tmp_path / "out")
+    assert found.counts() == {"done": 8, "refused": 1}
+    assert found.columns["status"][4] == "refused"
+    assert "leaves the face" in found.columns["message"][4]
+    assert np.isnan(found.columns["wall_peak_force_N"][4])
+    assert len(found.plot("sphere_5_arr").png) > 1000
+
+
+def test_a_scan_that_is_there_is_kept(scanned):
+    told = []
+    again = beadwave.scan(
+        BLOCK, grid="5x4", out=scanned.folder, signals=True, told=lambda *n: told.append(n)
+    )
+    assert told == [(20, 20)]
+    assert np.array_equal(again.columns["seconds"], scanned.columns["seconds"])
+
+
+def test_points_are_mirrored_to_the_last_digit():
+    ends = np.array([[-0.05, -0.02], [0.05, 0.02]])
+    face = SimpleNamespace(
+        patch=SimpleNamespace(radius=0.002), outline=lambda: Outline(("y", "z"), *ends, None)
+    )
+    found = Grid(7, 4).design(face)
+    y, z = (np.array(values).reshape(7, 4) for values in found.columns.values())
+    assert np.array_equal(y, -y[::-1]) and np.array_equal(z, -z[:, ::-1])
+    assert y.max() == pytest.approx(0.048) and z.max() == pytest.approx(0.018)
+
+
+@pytest.mark.parametrize(
+    ("scene", "changes", "options", "says"),
+    [
+        ("rig-rigid", {}, {}, "a scan moves the chain over an assembly"),
+        (BLOCK, {}, {"grid": "20"}, "two whole numbers"),
+        (BLOCK, {}, {"grid": "0x4"}, "two whole numbers"),
+        (BLOCK, {}, {"grid": "200x200"}, "allowed are 10000"),
+        (BLOCK, {}, {"face": "block:+w"}, "block"),
+        (BLOCK, {}, {"face": "lid:+x"}, "names no body"),
+        (BLOCK, {"strike.radius": 0.03}, {}, "take a smaller patch"),
+        (BLOCK, {"time.horizon": 1e-4}, {}, "goes beyond time.horizon"),
+        ("rig-rom", {}, {"face": "block:+y"}, "the rig is struck on"),
+        ("rig-rom", {"patch.weights": "thesis"}, {}, "bound to nodes"),
+        ("rig-rom", {"joints.head.cx": 10.0, "joints.head.kx": 1e7}, {}, "dashpots"),
+    ],
+)
+def test_scans_that_cannot_be_are_refused(tmp_path, scene, changes, options, says):
+    with pytest.raises(InvalidScene, match=says):
+        beadwave.scan(scene, changes, out=tmp_path / "out", **options)
+
+
+def test_a_round_face_is_refused(tmp_path):
+    bodies = {"block": {"cylinder": {"radius": 0.03, "length": 0.05}, "seed": 0.015}}
+    scene = BLOCK | {"bodies": bodies, "strike": {"on": "block:cylinder", "at": [0.03, 0.0, 0.0]}}
+    with pytest.raises(InvalidScene, match="plane"):
+        beadwave.scan(scene, out=tmp_path / "out")
+
+
+def test_a_grid_is_read():
+    assert grid("20x10") == (20, 10) and grid("3X4") == (3, 4)

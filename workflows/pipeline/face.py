@@ -1,0 +1,139 @@
+"""A plane face struck at many points: its outline, its contacts, and the walls that these make."""
+
+from contextlib import nullcontext
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+
+import dem
+import fem
+import rom
+from coupling.damping import Damping
+from coupling.many_contacts import walls_of
+from coupling.wall import wall_from_reduced
+from workflows.pipeline.assembly import solid, struck
+from workflows.pipeline.errors import coarser
+from workflows.pipeline.pipeline import Pipeline, pipeline_of
+from workflows.pipeline.reduction import TO_HZ
+from workflows.pipeline.wall import damping_law
+from workflows.scene import InvalidScene, ModalDamping, Scene
+from workflows.thesis import HAMMER_TEST_HZ
+
+RINGS = 8, 24  # of a patch's quadrature: the half-space takes what they leave along
+AXES = "xyz"
+
+
+class Outline(NamedTuple):
+    """A plane face in the two axes that span it, measured from its middle [m]."""
+
+    axes: tuple[str, str]  # names of the axes nearest to them
+    lower: NDArray[np.float64]  # (2,)
+    upper: NDArray[np.float64]  # (2,)
+    edges: NDArray[np.float64]  # (m, 2, 2) where the face ends, at holes too
+
+
+class Placed(NamedTuple):
+    """Patches on a face, and why there is none at the other points."""
+
+    patches: dict[int, fem.ContactPatch]
+    refused: dict[int, str]
+
+
+class StruckFace:
+    """The face that a scene strikes, of an assembly that is meshed and joined once.
+
+    Raises InvalidScene for a face that is not plane and for scenes whose walls differ in more than
+    the point struck.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        _require_points_alike(scene)
+        self.scene = scene
+        self.pipeline: Pipeline = pipeline_of(scene, lambda name: nullcontext())
+        if self.pipeline("mesh").struck and self.pipeline("mesh").struck.radius is not None:
+            raise InvalidScene(f"the face {struck(scene)!r} is round; scan a plane one.")
+        self.model: fem.Model = self.pipeline("model")
+        self.name = struck(scene)
+
+    def outline(self) -> Outline:
+        """Where the face ends."""
+        structure = self.model.structure
+        spot = fem.planar_spot(structure, self.name, (0.0, 0.0))
+        edges = (fem.face_edges(structure, self.name) - spot.point) @ spot.axes.T
+        names = tuple(AXES[i] for i in np.abs(spot.axes).argmax(axis=1))
+        flat = edges.reshape(-1, 2)
+        return Outline(names, flat.min(axis=0), flat.max(axis=0), edges)
+
+    def placed(self, points: NDArray[np.float64]) -> Placed:
+        """Patches at points (p, 2) [m] from the middle."""
+        table, patches, refused = self.patch, {}, {}
+        n_radial, n_around = RINGS
+        for i, at in enumerate(points.tolist()):
+            try:
+                patches[i] = fem.contact_patch(
+                    self.model, self.name, tuple(at), table.radius, weights=table.weights,
+                    n_radial=n_radial, n_around=n_around,
+                )  # fmt: skip
+            except ValueError as reason:
+                refused[i] = str(reason)
+        return Placed(patches, refused)
+
+    def walls(self, patches: list[fem.ContactPatch]) -> "Walls":
+        """What the chain leans on at each patch; raises ValueError for what cannot be reduced."""
+        scene, model = self.scene, self.model
+        W = csc_array(np.column_stack([patch.w for patch in patches]))
+        steel = solid(scene, scene.struck_body)
+        local = fem.half_spaces_on_mesh(model, self.name, patches, steel)
+        to_hz = scene.wall.cutoff or scene.reduction.cutoff or scene.reduction.to_hz or TO_HZ
+        face = rom.Face(model.K, model.M, W, cutoff_hz=to_hz, factorise=fem.factorised)
+        return Walls(face, to_hz, np.array(local), self._damping())
+
+    def coarse(self) -> "StruckFace | None":
+        """The same on elements twice as large; None for a mesh of the user's own."""
+        return StruckFace(coarser(self.scene)) if self.scene.own_mesh is None else None
+
+    @property
+    def patch(self) -> Any:
+        """The table of the patch: its radius and weights."""
+        return self.scene.strike if self.scene.is_general else self.scene.patch
+
+    def _damping(self) -> Damping | None:
+        table, hz = self.scene.damping, None
+        if isinstance(table, ModalDamping) and isinstance(table.ratio, tuple):
+            hz = tuple(self.pipeline("modes").paired_hz.values())
+        return damping_law(table, hz or HAMMER_TEST_HZ)
+
+
+class Walls(NamedTuple):
+    """Walls of one structure at p points."""
+
+    face: rom.Face
+    to_hz: float
+    half_space: NDArray[np.float64]  # (p,) [m/N]
+    damping: Damping | None
+
+    def all(self, share: float = 1.0) -> dem.Wall:
+        """Of all points as arrays, with the modes below a share of the highest frequency."""
+        contacts = self.face.contacts.below(share * self.to_hz)
+        return walls_of(contacts, half_space=self.half_space, damping=self.damping)
+
+    def finer(self, i: int) -> dem.Wall:
+        """Of one point, by a reduction of its own that stands for the full model."""
+        own = self.face.finer(i, TO_HZ)
+        return wall_from_reduced(own, half_space=self.half_space[i], damping=self.damping)
+
+
+def _require_points_alike(scene: Scene) -> None:
+    patch = scene.patch
+    if patch is not None and (patch.weights == "thesis" or patch.nodes):
+        key = "patch.nodes" if patch.nodes else 'patch.weights = "thesis"'
+        raise InvalidScene(
+            f'{key} is bound to nodes of the mesh; a scan takes patch.weights "hertz" or "area".'
+        )
+    loose = [f"joints.{name}" for name, table in scene.springs.items() if table.dashpots]
+    if loose:
+        raise InvalidScene(
+            f"{loose[0]} has dashpots, which couple the wall's modes; set them to 0 for a scan."
+        )
