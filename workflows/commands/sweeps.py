@@ -120,6 +120,7 @@ def scan(
                 overwrite=overwrite, told=done,
             )  # fmt: skip
     told(found.record(), found.text(), json, quiet)
+    warned(found.notes)
     noted(f"written: {found.folder}/cases.parquet", json=json, quiet=quiet)
 
 
