@@ -19,7 +19,7 @@ from workflows.files.run_folder import RunFolder
 from workflows.pipeline.chain import Start, start
 from workflows.pipeline.errors import COARSER, MARGIN, ORDER, SHORTER
 from workflows.pipeline.face import Outline, Placed, StruckFace
-from workflows.pipeline.pipeline import needs_assembly
+from  import needs_assembly
 from workflows.pipeline.rig import STRUCK
 from workflows.scene import InvalidScene, Scene
 from workflows.sweep.cases import Base
