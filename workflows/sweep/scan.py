@@ -19,9 +19,8 @@ from workflows.files.run_folder import RunFolder
 from workflows.pipeline.chain import Start, start
 from workflows.pipeline.errors import COARSER, MARGIN, ORDER, SHORTER
 from workflows.pipeline.face import Outline, Placed, StruckFace
-from  import needs_assembly
 from workflows.pipeline.rig import STRUCK
-from workflows.scene import InvalidScene, Scene
+from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.sweep.cases import Base
 from workflows.sweep.design import Design
 from workflows.sweep.rows import FAILED, REFUSED, Rows, measured, without_result
@@ -81,7 +80,8 @@ def grid(text: str) -> Grid:
 def struck_scene(base: Base, face: str | None) -> Scene:
     """The scene with a face struck in its middle; raises InvalidScene where no scan can be."""
     scene = base.with_values({})
-    if scene.chain is None or not needs_assembly(scene):
+    reduced = isinstance(scene.wall, RomWall) and scene.wall.file is None
+    if not (scene.chain and scene.assembly and reduced):
         raise InvalidScene(
             f'{scene.name}: a scan moves the chain over an assembly; take wall.kind = "rom" '
             "with [assembly] and no wall.file."
