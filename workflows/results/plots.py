@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.collections import LineCollection
 from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator
@@ -186,6 +187,25 @@ def heat_map(
     axis.set_xticks(range(len(names[1])), names[1], fontsize=8)
     axis.spines[:].set_visible(False)
     axis.figure.colorbar(shown, ax=axis, label=label, shrink=0.7)
+
+
+def outlined_map(
+    borders: Sequence[Array], values: Array, edges: Array, names: Sequence[str], label: str
+) -> bytes:
+    """PNG of values (r, c) as tiles between borders (r + 1,) and (c + 1,) to scale, with edges
+    (m, 2, 2) drawn over them; names of the picture and of both axes."""
+    wide, high = np.ptp(edges.reshape(-1, 2), axis=0)
+    figure, (axis,) = subplots(1, 1, (7.5, np.clip(6 * high / wide + 1, 2.5, 9)))
+    shown = axis.pcolormesh(*borders, values.T, cmap="viridis")
+    axis.add_collection(LineCollection(edges, colors="black", linewidths=1.2))
+    axis.set_title(names[0], fontsize=9, loc="left")
+    axis.set_xlabel(names[1])
+    axis.set_ylabel(names[2])
+    axis.set_aspect("equal")
+    axis.autoscale_view()
+    axis.spines[:].set_visible(False)
+    figure.colorbar(shown, ax=axis, label=label, shrink=0.8)
+    return png(figure)
 
 
 def space_time(axis: Axes, t: Array, v: Array) -> None:

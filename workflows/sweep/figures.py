@@ -1,10 +1,9 @@
 """Pictures of an output over the keys of a sweep: a curve, a map, or points."""
 
 import numpy as np
-from matplotlib.collections import LineCollection
 
 from workflows.files.run_folder import Picture
-from workflows.results.plots import Line, Panel, heat_map, panels, png, subplots
+from workflows.results.plots import Line, Panel, heat_map, outlined_map, panels, png, subplots
 from workflows.scene import InvalidScene
 
 ENDINGS = (("_m_s", "m/s", 1.0), ("_s", "\N{MICRO SIGN}s", 1e6), ("_N", "N", 1.0))
@@ -38,26 +37,15 @@ def face_map(name: str, y: Array, columns: dict[str, Array], face: dict) -> Pict
     Raises InvalidScene where no point has the output.
     """
     title, scale = _label(name)
-    across, up = (1e3 * columns[axis] for axis in face["axes"])
     if not np.isfinite(y).any():
         raise InvalidScene(f"no point has a {name}; choose another output.")
     edges = 1e3 * np.array(face["edges"])
     ends = np.stack([edges.min(axis=(0, 1)), edges.max(axis=(0, 1))])
-    wide, high = np.ptp(ends, axis=0)
-    figure, (axis,) = subplots(1, 1, (7.5, np.clip(6 * high / wide + 1, 2.5, 9)))
-    tiles = zip((across, up), ends.T, strict=True)
-    places = [_borders(np.unique(values), *limits) for values, limits in tiles]
-    grid = scale * y.reshape(len(places[0]) - 1, len(places[1]) - 1).T
-    shown = axis.pcolormesh(*places, grid, cmap="viridis")
-    axis.add_collection(LineCollection(edges, colors="black", linewidths=1.2))
-    for label, axis_name in zip((axis.set_xlabel, axis.set_ylabel), face["axes"], strict=True):
-        label(f"{axis_name} from the middle [mm]")
-    axis.set_title(f"{title}, {face['name']}", fontsize=9, loc="left")
-    axis.set_aspect("equal")
-    axis.autoscale_view()
-    axis.spines[:].set_visible(False)
-    figure.colorbar(shown, ax=axis, label=title, shrink=0.8)
-    return Picture(name, png(figure))
+    across = (1e3 * np.unique(columns[axis]) for axis in face["axes"])
+    borders = [_borders(x, *limits) for x, limits in zip(across, ends.T, strict=True)]
+    values = scale * y.reshape(len(borders[0]) - 1, len(borders[1]) - 1)
+    names = (f"{title}, {face['name']}", *(f"{axis} from the middle [mm]" for axis in face["axes"]))
+    return Picture(name, outlined_map(borders, values, edges, names, title))
 
 
 def _borders(values: Array, low: float, high: float) -> Array:
