@@ -343,6 +343,19 @@ def sample_lanes(
 
 
 @fastmath
+def sample_step(
+    step: int, k: int, steps: LaneSteps, one: Ends, two: Ends, A: Array, saved: SavedLanes
+) -> int:
+    """All samples from the k-th on that a step passes; the next one after it."""
+    dt, n_steps, n_save = steps
+    while k <= n_save and k * n_steps <= (step + 1) * n_save:
+        s = (k * n_steps - step * n_save) / n_save
+        sample_lanes(s, dt, one, two, A, saved.v[k], saved.wall_force[k])
+        k += 1
+    return k
+
+
+@fastmath
 def note_energy(energy: Array, start: Array, scale: Array, worst: Array) -> None:
     for lane in range(LANES):
         change = abs(energy[lane] - start[lane]) / scale[lane]
@@ -401,10 +414,7 @@ def march_block(
             forces_of_lanes(lanes.x, lanes.A, lanes.f)
             stale = n_save < 0
         note_end(lanes, observed, two)
-        while k <= n_save and k * n_steps <= (step + 1) * n_save:
-            s = (k * n_steps - step * n_save) / n_save
-            sample_lanes(s, dt, one, two, lanes.A, saved.v[k], saved.wall_force[k])
-            k += 1
+        k = sample_step(step, k, steps, one, two, lanes.A, saved)
         energy_of_lanes(lanes, wall.work, energy)
         note_energy(energy, start, scale, saved.energy_error)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from workflows.files.scene import scene as load
 from workflows.results.packing import floats, quantised, whole
 from workflows.results.summary import Summary
-from workflows.scene import InvalidScene, RomWall, Scene
+from workflows.scene import RomWall, Scene
 
 LEFT_OUT = 1e-3
 MOST_FRAMES = 3001  # instants that the page holds
@@ -226,11 +226,3 @@ def _response(found: dict[str, NDArray]) -> dict[str, Any]:
         "checked_hz": found["checked_hz"].tolist(),
         "full": np.abs(found["full"]).tolist(),
     }
-
-
-def unreadable(folder: Path, summary: Summary) -> dict[str, Any]:
-    """The data, or none where a file of the scene is gone."""
-    try:
-        return page_data(folder, summary)
-    except InvalidScene:
-        return {}

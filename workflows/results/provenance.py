@@ -21,7 +21,7 @@ from workflows.scene.toml import changed
 MARK = re.compile(r"(?:^|[,;] )(thesis|inferred|assumed)(?=[:,;.]| with|$)", re.IGNORECASE)
 HEADER = re.compile(r"\[+([\w.-]+)\]+\s*(?:#\s*(.*))?")
 VALUE = re.compile(r"([\w-]+)\s*=\s*(?:[^#\"]|\"[^\"]*\")*(?:#\s*(.*))?")
-YOURS, CHOSEN, BY_DEFAULT = (ValueSource(kind=kind) for kind in ("yours", "chosen", "default"))
+YOURS, BY_DEFAULT = (ValueSource(kind=kind) for kind in ("yours", "default"))
 
 
 class Origin(NamedTuple):

@@ -1,7 +1,15 @@
 """A summary's numbers as a person reads them: label, value with unit, what it is."""
 
+from collections.abc import Iterator
+
 from workflows.results.numbers import GLUE, NONE, digits, grouped, percent, si
-from workflows.results.summary import ReductionHealth, SensorWaves, SphereWaves, Summary
+from workflows.results.summary import (
+    ChainContact,
+    ReductionHealth,
+    SensorWaves,
+    SphereWaves,
+    Summary,
+)
 
 STEPS = {"time step": "time", "reduction": "reduction", "mesh": "mesh"}
 SECONDS = {  # whose stages stand behind which error
@@ -112,42 +120,39 @@ def at_wall(summary: Summary) -> list[tuple[str, str, str]]:
     rows = [
         ("peak force at the wall", si(summary.peak_wall_force_N, "N"), "of the last contact"),
         ("contact radius", si(summary.contact_radius_m, "m"), "of the Hertz contact at that force"),
-        (
-            "contact time",
-            si(c.contact_time_s, "s"),
-            f"while the force is above {si(c.threshold_N, 'N')}, 1 % of its peak above rest",
-        ),
-        (
-            "dimensionless contact time τ_c",
-            _digits(c.tau_c),
-            "contact time over (m² / (V A_w²))^(1/5): mass of a sphere, speed of the striker, "
-            "Hertz coefficient at the wall",
-        ),
-        ("wave speed, incident", si(c.speed_in_m_s, "m/s"), "mean along the chain"),
-        ("wave speed, reflected", si(c.speed_back_m_s, "m/s"), "of the first reflected wave"),
-        (
-            "travelling time",
-            si(c.travelling_time_s, "s"),
-            "through all spheres and back at these two speeds",
-        ),
-        ("time of flight TOF", si(c.tof_s, "s"), "travelling time and contact time"),
-        (
-            "amplitude ratio ARR",
-            percent(c.arr_2_9),
-            "|reflected / incident velocity|^(6/5), mean along the chain: the ratio of the forces",
-        ),
-        (
-            "energy restitution",
-            percent(c.energy_restitution),
-            "square root of kinetic energy at the end over that at the start",
-        ),
-        (
-            "velocity sum ratio",
-            percent(c.velocity_sum_ratio_2_8),
-            "sum of sphere speeds, end over start; no measure of loss: elastic spheres reach 136 %",
-        ),
+        *_contact_time(c),
+        *_waves_back(c),
+        *_balances(c),
     ]
     return [row for row in rows if row[1] != NONE]
+
+
+def _contact_time(c: ChainContact) -> Iterator[tuple[str, str, str]]:
+    above = f"while the force is above {si(c.threshold_N, 'N')}, 1 % of its peak above rest"
+    yield "contact time", si(c.contact_time_s, "s"), above
+    yield (
+        "dimensionless contact time τ_c",
+        _digits(c.tau_c),
+        "contact time over (m² / (V A_w²))^(1/5): mass of a sphere, speed of the striker, "
+        "Hertz coefficient at the wall",
+    )
+
+
+def _waves_back(c: ChainContact) -> Iterator[tuple[str, str, str]]:
+    yield "wave speed, incident", si(c.speed_in_m_s, "m/s"), "mean along the chain"
+    yield "wave speed, reflected", si(c.speed_back_m_s, "m/s"), "of the first reflected wave"
+    both = "through all spheres and back at these two speeds"
+    yield "travelling time", si(c.travelling_time_s, "s"), both
+    yield "time of flight TOF", si(c.tof_s, "s"), "travelling time and contact time"
+    forces = "|reflected / incident velocity|^(6/5), mean along the chain: the ratio of the forces"
+    yield "amplitude ratio ARR", percent(c.arr_2_9), forces
+
+
+def _balances(c: ChainContact) -> Iterator[tuple[str, str, str]]:
+    root = "square root of kinetic energy at the end over that at the start"
+    yield "energy restitution", percent(c.energy_restitution), root
+    total = "sum of sphere speeds, end over start; no measure of loss: elastic spheres reach 136 %"
+    yield "velocity sum ratio", percent(c.velocity_sum_ratio_2_8), total
 
 
 def _digits(value: float | None) -> str:

@@ -1,44 +1,36 @@
-"""Parts of a scene that a command or a study cannot do without."""
+"""Parts of a scene that a command or a study cannot do without: the scene, or InvalidScene."""
 
 from workflows.scene.scene import Scene
 from workflows.scene.tables import InvalidScene
 
 
 def with_chain(scene: Scene) -> Scene:
-    """The scene; raises InvalidScene where it has no spheres."""
-    if scene.chain is None:
-        raise InvalidScene(f"the scene {scene.name} has no [chain]; add one, or take rig-1dof.")
-    return scene
+    """A scene with spheres."""
+    return _with(scene, scene.chain, "[chain]; add one, or take rig-1dof")
 
 
 def with_structure(scene: Scene) -> Scene:
-    """The scene; raises InvalidScene where there are no finite elements in it."""
-    if not scene.has_structure:
-        raise InvalidScene(
-            f"the scene {scene.name} has no [assembly], [beam] or [plate]; add one, or take "
-            "rig-rom."
-        )
-    return scene
+    """A scene with finite elements in it."""
+    lacking = "[assembly], [beam] or [plate]; add one, or take rig-rom"
+    return _with(scene, scene.has_structure, lacking)
 
 
 def with_assembly(scene: Scene) -> Scene:
-    """The scene; raises InvalidScene where it has no assembly."""
-    if scene.assembly is None:
-        raise InvalidScene(f"the scene {scene.name} has no [assembly]; add one, or take rig-rom.")
-    return scene
+    """A scene with an assembly."""
+    return _with(scene, scene.assembly, "[assembly]; add one, or take rig-rom")
 
 
 def with_targets(scene: Scene) -> Scene:
-    """The scene; raises InvalidScene where it lists no measured modes."""
-    if not scene.measured_hz:
-        raise InvalidScene(
-            f"the scene {scene.name} has no targets; list measured modes in [[targets]]."
-        )
-    return scene
+    """A scene that lists measured modes."""
+    return _with(scene, scene.measured_hz, "targets; list measured modes in [[targets]]")
 
 
 def with_wall(scene: Scene) -> Scene:
-    """The scene; raises InvalidScene where the chain hits nothing."""
-    if scene.wall is None:
-        raise InvalidScene(f"the scene {scene.name} has no [wall]; add one, or take rig-rigid.")
+    """A scene whose chain hits something."""
+    return _with(scene, scene.wall, "[wall]; add one, or take rig-rigid")
+
+
+def _with(scene: Scene, part: object, lacking: str) -> Scene:
+    if not part:
+        raise InvalidScene(f"the scene {scene.name} has no {lacking}.")
     return scene
