@@ -49,6 +49,8 @@ def march_coupled(
     """
     if chain.yield_overlap is not None:
         raise CouplingError("a CoupledWall takes no plastic contacts; leave out yield_overlap.")
+    if chain.slides:
+        raise CouplingError("a CoupledWall takes no friction in guides; leave out friction.")
     from scipy.integrate import solve_ivp  # half a second that no other wall pays for
 
     motion = _Motion(chain, wall)
@@ -159,7 +161,7 @@ class _Motion:
         _, elastic, damping, approach = self.forces(x, v, q, p)
         F = elastic + damping
         net = np.append(0.0, F[:-1]) - F - self.leaf * (x - self.anchor)
-        net[-1] += chain.preload
+        net += chain.steady
         drag = wall.D @ p
         p_rate = wall.force * F[-1] - drag - wall.omega**2 * q
         return np.concatenate([v, net / chain.mass, p, p_rate, [damping @ approach, p @ drag]])
@@ -177,9 +179,11 @@ class _Motion:
             0.5 * wall.residual_compliance * elastic[:, -1] ** 2,
             lost[:, 0],
             lost[:, 1],
+            np.zeros(len(t)),
             chain.preload * (x[:, -1] - x[0, -1]),
+            chain.gravity * (x - x[0]) @ chain.mass,
         )
-        total = sum(energies[:7]) - energies[7]
+        total = sum(energies[:8]) - energies[8] - energies[9]
         scale = energies[0][0] or np.abs(total).max() or 1.0
         return Trajectory(
             t,

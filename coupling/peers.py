@@ -50,7 +50,7 @@ class Equations(NamedTuple):
     spheres: np.ndarray  # (2, n) 1/m, A of the contact behind each sphere (0: none)
     modes: np.ndarray | None  # (3, n_modes) phi, omega^2, 2 zeta omega
     residual: float | None
-    held: np.ndarray | None  # (3, n) stiffness and anchor of leaf springs, preload
+    held: np.ndarray | None  # (3, n) stiffness and anchor of leaf springs, steady force
     damping: tuple[np.ndarray, int] | None  # (n,) coefficient of each contact, law
     mobility: float | None
 
@@ -139,8 +139,8 @@ def equations(problem: Problem) -> Equations:
         modes = np.array([wall.phi, wall.omega**2, 2 * wall.zeta * wall.omega])
     if wall is not None and wall.residual_compliance:
         residual = float(wall.residual_compliance)
-    if np.any(chain.leaf_stiffness) or chain.preload:
-        held = np.array([*chain.springs, np.append(np.zeros(A.size - 1), chain.preload)])
+    if np.any(chain.leaf_stiffness) or chain.steady.any():
+        held = np.array([*chain.springs, chain.steady])
     if chain.dissipation != "none":
         gamma = np.append(chain.gamma, np.zeros(A.size - chain.A.size))
         damping = gamma, LAWS[chain.dissipation]
@@ -290,7 +290,7 @@ def energy(problem: Problem, y: np.ndarray) -> np.ndarray:
     x, v, modal = y[:, :n], y[:, n : 2 * n], y[:, 2 * n :]
     overlap = _overlaps(constants, x, modal)
     force = constants.spheres[1] * overlap**1.5
-    total = 0.5 * v**2 @ chain.mass + 0.4 * (force * overlap).sum(axis=1) - chain.preload * x[:, -1]
+    total = 0.5 * v**2 @ chain.mass + 0.4 * (force * overlap).sum(axis=1) - x @ chain.steady
     if constants.residual is not None:
         total += 0.5 * constants.residual * force[:, -1] ** 2
     if constants.held is not None:

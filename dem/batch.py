@@ -1,9 +1,9 @@
 """Many chains at once: equal in length and wall modes, different in everything else.
 
 Chains lie side by side in the lanes of vector registers and in blocks on the threads: Hertz
-contacts, preload, leaf springs, walls without or with modes. Chains with dissipation, yield, a
-residual spring or a dashpot are marched one by one, dealt to the threads. Steps do not stop at the
-samples, which lie on polynomials of the steps.
+contacts, preload, weight, leaf springs, walls without or with modes. Chains with dissipation,
+yield, friction, a residual spring or a dashpot are marched one by one, dealt to the threads. Steps
+do not stop at the samples, which lie on polynomials of the steps.
 """
 
 import os
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import Chain, Wall, validate
+from dem.chain import PER_SPHERE, Chain, Wall, validate
 from dem.checks import InvalidChain, columns, positive, saves, whole
 from dem.dense import values_between, velocities_between
 from dem.kernels.arguments import Array
@@ -94,8 +94,8 @@ class _Asked(NamedTuple):
 
 
 SEARCHED = 100  # samples at which a step is sought: more would make it short for their own sake
-PER_CHAIN = ("preload",)
-PER_CONTACT = ("mass", "radius", "A", "gamma", "leaf_stiffness", "leaf_anchor", "yield_overlap")
+PER_CHAIN = ("preload", "gravity")
+PER_CONTACT = PER_SPHERE
 PER_WALL = ("residual_compliance", "mobility")
 PER_MODE = ("omega", "zeta", "phi")
 
@@ -104,8 +104,8 @@ class Chains:
     """Chains of a batch with their walls and initial velocities.
 
     Fields of chain and wall and v0 have a leading axis n_chains, or lack it and are shared;
-    preload, residual compliance and mobility are scalars or one per chain, the name of the
-    dissipation is shared. Raises InvalidChain.
+    preload, gravity, residual compliance and mobility are scalars or one per chain, the name of
+    the dissipation and the number of spheres in flight are shared. Raises InvalidChain.
     """
 
     def __init__(self, chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
@@ -138,9 +138,10 @@ class Chains:
     def __getitem__(self, i):
         own = {name: values[i].copy() for name, values in self.arrays.items()}
         v0 = own.pop("v0")
-        numbers = {name: float(own.pop(name)) for name in (*PER_CHAIN, *PER_WALL) if name in own}
+        steady = {name: float(own.pop(name)) for name in PER_CHAIN}
+        numbers = {name: float(own.pop(name)) for name in PER_WALL if name in own}
         modes = {name: own.pop(name) for name in PER_MODE if name in own}
-        one = self.chain._replace(**own, preload=numbers.pop("preload"))
+        one = self.chain._replace(**own, **steady)
         wall = None if self.wall is None else self.wall._replace(**modes, **numbers)
         return one, wall, v0
 
@@ -152,7 +153,7 @@ class Chains:
         """Without any part that the lanes do not know."""
         without = not any(np.any(self.arrays.get(name, 0.0)) for name in PER_WALL)
         lossless = self.chain.dissipation == "none" and self.chain.yield_overlap is None
-        return without and lossless
+        return without and lossless and not self.chain.slides
 
     @property
     def free(self) -> bool:
@@ -246,7 +247,8 @@ def _held(chains):
     """The static states; empty for chains that nothing presses or holds."""
     none, preload = np.zeros((chains.count, 0)), chains.preload[:, None]
     stiffness = chains.arrays.get("leaf_stiffness", none)
-    if not (preload.any() or stiffness.any()):
+    weight = chains.gravity[:, None] * chains.mass if chains.gravity.any() else none
+    if not (preload.any() or stiffness.any() or weight.any()):
         return Held(*map(_packed, [none] * len(Held._fields)))
     rest, force, modes = _static(chains)
     anchor = chains.arrays.get("leaf_anchor", np.zeros_like(chains.mass))
@@ -255,7 +257,9 @@ def _held(chains):
     all_forces = np.hstack([ends, force, ends] if chains.free else [ends, force])
     offset = (chains.phi * modes).sum(axis=1, keepdims=True) if modes.size else ends
     leaf = (stiffness, anchor) if stiffness.any() else (none, none)
-    parts = (rest, np.diff(all_forces), offset, at_wall, modes, preload, *leaf)
+    load, falling = np.diff(all_forces), chains.chain.n_falling
+    load[:, :falling] = weight[:, :falling] if weight.any() else 0.0
+    parts = (rest, load, offset, at_wall, modes, preload, weight, *leaf)
     return Held(*map(_packed, parts))
 
 
@@ -263,7 +267,8 @@ def _static(chains):
     """Positions (n_chains, n), contact forces and displacements of the modes at rest."""
     preload, phi = chains.preload, chains.arrays.get("phi")
     springs = chains.arrays.get("leaf_stiffness")
-    if not (chains.free or np.any(springs) or (preload < 0.0).any() or (chains.omega == 0).any()):
+    only_preload = not (chains.free or np.any(springs) or chains.gravity.any())
+    if only_preload and not ((preload < 0.0).any() or (chains.omega == 0).any()):
         response = phi / chains.omega**2
         compliance = (phi * response).sum(axis=1)
         x = approach(chains.A[:, -1], preload, compliance)[:, None]
@@ -321,8 +326,7 @@ def _accelerations(chain, wall, run):
     """(k, n) [m/s^2] of a run's spheres by the forces on them."""
     stiffness, anchor = chain.springs
     force = np.pad(run.contact_force, ((0, 0), (1, wall is None)))
-    pushed = -np.diff(force, axis=1) - stiffness * (run.x - anchor)
-    pushed[:, -1] += chain.preload
+    pushed = chain.steady - np.diff(force, axis=1) - stiffness * (run.x - anchor)
     return pushed / chain.mass
 
 

@@ -24,8 +24,13 @@ LAWS = {
 }
 
 
-PARTS = "dissipation, gamma, leaf_stiffness, leaf_anchor, preload, yield_overlap"
-PER_SPHERE = ("mass", "radius", "A", "gamma", "leaf_stiffness", "leaf_anchor", "yield_overlap")
+PARTS = (
+    "dissipation, gamma, leaf_stiffness, leaf_anchor, preload, yield_overlap, gravity, n_falling, "
+    "friction"
+)
+PER_SPHERE = (
+    "mass", "radius", "A", "gamma", "leaf_stiffness", "leaf_anchor", "yield_overlap", "friction",
+)  # fmt: skip
 
 
 class Chain(NamedTuple):
@@ -37,6 +42,8 @@ class Chain(NamedTuple):
     gap, k = 3/2 A delta^(1/2), and the spring hands on as much of the damping force: F has
     gamma / (1 + s k)^2 of the gap's rate, right to first order in the damping.
     Beyond its yield overlap a contact follows C. Thornton, J. Appl. Mech. 64 (1997) 383.
+    Under gravity the first n_falling spheres are in flight at the start, just touching: the others
+    do not carry them. Friction of the guides follows Coulomb; the start knows none.
     """
 
     mass: Array  # (n,) [kg]
@@ -48,6 +55,21 @@ class Chain(NamedTuple):
     leaf_anchor: Array | None = None  # (n,) [m] offset towards the wall; None: 0
     preload: float = 0.0  # [N] on the last sphere, towards the wall
     yield_overlap: Array | None = None  # [m] one per contact, where it turns plastic
+    gravity: float = 0.0  # [m/s^2] along the chain, towards the wall
+    n_falling: int = 0
+    friction: Array | None = None  # (n,) [N] of the guides, against the motion of each sphere
+
+    @property
+    def steady(self) -> Array:
+        """(n,) [N] steady force on each sphere: its weight, the preload."""
+        force = self.gravity * np.asarray(self.mass, float)
+        force[-1] += self.preload
+        return force
+
+    @property
+    def slides(self) -> bool:
+        """Whether friction acts on any sphere."""
+        return self.friction is not None and bool(np.any(self.friction))
 
     @property
     def springs(self) -> tuple[Array, Array]:
@@ -129,7 +151,10 @@ def row_of_spheres(
     if flat is not None:
         A = _side_by_side(A, hertz_coefficient(*last, np.inf, *flat))
     contacts = A.shape[-1]
-    sizes = {"gamma": contacts, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": contacts}
+    sizes = {
+        "gamma": contacts, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": contacts,
+        "friction": n,
+    }  # fmt: skip
     for name in sizes.keys() & parts.keys():
         if parts[name] is not None:
             parts[name] = spread(name, parts[name], sizes[name]).copy()
@@ -205,10 +230,29 @@ def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
         vector("leaf_anchor", chain.leaf_anchor, n)
         require(chain.leaf_stiffness is not None, "leaf_anchor needs leaf_stiffness beside it")
     scalar("preload", chain.preload)
+    scalar("gravity", chain.gravity)
+    if chain.n_falling:
+        _validate_falling(chain)
+    if chain.friction is not None:
+        vector("friction", chain.friction, n, at_least=0.0)
+        require(
+            not (chain.slides and chain.springs[0].any()),
+            "a sphere on a leaf spring touches no guides; leave out friction or leaf_stiffness",
+        )
     if chain.yield_overlap is not None:
         vector("yield_overlap", chain.yield_overlap, n_contacts, positive=True)
     if wall is not None:
         _validate_wall(chain, wall)
+
+
+def _validate_falling(chain):
+    whole("n_falling", chain.n_falling)
+    n = chain.mass.size
+    require(chain.n_falling <= n, f"n_falling = {chain.n_falling}, the chain has {n} spheres")
+    require(
+        not chain.springs[0][: chain.n_falling].any(),
+        "a sphere in flight hangs on no leaf spring; lower n_falling",
+    )
 
 
 def _validate_wall(chain, wall):

@@ -20,20 +20,25 @@ class Prepared(NamedTuple):
     load: Array | None  # (n,) [N] what holds every sphere against its contacts; None for nothing
     damping: Damping | None
 
+    @property
+    def pressed(self) -> Array:
+        """(n_contacts,) [N] static forces, and the most that spheres in flight add by weight."""
+        return self.static.force + 2.0 * abs(self.chain.steady[: self.chain.n_falling].sum())
+
 
 def prepare(chain: Chain, wall: Wall | None) -> Prepared:
     """Of a validated chain; raises InvalidChain, NoEquilibrium."""
     static = static_state(chain, wall)
     if chain.yield_overlap is not None:
         _require_elastic(chain, static)
-    return Prepared(chain, wall, static, _load(wall, static), _damping(chain, wall))
+    return Prepared(chain, wall, static, _load(chain, wall, static), _damping(chain, wall))
 
 
-def _load(wall, static):
-    if not static.force.any():
-        return None
+def _load(chain, wall, static):
     force = np.concatenate([[0.0], static.force, [0.0] if wall is None else []])
-    return force[1:] - force[:-1]
+    load = force[1:] - force[:-1]
+    load[: chain.n_falling] = chain.steady[: chain.n_falling]
+    return load if load.any() else None
 
 
 def _require_elastic(chain, static):

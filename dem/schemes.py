@@ -156,10 +156,13 @@ def named_scheme(
 def default_scheme(chain: Chain, wall: Wall | None, *, stiffly_damped: bool = False) -> str:
     """Name of the scheme that measures best: the linear dampers jump when a contact closes, which
     only the implicit schemes average; damping faster than the contacts bears no step back in time
-    and is booked right by the implicit scheme alone at steps of the contacts' size.
+    and is booked right by the implicit scheme alone at steps of the contacts' size. Friction has
+    no way back in time either.
     """
     dashpot = wall is not None and wall.mobility > 0.0
     jumps = chain.dissipation.startswith("linear") and chain.yield_overlap is None
+    if chain.slides:
+        return "verlet"
     if stiffly_damped:
         return "energy2" if chain.yield_overlap is None else "verlet"
     if jumps:

@@ -126,6 +126,8 @@ def require_smooth(chain: Chain, wall: Wall | None) -> None:
             f"dissipation {chain.dissipation!r} jumps at first touch and has no sensitivities; "
             "take hunt-crossley or none"
         )
+    if chain.slides:
+        raise InvalidChain("friction jumps and has no sensitivities; leave out friction")
     if chain.yield_overlap is not None:
         raise InvalidChain("plastic contacts have no sensitivities here; leave out yield_overlap")
     if wall is not None and wall.mobility > 0.0:
@@ -133,11 +135,8 @@ def require_smooth(chain: Chain, wall: Wall | None) -> None:
 
 
 def _rig(chain, wall, static, h):
-    n = chain.mass.size
-    load = np.zeros(n)
-    load[-1] = chain.preload
     gamma = np.zeros(chain.A.size) if chain.gamma is None else np.asarray(chain.gamma, float)
-    return Rig(chain.A, gamma, chain.mass, load, *chain.springs, *_wall(wall, static, h))
+    return Rig(chain.A, gamma, chain.mass, chain.steady, *chain.springs, *_wall(wall, static, h))
 
 
 def _wall(wall, static, h):

@@ -19,6 +19,7 @@ from dem.spheres import hertz_overlap, hertz_stiffness
 
 _NONE = np.zeros(0)
 NEAR_FOLD = 0.1  # of the contact's stiffness that a negative spring in series leaves
+SLIDING = ("verlet", "leapfrog")  # explicit, and never back in time
 BACKWARD = 10.0  # rounding may grow by exp(BACKWARD) in a step back in time
 
 
@@ -32,6 +33,8 @@ def marching_scheme(
     """The scheme of a name, or the one that measures best at steps of dt; raises InvalidChain."""
     stiff = dt * fastest_decay(prepared, v0) > BACKWARD
     method = named_scheme(name, prepared.chain, prepared.wall, stiffly_damped=stiff)
+    if prepared.chain.slides and method.name not in SLIDING:
+        raise InvalidChain(f"scheme {method.name!r} takes no friction; take {' or '.join(SLIDING)}")
     if method.kind == "implicit" and prepared.chain.yield_overlap is not None:
         raise InvalidChain(
             f"scheme {method.name!r} takes no plastic contacts; take one that is explicit"
@@ -65,7 +68,7 @@ def fastest_rate(prepared: Prepared, v0: ArrayLike) -> float:
         order = np.argsort(wall.omega)
         omega, phi = wall.omega[order], wall.phi[order]
     energy = 0.5 * float(np.dot(chain.mass, np.square(v0)))
-    arrays = (np.asarray(values, float) for values in (chain.mass, chain.A, prepared.static.force))
+    arrays = (np.asarray(values, float) for values in (chain.mass, chain.A, prepared.pressed))
     return fastest_contact(*arrays, energy, omega, phi)
 
 
@@ -93,7 +96,7 @@ def _deepest(prepared, v0):
     """Overlap [m] of every contact with all kinetic energy in it on top of the static force."""
     chain = prepared.chain
     energy = 0.5 * float(chain.mass @ np.square(v0))
-    return (2.5 * energy / chain.A) ** 0.4 + hertz_overlap(prepared.static.force, chain.A)
+    return (2.5 * energy / chain.A) ** 0.4 + hertz_overlap(prepared.pressed, chain.A)
 
 
 def backward_reach(scheme: Scheme) -> float:

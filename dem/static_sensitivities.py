@@ -37,7 +37,7 @@ def static_sensitivities(
 ) -> StaticSensitivities:
     """Derivatives of the static state: K dx = -dr/dtheta, from the equations that hold in it."""
     n, p = chain.mass.size, directions.preload.size
-    if p == 0 or not (chain.preload or np.any(chain.leaf_stiffness)):
+    if p == 0 or not (chain.preload or chain.gravity or np.any(chain.leaf_stiffness)):
         return StaticSensitivities(np.zeros((n, p)), np.zeros(p), np.zeros(p))
     compliance = static_compliance(wall) if wall is not None else 0.0
     slope, by_A, by_compliance = _static_slopes(chain, static, compliance, chain.A.size == n)

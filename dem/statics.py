@@ -1,4 +1,4 @@
-"""The static state under preload and leaf springs: where spheres and wall start from."""
+"""The static state under weight, preload and leaf springs: where spheres and wall start from."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ REGULAR = 1e-8  # of a closed contact's stiffness, in the tangent
 
 
 class NoEquilibrium(ValueError):
-    """No static state carries the preload or the leaf springs."""
+    """No static state carries the weight, the preload or the leaf springs."""
 
 
 class Equilibrium(NamedTuple):
@@ -26,7 +26,8 @@ class Equilibrium(NamedTuple):
 
 
 def equilibrium(chain: Chain, wall: Wall | None) -> Equilibrium:
-    """Static state under preload and leaf springs; spheres that nothing holds just touch the next.
+    """Static state under weight, preload and leaf springs; spheres that nothing presses, and those
+    in flight, just touch the next.
 
     Raises InvalidChain, NoEquilibrium.
     """
@@ -39,19 +40,17 @@ def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
     n = chain.mass.size
     n_modes = 0 if wall is None else wall.omega.size
     stiffness, anchor = chain.springs
-    if chain.preload == 0.0 and not (stiffness * anchor).any():
+    steady = chain.steady
+    steady[: chain.n_falling] = 0.0
+    if not steady.any() and not (stiffness * anchor).any():
         return Equilibrium(np.zeros(n), np.zeros(chain.A.size), np.zeros(n_modes))
     compliance = static_compliance(wall)
-    if (
-        wall is not None
-        and chain.preload > 0.0
-        and 0.0 <= compliance < np.inf
-        and not stiffness.any()
-    ):
-        x = np.full(n, approach(chain.A[-1], chain.preload, compliance))
-        force = np.append(np.zeros(n - 1), float(chain.preload))
+    carried = np.cumsum(steady)
+    column = wall is not None and (carried >= 0.0).all() and not stiffness.any()
+    if column and 0.0 <= compliance < np.inf:
+        x, force = _pressed(chain.A, carried, compliance), carried
     else:
-        x, force = _rest(chain, wall, stiffness, anchor, compliance)
+        x, force = _rest(chain, wall, steady, compliance)
     q = np.zeros(n_modes)
     if n_modes and force[-1] > 0.0:
         moving = wall.phi != 0.0
@@ -64,19 +63,26 @@ def approach(A: ArrayLike, force: ArrayLike, compliance: ArrayLike) -> Array:
     return hertz_overlap(force, A) + np.multiply(compliance, force)
 
 
-def _rest(chain, wall, stiffness, anchor, compliance):
+def _pressed(A, carried, compliance):
+    """Positions (n,) of a column whose contacts carry these forces."""
+    gap = np.append(hertz_overlap(carried[:-1], A[:-1]), approach(A[-1], carried[-1], compliance))
+    return np.cumsum(gap[::-1])[::-1].copy()
+
+
+def _rest(chain, wall, steady, compliance):
     """Positions and contact forces."""
-    n, held = chain.mass.size, stiffness > 0.0
+    n, held = chain.mass.size, chain.springs[0] > 0.0
     walled = wall is not None and bool(np.isfinite(compliance))
-    if not held.any() and (not walled or chain.preload < 0.0):
+    pressing = "a weight" if chain.gravity else "a preload"
+    if not held.any() and (not walled or (np.cumsum(steady) < 0.0).any()):
         raise NoEquilibrium(
-            f"a preload of {chain.preload:g} N finds no support; add leaf springs or a wall that "
+            f"{pressing} of {steady.sum():g} N finds no support; add leaf springs or a wall that "
             "holds it"
         )
-    x, force = _balance(chain, n if walled else n - 1, stiffness, anchor, compliance)
+    x, force = _balance(chain, n if walled else n - 1, steady, compliance)
     if not walled and wall is not None and x[-1] > 0.0:
         raise NoEquilibrium(
-            "the preload presses on a wall that nothing holds; fix the wall or remove the preload"
+            f"{pressing} presses on a wall that nothing holds; fix the wall or remove the force"
         )
     for i in range(n - 2, -1, -1):
         if not held[i] and force[i] == 0.0 and force[i + 1] == 0.0:
@@ -84,28 +90,27 @@ def _rest(chain, wall, stiffness, anchor, compliance):
     return x, force[1 : chain.A.size + 1]
 
 
-def _balance(chain, n_contacts, stiffness, anchor, compliance):
+def _balance(chain, n_contacts, steady, compliance):
     """Positions (n,) at which all forces (n + 1,) balance, the first contacts only."""
-    A, P, held = chain.A, float(chain.preload), stiffness > 0.0
+    A, (stiffness, anchor) = chain.A, chain.springs
+    held = stiffness > 0.0
     n = held.size
-    first = int(held.argmax()) if held.any() else n - 1  # spheres before it just touch
-    carried = abs(P) + float(np.abs(stiffness * anchor).sum())
+    first = int(((steady != 0.0) | held).argmax())  # spheres before it just touch
+    carried = float(np.abs(steady).sum()) + float(np.abs(stiffness * anchor).sum())
     overlap = hertz_overlap(carried, A.min(initial=np.inf))
     x, force = np.where(held, anchor, overlap), np.zeros(n + 1)
     if n_contacts == n and compliance < 0:  # half of the largest approach that a force answers
         x = np.minimum(x, 2 / (27 * (compliance * A[-1]) ** 2))
     bearing = Bearing(
-        np.ascontiguousarray(A[:n_contacts])[first:], stiffness[first:], anchor[first:], P,
-        compliance if n_contacts == n else 0.0,
+        np.ascontiguousarray(A[:n_contacts])[first:], stiffness[first:], anchor[first:],
+        steady[first:], compliance if n_contacts == n else 0.0,
     )  # fmt: skip
     floor = REGULAR * hertz_stiffness(overlap, A.max(initial=0.0))
     unbalanced = rest(x[first:], bearing, floor, 500)
-    pushed = np.cumsum(stiffness * anchor) + np.r_[np.zeros(n - 1), P]
+    pushed = np.cumsum(stiffness * anchor + steady)
     if not unbalanced <= 1e-9 * carried and n_contacts == n and (pushed[first:] > 0).all():
         # of a long chain: from where the springs' forces at x = 0 would press it
-        gap = hertz_overlap(np.maximum(pushed, 0), A)
-        gap[-1] += max(compliance, 0.0) * pushed[-1]
-        x[:] = np.cumsum(gap[::-1])[::-1]
+        x[:] = _pressed(A, np.maximum(pushed, 0), max(compliance, 0.0))
         unbalanced = rest(x[first:], bearing, floor, 500)
     if not unbalanced <= 1e-9 * carried:
         raise NoEquilibrium(

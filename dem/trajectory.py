@@ -46,7 +46,9 @@ class Trajectory(NamedTuple):
     energy_residual: Array  # (k,)
     dissipated_contact: Array  # (k,)
     dissipated_wall: Array  # (k,)
+    dissipated_guides: Array  # (k,)
     work_preload: Array  # (k,)
+    work_gravity: Array  # (k,)
     energy_total: Array  # (k,) constant if exact
     dt: float
     n_steps: int
@@ -62,7 +64,7 @@ class Trajectory(NamedTuple):
 
     @property
     def ledger(self) -> tuple[np.ndarray, ...]:
-        """The parts that make up energy_total, work_preload with the opposite sign."""
+        """The parts that make up energy_total, the works with the opposite sign."""
         return (
             self.energy_kinetic,
             self.energy_contact,
@@ -71,7 +73,9 @@ class Trajectory(NamedTuple):
             self.energy_residual,
             self.dissipated_contact,
             self.dissipated_wall,
+            self.dissipated_guides,
             self.work_preload,
+            self.work_gravity,
         )
 
 
@@ -154,7 +158,7 @@ def run(
     steps = equal_steps(duration, dt, n_save)
     n = chain.mass.size
     parts = _parts(prepared, state, scheme, steps.h)
-    motion = Motion(state.x.copy(), state.v.copy(), np.zeros(n + 1), state.wall.copy(), np.zeros(2))
+    motion = Motion(state.x.copy(), state.v.copy(), np.zeros(n + 1), state.wall.copy(), np.zeros(3))
     out = _saved(n_save + 1, n, chain.A.size, state.q.size)
     shown = motion._replace(f=np.zeros(n + 1))
     if scheme.kind == "implicit":
@@ -186,7 +190,7 @@ def equal_steps(duration: float, dt: float, n_save: int) -> Steps:
 
 
 def _trajectory(out, t, steps, scheme, final):
-    total = out.energy[:, 8]
+    total = out.energy[:, 10]
     scale = out.energy[0, 0] or np.abs(total).max() or 1.0
     return Trajectory(
         t,
@@ -195,7 +199,7 @@ def _trajectory(out, t, steps, scheme, final):
         out.force,
         *out.wall.T,
         out.modes,
-        *out.energy[:, :8].T,
+        *out.energy[:, :10].T,
         total,
         steps.h,
         steps.n_save * steps.stride,
@@ -218,7 +222,7 @@ def _saved(k, n, n_contacts, n_modes):
         np.empty((k, n)),
         np.empty((k, n_contacts)),
         np.empty((k, 2)),
-        np.empty((k, 9)),
+        np.empty((k, 11)),
         np.empty((k, n_modes if n_modes <= MOST_MODES else 0), np.float32),
     )
 
@@ -229,10 +233,13 @@ def _parts(prepared, state, scheme, h):
     spans = h * (scheme.b if implicit else scheme.a)
     leaf = _leaf_springs(chain, static, spans, implicit)
     plastic = _plastic(chain, state)
-    extra = (load, leaf, damping, plastic)
+    friction = np.asarray(chain.friction, float) if chain.slides else None
+    extra = (load, leaf, damping, plastic, friction)
     return Parts(
         chain.mass, 1.0 / chain.mass, chain.A,
         preload=float(chain.preload),
+        weight=chain.gravity * chain.mass if chain.gravity else None,
+        friction=friction,
         offset=0.0 if wall is None else float(wall.phi @ static.q),
         load=load,
         leaf=leaf,

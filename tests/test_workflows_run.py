@@ -75,6 +75,7 @@ def test_the_trajectory_file_has_the_arrays_of_the_contract(name, n_contacts, tm
     assert set(shapes) == {
         "t", "wall_x", "wall_v", "energy_kinetic", "energy_contact", "energy_leaf", "energy_wall",
         "energy_residual", "dissipated_contact", "dissipated_wall", "work_preload", "energy_total",
+        "dissipated_guides", "work_gravity",
     }  # fmt: skip
     assert set(shapes.values()) == {(k,)}
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 U, V, DASH, WORK = range(4)  # of Motion.wall
-IN_CONTACTS, IN_WALL = range(2)  # of Motion.ledger
+IN_CONTACTS, IN_WALL, IN_GUIDES = range(3)  # of Motion.ledger
 
 
 class Motion(NamedTuple):
@@ -18,7 +18,7 @@ class Motion(NamedTuple):
     v: Array  # (n,)
     f: Array  # (n + 1,) contact forces: f[0] = 0 before the first sphere, f[n] at the wall
     wall: Array  # (4,) u_w = phi q, v_w = phi p, way of the dashpot, work on the modes
-    ledger: Array  # (2,) energy lost in the contacts and in the dashpot
+    ledger: Array  # (3,) energy lost in the contacts, in the dashpot and in the guides
 
 
 class Modes(NamedTuple):
@@ -77,6 +77,8 @@ class Parts(NamedTuple):
     inverse_mass: Array
     A: Array
     preload: float
+    weight: Array | None  # (n,) [N]
+    friction: Array | None  # (n,) [N]
     offset: float  # [m] of the wall at rest
     load: Array | None  # what holds every sphere against its contacts at rest
     leaf: LeafSprings | None
@@ -85,7 +87,7 @@ class Parts(NamedTuple):
     modes: Modes | None
     damping: Damping | None
     plastic: Plastic | None
-    bare: tuple | None  # () without load, leaf springs, damping and yield
+    bare: tuple | None  # () without load, leaf springs, damping, yield and friction
 
 
 class Steps(NamedTuple):
@@ -103,5 +105,5 @@ class Saved(NamedTuple):
     v: Array
     force: Array
     wall: Array  # (k, 2) displacement, velocity
-    energy: Array  # (k, 9) in the order of Trajectory
+    energy: Array  # (k, 11) in the order of Trajectory
     modes: Array  # (k, n_modes) q of the modes, in single precision; (k, 0) saves none

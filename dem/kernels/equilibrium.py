@@ -1,4 +1,4 @@
-"""Damped Newton for the static state of a chain under preload and leaf springs."""
+"""Damped Newton for the static state of a chain under steady forces and leaf springs."""
 
 import math
 from typing import NamedTuple
@@ -18,7 +18,7 @@ class Bearing(NamedTuple):
     A: Array  # (n_contacts,)
     stiffness: Array  # (n,) of the leaf springs
     anchor: Array  # (n,)
-    preload: float
+    steady: Array  # (n,) forces towards the wall
     compliance: float  # of the wall, behind the n-th contact
 
 
@@ -35,8 +35,7 @@ def static_residual(x: Array, bearing: Bearing, f: Array, r: Array) -> None:
             d = hertz_indentation(x[i], A[i], bearing.compliance)
         f[i + 1] = hertz_force(d, A[i])
     for i in range(n):
-        r[i] = f[i] - f[i + 1] - stiffness[i] * (x[i] - anchor[i])
-    r[n - 1] += bearing.preload
+        r[i] = f[i] - f[i + 1] - stiffness[i] * (x[i] - anchor[i]) + bearing.steady[i]
 
 
 @ieee

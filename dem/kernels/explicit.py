@@ -1,7 +1,10 @@
 """Explicit march: kicks by the contacts, drifts of spheres, leaf springs and modes between them."""
 
+import math
+
 from dem.kernels.arguments import (
     IN_CONTACTS,
+    IN_GUIDES,
     Array,
     Correction,
     Damping,
@@ -67,7 +70,7 @@ def kick_and_drift_modes(
 
 @fastmath_inline
 def flow_bare(k: int, kick: float, drift: float, stale: bool, motion: Motion, parts: Parts) -> None:
-    """Forces, kick and drift of a chain without load, leaf springs, damping and yield."""
+    """Forces, kick and drift of a chain without any of the parts that `bare` excludes."""
     x, v, f = motion.x, motion.v, motion.f
     pull_wall(kick, stale, motion, parts)
     if stale:
@@ -121,8 +124,46 @@ def kick_modes(kick: float, force: float, wall: Array, modes: Modes | None) -> N
 
 
 @fastmath_inline
-def push(kick: float, motion: Motion, parts: Parts) -> None:
-    push_spheres(motion.v, kick, motion.f, parts.inverse_mass, parts.load)
+def slid(v: float, dt: float, a: float, b: float) -> tuple[float, float]:
+    """Velocity after dt and way of a body that a pushes and Coulomb friction holds by b at most,
+    both accelerations: it may stop, stay, and go on the other way."""
+    way = 0.0
+    if v != 0.0:
+        rate = a - math.copysign(b, v)
+        end = v + dt * rate
+        if end * v > 0.0:
+            return end, 0.5 * abs(v + end) * dt
+        stops = -v / rate
+        way = 0.5 * abs(v) * stops
+        dt -= stops
+    if abs(a) <= b:
+        return 0.0, way
+    end = dt * (a - math.copysign(b, a))
+    return end, way + 0.5 * abs(end) * dt
+
+
+@fastmath_inline
+def slide_spheres(
+    v: Array, dt: float, f: Array, minv: Array, load: Array | None, friction: Array
+) -> float:
+    """`push_spheres` in guides; what their friction takes."""
+    lost = 0.0
+    for i in range(v.size):
+        net = f[i] - f[i + 1]
+        if load is not None:
+            net += load[i]
+        v[i], way = slid(v[i], dt, minv[i] * net, minv[i] * friction[i])
+        lost += friction[i] * way
+    return lost
+
+
+@fastmath_inline
+def push(kick: float, motion: Motion, parts: Parts, friction: Array | None) -> None:
+    v, f, minv = motion.v, motion.f, parts.inverse_mass
+    if friction is None:
+        push_spheres(v, kick, f, minv, parts.load)
+    else:
+        motion.ledger[IN_GUIDES] += slide_spheres(v, kick, f, minv, parts.load, friction)
     kick_modes(kick, motion.f[motion.x.size], motion.wall, parts.modes)
 
 
@@ -157,14 +198,14 @@ def kick_all(
         sphere_forces(motion.x, parts.A, motion.f, parts.plastic)
     if damping is None:
         pull_wall(kick, stale, motion, parts)
-        push(kick, motion, parts)
+        push(kick, motion, parts, parts.friction)
         return
     pull_wall(0.5 * kick, stale, motion, parts)
-    push(0.5 * kick, motion, parts)
+    push(0.5 * kick, motion, parts, parts.friction)
     for first, share in ((0, 0.5), (1, 1.0), (0, 0.5)):
         damp_contacts(first, share * kick, motion, parts, damping)
     pull_wall(0.5 * kick, parts.mobility is not None, motion, parts)
-    push(0.5 * kick, motion, parts)
+    push(0.5 * kick, motion, parts, parts.friction)
 
 
 @fastmath_inline

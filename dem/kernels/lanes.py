@@ -40,6 +40,7 @@ class Held(NamedTuple):
     wall_force: Array  # (1) [N]
     static: Array  # (n_modes) of the modes at rest
     preload: Array  # (1) [N]
+    weight: Array  # (n) [N], m = 0 without any
     stiffness: Array  # (n) [N/m] of the leaf springs, m = 0 without any
     anchor: Array  # (n) [m]
 
@@ -198,7 +199,7 @@ def correct_lanes(
 
 @fastmath
 def energy_of_lanes(lanes: Lanes, work: Array, energy: Array) -> None:
-    """Energy of the motion, and what the preload has left to do."""
+    """Energy of the motion, and what preload and weight have left to do."""
     x, v, mass, A, q, held = lanes.x, lanes.v, lanes.mass, lanes.A, lanes.q, lanes.held
     energy[:] = 0.0
     for row in range(0, A.size, LANES):
@@ -223,6 +224,10 @@ def energy_of_lanes(lanes: Lanes, work: Array, energy: Array) -> None:
     last = A.size - LANES
     for lane in range(held.preload.size):
         energy[lane] -= held.preload[lane] * (x[last + lane] - held.rest[last + lane])
+    for row in range(0, held.weight.size, LANES):
+        for lane in range(LANES):
+            j = row + lane
+            energy[lane] -= held.weight[j] * (x[j] - held.rest[j])
 
 
 @fastmath_inline
@@ -451,5 +456,6 @@ def held_by(held: Held, block: int) -> Held:
     return Held(
         held.rest[block].ravel(), held.load[block].ravel(), held.wall_offset[block].ravel(),
         held.wall_force[block].ravel(), held.static[block].ravel(), held.preload[block].ravel(),
+        held.weight[block].ravel(),
         held.stiffness[block].ravel(), held.anchor[block].ravel(),
     )  # fmt: skip

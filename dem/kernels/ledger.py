@@ -3,6 +3,7 @@
 from dem.kernels.arguments import (
     DASH,
     IN_CONTACTS,
+    IN_GUIDES,
     IN_WALL,
     WORK,
     Array,
@@ -75,6 +76,15 @@ def leaf_energy(x: Array, leaf: LeafSprings | None) -> float:
 
 
 @fastmath_inline
+def weight_work(x: Array, start: Array, weight: Array | None) -> float:
+    work = 0.0
+    if weight is not None:
+        for i in range(x.size):
+            work += weight[i] * (x[i] - start[i])
+    return work
+
+
+@fastmath_inline
 def save_modes(row: Array, modes: Modes | None) -> None:
     if modes is not None:
         for j in range(row.size):
@@ -108,9 +118,12 @@ def save(
     energy[4] = spring
     energy[5] = motion.ledger[IN_CONTACTS]
     energy[6] = motion.ledger[IN_WALL] + (wall[WORK] - swing)
-    energy[7] = parts.preload * (x[-1] - saved.x[0, -1])
-    total = -energy[7]
-    for e in range(7):
+    energy[7] = motion.ledger[IN_GUIDES]
+    energy[8] = parts.preload * (x[-1] - saved.x[0, -1])
+    energy[9] = weight_work(x, saved.x[0], parts.weight)
+    total = -energy[8]
+    for e in range(8):
         total += energy[e]
-    energy[8] = total
+    total -= energy[9]
+    energy[10] = total
     return abs(total) <= 1e300

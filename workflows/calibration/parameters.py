@@ -215,7 +215,7 @@ def calibrated_scene(
             case "dissipation":
                 scene = scene.but(contact={"dissipation": "hunt-crossley", "coefficient": x})
             case "striker":
-                scene = scene.but(striker={"velocity": x})
+                scene = scene.but(striker={"velocity": x, "drop": None})
             case "frequency" | "mass":
                 scene = scene.but(wall={p.kind: x})
             case "damping" if isinstance(scene.wall, OneDofWall):

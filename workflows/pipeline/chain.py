@@ -16,6 +16,7 @@ from workflows.scene import (
     RomWall,
     Scene,
 )
+from workflows.scene.gravity import friction
 
 STEEL = dem.Flat(210e9, 0.3)  # what a wall's file does not say
 
@@ -88,6 +89,7 @@ def _flat(value: Any) -> Any:
 def chain(scene: Scene) -> dem.Chain:
     """The spheres, their contacts and what holds them."""
     c, contact, leaf = scene.chain, scene.contact, scene.leaf_springs
+    along = scene.gravity.along if scene.gravity else 0.0
     row = dem.row_of_spheres(
         c.radius,
         c.density,
@@ -100,11 +102,15 @@ def chain(scene: Scene) -> dem.Chain:
         leaf_stiffness=np.asarray(leaf.stiffness) if leaf else None,
         leaf_anchor=np.asarray(leaf.offset) if leaf else None,
         preload=scene.preload.force if scene.preload else 0.0,
+        gravity=along,
+        n_falling=n_falling(scene) if along and leaf is None else 0,
     )
     row.A[-1] *= ellipse(scene).stiffness
     if scene.preload:
         last = np.arange(c.count) == c.count - 1
         row = row._replace(mass=row.mass + np.multiply(scene.preload.mass, last))
+    if scene.guides:
+        row = row._replace(friction=friction(scene, row.mass))
     if contact.yield_pressure is None:
         return row
     return row._replace(yield_overlap=yield_overlaps(row, contact.yield_pressure))
@@ -123,6 +129,12 @@ def dissipation(contact: Contact) -> dict[str, Any]:
     if contact.dissipation == "none" or not np.any(gamma):
         return {}
     return {"dissipation": contact.dissipation, "gamma": gamma}
+
+
+def n_falling(scene: Scene) -> int:
+    """Spheres in flight: those that move at the start, up to the first that rests."""
+    moving = np.atleast_2d(initial_velocity(scene))[0] != 0.0
+    return int(np.append(moving, False).argmin())
 
 
 def initial_velocity(scene: Scene) -> np.ndarray:

@@ -107,7 +107,10 @@ def _content(path: str | None) -> str | None:
 BENT = ("beam", "plate")
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike")
 COARSE = tables_of("assembly", "joints", "table", "patch", "strike")
-START = ("chain", "striker", "contact", "leaf_springs", "preload", "wall", *BENT, *BODIES)
+START = (
+    "chain", "striker", "contact", "leaf_springs", "preload", "gravity", "guides", "wall", *BENT,
+    *BODIES,
+)  # fmt: skip
 ASSEMBLY = {
     "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
     "model": Stage(

@@ -29,7 +29,9 @@ LEDGER = {
     "energy_residual": "wall, residual compliance",
     "dissipated_contact": "lost in contacts",
     "dissipated_wall": "lost in the wall",
+    "dissipated_guides": "lost in the guides",
     "work_preload": "less work of the preload",
+    "work_gravity": "less work of the weight",
 }
 
 
@@ -118,6 +120,8 @@ def ledger(run: dict[str, NDArray]) -> list[tuple[str, NDArray]]:
     """Energies [J] by name, changes since the start but for the kinetic one, and their sum."""
     found = []
     for name, words in LEDGER.items():
+        if name not in run:  # of a folder that an earlier version wrote
+            continue
         sign = -1.0 if name.startswith("work") else 1.0
         change = sign * (run[name] - (0.0 if name == "energy_kinetic" else run[name][0]))
         if np.any(change):

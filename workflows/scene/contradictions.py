@@ -5,6 +5,7 @@ from pathlib import Path
 
 from workflows.scene import DashpotWall, ModalDamping, RayleighDamping, RomWall, Scene
 from workflows.scene.existing import unfit
+from workflows.scene.gravity import of_gravity
 from workflows.scene.size import too_large
 from workflows.scene.structure import of_bending, of_bodies, of_the_rig
 
@@ -38,6 +39,7 @@ def contradictions(scene: Scene):
         yield from _wrong_lengths(scene)
         yield from _one_step(scene)
         yield from _against_a_dashpot(scene)
+        yield from of_gravity(scene)
         yield from _yielding(scene)
         yield from _at_rest(scene)
         yield from _unseen_spheres(scene)
@@ -46,6 +48,9 @@ def contradictions(scene: Scene):
 
 def _missing_parts(scene: Scene):
     chain, wall = scene.chain, scene.wall
+    for name in ("gravity", "guides"):
+        if chain is None and getattr(scene, name):
+            yield f"[{name}] needs a [chain] that it acts on; add one or drop [{name}]."
     if chain is None and not scene.has_structure:
         yield "there is none of [chain], [assembly], [beam] and [plate]; add one of them."
     if chain is None and wall is not None:
@@ -189,6 +194,8 @@ def _wrong_lengths(scene: Scene):
         (f"chain.{key}", getattr(scene.chain, key), n) for key in type(scene.chain).model_fields
     ]
     each += [(f"contact.{key}", getattr(scene.contact, key), contacts) for key in PER_CONTACT]
+    if scene.guides:
+        each += [("guides.force", scene.guides.force, n)]
     if scene.leaf_springs:
         each += [(f"leaf_springs.{key}", value, n) for key, value in scene.leaf_springs]
     if isinstance(scene.damping, ModalDamping):

@@ -17,6 +17,7 @@ from workflows.scene.bodies import (
     Tied,
     fitting,
 )
+from workflows.scene.gravity import Gravity, Guides, Striker
 from workflows.scene.sensors import Output
 from workflows.scene.tables import (
     Chain,
@@ -29,7 +30,6 @@ from workflows.scene.tables import (
     Preload,
     Reduction,
     Standing,
-    Striker,
     Table,
     Time,
     Wall,
@@ -56,6 +56,8 @@ class Scene(Table):
     striker: Striker | None = None
     contact: Contact | None = None
     leaf_springs: LeafSprings | None = None
+    gravity: Gravity | None = None
+    guides: Guides | None = None
     preload: Preload | None = None
     wall: Wall | None = None
     beam: Beam | None = None

@@ -142,12 +142,6 @@ class Chain(Table):
     initial_velocity: Annotated[tuple[Velocity, ...], Field(strict=False)] | None = None  # [m/s]
 
 
-class Striker(Table):
-    """The first sphere arrives with a velocity, the others rest."""
-
-    velocity: of(Positive, VELOCITY, 0, 100)  # [m/s] towards the wall
-
-
 def si_of(key: str, value: Any, kind: Kind) -> Any:
     """A number in SI of a text with a unit of the kind; raises ValueError with the key."""
     try:

@@ -24,11 +24,14 @@ from workflows.scene import (
 )
 from workflows.scene.bodies import General, Meshing
 from workflows.scene.contradictions import contradictions
+from workflows.scene.gravity import fallen
 from workflows.scene.quantities import entries, implausible, unusual_keys
 
 Change = str | tuple[str, Any]  # "key=value" as --set takes it, or a dotted key and its value
 GENERAL = General.model_fields.keys()  # keys of an assembly of bodies
 INSTEAD = {
+    "striker.velocity": {"drop"},
+    "striker.drop": {"velocity"},
     "time.dt": {"error"},
     "time.error": {"dt"},
     "wall.coefficient": {"plate_thickness", "density"},
@@ -204,6 +207,8 @@ def _defaults(scene: Scene, tables: dict[str, Any], source: str, folder: Path) -
     if scene.has_structure or isinstance(scene.wall, RomWall):
         filled |= {"damping": NoDamping()}
     filled = {name: table for name, table in filled.items() if getattr(scene, name) is None}
+    if scene.chain:
+        filled["striker"] = fallen(scene, source)
     if scene.assembly is not None:
         filled |= _structure(scene, tables, source)
     if isinstance(scene.wall, RomWall) and scene.wall.file:

@@ -36,6 +36,7 @@ MASS = Kind("mass", "kg", ("g",))
 TIME = Kind("time", "s", ("ms", "us", "ns"))
 FREQUENCY = Kind("frequency", "Hz", ("kHz",))
 VELOCITY = Kind("velocity", "m/s", ("mm/s",))
+ACCELERATION = Kind("acceleration", "m/s^2")
 FORCE = Kind("force", "N", ("mN", "kN"))
 PRESSURE = Kind("pressure", "Pa", ("GPa", "MPa"))
 DENSITY = Kind("density", "kg/m^3", ("g/cm^3",))
@@ -59,7 +60,7 @@ GAINS = {
 KINDS = (
     LENGTH, MASS, TIME, FREQUENCY, VELOCITY, FORCE, PRESSURE, DENSITY, STIFFNESS, TURN_STIFFNESS,
     DASHPOT, TURN_DASHPOT, COMPLIANCE, SLOWNESS, FORCE_RATE, VOLTAGE, AREA, SECOND_MOMENT,
-    *GAINS.values(),
+    ACCELERATION, *GAINS.values(),
 )  # fmt: skip
 
 PREFIXES = {"n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "d": -1, "k": 3, "M": 6, "G": 9}

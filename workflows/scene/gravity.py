@@ -1,0 +1,135 @@
+"""The weight of the spheres, the guides that they slide in, the fall of the striker."""
+
+from collections.abc import Iterator
+from math import cos, pi, radians, sin, sqrt
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from workflows.scene.quantities import of
+from workflows.scene.tables import (
+    DashpotWall,
+    InvalidScene,
+    NonNegative,
+    Positive,
+    RomWall,
+    Table,
+    one_or_each,
+)
+from workflows.scene.units import ACCELERATION, FORCE, LENGTH, VELOCITY
+
+if TYPE_CHECKING:
+    from workflows.scene.scene import Scene
+
+SAME = 1e-9  # of a velocity: that of the drop beside it
+
+
+class Gravity(Table):
+    """Weight of the spheres; `inclination` of the chain from the horizontal, 90 stands on the wall,
+    0 lies and has none along itself, -90 hangs below the wall."""
+
+    inclination: Annotated[float, Field(ge=-90, le=90)] = 90.0  # [degrees]
+    acceleration: of(Positive, ACCELERATION, 1, 30) = 9.80665  # [m/s^2]
+
+    @property
+    def along(self) -> float:
+        """Its part along the chain [m/s^2], towards the wall."""
+        return self.acceleration * sin(radians(self.inclination))
+
+    @property
+    def across(self) -> float:
+        """Its part across the chain [m/s^2]."""
+        upright = abs(self.inclination) == 90.0
+        return 0.0 if upright else self.acceleration * cos(radians(self.inclination))
+
+
+class Guides(Table):
+    """Friction of what guides the spheres, Coulomb's: a `coefficient` of the weight across the
+    chain, or a `force` on each sphere that slides. The chain starts from rest without it."""
+
+    coefficient: Annotated[NonNegative, Field(le=10)] | None = None
+    force: one_or_each(of(NonNegative, FORCE, 0, 1e3)) | None = None  # [N]
+
+    @model_validator(mode="after")
+    def _one_measure(self) -> "Guides":
+        if (self.coefficient is None) == (self.force is None):
+            raise ValueError("needs either coefficient or force in N: give one of them")
+        return self
+
+
+class Striker(Table):
+    """The first sphere arrives with a `velocity`, or falls on the others from a height `drop` along
+    the chain; they rest."""
+
+    velocity: of(Positive, VELOCITY, 0, 100) | None = None  # [m/s] towards the wall
+    drop: of(Positive, LENGTH, 0, 2) | None = None  # [m]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_measure(cls, table: Any) -> Any:
+        if isinstance(table, dict) and table.get("velocity") is table.get("drop") is None:
+            raise ValueError("needs velocity in m/s, or drop in m under [gravity]: add one of them")
+        return table
+
+
+def friction(scene: "Scene", mass: Any) -> Any:
+    """[N] that the guides hold spheres of this mass [kg] by, 0 without any."""
+    if scene.guides is None:
+        return 0.0 * mass
+    if scene.guides.force is not None:
+        return np.asarray(scene.guides.force, float) + 0.0 * mass
+    across = scene.gravity.across if scene.gravity else 0.0
+    return scene.guides.coefficient * across * mass
+
+
+def fallen(scene: "Scene", source: str) -> Striker | None:
+    """The striker with the velocity that its drop gives it; raises InvalidScene where it gives
+    none, or where both are given and differ."""
+    if scene.striker is None or scene.striker.drop is None:
+        return scene.striker
+    drop, given = scene.striker.drop, scene.striker.velocity
+    R, rho = (float(np.atleast_1d(x)[0]) for x in (scene.chain.radius, scene.chain.density))
+    mass = 4 / 3 * pi * R**3 * rho
+    held = np.atleast_1d(friction(scene, mass))[0]
+    net = (scene.gravity.along if scene.gravity else 0.0) - held / mass
+    if net <= 0:
+        raise InvalidScene(
+            f"{source}: striker.drop = {drop:g} m makes no fall, {net:.3g} m/s^2 act on the "
+            "striker towards the wall; add [gravity], incline the chain, or give striker.velocity."
+        )
+    speed = sqrt(2 * net * drop)
+    if given is not None and abs(given / speed - 1) > SAME:
+        raise InvalidScene(
+            f"{source}: striker.velocity = {given:g} m/s, but striker.drop = {drop:g} m gives "
+            f"{speed:.6g} m/s; drop one of them."
+        )
+    return scene.striker.but(velocity=speed)
+
+
+def of_gravity(scene: "Scene") -> Iterator[str]:
+    """What speaks against the weight and the guides of a scene."""
+    gravity, guides = scene.gravity, scene.guides
+    along = gravity.along if gravity else 0.0
+    if along and scene.wall is None and not scene.leaf_springs:
+        yield "[gravity] needs a [wall] or [leaf_springs] that carries the chain; add one."
+    if along and isinstance(scene.wall, DashpotWall) and not scene.leaf_springs:
+        yield (
+            '[gravity] with wall.kind = "dashpot", which gives way to any steady force; take '
+            "another wall, or gravity.inclination = 0."
+        )
+    if along < 0 and not scene.leaf_springs:
+        yield (
+            f"gravity.inclination = {gravity.inclination:g} lets the chain fall off the wall; hold "
+            "it by [leaf_springs], or take an angle above 0."
+        )
+    of_assembly = isinstance(scene.wall, RomWall) and not scene.wall.file
+    if along > 0 and of_assembly and scene.floats:
+        yield "[gravity] presses on an assembly without supports; hold it, or drop [gravity]."
+    if guides and scene.leaf_springs and np.any(scene.leaf_springs.stiffness):
+        yield "[guides] and [leaf_springs] exclude each other: keep one of them."
+    if guides and guides.coefficient and not (gravity and gravity.across):
+        yield (
+            f"guides.coefficient = {guides.coefficient:g} presses nothing on the guides: give "
+            "guides.force, or [gravity] with an inclination between -90 and 90."
+        )
