@@ -10,10 +10,17 @@ set -eu
 cd "$(dirname "$0")"
 python=${PYTHON:-python3}
 
-if ! "$python" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+# as root, where there is apt: installs Debian packages, else fails
+installed() {
+    [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || return 1
+    { apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@"; } >/dev/null
+}
+able() { "$python" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
+
+able || { [ "$python" = python3 ] && installed python3-venv && able; } || {
     echo "install.sh: $python must be Python 3.11 or newer with venv; on Debian: apt-get install python3-venv" >&2
     exit 1
-fi
+}
 
 # the mesher and off-screen rendering load these by name; absent ones are printed as Debian packages
 missing=$("$python" - <<'PYTHON'
@@ -39,15 +46,9 @@ PYTHON
 # the tests open the report page in a browser
 case ",${1:-}," in *,test,*) command -v chromium >/dev/null || missing="${missing}chromium " ;; esac
 
-if [ -n "$missing" ]; then
-    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
-        export DEBIAN_FRONTEND=noninteractive
-        # shellcheck disable=SC2086  one word per package
-        { apt-get update -qq && apt-get install -y -qq --no-install-recommends $missing; } >/dev/null ||
-            echo "install.sh: apt-get could not install $missing; meshing or pictures may fail" >&2
-    else
-        echo "install.sh: shared libraries are missing, meshing or pictures may fail; as root: apt-get install $missing" >&2
-    fi
+# shellcheck disable=SC2086  one word per package
+if [ -n "$missing" ] && ! installed $missing; then
+    echo "install.sh: shared libraries are missing, meshing or pictures may fail; as root: apt-get install $missing" >&2
 fi
 
 [ -x .venv/bin/python ] || "$python" -m venv .venv

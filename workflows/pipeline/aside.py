@@ -19,7 +19,7 @@ from workflows.pipeline.pipeline import Pipeline, couples, pipeline_of
 from workflows.scene.size import room_for_two
 
 IMPACT = ("compilation", "coarse-reduction")  # in the order in which the second process takes them
-RUN = (*IMPACT, "full-response", "pictures")
+RUN = (*IMPACT, "full-response", "mac", "pictures")
 FEWEST = 2  # of stages to be computed that are worth a process
 PAUSE = 0.05  # s between two looks at what the other one has
 
@@ -80,6 +80,8 @@ def _wanted(pipeline: Pipeline, name: str) -> bool:
     """Whether the run will need a stage that is not kept."""
     scene = pipeline.scene
     if not scene.chain and name in IMPACT:
+        return False
+    if name == "mac" and not scene.measured_hz:
         return False
     if name == "compilation" and (couples(scene) or pipeline.kept("impact")):
         return False

@@ -259,7 +259,7 @@ class Pipeline:
 
     def kept(self, name: str) -> bool:
         """Whether the stage need not be computed."""
-        return self._kept.check_call_in_cache(name, self.key(name), self)
+        return name in self._results or self._kept.check_call_in_cache(name, self.key(name), self)
 
     def ready(self, name: str) -> bool:
         """Whether all that the stage needs is kept, or not worth keeping."""

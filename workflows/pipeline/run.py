@@ -82,6 +82,8 @@ def _write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:
     with folder.writing("response.npz") as path:
         save_response(path, pipeline("response"))
     write_pictures(folder, (pipeline("response").picture,))
+    if pipeline.scene.measured_hz:
+        pipeline("mac")
     try:
         write_pictures(folder, pipeline("pictures"))
     except NoPicture as missing:

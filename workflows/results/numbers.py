@@ -22,6 +22,15 @@ def digits(value: float, n: int = 3) -> str:
     return text if "e" in text or "." not in text else text.rstrip("0").rstrip(".")
 
 
+def figures(value: float, n: int = 4) -> str:
+    r"""n significant figures, zeros too, for a column that names the unit.
+
+    >>> figures(51.0), figures(1160.22), figures(12641.1)
+    ('51.00', '1160', '12\u202f641')
+    """
+    return grouped(value) if abs(value) >= 10.0**n - 0.5 else f"{value:#.{n}g}".rstrip(".")
+
+
 def grouped(value: float) -> str:
     """A whole number in groups of three digits."""
     return f"{value:,.0f}".replace(",", "\u202f")

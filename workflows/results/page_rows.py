@@ -188,5 +188,10 @@ def _shown(value: Any, unit: str) -> str:
 def _note(comment: str) -> str:
     """A comment of a scene without the unit that it starts with."""
     first, comma, rest = comment.partition(", ")
-    is_unit = comma and len(first) < 9 and not first.startswith(("thesis", "inferred", "assumed"))
+    is_unit = (
+        comma
+        and len(first) < 9
+        and "(" not in first
+        and not first.startswith(("thesis", "inferred", "assumed"))
+    )
     return rest if is_unit else comment

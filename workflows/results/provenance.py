@@ -111,23 +111,22 @@ def _mark(comment: str) -> ValueSource:
 
 def _comments(text: str) -> dict[str, str]:
     """Dotted key to the comment behind it, over its lines; without a mark also that of its table,
-    behind the table's name or on the lines before it."""
+    behind the table's name or on the lines before it, the first one whole, others its mark."""
     notes: dict[str, str] = {}
     table, head, last, block = "", "", "", ""
     for line in text.splitlines():
         if found := HEADER.fullmatch(line.strip()):
-            table, head, last = f"{found[1]}.", f"{block}; {found[2] or ''}".strip("; "), ""
+            table, last = f"{found[1]}.", ""
+            head = f"{block.removesuffix('.')}; {found[2] or ''}".strip("; ")
         elif line.lstrip().startswith("#"):
             block = f"{block} {line.strip(' #')}".lstrip()
             if last and line.startswith("  "):
                 notes[last] += f" {line.strip(' #')}"
             continue
         elif found := VALUE.match(line):
-            last = table + found[1]
-            notes[last] = _joined(found[2] or "", head)
+            last, own = table + found[1], found[2] or ""
+            if not MARK.search(own) and (mark := MARK.search(head)):
+                own, head = f"{own}; {head}".lstrip("; "), mark[1].lower()
+            notes[last] = own
         block = ""
     return notes
-
-
-def _joined(own: str, head: str) -> str:
-    return own if MARK.search(own) or not MARK.search(head) else f"{own}; {head}".lstrip("; ")

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene as load
 from workflows.results import bundle, page_rows
-from workflows.results.numbers import difference, grouped, percent, share_percent, si
+from workflows.results.numbers import difference, figures, grouped, percent, share_percent, si
 from workflows.results.page_data import page_data
 from workflows.results.summary import Summary
 from workflows.scene import InvalidScene, Scene
@@ -51,7 +51,7 @@ def page(folder: Path, summary: Summary) -> str:
     from jinja2 import Environment  # only who writes a page pays
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    numbers: tuple[Callable, ...] = (si, percent, difference, grouped, share_percent)
+    numbers: tuple[Callable, ...] = (si, percent, difference, figures, grouped, share_percent)
     environment.filters |= {filter.__name__: filter for filter in numbers}
     scene, data = _scene(folder), page_data(folder, summary)
     return environment.from_string(bundle.text("page.html.jinja")).render(

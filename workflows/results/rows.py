@@ -174,7 +174,7 @@ def budget(summary: Summary) -> list[tuple[str, str, str]]:
         rows.append(("energy balance", percent(summary.energy_error, 2), ""))
     rest = sum(seconds for name, seconds in spent.items() if name not in told)
     if rest:
-        rows.append(("pictures and waves", "", digits(rest)))
+        rows.append(("the rest", "", digits(rest)))
     return rows
 
 

@@ -75,7 +75,10 @@ export function timeChart(holder, clock, dt, curves, { marks = [], height = 230 
     series: [{ label: "time", value: (_, t) => (t === null ? "–" : `${digits(t, 4)} ms`) }, ...series(shown)],
     axes: [axis("time [ms]", { size: 34 }), axis(`${quantity} [${unit}]`, { size: 56 })],
     cursor: { sync: { key: "time" }, drag: { x: true, y: false }, points: { size: 7 } },
-    hooks: { draw: [(plot) => named(plot, marks, exponent), () => follow(clock.time)] },
+    hooks: {
+      draw: [(plot) => named(plot, marks, exponent), () => follow(clock.time)],
+      setCursor: [({ cursor }) => cursor.left < 0 && queueMicrotask(() => follow(clock.time))],
+    },
   };
   const head = document.createElement("div");
   head.className = "head";
@@ -84,6 +87,8 @@ export function timeChart(holder, clock, dt, curves, { marks = [], height = 230 
     const x = plot.valToPos(1e3 * t, "x");
     const seen = x >= 0 && x <= plot.over.clientWidth;
     head.style.setProperty("transform", `translateX(${seen ? x : -10000}px)`);
+    // without a mouse on them the names have the values at the play head, once it stands
+    if (!clock.playing && !(plot.cursor.left >= 0)) plot.setLegend({ idx: Math.round(t / dt) }, false);
   }
 
   const plot = plotted(box, options, data, height);

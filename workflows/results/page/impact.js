@@ -69,6 +69,7 @@ export function impactView(root, data, clock) {
   }
 
   function draw() {
+    stage.move(clock.playing || state.mode !== null);
     if (state.mode === null) drawImpact(clock.time);
     else drawMode();
   }

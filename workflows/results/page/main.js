@@ -5,7 +5,7 @@ import { responseChart, timeChart } from "./charts.js";
 import { clockOf } from "./clock.js";
 import { heatMap } from "./heat.js";
 import { impactView } from "./impact.js";
-import { canDraw } from "./stage.js";
+import { drawnBy } from "./stage.js";
 import { startTheme } from "./theme.js";
 import { digits, saveTable } from "./words.js";
 
@@ -90,7 +90,7 @@ function start() {
   startTables();
   const clock = clockOf(durationOf(data));
   const section = document.getElementById("impact");
-  const drawn = section && (data.chain || data.assembly) && canDraw();
+  const drawn = section && (data.chain || data.assembly) && drawnBy() !== null;
   root.classList.add(drawn ? "with-view" : "without-view");
   startCharts(clock);
   if (drawn) {

@@ -69,20 +69,26 @@ const SPHERES = {
     }`,
 };
 
-/** Whether this browser can draw it. */
-export function canDraw() {
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
+
+/** What draws it in this browser, null where nothing does. */
+export function drawnBy() {
   try {
-    return Boolean(document.createElement("canvas").getContext("webgl2"));
+    const gl = document.createElement("canvas").getContext("webgl2");
+    return gl.getParameter(gl.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER);
   } catch {
-    return false;
+    return null;
   }
 }
 
 /** The view on a canvas; assembly and chain may each be absent, points are from the contact on. */
 export function stageOf(canvas, { assembly, chain, wall }) {
+  const software = SOFTWARE.test(drawnBy());
+  // pixels of the canvas for one of the page, at rest and in motion; a processor smooths edges no faster
+  const full = software ? 1.5 : Math.min(devicePixelRatio, 2);
+  let moving = software ? 0.6 : full;
   const renderer = new OGL.Renderer({
-    canvas, webgl: 2, alpha: true, antialias: true, preserveDrawingBuffer: true,
-    dpr: Math.min(devicePixelRatio, 2),
+    canvas, webgl: 2, alpha: true, antialias: !software, preserveDrawingBuffer: true, dpr: full,
   });
   const gl = renderer.gl;
   const scene = new OGL.Transform();
@@ -122,10 +128,17 @@ export function stageOf(canvas, { assembly, chain, wall }) {
     fit();
   }
 
-  /** Fewer pixels, for a machine that is slow to draw. */
+  /** Fewer pixels while it moves, for a machine that is slow to draw. */
   function coarsen() {
+    moving = Math.max(0.7 * moving, 0.5);
+  }
+
+  /** All pixels at rest, in motion those that are drawn in time. */
+  function move(on) {
     const { clientWidth, clientHeight } = canvas.parentElement;
-    renderer.dpr = Math.max(0.7 * renderer.dpr, 0.5);
+    const wanted = on ? moving : full;
+    if (renderer.dpr === wanted) return;
+    renderer.dpr = wanted;
     renderer.setSize(clientWidth, clientHeight);
   }
 
@@ -141,7 +154,7 @@ export function stageOf(canvas, { assembly, chain, wall }) {
   new ResizeObserver(resize).observe(canvas.parentElement);
   resize();
   return {
-    draw, fit, recolour, coarsen, zoom: eye.zoom, direction,
+    draw, fit, recolour, coarsen, move, zoom: eye.zoom, direction,
     setSolid: solid?.set, setBalls: balls?.set, setWall: simple?.set,
     /** Show all, or the assembly alone. */
     only(what) {
