@@ -30,6 +30,7 @@ from geometry.hex_mesh import hex_mesh
 from geometry.naming import named
 from geometry.plate_mesh import Extent, plate_mesh
 from geometry.quality import smallest_quality
+from geometry.thinning import thinned
 
 __all__ = [
     "PARTS",
@@ -48,5 +49,6 @@ __all__ = [
     "plate_mesh",
     "provenance",
     "smallest_quality",
+    "thinned",
     "volume",
 ]

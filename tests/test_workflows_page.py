@@ -11,12 +11,14 @@ from os import environ
 
 import meshio
 import numpy as np
+import psutil
 import pytest
 
 import rom
 from command_line import COARSE_RIG, beadwave
 from coupling.surface_motion import wall_modes
 from workflows.files.scene import scene as load
+from workflows.results import page_data
 from workflows.results.numbers import si
 from workflows.results.provenance import sources
 from workflows.results.report import _harmless
@@ -123,6 +125,26 @@ def test_the_surface_moves_as_the_reduced_model_says(rig, opened):
         assert np.abs(np.array(there) - u[i, node]).max() < 2e-3 * np.abs(u).max()
 
 
+@needs_browser
+def test_a_large_surface_is_drawn_with_fewer_nodes(rig, opened, tmp_path, monkeypatch):
+    whole = len((rig / "report.html").read_text())
+    monkeypatch.setattr(page_data, "BYTES", 60_000)
+    folder = tmp_path / "thinned"
+    shutil.copytree(rig, folder)
+    assert beadwave("report", str(folder)) == 0
+    assert len((folder / "report.html").read_text()) < whole - 200_000
+    page = opened(folder)
+    assert page.complaints == []
+    assert "outer nodes" in page.locator("#impact .needs-view > .note").inner_text()
+    with np.load(folder / "trajectory.npz") as run:
+        t, wall_x = run["t"], run["wall_x"] - run["wall_x"][0]
+    there = page.evaluate("t => beadwave.view.atContact(t)", float(t[len(t) // 2]))
+    assert abs(there - wall_x[len(t) // 2]) < 1e-3 * np.abs(wall_x).max()
+    before = picture(page)
+    page.evaluate("beadwave.clock.seek(0.9 * beadwave.clock.duration)")
+    assert picture(page) != before
+
+
 def picture(page):
     return page.locator(".view").screenshot()
 
@@ -160,25 +182,23 @@ def test_the_play_head_stands_at_the_same_time_in_view_and_plots(rig, opened):
     assert page.locator("#impact .time").inner_text().startswith("1.500 ms")
 
 
+def processor_seconds():
+    """Of all processes that this one started, the browser's among them."""
+    spent = [child.cpu_times() for child in psutil.Process().children(recursive=True)]
+    return sum(times.user + times.system for times in spent)
+
+
 @needs_browser
-def test_ten_frames_a_second_are_drawn_in_software(rig, opened):
-    """On a machine that others share: the best of three seconds."""
+def test_one_core_draws_ten_frames_a_second_in_software(rig, opened):
+    """By processor time, which other jobs on the machine do not take."""
     page = opened(rig)
     page.locator("#impact").scroll_into_view_if_needed()
-    rates = [page.evaluate(FRAMES) for _ in range(3)]
-    assert max(rates) >= 10, rates
-
-
-FRAMES = """async () => {
-  const { clock } = beadwave;
-  clock.play(true);
-  await new Promise((done) => setTimeout(done, 1500));
-  clock.frames = 0;
-  const start = performance.now();
-  await new Promise((done) => setTimeout(done, 1500));
-  clock.play(false);
-  return (1000 * clock.frames) / (performance.now() - start);
-}"""
+    page.evaluate("beadwave.clock.play(true)")
+    page.wait_for_timeout(1500)
+    before, start = processor_seconds(), page.evaluate("beadwave.clock.frames")
+    page.wait_for_timeout(3000)
+    frames = page.evaluate("beadwave.clock.frames") - start
+    assert frames > 0 and processor_seconds() - before < 0.1 * frames
 
 
 @needs_browser

@@ -2,7 +2,8 @@
 
 The assembly moves as X + s sum_k q_k(t) phi_k(X): outer nodes X and shapes phi_k of the wall's
 modes from `rom.npz`, their coordinates q_k from `trajectory.npz`, in 16 bits. Shapes that together
-move no node by more than LEFT_OUT of the largest displacement are left out; u_w has all modes.
+move no node by more than LEFT_OUT of the largest displacement are left out; u_w has all modes. Of a
+surface with more nodes than fit those are left that show its form.
 """
 
 from pathlib import Path
@@ -20,7 +21,7 @@ LEFT_OUT = 1e-3
 MOST_FRAMES = 3001  # instants that the page holds
 MOST_VALUES = 600_000  # of a chain's positions and velocities
 MOST_DRAWN = 300  # spheres, those next to the wall
-BYTES = 1_300_000  # of all shapes: in 8 bits where 16 take more
+BYTES = 1_300_000  # of all shapes: in 8 bits where 16 take more, of fewer nodes where 8 do
 LEDGER = {
     "energy_kinetic": "spheres, kinetic",
     "energy_contact": "contacts",
@@ -159,20 +160,32 @@ def reduced_model(folder: Path, scene: Scene):
 def _assembly(reduced, scene: Scene, run: dict[str, NDArray], summary: Summary) -> dict[str, Any]:
     surface, point = reduced.surface, np.array(reduced.contact.point)
     shapes = _shapes(reduced, scene, run, summary)
-    k, m = shapes.shape.shape[:2]
-    body = np.zeros(m, int) if surface.body is None else surface.body
+    k, n = shapes.shape.shape[:2]
+    body = np.zeros(n, int) if surface.body is None else surface.body
+    nodes, faces = _drawn(surface, BYTES // (3 * max(k, 1)))
+    kind = "i2" if 6 * k * len(nodes) <= BYTES else "i1"
     return {
-        "points": quantised(surface.points - point),
-        "faces": whole(surface.faces),
-        "body": whole(body),
+        "n_nodes": n,
+        "points": quantised(surface.points[nodes] - point),
+        "faces": whole(faces),
+        "body": whole(body[nodes]),
         "bodies": surface.bodies or ("assembly",),
         "origin": point.tolist(),
         "direction": reduced.contact.direction,
-        "shapes": quantised(shapes.shape.reshape(k, -1).T, "i2" if 6 * k * m <= BYTES else "i1"),
+        "shapes": quantised(shapes.shape[:, nodes].reshape(k, -1).T, kind),
         "of_mode": shapes.of_mode,
         "of_wall": shapes.of_wall,
         **_wall_motion(run),
     }
+
+
+def _drawn(surface, most: int) -> tuple[NDArray, NDArray]:
+    """Nodes that the page draws, and the faces around them."""
+    if len(surface.points) <= most:
+        return np.arange(len(surface.points)), surface.faces
+    from geometry import thinned  # only a large surface pays for it
+
+    return thinned(surface.points, surface.faces, most)
 
 
 def _wall_motion(run: dict[str, NDArray]) -> dict[str, Any]:

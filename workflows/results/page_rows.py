@@ -120,11 +120,13 @@ def waves_words(summary: Summary) -> str:
 def view_note(data: dict[str, Any]) -> str:
     """What is true of the view and what is drawn for the eye."""
     if "assembly" in data:
+        drawn, n = data["assembly"]["points"]["shape"][0], data["assembly"]["n_nodes"]
+        thinned = "" if drawn == n else f" Drawn with {grouped(drawn)} of {grouped(n)} outer nodes."
         return (
             "Surface of the assembly, displaced as X + s Σ q_k(t) φ_k(X) from its state at rest, "
             "coloured by displacement; spheres by velocity, red towards the wall. Assembly and "
             "spheres have factors of their own, without which nothing would be seen to move. Modes "
-            "are those that the reduced model holds; modes.vtu has all of them."
+            f"are those that the reduced model holds; modes.vtu has all of them.{thinned}"
         )
     standing = STANDS_FOR.get(data.get("wall") or "", "The chain is free: there is no wall.")
     return f"Spheres are coloured by velocity, red towards the wall. {standing}"
