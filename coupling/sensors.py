@@ -74,11 +74,12 @@ def signals(
     t: NDArray[np.float64],
     quantities: NDArray[np.float64],
     at: NDArray[np.float64],
+    order: int = 0,
 ) -> NDArray[np.float64]:
     """(len(at), m, ...) what sensors show of their quantities (k, m, ...) at the times `at` [s]:
-    behind their bands, times their gains."""
+    behind their bands, times their gains; their time derivatives of an order above 0."""
     each = [
-        sensor.gain * CubicSpline(t, filtered(sensor.band, t, quantities[:, i]))(at)
+        sensor.gain * CubicSpline(t, filtered(sensor.band, t, quantities[:, i]))(at, order)
         for i, sensor in enumerate(sensors)
     ]
     return np.stack(each, axis=1)

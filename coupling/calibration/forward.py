@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from coupling.calibration.parameters import Parameter, Rig, directions, rig_at
+from coupling.calibration.sensed import require_summable, sensed, with_gains
 from coupling.calibration.signals import Filter, Signals
 from coupling.errors import CouplingError
 from dem.sensitivities import STEPS_PER_TIME_SCALE, march_with_sensitivities, usual_step
@@ -33,6 +34,8 @@ class Forward:
         self.dt = steps * usual
         earliest = min([p.low for p in parameters if p.kind == "trigger"], default=rig.trigger)
         self.duration = signals.t[-1] - earliest + 2 * self.dt
+        if signals.channels:
+            require_summable(rig, signals.channels)
         if self.duration <= 4 * self.dt:
             raise CouplingError("the record ends before the first touch; check the trigger.")
 
@@ -62,6 +65,11 @@ class Forward:
         """The same model with other steps, in usual ones."""
         return Forward(self.rig, self.parameters, self.signals, self.filters, steps)
 
+    def of_velocities(self) -> "Forward":
+        """The same model with the velocities of the sensors' spheres."""
+        signals = self.signals._replace(channels=None)
+        return Forward(self.rig, self.parameters, signals, self.filters, self.steps)
+
     def coarser(self, steps: float) -> "Forward":
         """Larger steps, in usual ones, and fewer samples, for a search."""
         signals, every = self.signals, self._every()
@@ -76,6 +84,7 @@ class Forward:
         self, theta: np.ndarray, sensitivities: bool, first: int | None
     ) -> tuple[np.ndarray, np.ndarray]:
         t, rig = self.signals.t[:first], rig_at(self.rig, self.parameters, theta)
+        channels = self.signals.channels
         duration = max(self.duration - (self.signals.t[-1] - t[-1]), 4 * self.dt)
         run = march_with_sensitivities(
             rig.chain,
@@ -84,9 +93,15 @@ class Forward:
             directions(self.rig, self.parameters, theta) if sensitivities else None,
             duration=duration,
             dt=self.dt,
-            observed=self.signals.spheres,
+            observed=channels.observed if channels else self.signals.spheres,
         )
         dt = t[1] - t[0]
+        if channels:
+            free = self.parameters if sensitivities else ()
+            at = np.clip(t - rig.trigger, 0.0, duration)
+            v, _, dv = sensed(run, rig, channels, free, at)
+            v, dv = with_gains(v, dv, channels, self.parameters, theta)
+            return self.filters.of_data(v, dt), self.filters.of_data(dv, dt)
         late = rig.trigger + self.filters.lag(dt)
         when = _refined(t, self.filters.refinement(dt)) - late
         v, a, dv = run.at(np.clip(when, 0.0, duration))

@@ -13,14 +13,14 @@ from dem import Chain, Wall
 from dem.sensitivities import Directions
 
 OF_WALL = ("frequency", "mass", "damping")
-RATIOS = ("contact", "preload", "striker", "frequency", "mass")  # above 0 and varied by factors
+RATIOS = ("contact", "preload", "striker", "frequency", "mass", "gain")  # > 0, by factors
 
 
 class Parameter(NamedTuple):
     """One number to be found; `scale` is a change of it that counts as large."""
 
     name: str
-    kind: str  # contact, preload, dissipation, striker, trigger, frequency, mass, damping
+    kind: str  # contact, preload, dissipation, striker, trigger, frequency, mass, damping, gain
     start: float
     low: float
     high: float

@@ -262,6 +262,6 @@ class Search:
 
 def _first_waves(fit: Fit) -> np.ndarray:
     """(m,) [s] when the first reflected wave has passed, by the model that the fit starts from."""
-    forward = fit.forward
+    forward = fit.forward.of_velocities()
     modelled = forward.velocities(forward.start)
     return first_waves_end(forward.signals.t, modelled, 0.3 * forward.time_scale)

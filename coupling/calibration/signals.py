@@ -12,6 +12,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
+from coupling.calibration.sensed import Channels
+
 ORDER = 4  # of both filters, Butterworth
 DELAY = 1.0 / np.sin(np.pi / 8.0)  # of order 4, over its angular frequency
 ROUNDS = 6  # of aligning to the mean
@@ -31,11 +33,15 @@ class Signals(NamedTuple):
     spheres: tuple[int, ...]  # (m,) counted from 0
     spread: np.ndarray  # (m,) [m/s] standard deviation of one repeat; nan of a single one
     repeats: int = 1
+    channels: Channels | None = None  # sensors that v stands for; None: velocities of the spheres
 
     def only(self, columns) -> "Signals":
         """Some of the spheres."""
         chosen = tuple(self.spheres[c] for c in columns)
-        return self._replace(v=self.v[:, columns], spheres=chosen, spread=self.spread[columns])
+        channels = self.channels and self.channels.only(columns)
+        return self._replace(
+            v=self.v[:, columns], spheres=chosen, spread=self.spread[columns], channels=channels
+        )
 
 
 class Aligned(NamedTuple):
