@@ -53,6 +53,16 @@ def test_an_error_picks_the_modes_and_is_met_by_the_full_model():
     assert len(tighter("reduction").w) > len(reduced.w)
 
 
+def test_a_block_that_nothing_holds_is_reduced_by_free_modes():
+    """Its modes are there already: six rigid motions, orthonormal in mass like the others."""
+    run = pipeline('assembly.parts=["block"]', "reduction.kind=free-modes", "preload.force=0.0")
+    model, w, reduced = run("model"), run("contact").w, run("reduction")
+    f = np.array([1.0, 2e3, 8e3])
+    full = fem.receptance(model.K, model.M, w, f, loss_factor=0.01)
+    found = rom.receptance(reduced, None, f, loss=0.01)
+    assert np.all(np.abs(found / full - 1) < 1e-3)
+
+
 def test_the_boundary_of_the_reduction_holds_what_the_contact_reads():
     run = pipeline()
     reduced, contact = run("reduction"), run("contact")

@@ -17,6 +17,7 @@ from workflows.pipeline.pipeline import Pipeline
 from workflows.pipeline.wall import damping_law
 from workflows.results import plots
 from workflows.results.plots import Line, Panel
+from workflows.results.tables import aligned_text
 from workflows.scene import InvalidScene, ModalDamping, Scene
 
 VIRTUAL_LINES = np.arange(10.0, 10_000.0, 0.2)  # [Hz]
@@ -54,16 +55,14 @@ class HammerReport(BaseModel):
 
     def text(self) -> str:
         """Aligned lines with remarks."""
-        head = f"{'Hz':>10} {'half-power':>11} {'fit':>9} {'mode':>5}"
-        lines = [self.title, head, *(_line(row) for row in self.rows)]
+        head = ("Hz", "half-power", "fit", "mode", "")
+        lines = [self.title, aligned_text(head, map(_cells, self.rows))]
         return "\n".join(lines if self.n_targets else [*lines, "", NO_TARGETS])
 
 
-def _line(row: HammerRow) -> str:
-    zetas = [f"{100 * z:.3f} %" if z else "-" for z in (row.zeta_half_power, row.zeta_fit)]
-    mode = row.mode or "-"
-    line = f"{row.frequency_hz:10.2f} {zetas[0]:>11} {zetas[1]:>9} {mode:>5}"
-    return "\n".join([f"{line}  {'; '.join(row.remarks)}".rstrip()])
+def _cells(row: HammerRow) -> tuple:
+    zetas = (f"{100 * z:.3f} %" if z else None for z in (row.zeta_half_power, row.zeta_fit))
+    return f"{row.frequency_hz:.2f}", *zetas, row.mode, "; ".join(row.remarks)
 
 
 class HammerTest(NamedTuple):

@@ -12,6 +12,7 @@ from fem.spot import spanning
 from workflows.files.run_folder import Picture, writing_file
 from workflows.pipeline.bodies import Drawing, drawing
 from workflows.pipeline.pictures import picture_of
+from workflows.results.tables import aligned_text
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.size import foreseen_seconds, peak_memory
 from workflows.scene.toml import resolved
@@ -65,14 +66,14 @@ class Look(BaseModel):
         """Aligned lines."""
         unit = f", lengths in {self.unit}" if self.unit else ""
         lines = [f"{self.name}: {len(self.bodies)} bodies{unit}", ""]
-        lines += [f"{'body':<20}{'sides [mm]':>28}{'mass [kg]':>11}{'dofs':>9}  material"]
-        lines += [_body_line(b) for b in self.bodies]
+        head = ("body", "sides [mm]", "mass [kg]", "dofs", "material")
+        lines += [aligned_text(head, map(_body_cells, self.bodies))]
         if self.touching:
-            lines += ["", f"{'touching':<40}{'area [mm^2]':>12}{'gap [mm]':>10}"]
-            lines += [_pair_line(pair) for pair in self.touching]
+            head = ("touching", "area [mm^2]", "gap [mm]")
+            lines += ["", aligned_text(head, map(_pair_cells, self.touching))]
         if self.holes:
-            lines += ["", f"{'holes':<20}{'diameter [mm]':>14}{'number':>8}  axis"]
-            lines += [_hole_line(hole) for hole in self.holes]
+            head = ("holes", "diameter [mm]", "number", "axis")
+            lines += ["", aligned_text(head, map(_hole_cells, self.holes))]
         seconds = float(f"{self.seconds:.2g}")
         cost = (
             f"{self.dofs:,} dofs in all; modes and reduction take some {seconds:g} s of one core "
@@ -81,20 +82,18 @@ class Look(BaseModel):
         return "\n".join([*lines, "", cost, *self.remarks])
 
 
-def _body_line(b: SeenBody) -> str:
+def _body_cells(b: SeenBody) -> tuple:
     sides = " x ".join(f"{1e3 * side:.5g}" for side in b.sides_m)
-    mass = "-" if b.mass_kg is None else f"{b.mass_kg:.4g}"
-    return f"{b.name:<20}{sides:>28}{mass:>11}{b.dofs:>9}  {b.material or '-'}"
+    return b.name, sides, None if b.mass_kg is None else f"{b.mass_kg:.4g}", b.dofs, b.material
 
 
-def _pair_line(pair: SeenPair) -> str:
-    name = f'"{pair.between}"'
-    return f"{name:<40}{1e6 * pair.area_m2:>12.5g}{1e3 * pair.gap_m:>10.3g}"
+def _pair_cells(pair: SeenPair) -> tuple:
+    return f'"{pair.between}"', f"{1e6 * pair.area_m2:.5g}", 1e3 * pair.gap_m
 
 
-def _hole_line(hole: SeenHole) -> str:
+def _hole_cells(hole: SeenHole) -> tuple:
     axis = ", ".join(f"{x:.3g}" for x in hole.axis)
-    return f"{hole.body + ':hole':<20}{1e3 * hole.diameter_m:>14.5g}{hole.number:>8}  {axis}"
+    return f"{hole.body}:hole", f"{1e3 * hole.diameter_m:.5g}", hole.number, axis
 
 
 class Seen(NamedTuple):

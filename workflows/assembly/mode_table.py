@@ -6,6 +6,7 @@ from pydantic import BaseModel
 from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Pipeline
 from workflows.results import plots
+from workflows.results.tables import aligned_text
 from workflows.scene import InvalidScene
 
 LEGIBLE = 0.05  # smallest MAC written into its cell
@@ -44,11 +45,11 @@ class ModeTable(BaseModel):
 
     def text(self) -> str:
         """Aligned lines."""
-        head = f"{'mode':>5} {'Hz':>10} {'at contact':>11}  {'measured':<20}"
-        lines = [f"{head}{'score':>6}{'MAC':>6}", *(_line(row) for row in self.rows)]
+        head = ("mode", "Hz", "at contact", "measured", "score", "MAC")
+        table = aligned_text(head, map(_cells, self.rows))
         told = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
-        return "\n".join([*lines, "", told, load]).rstrip()
+        return "\n".join([table, "", told, load]).rstrip()
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:
@@ -98,11 +99,10 @@ def _row(
     )
 
 
-def _line(row: ModeRow) -> str:
-    at_contact = "-" if row.participation is None else f"{row.participation:.4f}"
-    line = f"{row.number:5} {row.frequency_hz:10.2f} {at_contact:>11}"
+def _cells(row: ModeRow) -> tuple:
+    at_contact = None if row.participation is None else f"{row.participation:.4f}"
+    first = (row.number, f"{row.frequency_hz:.2f}", at_contact)
     if row.hammer_mode is None:
-        return line
+        return *first, "", "", ""
     test = f"{row.hammer_mode}: {row.hammer_hz:.5g} Hz ({row.difference_percent:+.1f} %)"
-    mac = "-" if row.mac is None else f"{row.mac:.2f}"
-    return f"{line}  {test:<20}{row.score:6.2f}{mac:>6}"
+    return *first, test, f"{row.score:.2f}", None if row.mac is None else f"{row.mac:.2f}"

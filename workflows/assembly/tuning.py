@@ -15,6 +15,7 @@ import fem
 from fem.tuning import Parameter, Tuning, tune
 from workflows.assembly import parameters as of_bodies
 from workflows.pipeline.pipeline import Progress, pipeline_of
+from workflows.results.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import Target
 from workflows.thesis import HAMMER_TEST_HZ
@@ -45,21 +46,21 @@ class TuningReport(BaseModel):
 
     def text(self) -> str:
         """Aligned lines, then sentences."""
-        head = f"{'mode':>8} {'wanted':>10} {'fitted':>10} {'full model':>11} {'MAC':>6}"
-        modes = [self._mode(i) for i in self.modes_hz]
-        values = [self._value(name) for name in self.stiffness]
+        head = ("mode", "wanted", "fitted", "full model", "MAC")
+        modes = aligned_text(head, map(self._mode, self.modes_hz))
+        values = aligned_text(("joint", "stiffness", ""), map(self._value, self.stiffness))
         cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
-        return "\n".join([head, *modes, "", *values, "", cost, *self.remarks])
+        return "\n".join([modes, "", values, "", cost, *self.remarks])
 
-    def _mode(self, i: str) -> str:
-        wanted = f"{self.match[i]:.2f}" if i in self.match else "-"
-        full = self.full_order_hz.get(i, float("nan"))
-        return f"{i:>8} {wanted:>10} {self.modes_hz[i]:10.3f} {full:11.3f} {self.mac[i]:6.3f}"
+    def _mode(self, i: str) -> tuple:
+        wanted, full = self.match.get(i), self.full_order_hz.get(i)
+        hz = (None if x is None else f"{x:.2f}" for x in (wanted, self.modes_hz[i], full))
+        return i, *hz, f"{self.mac[i]:.3f}"
 
-    def _value(self, name: str) -> str:
+    def _value(self, name: str) -> tuple:
         spread = self.deviation[name]
         seen = "not determined by these modes" if spread is None else f"+- {100 * spread:.2g} %"
-        return f"{name:>14} = {self.stiffness[name]:<12.5g} {seen}"
+        return name, f"{self.stiffness[name]:.5g}", seen
 
     @property
     def failures(self) -> list[str]:

@@ -10,7 +10,7 @@ from coupling.calibration.calibration import Calibration
 from coupling.calibration.parameters import Parameter
 from coupling.calibration.search import decisive
 from workflows.files.velocities import SYNTHETIC
-from workflows.results.tables import LINE
+from workflows.results.tables import LINE, aligned_text
 from workflows.scene import OneDofWall, Scene
 
 IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one that may be 0
@@ -94,28 +94,26 @@ class CalibrationReport(BaseModel):
         told = (fill(remark, LINE, subsequent_indent="  ") for remark in self.remarks)
         cost = f"{sum(s['evaluations'] for s in self.stages)} model runs in {self.seconds:.2f} s"
         table = _table(self.parameters)
-        return "\n".join([*face, *table, "", *spheres, *held, "", cost, *told])
+        return "\n".join([*face, table, "", *spheres, *held, "", cost, *told])
 
 
-def _table(rows: list[ParameterRow]) -> list[str]:
-    """A head and a line per parameter; quantiles are told as what they are off the value found."""
-    names = [f"{row.name} [{row.unit}]" if row.unit else row.name for row in rows]
+def _table(rows: list[ParameterRow]) -> str:
+    """A line per parameter; quantiles are told as what they are off the value found."""
     sampled, known = (any(getattr(row, x) is not None for row in rows) for x in ("low", "truth"))
-    wide = max(len(name) for name in names)
-    head = f"{'parameter':>{wide}} {'start':>11} {'found':>12} {'two sigma':>10}"
-    head += f" {'2.3 %':>10} {'97.7 %':>10}" if sampled else ""
-    head += "  identifiable" + (f" {'truth':>12}" if known else "")
-    cells = [f"{name:>{wide}} {_line(row)}" for name, row in zip(names, rows, strict=True)]
-    return [head, *cells]
+    quantiles, truth = ("2.3 %", "97.7 %") if sampled else (), ("truth",) if known else ()
+    head = ("parameter", "start", "found", "two sigma", *quantiles, "identifiable", *truth)
+    return aligned_text(head, (_cells(row, sampled, known) for row in rows))
 
 
-def _line(row: ParameterRow) -> str:
-    bar = "-" if row.two_sigma is None else f"{row.two_sigma:.2g}"
-    line = f"{row.start:11.5g} {row.found:12.6g} {bar:>10}"
-    if row.low is not None:
-        line += f" {row.low - row.found:+10.2g} {row.high - row.found:+10.2g}"
-    line += f"  {row.identifiable:<12}"
-    return line.rstrip() if row.truth is None else f"{line} {row.truth:12.6g}"
+def _cells(row: ParameterRow, sampled: bool, known: bool) -> tuple:
+    name = f"{row.name} [{row.unit}]" if row.unit else row.name
+    low, high = (None if x is None else f"{x - row.found:+.2g}" for x in (row.low, row.high))
+    bar = None if row.two_sigma is None else f"{row.two_sigma:.2g}"
+    truth = None if row.truth is None else f"{row.truth:.6g}"
+    return (
+        name, f"{row.start:.5g}", f"{row.found:.6g}", bar,
+        *((low, high) if sampled else ()), row.identifiable, *((truth,) if known else ()),
+    )  # fmt: skip
 
 
 def report_of(scene, source, measured, fit, signals, noise, left_out) -> CalibrationReport:

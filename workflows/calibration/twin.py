@@ -25,7 +25,7 @@ from workflows.calibration import parameters as free_parameters
 from workflows.calibration.calibrate import Calibrated, Request, calibrated
 from workflows.files.velocities import SYNTHETIC, Record
 from workflows.pipeline.chain import chain, initial_velocity
-from workflows.results.tables import LINE
+from workflows.results.tables import LINE, aligned_text
 from workflows.scene import InvalidScene, OneDofWall, Scene
 
 MARCHED = 1e-8  # relative velocity error of the data's own march
@@ -72,7 +72,8 @@ class Coverage(BaseModel):
 
     def text(self) -> str:
         """A line per parameter."""
-        rows = [f"{name:>16} {100 * share:6.1f} %" for name, share in self.share.items()]
+        rows = ((name, f"{100 * share:.1f} %") for name, share in self.share.items())
+        table = aligned_text(("parameter", "within two sigma"), rows)
         worst = min(self.share, key=self.share.get)
         verdict = (
             f"Within two sigma in {100 * self.pooled:.1f} % of all, at least "
@@ -80,7 +81,7 @@ class Coverage(BaseModel):
             f"{'met' if self.met else 'not met'}."
         )
         head = f"{SYNTHETIC}; {self.runs} repeats of the experiment in {self.seconds:.1f} s"
-        return "\n".join(["", head, *rows, fill(verdict, LINE, subsequent_indent="  ")])
+        return "\n".join(["", head, table, fill(verdict, LINE, subsequent_indent="  ")])
 
 
 def checked(twin: Twin) -> Twin:

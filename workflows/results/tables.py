@@ -1,10 +1,13 @@
 """Tables of numbers: as aligned text for a person, as CSV and as records for machines."""
 
 import csv
+import re
+from collections.abc import Iterable
 from io import StringIO
 from math import isfinite, isnan
 from typing import Any, NamedTuple
 
+NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]\d+)?( %)?|-|nan|inf|")  # as a text with digits of its own
 LINE = 100  # characters of a printed sentence's lines
 
 
@@ -24,6 +27,11 @@ class Table(NamedTuple):
         return tuple(row[self.columns.index(name)] for row in self.rows)
 
 
+def aligned_text(columns: tuple[str, ...], rows: Iterable[tuple]) -> str:
+    """Rows that are only printed, as `text` prints a table."""
+    return text(Table("", columns, tuple(rows)))
+
+
 def text(table: Table) -> str:
     """Aligned columns, numbers in three digits and flush right, a dash for what does not exist."""
     lines = (table.columns, *table.rows) if table.printed is None else table.printed
@@ -35,7 +43,7 @@ def _aligned(column: tuple) -> list[str]:
     """The cells of a column, heading first, as wide as the widest of them."""
     cells = [short(value) for value in column]
     width = max(map(len, cells))
-    words = any(isinstance(value, str) for value in column[1:])
+    words = any(isinstance(value, str) and not NUMBER.fullmatch(value) for value in column[1:])
     return [cell.ljust(width) if words else cell.rjust(width) for cell in cells]
 
 
