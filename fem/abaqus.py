@@ -68,7 +68,7 @@ def _node_after(model: Model) -> int:
 def _nodes(model: Model) -> Iterator[str]:
     yield "*NODE, NSET=MESH"
     for i, x in enumerate(model.structure.points, start=1):
-        yield f"{i}, {x[0]:.12g}, {x[1]:.12g}, {x[2]:.12g}"
+        yield f"{i}, {x[0]:.13g}, {x[1]:.13g}, {x[2]:.13g}"  # 20 characters are read
     if len(_joint_nodes(model)):
         yield "*NODE, NSET=JOINTS"
         yield from (f"{i + 1}, 0, 0, 0" for i in _joint_nodes(model))

@@ -1,7 +1,6 @@
 """The same mesh, constraints and springs in CalculiX (Debian: calculix-ccx), to its digits."""
 
 from shutil import which
-from subprocess import run
 
 import numpy as np
 import pytest
@@ -27,12 +26,14 @@ from fem import (
     normal_frame,
 )
 from fem.abaqus import input_deck
+from fem.calculix import answer
 from fem.constraints import congruent, eliminated, fixed
 from fem.elasticity import ELEMENTS
 from fem.joints import mean_sides
 from fem.trace import face_nodes
 from geometry import PARTS, Assembly, by_body, held_faces, hex_mesh, interfaces
 from workflows.pipeline.rig import full_tie, wires
+from workflows.studies.verify import calculix
 
 pytestmark = pytest.mark.skipif(
     which("ccx") is None, reason="the independent code is not installed (Debian: calculix-ccx)"
@@ -41,13 +42,6 @@ PRINTED = 1e-6  # CalculiX prints seven digits; 4.6e-7 was the largest differenc
 LOWER = 0.05  # m, height of the wide block
 NOTHING = np.empty(0, int)
 BLOCKS = dict.fromkeys(("lower", "upper"), Material(210e9, 0.3, 7850.0))
-
-
-def calculix_hz(deck, folder):
-    (folder / "deck.inp").write_text(deck)
-    run(["ccx", "deck"], cwd=folder, capture_output=True, check=True, timeout=300)
-    rows = [line.split() for line in (folder / "deck.dat").read_text().splitlines()]
-    return np.array([float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()])
 
 
 def two_blocks():
@@ -100,11 +94,11 @@ def with_rigid_body_and_springs(structure, k):
     return input_deck(loose, BLOCKS).replace("*STEP", "\n".join([*lines, "*STEP"]))
 
 
-def test_a_screw_is_calculix_rigid_body_and_its_springs(tmp_path):
+def test_a_screw_is_calculix_rigid_body_and_its_springs():
     structure, k = two_blocks(), Bushing(1e8, 3e8, 2e8, 2e4, 3e4, 1e4)
     screw = SCREW._replace(springs=k)
     model = joined(structure, Connections(joints=[screw], held=[Held("lower:base")]))
-    theirs = calculix_hz(with_rigid_body_and_springs(structure, k), tmp_path)
+    theirs = answer(with_rigid_body_and_springs(structure, k)).frequency_hz
     np.testing.assert_allclose(modes(model.K, model.M, 10).frequency_hz, theirs[:10], rtol=PRINTED)
 
 
@@ -114,7 +108,7 @@ def bolted(structure, assembly, table=None):
     return joined(structure, how._replace(table=table))
 
 
-def test_a_table_dashpots_and_the_contact_are_in_the_deck(tmp_path):
+def test_a_table_dashpots_and_the_contact_are_in_the_deck():
     """The table's two slow modes, and the static compliance at the contact by CalculiX's solver."""
     assembly = Assembly()
     mesh = hex_mesh(assembly, seed=20e-3, block_seed=50e-3, support_seed=60e-3)
@@ -122,13 +116,12 @@ def test_a_table_dashpots_and_the_contact_are_in_the_deck(tmp_path):
     model = bolted(assemble(by_body(mesh), steel), assembly, Table(6.5, 1000.0))
     w = contact_patch(model, "block:+x", (0.03, 0.0), 2e-3).w
     C = dashpots(model, {"head.ky": 100.0, "head.kry": 3.0})
-    theirs = calculix_hz(input_deck(model, steel, w=w, C=C), tmp_path)
+    theirs = answer(input_deck(model, steel, w=w, C=C))
     ours = modes(model.K, model.M, 10).frequency_hz
     np.testing.assert_allclose(ours[:2], 6.5, rtol=1e-3)
-    np.testing.assert_allclose(ours, theirs[:10], rtol=PRINTED)
-    printed = (tmp_path / "deck.dat").read_text().split("set CONTACT")[1].split()
+    np.testing.assert_allclose(ours, theirs.frequency_hz[:10], rtol=PRINTED)
     compliance = w @ factorised(model.K).solve(w)
-    assert float(printed[printed.index("time") + 3]) == pytest.approx(compliance, rel=PRINTED)
+    assert theirs.compliance == pytest.approx(compliance, rel=PRINTED, abs=0.0)
 
 
 def tied(structure, assembly):
@@ -136,17 +129,17 @@ def tied(structure, assembly):
 
 
 @pytest.mark.parametrize(("join", "n_parts"), [(tied, 2), (bolted, 5)])
-def test_calculix_finds_the_same_ten_frequencies(join, n_parts, tmp_path):
+def test_calculix_finds_the_same_ten_frequencies(join, n_parts):
     assembly = Assembly(parts=PARTS[:n_parts])
     mesh = hex_mesh(assembly, seed=10e-3, block_seed=35e-3, support_seed=60e-3)
     steel = {body: Material(210e9, 0.3, 7850.0) for body in mesh.subdomains}
     model = join(assemble(by_body(mesh), steel), assembly)
-    theirs = calculix_hz(input_deck(model, steel), tmp_path)
+    theirs = answer(input_deck(model, steel)).frequency_hz
     ours = modes(model.K, model.M, 10).frequency_hz
     np.testing.assert_allclose(ours, theirs[:10], rtol=PRINTED)
 
 
-def test_tetrahedra_plies_turned_joints_and_the_ground_are_in_the_deck(tmp_path, monkeypatch):
+def test_tetrahedra_plies_turned_joints_and_the_ground_are_in_the_deck(monkeypatch):
     """A ply of tetrahedra on a steel block, by a bolt in a frame of its own, mean on both sides.
 
     CalculiX integrates the masses of C3D10 with the 4 points of order 2: so do we here.
@@ -168,5 +161,18 @@ def test_tetrahedra_plies_turned_joints_and_the_ground_are_in_the_deck(tmp_path,
     bolt = Joint("bolt", *sides, middle, k, frame)
     earth = Joint("earth", Side("lower:base"), None, np.zeros(3), Bushing(kx=1e7, kz=5e7))
     model = joined(assemble(meshes, materials), Connections(joints=[bolt, earth]))
-    theirs = calculix_hz(input_deck(model, materials), tmp_path)
+    theirs = answer(input_deck(model, materials)).frequency_hz
     np.testing.assert_allclose(modes(model.K, model.M, 10).frequency_hz, theirs[:10], rtol=PRINTED)
+
+
+def test_every_entry_of_the_matrices_and_the_response_are_those_of_calculix():
+    """The rows of `beadwave verify --group calculix` on the cantilever."""
+    beam = calculix._pipeline("cantilever", calculix.SCENES["cantilever"])
+    rows = [*calculix._entries("cantilever", beam), *calculix._response(beam)]
+    assert len(rows) == 3
+    assert all(row.difference <= row.allowed for row in rows), rows
+
+
+def test_a_deck_that_calculix_refuses_ends_in_one_sentence():
+    with pytest.raises(ValueError, match="CalculiX gives up"):
+        answer("*NODE\n1, 0, 0, 0\n*STEP\n*FREQUENCY\n1\n*END STEP\n")

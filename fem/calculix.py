@@ -1,0 +1,99 @@
+"""CalculiX (Debian: calculix-ccx) on an input deck: an independent program's answers.
+
+Its element C3D20 has the 27 Gauss points of the hexahedra here; its C3D10 integrates masses with 4
+points, exactly to order 2 only, so that frequencies of tetrahedra differ by up to 3e-4.
+"""
+
+from pathlib import Path
+from subprocess import run
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+
+SECONDS = 600  # longest run
+PROGRAM, PACKAGE = "ccx", "calculix-ccx"
+POINTS = 4  # of a response between two natural frequencies
+
+
+class Answer(NamedTuple):
+    """Of a deck that `fem.abaqus` wrote."""
+
+    frequency_hz: NDArray[np.float64]  # (n_modes,)
+    compliance: float | None  # [m/N] at the contact, where the deck has one
+
+
+class Matrices(NamedTuple):
+    """As CalculiX assembled them, on the dofs that it solves for."""
+
+    K: csr_matrix  # (n, n) [N/m]
+    M: csr_matrix  # (n, n) [kg]
+    dof: NDArray[np.int64]  # (n,) 3 (node - 1) + direction, from 0
+
+
+def answer(deck: str) -> Answer:
+    """Frequencies and static compliance; raises ValueError where CalculiX gives none."""
+    with TemporaryDirectory() as folder:
+        _solved(Path(folder), deck)
+        text = (Path(folder) / "deck.dat").read_text()
+    rows = [line.split() for line in text.splitlines()]
+    hz = [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()]
+    if not hz:
+        raise ValueError("CalculiX found no frequencies in this deck.")
+    printed = text.partition("set CONTACT")[2].split()
+    compliance = float(printed[printed.index("time") + 3]) if printed else None
+    return Answer(np.array(hz), compliance)
+
+
+def matrices(deck: str) -> Matrices:
+    """K and M of a deck with a step *FREQUENCY; raises ValueError where CalculiX writes none."""
+    with TemporaryDirectory() as folder:
+        stored = deck.replace("*FREQUENCY\n", "*FREQUENCY, SOLVER=MATRIXSTORAGE\n")
+        _solved(Path(folder), stored)
+        K, M = (_symmetric(Path(folder) / f"deck.{ending}") for ending in ("sti", "mas"))
+        names = (Path(folder) / "deck.dof").read_text().split()
+    node, direction = np.array([name.split(".") for name in names], int).T
+    return Matrices(K, M, 3 * (node - 1) + direction - 1)
+
+
+def _solved(folder: Path, deck: str) -> None:
+    (folder / "deck.inp").write_text(deck)
+    done = run(
+        [PROGRAM, "deck"], cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False
+    )
+    said = [line for line in done.stdout.splitlines() if line.startswith(" *ERROR")]
+    if done.returncode not in (0, 201) or said:
+        why = said[0] if said else f"status {done.returncode}"
+        raise ValueError(f"CalculiX gives up on this deck: {why.strip()}")
+
+
+def _symmetric(path: Path) -> csr_matrix:
+    """From rows "i j value" of one triangle."""
+    row, column, value = np.loadtxt(path, unpack=True, ndmin=2)
+    i, j = row.astype(int) - 1, column.astype(int) - 1
+    off = i != j
+    whole = np.append(i, j[off]), np.append(j, i[off])
+    return coo_matrix((np.append(value, value[off]), whole)).tocsr()
+
+
+def receptance(
+    deck: str, *, n_modes: int, zeta: float, span_hz: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Frequencies [Hz] and displacement per force [m/N] at the contact of a deck that has one, of
+    its first modes with a damping ratio, by *STEADY STATE DYNAMICS."""
+    node = deck.partition("*CLOAD\n")[2].partition(",")[0]
+    low, high = span_hz
+    steps = [
+        "*STEP", "*FREQUENCY, STORAGE=YES", f"{n_modes}", "*END STEP",
+        "*STEP", "*STEADY STATE DYNAMICS", f"{low}, {high}, {POINTS}, 1.",
+        "*MODAL DAMPING", f"1, {n_modes}, {zeta}", "*CLOAD", f"{node}, 1, 1.0",
+        "*NODE PRINT, NSET=CONTACT", "U", "*END STEP",
+    ]  # fmt: skip
+    with TemporaryDirectory() as folder:
+        _solved(Path(folder), deck.partition("*STEP\n")[0] + "\n".join(steps) + "\n")
+        text = (Path(folder) / "deck.dat").read_text()
+    rows = [block.split() for block in text.split("set CONTACT and time")[1:]]
+    f, u = np.array([[float(row[0]), float(row[2])] for row in rows]).T
+    return f[::2], u[::2] + 1j * u[1::2]
