@@ -7,6 +7,10 @@ w is the deflection along the chain, theta the turn of the sections. The axial f
 works on the whole slope w', as Engesser has it and as K_G of a solid does: a hinged beam buckles at
 P_E / (1 + P_E / kappa G A), P_E = pi^2 E I / L^2. Haringx' theory, where N stands across the turned
 section, differs by the square of P_E / kappa G A.
+The chain touches the surface, which bulges where the section bends: there by nu h^2 / 8 times the
+curvature less than the middle line moves (Timoshenko and Goodier, sec. 102), and a force on it
+bends the beam by that much less. Both are the mean of w at +- h sqrt(nu) / 2 from the strike, which
+is what is read and loaded; a beam wider than high bends as a plate there, see `study solid-beam`.
 Timoshenko, Phil. Mag. 41 (1921) 744; Engesser, Zentralbl. Bauverw. 11 (1891) 483; Bazant and
 Cedolin, Stability of Structures (2010), sec. 1.7. Shear factors: Hutchinson, J. Appl. Mech. 68
 (2001) 87, and of a rectangle 5 (1 + nu) / (6 + 5 nu), his for a narrow one.
@@ -91,7 +95,10 @@ def beam(
     Raises Buckled where the force presses more than the beam can bear.
     """
     longest = coarser * _wave_length(section, material)
-    along = line(divided([0.0, position, length], longest, FEWEST), ORDER)
+    struck = _struck(
+        length, position, 0.5 * section.thickness * np.sqrt(max(material.poisson, 0.0))
+    )
+    along = line(divided(sorted({0.0, *struck, length}), longest, FEWEST), ORDER)
     _, mass, slope, mixed = along
     kGA, EI = _stiffnesses(section, material)
     held = _ends(along, length, ends)
@@ -109,7 +116,7 @@ def beam(
         M,
         T[:, free],
         drawn,
-        _patch(along.node(position), free, position, section),
+        _patch([along.node(x) for x in struck], free, position, section),
         material.density * inertia[free],
         material.density * section.area * length,
         load_factor=factor,
@@ -161,8 +168,16 @@ def _drawn(along: Line, length: float, section: Section) -> tuple[MeshHex, csr_m
     return box, vertex_by_vertex([[zero, turned], [zero, zero], [P, zero]])
 
 
-def _patch(dof: int, free: NDArray[np.int64], position: float, section: Section) -> ContactPatch:
+def _struck(length: float, position: float, aside: float) -> list[float]:
+    """Both places [m] whose mean is read, on the beam."""
+    aside = min(aside, position / 2, (length - position) / 2)
+    return [position - aside, position + aside] if aside else [position]
+
+
+def _patch(
+    dofs: list[int], free: NDArray[np.int64], position: float, section: Section
+) -> ContactPatch:
     """A point on top, struck downwards."""
-    w = -(free == dof).astype(float)
+    w = np.isin(free, dofs) / -len(dofs)
     spot = Spot(np.array([position, 0.0, section.thickness / 2]), DOWN, ACROSS)
     return ContactPatch(w, np.flatnonzero(w), w, spot, 0.0, "point")

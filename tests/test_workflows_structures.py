@@ -1,0 +1,89 @@
+"""Studies of beams and plates told in one table."""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from workflows.files.scene import scene
+from workflows.scene import InvalidScene
+from workflows.studies import catalogue
+from workflows.studies.thesis import axial_force, solid_beam, structures
+
+pytestmark = pytest.mark.usefixtures("shared_cache")
+
+
+def found(name, usual, *changes):
+    return catalogue.study(name, scene(usual, changes), lambda stage: nullcontext())
+
+
+def column(finding, name):
+    return np.array(finding.tables[0].column(name), float)
+
+
+def test_the_first_reflected_wave_does_not_feel_the_axial_force_later_ones_do(monkeypatch):
+    monkeypatch.setattr(axial_force, "SHARES", (0.0, -0.9))
+    study = found("axial-force", "slender-beam")
+    first, later = column(study, "first_wave"), column(study, "later")
+    assert 0 < first[1] < 0.01 < 0.1 < later[1]
+    assert abs(np.diff(column(study, "arr"))[0]) < 0.01 * column(study, "arr")[0]
+    hz = column(study, "first_mode_hz")
+    assert hz[1] / hz[0] == pytest.approx(np.sqrt(0.1), rel=1e-3)  # hinged: 1 - N / N_cr
+    assert "does not feel the axial force" in study.sentences[-1]
+
+
+def test_a_record_too_short_for_later_waves_is_said_to_tell_nothing(monkeypatch):
+    monkeypatch.setattr(axial_force, "SHARES", (0.0, -0.9))
+    study = found("axial-force", "slender-beam", "time.duration=1e-3")
+    assert "the record is too short" in study.sentences[-1]
+
+
+def test_thicker_beams_send_more_back_and_sooner(monkeypatch):
+    """As often as a first mode of k^2 h / sqrt(12) sqrt(E / rho) fits, thin ones exactly."""
+    monkeypatch.setattr(structures, "FACTORS", np.array([0.5, 1.0, 2.0]))
+    study = found("beam-thickness", "beam", "time.duration=1.2e-3")
+    assert np.all(np.diff(column(study, "arr")) > 0.05) and np.all(
+        np.diff(column(study, "tof_us")) < 0
+    )
+    hz = column(study, "first_mode_hz")
+    assert hz / hz[0] == pytest.approx([1, 2, 4], rel=5e-3)
+    assert "amplitude ratio known to 1 % tells the thickness to" in " ".join(study.sentences)
+
+
+def test_the_first_wave_does_not_feel_how_long_a_beam_is(monkeypatch):
+    monkeypatch.setattr(structures, "FACTORS", np.array([0.5, 1.0, 2.0]))
+    study = found("beam-length", "beam", "time.duration=1.2e-3")
+    assert np.ptp(column(study, "arr")) < 0.01 * column(study, "arr")[0]
+    assert "does not feel the length" in study.sentences[-1]
+
+
+def test_thicker_plates_send_more_back(monkeypatch):
+    monkeypatch.setattr(structures, "FACTORS", np.array([0.5, 1.0, 2.0]))
+    study = found("plate-thickness", "plate", "time.duration=1e-3")
+    assert np.all(np.diff(column(study, "arr")) > 0.05)
+
+
+def test_the_solid_beam_lies_at_timoshenkos_theory(monkeypatch):
+    """A beam as wide as high: amplitude ratio, time of flight and fifth frequency."""
+    monkeypatch.setattr(solid_beam, "FACTORS", (2.0,))
+    study = found("solid-beam", "beam", "beam.width=0.01", "time.duration=1.2e-3")
+    for name, share in (("arr", 0.5), ("tof_us", 0.5), ("fifth_hz", 0.1)):
+        timoshenko, euler, solid = column(study, name)
+        assert abs(timoshenko - solid) < share * abs(euler - solid), name
+    off = column(study, "off_solid")
+    assert off[0] < 0.4 * off[1] and off[0] < 0.01
+
+
+@pytest.mark.parametrize(
+    ("name", "usual", "changes", "told"),
+    [
+        ("axial-force", "rig-rigid", (), "has no \\[beam\\]"),
+        ("plate-thickness", "beam", (), "has no \\[plate\\]"),
+        ("axial-force", "beam", ("beam.left=free", "beam.right=free"), "hold an end"),
+        ("beam-thickness", "beam", ("beam.diameter=0.02",), "without beam.thickness"),
+        ("solid-beam", "beam", ("beam.axial_force=10",), "axial_force = 0"),
+    ],
+)
+def test_a_scene_without_what_a_study_varies_is_refused(name, usual, changes, told):
+    with pytest.raises(InvalidScene, match=told):
+        found(name, usual, *changes)
