@@ -86,19 +86,28 @@ def observed(
     n_save: int = N_SAVE,
     faint: float = 0.03,
     visible: float = 0.0,
-    horizon: float | None = None,
 ) -> Observed:
     """Run its chain with velocities v0 (n,) for duration [s] and follow its waves, those of more
     than `faint` times the largest one's velocity.
 
     A sphere that a wave moves by less than `visible` times the largest of v0 does not see it.
-    Velocities are held to the error until `horizon` [s], later the energy.
     """
-    name, row, wall = setup
-    held = {"error": error, "horizon": horizon}
-    run = impact(row, wall, v0, duration=duration, n_save=n_save, **held).trajectory
+    run = impact(setup.chain, setup.wall, v0, duration=duration, error=error, n_save=n_save)
+    return seen(setup, run.trajectory, spheres=spheres, faint=faint, visible=visible)
+
+
+def seen(
+    setup: Setup,
+    run: Trajectory,
+    *,
+    spheres: tuple[int, ...],
+    faint: float = 0.03,
+    visible: float = 0.0,
+) -> Observed:
+    """What a run shows; arguments as in `observed`."""
+    name, row, _ = setup
     found = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A, threshold=faint)
-    least = visible * np.abs(v0).max()
+    least = visible * np.abs(run.v[0]).max()
     named = {s: _seen(labels(found, run.t, run.v[:, s - 1], s), least) for s in spheres}
     contact = wall_contact(run.t, run.v, run.contact_force, row, found)
     return Observed(name, row, run, found, named, contact)

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+import coupling
 import dem
-from coupling.observed_run import Observed, Setup, observed
+from coupling.observed_run import ERROR, Observed, Setup, seen
 from workflows.pipeline import bending
 from workflows.pipeline.chain import chain, initial_velocity
 from workflows.pipeline.wall import wall_of
@@ -40,10 +41,11 @@ def run(scene: Scene, leant_on: dem.Wall) -> Observed:
     """The scene's chain before a wall, its waves named."""
     setup = Setup(scene.name, chain(scene), leant_on)
     spheres = scene.output.spheres or (1, scene.chain.count - 3)
-    return observed(
-        setup, initial_velocity(scene), duration=scene.time.duration, spheres=spheres,
-        n_save=SAVED, horizon=HELD * scene.time.duration,
-    )  # fmt: skip
+    duration = scene.time.duration
+    held = {"error": ERROR, "horizon": HELD * duration}
+    v0 = initial_velocity(scene)
+    done = coupling.impact(setup.chain, leant_on, v0, duration=duration, n_save=SAVED, **held)
+    return seen(setup, done.trajectory, spheres=spheres)
 
 
 def slope(x: Sequence[float], y: Sequence[float], at: int) -> float:
