@@ -28,7 +28,7 @@ FOLLOWED = 0.2  # least MAC of a mode that is the same
 IN_ORDER = 0.05  # MAC that the same place in the order counts for
 OVERSAMPLED = 1.6  # walls over coefficients
 FACTORS = 1.05  # high over low from which on a number varies by factors
-HIGHEST = 4  # degree
+RIGID = 1e-9  # of the largest square of a frequency: none
 
 
 class Computed(NamedTuple):
@@ -86,10 +86,12 @@ class ParametricWall(NamedTuple):
         """Raises CouplingError where a mode has no stiffness left."""
         values = _terms(self.box.unit(theta)[None], self.degrees)[0] @ self.coefficients
         squares, phi2, zeta = values[:-1].reshape(3, self.n_modes)
-        if squares.min(initial=np.inf) <= 0.0:
+        if squares.min(initial=np.inf) < -RIGID * squares.max(initial=0.0):
             raise CouplingError("the structure has no stiffness there; keep away from buckling.")
         phi = np.sqrt(np.maximum(phi2, 0.0))
-        return Wall(np.sqrt(squares), np.maximum(zeta, 0.0), phi, float(values[-1]))
+        return Wall(
+            np.sqrt(np.maximum(squares, 0.0)), np.maximum(zeta, 0.0), phi, float(values[-1])
+        )
 
     def through(self, theta: NDArray[np.float64], true: Computed) -> "ParametricWall":
         """The same moved so that it gives the true wall at theta; raises CouplingError where that
@@ -112,12 +114,6 @@ def design(box: Box, degree: int, seed: int = 0) -> NDArray[np.float64]:
     n = int(np.ceil(OVERSAMPLED * comb(d + degree, degree)))
     unit = qmc.Sobol(d, rng=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(n))))[:n]
     return box.at(np.vstack([np.zeros(d), np.cos(np.pi * unit)]))
-
-
-def degree_within(seconds: float, budget: float, d: int) -> int:
-    """The highest degree whose walls, so many seconds each, are computed within the budget [s]."""
-    costs = {k: OVERSAMPLED * comb(d + k, k) * seconds for k in range(2, HIGHEST + 1)}
-    return max((k for k, cost in costs.items() if cost <= budget), default=2)
 
 
 def parametric_wall(
@@ -195,6 +191,7 @@ def _gathered(wall: Wall, order: NDArray[np.int64]) -> Wall:
     """The modes at these places; all others are one oscillator of the same m_1 and m_2, see
     `coupling.wall`."""
     rest = np.setdiff1d(np.arange(len(wall.omega)), order)
+    rest = rest[wall.omega[rest] > 0]
     share = wall.phi[rest] ** 2 / wall.omega[rest] ** 2
     m1, m2 = np.sum(share), np.sum(share / wall.omega[rest] ** 2)
     loss = np.sum(share * wall.zeta[rest]) / m1 if m1 > 0 else 0.0
@@ -208,6 +205,9 @@ def _gathered(wall: Wall, order: NDArray[np.int64]) -> Wall:
 
 def _missed(values, left_out, n: int) -> Missed:
     """Of quantities (walls, q) and what the others say of each."""
+    elastic = values[:, :n].min(axis=0) > RIGID * values[:, :n].max()
+    values, left_out = (one[:, : 2 * n][:, np.tile(elastic, 2)] for one in (values, left_out))
+    n = int(elastic.sum())
     share = values[:, n : 2 * n] / values[:, :n]
     heavy = share.mean(axis=0) >= 0.01 * share.mean(axis=0).sum() / n
     frequency = 0.5 * np.abs(left_out[:, :n] / values[:, :n] - 1.0)[:, heavy]

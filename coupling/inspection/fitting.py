@@ -1,10 +1,13 @@
 """The least-squares problem of an inspection: residuals over the noise, unknown gains eliminated.
 
     r = W (y - g f(theta)),   g = <W f, W y> / <W f, W f>   of each sensor without a known gain
+    r = (theta - c) / s                                       of numbers between bounds
 
 g follows theta (variable projection; the derivative is L. Kaufman's, BIT 15 (1975) 49). `summed`
 compares the running sums of the signals in place of the signals: two waves that do not meet still
 differ by more the farther they are apart, so that the misfit has one valley where it had many.
+What records do not tell stays near c, the middle of its bounds or where a record's own number
+starts, with the standard deviation s of a number that lies anywhere between them.
 """
 
 from collections.abc import Sequence
@@ -32,12 +35,12 @@ class Fitted(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """Model and records; `unknown_gain` (m,) tells the sensors whose gains follow."""
+    """Model and records; sensors of the same `gain` (m,) share one that follows, -1 is known."""
 
     forward: Forward
     unknowns: Unknowns
     shots: tuple[Shot, ...]
-    unknown_gain: NDArray[np.bool_]
+    gain: NDArray[np.int64]
     summed: bool = False
 
     @property
@@ -59,8 +62,12 @@ class Fit(NamedTuple):
     def gains(self, shown: NDArray[np.float64]) -> NDArray[np.float64]:
         """(m,) of signals (S, k, m) computed with the gains that the sensors say."""
         model, data = self._compared(shown), self._compared(self.data)
-        size = np.maximum(np.sum(model**2, axis=(0, 1)), 1e-300)
-        return np.where(self.unknown_gain, np.sum(model * data, axis=(0, 1)) / size, 1.0)
+        size, along = self._over_gains(model**2), self._over_gains(model * data)
+        return np.where(self.gain >= 0, along / np.maximum(size, 1e-300), 1.0)
+
+    def _over_gains(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(m, ...) sums of values (S, k, m, ...) over all that has a sensor's gain."""
+        return (self.gain[:, None] == self.gain) @ values.sum(axis=(0, 1))
 
     def residual(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """(S k m,) over the noise; huge where no run is possible."""
@@ -75,9 +82,10 @@ class Fit(NamedTuple):
         shown, slopes = self.forward.jacobian(self.unknowns, theta, self.shots)
         moved = self._compared(self.gains(shown)[:, None] * slopes)
         model = self._compared(shown)
-        along = model / np.maximum(np.linalg.norm(model, axis=(0, 1)), 1e-300)
-        share = np.einsum("skm,skmp->mp", along, moved) * self.unknown_gain[:, None]
-        return (moved - along[..., None] * share).reshape(-1, moved.shape[-1])
+        size = np.maximum(self._over_gains(model**2), 1e-300)
+        share = self._over_gains(model[..., None] * moved) / size[:, None]
+        share[self.gain < 0] = 0.0
+        return (moved - model[..., None] * share).reshape(-1, moved.shape[-1])
 
     def _compared(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signals or their derivatives (S, k, m, ...) over the noise."""
@@ -94,6 +102,7 @@ class Fit(NamedTuple):
         """The least misfit from theta (p,) on, over the numbers that the records take."""
         scale, (low, high) = self.unknowns.scale, self.unknowns.ends()
         free = np.unique([*self.unknowns.of_system.ravel(), *self.unknowns.trigger])
+        centre, pull = self.unknowns.centre / scale, np.diag(self.unknowns.pull * scale)[:, free]
         margin = MARGIN * (high - low)
         begin = np.clip(theta, low + margin, high - margin)
 
@@ -102,11 +111,16 @@ class Fit(NamedTuple):
             full[free] = part * scale[free]
             return full
 
+        def residual(part):
+            return np.concatenate([self.residual(whole(part)), pull @ (part - centre[free])])
+
         found = least_squares(
-            lambda part: self.residual(whole(part)),
+            residual,
             begin[free] / scale[free],
-            lambda part: self.jacobian(whole(part))[:, free],
+            lambda part: np.vstack([self.jacobian(whole(part))[:, free], pull]),
             bounds=(low[free] / scale[free], high[free] / scale[free]),
             xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=most,
         )  # fmt: skip
-        return Fitted(whole(found.x), rms(found.fun), found.nfev, found.status > 0)
+        return Fitted(
+            whole(found.x), rms(found.fun[: self.data.size]), found.nfev, found.status > 0
+        )

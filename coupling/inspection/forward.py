@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 
 from coupling.calibration.parameters import Parameter
 from coupling.errors import CouplingError
+from coupling.inspection.information import UNIFORM
 from coupling.sensors import Sensor, measured, signals
 from dem import Chain, InvalidChain, NoEquilibrium, Trajectory, UnstableStep, Wall, march
 
 IMPOSSIBLE = (CouplingError, InvalidChain, NoEquilibrium, UnstableStep)  # what numbers may make
+SHARED, OWN = "shared", "own"  # kinds of numbers: of all records, of each
 DIFFERENCE = 1e-5  # step of a derivative, in scales
 TIME_STEP = 0.25  # of a sample, of the derivative by the trigger
 
@@ -59,6 +61,19 @@ class Unknowns(NamedTuple):
             np.array([getattr(p, end) for p in self.parameters]) for end in ("low", "high")
         )
 
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """(p,) where numbers are that no record tells: shared ones midway between bounds."""
+        middle = (0.5 * (p.low + p.high) if p.kind == SHARED else p.start for p in self.parameters)
+        return np.array(list(middle))
+
+    @property
+    def pull(self) -> NDArray[np.float64]:
+        """(p,) one over their standard deviation; 0 of triggers."""
+        bounded = np.array([p.kind in (SHARED, OWN) for p in self.parameters])
+        low, high = self.ends()
+        return bounded * np.sqrt(UNIFORM) / (high - low)
+
     def only(self, shots: Sequence[int]) -> "Unknowns":
         """The same where only these records are looked at."""
         return self._replace(of_system=self.of_system[shots], trigger=self.trigger[shots])
@@ -87,6 +102,10 @@ class Forward(NamedTuple):
     def with_steps(self, factor: float) -> "Forward":
         """The same with steps so many times as long."""
         return self._replace(dt=factor * self.dt)
+
+    def shown(self, values: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(k, m) of one run with values (q,) at the times t (k,) [s] since its first touch."""
+        return self._shown(self._run(self.system(values), t[-1]), t)
 
     def signals(
         self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[Shot]

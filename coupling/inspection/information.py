@@ -41,9 +41,10 @@ def bars_over_time(
     return np.array(found)
 
 
-def felt_from(slopes: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(p,) first samples at which a change (p,) [scales] of a number moves any signal by more than
-    the noise; the number of samples where none does."""
-    moved = np.abs(slopes).max(axis=(0, 2)) * change
-    felt = moved > 1.0
-    return np.where(felt.any(axis=0), felt.argmax(axis=0), len(felt))
+def felt_from(
+    slopes: NDArray[np.float64], width: NDArray[np.float64], share: float
+) -> NDArray[np.int64]:
+    """(p,) samples after which a number alone, all others known, has a two-sigma bar of a share of
+    its bounds' width (p,) [scales]; the number of samples where it never has."""
+    told = np.cumsum(np.sum(slopes**2, axis=(0, 2)), axis=0) >= (2.0 / (share * width)) ** 2
+    return np.where(told.any(axis=0), told.argmax(axis=0), len(told))

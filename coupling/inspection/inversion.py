@@ -46,32 +46,47 @@ class Inversion(NamedTuple):
 
 
 def inverted(
-    fit: Fit, *, n_shared: int, starts: int = 6, seed: int = 0, sensors: Sequence[str] = ()
+    fit: Fit,
+    *,
+    n_shared: int,
+    starts: int = 6,
+    seed: int = 0,
+    gains: Sequence[str] = (),
+    begin: NDArray[np.float64] | None = None,
 ) -> Inversion:
-    """The numbers that leave the least; raises CouplingError where none can be computed."""
+    """The numbers that leave the least, of up to so many starts, or from `begin` (p,) on.
+
+    `gains` names those that follow. Raises CouplingError where nothing can be computed.
+    """
     if fit.data.size <= len(fit.unknowns.parameters):
         raise CouplingError(
             f"{fit.data.size} samples do not determine {len(fit.unknowns.parameters)} numbers."
         )
-    search = searched(fit, n_shared=n_shared, starts=starts, seed=seed)
+    if begin is None:
+        return _answer(fit, searched(fit, n_shared=n_shared, starts=starts, seed=seed), gains)
+    found = fit.solved(begin)
+    none = np.zeros((0, n_shared)), np.zeros(0)
+    return _answer(fit, Searched(found, 1, 1, *none), gains)
+
+
+def _answer(fit: Fit, search: Searched, names: Sequence[str]) -> Inversion:
     theta = search.fitted.theta
     shown, slopes = fit.forward.jacobian(fit.unknowns, theta, fit.shots)
     gains = fit.gains(shown)
-    of_gains = _gains(gains, fit.unknown_gain, sensors)
+    of_gains = [_gain(name, gains[fit.gain == i][0]) for i, name in enumerate(names)]
     parameters = (*fit.unknowns.parameters, *of_gains)
     value = np.array([*theta, *(p.start for p in of_gains)])
-    whole = np.concatenate(
-        [gains[:, None] * slopes, _by_gains(gains * shown, fit.unknown_gain)], axis=-1
-    )
+    of_sensor = GAIN_SCALE * (fit.gain[:, None] == np.arange(len(names)))
+    by_gains = (gains * shown)[..., None] * of_sensor
+    whole = np.concatenate([gains[:, None] * slopes, by_gains], axis=-1)
     whole *= fit.weight[..., None]
     residual = (gains * shown - fit.data) * fit.weight
-    bounded = np.arange(len(parameters)) < n_shared
     finer = fit.forward.with_steps(REFINED).signals(fit.unknowns, theta, fit.shots)
     return Inversion(
         parameters, value, _at_bound(parameters, value),
         uncertainty(
             parameters, _columns(residual), _columns(whole) / scales(parameters),
-            np.zeros(len(parameters), bool), bounds_information(parameters) * bounded,
+            np.zeros(len(parameters), bool), bounds_information(parameters),
         ),
         gains, gains * shown, np.sqrt(np.mean(residual**2, axis=1)), whole, _memory(residual),
         float(np.abs(gains * (finer - shown) * fit.weight).max()), search,
@@ -83,22 +98,9 @@ def scales(parameters: Sequence[Parameter]) -> NDArray[np.float64]:
     return np.array([p.scale for p in parameters])
 
 
-def _gains(gains, unknown, names) -> list[Parameter]:
-    """Gains that nobody knows as numbers that were found."""
-    return [
-        Parameter(f"gain of {name}", "gain", float(g), 0.0, np.inf, GAIN_SCALE * abs(g) or 1.0)
-        for g, free, name in zip(gains, unknown, names, strict=True)
-        if free
-    ]
-
-
-def _by_gains(model, unknown) -> NDArray[np.float64]:
-    """(S, k, m, gains) derivatives by unknown gains in scales."""
-    columns = np.flatnonzero(unknown)
-    found = np.zeros((*model.shape, len(columns)))
-    for j, i in enumerate(columns):
-        found[:, :, i, j] = GAIN_SCALE * model[:, :, i]
-    return found
+def _gain(name: str, found: float) -> Parameter:
+    """A gain that nobody knew as a number that was found."""
+    return Parameter(name, "gain", float(found), 0.0, np.inf, GAIN_SCALE * abs(found) or 1.0)
 
 
 def _columns(values: NDArray[np.float64]) -> NDArray[np.float64]:

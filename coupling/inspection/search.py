@@ -1,8 +1,8 @@
 """The way of an inspection to its answer, around the local minima that waves have.
 
 Structures are drawn all over the bounds and run against one record; those whose running sums come
-nearest are starts. Each is fitted by its running sums, then by the signals, until one leaves no
-more than the noise; that one is taken on to all records.
+nearest are starts. Each is fitted by its running sums, then by the signals; those that leave no
+more than the noise are taken on to all records, until one leaves no more there either.
 """
 
 from typing import NamedTuple
@@ -60,16 +60,24 @@ def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
     begins = _drawn(fit, first, n_shared, seed) if starts > 1 else first[None]
     summed = coarse._replace(summed=True)
     begins, misfits = zip(*(_begun(summed, theta) for theta in begins), strict=True)
-    ends: list[Fitted] = []
+    singles, ends = [], []
     for i in np.argsort(misfits, kind="stable")[:starts]:
         near = summed.solved(begins[i], most=12, tolerance=ROUGH)
-        ends.append(coarse.solved(near.theta, most=30, tolerance=ROUGH))
-        if ends[-1].misfit <= EXPLAINED:
-            break
-    best = min(ends, key=lambda end: end.misfit)
-    same = sum(end.misfit <= SAME * best.misfit for end in ends)
-    return Searched(fit.solved(_spread(fit, best.theta)), len(ends), same,
-                    np.array(begins)[:, :n_shared], np.array(misfits))  # fmt: skip
+        singles.append(coarse.solved(near.theta, most=30, tolerance=ROUGH))
+        if singles[-1].misfit <= EXPLAINED:
+            ends.append(_of_all(fit, singles[-1]))
+            if ends[-1].misfit <= EXPLAINED:
+                break
+    best = min(singles, key=lambda end: end.misfit)
+    ends = ends or [_of_all(fit, best)]
+    same = sum(end.misfit <= SAME * best.misfit for end in singles)
+    found = min(ends, key=lambda end: end.misfit)
+    return Searched(found, len(singles), same, np.array(begins)[:, :n_shared], np.array(misfits))
+
+
+def _of_all(fit: Fit, single: Fitted) -> Fitted:
+    """What one record has found taken on to all, with the triggers that the others need."""
+    return fit.solved(with_triggers(fit, single.theta))
 
 
 def _begun(fit: Fit, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -89,8 +97,3 @@ def _drawn(fit: Fit, first, n_shared: int, seed: int) -> NDArray[np.float64]:
     found = np.tile(first, (len(unit) + 1, 1))
     found[1:, :n_shared] = low + (high - low) * unit
     return found
-
-
-def _spread(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Numbers that one record has found, with the triggers that the others need."""
-    return with_triggers(fit, theta) if len(fit.shots) > 1 else theta

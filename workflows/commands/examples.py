@@ -54,6 +54,11 @@ EXAMPLES = {
     "study": ("study", "study damping --out studies"),
     "calibrate": ("calibrate rig-1dof data.csv --instrument 100e3 --out calibrated",),
     "twin": ("twin --out twin", "twin --runs 200"),
+    "inspect": (
+        "inspect sensed-beam drop1.csv drop2.csv --find beam.thickness,beam.young",
+        "inspect sensed-beam drop1.csv --find beam.axial_force --bounds "
+        "beam.axial_force=-35kN:5kN --out inspected",
+    ),
     "report": ("report runs/rig-rom",),
     "film": ("film runs/rig-rom", "film runs/rig-rom --out impact.gif", "film runs/rig-rom --pvd"),
     "doctor": ("doctor",),

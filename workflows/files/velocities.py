@@ -10,9 +10,11 @@ time_unit and velocity_unit. In UFF58 (function type 1) the response node is the
 same node are repeats, and the labels of the axes are the units.
 """
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from re import fullmatch
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,9 +47,31 @@ def record(path: Path) -> Record:
     if read is None:
         raise InvalidScene(f"{path} must end in .csv, .mat, .uff or .unv.")
     require_file(path, "give measured velocities as .csv, .mat or .uff")
-    try:
+    with told_of(path):
         t, columns, title = read(path)
-        return _stacked(_equidistant(t), columns, title)
+        t = _equidistant(t)
+        spheres, v = _stacked(t, columns)
+        return Record(t, v, spheres, title)
+
+
+def read_csv(path: Path, column: Callable[[str], tuple[Any, float]]):
+    """t (k,) [s], what m columns hold, their values (r, k, m), and the title of a CSV file.
+
+    `column` makes of a heading what it holds and its unit. Raises InvalidScene.
+    """
+    if path.suffix.lower() != ".csv":
+        raise InvalidScene(f"{path} must end in .csv.")
+    require_file(path, "give a record as .csv")
+    with told_of(path):
+        t, columns, title = _csv(path, column)
+        return _equidistant(t), *_stacked(t, columns), title
+
+
+@contextmanager
+def told_of(path: Path) -> Iterator[None]:
+    """What is wrong with a file raised as InvalidScene."""
+    try:
+        yield
     except InvalidScene:
         raise
     except UnicodeDecodeError:
@@ -59,7 +83,7 @@ def record(path: Path) -> Record:
 Columns = list[tuple[int, NDArray[np.float64]]]
 
 
-def _csv(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
+def _csv(path: Path, column: Callable | None = None) -> tuple[NDArray[np.float64], Columns, str]:
     lines = path.read_text(encoding="utf-8-sig").splitlines()
     title = " ".join(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
     lines = [line for line in lines if line.strip() and not line.startswith("#")]
@@ -67,7 +91,7 @@ def _csv(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
         raise ValueError("no samples below a header line")
     between = next((mark for mark in ";\t" if mark in lines[0]), ",")
     header = [name.strip() for name in lines[0].split(between)]
-    scale = [_time_column(header[0]), *(_sphere_column(name) for name in header[1:])]
+    scale = [_time_column(header[0]), *((column or _sphere_column)(name) for name in header[1:])]
     rows = (line.split(between) for line in lines[1:])
     table = np.array([_numbers(i, cells, len(header)) for i, cells in enumerate(rows, 1)])
     columns = [(n, unit * table[:, i]) for i, (n, unit) in enumerate(scale[1:], 1)]
@@ -196,22 +220,26 @@ def _equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
     return even
 
 
-def _stacked(t: NDArray[np.float64], columns: Columns, title: str) -> Record:
-    by_sphere: dict[int, list] = {}
-    for n, values in columns:
+def _stacked(t: NDArray[np.float64], columns) -> tuple[tuple, NDArray[np.float64]]:
+    """What the columns hold, in order, and their values (r, k, m)."""
+    each: dict[Any, list] = {}
+    for key, values in columns:
         if not np.isfinite(values).all():
             i = int(np.argmin(np.isfinite(values)))
-            raise ValueError(f"sphere {n} has no number at sample {i + 1}, at {t[i]:.6g} s")
-        by_sphere.setdefault(n, []).append(values)
-    if not by_sphere:
+            raise ValueError(f"{_told(key)} has no number at sample {i + 1}, at {t[i]:.6g} s")
+        each.setdefault(key, []).append(values)
+    if not each:
         raise ValueError("there is no column of a sphere")
-    repeats = {n: len(found) for n, found in by_sphere.items()}
+    repeats = {key: len(found) for key, found in each.items()}
     if len(set(repeats.values())) > 1:
-        told = ", ".join(f"sphere {n}: {k}" for n, k in repeats.items())
+        told = ", ".join(f"{_told(key)}: {k}" for key, k in repeats.items())
         raise ValueError(f"spheres differ in repeats ({told}), each needs as many")
-    spheres = tuple(sorted(by_sphere))
-    v = np.array([by_sphere[n] for n in spheres]).transpose(1, 2, 0)
-    return Record(t, v, spheres, title)
+    keys = tuple(sorted(each))
+    return keys, np.array([each[key] for key in keys]).transpose(1, 2, 0)
+
+
+def _told(key: Any) -> str:
+    return getattr(key, "name", f"sphere {key}")
 
 
 def csv_text(measured: Record) -> str:

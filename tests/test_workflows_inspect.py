@@ -1,0 +1,266 @@
+"""Records of a bead in the chain in, thickness, modulus and axial force of a beam out."""
+
+import json
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+import tomli_w
+
+import beadwave
+from command_line import beadwave as command
+from workflows.files.records import Channel, recorded
+from workflows.files.scene import scene
+from workflows.inspection.inspect import _noise, _rounding, sensor_of
+from workflows.inspection.numbers import number, own, put, shared, usual_each
+from workflows.pipeline.pipeline import pipeline_of
+from workflows.pipeline.signals import csv_text
+from workflows.scene import InvalidScene
+from workflows.sweep.cases import base_of
+
+BEAM = {
+    "name": "inspected",
+    "chain": {"count": 9, "radius": 0.00953, "density": 7800.0, "young": 210e9, "poisson": 0.3},
+    "striker": {"velocity": 0.3},
+    "wall": {"kind": "rom"},
+    "damping": {"kind": "modal", "ratio": 0.003},
+    "time": {"duration": 3.4e-3},
+    "beam": {
+        "length": 0.3, "width": 0.04, "thickness": 0.012, "young": 70e9, "poisson": 0.33,
+        "density": 2700.0, "left": "hinged", "right": "hinged", "position": 0.126,
+        "axial_force": 0.0,
+    },
+    "output": {
+        "spheres": [5],
+        "samples": 3401,
+        "instrument": {"sampling": 1e6, "bits": 8},
+        "sensors": [{"sphere": 5, "quantity": "force", "gain": "bead", "noise": 0.01}],
+    },
+}  # fmt: skip
+TRUTH = {"beam.thickness": 0.0124, "beam.young": 72e9, "beam.axial_force": -20e3}
+BOUNDS = "beam.thickness=9mm:15mm,beam.axial_force=-30kN:5kN"
+FIND = ",".join(TRUTH)
+
+
+def measured(folder, speeds=(0.31, 0.44), **changes):
+    """Records of the true beam, noise 1 %, 8 bits."""
+    folder.mkdir(exist_ok=True)
+    files = []
+    for i, speed in enumerate(speeds):
+        told = {"striker.velocity": speed, "output.instrument.seed": i, **TRUTH, **changes}
+        true = scene(BEAM, told)
+        files.append(folder / f"drop{i}.csv")
+        files[-1].write_text(csv_text(true, pipeline_of(true, _quiet)("record")))
+    return files
+
+
+def _quiet(name):
+    return nullcontext()
+
+
+@pytest.fixture(scope="module")
+def drops(tmp_path_factory):
+    return measured(tmp_path_factory.mktemp("drops"))
+
+
+@pytest.fixture(scope="module")
+def found(drops, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out") / "inspected"
+    result = beadwave.inspect(
+        BEAM, drops, find=FIND, bounds=BOUNDS, each="striker.velocity=0.3,0.45", out=out
+    )
+    return result, out
+
+
+def test_thickness_modulus_and_axial_force_come_out_within_their_bars(found):
+    rows = {row.name: row for row in found[0].report.numbers}
+    for key, share in (("beam.thickness", 0.01), ("beam.young", 0.02)):
+        off = abs(rows[key].found - TRUTH[key])
+        assert off <= 1.5 * rows[key].two_sigma and off < share * TRUTH[key]
+    force = rows["beam.axial_force"]
+    assert abs(force.found + 20e3) <= 1.5 * force.two_sigma < 0.05 * 44e3  # of buckling
+    assert [row.told for row in rows.values()] == ["yes"] * 3
+    assert [row.unit for row in rows.values()] == ["m", "Pa", "N"]
+    assert found[0].report.explained
+
+
+def test_the_wall_between_others_is_checked_at_the_answer(found):
+    report, inner = found[0].report, found[0].found
+    assert report.walls > 20 and 0 < report.wall_missed < 0.5
+    assert inner.moved <= 0.05
+    assert any("computed at the answer" in remark for remark in report.remarks)
+
+
+def test_the_folder_holds_the_scene_found_and_says_synthetic(found, drops):
+    result, out = found
+    written = scene(out / "scene.toml")
+    assert written.beam.thickness / result.report.numbers[0].found == pytest.approx(1, abs=1e-12)
+    for name in ("scene.toml", "numbers.csv", "signals.csv"):
+        assert "SYNTHETIC" in (out / name).read_text(encoding="utf-8")
+    assert {path.name for path in (out / "figures").iterdir()} == {
+        "signals.png", "numbers.png", "length.png",
+    }  # fmt: skip
+    rows = (out / "signals.csv").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 2 + 2 * 3401
+    assert json.loads((out / "report.json").read_text())["synthetic"] is True
+
+
+def test_bars_shrink_with_the_records_length_and_the_force_is_told_last(found):
+    report = found[0].report
+    t = np.array(report.record_length_s)
+    width = {row.name: row.high - row.low for row in report.numbers}
+    told = {
+        name: t[np.argmax(np.array(bars) < 0.1 * width[name])]
+        for name, bars in report.two_sigma_by_length.items()
+    }
+    assert told["beam.thickness"] < 1.2e-3 < told["beam.axial_force"]
+
+
+def test_records_of_the_first_wave_alone_do_not_tell_the_axial_force(tmp_path):
+    files = measured(tmp_path, speeds=(0.4,), **{"time.duration": 1.1e-3})
+    result = beadwave.inspect(BEAM, files, find=FIND, bounds=BOUNDS, each="striker.velocity=0.4",
+                              starts=2)  # fmt: skip
+    force = result.report.numbers[2]
+    assert force.told == "no"
+    assert force.two_sigma > 0.5 * (force.high - force.low)
+    assert any("no wave within" in r and "beam.axial_force" in r for r in result.report.remarks)
+    assert "beam.axial_force" in repr(result)
+
+
+def test_a_beam_that_is_held_otherwise_is_told_by_what_is_left(tmp_path):
+    files = measured(tmp_path, speeds=(0.4,), **{"beam.left": "clamped", "beam.density": 4000.0})
+    asked = {"find": "beam.axial_force", "bounds": "beam.axial_force=-30kN:5kN"}
+    result = beadwave.inspect(BEAM, files, **asked, each="striker.velocity=0.4", starts=2)
+    assert not result.report.explained
+    assert any("DOES NOT EXPLAIN" in remark for remark in result.report.remarks)
+
+
+def test_numbers_of_the_chain_need_no_other_wall(tmp_path, drops):
+    result = beadwave.inspect(
+        BEAM,
+        drops[:1],
+        {**TRUTH, "striker.velocity": 0.31},
+        find="chain.young",
+        each="none",
+        starts=2,
+    )
+    row = result.report.numbers[0]
+    assert result.report.walls == 0
+    assert abs(row.found - 210e9) <= 1.5 * row.two_sigma < 0.02 * 210e9
+
+
+def test_a_gain_that_the_scene_says_is_not_sought(drops):
+    base = base_of(BEAM, {})
+    told, name = sensor_of(base.with_values({}), Channel(5, "force", True))
+    assert name == "bead" and told.gain == 1.0
+    loud = {**BEAM["output"], "sensors": [{"sphere": 5, "gain": 0.3}]}
+    told, name = sensor_of(scene({**BEAM, "output": loud}), Channel(5, "force", True))
+    assert name is None and told.gain == 0.3
+    told, name = sensor_of(base.with_values({}), Channel(5, "velocity", False))
+    assert name is None and told.quantity == "velocity"
+
+
+def test_values_put_into_a_scene_are_those_of_a_scene_read_anew():
+    base = base_of(BEAM, {})
+    keys = ("beam.thickness", "striker.velocity", "chain.young")
+    values = np.array([0.011, 0.4, 200e9])
+    anew = base.with_values(dict(zip(keys, values.tolist(), strict=True)))
+    assert put(base.with_values({}), keys, values).model_dump() == anew.model_dump()
+    named = base_of("cantilever", {})
+    material = "materials.aluminium.young"
+    other = put(named.with_values({}), (material,), np.array([65e9]))
+    assert number(other, material) == 65e9
+    assert number(named.with_values({}), material) == 70e9
+
+
+def test_a_record_knows_its_noise_from_what_lies_between_its_waves(drops):
+    one = recorded(drops[0])
+    rms, known = _noise(one, 5e-5)
+    largest = np.abs(one.y).max()
+    assert known
+    assert 0.009 < rms[0] / largest < 0.0125  # 1 %, and the steps of 8 bits
+
+
+def test_steps_of_an_instrument_are_noise():
+    y = np.round(np.sin(np.linspace(0, 6, 5000)) * 100) / 100
+    assert _rounding(y) == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-6)
+    assert _rounding(np.sin(np.linspace(0, 6, 5000))) == 0.0
+
+
+def test_columns_have_quantities_and_units_and_repeats_are_averaged(tmp_path):
+    t = np.arange(400) * 1e-6
+    wave = np.exp(-(((t - 2e-4) / 3e-5) ** 2))
+    rows = np.column_stack([1e6 * t, 1e3 * wave, 1e3 * wave, 2 * wave])
+    head = "time [us], sphere 9 force [mN], sphere 9 force [mN], sphere 4 [m/s]"
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join([head, *(",".join(map(repr, map(float, r))) for r in rows)]))
+    with pytest.raises(InvalidScene, match="differ in repeats"):
+        recorded(path)
+    rows, head = rows[:, :3], head.rsplit(",", 1)[0]
+    path.write_text("\n".join([head, *(",".join(map(repr, map(float, r))) for r in rows)]))
+    found = recorded(path)
+    assert found.channels == (Channel(9, "force", False),) and found.repeats == 2
+    np.testing.assert_allclose(found.y[:, 0], wave, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [
+        ({"find": "beam.thicknes"}, "has no value"),
+        ({"find": "chain.count"}, "counts; name a key that varies"),
+        ({"find": "beam.left"}, "one number"),
+        ({"find": ""}, "names nothing"),
+        ({"find": "beam.young,beam.young"}, "twice"),
+        ({"find": "beam.axial_force"}, "add --bounds beam.axial_force"),
+        ({"find": "beam.young", "bounds": "beam.thickness=9mm:15mm"}, "not among the numbers"),
+        ({"find": "beam.young", "bounds": "beam.young=80GPa:90GPa"}, "must hold"),
+        ({"find": "beam.young", "bounds": "beam.young=80GPa"}, "not key=low:high"),
+        ({"find": "beam.young", "bounds": "beam.young=90GPa:50GPa"}, "finite and grow"),
+        ({"find": "beam.poisson", "bounds": "beam.poisson=0.2:0.7"}, "bounds of beam.poisson"),
+        ({"find": "beam.young", "each": "striker.velocity=0.3"}, "give one for each"),
+        ({"find": "striker.velocity", "each": "striker.velocity"}, "name it once"),
+        ({"find": "beam.young", "each": "beam.thickness"}, "which all records share"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_asked_is_refused_in_a_sentence(drops, asked, sentence):
+    with pytest.raises(InvalidScene, match=sentence):
+        beadwave.inspect(BEAM, drops, **asked)
+
+
+@pytest.mark.parametrize(
+    ("header", "sentence"),
+    [
+        ("time [s], sphere 5 force [mV/N]", "the unit of force"),
+        ("time [s], sphere 5 temperature [K]", "the quantity is one of"),
+        ("time [s], sphere 12 force [N]", "allowed are 1 to chain.count = 9"),
+        ("time [s], sphere 5 velocity [m/s]", "records of the same sensors"),
+    ],
+)
+def test_records_that_cannot_be_used_are_refused(drops, tmp_path, header, sentence):
+    lines = drops[0].read_text(encoding="utf-8").splitlines()
+    bad = tmp_path / "bad.csv"
+    bad.write_text("\n".join([header, *lines[2:]]))
+    files = [drops[0], bad] if "same" in sentence else [bad]
+    with pytest.raises(InvalidScene, match=sentence):
+        beadwave.inspect(BEAM, files, find="beam.young")
+
+
+def test_numbers_of_a_record_start_where_they_are_told():
+    base = base_of(BEAM, {})
+    first, second = own(base, "striker.velocity=300mm/s,0.45", 2)
+    assert first[0].start == 0.3 and second[0].start == 0.45
+    assert own(base, usual_each(base.with_values({}), "beam.young"), 2)[1][0].start == 0.3
+    assert own(base, usual_each(base.with_values({}), "striker.velocity"), 2) == [[], []]
+    assert shared(base, "beam.young", None)[0].low == pytest.approx(49e9)
+
+
+def test_the_command_prints_numbers_as_json_and_refuses_with_status_2(drops, tmp_path, capsys):
+    toml = tmp_path / "beam.toml"
+    toml.write_text(tomli_w.dumps(BEAM))
+    asked = ["inspect", toml, drops[0], "--find", "striker.velocity", "--json"]
+    changes = [part for key, value in TRUTH.items() for part in ("--set", f"{key}={value!r}")]
+    assert command(*asked, *changes) == 0
+    row = json.loads(capsys.readouterr().out)["numbers"][0]
+    assert abs(row["found"] - 0.31) <= 1.5 * row["two_sigma"]
+    assert command("inspect", toml, tmp_path / "none.csv", "--find", "beam.young") == 2
+    assert "none.csv does not exist" in capsys.readouterr().err

@@ -1,0 +1,203 @@
+"""Records of the waves in a chain in, numbers of its structure with their bars out."""
+
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+import coupling
+import dem
+from coupling.band import Band
+from coupling.calibration.parameters import Parameter
+from coupling.calibration.signals import noise_between_waves
+from coupling.inspection.fitting import Fit
+from coupling.inspection.forward import Forward, Shot, unknowns
+from coupling.inspection.inversion import Inversion, inverted
+from coupling.inspection.search import rise
+from coupling.parametric_wall import Box
+from coupling.sensors import Sensor
+from workflows.calibration.checks import require_samples
+from workflows.files.records import Channel, Recorded
+from workflows.inspection import numbers
+from workflows.inspection.structure import Structure, structure
+from workflows.pipeline.pipeline import Progress
+from workflows.scene import InvalidScene, Scene
+from workflows.sweep.cases import Base
+
+STEPS = 4.0  # of the model, in usual ones: 1e-5 of the largest signal
+TRIGGER = (1e-4, 3e-6)  # to either side of the estimate, scale [s]
+RESOLVED = 1e-4  # of the largest signal: noise below what the model resolves
+USUAL_NOISE = 0.01  # of the largest signal, where a record does not tell
+LEVELS = 4096  # different values of a record, below which an instrument has rounded them
+ROUNDS = 3  # of walls computed at the answer
+SETTLED = 0.05  # of a bar: what another wall there may move
+
+
+class Request(NamedTuple):
+    """What is asked for beside scene and records."""
+
+    find: str
+    bounds: str | None = None
+    each: str | None = None
+    starts: int = 6
+    seed: int = 0
+
+
+class Inspected(NamedTuple):
+    """What came out, and the problem that was solved."""
+
+    scene: Scene
+    inversion: Inversion
+    fit: Fit
+    structure: Structure
+    n_shared: int
+    moved: float | None  # bars by which the last computed wall moved the answer
+    noise_known: bool
+    seconds: float
+
+
+def inspected(
+    base: Base, records: tuple[Recorded, ...], request: Request, progress: Progress
+) -> Inspected:
+    """The numbers asked for; raises InvalidScene for records or requests that cannot be."""
+    began = perf_counter()
+    records = _alike(records)
+    found = numbers.shared(base, request.find, request.bounds)
+    each = request.each or numbers.usual_each(base.with_values({}), request.find)
+    own = numbers.own(base, each, len(records))
+    numbers.require_possible(base, found)
+    keys = tuple(p.name for p in (*found, *own[0]))
+    if twice := next((key for key in keys if keys.count(key) > 1), None):
+        raise InvalidScene(f"{twice} is found for all records and for --each; name it once.")
+    box = Box(*(np.array([getattr(p, end) for p in found]) for end in ("low", "high")))
+    model = structure(base, keys, box, len(found), progress)
+    with progress("inversion"):
+        fit, gains, known = _problem(model, records, found, own)
+        inversion, model, moved = _answered(fit, model, len(found), gains, request)
+    scene = numbers.moved(base, keys[: len(found)], inversion.value[: len(found)])
+    fit = fit._replace(forward=fit.forward._replace(system=model))
+    seconds = perf_counter() - began
+    return Inspected(scene, inversion, fit, model, len(found), moved, known, seconds)
+
+
+def _alike(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
+    """Records of the same channels, cut to the shortest; raises InvalidScene for others."""
+    for one in records[1:]:
+        if one.channels != records[0].channels:
+            raise InvalidScene(
+                f"{one.name} has {_named(one)}, {records[0].name} has {_named(records[0])}; give "
+                "records of the same sensors."
+            )
+    k = min(len(one.t) for one in records)
+    return tuple(one._replace(t=one.t[:k], y=one.y[:k]) for one in records)
+
+
+def _named(one: Recorded) -> str:
+    return ", ".join(channel.name for channel in one.channels)
+
+
+def sensor_of(scene: Scene, channel: Channel) -> tuple[Sensor, str | None]:
+    """What the model shows of a channel, and the name of its gain where nobody knows it."""
+    if not 1 <= channel.sphere <= scene.chain.count:
+        raise InvalidScene(
+            f"the records have sphere {channel.sphere}, allowed are 1 to chain.count = "
+            f"{scene.chain.count}; correct their header or the scene."
+        )
+    told = next(
+        (one for one in scene.output.sensors or ()
+         if (one.sphere, one.quantity) == (channel.sphere, channel.quantity)), None,
+    )  # fmt: skip
+    band = Band(told.low_pass, told.high_pass, told.order) if told else Band()
+    gain = told.gain if told and channel.in_volts else None
+    plain = Sensor(channel.sphere - 1, channel.quantity, band=band)
+    if isinstance(gain, float):
+        return plain._replace(gain=gain), None
+    return plain, (gain or channel.name) if channel.in_volts else None
+
+
+def _problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...], bool]:
+    """The least-squares problem, the names of its gains, whether the records tell their noise."""
+    pairs = [sensor_of(model.scene, channel) for channel in records[0].channels]
+    gains = tuple(dict.fromkeys(name for _, name in pairs if name))
+    group = np.array([gains.index(name) if name else -1 for _, name in pairs])
+    starts = [np.array([p.start for p in (*found, *record)]) for record in own]
+    dt, time_scale = _steps(model, starts)
+    forward = Forward(model, tuple(sensor for sensor, _ in pairs), dt)
+    for one in records:
+        require_samples(one.t, time_scale)
+    triggers = [
+        _trigger(forward, one, start, f"trigger, record {i}")
+        for i, (one, start) in enumerate(zip(records, starts, strict=True), 1)
+    ]
+    noise = [_noise(one, time_scale) for one in records]
+    shots = tuple(Shot(one.t, one.y, rms) for one, (rms, _) in zip(records, noise, strict=True))
+    named = [
+        [p._replace(name=f"{p.name}, record {i}") for p in record]
+        for i, record in enumerate(own, 1)
+    ]
+    fit = Fit(forward, unknowns(found, named, triggers), shots, group)
+    return fit, tuple(f"gain {name}" for name in gains), all(known for _, known in noise)
+
+
+def _steps(model: Structure, starts) -> tuple[float, float]:
+    """Step [s] of the model, and the time [s] within which its stiffest contact moves."""
+    try:
+        usual = min(dem.sensitivities.usual_step(*model(values)) for values in starts)
+    except (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium) as reason:
+        raise InvalidScene(f"{model.scene.name}: {str(reason).rstrip('.')}.") from None
+    return STEPS * usual, dem.sensitivities.STEPS_PER_TIME_SCALE * usual
+
+
+def _trigger(forward: Forward, one: Recorded, start: np.ndarray, name: str) -> Parameter:
+    """When the chain is first touched on the record's clock, from the rise of its first wave."""
+    t = one.t - one.t[0]
+    reach, scale = TRIGGER
+    estimate = rise(one.t, one.y) - rise(t, forward.shown(start, t))
+    return Parameter(name, "trigger", estimate, estimate - reach, estimate + reach, scale, "s")
+
+
+def _noise(one: Recorded, time_scale: float) -> tuple[np.ndarray, bool]:
+    """(m,) rms of the mean signals' noise, and whether the record tells it."""
+    largest = np.abs(one.y).max(axis=0)
+    if not largest.all():
+        raise InvalidScene(f"{one.name}: {_named(one)} holds a signal of zeros; drop its column.")
+    if one.repeats > 1:
+        found = list(one.spread / np.sqrt(one.repeats))
+    else:
+        found = [noise_between_waves(one.t, y[:, None], time_scale) for y in one.y.T]
+    guessed = [share if share is not None else np.nan for share in found]
+    known = bool(np.isfinite(guessed).all())
+    rms = np.where(np.isfinite(guessed), guessed, USUAL_NOISE * largest)
+    least = np.maximum(RESOLVED * largest, [_rounding(y) for y in one.y.T])
+    return np.maximum(rms, least), known
+
+
+def _rounding(y: np.ndarray) -> float:
+    """rms of what an instrument of few levels rounds off."""
+    levels = np.unique(y)
+    if not 1 < len(levels) <= LEVELS:
+        return 0.0
+    return float(np.median(np.diff(levels)) / np.sqrt(12.0))
+
+
+def _answered(
+    fit: Fit, model: Structure, n_shared: int, gains: tuple[str, ...], request: Request
+) -> tuple[Inversion, Structure, float | None]:
+    """The answer, found again with walls computed where it lies, and by how many bars the last of
+    them moved it."""
+    how = {"n_shared": n_shared, "gains": gains}
+    try:
+        found = inverted(fit, starts=request.starts, seed=request.seed, **how)
+        moved = None
+        for _ in range(ROUNDS if model.between else 0):
+            model = model.through(found.value[: len(model.keys)])
+            again = fit._replace(forward=fit.forward._replace(system=model))
+            begin = found.value[: len(fit.unknowns.parameters)]
+            before, found = found, inverted(again, begin=begin, **how)
+            off = np.abs(found.value - before.value)[:n_shared]
+            moved = float((off / found.uncertainty.two_sigma[:n_shared]).max())
+            if moved <= SETTLED:
+                break
+        return found, model, moved
+    except (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium) as reason:
+        raise InvalidScene(f"{model.scene.name}: {str(reason).rstrip('.')}.") from None
