@@ -13,7 +13,13 @@ from matplotlib.axis import Axis
 from matplotlib.collections import LineCollection
 from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator
+from matplotlib.ticker import (
+    FixedLocator,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    NullLocator,
+)
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -218,6 +224,7 @@ def space_time(axis: Axes, t: Array, v: Array) -> None:
     )  # fmt: skip
     axis.set_xlabel("time [ms]")
     axis.set_ylabel("sphere, 1 = striker, the wall below")
+    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
     bar = axis.figure.colorbar(shown, label="velocity [m/s], towards the wall", shrink=0.9)
     bar.ax.minorticks_off()
 

@@ -28,9 +28,10 @@ RAMP = ("#cfd5db", "#f3c35f", "#e2622f", "#8b1a3a")  # of displacements, as in t
 EXAGGERATED = 0.05  # of the assembly's size: the largest displacement as drawn
 BAR = {
     "vertical": True, "n_labels": 3, "fmt": "%.1f", "width": 0.05, "height": 0.5,
-    "position_x": 0.88, "position_y": 0.08, "label_font_size": 14, "title_font_size": 1,
+    "position_x": 0.9, "position_y": 0.08, "label_font_size": 14, "title_font_size": 1,
     "color": "black",
 }  # fmt: skip
+BESIDE_BAR, BELOW_NAME = 0.87, 0.85  # shares of the view that a mode fills
 MATT = {"ambient": 0.35, "diffuse": 0.75, "specular": 0.0}
 
 
@@ -119,6 +120,7 @@ def _mode(plotter: pv.Plotter, grid: pv.DataSet, name: str) -> None:
     plotter.add_mesh(outline, color="#909090", line_width=1.0)
     plotter.add_text(name, font_size=12, color="black")
     _view(plotter)
+    _fill(plotter, np.concatenate([grid.points, bent.points]))
 
 
 def ramp(colours: tuple[str, ...], n: int) -> list[str]:
@@ -143,6 +145,23 @@ def _view(plotter: pv.Plotter) -> None:
     plotter.view_vector(EYE, viewup=UP)
     plotter.enable_parallel_projection()
     plotter.camera.zoom(1.15)
+
+
+def _fill(plotter: pv.Plotter, points: np.ndarray) -> None:
+    """Show points (n, 3) as large as the part of the view beside the colour bar allows."""
+    camera = plotter.camera
+    towards = camera.direction
+    across = np.cross(towards, camera.up) / np.linalg.norm(np.cross(towards, camera.up))
+    axes = np.array([across, np.cross(across, towards)])
+    low, high = (axes @ points.T).min(axis=1), (axes @ points.T).max(axis=1)
+    width, height = high - low
+    wide, tall = plotter.renderer.GetSize()
+    room = wide / tall * BESIDE_BAR
+    shift = axes.T @ ((low + high) / 2 - axes @ camera.focal_point)
+    camera.focal_point, camera.position = camera.focal_point + shift, camera.position + shift
+    camera.parallel_scale = 0.55 * max(height / BELOW_NAME, width / room)
+    camera.SetWindowCenter(1 - BESIDE_BAR, 0.0)
+    camera.reset_clipping_range()
 
 
 def main(arguments: list[str]) -> None:
