@@ -112,11 +112,11 @@ class Forward:
         return seen, self.filters.of_model(dv, dt) if sensitivities else dv
 
     def misfits(self, theta: np.ndarray) -> dict[str, float]:
-        """rms misfit [m/s] to the signals at theta (p,), by the sphere's number."""
+        """rms misfit [m/s] to the signals at theta (p,), by their names."""
         dt = self.signals.t[1] - self.signals.t[0]
         off = self.velocities(theta) - self.filters.of_data(self.signals.v, dt)
         rms = np.sqrt(np.mean(off**2, axis=0))
-        return {str(n + 1): float(x) for n, x in zip(self.signals.spheres, rms, strict=True)}
+        return dict(zip(self.signals.names, map(float, rms), strict=True))
 
 
 def _refined(t: np.ndarray, fine: int) -> np.ndarray:

@@ -26,7 +26,7 @@ class Parameter(NamedTuple):
     high: float
     scale: float
     unit: str = ""
-    index: int = 0  # of the contact, or of the damping ratio
+    index: int = 0  # of the contact, or of the damping ratio; the sign of a gain
 
     @property
     def of_wall(self) -> bool:

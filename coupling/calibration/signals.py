@@ -35,6 +35,11 @@ class Signals(NamedTuple):
     repeats: int = 1
     channels: Channels | None = None  # sensors that v stands for; None: velocities of the spheres
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the sensors, or the numbers of the spheres."""
+        return self.channels.labels if self.channels else tuple(str(n + 1) for n in self.spheres)
+
     def only(self, columns) -> "Signals":
         """Some of the spheres."""
         chosen = tuple(self.spheres[c] for c in columns)

@@ -34,11 +34,16 @@ class Calibration:
 
     @property
     def data(self) -> xarray.Dataset:
-        """Velocity [m/s] measured, at the start of the fit and found, over time and sphere."""
+        """Velocity [m/s] measured, at the start of the fit and found, over time and sphere; of
+        other sensors their signals, over time and sensor."""
         from workflows.results.arrays import dataset
 
         fit, signals = self.found.fit, self.found.signals
         kinds = {"measured": fit.data, "start": fit.start, "found": fit.model}
+        if signals.channels:
+            own, units = signals.channels, ", ".join(signals.channels.units)
+            over = {n: (("time", "sensor"), own.scale * y, units) for n, y in kinds.items()}
+            return dataset(over, time=signals.t, sensor=list(signals.names))
         over = {name: (("time", "sphere"), v, "m/s") for name, v in kinds.items()}
         return dataset(over, time=signals.t, sphere=[n + 1 for n in signals.spheres])
 
@@ -66,7 +71,8 @@ def calibrate(
 ) -> Calibration:
     """Contact stiffnesses and wall parameters fitted to measured velocities (`beadwave calibrate`).
 
-    `data` is .csv, .mat or .uff with units in its header. asked, all optional:
+    `data` is .csv, .mat or .uff with units in its header; forces, their rates, displacements and
+    voltages as well, see `[[output.sensors]]` for bands and gains. asked, all optional:
 
     free        "contacts,striker,trigger,wall.frequency": what to vary
     bounds      "contacts=0.5:2"
@@ -83,7 +89,7 @@ def calibrate(
     file = Path(data)
     from workflows.calibration.calibrate import calibrated
     from workflows.calibration.folder import FILES, write
-    from workflows.files.velocities import record
+    from workflows.files.records import measured as record
     from workflows.pipeline.pipeline import pipeline_of
 
     chosen = with_chain(load_scene(scene, changes))

@@ -23,6 +23,7 @@ from coupling.calibration.signals import (
     noise_of_mean,
 )
 from workflows.calibration import parameters as free_parameters
+from workflows.calibration.channels import scaled
 from workflows.calibration.checks import cut_off, plausible, require_samples, unlike_the_model
 from workflows.calibration.report import CalibrationReport, on_held_out, report_of
 from workflows.files.velocities import Record
@@ -72,16 +73,23 @@ def calibrated(
     began = perf_counter()
     time_scale = _contact_time_scale(scene, wall)
     require_samples(measured.t, time_scale)
-    remarks = [*plausible(scene, measured), *cut_off(measured, time_scale)]
+    start = scaled(scene, free_parameters.rig(scene, wall, 0.0), measured)
+    measured, doubts = start.record, start.remarks
+    if start.channels is None:
+        doubts = plausible(scene, measured)
+    elif request.instrument is not None:
+        raise InvalidScene("--instrument is of lasers; say output.sensors' low_pass instead.")
+    remarks = [*doubts, *cut_off(measured, time_scale)]
     used, held = _split(measured, request.hold_out)
     raw = aligned(measured.t, measured.v, tuple(n - 1 for n in measured.spheres))
+    raw = raw._replace(signals=raw.signals._replace(channels=start.channels))
     remarks += _told_repeats(raw)
     filters = _filters(request, measured.t, time_scale)
     trigger, more = _trigger(scene, wall, raw.signals, filters, request)
     names = _names(scene, request)
     rig = free_parameters.rig(scene, wall, trigger)
     limits = free_parameters.bounds(request.bounds)
-    parameters = free_parameters.parameters(scene, names, trigger, limits)
+    parameters = (*free_parameters.parameters(scene, names, trigger, limits), *start.gains)
     signals = raw.signals.only(used)
     noise = noise_of_mean(signals, filters, time_scale)
     options = Options(

@@ -1,5 +1,7 @@
 """Plots of a calibration: data against model, the misfit's scan, bars, what goes together."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from workflows.results.plots import (
@@ -23,7 +25,7 @@ def pictures(fit, t, report, posterior=None) -> dict[str, bytes]:
     """Name to PNG; t (k,) [s] of the signals."""
     face = "SYNTHETIC: computed, not measured" if report.synthetic else ""
     found = {
-        "signals": signals(t, fit, tuple(report.misfit_m_s), face),
+        "signals": signals(t, fit, _axes(report), face),
         "parameters": parameters(report, face),
         "correlation": correlation(fit, face),
     }
@@ -34,24 +36,46 @@ def pictures(fit, t, report, posterior=None) -> dict[str, bytes]:
     return found
 
 
-def signals(t, fit, spheres: tuple[str, ...], face: str) -> bytes:
-    """Data, the model that it started from and the one found, one panel per sphere."""
-    n = len(spheres)
+class Axis(NamedTuple):
+    """A panel's words, the unit for 1 m/s, and the same of the residual."""
+
+    words: str
+    scale: float
+    residual: str
+    residual_scale: float
+
+
+def _axes(report) -> tuple[Axis, ...]:
+    """Of each signal."""
+    return tuple(
+        Axis(f"{name}\n[{report.units[name][0]}]", report.units[name][1],
+             f"residual\n[{report.units[name][0]}]", report.units[name][1])
+        if name in report.units
+        else Axis(f"sphere {name}\nvelocity [m/s]", 1.0, "residual\n[mm/s]", 1e3)
+        for name in report.misfit_m_s
+    )  # fmt: skip
+
+
+def signals(t, fit, axes: tuple[Axis, ...], face: str) -> bytes:
+    """Data, the model that it started from and the one found, one panel per signal."""
+    n = len(axes)
     shared = {"sharex": True, "height_ratios": [3, 1] * n}
     figure, panels = subplots(2 * n, 1, (9, 1.2 + 2.3 * n), **shared)
-    for i, sphere in enumerate(spheres):
+    for i, own in enumerate(axes):
         upper, lower = panels[2 * i], panels[2 * i + 1]
-        upper.plot(1e3 * t, fit.data[:, i], color="0.55", linewidth=2.6, label="data")
-        upper.plot(1e3 * t, fit.start[:, i], "--", color=COLOURS[1], linewidth=1, label="start")
-        upper.plot(1e3 * t, fit.model[:, i], color=COLOURS[0], linewidth=1.1, label="calibrated")
+        upper.plot(1e3 * t, own.scale * fit.data[:, i], color="0.55", linewidth=2.6, label="data")
+        start = own.scale * fit.start[:, i]
+        upper.plot(1e3 * t, start, "--", color=COLOURS[1], linewidth=1, label="start")
+        model = own.scale * fit.model[:, i]
+        upper.plot(1e3 * t, model, color=COLOURS[0], linewidth=1.1, label="calibrated")
         upper.axvspan(
             1e3 * t[0], 1e3 * fit.first_waves[i], color=COLOURS[2], alpha=0.08, linewidth=0,
             label="first waves",
         )  # fmt: skip
-        upper.set_ylabel(f"sphere {sphere}\nvelocity [m/s]")
-        left = 1e3 * (fit.data[:, i] - fit.model[:, i])
+        upper.set_ylabel(own.words)
+        left = own.residual_scale * (fit.data[:, i] - fit.model[:, i])
         lower.plot(1e3 * t, left, color="black", linewidth=0.6)
-        lower.set_ylabel("residual\n[mm/s]")
+        lower.set_ylabel(own.residual)
         frame(upper)
         frame(lower)
     name_curves(panels[0], "above")

@@ -85,9 +85,10 @@ def _samples(found) -> dict[str, np.ndarray]:
 
 
 def _signals_csv(found) -> str:
-    names = [str(n + 1) for n in found.signals.spheres]
-    head = [f"{what} sphere {n} [m/s]" for what in ("data", "start", "model") for n in names]
-    fit = found.fit
-    table = np.column_stack([found.signals.t, fit.data, fit.start, fit.model])
+    fit, signals, units = found.fit, found.signals, found.report.units
+    names = [f"{n} [{units[n][0]}]" if units else f"sphere {n} [m/s]" for n in signals.names]
+    head = [f"{what} {name}" for what in ("data", "start", "model") for name in names]
+    scale = signals.channels.scale if signals.channels else 1.0
+    table = np.column_stack([signals.t, *(scale * y for y in (fit.data, fit.start, fit.model))])
     rows = [",".join(f"{x:.9g}" for x in row) for row in table]
     return _face(found.report) + "\n".join([",".join(["time [s]", *head]), *rows, ""])

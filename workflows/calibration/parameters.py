@@ -218,6 +218,8 @@ def calibrated_scene(
                 scene = scene.but(striker={"velocity": x, "drop": None})
             case "frequency" | "mass":
                 scene = scene.but(wall={p.kind: x})
+            case "gain":
+                scene = _with_gain(scene, p.name.removeprefix("gain "), p.index * x)
             case "damping" if isinstance(scene.wall, OneDofWall):
                 scene = scene.but(wall={"damping_ratio": x})
             case "damping":
@@ -227,3 +229,10 @@ def calibrated_scene(
     if any(p.kind == "contact" for p in found):
         return scene.but(contact={"stiffness_factor": tuple(map(float, factors))})
     return scene
+
+
+def _with_gain(scene: Scene, name: str, gain: float) -> Scene:
+    """The scene with the gain of its sensors of this name."""
+    own = scene.output.sensors or ()
+    sensors = tuple(one.but(gain=gain) if one.gain == name else one for one in own)
+    return scene.but(output={"sensors": sensors or None})

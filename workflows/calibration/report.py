@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from coupling.calibration.calibration import Calibration
 from coupling.calibration.parameters import Parameter
 from coupling.calibration.search import decisive
+from coupling.calibration.signals import Signals
 from workflows.files.velocities import SYNTHETIC
 from workflows.results.tables import LINE, aligned_text
 from workflows.scene import OneDofWall, Scene
@@ -68,6 +69,7 @@ class CalibrationReport(BaseModel):
     start_misfit_m_s: dict[str, float]
     held_out_m_s: dict[str, float]
     noise_m_s: float | None
+    units: dict[str, tuple[str, float]] = {}  # of sensors' signals, and what 1 m/s stands for
     repeats: int
     trigger_s: float
     combinations: list[str]
@@ -82,12 +84,12 @@ class CalibrationReport(BaseModel):
     def text(self) -> str:
         """A table, and sentences on lines that a terminal holds."""
         spheres = [
-            f"{'sphere ' + n:>16} misfit {1e3 * x:.4g} mm/s, at the start "
-            f"{1e3 * self.start_misfit_m_s[n]:.4g} mm/s"
+            f"{self._named(n):>16} misfit {self._shown(n, x)}, at the start "
+            f"{self._shown(n, self.start_misfit_m_s[n])}"
             for n, x in self.misfit_m_s.items()
         ]
         held = [
-            f"{'sphere ' + n:>16} misfit {1e3 * x:.4g} mm/s, held out"
+            f"{self._named(n):>16} misfit {self._shown(n, x)}, held out"
             for n, x in self.held_out_m_s.items()
         ]
         face = [SYNTHETIC] if self.synthetic else []
@@ -95,6 +97,14 @@ class CalibrationReport(BaseModel):
         cost = f"{sum(s['evaluations'] for s in self.stages)} model runs in {self.seconds:.2f} s"
         table = _table(self.parameters)
         return "\n".join([*face, table, "", *spheres, *held, "", cost, *told])
+
+    def _named(self, signal: str) -> str:
+        return signal if signal in self.units else f"sphere {signal}"
+
+    def _shown(self, signal: str, misfit: float) -> str:
+        """A misfit [m/s] in the signal's own unit."""
+        unit, scale = self.units.get(signal, ("mm/s", 1e3))
+        return f"{scale * misfit:.4g} {unit}"
 
 
 def _table(rows: list[ParameterRow]) -> str:
@@ -118,7 +128,7 @@ def _cells(row: ParameterRow, sampled: bool, known: bool) -> tuple:
 
 def report_of(scene, source, measured, fit, signals, noise, left_out) -> CalibrationReport:
     """The report of a fit; `left_out` is the misfit [m/s] of spheres held out."""
-    names = [str(n + 1) for n in signals.spheres]
+    names, channels = signals.names, signals.channels
     triggers = [x for p, x in zip(fit.parameters, fit.value, strict=True) if p.kind == "trigger"]
     return CalibrationReport(
         scene=scene.name,
@@ -130,6 +140,12 @@ def report_of(scene, source, measured, fit, signals, noise, left_out) -> Calibra
         start_misfit_m_s=dict(zip(names, map(float, fit.start_misfit), strict=True)),
         held_out_m_s=left_out,
         noise_m_s=noise,
+        units={
+            name: (unit, float(scale))
+            for name, unit, scale in zip(names, channels.units, channels.scale, strict=True)
+        }
+        if channels
+        else {},
         repeats=signals.repeats,
         trigger_s=float(triggers[0]) if triggers else 0.0,
         combinations=_combinations(fit),
@@ -137,7 +153,7 @@ def report_of(scene, source, measured, fit, signals, noise, left_out) -> Calibra
         scan_hz=[] if fit.scan is None else list(map(float, fit.scan.value)),
         scan_misfit_m_s=[] if fit.scan is None else list(map(float, fit.scan.misfit)),
         seconds=0.0,
-        remarks=list(_remarks(scene, fit, noise, signals.repeats)),
+        remarks=list(_remarks(scene, fit, noise, signals)),
     )
 
 
@@ -170,7 +186,12 @@ def _combinations(fit: Calibration) -> list[str]:
     ]
 
 
-def _remarks(scene: Scene, fit: Calibration, noise: float | None, repeats: int):
+def _remarks(scene: Scene, fit: Calibration, noise: float | None, signals: Signals):
+    repeats = signals.repeats
+    if signals.channels:
+        each = zip(signals.names, signals.channels.units, signals.channels.scale, strict=True)
+        told = ", ".join(f"{scale:.3g} {unit} of {name}" for name, unit, scale in each)
+        yield f"Signals are fitted as the velocities of their spheres: 1 m/s stands for {told}."
     yield from _on_misfit(fit, noise, repeats)
     yield from _on_combinations(fit)
     for stage in fit.stages:

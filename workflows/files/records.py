@@ -1,24 +1,40 @@
-"""Records of any sensors, as `beadwave impact` writes them: CSV with a quantity in each column.
+"""Records of any sensors, as `beadwave impact` writes them: CSV with a quantity in each column,
+or .mat with y (k, m) or (k, m, repeats) and the texts quantity and unit, the rest as velocities.
 
     time [us], sphere 9 force [mN], sphere 9 force [mN], sphere 4 velocity [mm/s]
 
 The quantity is force, force-rate, velocity or displacement; [V] or [mV] is a voltage whose gain the
 scene's sensor says, or that nobody knows. Columns that come twice are repeats: they are laid over
-each other and averaged. A column without a quantity is a velocity.
+each other and averaged. A column without a quantity is what its unit measures, in volts a velocity.
 """
 
 from pathlib import Path
-from re import fullmatch
+from re import fullmatch, split
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from coupling.calibration.signals import aligned
-from workflows.files.velocities import SYNTHETIC, read_csv
+from workflows.files.foreign import arrays
+from workflows.files.velocities import (
+    SYNTHETIC,
+    Record,
+    equidistant,
+    mat_columns,
+    read_csv,
+    record,
+    require_variables,
+    stacked,
+    text_of,
+    told_of,
+)
 from workflows.scene import InvalidScene
+from workflows.scene.existing import require_file
 from workflows.scene.sensors import KINDS
 from workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
+
+HEADING = r"sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"
 
 
 class Channel(NamedTuple):
@@ -48,7 +64,7 @@ class Recorded(NamedTuple):
 
 def recorded(path: Path) -> Recorded:
     """The signals of a file; raises InvalidScene where it holds none that can be used."""
-    t, channels, v, title = read_csv(path, _column)
+    t, channels, v, title = _channels(path)
     laid = aligned(t, v, tuple(range(len(channels))))
     if laid.outliers:
         raise InvalidScene(
@@ -59,18 +75,72 @@ def recorded(path: Path) -> Recorded:
     return Recorded(t, mean.v, channels, mean.spread, mean.repeats, path.name, synthetic)
 
 
+def measured(path: Path) -> Record:
+    """Velocities or signals of any sensors, all repeats; raises InvalidScene."""
+    if not _holds_channels(path):
+        return record(path)
+    t, channels, y, title = _channels(path)
+    return Record(t, y, tuple(c.sphere for c in channels), title, channels)
+
+
+def _channels(path: Path):
+    """t, channels, values (r, k, m) and title of a file."""
+    return _read_mat(path) if _is_mat(path) else read_csv(path, _column)
+
+
+def _is_mat(path: Path) -> bool:
+    return path.suffix.lower() == ".mat"
+
+
+def _holds_channels(path: Path) -> bool:
+    """Whether a file that there is holds anything but velocities."""
+    if not path.is_file() or path.suffix.lower() not in (".csv", ".mat"):
+        return False
+    if _is_mat(path):
+        with told_of(path):
+            return "quantity" in arrays("matlab", path, "quantity")
+    lines = path.read_bytes()[:100_000].decode("utf-8", "replace").splitlines()
+    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    return any(_is_channel(name.strip()) for name in split(r"[,;\t]", header))
+
+
+def _is_channel(name: str) -> bool:
+    found = fullmatch(HEADING, name)
+    if not found or found[2]:
+        return bool(found)
+    try:
+        channel, _ = _column(name)
+    except ValueError:
+        return False
+    return channel.in_volts or channel.quantity != "velocity"
+
+
+def _read_mat(path: Path):
+    require_file(path, "give a record as .csv or .mat")
+    needed = ("t", "y", "spheres", "time_unit", "quantity", "unit")
+    with told_of(path):
+        held = require_variables(arrays("matlab", path, *needed, "title"), needed)
+        quantity, unit = text_of(held, "quantity"), text_of(held, "unit")
+        t, columns, title = mat_columns(path, held, "y")
+        named = ((_column(f"sphere {n} {quantity} [{unit}]"), y) for n, y in columns)
+        t = equidistant(t)
+        return t, *stacked(t, [(channel, scale * y) for (channel, scale), y in named]), title
+
+
 def _column(name: str) -> tuple[Channel, float]:
-    found = fullmatch(r"sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]", name)
+    found = fullmatch(HEADING, name)
     if not found or (found[2] or "velocity") not in KINDS:
         raise ValueError(
             f"a column is {name[:40]!r}, allowed is 'sphere 9 force [mN]', with its unit; the "
             f"quantity is one of {', '.join(KINDS)}"
         )
-    quantity, unit = found[2] or "velocity", found[3].strip()
-    for in_volts, kind in enumerate((KINDS[quantity], VOLTAGE)):
-        try:
-            return Channel(int(found[1]), quantity, bool(in_volts)), in_si(f"1 {unit}", kind)
-        except NoSuchQuantity:
-            continue
+    unit = found[3].strip()
+    for quantity in (found[2],) if found[2] else ("velocity", *KINDS):
+        for in_volts, kind in enumerate((KINDS[quantity], VOLTAGE)):
+            try:
+                return Channel(int(found[1]), quantity, bool(in_volts)), in_si(f"1 {unit}", kind)
+            except NoSuchQuantity:
+                continue
+    quantity = found[2] or "velocity"
     units = ", ".join((KINDS[quantity].unit, *KINDS[quantity].others, "V", "mV"))
     raise ValueError(f"the unit of {quantity} is {unit!r}, allowed are {units}")

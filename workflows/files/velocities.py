@@ -39,6 +39,7 @@ class Record(NamedTuple):
     v: NDArray[np.float64]  # (r, k, m) [m/s]
     spheres: tuple[int, ...]  # (m,) counted from 1, ascending
     title: str
+    channels: tuple[Any, ...] | None = None  # what v holds where that is no velocities [SI]
 
 
 def record(path: Path) -> Record:
@@ -49,8 +50,8 @@ def record(path: Path) -> Record:
     require_file(path, "give measured velocities as .csv, .mat or .uff")
     with told_of(path):
         t, columns, title = read(path)
-        t = _equidistant(t)
-        spheres, v = _stacked(t, columns)
+        t = equidistant(t)
+        spheres, v = stacked(t, columns)
         return Record(t, v, spheres, title)
 
 
@@ -64,7 +65,7 @@ def read_csv(path: Path, column: Callable[[str], tuple[Any, float]]):
     require_file(path, "give a record as .csv")
     with told_of(path):
         t, columns, title = _csv(path, column)
-        return _equidistant(t), *_stacked(t, columns), title
+        return equidistant(t), *stacked(t, columns), title
 
 
 @contextmanager
@@ -130,10 +131,16 @@ def _unit(text: str, known: dict[str, float], what: str) -> float:
 
 
 def _mat(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
-    held = _matlab(path)
-    second = _unit(_text(held, "time_unit"), SECONDS, "t")
-    metre = _unit(_text(held, "velocity_unit"), METRES, "v")
-    t, v = np.ravel(_numeric(held, "t")), _numeric(held, "v")
+    held = _matlab(path, ("t", "v", "spheres", "time_unit", "velocity_unit"))
+    metre = _unit(text_of(held, "velocity_unit"), METRES, "v")
+    t, columns, title = mat_columns(path, held, "v")
+    return t, [(n, metre * values) for n, values in columns], title
+
+
+def mat_columns(path: Path, held: dict, name: str) -> tuple[NDArray[np.float64], Columns, str]:
+    """t (k,) [s], what each sphere has in the variable of this name, and the title."""
+    second = _unit(text_of(held, "time_unit"), SECONDS, "t")
+    t, v = np.ravel(_numeric(held, "t")), _numeric(held, name)
     spheres = np.ravel(_numeric(held, "spheres"))
     if np.any(spheres != np.round(spheres)):
         raise ValueError(f"spheres are {spheres.tolist()}, whole numbers are needed")
@@ -141,17 +148,22 @@ def _mat(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
     if v.shape == (1, len(t)) and len(spheres) == 1:
         v = v.T
     if v.ndim not in (2, 3) or v.shape[:2] != wanted:
-        raise ValueError(f"v is {v.shape}, {wanted[0]} times of {wanted[1]} spheres are {wanted}")
+        raise ValueError(
+            f"{name} is {v.shape}, {wanted[0]} times of {wanted[1]} spheres are {wanted}"
+        )
     v = v.reshape(*wanted, -1)
     repeats = range(v.shape[2])
-    columns = [(int(n), metre * v[:, i, r]) for r in repeats for i, n in enumerate(spheres)]
-    return second * t, columns, _text(held, "title") if "title" in held else path.stem
+    columns = [(int(n), v[:, i, r]) for r in repeats for i, n in enumerate(spheres)]
+    return second * t, columns, text_of(held, "title") or path.stem
 
 
-def _matlab(path: Path) -> dict:
+def _matlab(path: Path, needed: tuple[str, ...]) -> dict:
     """The variables of a .mat file that are asked for."""
-    needed = ("t", "v", "spheres", "time_unit", "velocity_unit")
-    held = arrays("matlab", path, *needed, "title")
+    return require_variables(arrays("matlab", path, *needed, "title"), needed)
+
+
+def require_variables(held: dict, needed: tuple[str, ...]) -> dict:
+    """The variables; raises ValueError where one is not there."""
     for name in needed:
         if name not in held:
             raise ValueError(f"there is no variable {name}, which states what is in the file")
@@ -165,9 +177,11 @@ def _numeric(held: dict, name: str) -> NDArray[np.float64]:
     return value.astype(float)
 
 
-def _text(held: dict, name: str) -> str:
-    value = held[name]
-    return str(value.ravel()[0]) if value.dtype.kind == "U" and value.size == 1 else ""
+def text_of(held: dict, name: str) -> str:
+    """A variable that is a text; empty where it is none."""
+    value = held.get(name)
+    is_text = value is not None and value.dtype.kind == "U" and value.size == 1
+    return str(value.ravel()[0]) if is_text else ""
 
 
 def _uff(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
@@ -196,7 +210,7 @@ def _label(data_set: dict, key: str) -> str:
     return "" if text.upper() == "NONE" else text
 
 
-def _equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
+def equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
     """Times on an even grid; raises ValueError where they leave it."""
     if not np.isfinite(t).all():
         raise ValueError(f"the time of sample {int(np.argmin(np.isfinite(t))) + 1} is no number")
@@ -220,7 +234,7 @@ def _equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
     return even
 
 
-def _stacked(t: NDArray[np.float64], columns) -> tuple[tuple, NDArray[np.float64]]:
+def stacked(t: NDArray[np.float64], columns) -> tuple[tuple, NDArray[np.float64]]:
     """What the columns hold, in order, and their values (r, k, m)."""
     each: dict[Any, list] = {}
     for key, values in columns:
