@@ -257,6 +257,24 @@ def test_a_joint_whose_first_name_fits_both_bodies_keeps_their_order():
     assert joint.first.face.startswith("foot-2:") and joint.second.face.startswith("foot:")
 
 
+CORNER = """
+assembly = { held = ["foot:-z", "head:+x"], material = "steel", touching = "tied" }
+materials.steel = { young = 210e9, poisson = 0.3, density = 7850.0 }
+bodies.foot = { box = [0.04, 0.04, 0.02], seed = 0.02 }
+bodies.head = { box = [0.04, 0.04, 0.02], at = [0.0, 0.0, 0.02], seed = 0.02 }
+"""
+
+
+def test_nodes_that_a_tie_and_a_support_ask_for_are_told(capsys):
+    """The edge of 40 mm where the head's held side meets the tie: 5 nodes of 2 elements."""
+    (Path("corner.toml")).write_text(CORNER)
+    assert beadwave("modes", "corner.toml") == 0
+    assert "5 nodes of the tie" in capsys.readouterr().out
+    Path("corner.toml").write_text(CORNER.replace(', "head:+x"', ""))
+    assert beadwave("modes", "corner.toml", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["warnings"] == []
+
+
 def test_the_rig_of_its_step_file_has_the_modes_of_the_rig(capsys):
     """Both on elements 1.7 times as large; at their own the four modes lie within 0.25 %."""
     assert beadwave("modes", "rig-rom", "--step=rig.step") == 0

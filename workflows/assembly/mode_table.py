@@ -5,6 +5,7 @@ from pydantic import BaseModel
 
 from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Pipeline
+from workflows.pipeline.warnings import overconstrained
 from workflows.results import plots
 from workflows.results.tables import aligned_text
 from workflows.scene import InvalidScene
@@ -42,6 +43,7 @@ class ModeTable(BaseModel):
     scene: str
     rows: list[ModeRow]
     load_factor: float | None = None  # static load over that which buckles the structure
+    warnings: list[str] = []
 
     def text(self) -> str:
         """Aligned lines."""
@@ -49,7 +51,7 @@ class ModeTable(BaseModel):
         table = aligned_text(head, map(_cells, self.rows))
         told = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
-        return "\n".join([table, "", told, load]).rstrip()
+        return "\n".join([table, "", *filter(None, (told, load, *self.warnings))])
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:
@@ -62,7 +64,12 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         _row(j, hz, participation[j], tested.get(j), scene.measured_hz, modes.score, mac[j])
         for j, hz in enumerate(modes.omega / (2 * np.pi))
     ]
-    return ModeTable(scene=scene.name, rows=rows, load_factor=modes.load_factor)
+    return ModeTable(
+        scene=scene.name,
+        rows=rows,
+        load_factor=modes.load_factor,
+        warnings=list(overconstrained(modes.overconstrained)),
+    )
 
 
 def mac_picture(pipeline: Pipeline) -> Picture:

@@ -11,6 +11,7 @@ from skfem import Mesh
 import fem
 import fem.tuning
 import geometry
+from fem.constraints import Overconstrained
 from fem.correlation import RIGID
 from workflows.files import mesh as mesh_file
 from workflows.files.mode_field import ModeField
@@ -37,6 +38,7 @@ class AssemblyModes(NamedTuple):
     effective_mass: NDArray[np.float64]  # (k, 3) share of the mass along x, y, z
     field: ModeField  # all up to the highest target, or the lowest ones where there are none
     load_factor: float | None = None  # static load over that which buckles it; None where unloaded
+    overconstrained: tuple[Overconstrained, ...] = ()  # what two constraints asked for
 
     @property
     def paired_hz(self) -> dict[str, float]:
@@ -180,6 +182,7 @@ def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
         model.M.shape[0],
         fem.effective_mass(model, found.phi),
         _field(model, found, paired),
+        overconstrained=model.overconstrained,
     )
 
 

@@ -113,6 +113,7 @@ def summary_of(pipeline: Pipeline, told: tuple[str, ...] = (), origin: Origin = 
     found |= _model_numbers(pipeline)
     if needs_structure(scene):
         told += found["reduction"].findings
+        told += warnings.overconstrained(pipeline("modes").overconstrained)
     return Summary(
         scene=scene.name,
         command=origin.command,

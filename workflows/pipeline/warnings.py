@@ -5,7 +5,7 @@ Each function yields sentences on the one thing that its name says.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import ceil, isnan
 from typing import TYPE_CHECKING
 
@@ -23,7 +23,8 @@ from workflows.pipeline.waves import ChainWaves
 from workflows.scene import DashpotWall, RomWall, Scene
 
 if TYPE_CHECKING:
-    import rom  # a run without a reduced model does not load it
+    import rom  # a run without a reduced model does not load it, nor finite elements
+    from fem.constraints import Overconstrained
 
 LARGE = 0.1  # error of the velocities, over the striker's
 CURES = {
@@ -75,6 +76,15 @@ def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[st
             f"The contact with the curved wall grows {2e3 * half:.2g} mm long, "
             f"{half / sphere:.2g} of the sphere's radius to either side, where Hertz' law asks for "
             f"less than {SMALL_CONTACT:g}; reduce striker.velocity, or strike a flatter face."
+        )
+
+
+def overconstrained(twice: Sequence[Overconstrained]) -> Iterator[str]:
+    """Nodes that two constraints ask for: the first holds them."""
+    for slaves, dropped, kept in twice:
+        yield (
+            f"{len(set(slaves // 3))} nodes of {dropped} are held by {kept} as well, which alone "
+            "holds them; let the two faces end apart, or drop one of the two."
         )
 
 
