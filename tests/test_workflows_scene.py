@@ -44,6 +44,20 @@ def test_a_built_in_scene_says_where_its_numbers_come_from(name):
             assert any(word in line for word in ("thesis", "inferred", "assumed")), line
 
 
+@pytest.mark.parametrize("name", built_in())
+def test_the_first_line_of_a_built_in_scene_is_a_sentence_of_its_own(name):
+    first = built_in()[name].splitlines()[0]
+    assert re.fullmatch(r"# [A-Z].*\.", first), first
+
+
+def test_fewer_spheres_than_are_watched_are_refused_with_what_works():
+    with pytest.raises(InvalidScene) as refused:
+        scene("rig-rigid", ("chain.count=9",))
+    change = re.search(r'--set (output\.spheres)="(.*?)"', str(refused.value))
+    found = scene("rig-rigid", ("chain.count=9", f"{change[1]}={change[2]}"))
+    assert found.output.spheres == (1, 4, 9)
+
+
 SOURCED = {"count", "radius", "density", "young", "poisson", "velocity", "frequency", "mass"} | {
     "coefficient", "duration", "spheres", "point", "ratio", "damping_ratio", "block_x", "block_y",
 }  # fmt: skip

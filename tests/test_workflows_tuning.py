@@ -6,7 +6,16 @@ import sys
 import numpy as np
 import pytest
 
-from workflows.assembly.tuning import _from, _targeted, freed, loosened, targets, tuned, usual
+from workflows.assembly.tuning import (
+    _from,
+    _targeted,
+    _unit,
+    freed,
+    loosened,
+    targets,
+    tuned,
+    usual,
+)
 from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
@@ -28,6 +37,11 @@ def silent(name):
     from contextlib import nullcontext
 
     return nullcontext()
+
+
+def test_values_found_bear_a_unit_or_say_of_what_they_are_a_factor():
+    names = ("head.ky", "joints.cover.krz", "block.young", "materials.steel.density")
+    assert [*map(_unit, names)] == ["N/m", "N m/rad", "of the rest's", "of the scene's"]
 
 
 def test_targets_are_hammer_test_modes_or_frequencies_of_ones_own():

@@ -65,7 +65,8 @@ class Look(BaseModel):
     def text(self) -> str:
         """Aligned lines."""
         unit = f", lengths in {self.unit}" if self.unit else ""
-        lines = [f"{self.name}: {len(self.bodies)} bodies{unit}", ""]
+        n = len(self.bodies)
+        lines = [f"{self.name}: {n} bod{'y' if n == 1 else 'ies'}{unit}", ""]
         head = ("body", "sides [mm]", "mass [kg]", "dofs", "material")
         lines += [aligned_text(head, map(_body_cells, self.bodies))]
         if self.touching:

@@ -29,6 +29,13 @@ DISAGREEMENT = 1e-3  # of the full model and the projection, relative
 LARGEST_MISS = 0.05  # relative: three times what the thesis' own matches miss, table 5.3
 
 
+def _unit(name: str) -> str:
+    """Of a stiffness; of a material's value what it is a factor of."""
+    if name.endswith(of_bodies.MATERIAL):
+        return "of the rest's" if name.startswith("block.") else "of the scene's"
+    return "N m/rad" if ".kr" in name else "N/m"
+
+
 class TuningReport(BaseModel):
     """What was fitted, what came out, and how far to believe it."""
 
@@ -48,7 +55,7 @@ class TuningReport(BaseModel):
         """Aligned lines, then sentences."""
         head = ("mode", "wanted", "fitted", "full model", "MAC")
         modes = aligned_text(head, map(self._mode, self.modes_hz))
-        values = aligned_text(("joint", "stiffness", ""), map(self._value, self.stiffness))
+        values = aligned_text(("value", "fitted", "", ""), map(self._value, self.stiffness))
         cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
         return "\n".join([modes, "", values, "", cost, *self.remarks])
 
@@ -60,7 +67,7 @@ class TuningReport(BaseModel):
     def _value(self, name: str) -> tuple:
         spread = self.deviation[name]
         seen = "not determined by these modes" if spread is None else f"+- {100 * spread:.2g} %"
-        return name, f"{self.stiffness[name]:.5g}", seen
+        return name, f"{self.stiffness[name]:.5g}", _unit(name), seen
 
     @property
     def failures(self) -> list[str]:

@@ -253,12 +253,13 @@ def _at_rest(scene: Scene):
 
 
 def _unseen_spheres(scene: Scene):
-    for sphere in scene.output.spheres:
-        if sphere > scene.chain.count:
-            yield (
-                f"output.spheres has {sphere}, allowed are 1 to chain.count = {scene.chain.count}; "
-                "drop it or add spheres."
-            )
+    seen, count = scene.output.spheres, scene.chain.count
+    if seen and max(seen) > count:
+        others = sorted({min(sphere, count) for sphere in seen})
+        yield (
+            f"output.spheres has {max(seen)}, allowed are 1 to chain.count = {count}; set it too, "
+            f'--set output.spheres="{others}", or add spheres.'
+        )
 
 
 def _sensors(scene: Scene):

@@ -18,7 +18,7 @@ from workflows.sweep.effects import Effects, effects_table, sobol_effects
 from workflows.sweep.rows import DONE, TEXT
 from workflows.sweep.store import ABOUT, SIGNALS, TABLE
 
-SHOWN = 20  # cases of a table on a terminal
+SHOWN = 40  # cases of a table on a terminal
 MAIN = ("tof_s", "arr")
 Array = np.ndarray
 
