@@ -12,7 +12,7 @@ from workflows.files.hammer import HAMMER
 from workflows.files.run_folder import Picture, write_pictures
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
-from workflows.scene.existing import require_file
+from workflows.scene.named_files import require_file
 from workflows.scene.parts import with_assembly
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from workflows.files.run_folder import checked_file
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.existing import require_file
+from workflows.scene.named_files import require_file
 from workflows.scene.parts import with_assembly, with_targets
 from workflows.scene.scene import LONGEST_NAME
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from workflows.files.run_folder import checked_file, writing_file
 from workflows.files.uff import data_sets, pyuff
 from workflows.scene import InvalidScene
-from workflows.scene.existing import require_file
+from workflows.scene.named_files import require_file
 
 RESPONSE = 4  # UFF58's function type of a frequency response
 HAMMER = "give a hammer test as .csv or .uff"

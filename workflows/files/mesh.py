@@ -18,7 +18,7 @@ import geometry
 from geometry import Assembly, CellGroup, Interface
 from workflows.files.foreign import Unreadable, arrays
 from workflows.scene import InvalidScene, nearest
-from workflows.scene.existing import require_file
+from workflows.scene.named_files import require_file
 
 KINDS = {4: MeshTet, 8: MeshHex}  # by the corners of a cell
 CELLS = {4: "tetrahedra", 5: "pyramids", 6: "prisms", 8: "hexahedra"}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from workflows.scene import InvalidScene, RomWall, Scene, nearest
-from workflows.scene.existing import require_file
+from workflows.scene.named_files import require_file
 from workflows.scene.toml import Change, changed, parsed, resolved
 
 # values by dotted keys, or texts "key=value" as --set takes them

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from workflows.files.foreign import Unreadable
 from workflows.files.uff import data_sets
 from workflows.scene import InvalidScene
-from workflows.scene.existing import require_file
+from workflows.scene.named_files import require_file
 
 ENDINGS = (".uff", ".unv")
 POINTS, UNITS, SHAPE, RESPONSE = (15, 2411), 164, 55, 58

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from workflows.files.foreign import arrays
 from workflows.files.uff import data_sets
 from workflows.scene import InvalidScene
-from workflows.scene.existing import require_file
+from workflows.scene.named_files import require_file
 
 SYNTHETIC = "SYNTHETIC: computed, not measured"
 TIME_RESPONSE = 1  # UFF58's function type

@@ -221,7 +221,7 @@ class Pipeline:
         self._kept = memory.cache(_result, ignore=["pipeline"])
         self._progress = progress
         self._spent = 0.0  # s, on all stages so far
-        self.beside: Any = None  # a second process that computes stages, see `aside`
+        self.beside: Any = None  # a second process that computes stages, see `second_process`
 
     def __call__(self, name: str) -> Any:
         """The result of a stage."""

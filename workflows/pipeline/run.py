@@ -9,7 +9,6 @@ import dem
 from coupling import CoupledWall
 from workflows.files.run_folder import RunFolder, write_pictures
 from workflows.pipeline import warnings
-from workflows.pipeline.aside import IMPACT, RUN, two_processes
 from workflows.pipeline.chain import contact_radius
 from workflows.pipeline.impact import require_start, save_trajectory
 from workflows.pipeline.pipeline import (
@@ -18,6 +17,7 @@ from workflows.pipeline.pipeline import (
     library_versions,
     needs_structure,
 )
+from workflows.pipeline.second_process import IMPACT, RUN, two_processes
 from workflows.pipeline.waves import chain_contact, sphere_waves
 from workflows.results.provenance import UNKNOWN, Origin
 from workflows.results.report import CAPTIONS, write_report

@@ -22,7 +22,7 @@ from workflows.results.numbers import difference, figures, grouped, percent, sha
 from workflows.results.page_data import page_data
 from workflows.results.summary import Summary
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.existing import unfit
+from workflows.scene.named_files import unfit
 
 CAPTIONS = {
     "velocities": "Velocities of the observed spheres, positive towards the wall; i marks the "

@@ -4,10 +4,10 @@ from math import isinf
 from pathlib import Path
 
 from workflows.scene import DashpotWall, ModalDamping, RayleighDamping, RomWall, Scene
-from workflows.scene.existing import unfit
+from workflows.scene.body_contradictions import of_bending, of_bodies, of_the_rig
 from workflows.scene.gravity import of_gravity
+from workflows.scene.named_files import unfit
 from workflows.scene.size import too_large
-from workflows.scene.structure import of_bending, of_bodies, of_the_rig
 
 LEAST_YIELD = 1e-6  # pressure over Young's modulus; lead has a thousandth
 SOFTEST = 1e6  # [Pa] Young's modulus of a body of finite elements

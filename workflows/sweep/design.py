@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflows.scene import InvalidScene
-from workflows.scene.existing import require_file
+from workflows.scene.named_files import require_file
 
 MOST_CASES = 10_000_000  # rows of a table that a laptop still holds
 SAMPLES = ("lhs", "sobol")

@@ -12,7 +12,7 @@ from workflows.files.run_folder import Picture
 from workflows.results import tables
 from workflows.results.tables import Table
 from workflows.scene import InvalidScene, nearest
-from workflows.scene.existing import unfit
+from workflows.scene.named_files import unfit
 from workflows.sweep.design import Design
 from workflows.sweep.effects import Effects, effects_table, sobol_effects
 from workflows.sweep.rows import DONE, TEXT

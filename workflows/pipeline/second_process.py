@@ -68,7 +68,7 @@ def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     environ.setdefault("MKL_NUM_THREADS", str(len(sched_getaffinity(0)) // 2))
     with TemporaryDirectory() as folder:
         Path(folder, "work").write_bytes(dumps((pipeline.scene, missing)))
-        with while_open("workflows.pipeline.aside", folder) as process:
+        with while_open("workflows.pipeline.second_process", folder) as process:
             pipeline.beside = Beside(Path(folder), process, missing)
             try:
                 yield

@@ -8,7 +8,7 @@ import pytest
 
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
-from workflows.pipeline import aside
+from workflows.pipeline import second_process
 from workflows.pipeline.pipeline import pipeline_of
 from workflows.pipeline.run import impact
 
@@ -40,7 +40,7 @@ def two(monkeypatch, tmp_path):
     monkeypatch.setenv("BEADWAVE_PROCESSES", "2")
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("MKL_NUM_THREADS", "1")
-    monkeypatch.setattr(aside, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(second_process, "sched_getaffinity", lambda _: {0, 1})
 
 
 def ran(rig, folder):
@@ -64,8 +64,8 @@ def test_two_processes_give_the_numbers_of_one_bit_for_bit(assembly, two, tmp_pa
         begun.append(arguments)
         return open_one(*arguments)
 
-    open_one = aside.while_open
-    monkeypatch.setattr(aside, "while_open", noted)
+    open_one = second_process.while_open
+    monkeypatch.setattr(second_process, "while_open", noted)
     found, stages = ran(assembly, tmp_path / "two")
     single, of_one = alone(assembly, tmp_path / "one", monkeypatch)
     assert len(begun) == 1
@@ -81,14 +81,14 @@ def test_what_another_process_does_not_finish_is_computed_by_the_run(rig, two, t
     (tmp_path / "work").mkdir()
     (tmp_path / "work" / "coarse-reduction").touch()  # begun by it, never ended
     pipeline = pipeline_of(rig, lambda name: nullcontext())
-    pipeline.beside = aside.Beside(tmp_path / "work", dead, aside.IMPACT)
+    pipeline.beside = second_process.Beside(tmp_path / "work", dead, second_process.IMPACT)
     assert pipeline("coarse-reduction").w.size
     (report,) = pipeline.reports
     assert report.name == "coarse-reduction" and not report.cached
 
 
 def test_a_stage_is_computed_by_one_process_only(tmp_path):
-    assert [aside._taken(tmp_path, "modes") for _ in range(3)] == [True, False, False]
+    assert [second_process._taken(tmp_path, "modes") for _ in range(3)] == [True, False, False]
 
 
 def test_a_second_process_waits_for_what_its_stage_needs(rig, two):
@@ -103,7 +103,7 @@ def test_a_second_process_waits_for_what_its_stage_needs(rig, two):
 def test_a_run_is_one_process_where_two_lack_something(lack, rig, two, monkeypatch):
     match lack:
         case "a core":
-            monkeypatch.setattr(aside, "sched_getaffinity", lambda _: {0})
+            monkeypatch.setattr(second_process, "sched_getaffinity", lambda _: {0})
         case "memory":
             monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 0.0)
         case "a cache":
@@ -113,5 +113,5 @@ def test_a_run_is_one_process_where_two_lack_something(lack, rig, two, monkeypat
         case "a chain":
             rig = rig.model_copy(update={"chain": None})
     pipeline = pipeline_of(rig, lambda name: nullcontext())
-    with aside.two_processes(pipeline, aside.IMPACT):
+    with second_process.two_processes(pipeline, second_process.IMPACT):
         assert pipeline.beside is None
