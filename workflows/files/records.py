@@ -30,7 +30,7 @@ from workflows.files.velocities import (
     told_of,
 )
 from workflows.scene import InvalidScene
-from workflows.scene.existing import require_file
+from workflows.scene.named_files import require_file
 from workflows.scene.sensors import KINDS
 from workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
 
