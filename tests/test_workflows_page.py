@@ -242,6 +242,26 @@ def test_a_wall_without_a_shape_is_stood_for(name, opened, tmp_path, monkeypatch
 
 
 @needs_browser
+def test_signals_of_sensors_are_drawn_by_unit(opened, tmp_path, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    sensors = "output.sensors=[{sphere=2}, {sphere=3}, {sphere=4, quantity='velocity'}]"
+    folder = run_of("rig-rigid", (*SMALL, sensors), tmp_path / "out")
+    assert (folder / "figures" / "signals.png").is_file()
+    page = opened(folder)
+    assert page.complaints == []
+    assert page.locator("figure[data-plot^=signals] canvas").count() == 2
+    with page.expect_download() as download:
+        page.click("figure[data-plot='signals N'] button.csv")
+    download.value.save_as(tmp_path / "force.csv")
+    head, *_ = (tmp_path / "force.csv").read_text().splitlines()
+    assert head == '"time [s]","force 2 [N]","force 3 [N]"'
+    table = np.loadtxt(tmp_path / "force.csv", delimiter=",", skiprows=1)
+    rows = np.loadtxt(folder / "signals.csv", delimiter=",", skiprows=2)
+    every = round(table[1, 0] / rows[1, 0])
+    np.testing.assert_allclose(table, rows[::every, :3], rtol=1e-6, atol=1e-5)
+
+
+@needs_browser
 def test_nothing_of_a_scene_runs_in_the_browser(opened, tmp_path, monkeypatch):
     """Names are escaped, and what were injected all the same is not allowed to run."""
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))

@@ -1,6 +1,7 @@
 """The stages that draw: kept like any other result, so that a repeated run draws nothing."""
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from workflows.results import plots
 from workflows.results.page_data import ledger
 from workflows.results.plots import Line, Panel
 from workflows.scene import Scene
+
+if TYPE_CHECKING:
+    from workflows.pipeline.signals import Recorded  # scipy's filters, a second
 
 
 def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, ...]:
@@ -33,23 +37,54 @@ def velocities(run, observed: Iterable[int], named: dict[int, tuple[Label, ...]]
               [Line(None, t, run.v[:, sphere - 1], "-", i, 1.2)])
         for i, sphere in enumerate(observed)
     ]  # fmt: skip
+    marks = [
+        [Mark(_name(one), one.arrival.time, one.arrival.peak_velocity) for one in labels]
+        for labels in (named.get(sphere, ()) for sphere in observed)
+    ]
+    return _marked(sets, marks, sharey=True)
+
+
+def signals(scene: Scene, found: "Recorded") -> Picture:
+    """What the sensors record, one panel each, the waves marked by their names."""
+    t, sensors = found.t, scene.output.sensors
+    sets = [
+        Panel("", "", f"{one.label}\n[{one.unit}]", [Line(None, 1e3 * t, y, "-", i, 1.2)])
+        for i, (one, y) in enumerate(zip(sensors, found.y.T, strict=True))
+    ]
+    marks = [
+        [Mark(_short(one.name), one.time, float(np.interp(one.time, t, y))) for one in waves]
+        for waves, y in zip(found.waves, found.y.T, strict=True)
+    ]
+    return Picture("signals", _marked(sets, marks))
+
+
+class Mark(NamedTuple):
+    """A name above or below a curve."""
+
+    name: str
+    time: float  # [s]
+    height: float
+
+
+def _marked(sets: list[Panel], marks: list[list[Mark]], *, sharey: bool = False) -> bytes:
+    """Panels over one time, with marks on each."""
     size = (8, 1.7 + 1 / len(sets))
-    figure, axes = plots.drawn(sets, size=size, sharex=True, sharey=True)
-    for sphere, axis in zip(observed, axes, strict=True):
+    figure, axes = plots.drawn(sets, size=size, sharex=True, sharey=sharey)
+    for axis, found in zip(axes, marks, strict=True):
         axis.margins(x=0.01, y=0.15)
-        for label in named.get(sphere, ()):
-            _mark(axis, label)
+        for mark in found:
+            up = 1 if mark.height > 0 else -1
+            axis.annotate(
+                mark.name, (1e3 * mark.time, mark.height), (0, 3 * up), fontsize=8, ha="center",
+                textcoords="offset points", va="bottom" if up > 0 else "top",
+            )  # fmt: skip
     axes[-1].set_xlabel("time [ms]")
     return plots.png(figure)
 
 
-def _mark(axis: plots.Axes, label: Label) -> None:
-    peak = label.arrival
-    up = 1 if peak.peak_velocity > 0 else -1
-    axis.annotate(
-        _name(label), (1e3 * peak.time, peak.peak_velocity), (0, 3 * up), fontsize=8, ha="center",
-        textcoords="offset points", va="bottom" if up > 0 else "top",
-    )  # fmt: skip
+def _short(name: str) -> str:
+    """As `_name`, of a wave's name in words."""
+    return name.replace("incident", "i").replace("i ", "i").replace("reflected ", "")
 
 
 def _name(wave: Label | WaveTrack) -> str:

@@ -167,6 +167,9 @@ IMPACT = {
     "record": Stage(
         ".signals:record", tables_of("output"), ("impact", "waves"), kept=False, listed=False
     ),
+    "signals": Stage(
+        ".figures:signals", tables_of("output"), ("record",), kept=False, listed=False
+    ),
 }
 
 

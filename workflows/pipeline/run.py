@@ -47,6 +47,8 @@ def run(pipeline: Pipeline, folder: RunFolder, *, origin: Origin = UNKNOWN) -> S
             if scene.chain:
                 _write_trajectory(pipeline, folder)
                 write_pictures(folder, pipeline("figures"))
+                if scene.output.sensors:
+                    write_pictures(folder, (pipeline("signals"),))
             summary = summary_of(pipeline, unrendered, origin)
         folder.write("summary.json", summary.text())
         write_report(folder)

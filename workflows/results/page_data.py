@@ -55,6 +55,8 @@ def page_data(folder: Path, summary: Summary) -> dict[str, Any]:
             "curves": _curves(scene, run),
             "waves": _waves(summary),
         }
+    if scene.output.sensors and (file := folder / "signals.csv").is_file():
+        data["signals"] = _signals(scene, np.loadtxt(file, delimiter=",", skiprows=2, ndmin=2))
     if reduced := reduced_model(folder, scene):
         data["assembly"] = _assembly(reduced, scene, run, summary)
     if response := arrays(folder / "response.npz"):
@@ -98,7 +100,6 @@ def _chain(scene: Scene, run: dict[str, NDArray]) -> dict[str, Any]:
 
 def _curves(scene: Scene, run: dict[str, NDArray]) -> dict[str, Any]:
     """Time histories in single precision: name, unit and values of each curve by plot."""
-    every = max(1, -(-len(run["t"]) // MOST_FRAMES))
     n = run["v"].shape[1]
     observed = scene.output.spheres or (1, n)
     plots = {"velocity": [(f"sphere {s}", "m/s", run["v"][:, s - 1]) for s in observed]}
@@ -107,8 +108,22 @@ def _curves(scene: Scene, run: dict[str, NDArray]) -> dict[str, Any]:
         moved = run["wall_x"] - run["wall_x"][0]
         plots["wall"] = [("displacement at the contact", "m", moved)] if moved.any() else []
     plots["energy"] = [(words, "J", values) for words, values in ledger(run)]
+    return _sampled(run["t"], plots)
+
+
+def _signals(scene: Scene, rows: NDArray[np.float64]) -> dict[str, Any]:
+    """Those of the sensors (k, 1 + m) after their instants; a plot for each unit."""
+    plots: dict[str, list] = {}
+    for sensor, y in zip(scene.output.sensors, rows.T[1:], strict=True):
+        plots.setdefault(f"signals {sensor.unit}", []).append((sensor.label, sensor.unit, y))
+    return _sampled(rows[:, 0], plots)
+
+
+def _sampled(t: NDArray[np.float64], plots: dict[str, list]) -> dict[str, Any]:
+    """Curves (name, unit, values at t) by plot, at as many instants as the page holds."""
+    every = max(1, -(-len(t) // MOST_FRAMES))
     return {
-        "dt": float(every * (run["t"][1] - run["t"][0])),
+        "dt": float(every * (t[1] - t[0])),
         "plots": {
             name: [{"name": w, "unit": u, "values": floats(v[::every])} for w, u, v in curves]
             for name, curves in plots.items()

@@ -8,7 +8,7 @@ import numpy as np
 from workflows.results.numbers import grouped, si
 from workflows.results.packing import unpacked
 from workflows.results.provenance import flat
-from workflows.results.rows import at_wall, budget, facts, reduction_rows
+from workflows.results.rows import at_wall, budget, facts, reduction_rows, sensed
 from workflows.results.summary import Summary
 from workflows.scene import (
     DashpotWall,
@@ -37,6 +37,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
     rows = scene_rows(scene, summary) if scene else []
     targets = [mode for mode in summary.modes if mode.target]
     plots = data.get("curves", {}).get("plots", {})
+    signals = data.get("signals", {}).get("plots", {})
     return {
         "has": {
             "chain": "chain" in data,
@@ -45,6 +46,13 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
             "wall": "force" in plots,
             "wall_motion": "wall" in plots,
             "response": "response" in data,
+        },
+        "signals": list(signals),
+        "signal_words": {
+            plot: " ".join(
+                f"{one['name']}: {sensed(summary.sensors[one['name']])}." for one in curves
+            )
+            for plot, curves in signals.items()
         },
         "facts": facts(summary),
         "targets": targets,

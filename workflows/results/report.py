@@ -27,6 +27,7 @@ from workflows.scene.named_files import unfit
 CAPTIONS = {
     "velocities": "Velocities of the observed spheres, positive towards the wall; i marks the "
     "incident wave, numbers the reflected ones.",
+    "signals": "What the sensors record; i marks the incident wave, numbers the reflected ones.",
     "waves": "Velocity of every sphere over time, linear near zero and logarithmic beyond. Dashed: "
     "the waves that were followed; i incident, numbers reflected.",
     "energies": "Energies of chain, contacts and wall since the start, and the error of their "

@@ -29,10 +29,12 @@ function marksOf(curves, marks) {
 
 function startCharts(clock) {
   for (const holder of document.querySelectorAll("figure[data-plot]")) {
-    const curves = data.curves?.plots[holder.dataset.plot];
-    if (!curves) continue;
-    const marks = holder.dataset.plot === "velocity" ? marksOf(curves, data.waves.marks) : [];
-    timeChart(holder, clock, data.curves.dt, curves, { marks });
+    const plot = holder.dataset.plot;
+    const source = [data.curves, data.signals].find((one) => one?.plots[plot]);
+    if (!source) continue;
+    const curves = source.plots[plot];
+    const marks = plot === "velocity" ? marksOf(curves, data.waves.marks) : [];
+    timeChart(holder, clock, source.dt, curves, { marks });
   }
   const response = document.querySelector("figure[data-response]");
   if (response && data.response) responseChart(response, data.response);
