@@ -431,6 +431,22 @@ def _kill_a_worker():
     return pids[0]
 
 
+def test_a_scheduler_that_ends_fails_no_case():
+    from distributed import LocalCluster
+
+    base = base_of("rig-rigid", SHORT | {"output.spheres": [1, 3]})
+    cases, found = grid(("chain.count=4,5,6,7,8,9,10,11",), number), []
+    other = LocalCluster(n_workers=1, processes=False, dashboard_address=None)
+    with (
+        pytest.raises(ValueError, match="goes on with the cases that are missing"),
+        engine(other.scheduler_address) as run,
+    ):
+        for parts in run(tasks.sharings(base, cases, list(range(8)), False)):
+            found += [status for part in parts for status in part.columns["status"]]
+            other.close()
+    assert found and set(found) == {"done"}
+
+
 def test_no_process_at_all_is_refused():
     with pytest.raises(InvalidScene, match="give at least 1"):
         beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, on=0)

@@ -5,6 +5,7 @@ cases are rows that say so.
 """
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from typing import Any
 
@@ -31,6 +32,9 @@ def engine(where: int | str) -> Iterator[Callable]:
         raise InvalidScene(f"on = {where} processes; give at least 1, or a scheduler's address.")
     try:
         import dask
+
+        # read by the next import: what Dask logs of lost connections are tracebacks
+        dask.config.set(logging={"distributed": "critical", "distributed.client": "critical"})
         from distributed import Client, LocalCluster
     except ImportError:
         raise InvalidScene(
@@ -40,7 +44,7 @@ def engine(where: int | str) -> Iterator[Callable]:
     dask.config.set({"distributed.scheduler.allowed-failures": RETRIES})
     if isinstance(where, int):
         own = LocalCluster(n_workers=where, threads_per_worker=1, dashboard_address=":0")
-        with own, Client(own) as client:
+        with own, Client(own) as client, _while_it_runs():
             yield on(client)
         return
     try:
@@ -50,8 +54,22 @@ def engine(where: int | str) -> Iterator[Callable]:
             f"--scheduler {where} does not answer; give the address of a running Dask "
             "scheduler, tcp://host:8786 for example."
         ) from None
-    with client:
+    with client, _while_it_runs():
         yield on(client)
+
+
+@contextmanager
+def _while_it_runs() -> Iterator[None]:
+    """Raise ValueError where the scheduler ends: a lost answer is no failed case."""
+    from distributed.client import ClosedClientError
+
+    try:
+        yield
+    except (CancelledError, ClosedClientError):
+        raise ValueError(
+            "the scheduler ended; start it again and give the same command: it goes on with the "
+            "cases that are missing."
+        ) from None
 
 
 def on(found: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
@@ -99,6 +117,8 @@ def _result(future: Any, running: dict[Any, Task]) -> list[Rows]:
     task = running.pop(future)
     try:
         return future.result()
+    except CancelledError:  # of an Exception in Dask: the scheduler is gone
+        raise
     except Exception as reason:  # whatever a worker died of
         said = f"its worker ended ({type(reason).__name__}): too little memory, or it was killed"
         cases = task.checked.group.cases
