@@ -62,7 +62,7 @@ def calibrate(
         ),
     ],
     data: Annotated[
-        Path, typer.Argument(metavar="DATA", help="Velocities: .csv, .mat or .uff, with units.")
+        Path, typer.Argument(metavar="DATA", help="Velocities, forces, voltages: .csv, .mat or .uff.")
     ],
     free: Free = None,
     bounds: Bounds = None,
