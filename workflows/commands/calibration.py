@@ -62,7 +62,7 @@ def calibrate(
         ),
     ],
     data: Annotated[
-        Path, typer.Argument(metavar="DATA", help="Velocities, forces, voltages: .csv, .mat or .uff.")
+        Path, typer.Argument(metavar="DATA", help="Velocities, forces, voltages: .csv, .mat, .uff.")
     ],
     free: Free = None,
     bounds: Bounds = None,
