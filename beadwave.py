@@ -17,7 +17,8 @@ sets values by their dotted keys. Everything is in SI units: m, kg, s, N, Pa, Hz
     reduce, reduce_matrices      a reduced model: of a scene, of one's own K, M, w
     look, export                 bodies and where they touch; CalculiX, Abaqus, STEP
     calibrate, twin              a chain and its wall fitted to measured velocities
-    inspect                      numbers of the structure from forces or velocities in the chain
+    inspect, design              numbers of the structure from forces or velocities in the chain;
+                                 which sphere to watch
     sweep, sweep_price           many cases into one table, what outputs depend on; the cost
     scan, load_sweep             the chain over a face, a map; a finished sweep or scan
     study, accuracy, stability   the thesis again; errors against run times; extreme cases
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from workflows.api.film import film
     from workflows.api.hammer import hammer, write_hammer_test
     from workflows.api.impacts import Run, impact, load, run
-    from workflows.api.inspection import inspect
+    from workflows.api.inspection import design, inspect
     from workflows.api.look import look
     from workflows.api.measurements import calibrate, twin
     from workflows.api.modes import export, modes, thesis_table
@@ -56,7 +57,7 @@ _HOMES = {
     "workflows.api.film": ("film",),
     "workflows.api.hammer": ("hammer", "write_hammer_test"),
     "workflows.api.impacts": ("Run", "impact", "load", "run"),
-    "workflows.api.inspection": ("inspect",),
+    "workflows.api.inspection": ("design", "inspect"),
     "workflows.api.look": ("look",),
     "workflows.api.measurements": ("calibrate", "twin"),
     "workflows.api.modes": ("export", "modes", "thesis_table"),
@@ -76,6 +77,7 @@ __all__ = [
     "Scene",
     "accuracy",
     "calibrate",
+    "design",
     "doctor",
     "export",
     "film",

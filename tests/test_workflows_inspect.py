@@ -203,6 +203,36 @@ def test_columns_have_quantities_and_units_and_repeats_are_averaged(tmp_path):
     np.testing.assert_allclose(found.y[:, 0], wave, atol=1e-6)
 
 
+def test_a_design_foresees_the_bars_of_an_inspection(drops, tmp_path):
+    one = beadwave.inspect(BEAM, drops[1], find=FIND, bounds=BOUNDS, each="striker.velocity=0.44")
+    true = {**TRUTH, "striker.velocity": 0.44}
+    foreseen = beadwave.design(BEAM, true, find=FIND, bounds=BOUNDS, out=tmp_path / "design")
+    table = foreseen.tables[0]
+    assert table.column("sphere") == tuple(range(2, 10))
+    assert one.report.explained
+    for row in one.report.numbers:
+        bar = table.column(f"{row.name} two sigma [{row.unit}]")[3]  # sphere 5
+        assert 0.6 < bar / row.two_sigma < 1.5
+    assert (tmp_path / "design" / "design.csv").is_file()
+    assert (tmp_path / "design" / "figures" / "design.png").is_file()
+
+
+def test_a_design_compares_chains_and_says_what_a_record_is_too_short_for():
+    brief = {**TRUTH, "time.duration": 1.1e-3}
+    found = beadwave.design(BEAM, brief, find=FIND, bounds=BOUNDS, over=["chain.count=7,9"])
+    table = found.tables[0]
+    assert table.column("chain.count") == (7,) * 6 + (9,) * 8
+    assert any("beam.axial_force is told by no sphere" in said for said in found.sentences)
+    assert any(said.startswith("beam.thickness is told best by sphere") for said in found.sentences)
+    seen = np.array(table.column("beam.thickness record [s]"))
+    assert (seen <= 1.1e-3).all() and seen.min() < 1.0e-3
+
+
+def test_a_design_of_too_many_cases_is_refused():
+    with pytest.raises(InvalidScene, match="up to 200"):
+        beadwave.design(BEAM, find="beam.young", over=["striker.velocity=0.1:1:201"])
+
+
 @pytest.mark.parametrize(
     ("asked", "sentence"),
     [

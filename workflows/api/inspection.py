@@ -17,6 +17,7 @@ from workflows.scene.parts import with_chain
 if TYPE_CHECKING:
     from workflows.inspection.inspect import Inspected
     from workflows.inspection.report import InspectionReport
+    from workflows.studies.finding import Finding
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,3 +81,36 @@ def inspect(
         if folder:
             write(found, report, folder)
     return Inspection(found.scene, report, found)
+
+
+def design(
+    scene: Source,
+    changes: Changes = (),
+    *,
+    find: str,
+    bounds: str | None = None,
+    over: Sequence[str] = (),
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Finding:
+    """Which sphere to watch, in which chain, at which velocity (`beadwave design`).
+
+    Bars of the numbers in `find`, key by key, from each sphere alone, before anything is measured.
+    `over` varies the chain, as in a sweep: ["chain.count=9,17", "striker.velocity=0.2:0.5:4"].
+    `out` is a folder for the table (CSV, JSON) and the picture. Raises InvalidScene for bad input.
+    """
+    from workflows.inspection.design import designed
+    from workflows.studies import finding
+    from workflows.sweep.cases import base_of
+
+    base = base_of(scene, changes)
+    chosen = with_chain(base.with_values({}))
+    folder = None
+    if out:
+        folder = RunFolder(Path(out), inputs=files_read(chosen, scene), overwrite=overwrite)
+        folder.require(*finding.files("design"))
+    found = designed(base, find, bounds, over, progress)
+    if folder:
+        finding.write(found, folder, scene=chosen.name, find=find)
+    return found

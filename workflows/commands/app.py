@@ -19,7 +19,7 @@ import typer
 from workflows.commands.assembly import hammer, look, modes, reduce, tune_joints
 from workflows.commands.calibration import calibrate, twin
 from workflows.commands.examples import EXAMPLES
-from workflows.commands.inspection import inspect
+from workflows.commands.inspection import design, inspect
 from workflows.commands.options import (
     Changes,
     Json,
@@ -188,8 +188,8 @@ COMMANDS = {
     "run": run, "scenes": scenes, "scene": scene, "look": look, "modes": modes, "tune": tune_joints,
     "hammer": hammer, "reduce": reduce, "impact": impact, "accuracy": accuracy,
     "stability": stability, "verify": verify, "study": run_study, "calibrate": calibrate,
-    "twin": twin, "inspect": inspect, "sweep": sweep, "scan": scan, "report": report, "film": film,
-    "doctor": doctor,
+    "twin": twin, "inspect": inspect, "design": design, "sweep": sweep, "scan": scan,
+    "report": report, "film": film, "doctor": doctor,
 }  # fmt: skip
 
 

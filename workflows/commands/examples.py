@@ -59,6 +59,11 @@ EXAMPLES = {
         "inspect sensed-beam drop1.csv --find beam.axial_force --bounds "
         "beam.axial_force=-35kN:5kN --out inspected",
     ),
+    "design": (
+        "design sensed-beam --find beam.thickness,beam.young",
+        "design sensed-beam --find beam.thickness --over chain.count=9,17 "
+        "--over striker.velocity=0.2,0.5 --out design",
+    ),
     "report": ("report runs/rig-rom",),
     "film": ("film runs/rig-rom", "film runs/rig-rom --out impact.gif", "film runs/rig-rom --pvd"),
     "doctor": ("doctor",),

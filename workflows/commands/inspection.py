@@ -1,12 +1,20 @@
-"""`beadwave inspect`."""
+"""`beadwave inspect` and `beadwave design`."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from workflows.commands.options import Changes, Overwrite, Quiet, json_of, scene_names
-from workflows.commands.terminal import StageProgress, noted, shown
+from workflows.commands.options import (
+    Changes,
+    Overwrite,
+    Quiet,
+    StudyFolder,
+    dotted_keys,
+    json_of,
+    scene_names,
+)
+from workflows.commands.terminal import StageProgress, noted, shown, told
 
 Find = Annotated[
     str,
@@ -19,6 +27,17 @@ Bounds = Annotated[
     typer.Option(
         metavar="KEY=LOW:HIGH,..",
         help="Where they lie, as beam.thickness=8mm:12mm; default 0.7 to 1.4 of the scene's value.",
+    ),
+]
+
+Over = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--over",
+        metavar="KEY=VALUES",
+        help="A key that varies, as chain.count=9,17 or striker.velocity=0.2:0.5:4; may be "
+        "repeated.",
+        autocompletion=dotted_keys,
     ),
 ]
 
@@ -67,3 +86,31 @@ def inspect(
     shown(found.report, json, quiet)
     if out:
         noted(f"written: {out}/scene.toml", json=json, quiet=quiet)
+
+
+def design(
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE", help="A built-in scene or a file.", autocompletion=scene_names
+        ),
+    ],
+    find: Find,
+    bounds: Bounds = None,
+    over: Over = None,
+    out: StudyFolder = None,
+    changes: Changes = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json: json_of("{rows: [{sphere, ...}], findings: [...]}") = False,
+) -> None:
+    """Which sphere, chain and velocity tell a number best."""
+    from workflows.api.inspection import design as designed
+    from workflows.studies import finding
+
+    with StageProgress(f"design {scene}", quiet=quiet) as progress:
+        found = designed(
+            scene, changes or (), find=find, bounds=bounds, over=over or (), out=out,
+            overwrite=overwrite, progress=progress.stage,
+        )  # fmt: skip
+    told(finding.record(found), finding.text(found), json, quiet)

@@ -9,6 +9,7 @@ from coupling.calibration.parameters import Parameter
 from coupling.inspection.forward import OWN, SHARED
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.quantities import entries
+from workflows.scene.toml import changed
 from workflows.sweep.cases import Base
 
 USUAL = {SHARED: (0.7, 1.4), OWN: (0.5, 2.0)}  # of the scene's value
@@ -121,6 +122,12 @@ def usual_each(scene: Scene, find: str) -> str:
 def moved(base: Base, keys: tuple[str, ...], values: np.ndarray) -> Scene:
     """The scene with numbers at these values, checked; raises InvalidScene."""
     return base.with_values(dict(zip(keys, map(float, values), strict=True)))
+
+
+def changed_base(base: Base, values: dict[str, Any]) -> Base:
+    """The scene with other values, to be varied further; raises InvalidScene."""
+    base.with_values(values)
+    return Base(base.written._replace(tables=changed(base.written.tables, values.items())))
 
 
 def put(scene: Scene, keys: tuple[str, ...], values: np.ndarray) -> Scene:
