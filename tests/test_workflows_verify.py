@@ -8,6 +8,7 @@ import pytest
 
 from workflows.commands.app import main
 from workflows.studies import catalogue
+from workflows.studies.verify import lammps
 from workflows.studies.verify.comparisons import (
     Missing,
     compared,
@@ -51,6 +52,16 @@ def test_marches_follow_the_formulas_by_another_integrator(law, dissipation):
     turn = (LAWS.index(law) + 2 * [*DAMPED].index(dissipation)) % 5
     row = row_of(lambda: comparison(law, dissipation, WALLS[turn]))
     assert row.verdict == "within", row
+
+
+@pytest.mark.parametrize(
+    "name", ["tapered by 5 % at a wall", "9 spheres at a wall, linear dampers"]
+)
+def test_lammps_converges_to_our_result(name, monkeypatch):
+    pytest.importorskip("lammps", reason="LAMMPS is optional (the extra `verify`)")
+    monkeypatch.setattr(lammps, "CASES", {name: lammps.CASES[name]})
+    rows = [*rows_of("lammps", lammps.lammps)]
+    assert rows and {row.verdict for row in rows} == {"within"}, rows
 
 
 def test_the_difference_is_that_of_the_entries_that_differ_most():
