@@ -1,0 +1,136 @@
+"""Structures, reductions and couplings beside closed solutions and published matrices."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+from scipy.linalg import eigh
+from skfem import MeshHex
+
+import dem
+import fem
+import rom
+from coupling import RayleighDamping, damping_ratios
+from coupling.radiation import lamb_integral
+from dem.spheres import hertz_coefficient
+from fem.factorisation import factorised
+from geometry.hex_mesh import graded
+from workflows.studies.verify.comparisons import Comparison, compared
+
+STEEL = fem.Material(210e9, 0.3, 7850.0)
+JULIA = "JuliaFEM, ModelReduction.jl, README"
+MILLER = "G. F. Miller, H. Pursey, Proc. R. Soc. A 233 (1955) 55"
+ROD = "the rod, f_j = (2 j - 1) c / 4 L"
+BLOCK = "three independent meshes, quarter model of quadratic hexahedra"
+LINEAR = "the linear oscillator of two masses"
+JOHNSON = "K. L. Johnson, Contact Mechanics (1985), ch. 4"
+
+
+def structures() -> Iterator[Comparison]:
+    """A rod's frequencies and their rate, the block under the contact, waves in a half-space."""
+    yield from _rod()
+    yield from _block()
+    shares = lamb_integral(0.25)
+    share = shares.surface / sum(shares)
+    yield compared("half-space, share of the surface wave", share, 0.674,
+                   allowed=5e-4, of=1.0, source=MILLER)  # fmt: skip
+    A = hertz_coefficient(1.0, 1.0, 0.3, 1.0, 1.0, 0.3)
+    walls = [hertz_coefficient(1.0, 1.0, 0.3, np.inf, 1.0, 0.3), hertz_coefficient(1.0, 1.0, 0.3)]
+    yield compared("A_w / A of the same material and rigid", walls / A, [2**0.5, 2**1.5],
+                   allowed=1e-14, source=JOHNSON)  # fmt: skip
+
+
+def _rod() -> Iterator[Comparison]:
+    """Quadratic elements: the frequency's error falls with the fourth power of their length."""
+    length, j = 0.5, np.arange(1, 4)
+    exact = (2 * j - 1) / (4 * length) * np.sqrt(STEEL.young / STEEL.density)
+    found = np.array([_axial_hz(length, n)[:3] for n in (8, 16)])
+    yield compared("rod of 16 elements, three frequencies [Hz]", found[1], exact,
+                   allowed=1e-4, source=ROD)  # fmt: skip
+    errors = found[:, 2] / exact[2] - 1
+    yield compared("rod, order of its third frequency", np.log2(errors[0] / errors[1]), 4.0,
+                   allowed=0.1, of=1.0, source=ROD)  # fmt: skip
+
+
+def _axial_hz(length: float, n: int) -> np.ndarray:
+    """Of a bar without lateral contraction on rollers, held at one end."""
+    side = 5e-3
+    mesh = MeshHex.init_tensor(np.linspace(0, length, n + 1), *[np.array([0.0, side])] * 2)
+    faces = {"-x": (0, 0.0), "-y": (1, 0.0), "+y": (1, side), "-z": (2, 0.0), "+z": (2, side)}
+    mesh = mesh.with_boundaries({
+        name: lambda x, axis=axis, at=at: np.abs(x[axis] - at) < 1e-9
+        for name, (axis, at) in faces.items()
+    })  # fmt: skip
+    rod = fem.assemble({"rod": mesh}, {"rod": STEEL._replace(poisson=0.0)})
+    held = [fem.Held(f"rod:{face}", face[1]) for face in faces]
+    model = fem.joined(rod, fem.Connections(held=held))
+    return np.sqrt(eigh(model.K.toarray(), model.M.toarray(), eigvals_only=True)) / (2 * np.pi)
+
+
+def _block() -> Iterator[Comparison]:
+    """Compliance under the patch less that of the half-space on the same mesh."""
+    a, b, h, seed = 0.131, 0.099, 0.041, 4e-3  # m
+    across = [graded(-side / 2, side / 2, 0.0, seed, 12e-3) for side in (b, h)]
+    mesh = MeshHex.init_tensor(graded(0.0, a, a, seed, 12e-3), *across).with_boundaries({
+        "+x": lambda x: np.abs(x[0] - a) < 1e-9, "-x": lambda x: np.abs(x[0]) < 1e-9,
+    })  # fmt: skip
+    block = fem.assemble({"block": mesh}, {"block": STEEL})
+    model = fem.joined(block, fem.Connections(held=[fem.Held("block:-x")]))
+    patch = fem.contact_patch(model, "block:+x", (0.0, 0.0), 6.4e-3)
+    local = fem.half_space_on_mesh(model, "block:+x", patch, STEEL)
+    left = patch.w @ factorised(model.K).solve(patch.w) - local
+    yield compared("struck block, compliance less the half-space [m/N]", left, 9.13e-11,
+                   allowed=0.02, source=BLOCK)  # fmt: skip
+
+
+def reductions() -> Iterator[Comparison]:
+    """Craig-Bampton's published example, a chain of springs, two masses in touch."""
+    K = np.array([[2, -1, 0, 0], [-1, 2, -1, 0], [0, -1, 2, -1], [0, 0, -1, 1.0]])
+    asked = rom.Selection(n_modes=1)
+    four = rom.craig_bampton(K, np.diag([2.0, 2, 2, 1]), [0, 0, 0, 1.0], [3], asked)
+    own = partial(compared, source=JULIA, of=1.0)
+    yield own("four masses, K_r", four.K, [[0.25, 0], [0, 0.292893]], allowed=5e-7)
+    published = [[2.75, 1.20711], [1.20711, 1]]
+    yield own("four masses, |M_r|", np.abs(four.M), published, allowed=5e-6)
+    yield from _springs()
+    yield _two_masses()
+    yield _rayleigh()
+
+
+def _springs(n: int = 600, k: float = 3e8, m: float = 0.02) -> Iterator[Comparison]:
+    diagonal = np.append(np.full(n - 1, 2.0), 1.0)
+    K = k * (np.diag(diagonal) - np.eye(n, k=1) - np.eye(n, k=-1))
+    w = np.append(np.zeros(n - 5), np.full(5, 0.2))
+    reduced = rom.free_modes(K, m * np.eye(n), w, rom.Selection(n_modes=12))
+    j = np.arange(1, 13)
+    exact = 2 * np.sqrt(k / m) * np.sin((2 * j - 1) * np.pi / (4 * n + 2))
+    source = "2 sqrt(k/m) sin((2 j - 1) pi / (4 n + 2))"
+    yield compared("600 springs, twelve frequencies [rad/s]", rom.modal(reduced).omega[:12], exact,
+                   allowed=1e-9, source=source)  # fmt: skip
+    static = rom.static_compliance(reduced)
+    exact_static = (n - 4 + np.sum((np.arange(5, 0, -1) / 5) ** 2) - 1) / k
+    yield compared("600 springs, static compliance [m/N]", static, exact_static,
+                   allowed=1e-9, source="springs in series")  # fmt: skip
+
+
+def _two_masses() -> Comparison:
+    """A sphere pressed on a mass and barely struck: the contact is a spring of 3/2 A^(2/3) F^(1/3);
+    what is left of its curvature is of the order of v / sqrt(k / m) over the overlap."""
+    A, F, m, M, hz, v0 = 1.7e10, 100.0, 0.0669, 1.3, 400.0, 1e-7
+    k, k_wall = 1.5 * A ** (2 / 3) * F ** (1 / 3), M * (2 * np.pi * hz) ** 2
+    chain = dem.Chain(np.array([m]), np.array([0.0127]), np.array([A]), preload=F)
+    run = dem.march(chain, dem.one_dof_wall(hz, M), np.array([v0]),
+                    duration=2e-3, dt=1e-7, n_save=200)  # fmt: skip
+    K, mass = np.array([[k, -k], [-k, k + k_wall]]), np.diag([m, M])
+    squared, shape = eigh(K, mass)
+    exact = np.cos(np.sqrt(squared) * run.t[:, None]) @ (shape[0] ** 2 * m) * v0
+    return compared("sphere pressed on a mass, small motion [V]", run.v[:, 0], exact,
+                    allowed=1e-5, of=v0, source=LINEAR)  # fmt: skip
+
+
+def _rayleigh() -> Comparison:
+    omega = 2 * np.pi * np.array([51.0, 269.0, 907.0, 8425.0])
+    found = damping_ratios(RayleighDamping(514.53, 1.72e-8), omega)
+    implied = [0.80, 0.15, 0.045, 0.0053]
+    return compared("Rayleigh damping of the thesis, four ratios", found, implied,
+                    allowed=5e-3, of=1.0, source="the thesis, (6.1)")  # fmt: skip
