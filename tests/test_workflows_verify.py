@@ -64,6 +64,15 @@ def test_lammps_converges_to_our_result(name, monkeypatch):
     assert rows and {row.verdict for row in rows} == {"within"}, rows
 
 
+@pytest.mark.parametrize("group", ["structures", "reductions", "full-order", "pyyeti"])
+def test_structures_reductions_and_waves_agree_with_what_others_say(group):
+    if group == "pyyeti":
+        pytest.importorskip("pyyeti", reason="pyYeti is optional (the extra `verify`)")
+    rows = [*rows_of(group, catalogue.catalogue("verify")[group])]
+    assert len(rows) >= 2
+    assert not [row for row in rows if row.verdict != "within"], rows
+
+
 def test_the_difference_is_that_of_the_entries_that_differ_most():
     found = pair([1.0, 2.5, 3.0], [1.0, 2.0, 4.0])
     assert (found.ours, found.theirs, found.difference) == (3.0, 4.0, 0.25)

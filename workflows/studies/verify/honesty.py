@@ -1,0 +1,120 @@
+"""Stated errors beside true ones over populations: at least as large, and not by far.
+
+Of the ratios of stated to true errors the point of 5 % is to be at least 1, the median at most 10.
+A true error below what its own reference resolves is counted as that.
+"""
+
+from collections.abc import Iterator
+from contextlib import nullcontext
+from itertools import product
+
+import numpy as np
+import scipy.sparse as sp
+
+import dem
+import rom
+from dem.spheres import time_scale
+from rom.truncation import frequencies
+from workflows.files.scene import scene as load_scene
+from workflows.pipeline.pipeline import pipeline_of
+from workflows.studies.verify.comparisons import Comparison
+from workflows.studies.verify.formulas import LAWS, WALLS, scene
+
+LEAST, MOST, FLOOR = 1.0, 10.0, 1e-10
+FINER = {"none": 8, "hunt-crossley": 8, "linear": 64, "linear-clipped": 64}  # of the step
+
+
+def honest_steps() -> Iterator[Comparison]:
+    """Stated over true errors of the time step: random chains, walls, laws, errors asked for."""
+    yield from _points("smooth forces", [*_steps(("none", "hunt-crossley"))])
+    yield from _points("forces that jump", [*_steps(("linear", "linear-clipped"))])
+
+
+def honest_reductions() -> Iterator[Comparison]:
+    """Stated over true errors of the receptance: random chains of springs and masses."""
+    yield from _points("receptance", [*_reductions()])
+
+
+def honest_meshes() -> Iterator[Comparison]:
+    """Stated over true errors of the mesh in waves: cantilevers of random sizes and materials."""
+    yield from _points("waves", [*_meshes()])
+
+
+def _points(name: str, ratios: list[float]) -> Iterator[Comparison]:
+    """Rows of the points of 5, 50 and 95 % of stated over true."""
+    low, median, high = np.quantile(ratios, [0.05, 0.5, 0.95])
+    source = "errors of finer runs, stated over true"
+    said = f"{name}, {len(ratios)} scenes:"
+    missing = max(0.0, LEAST - low)
+    yield Comparison(f"{said} 5 % point", low, LEAST, missing, 0.0, source)
+    yield Comparison(f"{said} median", median, MOST, max(0.0, median - MOST), 0.0, source)
+    yield Comparison(f"{said} 95 % point", high, np.nan, 0.0, 0.0, source)
+
+
+def _steps(dissipations: tuple[str, ...]) -> Iterator[float]:
+    """Of random scenes with each law at each wall, three errors asked for."""
+    asked = product(LAWS, dissipations, WALLS, (1e-3, 1e-4, 1e-5))
+    for seed, (law, dissipation, wall, error) in enumerate(asked):
+        if (law, wall) == ("thornton", "dashpot"):
+            continue
+        rng = np.random.default_rng(1000 + seed)
+        chain, behind, v0 = scene(rng, law, dissipation, wall)
+        speed = float(np.abs(v0).max())
+        duration = 5.0 * v0.size * float(time_scale(chain.mass.max(), chain.A.min(), speed))
+        options = {"duration": duration, "n_save": 50}
+        run = dem.march_to_error(chain, behind, v0, error=error, **options).trajectory
+        dt = run.dt / FINER[dissipation]
+        exact = dem.march(chain, behind, v0, dt=dt, scheme=run.scheme, **options)
+        true = float(np.abs(run.v - exact.v).max()) / speed
+        yield run.error_estimate / max(true, FLOOR)
+
+
+def _reductions() -> Iterator[float]:
+    """Chains of springs and masses at random, both kinds and both choices."""
+    f = frequencies(4e3)
+    kinds = product((rom.free_modes, _craig_bampton), ("lowest", "contact"), (15, 25, 40), range(3))
+    for seed, (reduce, choice, n_modes, _) in enumerate(kinds):
+        K, M, w = _springs(np.random.default_rng(seed))
+        exact = rom.receptance(rom.full_order(K, M, w), None, f, loss=rom.LOSS)
+        reduced = reduce(K, M, w, rom.Selection(n_modes=n_modes, choice=choice, to_hz=4e3))
+        found = rom.receptance(reduced, None, f, loss=rom.LOSS)
+        true = float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
+        if np.isfinite(reduced.error):
+            yield reduced.error / max(true, FLOOR)
+
+
+def _craig_bampton(K, M, w, asked: rom.Selection) -> rom.ReducedModel:
+    return rom.craig_bampton(K, M, w, np.flatnonzero(w), asked)
+
+
+def _springs(rng: np.random.Generator, n: int = 240):
+    """K, M of masses in a row, held at one end, and w of the five at the other."""
+    k = 3e8 * 3 ** rng.uniform(-1, 1, n)
+    diagonal = k + np.append(k[1:], 0.0)
+    K = sp.diags_array([-k[1:], diagonal, -k[1:]], offsets=[-1, 0, 1]).tocsc()
+    M = sp.diags_array(0.02 * 3 ** rng.uniform(-1, 1, n)).tocsc()
+    return K, M, np.append(np.zeros(n - 5), np.full(5, 0.2))
+
+
+def _meshes() -> Iterator[float]:
+    """Cantilevers of random sizes and materials beside elements four times finer."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        length, width, height = rng.uniform([0.15, 0.012, 0.012], [0.35, 0.03, 0.03])
+        changes = (
+            f"bodies.beam.box=[{length}, {width}, {height}]",
+            f"materials.aluminium.young={70e9 * 3 ** rng.uniform(0, 1)}",
+            f"strike.at=[{length * rng.uniform(0.0, 0.4)}, 0.0]",
+        )
+        coarse, fine = (
+            pipeline_of(load_scene("cantilever", (*changes, f"mesh.scale={s}")), _silent)
+            for s in (2.0, 0.5)
+        )
+        observed = np.array(coarse.scene.output.spheres) - 1
+        v, exact = (one("impact").trajectory.v[:, observed] for one in (coarse, fine))
+        speed = float(np.abs(coarse("start").velocity).max())
+        yield coarse("mesh-error") / max(float(np.abs(v - exact).max()) / speed, FLOOR)
+
+
+def _silent(stage: str):
+    return nullcontext()
