@@ -4,6 +4,7 @@
     joined          Structure and Connections (ties, joints, held faces) -> Model with K, M
     contact_patch   w (n,) of a disc on a face: u_w = w @ u [m] is read, w F [N] is the load
     half_space_on_mesh   compliance [m/N] of the patch on a half-space, which Hertz' law holds too
+    prestressed     the Model under forces and heat: K + K_G, and the share of the buckling load
     modes           omega (k,) [rad/s], phi (n, k) mass-normalised, by eigsh
     receptance      H(f) [m/N] by direct solution;  mac, pair: modes beside measured ones
     factorised      factor of a sparse symmetric matrix, the fastest that is installed
@@ -50,6 +51,7 @@ from fem.mirror import mirrored
 from fem.model import Connections, Held, Model, Table, joined
 from fem.modes import Modes, modes
 from fem.plate import Sheet, TooLarge, mindlin_plate
+from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
 from fem.spot import Spot, planar_spot, round_spot
 from fem.surface import OnSurface, on_surface
@@ -65,8 +67,11 @@ __all__ = [
     "Connections",
     "ContactPatch",
     "End",
+    "FaceForce",
+    "Heat",
     "Held",
     "Joint",
+    "Load",
     "Loose",
     "Material",
     "Model",
@@ -110,6 +115,7 @@ __all__ = [
     "outer_nodes",
     "pair",
     "planar_spot",
+    "prestressed",
     "receptance",
     "rectangle",
     "rigid_body",

@@ -120,18 +120,18 @@ def _matrices(body: str, basis: Basis, material) -> tuple[csr_matrix, csr_matrix
     element, stiffness_order, mass_order = _quadratic(body, basis.mesh)
     K = M = csr_matrix((basis.N, basis.N))
     C = material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)  # from (c, d) to (a, b)
-    for cells in _shares(basis.nelems):
+    for cells in shares(basis.nelems):
         dofs = basis.element_dofs[:, cells]
         stiff, heavy = (
             Basis(basis.mesh, element, intorder=order, elements=cells)
             for order in (stiffness_order, mass_order)
         )
-        K = K + _scattered(_stiffness(stiff, C), dofs, basis.N)
-        M = M + _scattered(_mass(heavy, material.density), dofs, basis.N)
+        K = K + scattered(_stiffness(stiff, C), dofs, basis.N)
+        M = M + scattered(_mass(heavy, material.density), dofs, basis.N)
     return K, M
 
 
-def _shares(n: int) -> Iterator[NDArray[np.int64]]:
+def shares(n: int) -> Iterator[NDArray[np.int64]]:
     yield from np.array_split(np.arange(n), -(-n // AT_ONCE))
 
 
@@ -150,7 +150,7 @@ def _mass(basis: Basis, density: float) -> NDArray[np.float64]:
     return np.kron((P * density * basis.dx[:, None]) @ P.transpose(0, 2, 1), np.eye(3))
 
 
-def _scattered(local: NDArray[np.float64], dofs: NDArray[np.int64], n: int) -> csr_matrix:
+def scattered(local: NDArray[np.float64], dofs: NDArray[np.int64], n: int) -> csr_matrix:
     rows = np.repeat(dofs.T[:, :, None], len(dofs), axis=2)
     columns = np.repeat(dofs.T[:, None, :], len(dofs), axis=1)
     return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n)).tocsr()

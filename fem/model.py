@@ -79,6 +79,7 @@ class Model(NamedTuple):
     spring: tuple[str, ...]  # (n_springs,) "joint.direction", equal for joints of one name
     sway: Sway | None = None  # of a table below, on the last two dofs
     overconstrained: tuple[Overconstrained, ...] = ()  # what two constraints asked for
+    load_factor: float | None = None  # static load over that which buckles it; None: unloaded
 
     @property
     def K(self) -> csc_matrix:  # noqa: N802  the name of the field

@@ -101,7 +101,13 @@ def model(scene: Scene, mesh: Parts) -> fem.Model:
     how = mesh.connections._replace(table=below)
     if scene.is_general:
         _require_kept(scene, fem.loose_bodies(structure, how))
-    return fem.joined(structure, how)
+    joined = fem.joined(structure, how)
+    if mesh.load is None:
+        return joined
+    try:
+        return fem.prestressed(joined, mesh.materials, mesh.load)
+    except fem.Buckled as why:
+        raise InvalidScene(f"{scene.name}: loads: {why}.") from None
 
 
 def _require_kept(scene: Scene, loose: list[fem.Loose]) -> None:
@@ -182,6 +188,7 @@ def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
         model.M.shape[0],
         fem.effective_mass(model, found.phi),
         _field(model, found, paired),
+        load_factor=model.load_factor,
         overconstrained=model.overconstrained,
     )
 

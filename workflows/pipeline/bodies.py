@@ -14,7 +14,7 @@ from workflows.pipeline.own_mesh import OwnMesh, own_mesh
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts, Struck
 from workflows.pipeline.strike import struck
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, Solid
+from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, Solid, StaticLoad
 from workflows.scene.size import too_large_mesh
 
 LARGEST = 30.0  # m, of an assembly: a thousand times as much is in other units
@@ -113,7 +113,38 @@ def parts(scene: Scene) -> Parts:
         [fem.Held(_face(marks, f"held-{i}"), hold.directions) for i, hold in _holds(scene)],
     )
     made_of = {name: material(scene.made_of(name)) for name in meshes}
-    return Parts(meshes, made_of, connections, face)
+    load = fem.Load(list(_forces(scene, marks)), _heat(scene, made_of)) if scene.loads else None
+    return Parts(meshes, made_of, connections, face, load)
+
+
+def _pressed(scene: Scene) -> Iterator[StaticLoad]:
+    return (load for load in scene.loads or () if load.on)
+
+
+def _forces(scene: Scene, marks: Marks) -> Iterator[fem.FaceForce]:
+    for load in _pressed(scene):
+        yield fem.FaceForce(_face(marks, f"load-{load.name}"), load.force, load.direction)
+
+
+def _heat(scene: Scene, names) -> dict[str, fem.Heat]:
+    """Bodies that are warmer, by their materials; raises InvalidScene where nothing fits."""
+    from geometry.selectors import bodies_named
+
+    found = {}
+    for load in (load for load in scene.loads if load.body):
+        try:
+            named = bodies_named(load.body, dict.fromkeys(names))
+        except InvalidGeometry as error:
+            raise InvalidScene(f"{scene.name}: loads.{load.name}: {error}") from None
+        for body in named:
+            expansion = scene.made_of(body).expansion
+            if expansion is None:
+                raise InvalidScene(
+                    f"{scene.name}: loads.{load.name} warms {body!r}, whose material "
+                    f"{scene.material_name(body)!r} has no expansion; add it, in 1/K."
+                )
+            found[body] = fem.Heat(load.temperature, expansion)
+    return found
 
 
 def material(solid: Solid) -> fem.Material | fem.Orthotropic:
@@ -203,6 +234,8 @@ def marked(scene: Scene, drawn: Drawing) -> Marks:
     marks = Marks({}, {}, [])
     for i, hold in _holds(scene):
         marks.named[f"held-{i}"] = faces(hold.on, drawn.bodies)
+    for load in _pressed(scene):
+        marks.named[f"load-{load.name}"] = faces(load.on, drawn.bodies)
     for joint, pairs in _bolted(scene, drawn):
         _between_bodies(scene, drawn, joint, pairs, marks)
     for joint in scene.joints or ():

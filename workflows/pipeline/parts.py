@@ -50,6 +50,7 @@ class Parts(NamedTuple):
     materials: dict[str, fem.Material | fem.Orthotropic]
     connections: fem.Connections
     struck: Struck | None = None
+    load: fem.Load | None = None  # that it bears before it is struck
 
     @property
     def nodes(self) -> dict[str, float]:

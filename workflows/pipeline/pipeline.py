@@ -105,7 +105,7 @@ def _content(path: str | None) -> str | None:
 
 
 BENT = ("beam", "plate")
-BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike")
+BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads")
 COARSE = tables_of("assembly", "joints", "table", "patch", "strike")
 START = (
     "chain", "striker", "contact", "leaf_springs", "preload", "gravity", "guides", "wall", *BENT,

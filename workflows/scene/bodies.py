@@ -24,7 +24,7 @@ from workflows.scene.tables import (
     Table,
     one_or_each,
 )
-from workflows.scene.units import LENGTH, PRESSURE
+from workflows.scene.units import FORCE, LENGTH, PRESSURE
 
 GROUND = "ground"
 SHARE = "share"  # of the common face, in place of a washer
@@ -66,6 +66,7 @@ class Solid(Table):
     density: Density  # [kg/m^3]
     shear: Three | None = None  # [Pa]
     axes: Annotated[tuple[Vector, Vector], Field(strict=False)] | None = None
+    expansion: Annotated[float, Field(gt=-1e-3, lt=1e-3)] | None = None  # [1/K] of its length
 
     @property
     def is_isotropic(self) -> bool:
@@ -143,6 +144,35 @@ def fitting(body: str, tables: Mapping[str, Body]) -> Iterator[Body]:
     """The tables whose names fit a body's, its very own first."""
     names = [name for name in tables if fnmatchcase(body, name)]
     yield from (tables[name] for name in sorted(names, key=lambda name: name != body))
+
+
+class StaticLoad(Table):
+    """What the assembly bears before it is struck: a force on a face, or a body that is warmer than
+    it was made, by the expansion of its material.
+
+    `force` pushes along `direction`, without one into the plane face `on`; names with * are all
+    that fit.
+    """
+
+    name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]
+    on: str | None = None  # a face
+    force: of(Number, FORCE, 0, 1e9) | None = None  # [N] spread evenly
+    direction: Vector | None = None
+    body: str | None = None
+    temperature: Annotated[Number, Field(ge=-1000, le=3000)] | None = None  # [K] above
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> "StaticLoad":
+        mechanical, thermal = (self.on, self.force), (self.body, self.temperature)
+        pair = mechanical if self.on or self.force is not None else thermal
+        if None in pair or (pair is mechanical and thermal != (None, None)):
+            raise ValueError("needs on and force, or body and temperature: give one such pair")
+        if self.direction and (pair is thermal or not any(self.direction)):
+            raise ValueError(
+                f"direction = {list(self.direction)} must be that of a force and not zero: "
+                "change it"
+            )
+        return self
 
 
 class Hold(Table):

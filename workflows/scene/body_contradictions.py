@@ -7,7 +7,7 @@ from math import isinf
 from workflows.scene.bodies import GROUND
 from workflows.scene.scene import Scene
 
-OF_BODIES = ("bodies", "materials", "ties", "strike")
+OF_BODIES = ("bodies", "materials", "ties", "strike", "loads")
 
 
 def of_bodies(scene: Scene) -> Iterator[str]:
@@ -18,6 +18,7 @@ def of_bodies(scene: Scene) -> Iterator[str]:
     yield from _unheld(scene)
     yield from _unstruck(scene)
     yield from _joints(scene)
+    yield from _loads(scene)
     if scene.patch is not None:
         yield "[patch] belongs to the thesis' rig; write [strike] with on, at and radius."
 
@@ -156,6 +157,14 @@ def _joints(scene: Scene):
                 f"joints.{joint.name} holds the walls of holes to the ground; drop at and washer."
             )
         yield from _rigid_dashpots(joint)
+
+
+def _loads(scene: Scene):
+    for name, number in Counter(load.name for load in scene.loads or ()).items():
+        if number > 1:
+            yield f"loads has {number} tables named {name!r}; give each a name of its own."
+    if scene.loads and scene.floats:
+        yield "loads act on an assembly that floats; hold a face of it, or drop them."
 
 
 def _rigid_dashpots(joint):

@@ -12,6 +12,7 @@ from workflows.scene.bodies import (
     Bolts,
     General,
     Solid,
+    StaticLoad,
     Strike,
     Target,
     Tied,
@@ -68,6 +69,7 @@ class Scene(Table):
     ties: Annotated[tuple[Tied, ...], Several] | None = None
     joints: EitherJoints | None = None
     strike: Strike | None = None
+    loads: Annotated[tuple[StaticLoad, ...], Several] | None = None
     targets: Annotated[tuple[Target, ...], Several] | None = None
     table: Standing | None = None
     mesh: Any = None
