@@ -61,7 +61,9 @@ def _csv(path: Path) -> Responses:
     if table.shape[1] < 3 or table.shape[1] % 2 == 0:
         raise ValueError(f"{table.shape[1]} columns, an odd number from 3 on is needed")
     title = SYNTHETIC if SYNTHETIC in header else path.stem
-    return Responses(table[:, 0], (table[:, 1::2] + 1j * table[:, 2::2]).T, title)
+    H = table[:, 1::2].T.astype(complex)
+    H.imag = table[:, 2::2].T
+    return Responses(table[:, 0], H, title)
 
 
 def _uff(path: Path) -> Responses:

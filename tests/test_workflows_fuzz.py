@@ -1,0 +1,45 @@
+"""The command that changes scenes and files at random: a hundred of them, and its own faults."""
+
+import time
+
+import pytest
+from hostile import fuzz
+
+from workflows.scene import InvalidScene
+
+
+def reader_that(does):
+    return fuzz.Kind(".txt", (b"",), lambda path: does())
+
+
+def raises(error):
+    raise error
+
+
+@pytest.mark.parametrize("name", ["scene", "velocities", "hammer"])
+def test_every_changed_text_is_read_or_refused_in_one_sentence(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert fuzz.main(40, 7, (name,)) == 0, capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", sorted(fuzz.kinds()))
+def test_the_files_that_are_changed_are_good_themselves(name, tmp_path):
+    kind = fuzz.kinds()[name]
+    for i, good in enumerate(kind.samples):
+        path = tmp_path / f"{i}{kind.ending}"
+        path.write_bytes(good)
+        kind.read(path)
+
+
+@pytest.mark.parametrize(
+    ("does", "word"),
+    [
+        (lambda: raises(ZeroDivisionError("by zero")), "ZeroDivisionError"),
+        (lambda: raises(InvalidScene("two\nlines")), "no sentence"),
+        (lambda: time.sleep(3), "took more than"),
+    ],
+)
+def test_other_ends_are_faults(does, word, tmp_path, monkeypatch):
+    monkeypatch.setattr(fuzz, "STUCK", 0.2)
+    assert word in fuzz.fault(reader_that(does), tmp_path / "x.txt")
+    assert fuzz.fault(reader_that(lambda: None), tmp_path / "x.txt") is None
