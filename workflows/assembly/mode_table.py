@@ -4,6 +4,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from workflows.files.run_folder import Picture
+from workflows.pipeline.health import shape_names
 from workflows.pipeline.pipeline import Pipeline
 from workflows.pipeline.warnings import overconstrained
 from workflows.results import plots
@@ -24,7 +25,7 @@ class ModeRow(BaseModel):
     """One computed mode; `hammer_mode` where it is paired with one of the test.
 
     `score` is the share of its energy in the motion that tells the measured mode, `mac` that with
-    the mode of stiff joints.
+    the mode of stiff joints, `shape` what the measured mode looks like in words.
     """
 
     number: int
@@ -35,6 +36,7 @@ class ModeRow(BaseModel):
     difference_percent: float | None = None
     score: float | None = None
     mac: float | None = None
+    shape: str | None = None
 
 
 class ModeTable(BaseModel):
@@ -51,12 +53,14 @@ class ModeTable(BaseModel):
         table = aligned_text(head, map(_cells, self.rows))
         told = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
-        return "\n".join([table, "", *filter(None, (told, load, *self.warnings))])
+        shapes = ", ".join(f"{r.hammer_mode}: {r.shape}" for r in self.rows if r.shape)
+        return "\n".join([table, "", *filter(None, (shapes, told, load, *self.warnings))])
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:
     """Modes beside the measured ones."""
     scene, modes, mac = pipeline.scene, pipeline("modes"), pipeline("mac")
+    shape = dict(enumerate(shape_names(scene), start=1))
     struck = not scene.is_general or scene.strike is not None
     participation = np.abs(pipeline("contact").w @ modes.phi) if struck else [None] * len(mac)
     tested = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
@@ -66,7 +70,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
     ]
     return ModeTable(
         scene=scene.name,
-        rows=rows,
+        rows=[row.model_copy(update={"shape": shape.get(row.hammer_mode)}) for row in rows],
         load_factor=modes.load_factor,
         warnings=list(overconstrained(modes.overconstrained)),
     )
@@ -84,7 +88,7 @@ def mac_picture(pipeline: Pipeline) -> Picture:
     figure, (axis,) = plots.subplots(1, 1, (5, 1.2 + 0.26 * len(mac)))
     names = [f"{f:.0f} Hz" for f in hz], stiff
     plots.heat_map(axis, mac, names, "MAC", legible=LEGIBLE, limits=(0, 1))
-    axis.set_xlabel("with stiff joints")
+    axis.set_xlabel("with stiff joints, on the body whose motion tells the mode")
     return Picture("mac", plots.png(figure))
 
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 import fem
 from fem.tuning import Parameter, Tuning, tune
 from workflows.assembly import parameters as of_bodies
-from workflows.pipeline.pipeline import Progress, pipeline_of
+from workflows.pipeline.pipeline import Pipeline, Progress, pipeline_of
 from workflows.results.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
 from workflows.scene.bodies import Target
@@ -91,10 +91,10 @@ def tuned(
         freed_ones = _of_the_rig(scene, free or usual(match))
     fit = _fitted(scene, freed_ones, match, progress)
     result = _targeted(_set(fit.loose, fit.found.parameters, fit.found.value), match)
-    confirmed = pipeline_of(result, progress)("modes").paired_hz
+    full = pipeline_of(result, progress)
     fitted = {p.name for p in fit.found.parameters}
     unseen = [p for p in freed_ones if p.name not in fitted]
-    return result, _report(scene, match, fit, confirmed, unseen)
+    return result, _report(scene, match, fit, full, unseen)
 
 
 def _of_the_rig(scene: Scene, names: tuple[str, ...]) -> list[Parameter]:
@@ -254,11 +254,11 @@ def _targeted(scene: Scene, match: dict[int, float]) -> Scene:
     return scene.but(targets=tuple(told))
 
 
-def _report(scene, match, fit: Fit, confirmed, unseen: list[Parameter]) -> TuningReport:
-    found = fit.found
+def _report(scene, match, fit: Fit, full: Pipeline, unseen: list[Parameter]) -> TuningReport:
+    found, confirmed = fit.found, full("modes").paired_hz
     names = [p.name for p in found.parameters]
     numbers = [str(i) for i in range(1, len(found.modes_hz) + 1)]
-    fitted = dict(zip(numbers, map(float, found.modes_hz), strict=True))
+    fitted, mac = dict(zip(numbers, map(float, found.modes_hz), strict=True)), _mac(full)
     return TuningReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
@@ -269,13 +269,14 @@ def _report(scene, match, fit: Fit, confirmed, unseen: list[Parameter]) -> Tunin
             name: float(s) if np.isfinite(s) else None
             for name, s in zip(names, found.deviation, strict=True)
         },
-        mac=dict(zip(numbers, map(float, found.mac), strict=True)),
+        mac=mac,
         between_hz=[float(hz) for hz in found.all_hz if not np.any(np.isclose(hz, found.modes_hz))],
         evaluations=found.evaluations,
         seconds=fit.seconds,
         remarks=[
             *_unseen(scene, match, unseen),
             *_remarks(scene, match, fitted, confirmed, found, unseen),
+            *_drifted(mac),
         ],
     )
 
@@ -307,13 +308,22 @@ def _remarks(scene, match, fitted, confirmed, found: Tuning, unseen: list[Parame
             remarks.append(
                 f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
             )
-    for i, share in enumerate(found.mac, start=1):
-        if share < 0.8:
-            remarks.append(
-                f"the shape of mode {i} has a MAC of {share:.2f} with that of stiff joints: "
-                "a frequency that matches is no proof of the joint."
-            )
     return remarks
+
+
+def _mac(full: Pipeline) -> dict[str, float]:
+    """MAC of the modes found with those of stiff joints, as `beadwave modes` has it."""
+    index, mac = full("modes").index, full("mac")
+    return {str(j + 1): float(mac[i, j]) if i >= 0 else np.nan for j, i in enumerate(index)}
+
+
+def _drifted(mac: dict[str, float]) -> list[str]:
+    return [
+        f"the shape of mode {i} has a MAC of {share:.2f} with that of stiff joints: a frequency "
+        "that matches is no proof of the joint."
+        for i, share in mac.items()
+        if share < 0.8
+    ]
 
 
 def write_scene(scene: Scene, path: Path, report: TuningReport) -> None:
