@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from workflows.assembly.mode_table import mode_table
 from workflows.assembly.tuning import (
     _from,
     _targeted,
@@ -18,6 +19,7 @@ from workflows.assembly.tuning import (
 )
 from workflows.commands.app import main
 from workflows.files.scene import scene
+from workflows.pipeline.pipeline import pipeline_of
 from workflows.scene import InvalidScene
 
 COARSE = (
@@ -66,6 +68,12 @@ def test_a_tuned_scene_meets_its_modes_in_the_full_model():
     np.testing.assert_allclose(found, [51, 269, 907], rtol=5e-3)  # three springs, weak pulls
     assert result.joints.head.ky == report.stiffness["head.ky"]
     assert result.joints.head.kx == np.inf and report.seconds < 10
+
+
+def test_mac_is_the_same_in_tune_and_modes():
+    result, report = tuned(scene("rig-rom", COARSE), {1: 52.0}, (), silent)
+    rows = mode_table(pipeline_of(result, silent)).rows
+    assert report.mac == {str(row.hammer_mode): row.mac for row in rows if row.hammer_mode}
 
 
 def test_one_tangential_stiffness_tells_why_it_fails():

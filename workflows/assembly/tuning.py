@@ -62,7 +62,7 @@ class TuningReport(BaseModel):
     def _mode(self, i: str) -> tuple:
         wanted, full = self.match.get(i), self.full_order_hz.get(i)
         hz = (None if x is None else f"{x:.2f}" for x in (wanted, self.modes_hz[i], full))
-        return i, *hz, f"{self.mac[i]:.3f}"
+        return i, *hz, f"{self.mac[i]:.2f}"
 
     def _value(self, name: str) -> tuple:
         spread = self.deviation[name]
