@@ -3,9 +3,9 @@
 A run with sensitivities leaves velocities and accelerations of the spheres; forces follow from
 Newton's law, summed from the striker on,
 
-    F_i = sum_(j <= i) (f_j - m_j a_j),   f_j steady forces,
+    F_i - F_i(0) = -sum_(j <= i) m_j (a_j - a_j(0)),
 
-and displacements by Hermite's quadrature of the velocities.
+steady forces cancel, and displacements by Hermite's quadrature of the velocities.
 """
 
 from collections.abc import Sequence
@@ -54,13 +54,11 @@ def sensed(
     """Signals (k, m) at the times `at` (k,) [s] of a run that recorded the spheres `observed`,
     their rates, and their derivatives (k, m, p)."""
     own = channels.sensors
-    y = _quantities(run, run.v, run.a, rig, own, rig.chain.steady)
+    y = _quantities(run, run.v, run.a, rig, own)
     shown, rate = (signals(own, run.t, y, at, order) for order in (0, 1))
     if not parameters:
         return shown, rate, np.zeros((*shown.shape, 0))
-    pushed = np.zeros((rig.chain.mass.size, len(parameters)))
-    pushed[-1] = [p.kind == "preload" for p in parameters]
-    slopes = signals(own, run.t, _quantities(run, run.dv, run.da, rig, own, pushed), at)
+    slopes = signals(own, run.t, _quantities(run, run.dv, run.da, rig, own), at)
     for j, p in enumerate(parameters):
         if p.kind == "trigger":
             slopes[:, :, j] = -np.where((at > 0)[:, None], rate, 0.0)
@@ -83,11 +81,11 @@ def with_gains(
     return shown * gain, np.where(fixed, slopes, slopes * gain[:, None]) if slopes.size else slopes
 
 
-def _quantities(run, v, a, rig, sensors, steady):
+def _quantities(run, v, a, rig, sensors):
     """(steps, m, ...) of velocities and accelerations (steps, n, ...) or their derivatives."""
     h, n = run.t[1], v.shape[1]
     mass = rig.chain.mass[:n].reshape(-1, *[1] * (v.ndim - 2))
-    force = np.cumsum(steady[:n] - mass * a, axis=1)
+    force = np.cumsum(-mass * a, axis=1)
     moved = 0.5 * h * (v[1:] + v[:-1]) + h**2 / 12 * (a[:-1] - a[1:])
     x = np.concatenate([0.0 * v[:1], np.cumsum(moved, axis=0)])
     return measured(sensors, run.t, x, v, force)
