@@ -9,10 +9,12 @@ import tomli_w
 
 import beadwave
 from command_line import beadwave as command
+from coupling.parametric_wall import Box
 from workflows.files.records import Channel, recorded
 from workflows.files.scene import scene
 from workflows.inspection.inspect import _noise, _rounding, sensor_of
 from workflows.inspection.numbers import number, own, put, shared, usual_each
+from workflows.inspection.structure import structure
 from workflows.pipeline.pipeline import pipeline_of
 from workflows.pipeline.signals import csv_text
 from workflows.scene import InvalidScene
@@ -40,6 +42,7 @@ BEAM = {
 TRUTH = {"beam.thickness": 0.0124, "beam.young": 72e9, "beam.axial_force": -20e3}
 BOUNDS = "beam.thickness=9mm:15mm,beam.axial_force=-30kN:5kN"
 FIND = ",".join(TRUTH)
+NO_BOX = Box(np.zeros(0), np.zeros(0))
 
 
 def measured(folder, speeds=(0.31, 0.44), **changes):
@@ -171,6 +174,26 @@ def test_values_put_into_a_scene_are_those_of_a_scene_read_anew():
     other = put(named.with_values({}), (material,), np.array([65e9]))
     assert number(other, material) == 65e9
     assert number(named.with_values({}), material) == 70e9
+
+
+def test_a_height_of_fall_moves_the_velocity_that_follows_from_it():
+    base = base_of("upright", {})
+    both = structure(base, ("striker.drop",), NO_BOX, 0, _quiet)
+    low, high = (both(np.array([drop])).v0[0] for drop in (0.005, 0.020))
+    assert high / low == pytest.approx(2.0, rel=1e-6)
+    assert not both.plain
+    alone = structure(base, ("chain.young",), NO_BOX, 1, _quiet)
+    assert alone.plain
+
+
+def test_a_force_a_thousand_times_off_is_refused(tmp_path):
+    loud = {**BEAM["output"], "sensors": [{"sphere": 5, "noise": 0.01}]}
+    true = scene({**BEAM, "output": loud}, {"time.duration": 1.1e-3})
+    text = csv_text(true, pipeline_of(true, _quiet)("record"))
+    file = tmp_path / "drop.csv"
+    file.write_text(text.replace("force [N]", "force [kN]"))
+    with pytest.raises(InvalidScene, match="correct the unit in the record's header"):
+        beadwave.inspect({**BEAM, "output": loud}, file, find="beam.young")
 
 
 def test_a_record_knows_its_noise_from_what_lies_between_its_waves(drops):

@@ -147,6 +147,8 @@ class Forward(NamedTuple):
 
     def _runs(self, values, durations) -> list[Trajectory]:
         systems = [self.system(one) for one in values]
+        if len(systems) == 1:
+            return [self._run(systems[0], durations[0])]
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             return list(pool.map(self._run, systems, durations))
 

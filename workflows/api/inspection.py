@@ -63,7 +63,7 @@ def inspect(
     """
     from workflows.files.records import recorded
     from workflows.inspection.folder import FILES, write
-    from workflows.inspection.inspect import Request, inspected
+    from workflows.inspection.inspect import Request, called_apart, inspected
     from workflows.inspection.report import report_of
     from workflows.sweep.cases import base_of
 
@@ -75,7 +75,7 @@ def inspect(
         inputs = (*files_read(chosen, scene), *files)
         folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite)
     with folder.renewed(*FILES) if folder else nullcontext():
-        records = tuple(recorded(file) for file in files)
+        records = called_apart(tuple(recorded(file) for file in files))
         found = inspected(base, records, Request(**asked), progress)
         report = report_of(found, records)
         if folder:

@@ -16,7 +16,7 @@ from coupling.inspection.inversion import Inversion, inverted
 from coupling.inspection.search import rise
 from coupling.parametric_wall import Box
 from coupling.sensors import Sensor
-from workflows.calibration.checks import require_samples
+from workflows.calibration.checks import WRONG_UNITS, require_samples
 from workflows.files.records import Channel, Recorded
 from workflows.inspection import numbers
 from workflows.inspection.structure import Structure, structure
@@ -80,6 +80,13 @@ def inspected(
     return Inspected(scene, inversion, fit, model, len(found), moved, known, seconds)
 
 
+def called_apart(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
+    """Records whose files have the same name called by their numbers."""
+    if len({one.name for one in records}) == len(records):
+        return records
+    return tuple(one._replace(name=f"record {i}") for i, one in enumerate(records, 1))
+
+
 def _alike(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
     """Records of the same channels, cut to the shortest; raises InvalidScene for others."""
     for one in records[1:]:
@@ -123,13 +130,13 @@ def _problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...
     starts = [np.array([p.start for p in (*found, *record)]) for record in own]
     dt, time_scale = _steps(model, starts)
     forward = Forward(model, tuple(sensor for sensor, _ in pairs), dt)
-    for one in records:
+    triggers, noise = [], []
+    for i, (one, start) in enumerate(zip(records, starts, strict=True), 1):
         require_samples(one.t, time_scale)
-    triggers = [
-        _trigger(forward, one, start, f"trigger, record {i}")
-        for i, (one, start) in enumerate(zip(records, starts, strict=True), 1)
-    ]
-    noise = [_noise(one, time_scale) for one in records]
+        noise.append(_noise(one, time_scale))
+        shown = forward.shown(start, one.t - one.t[0])
+        _require_size(one, shown, group < 0)
+        triggers.append(_trigger(one, shown, f"trigger, record {i}"))
     shots = tuple(Shot(one.t, one.y, rms) for one, (rms, _) in zip(records, noise, strict=True))
     named = [
         [p._replace(name=f"{p.name}, record {i}") for p in record]
@@ -148,11 +155,21 @@ def _steps(model: Structure, starts) -> tuple[float, float]:
     return STEPS * usual, dem.sensitivities.STEPS_PER_TIME_SCALE * usual
 
 
-def _trigger(forward: Forward, one: Recorded, start: np.ndarray, name: str) -> Parameter:
+def _require_size(one: Recorded, shown: np.ndarray, known: np.ndarray) -> None:
+    """Raise InvalidScene where signals of known gains are far from the size of the model's."""
+    sizes = zip(one.channels, np.abs(one.y).max(axis=0), np.abs(shown).max(axis=0), strict=True)
+    for (channel, largest, own), told in zip(sizes, known, strict=True):
+        if told and not own / WRONG_UNITS < largest < own * WRONG_UNITS:
+            raise InvalidScene(
+                f"{one.name}: {channel.name} reaches {largest:.3g}, the scene's model {own:.3g} in "
+                "SI units; correct the unit in the record's header, the gain or the scene."
+            )
+
+
+def _trigger(one: Recorded, shown: np.ndarray, name: str) -> Parameter:
     """When the chain is first touched on the record's clock, from the rise of its first wave."""
-    t = one.t - one.t[0]
     reach, scale = TRIGGER
-    estimate = rise(one.t, one.y) - rise(t, forward.shown(start, t))
+    estimate = rise(one.t, one.y) - rise(one.t - one.t[0], shown)
     return Parameter(name, "trigger", estimate, estimate - reach, estimate + reach, scale, "s")
 
 

@@ -37,6 +37,7 @@ class Structure(NamedTuple):
     base: Base
     keys: tuple[str, ...]
     curvatures: tuple[float, float] | None
+    plain: bool = True  # whether nothing else of the scene follows from the keys
     of_wall: tuple[int, ...] = ()
     between: ParametricWall | None = None
     fixed: dem.Wall | None = None
@@ -44,7 +45,8 @@ class Structure(NamedTuple):
     def __call__(self, values: NDArray[np.float64]) -> System:
         """What is marched; raises CouplingError for values that no scene may have."""
         try:
-            scene = put(self.scene, self.keys, values)
+            scene = (put(self.scene, self.keys, values) if self.plain
+                     else moved(self.base, self.keys, values))  # fmt: skip
             begun = start(scene, self.curvatures)
             return System(begun.chain, self._wall(scene, values), begun.velocity)
         except InvalidScene as reason:
@@ -73,7 +75,10 @@ def structure(
     scene = base.with_values({})
     pipeline = pipeline_of(scene, progress)
     round_face = needs_structure(scene) and scene.is_general
-    plain = Structure(scene, base, keys, pipeline("curvatures") if round_face else None)
+    plain = Structure(
+        scene, base, keys, pipeline("curvatures") if round_face else None,
+        all(_stands_alone(base, scene, key) for key in keys),
+    )  # fmt: skip
     if not isinstance(scene.wall, RomWall):
         return plain
     of_wall = tuple(i for i, key in enumerate(keys) if _changes_wall(base, pipeline, key))
@@ -90,6 +95,13 @@ def structure(
             base, tuple(keys[i] for i in chosen), narrow, SLOW if scene.bending is None else QUICK
         )
     return plain._replace(of_wall=of_wall, between=between)
+
+
+def _stands_alone(base: Base, scene: Scene, key: str) -> bool:
+    """Whether no other value of the scene follows from a key, as a velocity from a drop."""
+    other = np.array([number(scene, key) * (1 + 1e-6)])
+    anew = moved(base, (key,), other)
+    return put(scene, (key,), other).but(unusual=anew.unusual) == anew
 
 
 def _changes_wall(base: Base, pipeline: Pipeline, key: str) -> bool:
