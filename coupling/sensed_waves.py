@@ -32,6 +32,8 @@ def sensed_waves(
     sensor: Sensor, t: NDArray[np.float64], y: NDArray[np.float64], named: Sequence[Label]
 ) -> tuple[SensedWave, ...]:
     """The waves named at the sensor's sphere that have a crest of their own in its signal (k,)."""
+    if not named:
+        return ()
     times = [label.arrival.time for label in named]
     between = [-np.inf, *(0.5 * (a + b) for a, b in pairwise(times)), np.inf]
     shown = np.sign(sensor.gain) * y

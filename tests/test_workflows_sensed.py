@@ -125,3 +125,13 @@ def test_a_lasers_band_is_no_sensors(tmp_path):
     made()
     with pytest.raises(InvalidScene, match="low_pass instead"):
         beadwave.calibrate("upright", "made/signals.csv", SMALL, instrument=1e5)
+
+
+def test_sensors_of_one_amplifier_share_its_gain():
+    gain = {"gain": "5 mV/N", "noise": 0.002}
+    made([{"sphere": 4, **gain}, {"sphere": 7, **gain}])
+    own = [{"sphere": 4, "gain": "amplifier"}, {"sphere": 7, "gain": "amplifier"}]
+    rows = {row.name: row for row in fitted(own).report.parameters}
+    assert [name for name in rows if name.startswith("gain")] == ["gain amplifier"]
+    found = rows["gain amplifier"]
+    assert abs(found.found - 5e-3) < found.two_sigma < 1e-4 * 5

@@ -32,6 +32,7 @@ def test_a_gain_has_the_unit_of_its_quantity():
 
 
 REFUSED = {
+    "quantity = \\[1\\] must be": {"sphere": 3, "quantity": [1]},
     "gain of a displacement, a gain of a force is needed": {"sphere": 9, "gain": "2 mV/m"},
     "'a.b' is no number with a unit": {"sphere": 9, "gain": "a.b"},
     "a voltage, a force is needed": {"sphere": 9, "range": "3 V"},
@@ -89,3 +90,12 @@ def test_a_sensor_costs_no_other_march(tmp_path, capsys):
         stage["name"]: stage["cached"] for stage in json.loads(capsys.readouterr().out)["stages"]
     }
     assert stages["impact"]
+
+
+@pytest.mark.parametrize("change", ["output.samples=2", "chain.count=3"])
+def test_a_sensor_without_a_wave_has_no_arrivals(change, capsys):
+    sensors = "--set=output.sensors=[{sphere=2}]"
+    changes = (f"--set={change}", "--set=output.spheres=[1]", sensors)
+    assert beadwave("impact", "free-chain", *changes, "--json") == 0
+    told = json.loads(capsys.readouterr().out)["sensors"]["force 2"]
+    assert told["tof_s"] is None and told["arr"] is None

@@ -47,9 +47,9 @@ class Sensor(Table):
     @classmethod
     def _units(cls, table: Any) -> Any:
         """Those of gain and range follow from the quantity."""
-        if not isinstance(table, dict) or table.get("quantity", "force") not in KINDS:
+        if not isinstance(table, dict) or str(table.get("quantity", "force")) not in KINDS:
             return table
-        quantity, gain = table.get("quantity", "force"), table.get("gain")
+        quantity, gain = str(table.get("quantity", "force")), table.get("gain")
         known = dict(table)
         if isinstance(gain, str) and not fullmatch(NAME, gain):
             known["gain"] = si_of("gain", gain, GAINS[quantity])
