@@ -104,6 +104,13 @@ def test_a_pipe_is_called_what_it_is_and_not_waited_for(file, arguments, capfd):
         (["accuracy", "free-chain", "--stage=wall-modes"], "has no [wall]"),
         (["impact", "rig-1dof", "--rom=" + "n" * 300 + ".npz"], "too long"),
         (["run", "--nope"], "No such option"),
+        (["sweep", "rig-rigid", "--over=striker.velocity=1e308:-1e308:3"], "two finite numbers"),
+        (["sweep", "rig-rigid", "--over=preload.force=1,2", "--of=arr"], "name it by --open"),
+        (
+            ["sweep", "rig-rigid", "--over=preload.force=1,2", "--dry-run", "--workers=99999999"],
+            "99999999 processes; give 1 to",
+        ),
+        (["tune", "--out=tuned.png"], "must end in .toml"),
         (["tune", "--match=,"], "must name modes 1 to 4"),
         (["tune", "--match="], "the word after --match= is empty"),
         (["tune", "--match=1", "--free=,"], "is not known"),

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from workflows.api.progress import Progress, quiet
 from workflows.files.run_folder import RunFolder
+from workflows.scene import InvalidScene
+from workflows.scene.named_files import require_file
 
 
 def film(
@@ -30,6 +32,9 @@ def film(
 
     path = Path(folder)
     require_summary(path)
+    require_file(path / "scene.toml", "run the scene again")
+    if pvd and out:
+        raise InvalidScene(f"--pvd writes film.pvd; leave out --out {out}.")
     name = out or ("film.mp4" if find_spec("imageio_ffmpeg") else "film.gif")
     require_name(name)
     held = RunFolder(path, overwrite=overwrite).held("film.pvd" if pvd else name)

@@ -58,7 +58,7 @@ def look(
         raise InvalidScene(f"--scene starts a scene of a STEP file; {source} is a scene already.")
     inputs = (path,) if path else ()
     if starter:
-        checked_file(Path(starter), "--scene", inputs=inputs)
+        checked_file(Path(starter), "--scene", inputs=inputs, ending=".toml")
     folder = picture_folder(out, inputs, overwrite, "assembly")
     with progress("look"):
         seen = looking.look(with_assembly(chosen), str(source) if path else chosen.name)

@@ -141,12 +141,14 @@ def sweep_price(
 ) -> Price:
     """Cases, shared models, seconds and memory of a sweep, timed on its first cases."""
     from workflows.sweep.cases import base_of
+    from workflows.sweep.cluster import require_processes
     from workflows.sweep.price import price
     from workflows.sweep.sweep import require_keys
 
     base = base_of(scene, changes)
     design = _design(base, _cases(cases))
     require_keys(base, design, False)
+    require_processes(processes or 1)
     found = price(base, design, processes or 1)
     _require_one(design, found.refused, found.notes)
     return found

@@ -77,7 +77,7 @@ def tune(
         _require_tuned(path)
     if path:
         read = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
-        checked_file(path, inputs=read)
+        checked_file(path, inputs=read, ending=".toml")
     result, report = tuned(chosen, wanted, _names(free), progress)
     if path and not report.failures:
         result = result.model_copy(update={"name": _scene_name(path)})

@@ -71,6 +71,8 @@ def calibrated(
 ) -> Calibrated:
     """The scene fitted to the record; raises InvalidScene for data or requests that cannot be."""
     began = perf_counter()
+    names, limits = _names(scene, request), free_parameters.bounds(request.bounds)
+    free_parameters.parameters(scene, names, 0.0, limits)  # unknown names before any march
     time_scale = _contact_time_scale(scene, wall)
     require_samples(measured.t, time_scale)
     start = scaled(scene, free_parameters.rig(scene, wall, 0.0), measured)
@@ -86,9 +88,7 @@ def calibrated(
     remarks += _told_repeats(raw)
     filters = _filters(request, measured.t, time_scale)
     trigger, more = _trigger(scene, wall, raw.signals, filters, request)
-    names = _names(scene, request)
     rig = free_parameters.rig(scene, wall, trigger)
-    limits = free_parameters.bounds(request.bounds)
     parameters = (*free_parameters.parameters(scene, names, trigger, limits), *start.gains)
     signals = raw.signals.only(used)
     noise = noise_of_mean(signals, filters, time_scale)

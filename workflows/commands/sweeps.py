@@ -73,6 +73,10 @@ def sweep(
     if open_folder:
         _show(open_folder, of, against, overwrite, quiet, json)
         return
+    if of or against:
+        from workflows.scene import InvalidScene
+
+        raise InvalidScene("--of and --against draw a finished sweep; name it by --open DIR.")
     from workflows.api.sweeps import Cases
     from workflows.api.sweeps import sweep as compute
 
@@ -138,7 +142,7 @@ def _show(folder, of, against, overwrite, quiet, json) -> None:
     from workflows.files.run_folder import RunFolder
 
     found = load_sweep(folder)
-    if of is None:
+    if not (of or against):
         told(found.record(), found.text(), json, quiet)
         return
     picture = found.plot(of, tuple(against.split(",")) if against else None)

@@ -208,8 +208,12 @@ def writing_file(path: Path) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def checked_file(path: Path, option: str = "--out", *, inputs: tuple[Path, ...] = ()) -> Path:
+def checked_file(
+    path: Path, option: str = "--out", *, inputs: tuple[Path, ...] = (), ending: str = ""
+) -> Path:
     """The path of a file to write later; raises InvalidScene where it cannot be one."""
+    if not path.name.endswith(ending):
+        raise InvalidScene(f"{option} {path} must end in {ending}.")
     if _among(path, inputs):
         raise InvalidScene(f"{option} {path} would overwrite what is read; choose another.")
     if why := _unfit(path.absolute().parent):

@@ -7,6 +7,7 @@ cases are rows that say so.
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from os import cpu_count
 from typing import Any
 
 from workflows.scene import InvalidScene
@@ -17,7 +18,17 @@ from workflows.sweep.tasks import Sharing, Task
 
 RETRIES = 2  # of a task whose worker ended
 PATIENCE = "10s"  # to reach a scheduler
+MOST_A_CORE = 64  # processes, each a third of a gigabyte
 AHEAD = 4  # tasks for each thread that are handed over before the first is done
+
+
+def require_processes(where: int | str) -> None:
+    """Raise InvalidScene for no process at all, and for more than this machine can start."""
+    most = MOST_A_CORE * (cpu_count() or 1)
+    if isinstance(where, int) and not 1 <= where <= most:
+        raise InvalidScene(
+            f"{where} processes; give 1 to {most} on this machine, or a scheduler's address."
+        )
 
 
 @contextmanager
@@ -25,11 +36,10 @@ def engine(where: int | str) -> Iterator[Callable]:
     """What computes tasks on so many processes of this machine, or on the cluster of a scheduler
     at an address.
 
-    Raises InvalidScene for no process at all, where Dask is not installed, and where the scheduler
+    Raises InvalidScene for numbers of processes that cannot be, where Dask is not installed, and where the scheduler
     does not answer.
     """
-    if isinstance(where, int) and where < 1:
-        raise InvalidScene(f"on = {where} processes; give at least 1, or a scheduler's address.")
+    require_processes(where)
     try:
         import dask
 

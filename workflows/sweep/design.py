@@ -195,7 +195,7 @@ def _range_axis(text: str, number: Number) -> Axis:
 
 
 def _checked(axis: Axis, text: str) -> Axis:
-    if not (isfinite(axis.low) and isfinite(axis.high)) or axis.low == axis.high:
+    if not isfinite(axis.high - axis.low) or axis.low == axis.high:
         raise InvalidScene(f"--over {text} must run between two finite numbers that differ.")
     if axis.logarithmic and min(axis.low, axis.high) <= 0.0:
         raise InvalidScene(f"--over {text} is logarithmic and must run between numbers above 0.")

@@ -51,6 +51,8 @@ class Store:
         self._design = design
         self._spheres = scene.output.spheres
         self._signals = signals
+        columns = design.columns.items()
+        self._kinds = {key: {type(value) for value in values} for key, values in columns}
         units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
         self._units = about.units | {key: units[key] for key in design.keys if key in units}
         self._face = about.face
@@ -98,7 +100,7 @@ class Store:
         import pyarrow as pa
 
         keys = {
-            key: _typed([values[i] for i in rows.cases])
+            key: _typed([values[i] for i in rows.cases], self._kinds[key])
             for key, values in self._design.columns.items()
         }
         found = {
@@ -143,11 +145,10 @@ def _read(part: Path, columns: list[str]) -> dict[str, np.ndarray]:
     return {name: table[name].to_numpy() for name in columns}
 
 
-def _typed(values: list[Any]) -> Any:
-    """Numbers as they are, anything else as text."""
+def _typed(values: list[Any], kinds: set[type]) -> Any:
+    """Numbers as they are, a column of anything else as text."""
     import pyarrow as pa
 
-    kinds = {type(value) for value in values}
     if kinds <= {int, float}:
         return pa.array(values, pa.float64() if float in kinds else pa.int64())
     return pa.array([v if isinstance(v, str) else dumps(v, default=str) for v in values])
