@@ -36,8 +36,8 @@ def engine(where: int | str) -> Iterator[Callable]:
     """What computes tasks on so many processes of this machine, or on the cluster of a scheduler
     at an address.
 
-    Raises InvalidScene for numbers of processes that cannot be, where Dask is not installed, and where the scheduler
-    does not answer.
+    Raises InvalidScene for numbers of processes that cannot be, where Dask is not installed, and
+    where the scheduler does not answer.
     """
     require_processes(where)
     try:
