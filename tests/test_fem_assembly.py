@@ -161,7 +161,7 @@ def test_receptance_at_rest_is_the_static_compliance_and_peaks_at_a_mode(full):
     w = contact_patch(full, "block:+x", (0.03, 0.0), 6e-3).w
     static = w @ factorised(full.K).solve(w)
     f3 = modes(full.K, full.M, 3).frequency_hz[2]
-    assert receptance(full.K, full.M, w, [0.0])[0] == pytest.approx(static, rel=1e-9)
+    assert receptance(full.K, full.M, w, [0.0])[0] / static == pytest.approx(1, rel=1e-9)
     H = receptance(full.K, full.M, w, [f3], loss_factor=0.02)[0]
     phi = w @ modes(full.K, full.M, 3).phi[:, 2]
     peak = phi**2 / (2 * np.pi * f3) ** 2 / 0.02

@@ -222,7 +222,8 @@ def test_an_abaqus_substructure_is_read_with_its_coordinates(tmp_path):
     assert made.M[4, 3] == 0.25
     read = load_mtx(tmp_path / "sub.mtx", {(101, 1): 0.25, (102, 1): 0.75})
     np.testing.assert_array_equal(read.w, [0.25, 0, 0.75, 0, 0])
-    assert static_compliance(read) == pytest.approx(read.w @ np.linalg.solve(made.K, read.w))
+    direct = read.w @ np.linalg.solve(made.K, read.w)
+    assert static_compliance(read) / direct == pytest.approx(1, rel=1e-9)
 
 
 @pytest.mark.parametrize(

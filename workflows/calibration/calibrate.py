@@ -72,7 +72,7 @@ def calibrated(
     """The scene fitted to the record; raises InvalidScene for data or requests that cannot be."""
     began = perf_counter()
     names, limits = _names(scene, request), free_parameters.bounds(request.bounds)
-    free_parameters.parameters(scene, names, 0.0, limits)  # unknown names before any march
+    free_parameters.parameters(scene, names, 0.0, {})  # unknown names before any march
     time_scale = _contact_time_scale(scene, wall)
     require_samples(measured.t, time_scale)
     start = scaled(scene, free_parameters.rig(scene, wall, 0.0), measured)
