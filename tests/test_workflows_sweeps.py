@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
@@ -565,3 +566,14 @@ def test_the_price_is_told_before():
     assert price.cases == 100 and price.walls == 2 and price.side_by_side == 100
     assert 0 < price.seconds < 30 and price.refused == 0
     assert not Path("sweeps").exists()
+
+
+def test_the_example_measures_rates():
+    where = Path(__file__).parents[1] / "examples" / "sweep_rates.py"
+    spec = spec_from_file_location("sweep_rates", where)
+    rates = module_from_spec(spec)
+    spec.loader.exec_module(rates)
+    cores = os.sched_getaffinity(0)
+    assert 0.0 < rates.seconds_of("rig-rigid", 2, 1) < 60.0
+    assert os.sched_getaffinity(0) == cores
+    assert 0.0 < rates.seconds_of_a_task(2) < 1.0
