@@ -64,10 +64,10 @@ def test_lammps_converges_to_our_result(name, monkeypatch):
     assert rows and {row.verdict for row in rows} == {"within"}, rows
 
 
-@pytest.mark.parametrize("group", ["structures", "reductions", "full-order", "pyyeti"])
+@pytest.mark.parametrize("group", ["structures", "reductions", "full-order", "pyyeti", "exudyn"])
 def test_structures_reductions_and_waves_agree_with_what_others_say(group):
-    if group == "pyyeti":
-        pytest.importorskip("pyyeti", reason="pyYeti is optional (the extra `verify`)")
+    if group in ("pyyeti", "exudyn"):
+        pytest.importorskip(group, reason="optional: the extra `verify`")
     rows = [*rows_of(group, catalogue.catalogue("verify")[group])]
     assert len(rows) >= 2
     assert not [row for row in rows if row.verdict != "within"], rows
