@@ -34,15 +34,24 @@ def test_neither_do_values_that_turn_or_stand_still():
     assert np.isnan(p).all() and np.array_equal(limit, [50.5, 50.0])
 
 
+def test_a_mesh_that_stands_for_the_limit_has_no_error_of_its_own():
+    limit = np.array([50.0, 100.0])
+    np.testing.assert_allclose(study.off(np.array([50.5, 100.0]), limit), [0.01, np.nan])
+    solved = study.Solved("box", 1.0, 30, limit[::-1] * 2, (1.0, 1.0, 1.0), 0.5)
+    assert study._row(solved, limit).error == pytest.approx(3.0)
+    assert study._row(solved._replace(hz=limit), limit).error is None
+
+
 def test_finer_meshes_are_softer_and_the_study_says_by_how_much(monkeypatch):
     """A finer mesh contains the coarser's motions but for the layout of its elements: 0.1 %."""
     monkeypatch.setattr(study, "N_MODES", {"full-tie": 18})
     monkeypatch.setattr(study, "BLOCK", 60e-3)
     seeds = (24e-3, 17e-3, 12e-3, 8.5e-3, 6e-3)
     found = study.mesh(scene("rig-rom", ()), lambda name: nullcontext(), seeds=seeds)
-    errors = [row.error for row in found.tables[0].rows]
+    # nan of a finest mesh that stands for the limit
+    errors = np.array([row.error for row in found.tables[0].rows], dtype=float)
     assert [row.parameter for row in found.tables[0].rows] == list(seeds)
-    assert np.all(np.diff(errors) <= 1e-3) and errors[0] > 2 * errors[-1]
+    assert not np.any(np.diff(errors) > 1e-3) and errors[0] > 2 * errors[-2]
     assert (
         found.sentences[0].startswith("full-tie: the four frequencies converge to 5")
         and found.pictures[0].png

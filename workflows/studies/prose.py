@@ -57,8 +57,8 @@ def signed(value: float, count: int = 0) -> str:
 
 
 def percent(value: float, count: int = 0) -> str:
-    """A share in percent."""
-    return f"{places(100 * value, count)} %"
+    """A share in percent; a dash for no number."""
+    return "-" if isnan(value) else f"{places(100 * value, count)} %"
 
 
 def listed(values: Iterable, word: str = "and") -> str:

@@ -70,7 +70,7 @@ def mesh(scene: Scene, progress: Progress, *, seeds: tuple[float, ...] | None = 
         larger = _watched(scene, constraint, seeds[0], COARSER * BLOCK, progress)
         f = np.array([s.hz for s in solved])
         limit, order = extrapolated(np.array(seeds), f)
-        rows += [_row(s, abs(s.hz[0] / limit[0] - 1)) for s in solved]
+        rows += [_row(s, limit) for s in solved]
         lines += [_line(s._replace(size=1e3 * s.size), limit) for s in solved]
         left = left_by_the_block(solved[0].hz, larger.hz)
         limits[constraint] = limit.tolist(), order.tolist(), left.tolist()
@@ -93,7 +93,7 @@ def _of_bodies(scene: Scene, progress: Progress) -> Finding:
             solved.append(_solved(at_scale, scene.name, scale, stages.N_MODES[0]))
     f = np.array([s.hz for s in solved])
     limit, order = extrapolated(scales, f)
-    rows = tuple(_row(s, abs(s.hz[0] / limit[0] - 1)) for s in solved)
+    rows = tuple(_row(s, limit) for s in solved)
     table = Table(
         "mesh", _columns("scene", "mesh.scale", len(limit)), tuple(_line(s, limit) for s in solved)
     )
@@ -101,7 +101,8 @@ def _of_bodies(scene: Scene, progress: Progress) -> Finding:
     found = {
         "limit": limit.tolist(),
         "order": order.tolist(),
-        "error": (f[-1] / limit - 1).tolist(),
+        "error": off(f[-1], limit).tolist(),
+        "change": np.abs(f[-3] / f[-1] - 1).tolist(),
     }
     sentences = rendered(TEMPLATE, name=scene.name, **found)
     return Finding((table_of(rows, printed=False), table), sentences, (Picture("mesh", picture),))
@@ -128,14 +129,21 @@ def _columns(name: str, size: str, n: int) -> tuple[str, ...]:
     return (name, size, "dofs", *f, *errors, "mesh_s", "assembly_s", "solution_s", "quality")
 
 
-def _row(solved: Solved, error: float) -> Row:
-    return Row("mesh", solved.name, float(solved.size), float(error), sum(solved.seconds))
+def off(hz: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Relative errors (k,); nan where the mesh itself stands for a limit that none determines."""
+    return np.where(hz == limit, np.nan, hz / limit - 1)
+
+
+def _row(solved: Solved, limit: NDArray[np.float64]) -> Row:
+    error = abs(float(off(solved.hz, limit)[0]))
+    known = None if np.isnan(error) else error
+    return Row("mesh", solved.name, float(solved.size), known, sum(solved.seconds))
 
 
 def _line(solved: Solved, limit: NDArray[np.float64]) -> tuple:
-    off = 100 * (solved.hz / limit - 1)
+    percent = 100 * off(solved.hz, limit)
     size = solved.name, float(solved.size), solved.dofs
-    return (*size, *map(float, (*solved.hz, *off, *solved.seconds, solved.quality)))
+    return (*size, *map(float, (*solved.hz, *percent, *solved.seconds, solved.quality)))
 
 
 def _picture(size: str, sizes: NDArray[np.float64], error: dict[str, NDArray]) -> bytes:
