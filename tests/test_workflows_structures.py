@@ -8,7 +8,7 @@ import pytest
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.studies import catalogue
-from workflows.studies.thesis import axial_force, solid_beam, structures
+from workflows.studies.thesis import axial_force, solid_beam, solid_plate, structures
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -72,6 +72,17 @@ def test_the_solid_beam_lies_at_timoshenkos_theory(monkeypatch):
         assert abs(timoshenko - solid) < share * abs(euler - solid), name
     off = column(study, "off_solid")
     assert off[0] < 0.4 * off[1] and off[0] < 0.01
+
+
+def test_the_solid_plate_lies_at_mindlins_theory(monkeypatch):
+    """The first reflected wave and the compliance; coarse elements leave a percent in the modes."""
+    monkeypatch.setattr(solid_plate, "SCALE", 1.5)
+    study = found("solid-plate", "plate")
+    theory, solid = column(study, "arr")
+    assert theory == pytest.approx(solid, rel=5e-3)
+    assert abs(np.diff(column(study, "tof_us"))[0]) < 0.5
+    theory, solid = column(study, "compliance_m_N")
+    assert theory == pytest.approx(solid, rel=0.05)
 
 
 @pytest.mark.parametrize(
