@@ -180,6 +180,8 @@ def test_the_play_head_stands_at_the_same_time_in_view_and_plots(rig, opened):
     )
     np.testing.assert_allclose(places, 0.5, atol=0.02)  # of 3 ms
     assert page.locator("#impact .time").inner_text().startswith("1.500 ms")
+    for plot in ("velocity", "energy", "force", "wall"):
+        assert "1.5 ms" in page.locator(f"figure[data-plot='{plot}'] .u-legend").inner_text()
 
 
 def processor_seconds():

@@ -107,8 +107,9 @@ def wall_words(scene: Scene, summary: Summary) -> str:
         case RomWall(file=file) if file:
             return f"a reduced model of {summary.n_wall_modes} modes ({Path(file).name})."
     mass = summary.reduction and summary.reduction.mass_kg
+    what = f"a {scene.struck_body}" if scene.bending else "an assembly"
     return (
-        f"an assembly of {si(mass, 'kg')} ({grouped(summary.dofs)} degrees of freedom, reduced to "
+        f"{what} of {si(mass, 'kg')} ({grouped(summary.dofs)} degrees of freedom, reduced to "
         f"{summary.n_wall_modes} modes)."
     )
 

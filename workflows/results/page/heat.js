@@ -91,6 +91,7 @@ export function heatMap(holder, clock, { v, dt, first, tracks, wall }) {
   function followed(pen) {
     pen.strokeStyle = pen.fillStyle = colour("ink");
     pen.lineWidth = 1;
+    const names = [];
     for (const track of tracks) {
       const ends = [[track.start_s, track.from_contact + 0.5], [track.end_s, track.to_contact + 0.5]];
       pen.setLineDash([4, 3]);
@@ -100,12 +101,18 @@ export function heatMap(holder, clock, { v, dt, first, tracks, wall }) {
       pen.setLineDash([]);
       const [t, s] = ends[1];
       pen.textAlign = t > 0.85 * duration ? "right" : "left";
-      if (t < 0.97 * duration) label(pen, track.name, place(t) + (t > 0.85 * duration ? -4 : 4), level(s));
+      if (t < 0.97 * duration) label(pen, names, track.name, place(t) + (t > 0.85 * duration ? -4 : 4), level(s));
     }
   }
 
-  function label(pen, text, x, y) {
-    const inside = Math.min(Math.max(y, PAD.top + 10), PAD.top + rows() - 4);
+  /** A name at x, below those that stand in its way. */
+  function label(pen, names, text, x, y) {
+    let inside = Math.min(Math.max(y, PAD.top + 10), PAD.top + rows() - 4);
+    const wide = pen.measureText(text).width;
+    const from = pen.textAlign === "right" ? x - wide : x;
+    const meets = (other) => Math.abs(other.y - inside) < 13 && other.from < from + wide && from < other.to;
+    while (names.some(meets)) inside += 14;
+    names.push({ from, to: from + wide, y: inside });
     pen.lineWidth = 3;
     pen.strokeStyle = colour("paper");
     pen.strokeText(text, x, inside);

@@ -39,7 +39,7 @@ export function wallOf(gl, scene, kind, chain, { LINES, SURFACE }) {
   return {
     set, corners,
     recolour() {
-      ink.uniforms.tint.value = rgb("edge");
+      ink.uniforms.tint.value = rgb("ink-soft");
       paint.uniforms.ramp.value = [0, 1, 2, 3].flatMap((i) => rgb(`ramp-${i}`));
     },
   };
