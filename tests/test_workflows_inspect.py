@@ -10,9 +10,9 @@ import tomli_w
 import beadwave
 from command_line import beadwave as command
 from coupling.parametric_wall import Box
-from workflows.files.records import Channel, recorded
+from workflows.files.records import Channel, recorded, sensor_of
 from workflows.files.scene import scene
-from workflows.inspection.inspect import _noise, _rounding, sensor_of
+from workflows.inspection.inspect import _noise, _rounding
 from workflows.inspection.numbers import number, own, put, shared, usual_each
 from workflows.inspection.structure import structure
 from workflows.pipeline.pipeline import pipeline_of

@@ -55,6 +55,13 @@ def test_two_sensors_of_the_same_are_refused():
         with_sensors(FORCE, {"sphere": 9})
 
 
+def test_a_gain_is_of_one_quantity():
+    with pytest.raises(InvalidScene, match="gain = 'amp' is another quantity's"):
+        with_sensors(
+            {"sphere": 9, "gain": "amp"}, {"sphere": 9, "gain": "amp", "quantity": "velocity"}
+        )
+
+
 def test_an_instrument_without_sensors_or_samples_is_refused():
     with pytest.raises(InvalidScene, match="records nothing"):
         scene("rig-half-space", {"output.instrument": {"bits": 8}})

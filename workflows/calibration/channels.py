@@ -8,18 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.band import Band
 from coupling.calibration.impulse import Impulse, incident_impulse
 from coupling.calibration.parameters import Parameter, Rig
 from coupling.calibration.sensed import Channels, sensed
 from coupling.calibration.signals import noise_between_waves
-from coupling.sensors import NO_BAND, Sensor
 from dem.sensitivities import march_with_sensitivities, usual_step
-from workflows.files.records import Channel
+from workflows.files.records import sensor_of
 from workflows.files.velocities import Record
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.sensors import KINDS
-from workflows.scene.sensors import Sensor as SceneSensor
 from workflows.scene.units import GAINS, VOLTAGE
 
 WRONG, DOUBTFUL = 20.0, 3.0  # times what the start model shows
@@ -42,17 +39,9 @@ def scaled(scene: Scene, rig: Rig, record: Record) -> Scaled:
     """The record of any sensors in velocities; raises InvalidScene where a signal cannot be one."""
     if record.channels is None:
         return Scaled(record, None, (), ())
-    _require_spheres(scene, record)
-    own = [_of_scene(scene, channel) for channel in record.channels]
-    known = [_known_gain(c, s) for c, s in zip(record.channels, own, strict=True)]
-    groups = tuple(
-        None if gain is not None else (s and s.gain) or c.name.removeprefix("sphere ")
-        for c, s, gain in zip(record.channels, own, known, strict=True)
-    )
-    plain = tuple(
-        Sensor(c.sphere - 1, c.quantity, gain or 1.0, _band(s))
-        for c, s, gain in zip(record.channels, own, known, strict=True)
-    )
+    pairs = [sensor_of(scene, channel) for channel in record.channels]
+    plain, groups = zip(*pairs, strict=True)
+    groups = tuple(name and name.removeprefix("sphere ") for name in groups)
     units = tuple(VOLTAGE.unit if c.in_volts else KINDS[c.quantity].unit for c in record.channels)
     labels = tuple(f"{c.quantity} {c.sphere}" for c in record.channels)
     bare = Channels(plain, np.ones(len(plain)), labels, units, groups)
@@ -69,31 +58,6 @@ def scaled(scene: Scene, rig: Rig, record: Record) -> Scaled:
     in_velocities = record._replace(v=record.v / scale)
     found = bare._replace(sensors=fitted, scale=scale)
     return Scaled(in_velocities, found, _gains(found, gain), tuple(remarks))
-
-
-def _require_spheres(scene: Scene, record: Record) -> None:
-    for n in record.spheres:
-        if not 1 <= n <= scene.chain.count:
-            raise InvalidScene(
-                f"the data has sphere {n}, allowed are 1 to chain.count = {scene.chain.count}; "
-                "correct its header or the scene."
-            )
-
-
-def _of_scene(scene: Scene, channel: Channel) -> SceneSensor | None:
-    """The scene's sensor that a column is of."""
-    label = f"{channel.quantity} {channel.sphere}"
-    return next((one for one in scene.output.sensors or () if one.label == label), None)
-
-
-def _known_gain(channel: Channel, sensor: SceneSensor | None) -> float | None:
-    if not channel.in_volts:
-        return 1.0
-    return sensor.gain if sensor and isinstance(sensor.gain, float) else None
-
-
-def _band(sensor: SceneSensor | None) -> Band:
-    return Band(sensor.low_pass, sensor.high_pass, sensor.order) if sensor else NO_BAND
 
 
 def _start_model(rig: Rig, channels: Channels, t) -> tuple[np.ndarray, np.ndarray]:

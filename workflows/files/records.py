@@ -15,7 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from coupling.band import Band
 from coupling.calibration.signals import aligned
+from coupling.sensors import Sensor
 from workflows.files.foreign import arrays
 from workflows.files.velocities import (
     SYNTHETIC,
@@ -29,7 +31,7 @@ from workflows.files.velocities import (
     text_of,
     told_of,
 )
-from workflows.scene import InvalidScene
+from workflows.scene import InvalidScene, Scene
 from workflows.scene.named_files import require_file
 from workflows.scene.sensors import KINDS
 from workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
@@ -144,3 +146,22 @@ def _column(name: str) -> tuple[Channel, float]:
     quantity = found[2] or "velocity"
     units = ", ".join((KINDS[quantity].unit, *KINDS[quantity].others, "V", "mV"))
     raise ValueError(f"the unit of {quantity} is {unit!r}, allowed are {units}")
+
+
+def sensor_of(scene: Scene, channel: Channel) -> tuple[Sensor, str | None]:
+    """What the model shows of a channel, and the name of its gain where nobody knows it."""
+    if not 1 <= channel.sphere <= scene.chain.count:
+        raise InvalidScene(
+            f"the data has sphere {channel.sphere}, allowed are 1 to chain.count = "
+            f"{scene.chain.count}; correct its header or the scene."
+        )
+    told = next(
+        (one for one in scene.output.sensors or ()
+         if (one.sphere, one.quantity) == (channel.sphere, channel.quantity)), None,
+    )  # fmt: skip
+    band = Band(told.low_pass, told.high_pass, told.order) if told else Band()
+    gain = told.gain if told and channel.in_volts else None
+    plain = Sensor(channel.sphere - 1, channel.quantity, band=band)
+    if isinstance(gain, float):
+        return plain._replace(gain=gain), None
+    return plain, (gain or channel.name) if channel.in_volts else None

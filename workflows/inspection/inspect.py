@@ -7,7 +7,6 @@ import numpy as np
 
 import coupling
 import dem
-from coupling.band import Band
 from coupling.calibration.parameters import Parameter
 from coupling.calibration.signals import noise_between_waves
 from coupling.inspection.fitting import Fit
@@ -15,9 +14,8 @@ from coupling.inspection.forward import Forward, Shot, unknowns
 from coupling.inspection.inversion import Inversion, inverted
 from coupling.inspection.search import rise
 from coupling.parametric_wall import Box
-from coupling.sensors import Sensor
 from workflows.calibration.checks import WRONG_UNITS, require_samples
-from workflows.files.records import Channel, Recorded
+from workflows.files.records import Recorded, sensor_of
 from workflows.inspection import numbers
 from workflows.inspection.structure import Structure, structure
 from workflows.pipeline.pipeline import Progress
@@ -101,25 +99,6 @@ def _alike(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
 
 def _named(one: Recorded) -> str:
     return ", ".join(channel.name for channel in one.channels)
-
-
-def sensor_of(scene: Scene, channel: Channel) -> tuple[Sensor, str | None]:
-    """What the model shows of a channel, and the name of its gain where nobody knows it."""
-    if not 1 <= channel.sphere <= scene.chain.count:
-        raise InvalidScene(
-            f"the records have sphere {channel.sphere}, allowed are 1 to chain.count = "
-            f"{scene.chain.count}; correct their header or the scene."
-        )
-    told = next(
-        (one for one in scene.output.sensors or ()
-         if (one.sphere, one.quantity) == (channel.sphere, channel.quantity)), None,
-    )  # fmt: skip
-    band = Band(told.low_pass, told.high_pass, told.order) if told else Band()
-    gain = told.gain if told and channel.in_volts else None
-    plain = Sensor(channel.sphere - 1, channel.quantity, band=band)
-    if isinstance(gain, float):
-        return plain._replace(gain=gain), None
-    return plain, (gain or channel.name) if channel.in_volts else None
 
 
 def _problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...], bool]:

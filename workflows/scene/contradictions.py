@@ -275,6 +275,8 @@ def _sensors(scene: Scene):
             )
         if one.label in [other.label for other in sensors[: i - 1]]:
             yield f"{key} is a second sensor of {one.label}; drop it."
+        if isinstance(one.gain, str) and one.quantity != _first_of(sensors, one.gain):
+            yield f"{key}.gain = {one.gain!r} is another quantity's; give it a name of its own."
         if one.gain == 0:
             yield f"{key}.gain = 0 shows nothing; give another, or a name if it is not known."
         if one.low_pass and one.high_pass and one.high_pass >= one.low_pass:
@@ -288,3 +290,8 @@ def _sensors(scene: Scene):
             f"output.instrument.sampling = {instrument.sampling:g} Hz takes {taken:.3g} samples in "
             f"time.duration, allowed are 2 to {MOST_TAKEN:.0e}; change one of them."
         )
+
+
+def _first_of(sensors, gain: str) -> str:
+    """The quantity of the first sensor with a gain of this name."""
+    return next(one.quantity for one in sensors if one.gain == gain)
