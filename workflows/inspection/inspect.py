@@ -183,7 +183,7 @@ def _answered(
     them moved it."""
     how = {"n_shared": n_shared, "gains": gains}
     try:
-        found = inverted(fit, starts=request.starts, seed=request.seed, **how)
+        first = found = inverted(fit, starts=request.starts, seed=request.seed, **how)
         moved = None
         for _ in range(ROUNDS if model.between else 0):
             model = model.through(found.value[: len(model.keys)])
@@ -194,6 +194,6 @@ def _answered(
             moved = float((off / found.uncertainty.two_sigma[:n_shared]).max())
             if moved <= SETTLED:
                 break
-        return found, model, moved
+        return found._replace(search=first.search), model, moved
     except (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium) as reason:
         raise InvalidScene(f"{model.scene.name}: {str(reason).rstrip('.')}.") from None

@@ -157,8 +157,9 @@ def _on_misfit(found: Inspected):
     elif whole > EXPLAINED:
         yield (
             f"THE MODEL DOES NOT EXPLAIN THE RECORDS: it leaves {whole:.3g} times their noise. The "
-            "structure is another than the scene says, or a number that is off was not among "
-            "those to find; do not rely on what was found, nor on its bars."
+            "structure is another than the scene says, a number that is off was not among those to "
+            "find, or the search has missed it (give more --starts or narrower --bounds); do not "
+            "rely on what was found, nor on its bars."
         )
     elif whole > A_LITTLE:
         yield (
