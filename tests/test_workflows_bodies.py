@@ -112,6 +112,7 @@ def test_a_look_at_a_step_file_tells_masses_pairs_and_holes(step, capsys):
     mass = {body["name"]: body["mass_kg"] for body in seen["bodies"]}
     bored = 0.06 * 0.04 - np.pi * 0.004**2
     assert mass == pytest.approx({"base": 7850 * 2.4e-5, "lid": 7850 * bored * 0.004}, rel=1e-6)
+    assert seen["bodies"][0]["sides_m"] == [0.06, 0.04, 0.01]
     (pair,) = seen["touching"]
     assert pair["between"] == "base|lid" and pair["area_m2"] == pytest.approx(bored, rel=1e-6)
     (hole,) = seen["holes"]

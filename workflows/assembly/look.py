@@ -156,7 +156,8 @@ def _body(scene: Scene, body, nodes: float) -> SeenBody:
     density = scene.materials[material].density if material in (scene.materials or {}) else None
     return SeenBody(
         name=body.name,
-        sides_m=tuple((body.upper - body.lower).tolist()),
+        # to a micrometre: the CAD kernel pads its boxes by a tenth of one
+        sides_m=tuple(np.round(body.upper - body.lower, 6).tolist()),
         mass_kg=None if density is None else density * body.volume,
         material=material,
         dofs=int(3 * nodes),
