@@ -224,25 +224,30 @@ def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
     )
     if chain.dissipation != "none":
         vector("gamma", chain.gamma, n_contacts, at_least=0.0)
+    _validate_held(chain, n)
+    scalar("preload", chain.preload)
+    scalar("gravity", chain.gravity)
+    if chain.n_falling:
+        _validate_falling(chain)
+    if chain.yield_overlap is not None:
+        vector("yield_overlap", chain.yield_overlap, n_contacts, positive=True)
+    if wall is not None:
+        _validate_wall(chain, wall)
+
+
+def _validate_held(chain: Chain, n: int) -> None:
+    """Leaf springs and guides."""
     if chain.leaf_stiffness is not None:
         vector("leaf_stiffness", chain.leaf_stiffness, n, at_least=0.0)
     if chain.leaf_anchor is not None:
         vector("leaf_anchor", chain.leaf_anchor, n)
         require(chain.leaf_stiffness is not None, "leaf_anchor needs leaf_stiffness beside it")
-    scalar("preload", chain.preload)
-    scalar("gravity", chain.gravity)
-    if chain.n_falling:
-        _validate_falling(chain)
     if chain.friction is not None:
         vector("friction", chain.friction, n, at_least=0.0)
         require(
             not (chain.slides and chain.springs[0].any()),
             "a sphere on a leaf spring touches no guides; leave out friction or leaf_stiffness",
         )
-    if chain.yield_overlap is not None:
-        vector("yield_overlap", chain.yield_overlap, n_contacts, positive=True)
-    if wall is not None:
-        _validate_wall(chain, wall)
 
 
 def _validate_falling(chain):

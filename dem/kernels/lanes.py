@@ -409,8 +409,7 @@ def march_block(
                 stale = n_save < 0
             note_end(lanes, observed, one)
         if correction is not None:
-            for j in range(x_old.size):
-                x_old[j], v_old[j] = lanes.x[j], lanes.v[j]
+            x_old[:], v_old[:] = lanes.x, lanes.v
         stale = step_of_lanes(dt, stale, a, b, lanes, wall)
         stale |= correct_step_of_lanes(dt, lanes, x_old, v_old, correction, wall)
         if not due:

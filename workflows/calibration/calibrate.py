@@ -92,14 +92,7 @@ def calibrated(
     parameters = (*free_parameters.parameters(scene, names, trigger, limits), *start.gains)
     signals = raw.signals.only(used)
     noise = noise_of_mean(signals, filters, time_scale)
-    options = Options(
-        staged=any(not p.of_wall for p in parameters),
-        joint=not request.two_stage,
-        starts=request.starts,
-        seed=request.seed,
-        scan=_scan(scene, names, request),
-        noise=noise,
-    )
+    options = _options(request, parameters, _scan(scene, names, request), noise)
     fit = _fitted(rig, parameters, signals, filters, options, source)
     forward = Forward(rig, fit.parameters, signals, filters)
     others = Forward(rig, fit.parameters, raw.signals.only(held), filters) if held else None
@@ -112,6 +105,17 @@ def calibrated(
     name = f"{scene.name}-calibrated"
     result = free_parameters.calibrated_scene(scene, fit.parameters, fit.value, name)
     return Calibrated(result, report, fit, forward)
+
+
+def _options(request: Request, parameters: tuple, scan, noise: float | None) -> Options:
+    return Options(
+        staged=any(not p.of_wall for p in parameters),
+        joint=not request.two_stage,
+        starts=request.starts,
+        seed=request.seed,
+        scan=scan,
+        noise=noise,
+    )
 
 
 def _fitted(rig, parameters, signals, filters, options: Options, source: str) -> Calibration:

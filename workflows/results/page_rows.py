@@ -39,21 +39,9 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
     plots = data.get("curves", {}).get("plots", {})
     signals = data.get("signals", {}).get("plots", {})
     return {
-        "has": {
-            "chain": "chain" in data,
-            "assembly": "assembly" in data,
-            "motion": "chain" in data and ("assembly" not in data or "q" in data["assembly"]),
-            "wall": "force" in plots,
-            "wall_motion": "wall" in plots,
-            "response": "response" in data,
-        },
+        "has": _parts(data, plots),
         "signals": list(signals),
-        "signal_words": {
-            plot: " ".join(
-                f"{one['name']}: {sensed(summary.sensors[one['name']])}." for one in curves
-            )
-            for plot, curves in signals.items()
-        },
+        "signal_words": {plot: _sensed(summary, curves) for plot, curves in signals.items()},
         "facts": facts(summary),
         "targets": targets,
         "worst_target": max((abs(m.frequency_hz / m.target_hz - 1) for m in targets), default=0),
@@ -74,6 +62,22 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         "scene_groups": groups(rows),
         "defaults": [row for row in rows if row["kind"] == "default"],
     }
+
+
+def _parts(data: dict[str, Any], plots: dict[str, Any]) -> dict[str, bool]:
+    """Which parts of the page there is something for."""
+    return {
+        "chain": "chain" in data,
+        "assembly": "assembly" in data,
+        "motion": "chain" in data and ("assembly" not in data or "q" in data["assembly"]),
+        "wall": "force" in plots,
+        "wall_motion": "wall" in plots,
+        "response": "response" in data,
+    }
+
+
+def _sensed(summary: Summary, curves: list[dict[str, Any]]) -> str:
+    return " ".join(f"{one['name']}: {sensed(summary.sensors[one['name']])}." for one in curves)
 
 
 def chain_words(scene: Scene) -> str:
