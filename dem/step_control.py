@@ -22,6 +22,7 @@ from dem.trajectory import Trajectory, march, run, start
 
 FIRST, MOST = 1.5, 2.0  # order that one pair of marches shows, and that any number of them does
 BELOW = 0.5  # the observed order, which scatters
+ALONE = 1.5  # of the first difference where forces jump: no other bears it out
 EPSILON = float(np.finfo(float).eps)
 ULPS = 4.0  # of the largest energy that a ledger's sum may be off by
 LOST = 30.0  # times the error asked for, that rounding may leave at the most: it rarely all adds up
@@ -187,8 +188,9 @@ def _compared(coarse, fine, tried, method, asked):
     difference = _difference(coarse, fine, asked)
     order = _observed_order(tried, difference, coarse.dt, asked.order)
     shown = difference
-    if tried and asked.order < 1.0:  # where forces jump, two marches are alike by chance more often
-        shown = max(shown, tried[-1].difference * coarse.dt / tried[-1].wide)
+    if asked.order < 1.0:  # where forces jump, two marches are alike by chance more often
+        before = tried[-1].difference * coarse.dt / tried[-1].wide if tried else ALONE * difference
+        shown = max(shown, before)
     estimate = shown / ((coarse.dt / fine.dt) ** order - 1.0)
     closed = max(asked.energy_error, _rounding_of_energy(fine, method))
     excess = max(estimate / asked.error, fine.energy_error / closed)
