@@ -65,7 +65,7 @@ def inspect(
     ] = None,
     starts: Annotated[
         int, typer.Option(help="Largest number of starts of the search.", min=1, max=1000)
-    ] = 6,
+    ] = 12,
     seed: Annotated[int, typer.Option(help="Random seed of the starts.", min=0)] = 0,
     out: Annotated[
         Path | None, typer.Option(help="Folder for the scene found, tables and pictures.")

@@ -37,7 +37,7 @@ class Request(NamedTuple):
     find: str
     bounds: str | None = None
     each: str | None = None
-    starts: int = 6
+    starts: int = 12
     seed: int = 0
 
 
