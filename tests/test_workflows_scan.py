@@ -66,7 +66,7 @@ def test_mirrored_points_are_equal(scanned):
 def test_the_map_shows_the_face(scanned):
     assert {p.name for p in scanned.folder.glob("figures/*")} >= {"sphere_5_arr.png"}
     edges = np.array(scanned.face["edges"])
-    assert scanned.face["name"].startswith("block:") and scanned.face["axes"] == ["x", "y"]
+    assert scanned.face["name"] == "block:+z" and scanned.face["axes"] == ["x", "y"]
     length = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1).sum()
     assert abs(length / (2 * (0.06 + 0.04)) - 1.0) < 1e-9
     again = beadwave.load_sweep(scanned.folder)

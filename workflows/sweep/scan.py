@@ -102,7 +102,8 @@ def struck_scene(base: Base, face: str | None) -> Scene:
 def scan(face: StruckFace, design: Design, folder: RunFolder, *, signals: bool, told: Told) -> None:
     """Fill the folder with the table of all points; one that is there already is kept."""
     scene, outline = face.scene, face.outline()
-    about = About(dict.fromkeys(design.keys, "m"), {"name": face.name, **_plain(outline)})
+    name = scene.strike.on if scene.is_general else face.name
+    about = About(dict.fromkeys(design.keys, "m"), {"name": name, **_plain(outline)})
     store = Store(folder, design, scene, signals, about)
     if store.whole():
         store.keep()
