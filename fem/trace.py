@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix
 from skfem import Basis, FacetBasis
 
 from fem.elasticity import Structure
+from fem.sagging import area_vectors
 
 NEWTON_STEPS = 12  # boxes and straight tetrahedra need one
 MISS = 1e-5  # of a face's largest facet: a point this far off lies on it
@@ -101,10 +102,9 @@ def trace(
     outside = np.maximum(0.0, -phi.min(axis=0))
     outside += np.linalg.norm((basis.mapping.F(X, tind=cells) - target)[:, :, 0], axis=0) / size
     best = _least(point, outside, len(points))
-    inside = np.maximum(phi, 0.0) / np.maximum(phi, 0.0).sum(axis=0)
-    nearest = np.einsum("ijk,jk->ik", mesh.p[:, mesh.t[:, cells]], inside)
-    away = np.linalg.norm(nearest - target[:, :, 0], axis=0) - MISS * _sizes(corners[:, :, facet])
-    distance = np.append(away, np.inf)[best]  # -1 is a point without a candidate
+    near = corners[:, :, facet]
+    distance = np.full(len(points), np.inf)
+    np.minimum.at(distance, point, _distances(near, points[point].T) - MISS * _sizes(near))
     if np.any(distance > gap):
         bad = int(np.argmax(distance))
         raise OffFace(
@@ -114,6 +114,18 @@ def trace(
     return csr_matrix(
         (P.data, P.indices + structure.first[body], P.indptr), (P.shape[0], structure.n_dofs)
     )
+
+
+def _distances(corners: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of points (3, n) to plane facets (3, 3 or 4, n), (n,) [m]."""
+    along, to = np.roll(corners, -1, axis=1) - corners, points[:, None] - corners
+    share = np.clip(np.sum(along * to, axis=0) / np.sum(along**2, axis=0), 0.0, 1.0)
+    rim = np.linalg.norm(to - share * along, axis=0).min(axis=0)
+    normal = area_vectors(corners).T
+    normal = normal / np.linalg.norm(normal, axis=0)
+    left = np.sum(np.cross(along, to, axis=0) * normal[:, None], axis=0)
+    within = np.all(left >= 0.0, axis=0)
+    return np.where(within, np.abs(np.sum(to[:, 0] * normal, axis=0)), rim)
 
 
 def _sizes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
