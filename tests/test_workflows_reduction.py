@@ -183,6 +183,12 @@ def test_an_error_that_cannot_be_estimated_is_a_warning(monkeypatch):
     assert any("mesh could not be estimated: the coarse" in words for words in summary.warnings)
 
 
+def test_one_mesh_for_both_sizes_of_elements_states_no_error():
+    held = pipeline()
+    with pytest.raises(ValueError, match="make the same mesh"):
+        error_stages.mesh_error(held.scene, held("start"), held("reduction"), held("impact"))
+
+
 @pytest.mark.parametrize("source", ["reduction", "coarse-reduction"])
 def test_errors_of_reduction_and_mesh_are_those_up_to_the_horizon(source):
     """Beyond it two runs part whatever the reduction; a run that left there is told no error."""
