@@ -4,6 +4,7 @@ The first reflected wave leaves when the contact ends. What lies so far away tha
 come back later does not change it.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +14,9 @@ from workflows.pipeline.pipeline import Progress
 from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
-from workflows.studies.finding import Finding
-from workflows.studies.prose import rendered
 from workflows.studies.thesis import bent
 
 FACTORS = 2.0 ** np.arange(-2, 2.5, 0.5)  # of the scene's own value, which is the fifth
-OWN = 4
 ARR_KNOWN, TOF_KNOWN = 0.01, 0.5e-6  # relative; [s] a sample at 2 MHz
 SAME = 0.01  # relative change of ARR that is none
 COLUMNS = ("mm", "first_mode_hz", "contact_us", "tof_us", "arr", "peak_N")
@@ -35,45 +33,18 @@ class Case(NamedTuple):
     peak: float  # [N]
 
 
-def beam_length(scene: Scene, progress: Progress) -> Finding:
-    """Time of flight and amplitude ratio over the length of a beam, struck at the same share."""
-    bent.require(scene, "beam")
-    share = scene.beam.position / scene.beam.length
-    lengths = FACTORS[FACTORS * scene.beam.length > 2 * (scene.beam.thickness or 0.0)]
-    scenes = [_beam(scene, length=f * scene.beam.length) for f in lengths]
-    scenes = [one.but(beam={"position": share * one.beam.length}) for one in scenes]
-    return _finding("beam-length", "length", scenes, [one.beam.length for one in scenes], progress)
+class Compared(NamedTuple):
+    """Scenes that differ in one quantity: their table and picture, and the template's numbers."""
+
+    table: Table
+    picture: Picture
+    numbers: dict
 
 
-def beam_thickness(scene: Scene, progress: Progress) -> Finding:
-    """Time of flight and amplitude ratio over the thickness of a beam."""
-    bent.require(scene, "beam")
-    scenes = [_beam(scene, thickness=f * _thickness(scene)) for f in FACTORS]
-    values = [one.beam.thickness for one in scenes]
-    return _finding("beam-thickness", "thickness", scenes, values, progress)
-
-
-def plate_thickness(scene: Scene, progress: Progress) -> Finding:
-    """Time of flight and amplitude ratio over the thickness of a plate."""
-    bent.require(scene, "plate")
-    scenes = [scene.but(plate={"thickness": f * scene.plate.thickness}) for f in FACTORS]
-    values = [one.plate.thickness for one in scenes]
-    return _finding("plate-thickness", "thickness", scenes, values, progress)
-
-
-def _beam(scene: Scene, **changes: float) -> Scene:
-    return scene.but(beam=changes)
-
-
-def _thickness(scene: Scene) -> float:
-    if scene.beam.thickness is None:
-        raise bent.InvalidScene(
-            f"the scene {scene.name} has a beam without beam.thickness; give width and thickness."
-        )
-    return scene.beam.thickness
-
-
-def _finding(name: str, quantity: str, scenes, values, progress: Progress) -> Finding:
+def compared(
+    name: str, quantity: str, scenes: Sequence[Scene], values: Sequence[float], progress: Progress
+) -> Compared:
+    """Of the study of a name: its scenes by the values [m] of a quantity."""
     cases = []
     for scene, value in zip(scenes, values, strict=True):
         with progress(f"{quantity} {1e3 * value:.3g} mm"):
@@ -82,8 +53,7 @@ def _finding(name: str, quantity: str, scenes, values, progress: Progress) -> Fi
         (1e3 * c.value, c.first_mode, 1e6 * c.contact, 1e6 * c.tof, c.arr, c.peak) for c in cases
     )
     picture = Picture(f"study_{name.replace('-', '_')}", _picture(quantity, cases))
-    sentences = rendered(__file__, quantity=quantity, **_numbers(cases))
-    return Finding((Table(name, COLUMNS, rows),), sentences, (picture,))
+    return Compared(Table(name, COLUMNS, rows), picture, {"quantity": quantity, **_numbers(cases)})
 
 
 def _case(scene: Scene, value: float) -> Case:

@@ -1,0 +1,17 @@
+"""A chain against plates of one thickness after the other."""
+
+from workflows.pipeline.pipeline import Progress
+from workflows.scene import Scene
+from workflows.studies.finding import Finding
+from workflows.studies.prose import rendered
+from workflows.studies.thesis import bent
+from workflows.studies.thesis.structures import FACTORS, compared
+
+
+def plate_thickness(scene: Scene, progress: Progress) -> Finding:
+    """Time of flight and amplitude ratio over the thickness of a plate."""
+    bent.require(scene, "plate")
+    values = FACTORS * scene.plate.thickness
+    scenes = [scene.but(plate={"thickness": value}) for value in values]
+    found = compared("plate-thickness", "thickness", scenes, values, progress)
+    return Finding((found.table,), rendered(__file__, **found.numbers), (found.picture,))
