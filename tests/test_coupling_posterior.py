@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from coupling.calibration.calibration import calibrate
-from coupling.calibration.forward import Forward
+from coupling.calibration.forward import NO_FILTER, Forward
 from coupling.calibration.parameters import Parameter, Rig
 from coupling.calibration.posterior import posterior, sampled
 from coupling.calibration.search import Options
@@ -24,6 +24,7 @@ class Linear(Forward):
 
     def __init__(self, parameters, signals):
         self.parameters, self.signals = tuple(parameters), signals
+        self.filters = NO_FILTER
         self.rig, self.start = Rig(None, None, None), np.zeros(len(parameters))
         self.time_scale, self.dt = 1e-2, T[1]
 
@@ -34,6 +35,9 @@ class Linear(Forward):
         return self.velocities(theta, first), J[:first]
 
     def with_steps(self, steps):
+        return self
+
+    def of_velocities(self):
         return self
 
     def coarser(self, steps):

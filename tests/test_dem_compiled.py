@@ -105,7 +105,8 @@ FORCE = """
 import numpy as np
 from dem.kernels.equilibrium import Bearing, static_residual
 f, r = np.zeros(2), np.zeros(1)
-static_residual(np.array([4.0]), Bearing(np.ones(1), np.zeros(1), np.zeros(1), 0.0, 0.0), f, r)
+bearing = Bearing(np.ones(1), np.zeros(1), np.zeros(1), np.zeros(1), 0.0)
+static_residual(np.array([4.0]), bearing, f, r)
 print(f[1])
 """
 

@@ -59,7 +59,7 @@ def test_every_name_is_documented(name):
 def test_every_command_that_computes_has_its_function():
     own = {"report", "scene", "scenes"}
     assert {name for name in COMMANDS if name not in own} <= set(beadwave.__all__)
-    for name in set(COMMANDS) - own - {"doctor", "stability", "film"}:
+    for name in set(COMMANDS) - own - {"doctor", "stability", "film", "verify"}:
         assert "changes" in signature(getattr(beadwave, name)).parameters
 
 

@@ -191,7 +191,7 @@ def test_names_of_scikit_fem_and_of_sets_are_kept(file, tmp_path, ending):
     assert len(again.boundaries["block:+x"]) == len(plain.boundaries["block:+x"])
 
 
-@pytest.mark.parametrize(("text", "sentence"), [(None, "no such file"), ("x", "cannot be read")])
+@pytest.mark.parametrize(("text", "sentence"), [(None, "does not exist"), ("x", "cannot be read")])
 def test_a_file_that_is_no_mesh_is_refused(tmp_path, text, sentence):
     path = tmp_path / "none.msh"
     if text:
