@@ -24,7 +24,7 @@ import numpy as np
 
 import rom
 
-COMMAND = (sys.executable, "-P", "-m", "workflows", "run", "mine.toml")
+COMMAND = (sys.executable, "-P", "-m", "workflows", "run", "mine.toml", "--quiet")
 SCENE = """name = "mine"
 [chain]
 count = 5
