@@ -35,13 +35,14 @@ def study(
 ) -> Finding:
     """Figures and statements of the thesis computed again (`beadwave study NAME`).
 
+    Without a scene it takes the one it is made for.
     `studies()` lists the names. Tables, sentences and pictures; `plot()` shows one, `data()` is
     the table as an xarray.Dataset. `out` is a folder for all of it. Raises InvalidScene for bad
     input.
     """
     from workflows.studies import catalogue, finding
 
-    chosen = load_scene(scene, changes)
+    chosen = load_scene(catalogue.usual_scene(name) if scene is None else scene, changes)
     folder = _folder(out, files_read(chosen, scene), overwrite, *finding.files(name))
     found = catalogue.study(name, chosen, progress)
     if folder:

@@ -9,7 +9,6 @@ from workflows.commands.options import (
     Changes,
     Overwrite,
     Quiet,
-    SceneName,
     StudyFolder,
     case_names,
     group_names,
@@ -20,16 +19,18 @@ from workflows.commands.options import (
 )
 from workflows.commands.terminal import StageProgress, noted, told
 
+UsualScene = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="SCENE",
+        help="A scene; default: the one each study is made for.",
+        autocompletion=scene_names,
+    ),
+]
+
 
 def accuracy(
-    scene: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="SCENE",
-            help="A scene; default: the one each study is made for.",
-            autocompletion=scene_names,
-        ),
-    ] = None,
+    scene: UsualScene = None,
     stage: Annotated[
         str,
         typer.Option(
@@ -125,7 +126,7 @@ def run_study(
             autocompletion=study_names,
         ),
     ] = None,
-    scene: SceneName = None,
+    scene: UsualScene = None,
     out: StudyFolder = None,
     changes: Changes = None,
     overwrite: Overwrite = False,

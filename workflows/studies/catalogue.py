@@ -78,6 +78,11 @@ def study(name: str, scene: Scene, progress: Progress) -> Finding:
     return chosen("thesis", (name,), "study")[name](scene, progress)
 
 
+def usual_scene(name: str) -> str | None:
+    """The built-in scene that a study is made for, its SCENE; None for the rig."""
+    return getattr(chosen("thesis", (name,), "study")[name].loaded(), "SCENE", None)
+
+
 def accuracy(stage: str, scene: Callable[[str], Scene], progress: Progress) -> dict[str, Finding]:
     """The accuracy studies of a stage by name; `scene` gives the scene for a study's usual one."""
     found = {}

@@ -21,6 +21,7 @@ from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 from workflows.studies.thesis import bent
 
+SCENE = "slender-beam"
 SHARES = (0.9, 0.5, 0.0, -0.3, -0.6, -0.8, -0.9)  # of the buckling load, < 0 presses
 SMALL = -1e-6  # of E A: presses a beam that does not notice it, for the buckling load
 COLUMNS = ("share", "force_N", "first_mode_hz", "tof_us", "arr", "first_wave", "later", "later_ms")

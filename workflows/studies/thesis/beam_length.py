@@ -7,6 +7,8 @@ from workflows.studies.prose import rendered
 from workflows.studies.thesis import bent
 from workflows.studies.thesis.structures import FACTORS, compared
 
+SCENE = "beam"
+
 
 def beam_length(scene: Scene, progress: Progress) -> Finding:
     """Time of flight and amplitude ratio over the length of a beam, struck at the same share."""

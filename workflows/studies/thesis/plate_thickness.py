@@ -7,6 +7,8 @@ from workflows.studies.prose import rendered
 from workflows.studies.thesis import bent
 from workflows.studies.thesis.structures import FACTORS, compared
 
+SCENE = "plate"
+
 
 def plate_thickness(scene: Scene, progress: Progress) -> Finding:
     """Time of flight and amplitude ratio over the thickness of a plate."""

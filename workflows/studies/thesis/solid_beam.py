@@ -26,6 +26,7 @@ from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 from workflows.studies.thesis import bent
 
+SCENE = "beam"
 FACTORS = (1.0, 2.0, 3.0)  # of the thickness
 LAYERS, LONG = 4, 4.0  # elements through the thickness; how long they are over how high
 PATCH = 0.15  # of the thickness, its radius, and up to

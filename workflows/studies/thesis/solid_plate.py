@@ -15,6 +15,7 @@ from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
 from workflows.studies.thesis import bent
 
+SCENE = "plate"
 EDGES = ("left", "right", "front", "back")
 SIDES = ("-x", "+x", "-y", "+y")
 ERROR = 1e-3  # of the receptance
