@@ -22,6 +22,7 @@ from coupling import (
 )
 from coupling.wall import (
     coupled_wall,
+    damping_matrix,
     kept_modes,
     moving_modes,
     residual_compliance,
@@ -315,3 +316,11 @@ def test_verdict_on_a_free_chain_and_a_rigid_wall_has_nothing_to_say_on_modes():
     for chain, wall in ((free, None), (CHAIN, dem.rigid_wall())):
         judged = verdict(chain, wall, V0)
         assert judged.possible and judged.n_wall_modes == 0 and len(judged.sentences) == 2
+
+
+def test_the_matrix_of_rayleigh_damping_is_alpha_m_and_beta_k():
+    """Of a model whose coordinates are no modes."""
+    K = 3 * (2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1))
+    M = np.diag(np.arange(1.0, 7.0))
+    C = damping_matrix(full_order(K, M, np.eye(6)[0]), RayleighDamping(0.4, 0.02))
+    np.testing.assert_allclose(C, 0.4 * M + 0.02 * K, atol=1e-12)
