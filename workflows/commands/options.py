@@ -60,6 +60,14 @@ SceneName = Annotated[
         autocompletion=scene_names,
     ),
 ]
+UsualScene = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="SCENE",
+        help="A scene; default: the one each study is made for.",
+        autocompletion=scene_names,
+    ),
+]
 Changes = Annotated[
     list[str] | None,
     typer.Option(

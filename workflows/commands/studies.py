@@ -10,23 +10,14 @@ from workflows.commands.options import (
     Overwrite,
     Quiet,
     StudyFolder,
+    UsualScene,
     case_names,
     group_names,
     json_of,
-    scene_names,
     stage_names,
     study_names,
 )
 from workflows.commands.terminal import StageProgress, noted, told
-
-UsualScene = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="SCENE",
-        help="A scene; default: the one each study is made for.",
-        autocompletion=scene_names,
-    ),
-]
 
 
 def accuracy(
