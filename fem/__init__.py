@@ -4,7 +4,7 @@
     joined          Structure and Connections (ties, joints, held faces) -> Model with K, M
     contact_patch   w (n,) of a disc on a face: u_w = w @ u [m] is read, w F [N] is the load
     half_space_on_mesh   compliance [m/N] of the patch on a half-space, which Hertz' law holds too
-    prestressed     the Model under forces and heat: K + K_G, and the share of the buckling load
+    prestressed     the Model under forces, heat and rods: K + K_G, and its share of buckling
     modes           omega (k,) [rad/s], phi (n, k) mass-normalised, by eigsh
     receptance      H(f) [m/N] by direct solution;  mac, pair: modes beside measured ones
     factorised      factor of a sparse symmetric matrix, the fastest that is installed
@@ -53,6 +53,7 @@ from fem.modes import Modes, modes
 from fem.plate import Sheet, TooLarge, mindlin_plate
 from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
+from fem.rods import Rod
 from fem.spot import Spot, planar_spot, round_spot
 from fem.surface import OnSurface, on_surface
 from fem.threads import one_thread
@@ -82,6 +83,7 @@ __all__ = [
     "Orthotropic",
     "Pairing",
     "RigidBody",
+    "Rod",
     "Section",
     "Shape",
     "Sheet",

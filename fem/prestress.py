@@ -3,8 +3,10 @@
     K u = f + f_T,   sigma = C : (eps(u) - alpha dT 1),
     K_G = int sigma_cd d_c phi_i d_d phi_j  on each of x, y, z,    (K + K_G) phi = omega^2 M phi
 
-f is spread evenly over faces, f_T = int C : alpha dT 1 : eps(v). K is that of the shape at rest:
-displacements are small, the forces keep their directions, joints that turn carry no geometric term.
+f is spread evenly over faces, f_T = int C : alpha dT 1 : eps(v); rods have terms of their own, see
+`fem.rods`. K is that of the shape at rest: displacements are small, forces keep their directions.
+Springs of joints have no length, so that a force through them is no string: what they carry works
+on the turns of the bodies alone.
 With mu the largest of -K_G x = mu K x the loads are mu of those that buckle the structure.
 Bathe, Finite Element Procedures (2014), sec. 6.3.
 """
@@ -16,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import LinearOperator, eigsh
-from skfem import Basis, FacetBasis
+from skfem import Basis
 
 from fem.bending import Buckled
 from fem.constraints import congruent
@@ -24,7 +26,9 @@ from fem.elasticity import ELEMENTS, Structure, scattered, shares
 from fem.factorisation import factorised
 from fem.materials import Material, Orthotropic
 from fem.model import Model
+from fem.rods import Rod, tightened
 from fem.threads import one_thread
+from fem.trace import face_mean
 
 PRESSED = 1e-3  # of the buckling load: less is not told from nothing
 PLANE = 0.5  # length of the mean normal: of half a cylinder it is 0.64, of a bore 0
@@ -51,24 +55,27 @@ class Load(NamedTuple):
 
     forces: Sequence[FaceForce] = ()
     heat: Mapping[str, Heat] = {}
+    rods: Sequence[Rod] = ()
 
 
 def prestressed(model: Model, materials: Mapping[str, Material | Orthotropic], load: Load) -> Model:
-    """The model with the stiffness that its static load adds, and the load's share of buckling.
+    """The model with the stiffness that its static load adds, and the load's share of buckling, for
+    which the rods' own stiffness does not count.
 
     Raises Buckled for a load beyond buckling, ValueError for a structure that floats.
     """
-    structure, K = model.structure, model.K
+    structure, K, rods = model.structure, model.K, tightened(model.structure, load.rods)
     factor = factorised(K)
-    u = model.T @ factor.solve(model.T.T @ _forces(structure, materials, load))
+    u = model.T @ factor.solve(model.T.T @ (_forces(structure, materials, load) + rods.f))
     bodies = [_geometric(structure, b, u, materials[b], load.heat.get(b)) for b in structure.basis]
-    K_G = congruent(model.T, sum(bodies))
+    K_G = congruent(model.T, sum(bodies, rods.K_G))
     mu = buckling_share(K, K_G, factor)
     if mu >= 1:
         raise Buckled(
             f"the static load is {mu:.4g} times that which buckles the structure; take less"
         )
-    return model._replace(K0=(model.K0 + K_G).tocsc(), load_factor=mu)
+    K_0 = model.K0 + K_G + congruent(model.T, rods.K)
+    return model._replace(K0=K_0.tocsc(), load_factor=mu)
 
 
 def buckling_share(K, K_G, factor) -> float:
@@ -89,25 +96,21 @@ def _forces(structure: Structure, materials, load: Load) -> NDArray[np.float64]:
     """f (ndof,) [N]."""
     f = np.zeros(structure.n_dofs)
     for one in load.forces:
-        body, facets = structure.facets(one.face)
-        basis = structure.basis[body]
-        f[structure.dofs(body)] += _on_face(basis, facets, one)
+        f += _spread(structure, one)
     for body, heat in load.heat.items():
         f[structure.dofs(body)] += _thermal(structure.basis[body], materials[body], heat)
     return f
 
 
-def _on_face(basis: Basis, facets: NDArray[np.int64], one: FaceForce) -> NDArray[np.float64]:
-    """(n,) [N] on the dofs of a body."""
-    on_face = FacetBasis(basis.mesh, basis.elem.elem, facets=facets, intorder=4)
-    area, share = on_face.dx.sum(), np.zeros(on_face.N)
-    for dofs, phi in zip(on_face.element_dofs, on_face.basis, strict=True):
-        np.add.at(share, dofs, (np.asarray(phi[0]) * on_face.dx).sum(axis=1))
-    normal = (on_face.normals * on_face.dx).sum(axis=(1, 2)) / area
-    if one.direction is None and np.linalg.norm(normal) < PLANE:
+def _spread(structure: Structure, one: FaceForce) -> NDArray[np.float64]:
+    """(ndof,) [N] on the nodes of its face."""
+    mean = face_mean(structure, one.face)
+    if one.direction is None and np.linalg.norm(mean.normal) < PLANE:
         raise ValueError(f"the face {one.face!r} has no one normal; say the force's direction.")
-    along = -normal if one.direction is None else np.asarray(one.direction, float)
-    return np.outer(share / area, one.force * along / np.linalg.norm(along)).ravel()
+    along = -mean.normal if one.direction is None else np.asarray(one.direction, float)
+    f = np.zeros((len(structure.points), 3))
+    f[mean.node] = np.outer(mean.share, one.force * along / np.linalg.norm(along))
+    return f.ravel()
 
 
 def _thermal(basis: Basis, material, heat: Heat) -> NDArray[np.float64]:

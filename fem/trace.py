@@ -32,6 +32,29 @@ def face_nodes(structure: Structure, face: str) -> NDArray[np.int64]:
     return structure.first[body] + own
 
 
+class FaceMean(NamedTuple):
+    """The mean over a face: of the displacements u_n of nodes it is sum_n share_n u_n."""
+
+    node: NDArray[np.int64]  # (m,) of the structure
+    share: NDArray[np.float64]  # (m,) sum 1
+    centre: NDArray[np.float64]  # (3,) [m]
+    normal: NDArray[np.float64]  # (3,) mean of the outward normals, of length 1 where it is plane
+
+
+def face_mean(structure: Structure, face: str) -> FaceMean:
+    """Raises ValueError for a face that the mesh does not have, or not a facet of."""
+    body, facets = structure.facets(face)
+    basis = structure.basis[body]
+    on_face = FacetBasis(basis.mesh, basis.elem.elem, facets=facets, intorder=4)
+    area, share = on_face.dx.sum(), np.zeros(on_face.N)
+    for dofs, phi in zip(on_face.element_dofs, on_face.basis, strict=True):
+        np.add.at(share, dofs, (np.asarray(phi[0]) * on_face.dx).sum(axis=1))
+    own = np.flatnonzero(np.abs(share) > 1e-12 * area)
+    node, share = structure.first[body] // 3 + own, share[own] / area
+    normal = (on_face.normals * on_face.dx).sum(axis=(1, 2)) / area
+    return FaceMean(node, share, share @ structure.points[node], normal)
+
+
 def face_edges(structure: Structure, face: str) -> NDArray[np.float64]:
     """Ends (m, 2, 3) [m] of the edges where a face ends, at holes too."""
     body, facets = structure.facets(face)

@@ -5,6 +5,7 @@ import pytest
 from skfem import MeshHex, MeshTet
 
 import fem
+from fem.rods import tightened as tightening
 
 # held faces would keep what shrinks across from doing so, one element deep
 STEEL = fem.Material(210e9, 0.0, 7850.0)
@@ -121,3 +122,49 @@ def test_a_stretched_plate_is_a_membrane_with_stiffness():
     added = first_omega(loaded) ** 2 - first_omega(model) ** 2
     assert added == pytest.approx(S * k2 / (STEEL.density * h), rel=5e-3)
     assert S * k2 > 10 * D * k2**2 and loaded.load_factor == 0.0
+
+
+def tightened(model, tension, stiffness=0.0):
+    load = fem.Load(rods=[fem.Rod("bar:-x", "bar:+x", tension, stiffness)])
+    return fem.prestressed(model, {"bar": STEEL}, load)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_a_tendon_from_foot_to_tip_buckles_a_cantilever_as_a_hinged_bar(share):
+    """Its force passes through the foot: four times the load that keeps its direction. A spring
+    along the bar leaves bending alone, and stiffens what stretches."""
+    model = bar(ends=("xyz", ""))
+    critical = buckling_load(LENGTH)
+    loaded = tightened(model, share * critical)
+    assert loaded.load_factor == pytest.approx(share, rel=5e-3)
+    with pytest.raises(fem.Buckled):
+        pulled(model, -share * critical)
+    locked = tightened(model, share * critical, 1e8)
+    assert first_omega(locked) / first_omega(loaded) == pytest.approx(1, abs=1e-6)
+    stretched = np.zeros(model.structure.n_dofs)
+    stretched[0::3] = model.structure.points[:, 0]
+    u = model.T.T @ stretched / np.asarray(model.T.power(2).sum(axis=0)).ravel()
+    assert u @ (locked.K - loaded.K) @ u == pytest.approx(1e8 * LENGTH**2, rel=1e-6)
+
+
+def test_a_rod_in_the_open_is_a_string_and_a_spring():
+    """Two blocks that move as wholes: N / L sideways, k along, and no energy of turning both."""
+    apart, N, k = 0.1, 500.0, 3e6
+    lines = [np.linspace(0, 0.02, 3) for _ in "xyz"]
+    boxes = {"a": boxed(*lines), "b": boxed(lines[0] + apart, *lines[1:])}
+    structure = fem.assemble(boxes, dict.fromkeys(boxes, STEEL))
+    rod = tightening(structure, [fem.Rod("a:+z", "b:+z", N, k)])
+    ahead = (structure.points[:, 0] > apart / 2).astype(float)
+    for axis, stiffness in enumerate((0.0, N / apart, N / apart)):
+        u = np.kron(ahead, np.eye(3)[axis])
+        assert u @ rod.K_G @ u == pytest.approx(stiffness, rel=1e-9)
+        assert u @ rod.K @ u == pytest.approx(k * (axis == 0), rel=1e-9)
+        assert u @ rod.f == pytest.approx(-N * (axis == 0), rel=1e-9)
+    assert np.abs(rod.K_G @ np.kron(np.ones_like(ahead), np.ones(3))).max() < 1e-9 * N / apart
+
+
+def test_a_rod_without_a_length_is_refused():
+    model = bar(ends=("xyz", ""))
+    load = fem.Load(rods=[fem.Rod("bar:-y", "bar:+y", 1.0), fem.Rod("bar:+x", "bar:+x", 1.0)])
+    with pytest.raises(ValueError, match="has no length"):
+        fem.prestressed(model, {"bar": STEEL}, load)

@@ -23,6 +23,13 @@ name = "sun"
 body = "b*"
 temperature = 40.0
 """
+ROD = """
+[[loads]]
+name = "tendon"
+on = "beam:-x"
+to = "beam:+x"
+tension = "4 kN"
+"""
 
 
 @pytest.fixture
@@ -67,6 +74,17 @@ def test_a_loaded_scene_reads_back_and_says_what_it_bears(cantilever, capsys):
     assert "of the load that buckles it" in capsys.readouterr().out
 
 
+def test_a_tendon_buckles_a_cantilever_as_a_hinged_bar(cantilever, capsys):
+    """Its force passes through the foot; a spring along the beam leaves bending alone."""
+    (slow, *further), mu = modes(capsys, cantilever(ROD))
+    assert mu == pytest.approx(4e3 * 0.3**2 / (np.pi**2 * 70e9 * 0.02 * 0.012**3 / 12), rel=0.01)
+    (free, *_), _ = modes(capsys, "cantilever")
+    assert slow < 0.97 * free
+    (locked, *stretched), same = modes(capsys, cantilever(ROD + 'stiffness = "1e8 N/m"'))
+    assert locked == pytest.approx(slow, rel=1e-3) and same == pytest.approx(mu, rel=1e-6)
+    assert max(np.divide(stretched, further)) > 1.05
+
+
 def test_heat_between_two_walls_presses(cantilever, capsys):
     held = '["beam:-x", "beam:+x"]'
     cold, _ = modes(capsys, cantilever("", held=held))
@@ -94,7 +112,10 @@ def _nothing():
 
 REFUSED = {
     FORCE.replace("1000.0", "1e6"): "times that which buckles the structure",
-    FORCE.replace('on = "beam:+x"', 'body = "beam"'): "needs on and force",
+    FORCE.replace('on = "beam:+x"', 'body = "beam"'): "it needs one of on and force",
+    ROD + "force = 1.0\n": "has force, on, tension, to; it needs one of",
+    ROD.replace("-x", "+x"): "has no length",
+    ROD + "stiffness = inf\n": "stiffness = inf",
     FORCE.replace('"beam:+x"', '"plank:+x"'): "plank",
     FORCE + FORCE: "2 tables named 'axial'",
     FORCE + "direction = [0, 0, 0]\n": "direction = [0.0, 0.0, 0.0]",

@@ -106,8 +106,8 @@ def model(scene: Scene, mesh: Parts) -> fem.Model:
         return joined
     try:
         return fem.prestressed(joined, mesh.materials, mesh.load)
-    except fem.Buckled as why:
-        raise InvalidScene(f"{scene.name}: loads: {why}.") from None
+    except ValueError as why:
+        raise InvalidScene(f"{scene.name}: loads: {str(why).rstrip('.')}.") from None
 
 
 def _require_kept(scene: Scene, loose: list[fem.Loose]) -> None:

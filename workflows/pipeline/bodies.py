@@ -14,7 +14,7 @@ from workflows.pipeline.own_mesh import OwnMesh, own_mesh
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts, Struck
 from workflows.pipeline.strike import struck
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, Solid, StaticLoad
+from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, Solid
 from workflows.scene.size import too_large_mesh
 
 LARGEST = 30.0  # m, of an assembly: a thousand times as much is in other units
@@ -113,17 +113,25 @@ def parts(scene: Scene) -> Parts:
         [fem.Held(_face(marks, f"held-{i}"), hold.directions) for i, hold in _holds(scene)],
     )
     made_of = {name: material(scene.made_of(name)) for name in meshes}
-    load = fem.Load(list(_forces(scene, marks)), _heat(scene, made_of)) if scene.loads else None
-    return Parts(meshes, made_of, connections, face, load)
+    return Parts(meshes, made_of, connections, face, _load(scene, marks, made_of))
 
 
-def _pressed(scene: Scene) -> Iterator[StaticLoad]:
-    return (load for load in scene.loads or () if load.on)
-
-
-def _forces(scene: Scene, marks: Marks) -> Iterator[fem.FaceForce]:
-    for load in _pressed(scene):
-        yield fem.FaceForce(_face(marks, f"load-{load.name}"), load.force, load.direction)
+def _load(scene: Scene, marks: Marks, names) -> fem.Load | None:
+    """All loads of the scene; raises InvalidScene for heat on what has no expansion."""
+    if not scene.loads:
+        return None
+    forces = [
+        fem.FaceForce(_face(marks, f"load-{load.name}"), load.force, load.direction)
+        for load in scene.loads
+        if load.force is not None
+    ]
+    rods = [
+        fem.Rod(*(_face(marks, f"{end}-{load.name}") for end in ("load", "rod")), load.tension,
+                load.stiffness or 0.0)
+        for load in scene.loads
+        if load.tension is not None
+    ]  # fmt: skip
+    return fem.Load(forces, _heat(scene, names), rods)
 
 
 def _heat(scene: Scene, names) -> dict[str, fem.Heat]:
@@ -234,8 +242,11 @@ def marked(scene: Scene, drawn: Drawing) -> Marks:
     marks = Marks({}, {}, [])
     for i, hold in _holds(scene):
         marks.named[f"held-{i}"] = faces(hold.on, drawn.bodies)
-    for load in _pressed(scene):
-        marks.named[f"load-{load.name}"] = faces(load.on, drawn.bodies)
+    for load in scene.loads or ():
+        ends = {"load": load.on, "rod": load.to}
+        for end, face in ends.items():
+            if face:
+                marks.named[f"{end}-{load.name}"] = faces(face, drawn.bodies)
     for joint, pairs in _bolted(scene, drawn):
         _between_bodies(scene, drawn, joint, pairs, marks)
     for joint in scene.joints or ():

@@ -6,6 +6,7 @@ stands for any letters.
 
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
+from math import isinf
 from pathlib import Path
 from re import split
 from typing import Annotated, Any, Literal
@@ -21,6 +22,7 @@ from workflows.scene.tables import (
     Point,
     Positive,
     Seed,
+    Spring,
     Table,
     one_or_each,
 )
@@ -146,12 +148,19 @@ def fitting(body: str, tables: Mapping[str, Body]) -> Iterator[Body]:
     yield from (tables[name] for name in sorted(names, key=lambda name: name != body))
 
 
+LOADS = {  # what a load must have, and what it may have besides
+    ("on", "force"): ("direction",),
+    ("body", "temperature"): (),
+    ("on", "to", "tension"): ("stiffness",),
+}
+
+
 class StaticLoad(Table):
-    """What the assembly bears before it is struck: a force on a face, or a body that is warmer than
-    it was made, by the expansion of its material.
+    """What the assembly bears before it is struck: a force on a face, a body that is warmer than it
+    was made, by the expansion of its material, or a rod in tension between two faces.
 
     `force` pushes along `direction`, without one into the plane face `on`; names with * are all
-    that fit.
+    that fit. `stiffness` is the rod's own.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]
@@ -160,18 +169,25 @@ class StaticLoad(Table):
     direction: Vector | None = None
     body: str | None = None
     temperature: Annotated[Number, Field(ge=-1000, le=3000)] | None = None  # [K] above
+    to: str | None = None  # the face at the rod's other end
+    tension: of(Number, FORCE, 0, 1e9) | None = None  # [N]
+    stiffness: Spring | None = None  # [N/m] E A / L
 
     @model_validator(mode="after")
     def _one_kind(self) -> "StaticLoad":
-        mechanical, thermal = (self.on, self.force), (self.body, self.temperature)
-        pair = mechanical if self.on or self.force is not None else thermal
-        if None in pair or (pair is mechanical and thermal != (None, None)):
-            raise ValueError("needs on and force, or body and temperature: give one such pair")
-        if self.direction and (pair is thermal or not any(self.direction)):
+        given = {key for key in type(self).model_fields if getattr(self, key) is not None} - {
+            "name"
+        }
+        if not any(set(must) <= given <= {*must, *may} for must, may in LOADS.items()):
+            kinds = ", ".join(" and ".join(must) for must in LOADS)
             raise ValueError(
-                f"direction = {list(self.direction)} must be that of a force and not zero: "
-                "change it"
+                f"has {', '.join(sorted(given)) or 'nothing'}; it needs one of {kinds}: give these "
+                "and no others"
             )
+        if self.direction and not any(self.direction):
+            raise ValueError(f"direction = {list(self.direction)} must not be zero: change it")
+        if self.stiffness is not None and isinf(self.stiffness):
+            raise ValueError("stiffness = inf is no rod's: give E A / L, or tie the faces")
         return self
 
 

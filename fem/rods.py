@@ -1,0 +1,84 @@
+"""Rods between two faces: bolts from head to nut, tie rods, tendons, tight before the strike.
+
+    c = x_2 - x_1,  L = |c|,  t = c / L,        B = C_2 - C_1,  C_i u the mean of u over face i,
+    f = -N B^T t,   K_G = N / L B^T (1 - t t^T) B,   K = k B^T t t^T B
+
+A rod is tightened until its tension is N, whatever the faces give way by, and locked there: from
+then on it has its own stiffness k = E A / L. Its force turns with it as a string's does. Where a
+rod passes through what it presses, its K_G and that of the pressed bodies cancel but for bending
+between its ends, which makes it a tendon that touches nothing on its way.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, kron
+
+from fem.elasticity import Structure
+from fem.trace import FaceMean, face_mean
+
+MOST_NODES = 600  # of a face: all of them are coupled, 9 (2 n)^2 entries
+SHORTEST = 1e-6  # of the faces' own extent: nearer ones touch
+
+
+class Rod(NamedTuple):
+    """What pulls two faces together."""
+
+    first: str  # "body:face"
+    second: str
+    tension: float  # [N]; < 0 pushes them apart
+    stiffness: float = 0.0  # [N/m] its own, E A / L
+
+
+class Tightened(NamedTuple):
+    """What rods add to a structure."""
+
+    f: NDArray[np.float64]  # (ndof,) [N]
+    K_G: csr_matrix  # (ndof, ndof) [N/m]
+    K: csr_matrix  # (ndof, ndof) [N/m]
+
+
+def tightened(structure: Structure, rods: Sequence[Rod]) -> Tightened:
+    """Of all rods; raises ValueError for faces without a distance or with too many nodes."""
+    n = structure.n_dofs
+    f, K_G, K = np.zeros(n), csr_matrix((n, n)), csr_matrix((n, n))
+    for rod in rods:
+        B, c = _stretch(structure, rod)
+        L = np.linalg.norm(c)
+        t = c / L
+        along = np.outer(t, t)
+        f -= rod.tension * (B.T @ t)
+        K_G = K_G + rod.tension / L * (B.T @ csr_matrix(np.eye(3) - along) @ B)
+        K = K + rod.stiffness * (B.T @ csr_matrix(along) @ B)
+    return Tightened(f, K_G, K)
+
+
+def _stretch(structure: Structure, rod: Rod) -> tuple[csr_matrix, NDArray[np.float64]]:
+    """B (3, ndof), and from the first face's centre to the second's (3,) [m]."""
+    one, other = (_small(structure, face) for face in (rod.first, rod.second))
+    c = other.centre - one.centre
+    if np.linalg.norm(c) < SHORTEST * np.ptp(structure.points, axis=0).max():
+        raise ValueError(
+            f"the faces {rod.first!r} and {rod.second!r} have the same centre, so that a rod "
+            "between them has no length; name the faces under its head and under its nut."
+        )
+    B = _reading(other, structure.n_dofs) - _reading(one, structure.n_dofs)
+    return B, c
+
+
+def _small(structure: Structure, face: str) -> FaceMean:
+    mean = face_mean(structure, face)
+    if len(mean.share) > MOST_NODES:
+        raise ValueError(
+            f"the face {face!r} has {len(mean.share)} nodes, allowed for a rod are {MOST_NODES}; "
+            "take a smaller face, as that of a washer, or a coarser mesh there."
+        )
+    return mean
+
+
+def _reading(mean: FaceMean, n: int) -> csr_matrix:
+    """C (3, n)."""
+    row = csr_matrix((mean.share, mean.node, [0, len(mean.node)]), shape=(1, n // 3))
+    return csr_matrix(kron(row, np.eye(3)))
