@@ -6,7 +6,7 @@
     half_space_on_mesh   compliance [m/N] of the patch on a half-space, which Hertz' law holds too
     prestressed     the Model under forces, heat and rods: K + K_G, and its share of buckling
     modes           omega (k,) [rad/s], phi (n, k) mass-normalised, by eigsh
-    receptance      H(f) [m/N] by direct solution;  mac, pair: modes beside measured ones
+    receptance      H(f) [m/N] of the full model;   mac, pair: modes beside measured ones
     factorised      factor of a sparse symmetric matrix, the fastest that is installed
 
 u are the free displacements of a Model, u_mesh = model.T @ u, node after node x, y, z.

@@ -17,6 +17,7 @@ from fem import (
     node_patch,
     pair,
     receptance,
+    response,
 )
 from geometry import PARTS, Assembly, boxes, by_body, held_faces, hex_mesh, interfaces
 from workflows.pipeline.rig import TARGETS, full_tie, screw_tie, wires
@@ -166,3 +167,21 @@ def test_receptance_at_rest_is_the_static_compliance_and_peaks_at_a_mode(full):
     phi = w @ modes(full.K, full.M, 3).phi[:, 2]
     peak = phi**2 / (2 * np.pi * f3) ** 2 / 0.02
     assert abs(H.imag) == pytest.approx(peak, rel=0.02)
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.02])
+@pytest.mark.parametrize(("most", "factors"), [(response.MOST, 1), (20, 2)])
+def test_projected_receptance_is_the_direct_one_also_where_its_space_ends_too_early(
+    full, monkeypatch, loss, most, factors
+):
+    w = contact_patch(full, "block:+x", (0.03, 0.0), 6e-3).w
+    f = np.array([0.0, 400.0, 18e3])
+    monkeypatch.setattr(response, "WORTH_PROJECTING", len(w) + 1)
+    direct = receptance(full.K, full.M, w, f, loss_factor=loss)
+    made = []
+    monkeypatch.setattr(response, "WORTH_PROJECTING", len(w))
+    monkeypatch.setattr(response, "MOST", most)
+    monkeypatch.setattr(response, "factorised", lambda A: made.append(A) or factorised(A))
+    projected = receptance(full.K, full.M, w, f, loss_factor=loss)
+    assert np.abs(projected / direct - 1).max() < 1e-8
+    assert len(made) == factors

@@ -40,7 +40,7 @@ class Reduced:
         return list(paths.values())
 
     def plot(self) -> Picture:
-        """The receptance at the contact, and direct solutions of the full model."""
+        """The receptance at the contact, and solutions of the full model."""
         return self.pipeline("response").picture
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""The frequency response at the contact, reduced model against direct solutions of the full one."""
+"""The frequency response at the contact, reduced model against solutions of the full one."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -26,7 +26,7 @@ class Response(NamedTuple):
     reduced: NDArray[np.complex128]  # (n,) [m/N] with the run's damping
     finer: NDArray[np.complex128]  # (n,) [m/N] the same of the finer reduced model
     checked_hz: NDArray[np.float64]  # (k,)
-    full: NDArray[np.float64]  # (k,) [m/N] direct solutions of the full model, undamped
+    full: NDArray[np.float64]  # (k,) [m/N] of the full model, undamped
     reduced_checked: NDArray[np.float64]  # (k,) [m/N] undamped
     picture: Picture
 
@@ -51,7 +51,7 @@ def response(scene: Scene, full: NDArray[np.float64], reduction: rom.ReducedMode
     lines = [
         Line("reduced model", f, np.abs(curve), "-"),
         Line("finer reduced model", f, np.abs(finer), (0, (2, 3))),
-        Line("full model, direct solution, undamped", checked, np.abs(full), "s"),
+        Line("full model, undamped", checked, np.abs(full), "s"),
     ]
     title = "undamped" if law is None and reduction.C is None else "with the damping of the run"
     panel = Panel(title, "frequency [Hz]", "receptance |u_w / F| [m/N]", lines, "xy")

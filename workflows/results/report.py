@@ -33,7 +33,7 @@ CAPTIONS = {
     "energies": "Energies of chain, contacts and wall since the start, and the error of their "
     "balance.",
     "frequency_response": "Receptance at the contact: the reduced model, the finer one that its "
-    "error is stated against, and direct solutions of the full one.",
+    "error is stated against, and solutions of the full one.",
     "assembly": "The meshed assembly, a colour per body, and the arrow of the impact.",
     "modes": "The measured modes, paired by shape, or the lowest ones where there are no targets. "
     "Grey: the outline at rest. Colours: displacement over its largest. Shapes are exaggerated: "

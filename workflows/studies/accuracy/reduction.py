@@ -6,8 +6,8 @@
     speed.
 
 The full model's answer comes from a Krylov space of the whole structure, grown until its bound (see
-rom.contact_modes) is far below the errors that are told, and set beside direct solutions at a few
-frequencies: direct ones at every frequency would take longer than all the rest. Seconds are those
+rom.contact_modes) is far below the errors that are told, and set beside solutions of the full model
+itself at a few frequencies. Seconds are those
 of the processor, of each reduction as if it were the only one (see shared_solutions).
 
 Modes are those that the contact moves most up to 50 kHz, or "lowest" in the order of their
@@ -68,7 +68,7 @@ class Reduced(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """What stands for the full model: reduced, its stated error the bound; beside direct solutions
+    """What stands for the full model: reduced, its stated error the bound; beside its solutions
     at checked_hz (k,) it is off by `off`, relative rms."""
 
     reduced: rom.ReducedModel
