@@ -21,12 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_array, csc_array, csr_matrix, diags_array
-from scipy.sparse.linalg import LinearOperator, eigsh
 from skfem import MeshHex
 
-from fem.bending import ACROSS, DOWN, Bending, Buckled, vertex_by_vertex
+from fem.bending import ACROSS, DOWN, Bending, Buckled, load_factor, vertex_by_vertex
 from fem.contact_patch import ContactPatch
-from fem.factorisation import factorised
 from fem.line import Line, divided, line, wave_length
 from fem.materials import Material
 from fem.spot import Spot
@@ -109,7 +107,7 @@ def beam(
     free = np.flatnonzero(np.isfinite(held))
     K, M, K_G = (csc_array(A.tocsc()[free][:, free]) for A in (K, material.density * M, K_G))
     K.setdiag(K.diagonal() + held[free])
-    factor = _load_factor(K, K_G, axial_force) if axial_force < 0 else None
+    factor = _bearable(K, axial_force * K_G, axial_force) if axial_force < 0 else None
     drawn, T = _drawn(along, length, section)
     return Bending(
         csc_array(K + axial_force * K_G) if axial_force else K,
@@ -144,11 +142,9 @@ def _ends(along: Line, length: float, ends: tuple[End, End]) -> NDArray[np.float
     return springs
 
 
-def _load_factor(K: csc_array, K_G: csc_array, force: float) -> float:
-    """The pressing force over that which buckles the beam."""
-    inverse, start = LinearOperator(K.shape, factorised(K).solve), np.ones(K.shape[0])
-    largest = eigsh(K_G, 1, K, Minv=inverse, which="LA", v0=start, return_eigenvectors=False)
-    factor = float(-force * largest[0])
+def _bearable(K: csc_array, K_G: csc_array, force: float) -> float:
+    """The pressing force over that which buckles the beam; raises Buckled."""
+    factor = load_factor(K, K_G)
     if factor >= 1:
         raise Buckled(
             f"a pressing force of {-force:.6g} N is {factor:.4g} of the buckling load of "

@@ -5,9 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_array, csc_array, csr_matrix
+from scipy.sparse.linalg import LinearOperator, eigsh
 from skfem import MeshHex
 
 from fem.contact_patch import ContactPatch
+from fem.factorisation import factorised
 
 DOWN, ACROSS = np.array([0.0, 0.0, -1.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
@@ -41,6 +43,13 @@ class Bending(NamedTuple):
         """Share (k, 3) of the mass that mass-normalised modes phi (n, k) move along x, y, z."""
         along_z = (phi.T @ self.inertia) ** 2 / self.mass
         return np.column_stack([0 * along_z, 0 * along_z, along_z])
+
+
+def load_factor(K: csc_array, K_G: csc_array) -> float:
+    """Largest mu of -K_G x = mu K x: the load over that which buckles, 0 where it only pulls."""
+    inverse, start = LinearOperator(K.shape, factorised(K).solve), np.ones(K.shape[0])
+    largest = eigsh(-K_G, 1, K, Minv=inverse, which="LA", v0=start, return_eigenvectors=False)
+    return max(float(largest[0]), 0.0)
 
 
 def vertex_by_vertex(blocks: list[list]) -> csr_matrix:

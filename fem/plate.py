@@ -5,6 +5,12 @@
     2 T = int rho h w_t^2 + rho h^3 / 12 (t_x,t^2 + t_y,t^2) dA
 
 w is the deflection, t the turns of the normal, D = E h^3 / 12 (1 - nu^2), kappa = 5 / (6 - nu).
+Forces in the plane N_x, N_y [N/m], even all over the plate and > 0 where they pull, add
+
+    int N_x w,x^2 + N_y w,y^2 dA :
+
+a hinged plate buckles where -(N_x m^2 + N_y n^2) = D k^4 / (1 + D k^2 / kappa G h) of a wave
+k^2 = m^2 + n^2, a thin square one under N_x alone at 4 pi^2 D / a^2.
 The shape functions are products of those of lines along x and y.
 
 A point force deflects such a plate without bound, as (1 / (2 pi kappa G h)) ln(1 / b) under a disc
@@ -30,10 +36,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad
-from scipy.sparse import block_array, csc_array, csr_matrix, diags_array, kron
+from scipy.sparse import block_array, block_diag, csc_array, csr_matrix, diags_array, kron
 from skfem import MeshHex
 
-from fem.bending import ACROSS, DOWN, Bending, vertex_by_vertex
+from fem.bending import ACROSS, DOWN, Bending, Buckled, load_factor, vertex_by_vertex
 from fem.contact_patch import ContactPatch, disc_quadrature
 from fem.line import Line, divided, line, wave_length
 from fem.materials import Material
@@ -87,12 +93,18 @@ class Sheet(NamedTuple):
 
 
 def mindlin_plate(
-    sheet: Sheet, edges: tuple[str, str, str, str], at: tuple[float, float], *, coarser: float = 1.0
+    sheet: Sheet,
+    edges: tuple[str, str, str, str],
+    at: tuple[float, float],
+    *,
+    in_plane: tuple[float, float] = (0.0, 0.0),
+    coarser: float = 1.0,
 ) -> Bending:
     """A plate with edges "hinged", "clamped" or "free" at x = 0, x = length, y = 0, y = width,
-    struck at x, y [m].
+    struck at x, y [m], under forces `in_plane` N_x, N_y [N/m].
 
     A hinged edge turns about itself alone. Elements are `coarser` times as long as usual.
+    Raises Buckled for forces that press more than the plate can bear, TooLarge.
     """
     longest = coarser * wave_length(
         2 * np.pi * RESOLVED_HZ, sheet.shear_stiffness, sheet.bending_stiffness, *sheet.inertia
@@ -103,11 +115,13 @@ def mindlin_plate(
     )
     _require_few(along, sheet, longest)
     free = _free(along, sheet, edges)
-    K, M = (csc_array(A.tocsc()[free][:, free]) for A in _matrices(sheet, *along))
+    every = *_matrices(sheet, *along), _geometric(in_plane, *along)
+    K, M, K_G = (csc_array(A.tocsc()[free][:, free]) for A in every)
+    factor = _bearable(K, K_G, in_plane) if min(in_plane) < 0 else None
     one = np.kron(along[0].one, along[1].one)
     drawn, T = _drawn(sheet, *along)
     return Bending(
-        K,
+        csc_array(K + K_G) if any(in_plane) else K,
         M,
         T[:, free],
         drawn,
@@ -115,6 +129,7 @@ def mindlin_plate(
         M @ np.append(one, np.zeros(2 * len(one)))[free],
         sheet.inertia[0] * sheet.length * sheet.width,
         half_space=beyond_the_solid(sheet),
+        load_factor=factor,
     )
 
 
@@ -182,6 +197,26 @@ def _matrices(sheet: Sheet, x: Line, y: Line) -> tuple[csc_array, csc_array]:
     )
     m, j = sheet.inertia
     return K, block_array([[m * area, None, None], [None, j * area, None], [None, None, j * area]])
+
+
+def _geometric(in_plane: tuple[float, float], x: Line, y: Line) -> csc_array:
+    """K_G of forces in the plane, on the same unknowns."""
+    N_x, N_y = in_plane
+    bent = N_x * kron(x.slope, y.mass) + N_y * kron(x.mass, y.slope)
+    turns = csr_matrix((2 * bent.shape[0],) * 2)
+    return block_diag([bent, turns])
+
+
+def _bearable(K: csc_array, K_G: csc_array, in_plane: tuple[float, float]) -> float:
+    """The forces over those that buckle the plate in the same ratio; raises Buckled."""
+    factor = load_factor(K, K_G)
+    if factor >= 1:
+        N_x, N_y = in_plane
+        raise Buckled(
+            f"forces in the plane of {N_x:.6g} N/m along x and {N_y:.6g} N/m along y are "
+            f"{factor:.4g} times those that buckle it; take less"
+        )
+    return factor
 
 
 def _free(along: tuple[Line, Line], sheet: Sheet, edges) -> NDArray[np.int64]:

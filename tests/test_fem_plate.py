@@ -27,6 +27,49 @@ def hinged_omega(sheet, n):
     return np.sqrt((p + q) / 2 - np.sqrt((p - q) ** 2 / 4 + 12 * S**2 * k2 / (rho**2 * h**4)))
 
 
+def pressed_omega(sheet, in_plane, n):
+    """The same with forces N_x, N_y in the plane: S k^2 + N_x kx^2 + N_y ky^2 in place of S k^2."""
+    count, (S, D) = np.arange(1, 40), stiffnesses(sheet)
+    kx2, ky2 = np.meshgrid(*((np.pi * count / side) ** 2 for side in sheet[:2]), indexing="ij")
+    k2, N = kx2 + ky2, in_plane[0] * kx2 + in_plane[1] * ky2
+    h, rho = sheet.thickness, sheet.material.density
+    p, q = (S * k2 + N) / (rho * h), 12 * (D * k2 + S) / (rho * h**3)
+    root = np.sqrt((p - q) ** 2 / 4 + 12 * S**2 * k2 / (rho**2 * h**4))
+    return np.sqrt(np.sort(((p + q) / 2 - root).ravel())[:n])
+
+
+def buckling_force(sheet, m, n):
+    """N_x [N/m] that presses a hinged plate into m half-waves along x and n along y."""
+    S, D = stiffnesses(sheet)
+    kx2, ky2 = (m * np.pi / sheet.length) ** 2, (n * np.pi / sheet.width) ** 2
+    k2 = kx2 + ky2
+    return D * k2**2 / (1 + D * k2 / S) / kx2
+
+
+@pytest.mark.parametrize("in_plane", [(-0.9, 0.0), (-0.5, -0.2), (0.0, 2.0), (1.0, -0.4)])
+def test_a_plate_under_forces_in_its_plane_has_the_modes_of_the_closed_form(in_plane):
+    """In buckling forces along x."""
+    sheet = fem.Sheet(0.3, 0.23, 0.01, STEEL)
+    in_plane = tuple(share * buckling_force(sheet, 1, 1) for share in in_plane)
+    plate = fem.mindlin_plate(sheet, HINGED, (0.11, 0.1), in_plane=in_plane)
+    found = fem.modes(plate.K, plate.M, 10).omega
+    assert np.abs(found / pressed_omega(sheet, in_plane, 10) - 1).max() < 1e-5
+
+
+@pytest.mark.parametrize(("length", "m"), [(0.2, 1), (0.4, 2)])
+@pytest.mark.parametrize("thickness", [0.001, 0.01])
+def test_a_hinged_plate_buckles_at_four_pi_squared_over_its_width(length, m, thickness):
+    """k = 4 where it is thin, in squares; less by Mindlin's shear where it is thick."""
+    sheet = fem.Sheet(length, 0.2, thickness, STEEL)
+    exact = buckling_force(sheet, m, 1)
+    thin = 4 * np.pi**2 * sheet.bending_stiffness / 0.2**2
+    assert exact / thin == pytest.approx(1, abs=2e-4) if thickness == 0.001 else exact < 0.99 * thin
+    plate = fem.mindlin_plate(sheet, HINGED, (0.1, 0.1), in_plane=(-0.5 * exact, 0.0), coarser=2.0)
+    assert plate.load_factor == pytest.approx(0.5, rel=1e-5)
+    with pytest.raises(fem.Buckled, match="times those that buckle it"):
+        fem.mindlin_plate(sheet, HINGED, (0.1, 0.1), in_plane=(-1.01 * exact, 0.0), coarser=2.0)
+
+
 def compliance(plate):
     return plate.patch.w @ fem.factorised(plate.K).solve(plate.patch.w)
 

@@ -103,12 +103,31 @@ def test_a_plate_is_the_wall_that_its_matrices_make_less_what_the_disc_adds():
     assert found("impact").verdict.passive
 
 
+def test_a_pressed_plate_tells_its_share_of_the_buckling_force(capsys):
+    pressed = ("--set=plate.in_plane_x=-1 kN/mm", "--set=plate.in_plane_y=0.2 kN/mm")
+    assert beadwave("modes", "plate", *pressed, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    D, S = 210e9 * 0.008**3 / 12 / 0.91, 5 / 5.7 * 210e9 / 2.6 * 0.008
+    x2, y2 = (np.pi * np.arange(1, 5) / 0.3) ** 2, (np.pi / 0.2) ** 2
+    k2 = x2 + y2
+    mu = ((1e6 * x2 - 0.2e6 * y2) * (1 + D * k2 / S) / (D * k2**2)).max()
+    assert found["load_factor"] == pytest.approx(mu, rel=1e-5)
+    assert beadwave("modes", "plate", "--json") == 0
+    free = json.loads(capsys.readouterr().out)
+    first, unloaded = (one["rows"][0]["frequency_hz"] for one in (found, free))
+    assert free["load_factor"] is None and first < 0.98 * unloaded
+
+
 NO_PLATE = {
     ("plate.thickness=0.1",): "must be up to a quarter of the shorter side",
     ("plate.at=[0.004, 0.1]",): "allowed are 0.008 to 0.292 m",
     ("plate.left=glued",): "plate.left",
     ("beam.length=1",): "beam.young is missing",
     ("mesh.scale=2",): "[mesh] is beside [plate]",
+    ("plate.in_plane_y=-2e7",): "plate.in_plane_x, plate.in_plane_y: forces in the plane of 0 N/m",
+    ("plate.in_plane_x=1e5", *(f"plate.{e}=free" for e in ("left", "right", "front", "back"))): (
+        "plate.in_plane_x = 100000 acts on a plate that can move as a rigid body"
+    ),
     ("reduction.kind=craig-bampton", *(f"plate.{e}=free" for e in ("right", "front", "back"))): (
         '"craig-bampton" needs a plate that is held'
     ),

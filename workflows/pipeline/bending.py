@@ -15,13 +15,13 @@ NO_TARGETS = np.empty(0, np.int64)
 
 
 def model(scene: Scene, coarser: float = 1.0) -> fem.Bending:
-    """The beam or plate; raises InvalidScene where the axial force buckles it, and for a plate of
-    more waves than there is memory for."""
+    """The beam or plate; raises InvalidScene where its load buckles it, and for a plate of more
+    waves than there is memory for."""
     try:
         return _beam(scene.beam, coarser) if scene.plate is None else _plate(scene.plate, coarser)
     except fem.Buckled as why:
-        force = scene.beam.axial_force
-        raise InvalidScene(f"{scene.name}: beam.axial_force = {force:g} N: {why}.") from None
+        keys = ", ".join(f"{scene.struck_body}.{key}" for key in scene.bending.loads)
+        raise InvalidScene(f"{scene.name}: {keys}: {why}.") from None
     except fem.TooLarge as why:
         raise InvalidScene(f"{scene.name}: {why}.") from None
 
@@ -38,7 +38,8 @@ def _beam(table, coarser: float) -> fem.Bending:
 def _plate(table, coarser: float) -> fem.Bending:
     made_of = fem.Material(table.young, table.poisson, table.density)
     sheet = fem.Sheet(table.length, table.width, table.thickness, made_of, table.shear_factor)
-    return fem.mindlin_plate(sheet, table.edges, table.at, coarser=coarser)
+    in_plane = table.in_plane_x, table.in_plane_y
+    return fem.mindlin_plate(sheet, table.edges, table.at, in_plane=in_plane, coarser=coarser)
 
 
 def section(table) -> fem.Section:

@@ -6,13 +6,14 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from workflows.scene.quantities import of
 from workflows.scene.tables import Density, Number, Positive, Spring, Table, TurnSpring
-from workflows.scene.units import AREA, FORCE, LENGTH, PRESSURE, SECOND_MOMENT
+from workflows.scene.units import AREA, FORCE, IN_PLANE, LENGTH, PRESSURE, SECOND_MOMENT
 
 Modulus = of(Positive, PRESSURE, 1e6, 2e12)  # rubber to diamond
 Compressible = Annotated[float, Field(gt=-1, lt=0.5)]
 Size = of(Positive, LENGTH, 1e-5, 50)
 Side = of(Positive, LENGTH, 1e-5, 2)  # of a section
 Force = of(Number, FORCE, 0, 1e9)
+ForcePerWidth = of(Number, IN_PLANE, 0, 1e9)
 SECTIONS = {"width": "thickness", "diameter": None, "area": "second_moment"}
 
 
@@ -56,6 +57,11 @@ class Beam(Table):
     right: EndOfBeam
     position: Size  # [m]
     axial_force: Force = 0.0  # [N]
+
+    @property
+    def loads(self) -> dict[str, float]:
+        """What it bears before it is struck, by key."""
+        return {"axial_force": self.axial_force}
 
     @property
     def springs(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -109,7 +115,8 @@ class Plate(Table):
     """A rectangular Mindlin plate from x = 0 to length and y = 0 to width, struck on its face.
 
     Edges are left and right at the ends of its length, front and back at those of its width; a
-    hinged one turns about itself. Modes may be many: see reduction.
+    hinged one turns about itself. in_plane_x and in_plane_y are forces in its plane along x and y,
+    per width, even all over it: > 0 pull, < 0 press. Modes may be many: see reduction.
     """
 
     length: Size  # [m] along x
@@ -124,6 +131,13 @@ class Plate(Table):
     front: Edge
     back: Edge
     at: Annotated[tuple[Size, Size], Field(strict=False)]  # x, y [m] from the corner
+    in_plane_x: ForcePerWidth = 0.0  # [N/m]
+    in_plane_y: ForcePerWidth = 0.0  # [N/m]
+
+    @property
+    def loads(self) -> dict[str, float]:
+        """What it bears before it is struck, by key."""
+        return {"in_plane_x": self.in_plane_x, "in_plane_y": self.in_plane_y}
 
     @property
     def edges(self) -> tuple[str, str, str, str]:

@@ -40,11 +40,12 @@ def of_bending(scene: Scene) -> Iterator[str]:
     )
     for name in (name for name in others if getattr(scene, name) is not None):
         yield f"[{name}] is beside [{own}], which is a structure of its own; drop one of them."
-    if scene.beam and scene.beam.axial_force and scene.beam.floats:
-        yield (
-            f"beam.axial_force = {scene.beam.axial_force:g} N acts on a beam that can move as a "
-            "rigid body; set it to 0, or hold an end."
-        )
+    for key, value in scene.bending.loads.items():
+        if value and scene.floats:
+            yield (
+                f"{own}.{key} = {value:g} acts on a {own} that can move as a rigid body; set it to "
+                "0, or hold more of its edges."
+            )
     if scene.floats and scene.reduction.kind == "craig-bampton":
         yield (
             f'reduction.kind = "craig-bampton" needs a {own} that is held; hold it, or take '

@@ -9,7 +9,7 @@ from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Pipeline, Progress, pipeline_of
 from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
-from workflows.scene import Scene
+from workflows.scene import InvalidScene, Scene
 from workflows.scene.toml import resolved
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
@@ -27,6 +27,11 @@ COLUMNS = ("theory", "first_hz", "fifth_hz", "compliance_m_N", "contact_us", "to
 def solid_plate(scene: Scene, progress: Progress) -> Finding:
     """Waves of a clamped plate by Mindlin's theory beside those of the solid."""
     bent.require(scene, "plate")
+    if any(scene.plate.loads.values()):
+        raise InvalidScene(
+            f"the scene {scene.name} has a plate under forces in its plane; set plate.in_plane_x and "
+            "in_plane_y to 0."
+        )
     clamped = dict.fromkeys(EDGES, "clamped")
     thin = scene.but(plate=clamped, reduction={"modes": None, "cutoff": None, "error": ERROR})
     both = [pipeline_of(one, progress) for one in (thin, drawn(thin))]
