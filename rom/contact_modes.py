@@ -30,6 +30,7 @@ EXACT = 1e-8  # the same of a space that stands for the full model, far below an
 BEYOND = 20  # vectors of such a space more than modes are kept
 CHECK = 5  # vectors between two looks at the bound
 LARGEST = 1000  # vectors: of a solid far more than any chain notices
+EXHAUSTED = 1e-10  # of a vector, what the space leaves of it where it holds all that can move
 REACH = 2.5  # times to_hz: what resonates beyond is a static shape there, and would cost steps
 
 
@@ -187,7 +188,7 @@ def _longer(problem: Pencil, V: np.ndarray, H: np.ndarray, v: np.ndarray, known:
         H = np.pad(H, (0, 1))
         H[-1], H[:, -1] = column, column
         beta = _length(x, force)
-        if beta <= 1e-12 * before:
+        if beta <= EXHAUSTED * before:
             return V, H, 0.0, x
         v = x / beta
     return V, H, beta, v

@@ -20,8 +20,9 @@ from fem import (
     normal_frame,
 )
 from fem.constraints import Constraint, claimed, eliminated
-from fem.joints import distributing, rigid_motion
+from fem.joints import distributing, rigid_motion, rigid_sides
 from fem.modes import Modes, _check
+from fem.trace import face_nodes
 from known_models import STEEL, at, stacked
 
 LOWER, UPPER = 0.05, 0.12  # m
@@ -222,3 +223,21 @@ def test_a_joint_on_a_face_that_is_held_already_is_refused(structure):
     earth = joint._replace(first=Side("lower:base", "mean"), second=None)
     with pytest.raises(ValueError, match="joint bolt: what it holds to is held by supports"):
         joined(structure, Connections([TIE], [earth], [BASE]))
+
+
+@pytest.mark.parametrize("share", [1.0, 0.99])
+def test_a_washer_holds_the_nodes_within_its_radius_of_the_bolt_and_those_on_it(structure, share):
+    """The bolt sits beside the middle; its radius ends at a node, or just before that."""
+    centre = np.array([0.01, -0.02, 0.0])
+    points = structure.points[face_nodes(structure, "lower:base")[:, 0] // 3]
+    away = np.linalg.norm(points - centre, axis=1)
+    radius = share * np.sort(away)[5]
+    washer = Side("lower:base", "rigid", within=radius)
+    joint = Joint("bolt", washer, None, centre)
+    (held,) = rigid_sides(structure, [joint], structure.n_dofs + 12)
+    nodes = np.unique(held.slaves // 3)
+    np.testing.assert_array_equal(
+        np.sort(np.linalg.norm(structure.points[nodes] - centre, axis=1)),
+        np.sort(away[away < radius * (1 + 1e-12)]),
+    )
+    assert len(held.slaves) == 3 * len(nodes) < 3 * len(points)
