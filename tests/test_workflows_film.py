@@ -35,6 +35,18 @@ def test_a_film_shows_the_impact_frame_by_frame(folder):
     assert min(np.abs(one - other).max() for one, other in pairwise(pictures)) > 50
 
 
+def test_a_film_of_an_upright_chain_shows_it_whole(tmp_path, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    changes = [f"--set={one}" for one in (*SMALL, "gravity={}", "chain.count=9")]
+    assert beadwave("run", "rig-rigid", f"--out={tmp_path / 'run'}", *changes) == 0
+    assert beadwave("film", str(tmp_path / "run"), "--seconds=0.5") == 0
+    with Image.open(tmp_path / "run" / "film.gif") as film:
+        view = np.asarray(film.convert("L"), dtype=float)[30:624]  # below the words
+    rows, columns = np.nonzero(view < 240)
+    assert min(rows.min(), 593 - rows.max(), columns.min(), 1247 - columns.max()) > 0
+    assert np.ptp(rows) > 2 * np.ptp(columns)
+
+
 def test_paraview_gets_the_displacements_of_the_trajectory(folder):
     assert beadwave("film", str(folder), "--pvd") == 0
     listed = re.findall(

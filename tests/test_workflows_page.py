@@ -7,12 +7,14 @@ import json
 import re
 import shutil
 from importlib import import_module
+from io import BytesIO
 from os import environ
 
 import meshio
 import numpy as np
 import psutil
 import pytest
+from PIL import Image
 
 import rom
 from command_line import COARSE_RIG, beadwave
@@ -20,6 +22,7 @@ from coupling.surface_motion import wall_modes
 from workflows.files.scene import scene as load
 from workflows.results import page_data
 from workflows.results.numbers import si
+from workflows.results.page_data import upwards
 from workflows.results.provenance import sources
 from workflows.results.report import _harmless
 
@@ -241,6 +244,29 @@ def test_a_wall_without_a_shape_is_stood_for(name, opened, tmp_path, monkeypatch
     assert picture(page) != before
     told = page.locator("#impact .needs-view > .note").inner_text()
     assert ("no wall" in told) if name == "free-chain" else ("stand" in told)
+
+
+@needs_browser
+@pytest.mark.parametrize("inclination, upright", [(90, True), (0, False)])
+def test_a_chain_stands_as_its_weight_says(inclination, upright, opened, tmp_path, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    changes = (*SMALL, "chain.count=12", f"gravity.inclination={inclination}")
+    page = opened(run_of("rig-rigid", changes, tmp_path / "out"))
+    canvas = Image.open(BytesIO(page.locator(".view canvas").screenshot())).convert("RGB")
+    pixels = np.asarray(canvas, int)[60:-40]  # without the words above and below
+    drawn = np.abs(pixels - pixels[0, 0]).max(axis=2) > 20
+    height, width = (np.ptp(np.nonzero(drawn)[axis]) for axis in (0, 1))
+    assert (height > 2 * width) if upright else (width > 1.5 * height)
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, -1, 0), (0, 0, -1), (0.6, 0, -0.8)])
+@pytest.mark.parametrize("inclination", [90.0, 30.0, 0.0, -90.0])
+def test_up_is_against_the_weight_of_the_spheres(inclination, direction):
+    scene = load("upright").but(gravity={"inclination": inclination})
+    up = np.array(upwards(scene, direction))
+    assert abs(np.linalg.norm(up) - 1) < 1e-12
+    assert abs(up @ direction + np.sin(np.radians(inclination))) < 1e-12
+    assert upwards(load("rig-rigid"), direction) == [0, 0, 1]
 
 
 @needs_browser

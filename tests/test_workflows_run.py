@@ -48,7 +48,7 @@ CONTRACT = {
 }  # fmt: skip
 BESIDE = {
     "verdict", "reduction", "wall_modes_left_out", "wall_contact", "command", "date", "modes",
-    "sensors", "sources", "load_factor",
+    "seconds", "sensors", "sources", "load_factor",
 }  # fmt: skip
 
 

@@ -224,6 +224,7 @@ class Pipeline:
         self._kept = memory.cache(_result, ignore=["pipeline"])
         self._progress = progress
         self._spent = 0.0  # s, on all stages so far
+        self._started = perf_counter()
         self.beside: Any = None  # a second process that computes stages, see `second_process`
 
     def __call__(self, name: str) -> Any:
@@ -259,6 +260,11 @@ class Pipeline:
             with suppress(Exception):  # raised again where the stage is needed
                 self(name)
         return name is not None
+
+    @property
+    def elapsed(self) -> float:
+        """[s] since the start; less than the sum of the stages where two processes share them."""
+        return perf_counter() - self._started
 
     def kept(self, name: str) -> bool:
         """Whether the stage need not be computed."""

@@ -121,6 +121,7 @@ def summary_of(pipeline: Pipeline, told: tuple[str, ...] = (), origin: Origin = 
         command=origin.command,
         date=datetime.now().astimezone().isoformat(timespec="seconds"),
         sources=origin.sources,
+        seconds=pipeline.elapsed,
         stages=tuple(StageTime(**report._asdict()) for report in pipeline.reports),
         warnings=tuple(told),
         versions={"python": python_version(), **library_versions(("beadwave", *LIBRARIES))},

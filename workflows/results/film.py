@@ -59,7 +59,8 @@ def film(folder: RunFolder, name: str, *, seconds: float = SECONDS) -> list[Path
     strip, left, right = _strip(folder.path, scene)
     with TemporaryDirectory() as work:
         (Path(work) / "strip.png").write_bytes(strip)
-        np.savez(Path(work) / "motion.npz", **moved._asdict(), head=[left, right], **_scales(moved))
+        more = {"head": [left, right], "up": page_data.upwards(scene, moved.direction)}
+        np.savez(Path(work) / "motion.npz", **moved._asdict(), **more, **_scales(moved))
         _rendered(work, name)
         return [folder.write(name, (Path(work) / name).read_bytes())]
 

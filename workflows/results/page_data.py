@@ -6,6 +6,7 @@ move no node by more than LEFT_OUT of the largest displacement are left out; u_w
 surface with more nodes than fit those are left that show its form.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -61,7 +62,20 @@ def page_data(folder: Path, summary: Summary) -> dict[str, Any]:
         data["assembly"] = _assembly(reduced, scene, run, summary)
     if response := arrays(folder / "response.npz"):
         data["response"] = _response(response)
-    return data
+    direction = reduced.contact.direction if reduced else (1.0, 0.0, 0.0)
+    return data | {"direction": direction, "up": upwards(scene, direction)}
+
+
+def upwards(scene: Scene, direction: Sequence[float]) -> list[float]:
+    """(3,) against the weight of spheres that move along `direction`; z where they have none."""
+    d, z = np.asarray(direction), np.array([0.0, 0.0, 1.0])
+    if scene.gravity is None:
+        return z.tolist()
+    level = z - (z @ d) * d  # across the chain, as near to z as there is
+    if np.linalg.norm(level) < 1e-6:
+        level = np.array([1.0, 0.0, 0.0])
+    angle = np.radians(scene.gravity.inclination)
+    return (np.cos(angle) * level / np.linalg.norm(level) - np.sin(angle) * d).tolist()
 
 
 def arrays(path: Path) -> dict[str, NDArray]:
@@ -186,7 +200,6 @@ def _assembly(reduced, scene: Scene, run: dict[str, NDArray], summary: Summary) 
         "body": whole(body[nodes]),
         "bodies": surface.bodies or ("assembly",),
         "origin": point.tolist(),
-        "direction": reduced.contact.direction,
         "shapes": quantised(shapes.shape[:, nodes].reshape(k, -1).T, kind),
         "of_mode": shapes.of_mode,
         "of_wall": shapes.of_wall,

@@ -66,12 +66,28 @@ def _move(balls: list, run: dict, i: int) -> None:
 
 
 def _look(plotter: pv.Plotter, run: dict) -> None:
-    d, up = run["direction"], np.array([0.0, 0.0, 1.0])
-    upright = abs(d[2]) > 0.8
-    side = np.array([0.55, -1.0, 0.0]) if upright else np.cross(d, up)
-    plotter.view_vector(side - (0.0 if upright else 0.62) * d + 0.5 * up, viewup=up)
+    d, up = run["direction"], run["up"]
+    upright = abs(d @ up) > 0.8
+    level = np.cross(np.eye(3)[1 if abs(up[1]) < 0.9 else 0], up)
+    side = 0.55 * level - np.cross(up, level) if upright else np.cross(d, up)
+    away = side - (0.0 if upright else 0.62) * d + 0.5 * up
+    plotter.view_vector(away, viewup=up)
     plotter.enable_parallel_projection()
-    plotter.camera.zoom(1.6)
+    right = np.cross(up, away)
+    _fit(plotter.camera, run, [w / np.linalg.norm(w) for w in (right, np.cross(away, right))])
+
+
+def _fit(camera: pv.Camera, run: dict, axes: list[np.ndarray]) -> None:
+    """Show spheres and structure whole, a little space around; axes to the right and up."""
+    at, R = centres(run["radius"], run["direction"]), run["radius"][:, None]
+    shown = np.array(axes)
+    seen = np.vstack([(at @ shown.T) - R, (at @ shown.T) + R, run["points"] @ shown.T])
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    off = (low + high) / 2 - shown @ np.array(camera.focal_point)
+    camera.focal_point = np.array(camera.focal_point) + off @ shown
+    camera.position = np.array(camera.position) + off @ shown
+    width, height = (high - low) / 2
+    camera.parallel_scale = 1.12 * max(height, width * SIZE[1] / SIZE[0])
 
 
 def _above(view: np.ndarray, strip: Image.Image, head: np.ndarray, share: float) -> Image.Image:

@@ -73,7 +73,13 @@ def _seconds(summary: Summary) -> str:
     if sum(spent.values()) < 0.01:
         return "kept results"
     told = ", ".join(f"{name} {digits(spent[name])}" for name in longest if spent[name] >= 0.05)
-    return f"{digits(sum(spent.values()))}{f' ({told})' if told else ''}"
+    return f"{digits(_whole(summary))}{f' ({told})' if told else ''}"
+
+
+def _whole(summary: Summary) -> float:
+    """Seconds of a run; of a folder that an earlier version wrote, the sum of its stages."""
+    computed = sum(stage.seconds for stage in summary.stages if not stage.cached)
+    return computed if summary.seconds is None or computed < 0.01 else summary.seconds
 
 
 def details(summary: Summary) -> list[tuple[str, str]]:
@@ -103,7 +109,7 @@ def facts(summary: Summary) -> list[tuple[str, str]]:
     hz = list(summary.modes_hz.values())
     if hz:
         found.append(("measured modes, computed", f"{' / '.join(digits(f, 4) for f in hz)} Hz"))
-    seconds = sum(stage.seconds for stage in summary.stages if not stage.cached)
+    seconds = _whole(summary)
     found.append(("computed in", f"{digits(seconds)} s" if seconds >= 0.01 else "kept results"))
     return [(label, value) for label, value in found if value not in (NONE, "")]
 

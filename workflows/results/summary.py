@@ -176,6 +176,7 @@ class Summary(BaseModel):
     reduction: ReductionHealth | None = None
     verdict: tuple[str, ...] = ()
     wall_modes_left_out: tuple[str, ...] = ()
+    seconds: float | None = None  # of the whole run; stages of two processes overlap
     stages: tuple[StageTime, ...] = ()
     warnings: tuple[str, ...] = ()
     versions: dict[str, str] = {}

@@ -1,24 +1,25 @@
-// A camera that turns about a point: drag turns, with Shift moves, the wheel after a click zooms.
+// A camera that turns about a point, one direction stays upright: drag turns, with Shift moves, the
+// wheel after a click zooms.
 
 import { cross, dot, unit } from "./mesh.js";
 
 const OPENING = 28; // degrees, of the shorter side
 
-export function cameraOf(gl, canvas, redraw) {
+export function cameraOf(gl, canvas, redraw, upright) {
   const camera = new OGL.Camera(gl, { fov: OPENING, near: 0.001, far: 100 });
   const state = { away: [0, -1, 0], target: [0, 0, 0], distance: 1 };
 
   function place() {
     const { away, target, distance } = state;
     camera.position.set(...target.map((x, i) => x + distance * away[i]));
-    camera.up.set(0, 0, 1);
+    camera.up.set(...upright);
     camera.lookAt(target);
     camera.perspective({ near: 0.05 * distance, far: 20 * distance });
   }
 
   /** Axes to the right and up on the screen. */
   function axes() {
-    const right = unit(cross([0, 0, 1], state.away));
+    const right = unit(cross(upright, state.away));
     return [right, cross(state.away, right)];
   }
 
@@ -59,7 +60,7 @@ export function cameraOf(gl, canvas, redraw) {
   function turn(dx, dy) {
     const [right, up] = axes();
     const moved = unit(state.away.map((x, i) => x - 0.008 * dx * right[i] + 0.008 * dy * up[i]));
-    if (Math.abs(moved[2]) < 0.99) state.away = moved;
+    if (Math.abs(dot(moved, upright)) < 0.99) state.away = moved;
   }
 
   function move(dx, dy) {

@@ -17,7 +17,6 @@ function solidOf(assembly) {
   points.forEach((values, j) => values.forEach((value, i) => (rest[3 * i + j] = value)));
   return {
     rest, faces: stored(assembly.faces), width: assembly.faces.shape[1],
-    direction: assembly.direction,
   };
 }
 
@@ -26,7 +25,7 @@ export function impactView(root, data, clock) {
   const { assembly, chain } = data;
   const solid = assembly && solidOf(assembly);
   const motion = assembly && motionOf(assembly);
-  const stage = stageOf(root.querySelector("canvas"), { assembly: solid, chain, wall: data.wall });
+  const stage = stageOf(root.querySelector("canvas"), { ...data, assembly: solid });
   const moving = chain && Boolean(!assembly || assembly.q);
   const u = solid && new Float32Array(solid.rest.length);
   const x = chain && columns(chain.x);

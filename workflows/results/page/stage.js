@@ -1,7 +1,7 @@
 // The 3-D view: the assembly, or a simple wall in its place, and the spheres before it.
 
 import { cameraOf } from "./camera.js";
-import { outline, triangles } from "./mesh.js";
+import { cross, dot, outline, triangles, unit } from "./mesh.js";
 import { rgb } from "./theme.js";
 import { wallOf } from "./wall.js";
 
@@ -82,7 +82,7 @@ export function drawnBy() {
 }
 
 /** The view on a canvas; assembly and chain may each be absent, points are from the contact on. */
-export function stageOf(canvas, { assembly, chain, wall }) {
+export function stageOf(canvas, { assembly, chain, wall, direction, up }) {
   const software = SOFTWARE.test(drawnBy());
   // pixels of the canvas for one of the page, at rest and in motion; a processor smooths edges no faster
   const full = software ? 1.5 : Math.min(devicePixelRatio, 2);
@@ -92,11 +92,10 @@ export function stageOf(canvas, { assembly, chain, wall }) {
   });
   const gl = renderer.gl;
   const scene = new OGL.Transform();
-  const direction = assembly ? assembly.direction : [1, 0, 0];
   const solid = assembly && solidOf(gl, scene, assembly);
   const balls = chain && ballsOf(gl, scene, chain, direction);
   const simple = !assembly && chain && wall ? wallOf(gl, scene, wall, chain, { LINES, SURFACE }) : null;
-  const eye = cameraOf(gl, canvas, draw);
+  const eye = cameraOf(gl, canvas, draw, up);
   let shown = "all";
 
   function draw() {
@@ -113,10 +112,13 @@ export function stageOf(canvas, { assembly, chain, wall }) {
 
   /** Stand so that all is seen: obliquely from before the contact, and above. */
   function fit() {
-    const upright = Math.abs(direction[2]) > 0.8;
-    const side = upright ? [0.55, -1, 0] : [direction[1], -direction[0], 0];
-    const front = upright ? [0, 0, 0.2] : direction.map((x) => -0.62 * x);
-    eye.fit(points(), [0, 1, 2].map((i) => side[i] + front[i] + (i === 2 ? 0.5 : 0)));
+    const upright = Math.abs(dot(direction, up)) > 0.8;
+    const level = unit(cross(Math.abs(up[1]) < 0.9 ? [0, 1, 0] : [1, 0, 0], up));
+    const aside = cross(up, level);
+    const from = upright
+      ? (i) => 0.55 * level[i] - aside[i] + 0.7 * up[i]
+      : (i) => cross(direction, up)[i] - 0.62 * direction[i] + 0.5 * up[i];
+    eye.fit(points(), [0, 1, 2].map(from));
     draw();
   }
 
