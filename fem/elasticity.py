@@ -9,7 +9,7 @@ of their gradients,
     D_(ic)(jd) = int d_c phi_i d_d phi_j,    K_(ia)(jb) = C_acbd D_(ic)(jd).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -117,22 +117,27 @@ def _quadratic(body: str, mesh: Mesh) -> tuple[Element, int, int]:
 
 
 def _matrices(body: str, basis: Basis, material) -> tuple[csr_matrix, csr_matrix]:
-    element, stiffness_order, mass_order = _quadratic(body, basis.mesh)
-    K = M = csr_matrix((basis.N, basis.N))
+    element, *orders = _quadratic(body, basis.mesh)
     C = material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)  # from (c, d) to (a, b)
-    for cells in shares(basis.nelems):
+
+    def of(cells: NDArray[np.int64]) -> tuple[csr_matrix, csr_matrix]:
         dofs = basis.element_dofs[:, cells]
-        stiff, heavy = (
-            Basis(basis.mesh, element, intorder=order, elements=cells)
-            for order in (stiffness_order, mass_order)
-        )
-        K = K + scattered(_stiffness(stiff, C), dofs, basis.N)
-        M = M + scattered(_mass(heavy, material.density), dofs, basis.N)
-    return K, M
+        stiff, heavy = (Basis(basis.mesh, element, intorder=n, elements=cells) for n in orders)
+        K, M = _stiffness(stiff, C), _mass(heavy, material.density)
+        return scattered(K, dofs, basis.N), scattered(M, dofs, basis.N)
+
+    return summed(np.arange(basis.nelems), of)
 
 
-def shares(n: int) -> Iterator[NDArray[np.int64]]:
-    yield from np.array_split(np.arange(n), -(-n // AT_ONCE))
+def summed(
+    cells: NDArray[np.int64], of: Callable[[NDArray[np.int64]], tuple[csr_matrix, ...]]
+) -> tuple[csr_matrix, ...]:
+    """Matrices of elements, a share of them at a time; added in pairs, which copies the sum
+    log2(shares) times."""
+    if len(cells) <= AT_ONCE:
+        return of(cells)
+    first, second = (summed(half, of) for half in np.array_split(cells, 2))
+    return tuple(A + B for A, B in zip(first, second, strict=True))
 
 
 def _stiffness(basis: Basis, C: NDArray[np.float64]) -> NDArray[np.float64]:

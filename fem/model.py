@@ -84,6 +84,8 @@ class Model(NamedTuple):
     @property
     def K(self) -> csc_matrix:  # noqa: N802  the name of the field
         """(n, n) with the springs."""
+        if not len(self.elongation):
+            return self.K0
         k = np.zeros(self.K0.shape[0])
         k[self.elongation] = self.stiffness
         return (self.K0 + diags_array(k)).tocsc()

@@ -58,6 +58,12 @@ class Front(NamedTuple):
         k = self.end - self.first
         return k * (k + 1) // 2 + k * len(self.boundary)
 
+    def blocks(self, numbers: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+        """L11, packed, and L21 in the numbers (stored,) that hold them."""
+        k = self.end - self.first
+        L11, L21 = np.split(numbers, [k * (k + 1) // 2])
+        return L11, L21.reshape((len(self.boundary), k), order="F")
+
 
 class Plan(NamedTuple):
     """What is eliminated when."""
@@ -138,19 +144,27 @@ def _within(counts: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _factors(A: csc_matrix, fronts: Sequence[Front]) -> list[tuple[NDArray, NDArray]]:
     """L11 and L21 of every front of the ordered matrix, of which the lower triangle is enough."""
-    blocks, updates = [], {}
-    for i, front in enumerate(fronts):
-        F11, F21 = _assembled(A, front)
+    ends = np.cumsum([front.stored for front in fronts])
+    # one array: thousands would leave holes in memory that no system gets back
+    L, updates = np.empty(ends[-1]), {}
+    parts = np.split(L, ends[:-1])
+    blocks = [front.blocks(part) for front, part in zip(fronts, parts, strict=True)]
+    for i, (front, (L11, L21)) in enumerate(zip(fronts, blocks, strict=True)):
+        F11 = _assembled(A, front, L21)
         F22 = np.zeros((len(front.boundary),) * 2, order="F")
         for child in front.children:
-            _extend(front, fronts[child].boundary, updates.pop(child), (F11, F21, F22))
-        L11, L21, updates[i] = _eliminated(F11, F21, F22) if len(F11) else (F11, F21, F22)
-        blocks.append((L11, L21))
+            _extend(front, fronts[child].boundary, updates.pop(child), (F11, L21, F22))
+        if len(F11):
+            L11[:] = _eliminated(F11, L21, F22)
+        updates[i] = F22
     return blocks
 
 
-def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """L11 in LAPACK's packed format, L21 and the update; raises NotPositiveDefinite or Singular."""
+def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> NDArray:
+    """L11 in LAPACK's packed format; F21 and F22 become L21 and the update, in place.
+
+    Raises NotPositiveDefinite or Singular.
+    """
     with one_thread():
         L11, failed = dpotrf(F11, lower=1, clean=0)
     if failed:
@@ -158,27 +172,26 @@ def _eliminated(F11: NDArray, F21: NDArray, F22: NDArray) -> tuple[NDArray, NDAr
         if values[0] < -SINGULAR * np.abs(values).max():
             raise NotPositiveDefinite("the matrix has negative eigenvalues.")
         raise Singular(NEITHER)
-    packed = dtrttf(L11, uplo="L")[0]
-    if not len(F21):
-        return packed, F21, F22
-    with one_thread():
-        L21 = dtrsm(1.0, L11, F21, side=1, lower=1, trans_a=1, overwrite_b=1)
-    with nullcontext() if F21.size * len(F21) > WORTH_THREADS else one_thread():
-        return packed, L21, dsyrk(-1.0, L21, beta=1.0, c=F22, lower=1, overwrite_c=1)
+    if len(F21):
+        with one_thread():
+            dtrsm(1.0, L11, F21, side=1, lower=1, trans_a=1, overwrite_b=1)
+        with nullcontext() if F21.size * len(F21) > WORTH_THREADS else one_thread():
+            dsyrk(-1.0, F21, beta=1.0, c=F22, lower=1, overwrite_c=1)
+    return dtrttf(L11, uplo="L")[0]
 
 
-def _assembled(A: csc_matrix, front: Front) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What the matrix itself has in F11 and F21."""
+def _assembled(A: csc_matrix, front: Front, F21: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What the matrix itself has in F11; the same in F21, in place."""
     k = front.end - front.first
     entries = slice(A.indptr[front.first], A.indptr[front.end])
     rows, values = A.indices[entries], A.data[entries]
     columns = np.repeat(np.arange(k), np.diff(A.indptr[front.first : front.end + 1]))
     own = (rows >= front.first) & (rows < front.end)
-    F11, F21 = np.zeros((k, k), order="F"), np.zeros((len(front.boundary), k), order="F")
+    F11, F21[:] = np.zeros((k, k), order="F"), 0.0
     F11[rows[own] - front.first, columns[own]] = values[own]
     below = rows >= front.end
     F21[np.searchsorted(front.boundary, rows[below]), columns[below]] = values[below]
-    return F11, F21
+    return F11
 
 
 def _extend(front: Front, rows: NDArray[np.int64], U: NDArray, blocks: tuple) -> None:

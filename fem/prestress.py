@@ -22,7 +22,7 @@ from skfem import Basis
 
 from fem.bending import Buckled
 from fem.constraints import congruent
-from fem.elasticity import ELEMENTS, Structure, scattered, shares
+from fem.elasticity import ELEMENTS, Structure, scattered, summed
 from fem.factorisation import factorised
 from fem.materials import Material, Orthotropic
 from fem.model import Model
@@ -136,8 +136,8 @@ def _geometric(
     own = u[first : first + n].reshape(-1, 3)
     C = material.elasticity
     free = np.zeros((3, 3)) if heat is None else heat.expansion * heat.temperature * np.eye(3)
-    K_G = csr_matrix((n, n))
-    for cells in shares(basis.nelems):
+
+    def of(cells: NDArray[np.int64]) -> tuple[csr_matrix]:
         part = Basis(basis.mesh, element, intorder=order, elements=cells)
         gradient = np.stack([phi[0].grad for phi in part.basis])  # (i, c, cell, point)
         strain = np.einsum("ickq,ikb->bckq", gradient, own[part.element_dofs])
@@ -145,8 +145,9 @@ def _geometric(
         stress = np.einsum("acbd,bdkq->ackq", C, strain)
         pulled = np.einsum("cdkq,jdkq->jckq", stress * part.dx, gradient)
         local = np.einsum("ickq,jckq->kij", gradient, pulled, optimize=True)
-        K_G = K_G + scattered(np.kron(local, np.eye(3)), basis.element_dofs[:, cells], n)
-    return _placed(K_G, first, structure.n_dofs)
+        return (scattered(np.kron(local, np.eye(3)), basis.element_dofs[:, cells], n),)
+
+    return _placed(*summed(np.arange(basis.nelems), of), first, structure.n_dofs)
 
 
 def _placed(A: csr_matrix, first: int, n: int) -> csr_matrix:
