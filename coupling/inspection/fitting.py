@@ -3,9 +3,7 @@
     r = W (y - g f(theta)),   g = <W f, W y> / <W f, W f>   of each sensor without a known gain
     r = (theta - c) / s                                       of numbers between bounds
 
-g follows theta (variable projection; the derivative is L. Kaufman's, BIT 15 (1975) 49). `summed`
-compares the running sums of the signals in place of the signals: two waves that do not meet still
-differ by more the farther they are apart, so that the misfit has one valley where it had many.
+g follows theta (variable projection; the derivative is L. Kaufman's, BIT 15 (1975) 49).
 What records do not tell stays near c, the middle of its bounds or where a record's own number
 starts, with the standard deviation s of a number that lies anywhere between them.
 """
@@ -41,7 +39,6 @@ class Fit(NamedTuple):
     unknowns: Unknowns
     shots: tuple[Shot, ...]
     gain: NDArray[np.int64]
-    summed: bool = False
 
     @property
     def data(self) -> NDArray[np.float64]:
@@ -59,9 +56,14 @@ class Fit(NamedTuple):
         thinned = tuple(one._replace(t=one.t[::every], y=one.y[::every]) for one in kept)
         return self._replace(unknowns=self.unknowns.only(shots), shots=thinned)
 
+    def until(self, n: int) -> "Fit":
+        """The same on the first n samples of the records."""
+        shots = tuple(one._replace(t=one.t[:n], y=one.y[:n]) for one in self.shots)
+        return self._replace(shots=shots)
+
     def gains(self, shown: NDArray[np.float64]) -> NDArray[np.float64]:
         """(m,) of signals (S, k, m) computed with the gains that the sensors say."""
-        model, data = self._compared(shown), self._compared(self.data)
+        model, data = shown * self.weight, self.data * self.weight
         size, along = self._over_gains(model**2), self._over_gains(model * data)
         return np.where(self.gain >= 0, along / np.maximum(size, 1e-300), 1.0)
 
@@ -75,34 +77,39 @@ class Fit(NamedTuple):
             shown = self.forward.signals(self.unknowns, theta, self.shots)
         except IMPOSSIBLE:
             return np.full(self.data.size, HUGE)
-        return self._compared(self.gains(shown) * shown - self.data).ravel()
+        return self.off(shown).ravel()
+
+    def off(self, shown: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(S, k, m) residual of signals computed, the gains following."""
+        return (self.gains(shown) * shown - self.data) * self.weight
 
     def jacobian(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """(S k m, p) by theta in scales, the gains following."""
         shown, slopes = self.forward.jacobian(self.unknowns, theta, self.shots)
-        moved = self._compared(self.gains(shown)[:, None] * slopes)
-        model = self._compared(shown)
+        moved = (self.gains(shown) * self.weight)[..., None] * slopes
+        model = shown * self.weight
         size = np.maximum(self._over_gains(model**2), 1e-300)
         share = self._over_gains(model[..., None] * moved) / size[:, None]
         share[self.gain < 0] = 0.0
         return (moved - model[..., None] * share).reshape(-1, moved.shape[-1])
-
-    def _compared(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Signals or their derivatives (S, k, m, ...) over the noise."""
-        found = values * self.weight.reshape(*self.weight.shape, *[1] * (values.ndim - 3))
-        return np.cumsum(found, axis=1) / np.sqrt(found.shape[1]) if self.summed else found
 
     def misfit(self, theta: NDArray[np.float64]) -> float:
         """rms of the residual over the noise."""
         return rms(self.residual(theta))
 
     def solved(
-        self, theta: NDArray[np.float64], most: int = 40, tolerance: float = CONVERGED
+        self,
+        theta: NDArray[np.float64],
+        most: int = 40,
+        tolerance: float = CONVERGED,
+        about: NDArray[np.float64] | None = None,
     ) -> Fitted:
-        """The least misfit from theta (p,) on, over the numbers that the records take."""
+        """The least misfit from theta (p,) on, over the numbers that the records take; what they
+        do not tell is drawn to `about` (p,) in place of the middle of the bounds."""
         scale, (low, high) = self.unknowns.scale, self.unknowns.ends()
         free = np.unique([*self.unknowns.of_system.ravel(), *self.unknowns.trigger])
-        centre, pull = self.unknowns.centre / scale, np.diag(self.unknowns.pull * scale)[:, free]
+        centre = (self.unknowns.centre if about is None else about) / scale
+        pull = np.diag(self.unknowns.pull * scale)[:, free]
         margin = MARGIN * (high - low)
         begin = np.clip(theta, low + margin, high - margin)
 

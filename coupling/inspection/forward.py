@@ -98,6 +98,12 @@ class Forward(NamedTuple):
     system: Callable[[NDArray[np.float64]], System]
     sensors: tuple[Sensor, ...]
     dt: float  # [s]
+    within: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] | None = None
+
+    def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "Forward":
+        """The same with a system made for shared numbers between these ends, and no others."""
+        system = self.within(low, high)
+        return self._replace(system=system)
 
     def with_steps(self, factor: float) -> "Forward":
         """The same with steps so many times as long."""

@@ -21,7 +21,21 @@ from coupling.inspection.search import Searched, searched
 
 GAIN_SCALE = 0.1  # of a gain: a change that counts as large
 AT_BOUND = 1e-6  # of the bounds' distance
+PARTS = 50  # of a record, in which what is left must be noise
+KNOWN = 1.15  # of the noise's square: its rms is known to some per cent
+DEVIATIONS = 5.0  # of what noise leaves
+RIVAL = 16.0  # squares of the noise: answers that records do not tell apart
+APART = 1.5  # sums of two-sigma bars
 REFINED = 0.5  # steps of the run that tells the error of the answer's
+
+
+class Part(NamedTuple):
+    """What is left in a part of a record."""
+
+    record: int  # counted from 0
+    begin: float  # [s]
+    end: float  # [s]
+    misfit: float  # rms over the noise
 
 
 class Inversion(NamedTuple):
@@ -36,6 +50,7 @@ class Inversion(NamedTuple):
     misfit: NDArray[np.float64]  # (S, m) rms of the residual over the noise
     slopes: NDArray[np.float64]  # (S, k, m, p) by the numbers in scales, over the noise
     memory: float  # variance of the residual over that of its differences: 1 of white noise
+    parts: tuple[Part, ...]  # of all records
     step_error: float  # largest change of the model with half the step, over the noise
     search: Searched
 
@@ -43,6 +58,31 @@ class Inversion(NamedTuple):
     def whole_misfit(self) -> float:
         """rms over the noise, of all records."""
         return float(np.sqrt(np.mean(self.misfit**2)))
+
+    @property
+    def explained(self) -> bool:
+        """Whether all that is left, and what is left in every part of a record, may be noise."""
+        worst = max(part.misfit for part in self.parts)
+        n = self.model.size
+        return self._noise(self.whole_misfit, n) and self._noise(worst, n // len(self.parts))
+
+    def _noise(self, misfit: float, n: int) -> bool:
+        return misfit**2 <= KNOWN + DEVIATIONS * np.sqrt(2.0 * max(self.memory, 1.0) / max(n, 1))
+
+    def rivals(self, others: Sequence["Inversion"], n_shared: int) -> tuple["Inversion", ...]:
+        """Those of other answers, farther off than their bars, that leave as little."""
+        found: list[Inversion] = []
+        for other in others:
+            excess = self.model.size * (other.whole_misfit**2 / self.whole_misfit**2 - 1.0)
+            near = excess <= RIVAL * max(self.memory, 1.0)
+            if near and all(other.apart(one, n_shared) for one in (self, *found)):
+                found.append(other)
+        return tuple(found)
+
+    def apart(self, other: "Inversion", n_shared: int) -> bool:
+        """Whether a number of the structure differs by more than bars hold."""
+        bars = self.uncertainty.two_sigma + other.uncertainty.two_sigma
+        return bool((np.abs(self.value - other.value) > APART * bars)[:n_shared].any())
 
 
 def inverted(
@@ -64,12 +104,11 @@ def inverted(
         )
     if begin is None:
         return _answer(fit, searched(fit, n_shared=n_shared, starts=starts, seed=seed), gains)
-    found = fit.solved(begin)
-    none = np.zeros((0, n_shared)), np.zeros(0)
-    return _answer(fit, Searched(found, 1, 1, *none), gains)
+    return _answer(fit, Searched((fit.solved(begin),), 1, fit.forward), gains)
 
 
 def _answer(fit: Fit, search: Searched, names: Sequence[str]) -> Inversion:
+    fit = fit._replace(forward=search.forward)
     theta = search.fitted.theta
     shown, slopes = fit.forward.jacobian(fit.unknowns, theta, fit.shots)
     gains = fit.gains(shown)
@@ -89,7 +128,7 @@ def _answer(fit: Fit, search: Searched, names: Sequence[str]) -> Inversion:
             np.zeros(len(parameters), bool), bounds_information(parameters),
         ),
         gains, gains * shown, np.sqrt(np.mean(residual**2, axis=1)), whole, _memory(residual),
-        float(np.abs(gains * (finer - shown) * fit.weight).max()), search,
+        _parts(fit, residual), float(np.abs(gains * (finer - shown) * fit.weight).max()), search,
     )  # fmt: skip
 
 
@@ -113,6 +152,16 @@ def _at_bound(parameters, value) -> NDArray[np.bool_]:
     low, high = (np.array([getattr(p, end) for p in parameters]) for end in ("low", "high"))
     near = AT_BOUND * (high - low)
     return np.isfinite(near) & ((value - low <= near) | (high - value <= near))
+
+
+def _parts(fit: Fit, residual: NDArray[np.float64]) -> tuple[Part, ...]:
+    """What is left of each record, from first to last, in parts of equal lengths."""
+    cuts = np.array_split(np.arange(residual.shape[1]), min(PARTS, residual.shape[1]))
+    return tuple(
+        Part(s, float(shot.t[cut[0]]), float(shot.t[cut[-1]]), rms(residual[s, cut]))
+        for s, shot in enumerate(fit.shots)
+        for cut in cuts
+    )
 
 
 def _memory(residual: NDArray[np.float64]) -> float:

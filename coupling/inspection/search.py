@@ -1,37 +1,65 @@
 """The way of an inspection to its answer, around the local minima that waves have.
 
-Structures are drawn all over the bounds and run against one record; those whose running sums come
-nearest are starts. Each is fitted by its running sums, then by the signals; those that leave no
-more than the noise are taken on to all records, until one leaves no more there either.
+Structures are drawn all over the bounds and run against the beginning of one record, up to the
+first wave that has felt them; the nearest are candidates. The record is then looked at farther and
+farther: candidates that do not meet what is new are fitted anew, those that are left far behind are
+dropped, and what the waves so far leave open is filled up again with draws from it,
+
+    theta ~ N(theta_best, WIDER^2 (J^T J + B)^-1),   B of the bounds,
+
+so that no valley of the later waves is missed for want of a candidate in it. A window in which even
+the best is lost has grown too fast: it is tried again shorter, from more draws. A wall between
+computed ones is computed anew between narrower bounds as soon as candidates leave the most of the
+old ones. What is left at the end of the record is taken on to all records.
 """
 
+from collections.abc import Sequence
+from contextlib import suppress
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from coupling.inspection.fitting import Fit, Fitted
-from coupling.inspection.forward import IMPOSSIBLE
+from coupling.calibration.fitting import rms
+from coupling.inspection.fitting import HUGE, Fit, Fitted
+from coupling.inspection.forward import IMPOSSIBLE, Forward
 
 RISE = 0.3  # of the largest signal: the first wave has come
 COARSE = 2.0  # steps of the search, in those of the answer
 PER_NUMBER = 5  # log2 of structures drawn: doubled for each number of the structure but the first
 MOST_DRAWN = 8  # log2
-EXPLAINED = 1.1  # misfit over noise at which no further start is needed
-SAME = 1.01  # misfits that two starts share
 SAMPLES = 1500  # of a record that a search looks at
-ROUGH = 1e-4
+ROUGH = 1e-3  # share of its misfit that a further step of a candidate must gain
+FINE = 1e-5  # the same, of what is taken for a valley's ground
+STEPS, LAST_STEPS = 6, 30  # of a candidate in a window, in the last
+FELT = 30.0  # by which draws differ, over the noise, where waves have felt the structure
+GROWTH = 1.12  # of the window
+MET = 1.06  # squares over the noise's of what a candidate meets, and three deviations of them
+LOST = 1.3  # misfit of the best in a window that grows too fast
+FINEST = 0.01  # growth of a window
+BEHIND = 0.3, 200.0  # of the best sum of squares, and besides: what drops a candidate
+WIDER = 1.5  # draws, in standard deviations
+ALIKE = 0.005  # of the bounds: two candidates that are one
+NARROWER = 0.05  # volume between bounds over the old one, at which walls are computed anew
+REACH = 4.0  # of narrower bounds, standard deviations
+LEAST_WIDTH = 0.01  # of narrower bounds, in those given
+ENDS = 3  # candidates taken on to all records
+HOPELESS = 1.5  # misfit over the best: an end that no better wall would make an answer
 
 
 class Searched(NamedTuple):
-    """The answer, and how it was found."""
+    """The valleys that are left, the best first, and the model they were found with."""
 
-    fitted: Fitted
-    starts: int  # that were fitted
-    same: int  # of these that ended alike
-    drawn: NDArray[np.float64]  # (n, p_shared) structures run before
-    misfits: NDArray[np.float64]  # (n,) of their running sums, over the noise
+    ends: tuple[Fitted, ...]
+    starts: int  # candidates
+    forward: Forward
+
+    @property
+    def fitted(self) -> Fitted:
+        """The best."""
+        return self.ends[0]
 
 
 def rise(t: NDArray[np.float64], y: NDArray[np.float64]) -> float:
@@ -53,47 +81,140 @@ def with_triggers(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
-    """The least misfit that up to so many starts find; the first is where the numbers start."""
-    first = np.array([p.start for p in fit.unknowns.parameters])
+    """Where so many candidates end; a single one begins where the numbers start."""
+    one = _of_one(fit)
+    rng = np.random.default_rng(seed)
+    thetas, n = _nearest(one, n_shared, starts, rng)
+    touch, end = _touch(one), one.data.shape[1]
+    met, last, wide = 0, np.inf, fit.forward.within is not None
+    kept, spread = [], None
+    while True:
+        tried = _kept(one.until(n), met, thetas, n_shared, n == end)
+        if tried[0].misfit > LOST >= last and n - met > FINEST * (n - touch):
+            thetas = _filled(one, kept, spread, 2 * starts, rng)
+            n = met + (n - met) // 2
+            continue
+        if n == end:
+            return Searched(_ends(fit, tried), starts, fit.forward)
+        kept, last = tried, tried[0].misfit
+        spread = _spread(one.until(n), kept[0].theta, n_shared)
+        inner = _inner(one, kept, spread, n_shared)
+        if wide and _smaller(inner, one.unknowns.ends()):
+            wide, fit = False, fit._replace(forward=fit.forward.narrowed(*inner))
+            one = _of_one(fit)
+        thetas = _filled(one, kept, spread, starts, rng)
+        met, n = n, min(end, touch + int(np.ceil(GROWTH * (n - touch))))
+
+
+def _of_one(fit: Fit) -> Fit:
+    """The first record, thinned, by long steps."""
     every = max(1, len(fit.shots[0].t) // SAMPLES)
-    coarse = fit.of_shots([0], every)._replace(forward=fit.forward.with_steps(COARSE))
-    begins = _drawn(fit, first, n_shared, seed) if starts > 1 else first[None]
-    summed = coarse._replace(summed=True)
-    begins, misfits = zip(*(_begun(summed, theta) for theta in begins), strict=True)
-    singles, ends = [], []
-    for i in np.argsort(misfits, kind="stable")[:starts]:
-        near = summed.solved(begins[i], most=12, tolerance=ROUGH)
-        singles.append(coarse.solved(near.theta, most=30, tolerance=ROUGH))
-        if singles[-1].misfit <= EXPLAINED:
-            ends.append(_of_all(fit, singles[-1]))
-            if ends[-1].misfit <= EXPLAINED:
-                break
-    best = min(singles, key=lambda end: end.misfit)
-    ends = ends or [_of_all(fit, best)]
-    same = sum(end.misfit <= SAME * best.misfit for end in singles)
-    found = min(ends, key=lambda end: end.misfit)
-    return Searched(found, len(singles), same, np.array(begins)[:, :n_shared], np.array(misfits))
+    return fit.of_shots([0], every)._replace(forward=fit.forward.with_steps(COARSE))
 
 
-def _of_all(fit: Fit, single: Fitted) -> Fitted:
-    """What one record has found taken on to all, with the triggers that the others need."""
-    return fit.solved(with_triggers(fit, single.theta))
+def _touch(one: Fit) -> int:
+    """Samples of the record before the first touch."""
+    trigger = one.unknowns.parameters[one.unknowns.trigger[0]].start
+    return int(np.searchsorted(one.shots[0].t, trigger))
 
 
-def _begun(fit: Fit, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Numbers with the triggers they need and their misfit, infinite where no run is possible."""
-    try:
-        theta = with_triggers(fit, theta)
-        return theta, fit.misfit(theta)
-    except IMPOSSIBLE:
-        return theta, np.inf
+def _nearest(one: Fit, n_shared: int, starts: int, rng) -> tuple[list[NDArray[np.float64]], int]:
+    """The draws nearest to the beginning of the record, and its samples."""
+    first = np.array([p.start for p in one.unknowns.parameters])
+    drawn, models = [], []
+    for theta in _drawn(one, first, n_shared, rng) if starts > 1 else first[None]:
+        with suppress(*IMPOSSIBLE):
+            models.append(one.forward.signals(one.unknowns, theta, one.shots))
+            drawn.append(theta)
+    shown = one.gains(models[0]) * np.array(models) * one.weight
+    felt = np.cumsum(shown.var(axis=0).sum(axis=(0, 2))) > FELT**2
+    n = int(felt.argmax()) + 1 if felt.any() else len(felt)
+    window = one.until(n)
+    off = [np.sum(window.off(model[:, :n]) ** 2) for model in models]
+    return [drawn[i] for i in np.argsort(off, kind="stable")[:starts]], n
 
 
-def _drawn(fit: Fit, first, n_shared: int, seed: int) -> NDArray[np.float64]:
+def _kept(window: Fit, met: int, thetas: Sequence, n_shared: int, last: bool) -> list[Fitted]:
+    """Candidates of the window that are not far behind nor one another's double, best first."""
+    ends = sorted((_met(window, met, theta, last) for theta in thetas), key=attrgetter("misfit"))
+    if not last:
+        ends[0] = window.solved(ends[0].theta, most=STEPS, tolerance=ROUGH, about=ends[0].theta)
+    share, besides = BEHIND
+    most = np.sqrt((1.0 + share) * ends[0].misfit ** 2 + besides / window.data.size)
+    low, high = window.unknowns.ends()
+    kept: list[Fitted] = []
+    for end in ends:
+        apart = [np.abs((end.theta - k.theta) / (high - low))[:n_shared].max() for k in kept]
+        if end.misfit <= most and min(apart, default=1.0) > ALIKE:
+            kept.append(end)
+    return kept
+
+
+def _met(window: Fit, met: int, theta: NDArray[np.float64], last: bool) -> Fitted:
+    """A candidate, fitted anew unless it meets the window and what is new in it."""
+    left = window.residual(theta).reshape(window.data.shape)
+    misfit = rms(left)
+    if (last or _missed(left) or _missed(left[:, met:])) and misfit < HUGE:
+        most, tolerance = (LAST_STEPS, FINE) if last else (STEPS, ROUGH)
+        with suppress(*IMPOSSIBLE):
+            return window.solved(theta, most=most, tolerance=tolerance, about=theta)
+    return Fitted(theta, misfit, 1, misfit < HUGE)
+
+
+def _missed(left: NDArray[np.float64]) -> bool:
+    """Whether a residual is more than noise, whose rms is known to a few per cent."""
+    return bool(np.mean(left**2) > MET + 3.0 * np.sqrt(2.0 / left.size))
+
+
+def _spread(window: Fit, theta: NDArray[np.float64], n_shared: int) -> NDArray[np.float64]:
+    """(p_shared, p) rows that make of normal numbers what the window leaves open of the first."""
+    J, B = window.jacobian(theta), (window.unknowns.pull * window.unknowns.scale) ** 2
+    values, vectors = np.linalg.eigh(J.T @ J + np.diag(np.maximum(B, 1e-12)))
+    return (vectors / np.sqrt(values))[:n_shared] * window.unknowns.scale[:n_shared, None]
+
+
+def _inner(one: Fit, kept: Sequence[Fitted], spread, n_shared: int):
+    """Ends (p_shared,) of bounds that hold the candidates and what is left open."""
+    low, high = (end[:n_shared] for end in one.unknowns.ends())
+    there = np.array([end.theta[:n_shared] for end in kept])
+    reach = REACH * np.linalg.norm(spread, axis=1)
+    reach = np.maximum(reach, 0.5 * LEAST_WIDTH * (high - low))
+    ends = (there - reach).min(axis=0), (there + reach).max(axis=0)
+    return np.maximum(low, ends[0]), np.minimum(high, ends[1])
+
+
+def _smaller(inner, box) -> bool:
+    low, high = (end[: len(inner[0])] for end in box)
+    return bool(np.prod((inner[1] - inner[0]) / (high - low)) < NARROWER)
+
+
+def _filled(one: Fit, kept: Sequence[Fitted], spread, starts: int, rng) -> list:
+    """The candidates, and draws of what is left open until they are as many as the starts."""
+    thetas = [end.theta for end in kept]
+    low, high = one.unknowns.ends()
+    n = len(spread)
+    for i in range(4 * (starts - len(thetas))):
+        theta = kept[i % len(kept)].theta.copy()
+        theta[:n] += WIDER * spread @ rng.standard_normal(spread.shape[1])
+        inside = ((theta > low) & (theta < high))[:n].all()
+        apart = min(np.abs((theta - other) / (high - low))[:n].max() for other in thetas)
+        if inside and apart > ALIKE and len(thetas) < starts:
+            thetas.append(theta)
+    return thetas
+
+
+def _ends(fit: Fit, kept: Sequence[Fitted]) -> tuple[Fitted, ...]:
+    """The best candidates taken on to all records, with the triggers that the others need."""
+    begins = (with_triggers(fit, end.theta) for end in kept[:ENDS])
+    ends = sorted((fit.solved(theta, tolerance=FINE) for theta in begins), key=attrgetter("misfit"))
+    return tuple(end for end in ends if end.misfit <= HOPELESS * ends[0].misfit)
+
+
+def _drawn(fit: Fit, first, n_shared: int, rng) -> NDArray[np.float64]:
     """(n, p) numbers of the structure all over their bounds, the others as they start."""
     low, high = (end[:n_shared] for end in fit.unknowns.ends())
     power = min(PER_NUMBER + n_shared - 1, MOST_DRAWN)
-    unit = qmc.Sobol(n_shared, rng=np.random.default_rng(seed)).random_base2(power)
+    unit = qmc.Sobol(n_shared, rng=rng).random_base2(power)
     found = np.tile(first, (len(unit) + 1, 1))
     found[1:, :n_shared] = low + (high - low) * unit
     return found

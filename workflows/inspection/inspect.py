@@ -12,7 +12,7 @@ from coupling.calibration.signals import noise_between_waves
 from coupling.inspection.fitting import Fit
 from coupling.inspection.forward import Forward, Shot, unknowns
 from coupling.inspection.inversion import Inversion, inverted
-from coupling.inspection.search import rise
+from coupling.inspection.search import Searched, rise, searched
 from coupling.parametric_wall import Box
 from workflows.calibration.checks import WRONG_UNITS, require_samples
 from workflows.files.records import Recorded, sensor_of
@@ -41,15 +41,24 @@ class Request(NamedTuple):
     seed: int = 0
 
 
+class Answer(NamedTuple):
+    """An end of the search, settled."""
+
+    inversion: Inversion
+    fit: Fit
+    moved: float | None  # bars by which the last computed wall moved it
+
+
 class Inspected(NamedTuple):
     """What came out, and the problem that was solved."""
 
     scene: Scene
     inversion: Inversion
+    rivals: tuple[Inversion, ...]  # that the records do not tell from it
     fit: Fit
     structure: Structure
     n_shared: int
-    moved: float | None  # bars by which the last computed wall moved the answer
+    moved: float | None
     noise_known: bool
     seconds: float
 
@@ -71,11 +80,11 @@ def inspected(
     model = structure(base, keys, box, len(found), progress)
     with progress("inversion"):
         fit, gains, known = _problem(model, records, found, own)
-        inversion, model, moved = _answered(fit, model, len(found), gains, request)
+        (inversion, fit, moved), rivals = _answered(fit, len(found), gains, request)
     scene = numbers.moved(base, keys[: len(found)], inversion.value[: len(found)])
-    fit = fit._replace(forward=fit.forward._replace(system=model))
     seconds = perf_counter() - began
-    return Inspected(scene, inversion, fit, model, len(found), moved, known, seconds)
+    settled = fit.forward.system
+    return Inspected(scene, inversion, rivals, fit, settled, len(found), moved, known, seconds)
 
 
 def called_apart(records: tuple[Recorded, ...]) -> tuple[Recorded, ...]:
@@ -108,7 +117,8 @@ def _problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...
     group = np.array([gains.index(name) if name else -1 for _, name in pairs])
     starts = [np.array([p.start for p in (*found, *record)]) for record in own]
     dt, time_scale = _steps(model, starts)
-    forward = Forward(model, tuple(sensor for sensor, _ in pairs), dt)
+    within = model.within if model.between else None
+    forward = Forward(model, tuple(sensor for sensor, _ in pairs), dt, within)
     triggers, noise = [], []
     for i, (one, start) in enumerate(zip(records, starts, strict=True), 1):
         require_samples(one.t, time_scale)
@@ -177,23 +187,32 @@ def _rounding(y: np.ndarray) -> float:
 
 
 def _answered(
-    fit: Fit, model: Structure, n_shared: int, gains: tuple[str, ...], request: Request
-) -> tuple[Inversion, Structure, float | None]:
-    """The answer, found again with walls computed where it lies, and by how many bars the last of
-    them moved it."""
-    how = {"n_shared": n_shared, "gains": gains}
+    fit: Fit, n_shared: int, gains: tuple[str, ...], request: Request
+) -> tuple[Answer, tuple[Inversion, ...]]:
+    """The answer, and others that the records do not tell from it."""
     try:
-        first = found = inverted(fit, starts=request.starts, seed=request.seed, **how)
-        moved = None
-        for _ in range(ROUNDS if model.between else 0):
-            model = model.through(found.value[: len(model.keys)])
-            again = fit._replace(forward=fit.forward._replace(system=model))
-            begin = found.value[: len(fit.unknowns.parameters)]
-            before, found = found, inverted(again, begin=begin, **how)
-            off = np.abs(found.value - before.value)[:n_shared]
-            moved = float((off / found.uncertainty.two_sigma[:n_shared]).max())
-            if moved <= SETTLED:
-                break
-        return found._replace(search=first.search), model, moved
+        search = searched(fit, n_shared=n_shared, starts=request.starts, seed=request.seed)
+        fit = fit._replace(forward=search.forward)
+        answers = [_settled(fit, end.theta, n_shared, gains, search) for end in search.ends]
     except (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium) as reason:
-        raise InvalidScene(f"{model.scene.name}: {str(reason).rstrip('.')}.") from None
+        name = fit.forward.system.scene.name
+        raise InvalidScene(f"{name}: {str(reason).rstrip('.')}.") from None
+    answers.sort(key=lambda answer: answer.inversion.whole_misfit)
+    best, *others = answers
+    return best, best.inversion.rivals([one.inversion for one in others], n_shared)
+
+
+def _settled(fit: Fit, theta, n_shared: int, gains: tuple[str, ...], search: Searched) -> Answer:
+    """An end of the search, found again with walls computed where it lies."""
+    model, moved = fit.forward.system, None
+    found = inverted(fit, begin=theta, n_shared=n_shared, gains=gains)
+    for _ in range(ROUNDS if model.between else 0):
+        model = model.through(found.value[: len(model.keys)])
+        fit = fit._replace(forward=fit.forward._replace(system=model))
+        begin = found.value[: len(fit.unknowns.parameters)]
+        before, found = found, inverted(fit, begin=begin, n_shared=n_shared, gains=gains)
+        off = np.abs(found.value - before.value)[:n_shared]
+        moved = float((off / found.uncertainty.two_sigma[:n_shared]).max())
+        if moved <= SETTLED:
+            break
+    return Answer(found._replace(search=search), fit, moved)

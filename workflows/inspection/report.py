@@ -6,8 +6,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from coupling.inspection.information import bars_over_time, bounds_information, felt_from
-from coupling.inspection.inversion import scales
-from workflows.calibration.report import EXPLAINED
+from coupling.inspection.inversion import Inversion, scales
 from workflows.files.records import Recorded
 from workflows.files.velocities import SYNTHETIC
 from workflows.inspection.inspect import Inspected
@@ -15,7 +14,6 @@ from workflows.results.tables import LINE, Table, text
 
 TOLD = 0.1  # two-sigma bar over the bounds' distance: a number that the records tell
 BARELY = 0.5  # the same: one that they tell weakly
-A_LITTLE = 1.1  # misfit over noise that noise alone does not leave
 COLOURED = 1.3  # memory of a residual that is not white
 MISSED = 0.3  # of a bar, by the step of the model
 ALIKE = 0.9  # correlation worth a sentence
@@ -52,6 +50,7 @@ class InspectionReport(BaseModel):
     two_sigma_by_length: dict[str, list[float]]
     walls: int
     wall_missed: float | None
+    rivals: list[dict[str, float]]  # other numbers that explain the records as well
     starts: int
     seconds: float
     remarks: list[str]
@@ -102,16 +101,18 @@ def report_of(found: Inspected, records: tuple[Recorded, ...]) -> InspectionRepo
         correlation=inversion.uncertainty.correlation[:n, :n].tolist(),
         misfit=inversion.misfit.tolist(),
         noise=[shot.noise.tolist() for shot in found.fit.shots],
-        explained=not found.noise_known or inversion.whole_misfit <= EXPLAINED,
+        explained=not found.noise_known or inversion.explained,
         record_length_s=t.tolist(),
         two_sigma_by_length={row.name: bars[:, i].tolist() for i, row in enumerate(rows[:n])},
         walls=between.n_walls if between else 0,
         wall_missed=between.missed.frequency if between else None,
+        rivals=[_rival(one, n) for one in found.rivals],
         starts=inversion.search.starts,
         seconds=found.seconds,
         remarks=[],
     )  # fmt: skip
-    report.remarks += [*_on_misfit(found), *_on_numbers(found, report), *_on_wall(found)]
+    report.remarks += [*_on_misfit(found, report), *_on_rivals(report)]
+    report.remarks += [*_on_numbers(found, report), *_on_wall(found)]
     return report
 
 
@@ -145,7 +146,7 @@ def _bars_by_length(found: Inspected) -> tuple[np.ndarray, np.ndarray]:
     return t[ends - 1] - trigger, bars * scales(inversion.parameters)
 
 
-def _on_misfit(found: Inspected):
+def _on_misfit(found: Inspected, report: InspectionReport):
     """What the residual says of the model."""
     inversion = found.inversion
     whole = inversion.whole_misfit
@@ -154,22 +155,33 @@ def _on_misfit(found: Inspected):
             "The records do not tell their noise, 1 % of the largest signal is taken: whether "
             f"{whole:.3g} times of it is noise or a wrong model remains open; measure repeats."
         )
-    elif whole > EXPLAINED:
+    elif not report.explained:
+        worst = max(inversion.parts, key=lambda part: part.misfit)
         yield (
-            f"THE MODEL DOES NOT EXPLAIN THE RECORDS: it leaves {whole:.3g} times their noise. The "
-            "structure is another than the scene says, a number that is off was not among those to "
-            "find, or the search has missed it (give more --starts or narrower --bounds); do not "
-            "rely on what was found, nor on its bars."
-        )
-    elif whole > A_LITTLE:
-        yield (
-            f"The model leaves {whole:.3g} times the noise: it does not explain all of the "
-            "records, and the bars hold what it leaves as if it were noise."
+            f"THE MODEL DOES NOT EXPLAIN THE RECORDS: it leaves {whole:.3g} times their noise, and "
+            f"{worst.misfit:.3g} times from {1e3 * worst.begin:.3g} to {1e3 * worst.end:.3g} ms of "
+            f"{report.records[worst.record]}. The structure is another than the scene says, a "
+            "number that is off was not among those to find, or the search has missed it (give "
+            "more --starts or narrower --bounds); do not rely on what was found, nor on its bars."
         )
     if inversion.memory > COLOURED:
         yield (
             "What is left goes on from sample to sample (its variance is "
             f"{inversion.memory:.3g} times that of its differences): the bars count with that."
+        )
+
+
+def _rival(other: Inversion, n: int) -> dict[str, float]:
+    names = [p.name for p in other.parameters[:n]]
+    return dict(zip(names, other.value[:n].tolist(), strict=True))
+
+
+def _on_rivals(report: InspectionReport):
+    for rival in report.rivals:
+        told = ", ".join(f"{name} = {value:.6g}" for name, value in rival.items())
+        yield (
+            f"THE RECORDS CANNOT TELL THIS ANSWER FROM ANOTHER: {told} leaves as little. Bars are "
+            "of the one alone; narrow --bounds by what is known, or record for longer."
         )
 
 

@@ -57,6 +57,17 @@ class Structure(NamedTuple):
             return self.between(values[list(self.of_wall)])
         return self.fixed if isinstance(scene.wall, RomWall) else simple_wall(scene)
 
+    def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "Structure":
+        """The same with walls computed between narrower bounds (n,) of the first keys, where
+        enough of them can be."""
+        chosen = list(self.of_wall)
+        keys = tuple(self.keys[i] for i in chosen)
+        try:
+            between = _between(self.base, keys, Box(low[chosen], high[chosen]))
+        except FAILURES:
+            return self
+        return self._replace(between=between)
+
     def through(self, values: NDArray[np.float64]) -> "Structure":
         """The same with the wall that is computed at these values."""
         there = values[list(self.of_wall)]
@@ -91,9 +102,7 @@ def structure(
     chosen = list(of_wall)
     narrow = Box(box.low[chosen], box.high[chosen])
     with progress("walls"):
-        between = _between(
-            base, tuple(keys[i] for i in chosen), narrow, SLOW if scene.bending is None else QUICK
-        )
+        between = _between(base, tuple(keys[i] for i in chosen), narrow)
     return plain._replace(of_wall=of_wall, between=between)
 
 
@@ -119,7 +128,8 @@ def _required(scene: Scene, wall: dem.Wall | coupling.CoupledWall) -> dem.Wall:
     return wall
 
 
-def _between(base: Base, keys: tuple[str, ...], box: Box, degree: int) -> ParametricWall:
+def _between(base: Base, keys: tuple[str, ...], box: Box) -> ParametricWall:
+    degree = SLOW if base.with_values({}).bending is None else QUICK
     middle, *others = design(box, degree)
     numbers, walls = [middle], [computed(moved(base, keys, middle))]
     for there in others:
