@@ -176,6 +176,14 @@ def test_a_valley_beside_the_answer_is_not_called_an_explanation():
     assert not found.explained
 
 
+def test_what_one_part_of_a_record_leaves_is_enough_to_doubt_the_whole(found):
+    parts = list(found.parts)
+    assert len(parts) == 2 * 50 and parts[50].record == 1
+    parts[60] = parts[60]._replace(misfit=1.6)
+    assert not found._replace(parts=tuple(parts)).explained
+    assert not found._replace(misfit=1.15 * found.misfit).explained
+
+
 def test_two_places_on_a_symmetric_beam_are_told_as_two_answers():
     """A hinged beam struck at x answers as one struck at L - x."""
 
