@@ -156,7 +156,8 @@ def couples_modes(D: np.ndarray | None) -> bool:
 
 def modal_coupling(D: np.ndarray) -> float:
     """Largest |D_jk| / sqrt(D_jj D_kk) off the diagonal of a modal damping matrix (k, k)."""
-    own = np.abs(np.diag(D))
-    norm = np.sqrt(np.maximum(own, 1e-12 * own.max()))
-    off = np.abs(D - np.diag(np.diag(D)))
-    return float((off / np.outer(norm, norm)).max()) if own.any() or off.any() else 0.0
+    own, off = np.abs(np.diag(D)), np.abs(D - np.diag(np.diag(D)))
+    if not off.any():
+        return 0.0
+    norm = np.sqrt(np.maximum(own, 1e-12 * np.abs(D).max()))
+    return float((off / np.outer(norm, norm)).max())

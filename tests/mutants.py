@@ -1,45 +1,88 @@
 """Mutants of the numerical modules: small errors, one at a time, that the tests should notice.
 
-    python tests/mutants.py [COUNT] [SEED] [MODULE ...]
+    python tests/mutants.py [ROOM|MODULE ...] [COUNT] [SEED]
 
-Draws COUNT mutants (20) of the modules below, in turn, writes each into a copy of the sources and
-runs the tests beside the module's name up to the first that fails. A mutant whose tests all pass
-has survived: it is printed with its line, before and after. Prints the share that was noticed.
+Draws COUNT mutants (20) of each room below, all alike likely, and runs the tests that call the
+changed function, the quickest first, up to the first that fails. The tests that a room names are
+run once without a mutant, to see what each of them calls and how long it takes. A mutant whose
+tests all pass has survived, unless EXPLAINED says why none can notice it. Prints each with its
+line, before and after, and the share that was noticed of all that are not explained.
+Kernels are mutated as plain Python: the same errors, and nothing to compile.
 """
 
 import ast
+import json
 import os
-import shutil
-import subprocess
 import sys
+import time
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from importlib.util import spec_from_file_location
+from multiprocessing import get_context
 from pathlib import Path
 from random import Random
+from resource import RLIMIT_CPU, setrlimit
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
-TESTS = {  # module: tests that run for its mutants
-    "dem/kernels/laws.py": ("dem_plastic", "dem_damping", "dem_chain", "workflows_verify"),
-    "dem/kernels/explicit.py": ("dem_chain", "dem_plastic", "workflows_verify"),
-    "dem/statics.py": ("dem_extremes", "dem_chain", "workflows_verify"),
-    "rom/craig_bampton.py": ("rom_reduction",),
-    "rom/free_modes.py": ("rom_reduction",),
-    "rom/truncation.py": ("rom_reduction",),
-    "rom/reduced_model.py": ("rom_reduction", "rom_health"),
-    "fem/joints.py": ("fem_joints", "fem_mechanisms"),
-    "fem/contact_patch.py": ("fem_half_space", "fem_theory"),
-    "coupling/wall.py": ("coupling_wall", "coupling_march"),
-    "coupling/damping.py": ("coupling_wall", "coupling_march"),
-    "coupling/coupled_march.py": ("coupling_march",),
-    "coupling/calibration/fitting.py": ("coupling_calibration",),
-    "coupling/calibration/uncertainty.py": ("coupling_calibration",),
+LOADED = ("numba", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg", "skfem")
+
+
+class Room(NamedTuple):
+    """Modules that are mutated together, and the files of tests that may notice."""
+
+    modules: tuple[str, ...]
+    tests: tuple[str, ...]
+
+
+ROOMS = {
+    "kernels": Room(
+        ("dem/kernels/laws.py", "dem/kernels/explicit.py", "dem/kernels/events.py",
+         "dem/kernels/implicit.py", "dem/kernels/dense.py", "dem/kernels/passages.py",
+         "dem/kernels/checks.py", "dem/kernels/equilibrium.py", "dem/kernels/ledger.py",
+         "dem/kernels/modes.py", "dem/kernels/oscillators.py"),
+        ("dem_kernels",),
+    ),
+    "reduction": Room(
+        ("rom/craig_bampton.py", "rom/fixed_interface.py", "rom/free_modes.py",
+         "rom/contact_modes.py", "rom/lanczos.py", "rom/truncation.py", "rom/reduced_model.py",
+         "rom/floating.py", "rom/factorisation.py", "rom/health.py"),
+        ("rom_reduced_model", "rom_reduction", "rom_health"),
+    ),
+    "joints": Room(
+        ("fem/joints.py", "fem/constraints.py", "fem/contact_patch.py"),
+        ("fem_joints", "fem_mechanisms", "fem_half_space"),
+    ),
+    "coupling": Room(
+        ("coupling/wall.py", "coupling/damping.py", "coupling/coupled_march.py",
+         "coupling/verdict.py", "coupling/pruning.py", "coupling/parametric_wall.py"),
+        ("coupling_damping", "coupling_wall", "coupling_march", "coupling_pruning",
+         "coupling_parametric_wall"),
+    ),
+    "calibration": Room(
+        ("coupling/calibration/fitting.py", "coupling/calibration/uncertainty.py",
+         "coupling/calibration/parameters.py", "coupling/calibration/signals.py",
+         "coupling/calibration/forward.py", "coupling/calibration/instrument.py"),
+        ("coupling_calibration",),
+    ),
+}  # fmt: skip
+LONGEST = 6.0  # [s] of a test: longer ones, left out, could only notice more
+SAME = "an equal number is met by chance only"
+UNREAD = "the number is not read"
+START = "where a search begins; its end does not depend on it"
+EXPLAINED = {  # "module function: expression": why no test can notice its mutants
+    "rom/truncation.py first_cutoff_hz: 0.001": START,
+    "rom/truncation.py first_cutoff_hz: 0.23": START,
+    "coupling/wall.py with_oscillator: 1": UNREAD,
+    "coupling/damping.py couples_modes: modal_coupling(D) > UNCOUPLED": SAME,
 }
-COPIED = (
-    "geometry", "fem", "rom", "dem", "coupling", "workflows", "tests", "beadwave.py",
-    "pyproject.toml",
-)  # fmt: skip
-SECONDS = 900  # of the tests of one mutant: endless ones are noticed as well
 SWAPS = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Lt: ast.LtE,
     ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
@@ -48,45 +91,60 @@ SWAPS = {
 
 
 class Mutant(NamedTuple):
-    """A module's source with one small error, the line, before and after."""
+    """The syntax of a module with one small error; its function and line, before and after."""
 
-    source: str
+    module: str
+    tree: ast.Module
+    function: str
     line: int
     before: str
     after: str
 
+    @property
+    def place(self) -> str:
+        """As EXPLAINED has it."""
+        return f"{self.module} {self.function}: {self.before}"
 
-def size(source: str) -> int:
+
+def size(module: str) -> int:
     """How many mutants a module has."""
-    return sum(1 for _ in _places(ast.parse(source)))
+    return sum(1 for _ in _places(ast.parse((ROOT / module).read_text())))
 
 
-def mutant_of(source: str, i: int) -> Mutant:
+def mutant_of(module: str, i: int) -> Mutant:
     """The i-th mutant of a module, in the order of its syntax."""
-    tree = ast.parse(source)
-    node, change = [*_places(tree)][i]
+    tree = ast.parse((ROOT / module).read_text())
+    function, node, change = [*_places(tree)][i]
     before = ast.unparse(node)
     change(node)
-    return Mutant(ast.unparse(tree), node.lineno, before, ast.unparse(node))
+    return Mutant(module, tree, function, node.lineno, before, ast.unparse(node))
 
 
-def _places(tree: ast.Module) -> Iterator[tuple[ast.expr, Callable]]:
+def _places(tree: ast.Module) -> Iterator[tuple[str, ast.expr, Callable]]:
     """Expressions within functions that can be changed, and how."""
-    functions = (f for f in ast.walk(tree) if isinstance(f, ast.FunctionDef))
-    for statement in (s for f in functions for s in f.body if not _is_text(s)):
-        for node in ast.walk(statement):
-            if isinstance(node, ast.BinOp | ast.UnaryOp | ast.BoolOp) and type(node.op) in SWAPS:
-                yield node, _swap
-            if isinstance(node, ast.Compare) and type(node.ops[0]) in SWAPS:
-                yield node, _compare
-            if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-                yield node, _count
+    for function, node in _computed(tree):
+        if isinstance(node, ast.BinOp | ast.UnaryOp | ast.BoolOp) and type(node.op) in SWAPS:
+            yield function, node, _swap
+        if isinstance(node, ast.Compare) and type(node.ops[0]) in SWAPS:
+            yield function, node, _compare
+        if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            yield function, node, _count
 
 
-def _is_text(statement: ast.stmt) -> bool:
-    return isinstance(statement, ast.Raise) or (
-        isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
-    )
+def _computed(tree: ast.Module) -> Iterator[tuple[str, ast.AST]]:
+    """What functions and methods compute, by their names; not the words of an error."""
+    for owner in (tree, *(part for part in tree.body if isinstance(part, ast.ClassDef))):
+        name = f"{owner.name}." if isinstance(owner, ast.ClassDef) else ""
+        for function in (part for part in owner.body if isinstance(part, ast.FunctionDef)):
+            for statement in function.body:
+                yield from ((name + function.name, node) for node in _evaluated(statement))
+
+
+def _evaluated(node: ast.AST) -> Iterator[ast.AST]:
+    if not isinstance(node, ast.Raise | ast.arguments):
+        yield node
+        for child in ast.iter_child_nodes(node):
+            yield from _evaluated(child)
 
 
 def _swap(node) -> None:
@@ -101,55 +159,144 @@ def _count(node) -> None:
     node.value = node.value + 1 if isinstance(node.value, int) else 1.5 * node.value or 1.0
 
 
-def survives(mutant: Mutant, module: str, copy: Path) -> bool:
-    """Whether all tests of the module pass with the mutant in its place."""
-    place = copy / module
-    good = place.read_text()
-    place.write_text(mutant.source)
-    try:
-        return passes(module, copy)
-    finally:
-        place.write_text(good)
+class Changed(MetaPathFinder, SourceFileLoader):
+    """Imports a mutant in the place of its module."""
+
+    def __init__(self, mutant: Mutant) -> None:
+        name = mutant.module.removesuffix(".py").replace("/", ".")
+        super().__init__(name, str(ROOT / mutant.module))
+        self.tree = mutant.tree
+
+    def find_spec(self, fullname, path=None, target=None) -> ModuleSpec | None:
+        """Of the mutant's module alone."""
+        return spec_from_file_location(fullname, loader=self) if fullname == self.name else None
+
+    def get_code(self, fullname):
+        """The mutant, at the lines of the source."""
+        return compile(self.tree, self.path, "exec")
 
 
-def passes(module: str, copy: Path) -> bool:
-    """Whether all tests of a module pass in a copy of the sources."""
-    tests = [f"tests/test_{name}.py" for name in TESTS[module]]
-    one = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
-    kept = {"NUMBA_CACHE_DIR": str(copy / "kept"), "BEADWAVE_CACHE_DIR": str(copy / "results")}
-    try:
-        return not subprocess.run(
-            [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests],
-            cwd=copy, capture_output=True, timeout=SECONDS,
-            env=os.environ | dict.fromkeys(one, "1") | kept | {"PYTHONPATH": str(copy)},
-        ).returncode  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return False
+class Reach:
+    """Which functions of some modules each test calls, and its seconds."""
+
+    def __init__(self, modules: tuple[str, ...]) -> None:
+        self.modules = {str(ROOT / module): module for module in modules}
+        self.called: defaultdict[str, set[str]] = defaultdict(set)
+        self.seconds: dict[str, float] = {}
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_setup(self, item):
+        """What fixtures call counts for all tests of the file."""
+        with self._noted(self.called[item.nodeid.split("::")[0]]):
+            return (yield)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self, item):
+        """What the test itself calls."""
+        began = time.process_time()
+        with self._noted(self.called[item.nodeid]):
+            result = yield
+        self.seconds[item.nodeid] = time.process_time() - began
+        return result
+
+    @contextmanager
+    def _noted(self, called: set[str]):
+        def call(frame, _event, _argument):
+            module = self.modules.get(frame.f_code.co_filename)
+            if module:
+                called.add(f"{module} {frame.f_code.co_qualname.split('.<locals>')[0]}")
+
+        sys.settrace(call)
+        try:
+            yield
+        finally:
+            sys.settrace(None)
+
+    def tests(self) -> list[tuple[str, float, list[str]]]:
+        """Each with its seconds and the functions that it calls, the quickest first."""
+        return [
+            (test, seconds, sorted(self.called[test] | self.called[test.split("::")[0]]))
+            for test, seconds in sorted(self.seconds.items(), key=lambda pair: pair[1])
+        ]
 
 
-def main(count: int = 20, seed: int = 1, modules: tuple[str, ...] = ()) -> None:
-    """Draw, run and count."""
-    chance, noticed = Random(seed), 0
-    modules = modules or tuple(TESTS)
+def watched(room: Room, found: Path) -> None:
+    """Write what `Reach` finds in a room without a mutant."""
+    reach = Reach(room.modules)
+    status = _pytest([f"tests/test_{name}.py" for name in room.tests], reach)
+    found.write_text(json.dumps(reach.tests()))
+    os._exit(status)
+
+
+def tried(mutant: Mutant, tests: list[str], seconds: float) -> None:
+    """End with status 0 where all tests pass with the mutant in its module's place."""
+    setrlimit(RLIMIT_CPU, (int(seconds), int(seconds)))
+    if "/kernels/" in mutant.module:  # what numba keeps is told apart by the files, not the mutants
+        sys.modules["numba"].config.DISABLE_JIT = True
+    sys.meta_path.insert(0, Changed(mutant))
+    os._exit(_pytest(tests))
+
+
+def _pytest(tests: list[str], *plugins) -> int:
+    os.chdir(ROOT)
+    sys.path.insert(0, str(ROOT))
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    return int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *tests], plugins=plugins))
+
+
+def status(work: Callable, *arguments) -> int:
+    """Of work in a process of its own."""
+    sys.stdout.flush()
+    process = get_context("fork").Process(target=work, args=arguments)
+    process.start()
+    process.join()
+    return process.exitcode
+
+
+def survives(mutant: Mutant, reach: list) -> bool:
+    """Whether no test that calls the mutant's function fails."""
+    function = f"{mutant.module} {mutant.function}"
+    tests = {test: s for test, s, called in reach if function in called and s < LONGEST}
+    limit = 20 + 5 * sum(tests.values())
+    return not tests or not status(tried, mutant, [*tests], limit)
+
+
+def drawn(modules: tuple[str, ...], count: int, chance: Random) -> list[Mutant]:
+    """Mutants of modules, none twice."""
+    every = [(module, i) for module in modules for i in range(size(module))]
+    return [mutant_of(*one) for one in chance.sample(every, min(count, len(every)))]
+
+
+def main(name: str, modules: tuple[str, ...], count: int, seed: int) -> None:
+    """Draw, run and count in one room."""
+    room = ROOMS[name]
     with TemporaryDirectory() as folder:
-        copy = Path(folder)
-        for name in COPIED:
-            into = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
-            into(ROOT / name, copy / name)
-        for i in range(count):
-            module = modules[i % len(modules)]
-            if i < len(modules) and not passes(module, copy):
-                sys.exit(f"the tests of {module} fail without a mutant; mend them first.")
-            source = (ROOT / module).read_text()
-            mutant = mutant_of(source, chance.randrange(size(source)))
-            alive = survives(mutant, module, copy)
-            noticed += not alive
-            mark = "SURVIVED" if alive else "noticed"
-            print(f"{mark} {module}:{mutant.line}  {mutant.before}  ->  {mutant.after}", flush=True)
-    print(f"{noticed} of {count} noticed, {noticed / count:.0%}.")
+        found = Path(folder, "reach.json")
+        if status(watched, room, found):
+            sys.exit(f"the tests of {name} fail without a mutant; mend them first.")
+        reach = json.loads(found.read_text())
+    tally = Counter()
+    for mutant in drawn(modules, count, Random(f"{seed} {name}")):
+        fate = "noticed"
+        if survives(mutant, reach):
+            fate = "explained" if mutant.place in EXPLAINED else "SURVIVED"
+        tally[fate] += 1
+        line = f"{fate} {mutant.module}:{mutant.line} {mutant.function}: {mutant.before}"
+        print(f"{line}  ->  {mutant.after}  {EXPLAINED.get(mutant.place, '')}", flush=True)
+    told = tally["noticed"] + tally["SURVIVED"]
+    share = f"{tally['noticed'] / max(told, 1):.0%}"
+    print(f"{name}: {tally['noticed']} of {told} noticed, {share}; {tally['explained']} explained.")
 
 
 if __name__ == "__main__":
+    one_thread = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+    os.environ.update(dict.fromkeys(one_thread, "1"))
+    for library in LOADED:  # once, before the processes of the mutants are forked off
+        import_module(library)
     words = sys.argv[1:]
     numbers = [int(word) for word in words if word.isdigit()]
-    main(*numbers, modules=tuple(word for word in words if not word.isdigit()))
+    asked = [word for word in words if not word.isdigit()]
+    for name, room in ROOMS.items():
+        modules = tuple(m for m in room.modules if m in asked or name in asked or not asked)
+        if modules:
+            main(name, modules, *(numbers + [20, 1][len(numbers) :]))

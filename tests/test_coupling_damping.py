@@ -57,6 +57,7 @@ def test_the_coupling_of_modes_is_the_largest_normalised_product():
     D = C * np.sqrt(np.outer(own, own))
     assert modal_coupling(D) == pytest.approx(np.abs(share).max(), rel=1e-12)
     assert modal_coupling(-D) == pytest.approx(np.abs(share).max(), rel=1e-12)
+    assert couples_modes(1e-9 * (1 - np.eye(2)))  # and no mode has a damping of its own
     assert modal_coupling(np.diag(own)) == modal_coupling(np.zeros((3, 3))) == 0.0
 
 
@@ -124,6 +125,8 @@ def test_one_ratio_each_or_one_for_all_and_none_for_rigid_motion():
 
 def test_the_nearest_entry_is_the_nearest_in_octaves():
     """Between 100 and 400 Hz the middle is 200 Hz; far off counts the entry at that end."""
+    close = damping_ratios(ModalDamping([0.1, 0.3], [10.0, 10.5]), HZ * np.array([10.25]))
+    np.testing.assert_allclose(close, [0.2], rtol=1e-12)
     table = ModalDamping([0.1, 0.4], [100.0, 400.0], "nearest")
     found = damping_ratios(table, HZ * np.array([1e-3, 199.0, 201.0, 1e6]))
     np.testing.assert_array_equal(found, [0.1, 0.1, 0.4, 0.4])
