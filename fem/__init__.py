@@ -20,6 +20,7 @@ u are the free displacements of a Model, u_mesh = model.T @ u, node after node x
 See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
 
+from fem.anisotropic_half_space import indentation_modulus
 from fem.beam import ENDS, End, Section, beam, rectangle, section, tube
 from fem.bending import Bending, Buckled
 from fem.contact_patch import (
@@ -104,6 +105,7 @@ __all__ = [
     "factorised",
     "half_space_on_mesh",
     "half_spaces_on_mesh",
+    "indentation_modulus",
     "joined",
     "loose_bodies",
     "mac",

@@ -6,6 +6,7 @@ part wrong, by the same amount in the body and in a half-space meshed alike. So 
 solved on the body's own mesh, with Boussinesq's exact displacements prescribed on every face but
 the struck one: taken off the body's compliance, it takes its discretisation error along. On a face
 of a radius of curvature R that is done within R/2 of the patch, whose plane the face leaves beyond.
+Of an orthotropic solid the displacements are those of `fem.anisotropic_half_space`.
 
 Boussinesq's solution: Johnson, Contact Mechanics (1985), eq. 3.18, for a force P into the solid,
 
@@ -13,18 +14,21 @@ Boussinesq's solution: Johnson, Contact Mechanics (1985), eq. 3.18, for a force 
     u_z = (1 + nu) P / (2 pi E) (z^2 / R^3 + 2 (1 - nu) / R).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.anisotropic_half_space import surface_force
 from fem.contact_patch import ContactPatch, disc_quadrature
 from fem.elasticity import Structure
 from fem.factorisation import factorised
-from fem.materials import Material
+from fem.materials import Material, Orthotropic
 from fem.mirror import normal_dofs
 from fem.model import Model
+from fem.spot import Spot
 
+Field = Callable[..., NDArray[np.float64]]  # of points (n, 3), a source and the way in
 NEAR = 0.5  # of the smallest radius of curvature; 0.3 and 0.8 make a difference of 4e-4 of the rest
 
 
@@ -51,7 +55,7 @@ def half_space_on_mesh(
     model: Model,
     face: str,
     patch: ContactPatch,
-    material: Material,
+    material: Material | Orthotropic,
     *,
     mirrors: Sequence[str] = (),
     within: float = np.inf,
@@ -61,7 +65,7 @@ def half_space_on_mesh(
     `mirrors` are the faces where the mesh ends at a mirror plane through the patch. Elements
     farther than `within` [m] along an axis are left out, as are those beyond half a radius of
     curvature of the face: the exact field takes their place.
-    Raises ValueError for a material that is not isotropic.
+    Raises ValueError for a curved face of a material that is not isotropic.
     """
     return half_spaces_on_mesh(model, face, [patch], material, mirrors=mirrors, within=within)[0]
 
@@ -70,24 +74,20 @@ def half_spaces_on_mesh(
     model: Model,
     face: str,
     patches: Sequence[ContactPatch],
-    material: Material,
+    material: Material | Orthotropic,
     *,
     mirrors: Sequence[str] = (),
     within: float = np.inf,
 ) -> list[float]:
     """The same [m/N] at several patches of one face, for one factorisation."""
-    if not isinstance(material, Material):
-        raise ValueError(
-            f"{face!r} is of an orthotropic material, whose half-space is not known here; strike "
-            "an isotropic body."
-        )
+    field = _point_force(face, patches[0].spot, material)
     near = [(p, min(within, NEAR * min(map(abs, p.spot.radii)))) for p in patches]
     free, prescribed = _held_around(model.structure, face, near, mirrors)
     K = model.structure.K[free]
     factor, K_prescribed = factorised(K[:, free].tocsc()), K[:, prescribed]
     found = []
     for patch in patches:
-        u = _far_field(model.structure, prescribed, patch, material)
+        u = _far_field(model.structure, prescribed, patch, field)
         w = patch.on_mesh[free]
         found.append(patch.on_mesh[prescribed] @ u + w @ factor.solve(w - K_prescribed @ u))
     return [float(compliance) for compliance in found]
@@ -123,15 +123,27 @@ def _other_faces(basis, ended: Sequence[NDArray[np.int64]], cells) -> NDArray[np
     return np.unique(basis.get_dofs(others).all())
 
 
+def _point_force(face: str, spot: Spot, material: Material | Orthotropic) -> Field:
+    """Displacements by a unit force into a face; raises ValueError where they are not known."""
+    if isinstance(material, Material):
+        return lambda points, source, inward: boussinesq(points, source, inward, material)
+    if np.isfinite(spot.radii).any():
+        raise ValueError(
+            f"{face!r} is a curved face of an orthotropic material, for which the contact's law is "
+            "not known here; strike a plane face."
+        )
+    force = surface_force(material, spot.inward)
+    return lambda points, source, inward: force(points, source)
+
+
 def _far_field(
-    structure: Structure, dofs, patch: ContactPatch, material: Material
+    structure: Structure, dofs, patch: ContactPatch, field: Field
 ) -> NDArray[np.float64]:
     """The exact displacement of each dof, by all points of the patch."""
     nodes, node = np.unique(dofs // 3, return_inverse=True)
     total = np.zeros((len(nodes), 3))
     for source, part in zip(*_sources(structure, patch), strict=True):
-        inward = patch.spot.inward
-        total += part * boussinesq(structure.points[nodes], source, inward, material)
+        total += part * field(structure.points[nodes], source, patch.spot.inward)
     return total[node, dofs % 3]
 
 

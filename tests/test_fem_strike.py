@@ -115,10 +115,8 @@ def test_a_patch_too_large_for_its_curvature_and_a_face_that_is_not_so_are_refus
     assert hollow.radii == (np.inf, -0.3 * R) and hollow.inward[0] == pytest.approx(1.0)
 
 
-def test_an_orthotropic_body_has_no_half_space_here():
-    mesh = block(np.eye(3))
-    structure = assemble({"block": mesh}, {"block": PLY})
-    model = joined(structure, Connections(held=[Held("block:base")]))
-    patch = contact_patch(model, "block:top", (0.0, 0.0), 2e-3)
-    with pytest.raises(ValueError, match="orthotropic material, whose half-space is not known"):
-        half_space_on_mesh(model, "block:top", patch, PLY)
+def test_a_curved_face_of_an_orthotropic_body_has_no_half_space_here(bar):
+    spot = round_spot(bar.structure, "bar:round", (0.04, 0, 0), np.zeros(3), R, np.eye(3)[2])
+    patch = contact_patch(bar, "bar:round", spot, 1e-3)
+    with pytest.raises(ValueError, match="is a curved face of an orthotropic material"):
+        half_space_on_mesh(bar, "bar:round", patch, PLY)

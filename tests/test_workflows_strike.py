@@ -7,6 +7,7 @@ import gmsh
 import numpy as np
 import pytest
 
+import beadwave
 import fem
 from coupling import elliptical_contact
 from geometry.gmsh_session import session, silent
@@ -34,6 +35,12 @@ on = "bar:cylinder"
 at = [0.1, 0.0, 0.01]
 seed = 2.5e-3
 """
+FIBRES = (
+    "{ young = [135e9, 9e9, 9e9], poisson = [0.3, 0.3, 0.45], shear = [5e9, 5e9, 3.1e9], "
+    "density = 1600.0 }"
+)
+ROUND_PLY = BAR.replace(STEEL, FIBRES)
+PLY = ROUND_PLY.replace("cylinder = { radius = 0.03, length = 0.08 }", "box = [0.06, 0.06, 0.08]")
 CUT = f"""{HEAD}
 assembly = {{ step = "cut.step", held = ["body:-z"], material = "steel" }}
 strike = {{ on = "body@0,0,WHERE", radius = 1e-3, seed = 4e-3 }}
@@ -97,6 +104,44 @@ def test_balls_and_seats_of_a_step_file_are_struck(hollow, sign, top):
     small, large = (left(pipeline(text, f"strike.radius={r}"), factor) for r in (1e-3, 3e-3))
     local = contact_of(run.scene, run("model"), run("contact")).half_space
     assert abs(small - large) < 1e-3 * local
+
+
+@pytest.mark.parametrize(("face", "at", "modulus"), [("x", "0, 0", 47.12e9), ("y", "0, 0", 11e9)])
+def test_an_orthotropic_face_is_a_flat_of_its_indentation_modulus(face, at, modulus):
+    """F = 4/3 E* sqrt(R) delta^(3/2), 1/E* = (1 - nu^2)/E of the sphere + 1/M of the face."""
+    from workflows.assembly.export import write_reduced
+
+    text = PLY.replace("bar:cylinder", f"bar:+{face}").replace("[0.1, 0.0, 0.01]", f"[{at}]")
+    run = pipeline(text, "reduction.modes=6", "mesh.scale=2")
+    M = fem.indentation_modulus(run("mesh").materials["bar"], np.eye(3)["xyz".index(face)])
+    assert modulus == pytest.approx(M, rel=1e-3)
+    E_star = 1 / ((1 - 0.3**2) / 210e9 + 1 / M)
+    stiffness = run("start").chain.A[-1]
+    assert stiffness == pytest.approx(4 / 3 * E_star * np.sqrt(SPHERE), rel=1e-9)
+    write_reduced(run, Path("rom.npz"))
+    far = f"{HEAD.split('materials')[0]}".replace('"rom" }', '"rom", file = "rom.npz" }')
+    Path("far.toml").write_text(far)
+    again = pipeline_of(scene("far.toml"), lambda name: nullcontext())
+    assert again("start").chain.A[-1] == pytest.approx(stiffness, rel=1e-9)
+
+
+def test_curved_and_orthotropic_at_once_is_refused_and_so_is_its_calibration():
+    with pytest.raises(InvalidScene, match="is a curved face of an orthotropic material"):
+        pipeline(ROUND_PLY)("start")
+    Path("ply.toml").write_text(PLY.replace("bar:cylinder", "bar:+x"))
+    with pytest.raises(InvalidScene, match="of an orthotropic material, which this command does"):
+        beadwave.twin("ply.toml")
+
+
+def test_cases_of_a_sweep_strike_the_face_that_a_run_strikes():
+    """A cylinder's ellipse is 4 % softer than the plane's contact."""
+    Path("bar.toml").write_text(BAR)
+    coarse = {"reduction.modes": 6, "mesh.scale": 2, "output.spheres": [1]}
+    alone = beadwave.impact("bar.toml", coarse).summary.peak_wall_force_N
+    cases = {"striker.velocity": "0.1,0.2"}
+    for key in ({}, {"time.dt": 2e-8}):  # together, and one by one
+        found = beadwave.sweep("bar.toml", coarse | key, cases=cases, out="cases", overwrite=True)
+        assert found.columns["wall_peak_force_N"][0] == pytest.approx(alone, rel=1e-3)
 
 
 def test_a_plane_face_is_struck_at_the_nearest_of_a_point():

@@ -41,7 +41,7 @@ def test_a_sphere_of_a_scene_bounces_as_thornton_has_it(speed):
 
 
 def radius(of, force):
-    return contact_radius(of, start(of).chain, force)
+    return contact_radius(of, start(of), force)
 
 
 def test_a_pressure_that_is_never_reached_changes_nothing():

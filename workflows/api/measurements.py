@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from workflows.calibration.calibrate import Calibrated
     from workflows.calibration.report import CalibrationReport
     from workflows.calibration.twin import Coverage
+    from workflows.pipeline.pipeline import Pipeline
 
 
 @dataclass(frozen=True, repr=False)
@@ -96,7 +97,7 @@ def calibrate(
     measured, request = record(file), _request(asked)
     folder = _folder(out, (*files_read(chosen, scene), file), overwrite)
     with _held(folder, FILES):
-        wall = pipeline_of(chosen, progress)("wall")
+        chosen, wall = _leaning(chosen, pipeline_of(chosen, progress))
         with progress("calibration"):
             found = calibrated(chosen, wall, measured, file.name, request)
         found = _sampled(found, posterior, request.seed, progress)
@@ -135,7 +136,7 @@ def twin(
     folder = _folder(out, files_read(chosen, scene), overwrite)
     covered = None
     with _held(folder, TWIN_FILES):
-        wall = pipeline_of(chosen, progress)("wall")
+        chosen, wall = _leaning(chosen, pipeline_of(chosen, progress))
         with progress("calibration"):
             found, data = experiment.twin_run(chosen, wall, setting, request)
         found = _sampled(found, posterior, setting.seed, progress)
@@ -184,6 +185,17 @@ def _sampled(found: Calibrated, posterior: bool, seed: int, progress: Progress) 
 
 def _folder(out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool) -> RunFolder | None:
     return RunFolder(Path(out), inputs=inputs, overwrite=overwrite) if out else None
+
+
+def _leaning(scene: Scene, pipeline: Pipeline) -> tuple[Scene, Any]:
+    """The scene with the curvatures of the face that it strikes, and its wall."""
+    from workflows.pipeline.chain import flat, on_surface
+    from workflows.pipeline.pipeline import needs_structure
+
+    flat(scene)  # refuses materials before anything is computed
+    of_bodies = needs_structure(scene) and scene.is_general
+    known = pipeline("surface") if of_bodies else None
+    return on_surface(scene, known), pipeline("wall")
 
 
 def _held(folder: RunFolder | None, files: tuple[str, ...]) -> AbstractContextManager:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import dem.spheres
 from coupling.calibration.impulse import Impulse, incident_impulse
 from coupling.calibration.parameters import Parameter, Rig
 from coupling.calibration.sensed import Channels, sensed
@@ -145,10 +146,10 @@ def _impulses(scene: Scene, channels: Channels, record: Record, model: np.ndarra
 
 def _momentum(scene: Scene) -> float:
     """m V of the striker [N s]."""
-    from workflows.pipeline.chain import start
+    from workflows.pipeline.chain import initial_velocity
 
-    begun = start(scene)
-    return float(begun.chain.mass @ begun.velocity)
+    spheres = dem.spheres.mass(scene.chain.radius, scene.chain.density)
+    return float(np.sum(spheres * initial_velocity(scene)))
 
 
 def _noise(record: Record, i: int, wave: Impulse) -> float:

@@ -36,7 +36,7 @@ class Structure(NamedTuple):
     scene: Scene
     base: Base
     keys: tuple[str, ...]
-    curvatures: tuple[float, float] | None
+    surface: Any  # rom.Contact, of bodies
     plain: bool = True  # whether nothing else of the scene follows from the keys
     of_wall: tuple[int, ...] = ()
     between: ParametricWall | None = None
@@ -47,7 +47,7 @@ class Structure(NamedTuple):
         try:
             scene = (put(self.scene, self.keys, values) if self.plain
                      else moved(self.base, self.keys, values))  # fmt: skip
-            begun = start(scene, self.curvatures)
+            begun = start(scene, self.surface)
             return System(begun.chain, self._wall(scene, values), begun.velocity)
         except InvalidScene as reason:
             raise coupling.CouplingError(str(reason)) from None
@@ -85,9 +85,9 @@ def structure(
     """
     scene = base.with_values({})
     pipeline = pipeline_of(scene, progress)
-    round_face = needs_structure(scene) and scene.is_general
+    of_bodies = needs_structure(scene) and scene.is_general
     plain = Structure(
-        scene, base, keys, pipeline("curvatures") if round_face else None,
+        scene, base, keys, pipeline("surface") if of_bodies else None,
         all(_stands_alone(base, scene, key) for key in keys),
     )  # fmt: skip
     if not isinstance(scene.wall, RomWall):

@@ -27,19 +27,23 @@ class Start(NamedTuple):
     chain: dem.Chain
     velocity: np.ndarray  # (n,) [m/s]
     ellipse: coupling.EllipticalContact = coupling.PLANE  # at the wall
+    flat: dem.Flat | None = None  # what the wall is made of
 
 
-def start(scene: Scene, curvatures: tuple[float, float] | None = None) -> Start:
-    """The chain and its velocities before the impact on a face of these curvatures [1/m]."""
-    scene = curved(scene, curvatures) if curvatures else scene
-    return Start(chain(scene), initial_velocity(scene), ellipse(scene))
+def start(scene: Scene, surface: Any = None) -> Start:
+    """The chain and its velocities before the impact, on a face that is known (rom.Contact)."""
+    scene = on_surface(scene, surface)
+    return Start(chain(scene), initial_velocity(scene), ellipse(scene), flat(scene))
 
 
-def curved(scene: Scene, curvatures: tuple[float, float]) -> Scene:
-    """The scene with a wall whose face has these principal curvatures [1/m]."""
-    return scene.model_copy(
-        update={"wall": scene.wall.model_copy(update={"curvatures": curvatures})}
-    )
+def on_surface(scene: Scene, known: Any) -> Scene:
+    """The scene with a wall of the curvatures, and of the modulus and Poisson's ratio, that are
+    known of the face struck (rom.Contact or None)."""
+    own = {key: getattr(known, key, None) for key in ("young", "poisson", "curvatures")}
+    made_of = {key: value for key, value in own.items() if value is not None}
+    if not made_of:
+        return scene
+    return scene.model_copy(update={"wall": scene.wall.model_copy(update=made_of)})
 
 
 def ellipse(scene: Scene) -> coupling.EllipticalContact:
@@ -96,7 +100,7 @@ def chain(scene: Scene) -> dem.Chain:
         c.young,
         c.poisson,
         count=c.count,
-        flat=None if scene.wall is None else surface(scene),
+        flat=flat(scene),
         stiffness_factor=np.asarray(contact.stiffness_factor),
         **dissipation(contact),
         leaf_stiffness=np.asarray(leaf.stiffness) if leaf else None,
@@ -147,13 +151,21 @@ def initial_velocity(scene: Scene) -> np.ndarray:
     return start
 
 
-def surface(scene: Scene) -> dem.Flat:
-    """The wall's material at the contact; a rigid wall has an infinite modulus."""
-    if isinstance(scene.wall, RigidWall):
-        return dem.RIGID
+def flat(scene: Scene) -> dem.Flat | None:
+    """The wall's material at the contact, infinitely stiff of a rigid wall; None without a wall.
+
+    Raises InvalidScene for an orthotropic one, unless `on_surface` has told its modulus.
+    """
     wall = scene.wall
-    if isinstance(wall, RomWall) and wall.file is None:
+    if wall is None or isinstance(wall, RigidWall):
+        return wall and dem.RIGID
+    if isinstance(wall, RomWall) and wall.file is None and wall.young is None:
         wall = scene.struck_material
+    if isinstance(wall.young, tuple):
+        raise InvalidScene(
+            f"{scene.name}: strike.on = {scene.strike.on!r} is of an orthotropic material, which "
+            "this command does not take; strike an isotropic body."
+        )
     return dem.Flat(
         STEEL.young if wall.young is None else wall.young,
         STEEL.poisson if wall.poisson is None else wall.poisson,
@@ -183,13 +195,13 @@ def simple_wall(scene: Scene) -> dem.Wall | None:
     return dem.rigid_wall()
 
 
-def contact_radius(scene: Scene, row: dem.Chain, force: float) -> float:
+def contact_radius(scene: Scene, begun: Start, force: float) -> float:
     """Radius of the contact at a plane wall [m]."""
+    row, own = begun.chain, scene.chain
     if row.yield_overlap is not None:
         return float(
             spheres.yielded_radius(force, row.radius[-1], row.A[-1], row.yield_overlap[-1])
         )
-    touched, own = surface(scene), scene.chain
     E, nu = (np.atleast_1d(value)[-1] for value in (own.young, own.poisson))
-    E_star = spheres.contact_modulus(E, nu, *touched)
+    E_star = spheres.contact_modulus(E, nu, *begun.flat)
     return float(spheres.contact_radius(force, row.radius[-1], E_star))

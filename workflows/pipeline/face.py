@@ -14,6 +14,7 @@ from coupling.damping import Damping
 from coupling.many_contacts import walls_of
 from coupling.wall import wall_from_reduced
 from workflows.pipeline.assembly import solid, struck
+from workflows.pipeline.chain import Start, start
 from workflows.pipeline.errors import coarser
 from workflows.pipeline.pipeline import Pipeline, pipeline_of
 from workflows.pipeline.reduction import TO_HZ
@@ -56,6 +57,12 @@ class StruckFace:
             raise InvalidScene(f"the face {struck(scene)!r} is round; scan a plane one.")
         self.model: fem.Model = self.pipeline("model")
         self.name = struck(scene)
+
+    @property
+    def begun(self) -> Start:
+        """What a march starts from."""
+        surface = self.pipeline("surface") if self.scene.is_general else None
+        return start(self.scene, surface)
 
     def outline(self) -> Outline:
         """Where the face ends."""

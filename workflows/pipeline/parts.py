@@ -23,6 +23,7 @@ class Struck(NamedTuple):
     centre: NDArray[np.float64] | None = None  # (3,) [m] on a cylinder's axis, or a sphere's
     radius: float | None = None  # [m] < 0 of a hollow
     axis: NDArray[np.float64] | None = None  # (3,) of a cylinder
+    normal: NDArray[np.float64] | None = None  # (3,) of a plane
 
     @property
     def radii(self) -> tuple[float, float]:

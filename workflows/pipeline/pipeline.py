@@ -122,7 +122,7 @@ ASSEMBLY = {
     "contact": Stage(
         ".assembly:contact", tables_of("patch", "strike"), ("mesh", "model"), kept=False
     ),
-    "curvatures": Stage(".strike:curvatures", tables_of(), ("mesh",), listed=False),
+    "surface": Stage(".strike:surface", tables_of(), ("mesh",), listed=False),
     "participation": Stage(
         ".assembly:participation", tables_of(), ("contact", "modes"), listed=False
     ),
@@ -180,7 +180,7 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
     if needs and scene.is_general:
-        impact = IMPACT | {"start": IMPACT["start"]._replace(needs=("curvatures",))}
+        impact = IMPACT | {"start": IMPACT["start"]._replace(needs=("surface",))}
     if not getattr(scene.wall, "prune", False):
         return {**structure, "wall": wall, **impact}
     walls = {

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 import fem
 import rom
 from workflows.pipeline.assembly import AssemblyModes, dashpots, solid, struck
+from workflows.pipeline.strike import surface_of
 from workflows.scene import Scene
 
 TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
@@ -239,6 +240,5 @@ def contact_of(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> rom
         local = 0.0
     else:
         local = fem.half_space_on_mesh(model, struck(scene), contact, steel)
-    curvatures = tuple(1 / radius for radius in contact.spot.radii)
-    known = rom.Contact(half_space=local, young=steel.young, poisson=steel.poisson)
-    return known._replace(curvatures=curvatures if any(curvatures) else None)
+    spot = contact.spot
+    return surface_of(steel, spot.inward, spot.radii)._replace(half_space=local)

@@ -132,13 +132,13 @@ def summary_of(pipeline: Pipeline, told: tuple[str, ...] = (), origin: Origin = 
 def _chain_numbers(pipeline: Pipeline) -> dict:
     scene, wall, found = pipeline.scene, pipeline("wall"), pipeline("waves")
     run, verdict, *_ = pipeline("impact")
-    row, _, ellipse = pipeline("start")
+    begun = pipeline("start")
     numbers = {
         "n_wall_modes": 0 if wall is None else len(wall.omega),
         "dt_s": run.dt,
         "n_steps": run.n_steps,
         "energy_error": run.energy_error,
-        "verdict": (*verdict.sentences, *dem.yielding(row, run)),
+        "verdict": (*verdict.sentences, *dem.yielding(begun.chain, run)),
         "waves": {str(s): sphere_waves(found, run.t, run.v[:, s - 1], s) for s in found.labels},
         "wall_contact": chain_contact(scene, found),
     }
@@ -151,7 +151,7 @@ def _chain_numbers(pipeline: Pipeline) -> dict:
     if getattr(scene.wall, "prune", False):
         numbers["wall_modes_left_out"] = pipeline("pruning").sentences
     peak = float(run.contact_force[:, -1].max())
-    radius = ellipse.size * contact_radius(scene, row, peak)
+    radius = begun.ellipse.size * contact_radius(scene, begun, peak)
     return numbers | {"peak_wall_force_N": peak, "contact_radius_m": radius}
 
 

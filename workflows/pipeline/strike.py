@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
+import rom
 from fem.spot import require_flat, spanning
 from workflows.pipeline.parts import STRIKE, Parts, Struck
 from workflows.scene import InvalidScene, Scene
@@ -21,7 +22,8 @@ def struck(scene: Scene, bodies: Mapping) -> Struck:
     picked = faces(scene.strike.on, bodies)
     found = [bodies[picked.body].face(tag) for tag in picked.tags]
     if scene.strike.point is None and all(face.normal is not None for face in found):
-        return Struck(picked, _from_the_middle(found, scene.strike.at))
+        middle = _from_the_middle(found, scene.strike.at)
+        return Struck(picked, middle, normal=found[0].normal)
     near = scene.strike.point or scene.strike.selected_at
     if near is None:
         raise InvalidScene(
@@ -32,7 +34,8 @@ def struck(scene: Scene, bodies: Mapping) -> Struck:
     first = min(found, key=lambda face: away(near, face.tag))
     own = Selected(picked.body, tuple(f.tag for f in found if _one_surface(first, f)))
     if first.normal is not None:
-        return Struck(own, near + ((first.centre - near) @ first.normal) * first.normal)
+        off = (first.centre - near) @ first.normal
+        return Struck(own, near + off * first.normal, normal=first.normal)
     return _on_round_face(scene, Struck(own, np.array(near), *_roundness(scene, first)))
 
 
@@ -83,9 +86,36 @@ def _roundness(scene: Scene, face) -> tuple:
     return face.on_axis, -face.radius if face.hollow else face.radius, face.axis
 
 
-def curvatures(scene: Scene, mesh: Parts) -> tuple[float, float]:
-    """Principal curvatures [1/m] of the face struck, 0 of a plane, < 0 of a hollow."""
-    return FLAT if mesh.struck is None else tuple(1 / radius for radius in mesh.struck.radii)
+def surface(scene: Scene, mesh: Parts) -> rom.Contact | None:
+    """What the chain's Hertz law takes of the face struck that the scene does not say; raises
+    InvalidScene for a curved face of an orthotropic material."""
+    if mesh.struck is None:
+        return None
+    made_of = mesh.materials[mesh.struck.face.body]
+    if isinstance(made_of, fem.Orthotropic) and mesh.struck.normal is None:
+        raise InvalidScene(
+            f"{scene.name}: strike.on = {scene.strike.on!r} is a curved face of an orthotropic "
+            "material, for which the contact's law is not known here; strike a plane face."
+        )
+    known = surface_of(made_of, mesh.struck.normal, mesh.struck.radii)
+    return (
+        known if isinstance(made_of, fem.Orthotropic) else rom.Contact(curvatures=known.curvatures)
+    )
+
+
+def surface_of(
+    made_of: fem.Material | fem.Orthotropic, normal: NDArray | None, radii: tuple[float, float]
+) -> rom.Contact:
+    """Curvatures, modulus and Poisson's ratio of a face; an orthotropic one is like an isotropic
+    one of its indentation modulus and a Poisson's ratio of 0."""
+    if isinstance(made_of, fem.Orthotropic):
+        return rom.Contact(young=fem.indentation_modulus(made_of, normal), poisson=0.0)
+    curvatures = tuple(1 / radius for radius in radii)
+    return rom.Contact(
+        young=made_of.young,
+        poisson=made_of.poisson,
+        curvatures=curvatures if any(curvatures) else None,
+    )
 
 
 def patch(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:

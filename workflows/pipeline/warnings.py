@@ -70,7 +70,7 @@ def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[st
     if start.ellipse == coupling.PLANE:
         return
     peak, sphere = float(run.contact_force[:, -1].max()), float(start.chain.radius[-1])
-    half = start.ellipse.longest(contact_radius(scene, start.chain, peak))
+    half = start.ellipse.longest(contact_radius(scene, start, peak))
     if half > SMALL_CONTACT * sphere:
         yield (
             f"The contact with the curved wall grows {2e3 * half:.2g} mm long, "

@@ -133,11 +133,6 @@ def _unstruck(scene: Scene):
     if scene.assembly.file is None and body not in (scene.bodies or {}):
         known = ", ".join(scene.bodies or {})
         yield f"strike.on = {scene.strike.on!r} names no body; there are {known}."
-    elif scene.material_name(body) and not scene.struck_material.is_isotropic:
-        yield (
-            f"strike.on = {scene.strike.on!r} is of an orthotropic material, for which the "
-            "contact's law is not known here; strike an isotropic body."
-        )
 
 
 def _joints(scene: Scene):

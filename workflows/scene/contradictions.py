@@ -81,9 +81,10 @@ def _other_surface(scene: Scene):
     for key, unit in (("young", " Pa"), ("poisson", "")):
         given, own = getattr(scene.wall, key), getattr(struck, key)
         if given is not None and given != own:
+            told = list(own) if isinstance(own, tuple) else f"{own:g}"
             yield (
                 f"wall.{key} = {given:g}{unit}, but the wall is the assembly's "
-                f"{scene.struck_body}, whose {key} is {own:g}{unit}; drop wall.{key}, or change "
+                f"{scene.struck_body}, whose {key} is {told}{unit}; drop wall.{key}, or change "
                 "what the body is made of."
             )
 

@@ -6,7 +6,7 @@ import numpy as np
 
 import coupling
 import dem
-from workflows.pipeline.chain import simple_wall, start, together
+from workflows.pipeline.chain import on_surface, simple_wall, start, together
 from workflows.pipeline.impact import impact, require_start
 from workflows.scene import RomWall
 from workflows.sweep.cases import Checked, Group
@@ -42,7 +42,7 @@ def _side_by_side(checked: Checked, group: Group, shared: Prepared, signals: boo
     scene, started = checked.scene, perf_counter()
     columns = {key: np.array(values, float) for key, values in group.columns.items()}
     try:
-        chains = together(scene, columns, shared.wall)
+        chains = together(on_surface(scene, shared.surface), columns, shared.wall)
         batch = dem.march_batch(
             chains,
             duration=scene.time.duration,
@@ -78,7 +78,7 @@ def _alone(checked: Checked, group: Group, i: int, shared: Prepared, signals: bo
         scene = checked.base.with_values(group.values(i))
         require_start(scene)
         leant_on = shared.wall if isinstance(scene.wall, RomWall) else simple_wall(scene)
-        run = impact(scene, start(scene), leant_on).trajectory
+        run = impact(scene, start(scene, shared.surface), leant_on).trajectory
     except FAILURES as reason:
         return without_result(_spheres(checked), cases, FAILED, [sentence(reason)])
     v = run.v[None][:, :, [sphere - 1 for sphere in scene.output.spheres]]

@@ -58,6 +58,7 @@ class Prepared(NamedTuple):
     error_reduction: float = float("nan")
     error_mesh: float = float("nan")
     failure: str = ""
+    surface: Any = None  # rom.Contact of the face struck
 
 
 def models_key(source: Source) -> str | None:
@@ -97,9 +98,10 @@ def prepared(scene: Scene, source: Source, found: Models | str | None) -> Prepar
             return Prepared(wall(scene, None))
         if source.springs:
             springs = {name: scene.stiffness(name) for name in source.springs}
-            return Prepared(wall(scene, found.reduction.with_stiffness(springs)), *found.errors)
+            reduced, errors = found.reduction.with_stiffness(springs), found.errors
+            return Prepared(wall(scene, reduced), *errors, surface=reduced.contact)
         own = wall(scene, found.reduction)
-        return Prepared(own, *_errors(scene, own, found))
+        return Prepared(own, *_errors(scene, own, found), surface=found.reduction.contact)
     except FAILURES as reason:
         return Prepared(failure=sentence(reason))
 
@@ -111,7 +113,7 @@ def _errors(scene: Scene, own: Any, found: Models) -> tuple[float, float]:
         return none, none
     from workflows.pipeline.errors import mesh_error, reduction_error  # finite elements
 
-    begun = start(scene)
+    begun = start(scene, found.reduction.contact)
     run = impact(scene, begun, own)
     of_reduction = reduction_error(scene, begun, found.reduction, run)
     return of_reduction, none if found.coarse is None else mesh_error(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import coupling
 import dem
 from workflows.files.run_folder import RunFolder
-from workflows.pipeline.chain import Start, start
+from workflows.pipeline.chain import Start
 from workflows.pipeline.errors import COARSER, MARGIN, ORDER, SHORTER
 from workflows.pipeline.face import Outline, Placed, StruckFace
 from workflows.pipeline.rig import STRUCK
@@ -179,7 +179,7 @@ class _Seen(NamedTuple):
 
 def _rows(face: StruckFace, placed: Placed, points: Array, signals: bool) -> list[Rows]:
     """Rows of the points with patches."""
-    march = _March(face.scene, start(face.scene))
+    march = _March(face.scene, face.begun)
     at = np.array(list(placed.patches))
     walls = face.walls(list(placed.patches.values()))
     fine, crude = walls.all(), walls.all(CRUDER)
@@ -211,7 +211,7 @@ def _spread(n: int) -> Array:
 
 def _mesh_error(face: StruckFace, points: Array, seen: list[_Seen]) -> float:
     """The largest at some of the points; NaN for a mesh that nobody can coarsen."""
-    coarse, march = face.coarse(), _March(face.scene, start(face.scene))
+    coarse, march = face.coarse(), _March(face.scene, face.begun)
     if coarse is None:
         return np.nan
     patches = coarse.placed(points[[one.i for one in seen]]).patches

@@ -30,7 +30,7 @@ from coupling.work_precision.rows import Row
 from coupling.work_precision.runs import least_seconds
 from fem.shared_solutions import SharedSolutions
 from workflows.files.run_folder import Picture
-from workflows.pipeline.chain import curved, initial_velocity
+from workflows.pipeline.chain import initial_velocity, on_surface
 from workflows.pipeline.pipeline import Progress, Stage, pipeline_of, tables_of
 from workflows.pipeline.reduction import contact_of
 from workflows.results.tables import Table
@@ -101,7 +101,7 @@ def reduction(scene: Scene, progress: Progress) -> Finding:
     run = pipeline_of(scene, progress, REFERENCE)
     model, patch = run("model"), run("contact")
     known = contact_of(scene, model, patch)
-    scene = curved(scene, known.curvatures) if known.curvatures else scene
+    scene = on_surface(scene, known)
     contact = Contact(model.K, model.M, patch.w, known, SharedSolutions())
     full = run("reference-response")
     f = np.arange(1, N_FREQUENCIES + 1) / N_FREQUENCIES * BANDS_HZ[-1]

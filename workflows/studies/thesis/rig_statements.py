@@ -10,7 +10,7 @@ import numpy as np
 
 from coupling.observed_run import Observed
 from coupling.wave_distance import separation, spread
-from workflows.pipeline.chain import chain, contact_radius
+from workflows.pipeline.chain import contact_radius, start
 from workflows.scene import Scene
 from workflows.studies.thesis.rig_walls import RIGID, SLIGHT, STRONG, UNMOVED
 
@@ -40,7 +40,7 @@ def verdicts(scene: Scene, runs: dict[str, Observed], main: str) -> tuple[Verdic
 
 
 def _radius(scene: Scene, run: Observed) -> Verdict:
-    found = contact_radius(scene, chain(scene), float(run.trajectory.contact_force[:, -1].max()))
+    found = contact_radius(scene, start(scene), float(run.trajectory.contact_force[:, -1].max()))
     holds = NEAR[0] <= found <= NEAR[1]
     return Verdict("the contact's radius is near 0.3 mm", holds, f"{1e3 * found:.3f} mm")
 

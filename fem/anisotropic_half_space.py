@@ -1,0 +1,188 @@
+"""A half-space of any elastic solid under a normal force, and a rigid sphere pressed into it.
+
+A unit force is a sum of waves along all directions kappa of the surface. In the plane of kappa and
+the inward normal n, turned by omega to m and n', the solid is Stroh's
+
+    N1 = -T^-1 R^T,   N2 = T^-1,   N3 = R T^-1 R^T - Q,   Q = (m m), R = (m n'), T = (n' n'),
+    (a b)_ik = a_j C_ijkl b_l,   S, H, -L = means of N1, N2, N3 over half a turn of omega
+
+(Ting, Anisotropic Elasticity (1996), chapters 6 and 7). With y = S L^-1 n the waves sum up to
+
+    u(x) = 1/(4 pi^2) int (cos omega y + sin omega (N2 n - N1 y)) / rho dphi,
+    rho (cos omega, sin omega) = (x . kappa, x . n),
+
+at the surface at a distance r, in the direction theta, along the normal u_n = h(theta + pi/2) / (2
+pi r), h = n . L^-1 n; of an isotropic solid h = 2 (1 - nu^2) / E. Under the pressure
+p0 sqrt(1 - x . G^-1 x) it is, by the same sum, with c^2 = kappa . G kappa,
+
+    u_n = p0 sqrt(det G) / 8 int h / c (1 - (x . kappa)^2 / c^2) dphi,
+
+so that an ellipse is pressed by a sphere (Willis, J. Mech. Phys. Solids 14 (1966) 163).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RectBivariateSpline
+from scipy.optimize import root
+
+from fem.materials import Material, Orthotropic
+from fem.spot import spanning
+
+TURNED = 128  # angles of omega in half a turn
+DIRECTIONS = 128  # of kappa in half a turn
+HEIGHTS, AROUND = 32, 96  # of the table of displacements, from the surface to the normal
+FINE = 100  # directions of kappa over the height of a point above the surface
+RIGHT = 1e-3  # of displacements between the entries of the table
+
+Anisotropic = Material | Orthotropic
+
+
+class HalfSpace(NamedTuple):
+    """A solid below a plane, and its answers to waves along (n,) directions in half a turn."""
+
+    C: NDArray[np.float64]  # (3, 3, 3, 3) [Pa]
+    axes: NDArray[np.float64]  # (3, 3) rows: two along the surface, the inward normal
+    y: NDArray[np.float64]  # (n, 3) S L^-1 n [1/Pa]
+    answer: NDArray[np.float64]  # (n, 3) L^-1 n [1/Pa]
+
+    @property
+    def h(self) -> NDArray[np.float64]:
+        """(n,) [1/Pa]"""
+        return self.answer @ self.axes[2]
+
+    def planes(self, angles: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Q, R and T (n, 3, 3) [Pa] of m = kappa at these angles, and the inward normal."""
+        kappa, n = _around(angles) @ self.axes[:2], self.axes[2]
+        along, down = np.tensordot(kappa, self.C, axes=(1, 1)), np.tensordot(n, self.C, axes=(0, 1))
+        Q = np.einsum("nikl,nl->nik", along, kappa)
+        return Q, along @ n, np.broadcast_to(down @ n, Q.shape)
+
+
+def half_space(material: Anisotropic, inward: NDArray[np.float64]) -> HalfSpace:
+    """Of a material below a plane of this inward unit normal (3,)."""
+    axes = np.vstack([spanning(inward), inward])
+    bare = HalfSpace(material.elasticity, axes, np.empty((0, 3)), np.empty((0, 3)))
+    omega = np.pi * np.arange(TURNED) / TURNED
+    planes = bare.planes(np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
+    Q, R, T = _turned(*(matrix[:, None] for matrix in planes), omega)
+    N1 = -np.linalg.solve(T, np.swapaxes(R, -1, -2))
+    L = (Q + R @ N1).mean(axis=1)
+    answer = np.linalg.solve(L, inward[:, None])
+    return bare._replace(y=(N1.mean(axis=1) @ answer)[..., 0], answer=answer[..., 0])
+
+
+class SurfaceForce(NamedTuple):
+    """Displacements by a unit normal force on a half-space: R u over the directions from it."""
+
+    axes: NDArray[np.float64]  # (3, 3) rows: two along the surface, the inward normal
+    table: tuple[RectBivariateSpline, ...]  # R u [m^2/N] along x, y, z over elevation and azimuth
+
+    def __call__(
+        self, points: NDArray[np.float64], source: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Displacements (n, 3) [m] at points (n, 3) by a force at `source` (3,) on the surface."""
+        x, y, z = self.axes @ (points - source).T
+        beside = np.hypot(x, y)
+        where = np.arctan2(np.maximum(z, 0.0), beside), np.arctan2(y, x)
+        along = np.column_stack([one.ev(*where) for one in self.table])
+        return along / np.hypot(beside, z)[:, None]
+
+
+def surface_force(material: Anisotropic, inward: NDArray[np.float64]) -> SurfaceForce:
+    """The field of a unit force along the inward unit normal (3,) of a half-space.
+
+    Raises ValueError for a solid whose moduli differ too much for the table.
+    """
+    solid = half_space(material, inward)
+    elevation = np.linspace(0.0, np.pi / 2, HEIGHTS + 1)
+    u = np.array([_displacements(solid, one) for one in elevation])
+    beside = np.cos(elevation)[:, None, None] * _around(_azimuth(AROUND))
+    up = np.broadcast_to(np.sin(elevation)[:, None, None], (*beside.shape[:2], 1))
+    points = np.concatenate([beside, up], axis=2).reshape(-1, 3) @ solid.axes
+    every_other = SurfaceForce(solid.axes, _splines(elevation[::2], u[::2, ::2]))
+    between = every_other(points, np.zeros(3)).reshape(u.shape)
+    off = np.abs(between - u).max() / np.abs(u).max() / 2**4  # cubic: of order 4
+    if off > RIGHT:
+        raise ValueError(
+            f"the half-space of {material} is known to {off:.1g} only, allowed is {RIGHT:g}: "
+            "its moduli differ too much; strike a body of another material."
+        )
+    return SurfaceForce(solid.axes, _splines(elevation, u))
+
+
+def mean_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> float:
+    """2 / mean(h) [Pa]: a round patch presses in as on an isotropic solid of E / (1 - nu^2)."""
+    return float(2 / half_space(material, inward).h.mean())
+
+
+def indentation_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> float:
+    """E* [Pa] of F = 4/3 E* sqrt(R) delta^(3/2) for a rigid sphere on a plane of this normal."""
+    weight = 2 * np.pi / DIRECTIONS * half_space(material, inward).h
+    kappa, twice = (_around(k * np.pi * np.arange(DIRECTIONS) / DIRECTIONS) for k in (1, 2))
+
+    def pressed(G: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        c = np.sqrt(1 + twice @ G)
+        return float((weight / c).sum()), (kappa.T * (weight / c**3)) @ kappa
+
+    def uneven(G: NDArray[np.float64]) -> NDArray[np.float64]:
+        _, bent = pressed(G)
+        return np.array([bent[0, 0] - bent[1, 1], 2 * bent[0, 1]]) / np.trace(bent)
+
+    depth, bent = pressed(root(uneven, np.zeros(2), tol=1e-12).x)
+    size = np.cbrt(3 / (16 * np.pi) * np.trace(bent))  # for F = R = 1
+    return float(0.75 * (3 / (16 * np.pi) * depth / size) ** -1.5)
+
+
+def _around(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def _azimuth(number: int) -> NDArray[np.float64]:
+    return 2 * np.pi * np.arange(number) / number
+
+
+def _turned(Q, R, T, omega: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Q, R and T of m and n turned by omega."""
+    cos, sin = np.cos(omega)[..., None, None], np.sin(omega)[..., None, None]
+    R_t = np.swapaxes(R, -1, -2)
+    return (
+        cos**2 * Q + sin * cos * (R + R_t) + sin**2 * T,
+        cos**2 * R - sin**2 * R_t + sin * cos * (T - Q),
+        cos**2 * T - sin * cos * (R + R_t) + sin**2 * Q,
+    )
+
+
+def _displacements(solid: HalfSpace, elevation: float) -> NDArray[np.float64]:
+    """R u (AROUND, 3) [m^2/N] at an elevation above the surface, in directions all around."""
+    height = np.sin(elevation)
+    n = AROUND * int(np.ceil(FINE / AROUND / max(height, 1 / HEIGHTS)))
+    # half-way beside the directions across, along which 1 / s has no end at the surface
+    angles = _azimuth(n) + np.pi / n
+    s = np.cos(elevation) * np.cos(angles - _azimuth(AROUND)[:, None])
+    rho, omega = np.hypot(s, height)[..., None], np.arctan2(height, s)
+    y = _between(np.vstack([solid.y, -solid.y]), angles)
+    _, R, T = _turned(*solid.planes(angles), omega)
+    pushed = solid.axes[2] + (y[:, None] @ R)[..., 0, :]
+    turned = np.linalg.solve(T, pushed[..., None])[..., 0]  # N2 n - N1 y
+    waves = (np.cos(omega)[..., None] * y + np.sin(omega)[..., None] * turned) / rho
+    found = waves.mean(axis=1)
+    if height == 0.0:
+        found += _between(np.vstack([solid.answer] * 2), _azimuth(AROUND) + np.pi / 2)
+    return found / (2 * np.pi)
+
+
+def _between(values: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (n, 3) at equal angles around, at other angles by their harmonics."""
+    harmonics = np.fft.rfft(values, axis=0)[:-1] / len(values)
+    harmonics[1:] *= 2
+    return np.real(np.exp(1j * np.outer(angles, np.arange(len(harmonics)))) @ harmonics)
+
+
+def _splines(elevation: NDArray[np.float64], u: NDArray[np.float64]) -> tuple:
+    """One each of R u (n, k, 3) along x, y and z, over a turn about zero and a little more."""
+    k = np.arange(-u.shape[1] // 2 - 3, u.shape[1] // 2 + 4)
+    azimuth = 2 * np.pi / u.shape[1] * k
+    around = u[:, k % u.shape[1]]
+    return tuple(RectBivariateSpline(elevation, azimuth, around[..., i]) for i in range(3))
