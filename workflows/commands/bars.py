@@ -29,7 +29,7 @@ class _Time(ProgressColumn):
         if task.finished or not expected:
             return Text(f"{elapsed:.1f} s")
         if elapsed > expected:
-            return Text(f"{elapsed:.0f} s, longer than the last time")
+            return Text(f"{elapsed:.0f} s, longer than foreseen")
         share = 100 * min(elapsed / expected, NEARLY)
         return Text(f"{share:2.0f} %, about {expected - elapsed:.0f} s left")
 

@@ -8,10 +8,12 @@ from time import perf_counter
 
 NAME = "durations.json"
 NOTED = 1.0  # s that are worth a note
-FIRST = {  # s on two cores of 2020, until a run has measured its own
-    "compilation": 30.0, "mesh": 3.0, "modes": 12.0, "reduction": 12.0, "coarse-reduction": 6.0,
-    "full-response": 6.0, "pictures": 6.0,
+COMPILATION = {"compilation": 30.0}  # s on a quiet core of 2020, until a run has measured its own
+RIG = {
+    "mesh": 3.0, "modes": 12.0, "reduction": 12.0, "coarse-reduction": 6.0, "full-response": 6.0,
+    "pictures": 6.0,
 }  # fmt: skip
+RIGS = ("None", "rig-rom", "rig-rom-269", "rig-rom-907")  # their scenes; those of others differ
 
 
 class Durations:
@@ -19,17 +21,37 @@ class Durations:
 
     def __init__(self, command: str) -> None:
         self._command = command
+        self._first = COMPILATION | (RIG if command.rpartition(" ")[2] in RIGS else {})
+        self._foreseen = self._taken = 0.0  # s of the stages that this command has ended
 
     def expected(self, stage: str) -> float | None:
-        """Seconds of the stage the last time; None where nobody knows."""
-        return _noted().get(self._command, {}).get(stage) or FIRST.get(stage)
+        """Seconds of the stage as the last time, more where those before took longer than then;
+        None where nobody knows."""
+        known = self._known(stage)
+        return known and known * max(1.0, self._taken / max(self._foreseen, NOTED))
+
+    def told(self, stage: str) -> str:
+        """The same in words, of a stage that is running."""
+        seconds = self.expected(stage)
+        if not seconds:
+            return f"{stage} is running"
+        when = "as the last time" if stage in self._own() else "on a first run"
+        return f"{stage} is running, about {seconds:.0f} s {when}"
+
+    def _known(self, stage: str) -> float | None:
+        return self._own().get(stage) or self._first.get(stage)
+
+    def _own(self) -> dict[str, float]:
+        return _noted().get(self._command, {})
 
     @contextmanager
     def measured(self, stage: str) -> Iterator[None]:
         """Note how long it takes, where it ends well."""
-        started = perf_counter()
+        known, started = self._known(stage), perf_counter()
         yield
         seconds = perf_counter() - started
+        if known:
+            self._foreseen, self._taken = self._foreseen + known, self._taken + seconds
         if seconds > NOTED and self._command:
             self._note(stage, seconds)
 

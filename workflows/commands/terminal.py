@@ -83,10 +83,8 @@ class StageProgress:
             self._bars.update(task, total=1, completed=1)
 
     def _tell(self) -> None:
-        stage = self._running[-1] if self._running else "the command"
-        expected = self._durations.expected(stage)
-        about = f", about {expected:.0f} s in all" if expected else ""
-        print(f"beadwave: {stage} is running{about}; --quiet drops this line.", file=sys.stderr)
+        told = self._durations.told(self._running[-1] if self._running else "the command")
+        print(f"beadwave: {told}; --quiet drops this line.", file=sys.stderr)
 
 
 def _bars():
