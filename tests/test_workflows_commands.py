@@ -103,7 +103,9 @@ def test_an_impact_says_where_it_wrote_and_leaves_no_empty_folder(beadwave):
     _, out, _ = beadwave("impact", "rig-rigid", "--out=out", *SHORT)
     assert "written: out/trajectory.npz" in out
     names = {path.name for path in Path("out").iterdir()}
-    assert names == {".beadwave", "scene.toml", "summary.json", "trajectory.npz"}
+    assert names == {
+        ".beadwave", "given.toml", "scene.toml", "summary.json", "trajectory.npz"
+    }  # fmt: skip
 
 
 def test_completion_knows_scenes_keys_studies_and_stages():

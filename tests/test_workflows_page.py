@@ -23,8 +23,10 @@ from workflows.files.scene import scene as load
 from workflows.results import page_data
 from workflows.results.numbers import si
 from workflows.results.page_data import upwards
+from workflows.results.page_rows import scene_rows
 from workflows.results.provenance import sources
 from workflows.results.report import _harmless
+from workflows.results.summary import Summary
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 BROWSER = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -352,6 +354,42 @@ def test_what_differs_from_a_built_in_scene_is_yours(tmp_path):
     found = sources(load(str(own)), str(own), ())
     assert {found[f"chain.{key}"].kind for key in ("count", "radius")} == {"yours"}
     assert found["time.duration"].kind == "default"
+
+
+MINE = """# for the workshop
+chain = { count = 3, radius = 0.0127, density = 7800.0, young = 210e9, poisson = 0.3 }
+[striker]
+velocity = 0.31  # by a light gate
+[wall]
+kind = "rigid"
+[time]
+duration = 0.2e-3  # enough
+[[output.sensors]]
+sphere = 2
+gain = "5 mV/N"  # by drop test
+[[output.sensors]]
+sphere = 3  # the last
+"""
+
+
+def test_the_words_of_a_scene_stay_with_its_run(tmp_path, monkeypatch):
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
+    own = tmp_path / "own.toml"
+    own.write_text(MINE)
+    out, change = tmp_path / "out", "--set=time.duration=0.1e-3"
+    assert beadwave("impact", str(own), f"--out={out}", change) == 0
+    command, _, words = (out / "given.toml").read_text().partition("\n")
+    assert words == MINE and command == f"# the scene of: beadwave impact {own} {change}"
+    summary = Summary.model_validate_json((out / "summary.json").read_text())
+    assert beadwave("impact", str(out / "scene.toml"), f"--out={out}") == 0
+    assert (out / "given.toml").read_text().endswith(MINE), "a repeated run has lost them"
+    notes = {key: source.note for key, source in summary.sources.items() if source.note}
+    assert notes == {
+        "striker.velocity": "by a light gate", "output.sensors.1.gain": "by drop test",
+        "output.sensors.2.sphere": "the last",
+    }  # fmt: skip
+    rows = {row["full"]: row["value"] for row in scene_rows(load(out / "scene.toml"), summary)}
+    assert rows["output.sensors.1.gain"].replace("\u00a0", " ") == "5 mV/N"
 
 
 def test_numbers_bear_prefixes():

@@ -38,7 +38,8 @@ def test_a_run_fills_its_folder(name, tmp_path, capsys):
     assert printed["error_estimate"]["time"] <= 1e-4
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {
-        ".beadwave", "scene.toml", "summary.json", "trajectory.npz", "report.html", "figures"
+        ".beadwave", "given.toml", "scene.toml", "summary.json", "trajectory.npz", "report.html",
+        "figures",
     }  # fmt: skip
 
 

@@ -24,7 +24,7 @@ from workflows.results.report import CAPTIONS, write_report
 from workflows.results.summary import ErrorEstimate, StageTime, Summary
 from workflows.scene.toml import toml
 
-IMPACT_FILES = ("summary.json", "trajectory.npz", "signals.csv")
+IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv")
 FILES = (
     *IMPACT_FILES,
     "report.html",
@@ -42,6 +42,7 @@ def run(pipeline: Pipeline, folder: RunFolder, *, origin: Origin = UNKNOWN) -> S
     if scene.chain and not pipeline.kept("impact"):
         require_start(scene)
     with folder.run(toml(scene), FILES):
+        _write_given(folder, origin)
         with two_processes(pipeline, RUN) if needs_structure(scene) else nullcontext():
             unrendered = _write_assembly(pipeline, folder) if needs_structure(scene) else ()
             if scene.chain:
@@ -64,9 +65,20 @@ def impact(pipeline: Pipeline, folder: RunFolder | None, *, origin: Origin = UNK
         with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
             summary = summary_of(pipeline, origin=origin)
         if folder:
+            _write_given(folder, origin)
             _write_trajectory(pipeline, folder)
             folder.write("summary.json", summary.text())
     return summary
+
+
+def _write_given(folder: RunFolder, origin: Origin) -> None:
+    """The scene in the user's words; scene.toml is what they amount to, and a run of it keeps
+    them."""
+    file = folder.path / "given.toml"
+    resolved = origin.text.partition("\n")[2] == (folder.path / "scene.toml").read_text("utf-8")
+    text = file.read_text("utf-8") if resolved and file.is_file() else origin.text
+    if text:
+        folder.write(file.name, text)
 
 
 def _write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from math import floor, isfinite, log10
 
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-PLAIN = ("kg", "1/", "s/m")  # units that bear no prefix here
+PLAIN = ("kg", "1/", "s/m", "m^", "°")  # units that bear no prefix here
 NONE = "-"
 GLUE = "\u00a0"  # keeps a unit on the line of its number
 

@@ -19,6 +19,7 @@ from workflows.scene import (
     Scene,
 )
 from workflows.scene.quantities import entries
+from workflows.scene.units import GAINS
 
 STANDS_FOR = {
     "rigid": "The wall is rigid and has no shape: the slab stands for it.",
@@ -157,7 +158,7 @@ def energies(plots: dict[str, Any]) -> list[tuple[str, float, float, float]]:
 
 def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
     """Every value of the scene with its unit, where it comes from and the note beside it."""
-    units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
+    units = _units(scene)
     found = []
     for full, value in flat(scene.model_dump(exclude_none=True)).items():
         if full in ("name", "unusual"):
@@ -177,6 +178,16 @@ def scene_rows(scene: Scene, summary: Summary) -> list[dict[str, str]]:
     return found
 
 
+def _units(scene: Scene) -> dict[str, str]:
+    """Units by dotted key."""
+    gains = {
+        f"output.sensors.{i}.gain": GAINS[sensor.quantity].unit
+        for i, sensor in enumerate(scene.output.sensors or (), start=1)
+    }
+    known = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
+    return known | gains | {"gravity.inclination": "°"}
+
+
 def groups(rows: list[dict[str, str]]) -> dict[str, list[dict[str, str]]]:
     """The rows that somebody wrote, by table in the scene's order."""
     found: dict[str, list[dict[str, str]]] = {}
@@ -193,11 +204,9 @@ def _shown(value: Any, unit: str) -> str:
         return str(value)
     if value == np.inf:
         return "rigid"
-    return (
-        grouped(value)
-        if isinstance(value, int) and not unit
-        else si(value, unit.replace("^3", "\u00b3"), 6)
-    )
+    if isinstance(value, int) and not unit:
+        return grouped(value)
+    return si(value, unit, 6).replace("^2", "²").replace("^3", "³").replace("^4", "⁴")
 
 
 def _note(comment: str) -> str:

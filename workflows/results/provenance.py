@@ -2,33 +2,37 @@
 
 A value is its scene's own where it equals that of the built-in scene of the same name, with the
 mark of that scene's comment: thesis, inferred, assumed, or chosen where it has none. What differs
-or stands in another scene is yours, what nobody wrote is a default.
+or stands in another scene is yours, with your comment, what nobody wrote is a default.
 """
 
 import re
 import shlex
 import tomllib
+from collections import Counter
 from json import dumps
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from workflows.files.scene import DEFAULT, Changes, Source, built_in, each, tables_of
+from workflows.files.scene import DEFAULT, Changes, Source, built_in, each, scene_text, tables_of
 from workflows.files.scene import scene as load
 from workflows.results.summary import ValueSource
 from workflows.scene import Scene
 from workflows.scene.toml import changed
 
 MARK = re.compile(r"(?:^|[,;] )(thesis|inferred|assumed)(?=[:,;.]| with|$)", re.IGNORECASE)
-HEADER = re.compile(r"\[+([\w.-]+)\]+\s*(?:#\s*(.*))?")
+HEADER = re.compile(r"(\[+)([\w.-]+)\]+\s*(?:#\s*(.*))?")
 VALUE = re.compile(r"([\w-]+)\s*=\s*(?:[^#\"]|\"[^\"]*\")*(?:#\s*(.*))?")
-YOURS, BY_DEFAULT = (ValueSource(kind=kind) for kind in ("yours", "default"))
+NAME = re.compile(r"name\s*=\s*[\"']([^\"']*)")  # of a table of a list, its first key
+BY_DEFAULT = ValueSource(kind="default")
 
 
 class Origin(NamedTuple):
-    """What asked for a run: a command that repeats it, and the source of each value."""
+    """What asked for a run: a command that repeats it, the source of each value, and the scene as
+    it was written, comments and all."""
 
     command: str
     sources: dict[str, ValueSource]
+    text: str = ""
 
 
 UNKNOWN = Origin("", {})
@@ -39,7 +43,12 @@ def origin(word: str, scene: Scene, source: Source, changes: Changes) -> Origin:
     named = source is None or isinstance(source, str | Path)
     options = [f"--set={_written(change)}" for change in each(changes)]
     command = shlex.join(["beadwave", word, str(source or DEFAULT), *options]) if named else ""
-    return Origin(command, sources(scene, source, changes))
+    text = f"# the scene of: {command}\n{scene_text(_name(source)).text}" if named else ""
+    return Origin(command, sources(scene, source, changes), text)
+
+
+def _name(source: Source) -> str | None:
+    return None if source is None else str(source)
 
 
 def _written(change: str | tuple[str, Any]) -> str:
@@ -61,16 +70,26 @@ def _inline(value: Any) -> str:
 
 def sources(scene: Scene, source: Source, changes: Changes) -> dict[str, ValueSource]:
     """Dotted key to source for every value of the resolved scene."""
-    written = changed(tables_of(source), each(changes))
+    before = tables_of(source)
+    written = changed(before, each(changes))
     given = flat({"name": scene.name, **written})
+    yours = _yours(source, flat(before), given)
     reference = _reference(source, written)
     values, marks = _marked(reference) if reference else ({}, {})
     return {
         key: marks.get(key, BY_DEFAULT)
         if key in values and values[key] == value
-        else (YOURS if key in given else BY_DEFAULT)
+        else yours.get(key, BY_DEFAULT)
         for key, value in flat(scene.model_dump(exclude_none=True)).items()
     }
+
+
+def _yours(source: Source, before: dict[str, Any], given: dict[str, Any]) -> dict[str, ValueSource]:
+    """Values that were given, with the comments of the user's file on those that no change took."""
+    own = isinstance(source, str | Path) and str(source) not in built_in()
+    notes = _comments(scene_text(str(source)).text) if own else {}
+    kept = {key: notes.get(key, "") if before.get(key) == given[key] else "" for key in given}
+    return {key: ValueSource(kind="yours", note=note) for key, note in kept.items()}
 
 
 def flat(table: Any, path: str = "") -> dict[str, Any]:
@@ -114,16 +133,21 @@ def _comments(text: str) -> dict[str, str]:
     behind the table's name or on the lines before it, the first one whole, others its mark."""
     notes: dict[str, str] = {}
     table, head, last, block = "", "", "", ""
+    number, seen = "", Counter()
     for line in text.splitlines():
         if found := HEADER.fullmatch(line.strip()):
-            table, last = f"{found[1]}.", ""
-            head = f"{block.removesuffix('.')}; {found[2] or ''}".strip("; ")
+            seen[found[2]] += 1
+            number = f"{seen[found[2]]}." if found[1] == "[[" else ""
+            table, last = f"{found[2]}.{number}", ""
+            head = f"{block.removesuffix('.')}; {found[3] or ''}".strip("; ")
         elif line.lstrip().startswith("#"):
             block = f"{block} {line.strip(' #')}".lstrip()
             if last and line.startswith("  "):
                 notes[last] += f" {line.strip(' #')}"
             continue
         elif found := VALUE.match(line):
+            if number and (name := NAME.match(line)):
+                table, number = f"{table.removesuffix(number)}{name[1]}.", ""
             last, own = table + found[1], found[2] or ""
             if not MARK.search(own) and (mark := MARK.search(head)):
                 own, head = f"{own}; {head}".lstrip("; "), mark[1].lower()
