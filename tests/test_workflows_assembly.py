@@ -39,8 +39,8 @@ def run(cache, tmp_path_factory):
 def test_the_folder_holds_every_file_of_the_contract(run):
     folder, summary = run
     wanted = {
-        "scene.toml", "summary.json", "trajectory.npz", "rom.npz", "rom.mat", "modes.vtu",
-        "response.npz",
+        "given.toml", "scene.toml", "summary.json", "trajectory.npz", "rom.npz", "rom.mat",
+        "modes.vtu", "response.npz",
         ".beadwave", "report.html",
         "velocities.png", "waves.png", "energies.png", "frequency_response.png",
     }  # fmt: skip

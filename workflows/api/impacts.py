@@ -94,8 +94,9 @@ def run(
     """Every stage that a scene needs, into a run folder (`beadwave run`).
 
     `out` is the folder, runs/NAME without it. It gets scene.toml, given.toml, summary.json,
-    trajectory.npz, figures, report.html, and of an assembly rom.npz, rom.mat, modes.vtu. Files that no run left
-    there are only replaced with `overwrite`. `scene` and `changes` as in `beadwave.scene`.
+    trajectory.npz, figures, report.html, and of an assembly rom.npz, rom.mat, modes.vtu. Files
+    that no run left there are only replaced with `overwrite`. `scene` and `changes` as in
+    `beadwave.scene`.
     Raises InvalidScene for bad input, ValueError where a computation fails.
     """
     chosen = load_scene(scene, changes)
