@@ -63,7 +63,7 @@ class Structure(NamedTuple):
         chosen = list(self.of_wall)
         keys = tuple(self.keys[i] for i in chosen)
         try:
-            between = _between(self.base, keys, Box(low[chosen], high[chosen]))
+            between = _between(self.base, keys, Box(low[chosen], high[chosen]), SLOW)
         except FAILURES:
             return self
         return self._replace(between=between)
@@ -102,7 +102,8 @@ def structure(
     chosen = list(of_wall)
     narrow = Box(box.low[chosen], box.high[chosen])
     with progress("walls"):
-        between = _between(base, tuple(keys[i] for i in chosen), narrow)
+        degree = SLOW if scene.bending is None else QUICK
+        between = _between(base, tuple(keys[i] for i in chosen), narrow, degree)
     return plain._replace(of_wall=of_wall, between=between)
 
 
@@ -128,8 +129,7 @@ def _required(scene: Scene, wall: dem.Wall | coupling.CoupledWall) -> dem.Wall:
     return wall
 
 
-def _between(base: Base, keys: tuple[str, ...], box: Box) -> ParametricWall:
-    degree = SLOW if base.with_values({}).bending is None else QUICK
+def _between(base: Base, keys: tuple[str, ...], box: Box, degree: int) -> ParametricWall:
     middle, *others = design(box, degree)
     numbers, walls = [middle], [computed(moved(base, keys, middle))]
     for there in others:
