@@ -9,7 +9,7 @@ from coupling.calibration.parameters import Parameter
 from coupling.inspection.fitting import Fit
 from coupling.inspection.forward import Forward, Shot, System, unknowns
 from coupling.inspection.information import bars_over_time, bounds_information, felt_from
-from coupling.inspection.inversion import inverted
+from coupling.inspection.inversion import inverted, profiled
 from coupling.inspection.search import rise, searched
 from coupling.sensors import Sensor, recorded
 
@@ -204,6 +204,31 @@ def test_two_places_on_a_symmetric_beam_are_told_as_two_answers():
     wrong = rival._replace(misfit=1.1 * rival.misfit)
     assert answers[0].rivals([wrong], 1) == ()
     assert answers[0].rivals([answers[0]], 1) == ()
+
+
+def test_bars_are_as_long_as_the_misfit_says_where_a_number_saturates():
+    """The thickness follows h = h0 + c (1 - exp(-a)); on the side where it hardly follows a any
+    more, the misfit has risen by a parabola's after t bars q: q = 1 - exp(-t q)."""
+
+    def saturated(values):
+        a, speed = values
+        return system(np.array([TRUTH[0] - 2e-4 * np.exp(3.0 - a), *TRUTH[1:], speed]))
+
+    number = (Parameter("a", "shared", 4.0, 1.0, 12.0, 0.1),)
+    fit = problem_of((7.0,), number, saturated)
+    begin = np.array([7.0, 0.306, 4e-6])
+    found = inverted(fit, n_shared=1, begin=begin, gains=["gain"])
+    q = found.uncertainty.two_sigma[0]
+    assert 0.4 < q < 0.9
+    longer = profiled(fit, found)
+    assert longer.stretch == pytest.approx(-np.log(1.0 - q) / q, rel=0.06)
+    assert longer.uncertainty.two_sigma[0] / q == pytest.approx(longer.stretch, rel=1e-6)
+    deepest = longer.uncertainty.combinations[0]
+    assert deepest.two_sigma / found.uncertainty.combinations[0].two_sigma > 1.1
+
+
+def test_bars_of_a_parabola_stay(found):
+    assert profiled(problem(3.5e-3), found).stretch < 1.05
 
 
 def test_derivatives_are_those_of_the_signals():

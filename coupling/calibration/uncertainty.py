@@ -78,7 +78,7 @@ def uncertainty(
     blind = np.sqrt((Vt[~seen] ** 2).sum(axis=0)) > 1e-6
     two_sigma[np.flatnonzero(free)[blind]] = np.inf
     return Uncertainty(
-        whole * np.outer(scale, scale), two_sigma, s, _combinations(whole, Vt[~seen], free)
+        whole * np.outer(scale, scale), two_sigma, s, combinations(whole, Vt[~seen], free)
     )
 
 
@@ -114,7 +114,7 @@ def _cut(r: np.ndarray) -> int:
     return min(LAGS * max(first, 1), len(r) // 4)
 
 
-def _combinations(covariance, blind, free) -> tuple[Combination, ...]:
+def combinations(covariance, blind, free) -> tuple[Combination, ...]:
     """Principal directions of the covariance in scales, those that the data does not see first."""
     at = np.flatnonzero(free)
     unseen = []

@@ -17,6 +17,7 @@ from coupling.calibration.uncertainty import Uncertainty, uncertainty
 from coupling.errors import CouplingError
 from coupling.inspection.fitting import Fit
 from coupling.inspection.information import bounds_information
+from coupling.inspection.profile import stretched
 from coupling.inspection.search import Searched, searched
 
 GAIN_SCALE = 0.1  # of a gain: a change that counts as large
@@ -53,6 +54,7 @@ class Inversion(NamedTuple):
     parts: tuple[Part, ...]  # of all records
     step_error: float  # largest change of the model with half the step, over the noise
     search: Searched
+    stretch: float = 1.0  # of the longest bar, by the profile of the misfit
 
     @property
     def whole_misfit(self) -> float:
@@ -105,6 +107,13 @@ def inverted(
     if begin is None:
         return _answer(fit, searched(fit, n_shared=n_shared, starts=starts, seed=seed), gains)
     return _answer(fit, Searched((fit.solved(begin),), 1, fit.forward), gains)
+
+
+def profiled(fit: Fit, found: Inversion) -> Inversion:
+    """The same with bars as long as the misfit says along the direction that is least told."""
+    theta = found.value[: len(fit.unknowns.parameters)]
+    bars, stretch = stretched(fit, theta, fit.jacobian(theta), found.uncertainty)
+    return found._replace(uncertainty=bars, stretch=stretch)
 
 
 def _answer(fit: Fit, search: Searched, names: Sequence[str]) -> Inversion:

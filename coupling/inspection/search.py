@@ -95,7 +95,7 @@ def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
             n = met + (n - met) // 2
             continue
         if n == end:
-            return Searched(_ends(fit, tried), starts, fit.forward)
+            return Searched(_ends(fit, tried, n_shared), starts, fit.forward)
         kept, last = tried, tried[0].misfit
         spread = _spread(one.until(n), kept[0].theta, n_shared)
         inner = _inner(one, kept, spread, n_shared)
@@ -141,13 +141,18 @@ def _kept(window: Fit, met: int, thetas: Sequence, n_shared: int, last: bool) ->
         ends[0] = window.solved(ends[0].theta, most=STEPS, tolerance=ROUGH, about=ends[0].theta)
     share, besides = BEHIND
     most = np.sqrt((1.0 + share) * ends[0].misfit ** 2 + besides / window.data.size)
-    low, high = window.unknowns.ends()
-    kept: list[Fitted] = []
+    return _distinct(window, [end for end in ends if end.misfit <= most], n_shared)
+
+
+def _distinct(fit: Fit, ends: Sequence[Fitted], n_shared: int) -> list[Fitted]:
+    """Those that are no double of one before."""
+    low, high = fit.unknowns.ends()
+    found: list[Fitted] = []
     for end in ends:
-        apart = [np.abs((end.theta - k.theta) / (high - low))[:n_shared].max() for k in kept]
-        if end.misfit <= most and min(apart, default=1.0) > ALIKE:
-            kept.append(end)
-    return kept
+        apart = [np.abs((end.theta - one.theta) / (high - low))[:n_shared].max() for one in found]
+        if min(apart, default=1.0) > ALIKE:
+            found.append(end)
+    return found
 
 
 def _met(window: Fit, met: int, theta: NDArray[np.float64], last: bool) -> Fitted:
@@ -203,11 +208,12 @@ def _filled(one: Fit, kept: Sequence[Fitted], spread, starts: int, rng) -> list:
     return thetas
 
 
-def _ends(fit: Fit, kept: Sequence[Fitted]) -> tuple[Fitted, ...]:
+def _ends(fit: Fit, kept: Sequence[Fitted], n_shared: int) -> tuple[Fitted, ...]:
     """The best candidates taken on to all records, with the triggers that the others need."""
     begins = (with_triggers(fit, end.theta) for end in kept[:ENDS])
     ends = sorted((fit.solved(theta, tolerance=FINE) for theta in begins), key=attrgetter("misfit"))
-    return tuple(end for end in ends if end.misfit <= HOPELESS * ends[0].misfit)
+    near = [end for end in ends if end.misfit <= HOPELESS * ends[0].misfit]
+    return tuple(_distinct(fit, near, n_shared))
 
 
 def _drawn(fit: Fit, first, n_shared: int, rng) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from coupling.calibration.parameters import Parameter
 from coupling.calibration.signals import noise_between_waves
 from coupling.inspection.fitting import Fit
 from coupling.inspection.forward import Forward, Shot, unknowns
-from coupling.inspection.inversion import Inversion, inverted
+from coupling.inspection.inversion import Inversion, inverted, profiled
 from coupling.inspection.search import Searched, rise, searched
 from coupling.parametric_wall import Box
 from workflows.calibration.checks import WRONG_UNITS, require_samples
@@ -215,4 +215,4 @@ def _settled(fit: Fit, theta, n_shared: int, gains: tuple[str, ...], search: Sea
         moved = float((off / found.uncertainty.two_sigma[:n_shared]).max())
         if moved <= SETTLED:
             break
-    return Answer(found._replace(search=search), fit, moved)
+    return Answer(profiled(fit, found)._replace(search=search), fit, moved)

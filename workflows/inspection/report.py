@@ -16,6 +16,7 @@ TOLD = 0.1  # two-sigma bar over the bounds' distance: a number that the records
 BARELY = 0.5  # the same: one that they tell weakly
 COLOURED = 1.3  # memory of a residual that is not white
 MISSED = 0.3  # of a bar, by the step of the model
+STRETCHED = 1.05  # of a bar, worth a sentence
 ALIKE = 0.9  # correlation worth a sentence
 AT_BOUND = "at its bound"
 INSTANTS = 60  # record lengths for which bars are told
@@ -204,6 +205,11 @@ def _on_numbers(found: Inspected, report: InspectionReport):
                     f"{names[j]} and {names[i]} move {way} at almost no cost (correlation "
                     f"{r:.2f}): each alone is known far worse than the two of them."
                 )
+    if inversion.stretch > STRETCHED:
+        yield (
+            f"The misfit rises more slowly than a parabola: the longest bar is "
+            f"{inversion.stretch:.2g} times as long as its curvature says."
+        )
     if silent or any(row.told == "weakly" for row in report.numbers):
         worst = inversion.uncertainty.combinations[0]
         yield f"Least told by the records: {worst.text(inversion.parameters)}."
