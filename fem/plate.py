@@ -113,7 +113,7 @@ def mindlin_plate(
     along = tuple(
         line(_ends(side, x, around, longest), ORDER) for side, x in zip(sheet[:2], at, strict=True)
     )
-    _require_few(along, sheet, longest)
+    _require_few(along, sheet, longest, coarser)
     free = _free(along, sheet, edges)
     every = *_matrices(sheet, *along), _geometric(in_plane, *along)
     K, M, K_G = (csc_array(A.tocsc()[free][:, free]) for A in every)
@@ -137,10 +137,10 @@ class TooLarge(ValueError):
     """A plate of more wave lengths than there is memory for."""
 
 
-def _require_few(along: tuple[Line, Line], sheet: Sheet, longest: float) -> None:
-    """Raise TooLarge."""
+def _require_few(along: tuple[Line, Line], sheet: Sheet, longest: float, coarser: float) -> None:
+    """Raise TooLarge; elements `coarser` than 1 may have as many more as that takes."""
     n = 3 * along[0].basis.N * along[1].basis.N
-    if n > MOST:
+    if n * min(1.0, coarser) ** 2 > MOST:
         raise TooLarge(
             f"a plate of {sheet.length:g} x {sheet.width:g} x {sheet.thickness:g} m has {n:.2g} "
             f"unknowns with elements of {longest:.2g} m, as long as waves of {RESOLVED_HZ:g} Hz; "

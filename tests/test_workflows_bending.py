@@ -15,6 +15,7 @@ from command_line import beadwave
 from workflows.files.scene import scene
 from workflows.pipeline.pipeline import pipeline_of
 from workflows.scene import InvalidScene
+from workflows.studies.accuracy.mesh import mesh
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 SHORT = ("time.duration=6e-4", "chain.count=5", "output.spheres=[1, 3]")
@@ -84,6 +85,23 @@ def test_a_beam_that_cannot_be_is_refused_in_a_sentence(changes, capsys):
     assert beadwave("impact", "beam", *(f"--set={change}" for change in changes)) == 2
     told = capsys.readouterr().err
     assert REFUSED[changes] in told and "Traceback" not in told and told.count("\n") <= 2
+
+
+SMALL = ("plate.length=0.16", "plate.width=0.12", "plate.at=[0.07, 0.05]", "reduction.modes=20")
+
+
+@pytest.mark.parametrize(("name", "changes"), [("slender-beam", ()), ("plate", (*SMALL, *SHORT))])
+def test_the_stated_error_of_the_elements_is_that_against_finer_ones(name, changes):
+    """Between 1 and 3 times it; frequencies and waves get better from mesh to mesh."""
+    chosen = scene(name, changes)
+    found = mesh(chosen, lambda stage: nullcontext())
+    errors = {row.parameter: row.error for row in found.tables[0].rows}
+    stated = computed(name, *changes)("mesh-error")
+    assert 1 < stated / errors[1.0] < 3 and f"{stated:.1e}" in found.sentences[0]
+    assert errors[1.0] < errors[2.0] and errors[min(errors)] < errors[1.0]
+    first = [row[7] for row in found.tables[1].rows]
+    assert first[-2] < 1e-6 and len(first) == 5
+    assert found.pictures[0].name == "mesh"
 
 
 PLATE = ("time.duration=4e-4", "chain.count=4", "output.spheres=[1, 3]", "reduction.modes=60")

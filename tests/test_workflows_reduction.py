@@ -189,7 +189,7 @@ def test_one_mesh_for_both_sizes_of_elements_states_no_error():
         error_stages.mesh_error(held.scene, held("start"), held("reduction"), held("impact"))
 
 
-@pytest.mark.parametrize("source", ["reduction", "coarse-reduction"])
+@pytest.mark.parametrize("source", ["reduction", "second-mesh"])
 def test_errors_of_reduction_and_mesh_are_those_up_to_the_horizon(source):
     """Beyond it two runs part whatever the reduction; a run that left there is told no error."""
     held = pipeline("time.duration=1.5e-3", "time.horizon=1e-3", "output.samples=301")
@@ -199,7 +199,7 @@ def test_errors_of_reduction_and_mesh_are_those_up_to_the_horizon(source):
     away = impact._replace(trajectory=run._replace(v=parted))
 
     def error(of):
-        if source == "coarse-reduction":
+        if source == "second-mesh":
             return error_stages.mesh_error(held.scene, held("start"), model, of)
         return error_stages.reduction_error(held.scene, held("start"), model, of)
 

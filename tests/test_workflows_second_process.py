@@ -79,12 +79,12 @@ def test_what_another_process_does_not_finish_is_computed_by_the_run(rig, two, t
     dead = Popen(["false"], stdout=DEVNULL)
     dead.wait()
     (tmp_path / "work").mkdir()
-    (tmp_path / "work" / "coarse-reduction").touch()  # begun by it, never ended
+    (tmp_path / "work" / "second-mesh").touch()  # begun by it, never ended
     pipeline = pipeline_of(rig, lambda name: nullcontext())
     pipeline.beside = second_process.Beside(tmp_path / "work", dead, second_process.IMPACT)
-    assert pipeline("coarse-reduction").w.size
+    assert pipeline("second-mesh").w.size
     (report,) = pipeline.reports
-    assert report.name == "coarse-reduction" and not report.cached
+    assert report.name == "second-mesh" and not report.cached
 
 
 def test_a_stage_is_computed_by_one_process_only(tmp_path):
@@ -93,7 +93,7 @@ def test_a_stage_is_computed_by_one_process_only(tmp_path):
 
 def test_a_second_process_waits_for_what_its_stage_needs(rig, two):
     pipeline = pipeline_of(rig, lambda name: nullcontext())
-    assert all(map(pipeline.ready, ("coarse-reduction", "compilation", "full-response")))
+    assert all(map(pipeline.ready, ("second-mesh", "compilation", "full-response")))
     assert not pipeline.ready("pictures") and not pipeline.ready("response")
     pipeline("modes")
     assert pipeline.ready("pictures") and not pipeline.ready("response")

@@ -1,4 +1,11 @@
-"""The stages of a beam or a plate, by the doors of an assembly: model, modes, reduced model."""
+"""The stages of a beam or a plate, by the doors of an assembly: model, modes, reduced model.
+
+What the mesh leaves of error in the waves is told by a finer one, e(h) - e(h / sqrt 2): elements of
+order 6 and 10 that are as long as the shortest wave converge too fast for a coarser one to say
+anything. Under the disc that strikes a plate Hertz' pressure ends like a square root, and leaves w
+hardly three derivatives, so that its mean over the disc is sure of order 4 alone. The errors stated
+of plates and beams are 1.0 to 1.4 times those against elements half as long.
+"""
 
 import numpy as np
 
@@ -6,11 +13,13 @@ import fem
 import rom
 from workflows.files.mode_field import ModeField
 from workflows.pipeline.assembly import SHOWN, AssemblyModes
-from workflows.pipeline.reduction import TO_HZ, selection
+from workflows.pipeline.reduction import selection
 from workflows.scene import InvalidScene, Scene
 
 N_MODES = 30
-COARSER = 2.0  # times the elements' length, for the mesh's error
+FINER = 2**0.5  # elements on the second mesh
+ORDER = 4.0  # of the mesh's error at least
+LEFT = 1 / (1 - FINER**-ORDER)  # the error over the difference to the second mesh
 NO_TARGETS = np.empty(0, np.int64)
 
 
@@ -83,14 +92,7 @@ def mac(scene: Scene, modes: AssemblyModes) -> np.ndarray:
 
 def reduction(scene: Scene, model: fem.Bending) -> rom.ReducedModel:
     """The model in few coordinates at the contact, with the way back to its drawn surface."""
-    matrices = (model.K, model.M, model.patch.w)
-    if scene.reduction.kind == "craig-bampton":
-        reduced = rom.craig_bampton(
-            *matrices, model.patch.boundary, selection(scene), factorise=fem.factorised
-        )
-    else:
-        reduced = rom.free_modes(*matrices, selection(scene), factorise=fem.factorised)
-    known = contact_of(scene, model)
+    reduced, known = _reduced(scene, model), contact_of(scene, model)
     drawn, n = model.drawn, len(model.drawn.p[0])
     T = (model.T @ reduced.T).astype(np.float32)
     faces = drawn.facets[:, drawn.boundary_facets()].T
@@ -115,9 +117,14 @@ def contact_of(scene: Scene, model: fem.Bending) -> rom.Contact:
     )
 
 
-def coarse_reduction(scene: Scene) -> rom.ReducedModel:
-    """The same on longer elements, reduced the quickest way."""
-    coarse = model(scene, COARSER)
-    asked = rom.Selection(n_modes=N_MODES, choice="contact", to_hz=TO_HZ)
-    found = rom.free_modes(coarse.K, coarse.M, coarse.patch.w, asked, factorise=fem.factorised)
-    return found._replace(T=None, contact=contact_of(scene, coarse))
+def second_mesh(scene: Scene) -> rom.ReducedModel:
+    """The same on shorter elements."""
+    finer = model(scene, 1 / FINER)
+    return _reduced(scene, finer)._replace(T=None, contact=contact_of(scene, finer))
+
+
+def _reduced(scene: Scene, model: fem.Bending) -> rom.ReducedModel:
+    matrices, asked = (model.K, model.M, model.patch.w), selection(scene)
+    if scene.reduction.kind == "free-modes":
+        return rom.free_modes(*matrices, asked, factorise=fem.factorised)
+    return rom.craig_bampton(*matrices, model.patch.boundary, asked, factorise=fem.factorised)

@@ -131,8 +131,8 @@ ASSEMBLY = {
         tables_of("reduction", "patch", "assembly"),
         ("model", "contact", "modes"),
     ),
-    "coarse-reduction": Stage(
-        ".errors:coarse_reduction", lambda scene: [_dimensions(scene), COARSE(scene)], ()
+    "second-mesh": Stage(
+        ".errors:second_mesh", lambda scene: [_dimensions(scene), COARSE(scene)], ()
     ),
     "full-response": Stage(".response:full_response", tables_of(), ("model", "contact")),
     "response": Stage(".response:response", tables_of("damping"), ("full-response", "reduction")),
@@ -150,7 +150,7 @@ BENDING = ASSEMBLY | {
     "mac": Stage(".bending:mac", tables_of(), ("modes",), listed=False),
     "contact": Stage(".bending:contact", tables_of(), ("model",), kept=False, listed=False),
     "reduction": Stage(".bending:reduction", tables_of("reduction"), ("model",)),
-    "coarse-reduction": Stage(".bending:coarse_reduction", tables_of(*BENT), ()),
+    "second-mesh": Stage(".bending:second_mesh", tables_of(*BENT, "reduction"), ()),
 }
 
 IMPACT = {
@@ -160,7 +160,7 @@ IMPACT = {
     "mesh-error": Stage(
         ".errors:mesh_error",
         lambda scene: [_marched(scene), tables_of("damping")(scene)],
-        ("start", "coarse-reduction", "impact"),
+        ("start", "second-mesh", "impact"),
     ),
     "waves": Stage(".waves:waves", _observed, ("start", "impact")),
     "figures": Stage(".figures:of_chain", _observed, ("impact", "waves")),

@@ -18,7 +18,7 @@ from workflows.files.child import while_open
 from workflows.pipeline.pipeline import Pipeline, couples, pipeline_of
 from workflows.scene.size import room_for_two
 
-IMPACT = ("compilation", "coarse-reduction")  # in the order in which the second process takes them
+IMPACT = ("compilation", "second-mesh")  # in the order in which the second process takes them
 RUN = (*IMPACT, "full-response", "mac", "pictures")
 FEWEST = 2  # of stages to be computed that are worth a process
 PAUSE = 0.05  # s between two looks at what the other one has

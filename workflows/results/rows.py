@@ -15,7 +15,7 @@ STEPS = {"time step": "time", "reduction": "reduction", "mesh": "mesh"}
 SECONDS = {  # whose stages stand behind which error
     "time step": ("impact", "wall", "compilation"),
     "reduction": ("reduction", "reduction-error", "full-response", "response", "modes", "contact"),
-    "mesh": ("mesh", "model", "coarse-reduction", "mesh-error"),
+    "mesh": ("mesh", "model", "second-mesh", "mesh-error"),
 }
 
 

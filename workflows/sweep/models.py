@@ -34,7 +34,7 @@ class Source(NamedTuple):
     @property
     def stages(self) -> tuple[str, str]:
         """Names of the reduction and of that on a coarser mesh."""
-        return ("jointed" if self.springs else "reduction"), "coarse-reduction"
+        return ("jointed" if self.springs else "reduction"), "second-mesh"
 
     @property
     def pipeline(self) -> Pipeline:

@@ -30,6 +30,7 @@ from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Scene
 from workflows.scene.parts import with_assembly
+from workflows.studies.accuracy.mesh_of_bending import of_bending
 from workflows.studies.accuracy.rows import table_of
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered
@@ -59,7 +60,10 @@ class Solved(NamedTuple):
 
 
 def mesh(scene: Scene, progress: Progress, *, seeds: tuple[float, ...] | None = None) -> Finding:
-    """Frequencies against the element size; of the rig that in the sheets, of bodies of all."""
+    """Frequencies against the element size; of the rig that in the sheets, of bodies of all, of a
+    beam or a plate with the waves beside."""
+    if scene.bending is not None:
+        return Finding(*of_bending(scene, progress))
     with_assembly(scene)
     if scene.is_general:
         return _of_bodies(scene, progress)
