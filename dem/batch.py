@@ -1,9 +1,10 @@
 """Many chains at once: equal in length and wall modes, different in everything else.
 
 Chains lie side by side in the lanes of vector registers and in blocks on the threads: Hertz
-contacts, preload, weight, leaf springs, walls without or with modes. Chains with dissipation,
-yield, friction, a residual spring or a dashpot are marched one by one, dealt to the threads. Steps
-do not stop at the samples, which lie on polynomials of the steps.
+contacts, dissipation, preload, weight, leaf springs, walls without or with modes and a residual
+spring. Chains with yield, friction or a dashpot, and those of implicit schemes as the linear
+dampers take, are marched one by one, dealt to the threads. Steps do not stop at the samples, which
+lie on polynomials of the steps.
 """
 
 import os
@@ -14,14 +15,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import PER_SPHERE, Chain, Wall, validate
+from dem.chain import LAWS, PER_SPHERE, Chain, Wall, validate
 from dem.checks import InvalidChain, columns, positive, saves, whole
 from dem.dense import values_between, velocities_between
 from dem.kernels.arguments import Array
-from dem.kernels.lanes import LANES, Blocks, Held, LaneSteps, SavedLanes, march_lanes
+from dem.kernels.lanes import (
+    LANES,
+    Blocks,
+    Dampers,
+    Held,
+    LaneSteps,
+    SavedLanes,
+    WallSprings,
+    march_lanes,
+)
 from dem.kernels.oscillators import oscillator_propagator
+from dem.prepared import prepare
 from dem.schemes import SCHEMES, named_scheme
-from dem.stability import UnstableStep
+from dem.stability import UnstableStep, fastest_rate, marching_scheme, refuse_step
 from dem.statics import approach, static_state
 from dem.step_control import Search, march_to_error
 from dem.trajectory import equal_steps, march
@@ -59,7 +70,7 @@ def march_batch(
     """
     if (dt is None) == (error is None):
         raise InvalidChain("give either dt or error to say how finely to march")
-    scheme = named_scheme(scheme, *chains[0][:2]).name
+    scheme = _scheme(chains, scheme, duration)
     observed = columns(observed, chains.mass.shape[1])
     saves(n_save, chains.mass.size)
     positive("duration", duration, " s")
@@ -151,14 +162,23 @@ class Chains:
     @property
     def fit_lanes(self) -> bool:
         """Without any part that the lanes do not know."""
-        without = not any(np.any(self.arrays.get(name, 0.0)) for name in PER_WALL)
-        lossless = self.chain.dissipation == "none" and self.chain.yield_overlap is None
-        return without and lossless and not self.chain.slides
+        creeps = np.any(self.arrays.get("mobility", 0.0))
+        return not (creeps or self.chain.yield_overlap is not None or self.chain.slides)
 
     @property
     def free(self) -> bool:
         """Without a wall."""
         return self.wall is None
+
+    @property
+    def damped(self) -> bool:
+        """With dissipation in any contact."""
+        return self.chain.dissipation != "none" and bool(self.gamma.any())
+
+    @property
+    def most_damped(self) -> int:
+        """The chain with the largest coefficient, 0 where none has any."""
+        return int(self.gamma.max(axis=1).argmax()) if self.damped else 0
 
     def take(self, rows: Array) -> "Chains":
         """The chains of these rows."""
@@ -178,13 +198,24 @@ def _fields(parts, scalars, vectors):
     }
 
 
+def _scheme(chains, name, duration):
+    """What suits the most damped chain."""
+    chain, wall, v0 = chains[chains.most_damped]
+    if not chains.damped:
+        return named_scheme(name, chain, wall).name
+    prepared = prepare(chain, wall)
+    rate = max(fastest_rate(prepared, v0), 1.0 / duration)
+    return marching_scheme(prepared, v0, 1.0 / (3.0 * rate), name).name
+
+
 def _to_error(chains, error, asked):
     stiffest = int(chains.A.max(axis=1).argmax())
     dt = march_to_error(
         *chains[stiffest], duration=asked.duration, error=error, observed=asked.observed,
         n_save=min(asked.n_save, SEARCHED), search=Search(asked.scheme, energy_error=np.inf),
     ).trajectory.dt  # fmt: skip
-    sample = chains.take(np.unique(np.linspace(0, chains.count - 1, 16).astype(int)))
+    spread = np.linspace(0, chains.count - 1, 16).astype(int)
+    sample = chains.take(np.union1d(spread, chains.most_damped))
     speed = np.abs(sample.v0).max(axis=1)[:, None, None]
     while True:
         coarse = _march(sample, dt, asked)
@@ -201,6 +232,9 @@ def _march(chains, dt, asked):
     if not chains.fit_lanes or method.kind == "implicit":
         return _one_by_one(chains, dt, asked)
     steps = asked.steps(dt)
+    if chains.damped:
+        chain, wall, v0 = chains[chains.most_damped]
+        refuse_step(prepare(chain, wall), v0, steps.h, method)
     blocks = _blocks(chains, steps.h * method.a)
     n, k = len(blocks.v0), asked.n_save + 1
     saved = SavedLanes(
@@ -240,7 +274,32 @@ def _blocks(chains, drifts):
     return Blocks(
         v0, mass, A, phi, omega, _propagator(omega, zeta, drifts), _held(chains),
         _propagator(swing, np.zeros_like(swing), drifts),
+        _springs(chains), _dampers(chains, len(v0)),
     )  # fmt: skip
+
+
+def _springs(chains):
+    s = chains.arrays.get("residual_compliance", np.zeros(0))[:, None]
+    if not s.any():
+        none = _packed(np.zeros((chains.count, 0)))
+        return WallSprings(none, none)
+    e = np.minimum(s * chains.A[:, -1:], 0.0)
+    fold = np.divide(-2.0, 3.0 * e, out=np.full_like(e, np.inf), where=e < 0.0)
+    return WallSprings(_packed(s), _packed(fold))
+
+
+def _dampers(chains, n_blocks):
+    law = np.full(n_blocks, LAWS[chains.chain.dissipation])
+    if not chains.damped:
+        none = np.zeros((n_blocks, 0, LANES))
+        return Dampers(none, none, law)
+    inverse, gamma = 1.0 / chains.mass, chains.gamma
+    pair = inverse + np.roll(inverse, -1, axis=1)
+    if chains.free:
+        gamma = np.pad(gamma, ((0, 0), (0, 1)))
+    else:
+        pair[:, -1] = inverse[:, -1] + np.square(chains.phi).sum(axis=1)
+    return Dampers(_packed(gamma), _packed(pair), law)
 
 
 def _held(chains):
@@ -270,10 +329,11 @@ def _static(chains):
     only_preload = not (chains.free or np.any(springs) or chains.gravity.any())
     if only_preload and not ((preload < 0.0).any() or (chains.omega == 0).any()):
         response = phi / chains.omega**2
-        compliance = (phi * response).sum(axis=1)
+        compliance = (phi * response).sum(axis=1) + chains.residual_compliance
         x = approach(chains.A[:, -1], preload, compliance)[:, None]
         alone = np.arange(chains.mass.shape[1]) == chains.mass.shape[1] - 1
-        return x + 0.0 * chains.mass, preload[:, None] * alone, response * preload[:, None]
+        if (compliance >= 0.0).all():
+            return x + 0.0 * chains.mass, preload[:, None] * alone, response * preload[:, None]
     static = [static_state(*chains[i][:2]) for i in range(chains.count)]
     return tuple(np.array(parts) for parts in zip(*static, strict=True))
 

@@ -3,7 +3,18 @@
 import numpy as np
 import pytest
 
-from dem import Chain, Chains, InvalidChain, Wall, march, march_batch, one_dof_wall, rigid_wall
+from dem import (
+    Chain,
+    Chains,
+    InvalidChain,
+    UnstableStep,
+    Wall,
+    march,
+    march_batch,
+    march_to_error,
+    one_dof_wall,
+    rigid_wall,
+)
 
 
 def scattered(count, n, A_wall=1.5):
@@ -64,6 +75,7 @@ def test_batch_reaches_the_error_it_reports():
 
 PARTS = {
     "dissipation": {"dissipation": "hunt-crossley", "gamma": np.linspace(0.05, 0.3, 7)},
+    "strong dissipation": {"dissipation": "hunt-crossley", "gamma": np.linspace(0.2, 6.0, 7)},
     "a jumping law": {"dissipation": "linear-clipped", "gamma": np.full(7, 0.1)},
     "preload": {"preload": np.linspace(0.1, 0.5, 9)},
     "leaf springs": {"leaf_stiffness": np.full(7, 0.3), "leaf_anchor": np.linspace(0.1, 0.0, 7)},
@@ -71,18 +83,25 @@ PARTS = {
 }
 
 
-@pytest.mark.parametrize("part", [*PARTS, "residual", "dashpot"])
+ALONE = ("yield", "dashpot")  # what the lanes do not take
+
+
+@pytest.mark.parametrize("part", [*PARTS, "residual", "damped residual", "dashpot"])
 def test_a_batch_takes_every_part(part):
     """Differing in stiffness, speed, wall and, where it is a number, the part itself."""
     chain, v0 = scattered(9, 7)
     chain, wall = chain._replace(**PARTS.get(part, {})), moving_walls(9)
     wall = wall._replace(omega=wall.omega + 0.2)
-    if part == "residual":
+    if part == "damped residual":
+        chain = chain._replace(**PARTS["dissipation"])
+    if "residual" in part:
         wall = wall._replace(residual_compliance=np.linspace(-0.05, 0.1, 9))
     if part == "dashpot":
         wall = wall._replace(mobility=np.linspace(0.1, 2.0, 9))
     options = dict(duration=12.0, dt=0.05, n_save=12)
-    batch = march_batch(Chains(chain, wall, v0), observed=[0, 4], threads=2, **options)
+    chains = Chains(chain, wall, v0)
+    assert chains.fit_lanes == (part not in ALONE)
+    batch = march_batch(chains, observed=[0, 4], threads=2, **options)
     for i in (0, 5, 8):
         preload = chain.preload[i] if part == "preload" else 0.0
         one = chain._replace(mass=chain.mass[i], A=chain.A[i], preload=preload)
@@ -90,6 +109,38 @@ def test_a_batch_takes_every_part(part):
         run = march(one, own, v0[i], scheme=batch.scheme, **options)
         assert batch.v[i] == pytest.approx(run.v[:, [0, 4]], abs=1e-12)
         assert batch.wall_force[i] == pytest.approx(run.contact_force[:, -1], abs=1e-12)
+        assert batch.energy_error[i] == pytest.approx(run.energy_error, abs=1e-12)
+
+
+@pytest.mark.parametrize("law", ["linear", "linear-clipped", "hunt-crossley"])
+def test_a_damped_free_chain_is_the_same_in_a_batch(law):
+    chain, v0 = scattered(3, 5, A_wall=None)
+    chain = chain._replace(dissipation=law, gamma=np.array([0.1, 0.0, 3.0, 0.2]))
+    options = dict(duration=8.0, dt=0.02, n_save=8, scheme="suzuki4")
+    batch = march_batch(Chains(chain, None, v0), **options)
+    for i in range(3):
+        run = march(chain._replace(mass=chain.mass[i], A=chain.A[i]), None, v0[i], **options)
+        assert batch.v[i] == pytest.approx(run.v, abs=1e-12)
+        assert batch.energy_error[i] == pytest.approx(run.energy_error, abs=1e-12)
+
+
+def test_a_batch_takes_the_scheme_of_its_most_damped_chain():
+    chain, v0 = scattered(4, 5)
+    gamma = np.outer([0.1, 0.1, 1e4, 0.1], np.ones(5))
+    chain = chain._replace(dissipation="hunt-crossley", gamma=gamma)
+    options = dict(duration=8.0, error=1e-3, n_save=8)
+    batch = march_batch(Chains(chain, rigid_wall(), v0), **options)
+    one = chain._replace(mass=chain.mass[2], A=chain.A[2], gamma=gamma[2])
+    alone = march_to_error(one, rigid_wall(), v0[2], **options)
+    assert batch.scheme == alone.trajectory.scheme == "energy2"
+    assert np.abs(batch.v[2] - alone.trajectory.v).max() < 2e-3 * v0[2, 0]
+
+
+def test_a_negative_spring_beyond_its_fold_is_no_batch():
+    chain, v0 = scattered(3, 4)
+    wall = rigid_wall()._replace(residual_compliance=-2.0)
+    with pytest.raises(UnstableStep, match="chain 0 of the batch is not finite"):
+        march_batch(Chains(chain, wall, v0), duration=10.0, dt=0.05)
 
 
 def test_a_batch_with_losses_reaches_the_error_it_reports():

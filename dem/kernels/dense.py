@@ -49,6 +49,13 @@ def cubic(s: float, h: float, u0: float, w0: float, u1: float, w1: float) -> flo
     return r * r * ((1.0 + 2.0 * s) * u0 + s * h * w0) + s * s * ((1.0 + 2.0 * r) * u1 - r * h * w1)
 
 
+@fastmath_inline
+def cubic_slope(s: float, h: float, u0: float, w0: float, u1: float, w1: float) -> float:
+    """Its slope there."""
+    r = 1.0 - s
+    return 6.0 * s * r * (u1 - u0) / h + r * (1.0 - 3.0 * s) * w0 + s * (1.0 - 3.0 * r) * w1
+
+
 @fastmath_entry
 def fill_slopes(x: Array, v: Array, a: Array, h: float, out: Array) -> None:
     """Velocities at the equal instants out (n, m) of steps h that end at x, v, a (k, m)."""

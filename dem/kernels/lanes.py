@@ -4,6 +4,7 @@ The wall is one more sphere without mass, moved by its modes alone. Steps do not
 that are kept: those lie on the polynomials of `dense`.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,11 +17,24 @@ from dem.kernels.compiled import (
     fastmath_inline,
     ieee,
 )
-from dem.kernels.dense import Place, cubic, quintic, quintic_slope
+from dem.kernels.dense import Place, cubic, cubic_slope, quintic, quintic_slope
 from dem.kernels.events import missed_impulse
-from dem.kernels.laws import hertz_force
+from dem.kernels.laws import (
+    HUNT_CROSSLEY,
+    LINEAR,
+    STOPPED,
+    contact_stiffness,
+    damping_impulse,
+    hertz_force,
+    hertz_indentation,
+    spring_share,
+)
 
 LANES = 16
+WEAK = 0.1  # damping rate times step up to which ten terms of the exponential are exact
+NO_GAP = 1e-300  # [m] below any, above what a root makes 0
+NEWTON = 1e-9  # change of a root after which the next one is below rounding
+BEFORE_FOLD = 0.999999  # of the way to where no force answers
 
 
 class LaneSteps(NamedTuple):
@@ -45,6 +59,21 @@ class Held(NamedTuple):
     anchor: Array  # (n) [m]
 
 
+class WallSprings(NamedTuple):
+    """Springs in series with the walls, (n_blocks, 1, LANES) each; (n_blocks, 0, LANES) without."""
+
+    residual: Array  # [m/N]
+    fold: Array  # [m^0.5] root of the indentation beyond which no force answers, or inf
+
+
+class Dampers(NamedTuple):
+    """Damping of the contacts, (n_blocks, n, LANES) each; n = 0 without any."""
+
+    gamma: Array
+    inverse_mass: Array  # of both bodies at a contact
+    law: Array  # (n_blocks,) the same for all
+
+
 class Blocks(NamedTuple):
     """Chains by LANES; (n_blocks, m, LANES) each."""
 
@@ -56,6 +85,8 @@ class Blocks(NamedTuple):
     propagator: Array  # (n_blocks, n_drifts, 4, n_modes * LANES)
     held: Held
     swing: Array  # (n_blocks, n_drifts, 4, n * LANES) of the leaf springs; n = 0 without any
+    springs: WallSprings
+    dampers: Dampers
 
 
 class SavedLanes(NamedTuple):
@@ -64,6 +95,16 @@ class SavedLanes(NamedTuple):
     v: Array  # (n_blocks, n_save + 1, n_observed, LANES)
     wall_force: Array  # (n_blocks, n_save + 1, LANES)
     energy_error: Array  # (n_blocks, LANES) worst change over the energy at the start
+
+
+class LaneDamping(NamedTuple):
+    """Damping of one block's contacts, (n LANES,) each; n = 0 without any."""
+
+    gamma: Array
+    inverse_mass: Array
+    law: int
+    lost: Array  # (LANES,) [J] so far
+    rate: Array  # [N s/m] now
 
 
 class Lanes(NamedTuple):
@@ -82,6 +123,8 @@ class Lanes(NamedTuple):
     propagator: Array  # (n_drifts, 4, n_modes * LANES)
     held: Held  # (m LANES,) each
     swing: Array  # (n_drifts, 4, n LANES)
+    springs: WallSprings  # (LANES,) each
+    damping: LaneDamping
 
 
 class WallPush(NamedTuple):
@@ -91,35 +134,80 @@ class WallPush(NamedTuple):
     shift: Array
     square: Array  # phi phi of each lane, velocity of the wall after unit impulse
     work: Array  # on the modes so far
+    pending: Array  # impulses that the modes get before they move on
 
 
 @fastmath
-def forces_of_lanes(x: Array, A: Array, f: Array) -> None:
+def forces_of_lanes(x: Array, A: Array, springs: WallSprings, f: Array) -> None:
+    """Elastic forces."""
     for j in range(A.size):
         d = x[j] - x[j + LANES]
         f[j + LANES] = hertz_force(d if d > 0.0 else 0.0, A[j])
+    if springs.residual.size > 0:
+        last = A.size - LANES
+        spring_forces(x[last:], A[last:], springs, f[A.size :])
 
 
 @fastmath
-def push_modes_of_lanes(
-    impulse: Array, q: Array, p: Array, phi: Array, shift: Array | None
-) -> None:
-    """p += phi impulse for every lane; with a shift, q += phi shift as well."""
-    for j in range(0, q.size, LANES):
+def spring_forces(x: Array, A: Array, springs: WallSprings, f: Array) -> None:
+    """Forces f (LANES,) at walls with springs in series, where f is that without them.
+
+    `hertz_indentation` of all lanes at once; f has the roots of the indentations meanwhile.
+    """
+    s, fold = springs
+    touching = 0.0
+    for lane in range(LANES):
+        touching += f[lane]
+    if touching == 0.0:
+        return
+    for lane in range(LANES):
+        root = math.sqrt(max(x[lane] - x[lane + LANES], NO_GAP))
+        f[lane] = root / math.sqrt(max(1.0 + s[lane] * A[lane] * root, 1.0 / 3.0))
+    for _ in range(60):
+        moved = 0.0
+        for lane in range(LANES):
+            e, y = s[lane] * A[lane], f[lane]
+            gap = max(x[lane] - x[lane + LANES], NO_GAP)
+            change = (gap - y * y * (1.0 + e * y)) / (y * (2.0 + 3.0 * e * y))
+            f[lane] = min(y + change, BEFORE_FOLD * fold[lane])
+            moved += 1.0 if abs(change) > NEWTON * y else 0.0
+        if moved == 0.0:
+            break
+    for lane in range(LANES):
+        gap, y = x[lane] - x[lane + LANES], f[lane]
+        force = A[lane] * y * y * y
+        beyond = 3.0 * gap >= fold[lane] * fold[lane]
+        f[lane] = math.nan if beyond else force if gap > 0.0 else 0.0
+
+
+@fastmath
+def push_modes_of_lanes(impulse: Array, p: Array, phi: Array) -> None:
+    """p += phi impulse for every lane."""
+    for j in range(0, p.size, LANES):
         for lane in range(LANES):
             p[j + lane] += phi[j + lane] * impulse[lane]
-            if shift is not None:
-                q[j + lane] += phi[j + lane] * shift[lane]
 
 
 @fastmath
-def book_work(v: Array, wall: WallPush) -> None:
-    """Work of the impulses on the modes, and the velocity that they leave the wall with."""
+def shift_modes_of_lanes(lanes: Lanes, wall: WallPush) -> None:
+    """`shift_modes` for lanes."""
+    u = lanes.x[lanes.A.size :]
+    for lane in range(LANES):
+        u[lane] += wall.square[lane] * wall.shift[lane]
+    for j in range(0, lanes.q.size, LANES):
+        for lane in range(LANES):
+            lanes.q[j + lane] += lanes.phi[j + lane] * wall.shift[lane]
+
+
+@fastmath
+def push_walls(v: Array, wall: WallPush) -> None:
+    """The impulses' work on the modes, and the velocity that they leave the wall with."""
     w = v[v.size - LANES :]
     for lane in range(LANES):
         impulse = wall.impulse[lane]
         wall.work[lane] += impulse * (w[lane] + 0.5 * wall.square[lane] * impulse)
         w[lane] += wall.square[lane] * impulse
+        wall.pending[lane] += impulse
 
 
 @fastmath
@@ -171,7 +259,7 @@ def correct_lanes(
 
     Says whether there was any.
     """
-    x, v, minv, A = lanes.x, lanes.v, lanes.inverse_mass, lanes.A
+    x, v, minv, A, damping = lanes.x, lanes.v, lanes.inverse_mass, lanes.A, lanes.damping
     found = False
     wall.impulse[:] = 0.0
     wall.shift[:] = 0.0
@@ -184,9 +272,14 @@ def correct_lanes(
             g0, g1 = x_old[j] - x_old[k], x[j] - x[k]
             if (g0 > 0.0) == (g1 > 0.0) or A[j] == 0.0:
                 continue
-            impulse, shift, _ = missed_impulse(
+            impulse, shift, rate = missed_impulse(
                 A[j], dt, g0, v_old[j] - v_old[k], g1, v[j] - v[k], correction
             )
+            if damping.gamma.size > 0 and damping.law == HUNT_CROSSLEY:
+                factor = max(damping.gamma[j] * rate, -1.0)
+                damping.lost[j - row] += factor * impulse * rate
+                impulse *= 1.0 + factor
+                shift *= 1.0 + factor
             v[j] -= minv[j] * impulse
             x[j] -= minv[j] * shift
             v[k] += minv[k] * impulse
@@ -199,15 +292,23 @@ def correct_lanes(
 
 @fastmath
 def energy_of_lanes(lanes: Lanes, work: Array, energy: Array) -> None:
-    """Energy of the motion, and what preload and weight have left to do."""
-    x, v, mass, A, q, held = lanes.x, lanes.v, lanes.mass, lanes.A, lanes.q, lanes.held
-    energy[:] = 0.0
+    """Energy of the motion and what was lost of it, and what preload and weight have left to do;
+    forces are fresh."""
+    x, v, f, mass, A, q, held = (
+        lanes.x, lanes.v, lanes.f, lanes.mass, lanes.A, lanes.q, lanes.held
+    )  # fmt: skip
+    for lane in range(LANES):
+        energy[lane] = lanes.damping.lost[lane]
     for row in range(0, A.size, LANES):
         for lane in range(LANES):
             j = row + lane
             d = x[j] - x[j + LANES]
             d = d if d > 0.0 else 0.0
-            energy[lane] += 0.4 * hertz_force(d, A[j]) * d + 0.5 * mass[j] * v[j] * v[j]
+            energy[lane] += 0.4 * f[j + LANES] * d + 0.5 * mass[j] * v[j] * v[j]
+    # the contact before a spring s is s F shallower, the spring holds s F^2 / 2
+    for lane in range(lanes.springs.residual.size):
+        force = f[A.size + lane]
+        energy[lane] += 0.1 * lanes.springs.residual[lane] * force * force
     # of the modes what the work on them says: it knows of their damping
     for row in range(0, held.static.size, LANES):
         for lane in range(LANES):
@@ -243,12 +344,111 @@ def kick_lanes(kick: float, lanes: Lanes, wall: WallPush) -> None:
             wall.impulse[lane] = kick * f[size + lane]
         for lane in range(lanes.held.wall_force.size):
             wall.impulse[lane] -= kick * lanes.held.wall_force[lane]
-        book_work(lanes.v, wall)
-        push_modes_of_lanes(wall.impulse, lanes.q, lanes.p, lanes.phi, None)
+        push_walls(lanes.v, wall)
+
+
+@fastmath
+def rate_dampers(lanes: Lanes) -> None:
+    """Damping forces of all contacts for unit velocity, at the forces that are there."""
+    f, residual, (gamma, _, law, _, rate) = lanes.f, lanes.springs.residual, lanes.damping
+    size = gamma.size
+    if law == HUNT_CROSSLEY:
+        for j in range(size):
+            rate[j] = gamma[j] * f[j + LANES]
+    else:
+        for j in range(size):
+            rate[j] = gamma[j] if f[j + LANES] > 0.0 else 0.0
+    for lane in range(residual.size):
+        j = size - LANES + lane
+        if rate[j] > 0.0:
+            rate[j] *= share_of_damper(j, f[size + lane], lanes.A, residual[lane])
+
+
+@ieee
+def share_of_damper(j: int, force: float, A: Array, residual: float) -> float:
+    return spring_share(contact_stiffness(j, force, A, None), residual)[0]
+
+
+@fastmath
+def damping_impulses(row: int, dt: float, lanes: Lanes, impulse: Array) -> None:
+    """`damping_impulse` (LANES,) of a row of contacts; all of them by a series if all are weak and
+    none would pull."""
+    v, f, damping = lanes.v, lanes.f, lanes.damping
+    inverse_mass, rate, clipped = damping.inverse_mass, damping.rate, damping.law != LINEAR
+    strong = 0.0
+    for lane in range(LANES):
+        j = row + lane
+        c, w = rate[j], v[j] - v[j + LANES]
+        z = c * inverse_mass[j] * dt
+        share = 1.0 / 40320.0 - z * (1.0 / 362880.0 - z * (1.0 / 3628800.0))
+        share = 1.0 / 24.0 - z * (1.0 / 120.0 - z * (1.0 / 720.0 - z * (1.0 / 5040.0 - z * share)))
+        impulse[lane] = c * w * dt * (1.0 - z * (0.5 - z * (1.0 / 6.0 - z * share)))
+        pulls = 1.0 if c * w + f[j + LANES] < 0.0 else 0.0
+        strong += (1.0 if abs(z) > WEAK else 0.0) + (pulls if clipped else 0.0)
+    if strong == 0.0:
+        return
+    for lane in range(LANES):
+        j = row + lane
+        if rate[j] > 0.0:
+            w = v[j] - v[j + LANES]
+            impulse[lane] = damping_impulse(w, dt, f[j + LANES], rate[j], inverse_mass[j], clipped)
+
+
+@fastmath
+def damp_lanes(first: int, dt: float, lanes: Lanes, wall: WallPush) -> None:
+    """`damp_contacts` for lanes: every second contact, from `first` on."""
+    v, minv, impulse = lanes.v, lanes.inverse_mass, wall.impulse
+    _, inverse_mass, _, lost, rate = lanes.damping
+    for row in range(first * LANES, lanes.A.size, 2 * LANES):
+        total = 0.0
+        for lane in range(LANES):
+            total += rate[row + lane]
+        if total == 0.0:
+            continue
+        damping_impulses(row, dt, lanes, impulse)
+        # each loop writes one array: more would have to be looked at for overlaps
+        for lane in range(LANES):
+            j = row + lane
+            w = v[j] - v[j + LANES] - 0.5 * inverse_mass[j] * impulse[lane]
+            lost[lane] += impulse[lane] * w
+        for lane in range(LANES):
+            v[row + lane] -= minv[row + lane] * impulse[lane]
+        for lane in range(LANES):
+            v[row + LANES + lane] += minv[row + LANES + lane] * impulse[lane]
+        if row + LANES == lanes.A.size and lanes.q.size > 0:
+            push_walls(v, wall)
+
+
+@fastmath
+def damped_kick(kick: float, lanes: Lanes, wall: WallPush) -> None:
+    """Damping between two halves of the elastic kick."""
+    kick_lanes(0.5 * kick, lanes, wall)
+    rate_dampers(lanes)
+    for first, share in ((0, 0.5), (1, 1.0), (0, 0.5)):
+        damp_lanes(first, share * kick, lanes, wall)
+    kick_lanes(0.5 * kick, lanes, wall)
+
+
+@fastmath
+def damped_forces(dt: float, lanes: Lanes, forces: Array) -> None:
+    """Contact forces at an instant, as `total_forces` has them."""
+    rate_dampers(lanes)
+    for j in range(lanes.A.size):
+        w, force = lanes.v[j] - lanes.v[j + LANES], lanes.f[j + LANES]
+        extra = damping_force(w, dt, force, lanes.damping.rate[j], j, lanes.damping)
+        forces[j + LANES] = force + extra
 
 
 @fastmath_inline
-def drift_lanes(i: int, drift: float, lanes: Lanes) -> None:
+def damping_force(
+    w: float, dt: float, force: float, c: float, j: int, damping: LaneDamping
+) -> float:
+    extra = w * min(c, STOPPED / (dt * damping.inverse_mass[j]))
+    return extra if damping.law == LINEAR else max(extra, -force)
+
+
+@fastmath_inline
+def drift_lanes(i: int, drift: float, lanes: Lanes, wall: WallPush) -> None:
     x, v, rest = lanes.x, lanes.v, lanes.held.rest
     if lanes.swing.shape[2] > 0:
         E = lanes.swing[i]
@@ -260,6 +460,8 @@ def drift_lanes(i: int, drift: float, lanes: Lanes) -> None:
         for j in range(lanes.A.size):
             x[j] += drift * v[j]
     if lanes.q.size > 0:
+        push_modes_of_lanes(wall.pending, lanes.p, lanes.phi)
+        wall.pending[:] = 0.0
         drift_modes_of_lanes(lanes.q, lanes.p, lanes.propagator[i])
         read_modes_of_lanes(lanes)
 
@@ -270,11 +472,14 @@ def step_of_lanes(dt: float, stale: bool, a: Array, b: Array, lanes: Lanes, wall
     for i in range(b.size):
         if b[i] != 0.0:
             if stale:
-                forces_of_lanes(lanes.x, lanes.A, lanes.f)
-            kick_lanes(b[i] * dt, lanes, wall)
+                forces_of_lanes(lanes.x, lanes.A, lanes.springs, lanes.f)
+            if lanes.damping.gamma.size > 0:
+                damped_kick(b[i] * dt, lanes, wall)
+            else:
+                kick_lanes(b[i] * dt, lanes, wall)
             stale = False
         if i < a.size and a[i] != 0.0:
-            drift_lanes(i, a[i] * dt, lanes)
+            drift_lanes(i, a[i] * dt, lanes, wall)
             stale = True
     return stale
 
@@ -290,9 +495,8 @@ def correct_step_of_lanes(
     if not correct_lanes(dt, lanes, x_old, v_old, correction, wall):
         return False
     if lanes.q.size > 0:
-        book_work(lanes.v, wall)
-        push_modes_of_lanes(wall.impulse, lanes.q, lanes.p, lanes.phi, wall.shift)
-        read_modes_of_lanes(lanes)
+        push_walls(lanes.v, wall)
+        shift_modes_of_lanes(lanes, wall)
     return True
 
 
@@ -306,9 +510,9 @@ class Ends(NamedTuple):
 
 
 @fastmath
-def note_end(lanes: Lanes, observed: Array, end: Ends) -> None:
-    """What the polynomials of a step need of one of its ends; forces are fresh."""
-    x, v, f, minv, held = lanes.x, lanes.v, lanes.f, lanes.inverse_mass, lanes.held
+def note_end(lanes: Lanes, f: Array, observed: Array, end: Ends) -> None:
+    """What the polynomials of a step need of one of its ends, where the contact forces are f."""
+    x, v, minv, held = lanes.x, lanes.v, lanes.inverse_mass, lanes.held
     n = lanes.A.size // LANES
     for i in range(observed.size + 2):
         sphere = observed[i] if i < observed.size else n - 1 + i - observed.size
@@ -330,7 +534,7 @@ def note_end(lanes: Lanes, observed: Array, end: Ends) -> None:
 def sample_lanes(
     s: float, h: float, one: Ends, two: Ends, A: Array, v: Array, wall_force: Array
 ) -> None:
-    """Observed velocities and the force at the wall at the share s of a step."""
+    """Observed velocities and the elastic force at the wall at the share s of a step."""
     rows = v.shape[0]
     last = A.size - LANES
     for lane in range(LANES):
@@ -338,24 +542,64 @@ def sample_lanes(
             here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
             there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
             v[i, lane] = quintic_slope(s, h, here, there)
-        i = rows
-        here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
-        there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
-        k = rows + 1
-        wall = cubic(s, h, one.x[k, lane], one.v[k, lane], two.x[k, lane], two.v[k, lane])
-        d = quintic(s, h, here, there) - wall
+        d = overlap_between(s, h, one, two, lane)
         wall_force[lane] = hertz_force(d if d > 0.0 else 0.0, A[last + lane])
 
 
+@fastmath_inline
+def overlap_between(s: float, h: float, one: Ends, two: Ends, lane: int) -> float:
+    """Of the last sphere and the wall at the share s of a step."""
+    i = one.x.shape[0] - 2
+    here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
+    there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
+    k = i + 1
+    wall = cubic(s, h, one.x[k, lane], one.v[k, lane], two.x[k, lane], two.v[k, lane])
+    return quintic(s, h, here, there) - wall
+
+
 @fastmath
+def approach_between(s: float, h: float, one: Ends, two: Ends, lane: int) -> float:
+    """Its rate."""
+    i = one.x.shape[0] - 2
+    here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
+    there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
+    k = i + 1
+    wall = cubic_slope(s, h, one.x[k, lane], one.v[k, lane], two.x[k, lane], two.v[k, lane])
+    return quintic_slope(s, h, here, there) - wall
+
+
+@fastmath
+def sample_springs_and_dampers(
+    s: float, h: float, one: Ends, two: Ends, lanes: Lanes, wall_force: Array
+) -> None:
+    """Forces at walls with springs in series, or behind damped contacts, at the share s."""
+    residual, damping = lanes.springs.residual, lanes.damping
+    for lane in range(LANES):
+        j = lanes.A.size - LANES + lane
+        if residual.size > 0:
+            gap = overlap_between(s, h, one, two, lane)
+            d = hertz_indentation(gap, lanes.A[j], residual[lane])
+            wall_force[lane] = hertz_force(d, lanes.A[j])
+        force = wall_force[lane]
+        if damping.gamma.size > 0 and force > 0.0:
+            c = damping.gamma[j] * (force if damping.law == HUNT_CROSSLEY else 1.0)
+            if residual.size > 0:
+                c *= share_of_damper(j, force, lanes.A, residual[lane])
+            w = approach_between(s, h, one, two, lane)
+            wall_force[lane] += damping_force(w, h, force, c, j, damping)
+
+
+@fastmath_inline
 def sample_step(
-    step: int, k: int, steps: LaneSteps, one: Ends, two: Ends, A: Array, saved: SavedLanes
+    step: int, k: int, steps: LaneSteps, one: Ends, two: Ends, lanes: Lanes, saved: SavedLanes
 ) -> int:
     """All samples from the k-th on that a step passes; the next one after it."""
     dt, n_steps, n_save = steps
     while k <= n_save and k * n_steps <= (step + 1) * n_save:
         s = (k * n_steps - step * n_save) / n_save
-        sample_lanes(s, dt, one, two, A, saved.v[k], saved.wall_force[k])
+        sample_lanes(s, dt, one, two, lanes.A, saved.v[k], saved.wall_force[k])
+        if lanes.springs.residual.size > 0 or lanes.damping.gamma.size > 0:
+            sample_springs_and_dampers(s, dt, one, two, lanes, saved.wall_force[k])
         k += 1
     return k
 
@@ -388,39 +632,46 @@ def march_block(
 ) -> None:  # fmt: skip
     dt, n_steps, n_save = steps
     x_old, v_old = np.zeros_like(lanes.x), np.zeros_like(lanes.v)
-    wall = WallPush(np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES))
+    zeros = np.zeros((5, LANES))
+    wall = WallPush(zeros[0], zeros[1], zeros[2], zeros[3], zeros[4])
     squares_of_lanes(lanes.phi, wall.square)
     start, energy, scale = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     shape = (observed.size + 2, LANES)
     one = Ends(np.zeros(shape), np.zeros(shape), np.zeros(shape))
     two = Ends(np.zeros(shape), np.zeros(shape), np.zeros(shape))
-    forces_of_lanes(lanes.x, lanes.A, lanes.f)
-    stale = n_save < 0  # a literal False would compile what takes it once more
+    forces = np.zeros_like(lanes.f) if lanes.damping.gamma.size > 0 else lanes.f
+    stale = n_save >= 0  # a literal True would compile what takes it once more
+    stale = note_fresh(dt, stale, lanes, forces, observed, two)
     energy_of_lanes(lanes, wall.work, start)
     kinetic_energy(lanes, scale)
-    note_end(lanes, observed, two)
-    sample_lanes(1.0, dt, two, two, lanes.A, saved.v[0], saved.wall_force[0])
-    k = 1
+    k = sample_step(-1, 0, steps, two, two, lanes, saved)
     for step in range(n_steps):
         due = k * n_steps <= (step + 1) * n_save
         if due:
-            if stale:
-                forces_of_lanes(lanes.x, lanes.A, lanes.f)
-                stale = n_save < 0
-            note_end(lanes, observed, one)
+            stale = note_fresh(dt, stale, lanes, forces, observed, one)
         if correction is not None:
             x_old[:], v_old[:] = lanes.x, lanes.v
         stale = step_of_lanes(dt, stale, a, b, lanes, wall)
         stale |= correct_step_of_lanes(dt, lanes, x_old, v_old, correction, wall)
         if not due:
             continue
-        if stale:
-            forces_of_lanes(lanes.x, lanes.A, lanes.f)
-            stale = n_save < 0
-        note_end(lanes, observed, two)
-        k = sample_step(step, k, steps, one, two, lanes.A, saved)
+        stale = note_fresh(dt, stale, lanes, forces, observed, two)
+        k = sample_step(step, k, steps, one, two, lanes, saved)
         energy_of_lanes(lanes, wall.work, energy)
         note_energy(energy, start, scale, saved.energy_error)
+
+
+@fastmath_inline
+def note_fresh(
+    dt: float, stale: bool, lanes: Lanes, forces: Array, observed: Array, end: Ends
+) -> bool:
+    """`note_end` after forces that are not stale; are they now?"""
+    if stale:
+        forces_of_lanes(lanes.x, lanes.A, lanes.springs, lanes.f)
+    if lanes.damping.gamma.size > 0:
+        damped_forces(dt, lanes, forces)
+    note_end(lanes, forces, observed, end)
+    return observed.size < 0
 
 
 @fastmath_allocating_march
@@ -443,11 +694,23 @@ def march_lanes(
             x, v, np.zeros(padded), np.zeros(modes), np.zeros(modes), minv, mass,
             blocks.A[block].reshape(size), blocks.phi[block].reshape(modes),
             blocks.omega[block].reshape(modes), blocks.propagator[block], held, blocks.swing[block],
+            springs_of(blocks.springs, block), dampers_of(blocks.dampers, block),
         )  # fmt: skip
         if held.wall_offset.size > 0:
             x[size:] = held.wall_offset
         kept = SavedLanes(saved.v[block], saved.wall_force[block], saved.energy_error[block])
         march_block(lanes, a, b, correction, steps, observed, kept)
+
+
+@fastmath_allocating
+def springs_of(springs: WallSprings, block: int) -> WallSprings:
+    return WallSprings(springs.residual[block].ravel(), springs.fold[block].ravel())
+
+
+@fastmath_allocating
+def dampers_of(dampers: Dampers, block: int) -> LaneDamping:
+    gamma, pair = dampers.gamma[block].ravel(), dampers.inverse_mass[block].ravel()
+    return LaneDamping(gamma, pair, dampers.law[block], np.zeros(LANES), np.zeros_like(gamma))
 
 
 @fastmath_allocating
