@@ -29,8 +29,8 @@ def solid_plate(scene: Scene, progress: Progress) -> Finding:
     bent.require(scene, "plate")
     if any(scene.plate.loads.values()):
         raise InvalidScene(
-            f"the scene {scene.name} has a plate under forces in its plane; set plate.in_plane_x and "
-            "in_plane_y to 0."
+            f"the scene {scene.name} has a plate under forces in its plane; set plate.in_plane_x "
+            "and in_plane_y to 0."
         )
     clamped = dict.fromkeys(EDGES, "clamped")
     thin = scene.but(plate=clamped, reduction={"modes": None, "cutoff": None, "error": ERROR})
