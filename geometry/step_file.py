@@ -25,7 +25,9 @@ def check_step(path: Path) -> None:
     """Raises InvalidGeometry for a file that is missing, empty, cut off, or no STEP file."""
     if not path.is_file():
         why = "is no ordinary file" if path.exists() else "does not exist"
-        raise InvalidGeometry(f"{path} {why}; give a STEP file.")
+        script = path.with_suffix(".py")
+        remedy = f"draw it first: python {script}" if script.is_file() else "give a STEP file"
+        raise InvalidGeometry(f"{path} {why}; {remedy}.")
     content = path.read_bytes()
     if not content.strip():
         raise InvalidGeometry(f"{path} is empty; export the bodies as STEP again.")

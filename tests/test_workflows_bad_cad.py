@@ -55,6 +55,14 @@ def cut_off():
     Path("bad.step").write_text(text[: len(text) // 2])
 
 
+def test_a_step_file_that_a_script_draws_says_so(capsys):
+    """The example's scene in a fresh checkout."""
+    Path("bad.py").write_text("")
+    Path("mine.toml").write_text(SCENE.format(held="a:-z"), encoding="utf-8")
+    assert beadwave("modes", "mine.toml") == 2
+    assert "bad.step does not exist; draw it first: python " in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("make", "held", "told"),
     [

@@ -122,6 +122,22 @@ def test_a_look_at_a_step_file_tells_masses_pairs_and_holes(step, capsys):
     assert seen["unit"] == "mm" and seen["dofs"] == sum(b["dofs"] for b in seen["bodies"])
 
 
+def test_a_look_at_the_rig_tells_what_it_is_made_of(capsys):
+    """Its block is 131.5 x 98.2 x 41.5 mm; the dofs are those of its own mesh."""
+    assert beadwave("look", "rig-rom", "--json") == 0
+    seen = json.loads(capsys.readouterr().out)
+    table = scene("rig-rom").assembly
+    (block,) = (body for body in seen["bodies"] if body["name"] == "block")
+    volume = np.prod(block["sides_m"])
+    assert block["mass_kg"] == pytest.approx(table.made_of("block").density * volume, rel=1e-6)
+    holes = {(hole["body"], hole["number"]) for hole in seen["holes"]}
+    assert holes == {("sheet-y", 4), ("sheet+y", 4)}
+    pairs = {pair["between"] for pair in seen["touching"]}
+    assert {"block|sheet-y", "support|plate"} < pairs and len(pairs) == 6
+    built = pipeline_of(scene("rig-rom"), lambda name: nullcontext())
+    assert seen["dofs"] == 3 * sum(built("mesh").nodes.values())
+
+
 def test_the_starter_scene_of_a_step_file_has_modes_and_a_reduced_model(step, capsys):
     assert beadwave("look", step, "--scene=start.toml") == 0
     assert beadwave("reduce", "start.toml", "--out=rom.npz", "--set=mesh.scale=2") == 0

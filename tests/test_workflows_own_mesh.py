@@ -1,6 +1,7 @@
 """Scenes on a mesh of the user's own: bodies, touching pairs, bolts, ties, strikes, wrong files."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import gmsh
@@ -10,6 +11,8 @@ import pytest
 
 from command_line import beadwave
 from geometry.gmsh_session import session
+from workflows.files.scene import scene
+from workflows.pipeline.pipeline import pipeline_of
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -99,6 +102,22 @@ at = [0.0, 0.0, {}]"""
     np.testing.assert_allclose(again, tied, rtol=1e-6)
     bolted = modes_hz(capsys, f'{first}\ntouching = "free"\n{BOLTS}')
     assert np.all(np.divide(bolted, tied) < 0.9)
+
+
+def test_a_look_at_a_mesh_counts_its_own_dofs(meshes, capsys):
+    words = f'mesh = "{meshes}/bolted-2.msh"\ntouching = "tied"'
+    assert beadwave("look", written(words), "--json") == 0
+    seen = json.loads(capsys.readouterr().out)
+    bored = np.prod(SIDES) - 2 * np.pi * RADIUS**2
+    heights = {"base": 0.02, "cover": 0.006}
+    mass = {body["name"]: body["mass_kg"] for body in seen["bodies"]}
+    # its ten facets around a hole cut 6 % of it off
+    assert mass == pytest.approx({n: 7850 * bored * h for n, h in heights.items()}, rel=2e-3)
+    (pair,) = seen["touching"]
+    assert pair["between"] == "base|cover" and pair["area_m2"] == pytest.approx(bored, rel=2e-3)
+    assert {(hole["body"], hole["number"]) for hole in seen["holes"]} == {("base", 2), ("cover", 2)}
+    run = pipeline_of(scene("mine.toml"), lambda name: nullcontext())
+    assert seen["dofs"] == run("model").structure.n_dofs
 
 
 def test_a_mesh_of_hexahedra_and_tetrahedra_is_tied_where_they_touch(capsys):

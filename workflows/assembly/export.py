@@ -4,7 +4,6 @@ from pathlib import Path
 
 import rom
 from fem.abaqus import input_deck
-from geometry.rig import shapes
 from workflows.files.run_folder import writing_file
 from workflows.files.wall import require_reader
 from workflows.pipeline import bodies
@@ -12,7 +11,6 @@ from workflows.pipeline.assembly import dashpots
 from workflows.pipeline.pipeline import Pipeline
 from workflows.pipeline.wall import save
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.assembly import assembly
 
 FORMATS = (".npz", ".mat", ".h5")
 FULL_FORMATS = (".mat", ".npz")
@@ -40,7 +38,7 @@ def write_model(pipeline: Pipeline, inp: Path | None, step: Path | None) -> None
 def _shapes(scene: Scene) -> dict:
     if scene.is_general and scene.assembly.file:
         raise InvalidScene(f"{scene.name} has its geometry from {scene.assembly.file}; copy that.")
-    return bodies.shapes(scene) if scene.is_general else shapes(assembly(scene.assembly))
+    return bodies.shapes(scene)
 
 
 def write_reduced(pipeline: Pipeline, path: Path, matrices: Path | None = None) -> None:

@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
+from skfem import Mesh
 
 from fem.spot import spanning
 from workflows.files.run_folder import Picture, writing_file
+from workflows.pipeline import assembly
 from workflows.pipeline.bodies import Drawing, drawing
 from workflows.pipeline.pictures import picture_of
 from workflows.results.tables import aligned_text
@@ -113,27 +115,15 @@ def of_file(path: Path) -> Scene:
 
 
 def look(scene: Scene, source: str) -> Seen:
-    """Bodies, pairs and holes of a scene; raises InvalidScene for the thesis' rig."""
-    if not scene.is_general:
-        raise InvalidScene(
-            f"{source} has the thesis' rig, which is told by its dimensions; write its geometry by "
-            "modes --step FILE and look at that."
-        )
-    from geometry.body_mesh import body_meshes
-    from geometry.sizes import default_seeds
-
+    """Bodies, pairs and holes of a scene."""
     with drawing(scene) as drawn:
-        bodies, scale = drawn.bodies, scene.mesh.scale
         holes, starter = _holes(drawn), _starter(drawn, Path(source))
-        usual = default_seeds(bodies)
-        seeds = {name: scale * (scene.seed_of(name) or usual[name]) for name in bodies}
-        # with the outlines of partners on each other, where elements are as small as in a run
-        meshes = body_meshes(bodies, drawn.near.touching, gap=scene.assembly.gap, seeds=seeds)
+        meshes = _meshes(scene, drawn)
     nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
     seen = Look(
         name=source,
         unit=drawn.unit,
-        bodies=[_body(scene, b, nodes[name]) for name, b in bodies.items()],
+        bodies=[_body(scene, b, nodes[name]) for name, b in drawn.bodies.items()],
         touching=[
             SeenPair(between=t.name, area_m2=t.area, gap_m=t.gap) for t in drawn.near.touching
         ],
@@ -146,14 +136,33 @@ def look(scene: Scene, source: str) -> Seen:
     return Seen(seen, meshes, starter)
 
 
+def _meshes(scene: Scene, drawn: Drawing) -> dict[str, Mesh]:
+    """Of the bodies, as a run has them but for what is struck, held and bolted."""
+    if drawn.own:
+        return {name: skin.mesh for name, skin in drawn.own.skins.items()}
+    if not scene.is_general:
+        return assembly.mesh(scene).meshes
+    from geometry.body_mesh import body_meshes
+    from geometry.sizes import default_seeds
+
+    usual = default_seeds(drawn.bodies)
+    seeds = {name: scene.mesh.scale * (scene.seed_of(name) or usual[name]) for name in usual}
+    # with the outlines of partners on each other, where elements are as small as in a run
+    return body_meshes(drawn.bodies, drawn.near.touching, gap=scene.assembly.gap, seeds=seeds)
+
+
 def picture(seen: Seen) -> Picture:
     """The bodies, a colour and a name each."""
     return picture_of(seen.meshes)
 
 
 def _body(scene: Scene, body, nodes: float) -> SeenBody:
-    material = scene.material_name(body.name)
-    density = scene.materials[material].density if material in (scene.materials or {}) else None
+    if scene.is_general:
+        material = scene.material_name(body.name)
+        density = scene.materials[material].density if material in (scene.materials or {}) else None
+    else:
+        material, made_of = None, assembly.materials(scene.assembly, [body.name])
+        density = made_of[body.name].density
     return SeenBody(
         name=body.name,
         # to a micrometre: the CAD kernel pads its boxes by a tenth of one

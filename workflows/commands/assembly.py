@@ -54,7 +54,8 @@ def modes(
 
 def look(
     source: Annotated[
-        str, typer.Argument(metavar="FILE.step|SCENE", help="A STEP file, or a scene of bodies.")
+        str,
+        typer.Argument(metavar="FILE.step|SCENE", help="A STEP file, or a scene with an assembly."),
     ],
     starter: Annotated[
         Path | None, typer.Option("--scene", help="Write a scene of the file to start from.")

@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 import fem
-from geometry import InvalidGeometry
+from geometry import InvalidGeometry, rig
 from geometry.shapes import Box, Cylinder, Hole, Plate, Shape
 from workflows.pipeline.own_mesh import OwnMesh, own_mesh
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts, Struck
 from workflows.pipeline.strike import struck
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, Solid
+from workflows.scene.assembly import assembly
+from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, General, Solid
 from workflows.scene.size import too_large_mesh
 
 LARGEST = 30.0  # m, of an assembly: a thousand times as much is in other units
@@ -47,17 +48,17 @@ def drawing(scene: Scene) -> Iterator[Drawing]:
         raise ValueError(
             f"gmsh cannot start ({missing}); install its shared libraries (Debian: {GMSH_NEEDS})."
         ) from None
-    step, mesh = scene.assembly.step, scene.assembly.mesh
+    table = scene.assembly if scene.is_general else General()
     try:
-        if mesh:
-            own = own_mesh(Path(mesh), scene.assembly.gap)
+        if table.mesh:
+            own = own_mesh(Path(table.mesh), table.gap)
             _require_size(own.bodies)
             require_apart(own.meeting.near)
             yield Drawing(own.bodies, None, own.meeting.near, own)
             return
-        with model(shapes(scene), Path(step) if step else None) as drawn:
+        with model(shapes(scene), Path(table.step) if table.step else None) as drawn:
             _require_size(drawn.bodies)
-            near = neighbours(drawn.bodies, scene.assembly.gap)
+            near = neighbours(drawn.bodies, table.gap)
             require_apart(near)
             yield Drawing(drawn.bodies, drawn.unit, near)
     except InvalidGeometry as error:
@@ -77,7 +78,9 @@ def _require_size(bodies: Mapping) -> None:
 
 
 def shapes(scene: Scene) -> dict[str, Shape]:
-    """The bodies that the scene draws."""
+    """The bodies that the scene draws, those of the rig too."""
+    if not scene.is_general:
+        return rig.shapes(assembly(scene.assembly))
     return {name: _shape(b) for name, b in (scene.bodies or {}).items() if b.drawn}
 
 

@@ -31,6 +31,7 @@ BAR = {
     "position_x": 0.9, "position_y": 0.08, "label_font_size": 14, "title_font_size": 1,
     "color": "black",
 }  # fmt: skip
+SPLIT = 4  # of the sides of a triangle, between points that tell which body is in front
 BESIDE_BAR, BELOW_NAME = 0.87, 0.85  # shares of the view that a mode fills
 MATT = {"ambient": 0.35, "diffuse": 0.75, "specular": 0.0}
 
@@ -73,7 +74,11 @@ def _names(plotter: pv.Plotter, names: list[str], points: list[np.ndarray]) -> N
 
 
 def _points(body: pv.PolyData) -> np.ndarray:
-    return np.concatenate([body.points, body.cell_centers().points])
+    """Close enough on every facet to hide what is behind it."""
+    triangles = body.triangulate()
+    corners = triangles.points[triangles.regular_faces]
+    shares = [(i, j, SPLIT - i - j) for i in range(SPLIT + 1) for j in range(SPLIT + 1 - i)]
+    return np.einsum("sc,tcx->stx", np.array(shares) / SPLIT, corners).reshape(-1, 3)
 
 
 def _arrow(plotter: pv.Plotter, tip: np.ndarray, along: np.ndarray, length: float) -> None:
