@@ -50,6 +50,16 @@ def test_a_sensor_that_cannot_be_is_refused(sentence):
         with_sensors(REFUSED[sentence])
 
 
+def test_a_sensor_is_changed_by_its_number():
+    found = scene("sensed-beam", ("output.sensors.1.sphere=5", "output.sensors.1.noise=0.02"))
+    assert [(s.sphere, s.noise, s.gain) for s in found.output.sensors] == [(5, 0.02, "bead")]
+    for number in ("2", "0", "bead"):
+        with pytest.raises(InvalidScene, match=r"sensors is a list of 1; write sensors\.1"):
+            scene("sensed-beam", (f"output.sensors.{number}.sphere=5",))
+    with pytest.raises(InvalidScene, match=r"spheres = .* is a value and has no keys below it"):
+        scene("sensed-beam", ("output.spheres.1.sphere=5",))
+
+
 def test_two_sensors_of_the_same_are_refused():
     with pytest.raises(InvalidScene, match="second sensor of force 9"):
         with_sensors(FORCE, {"sphere": 9})

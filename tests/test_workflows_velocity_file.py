@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from workflows.files.records import Channel, measured, recorded
 from workflows.files.velocities import SYNTHETIC, Record, csv_text, record
 from workflows.scene import InvalidScene
 
@@ -40,7 +41,7 @@ def test_mat_gives_back_repeats(tmp_path):
     same(record(tmp_path / "a.mat"))
 
 
-def uff(path, signals):
+def uff(path, signals, label="NONE", unit="m/s"):
     """Signals (node, v) as UFF58."""
     pyuff = pytest.importorskip("pyuff", reason="UFF58 is optional (the extra `identify`)")
     file = pyuff.UFF(str(path))
@@ -48,16 +49,41 @@ def uff(path, signals):
         one = pyuff.prepare_58(
             binary=0, func_type=1, rsp_node=node, rsp_dir=1, data=v, x=T, id1=SYNTHETIC,
             abscissa_spacing=1, abscissa_spec_data_type=17, ordinate_spec_data_type=11,
-            ordinate_axis_units_lab="m/s", abscissa_axis_units_lab="s", ref_node=0, ref_dir=0,
+            ordinate_axis_units_lab=unit, abscissa_axis_units_lab="s", ref_node=0, ref_dir=0,
             orddenom_spec_data_type=0,
         )  # fmt: skip
-        file.write_sets(one, mode="add" if i else "overwrite")
+        file.write_sets(one | {"ordinate_axis_lab": label}, mode="add" if i else "overwrite")
 
 
 def test_uff_gives_back_repeats(tmp_path):
     spheres = tuple(enumerate((1, 4, 14)))
     uff(tmp_path / "a.uff", [(n, V[r, :, i]) for r in range(2) for i, n in spheres])
     same(record(tmp_path / "a.uff"), atol=1e-5 * np.abs(V).max())
+
+
+@pytest.mark.parametrize(
+    ("label", "unit", "quantity", "in_volts", "scale"),
+    [("Force", "mN", "force", False, 1e-3), ("NONE", "N", "force", False, 1.0),
+     ("force-rate", "mV", "force-rate", True, 1e-3), ("NONE", "mV", "velocity", True, 1e-3)],
+)  # fmt: skip
+def test_a_universal_file_of_any_sensor_says_what_it_measures(
+    label, unit, quantity, in_volts, scale, tmp_path
+):
+    path = tmp_path / "a.uff"
+    uff(path, [(9, V[r, :, 0]) for r in range(2)], label, unit)
+    found = measured(path)
+    assert found.channels == (Channel(9, quantity, in_volts),)
+    np.testing.assert_allclose(found.v[:, :, 0], scale * V[:, :, 0], rtol=1e-4, atol=1e-5 * scale)
+    assert recorded(path).channels == found.channels and recorded(path).repeats == 2
+
+
+def test_a_universal_file_of_velocities_is_no_signals_and_one_without_a_unit_is_refused(tmp_path):
+    path = tmp_path / "a.uff"
+    uff(path, [(1, V[0, :, 0])])
+    assert measured(path).channels is None and measured(path).spheres == (1,)
+    uff(path, [(1, V[0, :, 0])], unit="NONE")
+    with pytest.raises(InvalidScene, match=r"'sphere 1 \[\]', allowed is .* with its unit"):
+        measured(path)
 
 
 def csv(rows=80, head="time [s],sphere 1 [m/s],sphere 4 [m/s]", change=None):

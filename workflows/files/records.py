@@ -1,5 +1,6 @@
 """Records of any sensors, as `beadwave impact` writes them: CSV with a quantity in each column,
-or .mat with y (k, m) or (k, m, repeats) and the texts quantity and unit, the rest as velocities.
+or .mat with y (k, m) or (k, m, repeats) and the texts quantity and unit, the rest as velocities, or
+UFF58, where the label of the ordinate may name the quantity and its unit is needed.
 
     time [us], sphere 9 force [mN], sphere 9 force [mN], sphere 4 velocity [mm/s]
 
@@ -25,6 +26,7 @@ from workflows.files.velocities import (
     equidistant,
     mat_columns,
     read_csv,
+    read_uff,
     record,
     require_variables,
     stacked,
@@ -36,6 +38,7 @@ from workflows.scene.named_files import require_file
 from workflows.scene.sensors import KINDS
 from workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
 
+UNIVERSAL = (".uff", ".unv")
 HEADING = r"sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"
 
 
@@ -79,14 +82,18 @@ def recorded(path: Path) -> Recorded:
 
 def measured(path: Path) -> Record:
     """Velocities or signals of any sensors, all repeats; raises InvalidScene."""
-    if not _holds_channels(path):
+    if path.suffix.lower() not in UNIVERSAL and not _holds_channels(path):
         return record(path)
     t, channels, y, title = _channels(path)
+    if path.suffix.lower() in UNIVERSAL and not any(map(_is_no_velocity, channels)):
+        return Record(t, y, tuple(c.sphere for c in channels), title)
     return Record(t, y, tuple(c.sphere for c in channels), title, channels)
 
 
 def _channels(path: Path):
     """t, channels, values (r, k, m) and title of a file."""
+    if path.suffix.lower() in UNIVERSAL:
+        return read_uff(path, _column)
     return _read_mat(path) if _is_mat(path) else read_csv(path, _column)
 
 
@@ -114,6 +121,10 @@ def _is_channel(name: str) -> bool:
         channel, _ = _column(name)
     except ValueError:
         return False
+    return _is_no_velocity(channel)
+
+
+def _is_no_velocity(channel: Channel) -> bool:
     return channel.in_volts or channel.quantity != "velocity"
 
 

@@ -184,7 +184,15 @@ def text_of(held: dict, name: str) -> str:
     return str(value.ravel()[0]) if is_text else ""
 
 
-def _uff(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
+def read_uff(path: Path, column: Callable[[str], tuple[Any, float]]):
+    """The same of a universal file: a heading is made of node, label and unit of each data set."""
+    require_file(path, "give a record as .uff")
+    with told_of(path):
+        t, columns, title = _uff(path, column)
+        return equidistant(t), *stacked(t, columns), title
+
+
+def _uff(path: Path, column: Callable | None = None) -> tuple[NDArray[np.float64], Columns, str]:
     raw = path.read_bytes()
     if b"58b" not in raw and sum(line.strip() == b"-1" for line in raw.splitlines()) % 2:
         raise ValueError("its last data set has no end, the file is cut off")
@@ -200,9 +208,17 @@ def _uff(path: Path) -> tuple[NDArray[np.float64], Columns, str]:
     for s in sets:
         if np.iscomplexobj(s["data"]):
             raise ValueError(f"the signal of node {s['rsp_node']} is complex, real ones are needed")
-        metre = _unit(_label(s, "ordinate_axis_units_lab"), METRES, f"node {s['rsp_node']}")
-        columns.append((int(s["rsp_node"]), metre * np.asarray(s["data"], float)))
+        key, scale = (column or _sphere_column)(_heading(s, named=column is not None))
+        columns.append((key, scale * np.asarray(s["data"], float)))
     return second * t, columns, str(sets[0]["id1"]).strip()
+
+
+def _heading(data_set: dict, *, named: bool) -> str:
+    """As in a CSV, with the quantity that the ordinate's label may say."""
+    quantity = _label(data_set, "ordinate_axis_lab").lower() if named else ""
+    unit = _label(data_set, "ordinate_axis_units_lab")
+    words = f"sphere {data_set['rsp_node']}", quantity, f"[{unit}]"
+    return " ".join(filter(None, words))
 
 
 def _label(data_set: dict, key: str) -> str:

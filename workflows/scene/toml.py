@@ -123,17 +123,25 @@ def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[
         )
         return {**replaced, first: value}
     below = table.get(first, {})
-    if isinstance(below, list) and (named := _called(below, rest[0])) and len(rest) > 1:
+    if (named := _called(below).get(rest[0])) and len(rest) > 1:
         with_value = _with(named, rest[1:], value, key)
         return {**table, first: [with_value if one is named else one for one in below]}
     if not isinstance(below, dict):
-        raise InvalidScene(f"--set {key}: {first} = {below!r} is a value and has no keys below it.")
+        raise InvalidScene(f"--set {key}: {_no_keys(first, below)}")
     return {**table, first: _with(below, rest, value, key)}
 
 
-def _called(tables: list[Any], name: str) -> dict[str, Any] | None:
-    """The table of a list that bears the name."""
-    return next((t for t in tables if isinstance(t, dict) and t.get("name") == name), None)
+def _no_keys(name: str, value: Any) -> str:
+    """Why a value that is no table has none of the name that was asked for."""
+    if known := list(_called(value)):
+        return f"{name} is a list of {', '.join(known)}; write {name}.{known[0]} and a key."
+    return f"{name} = {_shown(value)} is a value and has no keys below it."
+
+
+def _called(value: Any) -> dict[str, dict[str, Any]]:
+    """The tables of a list by their names, those that bear none by their number from 1."""
+    tables = [t for t in value if isinstance(t, dict)] if isinstance(value, list) else []
+    return {str(t.get("name", i)): t for i, t in enumerate(tables, start=1)}
 
 
 def _validated(model: type[BaseModel], tables: dict[str, Any], source: str, prefix=()):
