@@ -17,8 +17,17 @@ from dem import Wall, dashpot_wall, equilibrium, march, rigid_wall
 from dem.kernels import checks, dense, events, explicit, laws, oscillators, passages
 from dem.kernels.arguments import DASH, IN_WALL, Damping, Modes, Motion, Plastic, U
 from dem.kernels.compiled import Compiled
-from dem.kernels.equilibrium import Bearing, rest
-from dem.kernels.implicit import closed_share, lead, mean_hertz, mean_series
+from dem.kernels.equilibrium import Bearing, newton_step, rest, static_residual, static_slope
+from dem.kernels.implicit import (
+    Passage,
+    closed_share,
+    lead,
+    mean_force,
+    mean_hertz,
+    mean_series,
+    newton_change,
+    workspace,
+)
 from dem.kernels.modes import push_modes, shift_modes
 from dem.schemes import SCHEMES, _hurwitz
 from known_models import speeds, unit_chain
@@ -506,6 +515,97 @@ def test_a_strong_damper_reads_the_velocity_at_the_end_of_a_step(z):
     at = lead(4.0)[0]
     assert near((1 - 2 + 4 * at) / (1 + 2 + 4 * at), math.exp(-4), 0.02)
     assert lead(1e4)[0] == pytest.approx(0.5, rel=1e-6) and lead(0.01)[0] < 1e-8
+
+
+@pytest.mark.parametrize("s", [None, 0.6])
+@pytest.mark.parametrize(("g0", "g1"), [(0.2, 0.5), (0.5, 0.2), (-0.2, 0.4), (0.4, -0.2)])
+@pytest.mark.parametrize("law", [laws.LINEAR, laws.LINEAR_CLIPPED, laws.HUNT_CROSSLEY])
+@pytest.mark.parametrize("compliance", [1e-3, 0.02])
+def test_a_damped_mean_force_is_elastic_and_rate_and_has_its_slope(compliance, law, g0, g1, s):
+    """c (rate + 2 ahead (rate - w0)) beside the elastic part; light bodies are not led."""
+    As, damping = np.array([5.0, A]), Damping(np.array([0.3, 0.4]), law, np.full(2, 2.0))
+    dt, w0 = 0.1, 0.2
+
+    def force(g1):
+        over = Passage(1, True, g0, g1, w0, compliance)
+        return mean_force(over, 1 / dt, As, s, damping)
+
+    found, slope, elastic = force(g1)
+    exact = mean_series(g0, g1, A, s)[0] if s else mean_hertz(g0, g1, A)[0]
+    assert near(elastic, exact)
+    assert force(g1)[0] == found and mean_force(
+        Passage(1, True, g0, g1, w0, compliance), 1 / dt, As, s, None
+    )[::2] == (elastic, elastic)
+    c = 0.4 * elastic if law == laws.HUNT_CROSSLEY else 0.4
+    if s:
+        c *= laws.spring_share(laws.contact_stiffness(1, elastic, As, None), s)[0]
+    led = compliance / dt**2 > 0.75
+    assert led is (compliance > 0.01)
+    ahead = lead(2 * c * compliance / dt)[0] if led else 0.0
+    closed = 1.0 if law == laws.HUNT_CROSSLEY else closed_share(g0, g1)[0]
+    rate = (g1 - g0) / dt
+    total = elastic + c * closed * (rate + 2 * ahead * (rate - w0))
+    assert near(found, total if law == laws.LINEAR else max(total, 0.0))
+    h = 1e-5
+    numeric = (force(g1 + h)[0] - force(g1 - h)[0]) / (2 * h)
+    if s is None or (law == laws.HUNT_CROSSLEY and found == 0.0):
+        assert abs(slope - numeric) < 1e-7
+
+
+def test_a_damper_counts_no_more_than_what_stops_the_bodies_ten_thousand_times():
+    As, compliance, dt = np.array([A]), 0.02, 0.1
+    damping = Damping(np.array([1e12]), laws.LINEAR, np.ones(1))
+    found = mean_force(Passage(0, False, 0.3, 0.4, 0.0, compliance), 1 / dt, As, None, damping)[0]
+    most = laws.STOPPED / (2 * compliance / dt)
+    assert near(found, most * (1 + 2 * lead(laws.STOPPED)[0]), 1e-3)
+
+
+def tangent(diagonal, k):
+    """A chain of contacts of the stiffness k, the last one at a wall."""
+    n = len(diagonal)
+    K = np.diag(diagonal)
+    for i, stiffness in enumerate(k):
+        K[i, i] += stiffness
+        if i + 1 < n:
+            K[i + 1, i + 1] += stiffness
+            K[i, i + 1] = K[i + 1, i] = -stiffness
+    return K
+
+
+@pytest.mark.parametrize("walled", [True, False])
+def test_changes_of_newton_solve_their_tangents(walled):
+    rng = np.random.default_rng(1)
+    n = 5
+    k, r = rng.uniform(1, 3, n), rng.standard_normal(n)
+    k[-1] *= walled
+    stiffness, change = rng.uniform(0, 0.2, n), np.zeros(n)
+    newton_step(stiffness, k, r, 0.03, np.zeros(n), change)
+    np.testing.assert_allclose(tangent(stiffness + 0.03, k) @ change, r, atol=1e-13)
+    contacts = n if walled else n - 1
+    compliance, residual = rng.uniform(0.1, 0.5, n + 1), rng.standard_normal(n + 1)
+    work = workspace(n, contacts)[1]
+    work.residual[:], work.slope[:contacts] = residual, k[:contacts]
+    newton_change(compliance, contacts, work)
+    exact = np.eye(n + 1) + compliance[:, None] * tangent(np.zeros(n + 1), k[:contacts])
+    np.testing.assert_allclose(exact @ work.residual, residual, atol=1e-13)
+
+
+@pytest.mark.parametrize("compliance", [0.0, 0.4])
+def test_the_slope_of_every_contact_at_rest_is_that_of_its_force(compliance):
+    x, As, k = np.array([0.5, 0.2, 0.1]), np.array([1.0, 3.0, 2.0]), np.zeros(3)
+    none = np.zeros(3)
+    static_slope(x, As, compliance, k)
+
+    def forces(x):
+        f, r = np.zeros(4), np.zeros(3)
+        static_residual(x, Bearing(As, none, none, none, compliance), f, r)
+        return f[1:]
+
+    h = 1e-6
+    for i in range(3):
+        step = h * np.eye(3)[i]
+        numeric = (forces(x + step)[i] - forces(x - step)[i]) / (2 * h)
+        assert near(k[i], numeric, 1e-8)
 
 
 # --- whole chains --------------------------------------------------------------------------------

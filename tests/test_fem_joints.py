@@ -60,6 +60,15 @@ def frequencies(model, n=4):
     return modes(model.K, model.M, n).frequency_hz
 
 
+def test_a_rigid_motion_is_a_shift_and_the_cross_product_of_a_turn():
+    rng = np.random.default_rng(0)
+    points, centre, shift, turn = rng.normal(size=(9, 3)), np.ones(3), *rng.normal(size=(2, 3))
+    moved = rigid_motion(points, centre) @ np.append(shift, turn)
+    np.testing.assert_allclose(
+        moved.reshape(-1, 3), shift + np.cross(turn, points - centre), atol=1e-14
+    )
+
+
 def test_coupling_means_of_a_rigid_motion_are_that_motion():
     rng = np.random.default_rng(1)
     points, weights, centre = rng.normal(size=(20, 3)), rng.uniform(1, 2, 20), np.ones(3)
@@ -216,6 +225,16 @@ def test_a_washer_that_holds_too_few_nodes_is_refused(structure):
     joint = Joint("bolt", small, Side("lower:top", "mean"), np.array([0.0, 0.0, LOWER]))
     with pytest.raises(ValueError, match=r"joint bolt holds \d nodes of upper:foot within 0.002 m"):
         joined(structure, Connections(joints=[joint]))
+
+
+def test_three_nodes_that_are_no_line_hold_a_joint(structure):
+    """The corner of a face and its two neighbours."""
+    spots = structure.points[face_nodes(structure, "upper:foot")[:, 0] // 3]
+    corner = spots[np.lexsort(spots.T)[0]]
+    radius = np.sort(np.linalg.norm(spots - corner, axis=1))[2]
+    joint = Joint("bolt", Side("upper:foot", "rigid", within=radius), None, corner)
+    (held,) = rigid_sides(structure, [joint], structure.n_dofs + 12)
+    assert len(held.slaves) == 9
 
 
 def test_a_joint_on_a_face_that_is_held_already_is_refused(structure):

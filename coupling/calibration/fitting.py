@@ -125,7 +125,7 @@ def _cycles(contacts: list[int]):
 
 def weights(spread: np.ndarray) -> np.ndarray:
     """(m,) one over the noise of each sphere, relative to the rms; equal where it is unknown."""
-    if not np.all(np.isfinite(spread)) or spread.min(initial=0.0) <= 0.0:
+    if not np.all(np.isfinite(spread)) or spread.min(initial=np.inf) <= 0.0:
         return np.ones(len(spread))
     return np.sqrt(np.mean(spread**2)) / np.maximum(spread, 0.1 * spread.max())
 

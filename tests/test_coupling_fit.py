@@ -1,0 +1,464 @@
+"""The parts of a calibration on models with known answers: lines, sines, noise."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+from scipy.signal import freqz_sos, sosfilt
+
+import dem
+from coupling.calibration import signals as laid
+from coupling.calibration.fitting import CLOSE, IMPOSSIBLE, PRIOR, Fit, _cycles, rms, weights
+from coupling.calibration.forward import NO_FILTER, Forward
+from coupling.calibration.instrument import OVERSAMPLED, Clean, Twin, repeated, shown
+from coupling.calibration.parameters import (
+    Parameter,
+    Rig,
+    coordinates,
+    directions,
+    rig_at,
+    slopes,
+    values,
+)
+from coupling.calibration.signals import Filter, Signals, aligned, lag_of, noise_of_mean
+from coupling.calibration.uncertainty import _cut, noise_along, uncertainty
+
+KINDS = (
+    "contact", "preload", "dissipation", "striker", "trigger", "frequency", "mass", "damping",
+)  # fmt: skip
+T = np.arange(400) * 1e-3
+J = np.stack([np.cos(3 * T), T**2, np.sin(40 * T)], axis=1)[:, None, :]
+
+
+def a_rig():
+    chain = dem.row_of_spheres(0.01, 7800.0, 2e11, 0.3, count=3, preload=2.0)
+    wall = dem.one_dof_wall(900.0, 0.5, 0.05)
+    return Rig(chain, wall, np.array([0.3, 0.01, 0.0]), np.array([[0.7]]), 1e-5)
+
+
+def every_kind():
+    starts = (1.1, 2.0, 0.02, 0.31, 2e-5, 900.0, 0.5, 0.05)
+    return tuple(
+        Parameter(
+            kind, kind, start, 0.1 * start, 9 * start, 0.3 * start, "", int(kind == "contact")
+        )
+        for kind, start in zip(KINDS, starts, strict=True)
+    )
+
+
+# --- parameters ----------------------------------------------------------------------------------
+
+
+def test_coordinates_are_in_scales_and_lead_back():
+    """A step of one is a scale; of what goes by factors, the factor exp(scale / start)."""
+    parameters = every_kind()
+    theta = np.array([1.3 * p.start for p in parameters])
+    z = coordinates(parameters, theta)
+    np.testing.assert_allclose(values(parameters, z), theta, rtol=1e-14)
+    by_factors = np.exp(0.3) * theta
+    moved = np.where([p.kind in ("dissipation", "trigger", "damping") for p in parameters],
+                     theta + [p.scale for p in parameters], by_factors)  # fmt: skip
+    np.testing.assert_allclose(values(parameters, z + 1), moved, rtol=1e-12)
+    h = 1e-6
+    numeric = (values(parameters, z + h) - values(parameters, z - h)) / (2 * h)
+    np.testing.assert_allclose(slopes(parameters, theta), numeric, rtol=1e-8)
+
+
+def test_a_rig_has_its_parameters_and_their_directions():
+    """Each direction against the difference of two rigs."""
+    rig, parameters = a_rig(), every_kind()
+    theta = np.array([1.2, 3.0, 0.05, 0.4, 3e-5, 700.0, 0.8, 0.06])
+
+    def numbers(theta):
+        at = rig_at(rig, parameters, theta)
+        chain, wall = at.chain, at.wall
+        return (chain.A, chain.gamma, at.v0, [chain.preload], wall.phi, wall.omega, wall.zeta)
+
+    at = rig_at(rig, parameters, theta)
+    assert at.trigger == 3e-5 and at.chain.dissipation == "hunt-crossley"
+    np.testing.assert_allclose(at.chain.A / rig.chain.A, [1.0, 1.2, 1.0], rtol=1e-14)
+    np.testing.assert_allclose(at.v0, [0.4, 0.01, 0.0])
+    np.testing.assert_allclose(at.wall.omega, 2 * np.pi * 700.0)
+    np.testing.assert_allclose(at.wall.phi**-2, 0.8)
+    np.testing.assert_allclose(at.wall.zeta, 0.05 + 0.7 * 0.01)
+    given = directions(rig, parameters, theta)
+    for j, p in enumerate(parameters):
+        h = 1e-5 * p.start * np.eye(len(parameters))[j]
+        pairs = zip(numbers(theta + h), numbers(theta - h), strict=True)
+        numeric = [(np.asarray(b) - a) / (2 * h[j]) for b, a in pairs]
+        for found, exact in zip(given, numeric, strict=True):
+            np.testing.assert_allclose(found.reshape(-1, 8)[:, j], exact, rtol=1e-7, atol=1e-9)
+
+
+def test_a_damping_ratio_ends_at_zero():
+    damping = every_kind()[-1:]
+    assert rig_at(a_rig(), damping, [-0.9]).wall.zeta[0] == 0.0
+
+
+# --- fits ----------------------------------------------------------------------------------------
+
+
+class Linear(Forward):
+    """J theta instead of a chain; impossible beyond 50."""
+
+    def __init__(self, signals, kind="damping"):
+        self.parameters = tuple(
+            Parameter(f"p{i}", kind, 1.0, 0.1, 60.0, s, "", i) for i, s in enumerate((0.1, 0.5, 2))
+        )
+        self.signals, self.filters = signals, NO_FILTER
+
+    def velocities(self, theta, first=None):
+        if max(theta) > 50:
+            raise dem.InvalidChain("beyond 50")
+        return np.repeat(J @ theta, self.signals.v.shape[1], axis=1)[:first]
+
+    def velocities_and_sensitivities(self, theta, first=None):
+        return self.velocities(theta, first), np.repeat(J, self.signals.v.shape[1], axis=1)[:first]
+
+
+TRUTH = np.array([1.5, 2.0, 0.7])
+
+
+def a_fit(kind="damping", spread=(np.nan,), noise=0.0):
+    v = np.repeat(J @ TRUTH, len(spread), axis=1)
+    v += noise * np.random.default_rng(2).standard_normal(v.shape)
+    return Fit(Linear(Signals(T, v, (0,) * len(spread), np.array(spread)), kind))
+
+
+EVERYTHING = np.ones((len(T), 1), bool)
+
+
+@pytest.mark.parametrize("kind", ["damping", "contact"])
+def test_a_fit_of_a_linear_model_is_its_least_squares(kind):
+    """Linear or by factors; parameters that are not free stay, and a window ends where it does."""
+    fit, window = a_fit(kind, noise=0.1), EVERYTHING.copy()
+    window[300:] = False
+    start = coordinates(fit.parameters, [1.0, 1.0, 0.7])
+    free = np.array([True, True, False])
+    found = fit.solved(start, free, window)
+    A, b = J[:300, 0], fit.data[:300, 0]
+    exact = np.linalg.lstsq(A[:, :2], b - 0.7 * A[:, 2], rcond=None)[0]
+    np.testing.assert_allclose(values(fit.parameters, found.z), [*exact, 0.7], rtol=1e-7)
+    left = A @ values(fit.parameters, found.z) - b
+    assert found.misfit == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
+    assert found.converged and found.evaluations > 0
+    none = fit.solved(start, np.zeros(3, bool), window)
+    assert (none.misfit, none.evaluations, none.converged) == (fit.misfit(start, window), 0, True)
+
+
+def test_a_fit_with_a_prior_is_held_by_weak_springs():
+    """PRIOR of the fastest sphere per scale, over the rms of the window."""
+    fit = a_fit(noise=0.1)
+    start = coordinates(fit.parameters, [1.0, 1.0, 1.0])
+    found = fit.solved(start, np.ones(3, bool), EVERYTHING, prior=True)
+    scales = np.array([p.scale for p in fit.parameters])
+    spring = PRIOR * np.abs(fit.data).max() * np.sqrt(len(T))
+    A = np.vstack([J[:, 0] * scales, spring * np.eye(3)])
+    b = np.concatenate([fit.data[:, 0], spring * start])
+    np.testing.assert_allclose(found.z, np.linalg.lstsq(A, b, rcond=None)[0], rtol=1e-8)
+    free = fit.solved(start, np.ones(3, bool), EVERYTHING)
+    assert np.abs(found.z - free.z).max() > 1e-7
+
+
+def test_a_fit_ends_at_its_bounds():
+    fit = a_fit()
+    fit.high = coordinates(fit.parameters, [1.2, 60.0, 60.0])
+    found = fit.solved(coordinates(fit.parameters, [1.0, 1.0, 1.0]), np.ones(3, bool), EVERYTHING)
+    bounds = ([0.1] * 3, [1.2, 60, 60])
+    exact = lsq_linear(J[:, 0], fit.data[:, 0], bounds).x
+    np.testing.assert_allclose(values(fit.parameters, found.z), exact, rtol=1e-4)
+
+
+def test_the_jacobian_is_that_of_the_residual():
+    fit = a_fit("contact", spread=(0.1, 0.4))
+    window = np.repeat(EVERYTHING, 2, axis=1)
+    window[::3, 1] = False
+    z, h = coordinates(fit.parameters, [1.1, 1.3, 0.9]), 1e-5
+    steps = h * np.eye(3)
+    numeric = [(fit.residual(z + s, window) - fit.residual(z - s, window)) / (2 * h) for s in steps]
+    np.testing.assert_allclose(fit.jacobian(z, window), np.transpose(numeric), rtol=1e-7, atol=1e-9)
+
+
+def test_what_cannot_run_is_far_off():
+    fit = a_fit()
+    z = coordinates(fit.parameters, [1.0, 55.0, 1.0])
+    worst = IMPOSSIBLE * np.abs(fit.data).max()
+    np.testing.assert_array_equal(fit.residual(z, EVERYTHING), np.full(len(T), worst))
+    assert fit.misfit(z, EVERYTHING) == pytest.approx(worst)
+
+
+def test_weights_are_one_over_the_noise_and_unit_in_the_rms():
+    """A sphere of a tenth of the largest noise and less counts no more than that."""
+    spread = np.array([0.1, 0.2, 0.4])
+    np.testing.assert_allclose(weights(spread) * spread, np.sqrt(np.mean(spread**2)), rtol=1e-14)
+    np.testing.assert_array_equal(weights(np.array([0.1, np.nan])), [1.0, 1.0])
+    np.testing.assert_array_equal(weights(np.array([0.1, 0.0])), [1.0, 1.0])
+    still = np.array([1e-9, 1.0])
+    np.testing.assert_allclose(weights(still)[0] / weights(still)[1], 10.0, rtol=1e-12)
+    assert rms(np.array([3.0, -4.0])) == pytest.approx(np.sqrt(12.5)) and rms(np.zeros(0)) == 0.0
+
+
+def test_swaps_are_guessed_by_what_the_rest_cannot_follow():
+    """Two contacts in each other's place, put back, leave nothing; the rest as far as linear."""
+    fit = a_fit("contact")
+    wrong = coordinates(fit.parameters, TRUTH[[1, 0, 2]])
+    true = coordinates(fit.parameters, TRUTH)
+    wrong[[0, 1]] = true[[1, 0]]
+    free = np.array([True, True, False])
+    ((misfit, z),) = fit.swapped(wrong, free, EVERYTHING)
+    np.testing.assert_allclose(z, true)
+    assert misfit < 1e-12
+    found = fit.swapped(wrong, np.ones(3, bool), EVERYTHING)
+    assert [m for m, _ in found] == sorted(m for m, _ in found) and len(found) == 3
+    A = J[:, 0] * slopes(fit.parameters, values(fit.parameters, wrong))
+    for guess, other in found:
+        r = fit.residual(other, EVERYTHING)
+        left = r - A @ np.linalg.lstsq(A, r, rcond=None)[0]
+        assert guess == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-6, abs=1e-12)
+    near = true.copy()
+    near[1] = near[0] + 0.09
+    kept = {tuple(z) for _, z in fit.swapped(near, np.ones(3, bool), EVERYTHING)}
+    assert len(kept) == 2  # the two that are alike are not worth it
+
+
+def test_cycles_are_both_of_any_three_contacts_that_lie_close():
+    contacts = [0, 1, 3, 4, 9]
+    close = {c for c in permutations(contacts, 3) if c[0] == min(c) and max(c) - min(c) <= CLOSE}
+    assert set(_cycles(contacts)) == close and len(close) == 8
+    fit = a_fit("contact")
+    z = coordinates(fit.parameters, TRUTH)
+    turned = sorted(tuple(z[list(o)]) for o in ((1, 2, 0), (2, 0, 1)))
+    found = fit.swapped(z, np.ones(3, bool), EVERYTHING, cycles=True)
+    assert sorted(tuple(one) for _, one in found) == turned
+
+
+# --- bars ----------------------------------------------------------------------------------------
+
+
+def parameters_of(scales):
+    return [Parameter(f"p{i}", "contact", 1.0, 0.1, 9.0, s, "", i) for i, s in enumerate(scales)]
+
+
+def toeplitz(residual, taken):
+    """R of a residual (k,) whose spectrum is divided by what a fit leaves of it."""
+    k = len(residual)
+    power = np.abs(np.fft.rfft(residual, 2 * k)) ** 2 / np.clip(1 - taken, 0.2, 1)
+    r = np.fft.irfft(power, 2 * k)[:k] / k
+    lags = _cut(r)
+    i = np.abs(np.subtract.outer(np.arange(k), np.arange(k)))
+    spectrum = np.fft.rfft(np.r_[r[: lags + 1], np.zeros(2 * k - 2 * lags - 1), r[lags:0:-1]]).real
+    kernel = np.fft.irfft(np.maximum(spectrum, 0), 2 * k)
+    return kernel[i]
+
+
+def test_noise_along_a_fit_is_the_product_with_its_autocovariance():
+    rng = np.random.default_rng(3)
+    U = np.linalg.qr(rng.standard_normal((240, 3)).cumsum(axis=0))[0].reshape(120, 2, 3)
+    residual = sosfilt(laid._low_pass(0.1, 1.0)[0], rng.standard_normal((120, 2)), axis=0)
+    exact = 0
+    for i in range(2):
+        taken = np.sum(np.abs(np.fft.rfft(U[:, i], 240, axis=0)) ** 2, axis=1) / 120
+        exact = exact + U[:, i].T @ toeplitz(residual[:, i], taken) @ U[:, i]
+    np.testing.assert_allclose(noise_along(U, residual), exact, rtol=1e-10)
+
+
+def test_lags_end_ten_times_beyond_the_first_that_has_died():
+    r = np.r_[1.0, 0.5, 0.11, 0.09, np.zeros(96)]
+    assert _cut(r) == 25 and _cut(np.r_[r, np.zeros(100)]) == 30
+    assert _cut(np.ones(100)) == 25 and _cut(np.r_[1.0, np.zeros(99)]) == 10
+
+
+@pytest.mark.parametrize("prior", [False, True])
+def test_the_covariance_of_a_fit_is_the_sandwich_of_its_jacobian(prior):
+    """H^-1 (J^T R J) H^-1 in scales, with what is known besides added to its inverse; parameters
+    that are held have none."""
+    rng = np.random.default_rng(5)
+    parameters = parameters_of((0.3, 2.0, 1.0, 0.1))
+    scale, J = np.array([p.scale for p in parameters]), rng.standard_normal((150, 2, 4))
+    left, held = rng.standard_normal((150, 2)), np.array([False, False, True, False])
+    known = np.diag([3.0, 0.0, 7.0, 50.0]) if prior else None
+    found = uncertainty(parameters, left, J, held, known)
+    A = (J * scale)[:, :, ~held]
+    U, s, Vt = np.linalg.svd(A.reshape(-1, 3), full_matrices=False)
+    middle = noise_along(U.reshape(150, 2, 3), left)
+    cov = (Vt.T / s) @ middle @ (Vt.T / s).T
+    if prior:
+        cov = np.linalg.inv(np.linalg.inv(cov) + known[np.ix_(~held, ~held)])
+    whole = np.zeros((4, 4))
+    whole[np.ix_(~held, ~held)] = cov
+    np.testing.assert_allclose(found.covariance, whole * np.outer(scale, scale), rtol=1e-8)
+    np.testing.assert_allclose(found.two_sigma, 2 * np.sqrt(np.diag(whole)) * scale, rtol=1e-8)
+    np.testing.assert_allclose(found.singular, s, rtol=1e-10)
+    sigma = np.sqrt(np.diag(cov))
+    free = np.ix_(~held, ~held)
+    np.testing.assert_allclose(found.correlation[free], cov / np.outer(sigma, sigma), rtol=1e-8)
+    assert not found.correlation[2].any()
+    bars = [c.two_sigma for c in found.combinations]
+    np.testing.assert_allclose(bars, 2 * np.sqrt(np.linalg.eigvalsh(cov)[::-1]), rtol=1e-7)
+    for one in found.combinations:
+        assert np.linalg.norm(one.direction) == pytest.approx(1.0) and one.direction[2] == 0
+        square = one.direction @ whole @ one.direction
+        assert 2 * np.sqrt(square) == pytest.approx(one.two_sigma, rel=1e-7)
+
+
+def test_a_combination_is_told_by_its_largest_shares():
+    from coupling.calibration.uncertainty import Combination
+
+    one = Combination(np.array([-0.6, 0.1, 0.5, 0.0, -0.3]), 1.0)
+    assert one.text(parameters_of((1,) * 5)) == "0.60 p0 - 0.50 p2 + 0.30 p4"
+    flat = Combination(np.full(25, 0.2), 1.0)
+    assert flat.text(parameters_of((1,) * 25)) == "0.20 p0"
+    many = Combination(np.array([0.4, 0.41, 0.42, 0.43, 0.44]), 1.0)
+    assert many.text(parameters_of((1,) * 5)).count("p") == 4
+
+
+# --- signals -------------------------------------------------------------------------------------
+
+FINE = np.arange(0, 1e-3, 1e-6)
+
+
+def bumps(t, late=0.0):
+    """Two waves of two spheres."""
+    s = t - late
+    wave = [np.exp(-(((s - c) / 3e-5) ** 2)) for c in (3e-4, 6e-4)]
+    return np.column_stack([wave[0] - 0.5 * wave[1], 0.8 * wave[1]])
+
+
+@pytest.mark.parametrize("late", [0.0, 2.3e-6, -37.6e-6])
+def test_a_lag_is_found_to_a_fraction_of_a_sample(late):
+    assert lag_of(FINE, bumps(FINE, late), bumps(FINE)) == pytest.approx(late, abs=3e-9)
+
+
+@pytest.mark.parametrize("lag", [-60, 0, 45])
+def test_a_lag_by_samples_is_the_best_correlation(lag):
+    v = bumps(FINE)
+    found = laid._coarse_shift(FINE, v, np.roll(v, lag, axis=0) + 5.0)
+    assert found == pytest.approx(lag * 1e-6, abs=1e-12)
+
+
+def test_repeats_are_averaged_where_they_lie_over_each_other():
+    late = np.array([3.2e-6, -5.1e-6, 1.9e-6])
+    v = np.array([bumps(FINE, s) for s in late])
+    found = aligned(FINE, v, (0, 1))
+    np.testing.assert_allclose(found.shift, late - late.mean(), atol=2e-9)
+    np.testing.assert_allclose(found.signals.v, bumps(FINE, late.mean()), atol=1e-4)
+    assert found.signals.repeats == 3 and found.outliers == ()
+    still = aligned(FINE, v, (0, 1), move=False)
+    assert not still.shift.any()
+    np.testing.assert_allclose(still.signals.v, v.mean(axis=0))
+    spread = np.sqrt(np.mean(np.var(v, axis=0, ddof=1), axis=0))
+    np.testing.assert_allclose(still.signals.spread, spread)
+    one = aligned(FINE, v[:1], (0, 1))
+    assert np.isnan(one.signals.spread).all() and one.signals.repeats == 1
+
+
+def test_repeats_that_are_all_unlike_are_all_kept():
+    v = np.random.default_rng(0).standard_normal((3, 500, 1))
+    found = aligned(FINE[:500], v, (0,), move=False)
+    assert found.outliers == () and found.signals.repeats == 3
+
+
+def test_an_analogue_low_pass_of_order_four_is_later_by_its_delay():
+    """At low frequency the phase of H(s) = 1 / B(s / omega) is -DELAY s / omega; the digital filter
+    has less, lag() is the rest."""
+    filters, dt = Filter(instrument=50e3), 1e-6
+    sos = laid._low_pass(50e3, filters.refinement(dt) / dt)[0]
+    f = 100.0
+    digital = -np.angle(freqz_sos(sos, [f], fs=filters.refinement(dt) / dt)[1][0]) / (2 * np.pi * f)
+    s = 1j * f / 50e3
+    poles = np.exp(1j * np.pi * (np.array([5, 7, 9, 11]) / 8))
+    analogue = -np.angle(np.prod(-poles / (s - poles))) / (2 * np.pi * f)
+    assert filters.lag(dt) == pytest.approx(analogue - digital, rel=1e-3)
+    assert filters.refinement(dt) == 1 and filters.refinement(4.1e-6) == 3
+    assert Filter().lag(dt) == 0.0 and Filter().refinement(dt) == 1
+
+
+def test_data_is_filtered_without_phase_and_the_model_as_the_instrument_does():
+    t = np.arange(4000) * 1e-6
+    wave = np.sin(2 * np.pi * 20e3 * t)[:, None] * np.ones(2)
+    gain = 1 / (1 + (np.tan(np.pi * 0.02) / np.tan(np.pi * 0.03)) ** 8)
+    found = Filter(band=30e3).of_data(wave, 1e-6)
+    np.testing.assert_allclose(found[1000:3000], gain * wave[1000:3000], atol=1e-3)
+    filters = Filter(instrument=29e3)
+    fine = filters.refinement(1e-5)
+    assert fine == 3
+    model = np.sin(2 * np.pi * 8e3 * np.arange(1200) * 1e-5 / 3)[:, None]
+    H = freqz_sos(laid._low_pass(29e3, 3e5)[0], [8e3], fs=3e5)[1][0]
+    exact = np.imag(H * np.exp(2j * np.pi * 8e3 * np.arange(400) * 1e-5))
+    np.testing.assert_allclose(filters.of_model(model, 1e-5)[100:, 0], exact[100:], atol=1e-6)
+    steady = np.full((90, 2), 0.7)
+    np.testing.assert_allclose(filters.of_model(steady, 1e-5), 0.7, rtol=1e-12)
+    assert Filter().of_data(wave, 1e-6) is wave
+
+
+def test_the_first_wave_has_passed_where_the_acceleration_dies():
+    """It turns away at the second bump, whose slope is below 2 % of the largest from 7.1 widths
+    on: exp(-x^2) x is 0.02 of its largest at x = 2.36."""
+    v = bumps(FINE)
+    width, pause = 3e-5, 4e-5
+    ends = laid.first_waves_end(FINE, v, pause)
+    x = np.linspace(1, 4, 30001)
+    shape = x * np.exp(-(x**2))
+    factor = 0.5  # of the second bump of the first sphere
+    quiet = x[np.flatnonzero(factor * shape < 0.02 * np.exp(-0.5) / np.sqrt(2))[0]]
+    assert ends[0] == pytest.approx(6e-4 + quiet * width, abs=1.5e-6)
+    assert ends[1] == FINE[-1]  # never turns away
+
+
+def test_noise_between_waves_is_what_does_not_go_on():
+    rng = np.random.default_rng(1)
+    t = np.arange(20000) * 1e-6
+    clean = np.column_stack([np.exp(-(((t - 2e-3) / 3e-5) ** 2)), 0 * t + 0.3 * t])
+    for noise in (1e-3, 4e-3):
+        v = clean + noise * rng.standard_normal(clean.shape)
+        assert laid.noise_between_waves(t, v, 1e-5) == pytest.approx(noise, rel=0.05)
+    assert laid.noise_between_waves(t[:30], clean[:30], 1e-5) is None
+    single = Signals(t, v, (0, 1), np.full(2, np.nan))
+    assert noise_of_mean(single, NO_FILTER, 1e-5) == laid.noise_between_waves(t, v, 1e-5)
+    repeats = single._replace(spread=np.array([0.3, 0.4]), repeats=5)
+    assert noise_of_mean(repeats, NO_FILTER, 1e-5) == pytest.approx(np.sqrt(0.125 / 5))
+
+
+def test_some_of_the_spheres():
+    whole = Signals(T, np.ones((400, 3)) * [1, 2, 3], (4, 6, 9), np.array([0.1, 0.2, 0.3]))
+    some = whole.only([2, 0])
+    assert some.spheres == (9, 4) and list(some.spread) == [0.3, 0.1] and some.names == ("10", "5")
+    assert list(some.v[0]) == [3, 1] and whole.names == ("5", "7", "10")
+
+
+# --- instruments ---------------------------------------------------------------------------------
+
+
+def test_an_instrument_shows_a_slow_motion_in_its_time_and_a_fast_one_less():
+    """Of 100 kHz: 2 kHz pass, at the clock that its lag sets right; 400 kHz do not."""
+    twin = Twin(before=1e-4)
+    t = np.arange(8000) / (OVERSAMPLED * twin.sampling)
+    v = np.column_stack([1 - np.cos(2 * np.pi * 2e3 * t), np.sin(2 * np.pi * 4e5 * t)])
+    seen = shown(v, v[0], twin, (0, 3))
+    late = seen.t - twin.before
+    inside = (late > 2e-4) & (late < t[-1])
+    assert seen.t[0] < 1e-5 and len(seen.t) == 8000 + 400 and seen.spheres == (0, 3)
+    at = late[inside] - (1 / (2 * np.pi * 1e5)) * laid.DELAY  # the instrument's own delay
+    np.testing.assert_allclose(seen.v[inside, 0], 1 - np.cos(2 * np.pi * 2e3 * at), atol=2e-3)
+    assert np.abs(seen.v[inside, 1]).max() < 1e-2 and not seen.v[:300].any()
+
+
+def test_repeats_differ_by_jitter_and_noise_of_the_size_asked_for():
+    twin = Twin(repeats=6, jitter=3e-6, noise=2e-3)
+    fine = np.arange(0, 4e-3, 1 / (OVERSAMPLED * twin.sampling))
+    made = Clean(fine, bumps(fine), (0, 1))
+    t, v = repeated(made, twin)
+    assert v.shape == (6, len(t), 2) and t[1] == pytest.approx(1e-6)
+    quiet = v[:, 2000:]
+    assert quiet.std() == pytest.approx(2e-3, rel=0.05)
+    late = [lag_of(t[:1000], one[:1000], bumps(t)[:1000]) for one in v]
+    assert np.mean(late) == pytest.approx(0, abs=2e-7) and 1e-6 < np.std(late, ddof=1) < 6e-6
+    power = np.mean(np.abs(np.fft.rfft(quiet[:, :1024, 0])) ** 2, axis=0)
+    assert power[300:].mean() < 1e-2 * power[5:60].mean()  # nothing above 100 kHz
+    again = repeated(made, twin)[1]
+    np.testing.assert_array_equal(v, again)
+    assert not np.array_equal(repeated(made, twin, run=1)[1], v)
+    still = repeated(made, twin._replace(repeats=1, noise=0.0))
+    np.testing.assert_allclose(still[1][0], bumps(still[0]), atol=1e-6)
+    assert len(still[0]) == len(fine[::OVERSAMPLED])
