@@ -448,6 +448,20 @@ def test_a_scheduler_that_ends_fails_no_case():
     assert found and set(found) == {"done"}
 
 
+def test_a_scheduler_without_workers_is_told_and_waited_for(caplog):
+    from distributed import LocalCluster
+
+    base, cases = base_of("rig-rigid", SHORT), grid(("chain.count=4,5",), number)
+    with LocalCluster(n_workers=0, processes=False, dashboard_address=None) as other:
+        with engine(other.scheduler_address) as run:
+            assert f"{other.scheduler_address} has no workers" in caplog.text
+            other.scale(1)
+            found = [
+                part for parts in run(tasks.sharings(base, cases, [0, 1], False)) for part in parts
+            ]
+    assert sorted(case for part in found for case in part.cases) == [0, 1]
+
+
 def test_values_of_many_kinds_are_a_column_of_words():
     each = ["0.0", "[0.0, 0.0, 0.0, 0.0, 0.0]", "0.1"]
     cases = {"contact.coefficient": ",".join(each)}

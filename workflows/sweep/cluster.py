@@ -7,6 +7,7 @@ cases are rows that say so.
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from logging import getLogger
 from os import cpu_count
 from typing import Any
 
@@ -64,6 +65,11 @@ def engine(where: int | str) -> Iterator[Callable]:
             f"--scheduler {where} does not answer; give the address of a running Dask "
             "scheduler, tcp://host:8786 for example."
         ) from None
+    if not client.nthreads():
+        getLogger(__name__).warning(
+            f"the scheduler at {where} has no workers: cases wait until one joins, "
+            f"started by: dask worker {where}"
+        )
     with client, _while_it_runs():
         yield on(client)
 
@@ -91,17 +97,26 @@ def on(found: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
         own: dict[str, Any] = {}
         running: dict[Any, Task] = {}
         done = as_completed([])
-        most = AHEAD * max(1, sum(found.nthreads().values()))
+        most = _handed_over(found)
         for task, shared in _with_shared(found, sharings, own):
             future = found.submit(_rows, task, shared, pure=False, retries=RETRIES)
             running[future] = task
             done.add(future)
             while len(running) >= most:
-                yield _result(next(done), running)
+                one, most = _result(next(done), running), _handed_over(found)
+                yield one
         while running:
             yield _result(next(done), running)
 
     return run
+
+
+def _handed_over(found: Any) -> int:
+    """Tasks for the workers that there are by now; raises CancelledError without a scheduler."""
+    try:
+        return AHEAD * max(1, sum(found.nthreads().values()))
+    except OSError:
+        raise CancelledError from None
 
 
 def _with_shared(found, sharings, own):

@@ -9,6 +9,7 @@ from workflows.sweep.cases import Base, Group, groups
 from workflows.sweep.design import Design
 from workflows.sweep.march import rows
 from workflows.sweep.models import is_kept, models, prepared
+from workflows.sweep.sweep import AT_ONCE
 from workflows.sweep.tasks import CHUNK, Sharing, sharing
 
 TRIED = 64  # cases side by side that are timed, or one alone
@@ -125,4 +126,4 @@ def _case(one: Sharing) -> Measured:
 def _memory(one: Sharing) -> float:
     scene = one.scene
     per_case = scene.output.samples * (len(scene.output.spheres) + 1)
-    return SIZE * 3 * per_case * (CHUNK if _joins(one) else 1)
+    return SIZE * 3 * per_case * ((AT_ONCE + 1) * CHUNK if _joins(one) else 1)

@@ -1,6 +1,8 @@
 """A sweep from its design to its table: what is shared once, every missing case once."""
 
+from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from workflows.files.run_folder import RunFolder
@@ -11,8 +13,9 @@ from workflows.sweep.march import rows
 from workflows.sweep.models import Prepared, models, prepared
 from workflows.sweep.rows import Rows
 from workflows.sweep.store import Store
-from workflows.sweep.tasks import Sharing, sharings
+from workflows.sweep.tasks import Sharing, Task, sharings
 
+AT_ONCE = 2  # tasks of cases side by side
 FIXED = ("name", "output.", "unusual")  # keys that the table's columns depend on
 Engine = Callable[[Iterator[Sharing]], Iterator[list[Rows]]]
 Told = Callable[[int, int], None]  # cases done, cases in all
@@ -67,11 +70,28 @@ def _typical(base: Base, design: Design) -> Scene:
 
 
 def _here(work: Iterator[Sharing]) -> Iterator[list[Rows]]:
-    """Rows task by task in this process; models of scenes that share them are there once."""
+    """Rows task by task in this process; of cases side by side two tasks at a time, as the table
+    and the search for a step keep one core busy."""
+    running: deque[Future[list[Rows]]] = deque()
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        for task, shared in _with_shared(work):
+            what = task.checked, shared, task.signals
+            if task.checked.scene is None or not task.checked.joins:
+                yield rows(*what)
+                continue
+            running.append(pool.submit(rows, *what))
+            if len(running) > AT_ONCE:
+                yield running.popleft().result()
+        while running:
+            yield running.popleft().result()
+
+
+def _with_shared(work: Iterator[Sharing]) -> Iterator[tuple[Task, Prepared]]:
+    """Tasks with what they share; models of scenes that share them are there once."""
     kept: dict[str, Any] = {}
     for one in work:
         if one.key is not None and one.key not in kept:
             kept = {one.key: models(one.source)}
         shared = prepared(one.scene, one.source, kept.get(one.key)) if one.scene else Prepared()
         for task in one.tasks:
-            yield rows(task.checked, shared, task.signals)
+            yield task, shared
