@@ -16,10 +16,16 @@ def raises(error):
     raise error
 
 
-@pytest.mark.parametrize("name", ["scene", "velocities", "hammer"])
+@pytest.mark.parametrize("name", ["scene", "velocities", "hammer", "signals", "wall-mtx"])
 def test_every_changed_text_is_read_or_refused_in_one_sentence(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert fuzz.main(40, 7, (name,)) == 0, capsys.readouterr().out
+
+
+def test_a_step_file_that_crashes_its_reader_is_refused(tmp_path, monkeypatch, capsys):
+    """The third one of this seed ends OpenCASCADE by a signal."""
+    monkeypatch.chdir(tmp_path)
+    assert fuzz.main(3, 1, ("step",)) == 0, capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", sorted(fuzz.kinds()))

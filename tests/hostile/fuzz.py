@@ -2,9 +2,9 @@
 
     python tests/hostile/fuzz.py [COUNT] [SEED] [KIND ...]
 
-Takes COUNT inputs (10 000) in turn of all kinds: scene, velocities, hammer, wall, mesh in their
-formats. Prints what ended otherwise, keeps that input in fuzz-KIND-NUMBER.*, and exits with 1. The
-same seed makes the same inputs.
+Takes COUNT inputs (10 000) in turn of all kinds: scenes, records, hammer tests, shapes, walls,
+meshes and STEP in their formats (see `kinds`). Prints what ended otherwise, keeps that input in
+fuzz-KIND-NUMBER.*, and exits with 1. The same seed makes the same inputs.
 """
 
 import os
@@ -13,22 +13,26 @@ import signal
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout, suppress
-from io import BytesIO, StringIO
+from importlib.util import find_spec
+from io import StringIO
+from multiprocessing import Pipe, get_context
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-import meshio
-import numpy as np
-from scipy.io import savemat
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from hostile import samples
 
 import rom
 from workflows.files import hammer
 from workflows.files.mesh import volumes_of
+from workflows.files.records import recorded
 from workflows.files.scene import built_in, scene, scene_text
+from workflows.files.shapes import measured_shape
 from workflows.files.velocities import record
 from workflows.files.wall import loaded
+from workflows.pipeline.bodies import drawing
 from workflows.pipeline.impact import require_start
 from workflows.scene import InvalidScene, RomWall
 
@@ -50,20 +54,30 @@ class Kind(NamedTuple):
     ending: str
     samples: tuple[bytes, ...]
     read: Callable[[Path], object]
+    apart: bool = False  # by a library that may crash: in a process of its own
 
 
 def kinds() -> dict[str, Kind]:
-    """Every format that a user's file may have."""
+    """Every format that a user's file may have, and that what is installed reads."""
     scenes = tuple(scene_text(name).text.encode() for name in built_in())
-    return {
+    known = {
         "scene": Kind(".toml", scenes, read_scene),
-        "velocities": Kind(".csv", (_velocities(),), record),
-        "velocities-mat": Kind(".mat", (_velocities_mat(),), record),
-        "hammer": Kind(".csv", (_written(hammer.write_csv, ".csv"),), hammer.responses),
-        "wall": Kind(".npz", (_wall(rom.save_npz, ".npz"),), read_wall),
-        "wall-mat": Kind(".mat", (_wall(rom.save_mat, ".mat"),), read_wall),
-        "mesh": Kind(".msh", (_mesh(),), volumes_of),
+        "velocities": Kind(".csv", (samples.velocities(),), record),
+        "velocities-mat": Kind(".mat", (samples.velocities_mat(),), record),
+        "signals": Kind(".csv", (samples.signals(),), recorded),
+        "hammer": Kind(".csv", (samples.hammer_csv(),), hammer.responses),
+        "wall": Kind(".npz", (samples.wall(rom.save_npz, ".npz"),), read_wall),
+        "wall-mat": Kind(".mat", (samples.wall(rom.save_mat, ".mat"),), read_wall),
+        "wall-mtx": Kind(".mtx", (samples.substructure(),), read_substructure),
+        "mesh": Kind(".msh", (samples.mesh(),), volumes_of),
+        "step": Kind(".step", (samples.step(),), read_step, apart=True),
     }
+    if find_spec("pyuff"):
+        known["hammer-uff"] = Kind(".uff", (samples.hammer_uff(),), hammer.responses)
+        known["shapes"] = Kind(".uff", samples.shapes(), read_shape)
+    if find_spec("h5py"):
+        known["wall-h5"] = Kind(".h5", (samples.wall(rom.save_h5, ".h5"),), read_wall)
+    return known
 
 
 def read_scene(path: Path) -> None:
@@ -78,47 +92,22 @@ def read_wall(path: Path) -> object:
     return loaded(RomWall(kind="rom", file=str(path)))
 
 
-def _velocities() -> bytes:
-    t = 1e-2 * np.arange(80)
-    table = np.column_stack([t, np.sin(t), np.cos(t)])
-    lines = (",".join(f"{x:.6g}" for x in row) for row in table)
-    return "\n".join(["# a title", "time [ms], sphere 1 [mm/s], sphere 4 [mm/s]", *lines]).encode()
+def read_substructure(path: Path) -> object:
+    """The reduced model of an Abaqus file."""
+    return loaded(RomWall(kind="rom", file=str(path), nodes=(7, 8), direction=1))
 
 
-def _velocities_mat() -> bytes:
-    file, t = BytesIO(), 1e-5 * np.arange(80)
-    held = {"t": t, "v": np.column_stack([t, t]), "spheres": [1, 4]}
-    savemat(file, held | {"time_unit": "s", "velocity_unit": "m/s"})
-    return file.getvalue()
+def read_shape(path: Path) -> object:
+    """The measured shape near a resonance."""
+    return measured_shape(path, samples.RESONANCE_HZ)
 
 
-def _written(write: Callable, ending: str) -> bytes:
-    f = np.linspace(10.0, 1000.0, 60)
-    test = hammer.Responses(f, np.array([1.0 / (300.0**2 - f**2 + 30j * f)]), "a test")
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"sample{ending}"
-        write(path, test)
-        return path.read_bytes()
-
-
-def _wall(save: Callable, ending: str) -> bytes:
-    K = 1e8 * (2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1))
-    reduced = rom.full_order(K, 0.4 * np.eye(6), np.eye(6)[-1])
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"sample{ending}"
-        save(path, reduced)
-        return path.read_bytes()
-
-
-def _mesh() -> bytes:
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1.0]])
-    tags = {name: [np.array([1, 1])] for name in ("gmsh:physical", "gmsh:geometrical")}
-    cells, names = [("tetra", np.array([[0, 1, 2, 3], [1, 2, 3, 4]]))], {"block": np.array([1, 3])}
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "sample.msh"
-        mesh = meshio.Mesh(points, cells, cell_data=tags, field_data=names)
-        meshio.write(path, mesh, file_format="gmsh22", binary=False)
-        return path.read_bytes()
+def read_step(path: Path) -> None:
+    """Its bodies."""
+    assembly = {"step": str(path), "held": [], "material": "steel"}
+    steel = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
+    with drawing(scene({"name": "cad", "assembly": assembly, "materials": {"steel": steel}})):
+        pass
 
 
 def changed(good: bytes, chance: Random) -> bytes:
@@ -162,6 +151,19 @@ def _swapped(text: bytes, chance: Random) -> bytes:
 
 def fault(kind: Kind, path: Path) -> str | None:
     """What is wrong with how a file is read, None if it is read or refused in a sentence."""
+    if not kind.apart:
+        return _fault(kind, path)
+    receiver, sender = Pipe(duplex=False)
+    reader = get_context("fork").Process(target=lambda: sender.send(_fault(kind, path)))
+    reader.start()
+    reader.join(2 * STUCK)
+    if reader.exitcode == 0:
+        return receiver.recv()
+    reader.kill()
+    return f"ends its process ({reader.exitcode})"
+
+
+def _fault(kind: Kind, path: Path) -> str | None:
     signal.signal(signal.SIGALRM, _too_slow)
     signal.setitimer(signal.ITIMER_REAL, STUCK)
     began = sum(os.times()[:4])

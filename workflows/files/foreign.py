@@ -1,7 +1,8 @@
 """Foreign binary files, read in a process of their own: each ends in arrays or in a sentence.
 
-Libraries that parse MATLAB's, HDF5 or mesh files crash on some damaged ones and hang on others. A
-reader's child is given time by the size of the file; its result is an .npz without pickles.
+Libraries that parse MATLAB's, HDF5, mesh or STEP files crash on some damaged ones and hang on
+others. A reader's child is given time by the size of the file; its result is an .npz without
+pickles.
 """
 
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from workflows.files.foreign_reader import REFUSED
 
 Result = TypeVar("Result")
 START, RATE = 8.0, 1e6  # s of work to import a reader, and bytes a second of text at least
+RATES = {"step": 1e5}  # of surfaces that are intersected and healed
 SHARE = 1 / 12  # of a processor that a busy machine leaves at least
 
 
@@ -35,7 +37,7 @@ def arrays(kind: str, path: Path, *names: str) -> dict[str, np.ndarray]:
 
 def through_child(kind: str, path: Path, load: Callable[[Path], Result], *names: str) -> Result:
     """What `load` makes of the .npz that a reader's child left of a file; raises Unreadable."""
-    seconds = START + path.stat().st_size / RATE
+    seconds = START + path.stat().st_size / RATES.get(kind, RATE)
     with TemporaryDirectory() as folder:
         target = Path(folder) / "result.npz"
         status = _read(seconds, kind, str(path.absolute()), str(target), *names)

@@ -78,6 +78,13 @@ def _reduced(path: Path, target: Path) -> None:
         raise ValueError(f"{path} cannot be read, it is damaged ({odd}); write it anew") from odd
 
 
+def _step(path: Path) -> Arrays:
+    from geometry.cad import model
+
+    with model({}, path) as drawn:
+        return {"names": np.array(list(drawn.bodies), dtype=str)}
+
+
 def _saved(read: Callable[..., Arrays]) -> Callable[..., None]:
     def save(path: Path, target: Path, *names: str) -> None:
         content = read(path, *names)
@@ -90,6 +97,7 @@ def _saved(read: Callable[..., Arrays]) -> Callable[..., None]:
 
 READERS = {
     "mesh": _saved(_mesh), "matlab": _saved(_matlab), "uff": _saved(_uff), "reduced": _reduced,
+    "step": _saved(_step),
 }  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import fem
 from geometry import InvalidGeometry, rig
 from geometry.shapes import Box, Cylinder, Hole, Plate, Shape
+from workflows.files.step import require_step
 from workflows.pipeline.own_mesh import OwnMesh, own_mesh
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts, Struck
 from workflows.pipeline.strike import struck
@@ -56,6 +57,8 @@ def drawing(scene: Scene) -> Iterator[Drawing]:
             require_apart(own.meeting.near)
             yield Drawing(own.bodies, None, own.meeting.near, own)
             return
+        if table.step:
+            require_step(Path(table.step))
         with model(shapes(scene), Path(table.step) if table.step else None) as drawn:
             _require_size(drawn.bodies)
             near = neighbours(drawn.bodies, table.gap)

@@ -1,0 +1,25 @@
+"""STEP files, each read in a child first: OpenCASCADE crashes on damaged ones, or hangs."""
+
+from functools import lru_cache
+from pathlib import Path
+
+from geometry.assembly import InvalidGeometry
+from geometry.step_file import check_step
+from workflows.files.foreign import Refused, Unreadable, arrays
+
+
+def require_step(path: Path) -> None:
+    """Raises InvalidGeometry for a file whose bodies cannot be read."""
+    check_step(path)
+    found = path.stat()
+    _tried(path, (found.st_mtime_ns, found.st_size, found.st_ino))
+
+
+@lru_cache(maxsize=4)
+def _tried(path: Path, stamp: tuple[int, int, int]) -> None:
+    try:
+        arrays("step", path)
+    except Refused as refused:
+        raise InvalidGeometry(f"{refused}.") from None
+    except Unreadable as error:
+        raise InvalidGeometry(f"{path}: {error}; export the bodies as STEP again.") from None
