@@ -35,7 +35,7 @@ def disc_quadrature(
     """Points (n, 2) of the unit disc and weights (n,) of sum 1, for the pressure `weights`.
 
     In s = r^2 both pressures are smooth after s = 1 - t^2 (Hertz: p dA ~ t^2 dt; area: t dt), a
-    Gauss rule in t and equal angles integrate polynomials of degree 2 n_radial - 2 exactly.
+    Gauss rule in t and equal angles integrate polynomials of degree 2 n_radial - 4 exactly.
     """
     t, dt = np.polynomial.legendre.leggauss(n_radial)
     t, dt = (t + 1) / 2, dt / 2

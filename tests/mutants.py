@@ -54,11 +54,11 @@ ROOMS = {
         ("rom/craig_bampton.py", "rom/fixed_interface.py", "rom/free_modes.py",
          "rom/contact_modes.py", "rom/lanczos.py", "rom/truncation.py", "rom/reduced_model.py",
          "rom/floating.py", "rom/factorisation.py", "rom/health.py"),
-        ("rom_reduced_model", "rom_reduction", "rom_health"),
+        ("rom_reduced_model", "rom_parts", "rom_reduction", "rom_health"),
     ),
     "joints": Room(
         ("fem/joints.py", "fem/constraints.py", "fem/contact_patch.py"),
-        ("fem_joints", "fem_mechanisms", "fem_half_space"),
+        ("fem_joints", "fem_patch", "fem_mechanisms", "fem_half_space"),
     ),
     "coupling": Room(
         ("coupling/wall.py", "coupling/damping.py", "coupling/coupled_march.py",
@@ -80,6 +80,7 @@ START = "where a search begins; its end does not depend on it"
 EXPLAINED = {  # "module function: expression": why no test can notice its mutants
     "rom/truncation.py first_cutoff_hz: 0.001": START,
     "rom/truncation.py first_cutoff_hz: 0.23": START,
+    "dem/kernels/laws.py plastic_indentation: 2.0": START,
     "dem/kernels/passages.py crest_between: sign * v[i] > sign * v[k]": SAME,
     "coupling/wall.py with_oscillator: 1": UNREAD,
     "coupling/damping.py couples_modes: modal_coupling(D) > UNCOUPLED": SAME,

@@ -227,6 +227,23 @@ def test_a_washer_that_holds_too_few_nodes_is_refused(structure):
         joined(structure, Connections(joints=[joint]))
 
 
+@pytest.mark.parametrize("unit", [1e-4, 1e4])
+def test_whether_nodes_hold_a_turn_is_no_matter_of_their_size(unit):
+    """A face does, an edge of it does not."""
+    line = unit * np.linspace(0, 1, 4)
+    lower, upper = (MeshHex.init_tensor(line, line, line + z * unit) for z in (0, 1))
+    small = stacked(lower.with_boundaries({}), upper, unit)
+    face = Joint("bolt", Side("upper:foot"), None, np.array([0.0, 0.0, unit]))
+    assert len(rigid_sides(small, [face], small.n_dofs + 12)) == 1
+    edge = small.basis["upper"].mesh.with_boundaries(
+        {"edge": lambda x: (x[2] < 1.001 * unit) & (x[1] < 0.3 * unit)}
+    )
+    narrow = assemble({"upper": edge}, {"upper": STEEL})
+    within = Side("upper:edge", within=0.1 * unit)
+    with pytest.raises(ValueError, match="hold no turn"):
+        rigid_sides(narrow, [face._replace(first=within)], narrow.n_dofs + 12)
+
+
 def test_three_nodes_that_are_no_line_hold_a_joint(structure):
     """The corner of a face and its two neighbours."""
     spots = structure.points[face_nodes(structure, "upper:foot")[:, 0] // 3]

@@ -1,0 +1,349 @@
+"""What reductions are made of: factors, pencils, bases, bounds, each against dense algebra."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.linalg import eigh
+
+from rom import (
+    LOSS,
+    ReductionError,
+    Selection,
+    craig_bampton,
+    effective_mass,
+    free_modes,
+    full_order,
+    health,
+    is_indefinite,
+    modal,
+    superlu,
+)
+from rom.contact_modes import REACH, contact_modes, krylov_space, static_shapes
+from rom.factorisation import Pencil, frequency_scale, noise, solutions, static_response, symmetric
+from rom.fixed_interface import fixed_interface, whole_pencil
+from rom.floating import is_held, pencil
+from rom.health import fixed_interface_hz
+from rom.lanczos import EigenPairs, known_modes, lowest_modes, modes_below, with_columns
+from rom.truncation import Moments, frequencies, rms, size, tail_errors
+
+N = 12
+W = np.r_[np.zeros(N - 2), 0.4, 0.6]
+
+
+def structure(held=True, n=N):
+    link = np.diff(np.eye(n), axis=0)
+    K = link.T @ np.diag(np.linspace(1e3, 3e3, n)[1:]) @ link
+    K[0, 0] += 1e3 if held else 0.0
+    return sp.csc_array(K), sp.csc_array(np.diag(np.linspace(1.0, 2.0, n)))
+
+
+def exact_modes(K, M):
+    squared, phi = eigh(K.toarray(), M.toarray())
+    return np.sqrt(np.maximum(squared, 0)), phi
+
+
+def responses(K, M, w, hz):
+    s = 2 * np.pi * np.atleast_1d(hz)
+    dense = K.toarray() * (1 + 1j * LOSS)
+    return np.array([w @ np.linalg.solve(dense - x**2 * M.toarray(), w) for x in s])
+
+
+# --- factors -------------------------------------------------------------------------------------
+
+
+def test_matrices_are_asked_to_be_square_finite_and_symmetric():
+    K = structure()[0].toarray()
+    np.testing.assert_array_equal(symmetric(K, "K").toarray(), K)
+    K[0, 1] *= 1 + 0.9e-9 * K.max() / abs(K[0, 1])
+    symmetric(K, "K")
+    for broken, sentence in (
+        (K[:, 1:], "12 x 11"), (np.where(K == K.max(), np.inf, K), "not finite"),
+        (K + 2e-9 * K.max() * np.eye(N, k=1), "not symmetric"),
+    ):  # fmt: skip
+        with pytest.raises(ReductionError, match=sentence):
+            symmetric(broken, "K")
+
+
+def test_the_scale_of_frequencies_leaves_out_one_stiff_spring_in_a_hundred():
+    """And dofs without mass; a zero eigenvalue is told by 200 roundings of it."""
+    k = np.r_[np.full(150, 2.0), np.full(49, 8.0), 1e12, 1e15]
+    m = np.r_[np.ones(199), 1.0, 0.0]
+    K, M = sp.diags_array(k).tocsc(), sp.diags_array(m).tocsc()
+    assert frequency_scale(K, M) == 8.0
+    assert noise(K, M) == pytest.approx(200 * np.finfo(float).eps * 8.0)
+    assert frequency_scale(K[:1, :1], M[:1, :1]) == 2.0
+    assert frequency_scale(K, 0 * M) == 0.0
+
+
+def test_many_right_hand_sides_are_solved_in_blocks():
+    K, _ = structure()
+    B = np.random.default_rng(0).standard_normal((N, 150))
+    for given in (B, sp.csc_array(B)):
+        np.testing.assert_allclose(K @ solutions(superlu(K), given), B, atol=1e-9)
+
+
+@pytest.mark.parametrize("sigma", [-1.0, -300.0])
+def test_inertia_relief_by_a_shifted_factor_is_the_sum_over_elastic_modes(sigma):
+    K, M = structure(held=False)
+    omega, phi = exact_modes(K, M)
+    problem = Pencil(K, M, superlu(K - sigma * M), sigma)
+    found = static_response(problem, W, phi[:, :1])
+    exact = phi[:, 1:] @ (phi[:, 1:].T @ W / omega[1:] ** 2)
+    np.testing.assert_allclose(found, exact, atol=1e-10 * np.abs(exact).max())
+    K, M = structure()
+    plain = Pencil(K, M, superlu(K - sigma * M), sigma)
+    held = static_response(plain, W, np.zeros((N, 0)))
+    np.testing.assert_allclose(held, np.linalg.solve(K.toarray(), W), rtol=1e-9)
+
+
+def test_a_pencil_is_shifted_where_it_floats_and_as_asked():
+    K, M = structure()
+    assert pencil(K, M, superlu).sigma == 0.0
+    given = pencil(K, M, superlu, shift=-7.0)
+    assert given.sigma == -7.0
+    np.testing.assert_allclose((K + 7 * M) @ given.factor.solve(W), W, atol=1e-12)
+    K, M = structure(held=False)
+    free = pencil(K, M, superlu)
+    first = exact_modes(K, M)[0][1]
+    assert 1e-2 < -free.sigma / (first / 10) ** 2 < 1e2
+    np.testing.assert_allclose((K - free.sigma * M) @ free.factor.solve(W), W, atol=1e-10)
+
+
+def test_a_structure_is_held_where_its_lowest_mode_stands_above_rounding():
+    K, M = structure(held=False)
+    for stiffness, held in ((1e-13, False), (1e-6, True)):
+        soft = K + sp.csc_array(np.diag(np.r_[stiffness * 3e3, np.zeros(N - 1)]))
+        assert is_held(Pencil(soft, M, superlu(soft), 0.0)) == held
+
+
+# --- modes ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [30, 500])
+def test_lowest_modes_are_those_of_dense_algebra(n):
+    """Above 400 unknowns by Lanczos."""
+    K, M = structure(n=n)
+    omega, phi = exact_modes(K, M)
+    problem = pencil(K, M, superlu)
+    for found, k in ((lowest_modes(problem, 9), 9), (modes_below(problem, omega[13] / 6.3), 13)):
+        assert len(found.omega) == (9 if k == 9 else np.sum(omega < 2 * np.pi * omega[13] / 6.3))
+        k = len(found.omega)
+        np.testing.assert_allclose(found.omega, omega[:k], rtol=1e-9)
+        np.testing.assert_allclose(found.phi.T @ (M @ found.phi), np.eye(k), atol=1e-10)
+        alike = np.abs(np.einsum("ij,ij->j", found.phi, M @ phi[:, :k]))
+        np.testing.assert_allclose(alike, 1.0, rtol=1e-8)
+    assert lowest_modes(problem, 0).phi.shape == (n, 0)
+    with pytest.raises(ReductionError, match=f"{n + 1} modes were asked"):
+        lowest_modes(problem, n + 1)
+
+
+def test_modes_found_elsewhere_are_normalised_and_their_rounding_is_rigid():
+    K, M = structure(held=False)
+    omega, phi = exact_modes(K, M)
+    omega[0] = 0.5 * np.sqrt(noise(K, M))
+    found = known_modes(pencil(K, M, superlu), omega[:3], 2.0 * phi[:, :3])
+    np.testing.assert_allclose(found.omega, [0.0, *omega[1:3]], rtol=1e-14)
+    np.testing.assert_allclose(found.phi, phi[:, :3], rtol=1e-12, atol=1e-14)
+
+
+def test_columns_are_appended_and_room_is_doubled():
+    Q = np.empty((4, 3), order="F")
+    Q[:, :2] = 1.0
+    more = with_columns(Q, 2, np.full((4, 1), 2.0))
+    assert more is Q
+    most = with_columns(Q, 3, np.full((4, 2), 3.0))
+    assert most.shape == (4, 10)
+    np.testing.assert_array_equal(most[0, :5], [1, 1, 2, 3, 3])
+
+
+# --- modes that the contact moves ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n_vectors", [0, 4, 7])
+def test_a_krylov_space_keeps_its_bound_and_the_static_response(n_vectors):
+    K, M = structure(n=60)
+    w = np.r_[np.zeros(58), 0.4, 0.6]
+    to_hz = 6.0
+    space = krylov_space(pencil(K, M, superlu), w, EigenPairs(np.zeros(0), np.zeros((60, 0))),
+                         1e-2, to_hz, n_vectors)  # fmt: skip
+    omega, phi = space.pairs
+    np.testing.assert_allclose(phi.T @ (M @ phi), np.eye(len(omega)), atol=1e-10)
+    np.testing.assert_allclose(phi.T @ (K @ phi), np.diag(omega**2), atol=1e-7 * omega[-1] ** 2)
+    static = w @ np.linalg.solve(K.toarray(), w)
+    assert np.sum((phi.T @ w / omega) ** 2) == pytest.approx(static, rel=1e-9)
+    hz = frequencies(to_hz)
+    exact, s = responses(K, M, w, hz), 2 * np.pi * hz[:, None]
+    found = ((phi.T @ w) ** 2 / (omega**2 * (1 + 1j * LOSS) - s**2)).sum(axis=1)
+    true = rms(found - exact) / size(exact)
+    assert true <= space.bound <= 1e-2
+
+
+def test_chosen_modes_are_those_that_matter_and_state_what_is_left():
+    """The error stated is the space's bound and what one oscillator for the rest leaves."""
+    K, M = structure(n=60)
+    w, to_hz = np.r_[np.zeros(58), 0.4, 0.6], 6.0
+    none = EigenPairs(np.zeros(0), np.zeros((60, 0)))
+    asked = Selection(n_modes=9, to_hz=to_hz, choice="contact")
+    chosen = contact_modes(pencil(K, M, superlu), w, none, asked)
+    (omega, phi), residual = chosen.pairs, chosen.residual
+    assert len(omega) == 9 and (np.diff(omega) > 0).all()
+    beyond = np.linalg.solve(K.toarray(), w) - phi @ (phi.T @ w / omega**2)
+    np.testing.assert_allclose(residual, beyond, atol=1e-9 * np.abs(beyond).max())
+    hz = frequencies(to_hz)
+    exact, s = responses(K, M, w, hz), 2 * np.pi * hz
+    m1, m2 = w @ residual, residual @ (M @ residual)
+    one = (m1**2 / m2) / (m1 / m2 * (1 + 1j * LOSS) - s**2)
+    own = ((phi.T @ w) ** 2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)).sum(axis=1)
+    true = rms(own + one - exact) / size(exact)
+    assert 0.5 * chosen.error < true < 1.01 * chosen.error
+    fewer = contact_modes(
+        pencil(K, M, superlu), w, none, Selection(error=3 * true, to_hz=to_hz, choice="contact")
+    )
+    assert len(fewer.pairs.omega) <= 9 and fewer.error <= 3 * true
+    with pytest.raises(ReductionError, match="cannot hold the 3"):
+        contact_modes(pencil(K, M, superlu), w, lowest_modes(pencil(K, M, superlu), 3),
+                      asked._replace(n_modes=2))  # fmt: skip
+
+
+def test_static_shapes_are_above_the_highest_chosen_or_far_above_the_band():
+    omega = 2 * np.pi * np.array([1.0, 10.0, 24.9, 25.1, 80.0])
+    assert REACH == 2.5
+    assert static_shapes(omega, np.inf, 10.0) == 2
+    assert static_shapes(omega, omega[1], 10.0) == 3
+    assert static_shapes(omega, omega[-1], 1e3) == 1
+
+
+# --- stated errors -------------------------------------------------------------------------------
+
+
+def test_the_error_of_a_truncation_is_its_moment_bound_and_holds():
+    """omega^4 (m_3 - m_2^2 / m_1) / (1 - omega^2 / omega_k+1^2)^3 over the size of all."""
+    K, M = structure()
+    omega, phi = exact_modes(K, M)
+    p, k, to_hz = W @ phi, 8, 2.0
+    out = p[k:] ** 2
+    tail = Moments(*(np.sum(out / omega[k:] ** (2 * i)) for i in (1, 2, 3)))
+    errors = tail_errors(omega[:k], p[:k], tail, to_hz)
+    hz = frequencies(to_hz)
+    s = 2 * np.pi * hz
+    assert len(errors) == k + 1
+    scale = size(
+        tail.first + (p[:k] ** 2 / (omega[:k] ** 2 * (1 + 1j * LOSS) - s[:, None] ** 2)).sum(1)
+    )
+    for n in range(k + 1):
+        m1, m2, m3 = (np.sum(p[n:] ** 2 / omega[n:] ** (2 * i)) for i in (1, 2, 3))
+        following = omega[n] if n < k else omega[k - 1]
+        if following <= s[-1]:
+            assert errors[n] == np.inf
+            continue
+        bound = (m3 - m2**2 / m1) * rms(s**4 / (1 - (s / following) ** 2) ** 3) / scale
+        assert errors[n] == pytest.approx(bound, rel=1e-6)
+        one = m1**2 / m2 / (m1 / m2 - s**2)
+        rest = (p[n:] ** 2 / (omega[n:] ** 2 - s[:, None] ** 2)).sum(axis=1)
+        assert rms(rest - one) <= bound * scale
+    assert np.isfinite(errors[-1]) and errors[0] == np.inf
+
+
+def test_the_size_of_a_receptance_is_that_of_its_quietest_comb():
+    H = np.ones(80)
+    H[3::8] = 0.5
+    H[40] = 1e6
+    assert size(H) == 0.5
+    np.testing.assert_allclose(frequencies(10.0, 4), [2.5, 5.0, 7.5, 10.0])
+
+
+def test_the_stated_error_of_held_modes_bounds_the_true_one():
+    K, M = structure(n=60)
+    w, boundary, to_hz = np.r_[np.zeros(58), 0.4, 0.6], [58, 59], 3.0
+    hz = frequencies(to_hz)
+    exact = responses(K, M, w, hz)
+    ratios = []
+    for n_modes in (20, 30, 40):
+        reduced = craig_bampton(K, M, w, boundary, Selection(n_modes=n_modes, to_hz=to_hz))
+        small = [sp.csc_array(A) for A in (reduced.K, reduced.M)]
+        true = rms(responses(*small, reduced.w, hz) - exact) / size(exact)
+        ratios.append(reduced.error / true)
+    assert 1 <= min(ratios) and max(ratios) < 1.5
+
+
+# --- the structure held at its boundary ----------------------------------------------------------
+
+
+def test_the_factor_inside_serves_the_whole():
+    K, M = structure()
+    fixed = fixed_interface(K, M, W, np.array([11, 10]), superlu)
+    K_ii, K_ib = K.toarray()[:10, :10], K.toarray()[:10][:, [11, 10]]
+    np.testing.assert_allclose(fixed.psi, -np.linalg.solve(K_ii, K_ib), atol=1e-12)
+    schur = np.linalg.inv(np.linalg.inv(K.toarray())[np.ix_([11, 10], [11, 10])])
+    np.testing.assert_allclose(fixed.condensed, schur, rtol=1e-9)
+    whole = whole_pencil(fixed)
+    np.testing.assert_allclose(whole.factor.solve(W), np.linalg.solve(K.toarray(), W), rtol=1e-9)
+    block = np.random.default_rng(0).standard_normal((N, 3))
+    np.testing.assert_allclose(K @ whole.factor.solve(block), block, atol=1e-10)
+
+
+def test_a_boundary_may_be_a_mask():
+    K, M = structure()
+    mask = np.arange(N) >= 10
+    one = craig_bampton(K, M, W, mask, Selection(n_modes=3))
+    two = craig_bampton(K, M, W, [10, 11], Selection(n_modes=3))
+    np.testing.assert_array_equal(one.K, two.K)
+
+
+# --- health --------------------------------------------------------------------------------------
+
+
+def test_health_of_a_model_is_in_its_own_numbers():
+    K, M = structure(held=False)
+    found = health(full_order(K, M, W))
+    assert (found.n_rigid, found.findings, found.asymmetry) == (1, (), 0.0)
+    d = np.sqrt(K.diagonal())
+    ends = np.linalg.eigvalsh(K.toarray() / np.outer(d, d))[[0, -1]]
+    assert found.lowest_mass == pytest.approx(1.0)
+    assert found.lowest_stiffness == pytest.approx(ends[0] / ends[1], abs=1e-14)
+    omega, phi = exact_modes(K, M)
+    exact = np.sum((W @ phi[:, 1:] / omega[1:]) ** 2)
+    assert found.static_compliance == pytest.approx(exact, rel=1e-9)
+    still = full_order(sp.block_diag([K, K]), sp.block_diag([M, M]), np.append(W, 0 * W))
+    assert health(still).participation == 0.5
+    skew = full_order(K, M, W)._replace(K=K.toarray() + 3e-9 * abs(K).max() * np.eye(N, k=1))
+    assert health(skew).asymmetry == pytest.approx(3e-9, rel=1e-6)
+    assert "not symmetric" in health(skew).findings[0]
+
+
+def test_damping_is_indefinite_below_rounding_of_zero():
+    D = np.diag([4.0, 1.0, 0.0])
+    assert not is_indefinite(D) and not is_indefinite(np.zeros((3, 3)))
+    assert not is_indefinite(D - 1e-9 * np.eye(3)) and is_indefinite(D - 1e-8 * np.eye(3))
+
+
+def test_frequencies_of_a_held_boundary_are_those_of_what_is_left():
+    K, M = structure()
+    reduced = craig_bampton(K, M, W, [10, 11], Selection(n_modes=4))
+    exact = exact_modes(K[:10][:, :10], M[:10][:, :10])[0][:4] / (2 * np.pi)
+    np.testing.assert_allclose(fixed_interface_hz(reduced), exact, rtol=1e-9)
+    assert fixed_interface_hz(reduced._replace(n_boundary=6)) == ()
+
+
+def test_effective_masses_are_squared_momenta_and_sum_to_the_mass():
+    K, M = structure()
+    e = np.linspace(1, 2, N)
+    reduced = full_order(K, M, W)
+    found = effective_mass(reduced, M, e)
+    omega, phi = exact_modes(K, M)
+    np.testing.assert_allclose(found.mass, (phi.T @ (M @ e)) ** 2, rtol=1e-8)
+    np.testing.assert_allclose(found.omega, omega, rtol=1e-9)
+    assert found.captured == pytest.approx(1.0)
+    small = effective_mass(free_modes(K, M, W, Selection(n_modes=3)), M, e)
+    assert small.captured == pytest.approx(small.mass.sum() / (e @ (M @ e)))
+
+
+def test_a_reduction_keeps_its_static_check_and_its_modes():
+    """K_r = T^T K T with a diagonal of squares; the residual vector is orthogonal to the modes."""
+    K, M = structure()
+    reduced = free_modes(K, M, W, Selection(n_modes=4))
+    T = reduced.T
+    np.testing.assert_allclose(T.T @ (K @ T), reduced.K, atol=1e-8 * K.max())
+    np.testing.assert_allclose(T.T @ (M @ T), np.eye(5), atol=1e-10)
+    assert reduced.n_residual == 1 and (reduced.n_boundary, reduced.error) == (0, None)
+    np.testing.assert_allclose(modal(reduced).omega[:4], exact_modes(K, M)[0][:4], rtol=1e-9)
