@@ -76,6 +76,7 @@ def test_measured_damping_reaches_the_scene_only_when_all_four_are_known(csv):
         ("nan.csv", "f,re,im\n" + "".join(f"{i},nan,0\n" for i in range(60)), "NaN"),
         ("flat.csv", "f,re,im\n" + "".join(f"{i},1,0\n" for i in range(60)), "no peaks"),
         ("bad.uff", "    -1\n    58\n", "no frequency responses"),
+        ("bare.uff", "    -1\n    15\n    -1\n", "shapes alone .* are targets of modes and tune"),
     ],
 )
 def test_files_without_a_test_are_refused_in_a_sentence(tmp_path, name, text, sentence):

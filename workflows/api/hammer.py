@@ -46,17 +46,25 @@ def hammer(
     """Frequencies and damping of a measured response by two methods (`beadwave hammer`).
 
     `file` is .uff (data set 58) or .csv: a header line, then frequency_hz, re_1, im_1, re_2, im_2,
-    ... on each line. The resonances are paired with the measured modes of `scene`. `out` is a
-    folder for the picture. Needs the extra `identify`. Raises InvalidScene for bad input.
+    ... on each line. The resonances are paired with the measured modes of `scene`, by frequency, or
+    where a .uff has the points of its responses (data set 15 or 2411) by the MAC of their shapes
+    with the modes of an assembly of bodies. `out` is a folder for the picture. Needs the extra
+    `identify`. Raises InvalidScene for bad input.
     """
     path = require_file(file, HAMMER)
     chosen = with_assembly(load_scene(scene, changes))
     inputs = (*files_read(chosen, scene), path)
     folder = picture_folder(out, inputs, overwrite, "hammer")
-    from workflows.assembly.hammer import hammer_test, picture
+    from workflows.assembly.hammer import hammer_test, picture, recognised
+    from workflows.files.shapes import has_shapes
+    from workflows.pipeline.pipeline import pipeline_of
 
     with progress("identification"):
-        found = hammer_test(path, dict(enumerate(chosen.measured_hz, start=1)))
+        wanted = dict(enumerate(chosen.measured_hz, start=1))
+        found = hammer_test(path, wanted)
+    if chosen.is_general and has_shapes(path):
+        found = recognised(found, pipeline_of(chosen, progress), wanted)
+    with progress("picture"):
         drawn = HammerTest(found.report, picture(found))
     if folder:
         write_pictures(folder, (drawn.plot(),))

@@ -69,9 +69,14 @@ def tune(
     every = ",".join(map(str, range(1, len(measured_hz) + 1)))
     wanted = targets(every if wanted_text is None else wanted_text, measured_hz)
     if hammer:
-        from workflows.assembly.hammer import applied, hammer_test
+        from workflows.assembly.hammer import applied, hammer_test, recognised
+        from workflows.files.shapes import has_shapes
+        from workflows.pipeline.pipeline import pipeline_of
 
-        chosen, wanted = applied(chosen, hammer_test(Path(hammer), wanted).report, wanted_text)
+        test = hammer_test(Path(hammer), wanted)
+        if chosen.is_general and has_shapes(Path(hammer)):
+            test = recognised(test, pipeline_of(chosen, progress), wanted)
+        chosen, wanted = applied(chosen, test.report, wanted_text)
     path = Path(f"{chosen.name}-tuned.toml") if out is USUAL else out and Path(out)
     if out is USUAL:
         _require_tuned(path)

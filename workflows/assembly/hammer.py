@@ -1,5 +1,6 @@
 """A hammer test: responses -> frequencies and damping by two methods -> the model's modes."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -7,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel
 
 import coupling
+import fem
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.identification import MeasuredMode, measured_modes
 from workflows.assembly.mode_table import NO_TARGETS
@@ -14,6 +16,7 @@ from workflows.assembly.tuning import targets
 from workflows.files.hammer import SYNTHETIC, Responses, responses
 from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Pipeline
+from workflows.pipeline.targets import shape
 from workflows.pipeline.wall import damping_law
 from workflows.results import plots
 from workflows.results.plots import Line, Panel
@@ -31,6 +34,8 @@ class HammerRow(BaseModel):
     zeta_half_power: float | None
     zeta_fit: float | None
     mode: int | None = None
+    computed_hz: float | None = None  # of the mode that is most like the measured shape
+    mac: float | None = None
     remarks: list[str]
 
 
@@ -55,14 +60,18 @@ class HammerReport(BaseModel):
 
     def text(self) -> str:
         """Aligned lines with remarks."""
-        head = ("Hz", "half-power", "fit", "mode", "")
-        lines = [self.title, aligned_text(head, map(_cells, self.rows))]
+        head = ("Hz", "half-power", "fit", "mode", "computed Hz", "MAC", "")
+        table = [(*_cells(row), "; ".join(row.remarks)) for row in self.rows]
+        if not any(row.mac for row in self.rows):  # no points: a shape is not known
+            head, table = (*head[:4], ""), [(*cells[:4], cells[-1]) for cells in table]
+        lines = [self.title, aligned_text(head, table)]
         return "\n".join(lines if self.n_targets else [*lines, "", NO_TARGETS])
 
 
 def _cells(row: HammerRow) -> tuple:
     zetas = (f"{100 * z:.3f} %" if z else None for z in (row.zeta_half_power, row.zeta_fit))
-    return f"{row.frequency_hz:.2f}", *zetas, row.mode, "; ".join(row.remarks)
+    like = (None, None) if row.mac is None else (f"{row.computed_hz:.2f}", f"{row.mac:.2f}")
+    return f"{row.frequency_hz:.2f}", *zetas, row.mode, *like
 
 
 class HammerTest(NamedTuple):
@@ -89,6 +98,28 @@ def hammer_test(path: Path, expected_hz: dict[int, float]) -> HammerTest:
     rows = [_row(m, mode.get(i)) for i, m in enumerate(found)]
     n = len(expected_hz)
     return HammerTest(HammerReport(file=str(path), title=test.title, n_targets=n, rows=rows), test)
+
+
+def recognised(test: HammerTest, pipeline: Pipeline, wanted: Collection[int]) -> HammerTest:
+    """The same, each resonance with the computed mode that its shape has the largest MAC with; the
+    one most like a wanted target's mode has the target's number."""
+    report, scene = test.report, pipeline.scene
+    model, modes = pipeline("model"), pipeline("modes")
+    asked = [shape(scene, model, report.file, row.frequency_hz) for row in report.rows]
+    found = fem.pair(model, fem.Modes(modes.omega, modes.phi), asked)
+    like, best = found.character.argmax(axis=1), found.character.argmax(axis=0)
+    number = {j: n for n, j in enumerate(modes.index.tolist(), start=1) if n in wanted}
+    rows = [
+        row.model_copy(
+            update={
+                "mode": number.get(j) if i == best[j] and found.index[i] >= 0 else None,
+                "computed_hz": float(modes.omega[j] / (2 * np.pi)),
+                "mac": float(found.character[i, j]),
+            }
+        )
+        for i, (row, j) in enumerate(zip(report.rows, like.tolist(), strict=True))
+    ]
+    return test._replace(report=report.model_copy(update={"rows": rows}))
 
 
 def picture(test: HammerTest) -> Picture:

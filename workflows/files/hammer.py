@@ -17,6 +17,11 @@ from workflows.scene.named_files import require_file
 
 RESPONSE = 4  # UFF58's function type of a frequency response
 HAMMER = "give a hammer test as .csv or .uff"
+CSV = "CSV wants frequency_hz, re_1, im_1, ... below a header line"
+UFF = (
+    "a universal file wants data sets 58; shapes alone (data set 55) are targets of modes and "
+    "tune: [[targets]] with hz and shape = the file"
+)
 MOST = 1e60  # in size of a frequency or a response
 SYNTHETIC = "SYNTHETIC: computed, not measured"
 
@@ -38,9 +43,9 @@ def responses(path: Path) -> Responses:
     try:
         return _finite(read(path))
     except (ValueError, KeyError, IndexError, UnicodeDecodeError) as error:
+        wanted = CSV if read is _csv else UFF
         raise InvalidScene(
-            f"{path} holds no frequency responses that can be read ({error}); "
-            "CSV wants frequency_hz, re_1, im_1, ... below a header line."
+            f"{path} holds no frequency responses that can be read ({error}); {wanted}."
         ) from None
 
 

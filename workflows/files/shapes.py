@@ -57,6 +57,14 @@ def measured_shape(path: Path, hz: float) -> MeasuredShape:
         raise InvalidScene(f"shape: {path} holds no shape that can be read: {why}.") from None
 
 
+def has_shapes(path: Path) -> bool:
+    """Whether a universal file has points, which tell where its responses were measured."""
+    if path.suffix.lower() not in ENDINGS:
+        return False
+    types = [s["type"] for s in _sets(path, path.stat().st_mtime_ns)]
+    return bool({*types} & {*POINTS}) and types.count(RESPONSE) >= FEWEST
+
+
 @lru_cache(maxsize=4)
 def _sets(path: Path, stamp: int) -> tuple[dict, ...]:
     return tuple(data_sets(path, *POINTS, UNITS, SHAPE, RESPONSE))

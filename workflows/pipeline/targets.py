@@ -26,12 +26,13 @@ def _target(scene: Scene, model: fem.Model, target: Target) -> fem.Target:
     if target.number:
         return fem.Number(target.number)
     if target.shape:
-        return _shape(scene, model, target)
+        return shape(scene, model, target.shape, target.hz)
     return fem.Motion(target.body, target.motion)
 
 
-def _shape(scene: Scene, model: fem.Model, target: Target) -> fem.Shape:
-    measured = measured_shape(Path(target.shape), target.hz)
+def shape(scene: Scene, model: fem.Model, file: str | Path, hz: float) -> fem.Shape:
+    """The measured shape at a frequency; raises InvalidScene for points off the assembly."""
+    measured = measured_shape(Path(file), hz)
     structure = model.structure
     surface = fem.on_surface(structure, measured.points)
     size = float(np.linalg.norm(np.ptp(structure.points, axis=0)))
@@ -39,7 +40,7 @@ def _shape(scene: Scene, model: fem.Model, target: Target) -> fem.Shape:
     if surface.distance[worst] > FARTHEST * size:
         at = np.round(measured.points[worst], 6).tolist()
         raise InvalidScene(
-            f"{scene.name}: shape = {target.shape!r} has a point at {at} m, "
+            f"{scene.name}: shape = {str(file)!r} has a point at {at} m, "
             f"{surface.distance[worst]:.3g} m from the assembly, allowed are "
             f"{FARTHEST * size:.3g} m; give points in the assembly's axes, in metres or with their "
             "unit in data set 164."
