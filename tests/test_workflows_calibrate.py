@@ -281,6 +281,7 @@ def test_a_column_of_another_sphere_is_flagged(rig, data):
         ({"free": "contact.9"}, "--free contact.9 is no contact, they are 1 to 6"),
         ({"free": "contact.0"}, "--free contact.0 is no contact"),
         ({"free": ""}, "--free '' is not known here, known are contacts"),
+        ({"free": "gravity.inclination"}, "`beadwave inspect --find gravity.inclination` finds"),
         ({"free": "contacts,contact.2"}, "names contact 2 twice"),
         ({"free": "wall.stiffness"}, "wall.stiffness does not exist"),
         ({"bounds": "contacts=2"}, "is not key=low:high"),

@@ -132,7 +132,8 @@ def _named(scene: Scene, name: str, trigger: float) -> list[Parameter]:
         return _of_wall(scene, name)
     if key == "contact" and part.lstrip("-").isdigit():
         raise InvalidScene(f"--free {name} is no contact, they are 1 to {scene.n_contacts}.")
-    raise InvalidScene(f"--free {name!r} is not known here, {nearest(name, NAMES)}.")
+    other = f"; `beadwave inspect --find {name}` finds any number of a scene" if part else ""
+    raise InvalidScene(f"--free {name!r} is not known here, {nearest(name, NAMES)}{other}.")
 
 
 def _contact(i: int) -> Parameter:
