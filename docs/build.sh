@@ -1,6 +1,6 @@
 #!/bin/sh
 # Builds the documentation into docs/_site; warnings are errors. `docs/build.sh all` first runs the
-# commands of every page and computes the gallery, some ten minutes.
+# commands of every page and computes the gallery again, some twenty minutes.
 set -eu
 cd "$(dirname "$0")/.."
 if [ "${1:-}" = all ]; then

@@ -9,6 +9,7 @@ from plain_docstrings import as_rst
 
 project = "beadwave"
 author = "The beadwave authors"
+copyright = f"{author}, GPL-3.0-or-later"
 release = installed("beadwave")
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
@@ -25,14 +26,9 @@ html_copy_source = False
 
 
 def setup(app):
-    """Docstrings as they are written; no list of the gallery's pages before they are computed."""
+    """Docstrings as they are written."""
 
     def plain(app, what, name, object, options, lines):
         lines[:] = as_rst(lines)
 
-    def listed(app, name, source):
-        if name == "gallery/index" and len([*Path(app.srcdir, "gallery").glob("*.md")]) == 1:
-            source[0] = source[0].partition("```{toctree}")[0]
-
     app.connect("autodoc-process-docstring", plain)
-    app.connect("source-read", listed)

@@ -1,13 +1,18 @@
-"""The gallery: a page for each study, with its picture and what it found.
+"""The gallery: a page for each study, with its picture, its tables and what it found.
 
-Run it before the build: python docs/gallery.py; it writes docs/gallery/NAME.md and NAME.png.
+`python docs/gallery.py` computes all again, `python docs/gallery.py striker walls` two of them; it
+writes docs/gallery/NAME.md and NAME.png, which are kept with the sources, and their list index.md.
 """
 
 import re
 import sys
+from io import BytesIO
 from pathlib import Path
 
+from PIL import Image
+
 import beadwave
+from workflows.results import tables
 
 HERE = Path(__file__).parent / "gallery"
 
@@ -21,28 +26,86 @@ beadwave study {name}
 
 ```{{image}} {name}.png
 :alt: {shows}
+:target: ../_images/{name}.png
 ```
 
 {found}
+
+{tables}
 """
+TABLE = """```text
+{}
+```"""
+INDEX = """# Gallery
+
+Each study computes figures and statements of the [thesis](../thesis.md), or of structures like
+its own, and says what holds. A page is what its command prints and draws:
+`python docs/gallery.py NAME` makes it again.
+
+```{{toctree}}
+:hidden:
+:maxdepth: 1
+
+{names}
+```
+
+{entries}
+"""
+ENTRY = """## [{title}]({name}.md)
+
+{shows}
+
+```{{image}} {name}.png
+:alt: {title}
+:width: 480px
+:target: {name}.html
+```"""
 
 
 def page(name: str, shows: str) -> None:
-    """Write the page of a study; its paragraphs are those that the command prints."""
+    """Write the page of a study; its tables and paragraphs are those that the command prints."""
     found = beadwave.study(name)
-    found.plot().save(HERE / f"{name}.png")
-    title = name.replace("-", " ").capitalize()
-    text = "\n\n".join(re.sub(r"([\\`*_\[\]<>$#|{}])", r"\\\1", said) for said in found.sentences)
-    page = PAGE.format(title=title, shows=shows, name=name, found=text)
-    (HERE / f"{name}.md").write_text(page, encoding="utf-8")
+    (HERE / f"{name}.png").write_bytes(small(found.plot().png))
+    text = "\n\n".join(map(plain, found.sentences))
+    printed = [tables.text(table) for table in found.tables if table.printed != ()]
+    listed = "\n\n".join(map(TABLE.format, printed))
+    page = PAGE.format(title=title(name), shows=shows, name=name, found=text, tables=listed)
+    (HERE / f"{name}.md").write_text(page.rstrip() + "\n", encoding="utf-8")
+
+
+def plain(said: str) -> str:
+    """A sentence whose signs mean nothing to Markdown, code apart."""
+    return re.sub(r"(`[^`]+`)|([\\`*_\[\]<>$#|{}])", lambda m: m[1] or f"\\{m[2]}", said)
+
+
+def title(name: str) -> str:
+    """As a heading."""
+    return name.replace("-", " ").capitalize()
+
+
+def small(png: bytes) -> bytes:
+    """The picture in 256 colours, a third of the bytes."""
+    written = BytesIO()
+    Image.open(BytesIO(png)).convert("RGB").quantize(256, dither=0).save(written, "png", optimize=1)
+    return written.getvalue()
+
+
+def index(studies: dict[str, str]) -> None:
+    """Write the list of the pages that are there."""
+    there = {name: shows for name, shows in studies.items() if (HERE / f"{name}.md").is_file()}
+    entries = [ENTRY.format(title=title(n), name=n, shows=shows) for n, shows in there.items()]
+    text = INDEX.format(names="\n".join(there), entries="\n\n".join(entries))
+    (HERE / "index.md").write_text(text, encoding="utf-8")
 
 
 def main() -> None:
     """All studies, or those named on the command line."""
     HERE.mkdir(exist_ok=True)
-    for name, shows in beadwave.studies().items():
+    studies = beadwave.studies()
+    for name, shows in studies.items():
         if name in sys.argv[1:] or not sys.argv[1:]:
             page(name, shows)
+    index(studies)
 
 
 if __name__ == "__main__":

@@ -125,6 +125,22 @@ def test_a_notebook_runs(name, tmp_path):
     assert any("N" in o.get("text", "") for o in outputs if o.output_type == "stream")
 
 
+def test_the_gallery_has_a_page_for_each_study_that_says_what_it_shows():
+    listed = (DOCS / "gallery" / "index.md").read_text(encoding="utf-8")
+    pages = {path.stem for path in (DOCS / "gallery").glob("*.md")} - {"index"}
+    assert pages == set(beadwave.studies()), "python docs/gallery.py NAME writes a page"
+    for name, shows in beadwave.studies().items():
+        page = (DOCS / "gallery" / f"{name}.md").read_text(encoding="utf-8")
+        assert f"\n\n{shows}\n\n" in page and shows in listed
+        assert f"beadwave study {name}\n" in page
+        assert (DOCS / "gallery" / f"{name}.png").is_file()
+
+
+def test_signs_of_a_sentence_mean_nothing_to_markdown_but_its_code_stays():
+    said = loaded("gallery").plain("a_b < 2 and `c_d = 1` [%]")
+    assert said == r"a\_b \< 2 and `c_d = 1` \[%\]"
+
+
 def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
     pytest.importorskip("sphinx")
     pytest.importorskip("myst_nb")

@@ -115,5 +115,6 @@ def _cells(row: ModeRow) -> tuple:
     first = (row.number, f"{row.frequency_hz:.2f}", at_contact)
     if row.hammer_mode is None:
         return *first, "", "", ""
-    test = f"{row.hammer_mode}: {row.hammer_hz:.5g} Hz ({row.difference_percent:+.1f} %)"
+    off = round(row.difference_percent, 1) + 0.0  # no minus zero
+    test = f"{row.hammer_mode}: {row.hammer_hz:.5g} Hz ({off:+.1f} %)"
     return *first, test, f"{row.score:.2f}", None if row.mac is None else f"{row.mac:.2f}"

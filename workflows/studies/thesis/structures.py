@@ -19,6 +19,7 @@ from workflows.studies.thesis import bent
 FACTORS = 2.0 ** np.arange(-2, 2.5, 0.5)  # of the scene's own value, which is the fifth
 ARR_KNOWN, TOF_KNOWN = 0.01, 0.5e-6  # relative; [s] a sample at 2 MHz
 SAME = 0.01  # relative change of ARR that is none
+LEVEL = 0.1  # of a value: an axis at least so wide to either side
 COLUMNS = ("mm", "first_mode_hz", "contact_us", "tof_us", "arr", "peak_N")
 
 
@@ -85,6 +86,12 @@ def _numbers(cases: list[Case]) -> dict:
     }
 
 
+def _wide(y: list[float]) -> tuple[float, float] | None:
+    """Limits that leave what hardly changes level; None where the axis is to show all of it."""
+    middle = float(np.nanmean(y))
+    return ((1 - LEVEL) * middle, (1 + LEVEL) * middle) if np.ptp(y) < LEVEL * middle / 4 else None
+
+
 def _picture(quantity: str, cases: list[Case]) -> bytes:
     x, label = 1e3 * np.array([c.value for c in cases]), f"{quantity} [mm]"
     each = (
@@ -92,6 +99,6 @@ def _picture(quantity: str, cases: list[Case]) -> bytes:
         ("time of flight", "TOF [µs]", [1e6 * c.tof for c in cases]),
         ("contact time", "T_c [µs]", [1e6 * c.contact for c in cases]),
     )
-    sets = [Panel(title, label, unit, [Line(None, x, np.array(y), "o-")], "x")
+    sets = [Panel(title, label, unit, [Line(None, x, np.array(y), "o-")], "x", y_limits=_wide(y))
             for title, unit, y in each]  # fmt: skip
     return panels(sets, columns=3, size=(4.2, 3.0))
