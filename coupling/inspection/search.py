@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from coupling.calibration.fitting import rms
 from coupling.inspection.fitting import HUGE, Fit, Fitted
 from coupling.inspection.forward import IMPOSSIBLE, Forward
 
+MISFIT = attrgetter("misfit")
 RISE = 0.3  # of the largest signal: the first wave has come
 COARSE = 2.0  # steps of the search, in those of the answer
 PER_NUMBER = 5  # log2 of structures drawn: doubled for each number of the structure but the first
@@ -37,14 +37,16 @@ STEPS, LAST_STEPS = 6, 30  # of a candidate in a window, in the last
 FELT = 30.0  # by which draws differ, over the noise, where waves have felt the structure
 GROWTH = 1.12  # of the window
 MET = 1.06  # squares over the noise's of what a candidate meets, and three deviations of them
-LOST = 1.3  # misfit of the best in a window that grows too fast
 FINEST = 0.01  # growth of a window
+MANY = 8  # times as many draws for a window in which the best was lost
 BEHIND = 0.3, 200.0  # of the best sum of squares, and besides: what drops a candidate
 WIDER = 1.5  # draws, in standard deviations
 ALIKE = 0.005  # of the bounds: two candidates that are one
 NARROWER = 0.05  # volume between bounds over the old one, at which walls are computed anew
 REACH = 4.0  # of narrower bounds, standard deviations
+NARROWINGS = 3  # at most
 LEAST_WIDTH = 0.01  # of narrower bounds, in those given
+TRIES = 2  # records that are followed
 ENDS = 3  # candidates taken on to all records
 HOPELESS = 1.5  # misfit over the best: an end that no better wall would make an answer
 
@@ -81,35 +83,51 @@ def with_triggers(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
-    """Where so many candidates end; a single one begins where the numbers start."""
-    one = _of_one(fit)
+    """Where so many candidates end; a single one begins where the numbers start.
+
+    They follow the loudest record, and the next where what they find does not meet all records.
+    """
     rng = np.random.default_rng(seed)
+    loudest = np.argsort([-np.abs(shot.y).max() for shot in fit.shots], kind="stable")
+    found: list[Searched] = []
+    for record in loudest[:TRIES]:
+        found.append(_followed(fit, int(record), n_shared, starts, rng))
+        if _meets(fit._replace(forward=found[-1].forward), 0, found[-1].fitted.theta):
+            break
+    return min(found, key=lambda one: one.fitted.misfit)
+
+
+def _followed(fit: Fit, record: int, n_shared: int, starts: int, rng) -> Searched:
+    """Candidates along one record."""
+    one = _of_one(fit, record)
     thetas, n = _nearest(one, n_shared, starts, rng)
     touch, end = _touch(one), one.data.shape[1]
-    met, last, wide = 0, np.inf, fit.forward.within is not None
-    kept, spread = [], None
+    met, follows, narrowings = 0, False, NARROWINGS if fit.forward.within else 0
+    kept, spread, box = [], None, [ends[:n_shared] for ends in one.unknowns.ends()]
     while True:
-        tried = _kept(one.until(n), met, thetas, n_shared, n == end)
-        if tried[0].misfit > LOST >= last and n - met > FINEST * (n - touch):
-            thetas = _filled(one, kept, spread, 2 * starts, rng)
+        tried = _kept(one.until(n), met, thetas, n_shared, starts, n == end)
+        meets = _meets(one.until(n), met, tried[0].theta)
+        if follows and not meets and n - met > FINEST * (n - touch):
+            thetas = _filled(one, kept, spread, MANY * starts, rng)
             n = met + (n - met) // 2
             continue
         if n == end:
             return Searched(_ends(fit, tried, n_shared), starts, fit.forward)
-        kept, last = tried, tried[0].misfit
-        spread = _spread(one.until(n), kept[0].theta, n_shared)
+        kept, follows = tried, meets
+        spread = _spread(one.until(n), kept[0].theta)
         inner = _inner(one, kept, spread, n_shared)
-        if wide and _smaller(inner, one.unknowns.ends()):
-            wide, fit = False, fit._replace(forward=fit.forward.narrowed(*inner))
-            one = _of_one(fit)
+        if narrowings and _volume(inner) < NARROWER * _volume(box):
+            box, narrowings = inner, narrowings - 1
+            fit = fit._replace(forward=fit.forward.narrowed(*box))
+            one = _of_one(fit, record)
         thetas = _filled(one, kept, spread, starts, rng)
         met, n = n, min(end, touch + int(np.ceil(GROWTH * (n - touch))))
 
 
-def _of_one(fit: Fit) -> Fit:
-    """The first record, thinned, by long steps."""
+def _of_one(fit: Fit, record: int) -> Fit:
+    """One record, thinned, by long steps."""
     every = max(1, len(fit.shots[0].t) // SAMPLES)
-    return fit.of_shots([0], every)._replace(forward=fit.forward.with_steps(COARSE))
+    return fit.of_shots([record], every)._replace(forward=fit.forward.with_steps(COARSE))
 
 
 def _touch(one: Fit) -> int:
@@ -134,14 +152,32 @@ def _nearest(one: Fit, n_shared: int, starts: int, rng) -> tuple[list[NDArray[np
     return [drawn[i] for i in np.argsort(off, kind="stable")[:starts]], n
 
 
-def _kept(window: Fit, met: int, thetas: Sequence, n_shared: int, last: bool) -> list[Fitted]:
-    """Candidates of the window that are not far behind nor one another's double, best first."""
-    ends = sorted((_met(window, met, theta, last) for theta in thetas), key=attrgetter("misfit"))
-    if not last:
-        ends[0] = window.solved(ends[0].theta, most=STEPS, tolerance=ROUGH, about=ends[0].theta)
+def _kept(
+    window: Fit, met: int, thetas: Sequence, n_shared: int, starts: int, last: bool
+) -> list[Fitted]:
+    """Candidates of the window that are not far behind nor one another's double, best first.
+
+    The nearest of those that do not meet the window and what is new in it are fitted anew.
+    """
+    ends: dict[bool, list[Fitted]] = {True: [], False: []}
+    for theta in thetas:
+        meets = not last and _meets(window, met, theta)
+        ends[meets].append(Fitted(theta, window.misfit(theta), 1, meets))
+    near = sorted(ends[False], key=MISFIT)[: max(1, starts // 2)]
+    found = sorted([*ends[True], *(_anew(window, end, last) for end in near)], key=MISFIT)
+    if found[0].converged:
+        found[0] = _anew(window, found[0], last)
     share, besides = BEHIND
-    most = np.sqrt((1.0 + share) * ends[0].misfit ** 2 + besides / window.data.size)
-    return _distinct(window, [end for end in ends if end.misfit <= most], n_shared)
+    most = np.sqrt((1.0 + share) * found[0].misfit ** 2 + besides / window.data.size)
+    return _distinct(window, [end for end in found if end.misfit <= most], n_shared)
+
+
+def _anew(window: Fit, end: Fitted, last: bool) -> Fitted:
+    most, tolerance = (LAST_STEPS, FINE) if last else (STEPS, ROUGH)
+    with suppress(*IMPOSSIBLE):
+        if end.misfit < HUGE:
+            return window.solved(end.theta, most=most, tolerance=tolerance, about=end.theta)
+    return end
 
 
 def _distinct(fit: Fit, ends: Sequence[Fitted], n_shared: int) -> list[Fitted]:
@@ -155,55 +191,44 @@ def _distinct(fit: Fit, ends: Sequence[Fitted], n_shared: int) -> list[Fitted]:
     return found
 
 
-def _met(window: Fit, met: int, theta: NDArray[np.float64], last: bool) -> Fitted:
-    """A candidate, fitted anew unless it meets the window and what is new in it."""
+def _meets(window: Fit, met: int, theta: NDArray[np.float64]) -> bool:
+    """Whether the window and what is new in it leave noise, whose rms is known to a few %."""
     left = window.residual(theta).reshape(window.data.shape)
-    misfit = rms(left)
-    if (last or _missed(left) or _missed(left[:, met:])) and misfit < HUGE:
-        most, tolerance = (LAST_STEPS, FINE) if last else (STEPS, ROUGH)
-        with suppress(*IMPOSSIBLE):
-            return window.solved(theta, most=most, tolerance=tolerance, about=theta)
-    return Fitted(theta, misfit, 1, misfit < HUGE)
+    return all(
+        np.mean(part**2) <= MET + 3.0 * np.sqrt(2.0 / part.size) for part in (left, left[:, met:])
+    )
 
 
-def _missed(left: NDArray[np.float64]) -> bool:
-    """Whether a residual is more than noise, whose rms is known to a few per cent."""
-    return bool(np.mean(left**2) > MET + 3.0 * np.sqrt(2.0 / left.size))
-
-
-def _spread(window: Fit, theta: NDArray[np.float64], n_shared: int) -> NDArray[np.float64]:
-    """(p_shared, p) rows that make of normal numbers what the window leaves open of the first."""
+def _spread(window: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(p, p) that makes of normal numbers what the window leaves open, 0 of other records'."""
     J, B = window.jacobian(theta), (window.unknowns.pull * window.unknowns.scale) ** 2
     values, vectors = np.linalg.eigh(J.T @ J + np.diag(np.maximum(B, 1e-12)))
-    return (vectors / np.sqrt(values))[:n_shared] * window.unknowns.scale[:n_shared, None]
+    looked_at = J.any(axis=0) | np.isin(np.arange(len(B)), window.unknowns.of_system)
+    return looked_at[:, None] * vectors / np.sqrt(values) * window.unknowns.scale[:, None]
 
 
 def _inner(one: Fit, kept: Sequence[Fitted], spread, n_shared: int):
     """Ends (p_shared,) of bounds that hold the candidates and what is left open."""
     low, high = (end[:n_shared] for end in one.unknowns.ends())
     there = np.array([end.theta[:n_shared] for end in kept])
-    reach = REACH * np.linalg.norm(spread, axis=1)
+    reach = REACH * np.linalg.norm(spread[:n_shared], axis=1)
     reach = np.maximum(reach, 0.5 * LEAST_WIDTH * (high - low))
     ends = (there - reach).min(axis=0), (there + reach).max(axis=0)
     return np.maximum(low, ends[0]), np.minimum(high, ends[1])
 
 
-def _smaller(inner, box) -> bool:
-    low, high = (end[: len(inner[0])] for end in box)
-    return bool(np.prod((inner[1] - inner[0]) / (high - low)) < NARROWER)
+def _volume(box) -> float:
+    low, high = box
+    return float(np.prod(high - low))
 
 
 def _filled(one: Fit, kept: Sequence[Fitted], spread, starts: int, rng) -> list:
     """The candidates, and draws of what is left open until they are as many as the starts."""
     thetas = [end.theta for end in kept]
     low, high = one.unknowns.ends()
-    n = len(spread)
-    for i in range(4 * (starts - len(thetas))):
-        theta = kept[i % len(kept)].theta.copy()
-        theta[:n] += WIDER * spread @ rng.standard_normal(spread.shape[1])
-        inside = ((theta > low) & (theta < high))[:n].all()
-        apart = min(np.abs((theta - other) / (high - low))[:n].max() for other in thetas)
-        if inside and apart > ALIKE and len(thetas) < starts:
+    for i in range(4 * (starts - len(kept))):
+        theta = thetas[i % len(kept)] + WIDER * spread @ rng.standard_normal(len(spread))
+        if ((theta >= low) & (theta <= high)).all() and len(thetas) < starts:
             thetas.append(theta)
     return thetas
 
@@ -211,7 +236,7 @@ def _filled(one: Fit, kept: Sequence[Fitted], spread, starts: int, rng) -> list:
 def _ends(fit: Fit, kept: Sequence[Fitted], n_shared: int) -> tuple[Fitted, ...]:
     """The best candidates taken on to all records, with the triggers that the others need."""
     begins = (with_triggers(fit, end.theta) for end in kept[:ENDS])
-    ends = sorted((fit.solved(theta, tolerance=FINE) for theta in begins), key=attrgetter("misfit"))
+    ends = sorted((fit.solved(theta, tolerance=FINE) for theta in begins), key=MISFIT)
     near = [end for end in ends if end.misfit <= HOPELESS * ends[0].misfit]
     return tuple(_distinct(fit, near, n_shared))
 
