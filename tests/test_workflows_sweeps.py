@@ -20,6 +20,7 @@ from workflows.sweep import tasks
 from workflows.sweep.cases import base_of
 from workflows.sweep.cluster import engine
 from workflows.sweep.design import grid, sampled, table
+from workflows.sweep.figures import _spacing
 
 TWO = """
 name = "two"
@@ -533,6 +534,13 @@ def test_pictures_need_no_code(over, sample):
     assert found.plot("energy_error", (next(iter(over)),)).png.startswith(b"\x89PNG")
     with pytest.raises(InvalidScene, match="'sphere_4_tof' is not in the sweep"):
         found.plot("sphere_4_tof")
+
+
+def test_axes_are_logarithmic_where_values_lie_so():
+    for low, high in ((1, 50), (0.1, 1000)):
+        assert _spacing(np.geomspace(low, high, 20)) == "x"
+        assert _spacing(np.linspace(low, high, 20)) == ""
+    assert _spacing(np.geomspace(1, 10, 20)) == _spacing(np.array([1.0, 100.0])) == ""
 
 
 def test_a_table_is_read_by_others(tmp_path):

@@ -117,12 +117,11 @@ def scan(
     """The chain over a face: TOF, ARR and force as a map."""
     from workflows.api.sweeps import scan as compute
 
-    with StageProgress(f"scan {scene}", quiet=quiet) as progress:
-        with progress.counted("points") as done:
-            found = compute(
-                scene, changes or (), face=face, grid=grid, out=out, signals=signals,
-                overwrite=overwrite, told=done,
-            )  # fmt: skip
+    with StageProgress(f"scan {scene}", quiet=quiet) as progress, progress.stage(f"{grid} points"):
+        found = compute(
+            scene, changes or (), face=face, grid=grid, out=out, signals=signals,
+            overwrite=overwrite,
+        )  # fmt: skip
     told(found.record(), found.text(), json, quiet)
     warned(found.notes)
     noted(f"written: {found.folder}/cases.parquet", json=json, quiet=quiet)

@@ -80,9 +80,12 @@ def _points(name, y, key, x) -> Panel:
 
 
 def _spacing(x: Array) -> str:
-    """A logarithmic axis for values that are spaced so."""
+    """A logarithmic axis for values whose middle one is nearer to where it is on such an axis."""
     x = np.unique(x)
-    return "x" if x.size > 2 and x[0] > 0 and x[-1] / x[0] > 30 else ""
+    if x.size < 3 or x[0] <= 0 or x[-1] / x[0] <= 30:
+        return ""
+    between = np.sqrt(np.sqrt(x[0] * x[-1]) * (x[0] + x[-1]) / 2)
+    return "x" if np.median(x) < between else ""
 
 
 def _is_grid(a: Array, b: Array) -> bool:

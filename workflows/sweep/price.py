@@ -66,7 +66,7 @@ def price(base: Base, design: Design, workers: int) -> Price:
     return Price(
         design.n_cases, refused, round(len(every) * len(walls) / len(some)), n_models, n_missing,
         joined, alone.seconds, seconds_model, workers, run / workers,
-        _memory(walls[0]) if walls else 0.0, tuple(said),
+        _memory(walls[0], design.n_cases) if walls else 0.0, tuple(said),
     )  # fmt: skip
 
 
@@ -123,7 +123,7 @@ def _case(one: Sharing) -> Measured:
     )
 
 
-def _memory(one: Sharing) -> float:
+def _memory(one: Sharing, n_cases: int) -> float:
     scene = one.scene
     per_case = scene.output.samples * (len(scene.output.spheres) + 1)
-    return SIZE * 3 * per_case * ((AT_ONCE + 1) * CHUNK if _joins(one) else 1)
+    return SIZE * 3 * per_case * (min(n_cases, (AT_ONCE + 1) * CHUNK) if _joins(one) else 1)
