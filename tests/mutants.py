@@ -70,7 +70,7 @@ ROOMS = {
         ("coupling/calibration/fitting.py", "coupling/calibration/uncertainty.py",
          "coupling/calibration/parameters.py", "coupling/calibration/signals.py",
          "coupling/calibration/forward.py", "coupling/calibration/instrument.py"),
-        ("coupling_fit", "coupling_calibration"),
+        ("coupling_fit",),
     ),
 }  # fmt: skip
 LONGEST = 6.0  # [s] of a test: longer ones, left out, could only notice more

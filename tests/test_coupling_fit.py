@@ -8,6 +8,7 @@ from scipy.optimize import lsq_linear
 from scipy.signal import freqz_sos, sosfilt
 
 import dem
+import dem.sensitivities
 from coupling.calibration import signals as laid
 from coupling.calibration.fitting import CLOSE, IMPOSSIBLE, PRIOR, Fit, _cycles, rms, weights
 from coupling.calibration.forward import NO_FILTER, Forward
@@ -23,6 +24,7 @@ from coupling.calibration.parameters import (
 )
 from coupling.calibration.signals import Filter, Signals, aligned, lag_of, noise_of_mean
 from coupling.calibration.uncertainty import _cut, noise_along, uncertainty
+from coupling.errors import CouplingError
 
 KINDS = (
     "contact", "preload", "dissipation", "striker", "trigger", "frequency", "mass", "damping",
@@ -462,3 +464,78 @@ def test_repeats_differ_by_jitter_and_noise_of_the_size_asked_for():
     still = repeated(made, twin._replace(repeats=1, noise=0.0))
     np.testing.assert_allclose(still[1][0], bumps(still[0]), atol=1e-6)
     assert len(still[0]) == len(fine[::OVERSAMPLED])
+
+
+# --- the model -----------------------------------------------------------------------------------
+
+RECORD = np.arange(0, 2.4e-4, 2e-6)
+
+
+def a_model(parameters=None, filters=NO_FILTER, record=RECORD, rig=None):
+    blank = Signals(record, np.zeros((len(record), 2)), (0, 2), np.full(2, np.nan))
+    parameters = every_kind()[:1] + every_kind()[3:6] if parameters is None else parameters
+    return Forward(
+        a_rig()._replace(trigger=1e-5) if rig is None else rig, parameters, blank, filters
+    )
+
+
+def test_a_model_shows_the_march_from_its_trigger_on():
+    model = a_model()
+    at = rig_at(model.rig, model.parameters, model.start)
+    found = model.velocities(model.start)
+    assert at.trigger == model.touch == 2e-5
+    assert a_model(()).touch == 1e-5
+    run = dem.march(at.chain, at.wall, at.v0, duration=RECORD[-1], dt=1e-7, n_save=240)
+    late = np.searchsorted(RECORD, 2e-5)
+    shown = np.array([np.interp(RECORD - 2e-5, run.t, run.v[:, i]) for i in (0, 2)]).T
+    np.testing.assert_allclose(found, shown, atol=1e-4)  # linear between saves
+    np.testing.assert_allclose(found[:late], at.v0[[0, 2]] * np.ones((late, 1)), atol=1e-12)
+    assert found.shape == (len(RECORD), 2) and np.ptp(found[:, 1]) > 0.01
+    np.testing.assert_allclose(model.velocities(model.start, 50), found[:50], atol=1e-6)
+
+
+@pytest.mark.parametrize("filters", [NO_FILTER, Filter(band=9e4), Filter(instrument=6e4)])
+def test_sensitivities_of_a_model_are_its_derivatives(filters):
+    model = a_model(filters=filters)
+    theta = model.start * 1.02
+    v, dv = model.velocities_and_sensitivities(theta)
+    np.testing.assert_array_equal(v, model.velocities(theta))
+    for j, p in enumerate(model.parameters):
+        h = 1e-4 * p.start * np.eye(len(theta))[j]
+        numeric = (model.velocities(theta + h) - model.velocities(theta - h)) / (2 * h[j])
+        size = np.abs(numeric).max()
+        assert np.quantile(np.abs(dv[:, :, j] - numeric), 0.95) < 1e-4 * size, p.name
+
+
+def test_an_instrument_delays_a_model_by_its_filter_and_its_lag():
+    """Slow motion is later by DELAY / omega."""
+    slow = a_rig()._replace(trigger=1e-5, v0=np.array([3e-3, 0.0, 0.0]))
+    t = np.arange(0, 2e-3, 2e-6)
+    plain, shown = (a_model((), f, t, slow) for f in (NO_FILTER, Filter(instrument=3e4)))
+    none = np.zeros(0)
+    lag = lag_of(t, shown.velocities(none), plain.velocities(none))
+    assert lag == pytest.approx(laid.DELAY / (2 * np.pi * 3e4), rel=0.02)
+
+
+def test_a_model_knows_its_scales_and_what_a_window_needs():
+    model = a_model()
+    first = rig_at(model.rig, model.parameters, model.start)
+    usual = dem.sensitivities.usual_step(first.chain, first.wall, first.v0)
+    assert model.dt == usual and model.with_steps(0.5).dt == 0.5 * usual
+    assert model.time_scale == dem.sensitivities.STEPS_PER_TIME_SCALE * usual
+    lowest = 0.1 * 2e-5
+    assert model.duration == pytest.approx(RECORD[-1] - lowest + 2 * usual, rel=1e-12)
+    windows = np.zeros((len(RECORD), 2), bool)
+    windows[10:40, 1] = windows[5:31, 0] = True
+    assert model.needed(windows) == 40
+    assert a_model(filters=Filter(band=9e4)).needed(windows) == len(RECORD)
+    every = int(0.15 * model.time_scale / 2e-6)
+    fine = a_model(record=np.arange(0, 2.4e-4, 2e-7)).coarser(2.0)
+    assert every <= 1 < fine.signals.t[1] / 2e-7 <= 0.15 * model.time_scale / 2e-7
+    assert fine.dt == 2.0 * usual and fine.signals.v.shape == (len(fine.signals.t), 2)
+    off = a_model().misfits(model.start)
+    rms_of = np.sqrt(np.mean(model.velocities(model.start) ** 2, axis=0))
+    assert list(off) == ["1", "3"]
+    np.testing.assert_allclose(list(off.values()), rms_of, rtol=1e-12)
+    with pytest.raises(CouplingError, match="ends before the first touch"):
+        a_model((), record=RECORD[:4], rig=a_rig()._replace(trigger=2e-5))

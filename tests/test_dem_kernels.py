@@ -469,6 +469,14 @@ def test_newtons_rest_balances_every_sphere(compliance):
     assert left < 1e-13 and np.abs(net).max() < 1e-13 and F.min() > 1e-3
 
 
+def test_a_free_chain_rests_between_its_springs():
+    stiffness, anchor = np.array([0.5, 0.2]), np.array([1.0, -0.5])
+    x = np.array([0.6, 0.1])
+    left = rest(x, Bearing(np.ones(1), stiffness, anchor, np.zeros(2), 0.0), 1e-3, 60)
+    F = (x[0] - x[1]) ** 1.5
+    assert left < 1e-14 and np.abs(stiffness * (x - anchor) + [F, -F]).max() < 1e-14 and F > 0.01
+
+
 # --- mean forces of the implicit march ------------------------------------------------------------
 
 ENDS = [(0.2, 0.5), (0.5, 0.2), (0.3, 0.3 + 1e-12), (-0.2, 0.4), (0.4, -0.2), (-0.3, -0.1)]
