@@ -355,6 +355,15 @@ def test_repeats_are_averaged_where_they_lie_over_each_other():
     assert np.isnan(one.signals.spread).all() and one.signals.repeats == 1
 
 
+@pytest.mark.parametrize("shift", [40e-6, -40e-6])
+def test_a_record_is_held_constant_beyond_its_ends(shift):
+    """A line read later or earlier, as far as it goes."""
+    line = 3.0 * FINE[:, None]
+    found = laid._moved(FINE, line[None], np.array([shift]))[0]
+    exact = 3.0 * np.clip(FINE + shift, FINE[0], FINE[-1])
+    np.testing.assert_allclose(found[:, 0], exact, rtol=0, atol=1e-15)
+
+
 def test_repeats_that_are_all_unlike_are_all_kept():
     v = np.random.default_rng(0).standard_normal((3, 500, 1))
     found = aligned(FINE[:500], v, (0,), move=False)

@@ -1,0 +1,259 @@
+"""Verdicts, marches of coupled walls and costs of modes: each number beside its formula."""
+
+import numpy as np
+import pytest
+
+import dem
+from coupling import CoupledWall, CouplingError, energy_gain, march_coupled, mode_costs, verdict
+from coupling.coupled_march import longest_step, with_coupled_error
+from coupling.formulas import motion as by_formulas
+from coupling.pruning import oscillation, prune, without
+from coupling.verdict import FALCON, largest_monotone_force, predicted_peak_force
+from dem import Wall
+from known_models import speeds, unit_chain
+
+OMEGA, ZETA, PHI = np.array([0.7, 3.0]), np.array([0.1, 0.3]), np.array([-0.5, 0.4])
+
+
+def coupled(residual=0.0, damped=True):
+    D = np.diag(2 * ZETA * OMEGA) * damped
+    return CoupledWall(OMEGA, D, PHI, PHI, residual)
+
+
+def row(**parts):
+    chain = unit_chain(3, 1.5, **parts)
+    return chain._replace(mass=np.array([1.0, 0.8, 1.3]))
+
+
+# --- the march of a coupled wall -----------------------------------------------------------------
+
+HELD = {
+    "leaf_stiffness": np.array([0.4, 0.1, 0.2]), "leaf_anchor": np.array([0.9, 0.1, 0.1]),
+    "preload": 0.2,
+}  # fmt: skip
+GAMMA = np.array([0.2, 0.14, 0.26])
+CASES = {
+    "hertz": (0.0, {}),
+    "held": (0.1, HELD),
+    "hunt-crossley": (0.2, HELD | {"dissipation": "hunt-crossley", "gamma": GAMMA}),
+    "linear": (0.0, HELD | {"dissipation": "linear", "gamma": GAMMA}),
+    "linear-clipped": (0.2, {"dissipation": "linear-clipped", "gamma": GAMMA}),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_coupled_march_is_the_solution_of_its_equations(case):
+    """Where the damping leaves the modes uncoupled, they are those of a wall of oscillators."""
+    residual, parts = CASES[case]
+    chain, t = row(**parts), np.linspace(0, 3.0, 7)
+    run = march_coupled(chain, coupled(residual), speeds(3), duration=3.0, error=1e-10, n_save=6)
+    exact = by_formulas(chain, Wall(OMEGA, ZETA, PHI, residual), speeds(3), t)
+    assert np.abs(run.v - exact.v).max() < 1e-7
+    assert np.abs(run.contact_force - exact.force).max() < 1e-7
+    assert run.energy_error < (1e-8 if case in ("hertz", "held", "hunt-crossley") else 1e-6)
+    k, anchor = chain.springs
+    F = run.contact_force
+    assert run.energy_kinetic == pytest.approx(0.5 * run.v**2 @ chain.mass)
+    assert run.energy_leaf == pytest.approx(0.5 * (run.x - anchor) ** 2 @ k, rel=1e-12)
+    assert run.work_preload[1:] == pytest.approx(chain.preload * (run.x[1:, -1] - run.x[0, -1]))
+    if not parts.get("dissipation"):
+        d = (F / chain.A) ** (2 / 3)
+        assert run.energy_contact == pytest.approx(0.4 * (F * d).sum(axis=1))
+        assert run.energy_residual == pytest.approx(0.5 * residual * F[:, -1] ** 2)
+        assert not run.dissipated_contact.any()
+    assert run.dissipated_wall[-1] > 1e-5
+
+
+def test_a_free_mode_and_a_weight_are_marched():
+    """Without contact: q'' = 0 and x'' = g; the ledger has the work of the weight."""
+    wall = CoupledWall(np.array([0.0, 2.0]), np.zeros((2, 2)), *[np.array([0.5, 0.3])] * 2, 0.0)
+    chain = row(gravity=0.3, n_falling=3)
+    run = march_coupled(chain, wall, -np.array([2.0, 1.5, 1.0]), duration=1.0, n_save=4)
+    t = run.t[:, None]
+    np.testing.assert_allclose(run.x, -t * [2.0, 1.5, 1.0] + 0.15 * t**2, atol=1e-6)
+    np.testing.assert_allclose(run.work_gravity, 0.3 * (run.x - run.x[0]) @ chain.mass)
+    assert run.energy_error < 1e-6 and not run.contact_force.any()
+
+
+def test_the_start_of_a_coupled_march_is_at_rest():
+    chain = row(**HELD)
+    run = march_coupled(chain, coupled(0.1), np.zeros(3), duration=2.0, error=1e-9, n_save=4)
+    assert np.abs(run.x - run.x[0]).max() < 1e-9 and run.contact_force.min() > 0.04
+    static = dem.equilibrium(chain, Wall(OMEGA, ZETA, PHI, 0.1))
+    np.testing.assert_allclose(run.x[0], static.x, rtol=1e-9)
+    assert run.wall_x[0] == pytest.approx(PHI @ static.q)
+
+
+def test_a_force_and_a_reading_of_their_own_rest_in_their_cross_compliance():
+    reading = np.array([0.2, -0.6])
+    wall = coupled()._replace(reading=reading)
+    chain = row(**HELD)
+    run = march_coupled(chain, wall, np.zeros(3), duration=1.0, error=1e-9, n_save=2)
+    F = run.contact_force[0, -1]
+    assert run.wall_x[0] == pytest.approx(reading @ (PHI / OMEGA**2) * F)
+    assert np.abs(run.x - run.x[0]).max() < 1e-8
+
+
+def test_an_error_estimate_is_not_below_the_difference_to_a_better_march():
+    chain = row()
+    run = march_coupled(chain, coupled(), speeds(3, 2.0), duration=3.0, error=1e-6, n_save=30)
+    told = with_coupled_error(chain, coupled(), speeds(3, 2.0), run, error=1e-6).error_estimate
+    best = march_coupled(chain, coupled(), speeds(3, 2.0), duration=3.0, error=1e-12, n_save=30)
+    true = np.abs(best.v - run.v).max() / 2.0
+    assert true < told < 1e3 * true
+
+
+def test_the_longest_step_is_that_of_the_fastest_mode_or_damper():
+    assert longest_step(coupled(damped=False)) == pytest.approx(1 / 3.0)
+    strong = coupled()._replace(D=np.diag([1.0, 60.0]))
+    assert longest_step(strong) == pytest.approx(3 / 60.0)
+    assert longest_step(coupled()._replace(omega=np.zeros(2), D=np.zeros((2, 2)))) == np.inf
+    assert longest_step(coupled()._replace(D=np.diag([1.0, 299.0]))) == pytest.approx(3 / 299)
+    with pytest.raises(CouplingError, match="settle within"):
+        longest_step(coupled()._replace(D=np.diag([1.0, 301.0])))
+
+
+def test_the_gain_of_a_run_is_its_largest_energy_over_the_strikers():
+    run = march_coupled(row(), coupled(), speeds(3), duration=1.0, n_save=4)
+    made = run._replace(energy_total=run.energy_kinetic[0] * np.array([1.0, 1.2, 1.5, 0.9, 1.1]))
+    found = energy_gain(made)
+    assert found.largest == pytest.approx(0.5) and found.final == pytest.approx(0.1)
+    assert found.time == run.t[2]
+
+
+# --- verdicts ------------------------------------------------------------------------------------
+
+
+def test_the_series_law_turns_over_where_its_slope_is_zero():
+    F, A, s = largest_monotone_force(-0.03, 1.7), 1.7, -0.03
+    assert 2 / 3 * A ** (-2 / 3) * F ** (-1 / 3) + s == pytest.approx(0, abs=1e-15)
+    assert largest_monotone_force(0.0, A) == np.inf
+
+
+@pytest.mark.parametrize("v0", [[1.0, 0, 0], [-1.0, 0, 0], [0.5, 0.5, 0.5], [0, -2.0, 1.0]])
+def test_a_predicted_force_is_one_sphere_with_all_of_the_swing_or_all_of_the_energy(v0):
+    chain, A, v = row(preload=0.2), np.array([1.0, 2.0]), np.array(v0)
+    swing = max(v.max() - min(v.min(), 0), 0) if v.max() > 0 else max(0 - v.min(), 0)
+    one = FALCON * A**0.4 * (1.25 * 1.3 * swing**2) ** 0.6
+    every = A**0.4 * (1.25 * (chain.mass @ v**2)) ** 0.6
+    found = predicted_peak_force(chain, v, A)
+    np.testing.assert_allclose(found, np.minimum(one, every) + 0.2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["wall", "coupled", "free"])
+def test_a_verdict_tells_force_stiffness_and_frequencies(kind):
+    residual = 0.2
+    wall = {"wall": Wall(OMEGA, ZETA, PHI, residual), "coupled": coupled(residual), "free": None}[
+        kind
+    ]
+    chain = row()
+    chain = chain._replace(A=chain.A[: None if wall else 2], mass=chain.mass * 1e-3)
+    found = verdict(chain, wall, speeds(3, 9.0))
+    A = chain.A[-1]
+    F = float(predicted_peak_force(chain, speeds(3, 9.0), A))
+    k = 1.5 * A ** (2 / 3) * F ** (1 / 3)
+    k = k / (1 + residual * k) if wall else k
+    assert found.predicted_peak_force == pytest.approx(F)
+    assert found.n_wall_modes == (2 if wall else 0) and found.possible and found.passive
+    assert f"{F:.3g} N, contact stiffness {1e-6 * k:.3g} MN/m" in found.sentences[0]
+    assert ("at the wall" in found.sentences[0]) is bool(wall)
+    between = chain.A[:2]
+    G = predicted_peak_force(chain, speeds(3, 9.0), between)
+    ks = 1.5 * between ** (2 / 3) * G ** (1 / 3)
+    m = chain.mass
+    if wall:
+        ks = np.append(ks, k)
+    pairs = np.append(1 / m[:-1] + 1 / m[1:], [1 / m[-1] + PHI @ PHI] if wall else [])
+    rows = ks * pairs  # of the contact matrix, with what shares a sphere
+    for i in range(len(ks) - 1):
+        shared = np.sqrt(ks[i] * ks[i + 1]) / m[i + 1]
+        rows[i] += shared
+        rows[i + 1] += shared
+    assert f"{np.sqrt(rows.max()) / 2e3 / np.pi:.3g} kHz" in found.sentences[1]
+    if wall:
+        told = f"2 modes up to {3e-3 / 2 / np.pi:.3g} kHz and a residual compliance of 2e+08 nm/N"
+        assert told in found.sentences[2]
+
+
+def test_a_verdict_forbids_what_makes_energy_or_gives_way():
+    wall, chain = Wall(OMEGA, ZETA, PHI), row()
+    for broken, sentence in (
+        (wall._replace(zeta=-ZETA), "generates energy"),
+        (wall._replace(mobility=-1.0), "generates energy"),
+        (wall._replace(residual_compliance=-1.0), "unstable"),
+    ):
+        found = verdict(chain, broken, speeds(3))
+        assert not found.possible and sentence in " ".join(found.findings)
+    driven = verdict(chain, coupled()._replace(D=-np.eye(2)), speeds(3))
+    assert not driven.passive and "damping is negative" in driven.findings[0]
+    elsewhere = verdict(chain, coupled()._replace(reading=2 * PHI), speeds(3))
+    assert not elsewhere.passive and elsewhere.possible
+    assert verdict(chain, Wall(*np.zeros((3, 0))), speeds(3)).findings == ()
+    deaf = verdict(chain, coupled()._replace(force=0 * PHI, reading=0 * PHI), speeds(3))
+    assert "acts as rigid" in deaf.findings[0]
+
+
+# --- modes left out ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("omega", "zeta"), [(0.0, 0.0), (0.8, 0.1), (0.8, 1.0), (2.0, 1.7)])
+def test_an_oscillation_under_held_forces_is_exact(omega, zeta):
+    """Step by step with the exponential of its matrix and a force that stays over the step."""
+    from scipy.linalg import expm
+
+    h, F = 0.3, np.random.default_rng(0).standard_normal(40)
+    G = np.zeros((3, 3))
+    G[0, 1], G[1] = 1.0, [-(omega**2), -2 * zeta * omega, 1.0]
+    E, state, exact = expm(G * h), np.zeros(2), []
+    for force in F:
+        exact.append(state[0])
+        state = (E @ np.append(state, force))[:2]
+    found = oscillation(F, omega, zeta, h)
+    np.testing.assert_allclose(found, exact, atol=1e-5 * np.abs(exact).max())
+
+
+def test_a_wall_without_modes_keeps_what_is_static_of_them():
+    from coupling.pruning import LeftOut
+
+    wall = Wall(np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3]), np.array([4.0, 5, 6]), 0.5)
+    left = without(wall, [LeftOut(2, 0.5, "static", 0.0), LeftOut(0, 0.2, "frozen", 0.0)])
+    np.testing.assert_array_equal(left[:3], [[2.0], [0.2], [5.0]])
+    assert left.residual_compliance == pytest.approx(0.5 + 4.0)
+
+
+def test_costs_of_modes_are_the_velocity_that_their_motion_would_make():
+    """max |sum h k(t) u(t)| / (m V) of the cheaper of no motion and static motion."""
+    wall = Wall(np.array([0.0, 0.02, 1.0, 40.0]), np.array([0, 0.1, 0.2, 0.3]),
+                np.array([0.1, 0.2, 0.3, 0.4]), 0.3)  # fmt: skip
+    chain = row()
+    run = dem.march(chain, wall, speeds(3), duration=6.0, dt=0.01, n_save=600)
+    F, h = run.contact_force[:, -1], 0.01
+    k = 1.5 * 1.5 ** (2 / 3) * np.maximum(F, 0) ** (1 / 3)
+    slope = h * k / (1 + 0.3 * k) / (1.3 * 1.0)
+    for j, found in enumerate(mode_costs(chain, wall, run)):
+        u = wall.phi[j] ** 2 * oscillation(F - F[0], wall.omega[j], wall.zeta[j], h)
+        costs = {"frozen": np.abs(np.cumsum(slope * u)).max()}
+        if j:
+            static = (wall.phi[j] / wall.omega[j]) ** 2 * (F - F[0])
+            costs["static"] = np.abs(np.cumsum(slope * (u - static))).max()
+        how = min(costs, key=costs.get)
+        assert (found.mode, found.how) == (j, how)
+        assert found.cost == pytest.approx(costs[how], rel=1e-9)
+        assert found.frequency_hz == pytest.approx(wall.omega[j] / (2 * np.pi))
+        assert str(found) == f"{found.frequency_hz:.4g} Hz: leave out ({how}), {found.cost:.1e}"
+
+
+def test_pruning_measures_what_it_states():
+    wall = Wall(np.array([1e-3, 1.0, 60.0]), np.zeros(3), np.array([0.02, 0.3, 0.3]))
+    chain = row()
+    found = prune(chain, wall, speeds(3), duration=4.0, error=1e-2)
+    assert {one.mode for one in found.left_out} == {0, 2}
+    runs = [
+        dem.march(chain, w, speeds(3), duration=4.0, dt=1e-2, n_save=400).v
+        for w in (wall, found.wall)
+    ]
+    assert found.cost == pytest.approx(np.abs(runs[1] - runs[0]).max(), rel=0.02)
+    assert found.cost < 1e-2
+    assert "2 of 3 wall modes left out" in found.sentences[-1]
+    none = prune(chain, wall, speeds(3), duration=4.0, error=1e-9)
+    assert none.wall == wall and none.left_out == () and none.cost == 0.0
