@@ -80,6 +80,13 @@ def test_stated_errors_of_steps_are_true_or_larger_where_forces_are_smooth():
     assert all(row.difference <= row.allowed for row in rows), rows
 
 
+def test_two_sigma_bars_hold_the_truth_as_often_as_they_say():
+    """Bars half or twice as long do not."""
+    off = np.array([honesty._fitted(seed) for seed in range(50)])
+    honest = [honesty._held(off / longer).difference == 0 for longer in (1.0, 0.5, 2.0)]
+    assert honest == [True, False, False]
+
+
 def test_the_difference_is_that_of_the_entries_that_differ_most():
     found = pair([1.0, 2.5, 3.0], [1.0, 2.0, 4.0])
     assert (found.ours, found.theirs, found.difference) == (3.0, 4.0, 0.25)

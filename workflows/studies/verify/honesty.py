@@ -10,9 +10,15 @@ from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 import dem
 import rom
+from coupling.calibration.calibration import calibrate
+from coupling.calibration.forward import Forward
+from coupling.calibration.parameters import Parameter, Rig
+from coupling.calibration.search import Options
+from coupling.calibration.signals import Signals
 from dem.spheres import time_scale
 from rom.truncation import frequencies
 from workflows.files.scene import scene as load_scene
@@ -21,6 +27,8 @@ from workflows.studies.verify.comparisons import Comparison
 from workflows.studies.verify.formulas import LAWS, WALLS, scene
 
 LEAST, MOST, FLOOR = 1.0, 10.0, 1e-10
+NORMAL, HELD = 0.954, (0.90, 0.98)  # of bars that hold the truth
+N_FITTED = 120
 FINER = {"none": 8, "hunt-crossley": 8, "linear": 64, "linear-clipped": 64}  # of the step
 
 
@@ -38,6 +46,20 @@ def honest_reductions() -> Iterator[Comparison]:
 def honest_meshes() -> Iterator[Comparison]:
     """Stated over true errors of the mesh in waves: cantilevers of random sizes and materials."""
     yield from _points("waves", [*_meshes()])
+
+
+def honest_bars() -> Iterator[Comparison]:
+    """Share of two-sigma bars that hold the truth: chains and walls fitted to noisy velocities."""
+    yield _held(np.array([_fitted(seed) for seed in range(N_FITTED)]))
+
+
+def _held(off: NDArray[np.float64]) -> Comparison:
+    """The share of errors, in two-sigma bars, of at most one."""
+    held = float(np.mean(np.abs(off) <= 1))
+    said = f"calibration, {off.size} two-sigma bars: share that hold the truth"
+    missing = max(0.0, HELD[0] - held, held - HELD[1])
+    source = f"synthetic records with white noise; {100 * NORMAL:.1f} % expected"
+    return Comparison(said, held, NORMAL, missing, 0.0, source)
 
 
 def _points(name: str, ratios: list[float]) -> Iterator[Comparison]:
@@ -118,3 +140,25 @@ def _meshes() -> Iterator[float]:
 
 def _silent(stage: str):
     return nullcontext()
+
+
+def _fitted(seed: int) -> NDArray[np.float64]:
+    """Errors (3,) of a wall's contact, its mass and the striker's velocity in their bars."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 7))
+    chain = dem.row_of_spheres(0.01, 7800.0, 2e11, 0.3, count=n)
+    mass, speed = rng.uniform([0.1, 0.1], [1.0, 0.5])
+    wall = dem.one_dof_wall(10 ** rng.uniform(2.5, 3.5), mass, 0.02)
+    rig = Rig(chain, wall, np.append(speed, np.zeros(n - 1)), None, 0.0)
+    sought = (
+        Parameter("contact at the wall", "contact", 1.0, 0.3, 3.0, 0.3, index=n - 1),
+        Parameter("striker", "striker", speed, 0.5 * speed, 2 * speed, 0.1 * speed),
+        Parameter("mass", "mass", mass, 0.3 * mass, 3 * mass, 0.2 * mass),
+    )
+    truth = rng.uniform([0.7, 0.9, 0.8], [1.3, 1.1, 1.25]) * [1.0, speed, mass]
+    t = 2e-6 * np.arange(500)
+    record = Signals(t, np.zeros((500, 2)), (0, n // 2), np.full(2, np.nan))
+    v = Forward(rig, sought, record).velocities(truth)
+    v = v + speed * 10 ** rng.uniform(-3.0, -1.5) * rng.standard_normal(v.shape)
+    found = calibrate(rig, sought, record._replace(v=v), options=Options(starts=1))
+    return (found.value - truth) / found.uncertainty.two_sigma
