@@ -7,6 +7,7 @@
     prestressed     the Model under forces, heat and rods: K + K_G, and its share of buckling
     modes           omega (k,) [rad/s], phi (n, k) mass-normalised, by eigsh
     receptance      H(f) [m/N] of the full model;   mac, pair: modes beside measured ones
+    held            factor of a K that is held, which modes and a reduction can share
     factorised      factor of a sparse symmetric matrix, the fastest that is installed
 
 u are the free displacements of a Model, u_mesh = model.T @ u, node after node x, y, z.
@@ -42,7 +43,7 @@ from fem.correlation import (
 )
 from fem.dashpots import dashpots
 from fem.elasticity import Structure, assemble
-from fem.factorisation import factorised
+from fem.factorisation import Factor, factorised
 from fem.grounding import RigidBody, rigid_body
 from fem.half_space import half_space_on_mesh, half_spaces_on_mesh
 from fem.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
@@ -50,7 +51,7 @@ from fem.materials import Material, Orthotropic
 from fem.mechanisms import Loose, loose_bodies
 from fem.mirror import mirrored
 from fem.model import Connections, Held, Model, Table, joined
-from fem.modes import Modes, modes
+from fem.modes import Modes, held, modes
 from fem.plate import Sheet, TooLarge, mindlin_plate
 from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
@@ -70,6 +71,7 @@ __all__ = [
     "ContactPatch",
     "End",
     "FaceForce",
+    "Factor",
     "Heat",
     "Held",
     "Joint",
@@ -105,6 +107,7 @@ __all__ = [
     "factorised",
     "half_space_on_mesh",
     "half_spaces_on_mesh",
+    "held",
     "indentation_modulus",
     "joined",
     "loose_bodies",

@@ -8,11 +8,13 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from fem.factorisation import Factor, factorised
+from fem.multifrontal import Singular
 from fem.threads import one_thread
 
 ROUNDING = 200 * np.finfo(float).eps  # of K's largest eigenvalue: what it makes of a zero one
 CONVERGED = 1e-11  # of an eigenvalue's residual: rounding takes a sixth more solutions
 INVERSE_ITERATIONS = 3  # of each rigid motion
+SHIFT_HZ = 5.0
 
 
 class Modes(NamedTuple):
@@ -27,17 +29,30 @@ class Modes(NamedTuple):
         return self.omega / (2 * np.pi)
 
 
-def modes(K, M, n_modes: int, *, shift_hz: float = 5.0) -> Modes:
+def held(K, M) -> Factor | None:
+    """The factor of K itself; None for what floats or is held so softly, its lowest mode being
+    below SHIFT_HZ, that the elastic modes of a stiff part would drown in it."""
+    try:
+        factor = factorised(K)
+    except Singular:
+        return None
+    x = _lowest(np.empty((K.shape[0], 0)), M, factor, np.random.default_rng(1))
+    return factor if x @ (K @ x) > (2 * np.pi * SHIFT_HZ) ** 2 else None
+
+
+def modes(K, M, n_modes: int, *, shift_hz: float = SHIFT_HZ, factor: Factor | None = None) -> Modes:
     """The lowest modes of K phi = omega^2 M phi.
 
-    The shift lies at -(2 pi shift_hz)^2, below the lowest elastic frequency: K itself may be
-    singular. Rigid motions, which would drown the elastic modes of a stiff part, are found first
-    and kept out of the rest. Raises ValueError when the modes are not M-orthonormal or leave a
-    residual.
+    With the factor of a K that is held (see `held`) nothing is factorised. Without one the shift
+    lies at -(2 pi shift_hz)^2, below the lowest elastic frequency: K itself may be singular. Rigid
+    motions, which would drown the elastic modes of a stiff part, are then found first and kept out
+    of the rest. Raises ValueError when the modes are not M-orthonormal or leave a residual.
     """
-    sigma = -((2 * np.pi * shift_hz) ** 2)
-    factor = factorised((K - sigma * M).tocsc())
-    R = _rigid_motions(K, M, factor, n_modes)
+    sigma, R = 0.0, np.empty((K.shape[0], 0))
+    if factor is None:
+        sigma = -((2 * np.pi * shift_hz) ** 2)
+        factor = factorised((K - sigma * M).tocsc())
+        R = _rigid_motions(K, M, factor, n_modes)
     n, n_elastic = K.shape[0], n_modes - R.shape[1]
     eigenvalues, phi = np.zeros(0), np.empty((n, 0))
     if n_elastic:
@@ -63,14 +78,20 @@ def _rigid_motions(K, M, factor: Factor, most: int) -> NDArray[np.float64]:
     k, m = K.diagonal(), M.diagonal()
     rounding = ROUNDING * np.quantile(k[m > 0] / m[m > 0], 0.99)
     while R.shape[1] < most:
-        x = rng.standard_normal(K.shape[0])
-        for _ in range(INVERSE_ITERATIONS):
-            x = _deflated(R, M, factor, M @ x)
-            x /= np.sqrt(x @ (M @ x))
+        x = _lowest(R, M, factor, rng)
         if x @ (K @ x) > rounding:
             break
         R = np.column_stack([R, x])
     return R
+
+
+def _lowest(R, M, factor: Factor, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Nearly the lowest motion (n,) beyond R, by inverse iteration; mass-normalised."""
+    x = rng.standard_normal(M.shape[0])
+    for _ in range(INVERSE_ITERATIONS):
+        x = _deflated(R, M, factor, M @ x)
+        x /= np.sqrt(x @ (M @ x))
+    return x
 
 
 def _deflated(R, M, factor: Factor, b: NDArray[np.float64]) -> NDArray[np.float64]:

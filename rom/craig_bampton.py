@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from rom.contact_modes import finer_space, static_shapes
-from rom.factorisation import Factorise, superlu, symmetric
+from rom.factorisation import Factor, Factorise, superlu, symmetric
 from rom.fixed_interface import (
     FixedInterface,
     Partition,
@@ -38,19 +38,21 @@ def craig_bampton(
     *,
     C: ArrayLike | sp.sparray | None = None,
     factorise: Factorise = superlu,
+    factor: Factor | None = None,
 ) -> ReducedModel:
     """Reduce K, M (n, n) to the dofs in boundary (b,) and the fixed-interface modes asked for.
 
     w (n,) may only load the boundary. One factorisation of K_ii, which a held boundary makes
     positive definite even where K floats, serves constraint modes and fixed-interface modes;
-    factorise(A) returns an object with .solve. A cutoff and choice "lowest" speak of the
+    factorise(A) returns an object with .solve; with the factor of a K that is held nothing is
+    factorised. A cutoff and choice "lowest" speak of the
     fixed-interface modes; "contact" takes what the free modes of that choice do inside.
     Raises ReductionError with one sentence where the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
     require_selection(asked)
-    fixed = fixed_interface(K, M, w, boundary, factorise)
+    fixed = fixed_interface(K, M, w, boundary, factorise, factor)
     C = None if C is None else symmetric(C, "C")
     if asked.by_contact:
         pairs, stated, space = modes_inside(fixed, asked)

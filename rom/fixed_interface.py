@@ -3,7 +3,11 @@
     K_ii Psi = -K_ib,   S = K_bb + K_bi Psi,   K x = y:  S x_b = y_b + Psi^T y_i,
     x_i = K_ii^-1 y_i + Psi x_b
 
-so that the factor of K_ii serves K as well. What a field does inside is what it has beyond the
+so that the factor of K_ii serves K as well; and that of K serves K_ii, with Z = K^-1 [1; 0]
+
+    Psi = Z_i Z_b^-1,   x_i = z_i - Psi z_b with z = K^-1 [0; y_i].
+
+What a field does inside is what it has beyond the
 constraint modes, x_i - Psi x_b.
 """
 
@@ -15,7 +19,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 
 from rom.contact_modes import contact_modes
-from rom.factorisation import Factorise, Pencil, ReductionError, solutions
+from rom.factorisation import Factor, Factorise, Pencil, ReductionError, solutions
 from rom.floating import is_held, pencil
 from rom.lanczos import EigenPairs, known_modes
 from rom.selection import Selection
@@ -36,7 +40,7 @@ class Partition(NamedTuple):
 
 class FixedInterface(NamedTuple):
     """K and M (n, n), w (n,) at the contact, and the structure with its boundary held; psi (i, b)
-    are the constraint modes."""
+    are the constraint modes. `whole` is the factor of K, where there is one."""
 
     K: sp.csc_array
     M: sp.csc_array
@@ -44,6 +48,7 @@ class FixedInterface(NamedTuple):
     part: Partition
     interior: Pencil
     psi: np.ndarray
+    whole: Factor | None
 
     @property
     def condensed(self) -> np.ndarray:
@@ -54,21 +59,40 @@ class FixedInterface(NamedTuple):
 
 
 def fixed_interface(
-    K: sp.csc_array, M: sp.csc_array, w: np.ndarray, boundary: ArrayLike, factorise: Factorise
+    K: sp.csc_array,
+    M: sp.csc_array,
+    w: np.ndarray,
+    boundary: ArrayLike,
+    factorise: Factorise,
+    whole: Factor | None = None,
 ) -> FixedInterface:
-    """The structure held at the dofs in boundary (b,); raises ReductionError."""
+    """The structure held at the dofs in boundary (b,), by the factor of K where it is handed in;
+    raises ReductionError."""
     part = partition(boundary, w)
     _, K_ib, K_ii = part.blocks(K)
-    interior = pencil(K_ii, part.blocks(M)[2], factorise)
+    M_ii = part.blocks(M)[2]
+    if whole is None:
+        interior = _factorised(K_ii, M_ii, factorise)
+        psi = -solutions(interior.factor, K_ib)
+    else:
+        clamped = _Clamped(whole, part)
+        interior = Pencil(K_ii, M_ii, clamped, 0.0)
+        # Z_b of a soft structure is nearly singular, which would cost psi half its digits
+        clamped.psi -= solutions(clamped, K_ii @ clamped.psi + K_ib)
+        psi = clamped.psi
+    _require_constraint_modes(interior, K_ib, psi, w[part.boundary])
+    return FixedInterface(K, M, w, part, interior, psi, whole)
+
+
+def _factorised(K_ii: sp.csc_array, M_ii: sp.csc_array, factorise: Factorise) -> Pencil:
+    interior = pencil(K_ii, M_ii, factorise)
     if interior.sigma:
         raise ReductionError(
             "the interior still floats with the boundary fixed, or cannot be told from one that "
             "does beside its largest stiffness; add boundary degrees of freedom, tie the loose "
             "part, replace joints of extreme stiffness by rigid ones, or take free modes."
         )
-    psi = -solutions(interior.factor, K_ib)
-    _require_constraint_modes(interior, K_ib, psi, w[part.boundary])
-    return FixedInterface(K, M, w, part, interior, psi)
+    return interior
 
 
 def partition(boundary: ArrayLike, w: np.ndarray) -> Partition:
@@ -112,6 +136,24 @@ def _floats() -> ReductionError:
     )
 
 
+class _Clamped:
+    """Solves with K_ii by the factor of K."""
+
+    def __init__(self, whole: Factor, part: Partition) -> None:
+        self._whole, (b, i) = whole, part
+        self._part, n = part, len(b) + len(i)
+        unit = sp.csc_array((np.ones(len(b)), (b, np.arange(len(b)))), shape=(n, len(b)))
+        Z = solutions(whole, unit)
+        self.psi = Z[i] @ np.linalg.inv(Z[b])
+
+    def solve(self, y: np.ndarray) -> np.ndarray:
+        b, i = self._part
+        z = np.zeros((len(b) + len(i), *y.shape[1:]))
+        z[i] = y
+        z = self._whole.solve(z)
+        return z[i] - self.psi @ z[b]
+
+
 class _Condensed:
     """Solves with K by the factor of K_ii."""
 
@@ -144,8 +186,8 @@ def modes_inside(fixed: FixedInterface, asked: Selection) -> tuple[EigenPairs, f
 
 def whole_pencil(fixed: FixedInterface) -> Pencil:
     """K and M of the structure with its boundary free; raises ReductionError where it floats."""
-    whole = Pencil(fixed.K, fixed.M, _Condensed(fixed), 0.0)
-    if not is_held(whole):
+    whole = Pencil(fixed.K, fixed.M, fixed.whole or _Condensed(fixed), 0.0)
+    if fixed.whole is None and not is_held(whole):
         raise _floats()
     return whole
 

@@ -16,7 +16,15 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from rom.contact_modes import contact_modes, finer_space, static_shapes
-from rom.factorisation import Factorise, Pencil, ReductionError, static_response, superlu, symmetric
+from rom.factorisation import (
+    Factor,
+    Factorise,
+    Pencil,
+    ReductionError,
+    static_response,
+    superlu,
+    symmetric,
+)
 from rom.floating import pencil
 from rom.health import require_faithful, require_static_response
 from rom.lanczos import EigenPairs, known_modes, lowest_modes, modes_below, modes_until
@@ -34,18 +42,20 @@ def free_modes(
     C: ArrayLike | sp.sparray | None = None,
     shift: float | None = None,
     factorise: Factorise = superlu,
+    factor: Factor | None = None,
 ) -> ReducedModel:
     """Reduce K, M (n, n) to the free modes asked for and the residual vector of the contact
     functional w (n,).
 
     shift [rad^2/s^2], negative, is the sigma of K - sigma M that gets factorised; None takes K
     itself, or where K floats freely a shift of -(omega_1 / 10)^2. factorise(A) returns an object
-    with .solve. Raises ReductionError with one sentence where the result would not be right.
+    with .solve; with the factor of a K that is held nothing is factorised. Raises ReductionError
+    with one sentence where the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
     require_selection(asked, modes_suffice=True)
-    problem = pencil(K, M, factorise, shift)
+    problem = Pencil(K, M, factor, 0.0) if factor else pencil(K, M, factorise, shift)
     C = None if C is None else symmetric(C, "C")
     known = None if asked.modes is None else known_modes(problem, *asked.modes)
     if asked.by_contact:

@@ -14,6 +14,7 @@ from fem import (
     assemble,
     contact_patch,
     factorised,
+    half_space,
     half_space_on_mesh,
     joined,
     node_patch,
@@ -70,6 +71,21 @@ def test_what_is_left_of_the_block_is_a_property_of_the_block(blocks, weights):
     exact = {"hertz": 0.6, "area": 16 / (3 * np.pi**2)}[weights]
     exact *= (1 - STEEL.poisson**2) / (STEEL.young * radii[-1])
     assert pairs[1, 2, 0] - exact == pytest.approx(left[1, 2], rel=0.15)
+
+
+def test_of_a_large_body_the_elements_near_the_patch_are_enough(blocks, monkeypatch):
+    solved, sizes = blocks[4e-3], []
+
+    def counting(K):
+        sizes.append(K.shape[0])
+        return factorised(K)
+
+    monkeypatch.setattr(half_space, "factorised", counting)
+    _, whole = solved.of_patch(1e-3)
+    monkeypatch.setattr(half_space, "LARGE", 1000)
+    _, near = solved.of_patch(1e-3)
+    assert sizes[1] < 0.5 * sizes[0]
+    assert abs(near / whole - 1) < 2e-4  # 5e-6 on a mesh fine enough to make a body that large
 
 
 def test_the_meshed_half_space_approaches_the_exact_one(blocks):

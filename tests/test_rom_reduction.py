@@ -220,6 +220,38 @@ def test_a_factorisation_can_be_handed_in_and_is_made_once():
     assert made == [(N, N), (N - 5, N - 5)]
 
 
+@pytest.mark.parametrize("choice", ["lowest", "contact"])
+@KINDS
+def test_the_factor_of_a_held_structure_serves_both_reductions(kind, choice):
+    K, M = spring_chain(N)
+    w, to_hz = end_patch(N), 2000.0
+    asked = Selection(n_modes=20, to_hz=to_hz, choice=choice)
+    place = () if kind == "free-modes" else (end_boundary(N),)
+    reduction = free_modes if kind == "free-modes" else craig_bampton
+
+    def never(A):
+        raise AssertionError("factorised again")
+
+    own = reduction(K, M, w, *place, asked)
+    shared = reduction(K, M, w, *place, asked, factorise=never, factor=superlu(K))
+    f = np.linspace(1.0, to_hz, 20)
+    answers = [receptance(one, None, f, loss=0.01) for one in (own, shared)]
+    np.testing.assert_allclose(answers[1] / answers[0], 1.0, rtol=0, atol=1e-10)
+
+
+def test_a_shared_factor_costs_a_soft_structure_no_digits():
+    """A millionth of the stiffness to the ground: all of the patch moves alike, so that constraint
+    modes are told by differences of nearly equal displacements."""
+    K, M = spring_chain(N)
+    soft = 1e-6 * STIFFNESS
+    K[0, 0] = soft + STIFFNESS
+    reduced = craig_bampton(
+        K, M, end_patch(N), end_boundary(N), Selection(n_modes=5), factor=superlu(K)
+    )
+    exact = 1 / soft + (N - 5 + sum((i / 5) ** 2 for i in range(1, 5))) / STIFFNESS
+    assert abs(static_compliance(reduced) / exact - 1) < 1e-8
+
+
 def test_an_inaccurate_factorisation_is_noticed():
     class Sloppy:
         def __init__(self, A):

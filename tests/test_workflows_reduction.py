@@ -1,9 +1,11 @@
 """What a scene says about patch, reduction and pruning, run on a coarse mesh."""
 
 from contextlib import nullcontext
+from importlib import import_module
 
 import numpy as np
 import pytest
+from joblib import Memory
 from scipy.io import loadmat
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
@@ -13,6 +15,7 @@ import dem
 import fem
 import rom
 from command_line import COARSE_RIG
+from fem.factorisation import factorised
 from workflows.assembly.export import write_reduced
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
@@ -22,8 +25,8 @@ from workflows.pipeline.assembly import AssemblyModes
 from workflows.pipeline.chain import chain, initial_velocity, start
 from workflows.pipeline.health import reduction_health
 from workflows.pipeline.impact import impact as chain_impact
-from workflows.pipeline.pipeline import pipeline_of
-from workflows.pipeline.reduction import contact_of, targets_kept
+from workflows.pipeline.pipeline import Pipeline, pipeline_of
+from workflows.pipeline.reduction import contact_of, reduction, targets_kept
 from workflows.pipeline.run import run, summary_of
 from workflows.pipeline.wall import wall_of
 from workflows.scene import InvalidScene
@@ -51,6 +54,37 @@ def test_an_error_picks_the_modes_and_is_met_by_the_full_model():
     assert reduced.error < 1e-3
     tighter = pipeline("reduction.kind=free-modes", "reduction.error=1e-5", "reduction.to_hz=8e3")
     assert len(tighter("reduction").w) > len(reduced.w)
+
+
+@pytest.mark.parametrize("kind", ["craig-bampton", "free-modes"])
+def test_modes_and_reduction_of_a_held_assembly_share_one_factor(kind, monkeypatch):
+    """The half-space under the patch, a part of the body struck, is factorised for itself."""
+    sizes = []
+
+    def counting(A):
+        sizes.append(A.shape[0])
+        return factorised(A)
+
+    for module in ("fem", "fem.modes"):
+        monkeypatch.setattr(import_module(module), "factorised", counting)
+    changes = ("mesh.scale=2", f"reduction.kind={kind}")
+    run = Pipeline(scene("cantilever", changes), Memory(None, verbose=0))
+    reduced = run("reduction")
+    assert sizes == [run("model").K.shape[0]]
+    assert "factor" not in run._results  # as large as all else together
+    alone = reduction(run.scene, run("model"), run("contact"), run("modes"))
+    assert len(sizes) == 2
+    f = np.array([20.0, 3e3, 15e3])
+    answers = [rom.receptance(one, None, f, loss=0.01) for one in (reduced, alone)]
+    np.testing.assert_allclose(answers[0] / answers[1], 1.0, rtol=0, atol=1e-6)
+
+
+def test_what_floats_or_is_held_softly_has_no_factor_to_share():
+    run = pipeline('assembly.parts=["block"]', "reduction.kind=free-modes", "preload.force=0.0")
+    K, M = run("model").K, run("model").M
+    assert fem.held(K, M) is None
+    assert fem.held((K + (2 * np.pi * 4.0) ** 2 * M).tocsc(), M) is None
+    assert fem.held((K + (2 * np.pi * 6.0) ** 2 * M).tocsc(), M) is not None
 
 
 def test_a_block_that_nothing_holds_is_reduced_by_free_modes():

@@ -173,10 +173,16 @@ def dashpots(scene: Scene, model: fem.Model):
     return fem.dashpots(model, named) if named else None
 
 
-def modes(scene: Scene, model: fem.Model) -> AssemblyModes:
+def factor(scene: Scene, model: fem.Model) -> fem.Factor | None:
+    """K's, for modes and reduction; None for an assembly that floats or nearly does."""
+    return fem.held(model.K, model.M)
+
+
+def modes(scene: Scene, model: fem.Model, factor: fem.Factor | None = None) -> AssemblyModes:
     """The lowest modes, the targets among them."""
     for n_modes in N_MODES:
-        found = fem.modes(model.K, model.M, min(n_modes, model.K.shape[0] - 2))
+        n = min(n_modes, model.K.shape[0] - 2)
+        found = fem.modes(model.K, model.M, n, factor=factor)
         paired = fem.pair(model, found, targets(scene, model))
         if np.all(paired.index >= 0):
             break

@@ -40,6 +40,7 @@ class Stage(NamedTuple):
     needs: tuple[str, ...]
     kept: bool = True  # a quick stage with a large result is computed anew
     listed: bool = True  # among the times of a run
+    passing: bool = False  # so large that it goes once every stage that needs it is there
     after: tuple[str, ...] = ()  # what it goes faster after, a second process may compute it
 
     @property
@@ -117,7 +118,10 @@ ASSEMBLY = {
         ".assembly:model", tables_of("assembly", "joints", "table"), ("mesh",), kept=False
     ),
     "tuning-basis": Stage(".assembly:tuning_basis", _targets, ("model",)),
-    "modes": Stage(".assembly:modes", _targets, ("model",)),
+    "factor": Stage(
+        ".assembly:factor", tables_of(), ("model",), kept=False, listed=False, passing=True
+    ),
+    "modes": Stage(".assembly:modes", _targets, ("model", "factor")),
     "mac": Stage(".mac:mac", tables_of(), ("mesh", "model", "modes")),
     "contact": Stage(
         ".assembly:contact", tables_of("patch", "strike"), ("mesh", "model"), kept=False
@@ -129,7 +133,7 @@ ASSEMBLY = {
     "reduction": Stage(
         ".reduction:reduction",
         tables_of("reduction", "patch", "assembly"),
-        ("model", "contact", "modes"),
+        ("model", "contact", "modes", "factor"),
     ),
     "second-mesh": Stage(
         ".errors:second_mesh", lambda scene: [_dimensions(scene), COARSE(scene)], ()
@@ -231,7 +235,15 @@ class Pipeline:
         """The result of a stage."""
         if name not in self._results:
             self._results[name] = self._timed(name)
+            self._let_go(self._stages[name].needs)
         return self._results[name]
+
+    def _let_go(self, names: tuple[str, ...]) -> None:
+        """Of these what is large and no stage needs any more."""
+        for name in names:
+            users = {user for user, stage in self._stages.items() if name in stage.needs}
+            if self._stages[name].passing and users <= self._results.keys():
+                self._results.pop(name, None)
 
     def _timed(self, name: str) -> Any:
         before, started = self._spent, perf_counter()
@@ -239,8 +251,8 @@ class Pipeline:
         kept = self._stages[name].kept
         result = self._kept(name, self.key(name), self) if kept else self.compute(name)
         seconds = perf_counter() - started - (self._spent - before)
-        self._spent += seconds
         if self._stages[name].listed:
+            self._spent += seconds
             here = name in self._computed
             spent = seconds if here or elsewhere is None else elsewhere
             self.reports.append(StageReport(name, spent, not here and elsewhere is None))

@@ -53,18 +53,19 @@ def reduction(
     model: fem.Model,
     contact: fem.ContactPatch,
     modes: AssemblyModes,
+    factor: fem.Factor | None = None,
     *,
     keep: NDArray[np.int64] = NOTHING,
 ) -> rom.ReducedModel:
     """The model in few coordinates at the contact, with the way back to the outer nodes alone.
 
-    `keep` are further dofs that stay as they are.
+    The factor is that of K, where it is held. `keep` are further dofs that stay as they are.
     """
     w_reading = reading(scene, model)
     _require_other_nodes(scene, contact, w_reading)
     try:
         with fem.one_thread():
-            reduced = _reduced(scene, model, contact, modes, w_reading, keep)
+            reduced = _reduced(scene, model, contact, modes, w_reading, keep, factor)
     except rom.ReductionError:
         _require_held(scene, modes)
         raise
@@ -101,17 +102,18 @@ def _require_other_nodes(scene: Scene, contact: fem.ContactPatch, w_reading) -> 
 
 def _reduced(
     scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes, w_reading,
-    keep: NDArray[np.int64],
+    keep: NDArray[np.int64], factor: fem.Factor | None,
 ) -> rom.ReducedModel:  # fmt: skip
-    asked, C = selection(scene), dashpots(scene, model)
+    asked, solver = selection(scene), {"factorise": fem.factorised, "factor": factor}
+    C = dashpots(scene, model)
     ready = targets_kept(modes) if asked.by_contact else None
     if scene.reduction.kind == "craig-bampton":
         boundary = boundary_of(contact, w_reading, C, keep)
         _require_room(contact, len(boundary), len(contact.w))
         asked, matrices = asked._replace(modes=ready), (model.K, model.M, contact.w, boundary)
-        return rom.craig_bampton(*matrices, asked, C=C, factorise=fem.factorised)
+        return rom.craig_bampton(*matrices, asked, C=C, **solver)
     asked = asked._replace(modes=ready or _ready(scene, modes))
-    return rom.free_modes(model.K, model.M, contact.w, asked, C=C, factorise=fem.factorised)
+    return rom.free_modes(model.K, model.M, contact.w, asked, C=C, **solver)
 
 
 def boundary_of(

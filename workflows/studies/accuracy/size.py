@@ -3,8 +3,8 @@
     cost = c dofs^p
 
 by least squares over logarithms. All elements grow and shrink together. The stages are those of
-`beadwave reduce`: mesh, assembly of K and M with what joins them, one factorisation of K on its
-own, the lowest modes (which factorise for themselves) and the reduction. CalculiX, where it is
+`beadwave reduce`: mesh, assembly of K and M with what joins them, one factorisation of K, the
+lowest modes and the reduction, which both solve with it. CalculiX, where it is
 installed, finds ten modes of the same deck in the same run.
 """
 
@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import fem
 from coupling.work_precision.growth import growth_exponent
 from coupling.work_precision.rows import Row
 from fem.abaqus import input_deck
@@ -39,7 +38,6 @@ from workflows.studies.prose import rendered
 SCENE = "rig-rom"  # whose mesh no holes keep fine
 TIMES = (2.83, 2.0, 1.41, 1.0)  # the scene's element sizes
 FINER = (0.71,)  # where a faster solver is installed
-SHIFT = (2 * np.pi * 5.0) ** 2  # [rad^2/s^2]
 CALCULIX, N_MODES = "CalculiX", 10
 PEER_UNTIL = 1e5  # unknowns, minutes with its default solver
 COMPARED = 6  # elastic modes
@@ -107,21 +105,16 @@ def _sized(scene: Scene, times: float) -> Sized:
 
     mesh = stage("mesh", lambda: stages.mesh(scene))
     model = stage("assemble", lambda: stages.model(scene, mesh))
-    stage("factorise", lambda: _factorise(model))
-    modes = stage("modes", lambda: stages.modes(scene, model))
+    factor = stage("factorise", lambda: stages.factor(scene, model))
+    modes = stage("modes", lambda: stages.modes(scene, model, factor))
     if not scene.is_general or scene.strike is not None:
         contact = stages.contact(scene, mesh, model)
-        stage("reduce", lambda: reduction(scene, model, contact, modes))
+        stage("reduce", lambda: reduction(scene, model, contact, modes, factor))
     if which("ccx") and model.K.shape[0] < PEER_UNTIL:
         peer = _calculix(input_deck(model, mesh.materials, n_modes=N_MODES))
         costs |= {} if peer is None else {CALCULIX: peer}
     elastic = modes.omega[modes.omega > RIGID * modes.omega.max()]
     return Sized(times, modes.n_dofs, elastic[:COMPARED] / (2 * np.pi), costs)
-
-
-def _factorise(model: fem.Model) -> None:
-    """Factorise K as the modes do, and let the factor go."""
-    fem.factorised((model.K + SHIFT * model.M).tocsc())
 
 
 def _calculix(deck: str) -> Cost | None:
