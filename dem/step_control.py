@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dem.between import run_between
 from dem.chain import Chain, State, Wall, validate
 from dem.checks import columns, positive, saves
 from dem.kernels.arguments import Array
@@ -106,12 +107,12 @@ def march_to_error(
 
     def attempt(step, saves):
         try:
-            return run(prepared, state, duration, step, method, saves)
+            return run_between(prepared, state, duration, step, method, saves)
         except UnstableStep:
             return None
 
     first = _first_step(method, error, asked.energy_error) / rate
-    return _refined(attempt, min(first, duration / n_save), method, asked)
+    return _refined(attempt, min(first, duration), method, asked)
 
 
 class _Asked(NamedTuple):
@@ -153,7 +154,7 @@ def _refined(attempt, step, method, asked):
     if not spent <= asked.evaluations:
         raise UnstableStep(_unaffordable(asked.error, duration, step, spent, asked.evaluations))
     coarse = attempt(2.0 * step, _sparser(n_save, duration / (2.0 * step)))
-    if coarse is not None and coarse.dt < 1.5 * step:  # n_save saves left no room for a longer one
+    if coarse is not None and coarse.dt < 1.5 * step:  # the samples left no room for a longer one
         step = coarse.dt / 2.0
     tried = []
     while True:

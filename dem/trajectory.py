@@ -154,33 +154,50 @@ def run(
     prepared: Prepared, state: State, duration: float, dt: float, scheme: Scheme, n_save: int
 ) -> Trajectory:
     """Trajectory of a prepared chain; see `march`."""
+    found = marched(prepared, state, equal_steps(duration, dt, n_save), scheme)
+    return trajectory(found, found.saved, duration)
+
+
+class Marched(NamedTuple):
+    """What a march by equal steps leaves."""
+
+    steps: Steps
+    scheme: Scheme
+    parts: Parts
+    saved: Saved
+    final: State
+
+
+def marched(
+    prepared: Prepared, state: State, steps: Steps, scheme: Scheme, *, speeds: bool = False
+) -> Marched:
+    """March a prepared chain, with the speeds of the wall's modes if asked for; raises
+    UnstableStep."""
     chain = prepared.chain
-    steps = equal_steps(duration, dt, n_save)
     n = chain.mass.size
     parts = _parts(prepared, state, scheme, steps.h)
     motion = Motion(state.x.copy(), state.v.copy(), np.zeros(n + 1), state.wall.copy(), np.zeros(3))
-    out = _saved(n_save + 1, n, chain.A.size, state.q.size)
+    out = room_for(steps.n_save + 1, prepared, speeds=speeds)
     shown = motion._replace(f=np.zeros(n + 1))
     if scheme.kind == "implicit":
         work = workspace(n, chain.A.size)
-        saved = march_implicit(motion, shown, parts, *work, scheme.b, steps, out)
+        count = march_implicit(motion, shown, parts, *work, scheme.b, steps, out)
     else:
         before = motion._replace(x=np.empty(n), v=np.empty(n), wall=np.empty(4))
         fractions = (scheme.a, scheme.b)
-        saved = march_explicit(
+        count = march_explicit(
             motion, before, shown, parts, fractions, scheme.correction, steps, out
         )
-    if saved < n_save:
+    if count < steps.n_save:
         raise UnstableStep(
-            f"the state is not finite at t = {saved * steps.stride * steps.h:.4g} s with "
+            f"the state is not finite at t = {count * steps.stride * steps.h:.4g} s with "
             f"dt = {steps.h:.4g} s; take a smaller dt, or a larger (less negative) residual "
             "compliance of the wall"
         )
     modes, plastic = parts.modes, parts.plastic
     q, p = (np.zeros(0), np.zeros(0)) if modes is None else (modes.q, modes.p)
     deepest = None if plastic is None else plastic.top
-    final = State(motion.x, motion.v, q, p, motion.wall, deepest)
-    return _trajectory(out, _instants(duration, n_save), steps, scheme, final)
+    return Marched(steps, scheme, parts, out, State(motion.x, motion.v, q, p, motion.wall, deepest))
 
 
 def equal_steps(duration: float, dt: float, n_save: int) -> Steps:
@@ -189,24 +206,25 @@ def equal_steps(duration: float, dt: float, n_save: int) -> Steps:
     return Steps(duration / (n_save * stride), n_save, stride)
 
 
-def _trajectory(out, t, steps, scheme, final):
-    total = out.energy[:, 10]
+def trajectory(found: Marched, out: Saved, duration: float) -> Trajectory:
+    """What was saved of a march, at equal times."""
+    total, steps = out.energy[:, 10], found.steps
     scale = out.energy[0, 0] or np.abs(total).max() or 1.0
     return Trajectory(
-        t,
+        _instants(duration, total.size - 1),
         out.x,
         out.v,
         out.force,
         *out.wall.T,
-        out.modes,
+        out.modes.astype(np.float32),
         *out.energy[:, :10].T,
         total,
         steps.h,
         steps.n_save * steps.stride,
-        scheme.name,
+        found.scheme.name,
         energy_error=float(np.abs(total - total[0]).max() / scale),
         error_estimate=None,
-        final=final,
+        final=found.final,
     )
 
 
@@ -216,15 +234,12 @@ def _instants(duration, n_save):
     return t
 
 
-def _saved(k, n, n_contacts, n_modes):
-    return Saved(
-        np.empty((k, n)),
-        np.empty((k, n)),
-        np.empty((k, n_contacts)),
-        np.empty((k, 2)),
-        np.empty((k, 11)),
-        np.empty((k, n_modes if n_modes <= MOST_MODES else 0), np.float32),
-    )
+def room_for(k: int, prepared: Prepared, *, speeds: bool = False) -> Saved:
+    """For k saves; of modes up to MOST_MODES."""
+    n, n_contacts, n_modes = prepared.chain.mass.size, prepared.chain.A.size, prepared.static.q.size
+    n_modes = n_modes if n_modes <= MOST_MODES else 0
+    widths = (n, n, n_contacts, 2, 11, n_modes, n_modes if speeds else 0)
+    return Saved(*(np.empty((k, width)) for width in widths))
 
 
 def _parts(prepared, state, scheme, h):

@@ -106,4 +106,5 @@ class Saved(NamedTuple):
     force: Array
     wall: Array  # (k, 2) displacement, velocity
     energy: Array  # (k, 11) in the order of Trajectory
-    modes: Array  # (k, n_modes) q of the modes, in single precision; (k, 0) saves none
+    modes: Array  # (k, n_modes) q of the modes; (k, 0) saves none
+    speeds: Array  # (k, n_modes) p of the modes; (k, 0) saves none

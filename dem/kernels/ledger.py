@@ -85,10 +85,12 @@ def weight_work(x: Array, start: Array, weight: Array | None) -> float:
 
 
 @fastmath_inline
-def save_modes(row: Array, modes: Modes | None) -> None:
+def save_modes(row: Array, speeds: Array, modes: Modes | None) -> None:
     if modes is not None:
         for j in range(row.size):
             row[j] = modes.q[j] + modes.static[j]
+        for j in range(speeds.size):
+            speeds[j] = modes.p[j]
 
 
 @fastmath_inline
@@ -105,7 +107,7 @@ def save(
         kinetic += 0.5 * parts.mass[i] * v[i] ** 2
     for i in range(parts.A.size):
         saved.force[k, i] = motion.f[i + 1]
-    save_modes(saved.modes[k], parts.modes)
+    save_modes(saved.modes[k], saved.speeds[k], parts.modes)
     swing, absolute = modal_energy(parts.modes)
     saved.wall[k, 0] = wall[U] + wall[DASH] + parts.offset
     saved.wall[k, 1] = wall[V]

@@ -1,0 +1,213 @@
+"""A step between its ends, where each is known to its third derivative.
+
+The polynomial of degree 7 that agrees at both ends with positions, velocities, accelerations and
+their rates (E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd
+ed., sec. II.6): in a smooth step of length h its derivative is off by h^7 x^(8) / 2.7e6 at the
+most, to leading order. A contact that opens or closes within the step pushes with A (r tau)^(3/2),
+which no polynomial follows: what it moves is known, and `mend_events` puts it in the place of its
+own polynomial.
+"""
+
+import math
+from typing import NamedTuple
+
+from dem.kernels.arguments import (
+    DASH,
+    IN_CONTACTS,
+    IN_GUIDES,
+    IN_WALL,
+    WORK,
+    Array,
+    Modes,
+    Motion,
+    Parts,
+    Saved,
+    U,
+    V,
+)
+from dem.kernels.compiled import fastmath_entry, fastmath_inline, fastmath_march
+from dem.kernels.ends import CONTACTS, DASHPOT, GUIDES, WALL, Bodies, Ends, Gaps
+from dem.kernels.events import crossing
+from dem.kernels.ledger import save
+from dem.kernels.modes import modal_energy
+
+NEAR = 0.7  # of a step, from where a contact that touched before still bends it
+
+
+class Between(NamedTuple):
+    """Bodies at the samples; modes (k, n_modes) from their static state."""
+
+    x: Array  # (k, n)
+    v: Array
+    q: Array
+    p: Array
+    slow: Array  # (k, 4) energies lost and the way of a dashpot
+
+
+@fastmath_inline
+def early(s: float) -> tuple[float, float, float, float]:
+    """At the share s of a step, what the value and the derivatives at its start weigh."""
+    r = 1.0 - s
+    r4 = r * r * r * r
+    return (
+        r4 * (1.0 + s * (4.0 + s * (10.0 + 20.0 * s))),
+        r4 * s * (1.0 + s * (4.0 + 10.0 * s)),
+        0.5 * r4 * s * s * (1.0 + 4.0 * s),
+        r4 * s * s * s / 6.0,
+    )
+
+
+@fastmath_inline
+def early_slopes(s: float) -> tuple[float, float, float, float]:
+    """The derivatives of `early`."""
+    r = 1.0 - s
+    r3 = r * r * r
+    return (
+        -140.0 * r3 * s * s * s,
+        r3 * (1.0 + s * (3.0 + s * (6.0 - 70.0 * s))),
+        r3 * s * (1.0 + s * (3.0 - 14.0 * s)),
+        r3 * s * s * (3.0 - 7.0 * s) / 6.0,
+    )
+
+
+@fastmath_inline
+def mixed(i: int, b: int, h: float, one: tuple, two: tuple, sign: float, ends: Ends) -> float:
+    """Body b in step i with weights of the start, and mirrored ones of the end."""
+    x, v, a, j = ends
+    even = one[0] * x[i, b] + sign * two[0] * x[i + 1, b]
+    even += h * h * (one[2] * a[i, b] + sign * two[2] * a[i + 1, b])
+    odd = h * (one[1] * v[i, b] - sign * two[1] * v[i + 1, b])
+    return even + odd + h * h * h * (one[3] * j[i, b] - sign * two[3] * j[i + 1, b])
+
+
+@fastmath_entry
+def fill_between(ends: Ends, h: float, x: Array, v: Array) -> None:
+    """Positions and velocities of bodies at equal instants (n, m) of steps h."""
+    steps, samples = ends.x.shape[0] - 1, x.shape[0] - 1
+    for k in range(samples + 1):
+        i = min(k * steps // samples, steps - 1)
+        s = (k * steps - i * samples) / samples
+        place, mirrored = early(s), early(1.0 - s)
+        slope, mirrored_slope = early_slopes(s), early_slopes(1.0 - s)
+        for b in range(x.shape[1]):
+            x[k, b] = mixed(i, b, h, place, mirrored, 1.0, ends)
+            v[k, b] = mixed(i, b, h, slope, mirrored_slope, -1.0, ends) / h
+
+
+class Touch(NamedTuple):
+    """Where in a step a contact begins to push, and how: all in shares of the step."""
+
+    at: float  # below 0 if it began in the step before; counted from the end if the contact opens
+    slope: float  # of the overlap there, away from touching; 0 where there is none
+    curvature: float
+
+
+@fastmath_inline
+def unfollowed(z: float, at: float, bend: float) -> tuple[float, float]:
+    """What u, u'' = tau^(3/2) + bend tau^(5/2) with tau = z - at > 0, differs at z in (0, 1) from
+    the polynomial that agrees with it at both ends, and the derivative of that."""
+    one, two = risen(max(-at, 0.0), bend), risen(1.0 - at, bend)
+    w, d = early(z), early_slopes(z)
+    value = -(w[0] * one[0] + w[1] * one[1] + w[2] * one[2] + w[3] * one[3])
+    slope = -(d[0] * one[0] + d[1] * one[1] + d[2] * one[2] + d[3] * one[3])
+    w, d = early(1.0 - z), early_slopes(1.0 - z)
+    value -= w[0] * two[0] - w[1] * two[1] + w[2] * two[2] - w[3] * two[3]
+    slope += d[0] * two[0] - d[1] * two[1] + d[2] * two[2] - d[3] * two[3]
+    here = risen(max(z - at, 0.0), bend)
+    return value + here[0], slope + here[1]
+
+
+@fastmath_inline
+def risen(t: float, bend: float) -> tuple[float, float, float, float]:
+    """u, u'' = t^(3/2) + bend t^(5/2), and its first three derivatives."""
+    root = math.sqrt(t)
+    return (
+        t * t * t * root * (1.0 / 8.75 + bend * t / 15.75),
+        t * t * root * (0.4 + bend * t / 3.5),
+        t * root * (1.0 + bend * t),
+        root * (1.5 + 2.5 * bend * t),
+    )
+
+
+@fastmath_inline
+def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Touch:
+    """Of contact c between the ends i and k of a step, seen from i: open there, or just closed."""
+    h *= k - i
+    g0, r0 = gaps.overlap[i, c], h * gaps.rate[i, c]
+    g1, r1 = gaps.overlap[k, c], h * gaps.rate[k, c]
+    curvature = h * h * gaps.bend[i, c]
+    if g0 <= 0.0 and g1 > 0.0:
+        at, slope, curvature = crossing(g0, r0, g1, r1)
+    elif 0.0 < g0 < NEAR * r0 and g1 > 0.0:
+        at = -g0 / r0
+        fall = r0 + curvature * at
+        if fall > 0.0:
+            at = min(max(at - 0.5 * curvature * at * at / fall, -1.0), 0.0)
+        slope = r0 + curvature * at
+    else:
+        at, slope = 0.0, 0.0
+    return Touch(at, max(slope, 0.0), curvature)
+
+
+@fastmath_inline
+def move(k: int, c: int, dx: float, dv: float, bodies: Bodies, moved: Between) -> None:
+    """The bodies of contact c at the k-th sample, by an impulse."""
+    x, v, q, p, _ = moved
+    inverse_mass, phi = bodies.inverse_mass, bodies.phi
+    x[k, c] -= inverse_mass[c] * dx
+    v[k, c] -= inverse_mass[c] * dv
+    if c < x.shape[1] - 1:
+        x[k, c + 1] += inverse_mass[c + 1] * dx
+        v[k, c + 1] += inverse_mass[c + 1] * dv
+    else:
+        for m in range(phi.size):
+            q[k, m] += phi[m] * dx
+            p[k, m] += phi[m] * dv
+
+
+@fastmath_entry
+def mend_events(gaps: Gaps, h: float, bodies: Bodies, moved: Between) -> None:
+    """Put what contacts that open or close move in the place of its polynomial, of the spheres and
+    modes in `moved`."""
+    steps, samples = gaps.overlap.shape[0] - 1, moved.x.shape[0] - 1
+    for i in range(steps):
+        for c in range(bodies.A.size):
+            for closes in (True, False):
+                one, two = (i, i + 1) if closes else (i + 1, i)
+                at, slope, curvature = touch(h, one, two, c, gaps)
+                if slope == 0.0:
+                    continue
+                sign = 1.0 if closes else -1.0
+                bend = min(max(0.75 * curvature / slope, -1.0), 1.0)
+                size = bodies.A[c] * h * h * slope * math.sqrt(slope)
+                size *= 1.0 + max(sign * bodies.gamma[c] * slope / h, -1.0)
+                for k in range(-(-i * samples // steps), (i + 1) * samples // steps + 1):
+                    s = (k * steps - i * samples) / samples
+                    dx, dv = unfollowed(s if closes else 1.0 - s, at, bend)
+                    move(k, c, size * dx, sign * size / h * dv, bodies, moved)
+
+
+@fastmath_inline
+def place_modes(k: int, rows: Between, wall: Array, modes: Modes | None) -> None:
+    """The modes and the wall at the k-th sample."""
+    wall[U], wall[V] = 0.0, 0.0
+    if modes is not None:
+        for j in range(modes.q.size):
+            modes.q[j], modes.p[j] = rows.q[k, j], rows.p[k, j]
+            wall[U] += modes.phi[j] * modes.q[j]
+            wall[V] += modes.phi[j] * modes.p[j]
+
+
+@fastmath_march
+def save_between(h: float, shown: Motion, parts: Parts, rows: Between, saved: Saved) -> None:
+    """Forces and energies at the samples; `shown` and the modes of the parts are written over."""
+    wall, ledger, slow = shown.wall, shown.ledger, rows.slow
+    for k in range(rows.x.shape[0]):
+        for i in range(shown.x.size):
+            shown.x[i], shown.v[i] = rows.x[k, i], rows.v[k, i]
+        place_modes(k, rows, wall, parts.modes)
+        wall[DASH] = slow[k, DASHPOT]
+        wall[WORK] = modal_energy(parts.modes)[0]
+        ledger[IN_CONTACTS], ledger[IN_WALL] = slow[k, CONTACTS], slow[k, WALL]
+        ledger[IN_GUIDES] = slow[k, GUIDES]
+        save(k, h, shown, parts, saved, parts.mobility)

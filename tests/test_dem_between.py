@@ -1,0 +1,112 @@
+"""Samples between the ends of steps."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dem import Chain, Wall, dashpot_wall, march, march_to_error, rigid_wall
+from dem.between import run_between
+from dem.prepared import prepare
+from dem.schemes import named_scheme
+from dem.trajectory import run, start
+
+N, V0, DURATION, N_SAVE = 9, np.eye(9)[0], 20.0, 3000
+ROW = Chain(np.ones(N), np.ones(N), np.linspace(1.2, 1.8, N))
+MODES = Wall(np.array([0.3, 1.1, 3.0]), np.array([0.0, 0.05, 0.01]), np.array([0.4, 0.7, 0.3]))
+LEAVES = {"leaf_stiffness": np.linspace(0.0, 0.4, N), "leaf_anchor": np.full(N, 0.05)}
+SCENES = {
+    "free": (ROW._replace(A=ROW.A[:-1]), None),
+    "rigid": (ROW, rigid_wall()),
+    "modes": (ROW, MODES),
+    "residual": (ROW, MODES._replace(residual_compliance=0.1)),
+    "dashpot": (ROW, dashpot_wall(0.5)),
+    "pressed": (ROW._replace(preload=0.3, **LEAVES), MODES),
+    "hunt-crossley": (ROW._replace(dissipation="hunt-crossley", gamma=np.full(N, 0.05)), MODES),
+}
+
+
+GIVING = ("residual", "dashpot")  # where force at the wall begins with other powers besides 3/2
+
+
+def both(scene, dt):
+    """By steps of dt, sampled between them, and at their ends; by steps a tenth as long."""
+    chain, wall = SCENES[scene]
+    prepared, scheme = prepare(chain, wall), named_scheme(None, chain, wall)
+    state = start(prepared, V0)
+    between = run_between(prepared, state, DURATION, dt, scheme, N_SAVE)
+    ends = run(prepared, state, DURATION, dt, scheme, between.n_steps)
+    exact = run(prepared, state, DURATION, dt / 10, scheme, N_SAVE)
+    return between, ends, exact
+
+
+def largest(one, two):
+    return np.abs(one - two).max()
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_samples_are_as_near_the_exact_run_as_the_ends_of_the_steps(scene):
+    """300 steps: every tenth sample is an end. Between them contacts open and close."""
+    dt = DURATION / 300
+    between, ends, exact = both(scene, dt)
+    assert between.n_steps == 300
+    for name in ("x", "v", "contact_force", "wall_x", "wall_v"):
+        samples, truth = getattr(between, name), getattr(exact, name)
+        assert samples[::10] == pytest.approx(getattr(ends, name), abs=1e-13)
+        at_ends = largest(getattr(ends, name), truth[::10])
+        more = 2.5e-7 if scene in GIVING else 1e-14
+        assert largest(samples, truth) <= 1.5 * at_ends + more, name
+    for name in ("energy_wall", "dissipated_wall", "dissipated_contact", "energy_total"):
+        off = largest(getattr(between, name), getattr(exact, name))
+        assert off / between.energy_scale < 5e-6, name
+    assert between.wall_q == pytest.approx(exact.wall_q, abs=1e-6)
+
+
+@pytest.mark.parametrize("scene", ["modes", "hunt-crossley"])
+def test_a_run_goes_on_from_where_its_steps_ended(scene):
+    between, ends, _ = both(scene, DURATION / 300)
+    for one, two in zip(between.final[:5], ends.final[:5], strict=True):
+        assert (one == two).all()
+
+
+def test_what_is_saved_does_not_cost_steps():
+    chain, wall = SCENES["modes"]
+    many, few = (
+        march_to_error(chain, wall, V0, duration=DURATION, error=1e-4, n_save=n)
+        for n in (N_SAVE, 30)
+    )
+    assert many.trajectory.n_steps <= 1.1 * few.trajectory.n_steps < 0.2 * N_SAVE
+    assert many.step_report.evaluations <= 1.1 * few.step_report.evaluations
+
+
+def test_forces_that_jump_and_modes_too_fast_for_a_polynomial_are_sampled_at_ends_of_steps():
+    fast = MODES._replace(omega=np.array([0.3, 1.1, 300.0]))
+    jumps = ROW._replace(dissipation="linear-clipped", gamma=np.full(N, 0.05))
+    for chain, wall in ((ROW, fast), (jumps, rigid_wall())):
+        prepared, scheme = prepare(chain, wall), named_scheme(None, chain, wall)
+        found = run_between(prepared, start(prepared, V0), 1.0, 0.05, scheme, 100)
+        exact = march(chain, wall, V0, duration=1.0, dt=0.01, scheme=scheme.name, n_save=100)
+        assert found.n_steps == 100 and (found.v == exact.v).all()
+
+
+def test_samples_agree_with_an_integrator_of_another_kind():
+    """Two spheres and a wall of one mode: velocities, and the largest force at the wall."""
+    A, omega, phi = np.array([1.3, 1.7]), 0.8, 0.5
+    chain = Chain(np.ones(2), np.ones(2), A)
+    wall = Wall(np.array([omega]), np.zeros(1), np.array([phi]))
+
+    def rates(t, y):
+        x1, x2, q, v1, v2, p = y
+        f = A * np.maximum([x1 - x2, x2 - phi * q], 0.0) ** 1.5
+        return [v1, v2, p, -f[0], f[0] - f[1], phi * f[1] - omega**2 * q]
+
+    found = march_to_error(chain, wall, [1.0, 0.0], duration=8.0, error=1e-6, n_save=N_SAVE)
+    run = found.trajectory
+    assert run.n_steps < N_SAVE / 4
+    exact = solve_ivp(
+        rates, (0.0, 8.0), [0, 0, 0, 1.0, 0, 0], "DOP853", run.t, rtol=1e-12, atol=1e-13,
+        max_step=0.01,
+    ).y  # fmt: skip
+    assert largest(run.v.T, exact[3:5]) < run.error_estimate <= 1e-6
+    force = A[1] * np.maximum(exact[1] - phi * exact[2], 0.0) ** 1.5
+    assert abs(run.contact_force[:, 1].max() - force.max()) < 2e-6 * force.max()
+    assert largest(run.wall_v, phi * exact[5]) < 1e-6
