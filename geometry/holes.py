@@ -15,6 +15,7 @@ from geometry.solids import SAME, Body, Face, Vector, off_axis, parallel
 from geometry.touching import Contact, Touch
 
 AROUND = 0.75 * 2 * pi  # rad, less is a fillet or a slot's end
+HALF = 0.45 * 2 * pi  # rad, less is a fillet
 
 
 class Bore(NamedTuple):
@@ -42,12 +43,22 @@ class Concentric(NamedTuple):
 
 def bores(body: Body, *, hollow: bool = True) -> tuple[Bore, ...]:
     """The holes of a body; with hollow False its outer cylinders."""
+    return tuple(bore for bore, around in _cylinders(body, hollow) if around > AROUND)
+
+
+def cut_holes(body: Body) -> tuple[Bore, ...]:
+    """Holes that an edge of the body cuts, at least half of them there."""
+    found = _cylinders(body, hollow=True)
+    return tuple(bore for bore, around in found if HALF < around <= AROUND)
+
+
+def _cylinders(body: Body, hollow: bool) -> list[tuple[Bore, float]]:
+    """Cylinders with how far they go around [rad]."""
     groups: list[list[Face]] = []
     for face in (f for f in body.faces if f.axis is not None and f.hollow == hollow):
         home = [g for g in groups if _one_cylinder(g[0], face)]
         home[0].append(face) if home else groups.append([face])
-    found = [_bore(run) for group in groups for run in _runs(group)]
-    return tuple(bore for bore, around in found if around > AROUND)
+    return [_bore(run) for group in groups for run in _runs(group)]
 
 
 def concentric(touch: Touch, bodies: Mapping[str, Body], gap: float) -> tuple[Concentric, ...]:

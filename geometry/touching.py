@@ -49,6 +49,12 @@ class Touch(NamedTuple):
     def gap(self) -> float:
         return max(contact.gap for contact in self.contacts)
 
+    def covers(self, body: str) -> Iterator[tuple[str, int]]:
+        """Faces (body, tag) of the other body that touch one of this body."""
+        if body in self.bodies:
+            i = 1 - self.bodies.index(body)
+            yield from ((self.bodies[i], contact.faces[i]) for contact in self.contacts)
+
 
 class NearMiss(NamedTuple):
     """Two bodies that do not touch over an area: a line or a point where the distance is 0."""
@@ -75,6 +81,16 @@ class Neighbours(NamedTuple):
         """Bodies that touch no other."""
         touched = {name for touch in self.touching for name in touch.bodies}
         return tuple(name for name in bodies if name not in touched)
+
+    def over(
+        self, body: str, points: np.ndarray, bodies: Mapping[str, Body], gap: float
+    ) -> str | None:
+        """The body that touches this one at one of the points (n, 3) of its surface, if any."""
+        faces = (face for touch in self.touching for face in touch.covers(body))
+        return next(
+            (name for name, tag in faces for p in points if bodies[name].distance(p, tag) <= gap),
+            None,
+        )
 
 
 def require_apart(found: Neighbours) -> None:

@@ -5,6 +5,7 @@ from contextlib import nullcontext
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
+import gmsh
 import numpy as np
 import pytest
 from skfem import Basis, FacetBasis
@@ -12,6 +13,7 @@ from skfem import Basis, FacetBasis
 from command_line import beadwave
 from fem import Material
 from geometry.cad import write_step
+from geometry.gmsh_session import session, silent
 from geometry.shapes import Box, Hole, Plate
 from workflows.files.scene import scene
 from workflows.pipeline.pipeline import pipeline_of
@@ -144,6 +146,37 @@ def test_the_starter_scene_of_a_step_file_has_modes_and_a_reduced_model(step, ca
     with np.load("rom.npz") as held:
         assert held["w"].sum() == pytest.approx(-1.0)  # the chain travels down
     assert len(Path("start.toml").read_text().splitlines()) <= 25
+
+
+def notched_on_plate():
+    """A block in the middle of a plate, its top notched by a half cylinder of 10 mm."""
+    with session(), silent():
+        occ = gmsh.model.occ
+        occ.addBox(-0.05, -0.03, 0, 0.1, 0.06, 0.008)
+        block = occ.addBox(-0.015, -0.01, 0.008, 0.03, 0.02, 0.03)
+        notch = occ.addCylinder(-0.02, 0, 0.038, 0.04, 0, 0, 0.005)
+        occ.cut([(3, block)], [(3, notch)])
+        occ.synchronize()
+        gmsh.write("notched.step")
+
+
+def test_a_starter_strikes_where_nothing_lies_and_holes_at_an_edge_are_told(capsys):
+    notched_on_plate()
+    assert beadwave("look", "notched.step", "--scene=start.toml", "--json") == 0
+    seen = json.loads(capsys.readouterr().out)
+    assert not seen["holes"]
+    (told,) = seen["remarks"]
+    assert "has a hole of 10 mm that an edge cuts" in told
+    start = scene("start.toml")
+    assert start.strike.on != "body-1:+z"  # its middle lies under the block
+    covered = start.but(strike={"on": "body-1:+z"})
+    with pytest.raises(InvalidScene, match=r'"body-2" lies on body-1 at the point struck, \[0.0, '):
+        pipeline_of(covered, lambda name: nullcontext())("mesh")
+    beside = covered.but(strike={"on": "body-1:+z", "at": (0.0175, 0.0)})
+    assert pipeline_of(beside, lambda name: nullcontext())("mesh").struck is not None
+    near = covered.but(strike={"on": "body-1:+z", "at": (0.0165, 0.0)})
+    with pytest.raises(InvalidScene, match=r"less than 0.002 m beside it; move it by strike.at"):
+        pipeline_of(near, lambda name: nullcontext())("mesh")
 
 
 def refused(capsys, text, *more):

@@ -9,11 +9,11 @@ import numpy as np
 from pydantic import BaseModel
 from skfem import Mesh
 
-from fem.spot import spanning
 from workflows.files.run_folder import Picture, writing_file
 from workflows.pipeline import assembly
 from workflows.pipeline.bodies import Drawing, drawing
 from workflows.pipeline.pictures import picture_of
+from workflows.pipeline.strike import around
 from workflows.results.tables import aligned_text
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.size import foreseen_seconds, peak_memory
@@ -189,17 +189,26 @@ def _holes(drawn: Drawing) -> list[SeenHole]:
 
 
 def _remarks(drawn: Drawing) -> list[str]:
+    from geometry.holes import cut_holes
     from geometry.touching import told
 
     free = drawn.near.free(drawn.bodies) if len(drawn.bodies) > 1 else ()
     remarks = [f'"{name}" touches no other body.' for name in free]
+    for body in drawn.bodies.values():
+        for hole in cut_holes(body):
+            at = ",".join(f"{x:.4g}" for x in body.face(hole.tags[0]).centre.round(6) + 0.0)
+            remarks.append(
+                f'"{body.name}" has a hole of {1e3 * hole.diameter:.5g} mm that an edge cuts, or a '
+                f"slot's end; {body.name}@{at} picks it, {body.name}:hole does not."
+            )
     return remarks + [told(miss) for miss in drawn.near.misses]
 
 
 def _starter(drawn: Drawing, source: Path) -> str | None:
     """TOML that runs; None where no plane face offers itself to the chain."""
     faces = [(body, face) for body in drawn.bodies.values() for face in _upright(body)]
-    struck = next((f for f in sorted(faces, key=_height, reverse=True) if _is_whole(*f)), None)
+    by_height = sorted(faces, key=_height, reverse=True)
+    struck = next((f for f in by_height if _is_bare(drawn, *f)), None)
     if struck is None:
         return None
     below = [f for f in faces if f[1].normal[2] < -0.5]
@@ -269,8 +278,8 @@ def _height(found) -> tuple[bool, float]:
     return bool(found[1].normal[2] > 0.5), float(found[1].centre[2])
 
 
-def _is_whole(body, face) -> bool:
-    """Whether a patch fits into its middle."""
-    middle = (face.lower + face.upper) / 2
-    around = PATCH * np.vstack([np.zeros((1, 3)), *(s * spanning(face.normal) for s in (2, -2))])
-    return all(body.distance(middle + off, face.tag) < 1e-9 for off in around)
+def _is_bare(drawn: Drawing, body, face) -> bool:
+    """Whether a patch fits into its middle, where no other body lies on it."""
+    points = around((face.lower + face.upper) / 2, face.normal, 2 * PATCH)
+    whole = all(body.distance(point, face.tag) < 1e-9 for point in points)
+    return whole and not drawn.near.over(body.name, points, drawn.bodies, PATCH)

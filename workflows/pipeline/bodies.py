@@ -13,7 +13,7 @@ from geometry.shapes import Box, Cylinder, Hole, Plate, Shape
 from workflows.files.step import require_step
 from workflows.pipeline.own_mesh import OwnMesh, own_mesh
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts, Struck
-from workflows.pipeline.strike import struck
+from workflows.pipeline.strike import around, struck
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.assembly import assembly
 from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, General, Solid
@@ -103,7 +103,7 @@ def parts(scene: Scene) -> Parts:
     with drawing(scene) as drawn:
         _require_known(scene, drawn)
         tied, marks = tied_pairs(scene, drawn), marked(scene, drawn)
-        face = struck(scene, drawn.bodies) if scene.strike else None
+        face = _bare(scene, drawn, struck(scene, drawn.bodies)) if scene.strike else None
         if drawn.own:
             size = {name: 1 / body.volume for name, body in drawn.bodies.items()}
             meshes = _named(scene, drawn.own, [(t, _roles(t, size)[1]) for t in tied], marks, face)
@@ -159,6 +159,19 @@ def _heat(scene: Scene, names) -> dict[str, fem.Heat]:
                 )
             found[body] = fem.Heat(load.temperature, expansion)
     return found
+
+
+def _bare(scene: Scene, drawn: Drawing, face: Struck) -> Struck:
+    """The face struck; raises InvalidScene where another body lies on it there."""
+    body, radius = face.face.body, scene.strike.radius
+    points = around(face.point, face.outward, radius)
+    if over := drawn.near.over(body, points, drawn.bodies, scene.assembly.gap):
+        raise InvalidScene(
+            f'{scene.name}: strike.on = {scene.strike.on!r}: "{over}" lies on {body} at the point '
+            f"struck, {np.round(face.point, 6).tolist()} m, or less than {radius:g} m beside it; "
+            "move it by strike.at."
+        )
+    return face
 
 
 def material(solid: Solid) -> fem.Material | fem.Orthotropic:

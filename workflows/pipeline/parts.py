@@ -38,6 +38,11 @@ class Struck(NamedTuple):
         return away if self.axis is None else away - (away @ self.axis) * self.axis
 
     @property
+    def outward(self) -> NDArray[np.float64]:
+        """A normal of the face there, (3,) of any length."""
+        return self.away if self.normal is None else self.normal
+
+    @property
     def foot(self) -> NDArray[np.float64]:
         """The point moved onto a round surface."""
         beside = np.linalg.norm(self.away)

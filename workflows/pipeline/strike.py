@@ -39,6 +39,13 @@ def struck(scene: Scene, bodies: Mapping) -> Struck:
     return _on_round_face(scene, Struck(own, np.array(near), *_roundness(scene, first)))
 
 
+def around(
+    point: NDArray[np.float64], normal: NDArray[np.float64], radius: float
+) -> NDArray[np.float64]:
+    """A point (3,) of a plane and four of the circle around it, (5, 3) [m]."""
+    return point + radius * np.vstack([np.zeros((1, 3)), *(s * spanning(normal) for s in (1, -1))])
+
+
 def _on_round_face(scene: Scene, found: Struck) -> Struck:
     """The point moved onto the face; raises InvalidScene where none is nearest, or the patch is
     large beside the radius."""
