@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from coupling.calibration.fitting import rms
 from coupling.inspection.fitting import HUGE, Fit, Fitted
 from coupling.inspection.forward import IMPOSSIBLE, Forward
 
@@ -41,7 +42,7 @@ FINEST = 0.01  # growth of a window
 MANY = 8  # times as many draws for a window in which the best was lost
 BEHIND = 0.3, 200.0  # of the best sum of squares, and besides: what drops a candidate
 WIDER = 1.5  # draws, in standard deviations
-ALIKE = 0.005  # of the bounds: two candidates that are one
+ALIKE, SPREAD = 0.005, 0.02  # of the bounds: two candidates that are one, that are apart
 NARROWER = 0.05  # volume between bounds over the old one, at which walls are computed anew
 REACH = 4.0  # of narrower bounds, standard deviations
 NARROWINGS = 3  # at most
@@ -92,7 +93,7 @@ def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
     found: list[Searched] = []
     for record in loudest[:TRIES]:
         found.append(_followed(fit, int(record), n_shared, starts, rng))
-        if _meets(fit._replace(forward=found[-1].forward), 0, found[-1].fitted.theta):
+        if _noise(_left(fit._replace(forward=found[-1].forward), found[-1].fitted.theta), 0):
             break
     return min(found, key=lambda one: one.fitted.misfit)
 
@@ -106,7 +107,7 @@ def _followed(fit: Fit, record: int, n_shared: int, starts: int, rng) -> Searche
     kept, spread, box = [], None, [ends[:n_shared] for ends in one.unknowns.ends()]
     while True:
         tried = _kept(one.until(n), met, thetas, n_shared, starts, n == end)
-        meets = _meets(one.until(n), met, tried[0].theta)
+        meets = _noise(_left(one.until(n), tried[0].theta), met)
         if follows and not meets and n - met > FINEST * (n - touch):
             thetas = _filled(one, kept, spread, MANY * starts, rng)
             n = met + (n - met) // 2
@@ -157,13 +158,17 @@ def _kept(
 ) -> list[Fitted]:
     """Candidates of the window that are not far behind nor one another's double, best first.
 
-    The nearest of those that do not meet the window and what is new in it are fitted anew.
+    The nearest of those that do not meet the window and what is new in it are fitted anew; of a
+    crowd those that are apart, so that they are not all of one valley.
     """
     ends: dict[bool, list[Fitted]] = {True: [], False: []}
     for theta in thetas:
-        meets = not last and _meets(window, met, theta)
-        ends[meets].append(Fitted(theta, window.misfit(theta), 1, meets))
-    near = sorted(ends[False], key=MISFIT)[: max(1, starts // 2)]
+        left = _left(window, theta)
+        meets = not last and _noise(left, met)
+        ends[meets].append(Fitted(theta, rms(left), 1, meets))
+    crowd = len(thetas) > starts
+    near = sorted(ends[False], key=MISFIT)
+    near = _distinct(window, near, n_shared, SPREAD)[:starts] if crowd else near[: starts // 2 + 1]
     found = sorted([*ends[True], *(_anew(window, end, last) for end in near)], key=MISFIT)
     if found[0].converged:
         found[0] = _anew(window, found[0], last)
@@ -173,6 +178,7 @@ def _kept(
 
 
 def _anew(window: Fit, end: Fitted, last: bool) -> Fitted:
+    """A candidate fitted to the window, to its ground where that is the last."""
     most, tolerance = (LAST_STEPS, FINE) if last else (STEPS, ROUGH)
     with suppress(*IMPOSSIBLE):
         if end.misfit < HUGE:
@@ -180,20 +186,26 @@ def _anew(window: Fit, end: Fitted, last: bool) -> Fitted:
     return end
 
 
-def _distinct(fit: Fit, ends: Sequence[Fitted], n_shared: int) -> list[Fitted]:
-    """Those that are no double of one before."""
+def _distinct(
+    fit: Fit, ends: Sequence[Fitted], n_shared: int, least: float = ALIKE
+) -> list[Fitted]:
+    """Those that are no double of one before, by their least distance in widths of the bounds."""
     low, high = fit.unknowns.ends()
     found: list[Fitted] = []
     for end in ends:
         apart = [np.abs((end.theta - one.theta) / (high - low))[:n_shared].max() for one in found]
-        if min(apart, default=1.0) > ALIKE:
+        if min(apart, default=1.0) > least:
             found.append(end)
     return found
 
 
-def _meets(window: Fit, met: int, theta: NDArray[np.float64]) -> bool:
-    """Whether the window and what is new in it leave noise, whose rms is known to a few %."""
-    left = window.residual(theta).reshape(window.data.shape)
+def _left(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(S, k, m) residual."""
+    return fit.residual(theta).reshape(fit.data.shape)
+
+
+def _noise(left: NDArray[np.float64], met: int) -> bool:
+    """Whether the whole and what is new in it are noise, whose rms is known to a few per cent."""
     return all(
         np.mean(part**2) <= MET + 3.0 * np.sqrt(2.0 / part.size) for part in (left, left[:, met:])
     )

@@ -64,7 +64,7 @@ def inspect(
         ),
     ] = None,
     starts: Annotated[
-        int, typer.Option(help="Largest number of starts of the search.", min=1, max=1000)
+        int, typer.Option(help="Candidates that the search follows.", min=1, max=1000)
     ] = 12,
     seed: Annotated[int, typer.Option(help="Random seed of the starts.", min=0)] = 0,
     out: Annotated[

@@ -9,7 +9,7 @@ from coupling.inspection.information import bars_over_time, bounds_information, 
 from coupling.inspection.inversion import Inversion, scales
 from workflows.files.records import Recorded
 from workflows.files.velocities import SYNTHETIC
-from workflows.inspection.inspect import Inspected
+from workflows.inspection.inspect import SETTLED, Inspected
 from workflows.results.tables import LINE, Table, text
 
 TOLD = 0.1  # two-sigma bar over the bounds' distance: a number that the records tell
@@ -248,6 +248,8 @@ def _on_wall(found: Inspected):
             f"missed by up to {100 * between.missed.frequency:.2g} % in the frequency of a mode. "
             f"The one computed at the answer moved it by {found.moved:.2g} of its bars at last."
         )
+        if found.moved > SETTLED:
+            yield "Walls between others are not good enough there for the bars: narrow --bounds."
     if inversion.step_error > 1.0:
         yield (
             f"The step of the model is seen in the signals by up to {inversion.step_error:.2g} "
