@@ -23,7 +23,7 @@ from workflows.files.scene import scene as load
 from workflows.results import page_data
 from workflows.results.numbers import si
 from workflows.results.page_data import upwards
-from workflows.results.page_rows import scene_rows
+from workflows.results.page_rows import chain_words, scene_rows
 from workflows.results.provenance import sources
 from workflows.results.report import _harmless
 from workflows.results.summary import Summary
@@ -341,6 +341,14 @@ def test_every_value_of_a_built_in_scene_says_where_it_is_from():
     assert found["chain.young"].kind == "assumed"
     assert found["mesh.seed"].kind == "chosen"
     assert found["contact.stiffness_factor"].kind == "default"
+
+
+def test_every_sensor_of_a_built_in_scene_says_where_its_values_are_from():
+    found = sources(load("upright"), "upright", ())
+    assert found["output.sensors.1.gain"].kind == "assumed"
+    assert "piezo" in found["output.sensors.1.gain"].note
+    said = chain_words(load("upright")).replace("\u00a0", " ")
+    assert "the first one falls 5 mm and strikes the row at 313 mm/s" in said
 
 
 def test_what_differs_from_a_built_in_scene_is_yours(tmp_path):

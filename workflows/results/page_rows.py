@@ -89,9 +89,10 @@ def chain_words(scene: Scene) -> str:
     row = f"{grouped(chain.count)} sphere{'s' if chain.count > 1 else ''} of {size} diameter"
     if scene.striker is None:
         return f"{row} start with velocities of their own{' and lean on' if scene.wall else ''}"
-    speed = si(scene.striker.velocity, "m/s")
+    speed, drop = si(scene.striker.velocity, "m/s"), scene.striker.drop
     leans = "" if scene.wall is None else ", and the last one leans on"
-    return f"{row}: the first one strikes the row at {speed}{leans}"
+    falls = f"falls {si(drop, 'm')} and " if drop else ""
+    return f"{row}: the first one {falls}strikes the row at {speed}{leans}"
 
 
 def wall_words(scene: Scene, summary: Summary) -> str:
