@@ -106,14 +106,9 @@ def mindlin_plate(
     A hinged edge turns about itself alone. Elements are `coarser` times as long as usual.
     Raises Buckled for forces that press more than the plate can bear, TooLarge.
     """
-    longest = coarser * wave_length(
-        2 * np.pi * RESOLVED_HZ, sheet.shear_stiffness, sheet.bending_stiffness, *sheet.inertia
-    )
-    around = coarser * AROUND * sheet.patch_radius
-    along = tuple(
-        line(_ends(side, x, around, longest), ORDER) for side, x in zip(sheet[:2], at, strict=True)
-    )
-    _require_few(along, sheet, longest, coarser)
+    ends = _divided(sheet, at, coarser)
+    _require_few(sheet, ends)
+    along = tuple(line(one, ORDER) for one in ends)
     free = _free(along, sheet, edges)
     every = *_matrices(sheet, *along), _geometric(in_plane, *along)
     K, M, K_G = (csc_array(A.tocsc()[free][:, free]) for A in every)
@@ -137,10 +132,28 @@ class TooLarge(ValueError):
     """A plate of more wave lengths than there is memory for."""
 
 
-def _require_few(along: tuple[Line, Line], sheet: Sheet, longest: float, coarser: float) -> None:
-    """Raise TooLarge; elements `coarser` than 1 may have as many more as that takes."""
-    n = 3 * along[0].basis.N * along[1].basis.N
-    if n * min(1.0, coarser) ** 2 > MOST:
+def unknowns(sheet: Sheet, at: tuple[float, float]) -> int:
+    """Of a plate struck at x, y [m], before edges hold some of them."""
+    return _count(_divided(sheet, at, 1.0))
+
+
+def _count(ends: list[NDArray[np.float64]]) -> int:
+    return int(3 * np.prod([ORDER * (len(one) - 1) + 1 for one in ends]))
+
+
+def _divided(sheet: Sheet, at: tuple[float, float], coarser: float) -> list[NDArray[np.float64]]:
+    """Ends of elements along x and y [m]."""
+    longest = coarser * wave_length(
+        2 * np.pi * RESOLVED_HZ, sheet.shear_stiffness, sheet.bending_stiffness, *sheet.inertia
+    )
+    around = coarser * AROUND * sheet.patch_radius
+    return [_ends(side, x, around, longest) for side, x in zip(sheet[:2], at, strict=True)]
+
+
+def _require_few(sheet: Sheet, ends: list[NDArray[np.float64]]) -> None:
+    """Raise TooLarge."""
+    n, longest = _count(ends), max(np.diff(one).max() for one in ends)
+    if n > MOST:
         raise TooLarge(
             f"a plate of {sheet.length:g} x {sheet.width:g} x {sheet.thickness:g} m has {n:.2g} "
             f"unknowns with elements of {longest:.2g} m, as long as waves of {RESOLVED_HZ:g} Hz; "

@@ -13,6 +13,7 @@ import fem
 import rom
 from command_line import beadwave
 from workflows.files.scene import scene
+from workflows.pipeline import bending
 from workflows.pipeline.pipeline import pipeline_of
 from workflows.scene import InvalidScene
 from workflows.studies.accuracy.mesh import mesh
@@ -102,6 +103,16 @@ def test_the_stated_error_of_the_elements_is_that_against_finer_ones(name, chang
     first = [row[7] for row in found.tables[1].rows]
     assert first[-2] < 1e-6 and len(first) == 5
     assert found.pictures[0].name == "mesh"
+
+
+def test_a_plate_of_many_waves_has_a_coarser_second_mesh():
+    """Which takes a fraction of the run's own time, where a finer one takes several times it."""
+    large = scene("plate", ("plate.length=0.6", "plate.width=0.5"))
+    sheet = fem.Sheet(0.6, 0.5, 0.008, fem.Material(210e9, 0.3, 7850.0))
+    assert fem.unknowns(sheet, large.plate.at) > bending.AFFORDED
+    assert bending.second_length(large) == pytest.approx(2**0.5)
+    assert bending.left(large) == pytest.approx(1 / 3)
+    assert bending.left(scene("plate")) == pytest.approx(4 / 3) == bending.left(scene("beam"))
 
 
 PLATE = ("time.duration=4e-4", "chain.count=4", "output.spheres=[1, 3]", "reduction.modes=60")

@@ -115,8 +115,9 @@ def of_gravity(scene: "Scene") -> Iterator[str]:
         yield "[gravity] needs a [wall] or [leaf_springs] that carries the chain; add one."
     if along and isinstance(scene.wall, DashpotWall) and not scene.leaf_springs:
         yield (
-            '[gravity] with wall.kind = "dashpot", which gives way to any steady force; take '
-            "another wall, or gravity.inclination = 0."
+            '[gravity] with wall.kind = "dashpot", which gives way to any steady force; take a '
+            '[plate] with wall.kind = "rom", whose edges carry the chain, another wall, or '
+            "gravity.inclination = 0."
         )
     if along < 0 and not scene.leaf_springs:
         yield (

@@ -25,7 +25,7 @@ from workflows.scene.parts import with_chain
 from workflows.studies.accuracy.rows import table_of
 from workflows.studies.prose import rendered
 
-FACTORS = (2.83, 2.0, 1.41, 1.0, 1 / bending.FINER, 0.5)  # of the elements' length
+FACTORS = (2.83, 2.0, 1.41, 1.0, bending.FINER, 0.5)  # of the elements' length
 USUAL = FACTORS.index(1.0)
 N_MODES = 4
 RIGID_HZ = 1.0
@@ -61,7 +61,12 @@ def of_bending(scene: Scene, progress: Progress) -> tuple[tuple, tuple[str, ...]
         for s, f, error in zip(solved, hz, waves, strict=False)
     )
     tables = table_of(rows, printed=False), Table("mesh", COLUMNS, lines)
-    told = {"stated": run("mesh-error"), "off": waves[USUAL], "hz": hz[USUAL].tolist()}
+    told = {
+        "second": bending.second_length(scene),
+        "stated": run("mesh-error"),
+        "off": waves[USUAL],
+        "hz": hz[USUAL].tolist(),
+    }
     sentences = rendered(__file__, name=scene.name, finest=FACTORS[-1], **told)
     return tables, sentences, (Picture("mesh", _picture(hz, waves)),)
 
