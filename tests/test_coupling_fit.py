@@ -267,7 +267,7 @@ def test_noise_along_a_fit_is_the_product_with_its_autocovariance():
 
 def test_lags_end_ten_times_beyond_the_first_that_has_died():
     r = np.r_[1.0, 0.5, 0.11, 0.09, np.zeros(96)]
-    assert _cut(r) == 25 and _cut(np.r_[r, np.zeros(100)]) == 30
+    assert _cut(7 * r) == _cut(0.01 * r) == 25 and _cut(np.r_[r, np.zeros(100)]) == 30
     assert _cut(np.ones(100)) == 25 and _cut(np.r_[1.0, np.zeros(99)]) == 10
 
 
@@ -417,6 +417,29 @@ def test_the_first_wave_has_passed_where_the_acceleration_dies():
     assert ends[1] == FINE[-1]  # never turns away
 
 
+@pytest.mark.parametrize("pause", [0.0, 1e-6, 2e-6, 40e-6, 101e-6, 102e-6, 1.0])
+def test_a_wave_has_passed_where_all_samples_of_a_pause_are_quiet(pause):
+    """Turned away, slow at first, at rest for a hundred samples, and once more."""
+    slope = np.r_[
+        [0.0] * 20, [-1.0] * 30, [-0.01] * 2, [-1.0] * 20, [0.0] * 100, [0.5] * 30, [0.0] * 90
+    ]
+    v = np.cumsum(slope)
+    t = 1e-6 * np.arange(len(v))
+    quiet = np.abs(np.gradient(v, t)) < 0.02 * np.abs(np.gradient(v, t)).max()
+    arrived = next(i for i in range(len(v)) if v[i] < -0.1 * np.abs(v).max())
+    width = max(1, round(pause / 1e-6))
+    ends = (t[i] for i in range(arrived, len(v) - width + 1) if quiet[i : i + width].all())
+    assert laid.first_waves_end(t, v[:, None], pause)[0] == next(ends, t[-1])
+
+
+def test_one_of_three_repeats_that_is_unlike_the_others_is_left_out():
+    v = np.array([bumps(FINE)] * 3)
+    v[1] *= -1
+    found = aligned(FINE, v, (0, 1), move=False)
+    assert found.outliers == (1,) and found.signals.repeats == 2
+    np.testing.assert_allclose(found.signals.v, v[0])
+
+
 def test_noise_between_waves_is_what_does_not_go_on():
     rng = np.random.default_rng(1)
     t = np.arange(20000) * 1e-6
@@ -509,6 +532,7 @@ def test_sensitivities_of_a_model_are_its_derivatives(filters):
     theta = model.start * 1.02
     v, dv = model.velocities_and_sensitivities(theta)
     np.testing.assert_array_equal(v, model.velocities(theta))
+    assert v.shape == (len(RECORD), 2) and dv.shape == (len(RECORD), 2, len(theta))
     for j, p in enumerate(model.parameters):
         h = 1e-4 * p.start * np.eye(len(theta))[j]
         numeric = (model.velocities(theta + h) - model.velocities(theta - h)) / (2 * h[j])

@@ -18,7 +18,7 @@ from rom import (
     modal,
     superlu,
 )
-from rom.contact_modes import REACH, contact_modes, krylov_space, static_shapes
+from rom.contact_modes import REACH, _bound, contact_modes, krylov_space, static_shapes
 from rom.factorisation import Pencil, frequency_scale, noise, solutions, static_response, symmetric
 from rom.fixed_interface import fixed_interface, whole_pencil
 from rom.floating import is_held, pencil
@@ -176,6 +176,18 @@ def test_a_krylov_space_keeps_its_bound_and_the_static_response(n_vectors):
     found = ((phi.T @ w) ** 2 / (omega**2 * (1 + 1j * LOSS) - s**2)).sum(axis=1)
     true = rms(found - exact) / size(exact)
     assert true <= space.bound <= 1e-2
+
+
+def test_the_bound_of_a_space_is_what_its_last_vector_leaves():
+    """(s^2 beta |y_k|)^2 / eta, (1 + i eta - s^2 H) y = e_1 |K^-1 w|_K, beside known modes."""
+    H = np.diag(np.linspace(0.5, 0.1, 5)) + 0.05 * (np.eye(5, k=1) + np.eye(5, k=-1))
+    s, beta, norm = np.linspace(0.3, 3, 50), 0.02, 1.7
+    omega, p = np.array([0.7, 9.0]), np.array([0.2, 0.6])
+    e = np.eye(5)[0]
+    y = np.array([np.linalg.solve((1 + 1j * LOSS) * np.eye(5) - x**2 * H, norm * e) for x in s])
+    known = (p**2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)).sum(axis=1)
+    exact = rms((s**2 * beta * np.abs(y[:, -1])) ** 2) / LOSS / size(norm * y[:, 0] + known)
+    assert _bound(H, beta, norm, s, omega, p) == pytest.approx(exact, rel=1e-10)
 
 
 def test_chosen_modes_are_those_that_matter_and_state_what_is_left():
