@@ -76,7 +76,7 @@ def _sampled(prepared, found, duration, n_save):
     save_between(h, shown, parts, rows, saved)
     sampled = trajectory_of(found._replace(final=final), saved, duration)
     worst = float(np.abs(ends.energy[:, 10] - ends.energy[0, 10]).max()) / sampled.energy_scale
-    return sampled._replace(energy_error=max(sampled.energy_error, worst))
+    return sampled._replace(energy_error=worst)
 
 
 def _bodies(prepared, parts):

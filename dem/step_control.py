@@ -21,6 +21,8 @@ from dem.stability import (
 )
 from dem.trajectory import Trajectory, march, run, start
 
+FAR = 4.0  # times the step, of the march that the first is compared with where forces are smooth
+FAR_ENOUGH, FAR_FIRST = 2.7, 2.4  # order that a pair shows that is as far apart: it scatters less
 FIRST, MOST = 1.5, 2.0  # order that one pair of marches shows, and that any number of them does
 BELOW = 0.5  # the observed order, which scatters
 ALONE = 1.5  # of the first difference where forces jump: no other bears it out
@@ -74,11 +76,12 @@ def march_to_error(
     """Trajectory whose velocities are off by less than `error` times the largest initial speed on
     the observed spheres (indices, None for all).
 
-    The estimate divides the difference of two marches by what order 1.5 leaves, of a third by what
-    the observed order leaves, up to 2 (0.75 for the linear laws, whose force jumps, and for
-    contacts that yield, whose stiffness does; there the last two differences count): all schemes
-    here keep more, but not at every step. Raises UnstableStep where the evaluations allowed do not
-    suffice.
+    The first march is compared with one of steps four times as long, whose energy error sets its
+    own step; the estimate divides their difference by what order 2.4 leaves, that of marches less
+    far apart by what order 1.5 does, of a third by what the observed order leaves, up to 2 (1.5
+    before a dashpot; 0.75 for the linear laws, whose force jumps, and for contacts that yield,
+    whose stiffness does; there the last two differences count): all schemes here keep more, but
+    not at every step. Raises UnstableStep where the evaluations allowed do not suffice.
     """
     validate(chain, wall, v0)
     positive("error", error)
@@ -100,7 +103,7 @@ def march_to_error(
         energy_error or max(1e-2 * error, 1e-12),
         columns(observed, chain.mass.size),
         float(np.abs(v0).max()) or 1.0,
-        _assumed_order(chain, method),
+        _assumed_order(chain, wall, method),
         allowed / 20 if method.kind == "implicit" else allowed,
         _witness(prepared, state) if method.kind == "implicit" else None,
     )
@@ -149,18 +152,19 @@ def _witness(prepared, state):
 
 def _refined(attempt, step, method, asked):
     """The first march by finer and finer steps that is within what is asked."""
-    duration, n_save = asked.duration, asked.n_save
-    spent = duration / (2.0 * step) * method.evaluations
+    duration, n_save, apart = asked.duration, asked.n_save, _apart(asked.order)
+    spent = duration / (apart * step) * method.evaluations
     if not spent <= asked.evaluations:
         raise UnstableStep(_unaffordable(asked.error, duration, step, spent, asked.evaluations))
-    coarse = attempt(2.0 * step, _sparser(n_save, duration / (2.0 * step)))
-    if coarse is not None and coarse.dt < 1.5 * step:  # the samples left no room for a longer one
-        step = coarse.dt / 2.0
+    coarse = attempt(apart * step, _sparser(n_save, duration / (apart * step)))
+    if coarse is not None:
+        step = coarse.dt / _apart_for_energy(coarse, method, asked)
     tried = []
     while True:
-        spent += duration / step * method.evaluations
-        _require_hope(step, spent, tried, method, asked)
+        ahead = duration / step * method.evaluations
+        _require_hope(step, spent + ahead, tried, method, asked)
         fine = attempt(step, n_save)
+        spent += ahead if fine is None else fine.n_steps * method.evaluations
         if fine is None or coarse is None:
             coarse, step = fine, step / (4.0 if fine is None else 2.0)
             continue
@@ -172,6 +176,21 @@ def _refined(attempt, step, method, asked):
     estimate = tried[-1].estimate
     report = StepReport(*compared, estimate, int(spent))
     return Controlled(fine._replace(error_estimate=estimate), report)
+
+
+def _apart(order):
+    """How many times longer the steps of the march are that the first is compared with."""
+    return FAR if order > 1.0 else 2.0
+
+
+def _apart_for_energy(coarse, method, asked):
+    """The same, where the ledger of that march says what closes it as asked."""
+    apart = _apart(asked.order)
+    if method.kind == "implicit" or apart < FAR:
+        return apart
+    closed = max(asked.energy_error, _rounding_of_energy(coarse, method))
+    needed = (3.0 * coarse.energy_error / closed) ** (1.0 / min(method.order, 4))
+    return float(np.clip(needed, 2.0, 2.0 * apart))
 
 
 class _Comparison(NamedTuple):
@@ -188,6 +207,8 @@ class _Comparison(NamedTuple):
 def _compared(coarse, fine, tried, method, asked):
     difference = _difference(coarse, fine, asked)
     order = _observed_order(tried, difference, coarse.dt, asked.order)
+    if not tried and asked.order == MOST and coarse.dt > FAR_ENOUGH * fine.dt:
+        order = FAR_FIRST
     shown = difference
     if asked.order < 1.0:  # where forces jump, two marches are alike by chance more often
         before = tried[-1].difference * coarse.dt / tried[-1].wide if tried else ALONE * difference
@@ -267,13 +288,16 @@ def with_step_error(
     )  # fmt: skip
     scale = float(np.abs(v0).max()) or 1.0
     difference = float(np.abs(finer.v - trajectory.v).max()) / scale
-    order = _assumed_order(chain, SCHEMES[trajectory.scheme])
+    order = _assumed_order(chain, wall, SCHEMES[trajectory.scheme])
     return trajectory._replace(error_estimate=difference / (1.0 - 0.5**order))
 
 
-def _assumed_order(chain, method):
+def _assumed_order(chain, wall, method):
     jumps = chain.dissipation.startswith("linear") or chain.yield_overlap is not None
-    return 0.75 if jumps else min(MOST, method.order - 0.25)
+    if jumps:
+        return 0.75
+    creeps = wall is not None and wall.mobility > 0.0
+    return FIRST if creeps else min(MOST, method.order - 0.25)
 
 
 def _unaffordable(error, duration, step, needed, allowed):

@@ -53,7 +53,7 @@ class Trajectory(NamedTuple):
     dt: float
     n_steps: int
     scheme: str
-    energy_error: float  # largest |energy_total - start| / kinetic energy at the start
+    energy_error: float  # largest |energy_total - start| / kinetic energy there, at ends of steps
     error_estimate: float | None  # relative velocity error; None for a step that was given
     final: State
 

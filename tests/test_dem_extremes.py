@@ -173,7 +173,7 @@ def test_a_search_that_gets_no_nearer_is_given_up(monkeypatch):
     allowed = 3e6
     steps = []
     monkeypatch.setattr(
-        "dem.step_control.run", lambda *args: steps.append(args[3]) or run_of_chain(*args)
+        "dem.step_control.run_between", lambda *args: steps.append(args[3]) or run_of_chain(*args)
     )
     with pytest.raises(UnstableStep, match="is not reached"):
         march_to_error(

@@ -4,6 +4,8 @@ import csv
 import json
 import sys
 from contextlib import nullcontext
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -244,3 +246,15 @@ def test_unknown_stage_is_bad_input(capsys, monkeypatch):
 def test_a_chain_that_cannot_be_run_is_not_measured(change):
     with pytest.raises(InvalidScene):
         problem(scene("rig-rigid", (change,)), quiet)
+
+
+def test_a_run_to_an_error_costs_little_more_than_the_longest_steps_that_keep_it():
+    where = Path(__file__).parents[1] / "examples" / "cost_of_error.py"
+    spec = spec_from_file_location("cost_of_error", where)
+    example = module_from_spec(spec)
+    spec.loader.exec_module(example)
+    case, error = dict(example.cases())["rig-rigid"], 1e-5
+    ideal = example.ideal_evaluations(case, error)
+    for samples in (101, 3001):
+        true, energy, ratio, _ = example.cost(case, error, samples, ideal)
+        assert true <= error and energy <= 0.01 * error and 0.5 < ratio < 2.0

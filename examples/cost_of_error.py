@@ -1,0 +1,101 @@
+"""What a run to an error costs beside the longest steps that would have done.
+
+You will see, for chains of `beadwave accuracy` and errors asked for, at 101 and at 3001 samples:
+the true error, the energy error, the contact evaluations of the run with the search for its step,
+over those of one march by the longest equal steps that keep both as asked, and milliseconds.
+
+    cost = evaluations of all marches / evaluations of the ideal one
+
+Nobody knows the ideal step before. "Kept" is the velocity error asked for, and a hundredth of it in
+the energy.
+
+Run it: python examples/cost_of_error.py        half a minute
+"""
+
+from collections.abc import Iterator
+from contextlib import nullcontext
+from time import process_time
+
+import numpy as np
+
+import dem
+from coupling.peers import Problem
+from coupling.work_precision.problems import with_parts
+from workflows.files.scene import scene
+from workflows.studies.accuracy.problems import problem
+
+SCENES = ("free-chain", "rig-rigid", "rig-half-space", "rig-1dof")
+PARTS = ("hunt-crossley", "residual spring", "40 wall modes", "dashpot wall")
+SEEN, FINER, STEADY = 20, 16, 4  # instants compared; steps of the reference; counts that must do
+
+
+def main(errors: tuple[float, ...] = (1e-3, 1e-4, 1e-5)) -> None:
+    print(
+        f"{'chain':16} {'samples':>7} {'asked':>7} {'true':>8} {'energy':>8} {'cost':>6} {'ms':>7}"
+    )
+    for name, case in cases():
+        for error in errors:
+            ideal = ideal_evaluations(case, error)
+            for samples in (101, 3001):
+                row = cost(case, error, samples, ideal)
+                print(
+                    f"{name:16} {samples:7d} {error:7.0e} "
+                    + "{:8.1e} {:8.1e} {:6.2f} {:7.2f}".format(*row)
+                )
+
+
+def cases() -> Iterator[tuple[str, Problem]]:
+    """Chains of the accuracy study, and of its first scene with parts."""
+    found = {name: problem(scene(name, ()), lambda stage: nullcontext()) for name in SCENES}
+    yield from found.items()
+    parts = with_parts(found["rig-rigid"])
+    yield from ((name, parts[name]) for name in PARTS)
+
+
+def cost(case: Problem, error: float, samples: int, ideal: int) -> tuple[float, ...]:
+    """True error, energy error, evaluations over the ideal ones, milliseconds."""
+    start = {"duration": case.duration, "observed": case.observed, "n_save": samples - 1}
+    times = []
+    for _ in range(4):
+        started = process_time()
+        run, report = dem.march_to_error(case.chain, case.wall, case.v0, error=error, **start)
+        times.append(process_time() - started)
+    exact = marched(case, run.dt / FINER, samples - 1)
+    true = off(case, run.v, exact.v)
+    return true, run.energy_error, report.evaluations / ideal, 1e3 * min(times)
+
+
+def ideal_evaluations(case: Problem, error: float) -> int:
+    """Of the fewest equal steps that keep what is asked, as do the next finer ones: one count of
+    steps may by chance."""
+    start = {"duration": case.duration, "observed": case.observed, "n_save": SEEN}
+    run = dem.march_to_error(case.chain, case.wall, case.v0, error=0.1 * error, **start).trajectory
+    exact = marched(case, run.dt / FINER, SEEN)
+    counts = SEEN * np.arange(1, max(run.n_steps // SEEN, STEADY) + 1)
+    kept = [keeps(case, int(n), exact, error) for n in counts]
+    row = np.convolve(kept, np.ones(STEADY), "valid") > STEADY - 0.5
+    steps = counts[row.argmax()] if row.any() else counts[-1]
+    return int(steps) * dem.SCHEMES[run.scheme].evaluations
+
+
+def keeps(case: Problem, n_steps: int, exact: dem.Trajectory, error: float) -> bool:
+    """Whether as many steps keep the error, and the ledger at the end of every one."""
+    try:
+        run = marched(case, case.duration / n_steps, n_steps)
+    except dem.UnstableStep:
+        return False
+    closed = run.energy_error <= 0.01 * error
+    return closed and off(case, run.v[:: n_steps // SEEN], exact.v) <= error
+
+
+def marched(case: Problem, dt: float, n_save: int) -> dem.Trajectory:
+    return dem.march(case.chain, case.wall, case.v0, duration=case.duration, dt=dt, n_save=n_save)
+
+
+def off(case: Problem, v: np.ndarray, exact: np.ndarray) -> float:
+    """Largest velocity error of the observed spheres over the largest initial speed."""
+    return float(np.abs(v - exact)[:, case.observed].max() / np.abs(case.v0).max())
+
+
+if __name__ == "__main__":
+    main()
