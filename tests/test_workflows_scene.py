@@ -10,7 +10,7 @@ import coupling
 from geometry import PARTS
 from workflows.files.scene import built_in, scene, scene_text
 from workflows.pipeline.assembly import material
-from workflows.pipeline.chain import surface, wall
+from workflows.pipeline.chain import flat, wall
 from workflows.pipeline.impact import require_start
 from workflows.pipeline.wall import damping_law
 from workflows.scene import InvalidScene
@@ -281,9 +281,9 @@ def test_an_assembly_softer_than_rubber_is_refused(key):
 def test_the_chain_touches_the_material_that_the_block_is_meshed_with(changes):
     found = scene("rig-rom", changes)
     block = material(found.assembly, "block")
-    assert surface(found) == (block.young, block.poisson)
+    assert flat(found) == (block.young, block.poisson)
     same = scene("rig-rom", (*changes, f"wall.young={block.young}"))
-    assert surface(same) == surface(found)
+    assert flat(same) == flat(found)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ import rom
 from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.files.wall import loaded
-from workflows.pipeline.chain import surface
+from workflows.pipeline.chain import flat
 from workflows.pipeline.chain import wall as wall_of
 from workflows.pipeline.pipeline import Pipeline, pipeline_of
 from workflows.pipeline.run import impact
@@ -297,7 +297,7 @@ NOTES = '{"surface_young_Pa": "7e10", "surface_poisson": "0.34"}'
 
 def test_the_material_of_a_file_is_that_of_the_contact(tmp_path):
     found = refused(tmp_path, "aluminium.npz", provenance=NOTES)
-    assert surface(found) == (7e10, 0.34)
+    assert flat(found) == (7e10, 0.34)
     assert (found.wall.young, found.wall.poisson) == (7e10, 0.34)  # as the resolved scene says
     assert resolved(tomllib.loads(toml(found)), "again") == found
     assert not list(unusual_wall_file(found.wall))
@@ -317,7 +317,7 @@ def test_a_material_that_nobody_gave_is_told(tmp_path):
     found = refused(tmp_path, "silent.npz")
     assert "wall.young and wall.poisson" in next(unusual_wall_file(found.wall))
     given = scene("rig-rigid", (*RUN, f"wall.file={tmp_path / 'silent.npz'}", "wall.young=70 GPa"))
-    assert surface(given) == (70e9, 0.3) and "says wall.poisson of" in next(
+    assert flat(given) == (70e9, 0.3) and "says wall.poisson of" in next(
         unusual_wall_file(given.wall)
     )
 
@@ -336,4 +336,4 @@ def test_a_reduced_model_carries_the_material_of_its_block(tmp_path):
     reduced = Pipeline(scene("rig-rom", coarse), Memory(None, verbose=0))("reduction")
     rom.save_npz(tmp_path / "rom.npz", reduced)
     found = scene("rig-rigid", (*RUN, f"wall.file={tmp_path / 'rom.npz'}"))
-    assert surface(found) == (70e9, 0.34)
+    assert flat(found) == (70e9, 0.34)

@@ -159,7 +159,8 @@ def flat(scene: Scene) -> dem.Flat | None:
     wall = scene.wall
     if wall is None or isinstance(wall, RigidWall):
         return wall and dem.RIGID
-    if isinstance(wall, RomWall) and wall.file is None and wall.young is None:
+    told = None not in (wall.young, wall.poisson)
+    if isinstance(wall, RomWall) and wall.file is None and not told:
         wall = scene.struck_material
     if isinstance(wall.young, tuple):
         raise InvalidScene(
