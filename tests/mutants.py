@@ -85,6 +85,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("return to_hz * max(1.05, 1.3 * (1e-3 / error) ** 0.23)", "0.23"): START,
     ("if following <= s[-1] or first <= 0:", "following <= s[-1]"): SAME,
     ("sigma = -((omega[omega > 0][0] / 10) ** 2)", "0"): "shifts of that size give the same modes",
+    ("omega, phi = known or lowest_modes(problem, min(8, problem.K.shape[0]))", "0"): "K is square",
     ("return G.reshape(-1, 6)", "1"): "numpy takes any negative number for what remains",
     ("size = np.abs(G[:, 3:]).max(initial=1e-300)", "3"): FAR,
     ("if not np.abs(R[len(R) - 1, len(R) - 1]) > LAST**2 * np.abs(R[0, 0]):",

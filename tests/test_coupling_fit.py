@@ -11,7 +11,7 @@ import dem
 import dem.sensitivities
 from coupling.calibration import signals as laid
 from coupling.calibration.fitting import CLOSE, IMPOSSIBLE, PRIOR, Fit, _cycles, rms, weights
-from coupling.calibration.forward import NO_FILTER, Forward
+from coupling.calibration.forward import NO_FILTER, Forward, _refined
 from coupling.calibration.instrument import OVERSAMPLED, Clean, Twin, repeated, shown
 from coupling.calibration.parameters import (
     Parameter,
@@ -161,6 +161,15 @@ def test_a_fit_with_a_prior_is_held_by_weak_springs():
     np.testing.assert_allclose(found.z, np.linalg.lstsq(A, b, rcond=None)[0], rtol=1e-8)
     free = fit.solved(start, np.ones(3, bool), EVERYTHING)
     assert np.abs(found.z - free.z).max() > 1e-7
+
+
+def test_a_fit_begins_within_its_bounds():
+    fit = a_fit()
+    true = coordinates(fit.parameters, TRUTH)
+    fit.low, fit.high = true - 3, true + 3
+    for start in (fit.low, fit.low - 1, fit.high, fit.high + 1):
+        found = fit.solved(start, np.ones(3, bool), EVERYTHING)
+        np.testing.assert_allclose(found.z, true, rtol=1e-6)
 
 
 def test_a_fit_ends_at_its_bounds():
@@ -330,6 +339,8 @@ def bumps(t, late=0.0):
 @pytest.mark.parametrize("late", [0.0, 2.3e-6, -37.6e-6])
 def test_a_lag_is_found_to_a_fraction_of_a_sample(late):
     assert lag_of(FINE, bumps(FINE, late), bumps(FINE)) == pytest.approx(late, abs=3e-9)
+    later = FINE + 0.25  # on another clock
+    assert lag_of(later, bumps(FINE, late), bumps(FINE)) == pytest.approx(late, abs=3e-9)
 
 
 @pytest.mark.parametrize("lag", [-60, 0, 45])
@@ -432,6 +443,13 @@ def test_a_wave_has_passed_where_all_samples_of_a_pause_are_quiet(pause):
     assert laid.first_waves_end(t, v[:, None], pause)[0] == next(ends, t[-1])
 
 
+def test_where_more_than_half_of_the_repeats_are_unlike_all_are_kept():
+    rng, one = np.random.default_rng(0), bumps(FINE)
+    unlike = [one + 0.75 * one.std() * rng.standard_normal(one.shape) for _ in range(3)]
+    found = aligned(FINE, np.array([one, one, *unlike]), (0, 1), move=False)
+    assert found.outliers == ()
+
+
 def test_one_of_three_repeats_that_is_unlike_the_others_is_left_out():
     v = np.array([bumps(FINE)] * 3)
     v[1] *= -1
@@ -446,7 +464,9 @@ def test_noise_between_waves_is_what_does_not_go_on():
     clean = np.column_stack([np.exp(-(((t - 2e-3) / 3e-5) ** 2)), 0 * t + 0.3 * t])
     for noise in (1e-3, 4e-3):
         v = clean + noise * rng.standard_normal(clean.shape)
-        assert laid.noise_between_waves(t, v, 1e-5) == pytest.approx(noise, rel=0.05)
+        found = laid.noise_between_waves(t, v, 1e-5)
+        assert found == pytest.approx(noise, rel=0.05)
+        assert laid.noise_between_waves(t + 0.25, v, 1e-5) == found  # whatever the clock says
     assert laid.noise_between_waves(t[:30], clean[:30], 1e-5) is None
     single = Signals(t, v, (0, 1), np.full(2, np.nan))
     assert noise_of_mean(single, NO_FILTER, 1e-5) == laid.noise_between_waves(t, v, 1e-5)
@@ -484,6 +504,7 @@ def test_repeats_differ_by_jitter_and_noise_of_the_size_asked_for():
     made = Clean(fine, bumps(fine), (0, 1))
     t, v = repeated(made, twin)
     assert v.shape == (6, len(t), 2) and t[1] == pytest.approx(1e-6)
+    assert -1e-12 < made.t[-1] - t[-1] - 4 * twin.jitter < 2e-6  # no repeat ends before the record
     quiet = v[:, 2000:]
     assert quiet.std() == pytest.approx(2e-3, rel=0.05)
     late = [lag_of(t[:1000], one[:1000], bumps(t)[:1000]) for one in v]
@@ -538,6 +559,13 @@ def test_sensitivities_of_a_model_are_its_derivatives(filters):
         numeric = (model.velocities(theta + h) - model.velocities(theta - h)) / (2 * h[j])
         size = np.abs(numeric).max()
         assert np.quantile(np.abs(dv[:, :, j] - numeric), 0.95) < 1e-4 * size, p.name
+
+
+def test_refined_times_hold_the_given_ones_and_equal_steps_between():
+    fine = _refined(RECORD, 3)
+    np.testing.assert_allclose(fine[::3], RECORD, rtol=1e-14)
+    np.testing.assert_allclose(np.diff(fine), 2e-6 / 3, rtol=1e-9)
+    assert _refined(RECORD, 1) is RECORD
 
 
 def test_an_instrument_delays_a_model_by_its_filter_and_its_lag():

@@ -18,7 +18,7 @@ from rom import (
     modal,
     superlu,
 )
-from rom.contact_modes import REACH, _bound, contact_modes, krylov_space, static_shapes
+from rom.contact_modes import REACH, _bound, _ranked, contact_modes, krylov_space, static_shapes
 from rom.factorisation import Pencil, frequency_scale, noise, solutions, static_response, symmetric
 from rom.fixed_interface import fixed_interface, whole_pencil
 from rom.floating import is_held, pencil
@@ -215,6 +215,19 @@ def test_chosen_modes_are_those_that_matter_and_state_what_is_left():
     with pytest.raises(ReductionError, match="cannot hold the 3"):
         contact_modes(pencil(K, M, superlu), w, lowest_modes(pencil(K, M, superlu), 3),
                       asked._replace(n_modes=2))  # fmt: skip
+
+
+def test_modes_are_ranked_by_what_an_oscillator_with_their_moments_misses():
+    """H - phi^2 / omega^2 - phi^2 s^2 / omega^4 over the band, and those to keep first."""
+    omega, to_hz = np.array([5.0, 20.0, 45.0, 64.0, 300.0]), 10.0
+    phi = np.array([1.0, 0.1, 0.12, 0.8, 1.0])
+    s = 2 * np.pi * frequencies(to_hz)[:, None]
+    H = phi**2 / (omega**2 * (1 + 1j * LOSS) - s**2)
+    missed = np.linalg.norm(H - phi**2 / omega**2 - phi**2 * s**2 / omega**4, axis=0)
+    exact = np.argsort(-missed)
+    np.testing.assert_array_equal(_ranked(omega, phi, 0, to_hz), exact)
+    rest = [i for i in exact if i > 1]
+    np.testing.assert_array_equal(_ranked(omega, phi, 2, to_hz), [0, 1, *rest])
 
 
 def test_static_shapes_are_above_the_highest_chosen_or_far_above_the_band():
