@@ -160,10 +160,23 @@ def problem_of(truth, shared, made=system, duration=3.5e-3):
     "truth", [(0.0145, 52e9, 0.6), (0.0105, 95e9, 0.1), (0.0125, 60e9, 0.75)]
 )  # fmt: skip
 def test_structures_all_over_wide_bounds_are_found_by_windows_that_grow(truth):
-    found = inverted(problem_of(truth, WIDE), n_shared=3, starts=12, gains=["gain"])
+    fit = problem_of(truth, WIDE)
+    found = profiled(fit, inverted(fit, n_shared=3, starts=12, gains=["gain"]), 3)
     off = np.abs(found.value[:3] - truth) / found.uncertainty.two_sigma[:3]
     assert found.explained
     assert (off <= 1.5).all()
+
+
+def test_a_bar_holds_a_number_that_no_wave_within_the_record_tells_on_one_side():
+    """Beyond a force of 0.69 the second wave returns after the record; the bounds draw the answer
+    to where it just comes in, where the curvature says that the force is known to 0.02."""
+    truth = (0.0125, 60e9, 0.75)
+    fit = problem_of(truth, WIDE)
+    plain = inverted(fit, n_shared=3, begin=np.array([*truth, 0.306, 4e-6]), gains=["gain"])
+    longer = profiled(fit, plain, 3)
+    off = abs(plain.value[2] - 0.75)
+    assert off > 2.0 * plain.uncertainty.two_sigma[2]
+    assert off < longer.uncertainty.two_sigma[2] < 0.3
 
 
 def test_a_valley_beside_the_answer_is_not_called_an_explanation():
@@ -220,7 +233,7 @@ def test_bars_are_as_long_as_the_misfit_says_where_a_number_saturates():
     found = inverted(fit, n_shared=1, begin=begin, gains=["gain"])
     q = found.uncertainty.two_sigma[0]
     assert 0.4 < q < 0.9
-    longer = profiled(fit, found)
+    longer = profiled(fit, found, 1)
     assert longer.stretch == pytest.approx(-np.log(1.0 - q) / q, rel=0.06)
     assert longer.uncertainty.two_sigma[0] / q == pytest.approx(longer.stretch, rel=1e-6)
     deepest = longer.uncertainty.combinations[0]
@@ -228,7 +241,7 @@ def test_bars_are_as_long_as_the_misfit_says_where_a_number_saturates():
 
 
 def test_bars_of_a_parabola_stay(found):
-    assert profiled(problem(3.5e-3), found).stretch < 1.05
+    assert profiled(problem(3.5e-3), found, 3).stretch < 1.05
 
 
 def test_derivatives_are_those_of_the_signals():

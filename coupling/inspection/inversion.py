@@ -26,7 +26,6 @@ PARTS = 50  # of a record, in which what is left must be noise
 KNOWN = 1.15  # of the noise's square: its rms is known to some per cent
 DEVIATIONS = 5.0  # of what noise leaves
 RIVAL = 16.0  # squares of the noise: answers that records do not tell apart
-APART = 1.5  # sums of two-sigma bars
 REFINED = 0.5  # steps of the run that tells the error of the answer's
 
 
@@ -54,7 +53,7 @@ class Inversion(NamedTuple):
     parts: tuple[Part, ...]  # of all records
     step_error: float  # largest change of the model with half the step, over the noise
     search: Searched
-    stretch: float = 1.0  # of the longest bar, by the profile of the misfit
+    stretch: float = 1.0  # largest, of a bar by the profile of the misfit
 
     @property
     def whole_misfit(self) -> float:
@@ -82,9 +81,9 @@ class Inversion(NamedTuple):
         return tuple(found)
 
     def apart(self, other: "Inversion", n_shared: int) -> bool:
-        """Whether a number of the structure differs by more than bars hold."""
-        bars = self.uncertainty.two_sigma + other.uncertainty.two_sigma
-        return bool((np.abs(self.value - other.value) > APART * bars)[:n_shared].any())
+        """Whether a number of the structure differs by more than the bars hold."""
+        bars = self.uncertainty.two_sigma
+        return bool((np.abs(self.value - other.value) > bars)[:n_shared].any())
 
 
 def inverted(
@@ -109,10 +108,10 @@ def inverted(
     return _answer(fit, Searched((fit.solved(begin),), 1, fit.forward), gains)
 
 
-def profiled(fit: Fit, found: Inversion) -> Inversion:
-    """The same with bars as long as the misfit says along the direction that is least told."""
+def profiled(fit: Fit, found: Inversion, n_shared: int) -> Inversion:
+    """The same with bars of the structure's numbers as long as the misfit says."""
     theta = found.value[: len(fit.unknowns.parameters)]
-    bars, stretch = stretched(fit, theta, fit.jacobian(theta), found.uncertainty)
+    bars, stretch = stretched(fit, theta, fit.jacobian(theta), found.uncertainty, n_shared)
     return found._replace(uncertainty=bars, stretch=stretch)
 
 

@@ -47,7 +47,7 @@ NARROWER = 0.05  # volume between bounds over the old one, at which walls are co
 REACH = 4.0  # of narrower bounds, standard deviations
 NARROWINGS = 3  # at most
 LEAST_WIDTH = 0.01  # of narrower bounds, in those given
-TRIES = 2  # records that are followed
+TRIES = 3  # times that a record is followed
 ENDS = 3  # candidates taken on to all records
 HOPELESS = 1.5  # misfit over the best: an end that no better wall would make an answer
 
@@ -86,13 +86,14 @@ def with_triggers(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
 def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
     """Where so many candidates end; a single one begins where the numbers start.
 
-    They follow the loudest record, and the next where what they find does not meet all records.
+    They follow the loudest record, and the next, or others the same, where what they find does not
+    meet all records.
     """
     rng = np.random.default_rng(seed)
     loudest = np.argsort([-np.abs(shot.y).max() for shot in fit.shots], kind="stable")
     found: list[Searched] = []
-    for record in loudest[:TRIES]:
-        found.append(_followed(fit, int(record), n_shared, starts, rng))
+    for i in range(TRIES if starts > 1 else 1):
+        found.append(_followed(fit, int(loudest[i % len(loudest)]), n_shared, starts, rng))
         if _noise(_left(fit._replace(forward=found[-1].forward), found[-1].fitted.theta), 0):
             break
     return min(found, key=lambda one: one.fitted.misfit)

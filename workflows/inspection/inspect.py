@@ -215,4 +215,4 @@ def _settled(fit: Fit, theta, n_shared: int, gains: tuple[str, ...], search: Sea
         moved = float((off / found.uncertainty.two_sigma[:n_shared]).max())
         if moved <= SETTLED:
             break
-    return Answer(profiled(fit, found)._replace(search=search), fit, moved)
+    return Answer(profiled(fit, found, n_shared)._replace(search=search), fit, moved)

@@ -207,8 +207,8 @@ def _on_numbers(found: Inspected, report: InspectionReport):
                 )
     if inversion.stretch > STRETCHED:
         yield (
-            f"The misfit rises more slowly than a parabola: the longest bar is "
-            f"{inversion.stretch:.2g} times as long as its curvature says."
+            f"The misfit rises more slowly than a parabola: bars are up to {inversion.stretch:.2g} "
+            "times as long as its curvature says."
         )
     if silent or any(row.told == "weakly" for row in report.numbers):
         worst = inversion.uncertainty.combinations[0]
