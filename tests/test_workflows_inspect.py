@@ -89,7 +89,7 @@ def test_thickness_modulus_and_axial_force_come_out_within_their_bars(found):
 
 def test_the_wall_between_others_is_checked_at_the_answer(found):
     report, inner = found[0].report, found[0].found
-    assert report.walls > 20 and 0 < report.wall_missed < 0.5
+    assert report.walls > 10 and 0 < report.wall_missed < 0.5  # coefficients of degree 2
     assert inner.moved <= 0.05
     assert any("computed at the answer" in remark for remark in report.remarks)
 
