@@ -32,7 +32,13 @@ from dem.kernels.lanes import (
 from dem.kernels.oscillators import oscillator_propagator
 from dem.prepared import prepare
 from dem.schemes import SCHEMES, named_scheme
-from dem.stability import UnstableStep, fastest_rate, marching_scheme, refuse_step
+from dem.stability import (
+    UnstableStep,
+    fastest_rate,
+    marching_scheme,
+    refuse_step,
+    stability_interval,
+)
 from dem.statics import approach, static_state
 from dem.step_control import Search, march_to_error
 from dem.trajectory import equal_steps, march
@@ -105,6 +111,10 @@ class _Asked(NamedTuple):
 
 
 SEARCHED = 100  # samples at which a step is sought: more would make it short for their own sake
+STABLE = 0.5  # of the largest stable step of the stiffest chain
+CAUTION, MOST_LONGER, WORTH = 0.8, 4.0, 1.25  # times longer
+EPSILON = float(np.finfo(float).eps)
+CLOSED = 0.1  # of the error asked for, that a longer step may leave in the energy
 PER_CHAIN = ("preload", "gravity")
 PER_CONTACT = PER_SPHERE
 PER_WALL = ("residual_compliance", "mobility")
@@ -215,16 +225,53 @@ def _to_error(chains, error, asked):
         n_save=min(asked.n_save, SEARCHED), search=Search(asked.scheme, energy_error=np.inf),
     ).trajectory.dt  # fmt: skip
     spread = np.linspace(0, chains.count - 1, 16).astype(int)
-    sample = chains.take(np.union1d(spread, chains.most_damped))
+    sample = chains.take(np.union1d(spread, [stiffest, chains.most_damped]))
+    found = _sampled(sample, dt, asked)
+    while found.estimate > error:
+        found = _sampled(sample, found.dt / 1.5, asked)
+    if chains.fit_lanes and SCHEMES[asked.scheme].kind != "implicit":
+        found = _longer(sample, found, _longest(chains[stiffest], asked), error, asked)
+    return _march(chains, found.dt, asked)._replace(error_estimate=found.estimate)
+
+
+class _Sampled(NamedTuple):
+    """What some of the chains say of a step."""
+
+    dt: float
+    estimate: float  # of the velocity error
+    energy_error: float
+
+
+def _sampled(sample, dt, asked):
+    coarse = _march(sample, dt, asked)
+    fine = _march(sample, coarse.dt / 2, asked)
     speed = np.abs(sample.v0).max(axis=1)[:, None, None]
+    # the coarse step is the one used: its error is the whole difference
+    estimate = float((np.abs(fine.v - coarse.v) / speed).max()) * 1.25
+    return _Sampled(coarse.dt, estimate, float(coarse.energy_error.max()))
+
+
+def _longest(one, asked):
+    """The step [s] that a sample is no judge of any more: it may be unstable for other chains."""
+    chain, wall, v0 = one
+    rate = max(fastest_rate(prepare(chain, wall), v0), 1.0 / asked.duration)
+    return STABLE * stability_interval(SCHEMES[asked.scheme]) / rate
+
+
+def _longer(sample, found, longest, error, asked):
+    """The step, or a longer one that keeps the error: that sought behind a wall with fast light
+    modes is often much too short."""
     while True:
-        coarse = _march(sample, dt, asked)
-        fine = _march(sample, coarse.dt / 2, asked)
-        # the coarse step is the one used: its error is the whole difference
-        estimate = float((np.abs(fine.v - coarse.v) / speed).max()) * 1.25
-        if estimate <= error:
-            return _march(chains, dt, asked)._replace(error_estimate=estimate)
-        dt = coarse.dt / 1.5
+        spent = max(found.estimate, found.energy_error / CLOSED, EPSILON) / error
+        allowed = CAUTION * spent ** (-1.0 / SCHEMES[asked.scheme].order)
+        share = min(allowed, MOST_LONGER, longest / found.dt)
+        if share < WORTH:
+            return found
+        other = _sampled(sample, share * found.dt, asked)
+        kept = other.estimate <= error and other.energy_error <= CLOSED * error
+        if not kept or other.dt < WORTH * found.dt:  # samples may leave no room for a longer one
+            return other if kept else found
+        found = other
 
 
 def _march(chains, dt, asked):

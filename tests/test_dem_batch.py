@@ -7,6 +7,7 @@ from dem import (
     Chain,
     Chains,
     InvalidChain,
+    Search,
     UnstableStep,
     Wall,
     march,
@@ -14,6 +15,7 @@ from dem import (
     march_to_error,
     one_dof_wall,
     rigid_wall,
+    row_of_spheres,
 )
 
 
@@ -150,6 +152,20 @@ def test_a_batch_with_losses_reaches_the_error_it_reports():
     fine = march_batch(Chains(chain, rigid_wall(), v0), duration=15.0, dt=0.005, n_save=15)
     off = np.abs(batch.v - fine.v).max(axis=(1, 2)) / v0[:, 0]
     assert off.max() < batch.error_estimate < 1e-4
+
+
+def test_a_batch_before_a_fast_light_mode_takes_the_step_that_the_error_asks_for():
+    row = row_of_spheres(0.0127, 7800.0, np.linspace(150e9, 250e9, 8)[:, None], 0.3, count=6)
+    wall = Wall(np.array([1.6e5, 1e6]), np.full(2, 0.005), np.array([0.6, 31.0]), -1e-9)
+    v0 = np.linspace(0.1, 1.0, 8)[:, None] * np.eye(6)[0]
+    chains, options = Chains(row, wall, v0), dict(duration=5e-4, n_save=20)
+    batch = march_batch(chains, error=1e-4, **options)
+    fine = march_batch(chains, dt=batch.dt / 8, **options)
+    off = np.abs(batch.v - fine.v).max() / v0.max()
+    assert off < batch.error_estimate < 1e-4 and batch.energy_error.max() < 1e-4
+    search = Search("rkn6", energy_error=np.inf)
+    alone = march_to_error(*chains[7], error=1e-4, search=search, **options)
+    assert batch.n_steps < 0.6 * alone.trajectory.n_steps
 
 
 def test_batch_refuses_what_it_does_not_take():
