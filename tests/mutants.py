@@ -94,6 +94,8 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("shape = np.where(rest, modes.phi / np.where(rest, modes.omega, 1) ** 2, 0.0)", "1"): UNREAD,
     ("return D is not None and modal_coupling(D) > UNCOUPLED",
      "modal_coupling(D) > UNCOUPLED"): SAME,
+    ("duration = max(self.duration - (self.signals.t[-1] - t[-1]), 4 * self.dt)",
+     "self.duration - (self.signals.t[-1] - t[-1])"): "a longer march begins alike",
     ("calm = slope < CALM * slope.max()", "slope < CALM * slope.max()"): SAME,
     ("blind = np.sqrt((Vt[~seen] ** 2).sum(axis=0)) > 1e-6", "1e-06"): FAR,
     ("margin = 1e-9 * (high - low)", "1e-09 * (high - low)"): FAR,

@@ -7,6 +7,7 @@ import dem
 from coupling import CoupledWall, CouplingError, energy_gain, march_coupled, mode_costs, verdict
 from coupling.coupled_march import longest_step, with_coupled_error
 from coupling.formulas import motion as by_formulas
+from coupling.parametric_wall import _missed
 from coupling.pruning import oscillation, prune, without
 from coupling.verdict import FALCON, largest_monotone_force, predicted_peak_force
 from dem import Wall
@@ -261,3 +262,15 @@ def test_pruning_measures_what_it_states():
     assert "2 of 3 wall modes left out" in found.sentences[-1]
     none = prune(chain, wall, speeds(3), duration=4.0, error=1e-9)
     assert none.wall == wall and none.left_out == () and none.cost == 0.0
+
+
+def test_modes_of_no_compliance_have_no_say_in_what_polynomials_miss():
+    """Squares of omega, of phi, ratios, compliance of walls, and what the others say of each."""
+    values = np.tile([1.0, 1e4, 2.0, 1.0, 0.1, 0.1, 0.3], (3, 1))
+    said = values.copy()
+    said[0, 0] *= 1.02
+    said[:, 1] *= 1.5
+    found = _missed(values, said, 2)
+    assert found.frequency == pytest.approx(0.01)
+    exact = (2 / 1.02 + 1 / 1.5e4) / (2 + 1e-4)
+    assert found.compliance == pytest.approx(1 - exact)
