@@ -7,8 +7,8 @@
 
 The full model's answer comes from a Krylov space of the whole structure, grown until its bound (see
 rom.contact_modes) is far below the errors that are told, and set beside solutions of the full model
-itself at a few frequencies. Seconds are those
-of the processor, of each reduction as if it were the only one (see shared_solutions).
+itself at a few frequencies. Seconds are those of the processor, of each reduction as if it were the
+only one (see shared_solutions).
 
 Modes are those that the contact moves most up to 50 kHz, or "lowest" in the order of their
 frequencies, as reduction.choice says. "+ residual" keeps the static response of all that is not a
