@@ -28,6 +28,8 @@ BELOW = 0.5  # the observed order, which scatters
 ALONE = 1.5  # of the first difference where forces jump: no other bears it out
 EPSILON = float(np.finfo(float).eps)
 ULPS = 4.0  # of the largest energy that a ledger's sum may be off by
+AMPLIFIED = 100.0  # times its rounding: a difference that a ledger at rounding does not explain
+BY_CHANCE = 3.0  # of two differences that rounding makes
 LOST = 30.0  # times the error asked for, that rounding may leave at the most: it rarely all adds up
 QUICK = 1 / 6  # of the evaluations allowed, seconds: beyond, a search goes on if it gets nearer
 SHARED = 0.05  # of the energy, that two ways to damp may differ by where steps resolve neither
@@ -214,7 +216,11 @@ def _compared(coarse, fine, tried, method, asked):
         before = tried[-1].difference * coarse.dt / tried[-1].wide if tried else ALONE * difference
         shown = max(shown, before)
     estimate = shown / ((coarse.dt / fine.dt) ** order - 1.0)
-    closed = max(asked.energy_error, _rounding_of_energy(fine, method))
+    rounding = _rounding_of_energy(fine, method)
+    if 0.5 * coarse.energy_error < fine.energy_error <= rounding < difference / AMPLIFIED:
+        # the motion makes of rounding what no step lessens: two marches are alike by chance
+        estimate = BY_CHANCE * max([difference, *(one.difference for one in tried[-1:])])
+    closed = max(asked.energy_error, rounding)
     excess = max(estimate / asked.error, fine.energy_error / closed)
     if excess <= 1.0 and asked.witness is not None:
         excess = max(excess, asked.witness(fine) / SHARED)
@@ -310,7 +316,7 @@ def _unaffordable(error, duration, step, needed, allowed):
 def _unreached(error, step, tried):
     found = "no march that stays finite (a negative residual compliance may be too large)"
     if tried:
-        found = f"{tried[-1].difference:.3g} in velocity, {tried[-1].energy_error:.3g} in energy"
+        found = f"{tried[-1].estimate:.3g} in velocity, {tried[-1].energy_error:.3g} in energy"
     return (
         f"error {error:g} is not reached with dt = {step:.3g} s, found {found}; "
         "ask for a larger error or allow more evaluations"
