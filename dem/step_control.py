@@ -28,7 +28,8 @@ BELOW = 0.5  # the observed order, which scatters
 ALONE = 1.5  # of the first difference where forces jump: no other bears it out
 EPSILON = float(np.finfo(float).eps)
 ULPS = 4.0  # of the largest energy that a ledger's sum may be off by
-AMPLIFIED = 100.0  # times its rounding: a difference that a ledger at rounding does not explain
+SCATTER = 3.0  # times the root of its evaluations, of rounding in a ledger
+AMPLIFIED = 1e5  # times as large is a difference that the motion has made of rounding
 BY_CHANCE = 3.0  # of two differences that rounding makes
 LOST = 30.0  # times the error asked for, that rounding may leave at the most: it rarely all adds up
 QUICK = 1 / 6  # of the evaluations allowed, seconds: beyond, a search goes on if it gets nearer
@@ -216,11 +217,11 @@ def _compared(coarse, fine, tried, method, asked):
         before = tried[-1].difference * coarse.dt / tried[-1].wide if tried else ALONE * difference
         shown = max(shown, before)
     estimate = shown / ((coarse.dt / fine.dt) ** order - 1.0)
-    rounding = _rounding_of_energy(fine, method)
-    if 0.5 * coarse.energy_error < fine.energy_error <= rounding < difference / AMPLIFIED:
+    scatter = SCATTER * EPSILON * np.sqrt(fine.n_steps * method.evaluations)
+    if 0.5 * coarse.energy_error < fine.energy_error <= scatter < difference / AMPLIFIED:
         # the motion makes of rounding what no step lessens: two marches are alike by chance
         estimate = BY_CHANCE * max([difference, *(one.difference for one in tried[-1:])])
-    closed = max(asked.energy_error, rounding)
+    closed = max(asked.energy_error, _rounding_of_energy(fine, method))
     excess = max(estimate / asked.error, fine.energy_error / closed)
     if excess <= 1.0 and asked.witness is not None:
         excess = max(excess, asked.witness(fine) / SHARED)

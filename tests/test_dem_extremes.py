@@ -160,6 +160,17 @@ def test_a_search_ends_where_rounding_alone_is_left(speed, error):
     assert found.trajectory.n_steps < 1e5
 
 
+def test_rounding_that_the_motion_amplifies_is_no_small_error():
+    """Beads a hundredth as large rattle between the others: whatever the step, marches differ by
+    some 1e-4, and two of them less by chance."""
+    radius = np.where(np.arange(9) % 2, 1e-2, 1.0) * 0.0127
+    chain = row_of_spheres(radius, 7800.0, 210e9, 0.3, flat=Flat(210e9, 0.3))
+    v0 = 0.31 * np.eye(9)[0]
+    options = {"duration": 2.6e-3, "error": 1e-4, "n_save": 100}
+    with pytest.raises(UnstableStep, match="is not reached"):
+        march_to_error(chain, rigid_wall(), v0, **options, search=Search(max_evaluations=1e8))
+
+
 def test_an_error_below_rounding_is_refused_before_it_is_searched_for():
     with pytest.raises(UnstableStep, match="rounding alone leaves up to"):
         march_to_error(

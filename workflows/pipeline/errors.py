@@ -9,9 +9,8 @@ e = c h^p,
 Stresses are singular where a face ends on another; meshes refined there converge faster than the
 order 1 that singular edges leave on even ones, and slower than the 4 of smooth modes. With the
 order taken, the errors stated of rig-rom and rig-full-tie are 1.2 and 2.7 times those against
-meshes of 127 000 and 107 000 unknowns. Beams and plates have another, see `bending`.
-Both estimates stop at the scene's horizon, beyond which
-spheres move chaotically and any two runs part.
+meshes of 127 000 and 107 000 unknowns. Beams and plates have another, see `bending`. Both estimates
+stop at the scene's horizon, beyond which spheres move chaotically and any two runs part.
 """
 
 import numpy as np

@@ -60,8 +60,7 @@ class Solved(NamedTuple):
 
 
 def mesh(scene: Scene, progress: Progress, *, seeds: tuple[float, ...] | None = None) -> Finding:
-    """Frequencies against the element size; of the rig that in the sheets, of bodies of all, of a
-    beam or a plate with the waves beside."""
+    """Frequencies against the element size; of a beam or a plate with the waves beside."""
     if scene.bending is not None:
         return Finding(*of_bending(scene, progress))
     with_assembly(scene)

@@ -5,6 +5,7 @@ velocities are those of the observed spheres until the horizon, over the striker
 are reduced as the scene says, and marched with the same steps.
 """
 
+from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ from workflows.scene.parts import with_chain
 from workflows.studies.accuracy.rows import table_of
 from workflows.studies.prose import rendered
 
+TEMPLATE = str(Path(__file__).with_name("_mesh_of_bending.md"))
 FACTORS = (2.83, 2.0, 1.41, 1.0, bending.FINER, 0.5)  # of the elements' length
 USUAL = FACTORS.index(1.0)
 N_MODES = 4
@@ -67,7 +69,7 @@ def of_bending(scene: Scene, progress: Progress) -> tuple[tuple, tuple[str, ...]
         "off": waves[USUAL],
         "hz": hz[USUAL].tolist(),
     }
-    sentences = rendered(__file__, name=scene.name, finest=FACTORS[-1], **told)
+    sentences = rendered(TEMPLATE, name=scene.name, finest=FACTORS[-1], **told)
     return tables, sentences, (Picture("mesh", _picture(hz, waves)),)
 
 
