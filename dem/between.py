@@ -29,7 +29,8 @@ def run_between(
     contact is closed; see `march`."""
     bound = equal_steps(duration, dt, n_save)
     n = int(np.ceil(duration / min(dt, _followed(prepared, state)) * (1 - 1e-9)))
-    if bound.n_save * bound.stride <= WORTH * n or n > MOST_ENDS * n_save or not _smooth(prepared):
+    few = bound.n_save * bound.stride <= WORTH * n or n > MOST_ENDS * n_save
+    if few or prepared.static.q.size > MOST_MODES or not _smooth(prepared):
         return run(prepared, state, duration, dt, scheme, n_save)
     found = marched(prepared, state, Steps(duration / n, n, 1), scheme, speeds=True)
     return _sampled(prepared, found, duration, n_save)
@@ -47,8 +48,6 @@ def _smooth(prepared):
 def _followed(prepared, state):
     """[s] that polynomials follow of what the march moves exactly: modes, leaf springs, dampers."""
     chain, wall = prepared.chain, prepared.wall
-    if prepared.static.q.size > MOST_MODES:
-        return 0.0
     rates = np.sqrt(chain.springs[0] / chain.mass)
     if wall is not None:
         rates = np.append(rates, wall.omega)

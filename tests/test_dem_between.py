@@ -127,3 +127,10 @@ def test_samples_agree_with_an_integrator_of_another_kind():
     force = A[1] * np.maximum(exact[1] - phi * exact[2], 0.0) ** 1.5
     assert abs(run.contact_force[:, 1].max() - force.max()) < 2e-6 * force.max()
     assert largest(run.wall_v, phi * exact[5]) < 1e-6
+
+
+def test_a_wall_of_too_many_modes_to_save_is_run_by_steps_that_end_at_the_samples():
+    """Its modes are not kept, so that nothing lies between the ends of steps."""
+    many = Wall(np.linspace(0.3, 3.0, 600), np.zeros(600), np.full(600, 0.02))
+    run = march_to_error(ROW, many, V0, duration=DURATION, error=1e-4, n_save=100).trajectory
+    assert run.n_steps % 100 == 0 and run.error_estimate < 1e-4
