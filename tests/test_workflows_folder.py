@@ -13,9 +13,11 @@ import rom
 from command_line import beadwave
 from coupling.work_precision.rows import Row
 from workflows.assembly.hammer import HammerTest
+from workflows.files.output_file import OutputFile
 from workflows.files.own_folder import own_folder
-from workflows.files.run_folder import MARKER, RunFolder, checked_file, writing_file
+from workflows.files.run_folder import MARKER, RunFolder
 from workflows.files.scene import scene_text
+from workflows.files.whole_file import writing_file
 from workflows.pipeline.run import FILES, IMPACT_FILES
 from workflows.results.report import CAPTIONS
 from workflows.scene import InvalidScene
@@ -370,12 +372,93 @@ def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
         assert contents(".") == before
 
 
-def test_a_tuned_scene_takes_the_place_of_tuned_scenes_alone(monkeypatch, capsys):
-    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
-    Path("rig-rom-tuned.toml").write_text("# mine\n")
-    assert beadwave("tune", "rig-rom") == 2
-    assert Path("rig-rom-tuned.toml").read_text() == "# mine\n"
-    assert "no tuned scene" in capsys.readouterr().err
+SINGLE = {
+    "modes --inp": ("modes", "--inp=mine.inp"),
+    "modes --step": ("modes", "--step=mine.step"),
+    "reduce": ("reduce", "--out=mine.npz"),
+    "reduce --matrices": ("reduce", "--out=rom.npz", "--matrices=mine.mat"),
+    "tune": ("tune", "--out=mine.toml"),
+    "tune, the usual name": ("tune", "rig-rom-907"),
+    "look": ("look", "gearbox.step", "--scene=mine.toml"),
+    "hammer": ("hammer", "mine.uff", "--synthetic"),
+}
+THEIRS = ("mine.inp", "mine.step", "mine.npz", "mine.mat", "mine.toml", "mine.uff",
+          "rig-rom-907-tuned.toml", "gearbox.step")  # fmt: skip
+
+
+@pytest.mark.parametrize("arguments", SINGLE.values(), ids=SINGLE)
+def test_no_option_replaces_a_file_that_beadwave_did_not_write(arguments, monkeypatch, capsys):
+    reached = []
+    for place in ("pipeline.pipeline.Pipeline.__call__", "assembly.look.look",
+                  "assembly.tuning.tuned", "assembly.export.write_model",
+                  "assembly.export.require_formats", "assembly.hammer.virtual_test"):  # fmt: skip
+        monkeypatch.setattr(f"workflows.{place}", lambda *_: reached.append(1) or 1 / 0)
+    for name in THEIRS:
+        Path(name).write_text("# mine\n")
+    before = contents(".")
+    assert beadwave(*arguments) == 2
+    said = capsys.readouterr().err
+    assert one_line(said) and "--overwrite" in said and not reached
+    assert beadwave(*arguments, "--overwrite") == 1 and reached
+    assert contents(".") == before
+
+
+def written(path, content="ours", **how):
+    with OutputFile(path, **how).writing() as part:
+        part.write_text(content)
+    return Path(path)
+
+
+def test_a_file_that_was_written_and_not_changed_is_replaced_unasked():
+    ours = written("a.toml")
+    assert written("a.toml", "again").read_text() == "again"
+    ours.write_text("changed by hand")
+    with pytest.raises(InvalidScene, match="--overwrite"):
+        OutputFile("a.toml")
+    assert written("a.toml", "meant", overwrite=True).read_text() == "meant"
+    assert written("a.toml").read_text() == "ours"
+    assert [path.name for path in Path().iterdir()] == ["a.toml"]  # nothing lies beside it
+
+
+def test_a_copy_of_what_was_written_is_its_owners():
+    copied = written("a.toml").rename("b.toml")
+    with pytest.raises(InvalidScene, match="--overwrite"):
+        OutputFile(copied)
+
+
+def test_a_file_that_appears_while_its_content_is_computed_stays():
+    mine = OutputFile("a.toml")
+    Path("a.toml").write_text("somebody's")
+    with pytest.raises(InvalidScene, match="--overwrite"), mine.writing() as part:
+        part.write_text("ours")
+    assert Path("a.toml").read_text() == "somebody's"
+
+
+def test_a_link_stays_a_link_to_what_is_written():
+    Path("elsewhere").mkdir()
+    Path("a.toml").symlink_to("elsewhere/b.toml")
+    with pytest.raises(InvalidScene, match="no ordinary file"):
+        OutputFile("a.toml")
+    written("elsewhere/b.toml")
+    written("a.toml", "through the link")
+    assert Path("a.toml").is_symlink()
+    assert Path("elsewhere/b.toml").read_text() == "through the link"
+
+
+@pytest.mark.parametrize("cache", ["shared", "closed"])
+def test_without_a_cache_of_ones_own_no_file_is_taken_for_ours(cache, monkeypatch):
+    Path("shared").mkdir()
+    Path("shared").chmod(0o777)  # where anybody could forge a note
+    Path("closed").write_text("no folder")
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(Path(cache).absolute()))
+    written("a.toml")
+    with pytest.raises(InvalidScene, match="--overwrite"):
+        OutputFile("a.toml")
+
+
+def test_two_options_name_two_files(capsys):
+    assert beadwave("reduce", "--out=a.mat", "--matrices=./a.mat") == 2
+    assert "--out and --matrices both name" in capsys.readouterr().err
 
 
 def test_studies_of_accuracy_stay_beside_each_other():
@@ -406,7 +489,7 @@ def test_a_study_is_refused_before_it_runs_where_it_would_replace_a_file(monkeyp
 
 def test_a_device_is_no_file_to_replace():
     with pytest.raises(InvalidScene, match="no ordinary file"):
-        checked_file(Path("/dev/null"))
+        OutputFile("/dev/null")
 
 
 def test_a_file_alone_appears_complete_or_not_at_all(tmp_path):

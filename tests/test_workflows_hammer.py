@@ -5,6 +5,7 @@ import pytest
 
 from workflows.assembly.hammer import applied, hammer_test
 from workflows.files.hammer import SYNTHETIC, Responses, responses, write_synthetic
+from workflows.files.output_file import OutputFile
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 
@@ -48,7 +49,7 @@ def test_without_targets_resonances_stand_alone_and_the_report_says_so(csv):
 def test_uff_keeps_the_responses_and_says_that_they_are_synthetic(tmp_path):
     pytest.importorskip("pyuff", reason="UFF58 is optional (the extra `identify`)")
     path, test = tmp_path / "test.uff", computed()
-    write_synthetic(path, test)
+    write_synthetic(OutputFile(path), test)
     read = responses(path)
     np.testing.assert_allclose(read.frequency_hz, test.frequency_hz, rtol=1e-9)
     np.testing.assert_allclose(read.H, test.H, rtol=1e-5, atol=1e-6 * np.abs(test.H).max())

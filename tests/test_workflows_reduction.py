@@ -17,6 +17,7 @@ import rom
 from command_line import COARSE_RIG
 from fem.factorisation import factorised
 from workflows.assembly.export import write_reduced
+from workflows.files.output_file import OutputFile
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
 from workflows.pipeline import assembly as assembly_stages
@@ -260,7 +261,7 @@ def test_the_surface_moves_as_the_full_model_under_the_chain(tmp_path):
     which a Craig-Bampton model answers exactly, to the single precision of T_surface."""
     damped = "damping={kind = 'modal', ratio = 0.01}"
     pipeline = pipeline_of(scene("rig-full-tie", (*COARSE, damped)), lambda name: nullcontext())
-    write_reduced(pipeline, tmp_path / "rom.mat", tmp_path / "full.mat")
+    write_reduced(pipeline, OutputFile(tmp_path / "rom.mat"), OutputFile(tmp_path / "full.mat"))
     small, full = loadmat(tmp_path / "rom.mat"), loadmat(tmp_path / "full.mat")
     w = full["w"].ravel()
     u = full["T_mesh"] @ spsolve(full["K"].tocsc(), w)

@@ -110,6 +110,7 @@ def test_balls_and_seats_of_a_step_file_are_struck(hollow, sign, top):
 def test_an_orthotropic_face_is_a_flat_of_its_indentation_modulus(face, at, modulus):
     """F = 4/3 E* sqrt(R) delta^(3/2), 1/E* = (1 - nu^2)/E of the sphere + 1/M of the face."""
     from workflows.assembly.export import write_reduced
+    from workflows.files.output_file import OutputFile
 
     text = PLY.replace("bar:cylinder", f"bar:+{face}").replace("[0.1, 0.0, 0.01]", f"[{at}]")
     run = pipeline(text, "reduction.modes=6", "mesh.scale=2")
@@ -118,7 +119,7 @@ def test_an_orthotropic_face_is_a_flat_of_its_indentation_modulus(face, at, modu
     E_star = 1 / ((1 - 0.3**2) / 210e9 + 1 / M)
     stiffness = run("start").chain.A[-1]
     assert stiffness == pytest.approx(4 / 3 * E_star * np.sqrt(SPHERE), rel=1e-9)
-    write_reduced(run, Path("rom.npz"))
+    write_reduced(run, OutputFile("rom.npz"))
     far = f"{HEAD.split('materials')[0]}".replace('"rom" }', '"rom", file = "rom.npz" }')
     Path("far.toml").write_text(far)
     again = pipeline_of(scene("far.toml"), lambda name: nullcontext())
@@ -155,9 +156,10 @@ def test_a_plane_face_is_struck_at_the_nearest_of_a_point():
 
 def test_a_reduced_model_of_a_curved_face_keeps_its_ellipse_in_a_file():
     from workflows.assembly.export import write_reduced
+    from workflows.files.output_file import OutputFile
 
     run = pipeline(BAR, "reduction.modes=6", "mesh.scale=2")
-    write_reduced(run, Path("rom.npz"))
+    write_reduced(run, OutputFile("rom.npz"))
     Path("far.toml").write_text(HEAD.replace('"rom" }', '"rom", file = "rom.npz" }')
                                 .replace(f"materials = {{ steel = {STEEL} }}\n", ""))  # fmt: skip
     far = pipeline_of(scene("far.toml"), lambda name: nullcontext())

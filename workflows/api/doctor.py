@@ -87,7 +87,8 @@ class Health(BaseModel):
 
 def doctor() -> Health:
     """What is installed, what is missing and what that costs (`beadwave doctor`)."""
-    from workflows.pipeline.cache import cache_folder, fault
+    from workflows.files.cache_folder import cache_folder
+    from workflows.pipeline.cache import fault
     from workflows.pipeline.pipeline import LIBRARIES as NEEDED
     from workflows.pipeline.pipeline import library_versions
 

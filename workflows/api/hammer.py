@@ -72,16 +72,22 @@ def hammer(
 
 
 def write_hammer_test(
-    file: str | Path, scene: Source = None, changes: Changes = (), *, progress: Progress = quiet
+    file: str | Path,
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    overwrite: bool = False,
+    progress: Progress = quiet,
 ) -> Path:
     """A computed hammer test with noise, marked SYNTHETIC, to a .uff or .csv file
-    (`beadwave hammer --synthetic`)."""
+    (`beadwave hammer --synthetic`); one that beadwave did not write, or that was changed since, is
+    only replaced with `overwrite`."""
     chosen = with_assembly(load_scene(scene, changes))
-    from workflows.files.hammer import checked_synthetic, write_synthetic
+    from workflows.files.hammer import synthetic_file, write_synthetic
 
-    path = checked_synthetic(Path(file))
+    written = synthetic_file(Path(file), overwrite)
     from workflows.assembly.hammer import virtual_test
     from workflows.pipeline.pipeline import pipeline_of
 
-    write_synthetic(path, virtual_test(pipeline_of(chosen, progress)))
-    return path
+    write_synthetic(written, virtual_test(pipeline_of(chosen, progress)))
+    return written.path

@@ -182,8 +182,9 @@ def _file_of(rom: str | Path | ReducedModel) -> Path:
     if isinstance(rom, str | Path):
         return Path(rom).absolute()
     from rom import save_npz
-    from workflows.files.run_folder import writing_file
-    from workflows.pipeline.cache import cache_folder, fault
+    from workflows.files.cache_folder import cache_folder
+    from workflows.files.whole_file import writing_file
+    from workflows.pipeline.cache import fault
 
     content = sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in _matrices(rom)))
     content.update(repr(rom.contact).encode())

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from workflows.api.folders import picture_folder
 from workflows.api.progress import Progress, quiet
-from workflows.files.run_folder import Picture, checked_file, write_pictures
+from workflows.files.output_file import OutputFile
+from workflows.files.run_folder import Picture, write_pictures
 from workflows.files.scene import Changes, Source
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene
@@ -57,14 +58,14 @@ def look(
     if starter and not is_file:
         raise InvalidScene(f"--scene starts a scene of a STEP file; {source} is a scene already.")
     inputs = (path,) if path else ()
-    if starter:
-        checked_file(Path(starter), "--scene", inputs=inputs, ending=".toml")
+    written = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
+    file = OutputFile(starter, "--scene", **written) if starter else None
     folder = picture_folder(out, inputs, overwrite, "assembly")
     with progress("look"):
         seen = looking.look(with_assembly(chosen), str(source) if path else chosen.name)
         found = Looked(seen.look, seen)
         if folder:
             write_pictures(folder, (found.plot(),))
-    if starter:
-        looking.write_starter(Path(starter), seen, path)
+    if file:
+        looking.write_starter(file, seen, path)
     return found

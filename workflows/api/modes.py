@@ -10,7 +10,8 @@ import numpy as np
 
 from workflows.api.folders import picture_folder
 from workflows.api.progress import Progress, quiet
-from workflows.files.run_folder import Picture, checked_file, write_pictures
+from workflows.files.output_file import output_files
+from workflows.files.run_folder import Picture, write_pictures
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import InvalidScene, Scene
@@ -119,16 +120,17 @@ def export(
     *,
     inp: str | Path | None = None,
     step: str | Path | None = None,
+    overwrite: bool = False,
     progress: Progress = quiet,
 ) -> list[Path]:
     """The model as an input deck for CalculiX or Abaqus, the geometry as STEP; the files written
-    (`beadwave modes --inp --step`)."""
+    (`beadwave modes --inp --step`). Files that beadwave did not write, or that were changed since,
+    are only replaced with `overwrite`."""
     chosen = with_assembly(load_scene(scene, changes))
-    paths = {option: Path(path) for option, path in (("--inp", inp), ("--step", step)) if path}
-    for option, path in paths.items():
-        checked_file(path, option, inputs=files_read(chosen, scene))
+    given = {"--inp": inp, "--step": step}
+    files = output_files(given, inputs=files_read(chosen, scene), overwrite=overwrite)
     from workflows.assembly.export import write_model
     from workflows.pipeline.pipeline import pipeline_of
 
-    write_model(pipeline_of(chosen, progress), paths.get("--inp"), paths.get("--step"))
-    return list(paths.values())
+    write_model(pipeline_of(chosen, progress), files.get("--inp"), files.get("--step"))
+    return [file.path for file in files.values()]

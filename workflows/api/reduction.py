@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workflows.api.progress import Progress, quiet
-from workflows.files.run_folder import Picture, checked_file
+from workflows.files.output_file import OutputFile, output_files
+from workflows.files.run_folder import Picture
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
 from workflows.scene import Scene
@@ -29,15 +30,15 @@ class Reduced:
     model: ReducedModel
     pipeline: Pipeline
 
-    def save(self, path: str | Path, matrices: str | Path | None = None) -> list[Path]:
+    def save(
+        self, path: str | Path, matrices: str | Path | None = None, *, overwrite: bool = False
+    ) -> list[Path]:
         """Write .npz, .mat or .h5, and to `matrices` (.mat, .npz) the full K, M and w."""
-        paths = {"--out": Path(path)} | ({"--matrices": Path(matrices)} if matrices else {})
-        for option, file in paths.items():
-            checked_file(file, option, inputs=files_read(self.scene))
+        files = _files(path, matrices, files_read(self.scene), overwrite)
         from workflows.assembly.export import write_reduced
 
-        write_reduced(self.pipeline, *paths.values())
-        return list(paths.values())
+        write_reduced(self.pipeline, *files)
+        return [file.path for file in files]
 
     def plot(self) -> Picture:
         """The receptance at the contact, and solutions of the full model."""
@@ -47,32 +48,38 @@ class Reduced:
         return f"{self.scene.name}: {self.model.kind}, {len(self.model.w)} coordinates"
 
 
+def _files(out, matrices, inputs: tuple[Path, ...], overwrite: bool) -> list[OutputFile]:
+    """Where both go; raises InvalidScene where one cannot."""
+    given = {"--out": out, "--matrices": matrices}
+    return list(output_files(given, inputs=inputs, overwrite=overwrite).values())
+
+
 def reduce(
     scene: Source = None,
     changes: Changes = (),
     *,
     out: str | Path | None = None,
     matrices: str | Path | None = None,
+    overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Reduced:
     """The assembly reduced to few coordinates at the contact (`beadwave reduce`).
 
-    `out` writes it to .npz, .mat or .h5, `matrices` the full model's K, M, w. Raises
+    `out` writes it to .npz, .mat or .h5, `matrices` the full model's K, M, w; files that
+    beadwave did not write, or that were changed since, are only replaced with `overwrite`. Raises
     InvalidScene for bad input, ValueError where a computation fails.
     """
     chosen = with_structure(load_scene(scene, changes))
-    for option, path in (("--out", out), ("--matrices", matrices)):
-        if path:
-            checked_file(Path(path), option, inputs=files_read(chosen, scene))
-    from workflows.assembly.export import require_formats
+    files = _files(out, matrices, files_read(chosen, scene), overwrite) if out else []
+    from workflows.assembly.export import require_formats, write_reduced
     from workflows.pipeline.pipeline import pipeline_of
 
-    if out:
-        require_formats(Path(out), Path(matrices) if matrices else None)
+    if files:
+        require_formats(*files)
     pipeline = pipeline_of(chosen, progress)
     found = Reduced(chosen, pipeline("reduction"), pipeline)
-    if out:
-        found.save(out, matrices)
+    if files:
+        write_reduced(pipeline, *files)
     return found
 
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from os.path import isfile
 from pathlib import Path
 from re import sub
 from typing import TYPE_CHECKING
 
 from workflows.api.progress import Progress, quiet
 from workflows.files.hammer import HAMMER
-from workflows.files.run_folder import checked_file
+from workflows.files.output_file import OutputFile
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
-from workflows.scene import InvalidScene, Scene
+from workflows.scene import Scene
 from workflows.scene.named_files import require_file
 from workflows.scene.parts import with_assembly, with_targets
 from workflows.scene.scene import LONGEST_NAME
@@ -46,6 +45,7 @@ def tune(
     free: str | Iterable[str] = (),
     hammer: str | Path | None = None,
     out: str | Path | None = None,
+    overwrite: bool = False,
     progress: Progress = quiet,
 ) -> Tuned:
     """Joint stiffnesses, and materials, fitted to measured modes (`beadwave tune`).
@@ -54,7 +54,8 @@ def tune(
             all targets of the scene without it
     free    what to vary, ["joints.NAME.kz", "materials.NAME.young"]; of the rig "head.ky"
     hammer  a hammer test (.csv, .uff) to take frequencies and damping from
-    out     a file for the tuned scene (.toml), or USUAL for NAME-tuned.toml
+    out     a file for the tuned scene (.toml), or USUAL for NAME-tuned.toml; a file that
+            beadwave did not write, or that was changed since, is replaced with `overwrite` alone
 
     A mode missed by more than 5 % is a failure: `report.failures` lists them in sentences, and
     nothing is written. Raises InvalidScene for bad input.
@@ -77,23 +78,16 @@ def tune(
         if chosen.is_general and has_shapes(Path(hammer)):
             test = recognised(test, pipeline_of(chosen, progress), wanted)
         chosen, wanted = applied(chosen, test.report, wanted_text)
-    path = Path(f"{chosen.name}-tuned.toml") if out is USUAL else out and Path(out)
-    if out is USUAL:
-        _require_tuned(path)
-    if path:
-        read = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
-        checked_file(path, inputs=read, ending=".toml")
+    path = f"{chosen.name}-tuned.toml" if out is USUAL else out
+    read = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
+    written = {"inputs": read, "ending": ".toml", "overwrite": overwrite}
+    file = OutputFile(path, **written) if path else None
     result, report = tuned(chosen, wanted, _names(free), progress)
-    if path and not report.failures:
-        result = result.model_copy(update={"name": _scene_name(path)})
-        write_scene(result, path, report)
-    return Tuned(result, report, path if not report.failures else None)
-
-
-def _require_tuned(path: Path) -> None:
-    """Raise InvalidScene where another file than a tuned scene bears the name nobody chose."""
-    if isfile(path) and not path.read_bytes().startswith(b"# Joints inferred"):
-        raise InvalidScene(f"{path} is there and no tuned scene; name another by --out.")
+    if file is None or report.failures:
+        return Tuned(result, report, None)
+    result = result.model_copy(update={"name": _scene_name(file.path)})
+    write_scene(result, file, report)
+    return Tuned(result, report, file.path)
 
 
 def _matched(match: str | Iterable[int] | Mapping[int, float] | None) -> str | None:

@@ -1,10 +1,8 @@
 """Models for other programs: input deck, geometry, reduced matrices."""
 
-from pathlib import Path
-
 import rom
 from fem.abaqus import input_deck
-from workflows.files.run_folder import writing_file
+from workflows.files.output_file import OutputFile
 from workflows.files.wall import require_reader
 from workflows.pipeline import bodies
 from workflows.pipeline.assembly import dashpots
@@ -16,22 +14,22 @@ FORMATS = (".npz", ".mat", ".h5")
 FULL_FORMATS = (".mat", ".npz")
 
 
-def write_model(pipeline: Pipeline, inp: Path | None, step: Path | None) -> None:
+def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | None) -> None:
     """The model as an input deck for CalculiX or Abaqus, the geometry as STEP."""
     scene = pipeline.scene
-    if step and step.suffix.lower() not in (".step", ".stp"):
-        raise InvalidScene(f"--step {step} must end in .step or .stp.")
+    if step and step.path.suffix.lower() not in (".step", ".stp"):
+        raise InvalidScene(f"--step {step.path} must end in .step or .stp.")
     if inp:
         model = pipeline("model")
         struck = not scene.is_general or scene.strike is not None
         w, made_of = pipeline("contact").w if struck else None, pipeline("mesh").materials
         text = input_deck(model, made_of, w=w, C=dashpots(scene, model))
-        with writing_file(inp) as part:
+        with inp.writing() as part:
             part.write_text(text, encoding="utf-8")
     if step:
         from geometry.cad import write_step
 
-        with writing_file(step) as part:
+        with step.writing() as part:
             write_step(_shapes(scene), part)
 
 
@@ -41,25 +39,25 @@ def _shapes(scene: Scene) -> dict:
     return bodies.shapes(scene)
 
 
-def write_reduced(pipeline: Pipeline, path: Path, matrices: Path | None = None) -> None:
+def write_reduced(pipeline: Pipeline, out: OutputFile, matrices: OutputFile | None = None) -> None:
     """Write the reduced model, and to `matrices` the model it is made of; raises InvalidScene for
     an unknown ending."""
-    require_formats(path, matrices)
+    require_formats(out, matrices)
     reduced = pipeline("reduction")
-    with writing_file(path) as part:
+    with out.writing() as part:
         save(part, reduced, pipeline.scene.damping)
     if matrices:
-        with writing_file(matrices) as part:
+        with matrices.writing() as part:
             rom.save_full(part, full_matrices(pipeline))
 
 
-def require_formats(path: Path, matrices: Path | None) -> None:
+def require_formats(out: OutputFile, matrices: OutputFile | None = None) -> None:
     """Raise InvalidScene for endings that no format has, or that nothing here writes."""
-    if path.suffix not in FORMATS:
-        raise InvalidScene(f"--out {path} must end in one of {', '.join(FORMATS)}.")
-    if matrices and matrices.suffix not in FULL_FORMATS:
-        raise InvalidScene(f"--matrices {matrices} must end in {' or '.join(FULL_FORMATS)}.")
-    require_reader(path)
+    if out.path.suffix not in FORMATS:
+        raise InvalidScene(f"--out {out.path} must end in one of {', '.join(FORMATS)}.")
+    if matrices and matrices.path.suffix not in FULL_FORMATS:
+        raise InvalidScene(f"--matrices {matrices.path} must end in {' or '.join(FULL_FORMATS)}.")
+    require_reader(out.path)
 
 
 def full_matrices(pipeline: Pipeline) -> dict:

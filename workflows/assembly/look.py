@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import BaseModel
 from skfem import Mesh
 
-from workflows.files.run_folder import Picture, writing_file
+from workflows.files.output_file import OutputFile
+from workflows.files.run_folder import Picture
 from workflows.pipeline import assembly
 from workflows.pipeline.bodies import Drawing, drawing
 from workflows.pipeline.pictures import picture_of
@@ -222,15 +223,15 @@ def _starter(drawn: Drawing, source: Path) -> str | None:
     )
 
 
-def write_starter(path: Path, seen: Seen, source: Path) -> None:
+def write_starter(file: OutputFile, seen: Seen, source: Path) -> None:
     """Write the scene to start from; raises InvalidScene where no face offers itself."""
     if seen.starter is None:
         raise InvalidScene(
             f"{source} has no plane face across an axis that a patch of {PATCH} m fits into the "
             "middle of; write the scene by hand."
         )
-    with writing_file(path) as part:
-        near = relpath(source.absolute(), path.absolute().parent)
+    with file.writing() as part:
+        near = relpath(source.absolute(), file.path.absolute().parent)
         part.write_text(seen.starter.replace(str(source.absolute()), near), encoding="utf-8")
 
 

@@ -4,7 +4,6 @@ One reduction to some fifty shapes, then a fit in tenths of a second, then the f
 stiffnesses found as a judge.
 """
 
-from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
@@ -14,6 +13,7 @@ from pydantic import BaseModel
 import fem
 from fem.tuning import Parameter, Tuning, tune
 from workflows.assembly import parameters as of_bodies
+from workflows.files.output_file import OutputFile
 from workflows.pipeline.pipeline import Pipeline, Progress, pipeline_of
 from workflows.results.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
@@ -326,12 +326,11 @@ def _drifted(mac: dict[str, float]) -> list[str]:
     ]
 
 
-def write_scene(scene: Scene, path: Path, report: TuningReport) -> None:
+def write_scene(scene: Scene, file: OutputFile, report: TuningReport) -> None:
     """Write the tuned scene as TOML with a first line on where its joints come from."""
-    from workflows.files.run_folder import writing_file
     from workflows.scene.toml import toml
 
     wanted = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
     text = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
-    with writing_file(path) as part:
+    with file.writing() as part:
         part.write_text(text + toml(scene), encoding="utf-8")

@@ -43,11 +43,11 @@ def modes(
     if (inp or step) and (table or out):
         raise InvalidScene("--inp and --step write the model alone; drop --table and --out.")
     with StageProgress(f"modes {scene} {table}", quiet=quiet) as progress:
-        given = {"changes": changes or (), "progress": progress.stage}
+        given = {"changes": changes or (), "overwrite": overwrite, "progress": progress.stage}
         if inp or step:
             written(api.export(scene, inp=inp, step=step, **given), json, quiet)
             return
-        given |= {"out": out, "overwrite": overwrite}
+        given |= {"out": out}
         found = api.thesis_table(table, scene, **given) if table else api.modes(scene, **given)
     shown(found if table else found.table, json, quiet)
 
@@ -111,7 +111,7 @@ def hammer(
     with StageProgress(f"hammer {scene}", quiet=quiet) as progress:
         given = {"changes": changes or (), "progress": progress.stage}
         if synthetic:
-            path = api.write_hammer_test(file, scene, **given)
+            path = api.write_hammer_test(file, scene, overwrite=overwrite, **given)
             line = f"written: {path} (synthetic, not measured)"
             told({"written": [str(path)]}, line, json, quiet)
             return
@@ -142,6 +142,7 @@ def tune_joints(
         Path | None, typer.Option(help="The tuned scene; default NAME-tuned.toml.")
     ] = None,
     changes: Changes = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: json_of("{match, modes_hz, full_order_hz, stiffness, mac, remarks, ...}") = False,
 ) -> None:
@@ -151,7 +152,8 @@ def tune_joints(
     with StageProgress(f"tune {scene}", quiet=quiet) as progress:
         found = api.tune(
             scene, changes or (), match=match, free=() if free is None else free,
-            hammer=hammer_file, out=out or api.USUAL, progress=progress.stage,
+            hammer=hammer_file, out=out or api.USUAL, overwrite=overwrite,
+            progress=progress.stage,
         )  # fmt: skip
     shown(found.report, json, quiet)
     for sentence in found.report.failures:
@@ -166,6 +168,7 @@ def reduce(
         Path | None, typer.Option(help="Write the full model's K, M, w beside it (.mat, .npz).")
     ] = None,
     changes: Changes = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: JsonFiles = False,
 ) -> None:
@@ -173,5 +176,8 @@ def reduce(
     from workflows.api.reduction import reduce as reduced
 
     with StageProgress(f"reduce {scene}", quiet=quiet) as progress:
-        reduced(scene, changes or (), out=out, matrices=matrices, progress=progress.stage)
+        reduced(
+            scene, changes or (), out=out, matrices=matrices, overwrite=overwrite,
+            progress=progress.stage,
+        )  # fmt: skip
     written([path for path in (out, matrices) if path], json, quiet)

@@ -61,14 +61,14 @@ class Durations:
         noted = _noted()
         noted.setdefault(self._command, {})[stage] = round(seconds, 1)
         with suppress(OSError):
-            from workflows.files.run_folder import writing_file
+            from workflows.files.whole_file import writing_file
 
             with writing_file(_file()) as part:
                 part.write_text(dumps(noted), encoding="utf-8")
 
 
 def _file() -> Path:
-    from workflows.pipeline.cache import cache_folder
+    from workflows.files.cache_folder import cache_folder
 
     return cache_folder() / NAME
 

@@ -90,7 +90,10 @@ StudyFolder = Annotated[
     Path | None, typer.Option("--out", help="Folder for tables (CSV, JSON) and pictures.")
 ]
 Overwrite = Annotated[
-    bool, typer.Option("--overwrite", help="Replace existing files that beadwave did not write.")
+    bool,
+    typer.Option(
+        "--overwrite", help="Replace files beadwave did not write or that were changed since."
+    ),
 ]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Every number of the run, verdict and stages.")

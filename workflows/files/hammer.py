@@ -3,14 +3,13 @@
 CSV: a header line, then one line per frequency: frequency_hz, re_1, im_1, re_2, im_2, ...
 """
 
-from os.path import isfile
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflows.files.run_folder import checked_file, writing_file
+from workflows.files.output_file import OutputFile
 from workflows.files.uff import data_sets, pyuff
 from workflows.scene import InvalidScene
 from workflows.scene.named_files import require_file
@@ -97,20 +96,18 @@ def write_csv(path: Path, test: Responses) -> None:
     np.savetxt(path, table, fmt="%.6g", delimiter=",", header=header, comments="")
 
 
-def write_synthetic(path: Path, test: Responses) -> None:
+def write_synthetic(file: OutputFile, test: Responses) -> None:
     """Write a computed test, .uff or .csv."""
-    write = write_csv if path.suffix.lower() == ".csv" else write_uff
-    with writing_file(path) as part:
+    write = write_csv if file.path.suffix.lower() == ".csv" else write_uff
+    with file.writing() as part:
         write(part, test)
 
 
-def checked_synthetic(path: Path) -> Path:
-    """The path of a computed test to write; raises InvalidScene where a measured one may be."""
+def synthetic_file(path: Path, overwrite: bool) -> OutputFile:
+    """Where a computed test goes; raises InvalidScene where it cannot."""
     if path.suffix.lower() not in (".csv", ".uff"):
         raise InvalidScene(f"{path} must end in .csv or .uff.")
-    if isfile(path) and SYNTHETIC.encode() not in path.read_bytes():
-        raise InvalidScene(f"{path} is there and no synthetic test; name another file to write.")
-    return checked_file(path, "FILE")
+    return OutputFile(path, "FILE", overwrite=overwrite)
 
 
 def _data_set(test: Responses, i: int, h) -> dict:

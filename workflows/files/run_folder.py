@@ -1,4 +1,4 @@
-"""Folders and files of ours: complete or absent, and nothing of anybody else's is touched.
+"""Folders of ours: files complete or absent, and nothing of anybody else's is touched.
 
 The marker `.beadwave` of a folder lists what was written into it with its sha256, each line before
 its file appears. What is listed and unchanged is ours to replace and to clear; all else is
@@ -9,18 +9,18 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from errno import ENOLCK, ENOSYS, ENOTSUP
 from fcntl import LOCK_EX, LOCK_NB, flock
-from hashlib import file_digest
-from os import O_CREAT, O_RDWR, W_OK, access, close, getpid, kill, replace
+from os import O_CREAT, O_RDWR, close
 from os import open as open_file
-from os.path import exists, isdir, isfile, lexists
+from os.path import isfile, lexists
 from pathlib import Path
-from re import escape, fullmatch, match
+from re import fullmatch
 from typing import NamedTuple
 
+from workflows.files.output_file import OutputFile
+from workflows.files.whole_file import among, clear_parts, digest, unfit, writing_file
 from workflows.scene import InvalidScene, nearest
 
 MARKER = ".beadwave"
-PART = ".beadwave-"  # and the number of the process that writes it
 HEAD = "# What beadwave wrote here, with its sha256; the next run clears what is unchanged.\n"
 NO_LOCKS = (ENOLCK, ENOSYS, ENOTSUP)  # file systems without locks
 
@@ -31,9 +31,9 @@ class Picture(NamedTuple):
     name: str
     png: bytes
 
-    def save(self, path: str | Path) -> Path:
-        """Write it to a file."""
-        with writing_file(Path(path)) as part:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write it to a file; raises InvalidScene for one that beadwave did not write."""
+        with OutputFile(path, "the picture", overwrite=overwrite).writing() as part:
             part.write_bytes(self.png)
         return Path(path)
 
@@ -90,7 +90,7 @@ class RunFolder:
         try:
             self.make()
             lock = self._lock()
-            _clear_parts(self.path, self.path / "figures")
+            clear_parts(self.path, self.path / "figures")
         except OSError as error:
             raise InvalidScene(
                 f"--out {self.path} cannot be written ({error.strerror}); choose another."
@@ -119,7 +119,7 @@ class RunFolder:
         """Remove these files as far as they are ours and no input."""
         for name in names:
             target = self.path / name
-            if self.ours(name) and not _among(target, self._inputs):
+            if self.ours(name) and not among(target, self._inputs):
                 target.unlink()
 
     def keep(self, names: Iterable[str]) -> None:
@@ -155,7 +155,7 @@ class RunFolder:
 
     def _require_no_input(self, name: str) -> None:
         target = self.path / name
-        if _among(target, self._inputs):
+        if among(target, self._inputs):
             raise InvalidScene(f"--out {self.path} would overwrite {target}; choose another.")
 
     def _require_ours(self, name: str) -> None:
@@ -169,7 +169,7 @@ class RunFolder:
     def ours(self, name: str) -> bool:
         """Whether the file is there and as we wrote it."""
         known = self._noted().get(name)
-        return bool(known) and isfile(self.path / name) and _digest(self.path / name) in known
+        return bool(known) and isfile(self.path / name) and digest(self.path / name) in known
 
     def _noted(self) -> dict[str, set[str]]:
         """Digests of what was written, by name; half a line is of a run that was killed."""
@@ -186,88 +186,24 @@ class RunFolder:
         return (folder / name).parent.resolve().is_relative_to(folder)
 
     def _note(self, name: str, part: Path) -> None:
-        digest = _digest(part)
+        content = digest(part)
         self._written.add(name)
-        if digest in self._noted().get(name, ()):
+        if content in self._noted().get(name, ()):
             return
         with (self.path / MARKER).open("a", encoding="utf-8") as marker:
             # the line break before it ends a line that a killed run left half
-            marker.write(("" if marker.tell() else HEAD) + f"\n{digest}  {name}\n")
-
-
-@contextmanager
-def writing_file(path: Path) -> Iterator[Path]:
-    """A path beside to write to, renamed to the file once it is complete; its folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    _clear_parts(path.parent)
-    part = path.with_name(f"{PART}{getpid()}-{path.stem[:40]}{path.suffix}")
-    try:
-        yield part
-        replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def checked_file(
-    path: Path, option: str = "--out", *, inputs: tuple[Path, ...] = (), ending: str = ""
-) -> Path:
-    """The path of a file to write later; raises InvalidScene where it cannot be one."""
-    if not path.name.endswith(ending):
-        raise InvalidScene(f"{option} {path} must end in {ending}.")
-    if _among(path, inputs):
-        raise InvalidScene(f"{option} {path} would overwrite what is read; choose another.")
-    if why := _unfit(path.absolute().parent):
-        raise InvalidScene(f"{option} {path} cannot be a file ({why}); choose another.")
-    if lexists(path) and not isfile(path):
-        why = "it is a folder" if isdir(path) else "it is no ordinary file"
-        raise InvalidScene(f"{option} {path} cannot be written, {why}; choose another.")
-    return path
+            marker.write(("" if marker.tell() else HEAD) + f"\n{content}  {name}\n")
 
 
 def checked_folder(path: Path) -> Path:
     """The path of a folder to make later; raises InvalidScene where it cannot be one."""
-    if why := _unfit(path.absolute()):
+    if why := unfit(path.absolute()):
         raise InvalidScene(f"--out {path} cannot be a folder ({why}); choose another.")
     return path
 
 
-def _unfit(folder: Path) -> str | None:
-    """Why nothing can be written into a folder that may have to be made."""
-    there = next(each for each in (folder, *folder.parents) if lexists(each))
-    if not isdir(there):
-        return f"{there} is no folder"
-    return None if access(there, W_OK) else f"{there} is read-only"
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return file_digest(file, "sha256").hexdigest()
-
-
 def _text(path: Path) -> str | None:
     return path.read_bytes().decode(errors="replace") if isfile(path) else None
-
-
-def _among(path: Path, inputs: Iterable[Path]) -> bool:
-    return exists(path) and any(exists(each) and path.samefile(each) for each in inputs)
-
-
-def _clear_parts(*folders: Path) -> None:
-    """Remove what processes that are gone left half written."""
-    for folder in folders:
-        for part in folder.glob(f"{PART}*"):
-            if (found := match(rf"{escape(PART)}(\d+)-", part.name)) and not _runs(int(found[1])):
-                part.unlink(missing_ok=True)
-
-
-def _runs(process: int) -> bool:
-    try:
-        kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        return True
-    return process != getpid()
 
 
 def write_pictures(folder: RunFolder, pictures: tuple[Picture, ...]) -> None:

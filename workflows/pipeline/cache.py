@@ -8,19 +8,18 @@ from contextlib import suppress
 from functools import cache
 from hashlib import file_digest
 from logging import ERROR, getLogger
-from os import W_OK, access, environ, geteuid, replace
+from os import W_OK, access, replace
 from pathlib import Path
-from stat import S_IWGRP, S_IWOTH
 from warnings import filterwarnings
 
 from joblib import Memory, register_store_backend
 from joblib import __version__ as joblib_version
 from joblib.memory import FileSystemStoreBackend
-from platformdirs import user_cache_path
+
+from workflows.files.cache_folder import OWN, cache_folder, own_folders
 
 LIMIT = "8G"
 SUM = "output.sha256"
-OWN = 0o700  # nobody else reads or writes
 
 
 class CheckedStore(FileSystemStoreBackend):
@@ -62,12 +61,6 @@ def _digest(path: Path) -> str:
         return file_digest(file, "sha256").hexdigest()
 
 
-def cache_folder() -> Path:
-    """Where results are kept: BEADWAVE_CACHE_DIR, or the user's cache."""
-    given = environ.get("BEADWAVE_CACHE_DIR")
-    return Path(given) if given else user_cache_path("beadwave")
-
-
 def memory() -> Memory | None:
     """The cache, or None where its folder cannot be used."""
     # an entry that is damaged or does not fit on the disk is computed again, no need to print why
@@ -82,10 +75,8 @@ def memory() -> Memory | None:
 def fault() -> str | None:
     """Why the cache is not used, for a sentence after the folder's name."""
     try:
-        for folder in (cache_folder(), _results()):
-            folder.mkdir(mode=OWN, parents=True, exist_ok=True)
-            if why := _distrusted(folder):
-                return why
+        if why := own_folders(cache_folder(), _results()):
+            return why
         _results().chmod(OWN)
     except OSError as error:
         return f"cannot be written ({error.strerror})"
@@ -94,12 +85,3 @@ def fault() -> str | None:
 
 def _results() -> Path:
     return cache_folder() / f"joblib-{joblib_version}"
-
-
-def _distrusted(folder: Path) -> str | None:
-    found = folder.stat()
-    if found.st_uid != geteuid():
-        return f"is not trusted: {folder} belongs to another user"
-    if found.st_mode & (S_IWGRP | S_IWOTH):
-        return f"is not trusted: others may write into {folder} (chmod go-w ends that)"
-    return None

@@ -17,7 +17,8 @@ from dem.validity import SMALL_CONTACT
 from dem.waves import solitary
 from dem.waves.measures import contact_time
 from dem.waves.solitary import WIDTH
-from workflows.pipeline.cache import cache_folder, fault
+from workflows.files.cache_folder import cache_folder
+from workflows.pipeline.cache import fault
 from workflows.pipeline.chain import Start, contact_radius
 from workflows.pipeline.waves import ChainWaves
 from workflows.scene import DashpotWall, RomWall, Scene
