@@ -1,4 +1,5 @@
-"""What can be said before the run: will the coupled system work, and what forces to expect.
+"""What can be said before the run: will the coupled system work, and what forces to expect; and
+after it, whether the step that was given was too long.
 
 Predicted peak force: one sphere on the wall, F = A^(2/5) (5/4 m V^2)^(3/5), which a chain does not
 reach (Hertz; Johnson, Contact Mechanics, sec. 11.4). Contact stiffness there:
@@ -7,6 +8,7 @@ A finite-element body loaded over a patch holds the half-space under it, and so 
 one of them has to go, and s may come out negative (sec. 3.2 and 3.4).
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,7 @@ from coupling.coupled_wall import CoupledWall
 from dem import Chain, Wall
 from dem.spheres import hertz_overlap, hertz_stiffness
 
+LARGE_STEP_ERROR = 0.01  # of a step that the user gives
 FALCON = 1.03  # peak force of a column of spheres over that of one sphere; 1.024 is the limit
 
 
@@ -150,3 +153,12 @@ def _sentences(
             f"compliance of {1e9 * wall.residual_compliance:.3g} nm/N."
         )
     return tuple(lines)
+
+
+def large_step_error(error: float | None) -> Iterator[str]:
+    """A step given by the user that leaves too much."""
+    if error is not None and error > LARGE_STEP_ERROR:
+        yield (
+            f"The step leaves an error of {error:.2g} in the velocities; take a smaller time.dt, "
+            "or ask for time.error."
+        )

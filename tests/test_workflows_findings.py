@@ -43,18 +43,19 @@ def test_a_study_is_a_function_of_its_modules_name_with_a_template_beside_it(fol
 
 
 def test_a_module_put_into_the_folder_is_a_study_and_its_helpers_are_none(tmp_path, monkeypatch):
-    (tmp_path / "thesis").mkdir()
+    studies = tmp_path / "workflows" / "studies"
+    (studies / "thesis").mkdir(parents=True)
     for name, returns in (("two_walls", "Finding"), ("helper", "float"), ("_hidden", "Finding")):
-        (tmp_path / "thesis" / f"{name}.py").write_text(STUDY.format(name=name, returns=returns))
-    monkeypatch.setattr(catalogue, "__file__", str(tmp_path / "catalogue.py"))
+        (studies / "thesis" / f"{name}.py").write_text(STUDY.format(name=name, returns=returns))
+    monkeypatch.setattr(catalogue, "__file__", str(studies / "catalogue.py"))
     assert catalogue.listing("thesis").split() == ["two-walls", "Waves", "of", "two_walls."]
 
 
 def test_listing_imports_no_study():
-    for name in [name for name in sys.modules if name.startswith("workflows.studies.stability.")]:
+    for name in [name for name in sys.modules if name.startswith("coupling.stability.")]:
         sys.modules.pop(name)
     assert "dashpot-wall" in catalogue.listing("stability")
-    assert "workflows.studies.stability.walls" not in sys.modules
+    assert "coupling.stability.walls" not in sys.modules
 
 
 def test_a_template_says_paragraphs_and_refuses_a_number_that_nobody_computed(tmp_path):

@@ -8,13 +8,13 @@ import pytest
 
 import coupling
 import dem
-from coupling.verification import Outcome, settled
+from coupling.stability import steps as stability_steps
+from coupling.stability.chains import spheres_of, striker_velocity
+from coupling.stability.trials import Trial, judged
+from coupling.verdict import large_step_error
+from coupling.verification.outcomes import Outcome, settled
 from workflows.commands.app import main
-from workflows.pipeline.warnings import large_step_error
 from workflows.studies import catalogue
-from workflows.studies.stability import steps as stability_steps
-from workflows.studies.stability.chains import spheres_of, striker_velocity
-from workflows.studies.stability.verdicts import Trial, judged
 
 QUICK = sorted(
     {*catalogue.catalogue("stability")}

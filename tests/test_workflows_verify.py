@@ -6,19 +6,13 @@ import sys
 import numpy as np
 import pytest
 
+from coupling.verification import lammps
+from coupling.verification.comparisons import Missing, compared, require_module, require_program
+from coupling.verification.formulas import DAMPED, LAWS, WALLS, comparison
 from workflows.commands.app import main
 from workflows.studies import catalogue
-from workflows.studies.verify import honesty, lammps
-from workflows.studies.verify.comparisons import (
-    Missing,
-    compared,
-    finding,
-    require_module,
-    require_program,
-    rows_of,
-    wrong,
-)
-from workflows.studies.verify.formulas import DAMPED, LAWS, WALLS, comparison
+from workflows.studies.verify import honesty
+from workflows.studies.verify.comparisons import finding, rows_of, wrong
 
 
 def row_of(run):

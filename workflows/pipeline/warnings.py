@@ -13,6 +13,7 @@ import numpy as np
 
 import coupling
 import dem
+from coupling.verdict import large_step_error
 from dem.validity import SMALL_CONTACT
 from dem.waves import solitary
 from dem.waves.measures import contact_time
@@ -32,7 +33,6 @@ CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
     "mesh": "take smaller elements (the seeds of [mesh], or mesh.scale)",
 }
-LARGE_STEP_ERROR = 0.01  # of a step that the scene gives
 THIN = 0.65  # k h up to which Zener's plate takes the energy of a solid one within a tenth
 
 TRUSTED = 0.7  # quality below which a wave's numbers are not to be believed
@@ -115,15 +115,6 @@ def large_model_error(name: str, error: float) -> Iterator[str]:
         yield (
             f"The error of the {name} is about {100 * error:.0f} % of the striker's speed: "
             f"{CURES[name]}."
-        )
-
-
-def large_step_error(error: float | None) -> Iterator[str]:
-    """A step given by the scene that leaves too much."""
-    if error is not None and error > LARGE_STEP_ERROR:
-        yield (
-            f"The step leaves an error of {error:.2g} in the velocities; take a smaller time.dt, "
-            "or ask for time.error."
         )
 
 

@@ -2,7 +2,8 @@
 
 A module of `thesis` or `accuracy` has one public function of the scene that returns a `Finding`,
 a module of `stability` one public generator of trials for each case, one of `verify` a generator of
-comparisons for each group. Its name with hyphens is that of the study, the first line of its
+comparisons for each group; cases and groups that need no scene are in `coupling.stability` and
+`coupling.verification`. Its name with hyphens is that of the study, the first line of its
 docstring its line in the listing. Another study is another file; nothing is listed by hand, and
 listing imports none of them.
 """
@@ -24,6 +25,7 @@ RETURNED = {
     "stability": "Iterator[Trial]",
     "verify": "Iterator[Comparison]",
 }
+BELOW = {"stability": "coupling.stability", "verify": "coupling.verification"}
 WIDTH = 20  # of a name in the listing
 
 
@@ -44,12 +46,22 @@ class Entry(NamedTuple):
 
 def catalogue(folder: str) -> dict[str, Entry]:
     """The studies of a folder by name."""
-    files = sorted((Path(__file__).parent / folder).glob("*.py"))
-    return dict(study for file in files for study in _in_module(file, RETURNED[folder]))
+    packages = filter(None, (f"{__package__}.{folder}", BELOW.get(folder)))
+    modules = [(file.stem, f"{package}.{file.stem}", file)
+               for package in packages for file in _place(package).glob("*.py")]  # fmt: skip
+    return dict(
+        study
+        for _, module, file in sorted(modules)
+        for study in _in_module(module, file, RETURNED[folder])
+    )
 
 
-def _in_module(file: Path, returned: str) -> Iterator[tuple[str, Entry]]:
-    module = f"{__package__}.{file.parent.name}.{file.stem}"
+def _place(package: str) -> Path:
+    """The folder of a package of ours, which is not imported for it."""
+    return Path(__file__).parents[2].joinpath(*package.split("."))
+
+
+def _in_module(module: str, file: Path, returned: str) -> Iterator[tuple[str, Entry]]:
     for node in ast.parse(file.read_text(encoding="utf-8")).body:
         if not isinstance(node, ast.FunctionDef) or node.name.startswith("_") or not node.returns:
             continue
@@ -94,7 +106,8 @@ def accuracy(stage: str, scene: Callable[[str], Scene], progress: Progress) -> d
 
 def stability(cases: tuple[str, ...], progress: Progress) -> Finding:
     """Verdicts on the trials of these cases, of all without any."""
-    from workflows.studies.stability.verdicts import finding, judged
+    from coupling.stability.trials import judged
+    from workflows.studies.stability.verdicts import finding
 
     rows = []
     for name, trials in chosen("stability", cases, "--case").items():

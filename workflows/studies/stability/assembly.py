@@ -8,12 +8,12 @@ from joblib import Memory
 
 import coupling
 import fem
-from coupling.verification import Outcome, settled
+from coupling.stability.trials import Trial
+from coupling.verification.outcomes import Outcome, settled
 from workflows.files.scene import scene as load
 from workflows.pipeline.chain import chain, initial_velocity
 from workflows.pipeline.pipeline import Pipeline
 from workflows.scene import Scene
-from workflows.studies.stability.verdicts import Trial
 from workflows.thesis import THESIS
 
 COARSE = (

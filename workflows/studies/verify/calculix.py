@@ -5,13 +5,13 @@ from contextlib import nullcontext
 
 import numpy as np
 
+from coupling.verification.comparisons import Comparison, compared, require_program
 from fem import calculix as program
 from fem import factorised, modes
 from fem.abaqus import input_deck
 from workflows.files.scene import scene
 from workflows.pipeline.assembly import dashpots
 from workflows.pipeline.pipeline import Pipeline, pipeline_of
-from workflows.studies.verify.comparisons import Comparison, compared, require_program
 
 PRINTED = 1e-6  # CalculiX prints seven digits
 COARSE = (

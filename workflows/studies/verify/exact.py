@@ -12,10 +12,10 @@ import fem
 import rom
 from coupling import RayleighDamping, damping_ratios
 from coupling.radiation import lamb_integral
+from coupling.verification.comparisons import Comparison, compared
 from dem.spheres import hertz_coefficient
 from fem.factorisation import factorised
 from geometry.hex_mesh import graded
-from workflows.studies.verify.comparisons import Comparison, compared
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 JULIA = "JuliaFEM, ModelReduction.jl, README"

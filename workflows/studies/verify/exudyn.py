@@ -8,10 +8,10 @@ import numpy as np
 import dem
 import rom
 from coupling.exudyn_scene import velocities
+from coupling.verification.comparisons import Comparison, compared, require_module
 from coupling.wall import wall_from_reduced
 from workflows.files.scene import scene
 from workflows.pipeline.pipeline import pipeline_of
-from workflows.studies.verify.comparisons import Comparison, compared, require_module
 
 STEPS, DURATION, N_SAVE = (4e-7, 1e-7), 1e-3, 10  # [s]
 SOURCE = "Exudyn, ObjectGenericODE2 and ObjectContactSphereSphere, step 0.1 us"

@@ -7,11 +7,11 @@ import numpy as np
 
 import coupling
 import rom
+from coupling.verification.comparisons import Comparison
 from workflows.files.scene import scene
 from workflows.pipeline.impact import impact
 from workflows.pipeline.pipeline import Pipeline, pipeline_of
 from workflows.pipeline.wall import damping
-from workflows.studies.verify.comparisons import Comparison
 
 COARSE = ("mesh.scale=2",)
 OTHER = ("mesh.element=tet", "mesh.scale=0.5", "reduction.kind=free-modes", "reduction.modes=120")

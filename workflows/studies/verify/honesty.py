@@ -19,12 +19,12 @@ from coupling.calibration.forward import Forward
 from coupling.calibration.parameters import Parameter, Rig
 from coupling.calibration.search import Options
 from coupling.calibration.signals import Signals
+from coupling.verification.comparisons import Comparison
+from coupling.verification.formulas import LAWS, WALLS, scene
 from dem.spheres import time_scale
 from rom.truncation import frequencies
 from workflows.files.scene import scene as load_scene
 from workflows.pipeline.pipeline import pipeline_of
-from workflows.studies.verify.comparisons import Comparison
-from workflows.studies.verify.formulas import LAWS, WALLS, scene
 
 LEAST, MOST, FLOOR = 1.0, 10.0, 1e-10
 NORMAL, HELD = 0.954, (0.90, 0.98)  # of bars that hold the truth

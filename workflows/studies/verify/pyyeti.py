@@ -9,8 +9,8 @@ from skfem import MeshHex
 
 import fem
 import rom
+from coupling.verification.comparisons import Comparison, compared, require_module
 from rom.cbcheck import cbcheck
-from workflows.studies.verify.comparisons import Comparison, compared, require_module
 
 SIDES, STEEL = (0.13, 0.10, 0.04), fem.Material(210e9, 0.3, 7850.0)  # m
 SOURCE = "pyYeti, cb.cbcheck"

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 import dem
-from coupling.verification import Outcome, collisions, settled
-from workflows.studies.stability.verdicts import Trial
+from coupling.stability.trials import Trial
+from coupling.verification.outcomes import Outcome, collisions, settled
 
 RIG = {"radius": 0.0127, "density": 7800.0, "young": 210e9, "poisson": 0.3}
 STEEL = dem.Flat(210e9, 0.3)

@@ -7,10 +7,10 @@ import numpy as np
 
 import coupling
 import dem
-from coupling.verification import Outcome, finer, settled
-from workflows.pipeline.warnings import large_step_error
-from workflows.studies.stability.chains import SPEED, spheres_of, squeezed, striker_velocity
-from workflows.studies.stability.verdicts import Trial
+from coupling.stability.chains import SPEED, spheres_of, squeezed, striker_velocity
+from coupling.stability.trials import Trial
+from coupling.verdict import large_step_error
+from coupling.verification.outcomes import Outcome, finer, settled
 
 DRIFT_STEPS = 10_000_000
 

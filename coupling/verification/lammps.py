@@ -7,7 +7,7 @@ import numpy as np
 
 import dem
 from coupling.lammps_chain import Spheres, velocities
-from workflows.studies.verify.comparisons import Comparison, compared, require_module
+from coupling.verification.comparisons import Comparison, compared, require_module
 
 SPEED, DURATION, N_SAVE = 0.31, 1.5e-3, 15
 STEPS = (1e-7, 2.5e-8)  # s

@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 
 import dem
-from coupling.verification import Outcome, settled
-from workflows.studies.stability.chains import SPEED, N, spheres_of, striker_velocity
-from workflows.studies.stability.verdicts import Trial
+from coupling.stability.chains import SPEED, N, spheres_of, striker_velocity
+from coupling.stability.trials import Trial
+from coupling.verification.outcomes import Outcome, settled
 
 DURATION = 1e-3
 

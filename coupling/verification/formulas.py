@@ -7,8 +7,8 @@ import numpy as np
 
 import dem
 from coupling.formulas import motion
+from coupling.verification.comparisons import Comparison, compared
 from dem.spheres import force_scale, time_scale
-from workflows.studies.verify.comparisons import Comparison, compared
 
 DAMPED = {"none": 0.0, "linear": 20.0, "linear-clipped": 20.0, "hunt-crossley": 0.2}
 WALLS = ("free", "rigid", "one mass", "modes", "compliance", "dashpot")

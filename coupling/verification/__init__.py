@@ -1,0 +1,1 @@
+"""Our results beside other programs, formulas, published numbers; runs beside finer runs."""
