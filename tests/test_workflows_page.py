@@ -209,6 +209,26 @@ def test_one_core_draws_ten_frames_a_second_in_software(rig, opened):
 
 
 @needs_browser
+def test_a_page_leaves_time_for_sixty_frames_a_second(rig, opened):
+    """What the browser's main thread spends on a frame; a graphics card does the rest beside it."""
+    page = opened(rig)
+    page.locator("#impact").scroll_into_view_if_needed()
+    session = page.context.new_cdp_session(page)
+    session.send("Performance.enable", {"timeDomain": "threadTicks"})  # processor seconds
+
+    def spent():
+        metrics = session.send("Performance.getMetrics")["metrics"]
+        return next(metric["value"] for metric in metrics if metric["name"] == "TaskDuration")
+
+    page.evaluate("beadwave.clock.play(true)")
+    page.wait_for_timeout(1500)
+    before, start = spent(), page.evaluate("beadwave.clock.frames")
+    page.wait_for_timeout(3000)
+    frames = page.evaluate("beadwave.clock.frames") - start
+    assert frames > 0 and 0.0 < spent() - before < frames / 60
+
+
+@needs_browser
 def test_the_curves_are_saved_as_they_were_run(rig, opened, tmp_path):
     page = opened(rig)
     with page.expect_download() as download:

@@ -1,6 +1,8 @@
 """`python -m workflows` is the `beadwave` command."""
 
+import gc
 import sys
+from collections.abc import Callable
 
 
 def main() -> None:
@@ -9,7 +11,7 @@ def main() -> None:
         from workflows.commands import signals
 
         signals.end_at_once()
-        from workflows.commands.app import main as command
+        command = _loaded()
     except KeyboardInterrupt:
         print("beadwave: interrupted.", file=sys.stderr)
         sys.exit(130)
@@ -21,6 +23,16 @@ def main() -> None:
         sys.exit(signals.told(stopped.number))
     finally:
         signals.ignore()
+
+
+def _loaded() -> Callable[[], None]:
+    """The command, whose modules live as long as the process: no garbage is looked for in them."""
+    gc.disable()
+    from workflows.commands.app import main as command
+
+    gc.freeze()
+    gc.enable()
+    return command
 
 
 if __name__ == "__main__":
