@@ -19,7 +19,7 @@ Arrays = dict[str, np.ndarray]
 
 
 def _mesh(path: Path) -> Arrays:
-    from workflows.files.mesh_groups import cell_groups
+    from geometry.mesh_file import cell_groups
 
     points, groups = cell_groups(path)
     names = np.array([f"{g.dimension} {g.name}" for g in groups], dtype=str)

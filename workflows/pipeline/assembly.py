@@ -13,7 +13,8 @@ import fem.tuning
 import geometry
 from fem.constraints import Overconstrained
 from fem.correlation import RIGID
-from workflows.files import mesh as mesh_file
+from geometry.named_cells import faces
+from workflows.files.mesh import mesh_of
 from workflows.files.mode_field import ModeField
 from workflows.pipeline import bodies, rig, strike
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts
@@ -59,8 +60,8 @@ def _whole(scene: Scene) -> Mesh:
     m = scene.mesh
     if m.file:
         parts = assembly(scene.assembly)
-        named = mesh_file.faces(geometry.interfaces(parts), held_faces(scene.assembly), STRUCK)
-        own = mesh_file.mesh_of(Path(m.file), parts, named)
+        named = faces(geometry.interfaces(parts), held_faces(scene.assembly), STRUCK)
+        own = mesh_of(Path(m.file), parts, named)
         for sentence in too_large_mesh(scene, f"mesh.file = {m.file!r}", nodes(own)):
             raise InvalidScene(sentence)
         return own

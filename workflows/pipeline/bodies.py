@@ -9,9 +9,10 @@ import numpy as np
 
 import fem
 from geometry import InvalidGeometry, rig
+from geometry.own_mesh import OwnMesh, own_mesh
 from geometry.shapes import Box, Cylinder, Hole, Plate, Shape
+from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
-from workflows.pipeline.own_mesh import OwnMesh, own_mesh
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts, Struck
 from workflows.pipeline.strike import around, struck
 from workflows.scene import InvalidScene, Scene
@@ -52,7 +53,7 @@ def drawing(scene: Scene) -> Iterator[Drawing]:
     table = scene.assembly if scene.is_general else General()
     try:
         if table.mesh:
-            own = own_mesh(Path(table.mesh), table.gap)
+            own = own_mesh(volumes_of(Path(table.mesh)), table.gap)
             _require_size(own.bodies)
             require_apart(own.meeting.near)
             yield Drawing(own.bodies, None, own.meeting.near, own)

@@ -1,14 +1,11 @@
 """Bodies of a mesh that the user brings, and the faces of it that the scene names."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from re import sub
 from typing import NamedTuple
 
 import numpy as np
 from skfem import Mesh
-
-from workflows.files.mesh import volumes_of
 
 LEFT = 0.1  # of a common area, the most that may lie on facets which reach past it
 
@@ -52,12 +49,12 @@ class OwnMesh(NamedTuple):
             )
 
 
-def own_mesh(path: Path, gap: float) -> OwnMesh:
-    """The bodies of a file; raises InvalidScene for one without named volumes."""
-    from geometry.faceted import bodies, skins
+def own_mesh(volumes: Mapping[str, Mesh], gap: float) -> OwnMesh:
+    """The bodies that named volumes are; `gap` [m] is the farthest that two touching ones are."""
+    from geometry.faceted import bodies, skins  # load gmsh
     from geometry.faceted_touching import meeting
 
-    meshes = {sub(r"[^\w.+-]+", "-", name): mesh for name, mesh in volumes_of(path).items()}
+    meshes = {sub(r"[^\w.+-]+", "-", name): mesh for name, mesh in volumes.items()}
     named = {name: mesh.boundaries or {} for name, mesh in meshes.items()}
     outside = skins(meshes, named)
     found = bodies(outside, named)

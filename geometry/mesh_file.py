@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem.io.meshio import HEX_MAPPING, from_meshio
 
-from geometry import CellGroup
+from geometry.cell_groups import CellGroup
 
 CORNERS = {  # of cells whose type begins so, whatever their order, and the dimensions they fill
     "tetra": (4, 3), "hexahedron": (8, 3), "pyramid": (5, 3), "wedge": (6, 3),

@@ -1,0 +1,148 @@
+"""Meshes of named cells, as files have them: the rig's in place of ours, or any bodies'.
+
+Volumes are named as the bodies ("block", "sheet+y", ...), in gmsh as physical groups. Surfaces may
+be named as the faces ("block:+x", "sheet+y:head", ...); those that are not are looked for where
+the dimensions of [assembly] put them. Touching parts must not share nodes. Elements of any order
+are taken by their corners; what is in no body of ours is left out.
+"""
+
+from difflib import get_close_matches
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Mesh, MeshHex, MeshTet
+from skfem.io.meshio import INV_HEX_MAPPING
+
+from geometry.assembly import Assembly, Interface, InvalidGeometry
+from geometry.cell_groups import CellGroup
+from geometry.naming import named
+
+KINDS = {4: MeshTet, 8: MeshHex}  # by the corners of a cell
+CELLS = {4: "tetrahedra", 5: "pyramids", 6: "prisms", 8: "hexahedra"}
+
+
+class NamedCells(NamedTuple):
+    """What a mesher wrote, and the name of the file for messages."""
+
+    source: str
+    points: NDArray[np.float64]  # (n_points, 3) [m]
+    groups: list[CellGroup]
+
+
+def rig_mesh(found: NamedCells, assembly: Assembly, faces: set[str]) -> Mesh:
+    """The rig's mesh, edges straight; raises InvalidGeometry where it cannot stand for ours."""
+    wanted = sorted(bodies(assembly))
+    volumes = {g.name for g in found.groups if g.dimension == 3}
+    _require(found, "volume", set(wanted), volumes)
+    solid = _solid(found, {name: _cells(found, name) for name in wanted})
+    placed = named(solid.mesh, assembly, solid.body)
+    placed = placed.with_boundaries(_facets(solid, found.groups))
+    _require(found, "surface", faces, {n for n, f in placed.boundaries.items() if len(f)})
+    return placed
+
+
+def volumes(found: NamedCells) -> dict[str, Mesh]:
+    """Every named volume as a mesh of its own, with the named surfaces on its outside; raises
+    InvalidGeometry where there is none."""
+    names = dict.fromkeys(g.name for g in found.groups if g.dimension == 3)
+    cells = {name: _cells(found, name) for name in names}
+    if not cells:
+        raise InvalidGeometry(
+            f"{found.source} has no named volumes; name each body, in gmsh as a physical volume, "
+            "elsewhere as a set of cells."
+        )
+    for kind in KINDS:
+        of_kind = [t for t in cells.values() if t.shape[1] == kind]
+        _require_once(found, np.concatenate([np.empty((0, kind), np.int64), *of_kind]))
+    solids = {name: _solid(found, {name: t}) for name, t in cells.items()}
+    return {
+        name: solid.mesh.with_boundaries(_facets(solid, found.groups))
+        for name, solid in solids.items()
+    }
+
+
+def _cells(found: NamedCells, body: str) -> NDArray[np.int64]:
+    """Corners of a body's cells; raises InvalidGeometry for other cells than we compute with."""
+    own = [g for g in found.groups if (g.name, g.dimension) == (body, 3)]
+    kinds = sorted({g.corners.shape[1] for g in own})
+    if len(kinds) > 1 or kinds[0] not in KINDS:
+        told = " and ".join(CELLS.get(kind, f"cells of {kind} corners") for kind in kinds)
+        raise InvalidGeometry(
+            f"the mesh {found.source!r} fills the volume {body!r} with {told}; give tetrahedra "
+            "alone or hexahedra alone."
+        )
+    return np.concatenate([g.corners for g in own])
+
+
+class _Solid(NamedTuple):
+    """The bodies as one mesh, the cells of each, and where the points of the file are in it."""
+
+    mesh: Mesh
+    body: dict[str, NDArray[np.int64]]
+    number: NDArray[np.int64]  # (n_points,) -1 of points that no body uses
+
+
+def _solid(found: NamedCells, cells: dict[str, NDArray[np.int64]]) -> _Solid:
+    kinds = {t.shape[1]: name for name, t in cells.items()}
+    if len(kinds) > 1:
+        told = " and ".join(f"{name!r} with {CELLS[kind]}" for kind, name in kinds.items())
+        raise InvalidGeometry(
+            f"the mesh {found.source!r} fills {told}; mesh all volumes with one of the two."
+        )
+    (n_corners,) = kinds
+    used, t = np.unique(np.concatenate(list(cells.values())), return_inverse=True)
+    t = t.reshape(-1, n_corners)
+    _require_once(found, t)
+    order = INV_HEX_MAPPING[:8] if n_corners == 8 else slice(None)
+    mesh = KINDS[n_corners](*map(np.ascontiguousarray, (found.points[used].T, t.T[order])))
+    ends = np.cumsum([0, *map(len, cells.values())])
+    number = np.full(len(found.points), -1)
+    number[used] = np.arange(len(used))
+    return _Solid(mesh, {n: np.arange(*ends[i : i + 2]) for i, n in enumerate(cells)}, number)
+
+
+def _require_once(found: NamedCells, t: NDArray[np.int64]) -> None:
+    """Raise InvalidGeometry where volumes overlap: their mass would count twice."""
+    twice = len(t) - len(np.unique(np.sort(t, axis=1), axis=0))
+    if twice:
+        raise InvalidGeometry(
+            f"the mesh {found.source!r} has {twice} cells in two volumes; put each in one."
+        )
+
+
+def _facets(solid: _Solid, groups: list[CellGroup]) -> dict[str, NDArray[np.int64]]:
+    """Facets on the boundary of the mesh, by the name of the surface that they belong to."""
+    outer = solid.mesh.boundary_facets()
+    own = np.sort(solid.mesh.facets[:, outer], axis=0).T
+    found: dict[str, NDArray[np.int64]] = {}
+    for name, dimension, corners in groups:
+        if dimension == 2 and corners.shape[1] == own.shape[1]:
+            asked = np.sort(solid.number[corners], axis=1)
+            _, row = np.unique(np.concatenate([own, asked]), axis=0, return_inverse=True)
+            met = outer[np.isin(row[: len(own)], row[len(own) :])]
+            found[name] = np.union1d(found.get(name, met), met)
+    return {name: facets for name, facets in found.items() if len(facets)}
+
+
+def bodies(assembly: Assembly) -> set[str]:
+    """Names that the volumes of a mesh must have."""
+    sheets = {"sheet-y", "sheet+y"} if "sheets" in assembly.parts else set()
+    return (set(assembly.parts) - {"sheets"}) | sheets
+
+
+def faces(touching: tuple[Interface, ...], held: tuple[str, ...], struck: str) -> set[str]:
+    """Names that the surfaces of a mesh must have for these interfaces."""
+    joined = {f for t in touching for f in (t.slave, t.master, *t.screws, *t.halves)}
+    return {*joined, *held, struck}
+
+
+def _require(found: NamedCells, what: str, wanted: set[str], known: set[str]) -> None:
+    missing = sorted(wanted - known)
+    if missing:
+        near = get_close_matches(missing[0], known, n=1, cutoff=0.6)
+        hint = f"the nearest known is {near[0]!r}" if near else f"known are {', '.join(known)}"
+        raise InvalidGeometry(
+            f"the mesh {found.source!r} has no {what} named {missing[0]!r} "
+            f"({len(missing)} of {len(wanted)} are missing), {hint if known else 'it has none'}."
+        )
