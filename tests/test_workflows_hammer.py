@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from fem.hammer_files import SYNTHETIC, Responses
 from workflows.assembly.hammer import applied, hammer_test
-from workflows.files.hammer import SYNTHETIC, Responses, responses, write_synthetic
+from workflows.files.hammer import responses, write_synthetic
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene

@@ -9,11 +9,12 @@ from pydantic import BaseModel
 
 import coupling
 import fem
+from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
 from fem.identification import MeasuredMode, measured_modes
 from workflows.assembly.mode_table import NO_TARGETS
 from workflows.assembly.tuning import targets
-from workflows.files.hammer import SYNTHETIC, Responses, responses
+from workflows.files.hammer import responses
 from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Pipeline
 from workflows.pipeline.targets import shape

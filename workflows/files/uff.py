@@ -5,6 +5,7 @@ from pathlib import Path
 from workflows.files.foreign import arrays
 from workflows.scene import InvalidScene
 
+ENDINGS = (".uff", ".unv")
 FIELDS = {
     58: (
         "func_type", "rsp_node", "rsp_dir", "ref_node", "ref_dir", "x", "data", "id1",

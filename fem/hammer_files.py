@@ -1,0 +1,77 @@
+"""Measured frequency responses as CSV and as data sets 58 of universal files (UFF).
+
+CSV: a header line, then one line per frequency: frequency_hz, re_1, im_1, re_2, im_2, ...
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+RESPONSE = 4  # UFF58's function type of a frequency response
+MOST = 1e60  # in size of a frequency or a response
+SYNTHETIC = "SYNTHETIC: computed, not measured"
+
+
+class Responses(NamedTuple):
+    """Frequency responses of one test on common lines."""
+
+    frequency_hz: NDArray[np.float64]  # (k,)
+    H: NDArray[np.complex128]  # (n, k)
+    title: str
+
+
+def require_finite(test: Responses) -> Responses:
+    """The test; raises ValueError where products of its numbers are none."""
+    parts = (test.frequency_hz, test.H.real, test.H.imag)
+    largest = np.max([np.abs(part).max() for part in parts])
+    if largest > MOST:
+        raise ValueError(f"a number is {largest:.3g} in size, up to {MOST:g} is allowed")
+    return test
+
+
+def read_csv(path: Path) -> Responses:
+    """The responses of a CSV file; raises ValueError where it holds none."""
+    header, *lines = path.read_text(encoding="utf-8-sig").splitlines() or [""]
+    if not any(line.strip() for line in lines):
+        raise ValueError("no lines below the header")
+    table = np.loadtxt(lines, delimiter=",", ndmin=2)
+    if table.shape[1] < 3 or table.shape[1] % 2 == 0:
+        raise ValueError(f"{table.shape[1]} columns, an odd number from 3 on is needed")
+    title = SYNTHETIC if SYNTHETIC in header else path.stem
+    H = table[:, 1::2].T.astype(complex)
+    H.imag = table[:, 2::2].T
+    return Responses(table[:, 0], H, title)
+
+
+def of_data_sets(sets: Sequence[dict]) -> Responses:
+    """Those of data sets 58; raises ValueError where they hold none."""
+    sets = [s for s in sets if s["func_type"] == RESPONSE]
+    if not sets:
+        raise ValueError("no data set 58 with a frequency response")
+    if any(len(s["x"]) != len(sets[0]["x"]) for s in sets):
+        raise ValueError("responses with different numbers of lines")
+    H = np.array([np.asarray(s["data"], dtype=complex) for s in sets])
+    return Responses(np.asarray(sets[0]["x"], dtype=float), H, str(sets[0]["id1"]).strip())
+
+
+def write_csv(path: Path, test: Responses) -> None:
+    """Write as CSV, the title in the header line."""
+    parts = [part for h in test.H for part in (h.real, h.imag)]
+    names = [f"{part}_{i}" for i in range(1, len(test.H) + 1) for part in ("re", "im")]
+    header = f"frequency_hz,{','.join(names)}  ({test.title})"
+    table = np.column_stack([test.frequency_hz, *parts])
+    np.savetxt(path, table, fmt="%.6g", delimiter=",", header=header, comments="")
+
+
+def data_set(test: Responses, i: int) -> dict:
+    """What data set 58 of a response, counted from 1, says in the words of pyuff."""
+    return {
+        "func_type": RESPONSE, "rsp_node": i, "rsp_dir": 1, "ref_node": 1, "ref_dir": 1,
+        "data": test.H[i - 1], "x": test.frequency_hz, "id1": test.title,
+        "rsp_ent_name": f"response {i}", "ref_ent_name": "hammer",
+        "abscissa_spacing": 1, "abscissa_spec_data_type": 18, "ordinate_spec_data_type": 12,
+        "orddenom_spec_data_type": 13,
+    }  # fmt: skip
