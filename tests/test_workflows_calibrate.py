@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from coupling.calibration.search import decisive
+from coupling.records.record import SYNTHETIC, Record, csv_text
 from workflows.calibration import twin as experiment
 from workflows.calibration.calibrate import Request, calibrated
 from workflows.calibration.folder import write
@@ -15,7 +16,6 @@ from workflows.calibration.report import on_held_out
 from workflows.commands import app as cli
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
-from workflows.files.velocities import SYNTHETIC, Record, csv_text
 from workflows.pipeline.chain import wall
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from coupling.calibration.posterior import posterior
+from coupling.records.record import csv_text
 from workflows.calibration import posterior as calibration_posterior
 from workflows.calibration import twin as experiment
 from workflows.calibration.calibrate import Request, calibrated
@@ -11,7 +12,6 @@ from workflows.calibration.folder import write
 from workflows.calibration.posterior import with_posterior
 from workflows.commands import app as cli
 from workflows.files.run_folder import RunFolder
-from workflows.files.velocities import csv_text
 from workflows.pipeline.chain import wall
 from workflows.scene.toml import resolved
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from coupling.records.record import SYNTHETIC, Record, csv_text
 from workflows.files.records import Channel, measured, recorded
-from workflows.files.velocities import SYNTHETIC, Record, csv_text, record
+from workflows.files.velocities import record
 from workflows.scene import InvalidScene
 
 T = np.arange(80) * 1e-6

@@ -235,7 +235,7 @@ def test_a_run_solves_for_the_modes_of_a_file_once(tmp_path, monkeypatch, ground
 
 
 def test_a_wall_of_too_many_coordinates_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("workflows.files.wall.MOST_COORDINATES", 5)
+    monkeypatch.setattr("rom.imported.MOST_COORDINATES", 5)
     with pytest.raises(InvalidScene, match="has 6 coordinates, allowed are 5; reduce it further"):
         refused(tmp_path, "large.npz")
 

@@ -22,11 +22,11 @@ from coupling.calibration.signals import (
     lag_of,
     noise_of_mean,
 )
+from coupling.records.record import Record
 from workflows.calibration import parameters as free_parameters
 from workflows.calibration.channels import scaled
 from workflows.calibration.checks import cut_off, plausible, require_samples, unlike_the_model
 from workflows.calibration.report import CalibrationReport, on_held_out, report_of
-from workflows.files.velocities import Record
 from workflows.scene import InvalidScene, OneDofWall, Scene
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from coupling.calibration.impulse import Impulse, incident_impulse
 from coupling.calibration.parameters import Parameter, Rig
 from coupling.calibration.sensed import Channels, sensed
 from coupling.calibration.signals import noise_between_waves
+from coupling.records.record import Record
 from dem.sensitivities import march_with_sensitivities, usual_step
 from workflows.files.records import sensor_of
-from workflows.files.velocities import Record
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.sensors import KINDS
 from workflows.scene.units import GAINS, VOLTAGE

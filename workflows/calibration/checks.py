@@ -3,7 +3,7 @@
 import numpy as np
 
 from coupling.calibration.signals import Signals
-from workflows.files.velocities import Record
+from coupling.records.record import Record
 from workflows.pipeline.chain import initial_velocity
 from workflows.scene import InvalidScene, Scene
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from coupling.records.record import SYNTHETIC, Record, csv_text
 from workflows.calibration.report import CalibrationReport
 from workflows.files.run_folder import Picture, RunFolder, write_pictures
-from workflows.files.velocities import SYNTHETIC, Record, csv_text
 from workflows.scene.toml import toml
 
 FILES = ("scene.toml", "report.json", "parameters.csv", "signals.csv", "posterior.npz")

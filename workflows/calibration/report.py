@@ -10,7 +10,7 @@ from coupling.calibration.calibration import Calibration
 from coupling.calibration.parameters import Parameter
 from coupling.calibration.search import decisive
 from coupling.calibration.signals import Signals
-from workflows.files.velocities import SYNTHETIC
+from coupling.records.record import SYNTHETIC
 from workflows.results.tables import LINE, aligned_text
 from workflows.scene import OneDofWall, Scene
 

@@ -21,9 +21,9 @@ from coupling.calibration.instrument import OVERSAMPLED, Clean, Twin, repeated, 
 from coupling.calibration.parameters import Parameter
 from coupling.calibration.search import Options
 from coupling.calibration.signals import Filter, aligned
+from coupling.records.record import SYNTHETIC, Record
 from workflows.calibration import parameters as free_parameters
 from workflows.calibration.calibrate import Calibrated, Request, calibrated
-from workflows.files.velocities import SYNTHETIC, Record
 from workflows.pipeline.chain import chain, initial_velocity
 from workflows.results.tables import LINE, aligned_text
 from workflows.scene import InvalidScene, OneDofWall, Scene

@@ -9,6 +9,7 @@ scene's sensor says, or that nobody knows. Columns that come twice are repeats: 
 each other and averaged. A column without a quantity is what its unit measures, in volts a velocity.
 """
 
+from functools import partial
 from pathlib import Path
 from re import fullmatch, split
 from typing import NamedTuple
@@ -18,27 +19,24 @@ from numpy.typing import NDArray
 
 from coupling.band import Band
 from coupling.calibration.signals import aligned
+from coupling.records.formats import Found, of_mat, text_of
+from coupling.records.record import SYNTHETIC, Record
 from coupling.sensors import Sensor
 from workflows.files.foreign import arrays
+from workflows.files.uff import ENDINGS
 from workflows.files.velocities import (
-    SYNTHETIC,
-    Record,
-    equidistant,
-    mat_columns,
-    read_csv,
-    read_uff,
+    csv_columns,
+    laid_out,
     record,
-    require_variables,
-    stacked,
-    text_of,
     told_of,
+    uff_columns,
+    variables,
 )
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.named_files import require_file
 from workflows.scene.sensors import KINDS
 from workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
 
-UNIVERSAL = (".uff", ".unv")
 HEADING = r"sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"
 
 
@@ -82,19 +80,26 @@ def recorded(path: Path) -> Recorded:
 
 def measured(path: Path) -> Record:
     """Velocities or signals of any sensors, all repeats; raises InvalidScene."""
-    if path.suffix.lower() not in UNIVERSAL and not _holds_channels(path):
+    if path.suffix.lower() not in ENDINGS and not _holds_channels(path):
         return record(path)
     t, channels, y, title = _channels(path)
-    if path.suffix.lower() in UNIVERSAL and not any(map(_is_no_velocity, channels)):
+    if path.suffix.lower() in ENDINGS and not any(map(_is_no_velocity, channels)):
         return Record(t, y, tuple(c.sphere for c in channels), title)
     return Record(t, y, tuple(c.sphere for c in channels), title, channels)
 
 
 def _channels(path: Path):
     """t, channels, values (r, k, m) and title of a file."""
-    if path.suffix.lower() in UNIVERSAL:
-        return read_uff(path, _column)
-    return _read_mat(path) if _is_mat(path) else read_csv(path, _column)
+    if path.suffix.lower() in ENDINGS:
+        require_file(path, "give a record as .uff")
+        return laid_out(path, partial(uff_columns, column=_column))
+    if _is_mat(path):
+        require_file(path, "give a record as .csv or .mat")
+        return laid_out(path, _mat_columns)
+    if path.suffix.lower() != ".csv":
+        raise InvalidScene(f"{path} must end in .csv.")
+    require_file(path, "give a record as .csv")
+    return laid_out(path, partial(csv_columns, column=_column))
 
 
 def _is_mat(path: Path) -> bool:
@@ -128,16 +133,12 @@ def _is_no_velocity(channel: Channel) -> bool:
     return channel.in_volts or channel.quantity != "velocity"
 
 
-def _read_mat(path: Path):
-    require_file(path, "give a record as .csv or .mat")
-    needed = ("t", "y", "spheres", "time_unit", "quantity", "unit")
-    with told_of(path):
-        held = require_variables(arrays("matlab", path, *needed, "title"), needed)
-        quantity, unit = text_of(held, "quantity"), text_of(held, "unit")
-        t, columns, title = mat_columns(path, held, "y")
-        named = ((_column(f"sphere {n} {quantity} [{unit}]"), y) for n, y in columns)
-        t = equidistant(t)
-        return t, *stacked(t, [(channel, scale * y) for (channel, scale), y in named]), title
+def _mat_columns(path: Path) -> Found:
+    held = variables(path, ("t", "y", "spheres", "time_unit", "quantity", "unit"))
+    quantity, unit = text_of(held, "quantity"), text_of(held, "unit")
+    t, columns, title = of_mat(held, "y")
+    named = [(*_column(f"sphere {n} {quantity} [{unit}]"), y) for n, y in columns]
+    return Found(t, [(channel, scale * y) for channel, scale, y in named], title)
 
 
 def _column(name: str) -> tuple[Channel, float]:

@@ -8,16 +8,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 import rom
+from rom.imported import sound
 from workflows.files.foreign import Refused, Unreadable, through_child
 from workflows.scene import InvalidScene, RomWall
 
 ENDINGS = (".npz", ".mat", ".h5", ".mtx")
-MOST_COORDINATES = 4000  # whose modes take half a minute, with the cube of their number
-MOST = 1e40  # in size of K, M, C, w: rigid springs of any code, with room for products
-FEW_DIGITS = -1e-5  # of the largest eigenvalue: what rounding makes of a wall that floats
 
 
 class WallFile(NamedTuple):
@@ -47,16 +43,10 @@ def measured(wall: RomWall) -> WallFile:
 @lru_cache(maxsize=1)
 def _measured(path: Path, wall: RomWall, stamp: tuple[int, int, int]) -> WallFile:
     reduced = _read(path, wall)
-    if len(reduced.w) > MOST_COORDINATES:
-        raise InvalidScene(
-            f"wall.file: {path} has {len(reduced.w)} coordinates, allowed are {MOST_COORDINATES}; "
-            "reduce it further."
-        )
-    for finding in _overflowing(reduced):
-        raise InvalidScene(f"wall.file: {path} cannot be used as a wall: {finding}")
-    health = rom.health(reduced)
-    for finding in _unsound(health):
-        raise InvalidScene(f"wall.file: {path} cannot be used as a wall: {finding}")
+    try:
+        health = sound(reduced)
+    except rom.ReductionError as error:
+        raise InvalidScene(f"wall.file: {path} {error}") from None
     if wall.half_space is not None:
         contact = reduced.contact._replace(half_space=wall.half_space)
         reduced = reduced._replace(contact=contact)
@@ -94,20 +84,6 @@ def _read(path: Path, wall: RomWall) -> rom.ReducedModel:
         raise InvalidScene(f"wall.file: {str(error).rstrip('.')}.") from None
     except Unreadable as error:
         raise InvalidScene(f"wall.file: {path}: {error}; write it anew.") from None
-
-
-def _overflowing(reduced: rom.ReducedModel):
-    """Numbers whose products are none any more; found before anything is computed with them."""
-    for name in ("K", "M", "C", "w"):
-        A = getattr(reduced, name)
-        if A is not None and np.abs(A).max() > MOST:
-            yield f"{name} holds {np.abs(A).max():.3g}, allowed is up to {MOST:g}; write it in SI."
-
-
-def _unsound(health: rom.Health):
-    hint = " A wall that floats, written with few digits, looks so: write K with 16."
-    rounding = FEW_DIGITS < health.lowest_stiffness < 0
-    yield from (finding + hint * bool(rounding) for finding in health.findings)
 
 
 def _substructure(path: Path, wall: RomWall) -> rom.ReducedModel:

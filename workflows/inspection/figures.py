@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.files.velocities import SYNTHETIC
+from coupling.records.record import SYNTHETIC
 from workflows.inspection.inspect import Inspected
 from workflows.inspection.report import InspectionReport
 from workflows.results.plots import (

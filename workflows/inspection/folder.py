@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from coupling.records.record import SYNTHETIC
 from workflows.files.run_folder import Picture, RunFolder, write_pictures
-from workflows.files.velocities import SYNTHETIC
 from workflows.inspection.figures import pictures
 from workflows.inspection.inspect import Inspected
 from workflows.inspection.report import InspectionReport

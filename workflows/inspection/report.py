@@ -7,8 +7,8 @@ from pydantic import BaseModel
 
 from coupling.inspection.information import bars_over_time, bounds_information, felt_from
 from coupling.inspection.inversion import Inversion, scales
+from coupling.records.record import SYNTHETIC
 from workflows.files.records import Recorded
-from workflows.files.velocities import SYNTHETIC
 from workflows.inspection.inspect import SETTLED, Inspected
 from workflows.results.tables import LINE, Table, text
 

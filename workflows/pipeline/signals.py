@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from coupling import Impact
 from coupling.band import Band
+from coupling.records.record import SYNTHETIC
 from coupling.sensed_waves import SensedWave, flight, sensed_waves
 from coupling.sensors import Sensor, instants, measured, recorded, signals
 from dem.waves.labels import labels
-from workflows.files.velocities import SYNTHETIC
 from workflows.pipeline.waves import ChainWaves
 from workflows.results.summary import SensedArrival, SensorWaves
 from workflows.scene import Instrument, Scene

@@ -24,8 +24,7 @@ from workflows.pipeline.chain import Start, contact_radius
 from workflows.pipeline.waves import ChainWaves
 from workflows.scene import DashpotWall, RomWall, Scene
 
-if TYPE_CHECKING:
-    import rom  # a run without a reduced model does not load it, nor finite elements
+if TYPE_CHECKING:  # a run without a reduced model does not load finite elements
     from fem.constraints import Overconstrained
 
 LARGE = 0.1  # error of the velocities, over the striker's
@@ -39,12 +38,6 @@ TRUSTED = 0.7  # quality below which a wave's numbers are not to be believed
 UNEQUAL = 1.25  # ratio of masses from which on waves are not those of equal spheres
 PRESSED = 0.05  # of the striker's energy, still elastic when the record ends
 PER_WAVE = 5  # samples that show a crest
-
-COMPLIANCE = (1e-13, 0.1)  # [m/N] a block of steel to a ruler, held at one end
-LOWEST_HZ = (0.1, 50e3)
-HIGHEST_HZ = (50.0, 1e9)  # of several: a chain's waves last a tenth of a millisecond
-RIGID = 6  # motions of a body without stiffness
-SOFT = 1 / 100  # of the next frequency: nothing bolted sways as slowly as that beside it
 
 
 def of_chain(
@@ -220,18 +213,12 @@ def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
 def unusual_wall_file(wall: RomWall) -> Iterator[str]:
     """A material that nobody gave, weights that are no average, other units than N/m and kg, loose
     parts, a wall that was to float, a half-space larger than what holds it."""
-    import rom
+    from rom.imported import unusual
     from workflows.files.wall import measured
 
     reduced, health = measured(wall)
-    modes = health.modes
-    compliance = rom.modal_compliance(modes)
     yield from _unsaid_material(wall)
-    yield from _no_average(reduced)
-    yield from _other_units(modes, compliance)
-    yield from _loose(modes)
-    yield from _hardly_held(modes)
-    yield from _too_large_half_space(modes, compliance, reduced.contact.half_space or 0.0)
+    yield from unusual(reduced, health.modes, "wall.file")
 
 
 def _unsaid_material(wall: RomWall):
@@ -240,66 +227,4 @@ def _unsaid_material(wall: RomWall):
         yield (
             f"Neither the scene nor wall.file says {' and '.join(unsaid)} of the surface that is "
             "struck: that of steel is assumed."
-        )
-
-
-def _no_average(reduced: rom.ReducedModel):
-    total = float(reduced.w.sum())
-    modal = not np.any(reduced.K - np.diag(np.diag(reduced.K)))
-    # its sign is no matter: the force enters through it as well
-    if reduced.kind != "imported" or modal or abs(abs(total) - 1) < 1e-6:
-        return
-    yield (
-        f"The weights w of wall.file sum to {total:.6g}, not to 1: they read {total:.6g} m where "
-        "all its points move by 1 m. That is right for coordinates other than displacements only."
-    )
-
-
-def _other_units(modes: rom.ModalWall, compliance: float):
-    elastic = modes.omega[modes.omega > 0]
-    lowest = elastic[0] / (2 * np.pi) if len(elastic) else None
-    highest = elastic[-1] / (2 * np.pi) if len(elastic) > 1 else None
-    measures = (
-        ("static compliance at the contact", compliance or None, COMPLIANCE, "m/N"),
-        ("lowest elastic mode", lowest, LOWEST_HZ, "Hz"),
-        ("highest mode", highest, HIGHEST_HZ, "Hz"),
-    )
-    for name, value, (least, most), unit in measures:
-        if value is not None and not least < value < most:
-            yield (
-                f"The {name} of wall.file is {value:.3g} {unit}, far from {least:g} to {most:g} "
-                f"{unit} of solid walls; K is taken in N/m, M in kg, both in SI."
-            )
-
-
-def _loose(modes: rom.ModalWall):
-    n, rigid = len(modes.omega), int(np.count_nonzero(modes.omega == 0))
-    if rigid == n > 1:
-        yield f"K of wall.file is zero: its {n} coordinates are loose masses."
-    elif rigid > RIGID:
-        yield (
-            f"{rigid} of the {n} modes of wall.file have no stiffness, a body that floats has "
-            f"{RIGID}: parts of it are loose."
-        )
-
-
-def _hardly_held(modes: rom.ModalWall):
-    """A K of few digits holds a wall that floats by springs that are rounding."""
-    hz = modes.omega[modes.omega > 0] / (2 * np.pi)
-    steps = hz[:RIGID][: len(hz) - 1] / hz[1:][:RIGID]
-    if len(steps) and steps.min() < SOFT:
-        slow = int(steps.argmin())
-        yield (
-            f"wall.file has {slow + 1} modes up to {hz[slow]:.3g} Hz, the next is at "
-            f"{hz[slow + 1]:.3g} Hz: a wall that floats, its K written with too few digits, looks "
-            "so. Write 16 digits, or take it as held that softly."
-        )
-
-
-def _too_large_half_space(modes: rom.ModalWall, whole: float, local: float):
-    if modes.omega.all() and local > whole:
-        yield (
-            f"The half-space taken off is {local:.3g} m/N, more than the {whole:.3g} m/N of all of "
-            "wall.file: the compliance left for the structure is negative. Is wall.half_space that "
-            "of its patch?"
         )

@@ -1,0 +1,1 @@
+"""Recorded signals: what the files of lasers, gauges and oscilloscopes hold."""

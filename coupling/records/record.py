@@ -1,0 +1,75 @@
+"""Recorded signals on one even time base, repeats apart."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+SYNTHETIC = "SYNTHETIC: computed, not measured"
+LEAST_SAMPLES = 50
+ROUNDING = 0.3  # of a step: what a time base may be off by printing it with few digits
+
+
+class Record(NamedTuple):
+    """Velocities of m spheres, positive towards the wall, in r repeats over k equal times."""
+
+    t: NDArray[np.float64]  # (k,) [s]
+    v: NDArray[np.float64]  # (r, k, m) [m/s]
+    spheres: tuple[int, ...]  # (m,) counted from 1, ascending
+    title: str
+    channels: tuple[Any, ...] | None = None  # what v holds where that is no velocities [SI]
+
+
+def equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times on an even grid; raises ValueError where they leave it."""
+    if not np.isfinite(t).all():
+        raise ValueError(f"the time of sample {int(np.argmin(np.isfinite(t))) + 1} is no number")
+    if len(t) < LEAST_SAMPLES:
+        raise ValueError(f"{len(t)} samples are too few, at least {LEAST_SAMPLES} are needed")
+    steps = np.diff(t)
+    if not (steps > 0).all():
+        raise ValueError(f"time does not grow at sample {int(np.argmin(steps > 0)) + 2}")
+    usual = np.median(steps)
+    even = np.linspace(t[0], t[-1], len(t))
+    if steps.max() > 1.5 * usual:
+        i = int(steps.argmax())
+        raise ValueError(
+            f"a gap of {steps[i] / usual:.3g} steps follows sample {i + 1}, at {t[i]:.6g} s"
+        )
+    if np.abs(t - even).max() > ROUNDING * usual:
+        raise ValueError(
+            f"time is not equidistant, steps are {steps.min():.3g} to {steps.max():.3g} s; "
+            "resample it"
+        )
+    return even
+
+
+def stacked(t: NDArray[np.float64], columns) -> tuple[tuple, NDArray[np.float64]]:
+    """What the columns hold, in order, and their values (r, k, m)."""
+    each: dict[Any, list] = {}
+    for key, values in columns:
+        if not np.isfinite(values).all():
+            i = int(np.argmin(np.isfinite(values)))
+            raise ValueError(f"{_told(key)} has no number at sample {i + 1}, at {t[i]:.6g} s")
+        each.setdefault(key, []).append(values)
+    if not each:
+        raise ValueError("there is no column of a sphere")
+    repeats = {key: len(found) for key, found in each.items()}
+    if len(set(repeats.values())) > 1:
+        told = ", ".join(f"{_told(key)}: {k}" for key, k in repeats.items())
+        raise ValueError(f"spheres differ in repeats ({told}), each needs as many")
+    keys = tuple(sorted(each))
+    return keys, np.array([each[key] for key in keys]).transpose(1, 2, 0)
+
+
+def _told(key: Any) -> str:
+    return getattr(key, "name", f"sphere {key}")
+
+
+def csv_text(measured: Record) -> str:
+    """The record as CSV; files of velocities are read back from it."""
+    r, k, m = measured.v.shape
+    names = [f"sphere {n} [m/s]" for _ in range(r) for n in measured.spheres]
+    table = np.column_stack([measured.t, measured.v.transpose(1, 0, 2).reshape(k, r * m)])
+    lines = [",".join([f"{row[0]:.9g}", *(f"{x:.9g}" for x in row[1:])]) for row in table]
+    return "\n".join([f"# {measured.title}", ", ".join(["time [s]", *names]), *lines, ""])
