@@ -55,21 +55,17 @@ class EffectiveMass(NamedTuple):
 def health(reduced: ReducedModel) -> Health:
     """Measure a reduced model without the matrices it came from; see Health."""
     asymmetry = max(_asymmetry(A) for A in (reduced.K, reduced.M, reduced.C) if A is not None)
-    mass = _extremes(_unit_diagonal(reduced.M))
+    lightest, heaviest = _extremes(_unit_diagonal(reduced.M))
     findings = []
     if asymmetry > 1e-9:
         findings.append(f"the matrices are not symmetric (relative difference {asymmetry:.1e}).")
-    lowest = mass[0] / max(mass[-1], np.finfo(float).tiny)
+    lowest = lightest / max(heaviest, np.finfo(float).tiny)
     if lowest < len(reduced.w) * EPS:
-        findings.append(f"M is not positive definite (lowest eigenvalue {mass[0]:.1e} of 1).")
+        findings.append(f"M is not positive definite (lowest eigenvalue {lightest:.1e} of 1).")
         return Health(asymmetry, lowest, tuple(findings))
-    stiffness = _extremes(_unit_diagonal(reduced.K))
-    found = Health(
-        asymmetry,
-        lowest,
-        tuple(findings),
-        stiffness[0] / stiffness[-1] if stiffness[-1] > 0 else 0.0,
-    )
+    softest, stiffest = _extremes(_unit_diagonal(reduced.K))
+    stiffness = softest / stiffest if stiffest > 0 else 0.0
+    found = Health(asymmetry, lowest, tuple(findings), stiffness)
     try:
         return _with_modes(found, reduced, modal(reduced))
     except ReductionError as indefinite:

@@ -69,7 +69,7 @@ ROOMS = {
         ("coupling/calibration/fitting.py", "coupling/calibration/uncertainty.py",
          "coupling/calibration/parameters.py", "coupling/calibration/signals.py",
          "coupling/calibration/forward.py", "coupling/calibration/instrument.py"),
-        ("coupling_fit",),
+        ("coupling_fit", "coupling_sensed"),
     ),
 }  # fmt: skip
 LONGEST = 6.0  # [s] of a test: longer ones, left out, could only notice more
@@ -78,15 +78,39 @@ UNREAD = "the number is not read"
 START = "where a search begins; its end does not depend on it"
 FAR = "a tolerance that lies far from what it tells apart"
 WORDS = "digits in the words of an error"
+RESHAPED = "numpy takes any negative number for what remains"
+SQUARE = "K is square"
+LOOKS = "when a search looks whether it may end; what it has found by then does not depend on it"
 EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("high = gap - residual * plastic_force(last, 2.0 * gap, A, plastic)", "2.0"): START,
+    ("if e > 0.0:", "0.0"): START,
     ("if sign * v[i] > sign * v[k]:", "sign * v[i] > sign * v[k]"): SAME,
     ("return to_hz * max(1.05, 1.3 * (1e-3 / error) ** 0.23)", "0.001"): START,
     ("return to_hz * max(1.05, 1.3 * (1e-3 / error) ** 0.23)", "0.23"): START,
     ("if following <= s[-1] or first <= 0:", "following <= s[-1]"): SAME,
     ("sigma = -((omega[omega > 0][0] / 10) ** 2)", "0"): "shifts of that size give the same modes",
-    ("omega, phi = known or lowest_modes(problem, min(8, problem.K.shape[0]))", "0"): "K is square",
-    ("return G.reshape(-1, 6)", "1"): "numpy takes any negative number for what remains",
+    ("omega, phi = known or lowest_modes(problem, min(8, problem.K.shape[0]))", "0"): SQUARE,
+    ("omega = lowest_modes(trial, min(8, K.shape[0]), tolerance=ROUGHLY).omega", "0"): SQUARE,
+    ("if 1e-2 < sigma / guess < 1e2:", "0.01 < sigma / guess < 100.0"): SAME,
+    ("if 1e-2 < sigma / guess < 1e2:", "0.01"): FAR,
+    ("if 1e-2 < sigma / guess < 1e2:", "100.0"): FAR,
+    ("start = np.random.default_rng(1).standard_normal((M.shape[0], BLOCK))", "1"): START,
+    ("if exhausted or step % CHECK == 0:", "0"): LOOKS,
+    ("if exhausted or step % CHECK == 0:", "step % CHECK == 0"): LOOKS,
+    ("omega, phi = modes_until(problem, lambda omega, _: len(omega) >= n_modes, tolerance)",
+     "len(omega) >= n_modes"): LOOKS,
+    ("scale = np.sqrt(np.maximum(np.diag(gram), (1e-13 * norm) ** 2 + np.finfo(float).tiny))",
+     "(1e-13 * norm) ** 2 + np.finfo(float).tiny"): "keeps from 0 / 0 what no structure has",
+    ("if len(A) >= LARGE:", "len(A) >= LARGE"): SAME,
+    ("scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))", "1"): "ratios alone are read",
+    ("moved = wall.phi / (wall.omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)",
+     "1 + 1j * LOSS"): "the conjugate has the same size",
+    ("return np.where(beyond[0] < 1e-12 * beyond[0][0], 0.0, missing / scale)", "1e-12"): FAR,
+    ("Z = Z @ (U[:, size > 1e-12] / np.sqrt(size[size > 1e-12]))", "size > 1e-12"): SAME,
+    ("Z = Z @ (U[:, size > 1e-12] / np.sqrt(size[size > 1e-12]))", "1e-12"): FAR,
+    ("order = order[pairs.omega[order] < 2 * np.pi * cutoff_hz]",
+     "pairs.omega[order] < 2 * np.pi * cutoff_hz"): SAME,
+    ("return G.reshape(-1, 6)", "1"): RESHAPED,
     ("size = np.abs(G[:, 3:]).max(initial=1e-300)", "3"): FAR,
     ("if not np.abs(R[len(R) - 1, len(R) - 1]) > LAST**2 * np.abs(R[0, 0]):",
      "LAST ** 2 * np.abs(R[0, 0])"): FAR,
@@ -98,6 +122,12 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "self.duration - (self.signals.t[-1] - t[-1])"): "a longer march begins alike",
     ("calm = slope < CALM * slope.max()", "slope < CALM * slope.max()"): SAME,
     ("blind = np.sqrt((Vt[~seen] ** 2).sum(axis=0)) > 1e-6", "1e-06"): FAR,
+    ("U, s, Vt = np.linalg.svd(scaled.reshape(-1, p), full_matrices=False)", "1"): RESHAPED,
+    ("good = correlation > -2.0  # all but those that have none", "correlation > -2.0"): FAR,
+    ("good = correlation > -2.0  # all but those that have none", "2.0"): FAR,
+    ("arrived = np.flatnonzero(v < -PEAK * np.abs(v).max())", "v < -PEAK * np.abs(v).max()"): SAME,
+    ("return t, np.array(signals) + _noise(rng, twin, len(t), made)",
+     "np.array(signals) + _noise(rng, twin, len(t), made)"): "noise has no sign",
     ("margin = 1e-9 * (high - low)", "1e-09 * (high - low)"): FAR,
     ("late = twin.jitter * rng.standard_normal(twin.repeats) if twin.repeats > 1 else np.zeros(1)",
      "twin.repeats > 1"): "one less its mean is zero",

@@ -93,6 +93,12 @@ def test_a_rig_has_its_parameters_and_their_directions():
             np.testing.assert_allclose(found.reshape(-1, 8)[:, j], exact, rtol=1e-7, atol=1e-9)
 
 
+def test_a_chain_without_a_wall_has_no_directions_of_one():
+    free = a_rig()._replace(wall=None)
+    given = directions(free, every_kind()[:5], np.ones(5))
+    assert given.omega.shape == given.phi.shape == given.zeta.shape == (0, 5)
+
+
 def test_a_damping_ratio_ends_at_zero():
     damping = every_kind()[-1:]
     assert rig_at(a_rig(), damping, [-0.9]).wall.zeta[0] == 0.0
@@ -363,7 +369,7 @@ def test_repeats_are_averaged_where_they_lie_over_each_other():
     spread = np.sqrt(np.mean(np.var(v, axis=0, ddof=1), axis=0))
     np.testing.assert_allclose(still.signals.spread, spread)
     one = aligned(FINE, v[:1], (0, 1))
-    assert np.isnan(one.signals.spread).all() and one.signals.repeats == 1
+    assert np.isnan(one.signals.spread).all() and one.signals.repeats == len(one.shift) == 1
 
 
 @pytest.mark.parametrize("shift", [40e-6, -40e-6])
@@ -474,6 +480,43 @@ def test_noise_between_waves_is_what_does_not_go_on():
     assert noise_of_mean(repeats, NO_FILTER, 1e-5) == pytest.approx(np.sqrt(0.125 / 5))
 
 
+def a_noisy_wave(k, noise=1e-3):
+    """Rising steadily, with a jump in the middle and a drift where it ends."""
+    at = np.arange(k)
+    drift = 0.02 * np.maximum(at - 0.9 * k, 0.0)
+    return 1e-3 * at + (at > k // 2) + drift + noise * np.random.default_rng(k).standard_normal(k)
+
+
+@pytest.mark.parametrize("q", [1, 3, 8])
+def test_noise_is_read_where_six_half_scales_are_calm(q):
+    """v_i+q - 2 v_i + v_i-q in the middle of 6 q samples along which the running mean of 2 q,
+    that of the first and the last 2 q at the ends, changes by less than a twentieth of its most."""
+    v = a_noisy_wave(300)
+    k = len(v)
+    mean = [v[max(i - q, 0) : i + q].mean() if q <= i < k - q else np.nan for i in range(k)]
+    mean[:q], mean[-q:] = [v[: 2 * q].mean()] * q, [v[-2 * q :].mean()] * q
+    change = np.abs([mean[i + q] - mean[i] for i in range(k - q)])
+    calm = change < 0.05 * change.max()
+    middles = [i + 3 * q for i in range(k - 6 * q + 1) if calm[i : i + 5 * q].all()]
+    exact = [v[i + q] - 2 * v[i] + v[i - q] for i in middles]
+    assert 20 < len(exact) < k - 10 * q
+    np.testing.assert_allclose(laid._noise_parts(v, q), exact, rtol=1e-12, atol=1e-15)
+
+
+def test_noise_is_told_from_twenty_half_scales_of_calm_on():
+    q, dt = 4, 1e-6
+    told = {}
+    for k in range(8 * q - 3, 60 * q):
+        v = a_noisy_wave(k)[:, None]
+        found = laid.noise_between_waves(dt * np.arange(k), v, 2 * q * dt)
+        parts = laid._noise_parts(v[:, 0], q) if k > 8 * q else np.zeros(0)
+        told[len(parts)] = found is not None
+        if found is not None:
+            assert found / np.sqrt(np.mean(parts**2) / 6) == pytest.approx(1.0)
+    assert all(known == (size >= 20 * q) for size, known in told.items())
+    assert {20 * q - 1, 20 * q} <= told.keys()
+
+
 def test_some_of_the_spheres():
     whole = Signals(T, np.ones((400, 3)) * [1, 2, 3], (4, 6, 9), np.array([0.1, 0.2, 0.3]))
     some = whole.only([2, 0])
@@ -496,6 +539,15 @@ def test_an_instrument_shows_a_slow_motion_in_its_time_and_a_fast_one_less():
     at = late[inside] - (1 / (2 * np.pi * 1e5)) * laid.DELAY  # the instrument's own delay
     np.testing.assert_allclose(seen.v[inside, 0], 1 - np.cos(2 * np.pi * 2e3 * at), atol=2e-3)
     assert np.abs(seen.v[inside, 1]).max() < 1e-2 and not seen.v[:300].any()
+
+
+def test_a_steady_rise_is_shown_later_by_the_delay_of_the_low_pass_alone():
+    """-B'(0) / B(0) of its poles: the sampled filter has less, the clock makes up for the rest."""
+    twin = Twin(before=1e-4)
+    rise = np.arange(8000.0)[:, None] / (OVERSAMPLED * twin.sampling)
+    seen = shown(rise, np.zeros(1), twin, (0,))
+    later = (seen.t - twin.before - seen.v[:, 0])[-2000:]
+    np.testing.assert_allclose(later * 2 * np.pi * twin.instrument / laid.DELAY, 1.0, rtol=1e-6)
 
 
 def test_repeats_differ_by_jitter_and_noise_of_the_size_asked_for():

@@ -80,6 +80,25 @@ def test_modes_that_change_places_are_followed_by_their_shapes():
     assert by_order.missed.frequency > 0.05
 
 
+@pytest.mark.parametrize(("factor", "counts"), [(1 / 1.3, False), (1.3, True)])
+def test_modes_of_a_hundredth_of_the_mean_compliance_count_for_the_missed_frequency(factor, counts):
+    """A mode of no polynomial's frequency in the thickness, whose compliance is that share."""
+
+    def with_jump(theta):
+        wall, shapes = hinged(theta)
+        omega = 1e5 * (1.0 + 0.2 * np.sin(7e4 * theta[0]))
+        mean = np.sum(wall.phi**2 / wall.omega**2) / len(wall.omega)
+        phi = omega * np.sqrt(factor * 0.01 * mean)
+        put = lambda old, new: np.append(new, old)  # noqa: E731
+        given = wall._replace(
+            omega=put(wall.omega, omega), phi=put(wall.phi, phi), zeta=put(wall.zeta, 0.01)
+        )
+        return Computed(given, np.column_stack([(X == X[3]).astype(float), shapes]))
+
+    plain = made().missed.frequency
+    assert (made(of=with_jump).missed.frequency > 100 * plain) == counts
+
+
 def test_a_mode_that_some_walls_lack_moves_with_the_rest():
     def lacking(theta):
         wall, shapes = hinged(theta, 12 if theta[0] > 0.01 else 10)

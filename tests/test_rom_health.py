@@ -53,3 +53,29 @@ def test_the_extreme_eigenvalues_of_a_large_wall_are_those_of_the_chain_it_is():
     ends = 2 - 2 * np.cos(np.pi * np.array([1, n]) / (n + 1))
     assert found.lowest_stiffness == pytest.approx(ends[0] / ends[1], rel=2e-3)
     assert found.lowest_mass == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("k", "least"), [(3.0e8, 1.0), (0.0, 0.0), (-3.0e8, 0.0)])
+def test_one_mass_on_one_spring_has_one_stiffness_which_is_none_where_it_holds_nothing(k, least):
+    one = full_order([[1.0]], [[MASS]], [1.0])._replace(K=np.array([[k]]))
+    found = health(one)
+    assert (found.lowest_mass, found.lowest_stiffness) == (1.0, least)
+    assert found.n_rigid == (k == 0)
+
+
+def test_a_coordinate_without_mass_of_its_own_is_measured_as_it_stands():
+    """[[1, b], [b, 0]] has the eigenvalues (1 -+ sqrt(1 + 4 b^2)) / 2."""
+    b = 0.3
+    two = full_order(np.eye(2), np.eye(2), [1.0, 0.0])._replace(M=np.array([[1.0, b], [b, 0.0]]))
+    root = np.sqrt(1 + 4 * b**2)
+    assert health(two).lowest_mass / ((1 - root) / (1 + root)) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_units_of_the_coordinates_change_no_measure():
+    K, M = free_chain(STIFFNESS)
+    plain = full_order(K, M, np.eye(N)[-1])
+    S = np.diag(10.0 ** np.random.default_rng(1).uniform(-9, 3, N))
+    scaled = plain._replace(K=S @ plain.K @ S, M=S @ plain.M @ S, w=S @ plain.w)
+    one, other = health(plain), health(scaled)
+    for measure in ("lowest_mass", "lowest_stiffness", "static_compliance"):
+        assert getattr(other, measure) / getattr(one, measure) == pytest.approx(1.0, rel=1e-9)

@@ -23,7 +23,14 @@ from rom.factorisation import Pencil, frequency_scale, noise, solutions, static_
 from rom.fixed_interface import fixed_interface, whole_pencil
 from rom.floating import is_held, pencil
 from rom.health import fixed_interface_hz
-from rom.lanczos import EigenPairs, known_modes, lowest_modes, modes_below, with_columns
+from rom.lanczos import (
+    EigenPairs,
+    known_modes,
+    lowest_modes,
+    modes_below,
+    modes_until,
+    with_columns,
+)
 from rom.truncation import Moments, frequencies, rms, size, tail_errors
 
 N = 12
@@ -109,6 +116,17 @@ def test_a_pencil_is_shifted_where_it_floats_and_as_asked():
     np.testing.assert_allclose((K - free.sigma * M) @ free.factor.solve(W), W, atol=1e-10)
 
 
+@pytest.mark.parametrize("n_chains", [6, 7])
+def test_the_first_elastic_mode_is_looked_for_behind_seven_rigid_ones_at_most(n_chains):
+    """n loose chains have n rigid motions, and as many equal first modes behind them."""
+    K, M = (sp.block_diag([A] * n_chains, format="csc") for A in structure(held=False))
+    first = exact_modes(*structure(held=False))[0][1]
+    assert 1e-2 < -pencil(K, M, superlu).sigma / (first / 10) ** 2 < 1e2
+    more = [sp.block_diag([A] * 8, format="csc") for A in structure(held=False)]
+    with pytest.raises(ReductionError, match="at least 8 rigid-body modes"):
+        pencil(*more, superlu)
+
+
 def test_a_structure_is_held_where_its_lowest_mode_stands_above_rounding():
     K, M = structure(held=False)
     for stiffness, held in ((1e-13, False), (1e-6, True)):
@@ -135,6 +153,23 @@ def test_lowest_modes_are_those_of_dense_algebra(n):
     assert lowest_modes(problem, 0).phi.shape == (n, 0)
     with pytest.raises(ReductionError, match=f"{n + 1} modes were asked"):
         lowest_modes(problem, n + 1)
+
+
+def test_a_search_is_shown_converged_modes_from_the_lowest_on():
+    K, M = structure(n=500)
+    omega, phi = exact_modes(K, M)
+    seen = []
+
+    def enough(found, shapes):
+        k = len(found)
+        np.testing.assert_allclose(found, omega[:k], rtol=1e-8)
+        alike = np.abs(np.einsum("ij,ij->j", shapes(), M @ phi[:, :k]))
+        np.testing.assert_allclose(alike / np.linalg.norm(shapes().T @ (M @ phi), axis=1), 1.0)
+        seen.append(k)
+        return k >= 40
+
+    modes_until(pencil(K, M, superlu), enough)
+    assert seen == sorted(seen) and 40 <= seen[-1] < 80
 
 
 def test_modes_found_elsewhere_are_normalised_and_their_rounding_is_rigid():
@@ -218,16 +253,15 @@ def test_chosen_modes_are_those_that_matter_and_state_what_is_left():
 
 
 def test_modes_are_ranked_by_what_an_oscillator_with_their_moments_misses():
-    """H - phi^2 / omega^2 - phi^2 s^2 / omega^4 over the band, and those to keep first."""
-    omega, to_hz = np.array([5.0, 20.0, 45.0, 64.0, 300.0]), 10.0
-    phi = np.array([1.0, 0.1, 0.12, 0.8, 1.0])
-    s = 2 * np.pi * frequencies(to_hz)[:, None]
+    """1 / (a - b) - 1 / a - b / a^2 = (b / a)^2 / (a - b), over the band; those to keep first."""
+    rng = np.random.default_rng(4)
+    omega, phi = np.sort(10 ** rng.uniform(0.5, 2.5, 40)), rng.uniform(0.1, 1, 40)
+    s = 2 * np.pi * frequencies(10.0)[:, None]
     H = phi**2 / (omega**2 * (1 + 1j * LOSS) - s**2)
-    missed = np.linalg.norm(H - phi**2 / omega**2 - phi**2 * s**2 / omega**4, axis=0)
-    exact = np.argsort(-missed)
-    np.testing.assert_array_equal(_ranked(omega, phi, 0, to_hz), exact)
-    rest = [i for i in exact if i > 1]
-    np.testing.assert_array_equal(_ranked(omega, phi, 2, to_hz), [0, 1, *rest])
+    order = _ranked(omega, phi, 0, 10.0)
+    np.testing.assert_array_equal(order, np.argsort(-np.linalg.norm((s / omega) ** 4 * H, axis=0)))
+    kept = _ranked(omega, phi, 2, 10.0)
+    np.testing.assert_array_equal(kept, [0, 1, *(i for i in order if i > 1)])
 
 
 def test_static_shapes_are_above_the_highest_chosen_or_far_above_the_band():
@@ -236,6 +270,15 @@ def test_static_shapes_are_above_the_highest_chosen_or_far_above_the_band():
     assert static_shapes(omega, np.inf, 10.0) == 2
     assert static_shapes(omega, omega[1], 10.0) == 3
     assert static_shapes(omega, omega[-1], 1e3) == 1
+
+
+@pytest.mark.parametrize("cutoff", [0.999, 1.001])
+def test_modes_handed_in_are_cut_at_the_frequency_asked_for(cutoff):
+    K, M = structure()
+    omega, phi = exact_modes(K, M)
+    asked = Selection(modes=(omega[:8], phi[:, :8]), cutoff_hz=cutoff * omega[5] / (2 * np.pi))
+    kept = 5 if cutoff < 1 else 6
+    np.testing.assert_allclose(np.diag(free_modes(K, M, W, asked).K)[:-1], omega[:kept] ** 2)
 
 
 # --- stated errors -------------------------------------------------------------------------------

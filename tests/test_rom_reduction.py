@@ -12,6 +12,7 @@ from rom import (
     Selection,
     craig_bampton,
     effective_mass,
+    fixed_interface_hz,
     free_modes,
     full_order,
     health,
@@ -380,6 +381,16 @@ def test_craig_bampton_asked_for_an_error_keeps_it(error):
     reduced = craig_bampton(K, M, w, end_boundary(300), Selection(error=error, to_hz=4000.0))
     assert reduced.error <= error
     assert receptance_error(reduced, exact, frequency) < error
+
+
+@pytest.mark.parametrize("error", [1e-2, 1e-3, 1e-4])
+def test_craig_bampton_asked_for_an_error_goes_1_4_times_too_high_at_most(error):
+    """The fixed-interface modes of that share of the cutoff would not have done."""
+    K, M = spring_chain(300)
+    asked = Selection(error=error, to_hz=4000.0)
+    hz = fixed_interface_hz(held_at_the_end(K, M, end_patch(300), asked))
+    fewer = asked._replace(error=None, cutoff_hz=hz[-1] / 1.401)
+    assert held_at_the_end(K, M, end_patch(300), fewer).error > error
 
 
 def test_modes_handed_in_with_wrong_frequencies_are_noticed():
