@@ -79,6 +79,8 @@ START = "where a search begins; its end does not depend on it"
 FAR = "a tolerance that lies far from what it tells apart"
 WORDS = "digits in the words of an error"
 RESHAPED = "numpy takes any negative number for what remains"
+CONJUGATE = "the conjugate has the same size"
+WHOLE = "a count is a whole number"
 SQUARE = "K is square"
 LOOKS = "when a search looks whether it may end; what it has found by then does not depend on it"
 EXPLAINED = {  # line, expression: why no test can notice its mutants
@@ -103,8 +105,10 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "(1e-13 * norm) ** 2 + np.finfo(float).tiny"): "keeps from 0 / 0 what no structure has",
     ("if len(A) >= LARGE:", "len(A) >= LARGE"): SAME,
     ("scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))", "1"): "ratios alone are read",
+    ("beyond = phi[n_known:] ** 2 * (s / omega[n_known:]) ** 4"
+     " / (squared * (1 + 1j * LOSS) - s**2)", "1 + 1j * LOSS"): CONJUGATE,
     ("moved = wall.phi / (wall.omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)",
-     "1 + 1j * LOSS"): "the conjugate has the same size",
+     "1 + 1j * LOSS"): CONJUGATE,
     ("return np.where(beyond[0] < 1e-12 * beyond[0][0], 0.0, missing / scale)", "1e-12"): FAR,
     ("Z = Z @ (U[:, size > 1e-12] / np.sqrt(size[size > 1e-12]))", "size > 1e-12"): SAME,
     ("Z = Z @ (U[:, size > 1e-12] / np.sqrt(size[size > 1e-12]))", "1e-12"): FAR,
@@ -125,6 +129,10 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("U, s, Vt = np.linalg.svd(scaled.reshape(-1, p), full_matrices=False)", "1"): RESHAPED,
     ("good = correlation > -2.0  # all but those that have none", "correlation > -2.0"): FAR,
     ("good = correlation > -2.0  # all but those that have none", "2.0"): FAR,
+    ('calm = np.convolve(calm, np.ones(5 * q), mode="valid") > 5 * q - 0.5',
+     "np.convolve(calm, np.ones(5 * q), mode='valid') > 5 * q - 0.5"): WHOLE,
+    ('calm = np.convolve(calm, np.ones(5 * q), mode="valid") > 5 * q - 0.5', "0.5"): WHOLE,
+    ('calm = np.convolve(quiet, np.ones(width), mode="valid") >= width - 0.5', "0.5"): WHOLE,
     ("arrived = np.flatnonzero(v < -PEAK * np.abs(v).max())", "v < -PEAK * np.abs(v).max()"): SAME,
     ("return t, np.array(signals) + _noise(rng, twin, len(t), made)",
      "np.array(signals) + _noise(rng, twin, len(t), made)"): "noise has no sign",
