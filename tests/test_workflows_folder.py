@@ -160,8 +160,9 @@ def test_nothing_of_an_earlier_run_is_left_or_shown():
     assert small("run", "rig-1dof", "--out=out") == 0
     for name in (*FILES, "figures/of_a_later_version.png"):
         RunFolder(Path("out")).write(name, b"of the run before")
-    with RunFolder(Path("out")).run("name = 'other'\n", FILES):
-        left = {path.name for path in contents("out")}
+    with RunFolder(Path("out")).run("name = 'other'\n", FILES) as folder:
+        assert {path.name for path in contents(folder.path)} == {MARKER, "scene.toml"}
+    left = {path.name for path in contents("out")}
     assert left == {MARKER, "scene.toml"}
 
 
@@ -172,14 +173,85 @@ def test_an_impact_after_a_run_leaves_no_figure_of_the_run():
     assert {path.name for path in contents("out")} == {MARKER, "scene.toml", *written}
 
 
-def test_the_same_scene_keeps_its_finished_files_until_they_are_written_again():
-    folder = RunFolder(Path("out"))
-    with folder.run("name = 'a'\n", FILES):
+FAILURES = (KeyboardInterrupt, ValueError, InvalidScene)
+
+
+@pytest.mark.parametrize("failure", FAILURES)
+@pytest.mark.parametrize("scene", ["name = 'a'\n", "name = 'other'\n"])
+def test_what_was_complete_stays_until_a_run_has_a_result(scene, failure):
+    with RunFolder(Path("out")).run("name = 'a'\n", FILES) as folder:
         folder.write("rom.npz", b"long to make")
         folder.write("summary.json", b"old")
-    with pytest.raises(KeyboardInterrupt), RunFolder(Path("out")).run("name = 'a'\n", FILES):
-        raise KeyboardInterrupt
-    assert Path("out", "rom.npz").exists() and not Path("out", "summary.json").exists()
+    before = contents("out")
+    with pytest.raises(failure), RunFolder(Path("out")).run(scene, FILES) as folder:
+        folder.write("rom.npz", b"new")
+        folder.write("figures/modes.png", b"new")
+        raise failure
+    assert contents("out") == before and not Path("out", "figures").exists()
+    with RunFolder(Path("out")).run(scene, FILES) as folder:
+        folder.write("summary.json", b"new")
+        assert contents("out").items() >= before.items()
+    assert Path("out", "summary.json").read_bytes() == b"new"
+    assert not Path("out", "rom.npz").exists()
+
+
+def test_a_run_that_fails_late_leaves_the_finished_one(monkeypatch, capsys):
+    assert small("run", "rig-1dof", "--out=out") == 0
+    before = contents("out")
+    for failure, status in ((ValueError, 1), (InvalidScene, 2)):
+
+        def fails(*_, failure=failure, **__):
+            raise failure("late.")
+
+        monkeypatch.setattr("workflows.pipeline.run.summary_of", fails)
+        for command in ("run", "impact"):
+            assert small(command, "rig-1dof", "--set=wall.frequency=300", "--out=out") == status
+            assert contents("out") == before
+
+
+@pytest.mark.parametrize("made", [False, True])
+def test_a_refused_run_leaves_nothing_and_a_failed_one_its_finished_files(made):
+    for failure, left in ((InvalidScene, made), (ValueError, True)):
+        if made:
+            Path("out").mkdir(exist_ok=True)
+        with pytest.raises(failure), RunFolder(Path("out")).run("name = 'a'\n", FILES) as folder:
+            folder.write("figures/modes.png", b"finished")
+            raise failure
+        assert Path("out").exists() == left
+        assert Path("out", "figures", "modes.png").exists() == (failure is ValueError)
+
+
+def test_what_a_killed_run_prepared_beside_a_finished_one_goes():
+    with RunFolder(Path("out")).run("name = 'a'\n") as folder:
+        folder.write("summary.json", b"old")
+    Path("out", ".beadwave-new-999999999").mkdir()
+    Path("out", ".beadwave-new-mine").mkdir()
+    Path("out", ".beadwave-new-999999999", "summary.json").write_bytes(b"half a result")
+    with RunFolder(Path("out")).run("name = 'a'\n"):
+        pass
+    assert {path.name for path in Path("out").glob(".beadwave-*")} == {".beadwave-new-mine"}
+
+
+@pytest.mark.parametrize("more", [(), ("--overwrite",)])
+def test_a_folder_in_the_place_of_a_file_is_refused_at_once(more, monkeypatch, capsys):
+    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
+    Path("a", "summary.json").mkdir(parents=True)
+    Path("b").mkdir()
+    Path("b", "figures").write_text("mine")
+    for out in ("a", "b"):
+        before = contents(out)
+        assert small("run", "rig-1dof", f"--out={out}", *more) == 2
+        assert one_line(capsys.readouterr().err) and contents(out) == before
+
+
+def test_the_words_of_another_scene_are_not_taken_for_those_of_a_resolved_one():
+    assert small("run", "rig-rigid", "--out=other") == 0
+    assert small("run", "rig-1dof", "--out=out") == 0
+    words = Path("other", "given.toml").read_text()
+    assert beadwave("run", "other/scene.toml", "--out=out") == 0
+    assert beadwave("run", "other/scene.toml", "--out=other") == 0
+    assert "rig-1dof" not in Path("out", "given.toml").read_text()
+    assert Path("other", "given.toml").read_text() == words
 
 
 def test_a_run_writes_nothing_but_what_it_asked_for_beforehand():

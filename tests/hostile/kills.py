@@ -97,6 +97,7 @@ def finished(out: str, cache: str) -> None:
 
 def killed(number: int, moment: float, inputs: dict[Path, bytes]) -> None:
     """A run that is killed, what it leaves, and the run that goes on."""
+    complete = Path("out/summary.json").exists()
     process = started("out", f"cache-{moment}")
     try:
         said = process.communicate(timeout=moment)[1]
@@ -107,6 +108,10 @@ def killed(number: int, moment: float, inputs: dict[Path, bytes]) -> None:
     require(inputs == contents(inputs), f"{where}: an input has changed")
     for path in Path("out").rglob("*"):
         require(whole(path), f"{where}: {path} is half")
+    putting = any(Path("out").glob(".beadwave-new-*/report.html"))  # in place of the old ones
+    if complete and not putting:
+        require(Path("out/report.html").exists(), f"{where}: a finished run has lost its report")
+        require_answer("out", where)
     if number != SIGKILL and Path("out/scene.toml").exists() and process.returncode:
         require(process.returncode == 128 + number, f"{where}: status {process.returncode} {said}")
         require(said.count("\n") == 1, f"{where}: said {said}")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from workflows.files.own_folder import place
-from workflows.files.run_folder import RunFolder
+from workflows.files.run_folder import RunFolder, write_pictures
 from workflows.files.scene import Changes, Source, files_read
 from workflows.scene import InvalidScene
 from workflows.scene.toml import toml
@@ -74,13 +74,19 @@ def sweep(
     path, notes = place(out, SWEEPS, chosen.name, text)
     read = (*files_read(chosen, scene), *([Path(cases.table)] if cases.table else []))
     folder = RunFolder(path, inputs=read, overwrite=overwrite)
-    with folder.run(text, FILES), _engine(on) as engine:
+    with folder.run(text, FILES) as folder, _engine(on) as engine:
         compute(base, design, folder, engine, signals=signals, told=told)
-        found = opened(path, notes)
-        _require_one(design, found.counts().get("refused", 0), found.messages())
-        for picture in found.pictures():
-            folder.write(f"figures/{picture.name}.png", picture.png)
-    return found
+        _draw(folder, design)
+    return opened(path, notes)
+
+
+def _draw(folder: RunFolder, design: Design) -> None:
+    """Write the pictures of a table; raises InvalidScene where every case was refused."""
+    from workflows.sweep.result import opened
+
+    found = opened(folder.find(FILES[0]).parent)
+    _require_one(design, found.counts().get("refused", 0), found.messages())
+    write_pictures(folder, found.pictures())
 
 
 def _require_one(design: Design, refused: int, messages: Iterable[str]) -> None:
@@ -121,15 +127,12 @@ def scan(
     text = f"{toml(chosen)}\n# scanned: {points.rows}x{points.columns} points\n"
     path, notes = place(out, SCANS, chosen.name, text)
     folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
-    with folder.run(text, FILES):
+    with folder.run(text, FILES) as folder:
         struck = StruckFace(chosen)
         design = points.design(struck)
         compute(struck, design, folder, signals=signals, told=told)
-        found = opened(path, notes)
-        _require_one(design, found.counts().get("refused", 0), found.messages())
-        for picture in found.pictures():
-            folder.write(f"figures/{picture.name}.png", picture.png)
-    return found
+        _draw(folder, design)
+    return opened(path, notes)
 
 
 def sweep_price(

@@ -6,21 +6,23 @@ somebody's. A lock on the marker, which ends with its process, keeps two runs ap
 """
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from errno import ENOLCK, ENOSYS, ENOTSUP
 from fcntl import LOCK_EX, LOCK_NB, flock
-from os import O_CREAT, O_RDWR, close
+from os import O_CREAT, O_RDWR, close, getpid, replace
 from os import open as open_file
-from os.path import isfile, lexists
+from os.path import isdir, isfile, lexists
 from pathlib import Path
 from re import fullmatch
+from shutil import rmtree
 from typing import NamedTuple
 
 from workflows.files.output_file import OutputFile
-from workflows.files.whole_file import among, clear_parts, digest, unfit, writing_file
+from workflows.files.whole_file import among, clear_parts, digest, runs, unfit, writing_file
 from workflows.scene import InvalidScene, nearest
 
 MARKER = ".beadwave"
+NEW = ".beadwave-new-"  # and the number of the process that fills it
 HEAD = "# What beadwave wrote here, with its sha256; the next run clears what is unchanged.\n"
 NO_LOCKS = (ENOLCK, ENOSYS, ENOTSUP)  # file systems without locks
 
@@ -48,25 +50,77 @@ class RunFolder:
     """A folder that is written to; `inputs` are never replaced, what is not ours not unasked."""
 
     def __init__(
-        self, path: Path, *, inputs: tuple[Path, ...] = (), overwrite: bool = False
+        self,
+        path: Path,
+        *,
+        inputs: tuple[Path, ...] = (),
+        overwrite: bool = False,
+        base: "RunFolder | None" = None,
     ) -> None:
         self.path = path
+        self.base = base or self  # where it stands in the end
         self._inputs = inputs
         self._overwrite = overwrite
-        self._written: set[str] = set()
+        self._written: set[str] = set()  # of the result
+        self._new: set[str] = set()  # all that was written, parts of a result included
 
     @contextmanager
     def run(self, scene_toml: str, files: Iterable[str] = ()) -> Iterator["RunFolder"]:
-        """A run of this scene that may write these files; what an earlier one left goes.
+        """Where a run of this scene writes these files; what an earlier one left goes at its end.
 
-        Of a run of the same scene only summary and report go first: the rest is written again.
+        Over files of ours that is a folder inside, so that they stay until then; else this one,
+        which a refused run leaves as it was.
         """
-        same = _text(self.path / "scene.toml") == scene_toml
+        made = not lexists(self.path)
+        same = self.ours("scene.toml") and _text(self.path / "scene.toml") == scene_toml
         with self.held(*(() if same else ("scene.toml",)), *files):
-            self.clear(("summary.json", "report.html") if same else self._noted())
-            self.write("scene.toml", scene_toml)
-            yield self
-            self.clear(self._noted().keys() - self._written)
+            over = any(map(self.ours, self._noted()))
+            try:
+                with self._inside_of() if over else nullcontext(self) as folder:
+                    folder.write("scene.toml", scene_toml)
+                    yield folder
+                    self._take(folder)
+            except InvalidScene:
+                self._withdraw(made)
+                raise
+
+    @contextmanager
+    def _inside_of(self) -> Iterator["RunFolder"]:
+        """A folder in this one, gone at the end; what a killed run left of its own goes first."""
+        for path in self.path.glob(f"{NEW}*"):
+            process = path.name.removeprefix(NEW)
+            if process.isdecimal() and not runs(int(process)):
+                rmtree(path, ignore_errors=True)
+        new = self.path / f"{NEW}{getpid()}"
+        try:
+            yield RunFolder(new, base=self)
+        finally:
+            rmtree(new, ignore_errors=True)
+
+    def _withdraw(self, made: bool) -> None:
+        """Remove what was written since the start, and the folder where it was made for that."""
+        self.clear(self._new)
+        with suppress(OSError):
+            (self.path / "figures").rmdir()
+        if made and [path.name for path in self.path.iterdir()] == [MARKER]:
+            rmtree(self.path)
+
+    def _take(self, new: "RunFolder") -> None:
+        """Put the files of a new folder in the place of those of ours."""
+        arrived = () if new is self else tuple(new._noted())
+        for name in arrived:
+            if not self._holds(name, new.path / name):
+                self._require_no_input(name)
+                self._require_ours(name)
+        self.clear(self._noted().keys() - (new._written - {*arrived}))
+        for name in arrived:
+            if not self._holds(name, new.path / name):
+                self._note(name, new.path / name)
+                (self.path / name).parent.mkdir(exist_ok=True)
+                replace(new.path / name, self.path / name)
+
+    def _holds(self, name: str, other: Path) -> bool:
+        return self.ours(name) and digest(self.path / name) == digest(other)
 
     @contextmanager
     def renewed(self, *files: str) -> Iterator["RunFolder"]:
@@ -78,6 +132,8 @@ class RunFolder:
     def require(self, *files: str) -> None:
         """Raise InvalidScene where the folder cannot be one, or one of these files is not ours."""
         checked_folder(self.path)
+        for folder in {(self.path / name).parent for name in files}:
+            checked_folder(folder)
         for name in files:
             self._require_no_input(name)
         for name in files:
@@ -126,6 +182,15 @@ class RunFolder:
         """Take files of an earlier run for those of this one."""
         self._written.update(names)
 
+    def leave(self, names: Iterable[str]) -> None:
+        """Take files for none of this run's: they go at its end."""
+        self._written.difference_update(names)
+
+    def find(self, name: str) -> Path:
+        """The file of this run, or the one that it keeps of an earlier run."""
+        here = self.path / name
+        return here if isfile(here) else self.base.path / name
+
     def make(self) -> None:
         """Make the folder; raises InvalidScene where it cannot be one."""
         try:
@@ -160,6 +225,8 @@ class RunFolder:
 
     def _require_ours(self, name: str) -> None:
         target = self.path / name
+        if isdir(target):
+            raise InvalidScene(f"--out {self.path} holds {name}, a folder; choose another.")
         if lexists(target) and not (self._overwrite or self.ours(name)):
             raise InvalidScene(
                 f"--out {self.path} holds {name}, which beadwave did not write or which "
@@ -188,6 +255,7 @@ class RunFolder:
     def _note(self, name: str, part: Path) -> None:
         content = digest(part)
         self._written.add(name)
+        self._new.add(name)
         if content in self._noted().get(name, ()):
             return
         with (self.path / MARKER).open("a", encoding="utf-8") as marker:

@@ -41,7 +41,7 @@ def run(pipeline: Pipeline, folder: RunFolder, *, origin: Origin = UNKNOWN) -> S
     scene = pipeline.scene
     if scene.chain and not pipeline.kept("impact"):
         require_start(scene)
-    with folder.run(toml(scene), FILES):
+    with folder.run(toml(scene), FILES) as folder:
         _write_given(folder, origin)
         with two_processes(pipeline, RUN) if needs_structure(scene) else nullcontext():
             unrendered = _write_assembly(pipeline, folder) if needs_structure(scene) else ()
@@ -61,7 +61,7 @@ def impact(pipeline: Pipeline, folder: RunFolder | None, *, origin: Origin = UNK
     scene = pipeline.scene
     if not pipeline.kept("impact"):
         require_start(scene)
-    with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext():
+    with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext() as folder:
         with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
             summary = summary_of(pipeline, origin=origin)
         if folder:
@@ -74,11 +74,12 @@ def impact(pipeline: Pipeline, folder: RunFolder | None, *, origin: Origin = UNK
 def _write_given(folder: RunFolder, origin: Origin) -> None:
     """The scene in the user's words; scene.toml is what they amount to, and a run of it keeps
     them."""
-    file = folder.path / "given.toml"
-    resolved = origin.text.partition("\n")[2] == (folder.path / "scene.toml").read_text("utf-8")
-    text = file.read_text("utf-8") if resolved and file.is_file() else origin.text
+    given, scene = folder.base.path / "given.toml", folder.base.path / "scene.toml"
+    words = origin.text.partition("\n")[2]
+    kept = given.is_file() and scene.is_file() and scene.read_text("utf-8") == words
+    text = given.read_text("utf-8") if kept else origin.text
     if text:
-        folder.write(file.name, text)
+        folder.write(given.name, text)
 
 
 def _write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:

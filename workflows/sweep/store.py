@@ -61,17 +61,18 @@ class Store:
     @property
     def parts(self) -> list[Path]:
         """Files of rows that are complete, of this design alone."""
-        found = self._folder.path.glob(f"{self._prefix}*.parquet")
-        return [path for path in found if self._folder.ours(self._name(path))]
+        found = self._folder.base.path.glob(f"{self._prefix}*.parquet")
+        return [path for path in found if self._folder.base.ours(self._name(path))]
 
     def whole(self) -> bool:
         """Whether the table of this design is there."""
         import pyarrow.parquet as pq
 
-        if not self._folder.ours(TABLE):
+        there = self._folder.base
+        if not there.ours(TABLE):
             return False
-        about = loads((pq.read_schema(self._folder.path / TABLE).metadata or {}).get(ABOUT, b"{}"))
-        kept = self._folder.ours(SIGNALS) or not self._signals
+        about = loads((pq.read_schema(there.path / TABLE).metadata or {}).get(ABOUT, b"{}"))
+        kept = there.ours(SIGNALS) or not self._signals
         return about.get("digest") == self._design.digest and kept
 
     def keep(self) -> None:
@@ -91,9 +92,9 @@ class Store:
 
         name = f"{self._prefix}{min(rows.cases)}-{len(rows.cases)}"
         if rows.signals:  # first: a case counts as done by its row
-            with self._folder.writing(f"{name}.npz") as path:
+            with self._folder.base.writing(f"{name}.npz") as path:
                 np.savez(path, cases=rows.cases, **rows.signals)
-        with self._folder.writing(f"{name}.parquet") as path:
+        with self._folder.base.writing(f"{name}.parquet") as path:
             pq.write_table(self._arrow(rows), path)
 
     def _arrow(self, rows: Rows) -> Any:
@@ -123,7 +124,7 @@ class Store:
         if kept := self._signal_parts():
             with self._folder.writing(SIGNALS) as path:
                 _write_signals(path, kept, whole, self._spheres)
-        self._folder.clear(self._name(part) for part in parts)
+        self._folder.base.leave(self._name(part) for part in parts)
 
     def _about(self) -> dict[str, Any]:
         design = self._design
@@ -131,11 +132,11 @@ class Store:
         return about | {"digest": design.digest, "units": self._units, "face": self._face}
 
     def _signal_parts(self) -> list[Path]:
-        found = self._folder.path.glob(f"{self._prefix}*.npz")
-        return [path for path in found if self._folder.ours(self._name(path))]
+        found = self._folder.base.path.glob(f"{self._prefix}*.npz")
+        return [path for path in found if self._folder.base.ours(self._name(path))]
 
     def _name(self, path: Path) -> str:
-        return path.relative_to(self._folder.path).as_posix()
+        return path.relative_to(self._folder.base.path).as_posix()
 
 
 def _read(part: Path, columns: list[str]) -> dict[str, np.ndarray]:
