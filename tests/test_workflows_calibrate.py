@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from coupling.calibration.coverage import Repeats
+from coupling.calibration.judgement import on_held_out
 from coupling.calibration.search import decisive
 from coupling.records.record import SYNTHETIC, Record, csv_text
+from workflows.calibration import parameters
 from workflows.calibration import twin as experiment
 from workflows.calibration.calibrate import Request, calibrated
 from workflows.calibration.folder import write
-from workflows.calibration.report import on_held_out
 from workflows.commands import app as cli
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
@@ -181,8 +183,8 @@ def test_bars_of_repeats_hold_the_truth(rig, plain):
     first = calibrated(rig, wall(rig), data, "data.csv", request)
     pairs = zip(first.fit.parameters, first.fit.value, strict=True)
     start = tuple(p._replace(start=float(x)) for p, x in pairs)
-    job = experiment._Job(rig, wall(rig), setting, request, plain, start, list(range(1, 25)))
-    inside = experiment._repeated(job)
+    known_rig = parameters.rig(rig, wall(rig), setting.before)
+    inside = Repeats(known_rig, setting, None, plain, start).fitted(range(1, 25))
     known = np.array([made_by.of(p, setting, rig) for p in start])
     assert np.mean(np.abs(inside[:, 0] - known) <= inside[:, 1]) >= 0.8
 

@@ -10,6 +10,10 @@ LEAST_SAMPLES = 50
 ROUNDING = 0.3  # of a step: what a time base may be off by printing it with few digits
 
 
+class UnusableRecord(ValueError):
+    """A record that cannot be what it says; one sentence says what was found and what to do."""
+
+
 class Record(NamedTuple):
     """Velocities of m spheres, positive towards the wall, in r repeats over k equal times."""
 

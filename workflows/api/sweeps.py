@@ -14,8 +14,8 @@ from workflows.scene import InvalidScene
 from workflows.scene.toml import toml
 
 if TYPE_CHECKING:
+    from coupling.sweep.design import Design
     from workflows.sweep.cases import Base
-    from workflows.sweep.design import Design
     from workflows.sweep.price import Price
     from workflows.sweep.result import Sweep
 

@@ -13,6 +13,8 @@ import coupling
 import dem
 from coupling.calibration.calibration import Calibration, calibrate
 from coupling.calibration.forward import Forward
+from coupling.calibration.judgement import on_held_out
+from coupling.calibration.plausibility import cut_off, plausible, require_samples, unlike_the_model
 from coupling.calibration.search import Options
 from coupling.calibration.signals import (
     Aligned,
@@ -25,8 +27,9 @@ from coupling.calibration.signals import (
 from coupling.records.record import Record
 from workflows.calibration import parameters as free_parameters
 from workflows.calibration.channels import scaled
-from workflows.calibration.checks import cut_off, plausible, require_samples, unlike_the_model
-from workflows.calibration.report import CalibrationReport, on_held_out, report_of
+from workflows.calibration.report import CalibrationReport, report_of
+from workflows.files.records import usable
+from workflows.pipeline.chain import initial_velocity
 from workflows.scene import InvalidScene, OneDofWall, Scene
 
 if TYPE_CHECKING:
@@ -66,6 +69,7 @@ class Calibrated(NamedTuple):
         return self.forward.signals
 
 
+@usable()
 def calibrated(
     scene: Scene, wall: dem.Wall | None, measured: Record, source: str, request: Request
 ) -> Calibrated:
@@ -78,7 +82,7 @@ def calibrated(
     start = scaled(scene, free_parameters.rig(scene, wall, 0.0), measured)
     measured, doubts = start.record, start.remarks
     if start.channels is None:
-        doubts = plausible(scene, measured)
+        doubts = plausible(measured, initial_velocity(scene))
     elif request.instrument is not None:
         raise InvalidScene("--instrument is of lasers; say output.sensors' low_pass instead.")
     remarks = [*doubts, *cut_off(measured, time_scale)]

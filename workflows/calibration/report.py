@@ -7,22 +7,13 @@ import numpy as np
 from pydantic import BaseModel
 
 from coupling.calibration.calibration import Calibration
-from coupling.calibration.parameters import Parameter
-from coupling.calibration.search import decisive
+from coupling.calibration.judgement import combinations, identifiable, remarks
 from coupling.calibration.signals import Signals
 from coupling.records.record import SYNTHETIC
 from workflows.results.tables import LINE, aligned_text
 from workflows.scene import OneDofWall, Scene
 
-IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one that may be 0
-WEAK = 0.5
-SUSPICIOUS = 1.05  # what noise alone reaches once in a thousand records
-GUESSED = 1.1  # the same for noise that is known from one record alone
-EXPLAINED = 1.5  # misfit over the noise of the mean
 SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
-TOLD = 3  # combinations that the data cannot tell apart
-MISSED = 3.0  # times what the fitted spheres leave: a sphere held out that is not predicted
-BLURRED = 0.2  # step error over the misfit that is worth a sentence
 
 
 class ParameterRow(BaseModel):
@@ -148,7 +139,7 @@ def report_of(scene, source, measured, fit, signals, noise, left_out) -> Calibra
         else {},
         repeats=signals.repeats,
         trigger_s=float(triggers[0]) if triggers else 0.0,
-        combinations=_combinations(fit),
+        combinations=combinations(fit),
         stages=[stage._asdict() for stage in fit.stages],
         scan_hz=[] if fit.scan is None else list(map(float, fit.scan.value)),
         scan_misfit_m_s=[] if fit.scan is None else list(map(float, fit.scan.misfit)),
@@ -166,118 +157,15 @@ def _rows(fit: Calibration) -> list[ParameterRow]:
             start=p.start,
             found=float(x),
             two_sigma=float(bar) if np.isfinite(bar) else None,
-            identifiable="at its bound" if held else _identifiable(p, x, bar),
+            identifiable="at its bound" if held else identifiable(p, x, bar),
         )
         for p, x, bar, held in zip(fit.parameters, fit.value, bars, fit.at_bound, strict=True)
     ]
 
 
-def _identifiable(p: Parameter, value: float, bar: float) -> str:
-    size = p.scale if p.kind == "trigger" else max(abs(value), 10 * p.scale)
-    share = bar / size
-    return "yes" if share <= IDENTIFIED else "weakly" if share <= WEAK else "no"
-
-
-def _combinations(fit: Calibration) -> list[str]:
-    """The three worst determined combinations, each with its bar in scales of the parameters."""
-    return [
-        f"{c.text(fit.parameters)}: two sigma {c.two_sigma:.2g} scales"
-        for c in fit.uncertainty.combinations[:3]
-    ]
-
-
 def _remarks(scene: Scene, fit: Calibration, noise: float | None, signals: Signals):
-    repeats = signals.repeats
-    if signals.channels:
-        each = zip(signals.names, signals.channels.units, signals.channels.scale, strict=True)
-        told = ", ".join(f"{scale:.3g} {unit} of {name}" for name, unit, scale in each)
-        yield f"Signals are fitted as the velocities of their spheres: 1 m/s stands for {told}."
-    yield from _on_misfit(fit, noise, repeats)
-    yield from _on_combinations(fit)
-    for stage in fit.stages:
-        if not stage.converged:
-            yield f"Stage '{stage.name}' stopped after {stage.evaluations} runs, not converged."
-    if fit.starts > 1 and fit.same_starts < fit.starts:
-        yield f"{fit.same_starts} of {fit.starts} starts found the misfit that is reported."
+    yield from remarks(fit, noise, signals)
     if isinstance(scene.wall, OneDofWall):
         held = {"frequency", "mass"} - {p.kind for p in fit.parameters}
         if "mass" in held and "frequency" not in held:
             yield f"The wall's mass was held at the scene's {scene.wall.mass:g} kg: assumed."
-
-
-def _on_combinations(fit: Calibration):
-    """What the data does not determine, or determines least."""
-    found = fit.uncertainty.combinations
-    unseen = [c for c in found if not c.two_sigma < 2.0]
-    for combination in unseen[:TOLD]:
-        yield (
-            f"The data cannot separate: {combination.text(fit.parameters)} (two sigma "
-            f"{combination.two_sigma:.2g} of their scales)."
-        )
-    if len(unseen) > TOLD:
-        yield (
-            f"Nor can it separate {len(unseen) - TOLD} more of {len(found)} combinations; free "
-            "fewer parameters or measure further spheres."
-        )
-    if found and not unseen:
-        yield (
-            f"Least determined: {found[0].text(fit.parameters)} (two sigma {found[0].two_sigma:.2g}"
-            " of their scales); near the solution no parameter is left undetermined."
-        )
-
-
-def _on_misfit(fit: Calibration, noise: float | None, repeats: int):
-    """What the misfit says beside the noise and beside the model's own error."""
-    total = float(np.sqrt(np.mean(fit.misfit**2)))
-    if noise is None:
-        yield (
-            f"The noise cannot be estimated from one record of so many waves: whether "
-            f"{1e3 * total:.3g} mm/s is noise or a wrong chain remains open; measure repeats."
-        )
-    else:
-        yield _beside_noise(total, noise, repeats)
-        if not decisive(noise, np.abs(fit.data).max(), fit.parameters, fit.data):
-            yield (
-                "At this noise, or with so few spheres measured, a chain with swapped contacts "
-                "may leave hardly more, which the "
-                f"bars do not hold ({fit.same_starts} of {fit.starts} starts found this one): "
-                "measure more repeats or spheres, or hold a sphere out."
-            )
-    if fit.step_error > BLURRED * total:
-        yield (
-            f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
-            f"of {1e3 * total:.2g} mm/s: the bars do not hold it."
-        )
-
-
-def on_held_out(left_out: dict[str, float], fit: Calibration):
-    """A sentence on each sphere that was not fitted and is missed by far more than those that were;
-    left_out [m/s] by the sphere's number."""
-    fitted = float(np.sqrt(np.mean(fit.misfit**2)))
-    for sphere, misfit in left_out.items():
-        if misfit > MISSED * fitted:
-            yield (
-                f"Sphere {sphere}, held out, is missed by {1e3 * misfit:.3g} mm/s, "
-                f"{misfit / fitted:.2g} times what the fitted ones leave: what was found does not "
-                "predict it, contacts may be swapped whatever the bars say; fit to more spheres."
-            )
-
-
-def _beside_noise(total: float, noise: float, repeats: int) -> str:
-    known = "the repeats tell" if repeats > 1 else "the record tells between its waves"
-    of_mean = "noise of the mean" if repeats > 1 else "noise"
-    if total > EXPLAINED * noise:
-        return (
-            f"The misfit of {1e3 * total:.3g} mm/s is {total / noise:.2g} times the {of_mean}, "
-            f"{1e3 * noise:.3g} mm/s: the model does not explain all of the data, and the bars "
-            "hold only for what it leaves as if it were noise."
-        )
-    if total > (SUSPICIOUS if repeats > 1 else GUESSED) * noise:
-        return (
-            f"The misfit is {total / noise:.3g} times the {of_mean}: contacts that no laser "
-            "stands between may be swapped, try more --starts or measure further spheres."
-        )
-    return (
-        f"The misfit is {total / noise:.3g} times the {of_mean} of which {known}: noise alone "
-        "leaves as much."
-    )

@@ -5,9 +5,6 @@ fitted: another scheme marches it at an error of 1e-8 and a higher rate, the ins
 acts on that, and noise and trigger are added to its samples.
 """
 
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import active_children, get_context
-from signal import SIG_BLOCK, SIG_SETMASK, SIGINT, pthread_sigmask
 from textwrap import fill
 from time import perf_counter
 from typing import NamedTuple
@@ -16,11 +13,9 @@ import numpy as np
 from pydantic import BaseModel
 
 import dem
-from coupling.calibration.calibration import calibrate
+from coupling.calibration.coverage import Repeats, refitted
 from coupling.calibration.instrument import OVERSAMPLED, Clean, Twin, repeated, shown
 from coupling.calibration.parameters import Parameter
-from coupling.calibration.search import Options
-from coupling.calibration.signals import Filter, aligned
 from coupling.records.record import SYNTHETIC, Record
 from workflows.calibration import parameters as free_parameters
 from workflows.calibration.calibrate import Calibrated, Request, calibrated
@@ -175,11 +170,8 @@ def coverage(
         p._replace(start=float(x))
         for p, x in zip(found.fit.parameters, found.fit.value, strict=True)
     )
-    jobs = [
-        _Job(scene, wall, twin, request, made, start, list(range(1 + part, 1 + runs, 2)))
-        for part in range(2)
-    ]
-    inside = np.vstack([part for part in _in_two_processes(jobs) if len(part)])
+    rig = free_parameters.rig(scene, wall, twin.before)
+    inside = refitted(Repeats(rig, twin, request.band, made, start), runs)
     hits = np.abs(inside[:, 0] - known) <= inside[:, 1]
     share = {p.name: float(s) for p, s in zip(start, hits.mean(axis=0), strict=True)}
     return Coverage(
@@ -189,44 +181,3 @@ def coverage(
         pooled=float(hits.mean()),
         met=min(share.values()) >= SOUGHT,
     )
-
-
-def _in_two_processes(jobs: list["_Job"]) -> list[np.ndarray]:
-    """What `_repeated` gives of each; the processes end with this one's interruption."""
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        unblocked = pthread_sigmask(SIG_BLOCK, {SIGINT})  # inherited: Ctrl-C is this one's to tell
-        try:
-            parts = pool.map(_repeated, jobs)
-        finally:
-            pthread_sigmask(SIG_SETMASK, unblocked)
-        try:
-            return list(parts)
-        except BaseException:
-            for process in active_children():
-                process.terminate()
-            raise
-
-
-class _Job(NamedTuple):
-    """Repeats for one process."""
-
-    scene: Scene
-    wall: dem.Wall | None
-    twin: Twin
-    request: Request
-    made: Clean
-    start: tuple[Parameter, ...]
-    runs: list[int]
-
-
-def _repeated(job: _Job) -> np.ndarray:
-    """(runs, 2, p): what was found and its two-sigma bar."""
-    found = []
-    for run in job.runs:
-        data = measured(job.made, job.twin, run)
-        laid = aligned(data.t, data.v, tuple(n - 1 for n in data.spheres))
-        filters = Filter(job.request.band, job.twin.instrument)
-        rig = free_parameters.rig(job.scene, job.wall, job.twin.before)
-        fit = calibrate(rig, job.start, laid.signals, filters, Options(local=True))
-        found.append([fit.value, fit.uncertainty.two_sigma])
-    return np.array(found)

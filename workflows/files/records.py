@@ -9,6 +9,8 @@ scene's sensor says, or that nobody knows. Columns that come twice are repeats: 
 each other and averaged. A column without a quantity is what its unit measures, in volts a velocity.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from re import fullmatch, split
@@ -20,7 +22,7 @@ from numpy.typing import NDArray
 from coupling.band import Band
 from coupling.calibration.signals import aligned
 from coupling.records.formats import Found, of_mat, text_of
-from coupling.records.record import SYNTHETIC, Record
+from coupling.records.record import SYNTHETIC, Record, UnusableRecord
 from coupling.sensors import Sensor
 from workflows.files.foreign import arrays
 from workflows.files.uff import ENDINGS
@@ -38,6 +40,15 @@ from workflows.scene.sensors import KINDS
 from workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
 
 HEADING = r"sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"
+
+
+@contextmanager
+def usable() -> Iterator[None]:
+    """A record that cannot be what it says raised as InvalidScene."""
+    try:
+        yield
+    except UnusableRecord as error:
+        raise InvalidScene(str(error)) from None
 
 
 class Channel(NamedTuple):

@@ -8,14 +8,14 @@ import numpy as np
 import coupling
 import dem
 from coupling.calibration.parameters import Parameter
+from coupling.calibration.plausibility import WRONG_UNITS, require_samples
 from coupling.calibration.signals import noise_between_waves
 from coupling.inspection.fitting import Fit
 from coupling.inspection.forward import Forward, Shot, unknowns
 from coupling.inspection.inversion import Inversion, inverted, profiled
 from coupling.inspection.search import Searched, rise, searched
 from coupling.parametric_wall import Box
-from workflows.calibration.checks import WRONG_UNITS, require_samples
-from workflows.files.records import Recorded, sensor_of
+from workflows.files.records import Recorded, sensor_of, usable
 from workflows.inspection import numbers
 from workflows.inspection.structure import Structure, structure
 from workflows.pipeline.pipeline import Progress
@@ -121,7 +121,8 @@ def _problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...
     forward = Forward(model, tuple(sensor for sensor, _ in pairs), dt, within)
     triggers, noise = [], []
     for i, (one, start) in enumerate(zip(records, starts, strict=True), 1):
-        require_samples(one.t, time_scale)
+        with usable():
+            require_samples(one.t, time_scale)
         noise.append(_noise(one, time_scale))
         shown = forward.shown(start, one.t - one.t[0])
         _require_size(one, shown, group < 0)

@@ -11,10 +11,10 @@ from logging import getLogger
 from os import cpu_count
 from typing import Any
 
+from coupling.sweep.rows import FAILED, Rows, without_result
 from workflows.scene import InvalidScene
 from workflows.sweep.march import rows
 from workflows.sweep.models import Prepared, models, prepared
-from workflows.sweep.rows import FAILED, Rows, without_result
 from workflows.sweep.tasks import Sharing, Task
 
 RETRIES = 2  # of a task whose worker ended

@@ -2,15 +2,14 @@
 
 import csv
 from collections.abc import Callable, Iterable
-from hashlib import sha256
-from json import dumps
 from math import isfinite, prod
 from pathlib import Path
 from tomllib import TOMLDecodeError, loads
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from coupling.sweep.design import Axis, Design, combined, latin_hypercube, sobol
 from workflows.scene import InvalidScene
 from workflows.scene.named_files import require_file
 
@@ -22,92 +21,22 @@ RANGE = "low:high or low:high:log"
 Number = Callable[[str, str], float]  # of a key and a text, which may have a unit
 
 
-class Design(NamedTuple):
-    """Cases of a sweep: `columns` has the values of each key, one per case."""
-
-    kind: str  # "grid", "lhs", "sobol" or "table"
-    columns: dict[str, tuple[Any, ...]]
-    base: int = 0  # of a Sobol design: samples of its matrices A and B
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """The keys that vary."""
-        return tuple(self.columns)
-
-    @property
-    def n_cases(self) -> int:
-        """How many cases there are."""
-        return len(next(iter(self.columns.values())))
-
-    @property
-    def digest(self) -> str:
-        """Changes with every value of every case."""
-        return sha256(dumps(self.columns, default=repr).encode()).hexdigest()[:12]
-
-    def case(self, i: int) -> dict[str, Any]:
-        """Values of one case by key."""
-        return {key: values[i] for key, values in self.columns.items()}
-
-
-class Axis(NamedTuple):
-    """One `--over`: values of a grid, or a range to sample."""
-
-    key: str
-    values: tuple[Any, ...] = ()
-    low: float = 0.0
-    high: float = 0.0
-    logarithmic: bool = False
-
-    def at(self, unit: np.ndarray) -> np.ndarray:
-        """Values for places (n,) between 0 and 1 in the range."""
-        if self.logarithmic:
-            return self.low * (self.high / self.low) ** unit
-        return self.low + (self.high - self.low) * unit
-
-
 def grid(over: Iterable[str], number: Number) -> Design:
     """Every combination of the values of all axes, the last key varying fastest.
 
     Raises InvalidScene for an axis that cannot be read and for more cases than a table holds.
     """
     axes = _distinct([_grid_axis(text, number) for text in over])
-    lengths = [len(axis.values) for axis in axes]
-    _require_number(prod(lengths))
-    columns, before = {}, 1
-    for axis, n in zip(axes, lengths, strict=True):
-        each = prod(lengths) // (before * n)
-        columns[axis.key] = tuple(v for v in axis.values for _ in range(each)) * before
-        before *= n
-    return Design("grid", columns)
+    _require_number(prod(len(axis.values) for axis in axes))
+    return combined(axes)
 
 
 def sampled(over: Iterable[str], sample: str, seed: int, number: Number) -> Design:
-    """Latin hypercube ("lhs:n"), or the matrices A, B and A_B of a Sobol design ("sobol:n").
-
-    A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259: A and B have n rows each, A_B takes
-    one column of B at a time, n (d + 2) cases for d keys. Raises InvalidScene.
-    """
+    """Latin hypercube ("lhs:n"), or a Sobol design ("sobol:n"); raises InvalidScene."""
     kind, n = _sample(sample)
     axes = _distinct([_range_axis(text, number) for text in over])
     _require_number(n * (len(axes) + 2 if kind == "sobol" else 1))
-    unit = _unit_sobol(n, len(axes), seed) if kind == "sobol" else _unit_lhs(n, len(axes), seed)
-    columns = {axis.key: tuple(axis.at(unit[:, j]).tolist()) for j, axis in enumerate(axes)}
-    return Design(kind, columns, n if kind == "sobol" else 0)
-
-
-def _unit_lhs(n: int, d: int, seed: int) -> np.ndarray:
-    from scipy.stats import qmc
-
-    return qmc.LatinHypercube(d, rng=np.random.default_rng(seed)).random(n)
-
-
-def _unit_sobol(n: int, d: int, seed: int) -> np.ndarray:
-    from scipy.stats import qmc
-
-    both = qmc.Sobol(2 * d, rng=np.random.default_rng(seed)).random(n)
-    A, B = both[:, :d], both[:, d:]
-    mixed = [np.where(np.arange(d) == j, B, A) for j in range(d)]
-    return np.vstack([A, B, *mixed])
+    return (sobol if kind == "sobol" else latin_hypercube)(axes, n, seed)
 
 
 def table(path: Path) -> Design:

@@ -6,12 +6,12 @@ import numpy as np
 
 import coupling
 import dem
+from coupling.sweep.rows import FAILED, REFUSED, Rows, measured, without_result
 from workflows.pipeline.chain import on_surface, simple_wall, start, together
 from workflows.pipeline.impact import impact, require_start
 from workflows.scene import RomWall
 from workflows.sweep.cases import Checked, Group
 from workflows.sweep.models import FAILURES, Prepared, sentence
-from workflows.sweep.rows import FAILED, REFUSED, Rows, measured, without_result
 
 
 def rows(checked: Checked, shared: Prepared, signals: bool) -> list[Rows]:

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from coupling.sweep.design import Design
+from coupling.sweep.effects import Effects, sobol_effects
+from coupling.sweep.rows import DONE, TEXT
 from workflows.files.run_folder import Picture
 from workflows.results import tables
 from workflows.results.tables import Table
 from workflows.scene import InvalidScene, nearest
 from workflows.scene.named_files import unfit
-from workflows.sweep.design import Design
-from workflows.sweep.effects import Effects, effects_table, sobol_effects
-from workflows.sweep.rows import DONE, TEXT
+from workflows.sweep.effects import effects_table
 from workflows.sweep.store import ABOUT, SIGNALS, TABLE
 
 SHOWN = 40  # cases of a table on a terminal
@@ -77,7 +78,10 @@ class Sweep:
     def effects(self, output: str, *, logarithm: bool = False) -> Effects:
         """Sobol's indices of an output, or of its logarithm, with their standard errors."""
         y = self._output(output)
-        return sobol_effects(self.design, np.log(y) if logarithm else y)
+        try:
+            return sobol_effects(self.design, np.log(y) if logarithm else y)
+        except ValueError as reason:
+            raise InvalidScene(str(reason)) from None
 
     def plot(self, output: str | None = None, keys: tuple[str, ...] | None = None) -> Picture:
         """An output over keys, all that vary without any; raises InvalidScene for other names."""

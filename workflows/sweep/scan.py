@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import coupling
 import dem
+from coupling.sweep.rows import FAILED, REFUSED, Rows, measured, without_result
 from workflows.files.run_folder import RunFolder
 from workflows.pipeline.chain import Start
 from workflows.pipeline.errors import COARSER, MARGIN, ORDER, SHORTER
@@ -23,7 +24,6 @@ from workflows.pipeline.rig import STRUCK
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.sweep.cases import Base
 from workflows.sweep.design import Design
-from workflows.sweep.rows import FAILED, REFUSED, Rows, measured, without_result
 from workflows.sweep.store import About, Store
 from workflows.sweep.tasks import CHUNK
 

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coupling.sweep.design import Design
+from coupling.sweep.rows import TEXT, Rows
 from workflows.files.run_folder import RunFolder
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.quantities import entries
-from workflows.sweep.design import Design
-from workflows.sweep.rows import TEXT, Rows
 
 TABLE, SIGNALS = "cases.parquet", "signals.nc"
 ABOUT = b"beadwave"  # in the table's metadata: what it is a table of

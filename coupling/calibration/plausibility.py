@@ -1,11 +1,11 @@
-"""What measured velocities must be like before a scene is fitted to them."""
+"""What measured velocities must be like before a chain is fitted to them."""
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from coupling.calibration.signals import Signals
-from coupling.records.record import Record
-from workflows.pipeline.chain import initial_velocity
-from workflows.scene import InvalidScene, Scene
+from coupling.records.record import Record, UnusableRecord
 
 WRONG_UNITS = 20.0  # peak velocity over the striker's
 DOUBTFUL_UNITS = 3.0
@@ -20,32 +20,32 @@ SAME_VALUE = 1e-6  # of the largest velocity
 ALIKE = 0.5  # correlation with the start model
 
 
-def plausible(scene: Scene, measured: Record):
-    """Raise InvalidScene for data that cannot be what it says; sentences on what is doubtful."""
+def plausible(measured: Record, v0: np.ndarray) -> Iterator[str]:
+    """Raise UnusableRecord for data that cannot be what it says of a chain that starts with v0 (n,)
+    [m/s]; sentences on what is doubtful."""
     for n in measured.spheres:
-        if not 1 <= n <= scene.chain.count:
-            raise InvalidScene(
-                f"the data has sphere {n}, allowed are 1 to chain.count = {scene.chain.count}; "
+        if not 1 <= n <= len(v0):
+            raise UnusableRecord(
+                f"the data has sphere {n}, allowed are 1 to chain.count = {len(v0)}; "
                 "correct its header or the scene."
             )
-    speed = np.abs(initial_velocity(scene)).max()
+    speed = np.abs(v0).max()
     ratio = np.abs(measured.v).max() / speed
     told = f"velocities reach {np.abs(measured.v).max():.3g} m/s, the scene's striker {speed:g} m/s"
     if not 1 / WRONG_UNITS < ratio < WRONG_UNITS:
-        raise InvalidScene(f"{told}; correct the unit in the data's header or striker.velocity.")
+        raise UnusableRecord(f"{told}; correct the unit in the data's header or striker.velocity.")
     if not 1 / DOUBTFUL_UNITS < ratio < DOUBTFUL_UNITS:
         yield f"{told}: check units and striker.velocity."
     _require_start(measured)
     _require_waves(measured)
     _require_order(measured)
-    yield from _offsets(scene, measured)
+    yield from _offsets(measured, v0)
 
 
-def _offsets(scene: Scene, measured: Record):
+def _offsets(measured: Record, v0: np.ndarray):
     begin = measured.v.mean(axis=0)[:5].mean(axis=0)
     for n, v in zip(measured.spheres, begin, strict=True):
-        rest = initial_velocity(scene)[n - 1]
-        if rest == 0.0 and abs(v) > OFFSET * np.abs(measured.v).max():
+        if v0[n - 1] == 0.0 and abs(v) > OFFSET * np.abs(measured.v).max():
             yield (
                 f"Sphere {n} begins at {v:.3g} m/s, the scene has it at rest: take the "
                 "instrument's offset off the data."
@@ -59,11 +59,11 @@ def _require_start(measured: Record) -> None:
     if measured.spheres[0] != 1 or begin > ARRIVED * np.abs(v).max():
         return
     if begin < -ARRIVED * np.abs(v).max():
-        raise InvalidScene(
+        raise UnusableRecord(
             f"sphere 1, the striker, starts at {begin:.3g} m/s, away from the wall; velocities "
             "towards the wall must be positive, turn the sign of the data or check its columns."
         )
-    raise InvalidScene(
+    raise UnusableRecord(
         f"sphere 1, the striker, starts at {begin:.3g} m/s: the record begins after it has hit, or "
         "the columns are swapped; begin earlier or correct the header."
     )
@@ -76,7 +76,7 @@ def _require_waves(measured: Record) -> None:
     for n, moved in zip(measured.spheres, change, strict=True):
         if moved < STILL * np.abs(v).max():
             last = 1e3 * (measured.t[-1] - measured.t[0])
-            raise InvalidScene(
+            raise UnusableRecord(
                 f"no wave comes by sphere {n} within the {last:.4g} ms of the record, its velocity "
                 f"changes by {moved:.2g} m/s; record longer, leave the sphere out or check its "
                 "column."
@@ -90,30 +90,30 @@ def _require_order(measured: Record) -> None:
     arrived = (np.abs(change) > ARRIVED * np.abs(v).max(axis=0)).argmax(axis=0)
     for i, n in enumerate(measured.spheres):
         if n > 1 and change[arrived[i], i] < 0:
-            raise InvalidScene(
+            raise UnusableRecord(
                 f"the first wave at sphere {n} goes away from the wall; velocities towards the "
                 "wall must be positive, turn the sign of the data or check its columns."
             )
         if i and arrived[i] <= arrived[i - 1]:
             before = measured.spheres[i - 1]
             at, earlier = 1e3 * measured.t[arrived[[i, i - 1]]]
-            raise InvalidScene(
+            raise UnusableRecord(
                 f"the first wave reaches sphere {n} at {at:.3g} ms, sphere {before} only at "
                 f"{earlier:.3g} ms; the columns may be swapped, correct the header."
             )
 
 
 def require_samples(t: np.ndarray, time_scale: float) -> None:
-    """Raise InvalidScene where waves pass between two samples, or a record ends within one."""
+    """Raise UnusableRecord where waves pass between two samples, or a record ends within one."""
     dt, last = t[1] - t[0], t[-1] - t[0]
     if dt > COARSEST * time_scale:
-        raise InvalidScene(
+        raise UnusableRecord(
             f"a sample every {1e6 * dt:.3g} us is too seldom for contacts that move within "
             f"{1e6 * time_scale:.3g} us; measure with {1 / (COARSEST * time_scale):.3g} Hz or "
             "more, or correct the unit of time."
         )
     if last < SHORTEST * time_scale:
-        raise InvalidScene(
+        raise UnusableRecord(
             f"the record lasts {1e6 * last:.3g} us, contacts move within {1e6 * time_scale:.3g} "
             "us; correct the unit of time or record longer."
         )
@@ -147,7 +147,7 @@ def unlike_the_model(signals: Signals, data, model, lag: float, dt: float, time_
     """Sentences on data (k, m) that is unlike the model (k, m) it starts from, `lag` [s] later."""
     t = signals.t
     if abs(lag) > 0.5 * (t[-1] - t[0]):
-        raise InvalidScene(
+        raise UnusableRecord(
             f"the first touch would be at {1e3 * (t[0] + lag):.3g} ms, in the second half of the "
             f"record or before it; shift the record, or give --trigger."
         )
