@@ -23,6 +23,7 @@ STEEL = (
 )  # fmt: skip
 SIZE = (1500, 1050)
 GRIDS = {0: (1, 1), 1: (1, 1), 2: (2, 1), 3: (2, 2), 4: (2, 2)}  # rows and columns of modes
+CAPTION = "colour: displacement over the largest of the mode"
 IMPACT = "#c8371b"
 RAMP = ("#cfd5db", "#f3c35f", "#e2622f", "#8b1a3a")  # of displacements, as in the report page
 EXAGGERATED = 0.05  # of the assembly's size: the largest displacement as drawn
@@ -49,10 +50,11 @@ def assembly(grid: pv.DataSet, names: list[str], strike: list[float], path: Path
     if strike:
         _arrow(plotter, np.array(strike[:3]), np.array(strike[3:]), 0.2 * grid.length)
     millimetres = [1e3 * x for x in grid.bounds]
-    plotter.show_bounds(
+    axes = plotter.show_bounds(
         axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]", n_xlabels=3,
         n_ylabels=3, n_zlabels=3, fmt="%.0f", font_size=11, location="outer", color="#505050",
     )  # fmt: skip
+    axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
     _view(plotter)
     plotter.screenshot(path)
 
@@ -88,8 +90,8 @@ def _arrow(plotter: pv.Plotter, tip: np.ndarray, along: np.ndarray, length: floa
     )
     plotter.add_mesh(arrow, color=IMPACT, **MATT)
     plotter.add_point_labels(
-        [start], ["impact"], font_size=22, text_color=IMPACT, shape=None, show_points=False,
-        always_visible=True,
+        [start - 0.3 * length * along], ["impact"], font_size=22, text_color=IMPACT, shape=None, show_points=False,
+        always_visible=True, justification_horizontal="center", justification_vertical="center",
     )  # fmt: skip
 
 
@@ -102,6 +104,7 @@ def modes(grid: pv.DataSet, path: Path) -> None:
     for i, name in enumerate(names[:4]):
         plotter.subplot(i // columns, i % columns)
         _mode(plotter, grid, name)
+    plotter.add_text(CAPTION, position="lower_left", font_size=8, color="black")
     plotter.screenshot(path)
 
 
