@@ -90,8 +90,9 @@ def _arrow(plotter: pv.Plotter, tip: np.ndarray, along: np.ndarray, length: floa
     )
     plotter.add_mesh(arrow, color=IMPACT, **MATT)
     plotter.add_point_labels(
-        [start - 0.3 * length * along], ["impact"], font_size=22, text_color=IMPACT, shape=None, show_points=False,
-        always_visible=True, justification_horizontal="center", justification_vertical="center",
+        [start - 0.3 * length * along], ["impact"], font_size=22, text_color=IMPACT, shape=None,
+        show_points=False, always_visible=True, justification_horizontal="center",
+        justification_vertical="center",
     )  # fmt: skip
 
 
