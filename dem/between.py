@@ -16,7 +16,7 @@ from dem.stability import fastest_decay
 from dem.trajectory import MOST_MODES, Trajectory, equal_steps, marched, room_for, run
 from dem.trajectory import trajectory as trajectory_of
 
-WORTH = 1.5  # times as many steps, for the sake of the samples: fewer are taken as they are
+WORTH = 1.1  # times as many steps, for the sake of the samples: fewer are taken as they are
 MOST_ENDS = 4  # of steps a sample: beyond, stopping there adds little
 FOLLOWED = 2.5  # of a mode's phase, that a polynomial follows in a step
 

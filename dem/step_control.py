@@ -21,8 +21,11 @@ from dem.stability import (
 )
 from dem.trajectory import Trajectory, march, run, start
 
-FAR = 4.0  # times the step, of the march that the first is compared with where forces are smooth
+FAR = 4.0  # times the step, of the march that the first is compared with
 FAR_ENOUGH, FAR_FIRST = 2.7, 2.4  # order that a pair shows that is as far apart: it scatters less
+FARTHEST, NEAREST = 6.0, 1.4  # times the step, where the energy of that march says so
+MARGIN = 2.0  # in the energy: its errors scatter by as much from step to step
+BOLDER = {"rkn6": 1.2, "split4": 1.6}  # times longer first steps, of schemes that bear it
 FIRST, MOST = 1.5, 2.0  # order that one pair of marches shows, and that any number of them does
 BELOW = 0.5  # the observed order, which scatters
 ALONE = 1.5  # of the first difference where forces jump: no other bears it out
@@ -79,12 +82,13 @@ def march_to_error(
     """Trajectory whose velocities are off by less than `error` times the largest initial speed on
     the observed spheres (indices, None for all).
 
-    The first march is compared with one of steps four times as long, whose energy error sets its
-    own step; the estimate divides their difference by what order 2.4 leaves, that of marches less
-    far apart by what order 1.5 does, of a third by what the observed order leaves, up to 2 (1.5
-    before a dashpot; 0.75 for the linear laws, whose force jumps, and for contacts that yield,
-    whose stiffness does; there the last two differences count): all schemes here keep more, but
-    not at every step. Raises UnstableStep where the evaluations allowed do not suffice.
+    The first march is compared with one of steps about four times as long, whose energy error sets
+    its own step; where its ledger closes too little, a finer march is compared with the same. The
+    estimate divides their difference by what order 2.4 leaves, that of marches less far apart by
+    what order 1.5 does, of a third by what the observed order leaves, up to 2 (1.5 before a
+    dashpot; 0.75 for the linear laws, whose force jumps, and for contacts that yield, whose
+    stiffness does; there the last two differences count): all schemes here keep more, but not at
+    every step. Raises UnstableStep where the evaluations allowed do not suffice.
     """
     validate(chain, wall, v0)
     positive("error", error)
@@ -117,7 +121,9 @@ def march_to_error(
         except UnstableStep:
             return None
 
-    first = _first_step(method, error, asked.energy_error) / rate
+    # light wall modes make contacts stiff for stability, not for the accuracy of their solution
+    rigid = max(fastest_rate(prepared._replace(wall=None), v0), 1.0 / duration)
+    first = _first_step(method, error, asked.energy_error) / rigid
     return _refined(attempt, min(first, duration), method, asked)
 
 
@@ -155,12 +161,12 @@ def _witness(prepared, state):
 
 def _refined(attempt, step, method, asked):
     """The first march by finer and finer steps that is within what is asked."""
-    duration, n_save, apart = asked.duration, asked.n_save, _apart(asked.order)
+    duration, n_save, apart = asked.duration, asked.n_save, _apart(method, asked.order)
     spent = duration / (apart * step) * method.evaluations
     if not spent <= asked.evaluations:
         raise UnstableStep(_unaffordable(asked.error, duration, step, spent, asked.evaluations))
     coarse = attempt(apart * step, _sparser(n_save, duration / (apart * step)))
-    if coarse is not None:
+    if coarse is not None and method.kind != "implicit":
         step = coarse.dt / _apart_for_energy(coarse, method, asked)
     tried = []
     while True:
@@ -174,26 +180,33 @@ def _refined(attempt, step, method, asked):
         tried.append(_compared(coarse, fine, tried, method, asked))
         if tried[-1].excess <= 1.0:
             break
-        coarse, step = fine, fine.dt / _shortening(tried[-1].excess, method, asked.order)
+        coarse = fine if tried[-1].velocity > 1.0 else coarse
+        step = fine.dt / tried[-1].shorter
     compared = tuple(map(np.array, zip(*tried, strict=True)))[:3]
     estimate = tried[-1].estimate
     report = StepReport(*compared, estimate, int(spent))
     return Controlled(fine._replace(error_estimate=estimate), report)
 
 
-def _apart(order):
+def _apart(method, order):
     """How many times longer the steps of the march are that the first is compared with."""
-    return FAR if order > 1.0 else 2.0
+    return FAR if order > 1.0 or method.kind != "implicit" else 2.0
 
 
 def _apart_for_energy(coarse, method, asked):
     """The same, where the ledger of that march says what closes it as asked."""
-    apart = _apart(asked.order)
-    if method.kind == "implicit" or apart < FAR:
-        return apart
-    closed = max(asked.energy_error, _rounding_of_energy(coarse, method))
-    needed = (3.0 * coarse.energy_error / closed) ** (1.0 / min(method.order, 4))
-    return float(np.clip(needed, 2.0, 2.0 * apart))
+    needed = _shorter_for_energy(_energy_excess(coarse, method, asked), method, asked.order)
+    return float(np.clip(needed, NEAREST if np.isfinite(asked.energy_error) else 2.0, FARTHEST))
+
+
+def _energy_excess(run, method, asked):
+    """Energy error over what is asked, or over what rounding leaves where that is more."""
+    return run.energy_error / max(asked.energy_error, _rounding_of_energy(run, method))
+
+
+def _shorter_for_energy(excess, method, order):
+    """How many times shorter a step that is likely to close the ledger has to be."""
+    return (MARGIN * excess) ** (1.0 / min(method.order, 4.0 if order > 1.0 else 3.0))
 
 
 class _Comparison(NamedTuple):
@@ -204,28 +217,33 @@ class _Comparison(NamedTuple):
     energy_error: float
     wide: float  # [s] step of the coarser one
     estimate: float
-    excess: float  # of the errors over what is asked for
+    velocity: float  # error over what is asked for
+    excess: float  # of the larger of velocity and energy
+    shorter: float  # times, is a step that is likely to do
 
 
 def _compared(coarse, fine, tried, method, asked):
     difference = _difference(coarse, fine, asked)
-    order = _observed_order(tried, difference, coarse.dt, asked.order)
-    if not tried and asked.order == MOST and coarse.dt > FAR_ENOUGH * fine.dt:
+    before = next((one for one in reversed(tried) if one.wide > coarse.dt), None)
+    order = _observed_order(before, difference, coarse.dt, asked.order)
+    if before is None and asked.order == MOST and coarse.dt > FAR_ENOUGH * fine.dt:
         order = FAR_FIRST
     shown = difference
     if asked.order < 1.0:  # where forces jump, two marches are alike by chance more often
-        before = tried[-1].difference * coarse.dt / tried[-1].wide if tried else ALONE * difference
-        shown = max(shown, before)
+        first = ALONE * difference
+        shown = max(shown, before.difference * coarse.dt / before.wide if before else first)
     estimate = shown / ((coarse.dt / fine.dt) ** order - 1.0)
     scatter = SCATTER * EPSILON * np.sqrt(fine.n_steps * method.evaluations)
     if 0.5 * coarse.energy_error < fine.energy_error <= scatter < difference / AMPLIFIED:
         # the motion makes of rounding what no step lessens: two marches are alike by chance
         estimate = BY_CHANCE * max([difference, *(one.difference for one in tried[-1:])])
-    closed = max(asked.energy_error, _rounding_of_energy(fine, method))
-    excess = max(estimate / asked.error, fine.energy_error / closed)
-    if excess <= 1.0 and asked.witness is not None:
-        excess = max(excess, asked.witness(fine) / SHARED)
-    return _Comparison(fine.dt, difference, fine.energy_error, coarse.dt, estimate, excess)
+    velocity, energy = estimate / asked.error, _energy_excess(fine, method, asked)
+    if max(velocity, energy) <= 1.0 and asked.witness is not None:
+        velocity = max(velocity, asked.witness(fine) / SHARED)
+    return _Comparison(
+        fine.dt, difference, fine.energy_error, coarse.dt, estimate, velocity,
+        max(velocity, energy), _shortening(velocity, energy, method, asked.order),
+    )  # fmt: skip
 
 
 def _rounding_of_energy(run, method):
@@ -253,12 +271,11 @@ def _nears(tried, method, asked):
     return bool(order > SLOWEST and now.excess ** (1.0 / order) <= possible)
 
 
-def _observed_order(tried, difference, wide, most):
+def _observed_order(before, difference, wide, most):
     """Order by which the differences of marches fall, as far as it is believed: the first alone
     may be small by chance, or because both steps are too long to show an order."""
-    if not tried:
+    if before is None:
         return min(FIRST, most)
-    before = tried[-1]
     found = np.log(before.difference / difference) if difference > 0.0 else np.inf
     return float(np.clip(found / np.log(before.wide / wide) - BELOW, min(FIRST, most), most))
 
@@ -270,10 +287,12 @@ def _difference(coarse, fine, asked):
     return float(off.max()) / asked.scale
 
 
-def _shortening(excess, method, order):
-    """How many times shorter a step that is likely to do has to be."""
-    likely = max(order, 0.75 * min(method.order, 4) if order > 1.0 else 0.0)
-    return np.clip((2.0 * excess) ** (1.0 / likely), 1.5, 8.0)
+def _shortening(velocity, energy, method, order):
+    """How many times shorter a step that is likely to do has to be, where the estimate and the
+    energy are off by as many times what is asked."""
+    likely = max(order, 0.75 * min(method.order, 4)) if order > 1.0 else 1.25
+    shorter = (1.6 * velocity) ** (1.0 / likely) if velocity > 1.0 else 1.15
+    return min(max(shorter, _shorter_for_energy(energy, method, order)), 8.0)
 
 
 def with_step_error(
@@ -336,7 +355,7 @@ def _first_step(method, error, energy_error):
     margin of 3 (measured; a longer first step fools the estimate of chains of unlike spheres)."""
     if method.kind == "implicit":
         return 0.1 * (error / 5e-2) ** 0.5 if method.order == 2 else 0.2 * (error / 6e-5) ** 0.25
-    interval = stability_interval(method)
+    interval = stability_interval(method) * BOLDER.get(method.name, 1.0)
     if method.order == 2:
         return min(0.058 * min((error / 8e-3) ** 0.5, (energy_error / 5e-4) ** 0.5), 0.2 * interval)
     share = min((error / 3e-5) ** 0.25, (energy_error / 3e-6) ** 0.25)

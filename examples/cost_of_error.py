@@ -33,15 +33,18 @@ def main(errors: tuple[float, ...] = (1e-3, 1e-4, 1e-5)) -> None:
     print(
         f"{'chain':16} {'samples':>7} {'asked':>7} {'true':>8} {'energy':>8} {'cost':>6} {'ms':>7}"
     )
+    costs = []
     for name, case in cases():
         for error in errors:
             ideal = ideal_evaluations(case, error)
             for samples in (101, 3001):
                 row = cost(case, error, samples, ideal)
+                costs.append(row[2])
                 print(
                     f"{name:16} {samples:7d} {error:7.0e} "
                     + "{:8.1e} {:8.1e} {:6.2f} {:7.2f}".format(*row)
                 )
+    print(f"cost: median {np.median(costs):.2f}, most {max(costs):.2f} of {len(costs)}")
 
 
 def cases() -> Iterator[tuple[str, Problem]]:
@@ -50,6 +53,8 @@ def cases() -> Iterator[tuple[str, Problem]]:
     yield from found.items()
     parts = with_parts(found["rig-rigid"])
     yield from ((name, parts[name]) for name in PARTS)
+    light = 2.0 * np.pi * np.linspace(50.0, 5e3, 20), np.zeros(20), np.full(20, 5.0)
+    yield "light modes", found["rig-rigid"]._replace(wall=dem.Wall(*light))
 
 
 def cost(case: Problem, error: float, samples: int, ideal: int) -> tuple[float, ...]:

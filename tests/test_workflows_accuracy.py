@@ -248,12 +248,13 @@ def test_a_chain_that_cannot_be_run_is_not_measured(change):
         problem(scene("rig-rigid", (change,)), quiet)
 
 
-def test_a_run_to_an_error_costs_little_more_than_the_longest_steps_that_keep_it():
+@pytest.mark.parametrize("chain, error", [("rig-rigid", 1e-5), ("light modes", 1e-4)])
+def test_a_run_to_an_error_costs_little_more_than_the_longest_steps_that_keep_it(chain, error):
     where = Path(__file__).parents[1] / "examples" / "cost_of_error.py"
     spec = spec_from_file_location("cost_of_error", where)
     example = module_from_spec(spec)
     spec.loader.exec_module(example)
-    case, error = dict(example.cases())["rig-rigid"], 1e-5
+    case = dict(example.cases())[chain]
     ideal = example.ideal_evaluations(case, error)
     for samples in (101, 3001):
         true, energy, ratio, _ = example.cost(case, error, samples, ideal)
