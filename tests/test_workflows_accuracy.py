@@ -33,7 +33,7 @@ from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.studies import finding
-from workflows.studies.accuracy import chain_length, folder, parts
+from workflows.studies.accuracy import chain_length, curves, folder, parts
 from workflows.studies.accuracy.problems import problem
 from workflows.studies.accuracy.rows import table_of
 
@@ -110,6 +110,16 @@ def test_ratio_names_the_fastest_of_each_kind():
     rough, _ = ratios(tuple(rows))
     assert rough.error == 1e-4 and rough.ours == ("rkn6", 1e-3)
     assert rough.others == (("LSODA", 0.06),)
+
+
+def test_the_picture_draws_whichever_scheme_is_the_fastest(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(curves, "panels", lambda found, **size: drawn.extend(found[0].lines) or b"")
+    row = Row("time", "rkn6", 1e-6, 1e-7, 2e-3, setting=1e-6)
+    rows = [row, row._replace(method="split4", seconds=1e-3)]
+    curves.picture("accuracy_time", iter(rows), "rig")
+    assert "split4" not in curves.DRAWN
+    assert [(line.name, line.style) for line in drawn] == [("rkn6", "o-"), ("split4", "o-")]
 
 
 def test_growth_exponent_is_the_slope():

@@ -7,6 +7,7 @@ import numpy as np
 import dem
 from coupling import peers
 from coupling.work_precision.growth import at_one_setting
+from coupling.work_precision.ratios import ratios
 from coupling.work_precision.rows import Row
 from coupling.work_precision.runs import CONTROLLED
 from workflows.files.run_folder import Picture
@@ -18,10 +19,11 @@ PEER_TOLERANCE = 1e-8
 
 
 def picture(name: str, rows: Iterable[Row], title: str) -> Picture:
-    """Error over run time, a curve for each method."""
+    """Error over run time: a curve for each method of DRAWN, for those that are the fastest at
+    an error, and for others' integrators."""
     rows = list(rows)
-    methods = [*DRAWN, *peers.peers()]
-    lines = [_line(rows, method) for method in methods]
+    ours = tuple(dict.fromkeys((*DRAWN, *(ratio.ours.method for ratio in ratios(rows)))))
+    lines = [_line(rows, method, ours) for method in (*ours, *peers.peers())]
     panel = Panel(
         title, "run time, warm [ms]", "velocity error, relative to the fastest sphere at the start",
         [line for line in lines if len(line.x)], "xy", (None, 1.0), legend="aside",
@@ -29,16 +31,16 @@ def picture(name: str, rows: Iterable[Row], title: str) -> Picture:
     return Picture(name, panels([panel], size=(8, 5.2)))
 
 
-def _line(rows: list[Row], method: str) -> Line:
+def _line(rows: list[Row], method: str, ours: tuple[str, ...]) -> Line:
     runs = sorted((row for row in rows if row.method == method), key=lambda row: -row.setting)
     points = np.array([(1e3 * row.seconds, row.error) for row in runs])
-    return Line(method, *points.reshape(-1, 2).T, *look(method))
+    return Line(method, *points.reshape(-1, 2).T, *_look(method, ours))
 
 
-def look(method: str) -> tuple[str, int | str]:
+def _look(method: str, ours: tuple[str, ...]) -> tuple[str, int | str]:
     """Style and colour of a method's curve: ours full, in colour; others dashed, in greys."""
-    if method in DRAWN:
-        return "o-", DRAWN.index(method)
+    if method in ours:
+        return "o-", ours.index(method)
     others = list(peers.peers())
     return "o--", str(0.25 + 0.45 * others.index(method) / max(len(others) - 1, 1))
 
@@ -53,7 +55,7 @@ def over_size(name: str, rows: tuple[Row, ...], size: str) -> Picture:
             f"{method}, {_setting(found[0])}",
             np.array([max(row.parameter, 0.5) for row in found]),
             np.array([1e3 * row.seconds for row in found]),
-            *look(method),
+            *_look(method, DRAWN),
         )
         for method, found in runs.items()
         if len(found) == longest
