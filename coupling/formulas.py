@@ -17,7 +17,7 @@ from scipy.optimize import brentq, root
 
 from dem import Chain, Wall
 
-RTOL = 1e-9
+RTOL = 1e-11
 AGAIN = 1.0 + 1e-9  # of the deepest overlap: beyond it, no rounding takes a turn for a new load
 Array = NDArray[np.float64]
 

@@ -98,4 +98,4 @@ def test_calculix_ties_the_tetrahedra_to_what_our_tied_hexahedra_are(tmp_path):
     np.testing.assert_allclose(hz, theirs.frequency_hz[:10], rtol=0.02)
     assert compliance == pytest.approx(theirs.compliance, rel=0.02)
     loose = tied_by_calculix(mesh, [tuple(faces[: len(faces) // 2] for faces in pair)])
-    assert loose.frequency_hz[0] < 0.9 * hz[0]
+    assert loose.frequency_hz[0] < 0.95 * hz[0]

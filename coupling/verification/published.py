@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,6 +43,7 @@ def solitary_wave() -> Iterator[Comparison]:
     recoil = [-0.07109, -0.03027, -0.01583, -0.00889, -0.00513]
     yield compared("recoil of spheres 1 to 5 [V]", run.v[-1, :5], recoil,
                    allowed=2e-5, of=1.0, source=NESTERENKO)  # fmt: skip
+    yield from _faster()
     for ratio, share in ((0.5, 0.86492), (2.0, 0.96120), (5.0, 0.71353), (10.0, 0.48407)):
         name = f"energy of the leading wave, striker of mass {ratio:g}"
         yield compared(name, _leading_energy(ratio), share, allowed=2e-3, of=1.0, source=EXACT)
@@ -83,6 +85,19 @@ def _shares(run: dem.Trajectory) -> Iterator[Comparison]:
     yield own("potential over kinetic energy (4 : 5)", ratio, virial, allowed=2e-3)
 
 
+def _faster() -> Iterator[Comparison]:
+    """Powers by which force and wave speed grow with the striker's, exact of Hertz' law."""
+    force, instant = np.empty((2, 2))
+    for i, V in enumerate((1.0, 3.0)):
+        run = dem.march(unit_chain(30), None, struck(30, V), duration=30.0, dt=0.01, n_save=6000)
+        peak = arrivals(run.t, run.contact_force[:, 20])[0]
+        force[i], instant[i] = peak.peak_velocity, peak.time
+    own = partial(compared, source=NESTERENKO, of=1.0)
+    powers = np.log([force[1] / force[0], instant[0] / instant[1]]) / np.log(3.0)
+    yield own("peak force, power of V", powers[0], 1.2, allowed=1e-5)
+    yield own("wave speed, power of V", powers[1], 0.2, allowed=1e-5)
+
+
 def _leading_energy(ratio: float) -> float:
     """Share of the energy in the first wave of a chain struck by a sphere of another mass."""
     chain = unit_chain(60)
@@ -107,6 +122,11 @@ def contacts() -> Iterator[Comparison]:
     run = dem.march(ten, None, struck(10), duration=5e-4, dt=2e-7, n_save=10)
     yield compared("ten steel spheres, final velocities [m/s]", run.v[-1], published,
                    allowed=1e-3, of=1.0, source=SICONOS)  # fmt: skip
+    nine = dem.Chain(ten.mass[:9], ten.radius[:9], ten.A)
+    run = dem.march(nine, dem.one_dof_wall(0.0, ten.mass[9]), struck(9), duration=5e-4, dt=2e-7)
+    last = np.append(run.v[-1], run.wall_v[-1])
+    yield compared("nine steel spheres and a free mass as wall, final velocities [m/s]", last,
+                   published, allowed=1e-3, of=1.0, source=SICONOS)  # fmt: skip
 
 
 def _one_on_a_flat() -> Iterator[Comparison]:
@@ -136,17 +156,32 @@ def _last(run: dem.Trajectory) -> float:
     return run.t[np.flatnonzero(run.contact_force[:, 0] > 0.0)[-1]]
 
 
-SEVENTEEN = {  # A_w over A: peak at the wall, its instant, reflected v at 14 and at 4, last v of 1
-    "same material": (2**0.5, 1.24324, 20.6250, 0.64969, 0.83747, -0.99256),
-    "rigid": (2**1.5, 1.43158, 20.2776, 0.65665, 0.83492, -0.99247),
-    "rigid, stiffness x 3": (3 * 2**1.5, 1.46293, 19.7917, 0.67927, 0.83243, -0.99218),
-}
+class AtWall(NamedTuple):
+    """Seventeen spheres at a wall: A_w / A, and what comes of a striker of speed 1."""
+
+    factor: float
+    force: tuple[float, float]  # its peak at the wall, and when
+    at_14: tuple[float, float]  # the reflected wave's largest velocity, and when
+    at_4: tuple[float, float]
+    last: float  # velocity of sphere 1
+
+
+SEVENTEEN = {
+    "same material": AtWall(2**0.5, (1.24324, 20.6250), (0.64969, 24.8966), (0.83747, 37.1003),
+                            -0.99256),
+    "rigid": AtWall(2**1.5, (1.43158, 20.2776), (0.65665, 24.1637), (0.83492, 36.3673), -0.99247),
+    "rigid, stiffness x 3": AtWall(3 * 2**1.5, (1.46293, 19.7917), (0.67927, 23.4955),
+                                   (0.83243, 35.7023), -0.99218),
+}  # fmt: skip
+INCIDENT = 0.69865, 4.3296  # largest velocity of sphere 4, and when
+CHAIN_PEAK = {"same material": 1.9439, "rigid": 2.2384}  # force at the wall over the wave's
 
 
 def chain_and_wall() -> Iterator[Comparison]:
     """Seventeen spheres at a wall, columns that fall, a plate that carries energy away."""
-    for wall, (factor, *exact) in SEVENTEEN.items():
-        yield from _seventeen(wall, factor, *exact)
+    for wall, exact in SEVENTEEN.items():
+        yield from _seventeen(wall, exact)
+    yield from _of_the_rig()
     yield from _half_of_a_collision()
     yield from _columns()
     for inelasticity, e in ((0.1, 0.84334), (0.3, 0.60595), (0.5, 0.43690), (1.0, 0.18412)):
@@ -155,17 +190,48 @@ def chain_and_wall() -> Iterator[Comparison]:
         yield compared(name, found, e, allowed=1e-5, of=1.0, source=ZENER)
 
 
-def _seventeen(wall: str, factor: float, *exact: float) -> Iterator[Comparison]:
-    force, instant, far, near, last = exact
-    chain = unit_chain(17, A_wall=factor)
+def _seventeen(wall: str, exact: AtWall) -> Iterator[Comparison]:
+    chain = unit_chain(17, A_wall=exact.factor)
     run = dem.march(chain, dem.rigid_wall(), struck(17), duration=90.0, dt=0.03, n_save=9000)
     peak = arrivals(run.t, run.contact_force[:, -1])[0]
-    back = [-passage(run.t, run.v[:, i]).reflected.peak_velocity for i in (13, 3)]
-    own = partial(compared, source=EXACT, of=1.0)
-    yield own(f"{wall} wall, peak force [F_s]", peak.peak_velocity, force, allowed=2e-4)
-    yield own(f"{wall} wall, instant of the peak [t_s]", peak.time, instant, allowed=2e-4)
-    yield own(f"{wall} wall, reflected at 14 and 4 [V]", back, [far, near], allowed=2e-4)
-    yield own(f"{wall} wall, final velocity of 1 [V]", run.v[-1, 0], last, allowed=2e-5)
+    back = [passage(run.t, run.v[:, i]).reflected for i in (13, 3)]
+    own = partial(compared, source=EXACT, of=1.0, allowed=2e-4)
+    yield own(f"{wall} wall, peak force [F_s]", peak.peak_velocity, exact.force[0])
+    yield own(f"{wall} wall, instant of the peak [t_s]", peak.time, exact.force[1])
+    far, near = exact.at_14, exact.at_4
+    found = [-wave.peak_velocity for wave in back]
+    yield own(f"{wall} wall, reflected at 14 and 4 [V]", found, [far[0], near[0]])
+    found = [wave.time for wave in back]
+    yield own(f"{wall} wall, instants of these [t_s]", found, [far[1], near[1]])
+    yield own(f"{wall} wall, final velocity of 1 [V]", run.v[-1, 0], exact.last, allowed=2e-5)
+    if wall in CHAIN_PEAK:
+        long = dem.march(unit_chain(60), None, struck(60), duration=60.0, dt=0.05, n_save=6000)
+        name = f"{wall} wall, peak force over that of the wave"
+        yield own(name, peak.peak_velocity / long.contact_force[:, 40].max(), CHAIN_PEAK[wall])
+    if wall == "rigid":
+        passing = passage(run.t, run.v[:, 3]).incident
+        found = [passing.peak_velocity, passing.time]
+        yield own("wave on its way to the wall at 4 [V], [t_s]", found, INCIDENT)
+
+
+def _of_the_rig() -> Iterator[Comparison]:
+    """Sizes of the thesis' rig: spheres of 12.7 mm, a striker of 0.31 m/s."""
+    R, V = 0.0127, 0.31
+    own = partial(compared, allowed=2e-3, source=EXACT)
+    for wall, flat, force in (("steel", dem.Flat(210e9, 0.3), 653.0),
+                              ("rigid", dem.Flat(np.inf, 0.3), 752.0)):  # fmt: skip
+        chain = dem.row_of_spheres(R, 7800.0, 210e9, 0.3, count=17, flat=flat)
+        run = dem.march(
+            chain, dem.rigid_wall(), struck(17, V), duration=1.2e-3, dt=1e-6, n_save=1200
+        )  # fmt: skip
+        yield own(f"rig, {wall} wall, peak force [N]", run.contact_force[:, -1].max(), force)
+    waves = [arrivals(run.t, run.contact_force[:, i])[0] for i in (8, 12)]
+    speed = 4 * 2 * R / (waves[1].time - waves[0].time)
+    yield own("rig, force of the wave [N]", waves[1].peak_velocity, 336.0)
+    yield own("rig, speed of the wave [m/s]", speed, 541.0)
+    m, A = float(chain.mass[0]), float(chain.A[0])
+    found = np.array([m, A, time_scale(m, A, V)]) / [66.9e-3, 1.226e10, 39.5e-6]
+    yield own("rig, m, A and t_s over 66.9 g, 12.26 GN/m^1.5, 39.5 us", found, 1.0)
 
 
 def _half_of_a_collision() -> Iterator[Comparison]:

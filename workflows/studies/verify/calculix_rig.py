@@ -27,8 +27,8 @@ from workflows.scene import Scene
 
 RIG, STRUCK = "rig-full-tie", "block"
 GROUND = "sheets_support"  # the sheets are held where it would touch them
-INSIDE = {STRUCK: 10e-3, "sheet-y": 2.5e-3, "sheet+y": 2.5e-3}  # m
-RIM, ROUND_DISC = 1e-3, 0.5e-3  # m, at the edges of touching faces and of the disc
+INSIDE = {STRUCK: 12e-3, "sheet-y": 3e-3, "sheet+y": 3e-3}  # m
+RIM, ROUND_DISC = 1.2e-3, 0.6e-3  # m, at the edges of touching faces and of the disc
 N_MODES = 10
 SOURCE = "CalculiX on gmsh's tetrahedra of the STEP file, *TIE and *DLOAD; errors stated of both"
 
@@ -86,6 +86,6 @@ def _theirs(pipeline: Pipeline, scale: float) -> np.ndarray:
 def _meshed(rig: Scene, sizes: Sizes, disc: Disc) -> Tetrahedra:
     with TemporaryDirectory() as folder:
         step = Path(folder) / f"{RIG}.step"
-        parts = [*rig.assembly.parts, GROUND]
+        parts = (*rig.assembly.parts, GROUND)
         write_step(bodies.shapes(rig.but(assembly={"parts": parts})), step)
         return step_tetrahedra(step, sizes, disc)

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.optimize import brentq
 from skfem import MeshHex
 
 import dem
@@ -14,21 +15,27 @@ from coupling import RayleighDamping, damping_ratios
 from coupling.radiation import lamb_integral
 from coupling.verification.comparisons import Comparison, compared
 from dem.spheres import hertz_coefficient
+from fem.beam import Section
 from fem.factorisation import factorised
+from fem.hinged import euler_bernoulli
 from geometry.hex_mesh import graded
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 JULIA = "JuliaFEM, ModelReduction.jl, README"
 MILLER = "G. F. Miller, H. Pursey, Proc. R. Soc. A 233 (1955) 55"
 ROD = "the rod, f_j = (2 j - 1) c / 4 L"
+LAMB = "H. Lamb, Proc. R. Soc. A 93 (1917) 114, antisymmetric waves"
+TIMOSHENKO = "S. Timoshenko, Z. Math. Phys. 62 (1913) 198, his integral equation"
 BLOCK = "three independent meshes, quarter model of quadratic hexahedra"
 LINEAR = "the linear oscillator of two masses"
 JOHNSON = "K. L. Johnson, Contact Mechanics (1985), ch. 4"
 
 
 def structures() -> Iterator[Comparison]:
-    """A rod's frequencies and their rate, the block under the contact, waves in a half-space."""
+    """Rod, strip and block beside theory, a sphere on a beam, waves in a half-space."""
     yield from _rod()
+    yield from _strip()
+    yield _sphere_on_a_beam()
     yield from _block()
     shares = lamb_integral(0.25)
     share = shares.surface / sum(shares)
@@ -54,17 +61,77 @@ def _rod() -> Iterator[Comparison]:
 
 def _axial_hz(length: float, n: int) -> np.ndarray:
     """Of a bar without lateral contraction on rollers, held at one end."""
-    side = 5e-3
-    mesh = MeshHex.init_tensor(np.linspace(0, length, n + 1), *[np.array([0.0, side])] * 2)
-    faces = {"-x": (0, 0.0), "-y": (1, 0.0), "+y": (1, side), "-z": (2, 0.0), "+z": (2, side)}
-    mesh = mesh.with_boundaries({
-        name: lambda x, axis=axis, at=at: np.abs(x[axis] - at) < 1e-9
-        for name, (axis, at) in faces.items()
+    lines = (np.linspace(0, length, n + 1), *[(0.0, 5e-3)] * 2)
+    sides = {"-x": (0, 0.0), "-y": (1, 0.0), "+y": (1, 5e-3), "-z": (2, 0.0), "+z": (2, 5e-3)}
+    held = [fem.Held(f"rod:{face}", face[1]) for face in sides]
+    return _natural_hz("rod", lines, sides, STEEL._replace(poisson=0.0), held)
+
+
+def _strip() -> Iterator[Comparison]:
+    """Bending in plane strain between ends that only move along: standing waves of Lamb's."""
+    length, height, n = 0.2, 0.02, np.arange(1, 4)
+    exact = np.array([_lamb_hz(k, height / 2) for k in n * np.pi / length])
+    found = np.array([_bending_hz(length, height, cells)[1:4] for cells in (8, 16)])
+    yield compared("strip of 16 x 2 elements, three frequencies [Hz]", found[1], exact,
+                   allowed=2e-3, source=LAMB)  # fmt: skip
+    errors = found[:, 2] / exact[2] - 1
+    yield compared("strip, order of its third frequency", np.log2(errors[0] / errors[1]), 4.0,
+                   allowed=0.3, of=1.0, source=LAMB)  # fmt: skip
+
+
+def _lamb_hz(k: float, h: float) -> float:
+    """4 k^2 a b tanh(b h) = (k^2 + b^2)^2 tanh(a h), a^2 = k^2 - (omega / c_l)^2, b^2 = k^2 -
+    (omega / c_t)^2: between a half and all of the thin strip's."""
+    E, nu, rho = STEEL
+    c_l = np.sqrt(E * (1 - nu) / (rho * (1 + nu) * (1 - 2 * nu)))
+    c_t = np.sqrt(E / (2 * rho * (1 + nu)))
+
+    def left(omega: float) -> float:
+        a, b = np.sqrt(k**2 - omega**2 / np.array([c_l, c_t]) ** 2)
+        return 4 * k**2 * a * b * np.tanh(b * h) - (k**2 + b**2) ** 2 * np.tanh(a * h)
+
+    thin = k**2 * h * np.sqrt(E / (3 * rho * (1 - nu**2)))
+    return brentq(left, 0.5 * thin, thin, xtol=1e-9 * thin) / (2 * np.pi)
+
+
+def _bending_hz(length: float, height: float, n: int) -> np.ndarray:
+    lines = (np.linspace(0, length, n + 1), [0, 0.01], np.linspace(0, height, n // 8 + 1))
+    sides = {"-x": (0, 0.0), "+x": (0, length), "-y": (1, 0.0), "+y": (1, 0.01)}
+    held = [fem.Held(f"strip:{face}", "z" if face[1] == "x" else "y") for face in sides]
+    return _natural_hz("strip", lines, sides, STEEL, held)
+
+
+def _natural_hz(name: str, lines, sides, material: fem.Material, held) -> np.ndarray:
+    """All natural frequencies of a bar of hexahedra whose `sides` (axis, place) have names."""
+    mesh = MeshHex.init_tensor(*(np.asarray(line, float) for line in lines)).with_boundaries({
+        side: lambda x, axis=axis, at=at: np.abs(x[axis] - at) < 1e-9
+        for side, (axis, at) in sides.items()
     })  # fmt: skip
-    rod = fem.assemble({"rod": mesh}, {"rod": STEEL._replace(poisson=0.0)})
-    held = [fem.Held(f"rod:{face}", face[1]) for face in faces]
-    model = fem.joined(rod, fem.Connections(held=held))
-    return np.sqrt(eigh(model.K.toarray(), model.M.toarray(), eigvals_only=True)) / (2 * np.pi)
+    bar = fem.assemble({name: mesh}, {name: material})
+    model = fem.joined(bar, fem.Connections(held=held))
+    squared = eigh(model.K.toarray(), model.M.toarray(), eigvals_only=True)
+    return np.sqrt(np.abs(squared)) / (2 * np.pi)
+
+
+def _sphere_on_a_beam() -> Comparison:
+    """Timoshenko's integral equation, F = A (v t - int ((t - s) / m + G(t - s)) F(s) ds)^(3/2),
+    by the trapezoidal rule: what is under the integral vanishes at its end."""
+    m, A, v, length = 0.0327, 1.7e10, 0.01, 0.1535
+    side, t = 0.01, np.linspace(0.0, 1.5e-3, 6001)
+    section = Section(side**2, side**4 / 12, 5 / 6, side, side)
+    omega, phi, _ = euler_bernoulli(length, section, STEEL, length / 2, 39)
+    struck = phi**2 > 1e-9
+    omega, phi = omega[struck], phi[struck]
+    kernel = t / m + np.sin(np.outer(t, omega)) @ (phi**2 / omega)
+    F = np.zeros(t.size)
+    for i in range(1, t.size):
+        F[i] = A * max(v * t[i] - t[1] * kernel[i:0:-1] @ F[:i], 0.0) ** 1.5
+    theirs = v - np.cumsum(F + np.append(0.0, F[:-1])) / 2 * t[1] / m
+    chain = dem.Chain(np.array([m]), np.array([0.01]), np.array([A]))
+    wall = dem.Wall(omega, np.zeros(omega.size), phi)
+    run = dem.march_to_error(chain, wall, np.array([v]), duration=t[-1], error=1e-6, n_save=100)
+    return compared("sphere on a hinged beam [V]", run.trajectory.v[:, 0], theirs[:: t.size // 100],
+                    allowed=1e-4, of=v, source=TIMOSHENKO)  # fmt: skip
 
 
 def _block() -> Iterator[Comparison]:
@@ -76,11 +143,13 @@ def _block() -> Iterator[Comparison]:
     })  # fmt: skip
     block = fem.assemble({"block": mesh}, {"block": STEEL})
     model = fem.joined(block, fem.Connections(held=[fem.Held("block:-x")]))
-    patch = fem.contact_patch(model, "block:+x", (0.0, 0.0), 6.4e-3)
-    local = fem.half_space_on_mesh(model, "block:+x", patch, STEEL)
-    left = patch.w @ factorised(model.K).solve(patch.w) - local
-    yield compared("struck block, compliance less the half-space [m/N]", left, 9.13e-11,
-                   allowed=0.02, source=BLOCK)  # fmt: skip
+    solver = factorised(model.K)
+    for weights, pressure in (("hertz", "Hertz'"), ("area", "even")):
+        patch = fem.contact_patch(model, "block:+x", (0.0, 0.0), 6.4e-3, weights=weights)
+        local = fem.half_space_on_mesh(model, "block:+x", patch, STEEL)
+        name = f"struck block, {pressure} pressure, compliance less the half-space [m/N]"
+        left = patch.w @ solver.solve(patch.w) - local
+        yield compared(name, left, 9.13e-11, allowed=0.02, source=BLOCK)
 
 
 def reductions() -> Iterator[Comparison]:
