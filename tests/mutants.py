@@ -81,6 +81,7 @@ WORDS = "digits in the words of an error"
 RESHAPED = "numpy takes any negative number for what remains"
 CONJUGATE = "the conjugate has the same size"
 WHOLE = "a count is a whole number"
+RATIOS = "ratios alone are read"
 SQUARE = "K is square"
 LOOKS = "when a search looks whether it may end; what it has found by then does not depend on it"
 EXPLAINED = {  # line, expression: why no test can notice its mutants
@@ -97,6 +98,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("if 1e-2 < sigma / guess < 1e2:", "0.01"): FAR,
     ("if 1e-2 < sigma / guess < 1e2:", "100.0"): FAR,
     ("start = np.random.default_rng(1).standard_normal((M.shape[0], BLOCK))", "1"): START,
+    ("x = np.random.default_rng(0).standard_normal(K.shape[0])", "0"): START,
     ("if exhausted or step % CHECK == 0:", "0"): LOOKS,
     ("if exhausted or step % CHECK == 0:", "step % CHECK == 0"): LOOKS,
     ("omega, phi = modes_until(problem, lambda omega, _: len(omega) >= n_modes, tolerance)",
@@ -104,7 +106,12 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("scale = np.sqrt(np.maximum(np.diag(gram), (1e-13 * norm) ** 2 + np.finfo(float).tiny))",
      "(1e-13 * norm) ** 2 + np.finfo(float).tiny"): "keeps from 0 / 0 what no structure has",
     ("if len(A) >= LARGE:", "len(A) >= LARGE"): SAME,
-    ("scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))", "1"): "ratios alone are read",
+    ("scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))", "1"): RATIOS,
+    ("return (A + A.T) / 2 * np.outer(scale, scale)", "2"): RATIOS,
+    ("return (A + A.T) / 2 * np.outer(scale, scale)", "(A + A.T) / 2"): RATIOS,
+    ("return max(1, int(np.count_nonzero(omega > (1 + 1e-9) * limit)))",
+     "omega > (1 + 1e-09) * limit"): SAME,
+    ("return reciprocal_condition < EPS", "reciprocal_condition < EPS"): SAME,
     ("beyond = phi[n_known:] ** 2 * (s / omega[n_known:]) ** 4"
      " / (squared * (1 + 1j * LOSS) - s**2)", "1 + 1j * LOSS"): CONJUGATE,
     ("moved = wall.phi / (wall.omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)",

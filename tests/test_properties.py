@@ -97,10 +97,12 @@ def test_the_order_of_the_unknowns_and_the_units_do_not_matter(kind, seed):
     assert relative(a * found, known) < 1e-8
 
 
-def chain_of(seed, count, **parts):
-    rng = np.random.default_rng(seed)
-    radius, young = 0.01 * 2 ** rng.uniform(-1, 1, (2, count)) * [[1], [200e9 / 0.01]]
-    return dem.row_of_spheres(radius, 7800.0, young, 0.3, **parts)
+def chain_of(seed, count, similar=(1, 1, 1), **parts):
+    """Of other size, modulus and density in the ratios `similar`."""
+    size, stiff, heavy = similar
+    factor = 2 ** np.random.default_rng(seed).uniform(-1, 1, (2, count))
+    radius, young = factor * [[0.01 * size], [200e9 * stiff]]
+    return dem.row_of_spheres(radius, 7800.0 * heavy, young, 0.3, **parts)
 
 
 def thrown(count, speed):
@@ -121,6 +123,39 @@ def test_a_chain_struck_faster_does_the_same_sooner(seed, count, speed, faster):
         for c in (1.0, faster)
     )  # fmt: skip
     assert relative(fast.v / faster, slow.v) < 1e-9
+
+
+@LAWS
+@given(**CHAINS, similar=st.tuples(*3 * [st.floats(0.1, 10.0)]))
+def test_similar_chains_do_the_same_in_their_own_time(seed, count, speed, similar):
+    """m grows with rho r^3, A with E r^(1/2): all takes (m / A)^(2/5) as long."""
+    size, stiff, heavy = similar
+    T, longer = 3e-4 * speed**-0.2, (heavy * size**2.5 / stiff) ** 0.4
+    one, other = (
+        dem.march(chain, dem.rigid_wall(), thrown(count, speed), n_save=40,
+                  duration=T * t, dt=T * t / 4000, scheme="verlet")
+        for chain, t in ((chain_of(seed, count), 1.0), (chain_of(seed, count, similar), longer))
+    )  # fmt: skip
+    assert relative(other.v, one.v) < 1e-9
+
+
+@LAWS
+@given(**CHAINS, n=st.integers(2, 6))
+def test_oscillators_of_a_wall_act_together_in_any_order(seed, count, speed, n):
+    """And one twice over, each of half its mass: phi^2 adds up."""
+    rng, chain = np.random.default_rng(seed), chain_of(seed, count)
+    omega, zeta, phi = rng.uniform(2e3, 2e5, n), rng.uniform(0, 0.1, n), rng.uniform(0.1, 2, n)
+    twice = rng.permutation(np.append(np.arange(n), n - 1))
+    half = np.where(twice == n - 1, 0.5**0.5, 1.0)
+    options = {"duration": 2e-4, "dt": 5e-8, "n_save": 30}
+    one, other = (
+        dem.march(chain, wall, thrown(count, speed), **options)
+        for wall in (
+            dem.Wall(omega, zeta, phi, 1e-9),
+            dem.Wall(omega[twice], zeta[twice], half * phi[twice], 1e-9),
+        )
+    )
+    assert relative(other.v, one.v) < 1e-8
 
 
 @LAWS
@@ -166,6 +201,22 @@ def test_bodies_and_their_joint_turned_and_moved_ring_alike_and_bear_no_strain(s
     one, other = (fem.modes(m.K, m.M, 12, shift_hz=100.0).omega for m in models)
     assert relative(other[6:], one[6:]) < 1e-7
     assert np.all(other[:6] < 1e-3 * other[6])
+
+
+@FEW
+@given(seed=SEEDS)
+def test_a_contact_turned_and_moved_with_its_body_answers_alike(seed):
+    rng = np.random.default_rng(seed)
+    Q, shift = Rotation.random(random_state=rng).as_matrix(), rng.standard_normal(3)
+    answers = []
+    for turned, moved in ((np.eye(3), np.zeros(3)), (Q, shift)):
+        model = fem.joined(blocks(turned, moved), fem.Connections())
+        point = turned @ [0.02, -0.019, LOWER] + moved
+        spot = fem.Spot(point, turned @ [0, 0, -1.0], np.eye(3)[:2] @ turned.T)
+        patch = fem.contact_patch(model, "lower:top", spot, 0.006)
+        whole = rom.full_order(model.K, model.M, patch.w)
+        answers.append(rom.receptance(whole, None, FREQUENCIES[1:], loss=0.02))
+    assert relative(answers[1], answers[0]) < 1e-6
 
 
 def blocks(Q, shift):
