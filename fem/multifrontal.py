@@ -91,7 +91,7 @@ class Cholesky:
             return self._solved(b)
 
     def _solved(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
-        y = b[self._order].reshape(len(b), -1).astype(float)
+        y = b[self._order].reshape(len(b), -1).astype(float, copy=False)
         # two halves that nothing joins have nothing between them
         pairs = [pair for pair in zip(self._fronts, self.blocks, strict=True) if len(pair[1][0])]
         for front, (L11, L21) in pairs:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import least_squares
 
-from fem.correlation import BodyForms, Shape, Target, body_forms, mac, paired
+from fem.correlation import BodyForms, Shape, Target, body_forms, paired
 from fem.factorisation import factorised
 from fem.model import Model
 from fem.modes import Modes, modes
@@ -54,7 +54,6 @@ class TuningBasis(NamedTuple):
     stiffness: NDArray[np.float64]  # (n_springs,) where no parameter sets it
     forms: dict[str, BodyForms]  # of every body, in the same coordinates
     targets: tuple[Target, ...]  # how the modes to tune are told, 1, 2, ...
-    reference: Modes  # at the stiff setting, paired to the targets: the shapes MAC is taken with
 
 
 class Tuning(NamedTuple):
@@ -65,7 +64,6 @@ class Tuning(NamedTuple):
     modes_hz: NDArray[np.float64]  # (n_targets,) of the projection
     deviation: NDArray[np.float64]  # (p,) of ln(value) for the assumed frequency error
     seen: NDArray[np.bool_]  # (p,) whether the targets would notice it if all others were known
-    mac: NDArray[np.float64]  # (n_targets,) with the stiff shapes
     all_hz: NDArray[np.float64]  # every frequency up to that of the highest target
     evaluations: int
 
@@ -79,7 +77,7 @@ def tuning_basis(model: Model, targets: Sequence[Target], *, n_modes: int = 24) 
     pulls[model.elongation, range(len(model.elongation))] = 1.0
     shapes = [stiff.phi, soft.phi, factorised(K).solve(pulls)]
     V = _orthonormal(np.hstack(shapes), model.M)
-    projected = TuningBasis(
+    return TuningBasis(
         V.T @ (model.K0 @ V),
         np.eye(V.shape[1]),
         V[model.elongation],
@@ -87,11 +85,7 @@ def tuning_basis(model: Model, targets: Sequence[Target], *, n_modes: int = 24) 
         model.stiffness,
         {body: body_forms(model, body, V) for body in model.structure.basis},
         tuple(t.within(V) if isinstance(t, Shape) else t for t in targets),
-        stiff,
     )
-    reference = _modes(projected, projected.K0, None, STIFF * stiffness)
-    kept = paired(projected.forms, reference, projected.targets).index
-    return projected._replace(reference=Modes(reference.omega[kept], reference.phi[:, kept]))
 
 
 def _with(model: Model, stiffness):
@@ -110,13 +104,6 @@ def _orthonormal(V: NDArray[np.float64], M) -> NDArray[np.float64]:
     return V @ (rotation[:, kept] / np.sqrt(values[kept]))
 
 
-def _modes(basis: TuningBasis, K, M, k) -> Modes:
-    """Of bodies K (m, m) and M, None for the identity, with springs k (n_springs,)."""
-    whole = K + (basis.elongation.T * k) @ basis.elongation
-    omega2, phi = eigh(whole, M, check_finite=False, driver="evd" if M is None else "gvd")
-    return Modes(np.sqrt(np.maximum(omega2, 0.0)), phi)
-
-
 def spectrum(
     basis: TuningBasis, parameters: Sequence[Parameter], value: NDArray[np.float64]
 ) -> Modes:
@@ -129,7 +116,12 @@ def spectrum(
                 K = K + (x - 1) * form.K
             else:
                 M = M + (x - 1) * form.M
-    return _modes(basis, K, None if M is basis.M else M, k)
+    K = K + (basis.elongation.T * k) @ basis.elongation
+    standard = M is basis.M  # the identity
+    omega2, phi = eigh(
+        K, None if standard else M, check_finite=False, driver="evd" if standard else "gvd"
+    )
+    return Modes(np.sqrt(np.maximum(omega2, 0.0)), phi)
 
 
 def sensitivity(
@@ -180,7 +172,6 @@ def tune(
         lost * modes_there.frequency_hz[index],
         _deviation(J, prior),
         _seen(J, prior),
-        lost * np.diag(mac(basis.reference.phi, modes_there.phi[:, index])),
         modes_there.frequency_hz[: index.max() + 1],
         sum(fit.nfev for fit in found),
     )

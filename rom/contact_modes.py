@@ -23,6 +23,7 @@ from scipy.linalg import solve_triangular
 from rom.factorisation import Pencil, ReductionError, static_response
 from rom.lanczos import EigenPairs, with_columns
 from rom.selection import Selection
+from rom.tall import ROWS, gram, shares, squares, turned
 from rom.truncation import LOSS, frequencies, receptances, rms, size
 
 CONVERGED = 5e-3  # bound of the space's own error where a number of modes is asked for
@@ -78,9 +79,10 @@ def contact_modes(problem: Pencil, w: np.ndarray, known: EigenPairs, asked: Sele
     if n < n_known:
         raise ReductionError(f"{n} modes cannot hold the {n_known} to be kept; ask for more.")
     kept = order[:n][np.argsort(pairs.omega[order[:n]])]
-    rest = order[n:]
     # the sum of the modes left out: the static response less the modes kept would lose digits
-    residual = pairs.phi[:, rest] @ (phi[rest] / pairs.omega[rest] ** 2)
+    left_out = np.zeros(len(order))
+    left_out[order[n:]] = phi[order[n:]] / pairs.omega[order[n:]] ** 2
+    residual = pairs.phi @ left_out
     chosen = EigenPairs(pairs.omega[kept], pairs.phi[:, kept])
     return Chosen(chosen, residual, float(errors[n]), pairs)
 
@@ -135,24 +137,26 @@ def krylov_space(
 
 
 def _ritz(problem: Pencil, known: EigenPairs, V: np.ndarray) -> EigenPairs:
-    """The known modes and the Ritz pairs of K-orthonormal V (n, k)."""
+    """The known modes and the Ritz pairs of K-orthonormal V (n, k), which are written over."""
     # V^T M V anew: what the recurrence found holds the errors of the solver
-    inverse_squared, U = np.linalg.eigh(V.T @ (problem.M @ V))
+    inverse_squared, U = np.linalg.eigh(gram(V, problem.M))
     omega = np.append(known.omega, 1 / np.sqrt(inverse_squared))
-    phi = np.column_stack([known.phi, V @ (U / np.sqrt(inverse_squared))])
+    phi = turned(V, U / np.sqrt(inverse_squared))
+    if len(known.omega):
+        phi = np.column_stack([known.phi, phi])
     return _orthonormal(problem, EigenPairs(omega, phi))
 
 
 def _orthonormal(problem: Pencil, pairs: EigenPairs) -> EigenPairs:
-    """The pairs without what rounding leaves between them in M, the lowest kept as they are."""
-    order = np.argsort(pairs.omega)
-    phi = pairs.phi[:, order]
-    gram = phi.T @ (problem.M @ phi)
-    phi[:, :] = solve_triangular(np.linalg.cholesky(gram), phi.T, lower=True).T
-    omega = np.sqrt(np.maximum(np.einsum("ij,ij->j", phi, problem.K @ phi), 0))
-    omega[pairs.omega[order] == 0] = 0
+    """The pairs without what rounding leaves between them in M, the lowest kept as they are; phi
+    is written over."""
+    order, phi = np.argsort(pairs.omega), pairs.phi
     back = np.argsort(order)
-    return EigenPairs(omega[back], phi[:, back])
+    L = np.linalg.cholesky(gram(phi, problem.M)[order][:, order])
+    for some in shares(len(phi), ROWS):
+        phi[some] = solve_triangular(L, phi[some][:, order].T, lower=True).T[:, back]
+    omega = np.sqrt(np.maximum(squares(phi, problem.K), 0))
+    return EigenPairs(np.where(pairs.omega == 0, 0, omega), phi)
 
 
 def _static(problem: Pencil, w: np.ndarray, known: EigenPairs, participation: np.ndarray):

@@ -11,13 +11,14 @@ Craig and Bampton, AIAA Journal 6 (1968) 1313.
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 
 from rom.contact_modes import finer_space, static_shapes
 from rom.factorisation import Factor, Factorise, superlu, symmetric
 from rom.fixed_interface import (
     FixedInterface,
-    Partition,
     fixed_interface,
+    interior,
     modes_inside,
     none_of,
     whole_pencil,
@@ -26,6 +27,7 @@ from rom.health import require_faithful
 from rom.lanczos import EigenPairs, lowest_modes, modes_below
 from rom.reduced_model import ReducedModel, contact_functional, modal, of_modes
 from rom.selection import Selection, require_selection
+from rom.tall import gram
 from rom.truncation import LOSS, first_cutoff_hz, frequencies, rms, size
 
 
@@ -79,30 +81,35 @@ def _lowest(fixed: FixedInterface, C: sp.csc_array | None, asked: Selection) -> 
     error, to_hz, cutoff = asked.error, asked.to_hz, asked.cutoff_hz
     if error is not None:
         cutoff = first_cutoff_hz(error, to_hz)
+    inside = interior(fixed)
     while True:
         if asked.n_modes is None:
-            pairs = modes_below(fixed.interior, cutoff)
+            pairs = modes_below(inside, cutoff)
         else:
-            pairs = lowest_modes(fixed.interior, asked.n_modes)
-        reduced = _projected(fixed, C, pairs)
+            pairs = lowest_modes(inside, asked.n_modes)
+        phi = np.zeros((len(fixed.w), len(pairs.omega)))
+        phi[fixed.part.interior] = pairs.phi
+        reduced = _projected(fixed, C, EigenPairs(pairs.omega, phi))
         if to_hz is not None:
-            reduced = reduced._replace(error=_error(fixed, reduced, pairs.phi, to_hz))
+            reduced = reduced._replace(error=_error(fixed, reduced, phi, to_hz))
         if error is None or reduced.error <= error:
             return reduced
         cutoff *= 1.4
 
 
 def _projected(fixed: FixedInterface, C: sp.csc_array | None, pairs: EigenPairs) -> ReducedModel:
-    omega, phi = pairs
-    T = basis(fixed.part, fixed.psi, phi)
+    omega, b = pairs.omega, len(fixed.part.boundary)
+    T = np.column_stack([fixed.psi, pairs.phi])
+    M = _symmetrised(gram(T, fixed.M))
+    M[b:, b:] = np.eye(len(omega))
     return ReducedModel(
-        K=_block_diagonal(fixed.condensed, omega**2),
-        M=_projected_mass(fixed, phi),
+        K=block_diag(_symmetrised(fixed.condensed), np.diag(omega**2)),
+        M=M,
         C=None if C is None else _symmetrised(T.T @ (C @ T)),
         w=np.append(fixed.w[fixed.part.boundary], np.zeros(len(omega))),
         T=T,
         kind="craig-bampton",
-        n_boundary=len(fixed.part.boundary),
+        n_boundary=b,
         notes={},
     )
 
@@ -112,7 +119,7 @@ def _error(fixed: FixedInterface, reduced: ReducedModel, phi: np.ndarray, to_hz:
 
     With L_j = phi_j^T (M_ii Psi + M_ib) and the boundary moving by q_b (b,) it is
     s^4 sum (L_j q_b)^2 / (omega_j^2 - s^2) <= s^4 q_b^T G q_b / (1 - s^2 / omega_{k+1}^2) with
-    G = sum L_j^T L_j / omega_j^2, what K_ii^-1 has beyond the modes phi (i, k) that were kept.
+    G = sum L_j^T L_j / omega_j^2, what K_ii^-1 has beyond the modes phi (n, k) that were kept.
     """
     b = reduced.n_boundary
     squared = np.diag(reduced.K)[b:]
@@ -121,42 +128,15 @@ def _error(fixed: FixedInterface, reduced: ReducedModel, phi: np.ndarray, to_hz:
     highest = np.sqrt(squared[-1]) if len(squared) else np.inf
     if highest <= 2 * np.pi * to_hz:
         return np.inf
-    _, M_ib, M_ii = fixed.part.blocks(fixed.M)
-    inertia, L = M_ii @ fixed.psi + M_ib, reduced.M[b:, :b]
+    inertia, L = fixed.M @ fixed.psi, reduced.M[b:, :b]
     # projected on both sides: the difference of the two sums alone would lose digits
-    beyond = fixed.interior.factor.solve(inertia) - phi @ (L / squared[:, None])
-    G = (inertia - M_ii @ (phi @ L)).T @ beyond
+    beyond = fixed.clamped.solve(inertia) - phi @ (L / squared[:, None])
+    G = (inertia - fixed.M @ (phi @ L)).T @ beyond
     wall, s = modal(reduced), 2 * np.pi * frequencies(to_hz)
     moved = wall.phi / (wall.omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)
     q = moved @ wall.vectors[:b].T
     missed = s**4 * np.einsum("ij,jk,ik->i", q, G, q) / (1 - (s / highest) ** 2)
     return rms(missed) / size(moved @ wall.phi)
-
-
-def basis(part: Partition, psi: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """T (n, b + k) in the order of the full dofs."""
-    b = len(part.boundary)
-    T = np.zeros((b + len(part.interior), b + phi.shape[1]))
-    T[part.boundary, np.arange(b)] = 1
-    T[part.interior, :b] = psi
-    T[part.interior, b:] = phi
-    return T
-
-
-def _block_diagonal(K_boundary: np.ndarray, squared: np.ndarray) -> np.ndarray:
-    b, k = len(K_boundary), len(squared)
-    K = np.zeros((b + k, b + k))
-    K[:b, :b] = _symmetrised(K_boundary)
-    K[b:, b:] = np.diag(squared)
-    return K
-
-
-def _projected_mass(fixed: FixedInterface, phi: np.ndarray) -> np.ndarray:
-    M_bb, M_ib, M_ii = fixed.part.blocks(fixed.M)
-    inertia = M_ii @ fixed.psi + M_ib
-    M_boundary = M_bb + M_ib.T @ fixed.psi + fixed.psi.T @ inertia
-    coupling = phi.T @ inertia
-    return np.block([[_symmetrised(M_boundary), coupling.T], [coupling, np.eye(phi.shape[1])]])
 
 
 def _symmetrised(A: np.ndarray) -> np.ndarray:

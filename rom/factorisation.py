@@ -12,8 +12,10 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.sparse.linalg import splu
 
+from rom.tall import shares
+
 EPS = np.finfo(float).eps
-COLUMNS = 64  # right-hand sides solved at once
+SHARES = 8  # of a matrix, compared with its transpose one at a time
 
 
 class ReductionError(ValueError):
@@ -61,12 +63,19 @@ def require_symmetric(A: sp.csc_array | np.ndarray, name: str) -> None:
         raise ReductionError(f"{name} is {A.shape[0]} x {A.shape[1]}; it must be square.")
     if not np.isfinite(A.data if sp.issparse(A) else A).all():
         raise ReductionError(f"{name} holds a value that is not finite.")
-    asymmetry = abs(A - A.T).max() / max(abs(A).max(), np.finfo(float).tiny)
+    asymmetry = _asymmetry(A)
     if asymmetry > 1e-9:
         raise ReductionError(
             f"{name} is not symmetric (largest relative difference {asymmetry:.1e}, allowed 1e-9);"
             f" symmetrise it where it is assembled."
         )
+
+
+def _asymmetry(A: sp.csc_array | np.ndarray) -> float:
+    """Largest |a_ij - a_ji| over the largest |a_ij|."""
+    n = A.shape[0]
+    differences = (abs(A[some] - A[:, some].T).max() for some in shares(n, n // SHARES + 1))
+    return max(differences) / max(A.max(), -A.min(), np.finfo(float).tiny)
 
 
 def frequency_scale(K: sp.csc_array, M: sp.csc_array) -> float:
@@ -87,11 +96,10 @@ def noise(K: sp.csc_array, M: sp.csc_array) -> float:
 
 def solutions(factor: Factor, B: sp.csc_array | np.ndarray) -> np.ndarray:
     """X (n, k) with A X = B, in blocks of columns so that no dense copy of B is made."""
-    X = np.empty(B.shape)
-    for first in range(0, B.shape[1], COLUMNS):
-        columns = B[:, first : first + COLUMNS]
-        dense = columns.toarray() if sp.issparse(columns) else columns
-        X[:, first : first + COLUMNS] = factor.solve(np.asfortranarray(dense))
+    X = np.empty(B.shape, order="F")
+    for some in shares(B.shape[1]):
+        dense = B[:, some].toarray(order="F") if sp.issparse(B) else np.asfortranarray(B[:, some])
+        X[:, some] = factor.solve(dense)
     return X
 
 

@@ -7,8 +7,9 @@ so that the factor of K_ii serves K as well; and that of K serves K_ii, with Z =
 
     Psi = Z_i Z_b^-1,   x_i = z_i - Psi z_b with z = K^-1 [0; y_i].
 
-What a field does inside is what it has beyond the
-constraint modes, x_i - Psi x_b.
+What a field does inside is what it has beyond the constraint modes, x_i - Psi x_b. All vectors have
+the dofs of K, [1; Psi] among them and what is zero on the boundary, so that no copy of K_ii is
+needed.
 """
 
 from typing import NamedTuple
@@ -23,38 +24,34 @@ from rom.factorisation import Factor, Factorise, Pencil, ReductionError, solutio
 from rom.floating import is_held, pencil
 from rom.lanczos import EigenPairs, known_modes
 from rom.selection import Selection
+from rom.tall import gram, shares, squares, turned
 
 
 class Partition(NamedTuple):
-    """Boundary and interior dof indices, and the blocks of a matrix between them."""
+    """Boundary and interior dof indices."""
 
     boundary: np.ndarray
     interior: np.ndarray
 
-    def blocks(self, A: sp.csc_array) -> tuple[sp.csc_array, sp.csc_array, sp.csc_array]:
-        """A_bb, A_ib, A_ii."""
-        b, i = self.boundary, self.interior
-        columns = A[:, b]
-        return columns[b], columns[i], A[:, i][i]
-
 
 class FixedInterface(NamedTuple):
-    """K and M (n, n), w (n,) at the contact, and the structure with its boundary held; psi (i, b)
-    are the constraint modes. `whole` is the factor of K, where there is one."""
+    """K and M (n, n), w (n,) at the contact, and the structure with its boundary held; psi (n, b)
+    are the constraint modes, 1 on the boundary. `clamped` solves with K_ii: what stands on the
+    boundary it does not read and returns as zero. `whole` is the factor of K, where there is
+    one."""
 
     K: sp.csc_array
     M: sp.csc_array
     w: np.ndarray
     part: Partition
-    interior: Pencil
+    clamped: Factor
     psi: np.ndarray
     whole: Factor | None
 
     @property
     def condensed(self) -> np.ndarray:
         """S (b, b) = K_bb + K_bi Psi [N/m]."""
-        K_bb, K_ib, _ = self.part.blocks(self.K)
-        S = np.asarray(K_bb + K_ib.T @ self.psi)
+        S = self.K[:, self.part.boundary].T @ self.psi
         return (S + S.T) / 2
 
 
@@ -69,30 +66,32 @@ def fixed_interface(
     """The structure held at the dofs in boundary (b,), by the factor of K where it is handed in;
     raises ReductionError."""
     part = partition(boundary, w)
-    _, K_ib, K_ii = part.blocks(K)
-    M_ii = part.blocks(M)[2]
+    b = part.boundary
     if whole is None:
-        interior = _factorised(K_ii, M_ii, factorise)
-        psi = -solutions(interior.factor, K_ib)
+        clamped = _Extended(_inside(K, M, part.interior, factorise), part.interior)
+        psi = -solutions(clamped, K[:, b])
+        psi[b] = np.eye(len(b))
     else:
-        clamped = _Clamped(whole, part)
-        interior = Pencil(K_ii, M_ii, clamped, 0.0)
-        # Z_b of a soft structure is nearly singular, which would cost psi half its digits
-        clamped.psi -= solutions(clamped, K_ii @ clamped.psi + K_ib)
+        clamped = _Clamped(whole, b, len(w))
         psi = clamped.psi
-    _require_constraint_modes(interior, K_ib, psi, w[part.boundary])
-    return FixedInterface(K, M, w, part, interior, psi, whole)
+        # Z_b of a soft structure is nearly singular, which would cost psi half its digits
+        for some in shares(len(b)):
+            psi[:, some] -= clamped.solve(K @ psi[:, some])
+    fixed = FixedInterface(K, M, w, part, clamped, psi, whole)
+    _require_constraint_modes(fixed)
+    return fixed
 
 
-def _factorised(K_ii: sp.csc_array, M_ii: sp.csc_array, factorise: Factorise) -> Pencil:
-    interior = pencil(K_ii, M_ii, factorise)
-    if interior.sigma:
+def _inside(K: sp.csc_array, M: sp.csc_array, i: np.ndarray, factorise: Factorise) -> Factor:
+    """The factor of K_ii."""
+    inside = pencil(K[:, i][i], M[:, i][i], factorise)
+    if inside.sigma:
         raise ReductionError(
             "the interior still floats with the boundary fixed, or cannot be told from one that "
             "does beside its largest stiffness; add boundary degrees of freedom, tie the loose "
             "part, replace joints of extreme stiffness by rigid ones, or take free modes."
         )
-    return interior
+    return inside.factor
 
 
 def partition(boundary: ArrayLike, w: np.ndarray) -> Partition:
@@ -115,12 +114,12 @@ def partition(boundary: ArrayLike, w: np.ndarray) -> Partition:
     return Partition(boundary, interior)
 
 
-def _require_constraint_modes(
-    interior: Pencil, K_ib: sp.csc_array, psi: np.ndarray, w: np.ndarray
-) -> None:
-    residual = interior.K @ (psi @ w) + K_ib @ w
-    error = residual @ interior.factor.solve(residual)
-    energy = (psi @ w) @ (interior.K @ (psi @ w))
+def _require_constraint_modes(fixed: FixedInterface) -> None:
+    K, b = fixed.K, fixed.part.boundary
+    u = fixed.psi @ fixed.w[b]
+    residual = K @ u
+    u[b] = residual[b] = 0.0
+    error, energy = residual @ fixed.clamped.solve(residual), u @ (K @ u)
     if error > 1e-16 * energy:
         raise ReductionError(
             f"the constraint modes leave forces inside (relative {np.sqrt(error / energy):.1e} in "
@@ -139,19 +138,45 @@ def _floats() -> ReductionError:
 class _Clamped:
     """Solves with K_ii by the factor of K."""
 
-    def __init__(self, whole: Factor, part: Partition) -> None:
-        self._whole, (b, i) = whole, part
-        self._part, n = part, len(b) + len(i)
+    def __init__(self, whole: Factor, b: np.ndarray, n: int) -> None:
+        self._whole, self._b = whole, b
         unit = sp.csc_array((np.ones(len(b)), (b, np.arange(len(b)))), shape=(n, len(b)))
         Z = solutions(whole, unit)
-        self.psi = Z[i] @ np.linalg.inv(Z[b])
+        self.psi = turned(Z, np.linalg.inv(Z[b]))
+        self.psi[b] = np.eye(len(b))
 
     def solve(self, y: np.ndarray) -> np.ndarray:
-        b, i = self._part
-        z = np.zeros((len(b) + len(i), *y.shape[1:]))
-        z[i] = y
-        z = self._whole.solve(z)
-        return z[i] - self.psi @ z[b]
+        y = y.copy()
+        y[self._b] = 0.0
+        z = self._whole.solve(y)
+        z -= self.psi @ z[self._b]
+        z[self._b] = 0.0
+        return z
+
+
+class _Extended(NamedTuple):
+    """Solves with K_ii by its own factor, in vectors of all dofs."""
+
+    factor: Factor
+    interior: np.ndarray
+
+    def solve(self, y: np.ndarray) -> np.ndarray:
+        x = np.zeros_like(y)
+        x[self.interior] = self.factor.solve(y[self.interior])
+        return x
+
+
+class _Restricted(NamedTuple):
+    """Solves with K_ii as it is, (i,), by one that takes vectors of all dofs."""
+
+    clamped: Factor
+    interior: np.ndarray
+    n: int
+
+    def solve(self, y: np.ndarray) -> np.ndarray:
+        x = np.zeros((self.n, *y.shape[1:]))
+        x[self.interior] = y
+        return self.clamped.solve(x)[self.interior]
 
 
 class _Condensed:
@@ -165,11 +190,15 @@ class _Condensed:
             raise _floats() from None
 
     def solve(self, y: np.ndarray) -> np.ndarray:
-        (b, i), psi = self._fixed.part, self._fixed.psi
-        x = np.empty_like(y)
-        x[b] = cho_solve(self._S, y[b] + psi.T @ y[i])
-        x[i] = self._fixed.interior.factor.solve(y[i]) + psi @ x[b]
-        return x
+        psi = self._fixed.psi
+        return self._fixed.clamped.solve(y) + psi @ cho_solve(self._S, psi.T @ y)
+
+
+def interior(fixed: FixedInterface) -> Pencil:
+    """K_ii and M_ii as matrices of their own."""
+    i = fixed.part.interior
+    K_ii, M_ii = (A[:, i][i] for A in (fixed.K, fixed.M))
+    return Pencil(K_ii, M_ii, _Restricted(fixed.clamped, i, len(fixed.w)), 0.0)
 
 
 def modes_inside(fixed: FixedInterface, asked: Selection) -> tuple[EigenPairs, float, EigenPairs]:
@@ -179,9 +208,10 @@ def modes_inside(fixed: FixedInterface, asked: Selection) -> tuple[EigenPairs, f
     whole = whole_pencil(fixed)
     known = none_of(fixed) if asked.modes is None else known_modes(whole, *asked.modes)
     chosen = contact_modes(whole, fixed.w, known, asked)
-    b, i = fixed.part
-    inside = chosen.pairs.phi[i] - fixed.psi @ chosen.pairs.phi[b]
-    return _ritz(fixed.interior, inside), chosen.error, chosen.space
+    inside, b = chosen.pairs.phi, fixed.part.boundary
+    for some in shares(inside.shape[1]):
+        inside[:, some] -= fixed.psi @ inside[b, some]
+    return _ritz(fixed, inside), chosen.error, chosen.space
 
 
 def whole_pencil(fixed: FixedInterface) -> Pencil:
@@ -197,13 +227,14 @@ def none_of(fixed: FixedInterface) -> EigenPairs:
     return EigenPairs(np.zeros(0), np.zeros((len(fixed.w), 0)))
 
 
-def _ritz(interior: Pencil, Z: np.ndarray) -> EigenPairs:
-    """Ritz pairs of the columns of Z; those that add nothing to the others are left out."""
-    Z = Z / np.sqrt(np.einsum("ij,ij->j", Z, interior.K @ Z))
+def _ritz(fixed: FixedInterface, Z: np.ndarray) -> EigenPairs:
+    """Ritz pairs of the columns of Z, which are written over and are zero on the boundary; those
+    that add nothing to the others are left out."""
+    Z /= np.sqrt(squares(Z, fixed.K))
     for _ in range(2):  # once leaves rounding over the smallest size
-        size, U = eigh(Z.T @ (interior.K @ Z))
-        Z = Z @ (U[:, size > 1e-12] / np.sqrt(size[size > 1e-12]))
-    inverse_squared, U = eigh(Z.T @ (interior.M @ Z))
+        size, U = eigh(gram(Z, fixed.K))
+        Z = turned(Z, U[:, size > 1e-12] / np.sqrt(size[size > 1e-12]))
+    inverse_squared, U = eigh(gram(Z, fixed.M))
     order = np.argsort(-inverse_squared)
     scale = np.sqrt(inverse_squared[order])
-    return EigenPairs(1 / scale, Z @ (U[:, order] / scale))
+    return EigenPairs(1 / scale, turned(Z, U[:, order] / scale))

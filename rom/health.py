@@ -178,15 +178,19 @@ def _relative(difference: np.ndarray, reference: np.ndarray) -> float:
     return float(np.linalg.norm(difference) / np.linalg.norm(reference))
 
 
-def effective_mass(reduced: ReducedModel, M: ArrayLike, direction: ArrayLike) -> EffectiveMass:
+def effective_mass(
+    reduced: ReducedModel, M: ArrayLike, direction: ArrayLike, onto: sp.csr_array | None = None
+) -> EffectiveMass:
     """Mass that each mode of the reduced model carries along direction (n,), e.g. ones in x.
 
-    m_j = (mode_j^T M e)^2; the sum over all modes of a full model is e^T M e.
+    m_j = (mode_j^T M e)^2; the sum over all modes of a full model is e^T M e. M and e may be those
+    of a finer field u = onto @ T q.
     Raises ReductionError if the model came without its basis.
     """
     if reduced.T is None:
         raise ReductionError("a model without its basis T has no effective mass.")
     e, wall = np.asarray(direction, dtype=float), modal(reduced)
     inertia = sp.csc_array(M) @ e
-    participation = wall.vectors.T @ (reduced.T.T @ inertia)
+    on_model = inertia if onto is None else onto.T @ inertia
+    participation = wall.vectors.T @ (reduced.T.T @ on_model)
     return EffectiveMass(wall.omega, participation**2, float(e @ inertia))

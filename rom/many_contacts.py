@@ -15,10 +15,13 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from rom.contact_modes import finer_space
-from rom.factorisation import COLUMNS, Factorise, Pencil, static_response, superlu, symmetric
+from rom.factorisation import Factorise, Pencil, static_response, superlu, symmetric
 from rom.floating import pencil
 from rom.lanczos import EigenPairs, modes_below
 from rom.reduced_model import ReducedModel, of_modes
+from rom.tall import shares
+
+CONTACTS = 64  # solved at once
 
 
 class ManyContacts(NamedTuple):
@@ -53,8 +56,10 @@ class Face:
         self._problem = pencil(symmetric(K, "K"), symmetric(M, "M"), factorise)
         self._modes = modes_below(self._problem, cutoff_hz)
         phi = self._W.T @ self._modes.phi
-        parts = (slice(i, i + COLUMNS) for i in range(0, len(phi), COLUMNS))
-        found = [_moments(self._problem, self._W[:, at], self._modes, phi[at]) for at in parts]
+        found = [
+            _moments(self._problem, self._W[:, at], self._modes, phi[at])
+            for at in shares(len(phi), CONTACTS)
+        ]
         self.contacts = ManyContacts(self._modes.omega, phi, *np.concatenate(found, axis=1))
 
     def finer(self, i: int, to_hz: float) -> ReducedModel:

@@ -99,12 +99,9 @@ def of_modes(
     """Mass-normalised modes omega (k,), phi (n, k) as a model, the highest of them static; w and C
     are those of the full structure."""
     order = np.argsort(omega)
-    omega, phi = omega[order], phi[:, order]
-    damping = None if C is None else phi.T @ (C @ phi)
-    M = np.eye(len(omega))
-    return ReducedModel(
-        np.diag(omega**2), M, damping, phi.T @ w, None, "free-modes", 0, {}, n_residual=1
-    )
+    damping = None if C is None else (phi.T @ (C @ phi))[order][:, order]
+    K, M = np.diag(omega[order] ** 2), np.eye(len(omega))
+    return ReducedModel(K, M, damping, (phi.T @ w)[order], None, "free-modes", 0, {}, n_residual=1)
 
 
 class ModalWall(NamedTuple):

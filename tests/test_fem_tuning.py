@@ -67,7 +67,6 @@ def test_one_tangential_stiffness_cannot_meet_modes_two_and_three(isotropic):
     assert np.abs(np.log(both.modes_hz[1:3] / [269, 907])).min() > 0.2
 
 
-def test_a_soft_joint_changes_shapes_and_says_so(anisotropic):
+def test_every_mode_up_to_the_highest_target_is_told(anisotropic):
     found = tune(anisotropic, [KY, KZ, KRY, *BLOCK], {1: 51, 2: 269, 3: 907, 4: 8425})
-    assert found.mac[0] > 0.99 and found.mac[1] < 0.8
     assert np.all(np.diff(found.all_hz) >= 0) and len(found.all_hz) > 6

@@ -1,5 +1,7 @@
 """What reductions are made of: factors, pencils, bases, bounds, each against dense algebra."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -17,6 +19,7 @@ from rom import (
     is_indefinite,
     modal,
     superlu,
+    tall,
 )
 from rom.contact_modes import REACH, _bound, _ranked, contact_modes, krylov_space, static_shapes
 from rom.factorisation import Pencil, frequency_scale, noise, solutions, static_response, symmetric
@@ -66,6 +69,7 @@ def test_matrices_are_asked_to_be_square_finite_and_symmetric():
     for broken, sentence in (
         (K[:, 1:], "12 x 11"), (np.where(K == K.max(), np.inf, K), "not finite"),
         (K + 2e-9 * K.max() * np.eye(N, k=1), "not symmetric"),
+        (K + 2e-9 * K.max() * np.eye(N, k=N - 1), "not symmetric"),  # one entry
     ):  # fmt: skip
         with pytest.raises(ReductionError, match=sentence):
             symmetric(broken, "K")
@@ -198,6 +202,21 @@ def test_columns_are_appended_and_room_is_doubled():
     most = with_columns(Q, 3, np.full((4, 2), 3.0))
     assert most.shape == (4, 10)
     np.testing.assert_array_equal(most[0, :5], [1, 1, 2, 3, 3])
+
+
+def test_products_of_tall_matrices_are_those_of_all_rows_at_once(monkeypatch):
+    monkeypatch.setattr(tall, "ROWS", 7)
+    V = np.asfortranarray(np.random.default_rng(0).standard_normal((40, 3 * tall.COLUMNS - 1)))
+    A = structure(n=40)[0]
+    exact = V.T @ (A @ V)
+    np.testing.assert_allclose(tall.gram(V, A), exact, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(tall.squares(V, A), np.diag(exact), rtol=1e-12)
+    assert tall.squares(V[:, :0], A).shape == (0,)
+    U = np.random.default_rng(1).standard_normal((V.shape[1], 5))
+    product = V @ U
+    found = tall.turned(V, U)
+    np.testing.assert_allclose(found, product, rtol=1e-12, atol=1e-12)
+    assert found.shape == (40, 5) and np.shares_memory(found, V)
 
 
 # --- modes that the contact moves ----------------------------------------------------------------
@@ -368,13 +387,31 @@ def test_the_factor_inside_serves_the_whole():
     K, M = structure()
     fixed = fixed_interface(K, M, W, np.array([11, 10]), superlu)
     K_ii, K_ib = K.toarray()[:10, :10], K.toarray()[:10][:, [11, 10]]
-    np.testing.assert_allclose(fixed.psi, -np.linalg.solve(K_ii, K_ib), atol=1e-12)
+    np.testing.assert_allclose(fixed.psi[:10], -np.linalg.solve(K_ii, K_ib), atol=1e-12)
+    np.testing.assert_array_equal(fixed.psi[10:], [[0, 1], [1, 0]])
     schur = np.linalg.inv(np.linalg.inv(K.toarray())[np.ix_([11, 10], [11, 10])])
     np.testing.assert_allclose(fixed.condensed, schur, rtol=1e-9)
     whole = whole_pencil(fixed)
     np.testing.assert_allclose(whole.factor.solve(W), np.linalg.solve(K.toarray(), W), rtol=1e-9)
     block = np.random.default_rng(0).standard_normal((N, 3))
     np.testing.assert_allclose(K @ whole.factor.solve(block), block, atol=1e-10)
+
+
+def test_a_held_structure_is_reduced_without_a_copy_of_its_stiffness():
+    """With the factor of K nothing of its size is needed; K_ii and M_ii were once copied."""
+    n, width = 3000, 150
+    A = sp.diags_array(
+        [np.full(n, 0.9**k) for k in range(width)], offsets=range(width), shape=(n, n)
+    )
+    K, M = sp.csc_array(A + A.T), sp.eye_array(n).tocsc()
+    w = np.zeros(n)
+    w[:4] = 0.25
+    asked, factor = Selection(n_modes=8, choice="contact", to_hz=0.03), superlu(K)
+    tracemalloc.start()
+    craig_bampton(K, M, w, np.arange(4), asked, factor=factor)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 0.8 * (K.data.nbytes + K.indices.nbytes)
 
 
 def test_a_boundary_may_be_a_mask():

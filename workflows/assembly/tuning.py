@@ -90,7 +90,7 @@ def tuned(
     else:
         freed_ones = _of_the_rig(scene, free or usual(match))
     fit = _fitted(scene, freed_ones, match, progress)
-    result = _targeted(_set(fit.loose, fit.found.parameters, fit.found.value), match)
+    result = _targeted(at_values(fit.loose, fit.found.parameters, fit.found.value), match)
     full = pipeline_of(result, progress)
     fitted = {p.name for p in fit.found.parameters}
     unseen = [p for p in freed_ones if p.name not in fitted]
@@ -216,14 +216,14 @@ def _known() -> list[str]:
 def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
     """The scene with finite springs to vary, and of the block what is not to vary."""
     if scene.is_general:
-        return _set(scene, parameters, np.array([p.start for p in parameters]))
+        return at_values(scene, parameters, np.array([p.start for p in parameters]))
     varied = {p.of: None for p in parameters if not p.springs}
     bare = scene.but(assembly={"block": varied}) if scene.assembly.block else scene
     springs = [p for p in parameters if p.springs]
-    return _set(bare, springs, np.array([p.start for p in springs]))
+    return at_values(bare, springs, np.array([p.start for p in springs]))
 
 
-def _set(scene: Scene, parameters: list[Parameter], value) -> Scene:
+def at_values(scene: Scene, parameters: list[Parameter], value) -> Scene:
     """The scene with the parameters at these values."""
     if scene.is_general:
         names = [p.name for p in parameters]
@@ -258,7 +258,7 @@ def _report(scene, match, fit: Fit, full: Pipeline, unseen: list[Parameter]) -> 
     found, confirmed = fit.found, full("modes").paired_hz
     names = [p.name for p in found.parameters]
     numbers = [str(i) for i in range(1, len(found.modes_hz) + 1)]
-    fitted, mac = dict(zip(numbers, map(float, found.modes_hz), strict=True)), _mac(full)
+    fitted, mac = dict(zip(numbers, map(float, found.modes_hz), strict=True)), shape_mac(full)
     return TuningReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
@@ -311,7 +311,7 @@ def _remarks(scene, match, fitted, confirmed, found: Tuning, unseen: list[Parame
     return remarks
 
 
-def _mac(full: Pipeline) -> dict[str, float]:
+def shape_mac(full: Pipeline) -> dict[str, float]:
     """MAC of the modes found with those of stiff joints, as `beadwave modes` has it."""
     index, mac = full("modes").index, full("mac")
     return {str(j + 1): float(mac[i, j]) if i >= 0 else np.nan for j, i in enumerate(index)}

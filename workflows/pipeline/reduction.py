@@ -230,9 +230,8 @@ def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
 
 def mass_captured(model: fem.Model, reduced: rom.ReducedModel, along: NDArray[np.float64]) -> float:
     """Share of the assembly's mass that the reduced model carries along a direction (3,)."""
-    on_mesh = reduced._replace(T=model.T @ reduced.T)
     motion = np.tile(along, model.T.shape[0] // 3)
-    return rom.effective_mass(on_mesh, model.structure.M, motion).captured
+    return rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
 
 
 def contact_of(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> rom.Contact:
