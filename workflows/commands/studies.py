@@ -124,7 +124,7 @@ def run_study(
     quiet: Quiet = False,
     json: json_of("{study, rows, findings, ...}; without NAME {studies: [{name, shows}]}") = False,
 ) -> None:
-    """Figures of the thesis made again, each beside its remedy."""
+    """Figures of the thesis computed again, and what explains them."""
     from workflows.api.studies import study
 
     if name is None:
