@@ -92,13 +92,15 @@ def half_spaces_on_mesh(
     ]
     free, prescribed = _held_around(model.structure, face, near, mirrors)
     K = model.structure.K[free]
-    factor, K_prescribed = factorised(K[:, free].tocsc()), K[:, prescribed]
+    factor = factorised(K[:, free].tocsc()) if len(free) else None
     found = []
     for patch in patches:
         u = _far_field(model.structure, prescribed, patch, field)
-        w = patch.on_mesh[free]
-        found.append(patch.on_mesh[prescribed] @ u + w @ factor.solve(w - K_prescribed @ u))
-    return [float(compliance) for compliance in found]
+        w, compliance = patch.on_mesh[free], patch.on_mesh[prescribed] @ u
+        if factor:
+            compliance += w @ factor.solve(w - K[:, prescribed] @ u)
+        found.append(float(compliance))
+    return found
 
 
 def _held_around(

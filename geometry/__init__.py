@@ -30,6 +30,7 @@ from geometry.hex_mesh import hex_mesh
 from geometry.naming import named
 from geometry.plate_mesh import Extent, plate_mesh
 from geometry.quality import smallest_quality
+from geometry.refined import refined
 from geometry.thinning import thinned
 
 __all__ = [
@@ -48,6 +49,7 @@ __all__ = [
     "named",
     "plate_mesh",
     "provenance",
+    "refined",
     "smallest_quality",
     "thinned",
     "volume",

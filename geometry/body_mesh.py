@@ -16,10 +16,12 @@ from geometry.hexahedra import hexahedra
 from geometry.imprint import Disc, Share, regions
 from geometry.roundness import rimmed
 from geometry.selectors import Selected
-from geometry.sizes import Fine, size_of
+from geometry.sizes import Sizes
 from geometry.solids import Body
 from geometry.tetrahedra import tetrahedra
 from geometry.touching import Touch
+
+DEFAULT = Sizes()
 
 
 def body_meshes(
@@ -27,8 +29,7 @@ def body_meshes(
     touching: Sequence[Touch] = (),
     *,
     gap: float,
-    seeds: Mapping[str, float] | None = None,
-    fine: Sequence[Fine] = (),
+    sizes: Sizes = DEFAULT,
     named: Mapping[str, Selected] | None = None,
     patches: Mapping[str, Disc | Share] | None = None,
     element: str | None = None,
@@ -40,19 +41,18 @@ def body_meshes(
     InvalidGeometry for a seed that is too fine, ValueError, naming the body, for what gmsh cannot
     mesh.
     """
-    sizes = {name: size_of(body, (seeds or {}).get(name), fine) for name, body in bodies.items()}
-    for name, body in bodies.items():
-        require_few(body, sizes[name])
+    for body in bodies.values():
+        require_few(body, sizes.of(body))
     meshes = {}
     for name, body in bodies.items():
-        size = sizes[name]
+        size = sizes.of(body)
         with failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'):
             wanted = regions(body, touching, patches or {}, gap)
             order = (body, wanted, named or {}, size, gap)
             mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
         for key, disc in (patches or {}).items():
             round_one = isinstance(disc, Disc) and disc.on.body == name
-            mesh = rimmed(mesh, key, disc) if round_one else mesh
+            mesh = rimmed(mesh, key, disc, size.around) if round_one else mesh
         meshes[name] = mesh
     return meshes
 

@@ -14,7 +14,7 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.gmsh_session import EDGES_AROUND, boolean_tolerance, failing, mesh_options
+from geometry.gmsh_session import boolean_tolerance, failing, mesh_options
 from geometry.prism import Imprints, Prism, corners_of
 from geometry.sizes import Size, mesh_visible, size_at
 from geometry.solids import SAME, Vector, parallel
@@ -138,7 +138,7 @@ def _ring(prism: Prism, marks: Imprints, size: Size) -> Flat | None:
     feet = [patch.feet - centre for patch in marks.sides.values()]
     angles = [np.arctan2(f @ v, f @ u) % (2 * pi) for f in feet]
     stops = np.concatenate([*angles, [0.0, 2 * pi]])
-    step = min(size.seed / outer.radius, 2 * pi / EDGES_AROUND)
+    step = min(size.seed / outer.radius, 2 * pi / size.around)
     angle = spaced(stops, lambda x: np.full_like(x, step))[:-1]
     radius = spaced([inner.radius, outer.radius], lambda x: np.full_like(x, size.seed))
     r, a = np.meshgrid(radius, angle, indexing="ij")

@@ -85,8 +85,9 @@ def _flux(p, rho, facets) -> float:
     return float(np.sum(abs(np.sum(rho[facets].mean(axis=1) * area, axis=1))))
 
 
-def rimmed(mesh: AnyMesh, name: str, disc: Disc) -> AnyMesh:
-    """The mesh with the rim of a disc moved out, so that its polygon has the circle's area.
+def rimmed(mesh: AnyMesh, name: str, disc: Disc, edges: float = EDGES_AROUND) -> AnyMesh:
+    """The mesh with the rim of a disc moved out, so that its polygon of about so many `edges`
+    has the circle's area.
 
     A disc that its face cuts off stays as it is.
     """
@@ -97,7 +98,7 @@ def rimmed(mesh: AnyMesh, name: str, disc: Disc) -> AnyMesh:
     v = np.cross(disc.normal / np.linalg.norm(disc.normal), u)
     angle = np.sort(np.arctan2(rho[rim] @ v, rho[rim] @ u))
     steps = np.diff(angle, append=angle[:1] + 2 * pi)
-    if not len(steps) or steps.max() > OPEN * 2 * pi / EDGES_AROUND:
+    if not len(steps) or steps.max() > OPEN * 2 * pi / edges:
         return mesh
     p = mesh.p.copy()
     p[:, nodes[rim]] += (np.sqrt(2 * pi / np.sin(steps).sum()) - 1) * rho[rim].T

@@ -39,6 +39,25 @@ class Size(NamedTuple):
     fine: tuple[Fine, ...] = ()
     edge: float | None = None  # where a partner ends inside a face of a thin body
     sharp: float | None = None  # of the first element at a singular edge of a thick one
+    around: float = EDGES_AROUND  # edges around a circle, at least
+
+    def times(self, coarser: float) -> "Size":
+        """The same with all elements `coarser` times as large, those that its shape bounds too."""
+        fine = tuple(f._replace(size=coarser * f.size) for f in self.fine)
+        edge, sharp = (s and coarser * s for s in (self.edge, self.sharp))
+        return Size(coarser * self.seed, fine, edge, sharp, self.around / coarser)
+
+
+class Sizes(NamedTuple):
+    """Of the bodies of an assembly, where they are not those by default."""
+
+    seeds: Mapping[str, float] | None = None  # [m] by body
+    fine: Sequence[Fine] = ()
+    coarser: float = 1.0  # times all of them, see `Size.times`
+
+    def of(self, body: Body) -> Size:
+        """Of one body."""
+        return size_of(body, (self.seeds or {}).get(body.name), self.fine).times(self.coarser)
 
 
 def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) -> Size:
@@ -98,7 +117,10 @@ def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
     faces = gmsh.model.getBoundary(entities, oriented=False) if solid else entities
     _refine(size, [tag for _, tag in faces])
     # faces by the fields alone: between two fine lines they would all be fine
-    options = {"MeshOnlyVisible": 1, "MeshSizeMax": size.seed, "MeshSizeExtendFromBoundary": -3}
+    options = {
+        "MeshOnlyVisible": 1, "MeshSizeMax": size.seed, "MeshSizeExtendFromBoundary": -3,
+        "MeshSizeFromCurvature": size.around,
+    }  # fmt: skip
     with mesh_options(options):
         gmsh.model.mesh.generate(dimension)
 
@@ -110,7 +132,7 @@ def _refine(size: Size, faces: Sequence[int]) -> None:
         field.remove(tag)
     curves = sorted({tag for face in faces for tag in gmsh.model.getAdjacencies(2, face)[1]})
     lines = _ends_inside(curves, faces) if size.edge else []
-    around = {tag: 2 * pi * _radius(tag) / EDGES_AROUND for tag in curves if _is("Circle", tag)}
+    around = {tag: 2 * pi * _radius(tag) / size.around for tag in curves if _is("Circle", tag)}
     fields = [_ball(f, size.seed) for f in size.fine if f.size < size.seed]
     fields += [_from(lines, size.edge, size.seed, STEEP)] if lines else []
     for fine in sorted({round(s, 9) for s in around.values() if s < size.seed}):

@@ -18,7 +18,7 @@ from geometry.assembly import (
     sheets,
     washer_z_range,
 )
-from geometry.gmsh_session import session
+from geometry.gmsh_session import EDGES_AROUND, mesh_options, session
 from geometry.naming import named
 
 TETRAHEDRON = 4  # gmsh's element type
@@ -33,13 +33,15 @@ def tet_mesh(
     support_seed: float,
     contact_seed: float | None = None,
     contact_point: tuple[float, float] = (0.0, 0.0),
+    coarser: float = 1.0,
 ) -> MeshTet:
-    """Every part meshed on its own, with the names and the sizes of :func:`geometry.hex_mesh`.
+    """Every part meshed on its own, with the names and the sizes of :func:`geometry.hex_mesh`,
+    circles of `coarser` times fewer edges than usual.
 
     Raises ValueError when gmsh cannot mesh a part.
     """
     a = assembly
-    with session():
+    with session(), mesh_options({"MeshSizeFromCurvature": EDGES_AROUND / coarser}):
         sizes = {"block": block_seed}
         volumes = _bodies(a)
         gmsh.model.occ.synchronize()

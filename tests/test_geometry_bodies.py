@@ -14,7 +14,7 @@ from geometry.foreseen import foreseen_nodes
 from geometry.imprint import Disc
 from geometry.selectors import Selected, bodies_named, faces, touches
 from geometry.shapes import Box, Cylinder, Hole, Plate
-from geometry.sizes import Fine, default_seed, default_seeds, size_of
+from geometry.sizes import Fine, Sizes, default_seed, default_seeds, size_of
 from geometry.touching import neighbours
 
 GAP = 1e-5
@@ -55,7 +55,11 @@ def meshed(shapes, request):
         }
         named = {"upper": upper, "bores": faces("cover:hole(8..9 mm)", drawn.bodies)}
         struck = Fine("block", R @ [0.1, 0.05, 0.038], 5e-4)
-        order = {"fine": [struck], "named": named, "patches": discs, "element": request.param}
+        order = {"sizes": Sizes(fine=[struck])} | {
+            "named": named,
+            "patches": discs,
+            "element": request.param,
+        }
         meshes = body_meshes(drawn.bodies, pairs, gap=GAP, **order)
         kind = MeshTet if request.param == "tet" else MeshHex
         assert all(isinstance(mesh, kind) for mesh in meshes.values())
@@ -112,7 +116,7 @@ def test_elements_are_fine_at_a_fine_point_and_grow_away_from_it(meshed):
 def test_a_body_that_touches_none_is_meshed_like_any():
     with model({"tube": Cylinder(0.05, 0.4, 0.045)}) as drawn:
         held = {"end": faces("tube:-z", drawn.bodies)}
-        mesh = body_meshes(drawn.bodies, gap=GAP, named=held, seeds={"tube": 0.01})["tube"]
+        mesh = body_meshes(drawn.bodies, gap=GAP, named=held, sizes=Sizes({"tube": 0.01}))["tube"]
         assert facet_error(mesh, drawn.bodies["tube"]) == pytest.approx(0, abs=1e-9)
         assert area(mesh, "end") == pytest.approx(pi * (0.05**2 - 0.045**2), rel=1e-3)
         np.testing.assert_allclose(mesh.p[2, mesh.facets[:, mesh.boundaries["end"]]], -0.2)
@@ -165,7 +169,7 @@ def test_coarse_thick_bodies_are_fine_where_one_ends_on_the_other(side, seed, fi
     with model({"floor": floor, "tower": tower}) as drawn:
         pairs = neighbours(drawn.bodies, GAP).touching
         seeds = dict.fromkeys(drawn.bodies, seed)
-        meshes = body_meshes(drawn.bodies, pairs, gap=GAP, seeds=seeds)
+        meshes = body_meshes(drawn.bodies, pairs, gap=GAP, sizes=Sizes(seeds))
     for mesh in meshes.values():
         for x in mesh.p:
             steps = np.diff(np.unique(x.round(9)))
@@ -196,7 +200,9 @@ def test_a_thin_body_is_fine_where_its_partner_ends_and_there_alone(element, hol
     with model(shapes) as drawn:
         pairs = neighbours(drawn.bodies, GAP).touching
         seeds = {"sheet": seed}
-        mesh = body_meshes(drawn.bodies, pairs, gap=GAP, seeds=seeds, element=element)["sheet"]
+        mesh = body_meshes(drawn.bodies, pairs, gap=GAP, sizes=Sizes(seeds), element=element)[
+            "sheet"
+        ]
     ends = mesh.p[:, mesh.edges]
     lower = np.all(ends[2] < 1e-9, axis=0)
     length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=0)
@@ -218,7 +224,7 @@ def test_nodes_are_foreseen_within_a_factor_of_two(element, finer):
     }
     with model(shapes) as drawn:
         seeds = {name: finer * size_of(body).seed for name, body in drawn.bodies.items()}
-        meshes = body_meshes(drawn.bodies, gap=GAP, seeds=seeds, element=element)
+        meshes = body_meshes(drawn.bodies, gap=GAP, sizes=Sizes(seeds), element=element)
     for name, mesh in meshes.items():
         size = size_of(drawn.bodies[name], seeds[name])
         foreseen = foreseen_nodes(drawn.bodies[name], size, element)
@@ -230,7 +236,7 @@ def test_a_seed_that_no_machine_solves_is_refused_before_meshing():
         model({"block": Box((0.1, 0.1, 0.1))}) as drawn,
         pytest.raises(InvalidGeometry, match=r"seed = 0\.0002 m .* take a seed above 0\.00092 m"),
     ):
-        body_meshes(drawn.bodies, gap=GAP, seeds={"block": 2e-4})
+        body_meshes(drawn.bodies, gap=GAP, sizes=Sizes({"block": 2e-4}))
 
 
 def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_only():

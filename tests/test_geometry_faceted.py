@@ -14,6 +14,7 @@ from geometry.faceted_touching import meeting
 from geometry.holes import bores
 from geometry.selectors import faces
 from geometry.shapes import Cylinder, Hole, Plate
+from geometry.sizes import Sizes
 
 GAP = 1e-5
 STRAIGHT = np.eye(3)
@@ -79,7 +80,7 @@ def pinned(request):
     plate = Plate(outline, 0.01, (Hole(0.012, (0.03, 0.02)), Hole(0.007, (0.08, 0.02))))
     shapes = {"plate": plate, "pin": Cylinder(0.006, 0.03, at=(0.03, 0.02, 0.005))}
     with model(shapes) as drawn:
-        return body_meshes(drawn.bodies, gap=GAP, seeds={"pin": 3e-3}, element=request.param)
+        return body_meshes(drawn.bodies, gap=GAP, sizes=Sizes({"pin": 3e-3}), element=request.param)
 
 
 def test_bores_and_pins_are_found_on_facets(pinned):

@@ -144,12 +144,14 @@ def _meshes(scene: Scene, drawn: Drawing) -> dict[str, Mesh]:
     if not scene.is_general:
         return assembly.mesh(scene).meshes
     from geometry.body_mesh import body_meshes
-    from geometry.sizes import default_seeds
+    from geometry.sizes import Sizes, default_seeds
 
     usual = default_seeds(drawn.bodies)
     seeds = {name: scene.mesh.scale * (scene.seed_of(name) or usual[name]) for name in usual}
     # with the outlines of partners on each other, where elements are as small as in a run
-    return body_meshes(drawn.bodies, drawn.near.touching, gap=scene.assembly.gap, seeds=seeds)
+    return body_meshes(
+        drawn.bodies, drawn.near.touching, gap=scene.assembly.gap, sizes=Sizes(seeds)
+    )
 
 
 def picture(seen: Seen) -> Picture:

@@ -48,15 +48,16 @@ class AssemblyModes(NamedTuple):
         return {str(i + 1): float(hz[j]) for i, j in enumerate(self.index) if j >= 0}
 
 
-def mesh(scene: Scene) -> Parts:
-    """The bodies meshed, or the user's own mesh of the rig, and what joins and holds them."""
+def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
+    """The bodies meshed, or the user's own mesh of the rig, and what joins and holds them; elements
+    `coarser` times as large as the scene has them, but for those of a user."""
     if scene.is_general:
-        return bodies.parts(scene)
-    meshes = geometry.by_body(_whole(scene))
+        return bodies.parts(scene, coarser)
+    meshes = geometry.by_body(_whole(scene, coarser))
     return Parts(meshes, materials(scene.assembly, meshes), _connections(scene))
 
 
-def _whole(scene: Scene) -> Mesh:
+def _whole(scene: Scene, coarser: float) -> Mesh:
     m = scene.mesh
     if m.file:
         parts = assembly(scene.assembly)
@@ -66,15 +67,11 @@ def _whole(scene: Scene) -> Mesh:
             raise InvalidScene(sentence)
         return own
     parts = assembly(scene.assembly)
-    sizes = {
-        "seed": m.seed,
-        "block_seed": m.block_seed,
-        "support_seed": m.support_seed,
-        "contact_seed": m.contact_seed,
-        "contact_point": scene.patch.point,
-    }
+    seeds = ("seed", "block_seed", "support_seed", "contact_seed")
+    sizes = {seed: coarser * getattr(m, seed) for seed in seeds}
+    sizes["contact_point"] = scene.patch.point
     if m.element == "tet":
-        return _tet_mesher()(parts, **sizes)
+        return _tet_mesher()(parts, **sizes, coarser=coarser)
     return geometry.hex_mesh(parts, **sizes, glued=scene.assembly.constraint == "full-tie")
 
 

@@ -15,7 +15,7 @@ import fem
 import rom
 from workflows.files.mode_field import ModeField
 from workflows.pipeline.assembly import SHOWN, AssemblyModes
-from workflows.pipeline.reduction import selection
+from workflows.pipeline.reduction import SecondModel, selection
 from workflows.scene import InvalidScene, Scene
 
 N_MODES = 30
@@ -124,10 +124,11 @@ def contact_of(scene: Scene, model: fem.Bending) -> rom.Contact:
     )
 
 
-def second_mesh(scene: Scene) -> rom.ReducedModel:
+def second_mesh(scene: Scene) -> SecondModel:
     """The same on shorter elements, of a large plate on longer ones."""
     second = model(scene, second_length(scene))
-    return _reduced(scene, second)._replace(T=None, contact=contact_of(scene, second))
+    reduced = _reduced(scene, second)._replace(T=None, contact=contact_of(scene, second))
+    return SecondModel(reduced, left(scene))
 
 
 def second_length(scene: Scene) -> float:

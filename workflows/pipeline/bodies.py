@@ -99,8 +99,9 @@ def _shape(body: Body) -> Shape:
     return Plate(body.plate.outline, body.plate.thickness, holes, **place)
 
 
-def parts(scene: Scene) -> Parts:
-    """Bodies meshed each on its own, and what joins and holds them."""
+def parts(scene: Scene, coarser: float = 1.0) -> Parts:
+    """Bodies meshed each on its own, and what joins and holds them; elements of ours `coarser`
+    times as large as the scene has them."""
     with drawing(scene) as drawn:
         _require_known(scene, drawn)
         tied, marks = tied_pairs(scene, drawn), marked(scene, drawn)
@@ -109,7 +110,7 @@ def parts(scene: Scene) -> Parts:
             size = {name: 1 / body.volume for name, body in drawn.bodies.items()}
             meshes = _named(scene, drawn.own, [(t, _roles(t, size)[1]) for t in tied], marks, face)
         else:
-            meshes = _meshes(scene, drawn, tied, marks, face)
+            meshes = _meshes(scene, drawn, tied, marks, face, coarser)
             size = {n: mesh.nelements / drawn.bodies[n].volume for n, mesh in meshes.items()}
     nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
     for sentence in too_large_mesh(scene, "the mesh of [assembly]", nodes):
@@ -397,9 +398,11 @@ def _tie(touch, fineness: Mapping[str, float]) -> fem.Tie:
     return fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", touch.gap)
 
 
-def _meshes(scene: Scene, drawn: Drawing, tied: list, marks: Marks, struck: Struck | None) -> dict:
+def _meshes(
+    scene: Scene, drawn: Drawing, tied: list, marks: Marks, struck: Struck | None, coarser: float
+) -> dict:
     from geometry.body_mesh import body_meshes
-    from geometry.sizes import Fine, default_seeds
+    from geometry.sizes import Fine, Sizes, default_seeds
 
     scale, usual = scene.mesh.scale, default_seeds(drawn.bodies)
     seeds = {name: scale * (scene.seed_of(name) or usual[name]) for name in drawn.bodies}
@@ -411,8 +414,7 @@ def _meshes(scene: Scene, drawn: Drawing, tied: list, marks: Marks, struck: Stru
         drawn.bodies,
         tied,
         gap=scene.assembly.gap,
-        seeds=seeds,
-        fine=fine,
+        sizes=Sizes(seeds, fine, coarser),
         named=named,
         patches=marks.patches,
         element="tet" if scene.mesh.element == "tet" else None,

@@ -1,10 +1,14 @@
 """What the reduction and the mesh leave of error in the waves, by a second run for each.
 
 The reduction's is the difference to a run with the finer model that the reduction carries along.
-The mesh's is extrapolated from the difference to a mesh with elements twice as large: of an error
-e = c h^p,
+The mesh's is extrapolated from the difference to a mesh with elements twice as large, those that
+thickness and bores bound too: of an error e = c h^p,
 
-    e(2 h) - e(h) = (2^p - 1) e(h).
+    e(2 h) - e(h) = (2^p - 1) e(h),    e(h) - e(h / 2) = (1 - 2^-p) e(h).
+
+Where no mesh is markedly coarser, of a user's own mesh and of a small one, whose coarser fellow
+would tell nothing, every element is parted in eight instead, if that is affordable; of the smallest
+in 64 or 512, since a few elements miss more than half of the motion.
 
 Stresses are singular where a face ends on another; meshes refined there converge faster than the
 order 1 that singular edges leave on even ones, and slower than the 4 of smooth modes. With the
@@ -13,23 +17,28 @@ meshes of 127 000 and 107 000 unknowns. Beams and plates have another, see `bend
 stop at the scene's horizon, beyond which spheres move chaotically and any two runs part.
 """
 
+from math import log
+
 import numpy as np
 
 import coupling
 import dem
 import fem
+import geometry
 import rom
 from workflows.pipeline import assembly as stages
-from workflows.pipeline import bending
 from workflows.pipeline.chain import Start
-from workflows.pipeline.reduction import TO_HZ, contact_of
+from workflows.pipeline.parts import Parts
+from workflows.pipeline.reduction import TO_HZ, SecondModel, contact_of
 from workflows.pipeline.wall import wall_of
 from workflows.scene import Scene
 
 COARSER = 2.0  # times the element size
 ORDER = 1.5  # of the mesh's error
+FEWER = 1.5  # times the elements of a body in a mesh that is markedly coarser
+UNSEEN = 0.3  # share of the elements, at most, in bodies whose mesh is hardly coarser
+SMALL, AFFORDED = 8e3, 6e4  # unknowns of a finer mesh: nothing beside a run, and as many as its own
 MARGIN = 1.25  # of a difference, for what the finer model itself misses
-ONE_MESH = 1e-9  # two meshes of solids never agree so well
 SHORTER = 8  # times the step for the finer model, whose highest modes move faster than any kept
 
 
@@ -42,43 +51,54 @@ def reduction_error(
     return MARGIN * _difference(scene, start, finer, impact, dt=dt)
 
 
-def coarser(scene: Scene) -> Scene:
-    """The scene with elements twice as large."""
-    sizes = {name: COARSER * value for name, value in scene.mesh if isinstance(value, float)}
-    return scene.but(mesh=sizes)
+def other_mesh(scene: Scene, mesh: Parts) -> tuple[Parts, float]:
+    """A mesh coarser than the run's own, or finer where none is, and how much of the difference
+    to it is the error of the run's own.
+
+    Raises ValueError for one that cannot be made coarser and is too large to be made finer.
+    """
+    n = 3 * sum(mesh.nodes.values())
+    if 8 * n > SMALL and scene.own_mesh is None:
+        coarse = stages.mesh(scene, COARSER)
+        if _is_coarser(mesh, coarse):
+            return coarse, 1 / (COARSER**ORDER - 1)
+    if 8 * n > AFFORDED:
+        finer = "one of your own" if scene.own_mesh else "--set mesh.scale=0.5"
+        raise ValueError(
+            f"its elements cannot be made larger, and halved they would have {8 * n:.1e} "
+            f"unknowns, allowed are {AFFORDED:.0e}; compare with a run on a finer mesh, {finer}."
+        )
+    times = max(1, int(log(SMALL / n, 8)))
+    meshes = {name: geometry.refined(one, times) for name, one in mesh.meshes.items()}
+    return mesh._replace(meshes=meshes), 1 / (1 - 2 ** (-times * ORDER))
 
 
-def second_mesh(scene: Scene) -> rom.ReducedModel:
-    """The assembly on elements twice as large, reduced the quickest way."""
-    coarse = coarser(scene)
-    mesh = stages.mesh(coarse)
-    model = stages.model(coarse, mesh)
-    contact = stages.contact(coarse, mesh, model)
-    return rom.free_modes(
+def _is_coarser(mesh: Parts, coarse: Parts) -> bool:
+    """Whether nearly all elements are in bodies that have markedly fewer in the second mesh."""
+    n = {name: one.nelements for name, one in mesh.meshes.items()}
+    stuck = [n[name] for name, one in coarse.meshes.items() if n[name] < FEWER * one.nelements]
+    return sum(stuck) <= UNSEEN * sum(n.values())
+
+
+def second_mesh(scene: Scene, mesh: Parts) -> SecondModel:
+    """The assembly on another mesh, reduced the quickest way; raises ValueError where none is."""
+    parts, left = other_mesh(scene, mesh)
+    model = stages.model(scene, parts)
+    contact = stages.contact(scene, parts, model)
+    reduced = rom.free_modes(
         model.K,
         model.M,
         contact.w,
         rom.Selection(n_modes=stages.N_MODES[0], choice="contact", to_hz=TO_HZ),
         factorise=fem.factorised,
-    )._replace(T=None, contact=contact_of(coarse, model, contact))
+    )
+    known = contact_of(scene, model, contact)
+    return SecondModel(reduced._replace(T=None, contact=known), left)
 
 
-def mesh_error(
-    scene: Scene, start: Start, second: rom.ReducedModel, impact: coupling.Impact
-) -> float:
-    """Against a second mesh: the same difference, extrapolated to elements of no size.
-
-    Raises ValueError where thin bodies and bores make one mesh of both sizes.
-    """
-    difference = _difference(scene, start, wall_of(scene, second), impact)
-    if scene.bending is not None:
-        return bending.left(scene) * difference
-    if difference < ONE_MESH:
-        raise ValueError(
-            "elements twice as large make the same mesh, since thin bodies and holes bound them; "
-            "run with --set mesh.scale=0.5 and compare."
-        )
-    return difference / (COARSER**ORDER - 1)
+def mesh_error(scene: Scene, start: Start, second: SecondModel, impact: coupling.Impact) -> float:
+    """Against a second mesh: the same difference, extrapolated to elements of no size."""
+    return second.left * _difference(scene, start, wall_of(scene, second.reduced), impact)
 
 
 def _difference(

@@ -13,9 +13,11 @@ import rom
 from coupling.damping import Damping
 from coupling.many_contacts import walls_of
 from coupling.wall import wall_from_reduced
+from workflows.pipeline import assembly as stages
 from workflows.pipeline.assembly import solid, struck
 from workflows.pipeline.chain import Start, start
-from workflows.pipeline.errors import coarser
+from workflows.pipeline.errors import other_mesh
+from workflows.pipeline.parts import Parts
 from workflows.pipeline.pipeline import Pipeline, pipeline_of
 from workflows.pipeline.reduction import TO_HZ
 from workflows.pipeline.wall import damping_law
@@ -45,17 +47,17 @@ class Placed(NamedTuple):
 class StruckFace:
     """The face that a scene strikes, of an assembly that is meshed and joined once.
 
-    Raises InvalidScene for a face that is not plane and for scenes whose walls differ in more than
-    the point struck.
+    Of the scene's own mesh unless another is given. Raises InvalidScene for a face that is not
+    plane and for scenes whose walls differ in more than the point struck.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, mesh: Parts | None = None) -> None:
         _require_points_alike(scene)
         self.scene = scene
         self.pipeline: Pipeline = pipeline_of(scene, lambda name: nullcontext())
         if self.pipeline("mesh").struck and self.pipeline("mesh").struck.radius is not None:
             raise InvalidScene(f"the face {struck(scene)!r} is round; scan a plane one.")
-        self.model: fem.Model = self.pipeline("model")
+        self.model: fem.Model = stages.model(scene, mesh) if mesh else self.pipeline("model")
         self.name = struck(scene)
 
     @property
@@ -97,9 +99,11 @@ class StruckFace:
         face = rom.Face(model.K, model.M, W, cutoff_hz=to_hz, factorise=fem.factorised)
         return Walls(face, to_hz, np.array(local), self._damping())
 
-    def coarse(self) -> "StruckFace | None":
-        """The same on elements twice as large; None for a mesh of the user's own."""
-        return StruckFace(coarser(self.scene)) if self.scene.own_mesh is None else None
+    def second(self) -> tuple["StruckFace", float]:
+        """The same on another mesh, and how much of the difference to it is the error of this one;
+        raises ValueError where there is none."""
+        mesh, left = other_mesh(self.scene, self.pipeline("mesh"))
+        return StruckFace(self.scene, mesh), left
 
     @property
     def patch(self) -> Any:

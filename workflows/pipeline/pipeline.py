@@ -135,9 +135,7 @@ ASSEMBLY = {
         tables_of("reduction", "patch", "assembly"),
         ("model", "contact", "modes", "factor"),
     ),
-    "second-mesh": Stage(
-        ".errors:second_mesh", lambda scene: [_dimensions(scene), COARSE(scene)], ()
-    ),
+    "second-mesh": Stage(".errors:second_mesh", COARSE, ("mesh",)),
     "full-response": Stage(".response:full_response", tables_of(), ("model", "contact")),
     "response": Stage(".response:response", tables_of("damping"), ("full-response", "reduction")),
     "compilation": Stage(

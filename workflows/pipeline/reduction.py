@@ -18,6 +18,13 @@ OPEN = 1.0  # [N/m] of a joint that holds nothing
 NOTHING = np.empty(0, np.int64)
 
 
+class SecondModel(NamedTuple):
+    """The reduced model of another mesh, and how much of its difference is the run's error."""
+
+    reduced: rom.ReducedModel
+    left: float
+
+
 class Jointed(NamedTuple):
     """A reduced model that keeps the elongation of each spring in the joints as a coordinate."""
 

@@ -181,11 +181,9 @@ def _errors(pipeline: Pipeline) -> tuple[ErrorEstimate, list[str]]:
 
 
 def _estimated(pipeline: Pipeline) -> Iterator[str]:
-    """Models whose error a coarser one tells; nobody knows how to coarsen a user's own mesh."""
+    """Models whose error a second one tells."""
     if needs_structure(pipeline.scene) and not isinstance(pipeline("wall"), CoupledWall):
-        yield "reduction"
-        if pipeline.scene.own_mesh is None:
-            yield "mesh"
+        yield from ("reduction", "mesh")
 
 
 def _model_numbers(pipeline: Pipeline) -> dict:

@@ -33,7 +33,7 @@ class Source(NamedTuple):
 
     @property
     def stages(self) -> tuple[str, str]:
-        """Names of the reduction and of that on a coarser mesh."""
+        """Names of the reduction and of that on another mesh."""
         return ("jointed" if self.springs else "reduction"), "second-mesh"
 
     @property
@@ -43,10 +43,10 @@ class Source(NamedTuple):
 
 
 class Models(NamedTuple):
-    """Reduced models of an assembly on its mesh and on a coarser one, as far as that is known."""
+    """Reduced models of an assembly on its mesh and on another one, as far as that can be made."""
 
     reduction: Any
-    coarse: Any | None
+    second: Any | None
     errors: tuple[float, float] | None = None  # where springs vary: those of the source
 
 
@@ -75,16 +75,23 @@ def is_kept(source: Source) -> bool:
 
 def models(source: Source) -> Models | str:
     """The models, from the cache where they are kept; a sentence where they fail."""
-    pipeline, (reduction, coarse) = source.pipeline, source.stages
-    own_mesh = getattr(source.scene.mesh, "file", None) is not None  # nobody can coarsen it
+    pipeline, (reduction, second) = source.pipeline, source.stages
     try:
-        found = Models(pipeline(reduction), None if own_mesh else pipeline(coarse))
+        found = Models(pipeline(reduction), _second(pipeline, second))
         if not source.springs:
             return found
-        usual = Models(found.reduction.reduced, found.coarse)
+        usual = Models(found.reduction.reduced, found.second)
         return found._replace(errors=_errors(source.scene, wall(source.scene, usual[0]), usual))
     except FAILURES as reason:
         return sentence(reason)
+
+
+def _second(pipeline: Pipeline, stage: str) -> Any | None:
+    """None for a mesh that no other one tells the error of, or whose other one fails."""
+    try:
+        return pipeline(stage)
+    except ValueError:
+        return None
 
 
 def prepared(scene: Scene, source: Source, found: Models | str | None) -> Prepared:
@@ -116,8 +123,8 @@ def _errors(scene: Scene, own: Any, found: Models) -> tuple[float, float]:
     begun = start(scene, found.reduction.contact)
     run = impact(scene, begun, own)
     of_reduction = reduction_error(scene, begun, found.reduction, run)
-    return of_reduction, none if found.coarse is None else mesh_error(
-        scene, begun, found.coarse, run
+    return of_reduction, none if found.second is None else mesh_error(
+        scene, begun, found.second, run
     )
 
 

@@ -3,7 +3,7 @@
 The errors are those of the worst point. Of the reduction that is where the waves change most when
 the modes below CRUDER of the highest frequency are taken alone: there they are compared with those
 of a reduction of its own. Of the mesh it is the worst of some points spread over the face, by a
-scan of them on elements twice as large.
+scan of them on a second mesh, see `workflows.pipeline.errors`.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ import dem
 from coupling.sweep.rows import FAILED, REFUSED, Rows, measured, without_result
 from workflows.files.run_folder import RunFolder
 from workflows.pipeline.chain import Start
-from workflows.pipeline.errors import COARSER, MARGIN, ORDER, SHORTER
+from workflows.pipeline.errors import MARGIN, SHORTER
 from workflows.pipeline.face import Outline, Placed, StruckFace
 from workflows.pipeline.rig import STRUCK
 from workflows.scene import InvalidScene, RomWall, Scene
@@ -28,7 +28,7 @@ from workflows.sweep.store import About, Store
 from workflows.sweep.tasks import CHUNK
 
 CRUDER = 0.75
-COMPARED = 49  # points on the coarser mesh
+COMPARED = 49  # points on the second mesh
 MOST_POINTS = 10_000
 Array = NDArray[np.float64]
 Told = Callable[[int, int], None]  # points done, points in all
@@ -210,15 +210,17 @@ def _spread(n: int) -> Array:
 
 
 def _mesh_error(face: StruckFace, points: Array, seen: list[_Seen]) -> float:
-    """The largest at some of the points; NaN for a mesh that nobody can coarsen."""
-    coarse, march = face.coarse(), _March(face.scene, face.begun)
-    if coarse is None:
+    """The largest at some of the points; NaN for a mesh that no other one tells it of."""
+    try:
+        second, left = face.second()
+    except ValueError:
         return np.nan
-    patches = coarse.placed(points[[one.i for one in seen]]).patches
-    wall = coarse.walls(list(patches.values())).all()
+    march = _March(face.scene, face.begun)
+    patches = second.placed(points[[one.i for one in seen]]).patches
+    wall = second.walls(list(patches.values())).all()
     there = [seen[i] for i in patches]
     off = [march.apart(march.alone(_one(wall, j), s.dt), s.v) for j, s in enumerate(there)]
-    return max(off, default=np.nan) / (COARSER**ORDER - 1)
+    return left * max(off, default=np.nan)
 
 
 def _table(scene: Scene, cases: Array, batch: dem.Batch, seconds: float, signals: bool) -> Rows:
