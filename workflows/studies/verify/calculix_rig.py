@@ -19,8 +19,9 @@ from fem.calculix_tied import tied_deck
 from geometry.cad import write_step
 from geometry.step_tetrahedra import Disc, Sizes, Tetrahedra, step_tetrahedra
 from workflows.files.scene import scene
-from workflows.pipeline import bodies
-from workflows.pipeline.errors import COARSER, ORDER, coarser
+from workflows.pipeline import assembly, bodies
+from workflows.pipeline.errors import COARSER, ORDER
+from workflows.pipeline.parts import Parts
 from workflows.pipeline.pipeline import Pipeline, pipeline_of
 from workflows.pipeline.reduction import contact_of
 from workflows.scene import Scene
@@ -37,8 +38,8 @@ def calculix_rig() -> Iterator[Comparison]:
     """The glued rig, meshed anew from its STEP file and tied by CalculiX: some minutes."""
     require_program(program.PROGRAM, program.PACKAGE)
     rig = scene(RIG, ())
-    pipeline, rough = (pipeline_of(one, _silent) for one in (rig, coarser(rig)))
-    ours, allowed = _with_error(_ours(pipeline), _ours(rough))
+    pipeline, rough = pipeline_of(rig, _silent), assembly.mesh(rig, COARSER)
+    ours, allowed = _with_error(_ours(rig, pipeline("mesh")), _ours(rig, rough))
     theirs, more = _with_error(*(_theirs(pipeline, scale) for scale in (1.0, COARSER)))
     names = [f"mode {j} [Hz]" for j in range(1, N_MODES + 1)]
     names.append("compliance less the half-space [m/N]")
@@ -56,12 +57,13 @@ def _with_error(fine: np.ndarray, rough: np.ndarray) -> tuple[np.ndarray, np.nda
     return fine, np.abs(fine - rough) / (COARSER**ORDER - 1)
 
 
-def _ours(pipeline: Pipeline) -> np.ndarray:
+def _ours(rig: Scene, mesh: Parts) -> np.ndarray:
     """Ten frequencies, and the compliance at the contact less the half-space's."""
-    model, contact = pipeline("model"), pipeline("contact")
+    model = assembly.model(rig, mesh)
+    contact = assembly.contact(rig, mesh, model)
     hz = modes(model.K, model.M, N_MODES).frequency_hz
     whole = contact.w @ factorised(model.K).solve(contact.w)
-    return np.append(hz, whole - contact_of(pipeline.scene, model, contact).half_space)
+    return np.append(hz, whole - contact_of(rig, model, contact).half_space)
 
 
 def _theirs(pipeline: Pipeline, scale: float) -> np.ndarray:
