@@ -64,7 +64,7 @@ def contact_patch(
 
     Displacement counts along the chain's direction of travel, into the wall. `mirrors` names the
     axes, "y", "z" or "yz", along which a mirror plane at the point ends the mesh: the disc folds
-    onto the upper side of it. Raises ValueError when the disc leaves the face, when the face is
+    onto the upper side of it. Raises OffFace when the disc leaves the face, ValueError when it is
     not plane, or curved too much for so large a patch. The default quadrature leaves some 4e-6 of
     the compliance where the disc crosses edges of elements, an error that falls as 1 / n^2.
     """
@@ -76,11 +76,11 @@ def contact_patch(
         disc[:, i] = np.abs(disc[:, i])
     try:
         P = trace(model.structure, face, spot.point + radius * disc @ spot.axes, gap=spot.gap)
-    except OffFace as outside:
-        raise ValueError(
+    except OffFace:
+        raise OffFace(
             f"the contact patch at {_told(at)} with radius {radius} m leaves the face "
-            f"{face!r}; move it or make it smaller ({outside})"
-        ) from outside
+            f"{face!r}; move it or make it smaller."
+        ) from None
     return _patch(model, spot.inward @ _summed(P, share), spot, radius, weights)
 
 

@@ -176,7 +176,10 @@ def test_a_reduced_model_of_a_curved_face_keeps_its_ellipse_in_a_file():
         ),
         (("strike.at=[0.0, 0.0]",), r"no plane face, .* say where it is struck, at = \[x, y, z\]"),
         (("strike.at=[0.0, 0.0, 0.0]",), "lies in the middle of"),
-        (("strike.at=[0.1, 0.0, 0.0395]", "strike.radius=2e-3"), "leaves the face"),
+        (
+            ("strike.at=[0.1, 0.0, 0.0395]", "strike.radius=2e-3"),
+            r"mine: strike.on = 'bar:cylinder': the patch .* leaves that face",
+        ),
         (("strike.at=[0.1]",), r"strike\.at = \[0\.1\] has 1 value; give at least 2"),
         (("contact.law=thornton", "contact.yield_pressure=1e9"), "the face struck is curved"),
     ],
@@ -185,6 +188,31 @@ def test_what_cannot_be_struck_is_refused_in_a_sentence(changes, told):
     with pytest.raises(InvalidScene, match=told):
         run = pipeline(BAR, *changes)
         run("start"), run("contact")
+
+
+BLOCK = BAR.replace("cylinder = { radius = 0.03, length = 0.08 }", "box = [0.06, 0.06, 0.08]")
+
+
+@pytest.mark.parametrize(
+    ("text", "changes"),
+    [
+        (BLOCK, ("strike.on=bar:+z", "strike.at=[0.2, 0.0]")),
+        (BLOCK, ("strike.on=bar:+z", "strike.at=[0.0291, 0.0]")),  # only its rim
+        (BLOCK, ("strike.on=bar:+z", "strike.at=[0.0, 0.1, 0.04]")),
+        (BAR, ("strike.at=[0.1, 0.0, 0.06]",)),
+        (CUT.replace("WHERE", f"{R}"), ("strike.on=body:-z", "strike.at=[0.05, 0.0]")),
+    ],
+)
+def test_a_strike_beside_its_face_is_refused_before_anything_is_meshed(text, changes, monkeypatch):
+    monkeypatch.setattr("workflows.pipeline.bodies._meshes", None)
+    write_cut("cut.step", hollow=False)
+    with pytest.raises(InvalidScene, match="leaves that face; move it") as refused:
+        pipeline(text, *changes)("mesh")
+    on = changes[0].partition("=")[2] if "strike.on" in changes[0] else "bar:cylinder"
+    said = str(refused.value)
+    assert (
+        said.startswith(f"mine: strike.on = {on!r}: the patch of radius 0.00") and "(" not in said
+    )
 
 
 def test_a_sphere_larger_than_its_hollow_is_refused():

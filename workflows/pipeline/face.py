@@ -13,6 +13,7 @@ import rom
 from coupling.damping import Damping
 from coupling.many_contacts import walls_of
 from coupling.wall import wall_from_reduced
+from fem.trace import OffFace
 from workflows.pipeline import assembly as stages
 from workflows.pipeline.assembly import solid, struck
 from workflows.pipeline.chain import Start, start
@@ -85,6 +86,8 @@ class StruckFace:
                     self.model, self.name, tuple(at), table.radius, weights=table.weights,
                     n_radial=n_radial, n_around=n_around,
                 )  # fmt: skip
+            except OffFace:
+                refused[i] = f"the patch of radius {table.radius:g} m leaves the face at {at} m."
             except ValueError as reason:
                 refused[i] = str(reason)
         return Placed(patches, refused)

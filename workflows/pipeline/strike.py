@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 import fem
 import rom
 from fem.spot import require_flat, spanning
+from fem.trace import OffFace
 from workflows.pipeline.parts import STRIKE, Parts, Struck
 from workflows.scene import InvalidScene, Scene
 
 FLAT = (0.0, 0.0)
+RIM = 16  # points around a patch that are looked at
+BESIDE = 0.02  # radii off the face that the patch on the mesh is to judge
 
 
 def struck(scene: Scene, bodies: Mapping) -> Struck:
@@ -23,7 +26,7 @@ def struck(scene: Scene, bodies: Mapping) -> Struck:
     found = [bodies[picked.body].face(tag) for tag in picked.tags]
     if scene.strike.point is None and all(face.normal is not None for face in found):
         middle = _from_the_middle(found, scene.strike.at)
-        return Struck(picked, middle, normal=found[0].normal)
+        return _on_face(scene, bodies, Struck(picked, middle, normal=found[0].normal))
     near = scene.strike.point or scene.strike.selected_at
     if near is None:
         raise InvalidScene(
@@ -35,15 +38,40 @@ def struck(scene: Scene, bodies: Mapping) -> Struck:
     own = Selected(picked.body, tuple(f.tag for f in found if _one_surface(first, f)))
     if first.normal is not None:
         off = (first.centre - near) @ first.normal
-        return Struck(own, near + off * first.normal, normal=first.normal)
-    return _on_round_face(scene, Struck(own, np.array(near), *_roundness(scene, first)))
+        return _on_face(scene, bodies, Struck(own, near + off * first.normal, normal=first.normal))
+    found = _on_round_face(scene, Struck(own, np.array(near), *_roundness(scene, first)))
+    if min(away(found.point, tag) for tag in own.tags) > scene.strike.radius:
+        raise _beside(scene, found.point)
+    return found
 
 
 def around(
-    point: NDArray[np.float64], normal: NDArray[np.float64], radius: float
+    point: NDArray[np.float64], normal: NDArray[np.float64], radius: float, n: int = 4
 ) -> NDArray[np.float64]:
-    """A point (3,) of a plane and four of the circle around it, (5, 3) [m]."""
-    return point + radius * np.vstack([np.zeros((1, 3)), *(s * spanning(normal) for s in (1, -1))])
+    """A point (3,) of a plane and n of the circle around it, (n + 1, 3) [m]."""
+    angles = 2 * np.pi * np.arange(n) / n
+    rim = np.column_stack([np.cos(angles), np.sin(angles)]) @ spanning(normal)
+    return point + radius * np.vstack([np.zeros(3), rim])
+
+
+def _on_face(scene: Scene, bodies: Mapping, found: Struck) -> Struck:
+    """What is struck of a plane face; raises InvalidScene where the patch lies beside it. The
+    middle is left to the mesh: a scan has it, of a face with a hole there too."""
+    strike, away = scene.strike, bodies[found.face.body].distance
+    points = around(found.point, found.normal, strike.radius, RIM)
+    far = max(min(away(point, tag) for tag in found.face.tags) for point in points)
+    if far > BESIDE * strike.radius and (strike.point or tuple(strike.at) != FLAT):
+        raise _beside(scene, found.point)
+    return found
+
+
+def _beside(scene: Scene, point: NDArray[np.float64]) -> InvalidScene:
+    strike = scene.strike
+    return InvalidScene(
+        f"{scene.name}: strike.on = {strike.on!r}: the patch of radius {strike.radius:g} m at "
+        f"{np.round(point, 6).tolist()} m leaves that face; move it by strike.at, or take a "
+        "smaller strike.radius."
+    )
 
 
 def _on_round_face(scene: Scene, found: Struck) -> Struck:
@@ -137,5 +165,7 @@ def patch(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
         at = tuple(middle.axes @ (face.point - middle.point))
     try:
         return fem.contact_patch(model, name, at, strike.radius, weights=strike.weights)
+    except OffFace:
+        raise _beside(scene, face.point) from None
     except ValueError as error:
         raise InvalidScene(f"{scene.name}: strike: {str(error).rstrip('.')}.") from None
