@@ -226,3 +226,14 @@ def test_a_missing_hammer_file_is_told_before_anything_is_loaded(beadwave, monke
     for arguments in (("hammer", "none.csv"), ("tune", "--hammer=none.csv")):
         status, _, err = beadwave(*arguments)
         assert status == 2 and "none.csv does not exist" in err
+
+
+@pytest.mark.parametrize("text", ["secret = 'x'\n", "root:x:0:0\n", "", "[project]\nname = 'a'\n"])
+@pytest.mark.parametrize("more", [(), ("--json",)])
+def test_the_command_scene_prints_scenes_alone(text, more, beadwave):
+    Path("any.txt").write_text(text)
+    status, out, err = beadwave("scene", "any.txt", *more)
+    assert (status, out) == (2, "") and err.startswith("beadwave: any.txt") and err.count("\n") == 1
+    Path("mine.toml").write_text(f"# mine\n{built_in()['rig-rigid']}")
+    status, out, err = beadwave("scene", "mine.toml", *more)
+    assert status == 0 and ("striker" in out if more else out == Path("mine.toml").read_text())

@@ -50,7 +50,7 @@ def test_a_mesh_that_no_memory_holds_is_refused_before_it_is_made(
     monkeypatch.setattr("workflows.scene.size.free_memory", lambda: 8 * GB)
     monkeypatch.setattr("workflows.scene.size.MOST_ELEMENTS", np.inf)
     with pytest.raises(InvalidScene, match=rf"{words}.* GB of memory, 8 GB are free"):
-        scene("rig-rom", (change, f"mesh.element={element}"))
+        scene("rig-rom", (change, f"mesh.element={element}", "unusual=['assembly.block_x']"))
 
 
 def test_the_built_in_assembly_fits_into_three_gigabytes(monkeypatch):

@@ -74,7 +74,11 @@ LAW = ("contact.law=thornton", "contact.yield_pressure=1e9")
 REFUSED = {
     "needs yield_pressure": LAW[:1],
     "belongs to law": LAW[1:],
-    "a millionth of chain.young": (LAW[0], "contact.yield_pressure=1 Pa"),
+    "a millionth of chain.young": (
+        LAW[0],
+        "contact.yield_pressure=1",
+        "unusual=['contact.yield_pressure']",
+    ),
     "has 1 values": (LAW[0], "contact.yield_pressure=[1e9]"),
     'with wall.kind = "dashpot"': (*LAW, "wall={kind='dashpot', coefficient=100}"),
 }

@@ -85,6 +85,8 @@ def test_a_turn_per_second_is_no_hertz_and_every_kind_reads_its_own_units():
 
 A_THOUSAND_OFF = {
     "rig-rigid chain.radius=12.7": "did you mean 0.0127 (12.7 mm)?",
+    "rig-rigid chain.radius=9 m": "did you mean 0.009 (9 mm)?",
+    "rig-rom assembly.young=210 kPa": "did you mean 2.1e+11 (210 GPa)?",
     "rig-rigid chain.young=210": "did you mean 2.1e+11 (210 GPa)?",
     "rig-rigid chain.young=210e3": "did you mean 2.1e+11 (210000 MPa)?",
     "rig-rigid chain.density=7.8": "did you mean 7800 (7.8 g/cm^3)?",
@@ -110,9 +112,17 @@ def test_a_number_in_another_unit_is_refused_with_what_was_probably_meant(given)
     assert "\n" not in sentence and sentence.endswith("meant.")
 
 
-def test_an_unusual_number_is_meant_where_its_unit_stands_beside_it():
+MEANT = ('unusual=["chain.radius"]', "chain.radius=12.7 m")
+
+
+def test_an_unusual_number_that_no_unit_makes_usual_is_meant_where_its_unit_stands_beside_it():
+    found = scene("rig-rigid", ("time.duration=1e12 s",))
+    assert found.time.duration == 1e12 and found.unusual == ("time.duration",)
+
+
+def test_an_unusual_number_is_meant_where_its_key_is_listed():
     """A scene written out keeps that, until the value is another one."""
-    found = scene("rig-rigid", ("chain.radius=12.7 m",))
+    found = scene("rig-rigid", MEANT)
     assert found.chain.radius == 12.7 and found.unusual == ("chain.radius",)
     tables = tomllib.loads(toml(found))
     assert tables["chain"]["radius"] == 12.7 and resolved(tables, "again") == found
@@ -120,7 +130,7 @@ def test_an_unusual_number_is_meant_where_its_unit_stands_beside_it():
 
 def test_another_value_of_a_key_that_was_meant_is_judged_again(tmp_path):
     path = tmp_path / "huge.toml"
-    path.write_text(toml(scene("rig-rigid", ("chain.radius=12.7 m",))))
+    path.write_text(toml(scene("rig-rigid", MEANT)))
     assert scene(str(path)).chain.radius == 12.7
     with pytest.raises(InvalidScene, match="did you mean"):
         scene(str(path), ("chain.radius=14.0",))

@@ -117,7 +117,8 @@ class Fit(NamedTuple):
 
 
 def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], progress) -> Fit:
-    """The fit; what these modes do not see is left as it was in the scene."""
+    """The fit; what these modes do not see is left as it was in the scene. Raises InvalidScene
+    where they see nothing."""
     loose = loosened(scene, parameters)
     basis = pipeline_of(loose, progress)("tuning-basis")
     if scene.is_general:
@@ -128,6 +129,13 @@ def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], 
     seen = [p for p, is_seen in zip(parameters, found.seen, strict=True) if is_seen]
     if len(seen) == len(parameters):
         return Fit(found, loose, seconds)
+    if not seen:
+        names = ", ".join(p.name for p in parameters)
+        raise InvalidScene(
+            f"{scene.name}: no value of --free {names} is determined by mode "
+            f"{', '.join(map(str, match))}, nothing is tuned; free what moves these modes, or "
+            "match others."
+        )
     return _fitted(scene, seen, match, progress)
 
 

@@ -124,16 +124,18 @@ def scenes(json: json_of("{scenes: [{name, shows}]}") = False) -> None:
 
 
 def scene(
-    name: Annotated[str, typer.Argument(help="A built-in scene.", autocompletion=scene_names)],
+    name: Annotated[
+        str, typer.Argument(help="A built-in scene, or a TOML file.", autocompletion=scene_names)
+    ],
     json: json_of("its tables as written; inf and nan as text") = False,
 ) -> None:
     """Print a scene as commented TOML."""
-    from workflows.files.scene import scene_text, tables
+    from workflows.files.scene import checked_text, tables
 
     if json:
         told(tables(name), "", json)
     else:
-        print(scene_text(name).text, end="")
+        print(checked_text(name).text, end="")
 
 
 def report(

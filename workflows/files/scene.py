@@ -44,6 +44,14 @@ def scene_text(name: str | None) -> SceneText:
     return SceneText(name, _file_text(name, scenes), Path(name).absolute().parent)
 
 
+def checked_text(name: str) -> SceneText:
+    """The same of a scene alone; raises InvalidScene for a text that is none."""
+    found = scene_text(name)
+    if name not in built_in():
+        completed(Written(name, parsed(found.text, name), found.folder))
+    return found
+
+
 def _file_text(name: str, scenes: dict[str, str]) -> str:
     path = Path(name)
     if path.is_dir() and (path / "scene.toml").is_file():
@@ -143,7 +151,7 @@ def files_read(scene: Scene, source: Source = None) -> tuple[Path, ...]:
 
 def tables(name: str) -> dict[str, Any]:
     """The tables of a scene as they are written, for JSON: no date and no infinite number in it."""
-    source, text, _ = scene_text(name)
+    source, text, _ = checked_text(name)
     names = {"Infinity": "inf", "-Infinity": "-inf", "NaN": "nan"}
     try:
         return loads(dumps(parsed(text, source), default=str), parse_constant=names.get)

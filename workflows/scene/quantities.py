@@ -1,8 +1,9 @@
 """What a number of a scene measures, and the range in which it is usual.
 
 The range of a key holds what is built and rolled, and no more than that: a length in millimetres
-where metres are asked for falls outside. A number outside is refused; with its unit, "12.7 m", it
-is meant, and a scene that is written out lists such keys in `unusual`.
+where metres are asked for falls outside. A number outside is refused; with its unit it is meant,
+unless another unit makes it usual: "9 m" for "9 mm". The list `unusual` of a scene names the keys
+whose numbers are meant whatever they are; a scene that is written out lists all such keys.
 """
 
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from typing import Annotated, Any, NamedTuple, get_args
 
 from pydantic import BaseModel, BeforeValidator
 
-from workflows.scene.units import Kind, in_si
+from workflows.scene.units import Kind, in_si, number_of
 
 
 class Quantity(NamedTuple):
@@ -111,17 +112,30 @@ def unusual_keys(found: Iterator[Entry]) -> tuple[str, ...]:
 def implausible(found: Iterator[Entry], meant: tuple[str, ...]) -> Iterator[str]:
     """A sentence on each number outside of its usual range that does not say that it is meant."""
     for entry in found:
-        if entry.unusual and entry.key not in meant and not isinstance(entry.written, str):
-            yield _sentence(entry)
+        if entry.unusual and entry.key not in meant:
+            likely = _likely(entry)
+            if likely or not isinstance(entry.written, str):
+                yield _sentence(entry, likely)
 
 
-def _sentence(entry: Entry) -> str:
-    (kind, least, most), value = entry.quantity, f"{entry.value:g}"
-    guesses = ((other, in_si(f"{value} {other}", kind)) for other in kind.others)
-    likely = next(((o, si) for o, si in guesses if least <= abs(si) <= most), None)
-    hint = f"did you mean {likely[1]:g} ({value} {likely[0]})? Else w" if likely else "w"
+def _number(entry: Entry) -> str:
+    """Without its unit, as it is written."""
+    text = entry.written if isinstance(entry.written, str) else f"{entry.value:g}"
+    return number_of(text)
+
+
+def _likely(entry: Entry) -> str | None:
+    """The same number in the first unit that makes it usual."""
+    (kind, least, most), number = entry.quantity, _number(entry)
+    guesses = {f"{number} {unit}": in_si(f"{number} {unit}", kind) for unit in kind.others}
+    told = (f"{si:g} ({text})" for text, si in guesses.items() if least <= abs(si) <= most)
+    return next(told, None)
+
+
+def _sentence(entry: Entry, likely: str | None) -> str:
+    (kind, least, most), value = entry.quantity, f"{entry.value:g} {entry.quantity.kind.unit}"
     usual = f"{least:g} to {most:g} {kind.unit}" if least else f"up to {most:g} {kind.unit}"
-    return (
-        f"{entry.key} = {value} {kind.unit} must be {usual} in size; "
-        f'{hint}rite "{value} {kind.unit}" with its unit, which says that it is meant.'
-    )
+    meant = f'write "{value}" with its unit'
+    if likely:
+        meant = f'did you mean {likely}? Else list the key, unusual = ["{entry.key}"]'
+    return f"{entry.key} = {value} must be {usual} in size; {meant}, which says that it is meant."

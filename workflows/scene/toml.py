@@ -79,7 +79,8 @@ def parsed(text: str, source: str) -> dict[str, Any]:
 
 def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]:
     """The tables with values set by their dotted keys; raises InvalidScene for what is no key."""
-    for key, value in map(_pair, changes):
+    # what is said to be meant is said of the values that other changes bring
+    for key, value in sorted(map(_pair, changes), key=lambda pair: pair[0] == "unusual"):
         path = key.split(".")
         if not all(path):
             raise InvalidScene(f"the key {key!r} is not dotted words; write chain.count.")

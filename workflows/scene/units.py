@@ -113,6 +113,11 @@ def in_si(text: str, kind: Kind) -> float:
     return _rounded(Fraction(found[1]) * unit.factor)
 
 
+def number_of(text: str) -> str:
+    """The number that a text begins with."""
+    return compile(rf"\s*{NUMBER}", ASCII).match(text)[1]
+
+
 def _rounded(value: Fraction) -> float:
     try:
         return float(value)
