@@ -71,6 +71,11 @@ ROOMS = {
          "coupling/calibration/forward.py", "coupling/calibration/instrument.py"),
         ("coupling_fit", "coupling_sensed"),
     ),
+    "inspection": Room(
+        ("coupling/inspection/fitting.py", "coupling/inspection/information.py",
+         "coupling/inspection/inversion.py", "coupling/inspection/profile.py"),
+        ("coupling_inspected",),
+    ),
 }  # fmt: skip
 LONGEST = 6.0  # [s] of a test: longer ones, left out, could only notice more
 SAME = "an equal number is met by chance only"
@@ -133,6 +138,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "self.duration - (self.signals.t[-1] - t[-1])"): "a longer march begins alike",
     ("calm = slope < CALM * slope.max()", "slope < CALM * slope.max()"): SAME,
     ("blind = np.sqrt((Vt[~seen] ** 2).sum(axis=0)) > 1e-6", "1e-06"): FAR,
+    ("w = contact_functional(w, K.shape[0])", "0"): SQUARE,
     ("U, s, Vt = np.linalg.svd(scaled.reshape(-1, p), full_matrices=False)", "1"): RESHAPED,
     ("good = correlation > -2.0  # all but those that have none", "correlation > -2.0"): FAR,
     ("good = correlation > -2.0  # all but those that have none", "2.0"): FAR,

@@ -1,0 +1,407 @@
+"""The parts of an inspection on models with known answers: lines through numbers and gains."""
+
+import numpy as np
+import pytest
+
+from coupling.calibration.parameters import Parameter
+from coupling.calibration.uncertainty import uncertainty
+from coupling.errors import CouplingError
+from coupling.inspection.fitting import HUGE, Fit, Fitted
+from coupling.inspection.forward import Forward, Shot, _durations, unknowns
+from coupling.inspection.information import (
+    bars_over_time,
+    bounds_information,
+    covariance,
+    felt_from,
+)
+from coupling.inspection.inversion import (
+    Inversion,
+    Part,
+    _at_bound,
+    _columns,
+    _memory,
+    _parts,
+    inverted,
+)
+from coupling.inspection.profile import Valley, stretched
+from coupling.inspection.search import _distinct, _filled, _inner, _noise, _spread, with_triggers
+
+T = np.arange(0.0, 240.0)
+SHARED = (
+    Parameter("a", "shared", 1.1, 0.5, 2.5, 0.1),
+    Parameter("b", "shared", -0.4, -2.0, 2.0, 0.02),
+)
+OWN = [[Parameter(f"own {s}", "own", 0.3, 0.1, 0.9, 0.05)] for s in range(2)]
+TRIGGERS = [Parameter(f"trigger {s}", "trigger", 1.0 + s, -40.0, 60.0, 2.0) for s in range(2)]
+SOUGHT = unknowns(SHARED, OWN, TRIGGERS)
+TRUTH = np.array([1.3, 0.2, 0.35, 0.0, 0.25, 0.0])
+NOISE = np.array([0.02, 0.05])
+SHAPES = np.random.default_rng(5).standard_normal((2, 240, 2, 6)).cumsum(axis=1) / 8
+for s in range(2):  # a record knows its own numbers and those of all
+    SHAPES[s][..., [i for i in range(2, 6) if i not in (2 + 2 * s, 3 + 2 * s)]] = 0.0
+
+
+class Linear:
+    """1 + J theta of two records and two sensors; nothing beyond a = 2.4."""
+
+    within, shapes = None, SHAPES
+
+    def signals(self, unknowns, theta, shots):
+        if theta[0] > 2.4:
+            raise CouplingError("beyond")
+        samples = len(shots[0].t)
+        return 1.0 + self.shapes[: len(shots), :samples] @ theta
+
+    def jacobian(self, unknowns, theta, shots):
+        slopes = self.shapes[: len(shots), : len(shots[0].t)] * unknowns.scale
+        return self.signals(unknowns, theta, shots), slopes
+
+    def with_steps(self, factor):
+        return self
+
+
+def a_fit(gain=(-1, -1), noise=1.0, truth=TRUTH, factor=1.0):
+    y = factor * Linear().signals(SOUGHT, truth, [Shot(T, T, T)] * 2)
+    y = y + noise * NOISE * np.random.default_rng(1).standard_normal(y.shape)
+    return Fit(Linear(), SOUGHT, tuple(Shot(T, one, NOISE) for one in y), np.array(gain))
+
+
+def whole_line(fit):
+    """J (n, p) over the noise, and what the bounds add (p, p), in scales."""
+    J = (SHAPES * SOUGHT.scale / NOISE[:, None]).reshape(-1, 6)
+    return J, np.diag(SOUGHT.pull * SOUGHT.scale)
+
+
+# --- numbers -------------------------------------------------------------------------------------
+
+
+def test_numbers_of_all_records_come_first_then_those_of_each_with_its_trigger():
+    names = [p.name for p in SOUGHT.parameters]
+    assert names == ["a", "b", "own 0", "trigger 0", "own 1", "trigger 1"]
+    assert SOUGHT.of_system.tolist() == [[0, 1, 2], [0, 1, 4]]
+    assert SOUGHT.trigger.tolist() == [3, 5]
+    np.testing.assert_allclose(SOUGHT.centre, [1.5, 0.0, 0.3, 1.0, 0.3, 2.0])
+    deviation = np.array([2.0, 4.0, 0.8, np.inf, 0.8, np.inf]) / np.sqrt(12)
+    np.testing.assert_allclose(SOUGHT.pull, 1 / deviation)
+    second = SOUGHT.only([1])
+    assert second.of_system.tolist() == [[0, 1, 4]] and second.trigger.tolist() == [5]
+
+
+def test_a_run_lasts_to_the_end_of_its_record_from_the_earliest_trigger_on():
+    shots = [Shot(T, T, T), Shot(T[:101], T, T)]
+    assert _durations(SOUGHT, shots).tolist() == [239.0 + 40.0, 100.0 + 40.0]
+    late = SOUGHT._replace(parameters=tuple(p._replace(low=100.0) for p in SOUGHT.parameters))
+    with pytest.raises(CouplingError, match="ends before the first touch"):
+        _durations(late, shots)
+
+
+def test_steps_of_a_derivative_stay_within_the_bounds():
+    low, high = SOUGHT.ends()
+    forward = Forward(None, (), 1.0)
+    np.testing.assert_allclose(forward._steps(SOUGHT, low), 1e-5 * SOUGHT.scale)
+    np.testing.assert_allclose(forward._steps(SOUGHT, high), -1e-5 * SOUGHT.scale)
+    assert forward.with_steps(3.0).dt == 3.0
+
+
+# --- fits ----------------------------------------------------------------------------------------
+
+
+def test_gains_are_least_squares_over_the_noise_of_all_sensors_that_share_one():
+    fit = a_fit(gain=(0, 0), factor=0.2)
+    shown = fit.forward.signals(SOUGHT, TRUTH, fit.shots)
+    model, data = ((x / NOISE).ravel() for x in (shown, fit.data))
+    np.testing.assert_allclose(fit.gains(shown), np.full(2, model @ data / (model @ model)))
+    apart = fit._replace(gain=np.array([1, 0])).gains(shown)
+    each = np.sum(shown * fit.data, axis=(0, 1)) / np.sum(shown**2, axis=(0, 1))
+    np.testing.assert_allclose(apart, each)
+    np.testing.assert_allclose(fit._replace(gain=np.array([-1, 0])).gains(shown), [1.0, each[1]])
+
+
+@pytest.mark.parametrize("gain", [(-1, -1), (0, 0), (0, 1), (-1, 0)])
+def test_the_jacobian_is_that_of_the_residual_where_nothing_is_left(gain):
+    fit = a_fit(gain, noise=0.0)
+    h, J = 1e-5, fit.jacobian(TRUTH)
+    for j, step in enumerate(h * SOUGHT.scale * np.eye(6)):
+        central = (fit.residual(TRUTH + step) - fit.residual(TRUTH - step)) / (2 * h)
+        np.testing.assert_allclose(J[:, j], central, atol=1e-6 * np.abs(central).max())
+
+
+def test_a_fit_ends_at_the_least_squares_of_records_and_bounds():
+    fit = a_fit(noise=30.0)
+    J, pull = whole_line(fit)
+    base = ((1.0 - fit.data) / NOISE).ravel()
+    for about in (None, SOUGHT.centre + 0.3 * SOUGHT.scale):
+        centre = (SOUGHT.centre if about is None else about) / SOUGHT.scale
+        A, b = np.vstack([J, pull]), np.concatenate([-base, pull @ centre])
+        exact = np.linalg.lstsq(A, b, rcond=None)[0] * SOUGHT.scale
+        found = fit.solved(SOUGHT.centre, about=about)
+        np.testing.assert_allclose(found.theta, exact, atol=1e-5 * SOUGHT.scale.min())
+        left = J @ (exact / SOUGHT.scale) + base
+        assert found.misfit == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
+        assert found.converged and fit.misfit(found.theta) == pytest.approx(found.misfit)
+
+
+def test_numbers_of_other_records_stay_and_samples_can_be_left_out():
+    fit = a_fit()
+    first = fit.of_shots([0], every=3)
+    np.testing.assert_array_equal(first.shots[0].y, fit.shots[0].y[::3])
+    np.testing.assert_array_equal(first.shots[0].t, T[::3])
+    early = fit.of_shots([0]).until(70)
+    assert early.data.shape == (1, 70, 2) and len(early.shots[0].t) == 70
+    begin = SOUGHT.centre + 0.1 * SOUGHT.scale
+    found = early.solved(begin).theta
+    np.testing.assert_array_equal(found[4:], begin[4:])
+    assert (found[:4] != begin[:4]).all()
+
+
+def test_what_cannot_run_is_far_off():
+    fit = a_fit()
+    np.testing.assert_array_equal(fit.residual(TRUTH + [1.2, 0, 0, 0, 0, 0]), np.full(960, HUGE))
+
+
+# --- what records tell ---------------------------------------------------------------------------
+
+
+def test_bars_over_time_are_those_of_all_samples_so_far_and_of_the_bounds():
+    slopes = np.random.default_rng(2).standard_normal((2, 50, 3, 6))
+    B = bounds_information(SOUGHT.parameters)
+    width = np.array([(p.high - p.low) / p.scale for p in SOUGHT.parameters])
+    np.testing.assert_allclose(np.diag(B), 12.0 / width**2)
+    assert np.count_nonzero(B) == 6
+    ends = np.array([0, 1, 17, 50])
+    for end, bars in zip(ends, bars_over_time(slopes, B, ends), strict=True):
+        J = slopes[:, :end].reshape(-1, 6)
+        exact = np.linalg.inv(J.T @ J + B)
+        np.testing.assert_allclose(bars, 2 * np.sqrt(np.diag(exact)), rtol=1e-9)
+        np.testing.assert_allclose(covariance(slopes[:, :end], B), exact, rtol=1e-8, atol=1e-12)
+
+
+def test_a_number_is_felt_once_its_bar_alone_is_the_share_of_its_bounds():
+    """2 / sqrt(sum of squares) = share width: squares of 1, 2 and 0 a sample."""
+    slopes = np.zeros((2, 40, 1, 3))
+    slopes[0, :, 0] = [1.0, 1.0, 0.0]
+    slopes[1, :, 0] = [0.0, 1.0, 0.0]
+    share, width = 0.1, np.full(3, 20.0 / np.sqrt(12.0))  # 12 squares are needed
+    assert felt_from(slopes, width, share * 1.0001).tolist() == [11, 5, 40]
+
+
+# --- bars along a valley -------------------------------------------------------------------------
+
+
+def test_a_parabola_rises_as_its_matrix_says_and_its_bars_stay():
+    fit = a_fit(noise=0.3)
+    found = inverted(fit, n_shared=2, begin=SOUGHT.centre)
+    theta, J = found.value, fit.jacobian(found.value)
+    valley = Valley(fit, theta, J)
+    H = whole_line(fit)[0].T @ whole_line(fit)[0] + whole_line(fit)[1] ** 2
+    np.testing.assert_allclose(valley.parabola, H, rtol=1e-9, atol=1e-9 * H.max())
+    for i in range(2):
+        along = np.linalg.inv(H)[i] / np.linalg.inv(H)[i, i]  # the others follow
+        assert valley.rise(0.3 * along, i) / (0.09 * along @ H @ along) == pytest.approx(1, 1e-5)
+        lone = 0.3 * np.eye(6)[i]
+        assert valley.rise(lone, i) / (0.09 * along @ H @ along) == pytest.approx(1, 1e-5)
+        low, high = SOUGHT.ends()
+        rooms = (high[i] - theta[i]) / SOUGHT.scale[i], (theta[i] - low[i]) / SOUGHT.scale[i]
+        assert [valley.room(2 * lone, i), valley.room(-2 * lone, i)] == pytest.approx(
+            [room / 0.6 for room in rooms]
+        )
+    exact = np.linalg.inv(H) * np.outer(SOUGHT.scale, SOUGHT.scale)
+    bars = found.uncertainty._replace(covariance=exact)
+    assert stretched(fit, theta, J, bars, 2)[1] == pytest.approx(1.0, abs=1e-6)
+
+
+class Saturating(Linear):
+    """The first number counts as (1 - exp(-4 (a - 0.5))) / 4: ever less."""
+
+    def _bent(self, theta):
+        return np.append((1 - np.exp(-4 * (theta[0] - 0.5))) / 4, theta[1:])
+
+    def signals(self, unknowns, theta, shots):
+        return super().signals(unknowns, self._bent(theta), shots)
+
+    def jacobian(self, unknowns, theta, shots):
+        shown, slopes = super().jacobian(unknowns, theta, shots)
+        return shown, slopes * np.append(np.exp(-4 * (theta[0] - 0.5)), np.ones(5))
+
+
+def test_a_bar_grows_where_a_number_saturates_to_where_the_misfit_is_that_of_a_parabola():
+    """Squares of 1 - exp(-t q) against those of q, the others following: q = 1 - exp(-t q)."""
+    bent = np.append((1 - np.exp(-4 * 1.3)) / 4, TRUTH[1:])
+    fit = a_fit(truth=bent)._replace(forward=Saturating())
+    found = inverted(fit, n_shared=2, begin=np.append(1.8, TRUTH[1:]))
+    J = fit.jacobian(found.value)
+    H = J.T @ J + whole_line(fit)[1] ** 2
+    cov = np.linalg.inv(H) * np.outer(SOUGHT.scale, SOUGHT.scale)
+    two_sigma = 2 * np.sqrt(np.diag(cov))
+    plain = found.uncertainty._replace(covariance=cov, two_sigma=two_sigma)
+    longer, stretch = stretched(fit, found.value, J, plain, 2)
+    factors, q = longer.two_sigma / two_sigma, 4 * two_sigma[0]
+    assert 0.4 < q < 0.7
+    assert stretch / (-np.log(1 - q) / q) == pytest.approx(1.0, rel=0.02)
+    np.testing.assert_allclose(factors, [stretch, *np.ones(5)], rtol=1e-3)
+    np.testing.assert_allclose(2 * np.sqrt(np.diag(longer.covariance)), longer.two_sigma)
+    deepest = max(one.two_sigma for one in longer.combinations)
+    sizes = np.linalg.eigvalsh(longer.covariance / np.outer(SOUGHT.scale, SOUGHT.scale))
+    assert deepest == pytest.approx(2 * np.sqrt(sizes[-1]))
+
+
+# --- answers -------------------------------------------------------------------------------------
+
+
+def test_an_answer_is_the_fit_with_its_gains_and_bars_in_order():
+    fit = a_fit(gain=(0, 0), factor=0.2)
+    found = inverted(fit, n_shared=2, begin=SOUGHT.centre, gains=["gain"])
+    theta = found.value[:6]
+    np.testing.assert_allclose(theta, fit.solved(SOUGHT.centre).theta)
+    shown = fit.forward.signals(SOUGHT, theta, fit.shots)
+    gain = fit.gains(shown)[0]
+    assert found.value[6] == gain == found.parameters[6].start
+    assert found.parameters[6].scale == pytest.approx(0.1 * gain)
+    np.testing.assert_allclose(found.model, gain * shown)
+    left = (gain * shown - fit.data) / NOISE
+    np.testing.assert_allclose(found.misfit, np.sqrt(np.mean(left**2, axis=1)))
+    by_gain = (gain * shown)[..., None] / NOISE[:, None] * 0.1
+    by_numbers = gain * SHAPES * SOUGHT.scale / NOISE[:, None]
+    np.testing.assert_allclose(found.slopes, np.concatenate([by_numbers, by_gain], axis=-1))
+    scale = np.array([p.scale for p in found.parameters])
+    exact = uncertainty(
+        found.parameters, _columns(left), _columns(found.slopes) / scale, np.zeros(7, bool),
+        bounds_information(found.parameters),
+    )  # fmt: skip
+    np.testing.assert_allclose(found.uncertainty.two_sigma, exact.two_sigma, rtol=1e-6)
+    assert found.whole_misfit == pytest.approx(np.sqrt(np.mean(left**2)))
+    assert found.explained and found.step_error == 0.0 and not found.at_bound.any()
+    with pytest.raises(CouplingError, match="4 samples do not determine 6 numbers"):
+        inverted(fit.of_shots([0]).until(2), n_shared=2)
+
+
+def test_samples_of_all_records_and_sensors_stand_beside_each_other():
+    values = np.random.default_rng(0).standard_normal((2, 5, 3, 4))
+    found = _columns(values)
+    assert found.shape == (5, 6, 4)
+    np.testing.assert_array_equal(found[:, :3], values[0])
+    np.testing.assert_array_equal(found[:, 3:], values[1])
+
+
+def test_memory_is_one_of_white_noise_and_more_of_what_goes_on():
+    """x_i = rho x_i-1 + e: half the variance of the steps is 1 - rho of its own."""
+    e = np.random.default_rng(3).standard_normal((1, 40000, 1))
+    assert _memory(e) == pytest.approx(1.0, rel=0.02)
+    x = np.zeros_like(e)
+    for i in range(1, 40000):
+        x[0, i] = 0.8 * x[0, i - 1] + e[0, i]
+    assert _memory(x) == pytest.approx(1 / (1 - 0.8), rel=0.05)
+    assert _memory(np.ones((1, 9, 1))) == np.inf
+
+
+def test_parts_hold_all_that_is_left_of_every_record():
+    fit, left = a_fit(), np.random.default_rng(0).standard_normal((2, 240, 2))
+    parts = _parts(fit, left)
+    assert [part.record for part in parts] == [0] * 50 + [1] * 50
+    sizes = np.array([part.end - part.begin + 1 for part in parts])
+    assert sizes.min() >= 4 and sizes.max() <= 5 and sizes.sum() == 480
+    squares = sum(size * part.misfit**2 for size, part in zip(sizes, parts, strict=True))
+    assert squares == pytest.approx(np.sum(left**2) / 2)
+    assert len(_parts(fit.until(7), left[:, :7])) == 14
+
+
+def test_bounds_are_met_within_a_millionth_of_their_distance():
+    low, high = SOUGHT.ends()
+    for near, met in ((0.9e-6, True), (1.1e-6, False)):
+        for value in (low + near * (high - low), high - near * (high - low)):
+            assert (_at_bound(SOUGHT.parameters, value) == met).all()
+    endless = (SHARED[0]._replace(high=np.inf),)
+    assert not _at_bound(endless, np.array([0.5])).any()
+
+
+def an_answer(value=0.0, misfit=1.0, memory=1.0, worst=1.0, n=5000):
+    bars = uncertainty(SHARED[:1], np.ones((3, 1)), np.ones((3, 1, 1)), np.zeros(1, bool))
+    bars = bars._replace(two_sigma=np.array([0.1]))
+    parts = (Part(0, 0.0, 1.0, worst), *[Part(0, 0.0, 1.0, 1.0)] * 9)
+    return Inversion(
+        SHARED[:1], np.array([value]), np.zeros(1, bool), bars, np.ones(1), np.zeros((1, n, 1)),
+        np.full((1, 1), misfit), np.zeros((1, n, 1, 1)), memory, parts, 0.0, None,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("memory", [0.5, 1.0, 9.0])
+def test_records_are_explained_where_the_whole_and_every_part_may_be_noise(memory):
+    """Squares of 1.15 and five deviations sqrt(2 memory / n) of n samples."""
+    limits = [1.15 + 5 * np.sqrt(2 * max(memory, 1.0) / n) for n in (5000, 500)]
+    for share, explained in ((0.999, True), (1.001, False)):
+        whole, part = np.sqrt(share * np.array(limits))
+        assert an_answer(misfit=whole, memory=memory).explained == explained
+        assert an_answer(worst=part, memory=memory).explained == explained
+
+
+def test_rivals_leave_as_little_and_lie_farther_off_than_the_bars():
+    best = an_answer()
+    within, beyond = (np.sqrt(1 + share * 16.0 / 5000) for share in (0.999, 1.001))
+    near, far, lost = an_answer(0.099), an_answer(0.101, within), an_answer(0.3, beyond)
+    again = an_answer(0.15)
+    assert best.rivals([near, far, lost, again], 1) == (far,)
+    other = an_answer(0.202)
+    assert best.rivals([far, other], 1) == (far, other)
+    assert best._replace(memory=2.0).rivals([lost], 1) == (lost,)
+
+
+# --- the way there -------------------------------------------------------------------------------
+
+
+def test_triggers_are_set_so_that_first_waves_rise_together():
+    def ramps(late):
+        return np.clip((T[:, None] - late) / 20.0, 0.0, 1.0) * [2.0, -1.0]
+
+    class Ramp:
+        def signals(self, unknowns, theta, shots):
+            return np.array([ramps(30.0 + theta[i]) for i in unknowns.trigger])
+
+    shots = tuple(Shot(T, 0.1 * ramps(late), NOISE) for late in (33.5, 200.0))
+    fit = Fit(Ramp(), SOUGHT, shots, np.array([0, 0]))
+    found = with_triggers(fit, SOUGHT.centre)
+    np.testing.assert_allclose(found[[3, 5]], [3.5, 60.0], atol=1e-9)  # 60 is a bound
+    np.testing.assert_array_equal(found[[0, 1, 2, 4]], SOUGHT.centre[[0, 1, 2, 4]])
+
+
+def test_candidates_within_a_share_of_the_bounds_are_one():
+    fit, width = a_fit(), np.array([2.0, 4.0])
+
+    def at(*shares):
+        return Fitted(SOUGHT.centre + np.append(shares * width, np.zeros(4)), 1.0, 1, True)
+
+    ends = [at(0.0, 0.0), at(0.0049, -0.0049), at(0.0, 0.0051), at(0.0051, 0.0051)]
+    assert _distinct(fit, ends, 2) == [ends[0], ends[2], ends[3]]
+    assert _distinct(fit, ends, 1) == [ends[0], ends[3]]
+    assert _distinct(fit, ends, 2, 0.02) == ends[:1]
+
+
+def test_noise_is_met_in_the_whole_and_in_what_is_new():
+    left = np.ones((1, 1000, 2))
+    whole, new = (1.06 + 3 * np.sqrt(2 / n) for n in (2000, 400))
+    for share, noise in ((0.999, True), (1.001, False)):
+        assert _noise(left * np.sqrt(share * whole), 0) == noise
+        late = left.copy()
+        late[:, 800:] *= np.sqrt(share * new)
+        assert _noise(late, 800) == noise
+
+
+def test_what_a_window_leaves_open_is_drawn_and_held_within_narrower_bounds():
+    """(J^T J + B)^-1 of the first record: the second's own numbers stay."""
+    one = a_fit().of_shots([0]).until(100)
+    J = (SHAPES[0, :100] * SOUGHT.scale / NOISE[:, None]).reshape(-1, 6)
+    B = np.diag((SOUGHT.pull * SOUGHT.scale) ** 2)
+    spread = _spread(one, TRUTH)
+    exact = np.linalg.inv((J.T @ J + B)[:4, :4]) * np.outer(SOUGHT.scale[:4], SOUGHT.scale[:4])
+    np.testing.assert_allclose((spread @ spread.T)[:4, :4], exact, rtol=1e-6)
+    assert not spread[4:].any()
+    kept = [Fitted(SOUGHT.centre, 1.0, 1, True), Fitted(TRUTH, 1.0, 1, True)]
+    low, high = _inner(one, kept, spread, 2)
+    reach = np.maximum(4 * np.sqrt(np.diag(exact)[:2]), 0.005 * np.array([2.0, 4.0]))
+    ends = np.sort([SOUGHT.centre[:2], TRUTH[:2]], axis=0) + [-reach, reach]
+    np.testing.assert_allclose([low, high], ends)
+    wide = _inner(one, kept, 1e6 * spread, 2)
+    np.testing.assert_array_equal(wide, [end[:2] for end in SOUGHT.ends()])
+    thetas = np.array(_filled(one, kept, spread, 2000, np.random.default_rng(0)))
+    assert len(thetas) == 2000 and (thetas >= SOUGHT.ends()[0]).all()
+    off = thetas[2:][np.arange(1998) % 2 == 0] - SOUGHT.centre
+    np.testing.assert_allclose(off.std(axis=0)[:3], 1.5 * np.sqrt(np.diag(exact)[:3]), rtol=0.1)
