@@ -319,6 +319,22 @@ def test_the_covariance_of_a_fit_is_the_sandwich_of_its_jacobian(prior):
         assert 2 * np.sqrt(square) == pytest.approx(one.two_sigma, rel=1e-7)
 
 
+def test_what_data_do_not_tell_has_a_bar_without_end():
+    """Two numbers that act as their sum, in scales of 3 and 1, one alone, and one of no effect."""
+    rng = np.random.default_rng(6)
+    parameters, a = parameters_of((3.0, 1.0, 0.2, 0.1)), rng.standard_normal((80, 1))
+    J = np.stack([a / 3.0, a, rng.standard_normal((80, 1)), 0 * a], axis=2)
+    found = uncertainty(parameters, rng.standard_normal((80, 1)), J, np.zeros(4, bool))
+    assert np.isinf(found.two_sigma).tolist() == [True, True, False, True]
+    *unseen, one, other = found.combinations[:4]
+    assert [c.two_sigma for c in unseen] == [np.inf, np.inf]
+    plane = np.array([c.direction for c in unseen])
+    exact = np.array([[0.5, -0.5, 0, 0], [-0.5, 0.5, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]])
+    np.testing.assert_allclose(plane.T @ plane, exact, atol=1e-12)
+    assert 0 < other.two_sigma <= one.two_sigma < np.inf
+    assert np.abs(plane @ np.transpose([one.direction, other.direction])).max() < 1e-9
+
+
 def test_a_combination_is_told_by_its_largest_shares():
     from coupling.calibration.uncertainty import Combination
 
@@ -604,6 +620,17 @@ def test_a_model_shows_the_march_from_its_trigger_on():
     np.testing.assert_allclose(found[:late], at.v0[[0, 2]] * np.ones((late, 1)), atol=1e-12)
     assert found.shape == (len(RECORD), 2) and np.ptp(found[:, 1]) > 0.01
     np.testing.assert_allclose(model.velocities(model.start, 50), found[:50], atol=1e-6)
+
+
+@pytest.mark.parametrize("filters", [NO_FILTER, Filter(band=9e4)])
+def test_velocities_of_the_model_leave_it_no_misfit_behind_a_filter_of_both(filters):
+    plain = a_model()
+    v = plain.velocities(plain.start)
+    shown = a_model(filters=filters)
+    shown.signals = shown.signals._replace(v=v)
+    assert max(shown.misfits(plain.start).values()) < 1e-12
+    shown.signals = shown.signals._replace(v=v + [0.0, 1e-3])
+    np.testing.assert_allclose(list(shown.misfits(plain.start).values()), [0, 1e-3], atol=1e-12)
 
 
 @pytest.mark.parametrize("filters", [NO_FILTER, Filter(band=9e4), Filter(instrument=6e4)])
