@@ -24,7 +24,7 @@ from dem import Chain, InvalidChain, NoEquilibrium, Trajectory, UnstableStep, Wa
 IMPOSSIBLE = (CouplingError, InvalidChain, NoEquilibrium, UnstableStep)  # what numbers may make
 SHARED, OWN = "shared", "own"  # kinds of numbers: of all records, of each
 DIFFERENCE = 1e-5  # step of a derivative, in scales
-TIME_STEP = 0.25  # of a sample, of the derivative by the trigger
+FEW = 10_000  # steps of several runs: threads would cost more than they save
 
 
 class System(NamedTuple):
@@ -111,7 +111,7 @@ class Forward(NamedTuple):
 
     def shown(self, values: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
         """(k, m) of one run with values (q,) at the times t (k,) [s] since its first touch."""
-        return self._shown(self._run(self.system(values), t[-1]), t)
+        return self._shown([self._run(self.system(values), t[-1])], t)[..., 0]
 
     def signals(
         self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[Shot]
@@ -119,9 +119,12 @@ class Forward(NamedTuple):
         """(S, k, m) at theta (p,), at the samples of the records."""
         runs = self._runs([theta[row] for row in unknowns.of_system], _durations(unknowns, shots))
         late = theta[unknowns.trigger]
-        return np.array([
-            self._shown(run, shot.t - s) for run, shot, s in zip(runs, shots, late, strict=True)
-        ])  # fmt: skip
+        return np.array(
+            [
+                self._shown([run], shot.t - s)[..., 0]
+                for run, shot, s in zip(runs, shots, late, strict=True)
+            ]
+        )
 
     def jacobian(
         self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[Shot]
@@ -139,10 +142,10 @@ class Forward(NamedTuple):
         base = np.zeros(found.shape[:-1])
         for s, shot in enumerate(shots):
             at, of_shot = shot.t - theta[unknowns.trigger[s]], runs[s * (q + 1) : (s + 1) * (q + 1)]
-            base[s] = self._shown(of_shot[0], at)
-            for j, run in zip(unknowns.of_system[s], of_shot[1:], strict=True):
-                found[s, ..., j] = (self._shown(run, at) - base[s]) / step[j]
-            found[s, ..., unknowns.trigger[s]] = -self._slope(of_shot[0], at)
+            shown, own = self._shown(of_shot, at), unknowns.of_system[s]
+            base[s] = shown[..., 0]
+            found[s][..., own] = (shown[..., 1:] - shown[..., :1]) / step[own]
+            found[s, ..., unknowns.trigger[s]] = -self._shown(of_shot[:1], at, order=1)[..., 0]
         return base, found * unknowns.scale
 
     def _steps(self, unknowns, theta):
@@ -153,8 +156,8 @@ class Forward(NamedTuple):
 
     def _runs(self, values, durations) -> list[Trajectory]:
         systems = [self.system(one) for one in values]
-        if len(systems) == 1:
-            return [self._run(systems[0], durations[0])]
+        if sum(durations) < FEW * self.dt:
+            return list(map(self._run, systems, durations))
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             return list(pool.map(self._run, systems, durations))
 
@@ -162,13 +165,18 @@ class Forward(NamedTuple):
         n = int(np.ceil(duration / self.dt))
         return march(*system, duration=n * self.dt, dt=self.dt, n_save=n)
 
-    def _shown(self, run: Trajectory, at: NDArray[np.float64]) -> NDArray[np.float64]:
-        quantities = measured(self.sensors, run.t, run.x, run.v, run.contact_force)
-        return signals(self.sensors, run.t, quantities, np.clip(at, 0.0, run.t[-1]))
-
-    def _slope(self, run: Trajectory, at: NDArray[np.float64]) -> NDArray[np.float64]:
-        h = TIME_STEP * (at[1] - at[0])
-        return (self._shown(run, at + h) - self._shown(run, at - h)) / (2 * h)
+    def _shown(
+        self, runs: Sequence[Trajectory], at: NDArray[np.float64], order: int = 0
+    ) -> NDArray[np.float64]:
+        """(k, m, len(runs)) of runs as long as one another, or its time derivatives; outside of
+        them signals stand still."""
+        t = runs[0].t
+        each = [measured(self.sensors, t, run.x, run.v, run.contact_force) for run in runs]
+        within = np.clip(at, 0.0, t[-1])
+        found = signals(self.sensors, t, np.stack(each, axis=-1), within, order)
+        if order:
+            found[within != at] = 0.0
+        return found
 
 
 def _durations(unknowns: Unknowns, shots: Sequence[Shot]) -> NDArray[np.float64]:

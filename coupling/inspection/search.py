@@ -40,6 +40,7 @@ GROWTH = 1.12  # of the window
 MET = 1.06  # squares over the noise's of what a candidate meets, and three deviations of them
 FINEST = 0.01  # growth of a window
 MANY = 8  # times as many draws for a window in which the best was lost
+PATIENCE = 8  # such windows on the way along a record
 BEHIND = 0.3, 200.0  # of the best sum of squares, and besides: what drops a candidate
 WIDER = 1.5  # draws, in standard deviations
 ALIKE, SPREAD = 0.005, 0.02  # of the bounds: two candidates that are one, that are apart
@@ -91,28 +92,37 @@ def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
     """
     rng = np.random.default_rng(seed)
     loudest = np.argsort([-np.abs(shot.y).max() for shot in fit.shots], kind="stable")
-    found: list[Searched] = []
-    for i in range(TRIES if starts > 1 else 1):
-        found.append(_followed(fit, int(loudest[i % len(loudest)]), n_shared, starts, rng))
-        if _noise(_left(fit._replace(forward=found[-1].forward), found[-1].fitted.theta), 0):
+    tries, found = TRIES if starts > 1 else 1, []
+    for i in range(tries):
+        record, last = int(loudest[i % len(loudest)]), i == tries - 1
+        one = _followed(fit, record, n_shared, starts, rng, to_the_end=last and not found)
+        if one is None:
+            continue
+        found.append(one)
+        if _noise(_left(fit._replace(forward=one.forward), one.fitted.theta), 0):
             break
     return min(found, key=lambda one: one.fitted.misfit)
 
 
-def _followed(fit: Fit, record: int, n_shared: int, starts: int, rng) -> Searched:
-    """Candidates along one record."""
+def _followed(
+    fit: Fit, record: int, n_shared: int, starts: int, rng, *, to_the_end: bool
+) -> Searched | None:
+    """Candidates along one record; None where they lose it before its end."""
     one = _of_one(fit, record)
     thetas, n = _nearest(one, n_shared, starts, rng)
     touch, end = _touch(one), one.data.shape[1]
     met, follows, narrowings = 0, False, NARROWINGS if fit.forward.within else 0
-    kept, spread, box = [], None, [ends[:n_shared] for ends in one.unknowns.ends()]
+    kept, spread, lost = [], None, 0
+    box = [ends[:n_shared] for ends in one.unknowns.ends()]
     while True:
         tried = _kept(one.until(n), met, thetas, n_shared, starts, n == end)
         meets = _noise(_left(one.until(n), tried[0].theta), met)
-        if follows and not meets and n - met > FINEST * (n - touch):
+        if follows and not meets and n - met > FINEST * (n - touch) and lost < PATIENCE:
             thetas = _filled(one, kept, spread, MANY * starts, rng)
-            n = met + (n - met) // 2
+            n, lost = met + (n - met) // 2, lost + 1
             continue
+        if follows and not meets and not to_the_end and n < end:
+            return None
         if n == end:
             return Searched(_ends(fit, tried, n_shared), starts, fit.forward)
         kept, follows = tried, meets

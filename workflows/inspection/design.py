@@ -79,7 +79,7 @@ def _case(
             box = Box(*(np.array([getattr(p, end) for p in here]) for end in ("low", "high")))
             model = structure(base, keys, box, len(found), lambda name: nullcontext())
             known[wall] = model.through(theta) if model.between else model
-        model = known[wall]._replace(scene=scene, base=base)
+        model = known[wall].of(scene, base)
         spheres = tuple(range(2, scene.chain.count + 1))
         blank = Case(values, spheres, *np.zeros((2, len(spheres), len(found))))
         return _told(scene, blank, model, theta, sought)

@@ -1,6 +1,8 @@
 """Chain and wall of a scene as functions of numbers in it; a reduced wall between computed ones."""
 
+from collections.abc import Callable
 from contextlib import nullcontext
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +21,8 @@ from coupling.parametric_wall import (
     parametric_wall,
 )
 from workflows.inspection.numbers import moved, number, put
-from workflows.pipeline.chain import simple_wall, start
+from workflows.pipeline.chain import chain as chain_of
+from workflows.pipeline.chain import initial_velocity, on_surface, simple_wall
 from workflows.pipeline.chain import wall as wall_of
 from workflows.pipeline.pipeline import Pipeline, Progress, needs_structure, pipeline_of
 from workflows.scene import InvalidScene, RomWall, Scene
@@ -27,7 +30,15 @@ from workflows.sweep.cases import Base
 
 QUICK, SLOW = 3, 2  # degree of the polynomials between walls, of a beam and of bodies
 ROWS = 600  # of a surface, that tell modes apart
+CHAINS = 16  # that are kept: many runs differ in the wall alone
 FAILURES = (InvalidScene, ValueError, ArithmeticError, np.linalg.LinAlgError)
+
+
+class Rows(NamedTuple):
+    """Chains of a scene by the values of the keys `of` that change them."""
+
+    of: tuple[int, ...]
+    chain: Callable[..., dem.Chain]
 
 
 class Structure(NamedTuple):
@@ -37,7 +48,7 @@ class Structure(NamedTuple):
     base: Base
     keys: tuple[str, ...]
     surface: Any  # rom.Contact, of bodies
-    plain: bool = True  # whether nothing else of the scene follows from the keys
+    rows: Rows | None  # where nothing else of the scene follows from the keys
     of_wall: tuple[int, ...] = ()
     between: ParametricWall | None = None
     fixed: dem.Wall | None = None
@@ -45,12 +56,20 @@ class Structure(NamedTuple):
     def __call__(self, values: NDArray[np.float64]) -> System:
         """What is marched; raises CouplingError for values that no scene may have."""
         try:
-            scene = (put(self.scene, self.keys, values) if self.plain
-                     else moved(self.base, self.keys, values))  # fmt: skip
-            begun = start(scene, self.surface)
-            return System(begun.chain, self._wall(scene, values), begun.velocity)
+            if self.rows is None:
+                scene = moved(self.base, self.keys, values)
+                chain = chain_of(on_surface(scene, self.surface))
+            else:
+                scene = put(self.scene, self.keys, values)
+                chain = self.rows.chain(*(values[i] for i in self.rows.of))
+            return System(chain, self._wall(scene, values), initial_velocity(scene))
         except InvalidScene as reason:
             raise coupling.CouplingError(str(reason)) from None
+
+    def of(self, scene: Scene, base: Base) -> "Structure":
+        """The same walls behind the chain of another scene."""
+        rows = _rows(base, scene, self.keys, self.surface)
+        return self._replace(scene=scene, base=base, rows=rows)
 
     def _wall(self, scene: Scene, values) -> dem.Wall | None:
         if self.between is not None:
@@ -86,10 +105,8 @@ def structure(
     scene = base.with_values({})
     pipeline = pipeline_of(scene, progress)
     of_bodies = needs_structure(scene) and scene.is_general
-    plain = Structure(
-        scene, base, keys, pipeline("surface") if of_bodies else None,
-        all(_stands_alone(base, scene, key) for key in keys),
-    )  # fmt: skip
+    surface = pipeline("surface") if of_bodies else None
+    plain = Structure(scene, base, keys, surface, _rows(base, scene, keys, surface))
     if not isinstance(scene.wall, RomWall):
         return plain
     of_wall = tuple(i for i, key in enumerate(keys) if _changes_wall(base, pipeline, key))
@@ -107,16 +124,38 @@ def structure(
     return plain._replace(of_wall=of_wall, between=between)
 
 
+def _rows(base: Base, scene: Scene, keys: tuple[str, ...], surface: Any) -> Rows | None:
+    """None where other values of the scene follow from a key."""
+    if not all(_stands_alone(base, scene, key) for key in keys):
+        return None
+
+    def chain(*values: float) -> dem.Chain:
+        return chain_of(on_surface(put(scene, names, np.array(values)), surface))
+
+    names = keys
+    own = [number(scene, key) for key in keys]
+    usual, of = chain(*own), []
+    for i, value in enumerate(own):
+        other = chain(*own[:i], _other(value), *own[i + 1 :])
+        if not all(map(np.array_equal, usual, other)):
+            of.append(i)
+    names = tuple(keys[i] for i in of)
+    return Rows(tuple(of), lru_cache(CHAINS)(chain))
+
+
+def _other(value: float) -> float:
+    return value * (1 + 1e-6) + 1e-12
+
+
 def _stands_alone(base: Base, scene: Scene, key: str) -> bool:
     """Whether no other value of the scene follows from a key, as a velocity from a drop."""
-    other = np.array([number(scene, key) * (1 + 1e-6)])
+    other = np.array([_other(number(scene, key))])
     anew = moved(base, (key,), other)
     return put(scene, (key,), other).but(unusual=anew.unusual) == anew
 
 
 def _changes_wall(base: Base, pipeline: Pipeline, key: str) -> bool:
-    value = number(pipeline.scene, key)
-    other = base.with_values({key: value * (1 + 1e-9) + 1e-12})
+    other = base.with_values({key: _other(number(pipeline.scene, key))})
     return Pipeline(other, Memory(None, verbose=0)).key("wall") != pipeline.key("wall")
 
 
@@ -149,11 +188,18 @@ def computed(scene: Scene) -> Computed:
     quicker computed anew."""
     if not needs_structure(scene):
         return _with_rest(_required(scene, wall_of(scene, None)), None)
-    quick = scene.bending is not None
-    none = Memory(None, verbose=0)
-    pipeline = Pipeline(scene, none) if quick else pipeline_of(scene, lambda name: nullcontext())
-    reduced = pipeline("reduction")
+    reduced = _bent(scene) if scene.bending else _kept(scene)
     return _with_rest(_required(scene, wall_of(scene, reduced)), reduced)
+
+
+def _bent(scene: Scene) -> rom.ReducedModel:
+    from workflows.pipeline import bending
+
+    return bending.reduction(scene, bending.model(scene))
+
+
+def _kept(scene: Scene) -> rom.ReducedModel:
+    return pipeline_of(scene, lambda name: nullcontext())("reduction")
 
 
 def _with_rest(wall: dem.Wall, reduced: Any) -> Computed:
