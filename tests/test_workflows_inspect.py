@@ -181,9 +181,9 @@ def test_a_height_of_fall_moves_the_velocity_that_follows_from_it():
     both = structure(base, ("striker.drop",), NO_BOX, 0, _quiet)
     low, high = (both(np.array([drop])).v0[0] for drop in (0.005, 0.020))
     assert high / low == pytest.approx(2.0, rel=1e-6)
-    assert not both.plain
+    assert both.rows is None
     alone = structure(base, ("chain.young",), NO_BOX, 1, _quiet)
-    assert alone.plain
+    assert alone.rows.of == (0,)
 
 
 def test_a_force_a_thousand_times_off_is_refused(tmp_path):

@@ -79,7 +79,7 @@ def inspected(
     box = Box(*(np.array([getattr(p, end) for p in found]) for end in ("low", "high")))
     model = structure(base, keys, box, len(found), progress)
     with progress("inversion"):
-        fit, gains, known = _problem(model, records, found, own)
+        fit, gains, known = problem(model, records, found, own)
         (inversion, fit, moved), rivals = _answered(fit, len(found), gains, request)
     scene = numbers.moved(base, keys[: len(found)], inversion.value[: len(found)])
     seconds = perf_counter() - began
@@ -110,7 +110,7 @@ def _named(one: Recorded) -> str:
     return ", ".join(channel.name for channel in one.channels)
 
 
-def _problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...], bool]:
+def problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...], bool]:
     """The least-squares problem, the names of its gains, whether the records tell their noise."""
     pairs = [sensor_of(model.scene, channel) for channel in records[0].channels]
     gains = tuple(dict.fromkeys(name for _, name in pairs if name))

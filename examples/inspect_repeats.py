@@ -1,0 +1,104 @@
+"""How often the bars of `beadwave inspect` hold the truth, over records with noise of their own.
+
+You will see, after every twenty repeats, for thickness, modulus and axial force of the beam of
+docs/inspect.md: how often the two-sigma bar has held the truth, mean and standard deviation of
+(found - true) / sigma, the largest errors, and how often the records were explained.
+
+    striker - o o o o o o o o o ..  beam        sphere 9: force in V, gain unknown,
+              five impacts, 0.3 to 0.5 m/s      2 MHz, 8 bits, 1 % of noise
+
+Each repeat begins at the truth: this is a test of the bars, not of the search.
+
+Run it: python examples/inspect_repeats.py 200        five minutes on one core
+"""
+
+import sys
+from time import process_time
+
+import numpy as np
+
+import dem
+from coupling.inspection.inversion import Inversion, inverted, profiled
+from coupling.parametric_wall import Box
+from coupling.sensors import Sensor, measured, recorded, signals
+from workflows.api.progress import quiet
+from workflows.files.records import Channel, Recorded
+from workflows.inspection.inspect import problem
+from workflows.inspection.numbers import own, shared
+from workflows.inspection.structure import computed, structure
+from workflows.pipeline.chain import chain
+from workflows.sweep.cases import Base, base_of
+
+TRUTH = {"beam.thickness": 12.4e-3, "beam.young": 72e9, "beam.axial_force": -20e3}
+BOUNDS = "beam.thickness=12.3mm:12.5mm,beam.young=70GPa:74GPa,beam.axial_force=-22kN:-18kN"
+SPEEDS = np.array([0.30, 0.35, 0.40, 0.45, 0.50])  # as `--each` has them, 3 % off
+SENSOR = Sensor(8, "force", gain=0.7, noise=0.01)
+SAMPLES, RATE, BITS = 8001, 2e6, 8
+EVERY = 20
+
+
+def main(repeats: int) -> None:
+    truth = np.array(list(TRUTH.values()))
+    base = base_of("sensed-beam", TRUTH)
+    found = shared(base, ",".join(TRUTH), BOUNDS)
+    each = own(base, "striker.velocity=" + ",".join(map(str, SPEEDS)), len(SPEEDS))
+    box = Box(*(np.array([getattr(p, end) for p in found]) for end in ("low", "high")))
+    model = structure(base, (*TRUTH, "striker.velocity"), box, len(found), quiet)
+    begin, clean = impacts(base, truth)
+    started, answers = process_time(), []
+    for i in range(repeats):
+        records = tuple(with_noise(y, (99, i, k)) for k, y in enumerate(clean))
+        fit, gains, _ = problem(model, records, found, each)
+        answer = inverted(fit, begin=begin, n_shared=len(found), gains=gains)
+        answers.append(profiled(fit, answer, len(found)))
+        if (i + 1) % EVERY == 0 or i + 1 == repeats:
+            told(answers, truth, (process_time() - started) / (i + 1))
+
+
+def impacts(base: Base, truth: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """All numbers as they truly are, and the five signals (SAMPLES, 1) before the instrument."""
+    rng = np.random.default_rng(5)
+    late = rng.uniform(0, 2e-5, len(SPEEDS))
+    speeds = SPEEDS * (1 + 0.03 * rng.uniform(-1, 1, len(SPEEDS)))
+    scene = base.with_values({})
+    row, wall = chain(scene), computed(scene).wall
+    clean = [signal(row, wall, *shot) for shot in zip(speeds, late, strict=True)]
+    return np.concatenate([truth, np.ravel(np.column_stack([speeds, late]))]), clean
+
+
+def signal(row: dem.Chain, wall: dem.Wall, speed: float, late: float) -> np.ndarray:
+    """(SAMPLES, 1) [V] of one impact, by steps a quarter as long as the model's."""
+    v0 = np.append(speed, np.zeros(len(row.mass) - 1))
+    t = np.arange(SAMPLES) / RATE
+    dt = dem.sensitivities.usual_step(row, wall, v0)
+    n = int(np.ceil(t[-1] / dt))
+    run = dem.march(row, wall, v0, duration=n * dt, dt=dt, n_save=n)
+    force = measured([SENSOR], run.t, run.x, run.v, run.contact_force)
+    return signals([SENSOR], run.t, force, np.clip(t - late, 0, None))
+
+
+def with_noise(y: np.ndarray, seed: tuple[int, ...]) -> Recorded:
+    """What the instrument makes of a signal."""
+    t, rows = np.arange(SAMPLES) / RATE, recorded([SENSOR], y, BITS, seed)
+    channel = Channel(SENSOR.sphere + 1, SENSOR.quantity, True)
+    return Recorded(t, rows, (channel,), np.full(1, np.nan), 1, f"record {seed[-1] + 1}", True)
+
+
+def told(answers: list[Inversion], truth: np.ndarray, seconds: float) -> None:
+    """A line for each number."""
+    value = np.array([one.value[:3] for one in answers])
+    z = (value - truth) / np.array([one.uncertainty.two_sigma[:3] / 2 for one in answers])
+    explained = np.mean([one.explained for one in answers])
+    print(f"{len(answers)} repeats, {100 * explained:.3g} % explained, {seconds:.2f} s each")
+    for i, name in enumerate(TRUTH):
+        off = 100 * np.abs(value[:, i] / truth[i] - 1).max()
+        held = 100 * np.mean(np.abs(z[:, i]) <= 2)
+        print(
+            f"  {name:18} held {held:5.1f} %   mean {z[:, i].mean():+.2f}  deviation "
+            f"{z[:, i].std():.3f} sigma   largest error {off:.2g} %",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
