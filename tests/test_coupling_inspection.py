@@ -18,6 +18,7 @@ BUCKLING = 70e9 * WIDTH * 0.012**3 / 12 * np.pi**2 / LENGTH**2  # N, of the midd
 TRUTH = np.array([0.0124, 72e9, 0.5])  # m, Pa, axial force over the buckling load
 SPEEDS = np.array([0.302, 0.447])
 TRIGGERS = np.array([52e-6, 47e-6])
+EVERYTHING = np.array([*TRUTH, SPEEDS[0], TRIGGERS[0], SPEEDS[1], TRIGGERS[1]])
 SENSORS = (Sensor(4, "force", noise=0.01),)
 SHARED = (
     Parameter("thickness", "shared", 0.012, 0.009, 0.015, 2e-4),
@@ -60,7 +61,7 @@ def measured(duration, gain=0.2, wall=hinged, seed=0, bits=8):
     t = np.arange(0.0, duration, 1e-6)
     blank = tuple(Shot(t, np.zeros((len(t), 1)), np.ones(1)) for _ in SPEEDS)
     true = Forward(lambda values: system(values, wall), SENSORS, STEP / 4)
-    theta = np.concatenate([TRUTH, np.column_stack([SPEEDS, TRIGGERS]).ravel()])
+    theta = EVERYTHING
     for i, y in enumerate(gain * true.signals(sought(), theta, blank)):
         noisy = recorded(SENSORS, y, bits, [seed, i])
         rms = 0.01 * np.abs(y).max() * np.hypot(1.0, 0.01 / 0.0347 / 2)  # and of 8 bits
@@ -246,7 +247,7 @@ def test_bars_of_a_parabola_stay(found):
 
 def test_derivatives_are_those_of_the_signals():
     fit = problem(2e-3)
-    theta = np.concatenate([TRUTH, np.column_stack([SPEEDS, TRIGGERS]).ravel()])
+    theta = EVERYTHING
     _, slopes = fit.forward.jacobian(fit.unknowns, theta, fit.shots)
     for j, step in enumerate(1e-3 * fit.unknowns.scale):
         moved = theta + np.outer([step, -step], np.eye(len(theta))[j])
@@ -273,3 +274,40 @@ def test_too_few_samples_are_refused():
     fit = problem(1.2e-3).of_shots([0], every=300)
     with pytest.raises(CouplingError, match="do not determine"):
         inverted(fit, n_shared=3, gains=["gain"])
+
+
+def stepped(duration, wall=hinged):
+    """Two noiseless records of a sphere's velocity in 8 bits; it stands still between waves."""
+    sensors, t = (Sensor(8, "velocity"),), np.arange(0.0, duration, 1e-6)
+    blank = tuple(Shot(t, np.zeros((len(t), 1)), np.ones(1)) for _ in SPEEDS)
+    true = Forward(lambda values: system(values, wall), sensors, STEP / 4)
+    shots = []
+    for y in true.signals(sought(), EVERYTHING, blank):
+        rounded = recorded(sensors, y, 8)
+        rms = np.diff(np.unique(rounded)).min() / np.sqrt(12.0)
+        shots.append(Shot(t, rounded, np.array([rms]), np.array([rms])))
+    return Fit(Forward(system, sensors, STEP), sought(), tuple(shots), np.array([-1]))
+
+
+def test_records_without_noise_are_explained_down_to_their_steps():
+    found = inverted(stepped(2e-3), n_shared=3, begin=EVERYTHING)
+    assert found.explained
+    assert max(part.misfit for part in found.parts) > np.sqrt(3.0)  # no noise in as many samples
+    assert not found._replace(rounded=0.0).explained
+    wrong = stepped(2e-3, lambda h, E, share: dem.one_dof_wall(400.0, 0.2, 0.01))
+    assert not inverted(wrong, n_shared=3, begin=EVERYTHING).explained
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.2, 0.35, 0.6, 2.0])
+def test_rounding_a_signal_that_stands_still_leaves_what_the_noise_before_it_says(sigma):
+    """In steps, the integral of the squared error over normal noise at the worst place."""
+    noise = np.linspace(-9.0, 9.0, 20001) * max(sigma, 1e-9)
+    density = np.exp(-0.5 * (noise / max(sigma, 1e-9)) ** 2)
+    still = np.linspace(0.0, 1.0, 201)[:, None] + noise
+    worst = np.max((still - np.round(still)) ** 2 @ density / density.sum())
+    rms = np.sqrt(sigma**2 + 1.0 / 12.0)
+    shot = Shot(np.arange(2.0), np.zeros((2, 1)), np.array([rms]), np.array([1.0 / np.sqrt(12.0)]))
+    fit = Fit(Forward(system, SENSORS, STEP), sought(SPEEDS[:1]), (shot,), np.array([0]))
+    bound = (1.0 + fit.rounded) * rms**2 - sigma**2
+    assert worst <= bound * (1 + 1e-6)
+    assert worst >= 0.8 * bound

@@ -4,6 +4,12 @@
     r = (theta - c) / s                                       of numbers between bounds
 
 g follows theta (variable projection; the derivative is L. Kaufman's, BIT 15 (1975) 49).
+An instrument of steps D rounds off (D/2)^2 at most, three times its mean D^2/12 wherever a signal
+stands still; noise of a standard deviation sigma before it makes that less,
+
+    <e^2> <= D^2/12 (1 + 2 exp(-(2 pi sigma / D)^2 / 2))
+
+by the first term of B. Widrow and I. Kollar, Quantization Noise (2008), sec. 4.
 What records do not tell stays near c, the middle of its bounds or where a record's own number
 starts, with the standard deviation s of a number that lies anywhere between them.
 """
@@ -20,6 +26,7 @@ from coupling.inspection.forward import IMPOSSIBLE, Forward, Shot, Unknowns
 
 CONVERGED = 1e-9
 HUGE = 1e3  # residual of a run that cannot be, in noise
+LEAST_ROUNDING = 1e-3  # share of the noise's square: nothing below it is seen
 MARGIN = 1e-9  # of the bounds' distance, inside of them
 
 
@@ -49,6 +56,13 @@ class Fit(NamedTuple):
     def weight(self) -> NDArray[np.float64]:
         """(S, 1, m) one over the noise."""
         return 1.0 / np.array([shot.noise for shot in self.shots])[:, None]
+
+    @property
+    def rounded(self) -> float:
+        """What rounding may add to the mean square of a residual over the noise, see above."""
+        share = [np.max((shot.rounding / shot.noise) ** 2) for shot in self.shots]
+        q = np.clip(max(share), LEAST_ROUNDING, 1.0)
+        return float(2.0 * q * np.exp(-(np.pi**2) / 6.0 * (1.0 / q - 1.0)))
 
     def of_shots(self, shots: Sequence[int], every: int = 1) -> "Fit":
         """The same on some of the records, on every so many samples of them."""

@@ -41,6 +41,7 @@ class Shot(NamedTuple):
     t: NDArray[np.float64]
     y: NDArray[np.float64]
     noise: NDArray[np.float64]  # rms, in the sensors' units
+    rounding: NDArray[np.float64] | float = 0.0  # (m,) rms of an instrument's steps, a part of it
 
 
 class Unknowns(NamedTuple):

@@ -53,6 +53,7 @@ class Inversion(NamedTuple):
     parts: tuple[Part, ...]  # of all records
     step_error: float  # largest change of the model with half the step, over the noise
     search: Searched
+    rounded: float  # what rounding may add to the mean square, over the noise's
     stretch: float = 1.0  # largest, of a bar by the profile of the misfit
 
     @property
@@ -68,7 +69,8 @@ class Inversion(NamedTuple):
         return self._noise(self.whole_misfit, n) and self._noise(worst, n // len(self.parts))
 
     def _noise(self, misfit: float, n: int) -> bool:
-        return misfit**2 <= KNOWN + DEVIATIONS * np.sqrt(2.0 * max(self.memory, 1.0) / max(n, 1))
+        deviation = np.sqrt(2.0 * max(self.memory, 1.0) / max(n, 1))
+        return misfit**2 <= KNOWN + self.rounded + DEVIATIONS * deviation
 
     def rivals(self, others: Sequence["Inversion"], n_shared: int) -> tuple["Inversion", ...]:
         """Those of other answers, farther off than their bars, that leave as little."""
@@ -137,6 +139,7 @@ def _answer(fit: Fit, search: Searched, names: Sequence[str]) -> Inversion:
         ),
         gains, gains * shown, np.sqrt(np.mean(residual**2, axis=1)), whole, _memory(residual),
         _parts(fit, residual), float(np.abs(gains * (finer - shown) * fit.weight).max()), search,
+        fit.rounded,
     )  # fmt: skip
 
 

@@ -119,21 +119,22 @@ def problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...]
     dt, time_scale = _steps(model, starts)
     within = model.within if model.between else None
     forward = Forward(model, tuple(sensor for sensor, _ in pairs), dt, within)
-    triggers, noise = [], []
+    triggers, shots, known = [], [], True
     for i, (one, start) in enumerate(zip(records, starts, strict=True), 1):
         with usable():
             require_samples(one.t, time_scale)
-        noise.append(_noise(one, time_scale))
+        noise, told = _noise(one, time_scale)
+        known = known and told
+        shots.append(Shot(one.t, one.y, noise, _rounding(one.y)))
         shown = forward.shown(start, one.t - one.t[0])
         _require_size(one, shown, group < 0)
         triggers.append(_trigger(one, shown, f"trigger, record {i}"))
-    shots = tuple(Shot(one.t, one.y, rms) for one, (rms, _) in zip(records, noise, strict=True))
     named = [
         [p._replace(name=f"{p.name}, record {i}") for p in record]
         for i, record in enumerate(own, 1)
     ]
-    fit = Fit(forward, unknowns(found, named, triggers), shots, group)
-    return fit, tuple(f"gain {name}" for name in gains), all(known for _, known in noise)
+    fit = Fit(forward, unknowns(found, named, triggers), tuple(shots), group)
+    return fit, tuple(f"gain {name}" for name in gains), known
 
 
 def _steps(model: Structure, starts) -> tuple[float, float]:
@@ -175,16 +176,15 @@ def _noise(one: Recorded, time_scale: float) -> tuple[np.ndarray, bool]:
     guessed = [share if share is not None else np.nan for share in found]
     known = bool(np.isfinite(guessed).all())
     rms = np.where(np.isfinite(guessed), guessed, USUAL_NOISE * largest)
-    least = np.maximum(RESOLVED * largest, [_rounding(y) for y in one.y.T])
+    least = np.maximum(RESOLVED * largest, _rounding(one.y))
     return np.maximum(rms, least), known
 
 
-def _rounding(y: np.ndarray) -> float:
-    """rms of what an instrument of few levels rounds off."""
-    levels = np.unique(y)
-    if not 1 < len(levels) <= LEVELS:
-        return 0.0
-    return float(np.median(np.diff(levels)) / np.sqrt(12.0))
+def _rounding(y: np.ndarray) -> np.ndarray:
+    """(m,) rms of what an instrument of few levels rounds off signals (k, m)."""
+    levels = [np.unique(column) for column in y.T]
+    steps = [np.median(np.diff(u)) if 1 < len(u) <= LEVELS else 0.0 for u in levels]
+    return np.array(steps) / np.sqrt(12.0)
 
 
 def _answered(
