@@ -53,7 +53,7 @@ class Inversion(NamedTuple):
     parts: tuple[Part, ...]  # of all records
     step_error: float  # largest change of the model with half the step, over the noise
     search: Searched
-    rounded: float  # what rounding may add to the mean square, over the noise's
+    rounded: float = 0.0  # what rounding may add to the mean square, over the noise's
     stretch: float = 1.0  # largest, of a bar by the profile of the misfit
 
     @property

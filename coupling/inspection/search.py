@@ -99,7 +99,7 @@ def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
         if one is None:
             continue
         found.append(one)
-        if _noise(fit._replace(forward=one.forward), one.fitted.theta, 0):
+        if _meets(fit._replace(forward=one.forward), one.fitted.theta):
             break
     return min(found, key=lambda one: one.fitted.misfit)
 
@@ -116,7 +116,7 @@ def _followed(
     box = [ends[:n_shared] for ends in one.unknowns.ends()]
     while True:
         tried = _kept(one.until(n), met, thetas, n_shared, starts, n == end)
-        meets = _noise(one.until(n), tried[0].theta, met)
+        meets = _meets(one.until(n), tried[0].theta, met)
         if follows and not meets and n - met > FINEST * (n - touch) and lost < PATIENCE:
             thetas = _filled(one, kept, spread, MANY * starts, rng)
             n, lost = met + (n - met) // 2, lost + 1
@@ -175,7 +175,7 @@ def _kept(
     ends: dict[bool, list[Fitted]] = {True: [], False: []}
     for theta in thetas:
         left = _left(window, theta)
-        meets = not last and _is_noise(left, met, window.rounded)
+        meets = not last and _noise(left, met, window.rounded)
         ends[meets].append(Fitted(theta, rms(left), 1, meets))
     crowd = len(thetas) > starts
     near = sorted(ends[False], key=MISFIT)
@@ -215,12 +215,12 @@ def _left(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     return fit.residual(theta).reshape(fit.data.shape)
 
 
-def _noise(fit: Fit, theta: NDArray[np.float64], met: int) -> bool:
+def _meets(fit: Fit, theta: NDArray[np.float64], met: int = 0) -> bool:
     """Whether what theta leaves is noise."""
-    return _is_noise(_left(fit, theta), met, fit.rounded)
+    return _noise(_left(fit, theta), met, fit.rounded)
 
 
-def _is_noise(left: NDArray[np.float64], met: int, rounded: float) -> bool:
+def _noise(left: NDArray[np.float64], met: int, rounded: float = 0.0) -> bool:
     """Whether the whole and what is new in it are noise, whose rms is known to a few per cent."""
     return all(
         np.mean(part**2) <= MET + rounded + 3.0 * np.sqrt(2.0 / part.size)
