@@ -1,6 +1,7 @@
 """Scenes of any assembly through the commands: modes against theory, runs, tuning, refusals."""
 
 import json
+import tomllib
 from contextlib import nullcontext
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -214,6 +215,20 @@ material = "steel"
 )  # fmt: skip
 def test_what_a_scene_leaves_unsaid_is_asked_for(words, told, step, capsys):
     assert told in refused(capsys, ASSEMBLY.format(words=words))
+
+
+NAMES = ("../lid", "a/b", "a\\b", "..", ".lid", "a\nb", " lid", "lid\x00", "")
+
+
+@pytest.mark.parametrize("kind", ["bodies", "materials"])
+def test_a_name_that_could_lead_elsewhere_is_refused(kind):
+    tables = tomllib.loads(STACK.replace("HZ", "1e3")) | {"name": "mine"}
+    own = next(iter(tables[kind].values()))
+    for name in (*NAMES, "ground" if kind == "bodies" else "steel.cast"):
+        with pytest.raises(InvalidScene, match="rename it") as said:
+            scene(tables | {kind: tables[kind] | {name: own}})
+        assert "\n" not in str(said.value)
+    assert scene(tables | {kind: tables[kind] | {"Gehäuse +x 1": own}})
 
 
 def test_words_of_bodies_in_a_scene_of_the_rig_are_refused(capsys):

@@ -41,10 +41,27 @@ Vector = Annotated[tuple[float, float, float], Field(strict=False)]
 Three = Annotated[tuple[Modulus, Modulus, Modulus], Field(strict=False)]
 
 
-def _body_name(name: str) -> str:
-    if name == GROUND or not name or set(name) & set(':|@#,"'):
-        raise ValueError(f"{name!r} must be free of : | @ # , and not be {GROUND!r}: rename it")
+def _plain_name(name: str) -> str:
+    """No part of a path, and no selector."""
+    told = set(name) & set(':|@#,"/\\') or not name.isprintable() or name != name.strip()
+    if told or not name or name.startswith("."):
+        raise ValueError(
+            f'{name!r} must be free of : | @ # , " / and \\, without a blank at its ends or a dot '
+            "at its start: rename it"
+        )
     return name
+
+
+def _body_name(name: str) -> str:
+    if name == GROUND:
+        raise ValueError(f"{name!r} is what bodies stand on: rename it")
+    return _plain_name(name)  # of a STEP file it may have dots
+
+
+def _material_name(name: str) -> str:
+    if "." in name:
+        raise ValueError(f"{name!r} must be free of dots, which part the words of a key: rename it")
+    return _plain_name(name)
 
 
 def _pair(between: str) -> str:
@@ -55,6 +72,7 @@ def _pair(between: str) -> str:
 
 
 BodyName = Annotated[str, AfterValidator(_body_name)]
+MaterialName = Annotated[str, AfterValidator(_material_name)]
 Pair = Annotated[str, AfterValidator(_pair)]
 
 

@@ -11,6 +11,7 @@ from workflows.scene.bodies import (
     BodyName,
     Bolts,
     General,
+    MaterialName,
     Solid,
     StaticLoad,
     Strike,
@@ -64,7 +65,7 @@ class Scene(Table):
     beam: Beam | None = None
     plate: Plate | None = None
     assembly: Any = None
-    materials: dict[str, Solid] | None = None
+    materials: dict[MaterialName, Solid] | None = None
     bodies: dict[BodyName, Body] | None = None
     ties: Annotated[tuple[Tied, ...], Several] | None = None
     joints: EitherJoints | None = None

@@ -179,7 +179,7 @@ def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, 
     type_ = "empty" if type_ == "too_short" and not found else type_
     n = len(found) if isinstance(found, list | tuple) else 0
     return SENTENCES.get(type_, "{key} = {shown} {allowed}; change it.").format(
-        key=".".join((*prefix, *_key(error, tables))) or "the scene",
+        key=repr(".".join((*prefix, *_key(error, tables))))[1:-1] or "the scene",
         found=found,
         shown=_shown(found),
         kind=found.get("kind") if isinstance(found, dict) else None,
