@@ -391,6 +391,16 @@ def test_a_sweep_that_is_stopped_keeps_the_finished_one_and_its_own_cases(monkey
     assert beadwave.load_sweep("out").columns["striker.velocity"].tolist() == [0.3, 0.4]
 
 
+def test_cases_side_by_side_need_no_observed_sphere():
+    over, none = {"striker.velocity": [0.1, 0.2]}, SHORT | {"output.spheres": []}
+    assert beadwave.sweep("free-chain", none, cases=over, out="free").counts() == {"done": 2}
+    found = beadwave.sweep("rig-rigid", none, cases=over, out="out", signals=True)
+    assert found.counts() == {"done": 2} and found.signals()["v"].sizes["sphere"] == 0
+    seen = beadwave.sweep("rig-rigid", SHORT, cases=over, out="seen").columns
+    peaks = found.columns["wall_peak_force_N"] / seen["wall_peak_force_N"]
+    assert np.abs(peaks - 1.0).max() < 1e-4  # errors of both
+
+
 def test_springs_with_units_have_models_of_their_own(counted):
     Path("two.toml").write_text(TWO)
     found = beadwave.sweep("two.toml", cases={"joints.bolt.kz": ["1e7 N/m"]}, out="out")

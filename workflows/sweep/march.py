@@ -9,7 +9,7 @@ import dem
 from coupling.sweep.rows import FAILED, REFUSED, Rows, measured, without_result
 from workflows.pipeline.chain import on_surface, simple_wall, start, together
 from workflows.pipeline.impact import impact, require_start
-from workflows.scene import RomWall
+from workflows.scene import RomWall, Scene
 from workflows.sweep.cases import Checked, Group
 from workflows.sweep.models import FAILURES, Prepared, sentence
 
@@ -47,7 +47,7 @@ def _side_by_side(checked: Checked, group: Group, shared: Prepared, signals: boo
             chains,
             duration=scene.time.duration,
             error=scene.time.error,
-            observed=[sphere - 1 for sphere in scene.output.spheres],
+            observed=observed(scene),
             n_save=scene.output.samples - 1,
         )
     except FAILURES as reason:
@@ -64,8 +64,18 @@ def _side_by_side(checked: Checked, group: Group, shared: Prepared, signals: boo
         "seconds": (perf_counter() - started) / len(group.cases),
     }  # fmt: skip
     table = measured(scene.output.spheres, batch.t, batch.v, batch.wall_force, **run)
-    kept = {"t": batch.t, "v": batch.v, "wall_force": batch.wall_force} if signals else None
-    return [Rows(group.cases, table, kept)]
+    return [Rows(group.cases, table, saved(scene, batch) if signals else None)]
+
+
+def observed(scene: Scene) -> list[int]:
+    """Indices of the spheres that errors are judged by: all where the scene names none."""
+    return [sphere - 1 for sphere in scene.output.spheres] or list(range(scene.chain.count))
+
+
+def saved(scene: Scene, batch: dem.Batch) -> dict[str, np.ndarray]:
+    """Signals of a batch: velocities of the spheres that the scene names, and the wall's force."""
+    v = batch.v[:, :, : len(scene.output.spheres)]
+    return {"t": batch.t, "v": v, "wall_force": batch.wall_force}
 
 
 def _one_by_one(checked: Checked, group: Group, shared: Prepared, signals: bool) -> list[Rows]:

@@ -24,6 +24,7 @@ from workflows.pipeline.rig import STRUCK
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.sweep.cases import Base
 from workflows.sweep.design import Design
+from workflows.sweep.march import observed, saved
 from workflows.sweep.store import About, Store
 from workflows.sweep.tasks import CHUNK
 
@@ -145,7 +146,7 @@ class _March(NamedTuple):
 
     @property
     def observed(self) -> list[int]:
-        return [sphere - 1 for sphere in self.scene.output.spheres]
+        return observed(self.scene)
 
     def alone(self, wall: dem.Wall, dt: float) -> Array:
         """Velocities (k, spheres) behind one wall [m/s]."""
@@ -230,8 +231,7 @@ def _table(scene: Scene, cases: Array, batch: dem.Batch, seconds: float, signals
         energy_error=batch.energy_error, error_time=estimate,
         dt_s=batch.dt, steps=batch.n_steps, seconds=seconds,
     )  # fmt: skip
-    kept = {"t": batch.t, "v": batch.v, "wall_force": batch.wall_force} if signals else None
-    return Rows(tuple(cases.tolist()), table, kept)
+    return Rows(tuple(cases.tolist()), table, saved(scene, batch) if signals else None)
 
 
 def _some(wall: dem.Wall, rows: Array) -> dem.Wall:
