@@ -148,6 +148,8 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ('calm = np.convolve(quiet, np.ones(width), mode="valid") >= width - 0.5', "0.5"): WHOLE,
     ("arrived = np.flatnonzero(v < -PEAK * np.abs(v).max())", "v < -PEAK * np.abs(v).max()"): SAME,
     ("q = max(1, len(t) // CHANGES)", "1"): "changes over two samples lie where those over one do",
+    ("if np.abs(other - z).max() < DISTINCT:", "np.abs(other - z).max() < DISTINCT"): SAME,
+    ("if room < CUT:", "room < CUT"): SAME,
     ("seen = sosfilt(sos, fine, axis=1)[:, 400:]", "400"): "noise a sample later is noise",
     ("return t, np.array(signals) + _noise(rng, twin, len(t), made)",
      "np.array(signals) + _noise(rng, twin, len(t), made)"): "noise has no sign",

@@ -177,12 +177,12 @@ def test_bars_over_time_are_those_of_all_samples_so_far_and_of_the_bounds():
 
 
 def test_a_number_is_felt_once_its_bar_alone_is_the_share_of_its_bounds():
-    """2 / sqrt(sum of squares) = share width: squares of 1, 2 and 0 a sample."""
+    """2 / sqrt(sum of squares) = share width: squares of 4, 2 and 0 a sample."""
     slopes = np.zeros((2, 40, 1, 3))
-    slopes[0, :, 0] = [1.0, 1.0, 0.0]
-    slopes[1, :, 0] = [0.0, 1.0, 0.0]
-    share, width = 0.1, np.full(3, 20.0 / np.sqrt(12.0))  # 12 squares are needed
-    assert felt_from(slopes, width, share * 1.0001).tolist() == [11, 5, 40]
+    slopes[0, :, 0] = [-2.0, 1.0, 0.0]
+    slopes[1, :, 0] = [0.0, -1.0, 0.0]
+    width = np.full(3, 20.0 / np.sqrt(12.0))  # a sum of 12 is needed
+    assert felt_from(slopes, width, 0.1 * 1.0001).tolist() == [2, 5, 40]
 
 
 # --- bars along a valley -------------------------------------------------------------------------

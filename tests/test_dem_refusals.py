@@ -126,7 +126,7 @@ def test_lists_words_and_states_of_other_chains_are_refused():
         with pytest.raises(dem.InvalidChain, match="give a"):
             dem.march(chain, wall, V0, **TIMES)
     two = dem.march(row(count=2), WALL, V0[:2], **TIMES).final
-    with pytest.raises(dem.InvalidChain):
+    with pytest.raises(dem.InvalidChain, match=r"has shape \(2,\); give 3 numbers"):
         dem.march(row(), WALL, V0, state=two, **TIMES)
     spoilt = two._replace(x=np.array([np.nan, 0.0]))
     with pytest.raises(dem.InvalidChain, match="x of the state"):

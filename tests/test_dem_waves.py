@@ -205,6 +205,7 @@ def test_the_leader_of_a_heavy_strikers_train_is_the_incident_wave():
     leader = found[0]
     assert leader.name == "incident" and leader.pulses[0].contact == 1
     assert [pulse.contact for pulse in leader.pulses] == list(range(1, len(leader.pulses) + 1))
+    assert len(incident) > 1
     for pulse in leader.pulses:
         others = [p for track in incident[1:] for p in track.pulses if p.contact == pulse.contact]
         assert all(pulse.time < other.time and pulse.force > other.force for other in others)
