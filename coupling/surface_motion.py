@@ -3,6 +3,7 @@
 u(X, t) = sum_k q_k(t) phi_k(X),   phi_k = T_surface v_k
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from coupling.wall import kept_modes, moving_modes, with_oscillator
 from rom import ModalWall, ReducedModel, modal
 
+LEFT_OUT = 1e-3  # of the largest displacement
 SAME = 1e-3  # relative difference of two frequencies of one mode
 
 
@@ -50,3 +52,54 @@ def structure_modes(reduced: ReducedModel, frequency_hz: np.ndarray) -> SurfaceM
 def _shapes(reduced: ReducedModel, modes: ModalWall, index: np.ndarray) -> SurfaceModes:
     flat = reduced.surface.T @ modes.vectors[:, index].astype(np.float32)
     return SurfaceModes(modes.omega[index], flat.T.reshape(len(index), -1, 3))
+
+
+class Shapes(NamedTuple):
+    """Shapes (k, m, 3) on the outer nodes, which of them each wall mode and each mode listed is."""
+
+    shape: np.ndarray
+    of_wall: list[int]  # (n_wall_modes,) -1 where it was left out
+    of_mode: list[int]  # one for each mode listed, -1 where the model has none
+
+
+class Moved(NamedTuple):
+    """The wall's modes in a run: omega, phi (k,), coordinates q (n, k), and the wall's cutoff."""
+
+    omega: np.ndarray
+    phi: np.ndarray
+    q: np.ndarray
+    cutoff_hz: float | None
+
+
+def shown_shapes(
+    reduced: ReducedModel, frequency_hz: Sequence[float], moved: Moved | None
+) -> Shapes:
+    """Shapes of the wall's modes that show in a run, and of the modes listed that are none of
+    them; those that together move no node by more than LEFT_OUT are left out."""
+    shown = structure_modes(reduced, np.array(frequency_hz))
+    there = shown.omega > 0
+    if moved is None:
+        return Shapes(shown.shape[there], [], _numbered(there).tolist())
+    wall = wall_modes(reduced, moved.omega, moved.phi, cutoff_hz=moved.cutoff_hz)
+    same = np.isclose(shown.omega[:, None], wall.omega, rtol=1e-9, atol=0)
+    kept = _kept(wall.shape, moved.q - moved.q[0]) | same.any(axis=0)
+    alone, place = there & ~same.any(axis=1), _numbered(kept)
+    own = np.where(alone, kept.sum() + _numbered(alone), -1)
+    of_mode = np.where(same.any(axis=1), place[same.argmax(axis=1)], own)
+    shapes = np.concatenate([wall.shape[kept], shown.shape[alone]])
+    return Shapes(shapes, place.tolist(), of_mode.tolist())
+
+
+def _numbered(mask: np.ndarray) -> np.ndarray:
+    """0, 1, 2 ... where it is true, -1 elsewhere."""
+    return np.where(mask, np.cumsum(mask) - 1, -1)
+
+
+def _kept(shape: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Mask (k,) of the modes without those that together move no node by more than LEFT_OUT of
+    the largest displacement."""
+    moved = np.abs(q).max(axis=0) * np.abs(shape).max(axis=(1, 2))
+    order = np.argsort(moved)
+    kept = np.ones(len(moved), dtype=bool)
+    kept[order[np.cumsum(moved[order]) <= LEFT_OUT * moved.max(initial=0.0)]] = False
+    return kept

@@ -18,6 +18,8 @@ from dem.waves.fit import Guess, apart
 from dem.waves.labels import Label
 from dem.waves.solitary import WIDTH, speed
 
+NOTICED = 0.01  # of the striker's velocity: a difference
+
 
 def distance(one: Observed, other: Observed, number: int, spheres: tuple[int, ...]) -> float:
     """D_k of the reflected wave `number`; nan where neither run has it."""
@@ -113,3 +115,31 @@ def dependence(runs: list[Observed], number: int, spheres: tuple[int, ...]) -> D
     found = {sphere: spread(runs, number, (sphere,)) for sphere in spheres}
     seen = {sphere: value for sphere, value in found.items() if not isnan(value)}
     return Dependence(None if isnan(far := spread(runs, number, spheres)) else far, seen)
+
+
+class Felt(NamedTuple):
+    """Largest velocity differences of two runs over the striker's velocity."""
+
+    first: float  # until the first reflected wave has passed
+    later: float
+    at: float  # [s] where the later ones first exceed the threshold, nan where they do not
+
+
+def felt(free: Observed, other: Observed) -> Felt:
+    """How far two runs differ at the observed spheres, before and after the first wave's end."""
+    t, v0, largest = free.trajectory.t, np.abs(free.trajectory.v[0]).max(), []
+    for sphere in free.labels:
+        off = np.abs(other.velocity(sphere) - free.velocity(sphere)) / v0
+        largest.append((off, t <= _end_of_first(free, sphere)))
+    later = np.max([np.where(first, 0.0, off) for off, first in largest], axis=0)
+    at = float(t[np.argmax(later > NOTICED)]) if later.max() > NOTICED else float("nan")
+    return Felt(max(float(off[first].max()) for off, first in largest), float(later.max()), at)
+
+
+def _end_of_first(run: Observed, sphere: int) -> float:
+    """[s] when the first reflected wave has passed a sphere, the contact's end without one."""
+    wave = run.wave(sphere, "reflected", 1)
+    if wave is None:
+        return run.contact.contact_time.end
+    passing = abs(speed(wave.arrival.peak_velocity, run.chain.mass[0], run.chain.A[0]))
+    return float(wave.arrival.time + WIDTH / passing)

@@ -4,7 +4,7 @@ A bore is the cylinder faces of one axis and radius that follow each other witho
 more than three quarters around: a fillet is none.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import pi
 from typing import NamedTuple
 
@@ -133,3 +133,21 @@ def _bore(run: list[Face]) -> tuple[Bore, float]:
     around = sum(face.area for face in run) / (first.radius * (upper - lower))
     ends = first.on_axis + np.outer([lower, upper], first.axis)
     return Bore(tuple(f.tag for f in run), first.radius, first.axis, ends), around
+
+
+def crossed(
+    touch: Touch, bodies: Mapping[str, Body], points: Sequence[Sequence[float]]
+) -> list[Concentric]:
+    """Points (3,) [m] moved onto the nearest plane in which two bodies touch, as bolts without
+    holes; none where they touch on no plane."""
+    body = bodies[touch.bodies[0]]
+    planes = [(body.face(c.faces[0]), c) for c in touch.contacts]
+    planes = [(face, c) for face, c in planes if face.normal is not None]
+    found = []
+    for point in np.array(points) if planes else ():
+        off = [(face.centre - point) @ face.normal for face, _ in planes]
+        nearest = int(np.argmin(np.abs(off)))
+        face, contact = planes[nearest]
+        at = point + off[nearest] * face.normal
+        found.append(Concentric(touch.bodies, at, face.normal, (0.0, 0.0), contact.faces))
+    return found

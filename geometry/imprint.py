@@ -4,7 +4,7 @@ A surface that lies on the body splits the faces under it, so that elements end 
 faces of the split body a face or an imprint became is what OpenCASCADE's general fuse tells.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import gmsh
@@ -12,6 +12,7 @@ import numpy as np
 
 from geometry.assembly import InvalidGeometry
 from geometry.gmsh_session import boolean_tolerance
+from geometry.holes import Concentric
 from geometry.selectors import Selected
 from geometry.solids import Body, Face, Vector
 from geometry.touching import Touch
@@ -33,6 +34,15 @@ class Share(NamedTuple):
     regions: tuple[int, ...]  # the common face in the CAD model
     centre: Vector  # (3,) of the bolt [m]
     others: Sequence[Vector]
+
+
+def share_of(
+    place: Concentric, places: Sequence[Concentric], pairs: Sequence[Touch]
+) -> Callable[[Selected], Share]:
+    """Makes a bolt's share of a face: nearer to it than to the others of the touching pairs."""
+    others = [p.centre for p in places if p.faces == place.faces and p is not place]
+    regions = next(c.regions for t in pairs for c in t.contacts if c.faces == place.faces)
+    return lambda on: Share(on, regions, place.centre, others)
 
 
 class Imprinted(NamedTuple):

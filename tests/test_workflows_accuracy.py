@@ -12,7 +12,7 @@ import pytest
 
 import dem
 from coupling import peers
-from coupling.work_precision import runs
+from coupling.work_precision import parts, runs
 from coupling.work_precision.growth import growth_exponent, line
 from coupling.work_precision.orders import orders_closed
 from coupling.work_precision.population import population, step_of_median
@@ -33,7 +33,7 @@ from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.studies import finding
-from workflows.studies.accuracy import chain_length, curves, folder, parts
+from workflows.studies.accuracy import chain_length, curves, folder
 from workflows.studies.accuracy.problems import problem
 from workflows.studies.accuracy.rows import table_of
 
@@ -172,7 +172,7 @@ def test_step_of_a_population_leaves_the_median_error_asked_for(case):
 
 def test_every_part_costs_and_leaves_a_small_error(case):
     cases = with_parts(case)
-    rows = [parts._part_row(name, one, "suzuki4") for name, one in cases.items()]
+    rows = [parts._row(name, one, "suzuki4") for name, one in cases.items()]
     assert len(rows) == 10
     assert all(row.error < 1e-4 and row.energy_error < 1e-4 for row in rows)
 

@@ -124,7 +124,7 @@ def test_the_study_of_wall_modes_says_what_a_mode_costs(few_peers, monkeypatch):
     monkeypatch.setattr(wall_modes, "MODES", (0, 1, 2, 3))
     monkeypatch.setattr(wall_modes, "COMPARED", 2)
     runs = rows_of("rkn6", "odeint")
-    monkeypatch.setattr(wall_modes, "_mode_rows", lambda case, step, k: [
+    monkeypatch.setattr(wall_modes, "mode_rows", lambda case, step, k, schemes: [
         row._replace(parameter=k, seconds=(k + 1) * row.seconds) for row in runs
     ])  # fmt: skip
     found = wall_modes.wall_modes(scene("rig-rigid", SHORT), lambda name: nullcontext())

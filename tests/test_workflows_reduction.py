@@ -15,6 +15,7 @@ import dem
 import fem
 import rom
 from command_line import COARSE_RIG
+from fem.assembly_modes import AssemblyModes
 from fem.factorisation import factorised
 from workflows.assembly.export import write_reduced
 from workflows.files.output_file import OutputFile
@@ -22,7 +23,6 @@ from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
 from workflows.pipeline import assembly as assembly_stages
 from workflows.pipeline import errors as error_stages
-from workflows.pipeline.assembly import AssemblyModes
 from workflows.pipeline.chain import chain, initial_velocity, start
 from workflows.pipeline.health import reduction_health
 from workflows.pipeline.impact import impact as chain_impact

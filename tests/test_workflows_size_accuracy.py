@@ -8,9 +8,9 @@ from sys import executable
 import numpy as np
 import pytest
 
+from coupling.work_precision.cost import cost_of_command, costed
 from workflows.files.scene import scene
 from workflows.studies.accuracy import size as study
-from workflows.studies.accuracy.cost import cost_of_command, costed
 
 STAGES = ["mesh", "assemble", "factorise", "modes", "reduce"]
 MB = 1e6

@@ -169,7 +169,7 @@ def _drawn(path: Path) -> Iterable[Picture]:
 
 
 def _in_memory(pipeline: Pipeline, summary: Summary, path: Path | None, notes) -> Run:
-    from workflows.pipeline.impact import arrays
+    from coupling.saved_run import arrays
 
     def read() -> dict[str, NDArray]:
         return arrays(pipeline("impact").trajectory, pipeline("wall"))

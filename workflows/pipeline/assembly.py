@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +10,9 @@ from skfem import Mesh
 import fem
 import fem.tuning
 import geometry
-from fem.constraints import Overconstrained
-from fem.correlation import RIGID
+from fem.assembly_modes import AssemblyModes, assembly_modes
 from geometry.named_cells import faces
 from workflows.files.mesh import mesh_of
-from workflows.files.mode_field import ModeField
 from workflows.pipeline import bodies, rig, strike
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts
 from workflows.pipeline.rig import STRUCK
@@ -23,29 +20,6 @@ from workflows.pipeline.targets import targets
 from workflows.scene import InvalidScene, JointStiffnesses, Scene
 from workflows.scene.assembly import assembly
 from workflows.scene.size import too_large_mesh
-
-N_MODES = (30, 80)  # the second where the first do not reach all targets
-SHOWN = 12  # modes that a scene without targets writes
-
-
-class AssemblyModes(NamedTuple):
-    """Modes of the joined assembly, and which of them are the targets."""
-
-    omega: NDArray[np.float64]  # (k,) [rad/s]
-    phi: NDArray[np.float64]  # (n, k) mass-normalised
-    index: NDArray[np.int64]  # (n_targets,) -1 where none fits
-    score: NDArray[np.float64]  # (n_targets,)
-    n_dofs: int
-    effective_mass: NDArray[np.float64]  # (k, 3) share of the mass along x, y, z
-    field: ModeField  # all up to the highest target, or the lowest ones where there are none
-    load_factor: float | None = None  # static load over that which buckles it; None where unloaded
-    overconstrained: tuple[Overconstrained, ...] = ()  # what two constraints asked for
-
-    @property
-    def paired_hz(self) -> dict[str, float]:
-        """Frequencies of the targets that were found, by their number."""
-        hz = self.omega / (2 * np.pi)
-        return {str(i + 1): float(hz[j]) for i, j in enumerate(self.index) if j >= 0}
 
 
 def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
@@ -178,41 +152,7 @@ def factor(scene: Scene, model: fem.Model) -> fem.Factor | None:
 
 def modes(scene: Scene, model: fem.Model, factor: fem.Factor | None = None) -> AssemblyModes:
     """The lowest modes, the targets among them."""
-    for n_modes in N_MODES:
-        n = min(n_modes, model.K.shape[0] - 2)
-        found = fem.modes(model.K, model.M, n, factor=factor)
-        paired = fem.pair(model, found, targets(scene, model))
-        if np.all(paired.index >= 0):
-            break
-    return AssemblyModes(
-        found.omega,
-        found.phi,
-        paired.index,
-        paired.score,
-        model.M.shape[0],
-        fem.effective_mass(model, found.phi),
-        _field(model, found, paired),
-        load_factor=model.load_factor,
-        overconstrained=model.overconstrained,
-    )
-
-
-def _field(model: fem.Model, found: fem.Modes, paired: fem.Pairing) -> ModeField:
-    last = paired.index.max(initial=-1) + 1
-    index = np.flatnonzero(found.omega > RIGID * found.omega.max())[:SHOWN]
-    index = np.arange(last) if last else index
-    target = np.zeros(len(found.omega), dtype=int)
-    target[paired.index[paired.index >= 0]] = np.flatnonzero(paired.index >= 0) + 1
-    structure = model.structure
-    u = (model.T @ found.phi[:, index]).astype(np.float32)
-    corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]
-    return ModeField(
-        {body: basis.mesh for body, basis in structure.basis.items()},
-        index + 1,
-        found.frequency_hz[index],
-        np.moveaxis(u[np.concatenate(corners)], 2, 0),
-        target[index],
-    )
+    return assembly_modes(model, targets(scene, model), factor)
 
 
 def contact(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:

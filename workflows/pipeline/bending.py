@@ -13,8 +13,8 @@ import numpy as np
 
 import fem
 import rom
-from workflows.files.mode_field import ModeField
-from workflows.pipeline.assembly import SHOWN, AssemblyModes
+from fem.assembly_modes import SHOWN, AssemblyModes
+from fem.mode_field import ModeField
 from workflows.pipeline.reduction import SecondModel, selection
 from workflows.scene import InvalidScene, Scene
 

@@ -278,6 +278,7 @@ def marked(scene: Scene, drawn: Drawing) -> Marks:
 
 def _between_bodies(scene: Scene, drawn: Drawing, joint: Bolts, pairs: list, marks: Marks) -> None:
     """What each bolt of a joint holds on both faces."""
+    from geometry.imprint import share_of
     from geometry.selectors import bodies_named
 
     first, second = (bodies_named(side, drawn.bodies) for side in joint.partners)
@@ -293,7 +294,7 @@ def _between_bodies(scene: Scene, drawn: Drawing, joint: Bolts, pairs: list, mar
             under, axis = under[::-1], -axis
         key = f"{joint.name}-{i}"
         if joint.washer == SHARE:
-            sides = _shares(scene, joint, key, under, _neighbours(place, places, pairs), marks)
+            sides = _shares(scene, joint, key, under, share_of(place, places, pairs), marks)
         else:
             sides = _rings(joint, key, under, place, marks)
         marks.joints.append(_joint(joint, *sides, place.centre, axis))
@@ -330,36 +331,18 @@ def _shares(scene: Scene, joint: Bolts, key: str, under: list, share, marks: Mar
     return sides
 
 
-def _neighbours(place, places: list, pairs: list):
-    """Makes a bolt's share: nearer to it than to the others on the same face."""
-    from geometry.imprint import Share
-
-    others = [p.centre for p in places if p.faces == place.faces and p is not place]
-    regions = next(c.regions for t in pairs for c in t.contacts if c.faces == place.faces)
-    return lambda on: Share(on, regions, place.centre, others)
-
-
 def _places(scene: Scene, drawn: Drawing, joint: Bolts, touch) -> list:
     """Where the bolts of a joint pass from one body to the other."""
-    from geometry.holes import Concentric, concentric
+    from geometry.holes import concentric, crossed
 
     if joint.at == "holes":
         return list(concentric(touch, drawn.bodies, scene.assembly.gap))
-    body = drawn.bodies[touch.bodies[0]]
-    planes = [(body.face(c.faces[0]), c) for c in touch.contacts]
-    planes = [(face, c) for face, c in planes if face.normal is not None]
-    if not planes:
+    found = crossed(touch, drawn.bodies, joint.at)
+    if not found:
         raise InvalidScene(
             f'{scene.name}: joints.{joint.name} has points, but "{touch.name}" touch on no plane; '
             "tie them."
         )
-    found = []
-    for point in np.array(joint.at):
-        off = [(face.centre - point) @ face.normal for face, _ in planes]
-        nearest = int(np.argmin(np.abs(off)))
-        face, contact = planes[nearest]
-        at = point + off[nearest] * face.normal
-        found.append(Concentric(touch.bodies, at, face.normal, (0.0, 0.0), contact.faces))
     return found
 
 

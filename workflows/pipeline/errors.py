@@ -26,6 +26,7 @@ import dem
 import fem
 import geometry
 import rom
+from fem.assembly_modes import N_MODES
 from workflows.pipeline import assembly as stages
 from workflows.pipeline.chain import Start
 from workflows.pipeline.parts import Parts
@@ -89,7 +90,7 @@ def second_mesh(scene: Scene, mesh: Parts) -> SecondModel:
         model.K,
         model.M,
         contact.w,
-        rom.Selection(n_modes=stages.N_MODES[0], choice="contact", to_hz=TO_HZ),
+        rom.Selection(n_modes=N_MODES[0], choice="contact", to_hz=TO_HZ),
         factorise=fem.factorised,
     )
     known = contact_of(scene, model, contact)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from coupling import Impact
+from dem.waves.chain_waves import ChainWaves
 from dem.waves.labels import Label
 from dem.waves.tracks import WaveTrack
 from workflows.files.run_folder import Picture
-from workflows.pipeline.waves import ChainWaves
 from workflows.results import plots
 from workflows.results.page_data import ledger
 from workflows.results.plots import Line, Panel

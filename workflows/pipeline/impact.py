@@ -1,6 +1,5 @@
 """The impact: checked before anything is computed, marched, and what it did to the contacts."""
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -93,34 +92,3 @@ def pruning(scene: Scene, start: Start, whole_wall: dem.Wall) -> PrunedWall:
 def pruned_wall(scene: Scene, pruning: PrunedWall) -> dem.Wall:
     """What is left of the wall."""
     return pruning.wall
-
-
-def save_trajectory(
-    path: Path, trajectory: dem.Trajectory, wall: dem.Wall | coupling.CoupledWall | None
-) -> None:
-    """Write every array of a trajectory over its saved times, and the modes of the wall."""
-    np.savez_compressed(path, **arrays(trajectory, wall))
-
-
-def arrays(
-    trajectory: dem.Trajectory, wall: dem.Wall | coupling.CoupledWall | None
-) -> dict[str, np.ndarray]:
-    """What is saved of a run, by name."""
-    return over_time(trajectory) | wall_modes(trajectory, wall)
-
-
-def over_time(trajectory: dem.Trajectory) -> dict[str, np.ndarray]:
-    """The arrays of a trajectory over its saved times, by name."""
-    k = len(trajectory.t)
-    named = trajectory._asdict().items()
-    return {name: a for name, a in named if isinstance(a, np.ndarray) and len(a) == k and a.size}
-
-
-def wall_modes(
-    trajectory: dem.Trajectory, wall: dem.Wall | coupling.CoupledWall | None
-) -> dict[str, np.ndarray]:
-    """Frequencies and participations of the modes whose coordinates are saved."""
-    if not trajectory.wall_q.size:
-        return {}
-    read = wall.reading if isinstance(wall, coupling.CoupledWall) else wall.phi
-    return {"wall_omega": wall.omega, "wall_phi": read}

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 import fem
 import geometry
+from fem.assembly_modes import AssemblyModes
 from workflows.pipeline import rig
-from workflows.pipeline.assembly import AssemblyModes, modes
+from workflows.pipeline.assembly import modes
 from workflows.pipeline.parts import Parts
 from workflows.pipeline.targets import targets
 from workflows.scene import Scene

@@ -8,10 +8,10 @@ import numpy as np
 from skfem import Mesh
 
 import fem
-from workflows.files import mode_field as field_file
+from fem import mode_field as field_file
+from fem.assembly_modes import AssemblyModes
 from workflows.files.child import child
 from workflows.files.run_folder import Picture
-from workflows.pipeline.assembly import AssemblyModes
 from workflows.scene import Scene
 
 TIME_LIMIT = 120  # s

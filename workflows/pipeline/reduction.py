@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 import fem
 import rom
-from workflows.pipeline.assembly import AssemblyModes, dashpots, solid, struck
+from fem.assembly_modes import AssemblyModes
+from rom.jointed import Jointed
+from workflows.pipeline.assembly import dashpots, solid, struck
 from workflows.pipeline.strike import surface_of
 from workflows.scene import Scene
 
@@ -23,23 +25,6 @@ class SecondModel(NamedTuple):
 
     reduced: rom.ReducedModel
     left: float
-
-
-class Jointed(NamedTuple):
-    """A reduced model that keeps the elongation of each spring in the joints as a coordinate."""
-
-    reduced: rom.ReducedModel
-    places: dict[str, NDArray[np.int64]]  # coordinates of a spring, "joint.direction"
-    stiffness: dict[str, float]  # [N/m] or [N m/rad] that the reduced model has
-
-    def with_stiffness(self, stiffness: dict[str, float]) -> rom.ReducedModel:
-        """The same structure with other springs: exact in statics, as good in its modes as the
-        fixed-interface modes, which no spring changes."""
-        K = self.reduced.K.copy()
-        for name, k in stiffness.items():
-            at = self.places[name]
-            K[at, at] += k - self.stiffness[name]
-        return self.reduced._replace(K=K)
 
 
 def jointed(

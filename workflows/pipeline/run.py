@@ -7,10 +7,11 @@ from platform import python_version
 
 import dem
 from coupling import CoupledWall
+from coupling.saved_run import save_trajectory
 from workflows.files.run_folder import RunFolder, write_pictures
 from workflows.pipeline import warnings
 from workflows.pipeline.chain import contact_radius
-from workflows.pipeline.impact import require_start, save_trajectory
+from workflows.pipeline.impact import require_start
 from workflows.pipeline.pipeline import (
     LIBRARIES,
     Pipeline,
@@ -84,7 +85,7 @@ def _write_given(folder: RunFolder, origin: Origin) -> None:
 
 def _write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:
     """Modes, reduced model and pictures, each as soon as it is there; a warning without them."""
-    from workflows.files import mode_field
+    from fem import mode_field
     from workflows.pipeline.pictures import NoPicture
     from workflows.pipeline.response import save_response
     from workflows.pipeline.wall import save

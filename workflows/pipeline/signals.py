@@ -10,8 +10,8 @@ from coupling.band import Band
 from coupling.records.record import SYNTHETIC
 from coupling.sensed_waves import SensedWave, flight, sensed_waves
 from coupling.sensors import Sensor, instants, measured, recorded, signals
+from dem.waves.chain_waves import ChainWaves
 from dem.waves.labels import labels
-from workflows.pipeline.waves import ChainWaves
 from workflows.results.summary import SensedArrival, SensorWaves
 from workflows.scene import Instrument, Scene
 

@@ -9,7 +9,8 @@ import fem
 import rom
 from fem.spot import require_flat, spanning
 from fem.trace import OffFace
-from workflows.pipeline.parts import STRIKE, Parts, Struck
+from geometry.struck import Struck, nearest, struck_at
+from workflows.pipeline.parts import STRIKE, Parts
 from workflows.scene import InvalidScene, Scene
 
 FLAT = (0.0, 0.0)
@@ -20,7 +21,7 @@ BESIDE = 0.02  # radii off the face that the patch on the mesh is to judge
 def struck(scene: Scene, bodies: Mapping) -> Struck:
     """The face of the CAD model that the scene strikes; raises InvalidScene for one that no Hertz
     law is known of, or whose point is not told."""
-    from geometry.selectors import Selected, faces
+    from geometry.selectors import faces
 
     picked = faces(scene.strike.on, bodies)
     found = [bodies[picked.body].face(tag) for tag in picked.tags]
@@ -33,16 +34,17 @@ def struck(scene: Scene, bodies: Mapping) -> Struck:
             f"{scene.name}: strike.on = {scene.strike.on!r} is no plane face, which has a middle; "
             "say where it is struck, at = [x, y, z] in m."
         )
-    away = bodies[picked.body].distance
-    first = min(found, key=lambda face: away(near, face.tag))
-    own = Selected(picked.body, tuple(f.tag for f in found if _one_surface(first, f)))
-    if first.normal is not None:
-        off = (first.centre - near) @ first.normal
-        return _on_face(scene, bodies, Struck(own, near + off * first.normal, normal=first.normal))
-    found = _on_round_face(scene, Struck(own, np.array(near), *_roundness(scene, first)))
-    if min(away(found.point, tag) for tag in own.tags) > scene.strike.radius:
-        raise _beside(scene, found.point)
-    return found
+    body = bodies[picked.body]
+    first = nearest(found, body, near)
+    if first.normal is None:
+        _require_round(scene, first)
+    hit = struck_at(body, found, first, near)
+    if hit.normal is not None:
+        return _on_face(scene, bodies, hit)
+    hit = _on_round_face(scene, hit)
+    if min(body.distance(hit.point, tag) for tag in hit.face.tags) > scene.strike.radius:
+        raise _beside(scene, hit.point)
+    return hit
 
 
 def around(
@@ -95,30 +97,13 @@ def _from_the_middle(found: list, at: tuple[float, ...]) -> NDArray[np.float64]:
     return (lower + upper) / 2 + np.array(at) @ spanning(found[0].normal)
 
 
-def _one_surface(one, other) -> bool:
-    from geometry.solids import SAME, off_axis, parallel
-
-    if one.kind != other.kind:
-        return False
-    if one.normal is not None:
-        return (
-            parallel(one.normal, other.normal)
-            and abs((one.centre - other.centre) @ one.normal) < SAME
-        )
-    apart = other.on_axis - one.on_axis
-    beside = off_axis(other.on_axis, one.on_axis, one.axis) if one.axis is not None else apart
-    turned = one.axis is not None and not parallel(one.axis, other.axis)
-    return not turned and max(np.linalg.norm(beside), abs(one.radius - other.radius)) < SAME
-
-
-def _roundness(scene: Scene, face) -> tuple:
-    """Middle, signed radius and axis of a round face; raises InvalidScene for another."""
+def _require_round(scene: Scene, face) -> None:
+    """Raise InvalidScene for a face that is neither a plane nor round."""
     if face.kind not in ("cylinder", "sphere"):
         raise InvalidScene(
             f"{scene.name}: strike.on = {scene.strike.on!r} is a face of the kind {face.kind}; "
             "strike a plane, a cylinder or a sphere."
         )
-    return face.on_axis, -face.radius if face.hollow else face.radius, face.axis
 
 
 def surface(scene: Scene, mesh: Parts) -> rom.Contact | None:

@@ -16,12 +16,12 @@ import dem
 from coupling.verdict import large_step_error
 from dem.validity import SMALL_CONTACT
 from dem.waves import solitary
+from dem.waves.chain_waves import ChainWaves
 from dem.waves.measures import contact_time
 from dem.waves.solitary import WIDTH
 from workflows.files.cache_folder import cache_folder
 from workflows.pipeline.cache import fault
 from workflows.pipeline.chain import Start, contact_radius
-from workflows.pipeline.waves import ChainWaves
 from workflows.scene import DashpotWall, RomWall, Scene
 
 if TYPE_CHECKING:  # a run without a reduced model does not load finite elements

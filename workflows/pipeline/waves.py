@@ -1,39 +1,22 @@
 """The waves of a run as a stage: followed through the chain, named, and measured at the wall."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from coupling import Impact
 from dem.waves.arrivals import Arrival, arrivals, passage
-from dem.waves.labels import Label, labels
-from dem.waves.measures import WallContact, track_speed, wall_contact
-from dem.waves.tracks import WaveTrack, wave_tracks
+from dem.waves.chain_waves import ChainWaves, chain_waves
+from dem.waves.measures import track_speed
+from dem.waves.tracks import WaveTrack
 from workflows.pipeline.chain import Start
 from workflows.results.summary import ChainContact, SphereWaves, TrackedWave, WaveArrival
 from workflows.scene import Scene
 
-NAMED = 20  # waves of a kind that are followed; after a few dozen impacts there are none to name
-
-
-class ChainWaves(NamedTuple):
-    """Waves along the chain, at the observed spheres, and the impact at the wall, if any."""
-
-    tracks: tuple[WaveTrack, ...]
-    labels: dict[int, tuple[Label, ...]]
-    contact: WallContact | None
-
 
 def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
     """What the run's trajectory holds of waves."""
-    run, row = impact.trajectory, start.chain
-    found = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A)
-    found = tuple(track for track in found if track.number <= NAMED)
-    return ChainWaves(
-        found,
-        {s: labels(found, run.t, run.v[:, s - 1], s) for s in scene.output.spheres},
-        None if scene.wall is None else wall_contact(run.t, run.v, run.contact_force, row, found),
+    return chain_waves(
+        impact.trajectory, start.chain, scene.output.spheres, at_wall=scene.wall is not None
     )
 
 

@@ -1,14 +1,13 @@
 """What the page draws and computes with, from the files of a run folder.
 
 The assembly moves as X + s sum_k q_k(t) phi_k(X): outer nodes X and shapes phi_k of the wall's
-modes from `rom.npz`, their coordinates q_k from `trajectory.npz`, in 16 bits. Shapes that together
-move no node by more than LEFT_OUT of the largest displacement are left out; u_w has all modes. Of a
-surface with more nodes than fit those are left that show its form.
+modes from `rom.npz`, their coordinates q_k from `trajectory.npz`, in 16 bits, as far as they show;
+u_w has all modes. Of a surface with more nodes than fit those are left that show its form.
 """
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ from workflows.results.packing import floats, quantised, whole
 from workflows.results.summary import Summary
 from workflows.scene import RomWall, Scene
 
-LEFT_OUT = 1e-3
 MOST_FRAMES = 3001  # instants that the page holds
 MOST_VALUES = 600_000  # of a chain's positions and velocities
 MOST_DRAWN = 300  # spheres, those next to the wall
@@ -35,14 +33,6 @@ LEDGER = {
     "work_preload": "less work of the preload",
     "work_gravity": "less work of the weight",
 }
-
-
-class Shapes(NamedTuple):
-    """Shapes (k, m, 3) on the outer nodes, which of them each wall mode and each mode shown is."""
-
-    shape: NDArray[np.float32]
-    of_wall: list[int]  # (n_wall_modes,) -1 where it was left out
-    of_mode: list[int]  # one for each of summary.modes, -1 where the model has none
 
 
 def page_data(folder: Path, summary: Summary) -> dict[str, Any]:
@@ -187,8 +177,14 @@ def reduced_model(folder: Path, scene: Scene):
 
 
 def _assembly(reduced, scene: Scene, run: dict[str, NDArray], summary: Summary) -> dict[str, Any]:
+    from coupling.surface_motion import Moved, shown_shapes
+
     surface, point = reduced.surface, np.array(reduced.contact.point)
-    shapes = _shapes(reduced, scene, run, summary)
+    moved = None
+    if "wall_q" in run:
+        cutoff = getattr(scene.wall, "cutoff", None)
+        moved = Moved(run["wall_omega"], run["wall_phi"], run["wall_q"], cutoff)
+    shapes = shown_shapes(reduced, [mode.frequency_hz for mode in summary.modes], moved)
     k, n = shapes.shape.shape[:2]
     body = np.zeros(n, int) if surface.body is None else surface.body
     nodes, faces = _drawn(surface, BYTES // (3 * max(k, 1)))
@@ -227,40 +223,6 @@ def _wall_motion(run: dict[str, NDArray]) -> dict[str, Any]:
         "q": quantised((run["wall_q"] - run["wall_q"][0])[::every]),
         "dt": float(every * (run["t"][1] - run["t"][0])),
     }
-
-
-def _shapes(reduced, scene: Scene, run: dict[str, NDArray], summary: Summary) -> Shapes:
-    """The shapes of the wall's modes that show, and of the modes listed that are none of them."""
-    from coupling.surface_motion import structure_modes, wall_modes
-
-    shown = structure_modes(reduced, [mode.frequency_hz for mode in summary.modes])
-    there = shown.omega > 0
-    if "wall_q" not in run:
-        return Shapes(shown.shape[there], [], _numbered(there).tolist())
-    cutoff = getattr(scene.wall, "cutoff", None)
-    wall = wall_modes(reduced, run["wall_omega"], run["wall_phi"], cutoff_hz=cutoff)
-    same = np.isclose(shown.omega[:, None], wall.omega, rtol=1e-9, atol=0)
-    kept = _kept(wall.shape, run["wall_q"] - run["wall_q"][0]) | same.any(axis=0)
-    alone, place = there & ~same.any(axis=1), _numbered(kept)
-    own = np.where(alone, kept.sum() + _numbered(alone), -1)
-    of_mode = np.where(same.any(axis=1), place[same.argmax(axis=1)], own)
-    shapes = np.concatenate([wall.shape[kept], shown.shape[alone]])
-    return Shapes(shapes, place.tolist(), of_mode.tolist())
-
-
-def _numbered(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """0, 1, 2 ... where it is true, -1 elsewhere."""
-    return np.where(mask, np.cumsum(mask) - 1, -1)
-
-
-def _kept(shape: NDArray, q: NDArray) -> NDArray[np.bool_]:
-    """Mask (k,) of the modes without those that together move no node by more than LEFT_OUT of
-    the largest displacement."""
-    moved = np.abs(q).max(axis=0) * np.abs(shape).max(axis=(1, 2))
-    order = np.argsort(moved)
-    kept = np.ones(len(moved), dtype=bool)
-    kept[order[np.cumsum(moved[order]) <= LEFT_OUT * moved.max(initial=0.0)]] = False
-    return kept
 
 
 def _response(found: dict[str, NDArray]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ listing imports none of them.
 import ast
 from collections.abc import Callable, Iterator
 from importlib import import_module
+from operator import itemgetter
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
@@ -51,7 +52,7 @@ def catalogue(folder: str) -> dict[str, Entry]:
                for package in packages for file in _place(package).glob("*.py")]  # fmt: skip
     return dict(
         study
-        for _, module, file in sorted(modules)
+        for _, module, file in sorted(modules, key=itemgetter(0))
         for study in _in_module(module, file, RETURNED[folder])
     )
 

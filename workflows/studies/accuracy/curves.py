@@ -14,8 +14,6 @@ from workflows.files.run_folder import Picture
 from workflows.results.plots import Line, Panel, panels
 
 DRAWN = ("verlet", "rkn4", "rkn6", "rkn6a", "suzuki4", "energy4", CONTROLLED)
-FIXED = "rkn6"  # what sizes are compared with, at one step for all
-PEER_TOLERANCE = 1e-8
 
 
 def picture(name: str, rows: Iterable[Row], title: str) -> Picture:

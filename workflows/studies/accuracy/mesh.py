@@ -19,6 +19,7 @@ from skfem import Mesh
 import fem
 import geometry
 from coupling.work_precision.rows import Row
+from fem import assembly_modes
 from fem.convergence import extrapolated
 from fem.factorisation import has_pardiso
 from workflows.files.run_folder import Picture
@@ -93,7 +94,7 @@ def _of_bodies(scene: Scene, progress: Progress) -> Finding:
     for scale in scales:
         at_scale = scene.but(mesh={"scale": float(scale)})
         with progress(f"mesh.scale {scale:.3g}"):
-            solved.append(_solved(at_scale, scene.name, scale, stages.N_MODES[0]))
+            solved.append(_solved(at_scale, scene.name, scale, assembly_modes.N_MODES[0]))
     f = np.array([s.hz for s in solved])
     limit, order = extrapolated(scales, f)
     rows = tuple(_row(s, limit) for s in solved)

@@ -16,8 +16,8 @@ import fem
 import rom
 from coupling.wall import wall_from_reduced
 from coupling.work_precision.runs import least_seconds
+from fem.assembly_modes import AssemblyModes
 from fem.shared_solutions import SharedSolutions
-from workflows.pipeline.assembly import AssemblyModes
 from workflows.pipeline.chain import chain, initial_velocity
 from workflows.pipeline.reduction import selection, targets_kept
 from workflows.pipeline.wall import damping

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from coupling.work_precision.cost import Cost, cost_of_command, costed
 from coupling.work_precision.growth import growth_exponent
 from coupling.work_precision.rows import Row
 from fem.abaqus import input_deck
@@ -29,7 +30,6 @@ from workflows.results.plots import Line, Panel, panels
 from workflows.results.tables import Table
 from workflows.scene import Mesh, Scene
 from workflows.scene.parts import with_assembly
-from workflows.studies.accuracy.cost import Cost, cost_of_command, costed
 from workflows.studies.accuracy.rows import table_of
 from workflows.studies.finding import Finding
 from workflows.studies.prose import rendered

@@ -7,10 +7,8 @@ passed the observed spheres, and after.
 
 from typing import NamedTuple
 
-import numpy as np
-
 from coupling.observed_run import Observed
-from dem.waves.solitary import WIDTH, speed
+from coupling.wave_distance import NOTICED, felt
 from workflows.files.run_folder import Picture
 from workflows.pipeline import bending
 from workflows.pipeline.pipeline import Progress
@@ -34,14 +32,6 @@ class Case(NamedTuple):
     force: float  # [N]
     first_mode: float  # [Hz]
     run: Observed
-
-
-class Felt(NamedTuple):
-    """Largest velocity differences to the beam without a force over the striker's velocity."""
-
-    first: float  # until the first reflected wave has passed
-    later: float
-    at: float  # [s] where the later ones first exceed the threshold, nan where they do not
 
 
 def axial_force(scene: Scene, progress: Progress) -> Finding:
@@ -85,29 +75,6 @@ def buckling_load(scene: Scene) -> float:
 def _case(scene: Scene, share: float, force: float) -> Case:
     loaded = scene.but(beam={"axial_force": force})
     return Case(share, force, bent.first_mode(loaded), bent.run(loaded, bent.wall(loaded)))
-
-
-NOTICED = 0.01  # of the striker's velocity
-
-
-def felt(free: Observed, loaded: Observed) -> Felt:
-    """How far two runs differ at the observed spheres, before and after the first wave's end."""
-    t, v0, largest = free.trajectory.t, np.abs(free.trajectory.v[0]).max(), []
-    for sphere in free.labels:
-        off = np.abs(loaded.velocity(sphere) - free.velocity(sphere)) / v0
-        largest.append((off, t <= end_of_first(free, sphere)))
-    later = np.max([np.where(first, 0.0, off) for off, first in largest], axis=0)
-    at = float(t[np.argmax(later > NOTICED)]) if later.max() > NOTICED else float("nan")
-    return Felt(max(float(off[first].max()) for off, first in largest), float(later.max()), at)
-
-
-def end_of_first(run: Observed, sphere: int) -> float:
-    """[s] when the first reflected wave has passed a sphere, the contact's end without one."""
-    wave = run.wave(sphere, "reflected", 1)
-    if wave is None:
-        return run.contact.contact_time.end
-    passing = abs(speed(wave.arrival.peak_velocity, run.chain.mass[0], run.chain.A[0]))
-    return float(wave.arrival.time + WIDTH / passing)
 
 
 def _picture(cases: list[Case]) -> bytes:

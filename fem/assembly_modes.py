@@ -1,0 +1,78 @@
+"""The lowest modes of an assembly, as many as reach its targets, and which of them those are."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.constraints import Overconstrained
+from fem.correlation import RIGID, Pairing, Target, effective_mass, pair
+from fem.factorisation import Factor
+from fem.mode_field import ModeField
+from fem.model import Model
+from fem.modes import Modes, modes
+
+N_MODES = (30, 80)  # the second where the first do not reach all targets
+SHOWN = 12  # modes that are shown without targets
+
+
+class AssemblyModes(NamedTuple):
+    """Modes of the joined assembly, and which of them are the targets."""
+
+    omega: NDArray[np.float64]  # (k,) [rad/s]
+    phi: NDArray[np.float64]  # (n, k) mass-normalised
+    index: NDArray[np.int64]  # (n_targets,) -1 where none fits
+    score: NDArray[np.float64]  # (n_targets,)
+    n_dofs: int
+    effective_mass: NDArray[np.float64]  # (k, 3) share of the mass along x, y, z
+    field: ModeField  # all up to the highest target, or the lowest ones where there are none
+    load_factor: float | None = None  # static load over that which buckles it; None where unloaded
+    overconstrained: tuple[Overconstrained, ...] = ()  # what two constraints asked for
+
+    @property
+    def paired_hz(self) -> dict[str, float]:
+        """Frequencies of the targets that were found, by their number."""
+        hz = self.omega / (2 * np.pi)
+        return {str(i + 1): float(hz[j]) for i, j in enumerate(self.index) if j >= 0}
+
+
+def assembly_modes(
+    model: Model, targets: Sequence[Target], factor: Factor | None = None
+) -> AssemblyModes:
+    """The lowest modes, the targets among them; the factor is that of K, where it is held."""
+    for n_modes in N_MODES:
+        n = min(n_modes, model.K.shape[0] - 2)
+        found = modes(model.K, model.M, n, factor=factor)
+        paired = pair(model, found, targets)
+        if np.all(paired.index >= 0):
+            break
+    return AssemblyModes(
+        found.omega,
+        found.phi,
+        paired.index,
+        paired.score,
+        model.M.shape[0],
+        effective_mass(model, found.phi),
+        _field(model, found, paired),
+        load_factor=model.load_factor,
+        overconstrained=model.overconstrained,
+    )
+
+
+def _field(model: Model, found: Modes, paired: Pairing) -> ModeField:
+    last = paired.index.max(initial=-1) + 1
+    index = np.flatnonzero(found.omega > RIGID * found.omega.max())[:SHOWN]
+    index = np.arange(last) if last else index
+    target = np.zeros(len(found.omega), dtype=int)
+    target[paired.index[paired.index >= 0]] = np.flatnonzero(paired.index >= 0) + 1
+    structure = model.structure
+    u = (model.T @ found.phi[:, index]).astype(np.float32)
+    corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]
+    return ModeField(
+        {body: basis.mesh for body, basis in structure.basis.items()},
+        index + 1,
+        found.frequency_hz[index],
+        np.moveaxis(u[np.concatenate(corners)], 2, 0),
+        target[index],
+    )
