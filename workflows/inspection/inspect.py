@@ -13,6 +13,7 @@ from coupling.calibration.signals import noise_between_waves
 from coupling.inspection.fitting import Fit
 from coupling.inspection.forward import Forward, Shot, unknowns
 from coupling.inspection.inversion import Inversion, inverted, profiled
+from coupling.inspection.judgement import SETTLED
 from coupling.inspection.search import Searched, rise, searched
 from coupling.parametric_wall import Box
 from workflows.files.records import Recorded, sensor_of, usable
@@ -28,7 +29,6 @@ RESOLVED = 1e-4  # of the largest signal: noise below what the model resolves
 USUAL_NOISE = 0.01  # of the largest signal, where a record does not tell
 LEVELS = 4096  # different values of a record, below which an instrument has rounded them
 ROUNDS = 3  # of walls computed at the answer
-SETTLED = 0.05  # of a bar: what another wall there may move
 
 
 class Request(NamedTuple):
