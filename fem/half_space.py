@@ -28,7 +28,8 @@ from fem.mirror import normal_dofs
 from fem.model import Model
 from fem.spot import Spot
 
-Field = Callable[..., NDArray[np.float64]]  # of points (n, 3), a source and the way in
+Field = Callable[..., NDArray[np.float64]]  # of points (n, 3), sources (m, 3), their shares (m,)
+AT_ONCE = 128, 32  # points of a field, which stay in the cache; patches of a solution
 LARGE = 100_000  # dofs of a body, of which the elements near the patch will do
 REACH = 30  # radii of the patch: beyond, the mesh errs by 5e-6 of the half-space
 NEAR = 0.5  # of the smallest radius of curvature; 0.3 and 0.8 make a difference of 4e-4 of the rest
@@ -36,21 +37,26 @@ NEAR = 0.5  # of the smallest radius of curvature; 0.3 and 0.8 make a difference
 
 def boussinesq(
     points: NDArray[np.float64],
-    source: NDArray[np.float64],
+    sources: NDArray[np.float64],
+    shares: NDArray[np.float64],
     inward: NDArray[np.float64],
     material: Material,
 ) -> NDArray[np.float64]:
-    """Displacements (n, 3) [m] at points (n, 3) by a unit force at `source` (3,) on a plane whose
-    unit normal into the solid is `inward` (3,), pushing that way.
+    """Displacements (n, 3) [m] at points (n, 3) by shares (m,) of a unit force at `sources` (m, 3)
+    on a plane whose unit normal into the solid is `inward` (3,), pushing that way.
     """
     E, nu = material.young, material.poisson
-    along = points - source
-    z = along @ inward
-    beside = along - np.outer(z, inward)
-    R = np.linalg.norm(along, axis=1)
-    radial = z / R**3 - (1 - 2 * nu) / (R * (R + z))  # u_r / r
-    u = np.outer(z**2 / R**3 + 2 * (1 - nu) / R, inward) + radial[:, None] * beside
-    return (1 + nu) / (2 * np.pi * E) * u
+    frame = np.vstack([inward, np.linalg.svd(inward[None])[2][1:]])
+    origin, u = (sources @ frame.T).T[:, None], np.empty((len(points), 3))
+    for first in range(0, len(points), AT_ONCE[0]):
+        at = slice(first, first + AT_ONCE[0])
+        z, x, y = (points[at] @ frame.T).T[:, :, None] - origin
+        inverse = 1 / np.sqrt(x * x + y * y + z * z)  # 1 / R
+        c = z * inverse
+        radial = inverse**2 * (c - (1 - 2 * nu) / (1 + c))  # u_r / r
+        u[at, 0] = (inverse * (c * c + 2 * (1 - nu))) @ shares
+        u[at, 1], u[at, 2] = (radial * x) @ shares, (radial * y) @ shares
+    return (1 + nu) / (2 * np.pi * E) * u @ frame
 
 
 def half_space_on_mesh(
@@ -86,20 +92,23 @@ def half_spaces_on_mesh(
     field = _point_force(face, patches[0].spot, material)
     large = model.structure.basis[face.partition(":")[0]].N > LARGE
     reach = [min(within, NEAR * min(map(abs, p.spot.radii))) for p in patches]
-    near = [
+    around = [
         (p, min(r, REACH * p.radius) if large and p.radius else r)
         for p, r in zip(patches, reach, strict=True)
     ]
-    free, prescribed = _held_around(model.structure, face, near, mirrors)
+    free, prescribed = _held_around(model.structure, face, around, mirrors)
     K = model.structure.K[free]
     factor = factorised(K[:, free].tocsc()) if len(free) else None
     found = []
-    for patch in patches:
-        u = _far_field(model.structure, prescribed, patch, field)
-        w, compliance = patch.on_mesh[free], patch.on_mesh[prescribed] @ u
+    for first in range(0, len(patches), AT_ONCE[1]):
+        part = patches[first : first + AT_ONCE[1]]
+        w = np.column_stack([patch.on_mesh for patch in part])
+        u = np.column_stack([_far_field(model.structure, prescribed, p, field) for p in part])
+        compliance = (w[prescribed] * u).sum(axis=0)
         if factor:
-            compliance += w @ factor.solve(w - K[:, prescribed] @ u)
-        found.append(float(compliance))
+            near = factor.solve(w[free] - K[:, prescribed] @ u)
+            compliance += (w[free] * near).sum(axis=0)
+        found += compliance.tolist()
     return found
 
 
@@ -136,14 +145,16 @@ def _other_faces(basis, ended: Sequence[NDArray[np.int64]], cells) -> NDArray[np
 def _point_force(face: str, spot: Spot, material: Material | Orthotropic) -> Field:
     """Displacements by a unit force into a face; raises ValueError where they are not known."""
     if isinstance(material, Material):
-        return lambda points, source, inward: boussinesq(points, source, inward, material)
+        return lambda points, *loads: boussinesq(points, *loads, spot.inward, material)
     if np.isfinite(spot.radii).any():
         raise ValueError(
             f"{face!r} is a curved face of an orthotropic material, for which the contact's law is "
             "not known here; strike a plane face."
         )
     force = surface_force(material, spot.inward)
-    return lambda points, source, inward: force(points, source)
+    return lambda points, sources, shares: sum(
+        share * force(points, source) for source, share in zip(sources, shares, strict=True)
+    )
 
 
 def _far_field(
@@ -151,10 +162,7 @@ def _far_field(
 ) -> NDArray[np.float64]:
     """The exact displacement of each dof, by all points of the patch."""
     nodes, node = np.unique(dofs // 3, return_inverse=True)
-    total = np.zeros((len(nodes), 3))
-    for source, part in zip(*_sources(structure, patch), strict=True):
-        total += part * field(structure.points[nodes], source, patch.spot.inward)
-    return total[node, dofs % 3]
+    return field(structure.points[nodes], *_sources(structure, patch))[node, dofs % 3]
 
 
 def _sources(

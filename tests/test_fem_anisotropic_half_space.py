@@ -30,7 +30,7 @@ def test_an_isotropic_solid_has_boussinesqs_field_and_its_own_modulus():
     rng = np.random.default_rng(1)
     points = rng.normal(size=(300, 3))
     points -= 2 * np.outer(np.minimum(points @ TILTED, 0.0), TILTED)
-    exact = boussinesq(points, np.zeros(3), TILTED, STEEL)
+    exact = boussinesq(points, np.zeros((1, 3)), np.ones(1), TILTED, STEEL)
     found = surface_force(STEEL, TILTED)(points, np.zeros(3))
     off = np.linalg.norm(found - exact, axis=1) / np.linalg.norm(exact, axis=1)
     assert off.max() < 1e-5  # cubic splines between 32 heights and 96 directions

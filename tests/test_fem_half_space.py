@@ -101,11 +101,26 @@ def test_the_single_node_diverges_like_one_over_the_seed(blocks):
 
 def test_boussinesq_is_the_surface_and_axis_solution_of_the_textbooks():
     E, nu, r = STEEL.young, STEEL.poisson, 0.01
-    on_surface, on_axis = boussinesq(
-        np.array([[0.0, r, 0.0], [-r, 0.0, 0.0]]), np.zeros(3), np.array([-1.0, 0, 0]), STEEL
-    )
+    points, inward = np.array([[0.0, r, 0.0], [-r, 0.0, 0.0]]), np.array([-1.0, 0, 0])
+    on_surface, on_axis = boussinesq(points, np.zeros((1, 3)), np.ones(1), inward, STEEL)
     # u_z = (1 - nu^2) / (pi E r), u_r = -(1 + nu)(1 - 2 nu) / (2 pi E r) on the surface;
     # u_z = (1 + nu)(3 - 2 nu) / (2 pi E z) below the force
     assert -on_surface[0] == pytest.approx((1 - nu**2) / (np.pi * E * r))
     assert on_surface[1] == pytest.approx(-(1 + nu) * (1 - 2 * nu) / (2 * np.pi * E * r))
     assert -on_axis[0] == pytest.approx((1 + nu) * (3 - 2 * nu) / (2 * np.pi * E * r))
+
+
+def test_a_force_shared_by_points_moves_what_its_parts_move_together():
+    rng = np.random.default_rng(1)
+    inward = np.array([0.6, 0.0, 0.8])
+    across = np.array([[0.0, 1.0, 0.0], [0.8, 0.0, -0.6]])
+    sources, shares = rng.uniform(-1e-3, 1e-3, (7, 2)) @ across, rng.uniform(0.1, 1.0, 7)
+    points = rng.uniform(-0.1, 0.1, (300, 3))
+    points -= 2 * np.outer(np.minimum(points @ inward, 0.0), inward)
+    together = boussinesq(points, sources, shares, inward, STEEL)
+    each = (
+        boussinesq(points - source, np.zeros((1, 3)), np.ones(1), inward, STEEL)
+        for source in sources
+    )
+    apart = sum(share * u for share, u in zip(shares, each, strict=True))
+    assert np.abs(together - apart).max() < 1e-13 * np.abs(apart).max()
