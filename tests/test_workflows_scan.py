@@ -1,5 +1,8 @@
 """Scans: every point as its single run, mirrored points alike, points beside the face told."""
 
+import signal
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +11,7 @@ import pytest
 import beadwave
 from beadwave import InvalidScene
 from workflows.pipeline.face import Outline
+from workflows.sweep import scan
 from workflows.sweep.scan import Grid, grid
 
 BLOCK = {
@@ -91,6 +95,39 @@ def test_a_scan_that_is_there_is_kept(scanned):
     )
     assert told == [(20, 20)]
     assert np.array_equal(again.columns["seconds"], scanned.columns["seconds"])
+
+
+KILLED = """
+import beadwave, os, signal
+from workflows.sweep import scan
+scan.PART = 6
+def told(done, n):
+    if done >= 12:
+        os.kill(os.getpid(), signal.SIGKILL)
+beadwave.scan({scene}, grid="5x4", out={out!r}, signals=True, told=told)
+"""
+
+
+def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanned, monkeypatch):
+    out, marched = tmp_path / "out", []
+    script = KILLED.format(scene=BLOCK, out=str(out))
+    ended = subprocess.run([sys.executable, "-c", script], timeout=120, capture_output=True)
+    assert ended.returncode == -signal.SIGKILL, ended.stderr
+    parts = {path.name for path in out.glob("part-*.parquet")}
+    assert len(parts) == 2 and not list(out.glob("cases.parquet"))
+    table = scan._table
+    monkeypatch.setattr(scan, "_table", lambda *args: marched.extend(args[1]) or table(*args))
+    told = []
+    found = beadwave.scan(
+        BLOCK, grid="5x4", out=out, signals=True, told=lambda *n: told.append(n)
+    )  # fmt: skip
+    assert told[0] == (12, 20) and told[-1] == (20, 20) and marched == list(range(12, 20))
+    assert found.counts() == {"done": 20} and not list(out.glob("part-*"))
+    for name in ("sphere_5_tof_s", "wall_peak_force_N", "error_reduction", "error_mesh"):
+        allowed = 0.05 if name.startswith("error") else scanned.columns["error_time"][0]
+        assert np.abs(found.columns[name] / scanned.columns[name] - 1.0).max() < allowed
+    v, whole = (one.signals()["v"].to_numpy() for one in (found, scanned))
+    assert np.abs(v - whole).max() < 0.2 * scanned.columns["error_time"][0]
 
 
 def test_points_are_mirrored_to_the_last_digit():

@@ -110,8 +110,9 @@ def scan(
 
     `face` is "body:+x", the one that the scene strikes without it; the first number of `grid` is
     that of points along the first of the two axes that span it. All points share one reduction,
-    whose error at the worst of them is in the table. Other arguments as in `sweep`. Raises
-    InvalidScene for bad input; a point whose patch leaves the face is a row with its sentence.
+    whose error at the worst of them is in the table. Other arguments as in `sweep`; a scan that was
+    stopped goes on with the points that are missing. Raises InvalidScene for bad input; a point
+    whose patch leaves the face is a row with its sentence.
     """
     from workflows.pipeline.face import StruckFace
     from workflows.sweep.cases import base_of

@@ -4,6 +4,8 @@ The errors are those of the worst point. Of the reduction that is where the wave
 the modes below CRUDER of the highest frequency are taken alone: there they are compared with those
 of a reduction of its own. Of the mesh it is the worst of some points spread over the face, by a
 scan of them on a second mesh, see `workflows.pipeline.errors`.
+
+Rows are kept PART by PART as they are marched, with that change in the place of the error.
 """
 
 from collections.abc import Callable
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 
 import coupling
 import dem
-from coupling.sweep.rows import FAILED, REFUSED, Rows, measured, without_result
+from coupling.sweep.rows import DONE, FAILED, REFUSED, Rows, measured, without_result
 from workflows.files.run_folder import RunFolder
 from workflows.pipeline.chain import Start
 from workflows.pipeline.errors import MARGIN, SHORTER
@@ -26,10 +28,10 @@ from workflows.sweep.cases import Base
 from workflows.sweep.design import Design
 from workflows.sweep.march import observed, saved
 from workflows.sweep.store import About, Store
-from workflows.sweep.tasks import CHUNK
 
 CRUDER = 0.75
 COMPARED = 49  # points on the second mesh
+PART = 200  # points side by side, whose rows are kept together
 MOST_POINTS = 10_000
 Array = NDArray[np.float64]
 Told = Callable[[int, int], None]  # points done, points in all
@@ -110,18 +112,21 @@ def scan(face: StruckFace, design: Design, folder: RunFolder, *, signals: bool, 
         store.keep()
         told(design.n_cases, design.n_cases)
         return
+    missing = np.array(store.missing(), int)
+    told(design.n_cases - len(missing), design.n_cases)
     points = np.array(list(design.columns.values())).T
     placed = face.placed(points)
-    refused = tuple(placed.refused)
+    refused = [i for i in missing if i in placed.refused]
     if refused:
-        sentences = list(placed.refused.values())
-        store.add(without_result(scene.output.spheres, refused, REFUSED, sentences))
-    told(len(refused), design.n_cases)
-    if placed.patches:
-        for rows in _rows(face, placed, points, signals):
-            store.add(rows)
+        _refuse(store, scene, REFUSED, {int(i): placed.refused[i] for i in refused})
+    errors = _marched(face, points, placed, missing, store, signals, told) if placed.patches else {}
     told(design.n_cases, design.n_cases)
-    store.finish()
+    store.finish(errors)
+
+
+def _refuse(store: Store, scene: Scene, status: str, sentences: dict[int, str]) -> None:
+    cases = tuple(sentences)
+    store.add(without_result(scene.output.spheres, cases, status, list(sentences.values())))
 
 
 def _plain(outline: Outline) -> dict[str, Any]:
@@ -178,31 +183,54 @@ class _Seen(NamedTuple):
     dt: float
 
 
-def _rows(face: StruckFace, placed: Placed, points: Array, signals: bool) -> list[Rows]:
-    """Rows of the points with patches."""
-    march = _March(face.scene, face.begun)
-    at = np.array(list(placed.patches))
+def _marched(
+    face: StruckFace, points: Array, placed: Placed, missing: Array, store: Store, signals: bool,
+    told: Told,
+) -> dict[str, float]:  # fmt: skip
+    """Add the rows of the missing points with patches; the errors of all."""
+    march, at = _March(face.scene, face.begun), np.array(list(placed.patches))
     walls = face.walls(list(placed.patches.values()))
     fine, crude = walls.all(), walls.all(CRUDER)
-    bad = march.impossible(fine)
-    cases, sentences = tuple(at[list(bad)].tolist()), list(bad.values())
-    found = [without_result(face.scene.output.spheres, cases, FAILED, sentences)] if bad else []
-    good, done, worst, seen = np.setdiff1d(np.arange(len(at)), list(bad)), [], [], []
-    for part in np.split(good, range(CHUNK, len(good), CHUNK)):
-        started = perf_counter()
+    asked = np.flatnonzero(np.isin(at, missing))
+    bad = march.impossible(_some(fine, asked))
+    if bad:
+        _refuse(store, face.scene, FAILED, {int(at[asked[i]]): says for i, says in bad.items()})
+    good = np.delete(asked, list(bad))
+    for first in range(0, len(good), PART):
+        part, started = good[first : first + PART], perf_counter()
         batch = march(_some(fine, part))
         change = march.apart(march(_some(crude, part), batch.dt).v, batch.v)
-        j = int(change.argmax())
-        worst.append((change[j], _Seen(part[j], batch.v[j].copy(), batch.dt)))
-        seen += [_Seen(part[j], batch.v[j].copy(), batch.dt) for j in _spread(len(part))]
         seconds = (perf_counter() - started) / len(part)
-        done.append(_table(march.scene, at[part], batch, seconds, signals))
-    _, one = max(worst, key=lambda each: each[0])
+        store.add(_table(march.scene, at[part], batch, change, seconds, signals))
+        told(len(points) - len(good) + first + len(part), len(points))
+    return _errors(face, points, store, march, walls, at)
+
+
+def _errors(
+    face: StruckFace, points: Array, store: Store, march: _March, walls: Any, at: Array
+) -> dict[str, float]:
+    """Of the reduction and of the mesh, of all points whose rows are there."""
+    rows = store.rows("case", "status", "error_reduction", "dt_s")
+    order = np.argsort(rows["case"])
+    order = order[rows["status"][order] == DONE]
+    if not len(order):
+        return {}
+    case, change, dt = (rows[name][order] for name in ("case", "error_reduction", "dt_s"))
+    picked = np.append(change.argmax(), _spread(len(order)))
+    one, *others = _seen(march, walls.all(), np.searchsorted(at, case[picked]), dt[picked])
     off = march.apart(march.alone(walls.finer(one.i), one.dt / SHORTER), one.v)
-    errors = {"error_reduction": MARGIN * off, "error_mesh": _mesh_error(face, points[at], seen)}
-    for rows in done:
-        rows.columns.update({name: [float(e)] * len(rows.cases) for name, e in errors.items()})
-    return found + done
+    mesh = _mesh_error(face, points[at], others)
+    return {"error_reduction": float(MARGIN * off), "error_mesh": float(mesh)}
+
+
+def _seen(march: _March, wall: dem.Wall, places: Array, dt: Array) -> list[_Seen]:
+    """Points marched again by their steps (m,) [s], those of one step side by side."""
+    found: dict[int, _Seen] = {}
+    for step in np.unique(dt):
+        own = np.flatnonzero(dt == step)
+        each = march(_some(wall, places[own]), float(step)).v
+        found |= {j: _Seen(places[j], v, float(step)) for j, v in zip(own, each, strict=True)}
+    return [found[j] for j in range(len(dt))]
 
 
 def _spread(n: int) -> Array:
@@ -224,11 +252,13 @@ def _mesh_error(face: StruckFace, points: Array, seen: list[_Seen]) -> float:
     return left * max(off, default=np.nan)
 
 
-def _table(scene: Scene, cases: Array, batch: dem.Batch, seconds: float, signals: bool) -> Rows:
+def _table(
+    scene: Scene, cases: Array, batch: dem.Batch, change: Array, seconds: float, signals: bool
+) -> Rows:
     estimate = np.nan if batch.error_estimate is None else batch.error_estimate
     table = measured(
         scene.output.spheres, batch.t, batch.v, batch.wall_force,
-        energy_error=batch.energy_error, error_time=estimate,
+        energy_error=batch.energy_error, error_time=estimate, error_reduction=change,
         dt_s=batch.dt, steps=batch.n_steps, seconds=seconds,
     )  # fmt: skip
     return Rows(tuple(cases.tolist()), table, saved(scene, batch) if signals else None)

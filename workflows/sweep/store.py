@@ -1,13 +1,15 @@
 """The table of a sweep on disk: parts as cases are done, one Parquet file at the end."""
 
+from collections.abc import Mapping
 from json import dumps, loads
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from coupling.sweep.design import Design
-from coupling.sweep.rows import TEXT, Rows
+from coupling.sweep.rows import DONE, TEXT, Rows
 from workflows.files.run_folder import RunFolder
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.quantities import entries
@@ -39,6 +41,7 @@ class About(NamedTuple):
 
 
 ALONE = About({})
+NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 class Store:
@@ -82,9 +85,20 @@ class Store:
     def missing(self) -> list[int]:
         """Cases without a row in the parts."""
         there = np.zeros(self._design.n_cases, bool)
-        for part in self.parts:
-            there[_read(part, ["case"])["case"]] = True
+        there[self.rows("case")["case"]] = True
         return np.flatnonzero(~there).tolist()
+
+    def rows(self, *names: str) -> dict[str, np.ndarray]:
+        """Columns of all rows in the parts."""
+        import pyarrow.parquet as pq
+
+        parts = [pq.read_table(part, columns=list(names)) for part in self.parts]
+        return {
+            name: np.concatenate([part[name].to_numpy() for part in parts])
+            if parts
+            else np.zeros(0, int)
+            for name in names
+        }
 
     def add(self, rows: Rows) -> None:
         """Write rows; they are there complete or not at all."""
@@ -110,14 +124,18 @@ class Store:
         }
         return pa.table({"case": pa.array(rows.cases, pa.int64()), **keys, **found})
 
-    def finish(self) -> None:
-        """The whole table, in order of the cases, as cases.parquet; the parts go with the run."""
+    def finish(self, common: Mapping[str, float] = NOTHING) -> None:
+        """The whole table, in order of the cases, as cases.parquet, with `common` values of columns
+        in all rows that are done; the parts go with the run."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         parts = [*self.parts, *self._signal_parts()]
         tables = [pq.read_table(part) for part in self.parts]
         whole = pa.concat_tables(tables, promote_options="permissive").sort_by("case")
+        for name, value in common.items():
+            own = np.where(whole["status"].to_numpy() == DONE, value, np.nan)
+            whole = whole.set_column(whole.column_names.index(name), name, pa.array(own))
         whole = whole.replace_schema_metadata({ABOUT: dumps(self._about())})
         with self._folder.writing(TABLE) as path:
             pq.write_table(whole, path)
@@ -137,13 +155,6 @@ class Store:
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self._folder.base.path).as_posix()
-
-
-def _read(part: Path, columns: list[str]) -> dict[str, np.ndarray]:
-    import pyarrow.parquet as pq
-
-    table = pq.read_table(part, columns=columns)
-    return {name: table[name].to_numpy() for name in columns}
 
 
 def _typed(values: list[Any], kinds: set[type]) -> Any:
