@@ -98,6 +98,43 @@ def test_a_signal_that_a_library_makes_an_error_of_is_still_a_signal(monkeypatch
     assert stopped_by(ImportError()) is None
 
 
+LOSING = """
+import os
+import signal
+
+from numba.core.codegen import CPUCodeLibrary
+
+from dem.kernels.compiled import ieee_entry
+from workflows.__main__ import main
+from workflows.commands import app, signals
+
+signals.AGAIN = 60.0
+known, status = CPUCodeLibrary._object_compiled_hook, app._status
+
+def emitted(module, code):
+    if "twice" in module.name:
+        os.kill(os.getpid(), signal.SIGTERM)
+    known(module, code)
+
+@ieee_entry
+def twice(x):
+    return 2.0 * x
+
+CPUCodeLibrary._object_compiled_hook = staticmethod(emitted)
+app._status = lambda command: status(lambda **_: twice(3.0))
+main()
+"""
+
+
+def test_a_signal_while_machine_code_is_made_is_no_error_of_the_compiler(tmp_path):
+    """numba loses what is raised where it takes the code over, and then misses the code."""
+    script = tmp_path / "losing.py"
+    script.write_text(LOSING)
+    found = subprocess.run([sys.executable, "-P", script], capture_output=True, text=True)
+    assert found.returncode == 128 + SIGTERM, found.stderr
+    assert found.stderr.startswith("beadwave: terminated") and found.stderr.count("\n") == 1
+
+
 def test_who_runs_it_deaf_to_a_signal_keeps_it_so():
     """nohup ignores SIGHUP, a shell SIGINT for what it runs in the background."""
     program = "from signal import *; signal(SIGHUP, SIG_IGN)\n" + PROGRAM

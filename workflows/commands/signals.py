@@ -24,6 +24,16 @@ class Stopped(BaseException):
         self.number = number
 
 
+class Again:
+    """Raises Stopped from time to time, until somebody hears it."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __call__(self, *_) -> None:
+        raise Stopped(self.number)
+
+
 def end_at_once() -> None:
     """While the program loads there is nothing to unwind: signals end it on the spot."""
     _handle(_leave)
@@ -42,7 +52,11 @@ def ignore() -> None:
 
 
 def stopped_by(error: BaseException | None) -> int | None:
-    """The signal behind an exception, also where a library made another one of it."""
+    """The signal behind an exception, also where a library made another one of it, or lost it in a
+    callback from C and failed for want of what that should have done."""
+    asked = signal.getsignal(signal.SIGALRM)
+    if error is not None and isinstance(asked, Again):
+        return asked.number
     while error is not None:
         if isinstance(error, Stopped):
             return error.number
@@ -70,13 +84,10 @@ def _leave(number: int, frame: FrameType | None) -> None:
 def _raise(number: int, frame: FrameType | None) -> None:
     for each in WORDS:
         signal.signal(each, signal.SIG_IGN)
-    signal.signal(signal.SIGALRM, lambda *_: _stop(number))
+    again = Again(number)
+    signal.signal(signal.SIGALRM, again)
     signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
-    _stop(number)
-
-
-def _stop(number: int) -> None:
-    raise Stopped(number)
+    again()
 
 
 def _silent(unraisable) -> None:
