@@ -211,24 +211,32 @@ def test_a_parabola_rises_as_its_matrix_says_and_its_bars_stay():
 
 
 class Saturating(Linear):
-    """The first number counts as (1 - exp(-4 (a - 0.5))) / 4: ever less."""
+    """The first number counts as x = (1 - exp(-4 (a - 0.5))) / 4, ever less; or the mirror image of
+    that in the middle of the bounds, ever more."""
+
+    def __init__(self, way):
+        self.way = way
 
     def _bent(self, theta):
-        return np.append((1 - np.exp(-4 * (theta[0] - 0.5))) / 4, theta[1:])
+        return np.append(self.way * (1 - self._slope(theta)) / 4, theta[1:])
+
+    def _slope(self, theta):
+        return np.exp(-4 * (1.0 + self.way * (theta[0] - 1.5)))
 
     def signals(self, unknowns, theta, shots):
         return super().signals(unknowns, self._bent(theta), shots)
 
     def jacobian(self, unknowns, theta, shots):
         shown, slopes = super().jacobian(unknowns, theta, shots)
-        return shown, slopes * np.append(np.exp(-4 * (theta[0] - 0.5)), np.ones(5))
+        return shown, slopes * np.append(self._slope(theta), np.ones(5))
 
 
-def test_a_bar_grows_where_a_number_saturates_to_where_the_misfit_is_that_of_a_parabola():
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_bar_grows_where_a_number_saturates_to_where_the_misfit_is_that_of_a_parabola(way):
     """Squares of 1 - exp(-t q) against those of q, the others following: q = 1 - exp(-t q)."""
-    bent = np.append((1 - np.exp(-4 * 1.3)) / 4, TRUTH[1:])
-    fit = a_fit(truth=bent)._replace(forward=Saturating())
-    found = inverted(fit, n_shared=2, begin=np.append(1.8, TRUTH[1:]))
+    model, truth = Saturating(way), np.append(1.5 + 0.3 * way, TRUTH[1:])
+    fit = a_fit(truth=model._bent(truth), noise=way)._replace(forward=model)
+    found = inverted(fit, n_shared=2, begin=truth)
     J = fit.jacobian(found.value)
     H = J.T @ J + whole_line(fit)[1] ** 2
     cov = np.linalg.inv(H) * np.outer(SOUGHT.scale, SOUGHT.scale)
@@ -270,6 +278,7 @@ def test_an_answer_is_the_fit_with_its_gains_and_bars_in_order():
     )  # fmt: skip
     np.testing.assert_allclose(found.uncertainty.two_sigma, exact.two_sigma, rtol=1e-6)
     assert found.whole_misfit == pytest.approx(np.sqrt(np.mean(left**2)))
+    assert found.search.starts == len(found.search.ends) == 1
     assert found.explained and found.step_error == 0.0 and not found.at_bound.any()
     with pytest.raises(CouplingError, match="4 samples do not determine 6 numbers"):
         inverted(fit.of_shots([0]).until(2), n_shared=2)

@@ -32,8 +32,7 @@ def bars_over_time(
     slopes: NDArray[np.float64], B: NDArray[np.float64], ends: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """(len(ends), p) two-sigma bars in scales by the first samples only of slopes (S, k, m, p)."""
-    found, J = [], np.zeros((0, slopes.shape[-1]))
-    whole, last = np.zeros_like(B), 0
+    found, whole, last = [], np.zeros_like(B), 0
     for end in ends:
         J = slopes[:, last:end].reshape(-1, slopes.shape[-1])
         whole, last = whole + J.T @ J, end
