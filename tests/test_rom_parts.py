@@ -241,6 +241,14 @@ def test_a_krylov_space_keeps_its_bound_and_the_static_response(n_vectors):
     assert true <= space.bound <= 1e-2
 
 
+def test_a_space_ends_at_the_most_vectors_with_the_error_that_they_leave(monkeypatch):
+    monkeypatch.setattr("rom.contact_modes.LARGEST", 10)
+    K, M = structure(n=60)
+    w, none = np.r_[np.zeros(58), 0.4, 0.6], EigenPairs(np.zeros(0), np.zeros((60, 0)))
+    with pytest.raises(ReductionError, match=r"^10 vectors leave an error of up to .* up to 6 Hz"):
+        krylov_space(pencil(K, M, superlu), w, none, 1e-12, 6.0)
+
+
 def test_the_bound_of_a_space_is_what_its_last_vector_leaves():
     """(s^2 beta |y_k|)^2 / eta, (1 + i eta - s^2 H) y = e_1 |K^-1 w|_K, beside known modes."""
     H = np.diag(np.linspace(0.5, 0.1, 5)) + 0.05 * (np.eye(5, k=1) + np.eye(5, k=-1))
