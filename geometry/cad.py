@@ -18,7 +18,7 @@ from geometry.assembly import InvalidGeometry
 from geometry.gmsh_session import session, silent
 from geometry.shapes import Box, Cylinder, Plate, Shape
 from geometry.solids import Body, Face, off_axis
-from geometry.step_file import check_step, face_names, name_solids, unit
+from geometry.step_file import check_step, face_names, n_solids, name_solids, unit
 
 KINDS = {"Plane": "plane", "Cylinder": "cylinder", "Cone": "cone", "Sphere": "sphere"}
 KINDS |= {"Torus": "torus"}
@@ -211,6 +211,11 @@ def _read(step: Path) -> dict[str, int]:
     if not volumes:
         found = "surfaces without a volume" if read else "nothing"
         raise InvalidGeometry(f"{step} holds {found}; export its bodies as solids.")
+    if (told := n_solids(step)) > len(volumes):
+        raise InvalidGeometry(
+            f"{step} is damaged: it describes {told} solids, of which {len(volumes)} can be read; "
+            "export it again."
+        )
     _name_faces(volumes, face_names(step))
     return _named(volumes)
 

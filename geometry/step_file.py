@@ -19,10 +19,12 @@ NAMED_FACE = re.compile(r"ADVANCED_FACE\s*\(\s*'(?!NONE')[^']")
 ENTITY = re.compile(r"#(\d+)\s*=\s*(\w+)\s*\((.*?)\)\s*;", re.S)
 SOLIDS = ("MANIFOLD_SOLID_BREP", "BREP_WITH_VOIDS")
 REFERENCE = re.compile(r"#(\d+)")
+TEXTS = re.compile(rb"'[^']*'|/\*.*?\*/|\s+", re.S)  # a doubled apostrophe ends and begins one
+DEFINED, REFERRED = re.compile(rb"#(\d+)="), re.compile(rb"#(\d+)")
 
 
 def check_step(path: Path) -> None:
-    """Raises InvalidGeometry for a file that is missing, empty, cut off, or no STEP file."""
+    """Raises InvalidGeometry for a file that is missing, empty, damaged, or no STEP file."""
     if not path.is_file():
         why = "is no ordinary file" if path.exists() else "does not exist"
         script = path.with_suffix(".py")
@@ -35,6 +37,20 @@ def check_step(path: Path) -> None:
         raise InvalidGeometry(f"{path} is no STEP file: it does not begin with ISO-10303-21.")
     if b"END-ISO-10303-21" not in content[-1000:]:
         raise InvalidGeometry(f"{path} is cut off before END-ISO-10303-21; export it again.")
+    bare = TEXTS.sub(b"", content)
+    defined = set(DEFINED.findall(bare))
+    missing = next((n for n in REFERRED.findall(bare) if n not in defined), None)
+    if missing:
+        raise InvalidGeometry(
+            f"{path} is damaged: it refers to #{missing.decode()}, which it does not hold; export "
+            "it again."
+        )
+
+
+def n_solids(path: Path) -> int:
+    """Solids that the file describes, however often it places each."""
+    bare = TEXTS.sub(b"", path.read_bytes())
+    return sum(bare.count(b"%s(" % kind.encode()) for kind in SOLIDS)
 
 
 def unit(path: Path) -> str:

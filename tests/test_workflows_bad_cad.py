@@ -1,14 +1,20 @@
 """Bad CAD by command: status 2 and one sentence that says what is wrong and what to do."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import gmsh
+import numpy as np
 import pytest
 
 from command_line import beadwave
-from geometry.cad import write_step
+from geometry.assembly import InvalidGeometry
+from geometry.cad import model, write_step
 from geometry.gmsh_session import session, silent
 from geometry.shapes import Box, Cylinder
+from geometry.step_file import check_step, n_solids
+from workflows.files.step import require_step
+from workflows.pipeline.bodies import _require_size
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -92,3 +98,42 @@ def test_bad_cad_is_refused_in_a_sentence(make, held, told, capsys):
     assert beadwave("modes", "mine.toml") == 2
     error = capsys.readouterr().err.strip().splitlines()
     assert told in error[-1] and "Traceback" not in "".join(error)
+
+
+def test_a_step_file_that_lost_a_line_is_damaged(capsys):
+    """A file that lost lines was read with a body less, or told to be in other units."""
+    step_of(a=CUBE, b=ON_TOP)
+    lines = Path("bad.step").read_text().splitlines(keepends=True)
+    held = [i for i, line in enumerate(lines) if line.startswith("#")]
+    for i in (held[len(held) // 3], held[len(held) // 2], held[2 * len(held) // 3]):
+        Path("bad.step").write_text("".join([*lines[:i], *lines[i + 1 :]]))
+        with pytest.raises(InvalidGeometry, match="is damaged: it (refers|describes)"):
+            require_step(Path("bad.step"))
+
+
+def test_a_step_file_with_a_solid_that_cannot_be_read_is_damaged(monkeypatch):
+    step_of(a=CUBE)
+    monkeypatch.setattr("geometry.cad.n_solids", lambda path: 2)
+    with pytest.raises(InvalidGeometry, match="describes 2 solids, of which 1 can be read"):
+        with model({}, Path("bad.step")):
+            pass
+
+
+def test_names_with_signs_of_references_are_no_damage():
+    step_of(a=CUBE)
+    text = Path("bad.step").read_text()
+    Path("bad.step").write_text(text.replace("ADVANCED_FACE(''", "ADVANCED_FACE('it''s #9999'"))
+    assert n_solids(Path("bad.step")) == 1
+    check_step(Path("bad.step"))
+
+
+def test_a_point_far_off_is_damage_and_a_thousand_times_too_large_another_unit():
+    def bodies(*sides):
+        faces = [SimpleNamespace(lower=np.zeros(3), upper=np.full(3, side)) for side in sides]
+        whole = np.full(3, max(sides))
+        return {"a": SimpleNamespace(faces=faces, lower=np.zeros(3), upper=whole)}
+
+    with pytest.raises(InvalidGeometry, match=r"smaller than 0.02 m: its file is damaged"):
+        _require_size(bodies(0.01, 0.02, 0.02, 0.03, 100.0))
+    with pytest.raises(InvalidGeometry, match="is in other units than it says"):
+        _require_size(bodies(10.0, 20.0, 20.0, 30.0, 100.0))

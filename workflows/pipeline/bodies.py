@@ -21,6 +21,7 @@ from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, General, Solid
 from workflows.scene.size import too_large_mesh
 
 LARGEST = 30.0  # m, of an assembly: a thousand times as much is in other units
+UNLIKE = 500  # an assembly over its middle face: no units change that, a point far off does
 
 
 class Drawing(NamedTuple):
@@ -70,11 +71,18 @@ def drawing(scene: Scene) -> Iterator[Drawing]:
 
 
 def _require_size(bodies: Mapping) -> None:
-    """Raise InvalidGeometry for an assembly in other units than its file says."""
+    """Raise InvalidGeometry for an assembly in other units than its file says, or torn apart by
+    a damaged one."""
     sides = np.max([b.upper for b in bodies.values()], axis=0)
     sides = sides - np.min([b.lower for b in bodies.values()], axis=0)
     if sides.max() > LARGEST:
         size = " x ".join(f"{side:.4g}" for side in sides)
+        usual = np.median([np.max(f.upper - f.lower) for b in bodies.values() for f in b.faces])
+        if sides.max() > UNLIKE * usual:
+            raise InvalidGeometry(
+                f"the assembly is {size} m, while half of its faces are smaller than {usual:.3g} m:"
+                " its file is damaged; export it again."
+            )
         raise InvalidGeometry(
             f"the assembly is {size} m, allowed are {LARGEST:g} m: its file is in other units than "
             "it says, or a mesh not in metres; write it anew."
