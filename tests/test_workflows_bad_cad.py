@@ -107,7 +107,7 @@ def test_a_step_file_that_lost_a_line_is_damaged(capsys):
     held = [i for i, line in enumerate(lines) if line.startswith("#")]
     for i in (held[len(held) // 3], held[len(held) // 2], held[2 * len(held) // 3]):
         Path("bad.step").write_text("".join([*lines[:i], *lines[i + 1 :]]))
-        with pytest.raises(InvalidGeometry, match="is damaged: it (refers|describes)"):
+        with pytest.raises(InvalidGeometry, match=r"is damaged: it (refers|describes)"):
             require_step(Path("bad.step"))
 
 
