@@ -149,6 +149,22 @@ def test_the_starter_scene_of_a_step_file_has_modes_and_a_reduced_model(step, ca
     assert len(Path("start.toml").read_text().splitlines()) <= 25
 
 
+def test_a_look_counts_the_elements_that_the_scene_asks_for(step, capsys):
+    """Tetrahedra have another number of nodes than the hexahedra of a plate."""
+    text = "materials = { s = { young = 2e11, poisson = 0.3, density = 7800.0 } }\n[assembly]\n"
+    text += f'step = "{step}"\nmaterial = "s"\ntouching = "tied"\nheld = ["base:-z"]\n'
+    Path("slabs.toml").write_text(text)
+    counted = {}
+    for element in ("hex", "tet"):
+        change = f"mesh.element={element}"
+        assert beadwave("look", "slabs.toml", f"--set={change}", "--json") == 0
+        counted[element] = json.loads(capsys.readouterr().out)["dofs"]
+        built = pipeline_of(scene("slabs.toml", (change,)), lambda name: nullcontext())
+        made = 3 * sum(mesh.nvertices + mesh.nedges for mesh in built("mesh").meshes.values())
+        assert counted[element] == made
+    assert counted["tet"] != counted["hex"]
+
+
 def notched_on_plate():
     """A block in the middle of a plate, its top notched by a half cylinder of 10 mm."""
     with session(), silent():

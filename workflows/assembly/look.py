@@ -150,8 +150,9 @@ def _meshes(scene: Scene, drawn: Drawing) -> dict[str, Mesh]:
     seeds = {name: scene.mesh.scale * (scene.seed_of(name) or usual[name]) for name in usual}
     # with the outlines of partners on each other, where elements are as small as in a run
     return body_meshes(
-        drawn.bodies, drawn.near.touching, gap=scene.assembly.gap, sizes=Sizes(seeds)
-    )
+        drawn.bodies, drawn.near.touching, gap=scene.assembly.gap, sizes=Sizes(seeds),
+        element=scene.mesh.element,
+    )  # fmt: skip
 
 
 def picture(seen: Seen) -> Picture:

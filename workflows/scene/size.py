@@ -2,13 +2,12 @@
 
 A run's peak memory, stage upon stage, of bodies of N_i unknowns, N = sum N_i (bytes):
 
-    LIBRARIES + MATRICES N + FILL sum N_i^(4/3) + 8 N (VECTORS + SHAPES (boundary + modes))
+    LIBRARIES + MATRICES N + FILL sum N_i^(4/3) + 8 N (VECTORS + boundary + modes)
 
-K and M with what joining them holds, 4 kB an unknown of tetrahedra, 11 kB of hexahedra; a factor
-with its fronts as nested dissection fills it in a solid, 1.0 GB of hexahedra with 77 000 unknowns,
-3.1 GB of tetrahedra with 275 000; Lanczos vectors; constraint modes and the copies made of them.
-Five runs of 39 000 to 275 000 unknowns held from 0.65 to 1.1 times the sum. Their time, from mesh
-to reduced model on one core,
+K and M of the parts and of the whole, and what is held while they are made; a factor with its
+fronts as nested dissection fills it in a solid; Lanczos vectors, constraint modes, mode shapes. The
+runs of tests/test_workflows_memory.py, 17 000 to a million unknowns, held from 0.8 times the sum to
+all of it. Their time, from mesh to reduced model on one core,
 
     START + SOLVED N^(4/3)
 
@@ -21,8 +20,9 @@ from math import log, pi, prod
 from workflows.scene import Scene
 from workflows.scene.memory import free_memory
 
-LIBRARIES, MATRICES, VECTORS, SHAPES = 0.35e9, 8e3, 160, 3
-FILL = {False: 250.0, True: 190.0}  # by our own Cholesky, by PARDISO
+LIBRARIES, VECTORS = 0.35e9, 40
+MATRICES = {"hex": 11e3, "tet": 6e3}  # hexahedra join an unknown with twice as many
+FILL = {False: 170.0, True: 160.0}  # by our own Cholesky, by PARDISO
 START, SOLVED = 2.0, 1.4e-5  # s, s
 TRAJECTORY = 70  # bytes for each saved instant of a sphere: 31 in a march, then errors and pictures
 
@@ -131,8 +131,8 @@ def peak_memory(scene: Scene, nodes: dict[str, float]) -> float:
     radius, seed = _patch(scene)
     across = log(1 + (GROWTH - 1) * radius / seed, GROWTH)  # elements of the patch
     boundary = 8 + 3 * pi * across**2
-    shapes = SHAPES * (boundary + (scene.reduction.modes or 40))
-    return LIBRARIES + MATRICES * n + fill + 8 * n * (VECTORS + shapes)
+    vectors = VECTORS + boundary + (scene.reduction.modes or 40)
+    return LIBRARIES + MATRICES[scene.mesh.element] * n + fill + 8 * n * vectors
 
 
 def foreseen_seconds(nodes: dict[str, float]) -> float:
