@@ -10,6 +10,7 @@ import pytest
 
 from coupling.work_precision.cost import cost_of_command, costed
 from workflows.files.scene import scene
+from workflows.studies import finding
 from workflows.studies.accuracy import size as study
 
 STAGES = ["mesh", "assemble", "factorise", "modes", "reduce"]
@@ -51,7 +52,20 @@ def test_calculix_solves_the_same_deck(found):
     finest = found.tables[1].rows[-1]
     seconds = dict(zip(found.tables[1].columns, finest, strict=True))
     ours = seconds["factorise [s]"] + seconds["modes [s]"]
-    assert abs(float(told.split()[-2]) / ours - 1) < 6e-3  # three digits
+    stated = float(told.partition("30 modes ")[2].split()[0])
+    assert abs(stated / ours - 1) < 6e-3  # three digits
+
+
+def test_a_person_sees_a_column_for_each_mesh(found):
+    heading, *rows = found.tables[1].printed
+    assert heading == ("unknowns", *found.tables[1].column("dofs"), "power")
+    assert max(map(len, finding.text(found).splitlines())) <= 100
+    printed = {row[0]: row[1:] for row in rows}
+    for column in found.tables[1].columns[3:]:
+        assert printed[column][:-1] == found.tables[1].column(column)
+    powers = {row.stage: row for row in found.tables[2].rows}
+    assert printed["modes [GB]"][-1] == powers["modes"].bytes
+    assert printed["error"][:-1] == found.tables[1].column("error")
 
 
 @pytest.mark.skipif(not access("/proc/self/clear_refs", W_OK), reason="peaks are not forgotten")

@@ -22,6 +22,7 @@ from coupling.work_precision.growth import growth_exponent
 from coupling.work_precision.rows import Row
 from fem.abaqus import input_deck
 from fem.correlation import RIGID
+from fem.factorisation import has_pardiso
 from workflows.files.run_folder import Picture
 from workflows.pipeline import assembly as stages
 from workflows.pipeline.pipeline import Progress
@@ -69,8 +70,8 @@ def size(scene: Scene, progress: Progress, *, times: tuple[float, ...] = TIMES) 
     growths = {name: _growth(sized, name) for name in names}
     tables = (
         table_of(rows, printed=False),
-        Table("size", *_lines(sized, errors, names)),
-        Table("exponents", ("stage", "seconds", "memory"), tuple(growths.values())),
+        Table("size", *_lines(sized, errors, names), _printed(sized, errors, growths)),
+        Table("exponents", ("stage", "seconds", "memory"), tuple(growths.values()), ()),
     )
     last = sized[-1]
     ours = {name: cost for name, cost in last.costs.items() if name != CALCULIX}
@@ -81,6 +82,7 @@ def size(scene: Scene, progress: Progress, *, times: tuple[float, ...] = TIMES) 
         largest=max(ours, key=lambda name: ours[name].bytes or 0.0),
         seconds=sum(cost.seconds for cost in ours.values()),
         growths=growths,
+        solver="PARDISO" if has_pardiso() else None,
         compared=COMPARED,
         peer=_beside_the_peer(sized),
         n_modes=N_MODES,
@@ -156,6 +158,16 @@ def _lines(sized: Iterable[Sized], errors, stages: tuple[str, ...]):
     return ("elements", "dofs", "error", *units), rows
 
 
+def _printed(sized: list[Sized], errors, growths: dict[str, Growth]) -> tuple[tuple, ...]:
+    """A column for each mesh: seconds of each stage, then memory, and the power of each."""
+    rows = [("unknowns", *(one.dofs for one in sized), "power")]
+    for i, unit in enumerate(("s", "GB")):
+        for stage, growth in growths.items():
+            told = (_told(one.costs.get(stage))[i] for one in sized)
+            rows.append((f"{stage} [{unit}]", *told, growth[1 + i]))
+    return (*rows, ("error", *errors, None))
+
+
 def _told(cost: Cost | None) -> tuple[float | None, float | None]:
     if cost is None:
         return None, None
@@ -166,8 +178,8 @@ class Beside(NamedTuple):
     """The largest mesh that both solved."""
 
     dofs: int
-    ours: float  # [s] of our factor and modes
-    theirs: float  # [s]
+    ours: Cost  # of our factor and modes
+    theirs: Cost
     n_ours: int  # modes
 
 
@@ -177,8 +189,8 @@ def _beside_the_peer(sized: list[Sized]) -> Beside | None:
         return None
     one = both[-1]
     costs = one.costs
-    ours = costs["factorise"].seconds + costs["modes"].seconds
-    return Beside(one.dofs, ours, costs[CALCULIX].seconds, one.n_modes)
+    ours = costs["modes"]._replace(seconds=costs["factorise"].seconds + costs["modes"].seconds)
+    return Beside(one.dofs, ours, costs[CALCULIX], one.n_modes)
 
 
 def _picture(sized: list[Sized], stages: tuple[str, ...]) -> bytes:
