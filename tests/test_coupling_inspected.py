@@ -343,13 +343,14 @@ def test_records_are_explained_where_the_whole_and_every_part_may_be_noise(memor
         assert an_answer(worst=part, memory=memory).explained == explained
 
 
-def test_rivals_leave_as_little_and_lie_farther_off_than_the_bars():
-    best = an_answer()
-    within, beyond = (np.sqrt(1 + share * 16.0 / 5000) for share in (0.999, 1.001))
-    near, far, lost = an_answer(0.099), an_answer(0.101, within), an_answer(0.3, beyond)
-    again = an_answer(0.15)
+@pytest.mark.parametrize("misfit", [0.8, 1.3])
+def test_rivals_leave_as_little_and_lie_farther_off_than_the_bars(misfit):
+    best = an_answer(0.0, misfit)
+    within, beyond = (misfit * np.sqrt(1 + share * 16.0 / 5000) for share in (0.999, 1.001))
+    near, far, lost = an_answer(0.099, misfit), an_answer(0.101, within), an_answer(0.3, beyond)
+    again = an_answer(0.15, misfit)
     assert best.rivals([near, far, lost, again], 1) == (far,)
-    other = an_answer(0.202)
+    other = an_answer(0.202, misfit)
     assert best.rivals([far, other], 1) == (far, other)
     assert best._replace(memory=2.0).rivals([lost], 1) == (lost,)
 
