@@ -466,6 +466,23 @@ def test_modes_chosen_by_the_contact_keep_the_error_asked_for(kind, error):
     assert off <= reduced.error <= error
 
 
+@KINDS
+@pytest.mark.parametrize("choice", ["lowest", "contact"])
+def test_a_slow_structure_is_reduced_as_a_quick_one(kind, choice):
+    """A time of 1e9 s in the place of a second: no frequency is then above 1 rad/s."""
+    (K, M), slower = spring_chain(N), 1e9
+    omega, phi = known_pairs(K, M, 3)
+    reduce = {"free-modes": free_modes, "craig-bampton": held_at_the_end}[kind]
+
+    def found(c):
+        asked = Selection(cutoff_hz=4000.0 / c)
+        if choice == "contact":
+            asked = Selection(n_modes=12, to_hz=2e3 / c, choice=choice, modes=(omega / c, phi))
+        return modal(reduce(K / c**2, M, end_patch(N), asked)).omega
+
+    np.testing.assert_allclose(found(slower) * slower, found(1.0), rtol=1e-7)
+
+
 def superlu_complex(A, b):
     return sp.linalg.spsolve(sp.csc_matrix(A), b.astype(complex))
 
