@@ -114,6 +114,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "len(omega) >= n_modes"): LOOKS,
     ("scale = np.sqrt(np.maximum(np.diag(gram), (1e-13 * norm) ** 2 + np.finfo(float).tiny))",
      "(1e-13 * norm) ** 2 + np.finfo(float).tiny"): "keeps from 0 / 0 what no structure has",
+    ("kept &= np.diag(U.T @ gram @ U) > (1e-13 * norm) ** 2", "1e-13"): FAR,
     ("if len(A) >= LARGE:", "len(A) >= LARGE"): SAME,
     ("scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))", "1"): RATIOS,
     ("return (A + A.T) / 2 * np.outer(scale, scale)", "2"): RATIOS,

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from coupling.calibration.parameters import Parameter
 from coupling.calibration.uncertainty import uncertainty
@@ -139,6 +140,22 @@ def test_a_fit_ends_at_the_least_squares_of_records_and_bounds():
         left = J @ (exact / SOUGHT.scale) + base
         assert found.misfit == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
         assert found.converged and fit.misfit(found.theta) == pytest.approx(found.misfit)
+
+
+def test_a_fit_ends_at_its_bounds():
+    """a at most 1.2, b at least 0.3: the others follow."""
+    changed = (SHARED[0]._replace(high=1.2), SHARED[1]._replace(low=0.3))
+    fit = a_fit()
+    fit = fit._replace(unknowns=SOUGHT._replace(parameters=(*changed, *SOUGHT.parameters[2:])))
+    sought = fit.unknowns
+    A = np.vstack([whole_line(fit)[0], np.diag(sought.pull * sought.scale)])
+    base = ((1.0 - fit.data) / NOISE).ravel()
+    b = np.concatenate([-base, sought.pull * sought.centre])
+    bounds = [end / sought.scale for end in sought.ends()]
+    exact = lsq_linear(A, b, bounds, tol=1e-14).x
+    found = fit.solved(np.array([1.0, 0.5, 0.3, 0.0, 0.3, 0.0])).theta / sought.scale
+    np.testing.assert_allclose(found[:2], [12.0, 15.0], rtol=1e-6)
+    np.testing.assert_allclose(found, exact, atol=1e-4)
 
 
 def test_numbers_of_other_records_stay_and_samples_can_be_left_out():

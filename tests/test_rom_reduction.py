@@ -471,7 +471,7 @@ def test_modes_chosen_by_the_contact_keep_the_error_asked_for(kind, error):
 def test_a_slow_structure_is_reduced_as_a_quick_one(kind, choice):
     """A time of 1e9 s in the place of a second: no frequency is then above 1 rad/s."""
     (K, M), slower = spring_chain(N), 1e9
-    omega, phi = known_pairs(K, M, 3)
+    omega, phi = (values[..., [0, 40]] for values in known_pairs(K, M, 41))
     reduce = {"free-modes": free_modes, "craig-bampton": held_at_the_end}[kind]
 
     def found(c):
