@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling.march import impact
+from dem import march
 from dem.chain import Chain, Wall
 from dem.spheres import time_scale
 from dem.trajectory import Trajectory
 from dem.waves import solitary
 from dem.waves.arrivals import crest, peaks
-from dem.waves.measures import CONTACT, ContactTime, contact_time, force_ratio
+from dem.waves.measures import CONTACT, ContactTime, contact_time, force_ratio, leading_share
 
 ERROR = 1e-5  # of the velocities
 N_SAVE = 6000
@@ -79,3 +80,24 @@ def restitution(chain: Chain, wall: Wall, speed: float) -> float:
     run = impact(last, wall, [speed], duration=10 * natural, error=ERROR, n_save=N_SAVE).trajectory
     end = contact_time(run.t, run.contact_force[:, -1], threshold=0.0).end
     return -float(np.interp(end, run.t, run.v[:, 0])) / speed
+
+
+class HeavyStriker(NamedTuple):
+    """A striker of another mass before a long free chain."""
+
+    ratio: float
+    trajectory: Trajectory
+    share: float  # of the energy, in the leading wave
+    recoil: float  # its velocity at the end over that at the start
+
+
+def heavy_striker(chain: Chain, ratio: float, speed: float) -> HeavyStriker:
+    """A free chain of equal spheres whose first one is `ratio` times as heavy and has a speed, for
+    55 natural times."""
+    mass = chain.mass.copy()
+    mass[0] *= ratio
+    chain, unit = chain._replace(mass=mass), time_scale(chain.mass[1], chain.A[0], speed)
+    run = march(
+        chain, None, np.eye(len(mass))[0] * speed, duration=55 * unit, dt=0.05 * unit, n_save=1100
+    )
+    return HeavyStriker(ratio, run, leading_share(run, chain), float(run.v[-1, 0] / speed))

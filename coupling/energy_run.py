@@ -34,3 +34,20 @@ class EnergyRun(NamedTuple):
 
     def _share(self, energy: NDArray[np.float64]) -> NDArray[np.float64]:
         return 1 + (energy - energy[0]) / self.trajectory.energy_kinetic[0]
+
+    @property
+    def missing(self) -> float:
+        """Largest gap of the ledger without the wall's part."""
+        return float((1 - self.without_wall).max())
+
+    @property
+    def growth(self) -> float:
+        """Rms velocity of the wall in the last third of the time after the first touch over that in
+        the first."""
+        v = self.trajectory.wall_v[self.trajectory.contact_force[:, -1].argmax() :]
+        first, _, last = (np.sqrt(np.mean(part**2)) for part in np.array_split(v, 3))
+        return float(last / first)
+
+    def change(self, energy: NDArray[np.float64]) -> float:
+        """Largest change of a part of the ledger (k,) over the striker's energy."""
+        return float(np.abs(energy - energy[0]).max() / self.trajectory.energy_kinetic[0])

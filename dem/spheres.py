@@ -103,3 +103,10 @@ def time_scale(m: ArrayLike, A: ArrayLike, speed: ArrayLike) -> Array:
 def force_scale(m: ArrayLike, A: ArrayLike, speed: ArrayLike) -> Array:
     """F_s = A^(2/5) m^(3/5) V^(6/5) [N], the natural unit of force of a Hertz chain."""
     return A**0.4 * m**0.6 * np.abs(speed) ** 1.2
+
+
+def yield_overlaps(radius: ArrayLike, A: ArrayLike, pressure: ArrayLike) -> np.ndarray:
+    """(n_contacts,) [m] at which contacts of stiffness A reach a pressure [Pa]; of spheres (n,)."""
+    A = np.asarray(A)
+    R = radii_of_contacts(radius)[: A.size]
+    return yield_overlap(R, modulus_of_contact(A, R), np.broadcast_to(pressure, R.shape))

@@ -21,3 +21,8 @@ def extrapolated(
         limit = fine - (middle - fine) / (ratio - 1)
     told = (order >= ORDERS[0]) & (order <= ORDERS[1])
     return np.where(told, limit, fine), np.where(told, order, np.nan)
+
+
+def off(hz: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Relative errors (k,); nan where the mesh itself stands for a limit that none determines."""
+    return np.where(hz == limit, np.nan, hz / limit - 1)

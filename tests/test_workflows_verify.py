@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 
 from coupling.verification import honesty, lammps
-from coupling.verification.comparisons import Missing, compared, require_module, require_program
+from coupling.verification.comparisons import (
+    Missing,
+    compared,
+    require_module,
+    require_program,
+    rows_of,
+)
 from coupling.verification.formulas import DAMPED, LAWS, WALLS, comparison
 from workflows.commands.app import main
 from workflows.studies import catalogue
-from workflows.studies.verify.comparisons import finding, rows_of, wrong
+from workflows.studies.verify.comparisons import finding, wrong
 
 
 def row_of(run):

@@ -1,11 +1,21 @@
-"""A quantity by us beside the same by an independent program, a book, a closed solution."""
+"""A quantity by us beside the same by an independent program, a book, a closed solution.
 
+within   the difference is at most what is allowed
+outside  it is above, or no number
+failed   the computation ended in the sentence below
+skipped  the independent program is not installed
+"""
+
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from shutil import which
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+VERDICTS = ("within", "outside", "failed", "skipped")
 
 
 class Missing(Exception):
@@ -51,3 +61,38 @@ def require_module(name: str) -> None:
     """Raises Missing if no such Python module is installed, of the extra `verify`."""
     if find_spec(name) is None:
         raise Missing(f"{name} is not installed; ./install.sh verify adds it.")
+
+
+class Row(NamedTuple):
+    """A comparison, its verdict and what it took since the one before it."""
+
+    group: str
+    quantity: str
+    ours: float | None
+    theirs: float | None
+    difference: float | None
+    allowed: float | None
+    seconds: float
+    verdict: str
+    source: str
+
+
+def rows_of(group: str, comparisons: Callable[[], Iterator[Comparison]]) -> Iterator[Row]:
+    """The rows of a group, each computed when it is asked for; what ends it early is its last."""
+    started = perf_counter()
+
+    def row(verdict: str, quantity: str, source: str, *numbers: float | None) -> Row:
+        nonlocal started
+        since, started = started, perf_counter()
+        return Row(group, quantity, *numbers, started - since, verdict, source)
+
+    nothing = (None,) * 4
+    try:
+        with np.errstate(all="ignore"):
+            for quantity, *numbers, source in comparisons():
+                verdict = "within" if numbers[2] <= numbers[3] else "outside"
+                yield row(verdict, quantity, source, *numbers)
+    except Missing as missing:
+        yield row("skipped", "skipped", str(missing), *nothing)
+    except Exception as error:
+        yield row("failed", "failed", f"{type(error).__name__}: {error}", *nothing)

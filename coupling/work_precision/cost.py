@@ -6,8 +6,13 @@ from subprocess import DEVNULL, Popen
 from time import perf_counter, sleep
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from coupling.work_precision.growth import growth_exponent
+
 PROCESS = "/proc/self"
 EVERY = 0.02  # s
+TELLING = 1.5  # largest over smallest size, from which on an exponent means something
 FORGET = "5"  # written to clear_refs it resets the peak
 
 
@@ -51,3 +56,23 @@ def _peak(process: str = PROCESS) -> float | None:
     except OSError:
         return None
     return next((1024.0 * int(s.split()[1]) for s in lines if s.startswith("VmHWM:")), None)
+
+
+class CostGrowth(NamedTuple):
+    """Exponents of a stage's cost over the unknowns; nan or None where they are not told."""
+
+    stage: str
+    seconds: float
+    bytes: float | None
+
+
+def cost_growth(stage: str, costs: dict[int, Cost]) -> CostGrowth:
+    """Of a stage's costs by the number of unknowns."""
+    dofs = list(costs)
+    if max(dofs) < TELLING * min(dofs):
+        return CostGrowth(stage, np.nan, np.nan)
+    seconds, held = zip(*costs.values(), strict=True)
+    told = None not in held
+    return CostGrowth(
+        stage, growth_exponent(dofs, seconds), growth_exponent(dofs, held) if told else None
+    )

@@ -117,14 +117,8 @@ def chain(scene: Scene) -> dem.Chain:
         row = row._replace(friction=friction(scene, row.mass))
     if contact.yield_pressure is None:
         return row
-    return row._replace(yield_overlap=yield_overlaps(row, contact.yield_pressure))
-
-
-def yield_overlaps(row: dem.Chain, pressure: Any) -> np.ndarray:
-    """(n_contacts,) [m] at which the contacts, as stiff as they are, reach the pressure [Pa]."""
-    R = spheres.radii_of_contacts(row.radius)[: row.A.size]
-    E_star = spheres.modulus_of_contact(row.A, R)
-    return spheres.yield_overlap(R, E_star, np.broadcast_to(pressure, R.shape))
+    overlap = spheres.yield_overlaps(row.radius, row.A, contact.yield_pressure)
+    return row._replace(yield_overlap=overlap)
 
 
 def dissipation(contact: Contact) -> dict[str, Any]:

@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-import dem
 import fem
 import rom
 from coupling.damping import Damping
-from coupling.many_contacts import walls_of
-from coupling.wall import wall_from_reduced
+from coupling.many_contacts import Walls
 from fem.trace import OffFace
 from workflows.pipeline import assembly as stages
 from workflows.pipeline.assembly import solid, struck
@@ -92,7 +90,7 @@ class StruckFace:
                 refused[i] = str(reason)
         return Placed(patches, refused)
 
-    def walls(self, patches: list[fem.ContactPatch]) -> "Walls":
+    def walls(self, patches: list[fem.ContactPatch]) -> Walls:
         """What the chain leans on at each patch; raises ValueError for what cannot be reduced."""
         scene, model = self.scene, self.model
         W = csc_array(np.column_stack([patch.w for patch in patches]))
@@ -100,7 +98,7 @@ class StruckFace:
         local = fem.half_spaces_on_mesh(model, self.name, patches, steel)
         to_hz = scene.wall.cutoff or scene.reduction.cutoff or scene.reduction.to_hz or TO_HZ
         face = rom.Face(model.K, model.M, W, cutoff_hz=to_hz, factorise=fem.factorised)
-        return Walls(face, to_hz, np.array(local), self._damping())
+        return Walls(face, to_hz, np.array(local), self._damping(), TO_HZ)
 
     def second(self) -> tuple["StruckFace", float]:
         """The same on another mesh, and how much of the difference to it is the error of this one;
@@ -118,25 +116,6 @@ class StruckFace:
         if isinstance(table, ModalDamping) and isinstance(table.ratio, tuple):
             hz = tuple(self.pipeline("modes").paired_hz.values())
         return damping_law(table, hz or HAMMER_TEST_HZ)
-
-
-class Walls(NamedTuple):
-    """Walls of one structure at p points."""
-
-    face: rom.Face
-    to_hz: float
-    half_space: NDArray[np.float64]  # (p,) [m/N]
-    damping: Damping | None
-
-    def all(self, share: float = 1.0) -> dem.Wall:
-        """Of all points as arrays, with the modes below a share of the highest frequency."""
-        contacts = self.face.contacts.below(share * self.to_hz)
-        return walls_of(contacts, half_space=self.half_space, damping=self.damping)
-
-    def finer(self, i: int) -> dem.Wall:
-        """Of one point, by a reduction of its own that stands for the full model."""
-        own = self.face.finer(i, TO_HZ)
-        return wall_from_reduced(own, half_space=self.half_space[i], damping=self.damping)
 
 
 def _require_points_alike(scene: Scene) -> None:

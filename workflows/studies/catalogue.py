@@ -119,7 +119,8 @@ def stability(cases: tuple[str, ...], progress: Progress) -> Finding:
 
 def verify(groups: tuple[str, ...], progress: Progress) -> Finding:
     """Comparisons of these groups, of all without any."""
-    from workflows.studies.verify.comparisons import finding, rows_of
+    from coupling.verification.comparisons import rows_of
+    from workflows.studies.verify.comparisons import finding
 
     rows = []
     for name, comparisons in chosen("verify", groups, "--group").items():

@@ -20,7 +20,7 @@ import fem
 import geometry
 from coupling.work_precision.rows import Row
 from fem import assembly_modes
-from fem.convergence import extrapolated
+from fem.convergence import extrapolated, off
 from fem.factorisation import has_pardiso
 from workflows.files.run_folder import Picture
 from workflows.pipeline import assembly as stages
@@ -131,11 +131,6 @@ def _watched(
 def _columns(name: str, size: str, n: int) -> tuple[str, ...]:
     f, errors = ([head.format(i) for i in range(1, n + 1)] for head in ("f{}_Hz", "error{}_%"))
     return (name, size, "dofs", *f, *errors, "mesh_s", "assembly_s", "solution_s", "quality")
-
-
-def off(hz: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Relative errors (k,); nan where the mesh itself stands for a limit that none determines."""
-    return np.where(hz == limit, np.nan, hz / limit - 1)
 
 
 def _row(solved: Solved, limit: NDArray[np.float64]) -> Row:

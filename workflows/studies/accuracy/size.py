@@ -17,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coupling.work_precision.cost import Cost, cost_of_command, costed
-from coupling.work_precision.growth import growth_exponent
+from coupling.work_precision.cost import Cost, cost_growth, cost_of_command, costed
 from coupling.work_precision.rows import Row
 from fem.abaqus import input_deck
 from fem.correlation import RIGID
@@ -40,7 +39,6 @@ TIMES = (2.83, 2.0, 1.41, 1.0)  # the scene's element sizes: its own mesh is the
 CALCULIX, N_MODES = "CalculiX", 10
 PEER_UNTIL = 1e5  # unknowns, minutes with its default solver
 COMPARED = 6  # elastic modes
-TELLING = 1.5  # largest over smallest mesh, from which on an exponent means something
 
 
 class Sized(NamedTuple):
@@ -67,7 +65,10 @@ def size(scene: Scene, progress: Progress, *, times: tuple[float, ...] = TIMES) 
         for one, error in zip(sized, errors, strict=True)
         for name, cost in one.costs.items()
     )
-    growths = {name: _growth(sized, name) for name in names}
+    growths = {
+        name: cost_growth(name, {one.dofs: one.costs[name] for one in sized if name in one.costs})
+        for name in names
+    }
     tables = (
         table_of(rows, printed=False),
         Table("size", *_lines(sized, errors, names), _printed(sized, errors, growths)),
@@ -126,26 +127,6 @@ def _calculix(deck: str) -> Cost | None:
 def _error(one: Sized, finest: Sized) -> float:
     """Largest relative difference of the frequencies."""
     return float(np.abs(one.hz / finest.hz - 1).max())
-
-
-class Growth(NamedTuple):
-    """Exponents of a stage's cost over the unknowns; nan or None where they are not told."""
-
-    stage: str
-    seconds: float
-    bytes: float | None
-
-
-def _growth(sized: list[Sized], stage: str) -> Growth:
-    ran = [one for one in sized if stage in one.costs]
-    dofs = [one.dofs for one in ran]
-    if max(dofs) < TELLING * min(dofs):
-        return Growth(stage, np.nan, np.nan)
-    seconds, held = zip(*(one.costs[stage] for one in ran), strict=True)
-    told = None not in held
-    return Growth(
-        stage, growth_exponent(dofs, seconds), growth_exponent(dofs, held) if told else None
-    )
 
 
 def _lines(sized: Iterable[Sized], errors, stages: tuple[str, ...]):

@@ -45,7 +45,7 @@ def damping(scene: Scene, progress: Progress) -> Finding:
     table = Table("damping", ("quantity", "value"), rows)
     ours, *others = runs
     sentences = rendered(
-        __file__, ours=ours, grown=_growth(ours), others=[(run, _growth(run)) for run in others],
+        __file__, ours=ours, grown=ours.growth, others=[(run, run.growth) for run in others],
         most=max(1.5 * ours.gain.largest, 1e-9), duration=DURATION,
         rayleigh=RAYLEIGH, ratio=zeta[0], frequency=HAMMER_TEST_HZ[0],
     )  # fmt: skip
@@ -64,14 +64,6 @@ def _runs(scene: Scene, progress: Progress):
     with progress(FAR):
         wall = of_the_thesis(body, ((-y, z - aside), (-y, z + aside)))
         yield impact_run(scene, FAR, wall, DURATION)
-
-
-def _growth(run: EnergyRun) -> float:
-    """Rms velocity of the wall in the last third of the time after the first touch over that in the
-    first."""
-    v = run.trajectory.wall_v[run.trajectory.contact_force[:, -1].argmax() :]
-    first, _, last = (np.sqrt(np.mean(part**2)) for part in np.array_split(v, 3))
-    return float(last / first)
 
 
 def _picture(runs: tuple[EnergyRun, ...]) -> bytes:

@@ -70,7 +70,7 @@ def energy(scene: Scene, progress: Progress) -> Finding:
         __file__, alone=shares, on_the_way=1 - WAVE * (1 - MOVING), walls=walls,
         seeds=[FINER * scene.mesh.contact_seed, scene.mesh.contact_seed],
         rise=max(ROUNDING, 1.5 * max(wall.one_functional.gain.largest for wall in walls)),
-        missing=[_measures(wall.one_functional)[2] for wall in walls],
+        missing=[wall.one_functional.missing for wall in walls],
         held=_held_energy(walls[-1].one_functional),
     )  # fmt: skip
     return Finding((Table("energy", columns, rows),), sentences, (picture,))
@@ -105,8 +105,7 @@ def _assembly(scene: Scene) -> Body:
 
 def _measures(run: EnergyRun) -> tuple[float, float, float]:
     """Largest rise of the total energy, what is left of it, largest gap without the wall."""
-    missing = float((1 - run.without_wall).max())
-    return run.gain.largest, run.gain.final, missing
+    return run.gain.largest, run.gain.final, run.missing
 
 
 def _rows(wall: Wall):
@@ -117,8 +116,7 @@ def _rows(wall: Wall):
 def _held_energy(run: EnergyRun) -> dict[str, float]:
     """Largest changes of what the thesis leaves out in a first approximation."""
     held = {"preload": run.trajectory.work_preload, "leaf": run.trajectory.energy_leaf}
-    whole = run.trajectory.energy_kinetic[0]
-    return {name: np.abs(energy - energy[0]).max() / whole for name, energy in held.items()}
+    return {name: run.change(energy) for name, energy in held.items()}
 
 
 def _picture(alone: dem.Trajectory, still: EnergyRun, block: Wall, assembly: Wall) -> bytes:

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 import dem
+from coupling.collision import HeavyStriker, heavy_striker
 from coupling.observed_run import Observed, Setup, observed
 from dem.spheres import time_scale
-from dem.waves.measures import exponent, leading_share
+from dem.waves.measures import exponent
 from workflows.files.run_folder import Picture
 from workflows.pipeline.chain import initial_velocity
 from workflows.pipeline.pipeline import Progress
@@ -38,15 +39,6 @@ class Measures(NamedTuple):
     contact_us: float
     speed_m_s: float
     peak_force_N: float
-
-
-class Heavy(NamedTuple):
-    """A striker of another mass before a long free chain."""
-
-    ratio: float
-    trajectory: dem.Trajectory
-    share: float  # of the energy, in the leading wave
-    recoil: float  # its velocity at the end over that at the start
 
 
 def striker(scene: Scene, progress: Progress) -> Finding:
@@ -87,23 +79,15 @@ def _measures(run: Observed) -> Measures:
     return Measures(1e6 * run.contact.contact_time.seconds, run.contact.speed_in, middle)
 
 
-def _of_mass(scene: Scene, ratio: float) -> Heavy:
+def _of_mass(scene: Scene, ratio: float) -> HeavyStriker:
     row = scene.chain
-    chain = dem.row_of_spheres(
-        *(float(np.atleast_1d(v)[0]) for v in (row.radius, row.density, row.young, row.poisson)),
-        count=LENGTH, flat=None,
-    )  # fmt: skip
-    chain.mass[0] *= ratio
-    speed = float(np.abs(initial_velocity(scene)).max())
-    unit = time_scale(chain.mass[1], chain.A[0], speed)
-    run = dem.march(
-        chain, None, np.eye(LENGTH)[0] * speed, duration=55 * unit, dt=0.05 * unit, n_save=1100
-    )
-    return Heavy(ratio, run, leading_share(run, chain), float(run.v[-1, 0] / speed))
+    first = (float(np.atleast_1d(v)[0]) for v in (row.radius, row.density, row.young, row.poisson))
+    chain = dem.row_of_spheres(*first, count=LENGTH, flat=None)
+    return heavy_striker(chain, ratio, float(np.abs(initial_velocity(scene)).max()))
 
 
 def _picture(
-    runs: list[Observed], powers: Measures, heavy: list[Heavy], spheres: tuple[int, ...]
+    runs: list[Observed], powers: Measures, heavy: list[HeavyStriker], spheres: tuple[int, ...]
 ) -> bytes:
     sphere = max(spheres)
     values = zip(*map(_measures, runs), strict=True)
@@ -130,6 +114,6 @@ def _picture(
     )  # fmt: skip
 
 
-def _profile(h: Heavy) -> Line:
+def _profile(h: HeavyStriker) -> Line:
     v = h.trajectory.v[-1] / np.abs(h.trajectory.v[0]).max()
     return Line(f"mass x {h.ratio:g}", np.arange(1, len(v) + 1.0), v)
