@@ -20,9 +20,9 @@ import numpy as np
 import dem
 from coupling.inspection.inversion import Inversion, inverted, profiled
 from coupling.parametric_wall import Box
+from coupling.records.record import Channel, Recorded
 from coupling.sensors import Sensor, measured, recorded, signals
 from workflows.api.progress import quiet
-from workflows.files.records import Channel, Recorded
 from workflows.inspection.inspect import problem
 from workflows.inspection.numbers import own, shared
 from workflows.inspection.structure import computed, structure

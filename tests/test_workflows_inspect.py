@@ -9,10 +9,11 @@ import tomli_w
 
 import beadwave
 from command_line import beadwave as command
+from coupling.inspection.reading import noise_of, rounding
 from coupling.parametric_wall import Box
-from workflows.files.records import Channel, recorded, sensor_of
+from coupling.records.record import Channel
+from workflows.files.records import recorded, sensor_of
 from workflows.files.scene import scene
-from workflows.inspection.inspect import _noise, _rounding
 from workflows.inspection.numbers import number, own, put, shared, usual_each
 from workflows.inspection.structure import structure
 from workflows.pipeline.pipeline import pipeline_of
@@ -198,7 +199,7 @@ def test_a_force_a_thousand_times_off_is_refused(tmp_path):
 
 def test_a_record_knows_its_noise_from_what_lies_between_its_waves(drops):
     one = recorded(drops[0])
-    rms, known = _noise(one, 5e-5)
+    rms, known = noise_of(one, 5e-5)
     largest = np.abs(one.y).max()
     assert known
     assert 0.009 < rms[0] / largest < 0.0125  # 1 %, and the steps of 8 bits
@@ -206,8 +207,8 @@ def test_a_record_knows_its_noise_from_what_lies_between_its_waves(drops):
 
 def test_steps_of_an_instrument_are_noise():
     y = np.round(np.sin(np.linspace(0, 6, 5000)) * 100) / 100
-    assert _rounding(y) == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-6)
-    assert _rounding(np.sin(np.linspace(0, 6, 5000))) == 0.0
+    assert rounding(y[:, None])[0] == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-6)
+    assert rounding(np.sin(np.linspace(0, 6, 5000))[:, None]) == 0.0
 
 
 def test_columns_have_quantities_and_units_and_repeats_are_averaged(tmp_path):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from coupling.records.record import SYNTHETIC, Record, csv_text
-from workflows.files.records import Channel, measured, recorded
+from coupling.records.record import SYNTHETIC, Channel, Record, csv_text
+from workflows.files.records import measured, recorded
 from workflows.files.velocities import record
 from workflows.scene import InvalidScene
 

@@ -24,6 +24,31 @@ class Record(NamedTuple):
     channels: tuple[Any, ...] | None = None  # what v holds where that is no velocities [SI]
 
 
+class Channel(NamedTuple):
+    """What a column of a record of sensors holds."""
+
+    sphere: int  # counted from 1
+    quantity: str
+    in_volts: bool
+
+    @property
+    def name(self) -> str:
+        """As in the header of a file."""
+        return f"sphere {self.sphere} {self.quantity}"
+
+
+class Recorded(NamedTuple):
+    """Mean signals y (k, m) of m channels at equal times t (k,) [s], in SI units."""
+
+    t: NDArray[np.float64]
+    y: NDArray[np.float64]
+    channels: tuple[Channel, ...]
+    spread: NDArray[np.float64]  # (m,) standard deviation of one repeat; nan of a single one
+    repeats: int
+    name: str
+    synthetic: bool
+
+
 def equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
     """Times on an even grid; raises ValueError where they leave it."""
     if not np.isfinite(t).all():

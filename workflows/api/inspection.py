@@ -61,9 +61,10 @@ def inspect(
 
     `out` gets scene, tables and pictures. Raises InvalidScene for bad input.
     """
+    from coupling.inspection.reading import called_apart
     from workflows.files.records import recorded
     from workflows.inspection.folder import FILES, write
-    from workflows.inspection.inspect import Request, called_apart, inspected
+    from workflows.inspection.inspect import Request, inspected
     from workflows.inspection.report import report_of
     from workflows.sweep.cases import base_of
 

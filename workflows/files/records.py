@@ -14,15 +14,11 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from re import fullmatch, split
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from coupling.band import Band
 from coupling.calibration.signals import aligned
 from coupling.records.formats import Found, of_mat, text_of
-from coupling.records.record import SYNTHETIC, Record, UnusableRecord
+from coupling.records.record import SYNTHETIC, Channel, Record, Recorded, UnusableRecord
 from coupling.sensors import Sensor
 from workflows.files.foreign import arrays
 from workflows.files.uff import ENDINGS
@@ -49,31 +45,6 @@ def usable() -> Iterator[None]:
         yield
     except UnusableRecord as error:
         raise InvalidScene(str(error)) from None
-
-
-class Channel(NamedTuple):
-    """What a column holds."""
-
-    sphere: int  # counted from 1
-    quantity: str
-    in_volts: bool
-
-    @property
-    def name(self) -> str:
-        """As in the header of a file."""
-        return f"sphere {self.sphere} {self.quantity}"
-
-
-class Recorded(NamedTuple):
-    """Mean signals y (k, m) of m channels at equal times t (k,) [s], in SI units."""
-
-    t: NDArray[np.float64]
-    y: NDArray[np.float64]
-    channels: tuple[Channel, ...]
-    spread: NDArray[np.float64]  # (m,) standard deviation of one repeat; nan of a single one
-    repeats: int
-    name: str
-    synthetic: bool
 
 
 def recorded(path: Path) -> Recorded:

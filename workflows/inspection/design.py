@@ -16,11 +16,12 @@ from coupling.inspection.forward import Forward, Shot, unknowns
 from coupling.inspection.information import bars_over_time, bounds_information
 from coupling.inspection.inversion import GAIN_SCALE, scales
 from coupling.inspection.judgement import BARELY, TOLD
+from coupling.inspection.reading import TRIGGER, USUAL_NOISE
 from coupling.parametric_wall import Box
 from coupling.sensors import Sensor
 from workflows.files.run_folder import Picture
 from workflows.inspection import numbers
-from workflows.inspection.inspect import STEPS, TRIGGER, USUAL_NOISE
+from workflows.inspection.inspect import STEPS
 from workflows.inspection.structure import Structure, structure
 from workflows.pipeline.pipeline import Pipeline, Progress
 from workflows.results.plots import Line, Panel, panels

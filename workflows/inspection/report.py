@@ -6,8 +6,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from coupling.inspection.judgement import Judged, told_of
-from coupling.records.record import SYNTHETIC
-from workflows.files.records import Recorded
+from coupling.records.record import SYNTHETIC, Recorded
 from workflows.inspection.inspect import Inspected
 from workflows.results.tables import LINE, Table, text
 
