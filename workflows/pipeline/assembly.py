@@ -41,8 +41,8 @@ def _whole(scene: Scene, coarser: float) -> Mesh:
             raise InvalidScene(sentence)
         return own
     parts = assembly(scene.assembly)
-    seeds = ("seed", "block_seed", "support_seed", "contact_seed")
-    sizes = {seed: coarser * getattr(m, seed) for seed in seeds}
+    seeds = {name: getattr(m, f"{name}seed") for name in ("", "block_", "support_", "contact_")}
+    sizes = {f"{name}seed": size and coarser * size for name, size in seeds.items()}
     sizes["contact_point"] = scene.patch.point
     if m.element == "tet":
         return _tet_mesher()(parts, **sizes, coarser=coarser)
