@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coupling.work_precision.cost import Cost, cost_growth, cost_of_command, costed
+from coupling.work_precision.cost import Cost, CostGrowth, cost_growth, cost_of_command, costed
 from coupling.work_precision.rows import Row
 from fem.abaqus import input_deck
 from fem.correlation import RIGID
@@ -139,7 +139,7 @@ def _lines(sized: Iterable[Sized], errors, stages: tuple[str, ...]):
     return ("elements", "dofs", "error", *units), rows
 
 
-def _printed(sized: list[Sized], errors, growths: dict[str, Growth]) -> tuple[tuple, ...]:
+def _printed(sized: list[Sized], errors, growths: dict[str, CostGrowth]) -> tuple[tuple, ...]:
     """A column for each mesh: seconds of each stage, then memory, and the power of each."""
     rows = [("unknowns", *(one.dofs for one in sized), "power")]
     for i, unit in enumerate(("s", "GB")):
