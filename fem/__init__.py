@@ -52,7 +52,7 @@ from fem.mechanisms import Loose, loose_bodies
 from fem.mirror import mirrored
 from fem.model import Connections, Held, Model, Table, joined
 from fem.modes import Modes, held, modes
-from fem.plate import Sheet, TooLarge, mindlin_plate, unknowns
+from fem.plate import Sheet, TooLarge, mindlin_plate
 from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
 from fem.rods import Rod
@@ -130,5 +130,4 @@ __all__ = [
     "section",
     "target_mac",
     "tube",
-    "unknowns",
 ]

@@ -132,11 +132,6 @@ class TooLarge(ValueError):
     """A plate of more wave lengths than there is memory for."""
 
 
-def unknowns(sheet: Sheet, at: tuple[float, float]) -> int:
-    """Of a plate struck at x, y [m], before edges hold some of them."""
-    return _count(_divided(sheet, at, 1.0))
-
-
 def _count(ends: list[NDArray[np.float64]]) -> int:
     return int(3 * np.prod([ORDER * (len(one) - 1) + 1 for one in ends]))
 

@@ -64,7 +64,7 @@ def of_bending(scene: Scene, progress: Progress) -> tuple[tuple, tuple[str, ...]
     )
     tables = table_of(rows, printed=False), Table("mesh", COLUMNS, lines)
     told = {
-        "second": bending.second_length(scene),
+        "second": bending.FINER,
         "stated": run("mesh-error"),
         "off": waves[USUAL],
         "hz": hz[USUAL].tolist(),
