@@ -1,5 +1,7 @@
 """The parts of an inspection on models with known answers: lines through numbers and gains."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -24,7 +26,7 @@ from coupling.inspection.inversion import (
     _parts,
     inverted,
 )
-from coupling.inspection.profile import Valley, stretched
+from coupling.inspection.profile import Valley, _factor, stretched
 from coupling.inspection.search import _distinct, _filled, _inner, _noise, _spread, with_triggers
 
 T = np.arange(0.0, 240.0)
@@ -176,6 +178,18 @@ def test_what_cannot_run_is_far_off():
     np.testing.assert_array_equal(fit.residual(TRUTH + [1.2, 0, 0, 0, 0, 0]), np.full(960, HUGE))
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.1, 0.4])
+def test_rounding_adds_to_the_square_what_the_steadiest_record_shows(sigma):
+    """2 D^2 / 12 exp(-(2 pi sigma / D)^2 / 2) of steps D, sigma the noise before them."""
+    D = 0.3
+    rms = np.hypot(sigma * D, D / np.sqrt(12.0))
+    shots = [Shot(T, T, np.array([more * rms]), np.array([D / np.sqrt(12.0)])) for more in (2, 1)]
+    fit = a_fit()._replace(shots=(*shots, Shot(T, T, NOISE)))
+    exact = D**2 / 6.0 * np.exp(-((2 * np.pi * sigma) ** 2) / 2)
+    assert fit.rounded * rms**2 / exact == pytest.approx(1.0)
+    assert a_fit().rounded < 1e-300
+
+
 # --- what records tell ---------------------------------------------------------------------------
 
 
@@ -225,6 +239,37 @@ def test_a_parabola_rises_as_its_matrix_says_and_its_bars_stay():
     exact = np.linalg.inv(H) * np.outer(SOUGHT.scale, SOUGHT.scale)
     bars = found.uncertainty._replace(covariance=exact)
     assert stretched(fit, theta, J, bars, 2)[1] == pytest.approx(1.0, abs=1e-6)
+
+
+class Ground(NamedTuple):
+    """Of one number whose parabola rises by 1/4 in a step of 1/2, but which itself rises by `slope`
+    of that in each; the bounds leave `end` steps."""
+
+    slope: float
+    end: float
+    parabola = np.eye(1)
+
+    def room(self, _step, _i):
+        return self.end
+
+    def rise(self, step, _i):
+        return self.slope * abs(step[0]) / 2
+
+
+@pytest.mark.parametrize(
+    ("slope", "end", "steps"),
+    [
+        (0.25, 9.0, 4.0),  # t / 4 = 1
+        (0.25, 3.0, 3.0),  # as far as the bounds
+        (0.8, 1.1, 1.1),
+        (0.2, 0.9, 1.0),
+        (2.0, 9.0, 1.0),
+    ],
+)
+def test_a_bar_is_as_many_steps_as_the_ground_takes_to_rise_as_the_parabola_or_to_the_bounds(
+    slope, end, steps
+):
+    assert _factor(Ground(slope, end), np.full(1, 0.5), 0) == pytest.approx(steps)
 
 
 class Saturating(Linear):

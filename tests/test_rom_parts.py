@@ -105,6 +105,7 @@ def test_inertia_relief_by_a_shifted_factor_is_the_sum_over_elastic_modes(sigma)
     plain = Pencil(K, M, superlu(K - sigma * M), sigma)
     held = static_response(plain, W, np.zeros((N, 0)))
     np.testing.assert_allclose(held, np.linalg.solve(K.toarray(), W), rtol=1e-9)
+    assert not static_response(plain, 0 * W, np.zeros((N, 0))).any()
 
 
 def test_a_pencil_is_shifted_where_it_floats_and_as_asked():
@@ -315,6 +316,14 @@ def test_modes_handed_in_are_cut_at_the_frequency_asked_for(cutoff):
     asked = Selection(modes=(omega[:8], phi[:, :8]), cutoff_hz=cutoff * omega[5] / (2 * np.pi))
     kept = 5 if cutoff < 1 else 6
     np.testing.assert_allclose(np.diag(free_modes(K, M, W, asked).K)[:-1], omega[:kept] ** 2)
+
+
+def test_one_static_shape_stands_for_the_rest_of_modes_chosen_within_the_band():
+    K, M = structure(n=60)
+    w, to_hz = np.r_[np.zeros(58), 0.4, 0.6], 6.0
+    reduced = free_modes(K, M, w, Selection(n_modes=9, to_hz=to_hz, choice="contact"))
+    assert modal(reduced).omega[-2] < REACH * 2 * np.pi * to_hz
+    assert reduced.n_residual == 1
 
 
 # --- stated errors -------------------------------------------------------------------------------

@@ -17,7 +17,6 @@ from coupling.calibration.uncertainty import Uncertainty, combinations
 from coupling.inspection.fitting import Fit
 
 LONGER = 1.5  # of a step, until the misfit has risen enough
-CUT = 0.5  # of two standard deviations within the bounds, that tell how the misfit rises
 
 
 class Valley(NamedTuple):
@@ -92,17 +91,16 @@ def stretched(
 
 
 def _factor(valley: Valley, step: NDArray[np.float64], i: int) -> float:
-    """How many steps raise the misfit as much as one raises the parabola, at least one."""
+    """How many steps raise the misfit as much as one raises the parabola, at least one; as many as
+    the bounds leave where those are fewer."""
     room = valley.room(step, i)
-    if room < CUT:
+    if room <= 1.0:
         return 1.0
-    begin = min(1.0, room)
-    enough = begin**2 * step @ valley.parabola @ step
-    t, before, rise = begin, (0.0, 0.0), valley.rise(begin * step, i)
+    enough = step @ valley.parabola @ step
+    t, before, rise = 1.0, (0.0, 0.0), valley.rise(step, i)
     while rise < enough and t < room:
         before, t = (t, rise), min(LONGER * t, room)
         rise = valley.rise(t * step, i)
     if rise < enough:
-        return t / begin
-    at = np.interp(enough, (before[1], rise), (before[0], t))
-    return max(1.0, float(at) / begin)
+        return t
+    return max(1.0, float(np.interp(enough, (before[1], rise), (before[0], t))))
