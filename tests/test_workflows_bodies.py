@@ -275,6 +275,21 @@ motion = "z"
 """
 
 
+@pytest.mark.parametrize(
+    ("at", "told"),
+    [
+        ("[[0.0, 0.0]]", r"joints\.0\.at\.0\.2 is missing"),
+        ("[]", "an empty list; give at least one value"),
+        ("[[0.0, 0.0, 'x']]", "no number with a unit"),
+        ("'hole'", "must be 'holes'"),
+    ],
+)
+def test_points_of_a_joint_are_told_what_they_lack(at, told):
+    tables = tomllib.loads(STACK.replace("[[0.0, 0.0, 0.01]]", at).replace("HZ", "1e3"))
+    with pytest.raises(InvalidScene, match=told):
+        scene(tables)
+
+
 def test_a_joint_is_tuned_to_a_target_of_the_scene(capsys):
     """A target computed at kz = 5e7 N/m is met by that stiffness again."""
     known = written(STACK.replace("HZ", "1000.0"), "known")

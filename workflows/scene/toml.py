@@ -149,7 +149,9 @@ def _validated(model: type[BaseModel], tables: dict[str, Any], source: str, pref
     try:
         return model.model_validate(tables)
     except ValidationError as error:
-        raise InvalidScene(f"{source}: {_sentence(error.errors()[0], tables, prefix)}") from None
+        raise InvalidScene(
+            f"{source}: {_sentence(_told(error.errors()), tables, prefix)}"
+        ) from None
 
 
 def _require_usual(table: BaseModel, written: dict[str, Any], source: str, prefix, meant) -> None:
@@ -172,6 +174,15 @@ SENTENCES = {
     "model_type": "{key} = {found!r} must be a table; write [{key}] with keys below it.",
 }
 SENTENCES["model_attributes_type"] = SENTENCES["model_type"]
+
+
+def _told(errors: list[Any]) -> Any:
+    """The first of the errors; where a list is none of the words allowed, what is wrong with it."""
+    first, *others = errors
+    if first["type"] != "literal_error" or not isinstance(first["input"], list | tuple):
+        return first
+    place = first["loc"][:-1]
+    return next((e for e in others if e["loc"][: len(place)] == place), first)
 
 
 def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, ...]) -> str:
