@@ -114,6 +114,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("if n > 5000:", "n > 5000"): "dense matrices of that size are too large for a test",
     ("if n > 5000:", "5000"): "dense matrices of that size are too large for a test",
     ("x = np.random.default_rng(0).standard_normal(K.shape[0])", "0"): START,
+    ("for _ in range(2):", "2"): "what is made orthogonal once more changes by rounding alone",
     ("if exhausted or step % CHECK == 0:", "0"): LOOKS,
     ("if exhausted or step % CHECK == 0:", "step % CHECK == 0"): LOOKS,
     ("omega, phi = modes_until(problem, lambda omega, _: len(omega) >= n_modes, tolerance)",

@@ -132,8 +132,10 @@ def test_the_first_elastic_mode_is_looked_for_behind_seven_rigid_ones_at_most(n_
         pencil(*more, superlu)
 
 
-def test_a_structure_is_held_where_its_lowest_mode_stands_above_rounding():
+@pytest.mark.parametrize("heavier", [1e-9, 1.0, 1e9])
+def test_a_structure_is_held_where_its_lowest_mode_stands_above_rounding(heavier):
     K, M = structure(held=False)
+    M = heavier * M
     for stiffness, held in ((1e-13, False), (1e-6, True)):
         soft = K + sp.csc_array(np.diag(np.r_[stiffness * 3e3, np.zeros(N - 1)]))
         assert is_held(Pencil(soft, M, superlu(soft), 0.0)) == held
@@ -366,6 +368,14 @@ def test_the_error_of_a_truncation_knows_no_unit_of_time_and_ends_at_rounding(fa
         tail = Moments(m1, m1 / (70 * faster) ** 2, 2 * m1 / (70 * faster) ** 4)
         error = tail_errors(omega * faster, phi, tail, 2.0 * faster)
         assert (error[-1] == 0) == none and (error[:-1] > 0).all()
+
+
+@pytest.mark.parametrize("slower", [1.0, 1e4])
+def test_a_softer_structure_gives_way_by_more_whether_held_or_not(slower):
+    for held in (True, False):
+        K, M = structure(held)
+        soft, stiff = (health(full_order(A, M, W)) for A in (K / slower**2, K))
+        assert soft.static_compliance / (slower**2 * stiff.static_compliance) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("slower", [1.0, 1e4])
