@@ -23,11 +23,13 @@ from scipy.stats import qmc
 
 from coupling.errors import CouplingError
 from dem import Wall
+from rom import ReducedModel, modal
 
 FOLLOWED = 0.2  # least MAC of a mode that is the same
 IN_ORDER = 0.05  # MAC that the same place in the order counts for
 OVERSAMPLED = 1.6  # walls over coefficients
 FACTORS = 1.05  # high over low from which on a number varies by factors
+ROWS = 600  # of a surface, that tell modes apart
 RIGID = 1e-9  # of the largest square of a frequency: none
 
 
@@ -37,6 +39,22 @@ class Computed(NamedTuple):
 
     wall: Wall
     shapes: NDArray[np.float64] | None = None
+
+
+def with_rest(wall: Wall, reduced: ReducedModel | None) -> Computed:
+    """The wall with an oscillator for the rest behind its own modes, and their shapes."""
+    modes = None if reduced is None else modal(reduced)
+    own = None if modes is None else int(np.isin(wall.omega, modes.omega).sum())
+    if own in (None, len(wall.omega)):  # nothing is left out
+        wall = wall._replace(
+            omega=np.append(wall.omega, 10.0 * wall.omega.max()),
+            zeta=np.append(wall.zeta, 0.0),
+            phi=np.append(wall.phi, 0.0),
+        )
+    if modes is None or reduced.surface is None:
+        return Computed(wall)
+    T = reduced.surface.T.reshape(-1, reduced.surface.T.shape[-1])
+    return Computed(wall, T[:: max(1, len(T) // ROWS)] @ modes.vectors[:, :own])
 
 
 class Box(NamedTuple):

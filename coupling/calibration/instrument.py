@@ -10,7 +10,9 @@ import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from coupling.calibration.signals import Filter
+from dem import Chain, Wall, march_to_error
 
+MARCHED = 1e-8  # relative velocity error of the data's own march
 OVERSAMPLED = 4  # samples of the march per sample of the instrument
 
 
@@ -34,6 +36,21 @@ class Clean(NamedTuple):
     t: np.ndarray  # (k,) [s] on the record's clock
     v: np.ndarray  # (k, m) [m/s]
     spheres: tuple[int, ...]
+
+
+def clean_signals(
+    chain: Chain,
+    wall: Wall | None,
+    v0: np.ndarray,
+    twin: Twin,
+    spheres: tuple[int, ...],
+    duration: float,
+) -> Clean:
+    """The known rig marched for a duration [s] and filtered; spheres are counted from 1."""
+    rate, observed = OVERSAMPLED * twin.sampling, [n - 1 for n in spheres]
+    n = round(duration * rate)
+    found = march_to_error(chain, wall, v0, duration=n / rate, error=MARCHED, n_save=n)
+    return shown(found.trajectory.v[:, observed], v0[observed], twin, spheres)
 
 
 def shown(v: np.ndarray, v0: np.ndarray, twin: Twin, spheres: tuple[int, ...]) -> Clean:

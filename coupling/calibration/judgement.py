@@ -1,6 +1,9 @@
 """How far to believe a calibration: what is identified, and what its misfit says, in sentences."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,6 +12,11 @@ from coupling.calibration.parameters import Parameter
 from coupling.calibration.search import decisive
 from coupling.calibration.signals import Signals
 
+if TYPE_CHECKING:
+    from coupling.calibration.posterior import Posterior  # loads the sampler
+
+SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
+DIFFERENT = 0.1  # of two sigma, by a quantile from the end of its bar
 IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one that may be 0
 WEAK = 0.5
 SUSPICIOUS = 1.05  # what noise alone reaches once in a thousand records
@@ -125,3 +133,40 @@ def _beside_noise(total: float, noise: float, repeats: int) -> str:
         f"The misfit is {total / noise:.3g} times the {of_mean} of which {known}: noise alone "
         "leaves as much."
     )
+
+
+def on_posterior(drawn: Posterior, fit: Calibration, *, seed: int, seconds: float) -> str:
+    """How the samples of a posterior came about, and what they say beyond the bars."""
+    cost = f"{drawn.model_runs} model runs in {seconds:.1f} s, seed {seed}"
+    tau = float(drawn.autocorrelation.max())
+    if not (np.isfinite(tau) and drawn.long_enough):
+        times = f"of {tau:.3g} steps" if np.isfinite(tau) else "that cannot be told"
+        return (
+            f"The posterior is not shown: {drawn.kept} steps of {drawn.walkers} walkers are too "
+            f"few for autocorrelation times {times} (50 of them are needed); {cost}. Free fewer "
+            "parameters, or those that the data determines."
+        )
+    different = _unlike(drawn, fit)
+    verdict = (
+        f"differ from their bars by more than a tenth of two sigma: {', '.join(different)}"
+        if different
+        else "agree with the bars to a tenth of two sigma"
+    )
+    return (
+        f"Posterior, flat between the bounds: {drawn.effective:.0f} effective samples "
+        f"({drawn.walkers} walkers, {drawn.kept} steps, autocorrelation "
+        f"{tau:.3g} steps, {100 * drawn.acceptance:.0f} % accepted; {cost}); "
+        f"its quantiles {verdict}."
+    )
+
+
+def _unlike(drawn: Posterior, fit: Calibration) -> list[str]:
+    """Parameters without a bar, or whose bar ends elsewhere than the samples do."""
+    low, _, high = drawn.quantiles(SHARES)
+    bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
+    each = zip(fit.parameters, fit.value, bars, low, high, strict=True)
+    return [
+        p.name
+        for p, x, bar, least, most in each
+        if not np.isfinite(bar) or max(abs(x - bar - least), abs(x + bar - most)) > DIFFERENT * bar
+    ]

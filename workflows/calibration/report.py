@@ -7,13 +7,11 @@ import numpy as np
 from pydantic import BaseModel
 
 from coupling.calibration.calibration import Calibration
-from coupling.calibration.judgement import combinations, identifiable, remarks
+from coupling.calibration.judgement import SHARES, combinations, identifiable, remarks
 from coupling.calibration.signals import Signals
 from coupling.records.record import SYNTHETIC
 from workflows.results.tables import LINE, aligned_text
 from workflows.scene import OneDofWall, Scene
-
-SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
 
 
 class ParameterRow(BaseModel):

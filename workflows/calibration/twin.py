@@ -14,7 +14,7 @@ from pydantic import BaseModel
 
 import dem
 from coupling.calibration.coverage import Repeats, refitted
-from coupling.calibration.instrument import OVERSAMPLED, Clean, Twin, repeated, shown
+from coupling.calibration.instrument import OVERSAMPLED, Clean, Twin, clean_signals, repeated
 from coupling.calibration.parameters import Parameter
 from coupling.records.record import SYNTHETIC, Record
 from workflows.calibration import parameters as free_parameters
@@ -23,7 +23,6 @@ from workflows.pipeline.chain import chain, initial_velocity
 from workflows.results.tables import LINE, aligned_text
 from workflows.scene import InvalidScene, OneDofWall, Scene
 
-MARCHED = 1e-8  # relative velocity error of the data's own march
 SOUGHT = 0.9  # share of repeats inside their bars
 
 
@@ -109,15 +108,11 @@ def clean(scene: Scene, wall: dem.Wall | None, twin: Twin, made_by: Truth) -> Cl
     """The known rig marched and filtered by the instrument."""
     if not scene.output.spheres:
         raise InvalidScene("output.spheres is empty; name the spheres that are measured.")
-    rig = chain(scene)
-    rig = rig._replace(A=rig.A * made_by.contact)
     if made_by.frequency is not None:
         wall = wall._replace(omega=np.array([2 * np.pi * made_by.frequency]))
-    rate, observed = OVERSAMPLED * twin.sampling, [n - 1 for n in scene.output.spheres]
-    n = round(scene.time.duration * rate)
-    v0 = initial_velocity(scene)
-    found = dem.march_to_error(rig, wall, v0, duration=n / rate, error=MARCHED, n_save=n)
-    return shown(found.trajectory.v[:, observed], v0[observed], twin, scene.output.spheres)
+    row, v0 = chain(scene), initial_velocity(scene)
+    row = row._replace(A=row.A * made_by.contact)
+    return clean_signals(row, wall, v0, twin, scene.output.spheres, scene.time.duration)
 
 
 def measured(made: Clean, twin: Twin, run: int = 0) -> Record:

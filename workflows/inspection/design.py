@@ -12,11 +12,10 @@ import coupling
 import dem
 from coupling.band import Band
 from coupling.calibration.parameters import Parameter
-from coupling.inspection.forward import Forward, Shot, unknowns
-from coupling.inspection.information import bars_over_time, bounds_information
-from coupling.inspection.inversion import GAIN_SCALE, scales
+from coupling.inspection.foreseen import foreseen, trigger
+from coupling.inspection.forward import Forward, unknowns
 from coupling.inspection.judgement import BARELY, TOLD
-from coupling.inspection.reading import TRIGGER, USUAL_NOISE
+from coupling.inspection.reading import USUAL_NOISE
 from coupling.parametric_wall import Box
 from coupling.sensors import Sensor
 from workflows.files.run_folder import Picture
@@ -32,8 +31,6 @@ from workflows.sweep.cases import Base
 from workflows.sweep.design import grid
 
 NEAR = 0.01  # of the bounds' distance: where walls are computed to either side of the scene's
-INSTANTS = 80  # record lengths that are looked at
-ENOUGH = 2.0  # times its last bar: a record that is long enough
 MOST_CASES = 200
 
 
@@ -73,7 +70,6 @@ def _case(
     own = numbers.own(base, numbers.usual_each(scene, ",".join(p.name for p in found)), 1)
     keys = tuple(p.name for p in (*found, *own[0]))
     theta = np.array([p.start for p in (*here, *own[0])])
-    sought = unknowns(found, own, [_trigger()])
     wall = Pipeline(scene, Memory(None, verbose=0)).key("wall")
     try:
         if wall not in known:
@@ -83,7 +79,7 @@ def _case(
         model = known[wall].of(scene, base)
         spheres = tuple(range(2, scene.chain.count + 1))
         blank = Case(values, spheres, *np.zeros((2, len(spheres), len(found))))
-        return _told(scene, blank, model, theta, sought)
+        return _told(scene, blank, model, theta, found, own)
     except (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium) as reason:
         raise InvalidScene(f"{scene.name}: {str(reason).rstrip('.')}.") from None
 
@@ -94,37 +90,16 @@ def _near(p: Parameter, value: float) -> Parameter:
     return p._replace(start=value, low=value - reach, high=value + reach)
 
 
-def _trigger() -> Parameter:
-    reach, scale = TRIGGER
-    return Parameter("trigger", "trigger", 0.0, -reach, reach, scale, "s")
-
-
-def _told(scene: Scene, case: Case, model: Structure, theta, sought) -> Case:
-    """A case with its bars, by the run at the scene's values and its derivatives."""
+def _told(scene: Scene, case: Case, model: Structure, theta, found, own) -> Case:
+    """A case with its bars."""
     sensors, noise, unknown = _sensors(scene, case.spheres)
     sampling = (scene.output.instrument or Instrument()).sampling
     t = np.arange(int(scene.time.duration * sampling)) / sampling
-    shot = Shot(t, np.zeros((len(t), len(sensors))), np.ones(len(sensors)))
     forward = Forward(model, sensors, STEPS * dem.sensitivities.usual_step(*model(theta)))
-    shown, slopes = forward.jacobian(sought, np.append(theta, 0.0), [shot])
-    rms = noise * np.maximum(np.abs(shown[0]).max(axis=0), 1e-300)
-    shown, slopes = shown[0] / rms, slopes[0] / rms[:, None]
-    if unknown:
-        slopes = np.concatenate([slopes, GAIN_SCALE * shown[..., None]], axis=-1)
-    p, n = slopes.shape[-1], case.bars.shape[1]
-    B = np.zeros((p, p))
-    B[: len(theta) + 1, : len(theta) + 1] = bounds_information(sought.parameters)
-    told = [_by_sensor(slopes[:, i], B, t) for i in range(len(sensors))]
-    bars, needed = (np.array(one)[:, :n] for one in zip(*told, strict=True))
-    return case._replace(bars=bars * scales(sought.parameters)[:n], needed=needed)
-
-
-def _by_sensor(slopes, B, t) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(p,) bars in scales by the slopes (k, p) of one sensor, and the record [s] after which they
-    are not much longer than at the end."""
-    ends = np.unique(np.linspace(len(t) / INSTANTS, len(t), INSTANTS).astype(int))
-    bars = bars_over_time(slopes[None, :, None], B, ends)
-    return bars[-1], t[ends[np.argmax(bars <= ENOUGH * bars[-1], axis=0)] - 1]
+    sought = unknowns(found, own, [trigger()])
+    told = foreseen(forward, sought, theta, t, noise=noise, unknown_gain=unknown)
+    bars, needed = (one[:, : len(found)] for one in told)
+    return case._replace(bars=bars, needed=needed)
 
 
 def _sensors(scene: Scene, spheres) -> tuple[tuple[Sensor, ...], float, bool]:

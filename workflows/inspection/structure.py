@@ -19,6 +19,7 @@ from coupling.parametric_wall import (
     ParametricWall,
     design,
     parametric_wall,
+    with_rest,
 )
 from workflows.inspection.numbers import moved, number, put
 from workflows.pipeline.chain import chain as chain_of
@@ -29,7 +30,6 @@ from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.sweep.cases import Base
 
 QUICK, SLOW = 3, 2  # degree of the polynomials between walls, of a beam and of bodies
-ROWS = 600  # of a surface, that tell modes apart
 CHAINS = 16  # that are kept: many runs differ in the wall alone
 FAILURES = (InvalidScene, ValueError, ArithmeticError, np.linalg.LinAlgError)
 
@@ -187,9 +187,9 @@ def computed(scene: Scene) -> Computed:
     """The scene's wall and the shapes of its modes; a structure of bodies is kept, beams are
     quicker computed anew."""
     if not needs_structure(scene):
-        return _with_rest(_required(scene, wall_of(scene, None)), None)
+        return with_rest(_required(scene, wall_of(scene, None)), None)
     reduced = _bent(scene) if scene.bending else _kept(scene)
-    return _with_rest(_required(scene, wall_of(scene, reduced)), reduced)
+    return with_rest(_required(scene, wall_of(scene, reduced)), reduced)
 
 
 def _bent(scene: Scene) -> rom.ReducedModel:
@@ -200,19 +200,3 @@ def _bent(scene: Scene) -> rom.ReducedModel:
 
 def _kept(scene: Scene) -> rom.ReducedModel:
     return pipeline_of(scene, lambda name: nullcontext())("reduction")
-
-
-def _with_rest(wall: dem.Wall, reduced: Any) -> Computed:
-    """The wall with an oscillator for the rest behind its own modes, and their shapes."""
-    modes = None if reduced is None else rom.modal(reduced)
-    own = None if modes is None else int(np.isin(wall.omega, modes.omega).sum())
-    if own in (None, len(wall.omega)):  # nothing is left out
-        wall = wall._replace(
-            omega=np.append(wall.omega, 10.0 * wall.omega.max()),
-            zeta=np.append(wall.zeta, 0.0),
-            phi=np.append(wall.phi, 0.0),
-        )
-    if modes is None or reduced.surface is None:
-        return Computed(wall)
-    T = reduced.surface.T.reshape(-1, reduced.surface.T.shape[-1])
-    return Computed(wall, T[:: max(1, len(T) // ROWS)] @ modes.vectors[:, :own])
