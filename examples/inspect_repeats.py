@@ -7,9 +7,12 @@ docs/inspect.md: how often the two-sigma bar has held the truth, mean and standa
     striker - o o o o o o o o o ..  beam        sphere 9: force in V, gain unknown,
               five impacts, 0.3 to 0.5 m/s      2 MHz, 8 bits, 1 % of noise
 
-Each repeat begins at the truth: this is a test of the bars, not of the search.
+Each repeat begins at the truth: this is a test of the bars. With --beams the search is tested, on
+beams drawn all over wide bounds; you will see how far the answer is off in its standard deviations,
+whether the records were called explained, and the seconds of one core.
 
-Run it: python examples/inspect_repeats.py 200        five minutes on one core
+Run it: python examples/inspect_repeats.py 200          four minutes on one core
+        python examples/inspect_repeats.py --beams 40   five minutes
 """
 
 import sys
@@ -23,7 +26,7 @@ from coupling.parametric_wall import Box
 from coupling.records.record import Channel, Recorded
 from coupling.sensors import Sensor, measured, recorded, signals
 from workflows.api.progress import quiet
-from workflows.inspection.inspect import problem
+from workflows.inspection.inspect import Request, inspected, problem
 from workflows.inspection.numbers import own, shared
 from workflows.inspection.structure import computed, structure
 from workflows.pipeline.chain import chain
@@ -35,13 +38,17 @@ SPEEDS = np.array([0.30, 0.35, 0.40, 0.45, 0.50])  # as `--each` has them, 3 % o
 SENSOR = Sensor(8, "force", gain=0.7, noise=0.01)
 SAMPLES, RATE, BITS = 8001, 2e6, 8
 EVERY = 20
+WIDE = "beam.thickness=9mm:15mm,beam.young=49GPa:98GPa,beam.axial_force=-35kN:5kN"
+EACH = "striker.velocity=" + ",".join(map(str, SPEEDS))
+PRESSED = 0.97  # of the buckling load, at most
 
 
 def main(repeats: int) -> None:
+    """Bars of one beam."""
     truth = np.array(list(TRUTH.values()))
     base = base_of("sensed-beam", TRUTH)
     found = shared(base, ",".join(TRUTH), BOUNDS)
-    each = own(base, "striker.velocity=" + ",".join(map(str, SPEEDS)), len(SPEEDS))
+    each = own(base, EACH, len(SPEEDS))
     box = Box(*(np.array([getattr(p, end) for p in found]) for end in ("low", "high")))
     model = structure(base, (*TRUTH, "striker.velocity"), box, len(found), quiet)
     begin, clean = impacts(base, truth)
@@ -60,21 +67,22 @@ def impacts(base: Base, truth: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]
     rng = np.random.default_rng(5)
     late = rng.uniform(0, 2e-5, len(SPEEDS))
     speeds = SPEEDS * (1 + 0.03 * rng.uniform(-1, 1, len(SPEEDS)))
-    scene = base.with_values({})
-    row, wall = chain(scene), computed(scene).wall
-    clean = [signal(row, wall, *shot) for shot in zip(speeds, late, strict=True)]
+    clean = signals_of(base, SENSOR, speeds, late)
     return np.concatenate([truth, np.ravel(np.column_stack([speeds, late]))]), clean
 
 
-def signal(row: dem.Chain, wall: dem.Wall, speed: float, late: float) -> np.ndarray:
-    """(SAMPLES, 1) [V] of one impact, by steps a quarter as long as the model's."""
-    v0 = np.append(speed, np.zeros(len(row.mass) - 1))
-    t = np.arange(SAMPLES) / RATE
-    dt = dem.sensitivities.usual_step(row, wall, v0)
-    n = int(np.ceil(t[-1] / dt))
-    run = dem.march(row, wall, v0, duration=n * dt, dt=dt, n_save=n)
-    force = measured([SENSOR], run.t, run.x, run.v, run.contact_force)
-    return signals([SENSOR], run.t, force, np.clip(t - late, 0, None))
+def signals_of(base: Base, sensor: Sensor, speeds, late) -> list[np.ndarray]:
+    """(SAMPLES, 1) [V] of each impact before the instrument, by short steps."""
+    scene, t, found = base.with_values({}), np.arange(SAMPLES) / RATE, []
+    row, wall = chain(scene), computed(scene).wall
+    for speed, begin in zip(speeds, late, strict=True):
+        v0 = np.append(speed, np.zeros(len(row.mass) - 1))
+        dt = dem.sensitivities.usual_step(row, wall, v0)
+        n = int(np.ceil(t[-1] / dt))
+        run = dem.march(row, wall, v0, duration=n * dt, dt=dt, n_save=n)
+        force = measured([sensor], run.t, run.x, run.v, run.contact_force)
+        found.append(signals([sensor], run.t, force, np.clip(t - begin, 0, None)))
+    return found
 
 
 def with_noise(y: np.ndarray, seed: tuple[int, ...]) -> Recorded:
@@ -100,5 +108,40 @@ def told(answers: list[Inversion], truth: np.ndarray, seconds: float) -> None:
         )
 
 
+def beams(count: int) -> None:
+    """The search on beams all over wide bounds."""
+    rng, base = np.random.default_rng(0), base_of("sensed-beam", ())
+    limits = shared(base, ",".join(TRUTH), WIDE)
+    low, high = (np.array([getattr(p, end) for p in limits]) for end in ("low", "high"))
+    for i in range(count):
+        truth = drawn(rng, low, high)
+        own_base = base_of("sensed-beam", dict(zip(TRUTH, map(float, truth), strict=True)))
+        records, started = some_records(own_base, i), process_time()
+        found = inspected(base, records, Request(",".join(TRUTH), WIDE, EACH), quiet).inversion
+        seconds = process_time() - started
+        off = (found.value[:3] - truth) / (found.uncertainty.two_sigma[:3] / 2)
+        told = "explained" if found.explained else "NOT EXPLAINED"
+        print(f"beam {i}: {told}, off by {off.round(2)} sigma, {seconds:.1f} s", flush=True)
+
+
+def drawn(rng, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Thickness, modulus and axial force of a beam that does not buckle, 0.3 m by 0.04 m."""
+    while True:
+        h, E, N = found = low + (high - low) * rng.random(3)
+        if -N < PRESSED * E * 0.04 * h**3 / 12 * np.pi**2 / 0.3**2:
+            return found
+
+
+def some_records(base: Base, i: int) -> tuple[Recorded, ...]:
+    """Five impacts; gain, velocities and triggers are drawn."""
+    rng = np.random.default_rng([7, i])
+    gain, drawn = rng.uniform(0.2, 2.0), []
+    for speed in SPEEDS:
+        drawn.append((speed * (1 + 0.03 * rng.uniform(-1, 1)), rng.uniform(0, 2e-5)))
+    clean = signals_of(base, SENSOR._replace(gain=gain), *zip(*drawn, strict=True))
+    return tuple(with_noise(y, (i, k)) for k, y in enumerate(clean))
+
+
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
+    run = beams if "--beams" in sys.argv else main
+    run(int(sys.argv[-1]) if sys.argv[-1].isdigit() else 40)
