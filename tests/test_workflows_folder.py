@@ -218,6 +218,8 @@ def test_a_refused_run_leaves_nothing_and_a_failed_one_its_finished_files(made):
             folder.write("figures/modes.png", b"finished")
             raise failure
         assert Path("out").exists() == left
+        if failure is InvalidScene:
+            assert not contents("out")
         assert Path("out", "figures", "modes.png").exists() == (failure is ValueError)
 
 

@@ -71,7 +71,7 @@ class RunFolder:
         Over files of ours that is a folder inside, so that they stay until then; else this one,
         which a refused run leaves as it was.
         """
-        made = not lexists(self.path)
+        made, marked = not lexists(self.path), lexists(self.path / MARKER)
         same = self.ours("scene.toml") and _text(self.path / "scene.toml") == scene_toml
         with self.held(*(() if same else ("scene.toml",)), *files):
             over = any(map(self.ours, self._noted()))
@@ -81,7 +81,7 @@ class RunFolder:
                     yield folder
                     self._take(folder)
             except InvalidScene:
-                self._withdraw(made)
+                self._withdraw(made, marked)
                 raise
 
     @contextmanager
@@ -97,13 +97,16 @@ class RunFolder:
         finally:
             rmtree(new, ignore_errors=True)
 
-    def _withdraw(self, made: bool) -> None:
-        """Remove what was written since the start, and the folder where it was made for that."""
+    def _withdraw(self, made: bool, marked: bool) -> None:
+        """Remove what was written since the start, and marker and folder if made for that."""
         self.clear(self._new)
         with suppress(OSError):
             (self.path / "figures").rmdir()
-        if made and [path.name for path in self.path.iterdir()] == [MARKER]:
-            rmtree(self.path)
+        if not marked:
+            (self.path / MARKER).unlink(missing_ok=True)
+        if made:
+            with suppress(OSError):
+                self.path.rmdir()
 
     def _take(self, new: "RunFolder") -> None:
         """Put the files of a new folder in the place of those of ours."""
