@@ -144,6 +144,12 @@ def test_a_fit_ends_at_the_least_squares_of_records_and_bounds():
         assert found.converged and fit.misfit(found.theta) == pytest.approx(found.misfit)
 
 
+def test_a_fit_that_is_stopped_says_so():
+    fit = a_fit(noise=30.0)
+    found = fit.solved(SOUGHT.centre, most=1)
+    assert (found.evaluations, found.converged) == (1, False)
+
+
 def test_a_fit_ends_at_its_bounds():
     """a at most 1.2, b at least 0.3: the others follow."""
     changed = (SHARED[0]._replace(high=1.2), SHARED[1]._replace(low=0.3))

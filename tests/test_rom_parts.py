@@ -320,6 +320,22 @@ def test_modes_handed_in_are_cut_at_the_frequency_asked_for(cutoff):
     np.testing.assert_allclose(np.diag(free_modes(K, M, W, asked).K)[:-1], omega[:kept] ** 2)
 
 
+def test_of_all_modes_of_a_structure_nothing_is_left():
+    K, M = structure()
+    none = EigenPairs(np.zeros(0), np.zeros((N, 0)))
+    asked = Selection(n_modes=N, to_hz=6.0, choice="contact")
+    chosen = contact_modes(pencil(K, M, superlu), W, none, asked)
+    assert chosen.error < 1e-9 and not chosen.residual.any()
+
+
+def test_modes_inside_come_with_rising_frequencies():
+    K, M = structure(n=60)
+    w = np.r_[np.zeros(58), 0.4, 0.6]
+    asked = Selection(n_modes=9, to_hz=6.0, choice="contact")
+    squared = np.diag(craig_bampton(K, M, w, [58, 59], asked).K)[2:]
+    assert len(squared) > 5 and (np.diff(squared) > 0).all()
+
+
 def test_one_static_shape_stands_for_the_rest_of_modes_chosen_within_the_band():
     K, M = structure(n=60)
     w, to_hz = np.r_[np.zeros(58), 0.4, 0.6], 6.0
