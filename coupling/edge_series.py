@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling.collision import FAINTEST_ARR, Collision
-from coupling.plate import Plate
+from coupling.plate import Plate, group_speed
 
 CLOSE = 0.05  # of the ARR far from the edge: where the edge no longer matters
 
@@ -43,6 +43,16 @@ class Series(NamedTuple):
     def over_far(self) -> NDArray[np.float64]:
         """ARR over that far away, or over what could just be seen (k,)."""
         return self.arr / max(self.far, FAINTEST_ARR)
+
+    @property
+    def remaining(self) -> NDArray[np.float64]:
+        """What is left of the edge's effect on ARR (k,), 1 at the edge."""
+        return (self.arr - self.far) / (self.arr[0] - self.far)
+
+    def reach(self, deep: Collision) -> float:
+        """Half the way [m] that bending waves make while a contact with a half-space lasts."""
+        seconds = deep.contact.seconds
+        return group_speed(self.plate, np.pi / seconds) * seconds / 2
 
     @property
     def critical(self) -> float:

@@ -6,6 +6,7 @@ over the observed spheres s and, at each, the time in which the k-th reflected w
 passes: 0 for equal waves, sqrt(2) for waves that do not meet.
 """
 
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from math import isnan
 from typing import NamedTuple
@@ -102,6 +103,26 @@ class Similarity(NamedTuple):
         """Whether the distance tells the first of them from the second."""
         first, second, *_ = self.ranked
         return self.distance[first] < 0.5 * self.distance[second]
+
+
+def similarity(
+    runs: Mapping[str, Observed],
+    one: str,
+    other: str,
+    *,
+    masses: Sequence[str],
+    number: int,
+    spheres: tuple[int, ...],
+) -> Similarity:
+    """Of the one-mass walls named `masses` to `one`, by the reflected wave `number` at the last of
+    the spheres."""
+    masses = [name for name in masses if name in runs]
+    there = [name for name in (one, *masses) if name in runs]
+    found = {name: runs[name].wave(spheres[-1], "reflected", number) for name in there}
+    times = {name: label.arrival.time for name, label in found.items() if label}
+    compared = [name for name in masses if name in times and one in times]
+    apart = {name: overall(runs[one], runs[name], spheres) for name in compared}
+    return Similarity(one, other, times, apart)
 
 
 class Dependence(NamedTuple):

@@ -3,16 +3,22 @@
 Lengths in metres, in global axes. Faces carry the tag that the CAD model knows them by.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.assembly import InvalidGeometry
+
 ALIGNED = 1e-6  # 1 - cosine of the angle between directions that count as equal
 SAME = 1e-6  # m, lengths and places closer than this count as equal
 
 Vector = NDArray[np.float64]  # (3,)
+
+
+LARGEST = 30.0  # m, of an assembly: a thousand times as much is in other units
+UNLIKE = 500  # an assembly over its middle face: no units change that, a point far off does
 
 
 class Face(NamedTuple):
@@ -82,3 +88,22 @@ def described(face: Face) -> str:
         what = "bore" if face.hollow and face.kind == "cylinder" else face.kind
         return f"a {what} of diameter {2e3 * face.radius:.6g} mm with its middle at {at}"
     return f"a face ({face.kind}) with its middle at {at}"
+
+
+def require_size(bodies: Mapping[str, Body]) -> None:
+    """Raise InvalidGeometry for an assembly in other units than its file says, or torn apart by
+    a damaged one."""
+    sides = np.max([b.upper for b in bodies.values()], axis=0)
+    sides = sides - np.min([b.lower for b in bodies.values()], axis=0)
+    if sides.max() > LARGEST:
+        size = " x ".join(f"{side:.4g}" for side in sides)
+        usual = np.median([np.max(f.upper - f.lower) for b in bodies.values() for f in b.faces])
+        if sides.max() > UNLIKE * usual:
+            raise InvalidGeometry(
+                f"the assembly is {size} m, while half of its faces are smaller than {usual:.3g} m:"
+                " its file is damaged; export it again."
+            )
+        raise InvalidGeometry(
+            f"the assembly is {size} m, allowed are {LARGEST:g} m: its file is in other units than "
+            "it says, or a mesh not in metres; write it anew."
+        )

@@ -12,9 +12,9 @@ from geometry.assembly import InvalidGeometry
 from geometry.cad import model, write_step
 from geometry.gmsh_session import session, silent
 from geometry.shapes import Box, Cylinder
+from geometry.solids import require_size
 from geometry.step_file import check_step, n_solids
 from workflows.files.step import require_step
-from workflows.pipeline.bodies import _require_size
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -134,6 +134,6 @@ def test_a_point_far_off_is_damage_and_a_thousand_times_too_large_another_unit()
         return {"a": SimpleNamespace(faces=faces, lower=np.zeros(3), upper=whole)}
 
     with pytest.raises(InvalidGeometry, match=r"smaller than 0.02 m: its file is damaged"):
-        _require_size(bodies(0.01, 0.02, 0.02, 0.03, 100.0))
+        require_size(bodies(0.01, 0.02, 0.02, 0.03, 100.0))
     with pytest.raises(InvalidGeometry, match="is in other units than it says"):
-        _require_size(bodies(10.0, 20.0, 20.0, 30.0, 100.0))
+        require_size(bodies(10.0, 20.0, 20.0, 30.0, 100.0))

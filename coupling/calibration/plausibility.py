@@ -4,9 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from coupling.calibration.signals import Signals
+from coupling.calibration.signals import Aligned, Filter, Signals
 from coupling.records.record import Record, UnusableRecord
 
+LOWEST = 0.05  # low-pass times the contact time scale
+TRIGGERS = (-0.5, 1.0)  # of the record: where the first touch may be said to be
 WRONG_UNITS = 20.0  # peak velocity over the striker's
 DOUBTFUL_UNITS = 3.0
 ARRIVED = 0.5  # of the largest velocity
@@ -164,3 +166,45 @@ def unlike_the_model(signals: Signals, data, model, lag: float, dt: float, time_
                 f"Sphere {sphere + 1} does not look like the model it starts from (correlation "
                 f"{alike:.2f}): check its column, sign and time base."
             )
+
+
+def on_repeats(raw: Aligned) -> Iterator[str]:
+    """Sentences on repeats that were left out or shifted."""
+    for i in raw.outliers:
+        yield f"Repeat {i + 1} is unlike the others and was left out."
+    spread = np.ptp(np.delete(raw.shift, raw.outliers))
+    if spread > 5e-6:
+        yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
+
+
+def filters_of(
+    band: float | None, instrument: float | None, t: np.ndarray, time_scale: float
+) -> Filter:
+    """Low-passes [Hz] of data and model; raises UnusableRecord for one that leaves nothing."""
+    nyquist, least = 0.5 / (t[1] - t[0]), LOWEST / time_scale
+    for name, value in (("band", band), ("instrument", instrument)):
+        most = nyquist if name == "band" else 10 * nyquist
+        if value is not None and not least < value < most:
+            raise UnusableRecord(
+                f"--{name} {value:g} Hz must be between {least:.4g} Hz, below which nothing is "
+                f"left of the waves, and {most:g} Hz, given the data's {2 * nyquist:.4g} samples "
+                "in a second; change it."
+            )
+    return Filter(band, instrument)
+
+
+def first_touch(text: str, estimate: float, t: np.ndarray) -> float:
+    """The time [s] that is given, or the estimate; raises UnusableRecord for one off the record."""
+    if text in ("fit", "estimate"):
+        return estimate
+    try:
+        found = float(text)
+    except ValueError:
+        found = np.nan
+    low, high = (t[0] + share * (t[-1] - t[0]) for share in TRIGGERS)
+    if not low < found < high:
+        raise UnusableRecord(
+            f"--trigger {text!r} must be fit, estimate, or the time of the first touch between "
+            f"{low:.4g} and {high:.4g} s, given the record."
+        )
+    return found

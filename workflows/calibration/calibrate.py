@@ -14,10 +14,17 @@ import dem
 from coupling.calibration.calibration import Calibration, calibrate
 from coupling.calibration.forward import Forward
 from coupling.calibration.judgement import on_held_out
-from coupling.calibration.plausibility import cut_off, plausible, require_samples, unlike_the_model
+from coupling.calibration.plausibility import (
+    cut_off,
+    filters_of,
+    first_touch,
+    on_repeats,
+    plausible,
+    require_samples,
+    unlike_the_model,
+)
 from coupling.calibration.search import Options
 from coupling.calibration.signals import (
-    Aligned,
     Filter,
     Signals,
     aligned,
@@ -35,8 +42,6 @@ from workflows.scene import InvalidScene, OneDofWall, Scene
 if TYPE_CHECKING:
     from coupling.calibration.posterior import Posterior
 
-LOWEST = 0.05  # low-pass times the contact time scale
-TRIGGERS = (-0.5, 1.0)  # of the record: where the first touch may be said to be
 SCANNED = (50.0, 2000.0, 60)  # [Hz]
 
 
@@ -89,8 +94,8 @@ def calibrated(
     used, held = _split(measured, request.hold_out)
     raw = aligned(measured.t, measured.v, tuple(n - 1 for n in measured.spheres))
     raw = raw._replace(signals=raw.signals._replace(channels=start.channels))
-    remarks += _told_repeats(raw)
-    filters = _filters(request, measured.t, time_scale)
+    remarks += on_repeats(raw)
+    filters = filters_of(request.band, request.instrument, measured.t, time_scale)
     trigger, more = _trigger(scene, wall, raw.signals, filters, request)
     rig = free_parameters.rig(scene, wall, trigger)
     parameters = (*free_parameters.parameters(scene, names, trigger, limits), *start.gains)
@@ -157,28 +162,6 @@ def _split(measured: Record, hold_out: tuple[int, ...]) -> tuple[list[int], list
     return used, held
 
 
-def _told_repeats(raw: Aligned):
-    for i in raw.outliers:
-        yield f"Repeat {i + 1} is unlike the others and was left out."
-    spread = np.ptp(np.delete(raw.shift, raw.outliers))
-    if spread > 5e-6:
-        yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
-
-
-def _filters(request: Request, t: np.ndarray, time_scale: float) -> Filter:
-    nyquist, least = 0.5 / (t[1] - t[0]), LOWEST / time_scale
-    for name in ("band", "instrument"):
-        value = getattr(request, name)
-        most = nyquist if name == "band" else 10 * nyquist
-        if value is not None and not least < value < most:
-            raise InvalidScene(
-                f"--{name} {value:g} Hz must be between {least:.4g} Hz, below which nothing is "
-                f"left of the waves, and {most:g} Hz, given the data's {2 * nyquist:.4g} samples "
-                "in a second; change it."
-            )
-    return Filter(request.band, request.instrument)
-
-
 def _trigger(
     scene: Scene, wall, signals: Signals, filters: Filter, request: Request
 ) -> tuple[float, list[str]]:
@@ -189,24 +172,8 @@ def _trigger(
     model = forward.velocities(np.zeros(0))
     data = filters.of_data(signals.v, dt)
     lag = lag_of(signals.t, data, model)
-    found = _given_trigger(request.trigger, t0 + lag, signals.t)
+    found = first_touch(request.trigger, t0 + lag, signals.t)
     return found, list(unlike_the_model(signals, data, model, found - t0, dt, forward.time_scale))
-
-
-def _given_trigger(text: str, estimate: float, t: np.ndarray) -> float:
-    if text in ("fit", "estimate"):
-        return estimate
-    try:
-        found = float(text)
-    except ValueError:
-        found = np.nan
-    low, high = (t[0] + share * (t[-1] - t[0]) for share in TRIGGERS)
-    if not low < found < high:
-        raise InvalidScene(
-            f"--trigger {text!r} must be fit, estimate, or the time of the first touch between "
-            f"{low:.4g} and {high:.4g} s, given the record."
-        )
-    return found
 
 
 def _scan(scene: Scene, names: tuple[str, ...], request: Request):

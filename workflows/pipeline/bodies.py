@@ -11,6 +11,7 @@ import fem
 from geometry import InvalidGeometry, rig
 from geometry.own_mesh import OwnMesh, own_mesh
 from geometry.shapes import Box, Cylinder, Hole, Plate, Shape
+from geometry.solids import require_size
 from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
 from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts, Struck
@@ -19,9 +20,6 @@ from workflows.scene import InvalidScene, Scene
 from workflows.scene.assembly import assembly
 from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, General, Solid
 from workflows.scene.size import too_large_mesh
-
-LARGEST = 30.0  # m, of an assembly: a thousand times as much is in other units
-UNLIKE = 500  # an assembly over its middle face: no units change that, a point far off does
 
 
 class Drawing(NamedTuple):
@@ -55,38 +53,19 @@ def drawing(scene: Scene) -> Iterator[Drawing]:
     try:
         if table.mesh:
             own = own_mesh(volumes_of(Path(table.mesh)), table.gap)
-            _require_size(own.bodies)
+            require_size(own.bodies)
             require_apart(own.meeting.near)
             yield Drawing(own.bodies, None, own.meeting.near, own)
             return
         if table.step:
             require_step(Path(table.step))
         with model(shapes(scene), Path(table.step) if table.step else None) as drawn:
-            _require_size(drawn.bodies)
+            require_size(drawn.bodies)
             near = neighbours(drawn.bodies, table.gap)
             require_apart(near)
             yield Drawing(drawn.bodies, drawn.unit, near)
     except InvalidGeometry as error:
         raise InvalidScene(f"{scene.name}: {error}") from None
-
-
-def _require_size(bodies: Mapping) -> None:
-    """Raise InvalidGeometry for an assembly in other units than its file says, or torn apart by
-    a damaged one."""
-    sides = np.max([b.upper for b in bodies.values()], axis=0)
-    sides = sides - np.min([b.lower for b in bodies.values()], axis=0)
-    if sides.max() > LARGEST:
-        size = " x ".join(f"{side:.4g}" for side in sides)
-        usual = np.median([np.max(f.upper - f.lower) for b in bodies.values() for f in b.faces])
-        if sides.max() > UNLIKE * usual:
-            raise InvalidGeometry(
-                f"the assembly is {size} m, while half of its faces are smaller than {usual:.3g} m:"
-                " its file is damaged; export it again."
-            )
-        raise InvalidGeometry(
-            f"the assembly is {size} m, allowed are {LARGEST:g} m: its file is in other units than "
-            "it says, or a mesh not in metres; write it anew."
-        )
 
 
 def shapes(scene: Scene) -> dict[str, Shape]:

@@ -7,7 +7,6 @@ come back from the edge only after the contact. Thesis, section 2.2.2.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import coupling
 import dem
@@ -94,18 +93,12 @@ def _numbers(scene: Scene, deep: Collision, found: list[Series]) -> dict[str, An
         "close": CLOSE,
         "higher": all(series.arr[0] > series.far for series in found),
         "settled": all(series.critical < series.distance[-2] for series in found),
-        "echo": [_echo_distance(series, deep) for series in found],
+        "echo": [series.reach(deep) for series in found],
     }
 
 
 def _at(found: list[Series], ratio: float) -> Series:
     return next(series for series in found if series.ratio == ratio)
-
-
-def _echo_distance(series: Series, deep: Collision) -> float:
-    """Half the way [m] that bending waves make while a contact with a half-space lasts."""
-    seconds = deep.contact.seconds
-    return coupling.group_speed(series.plate, np.pi / seconds) * seconds / 2
 
 
 class Change(NamedTuple):
@@ -131,8 +124,7 @@ def _picture(scene: Scene, deep: Collision, found: list[Series]) -> bytes:
         for s in found
     ]
     scaled = [
-        Line(f"D/t = {s.ratio:g}", s.distance / _echo_distance(s, deep), _fallen(s), "o-")
-        for s in found
+        Line(f"D/t = {s.ratio:g}", s.distance / s.reach(deep), s.remaining, "o-") for s in found
     ]
     return panels(
         [
@@ -147,10 +139,6 @@ def _picture(scene: Scene, deep: Collision, found: list[Series]) -> bytes:
         columns=2,
         size=(5.6, 3.4),
     )  # fmt: skip
-
-
-def _fallen(series: Series) -> NDArray[np.float64]:
-    return (series.arr - series.far) / (series.arr[0] - series.far)
 
 
 def _forces(scene: Scene, series: Series) -> Panel:

@@ -4,6 +4,7 @@ Thesis, section 7.2, figures 7.13 to 7.16. The measured waveforms are not in its
 compared with each other, by the distances of `coupling.wave_distance`.
 """
 
+from functools import partial
 from itertools import combinations
 from math import inf, isnan
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from coupling.observed_run import ERROR, Observed
-from coupling.wave_distance import Similarity, dependence, distance, overall, spread
+from coupling.wave_distance import dependence, distance, overall, similarity, spread
 from workflows.files.run_folder import Picture
 from workflows.pipeline.pipeline import Progress
 from workflows.results.plots import matrix, panels
@@ -80,28 +81,19 @@ def _or_none(value: float) -> float | None:
     return None if isnan(value) else value
 
 
-def _similarity(runs: Runs, one: str, other: str, spheres: Spheres) -> Similarity:
-    masses = [name for name in map(one_dof, ONE_DOF_HZ) if name in runs]
-    found = {name: runs[name].wave(spheres[-1], "reflected", N_WAVES)
-             for name in (one, *masses) if name in runs}  # fmt: skip
-    times = {name: label.arrival.time for name, label in found.items() if label}
-    compared = [name for name in masses if name in times and one in times]
-    return Similarity(
-        one, other, times, {name: overall(runs[one], runs[name], spheres) for name in compared}
-    )
-
-
 def _numbers(runs: Runs, spheres: Spheres) -> dict[str, Any]:
     bodies = [runs[name] for name in (*FEW, *ROMS) if name in runs]
     moving = [run for name, run in runs.items() if name != RIGID]
     waves = {k: dependence(moving, k, spheres) for k in NUMBERS}
+    masses = tuple(map(one_dof, ONE_DOF_HZ))
+    near = partial(similarity, runs, masses=masses, number=N_WAVES, spheres=spheres)
     early = [spread(bodies, k, spheres) for k in NUMBERS[:-1]]
     return {
         "n_waves": N_WAVES,
         "spheres": spheres,
         "early": max([0.0, *(value for value in early if not isnan(value))]),
-        "similarities": [_similarity(runs, one, one_dof(hz), spheres) for one, hz in ALIKE],
-        "unlike": _similarity(runs, "ROM 269", one_dof(269), spheres),
+        "similarities": [near(one, one_dof(hz)) for one, hz in ALIKE],
+        "unlike": near("ROM 269", one_dof(269)),
         "waves": waves,
         "independent": [s for s in spheres if waves[1].by_sphere.get(s, inf) < UNMOVED],
         "rigid": _or_none(distance(runs[RIGID], runs[HALF_SPACE], 1, spheres)),
