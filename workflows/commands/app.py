@@ -127,7 +127,7 @@ def scene(
     name: Annotated[
         str, typer.Argument(help="A built-in scene, or a TOML file.", autocompletion=scene_names)
     ],
-    json: json_of("its tables as written; inf and nan as text") = False,
+    json: json_of("its tables as written; inf as text") = False,
 ) -> None:
     """Print a scene as commented TOML."""
     from workflows.files.scene import checked_text, tables

@@ -150,11 +150,11 @@ def files_read(scene: Scene, source: Source = None) -> tuple[Path, ...]:
 
 
 def tables(name: str) -> dict[str, Any]:
-    """The tables of a scene as they are written, for JSON: no date and no infinite number in it."""
+    """The tables of a scene as they are written, for JSON: no infinite number in it."""
     source, text, _ = checked_text(name)
-    names = {"Infinity": "inf", "-Infinity": "-inf", "NaN": "nan"}
+    names = {"Infinity": "inf", "-Infinity": "-inf"}
     try:
-        return loads(dumps(parsed(text, source), default=str), parse_constant=names.get)
+        return loads(dumps(parsed(text, source)), parse_constant=names.get)
     except RecursionError:
         raise InvalidScene(f"{source} has tables nested too deeply; a scene has two.") from None
 
