@@ -50,12 +50,12 @@ def against(held, finer):
     return float(np.abs(off).max() / np.abs(begun.velocity).max())
 
 
-@pytest.mark.parametrize(("scale", "least"), [(1000, 0.9), (30, 1), (8, 1), (4, 1)])
-def test_the_error_stated_of_a_few_elements_is_that_against_many(scale, least):
-    """One to eight of them along a cantilever; measured 0.94, 1.1, 1.4 and 1.5 of the true one."""
+@pytest.mark.parametrize("scale", [1000, 30, 8, 4])
+def test_the_error_stated_of_a_few_elements_is_that_against_many(scale):
+    """One to eight of them along a cantilever; measured 1.1, 1.3, 1.3 and 1.9 of the true one."""
     held = pipeline("cantilever", (f"mesh.scale={scale}",))
     finer = assembly.mesh(held.scene, 1.5 / scale)
-    assert least < held("mesh-error") / against(held, finer) < 2
+    assert 1 < held("mesh-error") / against(held, finer) < 2.5
 
 
 @pytest.mark.parametrize("element", ["hex", "tet"])
@@ -89,7 +89,7 @@ def test_the_error_stated_of_a_mesh_of_the_users_own_is_that_against_a_finer_one
     held = pipeline("mine.toml")
     own = held("mesh")
     finer = own._replace(meshes={n: geometry.refined(m, 2) for n, m in own.meshes.items()})
-    assert 1 < held("mesh-error") / against(held, finer) < 2
+    assert 1 < held("mesh-error") / against(held, finer) < 2.5
 
 
 @pytest.mark.parametrize("kind", [MeshTet, MeshHex])

@@ -4,11 +4,12 @@ The reduction's is the difference to a run with the finer model that the reducti
 The mesh's is extrapolated from the difference to a mesh with elements twice as large, those that
 thickness and bores bound too: of an error e = c h^p,
 
-    e(2 h) - e(h) = (2^p - 1) e(h),    e(h) - e(h / 2) = (1 - 2^-p) e(h).
+    e(2 h) - e(h) = (2^p - 1) e(h),    e(h) - e(h / 2^k) = (1 - 2^-kp) e(h).
 
 Where no mesh is markedly coarser, of a user's own mesh and of a small one, whose coarser fellow
 would tell nothing, every element is parted in eight instead, if that is affordable; of the smallest
-in 64 or 512, since a few elements miss more than half of the motion.
+in 64 or 512, since a few elements miss more than half of the motion. Elements parted evenly leave
+the singular edges the order 1.
 
 Stresses are singular where a face ends on another; meshes refined there converge faster than the
 order 1 that singular edges leave on even ones, and slower than the 4 of smooth modes. With the
@@ -35,10 +36,10 @@ from workflows.pipeline.wall import wall_of
 from workflows.scene import Scene
 
 COARSER = 2.0  # times the element size
-ORDER = 1.5  # of the mesh's error
+ORDER, EVEN_ORDER = 1.5, 1.0  # of the mesh's error, and of a mesh whose elements are parted
 FEWER = 1.5  # times the elements of a body in a mesh that is markedly coarser
 UNSEEN = 0.3  # share of the elements, at most, in bodies whose mesh is hardly coarser
-SMALL, AFFORDED = 8e3, 6e4  # unknowns of a finer mesh: nothing beside a run, and as many as its own
+SMALL, AFFORDED = 1.6e4, 6e4  # unknowns of a finer mesh: a second, and as many as a run takes
 MARGIN = 1.25  # of a difference, for what the finer model itself misses
 SHORTER = 8  # times the step for the finer model, whose highest modes move faster than any kept
 
@@ -71,7 +72,7 @@ def other_mesh(scene: Scene, mesh: Parts) -> tuple[Parts, float]:
         )
     times = max(1, int(log(SMALL / n, 8)))
     meshes = {name: geometry.refined(one, times) for name, one in mesh.meshes.items()}
-    return mesh._replace(meshes=meshes), 1 / (1 - 2 ** (-times * ORDER))
+    return mesh._replace(meshes=meshes), 1 / (1 - 2 ** (-times * EVEN_ORDER))
 
 
 def _is_coarser(mesh: Parts, coarse: Parts) -> bool:
