@@ -619,6 +619,25 @@ def test_the_price_is_told_before():
     assert not Path("sweeps").exists()
 
 
+@pytest.mark.parametrize("law, said", [("linear-clipped", 1), ("hunt-crossley", 0)])
+def test_the_price_says_which_laws_are_marched_chain_by_chain(law, said):
+    changes = SHORT | {"contact.dissipation": law, "contact.coefficient": 0.01}
+    price = beadwave.sweep_price("rig-rigid", changes, cases={"striker.velocity": "0.1,0.2"})
+    assert (
+        len([note for note in price.notes if f'"{law}" is marched chain by chain' in note]) == said
+    )
+
+
+def test_the_example_of_many_workers_measures_what_dask_spends():
+    where = Path(__file__).parents[1] / "examples" / "many_workers.py"
+    spec = spec_from_file_location("many_workers", where)
+    workers = module_from_spec(spec)
+    spec.loader.exec_module(workers)
+    with workers.light(2) as client:
+        found = workers.spent(client, 0.05, 8)
+    assert 0.025 <= found.clock < 2.0 and 0.0 < found.processor < 1.0
+
+
 def test_the_example_measures_rates():
     where = Path(__file__).parents[1] / "examples" / "sweep_rates.py"
     spec = spec_from_file_location("sweep_rates", where)

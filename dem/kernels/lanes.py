@@ -542,30 +542,22 @@ def sample_lanes(
             here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
             there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
             v[i, lane] = quintic_slope(s, h, here, there)
-        d = overlap_between(s, h, one, two, lane)
+        d = overlap_between(s, h, one, two, lane)[0]
         wall_force[lane] = hertz_force(d if d > 0.0 else 0.0, A[last + lane])
 
 
 @fastmath_inline
-def overlap_between(s: float, h: float, one: Ends, two: Ends, lane: int) -> float:
-    """Of the last sphere and the wall at the share s of a step."""
+def overlap_between(s: float, h: float, one: Ends, two: Ends, lane: int) -> tuple[float, float]:
+    """Of the last sphere and the wall at the share s of a step, and its rate."""
     i = one.x.shape[0] - 2
     here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
     there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
     k = i + 1
-    wall = cubic(s, h, one.x[k, lane], one.v[k, lane], two.x[k, lane], two.v[k, lane])
-    return quintic(s, h, here, there) - wall
-
-
-@fastmath
-def approach_between(s: float, h: float, one: Ends, two: Ends, lane: int) -> float:
-    """Its rate."""
-    i = one.x.shape[0] - 2
-    here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
-    there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
-    k = i + 1
-    wall = cubic_slope(s, h, one.x[k, lane], one.v[k, lane], two.x[k, lane], two.v[k, lane])
-    return quintic_slope(s, h, here, there) - wall
+    wall = one.x[k, lane], one.v[k, lane], two.x[k, lane], two.v[k, lane]
+    return (
+        quintic(s, h, here, there) - cubic(s, h, *wall),
+        quintic_slope(s, h, here, there) - cubic_slope(s, h, *wall),
+    )
 
 
 @fastmath
@@ -576,8 +568,8 @@ def sample_springs_and_dampers(
     residual, damping = lanes.springs.residual, lanes.damping
     for lane in range(LANES):
         j = lanes.A.size - LANES + lane
+        gap, w = overlap_between(s, h, one, two, lane)
         if residual.size > 0:
-            gap = overlap_between(s, h, one, two, lane)
             d = hertz_indentation(gap, lanes.A[j], residual[lane])
             wall_force[lane] = hertz_force(d, lanes.A[j])
         force = wall_force[lane]
@@ -585,7 +577,6 @@ def sample_springs_and_dampers(
             c = damping.gamma[j] * (force if damping.law == HUNT_CROSSLEY else 1.0)
             if residual.size > 0:
                 c *= share_of_damper(j, force, lanes.A, residual[lane])
-            w = approach_between(s, h, one, two, lane)
             wall_force[lane] += damping_force(w, h, force, c, j, damping)
 
 

@@ -9,6 +9,7 @@ from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from logging import getLogger
 from os import cpu_count
+from time import perf_counter
 from typing import Any
 
 from coupling.sweep.rows import FAILED, Rows, without_result
@@ -20,6 +21,7 @@ from workflows.sweep.tasks import Sharing, Task
 RETRIES = 2  # of a task whose worker ended
 PATIENCE = "10s"  # to reach a scheduler
 MOST_A_CORE = 64  # processes, each a third of a gigabyte
+EVERY = 1.0  # s, that the workers are counted anew
 AHEAD = 4  # tasks for each thread that are handed over before the first is done
 
 
@@ -97,14 +99,15 @@ def on(found: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
         own: dict[str, Any] = {}
         running: dict[Any, Task] = {}
         done = as_completed([])
-        most = _handed_over(found)
+        most, asked = _handed_over(found), perf_counter()
         for task, shared in _with_shared(found, sharings, own):
             future = found.submit(_rows, task, shared, pure=False, retries=RETRIES)
             running[future] = task
             done.add(future)
             while len(running) >= most:
-                one, most = _result(next(done), running), _handed_over(found)
-                yield one
+                yield _result(next(done), running)
+                if perf_counter() > asked + EVERY:  # an answer as long as the list of workers
+                    most, asked = _handed_over(found), perf_counter()
         while running:
             yield _result(next(done), running)
 

@@ -6,6 +6,7 @@ from typing import NamedTuple, TypeVar
 
 from coupling.sweep.design import Design
 from workflows.results.tables import Table
+from workflows.scene import DashpotWall, Scene
 from workflows.sweep.cases import Base, Group, groups
 from workflows.sweep.march import rows
 from workflows.sweep.models import is_kept, models, prepared
@@ -16,6 +17,9 @@ TRIED = 64  # cases side by side that are timed, or one alone
 LOOKED = 100  # walls, and cases on a wall, that are looked at
 Item = TypeVar("Item")
 SIZE = 8e-9  # GB of a number
+DEALT = (
+    "{} is marched chain by chain, dealt to the threads: seconds a case are those of such a march."
+)
 
 
 class Price(NamedTuple):
@@ -63,6 +67,7 @@ def price(base: Base, design: Design, workers: int) -> Price:
     n_models, n_missing = round(more * len(sources)), round(more * len(missing))
     run = alone.seconds * (design.n_cases - refused) + seconds_model * max(0, n_missing - 1)
     said = [*_refusals(some)[:1], *([first] if isinstance(first, str) else alone.failures[:1])]
+    said += [DEALT.format(part) for part in _dealt(walls[0].scene)] if joined else []
     return Price(
         design.n_cases, refused, round(len(every) * len(walls) / len(some)), n_models, n_missing,
         joined, alone.seconds, seconds_model, workers, run / workers,
@@ -101,6 +106,13 @@ def _in_all(design: Design, some: list[Sharing], count: Callable[[Sharing], int]
 
 def _joins(one: Sharing) -> bool:
     return one.scene is not None and one.tasks[-1].checked.joins
+
+
+def _dealt(scene: Scene) -> list[str]:
+    """Parts of a scene that the lanes of `dem.batch` do not take."""
+    law = scene.contact.dissipation
+    found = [f'contact.dissipation = "{law}"'] if law.startswith("linear") else []
+    return found + ['wall.kind = "dashpot"'] * isinstance(scene.wall, DashpotWall)
 
 
 class Measured(NamedTuple):
