@@ -46,7 +46,10 @@ REFUSED = {
     "makes no fall, 0 m/s^2 act": {"gravity.inclination": 0.0},
     "makes no fall, -0.": {"guides.force": "0.3 N"},
     "lets the chain fall off": {"gravity.inclination": -90.0, "striker.velocity": 0.3},
-    "gives way to any steady force": {"wall.kind": "dashpot", "wall.coefficient": 100.0},
+    'Take wall.kind = "half-space" for a slab': {
+        "wall.kind": "dashpot",
+        "wall.coefficient": 100.0,
+    },
     "presses nothing on the guides": {"guides.coefficient": 0.2},
     "exclude each other": {"guides.force": 0.01, "leaf_springs.stiffness": 10.0},
     "needs either coefficient or force": {"guides": {}},

@@ -115,9 +115,10 @@ def of_gravity(scene: "Scene") -> Iterator[str]:
         yield "[gravity] needs a [wall] or [leaf_springs] that carries the chain; add one."
     if along and isinstance(scene.wall, DashpotWall) and not scene.leaf_springs:
         yield (
-            '[gravity] with wall.kind = "dashpot", which gives way to any steady force; take a '
-            '[plate] with wall.kind = "rom", whose edges carry the chain, another wall, or '
-            "gravity.inclination = 0."
+            '[gravity] with wall.kind = "dashpot", which gives way to any steady force: nothing '
+            'holds an infinite plate. Take wall.kind = "half-space" for a slab thicker than its '
+            'waves are long, a [plate] with wall.kind = "rom", whose edges carry the chain, or '
+            "gravity.inclination = 0, without what the weight adds to the speed of the waves."
         )
     if along < 0 and not scene.leaf_springs:
         yield (
