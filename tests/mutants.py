@@ -177,6 +177,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("return t, np.array(signals) + _noise(rng, twin, len(t), made)",
      "np.array(signals) + _noise(rng, twin, len(t), made)"): "noise has no sign",
     ("margin = 1e-9 * (high - low)", "1e-09 * (high - low)"): FAR,
+    ("margin = 1e-9 * (high - low)", "1e-09"): FAR,
     ("late = twin.jitter * rng.standard_normal(twin.repeats) if twin.repeats > 1 else np.zeros(1)",
      "twin.repeats > 1"): "one less its mean is zero",
 }  # fmt: skip
