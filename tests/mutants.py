@@ -111,6 +111,8 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("return to_hz * max(1.05, 1.3 * (1e-3 / error) ** 0.23)", "1.3"): START,
     ("return to_hz * max(1.05, 1.3 * (1e-3 / error) ** 0.23)", "1.05"): START,
     ("if following <= s[-1] or first <= 0:", "first <= 0"): "what is missed of nothing is set to 0",
+    ("if bound <= error or beta == 0:", "0"): "a space that is exhausted has the bound 0",
+    ("moved = np.abs(wall.phi) > 1e-9 * np.abs(wall.phi).max()", "1e-09"): FAR,
     ("if n > 5000:", "n > 5000"): "dense matrices of that size are too large for a test",
     ("if n > 5000:", "5000"): "dense matrices of that size are too large for a test",
     ("x = np.random.default_rng(0).standard_normal(K.shape[0])", "0"): START,

@@ -21,11 +21,19 @@ from rom import (
     superlu,
     tall,
 )
-from rom.contact_modes import REACH, _bound, _ranked, contact_modes, krylov_space, static_shapes
+from rom.contact_modes import (
+    REACH,
+    _bound,
+    _ranked,
+    contact_modes,
+    finer_space,
+    krylov_space,
+    static_shapes,
+)
 from rom.factorisation import Pencil, frequency_scale, noise, solutions, static_response, symmetric
 from rom.fixed_interface import fixed_interface, whole_pencil
 from rom.floating import is_held, pencil
-from rom.health import fixed_interface_hz
+from rom.health import fixed_interface_hz, require_static_response
 from rom.lanczos import (
     EigenPairs,
     known_modes,
@@ -326,6 +334,21 @@ def test_of_all_modes_of_a_structure_nothing_is_left():
     asked = Selection(n_modes=N, to_hz=6.0, choice="contact")
     chosen = contact_modes(pencil(K, M, superlu), W, none, asked)
     assert chosen.error < 1e-9 and not chosen.residual.any()
+
+
+def test_a_space_for_the_full_model_has_twenty_vectors_more_than_modes_are_kept():
+    K, M = structure(n=60)
+    w, none = np.r_[np.zeros(58), 0.4, 0.6], EigenPairs(np.zeros(0), np.zeros((60, 0)))
+    found = finer_space(pencil(K, M, superlu), w, none, 0.1, n_vectors=10)
+    assert 30 <= len(found.pairs.omega) < 40
+
+
+def test_a_static_response_that_misses_its_load_is_noticed():
+    K, M = structure()
+    reduced, none = free_modes(K, M, W, Selection(n_modes=4)), np.zeros((N, 0))
+    require_static_response(reduced, K, M, W, none)
+    with pytest.raises(ReductionError, match=r"misses the load by 1.0e-05 \(allowed 1e-6\)"):
+        require_static_response(reduced, K * (1 + 1e-5), M, W, none)
 
 
 def test_modes_inside_come_with_rising_frequencies():
