@@ -494,6 +494,12 @@ def test_noise_between_waves_is_what_does_not_go_on():
     assert noise_of_mean(single, NO_FILTER, 1e-5) == laid.noise_between_waves(t, v, 1e-5)
     repeats = single._replace(spread=np.array([0.3, 0.4]), repeats=5)
     assert noise_of_mean(repeats, NO_FILTER, 1e-5) == pytest.approx(np.sqrt(0.125 / 5))
+    two = repeats._replace(repeats=2)
+    assert noise_of_mean(two, NO_FILTER, 1e-5) == pytest.approx(np.sqrt(0.125 / 2))
+    band = Filter(band=1e5)
+    filtered = laid.noise_between_waves(t, band.of_data(v, 1e-6), 1e-5)
+    assert noise_of_mean(single, band, 1e-5) == pytest.approx(filtered, rel=1e-9)
+    assert filtered < 0.8 * laid.noise_between_waves(t, v, 1e-5)
 
 
 def a_noisy_wave(k, noise=1e-3, seed=0):
