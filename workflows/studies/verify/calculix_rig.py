@@ -15,7 +15,8 @@ import numpy as np
 from coupling.verification.comparisons import Comparison, require_program
 from fem import calculix as program
 from fem import factorised, modes
-from fem.calculix_tied import tied_deck
+from fem.calculix_tied import Screw, tied_deck
+from geometry.assembly import screw_cells
 from geometry.cad import write_step
 from geometry.step_tetrahedra import Disc, Sizes, Tetrahedra, step_tetrahedra
 from workflows.files.scene import scene
@@ -25,27 +26,34 @@ from workflows.pipeline.parts import Parts
 from workflows.pipeline.pipeline import Pipeline, pipeline_of
 from workflows.pipeline.reduction import contact_of
 from workflows.scene import Scene
+from workflows.scene.assembly import assembly as dimensions
 
-RIG, STRUCK = "rig-full-tie", "block"
+RIGS = {"rig-full-tie": (), "rig-rom": ('assembly.parts=["block", "sheets"]',)}
+STRUCK = "block"
 GROUND = "sheets_support"  # the sheets are held where it would touch them
 INSIDE = {STRUCK: 12e-3, "sheet-y": 3e-3, "sheet+y": 3e-3}  # m
 RIM, ROUND_DISC = 1.2e-3, 0.6e-3  # m, at the edges of touching faces and of the disc
 N_MODES = 10
+RIGID = [1e14] * 3 + [1e10] * 3  # N/m, N m/rad: as good as rigid for CalculiX
 SOURCE = "CalculiX on gmsh's tetrahedra of the STEP file, *TIE and *DLOAD; errors stated of both"
 
 
 def calculix_rig() -> Iterator[Comparison]:
-    """The glued rig, meshed anew from its STEP file and tied by CalculiX: some minutes."""
+    """Block and sheets, meshed anew from a STEP file and tied by CalculiX: some minutes."""
     require_program(program.PROGRAM, program.PACKAGE)
-    rig = scene(RIG, ())
+    for name, changes in RIGS.items():
+        yield from _meshed_anew(name, scene(name, changes))
+
+
+def _meshed_anew(name: str, rig: Scene) -> Iterator[Comparison]:
     pipeline, rough = pipeline_of(rig, _silent), assembly.mesh(rig, COARSER)
     ours, allowed = _with_error(_ours(rig, pipeline("mesh")), _ours(rig, rough))
     theirs, more = _with_error(*(_theirs(pipeline, scale) for scale in (1.0, COARSER)))
     names = [f"mode {j} [Hz]" for j in range(1, N_MODES + 1)]
     names.append("compliance less the half-space [m/N]")
     allowed = (allowed + more) / theirs
-    for name, *row in zip(names, ours, theirs, np.abs(ours / theirs - 1), allowed, strict=True):
-        yield Comparison(f"{RIG} meshed anew, {name}", *map(float, row), SOURCE)
+    for what, *row in zip(names, ours, theirs, np.abs(ours / theirs - 1), allowed, strict=True):
+        yield Comparison(f"{name} meshed anew, {what}", *map(float, row), SOURCE)
 
 
 def _silent(stage: str):
@@ -73,21 +81,43 @@ def _theirs(pipeline: Pipeline, scale: float) -> np.ndarray:
     disc = Disc(STRUCK, pipeline("contact").spot.point, -inward, b)
     inside = {body: scale * size for body, size in INSIDE.items()}
     mesh = _meshed(rig, Sizes(inside, scale * RIM, scale * ROUND_DISC), disc)
-    touching = mesh.touching
-    held = np.concatenate([faces.ravel() for (_, at), faces in touching.items() if at == GROUND])
-    ties = [(touching[pair], touching[pair[::-1]]) for pair in touching if pair[1] == STRUCK]
-    pressed = mesh.disc, inward
-    found = program.answer(
-        tied_deck(mesh.points, mesh.cells, materials, ties=ties, held=held, disc=pressed)
-    )
+    found = program.answer(_deck(rig, mesh, materials, inward))
     m = materials[STRUCK]
     half_space = 16 * (1 - m.poisson**2) / (3 * np.pi**2 * m.young * b)
     return np.append(found.frequency_hz[:N_MODES], found.compliance - half_space)
 
 
+def _deck(rig: Scene, mesh: Tetrahedra, materials, inward: np.ndarray) -> str:
+    """Sheets held at the ground's imprint, tied to the block or on their screws' springs."""
+    touching = mesh.touching
+    held = np.concatenate([faces.ravel() for (_, at), faces in touching.items() if at == GROUND])
+    pairs = [(touching[pair], touching[pair[::-1]]) for pair in touching if pair[1] == STRUCK]
+    wires = rig.assembly.constraint == "wires"
+    joined = {"screws": [*_screws(rig, mesh.points, pairs)]} if wires else {}
+    return tied_deck(
+        mesh.points, mesh.cells, materials,
+        ties=[] if wires else pairs, held=held, disc=(mesh.disc, inward), **joined,
+    )  # fmt: skip
+
+
+def _screws(rig: Scene, points: np.ndarray, pairs) -> Iterator[Screw]:
+    """Of each screw a share of the sheet, and what of the block is under it."""
+    a, springs = dimensions(rig.assembly), assembly.bushings(rig.springs)["head"]
+    for sheet, under in pairs:
+        nodes = np.unique(sheet)
+        for x, (left, right) in zip(a.screw_x, screw_cells(a), strict=True):
+
+            def inside(place: np.ndarray, left=left, right=right) -> np.ndarray:
+                return (place[:, 0] > left) & (place[:, 0] < right)
+
+            centre = np.array([x, points[nodes[0], 1], a.head_screw_z])
+            share = nodes[inside(points[nodes])]
+            yield Screw(share, under, inside, centre, np.minimum(springs, RIGID))
+
+
 def _meshed(rig: Scene, sizes: Sizes, disc: Disc) -> Tetrahedra:
     with TemporaryDirectory() as folder:
-        step = Path(folder) / f"{RIG}.step"
+        step = Path(folder) / "rig.step"
         parts = (*rig.assembly.parts, GROUND)
         write_step(bodies.shapes(rig.but(assembly={"parts": parts})), step)
         return step_tetrahedra(step, sizes, disc)
