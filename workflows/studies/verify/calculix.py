@@ -37,7 +37,7 @@ def calculix() -> Iterator[Comparison]:
         yield from _solved(name, _pipeline(name, changes))
     for name in ("cantilever", "rig-rom"):
         yield from _entries(name, _pipeline(name, SCENES[name]))
-    yield from _response(_pipeline("cantilever", SCENES["cantilever"]))
+        yield from _response(name, _pipeline(name, SCENES[name]))
     yield from _another_mesh()
 
 
@@ -84,7 +84,7 @@ def _entries(name: str, pipeline: Pipeline) -> Iterator[Comparison]:
                        of=float(abs(other).max()), source=f"{SOURCE}, MATRIXSTORAGE")  # fmt: skip
 
 
-def _response(pipeline: Pipeline) -> Iterator[Comparison]:
+def _response(name: str, pipeline: Pipeline) -> Iterator[Comparison]:
     """Of forty modes: their steady state takes no others, and no residual vector."""
     n, zeta = 40, 0.01
     f, theirs = program.receptance(_deck(pipeline), n_modes=n, zeta=zeta, span_hz=(20.0, 2e4))
@@ -93,7 +93,7 @@ def _response(pipeline: Pipeline) -> Iterator[Comparison]:
     omega, participation = found.omega[:, None], (w @ found.phi)[:, None]
     at = 2 * np.pi * f
     ours = np.sum(participation**2 / (omega**2 - at**2 + 2j * zeta * omega * at), axis=0)
-    name = "cantilever, receptance of 40 modes to 20 kHz [m/N]"
+    name += f", receptance of {n} modes to 20 kHz [m/N]"
     source = "CalculiX, *STEADY STATE DYNAMICS"
     worst = int(np.argmax(np.abs(ours / theirs - 1)))
     difference = float(np.abs(ours[worst] / theirs[worst] - 1))
