@@ -15,10 +15,8 @@ from coupling.verification.comparisons import (
     rows_of,
 )
 from coupling.verification.formulas import DAMPED, LAWS, WALLS, comparison
-from workflows.assembly.thesis_tables import Table, TableRow
 from workflows.commands.app import main
 from workflows.studies import catalogue
-from workflows.studies.verify import thesis
 from workflows.studies.verify.comparisons import finding, wrong
 
 
@@ -46,17 +44,6 @@ def test_published_and_exact_numbers_of_chains_are_reached(group):
     assert not [row for row in rows if row.verdict != "within"]
 
 
-def test_the_mode_that_is_furthest_from_the_thesis_tells_of_its_table(monkeypatch):
-    """A mode that no shape fits is left out; second waves fade out where published."""
-    row = {"thesis_hz": [50.0, 600.0, 1100.0, 8000.0], "difference_percent": [None] * 4}
-    near = TableRow(model="near", modes_hz=[51.0, None, 1100.0, 8100.0], **row)
-    far = near.model_copy(update={"model": "far", "modes_hz": [50.0, 600.0, 1100.0, 9000.0]})
-    monkeypatch.setattr(thesis, "table_52", lambda scene, progress: Table(rows=[near, far]))
-    waves, *rows = rows_of("thesis", thesis.thesis)
-    assert waves.verdict == "within" and 0.39 <= waves.ours <= 0.47
-    assert [(row.ours, row.verdict) for row in rows] == [(51.0, "within"), (9000.0, "outside")]
-
-
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("dissipation", DAMPED)
 def test_marches_follow_the_formulas_by_another_integrator(law, dissipation):
@@ -76,12 +63,14 @@ def test_lammps_converges_to_our_result(name, monkeypatch):
     assert rows and {row.verdict for row in rows} == {"within"}, rows
 
 
-@pytest.mark.parametrize("group", ["structures", "reductions", "full-order", "pyyeti", "exudyn"])
+@pytest.mark.parametrize(
+    "group", ["structures", "reductions", "full-order", "pyyeti", "exudyn", "second-waves"]
+)
 def test_structures_reductions_and_waves_agree_with_what_others_say(group):
     if group in ("pyyeti", "exudyn"):
         pytest.importorskip(group, reason="optional: the extra `verify`")
     rows = [*rows_of(group, catalogue.catalogue("verify")[group])]
-    assert len(rows) >= 2
+    assert len(rows) >= (1 if group == "second-waves" else 2)
     assert not [row for row in rows if row.verdict != "within"], rows
 
 
