@@ -27,6 +27,7 @@ FARTHEST, NEAREST = 6.0, 1.4  # times the step, where the energy of that march s
 MARGIN = 2.0  # in the energy: its errors scatter by as much from step to step
 BOLDER = {"rkn6": 1.2, "split4": 1.6}  # times longer first steps, of schemes that bear it
 FIRST, MOST = 1.5, 2.0  # order that one pair of marches shows, and that any number of them does
+JUMPS, YIELDS = 0.75, 1.25  # order that is left where forces jump, and where stiffnesses do
 BELOW = 0.5  # the observed order, which scatters
 ALONE = 1.5  # of the first difference where forces jump: no other bears it out
 EPSILON = float(np.finfo(float).eps)
@@ -86,9 +87,9 @@ def march_to_error(
     its own step; where its ledger closes too little, a finer march is compared with the same. The
     estimate divides their difference by what order 2.4 leaves, that of marches less far apart by
     what order 1.5 does, of a third by what the observed order leaves, up to 2 (1.5 before a
-    dashpot; 0.75 for the linear laws, whose force jumps, and for contacts that yield, whose
-    stiffness does; there the last two differences count): all schemes here keep more, but not at
-    every step. Raises UnstableStep where the evaluations allowed do not suffice.
+    dashpot; 1.25 for contacts that yield, whose stiffness jumps; 0.75 for the linear laws, whose
+    force does, where the last two differences count): all schemes here keep more, but not at every
+    step. Raises UnstableStep where the evaluations allowed do not suffice.
     """
     validate(chain, wall, v0)
     positive("error", error)
@@ -190,7 +191,7 @@ def _refined(attempt, step, method, asked):
 
 def _apart(method, order):
     """How many times longer the steps of the march are that the first is compared with."""
-    return FAR if order > 1.0 or method.kind != "implicit" else 2.0
+    return FAR if order >= FIRST or method.kind != "implicit" else 2.0
 
 
 def _apart_for_energy(coarse, method, asked):
@@ -206,7 +207,7 @@ def _energy_excess(run, method, asked):
 
 def _shorter_for_energy(excess, method, order):
     """How many times shorter a step that is likely to close the ledger has to be."""
-    return (MARGIN * excess) ** (1.0 / min(method.order, 4.0 if order > 1.0 else 3.0))
+    return (MARGIN * excess) ** (1.0 / min(method.order, 4.0 if order >= FIRST else 3.0))
 
 
 class _Comparison(NamedTuple):
@@ -229,7 +230,7 @@ def _compared(coarse, fine, tried, method, asked):
     if before is None and asked.order == MOST and coarse.dt > FAR_ENOUGH * fine.dt:
         order = FAR_FIRST
     shown = difference
-    if asked.order < 1.0:  # where forces jump, two marches are alike by chance more often
+    if asked.order <= JUMPS:  # where forces jump, two marches are alike by chance more often
         first = ALONE * difference
         shown = max(shown, before.difference * coarse.dt / before.wide if before else first)
     estimate = shown / ((coarse.dt / fine.dt) ** order - 1.0)
@@ -290,7 +291,7 @@ def _difference(coarse, fine, asked):
 def _shortening(velocity, energy, method, order):
     """How many times shorter a step that is likely to do has to be, where the estimate and the
     energy are off by as many times what is asked."""
-    likely = max(order, 0.75 * min(method.order, 4)) if order > 1.0 else 1.25
+    likely = max(order, 0.75 * min(method.order, 4)) if order >= FIRST else 1.25
     shorter = (1.6 * velocity) ** (1.0 / likely) if velocity > 1.0 else 1.15
     return min(max(shorter, _shorter_for_energy(energy, method, order)), 8.0)
 
@@ -319,9 +320,10 @@ def with_step_error(
 
 
 def _assumed_order(chain, wall, method):
-    jumps = chain.dissipation.startswith("linear") or chain.yield_overlap is not None
-    if jumps:
-        return 0.75
+    if chain.dissipation.startswith("linear"):
+        return JUMPS
+    if chain.yield_overlap is not None:
+        return YIELDS
     creeps = wall is not None and wall.mobility > 0.0
     return FIRST if creeps else min(MOST, method.order - 0.25)
 
