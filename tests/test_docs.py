@@ -12,9 +12,9 @@ import pytest
 
 import beadwave
 import rom
+from coupling.contact_response import ContactResponse
 from workflows.commands.app import COMMANDS
 from workflows.files.scene import built_in
-from workflows.pipeline.response import Response
 from workflows.pipeline.run import IMPACT_FILES
 
 ROOT = Path(__file__).parents[1]
@@ -104,7 +104,7 @@ def test_formats_name_every_array_of_the_files(tmp_path, monkeypatch):
             name for name in arrays if f"`{name}`" not in text and name not in ("n_boundary",)
         ]
     assert not missing
-    assert all(f"`{name}`" in text for name in Response._fields if name != "picture")
+    assert all(f"`{name}`" in text for name in ContactResponse._fields)
     assert all(f"`{name}`" in text for name in IMPACT_FILES)
 
 

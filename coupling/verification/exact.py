@@ -4,13 +4,19 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 import dem
 import rom
+from coupling.radiation import lamb_integral
 from coupling.verification.comparisons import Comparison, compared
+from dem.spheres import hertz_coefficient
 
 JULIA = "JuliaFEM, ModelReduction.jl, README"
+MILLER = "G. F. Miller, H. Pursey, Proc. R. Soc. A 233 (1955) 55"
+TIMOSHENKO = "S. Timoshenko, Z. Math. Phys. 62 (1913) 198, his integral equation"
+JOHNSON = "K. L. Johnson, Contact Mechanics (1985), ch. 4"
 LINEAR = "the linear oscillator of two masses"
 
 
@@ -56,3 +62,34 @@ def _two_masses() -> Comparison:
     exact = np.cos(np.sqrt(squared) * run.t[:, None]) @ (shape[0] ** 2 * m) * v0
     return compared("sphere pressed on a mass, small motion [V]", run.v[:, 0], exact,
                     allowed=1e-5, of=v0, source=LINEAR)  # fmt: skip
+
+
+def sphere_on_modes(name: str, omega: NDArray[np.float64], phi: NDArray[np.float64]) -> Comparison:
+    """Timoshenko's integral equation of a sphere on modes omega, phi (n,) [rad/s, kg^-1/2],
+    F = A (v t - int ((t - s) / m + G(t - s)) F(s) ds)^(3/2), by the trapezoidal rule: what is
+    under the integral vanishes at its end."""
+    m, A, v, t = 0.0327, 1.7e10, 0.01, np.linspace(0.0, 1.5e-3, 6001)
+    struck = phi**2 > 1e-9
+    omega, phi = omega[struck], phi[struck]
+    kernel = t / m + np.sin(np.outer(t, omega)) @ (phi**2 / omega)
+    F = np.zeros(t.size)
+    for i in range(1, t.size):
+        F[i] = A * max(v * t[i] - t[1] * kernel[i:0:-1] @ F[:i], 0.0) ** 1.5
+    theirs = v - np.cumsum(F + np.append(0.0, F[:-1])) / 2 * t[1] / m
+    chain = dem.Chain(np.array([m]), np.array([0.01]), np.array([A]))
+    wall = dem.Wall(omega, np.zeros(omega.size), phi)
+    run = dem.march_to_error(chain, wall, np.array([v]), duration=t[-1], error=1e-6, n_save=100)
+    return compared(name, run.trajectory.v[:, 0], theirs[:: t.size // 100],
+                    allowed=1e-4, of=v, source=TIMOSHENKO)  # fmt: skip
+
+
+def half_spaces() -> Iterator[Comparison]:
+    """Energy of the surface wave, and Hertz' coefficients of spheres and walls."""
+    shares = lamb_integral(0.25)
+    share = shares.surface / sum(shares)
+    yield compared("half-space, share of the surface wave", share, 0.674,
+                   allowed=5e-4, of=1.0, source=MILLER)  # fmt: skip
+    A = hertz_coefficient(1.0, 1.0, 0.3, 1.0, 1.0, 0.3)
+    walls = [hertz_coefficient(1.0, 1.0, 0.3, np.inf, 1.0, 0.3), hertz_coefficient(1.0, 1.0, 0.3)]
+    yield compared("A_w / A of the same material and rigid", walls / A, [2**0.5, 2**1.5],
+                   allowed=1e-14, source=JOHNSON)  # fmt: skip

@@ -8,6 +8,7 @@ import numpy as np
 
 import dem
 from coupling.verification.comparisons import Comparison, compared
+from coupling.verification.exact import half_spaces
 from dem.spheres import force_scale, time_scale
 from dem.waves.arrivals import arrivals, passage
 
@@ -111,7 +112,7 @@ def _leading_energy(ratio: float) -> float:
 
 
 def contacts() -> Iterator[Comparison]:
-    """One contact, two spheres, ten steel spheres."""
+    """One contact, two spheres, ten steel spheres, half-spaces."""
     yield from _one_on_a_flat()
     yield from _two_of_glass()
     published = [
@@ -127,6 +128,7 @@ def contacts() -> Iterator[Comparison]:
     last = np.append(run.v[-1], run.wall_v[-1])
     yield compared("nine steel spheres and a free mass as wall, final velocities [m/s]", last,
                    published, allowed=1e-3, of=1.0, source=SICONOS)  # fmt: skip
+    yield from half_spaces()
 
 
 def _one_on_a_flat() -> Iterator[Comparison]:

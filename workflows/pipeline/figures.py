@@ -16,7 +16,7 @@ from workflows.results.plots import Line, Panel
 from workflows.scene import Scene
 
 if TYPE_CHECKING:
-    from workflows.pipeline.signals import Recorded  # scipy's filters, a second
+    from coupling.sensor_record import SensorRecord  # scipy's filters, a second
 
 
 def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, ...]:
@@ -44,7 +44,7 @@ def velocities(run, observed: Iterable[int], named: dict[int, tuple[Label, ...]]
     return _marked(sets, marks, sharey=True)
 
 
-def signals(scene: Scene, found: "Recorded") -> Picture:
+def signals(scene: Scene, found: "SensorRecord") -> Picture:
     """What the sensors record, one panel each, the waves marked by their names."""
     t, sensors = found.t, scene.output.sensors
     sets = [

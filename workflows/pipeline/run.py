@@ -96,7 +96,7 @@ def _write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:
         with folder.writing(name) as path:
             save(path, pipeline("reduction"), pipeline.scene.damping)
     with folder.writing("response.npz") as path:
-        save_response(path, pipeline("response"))
+        save_response(path, pipeline("response").found)
     write_pictures(folder, (pipeline("response").picture,))
     if pipeline.scene.measured_hz:
         pipeline("mac")

@@ -1,27 +1,16 @@
 """What the scene's sensors show of a run, as its instrument records it."""
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from coupling import Impact
 from coupling.band import Band
 from coupling.records.record import SYNTHETIC
-from coupling.sensed_waves import SensedWave, flight, sensed_waves
-from coupling.sensors import Sensor, instants, measured, recorded, signals
+from coupling.sensed_waves import flight
+from coupling.sensor_record import SensorRecord, sensor_record
+from coupling.sensors import Sensor
 from dem.waves.chain_waves import ChainWaves
-from dem.waves.labels import labels
 from workflows.results.summary import SensedArrival, SensorWaves
 from workflows.scene import Instrument, Scene
-
-
-class Recorded(NamedTuple):
-    """Signals (k, m) at the instrument's instants t (k,) [s], and the waves that each shows."""
-
-    t: NDArray[np.float64]
-    y: NDArray[np.float64]
-    waves: tuple[tuple[SensedWave, ...], ...]
 
 
 def sensors(scene: Scene) -> tuple[Sensor, ...]:
@@ -39,23 +28,14 @@ def sensors(scene: Scene) -> tuple[Sensor, ...]:
     )
 
 
-def record(scene: Scene, impact: Impact, waves: ChainWaves) -> Recorded:
+def record(scene: Scene, impact: Impact, waves: ChainWaves) -> SensorRecord:
     """What the sensors record of the run."""
-    run, own = impact.trajectory, sensors(scene)
     instrument = scene.output.instrument or Instrument()
-    at = instants(run.t, instrument.sampling)
-    quantities = measured(own, run.t, run.x, run.v, run.contact_force)
-    y = recorded(own, signals(own, run.t, quantities, at), instrument.bits, instrument.seed)
-    each = zip(own, y.T, strict=True)
-    return Recorded(at, y, tuple(_waves(one, at, shown, run, waves) for one, shown in each))
+    taken = instrument.model_dump(include={"sampling", "bits", "seed"})
+    return sensor_record(sensors(scene), impact.trajectory, waves.tracks, **taken)
 
 
-def _waves(sensor: Sensor, t, y, run, waves: ChainWaves) -> tuple[SensedWave, ...]:
-    named = labels(waves.tracks, run.t, run.v[:, sensor.sphere], sensor.sphere + 1)
-    return sensed_waves(sensor, t, y, named)
-
-
-def csv_text(scene: Scene, found: Recorded) -> str:
+def csv_text(scene: Scene, found: SensorRecord) -> str:
     """The record with a column for each sensor, as `calibrate` reads it."""
     names = [f"sphere {s.sphere} {s.quantity} [{s.unit}]" for s in scene.output.sensors]
     rows = np.column_stack([found.t, found.y])
@@ -63,7 +43,7 @@ def csv_text(scene: Scene, found: Recorded) -> str:
     return "\n".join([f"# {SYNTHETIC}", ", ".join(["time [s]", *names]), *lines, ""])
 
 
-def sensor_waves(scene: Scene, found: Recorded) -> dict[str, SensorWaves]:
+def sensor_waves(scene: Scene, found: SensorRecord) -> dict[str, SensorWaves]:
     """Largest value, time of flight and amplitude ratio of every sensor."""
     told = {}
     for i, one in enumerate(scene.output.sensors):

@@ -1,0 +1,49 @@
+"""What the sensors on a chain record of a run, and the waves that each of them shows."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dem
+from coupling.sensed_waves import SensedWave, sensed_waves
+from coupling.sensors import Sensor, instants, measured, recorded, signals
+from dem.waves.labels import labels
+from dem.waves.tracks import WaveTrack
+
+
+class SensorRecord(NamedTuple):
+    """Signals (k, m) at the instrument's instants t (k,) [s], and the waves that each shows."""
+
+    t: NDArray[np.float64]
+    y: NDArray[np.float64]
+    waves: tuple[tuple[SensedWave, ...], ...]
+
+
+def sensor_record(
+    sensors: Sequence[Sensor],
+    run: dem.Trajectory,
+    tracks: Sequence[WaveTrack],
+    *,
+    sampling: float,
+    bits: int | None,
+    seed: int,
+) -> SensorRecord:
+    """Signals of the run at a rate [Hz] with steps of so many bits, None of any."""
+    at = instants(run.t, sampling)
+    quantities = measured(sensors, run.t, run.x, run.v, run.contact_force)
+    y = recorded(sensors, signals(sensors, run.t, quantities, at), bits, seed)
+    each = zip(sensors, y.T, strict=True)
+    return SensorRecord(at, y, tuple(_waves(one, at, shown, run, tracks) for one, shown in each))
+
+
+def _waves(
+    sensor: Sensor,
+    t: NDArray[np.float64],
+    y: NDArray[np.float64],
+    run: dem.Trajectory,
+    tracks: Sequence[WaveTrack],
+) -> tuple[SensedWave, ...]:
+    named = labels(tracks, run.t, run.v[:, sensor.sphere], sensor.sphere + 1)
+    return sensed_waves(sensor, t, y, named)
