@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from workflows.commands.app import main
+from workflows.files import cache_folder
 from workflows.pipeline import cache
 
 SMALL = ("chain.count=3", "output.spheres=[1]", "output.samples=51", "time.duration=0.2e-3")
@@ -78,7 +79,7 @@ def test_a_cache_that_others_may_write_into_is_not_read(below, mode, tmp_path, c
 
 def test_a_cache_of_another_user_is_not_read(monkeypatch, capsys):
     impact(capsys)
-    monkeypatch.setattr(cache, "geteuid", lambda: os.geteuid() + 1)
+    monkeypatch.setattr(cache_folder, "geteuid", lambda: os.geteuid() + 1)
     _, kept, said = impact(capsys)
     assert not any(kept) and "belongs to another user" in said
 
