@@ -82,6 +82,11 @@ def _numbers(text: str) -> list[float]:
     return [float(word.upper().replace("D", "E")) for word in NUMBER.findall(text)]
 
 
+def _integers(text: str) -> list[int]:
+    """Whole numbers; what is too large to be one is left out, so that the list does not fit."""
+    return [int(n) for n in _numbers(text) if np.isfinite(n)]
+
+
 def _from_triangle(text: str, kind: str, path: str | Path) -> np.ndarray:
     values = np.array(_numbers(text))
     r = int((np.sqrt(8 * len(values) + 1) - 1) / 2)
@@ -96,9 +101,9 @@ def _from_triangle(text: str, kind: str, path: str | Path) -> np.ndarray:
 
 
 def _coordinates(head: str, r: int) -> tuple[tuple[int, int], ...]:
-    nodes = [int(n) for n in _numbers(_node_lines(head))]
+    nodes = _integers(_node_lines(head))
     lines = [line for line in head.splitlines() if line.strip() and not line.lstrip()[0] == "*"]
-    rows = [[int(n) for n in _numbers(line)] for line in lines]
+    rows = [_integers(line) for line in lines]
     changes = {1: rows[0]} | {row[0]: row[1:] for row in rows[1:]} if rows else {}
     coordinates, dofs = [], []
     for position, node in enumerate(nodes, start=1):

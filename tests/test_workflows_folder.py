@@ -1,6 +1,8 @@
 """What is a user's stays: folders of ours are marked, held by one run, complete or absent."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from hashlib import sha256
@@ -221,6 +223,49 @@ def test_a_refused_run_leaves_nothing_and_a_failed_one_its_finished_files(made):
         if failure is InvalidScene:
             assert not contents("out")
         assert Path("out", "figures", "modes.png").exists() == (failure is ValueError)
+
+
+def by_name(folder):
+    return {path.name: path.read_bytes() for path in Path(folder).iterdir() if path.is_file()}
+
+
+def over_a_finished_run(monkeypatch, at_replacing):
+    """A run over a finished one; at_replacing(i) is called before the i-th file takes its place."""
+    names = ("rom.npz", "trajectory.npz", "summary.json")
+    with RunFolder(Path("out")).run("name = 'a'\n", FILES) as folder:
+        for name in (*names, "response.npz"):
+            folder.write(name, b"old")
+    calls = iter(range(99))
+
+    def replace(source, target):
+        if Path(target).parent == Path("out"):
+            at_replacing(next(calls))
+        os.replace(source, target)
+
+    monkeypatch.setattr("workflows.files.run_folder.replace", replace)
+    with RunFolder(Path("out")).run("name = 'b'\n", FILES) as folder:
+        for name in names:
+            folder.write(name, b"new")
+    return names
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_amid_the_replacement_waits_for_its_end(number, monkeypatch):
+    came = []
+    before = signal.signal(number, lambda n, _: came.append(by_name("out")))
+    try:
+        over_a_finished_run(monkeypatch, lambda i: i or signal.raise_signal(number))
+    finally:
+        signal.signal(number, before)
+    (after,) = came
+    assert after["summary.json"] == after["rom.npz"] == b"new" and "response.npz" not in after
+
+
+def test_each_file_is_whole_while_a_run_takes_the_place_of_another(monkeypatch):
+    seen = []
+    names = over_a_finished_run(monkeypatch, lambda i: seen.append(by_name("out")))
+    assert len(seen) > 3 and all({*names, "response.npz"} <= now.keys() for now in seen)
+    assert all(now[name] in (b"old", b"new") for now in seen for name in names)
 
 
 def test_what_a_killed_run_prepared_beside_a_finished_one_goes():

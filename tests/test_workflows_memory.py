@@ -75,8 +75,8 @@ def test_memory_grows_faster_than_the_unknowns_of_a_solid():
 RIG = (7680, 6192, 5568, 21252, 9981, 9981)  # unknowns of each body
 GEARBOX = (20361, 21273, 21270, 16797, 62613, 27456)
 PRESS = (
-    146841, 50130, 50232, 50226, 49779, 32010, 32046, 32265, 31941, 125430, 148101, 99363, 69405,
-    78201,
+    159345, 52284, 53262, 52824, 53061, 36027, 35724, 36015, 35538, 133803, 158115, 106779, 74463,
+    84606,
 )  # fmt: skip
 
 
@@ -86,7 +86,7 @@ PRESS = (
         ("hex", RIG, True, 1.15),
         ("tet", GEARBOX, True, 2.26),
         ("tet", (306183,), False, 5.31),
-        ("tet", PRESS, True, 12.83),
+        ("tet", PRESS, True, 15.47),
     ],
 )
 def test_memory_is_foreseen_safely_and_within_a_third(element, unknowns, fast, held, monkeypatch):

@@ -72,13 +72,17 @@ class TuningReport(BaseModel):
     @property
     def failures(self) -> list[str]:
         """A sentence on each mode that is missed by more than a fit of it may be."""
-        missed = {n: self.modes_hz[n] / hz - 1 for n, hz in self.match.items()}
         return [
             f"mode {n} of {self.match[n]:g} Hz is missed by {100 * off:+.3g} %, up to "
             f"{100 * LARGEST_MISS:g} % is a fit; free what moves this mode, or match others."
-            for n, off in missed.items()
-            if not abs(off) <= LARGEST_MISS
+            for n, off in _misses(self.modes_hz, self.match).items()
         ]
+
+
+def _misses(modes_hz, match) -> dict:
+    """Relative misses of the modes that are no fit, by number."""
+    missed = {n: modes_hz[n] / hz - 1 for n, hz in match.items()}
+    return {n: off for n, off in missed.items() if not abs(off) <= LARGEST_MISS}
 
 
 def tuned(
@@ -118,7 +122,7 @@ class Fit(NamedTuple):
 
 def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], progress) -> Fit:
     """The fit; what these modes do not see is left as it was in the scene. Raises InvalidScene
-    where they see nothing."""
+    where they see nothing and are met all the same."""
     loose = loosened(scene, parameters)
     basis = pipeline_of(loose, progress)("tuning-basis")
     if scene.is_general:
@@ -127,7 +131,8 @@ def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], 
     found = tune(basis, parameters, match)
     seconds = perf_counter() - started
     seen = [p for p, is_seen in zip(parameters, found.seen, strict=True) if is_seen]
-    if len(seen) == len(parameters):
+    missed = _misses(dict(enumerate(found.modes_hz, start=1)), match)
+    if len(seen) == len(parameters) or (missed and not seen):
         return Fit(found, loose, seconds)
     if not seen:
         names = ", ".join(p.name for p in parameters)

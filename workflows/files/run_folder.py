@@ -18,6 +18,7 @@ from shutil import rmtree
 from typing import NamedTuple
 
 from workflows.files.output_file import OutputFile
+from workflows.files.signals_deferred import signals_deferred
 from workflows.files.whole_file import among, clear_parts, digest, runs, unfit, writing_file
 from workflows.scene import InvalidScene, nearest
 
@@ -111,16 +112,19 @@ class RunFolder:
     def _take(self, new: "RunFolder") -> None:
         """Put the files of a new folder in the place of those of ours."""
         arrived = () if new is self else tuple(new._noted())
-        for name in arrived:
-            if not self._holds(name, new.path / name):
-                self._require_no_input(name)
-                self._require_ours(name)
-        self.clear(self._noted().keys() - (new._written - {*arrived}))
-        for name in arrived:
-            if not self._holds(name, new.path / name):
-                self._note(name, new.path / name)
-                (self.path / name).parent.mkdir(exist_ok=True)
+        moved = [name for name in arrived if not self._holds(name, new.path / name)]
+        for name in moved:
+            self._require_no_input(name)
+            self._require_ours(name)
+        left = self._clearable(self._noted().keys() - new._written - {*arrived})
+        for name in moved:
+            self._note(name, new.path / name)
+            (self.path / name).parent.mkdir(exist_ok=True)
+        with signals_deferred():  # each file is whole at any instant, all are new within some ms
+            for name in moved:
                 replace(new.path / name, self.path / name)
+            for name in left:
+                (self.path / name).unlink()
 
     def _holds(self, name: str, other: Path) -> bool:
         return self.ours(name) and digest(self.path / name) == digest(other)
@@ -176,10 +180,15 @@ class RunFolder:
 
     def clear(self, names: Iterable[str]) -> None:
         """Remove these files as far as they are ours and no input."""
-        for name in names:
-            target = self.path / name
-            if self.ours(name) and not among(target, self._inputs):
-                target.unlink()
+        for name in self._clearable(names):
+            (self.path / name).unlink()
+
+    def _clearable(self, names: Iterable[str]) -> list[str]:
+        """Of these names what is ours and no input."""
+        return [
+            name for name in names
+            if self.ours(name) and not among(self.path / name, self._inputs)
+        ]  # fmt: skip
 
     def keep(self, names: Iterable[str]) -> None:
         """Take files of an earlier run for those of this one."""

@@ -139,7 +139,7 @@ def _contact_time(c: ChainContact) -> Iterator[tuple[str, str, str]]:
     yield (
         "dimensionless contact time τ_c",
         _digits(c.tau_c),
-        "contact time over (m² / (V A_w²))^(1/5): mass of a sphere, speed of the striker, "
+        "contact time over (m² / (V A_w²))^(1/5): mass of the last sphere, speed of the striker, "
         "Hertz coefficient at the wall",
     )
 
@@ -157,7 +157,10 @@ def _waves_back(c: ChainContact) -> Iterator[tuple[str, str, str]]:
 def _balances(c: ChainContact) -> Iterator[tuple[str, str, str]]:
     root = "square root of kinetic energy at the end over that at the start"
     yield "energy restitution", percent(c.energy_restitution), root
-    total = "sum of sphere speeds, end over start; no measure of loss: elastic spheres reach 136 %"
+    total = (
+        "sum of sphere speeds, end over start; no measure of loss: elastic spheres at a rigid "
+        "wall reach 136 %"
+    )
     yield "velocity sum ratio", percent(c.velocity_sum_ratio_2_8), total
 
 

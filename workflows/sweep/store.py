@@ -1,6 +1,7 @@
 """The table of a sweep on disk: parts as cases are done, one Parquet file at the end."""
 
 from collections.abc import Mapping
+from hashlib import sha256
 from json import dumps, loads
 from pathlib import Path
 from types import MappingProxyType
@@ -59,16 +60,17 @@ class Store:
         units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
         self._units = about.units | {key: units[key] for key in design.keys if key in units}
         self._face = about.face
-        self._prefix = f"part-{design.digest}{'-signals' if signals else ''}-"
+        self._key = sha256((folder.path / "scene.toml").read_bytes()).hexdigest()[:12]
+        self._prefix = f"part-{self._key}{'-signals' if signals else ''}-"
 
     @property
     def parts(self) -> list[Path]:
-        """Files of rows that are complete, of this design alone."""
+        """Files of rows that are complete, of this design and scene alone."""
         found = self._folder.base.path.glob(f"{self._prefix}*.parquet")
         return [path for path in found if self._folder.base.ours(self._name(path))]
 
     def whole(self) -> bool:
-        """Whether the table of this design is there."""
+        """Whether the table of this design and scene is there."""
         import pyarrow.parquet as pq
 
         there = self._folder.base
@@ -76,7 +78,7 @@ class Store:
             return False
         about = loads((pq.read_schema(there.path / TABLE).metadata or {}).get(ABOUT, b"{}"))
         kept = there.ours(SIGNALS) or not self._signals
-        return about.get("digest") == self._design.digest and kept
+        return about.get("key") == self._key and kept
 
     def keep(self) -> None:
         """Leave the table of an earlier sweep of this design as it is."""
@@ -147,7 +149,7 @@ class Store:
     def _about(self) -> dict[str, Any]:
         design = self._design
         about = {"kind": design.kind, "keys": design.keys, "base": design.base}
-        return about | {"digest": design.digest, "units": self._units, "face": self._face}
+        return about | {"key": self._key, "units": self._units, "face": self._face}
 
     def _signal_parts(self) -> list[Path]:
         found = self._folder.base.path.glob(f"{self._prefix}*.npz")

@@ -1,0 +1,26 @@
+"""Signals that end the program wait for the end of what must not be left half."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from signal import SIG_DFL, SIGHUP, SIGINT, SIGTERM, raise_signal, signal
+from threading import current_thread, main_thread
+
+ENDING = (SIGINT, SIGTERM, SIGHUP)
+
+
+@contextmanager
+def signals_deferred() -> Iterator[None]:
+    """A block after which such a signal that came meanwhile takes effect; only the main thread
+    receives any."""
+    if current_thread() is not main_thread():
+        yield
+        return
+    came: list[int] = []
+    handlers = {number: signal(number, lambda n, _: came.append(n)) for number in ENDING}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal(number, SIG_DFL if handler is None else handler)
+        for number in came[:1]:
+            raise_signal(number)
