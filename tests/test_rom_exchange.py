@@ -240,6 +240,12 @@ def test_a_substructure_that_is_incomplete_is_refused(tmp_path, text, sentence):
         load_mtx(tmp_path / "sub.mtx", np.ones(5))
 
 
+def test_a_node_number_without_end_is_no_coordinate(tmp_path):
+    (tmp_path / "sub.mtx").write_text(MTX.replace("101", "1e999"))
+    assert "1e999" in (tmp_path / "sub.mtx").read_text()
+    assert substructure(tmp_path / "sub.mtx").coordinates == ()
+
+
 def test_a_weight_on_a_coordinate_that_is_not_there_is_refused(tmp_path):
     (tmp_path / "sub.mtx").write_text(MTX)
     with pytest.raises(ReductionError, match=r"no coordinate .* \(101, 2\)"):

@@ -325,6 +325,21 @@ def test_a_washer_beside_its_face_is_bad_input():
         pipeline_of(resolved(tables, "w"), lambda name: nullcontext())("mesh")
 
 
+@pytest.mark.parametrize("other", ["[0.0, 0.0, 0.01]", "[0.015, 0.0, 0.01]"])
+def test_bolts_whose_washers_overlap_are_bad_input(other):
+    tables = tomllib.loads(
+        STACK.replace("[[0.0, 0.0, 0.01]]", f"[[0.0, 0.0, 0.01], {other}]").replace("HZ", "1e3")
+    )
+    with pytest.raises(InvalidScene, match=r"points 1 and 2 of joints\.pin\.at .* one washer"):
+        pipeline_of(resolved(tables, "w"), lambda name: nullcontext())("mesh")
+
+
+def test_a_washer_in_millimetres_is_told():
+    tables = tomllib.loads(STACK.replace("washer = 0.008", "washer = 8").replace("HZ", "1e3"))
+    with pytest.raises(InvalidScene, match=r"washer.* did you mean 0\.008"):
+        scene(tables)
+
+
 SHARED = STACK.replace("[[0.0, 0.0, 0.01]]", "[[-0.01, 0.0, 0.01], [0.005, 0.0, 0.01]]")
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -330,7 +331,21 @@ def _places(scene: Scene, drawn: Drawing, joint: Bolts, touch) -> list:
             f'{scene.name}: joints.{joint.name} has points, but "{touch.name}" touch on no plane; '
             "tie them."
         )
+    _require_apart(scene, joint, np.array([place.centre for place in found]))
     return found
+
+
+def _require_apart(scene: Scene, joint: Bolts, centres: np.ndarray) -> None:
+    """Raises InvalidScene for washers that overlap; centres (n, 3) [m] on the common face."""
+    radius = joint.washer if isinstance(joint.washer, float) else 1e-3
+    for i, j in combinations(range(len(centres)), 2):
+        apart = np.linalg.norm(centres[i] - centres[j])
+        if apart < 2 * radius * (1 - 1e-9):
+            raise InvalidScene(
+                f"{scene.name}: points {i + 1} and {j + 1} of joints.{joint.name}.at are "
+                f"{apart:.4g} m apart, within one washer of radius {radius:g} m; name each bolt "
+                "once, or take a smaller washer."
+            )
 
 
 def _to_the_ground(drawn: Drawing, joint: Bolts, marks: Marks) -> None:

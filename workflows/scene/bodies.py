@@ -273,7 +273,9 @@ class Bolts(JointStiffnesses):
     at: Literal["holes"] | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)] = (
         "holes"  # or points [m]
     )
-    washer: Size | Literal["share"] | None = None  # [m] radius; of holes their diameter
+    washer: of(Positive, LENGTH, 1e-4, 0.3) | Literal["share"] | None = (
+        None  # [m] radius; of holes their diameter
+    )
     sides: Annotated[
         tuple[Literal["rigid", "mean"], Literal["rigid", "mean"]], Field(strict=False)
     ] = ("rigid", "mean")
