@@ -104,6 +104,7 @@ REFUSED = {
     "wall.kind=rom": ("[assembly]", "wall.file"),
     "wall.kind=1dof": ("wall.frequency", "missing"),
     "wall={kind='rom', file='no.npz'}": ("wall.file", "no.npz", "does not exist"),
+    "contact.coefficient=1e12": ("contact.coefficient", "1e+06 s/m", "lower it"),
     "wall.kind=dashpot": ("wall", "coefficient", "plate_thickness"),
     "wall={kind='dashpot', coefficient=9.0, plate_thickness=1.0}": ("wall", "exclude"),
     "wall={kind='dashpot', coefficient=9.0, density=1e3}": ("wall", "density", "plate_thickness"),

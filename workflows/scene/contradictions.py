@@ -11,6 +11,7 @@ from workflows.scene.size import too_large
 
 LEAST_YIELD = 1e-6  # pressure over Young's modulus; lead has a thousandth
 SOFTEST = 1e6  # [Pa] Young's modulus of a body of finite elements
+MOST_DAMPED = 1e6  # [s/m] of Hunt and Crossley's law, whose spheres rebound below one
 MOST_TAKEN = 1e6  # samples of an instrument
 PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure")
 
@@ -41,6 +42,7 @@ def contradictions(scene: Scene):
         yield from _against_a_dashpot(scene)
         yield from of_gravity(scene)
         yield from _yielding(scene)
+        yield from _overdamped(scene)
         yield from _at_rest(scene)
         yield from _unseen_spheres(scene)
         yield from _sensors(scene)
@@ -220,6 +222,17 @@ def _against_a_dashpot(scene: Scene):
         yield (
             f'contact.coefficient is {last} at the wall, with wall.kind = "dashpot" it must be 0 '
             "there; give a value for each contact, or drop it."
+        )
+
+
+def _overdamped(scene: Scene):
+    given = scene.contact.coefficient
+    largest = max(given) if isinstance(given, tuple) else given
+    if scene.contact.dissipation == "hunt-crossley" and largest > MOST_DAMPED:
+        yield (
+            f"contact.coefficient = {largest:g} s/m, allowed with dissipation = "
+            f'"hunt-crossley" is up to {MOST_DAMPED:g} s/m; from some 1000 s/m on nothing '
+            "rebounds, lower it."
         )
 
 
