@@ -86,7 +86,7 @@ PRESS = (
         ("hex", RIG, True, 1.15),
         ("tet", GEARBOX, True, 2.26),
         ("tet", (306183,), False, 5.31),
-        ("tet", PRESS, True, 15.47),
+        ("tet", PRESS, True, 18.26),
     ],
 )
 def test_memory_is_foreseen_safely_and_within_a_third(element, unknowns, fast, held, monkeypatch):
