@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from signal import SIG_DFL, SIGHUP, SIGINT, SIGTERM, raise_signal, signal
+from signal import SIG_DFL, SIGALRM, SIGHUP, SIGINT, SIGTERM, raise_signal, signal
 from threading import current_thread, main_thread
 
-ENDING = (SIGINT, SIGTERM, SIGHUP)
+ENDING = (SIGINT, SIGTERM, SIGHUP, SIGALRM)  # the last repeats one that was lost
 
 
 @contextmanager
