@@ -330,7 +330,9 @@ def test_bolts_whose_washers_overlap_are_bad_input(other):
     tables = tomllib.loads(
         STACK.replace("[[0.0, 0.0, 0.01]]", f"[[0.0, 0.0, 0.01], {other}]").replace("HZ", "1e3")
     )
-    with pytest.raises(InvalidScene, match=r"points 1 and 2 of joints\.pin\.at .* one washer"):
+    with pytest.raises(
+        InvalidScene, match=r"points 1 and 2 of joints\.pin\.at .* washers need 0\.016 m"
+    ):
         pipeline_of(resolved(tables, "w"), lambda name: nullcontext())("mesh")
 
 

@@ -343,8 +343,8 @@ def _require_apart(scene: Scene, joint: Bolts, centres: np.ndarray) -> None:
         if apart < 2 * radius * (1 - 1e-9):
             raise InvalidScene(
                 f"{scene.name}: points {i + 1} and {j + 1} of joints.{joint.name}.at are "
-                f"{apart:.4g} m apart, within one washer of radius {radius:g} m; name each bolt "
-                "once, or take a smaller washer."
+                f"{apart:.4g} m apart, where washers need {2 * radius:g} m; name each bolt once, "
+                "or take a smaller washer."
             )
 
 

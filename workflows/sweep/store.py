@@ -60,7 +60,8 @@ class Store:
         units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
         self._units = about.units | {key: units[key] for key in design.keys if key in units}
         self._face = about.face
-        self._key = sha256((folder.path / "scene.toml").read_bytes()).hexdigest()[:12]
+        told = (folder.path / "scene.toml").read_text(encoding="utf-8"), design.digest
+        self._key = sha256(dumps(told).encode()).hexdigest()[:12]
         self._prefix = f"part-{self._key}{'-signals' if signals else ''}-"
 
     @property

@@ -77,17 +77,13 @@ def size(scene: Scene, progress: Progress, *, times: tuple[float, ...] = TIMES) 
     last = sized[-1]
     ours = {name: cost for name, cost in last.costs.items() if name != CALCULIX}
     sentences = rendered(
-        __file__,
-        last=last,
+        __file__, last=last, growths=growths, compared=COMPARED, n_modes=N_MODES,
         slowest=max(ours, key=lambda name: ours[name].seconds),
         largest=max(ours, key=lambda name: ours[name].bytes or 0.0),
         seconds=sum(cost.seconds for cost in ours.values()),
-        growths=growths,
         solver="PARDISO" if has_pardiso() else None,
-        compared=COMPARED,
         peer=_beside_the_peer(sized),
-        n_modes=N_MODES,
-    )
+    )  # fmt: skip
     return Finding(tables, sentences, (Picture("size", _picture(sized, names)),))
 
 
