@@ -1,83 +1,128 @@
 """What bounds a sweep on many workers: the scheduler's time for a task, and a worker's memory.
 
-You will see, for 10 and 50 workers: milliseconds, of the clock and of the processor, that a
-task takes which computes nothing, the share of their time that workers are busy with tasks of one
-second, handed over as a sweep does, four ahead for each worker, and what each adds to the memory
-of the process; then what a process that has marched chains takes, and how long the tasks are that
-keep 1000 workers busy.
+You will see, for 10 and 100 workers: milliseconds, of the clock and of the processor, that a task
+takes which computes nothing, the share of their time that workers are busy with tasks of one second
+and with longer ones, handed over as a sweep does, four ahead for each worker, and what each adds to
+the memory of the scheduler; then what a process that has marched chains takes, and how long the
+tasks are that keep 1000 workers busy.
 
     busy workers <= seconds of a task / processor's seconds that Dask spends on it
 
-Workers are threads here that sleep, in the process of the scheduler and of the client: they cost no
-cores and little memory, what Dask does for them is all there. On hosts of their own the scheduler
-has a core for itself.
+Workers are Dask's own, many in one process beside this one, and wait in place of computing. Only
+this process is measured, which has the scheduler and the client: what workers cost is on hosts of
+their own elsewhere.
 
 Run it: python examples/many_workers.py            some minutes
-        python examples/many_workers.py 10 200     other numbers of workers
+        python examples/many_workers.py 10 1000    other numbers of workers
 """
 
+import os
+import resource
+import subprocess
 import sys
+from asyncio import sleep
 from collections.abc import Iterator
 from contextlib import contextmanager
-from time import perf_counter, process_time, sleep
+from json import dumps
+from math import ceil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter, process_time
 from typing import NamedTuple
 
 from workflows.sweep.cluster import AHEAD
 
 MB = 1e-6
 MANY = 1000  # workers
-NOTHING = 1000  # tasks that compute nothing, in all
+NOTHING = 1000  # tasks that compute nothing, at least
+EACH = 3  # waiting tasks for each worker
+FILES = 10  # that a process opens for each worker, and as many for itself
+LIGHT = {  # of what a worker does beside its tasks: shared by many it would be all that they do
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "60s",
+    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__GIL__ENABLED": "False",
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "60s",
+    "DASK_LOGGING__DISTRIBUTED": "critical",
+    "PYTHONWARNINGS": "ignore",
+}
 
 
-def main(counts: tuple[int, ...] = (10, 50)) -> None:
-    print("workers  start s  ms a task  processor's ms  busy with 1 s  MB each")
+def main(counts: tuple[int, ...] = (10, 100)) -> None:
+    print("workers  start s  ms a task  processor's ms  busy with 1 s  with longer tasks  MB each")
     for n in counts:
         before, began = memory(), perf_counter()
         with light(n) as client:
             start = perf_counter() - began
             each = MB * (memory() - before) / n
-            nothing, second = spent(client, 0.0, max(n, NOTHING)), spent(client, 1.0, 3 * n)
+            nothing = spent(client, 0.0, max(2 * n, NOTHING))
+            long = 1 + ceil(2 * n * nothing.clock)
+            busy = [busy_with(client, n, length) for length in (1, long)]
         print(
             f"{n:7d} {start:8.1f} {1e3 * nothing.clock:10.2f} {1e3 * nothing.processor:15.2f} "
-            f"{1.0 / second.clock / n:14.0%} {each:8.1f}",
+            f"{busy[0]:14.0%} {busy[1]:9.0%} of {long:2d} s {each:9.2f}",
             flush=True,
         )
     print(f"{MANY} workers are busy with tasks of {MANY * nothing.processor:.1f} s or more")
     print(f"a process that has marched chains takes {MB * of_a_worker():.0f} MB")
 
 
+def busy_with(client, n: int, length: int) -> float:
+    """Share of their time that n workers are busy with tasks of a length [s]."""
+    return length / spent(client, length, EACH * n).clock / n
+
+
 @contextmanager
 def light(n: int) -> Iterator:
-    """A client of so many workers that are threads."""
+    """A client of so many workers that share a process."""
     from distributed import Client, LocalCluster
 
+    require_files(n)
+    each = {"nthreads": 1, "memory_limit": 0, "dashboard": False}
+    spec = {str(i): {"cls": "distributed.Worker", "opts": each} for i in range(n)}
     with (
-        LocalCluster(
-            n_workers=n, threads_per_worker=1, processes=False, dashboard_address=None,
-            memory_limit=0,
-        ) as cluster,
+        TemporaryDirectory() as folder,
+        LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=60) as cluster,
         Client(cluster) as client,
-    ):  # fmt: skip
-        client.wait_for_workers(n)
-        spent(client, 0.0, n)
-        yield client
+    ):
+        where = f"{folder}/spec.json"
+        Path(where).write_text(dumps(spec))
+        words = ("distributed.cli.dask_spec", cluster.scheduler_address, "--spec-file", where)
+        workers = subprocess.Popen(
+            [sys.executable, "-m", *words],
+            env=os.environ | LIGHT | {"DASK_TEMPORARY_DIRECTORY": folder},
+        )
+        try:
+            client.wait_for_workers(n)
+            spent(client, 0.0, n)
+            yield client
+        finally:
+            workers.terminate()
+            workers.wait()
+
+
+def require_files(n: int) -> None:
+    """As many open files as the system allows; ends where they are too few for n workers."""
+    most, needed = resource.getrlimit(resource.RLIMIT_NOFILE)[1], FILES * (n + 1)
+    if most != resource.RLIM_INFINITY and most < needed:
+        sys.exit(f"{n} workers open {needed} files, this system allows {most}; take fewer workers.")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
 class Spent(NamedTuple):
     """Seconds of each task, all workers together."""
 
     clock: float
-    processor: float  # of this process: scheduler, client and workers
+    processor: float  # of this process: scheduler and client
 
 
 def spent(client, length: float, tasks: int) -> Spent:
-    """On tasks of a length [s], handed over as in a sweep."""
+    """On tasks that wait for a length [s], handed over as in a sweep."""
     from distributed import as_completed
 
     most, done, running = AHEAD * len(client.nthreads()), as_completed([]), 0
     began = perf_counter(), process_time()
-    for i in range(tasks):
-        done.add(client.submit(slept, length, i, pure=False))
+    for _ in range(tasks):
+        done.add(client.submit(sleep, length, pure=False))
         running += 1
         if running >= most:
             next(done).result()
@@ -85,12 +130,6 @@ def spent(client, length: float, tasks: int) -> Spent:
     for _ in range(running):
         next(done).result()
     return Spent((perf_counter() - began[0]) / tasks, (process_time() - began[1]) / tasks)
-
-
-def slept(length: float, i: int) -> int:
-    """A case that computes nothing."""
-    sleep(length)
-    return i
 
 
 def memory() -> int:
@@ -112,12 +151,29 @@ def of_a_worker() -> int:
 
 
 def marched() -> int:
-    """Marches a built-in scene; the memory of the process after it."""
-    import beadwave
+    """Marches the chains of a task; the memory of the process after it."""
+    from workflows.sweep.cases import base_of
+    from workflows.sweep.design import grid
+    from workflows.sweep.march import rows
+    from workflows.sweep.models import Prepared
+    from workflows.sweep.tasks import CHUNK, sharings
 
-    beadwave.impact("rig-rigid")
+    base = base_of("rig-rigid", ())
+    cases = grid((f"striker.velocity=0.1:1:{CHUNK}",), base.number)
+    for sharing in sharings(base, cases, list(range(CHUNK)), False):
+        for task in sharing.tasks:
+            rows(task.checked, Prepared(), task.signals)
     return memory()
 
 
+def counts(words: list[str]) -> tuple[int, ...]:
+    """Numbers of workers; ends with a sentence for what is none."""
+    for word in words:
+        if not (word.isdecimal() and int(word) > 0):
+            print(f"{word!r} is no number of workers; give 10 100, for example.", file=sys.stderr)
+            sys.exit(2)
+    return tuple(map(int, words)) or (10, 100)
+
+
 if __name__ == "__main__":
-    main(tuple(map(int, sys.argv[1:])) or (10, 50))
+    main(counts(sys.argv[1:]))

@@ -14,6 +14,8 @@ import pytest
 import beadwave
 import dem
 from beadwave import Cases, InvalidScene
+from coupling.sweep.design import Design
+from coupling.sweep.effects import sobol_effects
 from workflows.files.run_folder import RunFolder
 from workflows.sweep import sweep as sweeping
 from workflows.sweep import tasks
@@ -46,6 +48,13 @@ washer = 5e-3
 kz = 2e7
 """
 SHORT = {"chain.count": 5, "output.spheres": [1, 4], "time.duration": 6e-4, "output.samples": 601}
+
+
+WHERE = spec_from_file_location(
+    "many_workers", Path(__file__).parents[1] / "examples" / "many_workers.py"
+)
+WORKERS = module_from_spec(WHERE)
+WHERE.loader.exec_module(WORKERS)
 
 
 @pytest.fixture(autouse=True)
@@ -539,6 +548,50 @@ def test_sobol_indices_are_those_of_the_power_law():
     assert "first order" in text and "chain.radius" in text
 
 
+def ishigami(n):
+    """A Sobol design of three keys from -pi to pi, and y = sin a + 7 sin^2 b + 0.1 c^4 sin a."""
+    over = [f"{key}={-np.pi!r}:{np.pi!r}" for key in ("k.a", "k.b", "k.c")]
+    design = sampled(over, f"sobol:{n}", 0, number)
+    a, b, c = map(np.array, design.columns.values())
+    return design, np.sin(a) + 7 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a)
+
+
+def test_standard_errors_are_the_same_at_every_call_and_fall_with_the_root_of_the_samples():
+    coarse, fine = (sobol_effects(*ishigami(n)) for n in (256, 4096))
+    again = sobol_effects(*ishigami(256))
+    assert all(np.array_equal(*pair) for pair in zip(coarse[:4], again[:4], strict=True))
+    for one, other in zip(coarse[2:4], fine[2:4], strict=True):
+        assert ((2.5 < one / other) & (one / other < 6.0)).all()
+
+
+@pytest.mark.parametrize("lost", [0, 5])
+def test_indices_are_those_of_ishigami(lost):
+    """T. Ishigami and T. Homma (1990): 0.3139, 0.4424, 0 and 0.5576, 0.4424, 0.2437; also where
+    cases are missing, so that the samples are no power of 2."""
+    design, y = ishigami(1024)
+    y[:lost] = np.nan
+    found = sobol_effects(design, y)
+    assert found.used == 1024 - lost
+    for index, right in (
+        (found.first, (0.3139, 0.4424, 0.0)),
+        (found.total, (0.5576, 0.4424, 0.2437)),
+    ):
+        assert np.abs(index - right).max() < 0.02
+
+
+def test_standard_errors_are_the_spread_over_designs():
+    """Of the first key's index over designs that differ in their random numbers alone."""
+    found, design = [], Design("sobol", {key: (0.0,) * 384 for key in ("k.a", "k.b")}, 96)
+    for seed in range(60):
+        A, B = np.random.default_rng(seed).random((2, 2, 96))
+        y = [a + 2 * b * a for a, b in (A, B, (B[0], A[1]), (A[0], B[1]))]
+        found.append(sobol_effects(design, np.concatenate(y)))
+    for index, error in (("first", "first_error"), ("total", "total_error")):
+        spread = np.std([getattr(one, index) for one in found], axis=0)
+        stated = np.mean([getattr(one, error) for one in found], axis=0)
+        assert ((0.6 < stated / spread) & (stated / spread < 1.7)).all()
+
+
 def test_indices_need_a_design_for_them():
     found = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, out="out")
     with pytest.raises(InvalidScene, match="--sample sobol:n"):
@@ -628,14 +681,27 @@ def test_the_price_says_which_laws_are_marched_chain_by_chain(law, said):
     )
 
 
-def test_the_example_of_many_workers_measures_what_dask_spends():
-    where = Path(__file__).parents[1] / "examples" / "many_workers.py"
-    spec = spec_from_file_location("many_workers", where)
-    workers = module_from_spec(spec)
-    spec.loader.exec_module(workers)
-    with workers.light(2) as client:
-        found = workers.spent(client, 0.05, 8)
-    assert 0.025 <= found.clock < 2.0 and 0.0 < found.processor < 1.0
+def test_the_example_of_many_workers_measures_what_dask_spends(capfd):
+    with WORKERS.light(3) as client:
+        assert len(client.nthreads()) == 3
+        found = WORKERS.spent(client, 0.05, 12)
+    assert 0.05 / 3 <= found.clock < 2.0 and 0.0 < found.processor < 1.0
+    assert capfd.readouterr() == ("", "")  # workers and scheduler end without a complaint
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "says"),
+    [
+        (["10", "ten"], 2, "'ten' is no number of workers; give 10 100, for example.\n"),
+        (["-3"], 2, "'-3' is no number of workers; give 10 100, for example.\n"),
+        (["10000000"], 1, "10000000 workers open 100000010 files, this system allows "),
+    ],
+)
+def test_the_example_of_many_workers_refuses_in_a_sentence(words, status, says):
+    command = [sys.executable, WORKERS.__file__, *words]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == status and ended.stderr.startswith(says)
+    assert ended.stderr.count("\n") == 1
 
 
 def test_the_example_measures_rates():

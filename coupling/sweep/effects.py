@@ -30,8 +30,6 @@ def sobol_effects(design: Design, y: Array) -> Effects:
 
     Raises ValueError for other designs, and where too few cases have a value or all the same.
     """
-    from scipy.stats import sobol_indices
-
     n, d = design.base, len(design.keys)
     if design.kind != "sobol":
         raise ValueError("Sobol indices need a sweep with --sample sobol:n; make one.")
@@ -43,16 +41,18 @@ def sobol_effects(design: Design, y: Array) -> Effects:
             f"{used} of {n} samples have a value in all of their {d + 2} cases, and indices need "
             f"{FEWEST} whose values differ; take more samples or another output."
         )
-    A, B, *mixed = parts[:, whole]
-    values = {"f_A": A[None], "f_B": B[None], "f_AB": np.array(mixed)[:, None]}
-    rng = np.random.default_rng(0)
-    found = sobol_indices(func=values, n=used, rng=rng)
-    spread = found.bootstrap(n_resamples=RESAMPLES)
-    return Effects(
-        np.ravel(found.first_order), np.ravel(found.total_order),
-        np.ravel(spread.first_order.standard_error), np.ravel(spread.total_order.standard_error),
-        used,
-    )  # fmt: skip
+    parts = parts[:, whole]
+    draws = np.random.default_rng(0).integers(used, size=(RESAMPLES, used))
+    resampled = np.stack([_indices(parts[:, drawn]) for drawn in draws])
+    return Effects(*_indices(parts), *resampled.std(axis=0, ddof=1), used)
+
+
+def _indices(parts: Array) -> Array:
+    """First-order and total (2, d) of the outputs (d + 2, n) of A, B and each A_B: table 2 of
+    Saltelli, rows (b) and (f)."""
+    A, B, *mixed = parts - parts[:2].mean()
+    AB, variance = np.array(mixed), np.var([A, B])
+    return np.stack([np.mean(B * (AB - A), axis=1), np.mean((A - AB) ** 2, axis=1) / 2]) / variance
 
 
 def rank_correlations(design: Design, y: Array) -> dict[str, float]:
