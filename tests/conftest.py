@@ -21,3 +21,11 @@ def shared_cache(cache, tmp_path, monkeypatch):
     """The commands of a test keep their results there, and work in a folder of their own."""
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(cache))
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """Kernels as they are written, as plain Python."""
+    from dem.kernels.compiled import Compiled
+
+    monkeypatch.setattr(Compiled, "__call__", lambda kernel, *given: kernel.py_func(*given))

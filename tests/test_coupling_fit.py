@@ -12,7 +12,14 @@ import dem.sensitivities
 from coupling.calibration import signals as laid
 from coupling.calibration.fitting import CLOSE, IMPOSSIBLE, PRIOR, Fit, _cycles, rms, weights
 from coupling.calibration.forward import NO_FILTER, Forward, _refined
-from coupling.calibration.instrument import OVERSAMPLED, Clean, Twin, repeated, shown
+from coupling.calibration.instrument import (
+    OVERSAMPLED,
+    Clean,
+    Twin,
+    clean_signals,
+    repeated,
+    shown,
+)
 from coupling.calibration.parameters import (
     Parameter,
     Rig,
@@ -151,6 +158,7 @@ def test_a_fit_of_a_linear_model_is_its_least_squares(kind):
     left = A @ values(fit.parameters, found.z) - b
     assert found.misfit == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
     assert found.converged and found.evaluations > 0
+    assert not fit.solved(start, free, window, most=1).converged
     none = fit.solved(start, np.zeros(3, bool), window)
     assert (none.misfit, none.evaluations, none.converged) == (fit.misfit(start, window), 0, True)
 
@@ -335,6 +343,30 @@ def test_what_data_do_not_tell_has_a_bar_without_end():
     assert np.abs(plane @ np.transpose([one.direction, other.direction])).max() < 1e-9
 
 
+def test_bars_go_with_one_over_the_slopes_and_with_the_noise():
+    """However small both are; of no noise there are none."""
+    rng = np.random.default_rng(8)
+    parameters, J = parameters_of((3.0, 1.0)), rng.standard_normal((80, 1, 2))
+    left, none = rng.standard_normal((80, 1)), np.zeros(2, bool)
+    bars = uncertainty(parameters, left, J, none).two_sigma
+    for slope, noise in ((1e-20, 1.0), (1.0, 1e-9), (1e9, 1e-9)):
+        found = uncertainty(parameters, noise * left, slope * J, none)
+        np.testing.assert_allclose(found.two_sigma * slope / noise, bars, rtol=1e-9)
+    still = uncertainty(parameters, 0 * left, J, none)
+    assert still.combinations == () and not still.two_sigma.any()
+    held = uncertainty(parameters, left, J, ~none)
+    assert held.combinations == () and not held.covariance.any() and not held.singular.size
+    assert not held.two_sigma.any()
+
+
+@pytest.mark.parametrize("k", [2, 3])
+def test_noise_of_a_few_samples_has_no_lags(k):
+    U, left = np.eye(k)[:, None, :1], np.arange(1.0, k + 1)[:, None]
+    power = np.abs(np.fft.rfft(left[:, 0], 2 * k)) ** 2
+    r = np.fft.irfft(power / np.maximum(1 - 1 / k, 0.2), 2 * k) / k
+    assert noise_along(U, left)[0, 0] == pytest.approx(r[0], rel=1e-12)
+
+
 def test_a_combination_is_told_by_its_largest_shares():
     from coupling.calibration.uncertainty import Combination
 
@@ -384,8 +416,15 @@ def test_repeats_are_averaged_where_they_lie_over_each_other():
     np.testing.assert_allclose(still.signals.v, v.mean(axis=0))
     spread = np.sqrt(np.mean(np.var(v, axis=0, ddof=1), axis=0))
     np.testing.assert_allclose(still.signals.spread, spread)
+    two = aligned(FINE, v[:2], (0, 1), move=False).signals
+    np.testing.assert_allclose(two.v, v[:2].mean(axis=0))
+    np.testing.assert_allclose(two.spread, rms_of(v[1] - v[0]) / np.sqrt(2))
     one = aligned(FINE, v[:1], (0, 1))
     assert np.isnan(one.signals.spread).all() and one.signals.repeats == len(one.shift) == 1
+
+
+def rms_of(v):
+    return np.sqrt(np.mean(v**2, axis=0))
 
 
 @pytest.mark.parametrize("shift", [40e-6, -40e-6])
@@ -470,6 +509,8 @@ def test_where_more_than_half_of_the_repeats_are_unlike_all_are_kept():
     unlike = [one + 0.75 * one.std() * rng.standard_normal(one.shape) for _ in range(3)]
     found = aligned(FINE, np.array([one, one, *unlike]), (0, 1), move=False)
     assert found.outliers == ()
+    half = aligned(FINE, np.array([one, one, *unlike[:2]]), (0, 1), move=False)
+    assert half.outliers == (2, 3)
 
 
 def test_one_of_three_repeats_that_is_unlike_the_others_is_left_out():
@@ -500,6 +541,8 @@ def test_noise_between_waves_is_what_does_not_go_on():
     filtered = laid.noise_between_waves(t, band.of_data(v, 1e-6), 1e-5)
     assert noise_of_mean(single, band, 1e-5) == pytest.approx(filtered, rel=1e-9)
     assert filtered < 0.8 * laid.noise_between_waves(t, v, 1e-5)
+    later = single._replace(t=t + 0.25)
+    assert noise_of_mean(later, band, 1e-5) == pytest.approx(filtered, rel=1e-9)
 
 
 def a_noisy_wave(k, noise=1e-3, seed=0):
@@ -595,9 +638,29 @@ def test_repeats_differ_by_jitter_and_noise_of_the_size_asked_for():
     again = repeated(made, twin)[1]
     np.testing.assert_array_equal(v, again)
     assert not np.array_equal(repeated(made, twin, run=1)[1], v)
+    few = repeated(made, twin._replace(repeats=2, noise=0.0))
+    np.testing.assert_array_equal(few[0], t)
+    assert few[1].shape == (2, len(t), 2) and not np.allclose(*few[1], atol=1e-3)
+    late = repeated(Clean(fine + 3e-6, made.v, (0, 1)), twin)
+    np.testing.assert_array_equal(late[0], t)
+    np.testing.assert_allclose(late[1][:, 3:], v[:, :-3], atol=1e-2)  # noise is where it was
     still = repeated(made, twin._replace(repeats=1, noise=0.0))
     np.testing.assert_allclose(still[1][0], bumps(still[0]), atol=1e-6)
     assert len(still[0]) == len(fine[::OVERSAMPLED])
+
+
+def test_the_clean_signals_of_a_rig_are_its_march_as_the_instrument_shows_it():
+    """By sixteen steps to a sample of the oversampled record; four samples after the filter."""
+    rig, twin = a_rig(), Twin(sampling=2e5, instrument=2e4)
+    found = clean_signals(rig.chain, rig.wall, rig.v0, twin, (1, 3), 2.9e-4)
+    n = round(2.9e-4 * 8e5)
+    fine = dem.march(
+        rig.chain, rig.wall, rig.v0, duration=n / 8e5, dt=1 / 8e5 / 16, n_save=n
+    )  # fmt: skip
+    exact = shown(fine.v[:, [0, 2]], rig.v0[[0, 2]], twin, (1, 3))
+    np.testing.assert_array_equal(found.t, exact.t)
+    np.testing.assert_allclose(found.v, exact.v, rtol=0, atol=1e-6 * 0.3)
+    assert found.spheres == (1, 3) and np.ptp(found.v, axis=0).min() > 0.05
 
 
 # --- the model -----------------------------------------------------------------------------------
@@ -651,6 +714,37 @@ def test_sensitivities_of_a_model_are_its_derivatives(filters):
         numeric = (model.velocities(theta + h) - model.velocities(theta - h)) / (2 * h[j])
         size = np.abs(numeric).max()
         assert np.quantile(np.abs(dv[:, :, j] - numeric), 0.95) < 1e-4 * size, p.name
+
+
+@pytest.mark.parametrize("filters", [NO_FILTER, Filter(band=9e4, instrument=6e4)])
+def test_a_model_is_the_same_on_a_clock_that_started_earlier(filters):
+    model = a_model(filters=filters)
+    late = [p._replace(low=p.low + 0.25) if p.kind == "trigger" else p for p in model.parameters]
+    later = a_model(late, filters, RECORD + 0.25)
+    theta = model.start + [0.25 * (p.kind == "trigger") for p in model.parameters]
+    one, other = (m.velocities_and_sensitivities(at) for m, at in
+                  ((model, model.start), (later, theta)))  # fmt: skip
+    assert later.duration == pytest.approx(model.duration, rel=1e-9)
+    for these, those in zip(one, other, strict=True):
+        size = np.abs(these).max(axis=(0, 1))
+        assert np.quantile(np.abs(these - those), 0.98, axis=(0, 1)).max() < 1e-6 * size.max()
+    seen, own = later.misfits(theta), model.misfits(model.start)
+    np.testing.assert_allclose(list(seen.values()), list(own.values()), rtol=1e-6)
+    for steps in (1.0, 3.0):
+        wide = [m.coarser(steps).signals.t for m in (model, later)]
+        np.testing.assert_allclose(wide[1] - 0.25, wide[0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("share", "possible"), [(0.99, False), (1.01, True)])
+def test_a_record_goes_on_for_two_steps_after_the_first_touch(share, possible):
+    """Four steps with the two that a march goes beyond it."""
+    rig = a_rig()._replace(trigger=2e-5)
+    t = 2e-5 + share * 2 * a_model(()).dt * np.array([-1.0, 0.0, 1.0])
+    if possible:
+        assert a_model((), record=t, rig=rig).velocities(np.zeros(0)).shape == (3, 2)
+        return
+    with pytest.raises(CouplingError, match="ends before the first touch"):
+        a_model((), record=t, rig=rig)
 
 
 def test_refined_times_hold_the_given_ones_and_equal_steps_between():

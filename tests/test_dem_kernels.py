@@ -16,7 +16,6 @@ from coupling.formulas import motion as by_formulas
 from dem import Wall, dashpot_wall, equilibrium, march, rigid_wall
 from dem.kernels import checks, dense, events, explicit, laws, oscillators, passages
 from dem.kernels.arguments import DASH, IN_WALL, Damping, Modes, Motion, Plastic, U
-from dem.kernels.compiled import Compiled
 from dem.kernels.equilibrium import Bearing, newton_step, rest, static_residual, static_slope
 from dem.kernels.implicit import (
     Passage,
@@ -32,13 +31,9 @@ from dem.kernels.modes import push_modes, shift_modes
 from dem.schemes import SCHEMES, _hurwitz
 from known_models import speeds, unit_chain
 
+pytestmark = pytest.mark.usefixtures("plain")
+
 A = 1.7
-
-
-@pytest.fixture(autouse=True)
-def plain(monkeypatch):
-    """Kernels as they are written."""
-    monkeypatch.setattr(Compiled, "__call__", lambda kernel, *given: kernel.py_func(*given))
 
 
 def near(found, exact, rel=1e-12):

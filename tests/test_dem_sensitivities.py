@@ -94,6 +94,14 @@ def complex_run(chain, A, gamma, preload, v0, omega, zeta, phi, s):
     return np.array(saved)
 
 
+@pytest.fixture(params=["compiled", "plain"])
+def engine(request):
+    """The kernels compiled, and as they are written."""
+    if request.param == "plain":
+        request.getfixturevalue("plain")
+
+
+@pytest.mark.usefixtures("engine")
 def test_sensitivities_are_complex_step_derivatives():
     """Rounding alone parts the two: 250 steps of 1e-16 grown by the chain leave 1e-11."""
     chain, wall, v0 = rig()
@@ -112,6 +120,77 @@ def test_sensitivities_are_complex_step_derivatives():
         np.testing.assert_allclose(run.v, reference.real, rtol=0, atol=1e-11)
         exact = reference.imag / TINY
         np.testing.assert_allclose(run.dv[:, :, j], exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+
+
+LEAVES = {"leaf_stiffness": [30.0, 0.0, 90.0], "leaf_anchor": [2e-4, 0.0, -1e-5]}
+PAIRS = {"wall": True, "free": False}
+
+
+@pytest.mark.usefixtures("plain")
+@pytest.mark.parametrize("walled", PAIRS.values(), ids=PAIRS)
+@pytest.mark.parametrize("gamma", [0.3, 40.0])
+def test_sensitivities_on_leaf_springs_are_those_of_differences(walled, gamma):
+    """Of central ones over 1e-5 of a value; contacts that open or whose damper takes all bend the
+    force, so that a few samples differ more."""
+    chain = dem.row_of_spheres(
+        0.01, 7800.0, 2e11, 0.3, count=3, dissipation="hunt-crossley", gamma=gamma,
+        preload=1.5 if walled else 0.0, **{k: np.array(v) for k, v in LEAVES.items()},
+    )  # fmt: skip
+    if not walled:
+        chain = chain._replace(A=chain.A[:-1], gamma=np.broadcast_to(chain.gamma, 3)[:-1])
+    wall = dem.Wall(np.array([3e3, 2e4]), np.array([0.05, 1.3]), np.array([0.5, -0.8]), 2e-9)
+    wall, v0 = wall if walled else None, np.array([0.3, -0.02, 0.01])
+    n_contacts, k = chain.A.size, 2 * walled
+    kinds = ["A", "gamma", "v0", "preload", "omega", "phi", "zeta"] if walled else [
+        "A", "gamma", "v0"]  # fmt: skip
+    p = len(kinds)
+    sizes = (n_contacts, n_contacts, 3)
+    d = Directions(*(np.zeros((s, p)) for s in sizes), np.zeros(p), *np.zeros((3, k, p)))
+    size = {"A": chain.A[1], "gamma": gamma, "v0": 0.3, "preload": 1.5, "omega": 3e3, "phi": 0.5,
+            "zeta": 0.05}  # fmt: skip
+    for j, kind in enumerate(kinds):
+        values = getattr(d, kind)
+        values[(j,) if kind == "preload" else (min(1, len(values) - 1) * (kind == "A"), j)] = 1.0
+
+    def run(j=None, step=0.0):
+        def moved(kind, values):
+            return values + step * getattr(d, kind)[..., j]
+
+        if j is None:
+            return march_with_sensitivities(chain, wall, v0, d, **setting)
+        bent = chain._replace(A=moved("A", chain.A), gamma=moved("gamma", chain.gamma))
+        bent = bent._replace(preload=float(moved("preload", chain.preload)))
+        other = wall and wall._replace(
+            omega=moved("omega", wall.omega), phi=moved("phi", wall.phi),
+            zeta=moved("zeta", wall.zeta),
+        )  # fmt: skip
+        return march_with_sensitivities(bent, other, moved("v0", v0), **setting)
+
+    setting = dict(duration=1.2e-4, dt=2e-6, observed=[2, 0])
+    found = run()
+    for j, kind in enumerate(kinds):
+        h = 1e-5 * size[kind]
+        one, two = run(j, h), run(j, -h)
+        for ours, exact in (
+            (found.dv[..., j], (one.v - two.v) / (2 * h)),
+            (found.da[..., j], (one.a - two.a) / (2 * h)),
+        ):
+            off = np.abs(ours - exact) / np.abs(exact).max()
+            assert np.quantile(off, 0.9) < 1e-5, kind
+            assert off.max() < 5e-2, kind
+
+
+@pytest.mark.usefixtures("plain")
+def test_a_march_with_sensitivities_has_order_four():
+    """Of a pressed chain on leaf springs and fast modes, whose contacts stay closed."""
+    chain, wall, v0 = rig(leaf_stiffness=3e4, leaf_anchor=1e-4)
+    setting = dict(duration=2e-4, observed=range(N))
+    runs = [march_with_sensitivities(chain, wall, 0.01 * v0, dt=dt, **setting).v[-1]
+            for dt in (8e-6, 4e-6, 2e-6)]  # fmt: skip
+    exact = dem.march(chain, wall, 0.01 * v0, duration=2e-4, dt=5e-7, n_save=1).v[-1]
+    errors = [np.abs(v - exact).max() for v in runs]
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert np.all(np.abs(orders - 4.0) < 0.35) and errors[-1] < 1e-4 * 0.0031
 
 
 def test_velocities_are_those_of_the_engine():

@@ -78,8 +78,6 @@ def repeated(made: Clean, twin: Twin, run: int = 0) -> tuple[np.ndarray, np.ndar
 
 def _noise(rng, twin: Twin, k: int, made: Clean) -> np.ndarray:
     """White noise through the instrument's low-pass, (repeats, k, m), of the rms asked for."""
-    if twin.noise == 0.0:
-        return np.zeros((twin.repeats, k, len(made.spheres)))
     fine = rng.standard_normal((twin.repeats, OVERSAMPLED * k + 400, len(made.spheres)))
     sos = butter(4, twin.instrument, fs=OVERSAMPLED * twin.sampling, output="sos")
     seen = sosfilt(sos, fine, axis=1)[:, 400:]

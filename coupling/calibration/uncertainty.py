@@ -63,7 +63,7 @@ def uncertainty(
     free = ~np.asarray(held)
     scaled = (J * scale)[:, :, free]
     p = scaled.shape[2]
-    U, s, Vt = np.linalg.svd(scaled.reshape(-1, p), full_matrices=False)
+    U, s, Vt = np.linalg.svd(scaled.reshape(residual.size, p), full_matrices=False)
     seen = s > 1e-12 * s.max(initial=0.0)
     U = U[:, seen].reshape(*residual.shape, -1)
     middle = noise_along(U, residual)
@@ -96,12 +96,12 @@ def _noise_product(U: np.ndarray, residual: np.ndarray) -> np.ndarray:
     k = len(residual)
     size = 2 * k
     taken = np.sum(np.abs(np.fft.rfft(U, size, axis=0)) ** 2, axis=1) / k
-    power = np.abs(np.fft.rfft(residual, size)) ** 2 / np.clip(1.0 - taken, LEAST_SPECTRUM, 1.0)
+    power = np.abs(np.fft.rfft(residual, size)) ** 2 / np.maximum(1.0 - taken, LEAST_SPECTRUM)
     r = np.fft.irfft(power, size)[:k] / k
     lags = _cut(r)
     kernel = np.zeros(size)
     kernel[: lags + 1] = r[: lags + 1]
-    kernel[-lags:] = r[lags:0:-1] if lags else kernel[-lags:]
+    kernel[size - lags :] = r[lags:0:-1]
     spectrum = np.maximum(np.fft.rfft(kernel).real, 0.0)
     RU = np.fft.irfft(spectrum[:, None] * np.fft.rfft(U, size, axis=0), size, axis=0)[:k]
     return U.T @ RU

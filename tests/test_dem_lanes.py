@@ -1,0 +1,227 @@
+"""Chains in lanes, as plain Python: each march beside that of its chain alone, by other kernels,
+and the vector forms of laws beside those of one number."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dem import Chain, Chains, Wall, march, march_batch, rigid_wall
+from dem.batch import _blocks
+from dem.dense import velocities_between
+from dem.kernels import lanes as kernels
+from dem.kernels import laws
+from dem.kernels.dense import Place, cubic, cubic_slope, quintic, quintic_slope
+from dem.kernels.lanes import LANES, LaneDamping, Lanes, WallPush, WallSprings
+
+pytestmark = pytest.mark.usefixtures("plain")
+
+N, COUNT = 3, 2
+RNG = np.random.default_rng(4)
+MODES = Wall(
+    RNG.uniform(0.5, 3.0, (COUNT, 2)), RNG.uniform(0.05, 0.3, (COUNT, 2)),
+    np.array([[0.5, -0.7], [0.4, 0.8]]),
+)  # fmt: skip
+SPRUNG = MODES._replace(residual_compliance=np.array([-0.05, 0.1]))
+LEAVES = {"leaf_stiffness": np.array([0.4, 0.1, 0.2]), "leaf_anchor": np.array([0.5, 0.1, 0.05])}
+PRESSED = LEAVES | {"preload": np.array([0.2, 0.4])}
+
+
+def damped(law, *gamma):
+    return {"dissipation": law, "gamma": np.array(gamma)}
+
+
+CASES = {
+    "bare": (rigid_wall(), {}),
+    "free": (None, {}),
+    "modes": (MODES, {}),
+    "pressed": (MODES, PRESSED),
+    "sprung": (SPRUNG, PRESSED),
+    "falling": (SPRUNG, {"gravity": np.array([0.3, 0.1]), "n_falling": 1}),
+    "hunt-crossley": (MODES, PRESSED | damped("hunt-crossley", 0.3, 0.1, 0.2)),
+    "strong": (rigid_wall(), damped("hunt-crossley", 9.0, 3.0, 6.0)),
+    "damped spring": (SPRUNG, damped("hunt-crossley", 0.2, 0.0, 0.4)),
+    "linear": (SPRUNG, damped("linear", 0.2, 0.1, 0.3)),
+    "linear-clipped": (MODES, damped("linear-clipped", 0.3, 0.1, 4.0)),
+    "free linear": (None, damped("linear", 0.2, 0.5)),
+}  # fmt: skip
+
+
+def chains(case):
+    wall, parts = CASES[case]
+    rng = np.random.default_rng(1)
+    A = rng.uniform(0.9, 1.6, (COUNT, N if wall else N - 1))
+    v0 = np.array([[1.0, 0.0, 0.0], [1.4, 0.2, -0.1]])
+    return Chains(Chain(rng.uniform(0.8, 1.3, (COUNT, N)), np.full(N, 0.5), A, **parts), wall, v0)
+
+
+def scheme_of(case):
+    return "suzuki4" if CASES[case][1].get("dissipation") else "rkn6"
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_chain_in_a_lane_is_the_chain_alone(case):
+    """At the ends of steps: velocities, the force at the wall, what is lost and not accounted for.
+    Rounding alone parts the two, and roots that both find to 1e-12."""
+    many, options = chains(case), dict(duration=5.0, dt=0.1, n_save=10, scheme=scheme_of(case))
+    found = march_batch(many, **options)
+    opened = 0
+    for i in range(COUNT):
+        alone = march(*many[i], **options)
+        np.testing.assert_allclose(found.v[i], alone.v, rtol=0, atol=1e-12)
+        at_wall = np.zeros(11) if many.free else alone.contact_force[:, -1]
+        np.testing.assert_allclose(found.wall_force[i], at_wall, rtol=0, atol=1e-12)
+        assert abs(found.energy_error[i] - alone.energy_error) < 1e-12
+        assert alone.energy_error > 1e-11  # so that there is something to compare
+        opened += np.count_nonzero(alone.contact_force == 0.0)
+    assert opened > 0
+
+
+@pytest.mark.parametrize("case", ["bare", "pressed", "sprung", "hunt-crossley", "damped spring"])
+def test_samples_lie_on_the_polynomials_of_the_steps(case):
+    """Velocities on that of degree five of every sphere, the force at the wall by that of the last
+    one and the cubic of the wall: five samples to two steps."""
+    many, n_steps, n_save, duration = chains(case), 20, 50, 2.0
+    h, n_ends = duration / n_steps, n_steps + 1
+    found = march_batch(many, duration=duration, dt=h, n_save=n_save, scheme=scheme_of(case))
+    assert found.n_steps == n_steps
+    for i in range(COUNT):
+        chain, wall, v0 = many[i]
+        run = march(chain, wall, v0, duration=duration, dt=h, n_save=n_steps, scheme=found.scheme)
+        k, anchor = chain.springs
+        force = np.pad(run.contact_force, ((0, 0), (1, 0)))
+        load = chain.steady - k * (run.x - anchor)
+        a = (load - np.diff(force, axis=1)) / chain.mass
+        np.testing.assert_allclose(
+            found.v[i], velocities_between(run.x, run.v, a, h, n_save), rtol=0, atol=1e-11
+        )
+        for sample in range(n_save + 1):
+            step = min(sample * n_steps // n_save, n_ends - 2)
+            s = sample * n_steps / n_save - step
+            here, there = (Place(run.x[e, -1], run.v[e, -1], a[e, -1]) for e in (step, step + 1))
+            ends = run.wall_x[step], run.wall_v[step], run.wall_x[step + 1], run.wall_v[step + 1]
+            gap = quintic(s, h, here, there) - cubic(s, h, *ends)
+            w = quintic_slope(s, h, here, there) - cubic_slope(s, h, *ends)
+            residual = 0.0 if wall.residual_compliance == 0.0 else float(wall.residual_compliance)
+            F = laws.hertz_force(laws.wall_indentation(gap, chain.A[-1], residual or None),
+                                 chain.A[-1])  # fmt: skip
+            if chain.dissipation == "hunt-crossley" and F > 0.0:
+                stiffness = laws.contact_stiffness(N - 1, F, chain.A, None)
+                F += max(chain.gamma[-1] * F * w / (1 + residual * stiffness) ** 2, -F)
+            if s not in (0.0, 1.0):  # there as the march has it
+                assert abs(found.wall_force[i, sample] - F) < 1e-10
+
+
+def lanes_of(x, v, A, springs=(), **parts):
+    """One contact at a wall in every lane: x, v (2, LANES) of the sphere and the wall."""
+    none = np.zeros(0)
+    fields = dict.fromkeys(Lanes._fields, none) | {
+        "x": np.ravel(x), "v": np.ravel(v), "f": np.zeros(2 * LANES), "A": A,
+        "springs": WallSprings(*springs) if springs else WallSprings(none, none),
+    } | parts  # fmt: skip
+    return Lanes(**fields)
+
+
+@pytest.mark.parametrize("s", [0.3, 1e-9, 1e6, -0.05])
+def test_springs_of_all_lanes_are_those_of_one_contact(s):
+    """Up to the fold, and beyond it, where no force answers; touching contacts beside open ones."""
+    A = np.linspace(1.0, 2.0, LANES)
+    fold = -2 / (3 * A * s) if s < 0 else np.full(LANES, np.inf)
+    reach = fold**2 / 3 if s < 0 else np.full(LANES, 3.0)
+    gap = reach * np.r_[-0.5, 0.0, 1e-12, 1e-3, np.linspace(0.1, 0.98, LANES - 5), 0.999]
+    f = np.zeros(2 * LANES)
+    springs = WallSprings(np.full(LANES, s), fold)
+    kernels.forces_of_lanes(np.r_[gap + 0.2, np.full(LANES, 0.2)], A, springs, f)
+    exact = [
+        laws.hertz_force(laws.hertz_indentation(g, k, s), k)
+        for g, k in zip((gap + 0.2) - 0.2, A, strict=True)
+    ]
+    np.testing.assert_allclose(f[LANES:], exact, rtol=1e-7 if s < 0 else 1e-12, atol=1e-300)
+    assert not f[:LANES].any() and (f[LANES:] > 0).sum() >= LANES - 3
+    if s < 0:
+        kernels.forces_of_lanes(np.r_[1.001 * reach, 0 * reach], A, springs, f)
+        assert np.isnan(f[LANES:]).all()
+
+
+def test_open_contacts_before_springs_have_no_force():
+    f = np.zeros(2 * LANES)
+    springs = WallSprings(np.full(LANES, -0.3), np.full(LANES, 0.1))
+    kernels.forces_of_lanes(np.r_[np.zeros(LANES), np.full(LANES, 0.2)], np.ones(LANES), springs, f)
+    assert not f.any()
+
+
+@pytest.mark.parametrize("law", [laws.LINEAR, laws.LINEAR_CLIPPED, laws.HUNT_CROSSLEY])
+@pytest.mark.parametrize("weak", [True, False])
+@pytest.mark.parametrize("pulls", [True, False])
+def test_dampers_of_all_lanes_are_those_of_one_contact(law, weak, pulls):
+    """By the series where all are weak and none would pull, else each by its own formula."""
+    inverse, dt = np.linspace(0.7, 1.9, LANES), 0.25
+    most = 0.0999 if weak else 3.0
+    rate = np.linspace(0.0, most, LANES) / (inverse * dt)
+    v = np.zeros((2, LANES))
+    v[0] = np.linspace(-4.0 if pulls else -0.05, 0.8, LANES)
+    damping = LaneDamping(rate, inverse, law, np.zeros(LANES), rate)
+    force = np.full(2 * LANES, 0.3)
+    lanes = lanes_of(np.zeros((2, LANES)), v, np.ones(LANES), damping=damping, f=force)
+    found = np.zeros(LANES)
+    kernels.damping_impulses(0, dt, lanes, found)
+    clipped = law != laws.LINEAR
+    exact = [
+        laws.damping_impulse(w, dt, 0.3, c, m, clipped)
+        for w, c, m in zip(v[0], rate, inverse, strict=True)
+    ]
+    np.testing.assert_allclose(found, exact, rtol=2e-14, atol=1e-300)
+
+
+def test_a_series_of_ten_terms_is_exact_up_to_where_it_is_used():
+    """1 - exp(-z) over z; the eleventh term is z^10 / 11!."""
+    for z in (0.1, -0.1):
+        inverse, rate = np.ones(LANES), np.full(LANES, z)
+        damping = LaneDamping(rate, inverse, laws.LINEAR, np.zeros(LANES), rate)
+        lanes = lanes_of(np.zeros((2, LANES)), np.ones((2, LANES)) * [[1.0], [0.0]], np.ones(LANES),
+                         damping=damping, f=np.ones(2 * LANES))  # fmt: skip
+        found = np.zeros(LANES)
+        kernels.damping_impulses(0, 1.0, lanes, found)
+        np.testing.assert_allclose(found, -math.expm1(-z), rtol=6e-16)
+
+
+def test_errors_of_energy_are_the_worst_and_keep_what_is_not_a_number():
+    worst, start, scale = np.zeros(LANES), np.full(LANES, 2.0), np.full(LANES, 4.0)
+    energy = 2.0 + np.linspace(-1.0, 1.0, LANES)
+    kernels.note_energy(energy, start, scale, worst)
+    np.testing.assert_allclose(worst, np.abs(energy - 2) / 4, rtol=1e-15)
+    kernels.note_energy(np.where(np.arange(LANES) == 3, np.nan, 2.0), start, scale, worst)
+    assert np.isnan(worst[3]) and worst[0] == 0.25
+
+
+def test_errors_of_chains_at_rest_are_relative_to_one():
+    lanes = lanes_of(np.zeros((2, LANES)), np.zeros((2, LANES)), np.ones(LANES),
+                     mass=np.full(LANES, 2.0))  # fmt: skip
+    lanes.v[3] = 0.7
+    energy = np.empty(LANES)
+    kernels.kinetic_energy(lanes, energy)
+    np.testing.assert_allclose(energy, np.where(np.arange(LANES) == 3, 0.49, 1.0), rtol=1e-15)
+
+
+def test_an_impulse_at_the_walls_of_lanes_does_the_work_of_the_mean_velocity():
+    square, impulse, before = (RNG.uniform(0.2, 1.0, LANES) for _ in range(3))
+    v = np.r_[np.zeros(LANES), before]
+    wall = WallPush(impulse, np.zeros(LANES), square, np.full(LANES, 0.3), np.full(LANES, 0.1))
+    kernels.push_walls(v, wall)
+    np.testing.assert_allclose(v[LANES:], before + square * impulse, rtol=1e-15)
+    np.testing.assert_allclose(wall.work - 0.3, impulse * (before + v[LANES:]) / 2, rtol=1e-13)
+    np.testing.assert_allclose(wall.pending, 0.1 + impulse, rtol=1e-15)
+
+
+def test_blocks_hold_every_chain_of_a_batch():
+    """Seventeen chains: the last one begins a block, and fills it."""
+    A = np.linspace(1.0, 2.0, LANES + 1)[:, None] * np.ones(2)
+    chain = Chain(np.ones(2), np.full(2, 0.5), A)
+    many = Chains(chain, rigid_wall(), np.array([1.0, 0.0]))
+    assert _blocks(many, np.zeros(3)).A.shape == (2, 2, LANES)
+    options = dict(duration=2.5, dt=0.25, n_save=2)
+    found = march_batch(many, **options)
+    for i in (0, LANES - 1, LANES):
+        alone = march(*many[i], **options, scheme=found.scheme)
+        np.testing.assert_allclose(found.v[i], alone.v, rtol=0, atol=1e-13)
+    assert len(found.v) == LANES + 1
