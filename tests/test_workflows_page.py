@@ -173,6 +173,28 @@ def test_the_view_changes_with_the_play_head_the_mode_and_the_mouse(rig, opened)
     assert len(set(shown)) == 4
 
 
+EDGES = """() => {
+  const gl = document.querySelector('.view canvas').getContext('webgl2');
+  const [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
+  const all = new Uint8Array(4 * w * h);
+  gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, all);
+  const seen = Array.from({ length: w * h }, (_, i) => i).filter((i) => all[4 * i + 3]);
+  return [seen.map((i) => i % w / w), seen.map((i) => Math.floor(i / w) / h)].flatMap((places) =>
+    [places.reduce((a, b) => Math.min(a, b)), places.reduce((a, b) => Math.max(a, b))]);
+}"""  # where what is drawn begins and ends
+
+
+@needs_browser
+@pytest.mark.parametrize("scene, width", [("rig-rom", 1280), ("rig-rom", 400), ("beam", 1280)])
+def test_all_that_moves_stays_in_the_view_and_fills_it(scene, width, rig, opened, tmp_path):
+    page = opened(rig if scene == "rig-rom" else run_of(scene, (), tmp_path), width=width)
+    for share in np.linspace(0.0, 1.0, 7):
+        page.evaluate("share => beadwave.clock.seek(share * beadwave.clock.duration)", share)
+        left, right, low, high = page.evaluate(EDGES)
+        assert 0.005 < left < right < 0.995 and 0.005 < low < high < 0.995
+        assert right - left > 0.7 or high - low > 0.7
+
+
 @needs_browser
 def test_the_play_head_stands_at_the_same_time_in_view_and_plots(rig, opened):
     page = opened(rig)

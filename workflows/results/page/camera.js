@@ -3,7 +3,8 @@
 
 import { cross, dot, unit } from "./mesh.js";
 
-const OPENING = 28; // degrees, of the shorter side
+const OPENING = 28; // degrees, of the height
+const WORDS = 36; // pixels of the view above and below
 
 export function cameraOf(gl, canvas, redraw, upright) {
   const camera = new OGL.Camera(gl, { fov: OPENING, near: 0.001, far: 100 });
@@ -23,37 +24,36 @@ export function cameraOf(gl, canvas, redraw, upright) {
     return [right, cross(state.away, right)];
   }
 
-  /** Stand so that all points (3 each) are in view, looking from a direction. */
-  function fit(points, away, margin = 1.06) {
+  /** Stand as near as all parts are in view from a direction, each of points (3 numbers each) that
+      move as far as its reach: each side of the view is a plane through the eye, which the farthest
+      point out touches. Above and below is room for words. */
+  function fit(parts, away) {
     state.away = unit(away);
     const [right, up] = axes();
-    const [width, height] = [camera.aspect, 1].map((x) => x * Math.tan((OPENING * Math.PI) / 360));
-    const low = [Infinity, Infinity, Infinity];
-    const high = [-Infinity, -Infinity, -Infinity];
-    for (let i = 0; i < points.length; i += 3) {
-      for (let j = 0; j < 3; j++) {
-        low[j] = Math.min(low[j], points[i + j]);
-        high[j] = Math.max(high[j], points[i + j]);
-      }
-    }
-    state.target = low.map((x, j) => (x + high[j]) / 2);
-    // a few steps towards the middle of what the picture shows
-    for (let round = 0; round < 4; round++) {
-      state.distance = 0;
-      const sides = [Infinity, -Infinity, Infinity, -Infinity];
+    const opening = Math.tan((OPENING * Math.PI) / 360);
+    const free = 1 - (2 * WORDS) / Math.max(canvas.clientHeight, 4 * WORDS);
+    const [width, height] = [0.97 * camera.aspect * opening, free * opening];
+    const most = { right: -Infinity, left: -Infinity, up: -Infinity, down: -Infinity };
+    const depth = [Infinity, -Infinity];
+    for (const { points, reach } of parts) {
       for (let i = 0; i < points.length; i += 3) {
-        const p = [0, 1, 2].map((j) => points[i + j] - state.target[j]);
+        const p = [points[i], points[i + 1], points[i + 2]];
         const [x, y, z] = [dot(p, right), dot(p, up), dot(p, state.away)];
-        state.distance = Math.max(state.distance, Math.abs(x) / width + z, Math.abs(y) / height + z);
-        sides[0] = Math.min(sides[0], x);
-        sides[1] = Math.max(sides[1], x);
-        sides[2] = Math.min(sides[2], y);
-        sides[3] = Math.max(sides[3], y);
+        most.right = Math.max(most.right, x + width * z + reach);
+        most.left = Math.max(most.left, width * z - x + reach);
+        most.up = Math.max(most.up, y + height * z + reach);
+        most.down = Math.max(most.down, height * z - y + reach);
+        depth[0] = Math.min(depth[0], z);
+        depth[1] = Math.max(depth[1], z);
       }
-      const [dx, dy] = [(sides[0] + sides[1]) / 2, (sides[2] + sides[3]) / 2];
-      if (round < 3) state.target = state.target.map((c, j) => c + dx * right[j] + dy * up[j]);
     }
-    state.distance *= margin;
+    const [x, y] = [(most.right - most.left) / 2, (most.up - most.down) / 2];
+    const [eye, z] = [
+      Math.max((most.right + most.left) / (2 * width), (most.up + most.down) / (2 * height)),
+      (depth[0] + depth[1]) / 2,
+    ];
+    state.target = [0, 1, 2].map((j) => x * right[j] + y * up[j] + z * state.away[j]);
+    state.distance = eye - z;
     place();
   }
 

@@ -25,7 +25,9 @@ export function impactView(root, data, clock) {
   const { assembly, chain } = data;
   const solid = assembly && solidOf(assembly);
   const motion = assembly && motionOf(assembly);
-  const stage = stageOf(root.querySelector("canvas"), { ...data, assembly: solid });
+  const size = solid && extent(solid.rest);
+  const reach = { solid: SHARE * size, balls: chain && SPHERES * Math.min(...chain.radius) };
+  const stage = stageOf(root.querySelector("canvas"), { ...data, assembly: solid, reach });
   const moving = chain && Boolean(!assembly || assembly.q);
   const u = solid && new Float32Array(solid.rest.length);
   const x = chain && columns(chain.x);
@@ -35,10 +37,9 @@ export function impactView(root, data, clock) {
     u: assembly?.q ? motion.peak(clock.duration) : 0, x: chain && largest(x), v: chain && largest(v),
     wall: chain && largest([wall]),
   };
-  const size = solid && extent(solid.rest);
   const factor = {
-    u: most.u ? rounded((SHARE * size) / most.u) : 0,
-    x: most.x ? rounded((SPHERES * Math.min(...chain.radius)) / most.x) : 0,
+    u: most.u ? rounded(reach.solid / most.u) : 0,
+    x: most.x ? rounded(reach.balls / most.x) : 0,
     wall: most.wall ? rounded((0.6 * chain.radius.at(-1)) / most.wall) : 0,
   };
   const state = { exaggeration: 1, mode: null, swing: 0, swinging: true };
@@ -63,7 +64,7 @@ export function impactView(root, data, clock) {
   function drawMode() {
     const amplitude = Math.sin(2 * Math.PI * state.swing);
     motion.inMode(assembly.of_mode[state.mode], amplitude, u);
-    stage.setSolid(u, state.exaggeration * SHARE * size, Math.max(Math.abs(amplitude), 1e-6));
+    stage.setSolid(u, state.exaggeration * reach.solid, Math.max(Math.abs(amplitude), 1e-6));
     stage.draw();
   }
 

@@ -81,8 +81,9 @@ export function drawnBy() {
   }
 }
 
-/** The view on a canvas; assembly and chain may each be absent, points are from the contact on. */
-export function stageOf(canvas, { assembly, chain, wall, direction, up }) {
+/** The view on a canvas; assembly and chain may each be absent, points are from the contact on. Reach
+    is how far either moves [m], as drawn. */
+export function stageOf(canvas, { assembly, chain, wall, direction, up, reach }) {
   const software = SOFTWARE.test(drawnBy());
   // pixels of the canvas for one of the page, at rest and in motion; a processor smooths edges no faster
   const full = software ? 1.5 : Math.min(devicePixelRatio, 2);
@@ -102,12 +103,13 @@ export function stageOf(canvas, { assembly, chain, wall, direction, up }) {
     renderer.render({ scene, camera: eye.camera });
   }
 
-  function points() {
-    const parts = [];
-    if (solid) parts.push(solid.rest);
-    if (simple) parts.push(simple.corners);
-    if (balls && shown === "all") parts.push(balls.corners);
-    return parts.flatMap((part) => Array.from(part));
+  /** What is to be seen, with how far it moves as drawn. */
+  function parts() {
+    const found = [];
+    if (solid) found.push({ points: solid.rest, reach: reach.solid });
+    if (simple) found.push({ points: simple.corners, reach: 0 });
+    if (balls && shown === "all") found.push({ points: balls.corners, reach: reach.balls });
+    return found;
   }
 
   /** Stand so that all is seen: obliquely from before the contact, and above. */
@@ -118,7 +120,7 @@ export function stageOf(canvas, { assembly, chain, wall, direction, up }) {
     const from = upright
       ? (i) => 0.55 * level[i] - aside[i] + 0.7 * up[i]
       : (i) => cross(direction, up)[i] - 0.62 * direction[i] + 0.5 * up[i];
-    eye.fit(points(), [0, 1, 2].map(from));
+    eye.fit(parts(), [0, 1, 2].map(from));
     draw();
   }
 
