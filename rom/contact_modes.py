@@ -118,7 +118,7 @@ def krylov_space(
     participation = known.phi.T @ w
     static, rest = _static(problem, w, known, participation)
     norm = _stiffness_norm(problem, rest)
-    if norm <= 1e-12 * max(_stiffness_norm(problem, static), np.finfo(float).tiny):
+    if norm <= 1e-12 * _stiffness_norm(problem, static):
         return Space(known, 0.0)
     V, H, v = np.empty((len(w), 2 * CHECK), order="F"), np.zeros((0, 0)), rest / norm
     while True:
@@ -138,10 +138,10 @@ def krylov_space(
 
 def _ritz(problem: Pencil, known: EigenPairs, V: np.ndarray) -> EigenPairs:
     """The known modes and the Ritz pairs of K-orthonormal V (n, k), which are written over."""
-    # V^T M V anew: what the recurrence found holds the errors of the solver
+    # V^T M V anew, normalised below: what the recurrence found holds the errors of the solver
     inverse_squared, U = np.linalg.eigh(gram(V, problem.M))
     omega = np.append(known.omega, 1 / np.sqrt(inverse_squared))
-    phi = turned(V, U / np.sqrt(inverse_squared))
+    phi = turned(V, U)
     if len(known.omega):
         phi = np.column_stack([known.phi, phi])
     return _orthonormal(problem, EigenPairs(omega, phi))
@@ -176,7 +176,6 @@ def _solved(problem: Pencil, load: np.ndarray, known: EigenPairs) -> np.ndarray:
 def _longer(problem: Pencil, V: np.ndarray, H: np.ndarray, v: np.ndarray, known: EigenPairs):
     """CHECK more vectors, v the first; the next one and its length, 0 where there is none."""
     K, M = problem.K, problem.M
-    beta = 0.0
     for k in range(len(H), len(H) + CHECK):
         V = with_columns(V, k, v[:, None])
         x = _solved(problem, M @ v, known)

@@ -125,7 +125,7 @@ def _error(fixed: FixedInterface, reduced: ReducedModel, phi: np.ndarray, to_hz:
     squared = np.diag(reduced.K)[b:]
     if len(squared) == len(fixed.part.interior):
         return 0.0
-    highest = np.sqrt(squared[-1]) if len(squared) else np.inf
+    highest = np.sqrt(squared.max(initial=0.0))
     if highest <= 2 * np.pi * to_hz:
         return np.inf
     inertia, L = fixed.M @ fixed.psi, reduced.M[b:, :b]

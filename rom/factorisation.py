@@ -37,7 +37,7 @@ class Pencil(NamedTuple):
     K: sp.csc_array
     M: sp.csc_array
     factor: Factor
-    sigma: float
+    sigma: float = 0.0
 
 
 def superlu(A: sp.csc_array) -> Factor:

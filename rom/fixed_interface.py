@@ -118,7 +118,7 @@ def _require_constraint_modes(fixed: FixedInterface) -> None:
     K, b = fixed.K, fixed.part.boundary
     u = fixed.psi @ fixed.w[b]
     residual = K @ u
-    u[b] = residual[b] = 0.0
+    u[b] = 0.0
     error, energy = residual @ fixed.clamped.solve(residual), u @ (K @ u)
     if error > 1e-16 * energy:
         raise ReductionError(
@@ -198,7 +198,7 @@ def interior(fixed: FixedInterface) -> Pencil:
     """K_ii and M_ii as matrices of their own."""
     i = fixed.part.interior
     K_ii, M_ii = (A[:, i][i] for A in (fixed.K, fixed.M))
-    return Pencil(K_ii, M_ii, _Restricted(fixed.clamped, i, len(fixed.w)), 0.0)
+    return Pencil(K_ii, M_ii, _Restricted(fixed.clamped, i, len(fixed.w)))
 
 
 def modes_inside(fixed: FixedInterface, asked: Selection) -> tuple[EigenPairs, float, EigenPairs]:
@@ -216,7 +216,7 @@ def modes_inside(fixed: FixedInterface, asked: Selection) -> tuple[EigenPairs, f
 
 def whole_pencil(fixed: FixedInterface) -> Pencil:
     """K and M of the structure with its boundary free; raises ReductionError where it floats."""
-    whole = Pencil(fixed.K, fixed.M, fixed.whole or _Condensed(fixed), 0.0)
+    whole = Pencil(fixed.K, fixed.M, fixed.whole or _Condensed(fixed))
     if fixed.whole is None and not is_held(whole):
         raise _floats()
     return whole

@@ -41,7 +41,7 @@ def _anchored(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil 
         factor = factorise(K)
     except (RuntimeError, ArithmeticError, ValueError, np.linalg.LinAlgError):
         return None
-    held = Pencil(K, M, factor, 0.0)
+    held = Pencil(K, M, factor)
     return held if is_held(held) else None
 
 

@@ -55,7 +55,7 @@ def free_modes(
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
     require_selection(asked, modes_suffice=True)
-    problem = Pencil(K, M, factor, 0.0) if factor else pencil(K, M, factorise, shift)
+    problem = Pencil(K, M, factor) if factor else pencil(K, M, factorise, shift)
     C = None if C is None else symmetric(C, "C")
     known = None if asked.modes is None else known_modes(problem, *asked.modes)
     if asked.by_contact:
@@ -86,8 +86,10 @@ def free_modes(
 
 
 def _static_shapes(squared: np.ndarray, residual: np.ndarray | None, to_hz: float | None) -> int:
-    if to_hz is None or residual is None:
-        return 0 if residual is None else 1
+    if residual is None:
+        return 0
+    if to_hz is None:
+        return 1
     return static_shapes(np.sqrt(squared), np.sqrt(squared[:-1].max(initial=0.0)), to_hz)
 
 
@@ -195,7 +197,7 @@ def _residual(
     elastic = omega > 0
     held = np.sum(((phi.T @ w)[elastic] / omega[elastic]) ** 2)
     # of a structure whose modes are all kept nothing remains but rounding
-    if w @ beyond <= 1e-12 * (held + abs(w @ beyond)):
+    if w @ beyond <= 1e-12 * held:
         return None
     return beyond / np.sqrt(beyond @ (M @ beyond))
 

@@ -41,7 +41,7 @@ def tail_errors(omega: np.ndarray, phi: np.ndarray, tail: Moments, to_hz: float)
     """Relative rms error of the receptance up to to_hz after the first 0, 1, .. k modes, (k + 1,).
 
     omega (k,) [rad/s] ascending, phi (k,) [kg^-1/2], tail of what lies beyond the k-th. Infinite
-    while the next mode lies below to_hz.
+    while the next mode lies below to_hz; the one after the k-th is taken for as low as that.
     """
     s = 2 * np.pi * frequencies(to_hz)
     squared = np.where(omega > 0, omega, np.inf) ** 2
@@ -50,9 +50,8 @@ def tail_errors(omega: np.ndarray, phi: np.ndarray, tail: Moments, to_hz: float)
         m + np.append(np.cumsum((phi**2 / squared**i)[::-1])[::-1], 0)
         for i, m in enumerate(tail, start=1)
     ]
-    following = np.append(omega, omega[-1:] if len(omega) else 2 * s[-1])
-    static = beyond[0][0] - np.sum(phi**2 / squared)
-    scale = size(static + receptances(omega, phi, s).sum(axis=1))
+    following = np.append(omega, omega.max(initial=0.0))
+    scale = size(tail.first + receptances(omega, phi, s).sum(axis=1))
     missing = np.array([_missing(*parts, s) for parts in zip(*beyond, following, strict=True)])
     return np.where(beyond[0] < 1e-12 * beyond[0][0], 0.0, missing / scale)
 

@@ -1,5 +1,6 @@
 """What reductions are made of: factors, pencils, bases, bounds, each against dense algebra."""
 
+import contextlib
 import tracemalloc
 
 import numpy as np
@@ -31,8 +32,9 @@ from rom.contact_modes import (
     static_shapes,
 )
 from rom.factorisation import Pencil, frequency_scale, noise, solutions, static_response, symmetric
-from rom.fixed_interface import fixed_interface, whole_pencil
+from rom.fixed_interface import _require_constraint_modes, fixed_interface, whole_pencil
 from rom.floating import is_held, pencil
+from rom.free_modes import _beyond
 from rom.health import fixed_interface_hz, require_static_response
 from rom.lanczos import (
     EigenPairs,
@@ -101,6 +103,14 @@ def test_many_right_hand_sides_are_solved_in_blocks():
         np.testing.assert_allclose(K @ solutions(superlu(K), given), B, atol=1e-9)
 
 
+def test_a_factor_keeps_its_pivots_on_the_diagonal_of_a_symmetric_matrix():
+    """However small beside the rest of its column: rows that change places would cost fill."""
+    K = np.array([[1.0, -2.0, 0], [-2, 5, -4], [0, -4, 17]])
+    factor = superlu(sp.csc_array(K))
+    np.testing.assert_array_equal(factor.perm_r, factor.perm_c)
+    np.testing.assert_allclose(factor.solve(K), np.eye(3), atol=1e-13)
+
+
 @pytest.mark.parametrize("sigma", [-1.0, -300.0])
 def test_inertia_relief_by_a_shifted_factor_is_the_sum_over_elastic_modes(sigma):
     K, M = structure(held=False)
@@ -146,7 +156,7 @@ def test_a_structure_is_held_where_its_lowest_mode_stands_above_rounding(heavier
     M = heavier * M
     for stiffness, held in ((1e-13, False), (1e-6, True)):
         soft = K + sp.csc_array(np.diag(np.r_[stiffness * 3e3, np.zeros(N - 1)]))
-        assert is_held(Pencil(soft, M, superlu(soft), 0.0)) == held
+        assert is_held(Pencil(soft, M, superlu(soft))) == held
 
 
 @pytest.mark.parametrize("answer", [np.nan, np.inf, 0.0])
@@ -155,7 +165,7 @@ def test_a_structure_whose_factor_answers_no_number_is_not_held(answer):
         def solve(self, b):
             return np.full_like(b, answer)
 
-    assert not is_held(Pencil(*structure(), Singular(), 0.0))
+    assert not is_held(Pencil(*structure(), Singular()))
 
 
 # --- modes ---------------------------------------------------------------------------------------
@@ -299,6 +309,32 @@ def test_chosen_modes_are_those_that_matter_and_state_what_is_left():
                       asked._replace(n_modes=2))  # fmt: skip
 
 
+def test_a_space_has_one_vector_more_than_modes_are_asked_for_beside_the_known_ones():
+    """In fives, and more only where its bound asks for them."""
+    K, M = structure(n=60)
+    w, problem = np.r_[np.zeros(58), 0.4, 0.6], pencil(K, M, superlu)
+    known = lowest_modes(problem, 3)
+    for n_modes, n_vectors in ((11, 10), (12, 10), (13, 15)):
+        asked = Selection(n_modes=n_modes, to_hz=0.5, choice="contact")
+        chosen = contact_modes(problem, w, known, asked)
+        assert (len(chosen.pairs.omega), len(chosen.space.omega)) == (n_modes, 3 + n_vectors)
+
+
+def test_the_modes_to_keep_may_be_all_that_are_asked_for():
+    K, M = structure(n=60)
+    w, problem = np.r_[np.zeros(58), 0.4, 0.6], pencil(K, M, superlu)
+    known = lowest_modes(problem, 3)
+    asked = Selection(n_modes=3, to_hz=0.5, choice="contact")
+    np.testing.assert_allclose(contact_modes(problem, w, known, asked).pairs.omega, known.omega)
+
+
+def test_a_space_of_a_structure_whose_modes_are_all_known_is_these_without_an_error():
+    K, M = structure()
+    problem = pencil(K, M, superlu)
+    space = krylov_space(problem, W, lowest_modes(problem, N), 1e-9, 6.0)
+    assert (len(space.pairs.omega), space.bound) == (N, 0.0)
+
+
 def test_modes_are_ranked_by_what_an_oscillator_with_their_moments_misses():
     """1 / (a - b) - 1 / a - b / a^2 = (b / a)^2 / (a - b), over the band; those to keep first."""
     rng = np.random.default_rng(4)
@@ -398,6 +434,16 @@ def test_the_error_of_a_truncation_is_its_moment_bound_and_holds():
     assert np.isfinite(errors[-1]) and errors[0] == np.inf
 
 
+def test_what_modes_leave_of_a_static_response_is_orthogonal_to_them_to_its_own_rounding():
+    """A billionth of the response: one projection would leave a tenth of a millionth of that."""
+    K, M = structure()
+    _, phi = exact_modes(K, M)
+    rest = phi[:, -1]
+    beyond = _beyond(M, phi[:, :-1], phi[:, :-1] @ np.linspace(1, 2, N - 1) + 1e-9 * rest)
+    np.testing.assert_allclose(phi[:, :-1].T @ (M @ beyond), 0.0, atol=1e-24)
+    np.testing.assert_allclose(beyond, 1e-9 * rest, rtol=1e-5)
+
+
 @pytest.mark.parametrize("faster", [1e-6, 1.0, 1e6])
 def test_the_error_of_a_truncation_knows_no_unit_of_time_and_ends_at_rounding(faster):
     """Nothing is missed where less than 1e-12 of the compliance is, most of it the first mode's."""
@@ -446,7 +492,57 @@ def test_the_stated_error_of_held_modes_bounds_the_true_one():
     assert 1 <= min(ratios) and max(ratios) < 1.5
 
 
+@pytest.mark.parametrize("n_modes", [30, 57])
+def test_the_error_of_held_modes_is_the_sum_over_those_left_out(n_modes):
+    """s^4 q_b^T G q_b / (1 - s^2 / omega_k^2), G = sum_{j>k} L_j^T L_j / omega_j^2; of the last
+    mode too, whose share is a millionth of the sum."""
+    K, M = structure(n=60)
+    w, boundary, to_hz = np.r_[np.zeros(58), 0.4, 0.6], [58, 59], 3.0
+    reduced = craig_bampton(K, M, w, boundary, Selection(n_modes=n_modes, to_hz=to_hz))
+    omega, phi = exact_modes(K[:58][:, :58], M[:58][:, :58])
+    L = phi.T @ (M @ reduced.T[:, :2])[:58]
+    G = (L[n_modes:].T / omega[n_modes:] ** 2) @ L[n_modes:]
+    s = 2 * np.pi * frequencies(to_hz)
+    D = [reduced.K * (1 + 1j * LOSS) - x**2 * reduced.M for x in s]
+    q = np.array([np.linalg.solve(one, reduced.w) for one in D])
+    missed = s**4 * np.einsum("ij,jk,ik->i", q[:, :2], G, q[:, :2])
+    exact = rms(missed / (1 - (s / omega[n_modes - 1]) ** 2)) / size(q @ reduced.w)
+    assert reduced.error / exact == pytest.approx(1.0, rel=1e-9)
+
+
 # --- the structure held at its boundary ----------------------------------------------------------
+
+
+@pytest.mark.parametrize(("off", "fine"), [(0.9e-8, True), (1.1e-8, False)])
+def test_constraint_modes_are_refused_whose_forces_inside_pass_1e_8(off, fine):
+    K, M = structure()
+    fixed = fixed_interface(K, M, W, [10, 11], superlu)
+    worse = fixed.psi.copy()
+    worse[:10] *= 1 + off
+    refused = contextlib.nullcontext() if fine else pytest.raises(ReductionError, match=r"1\.1e-08")
+    with refused:
+        _require_constraint_modes(fixed._replace(psi=worse))
+
+
+@pytest.mark.parametrize(
+    ("boundary", "fine"), [([0, 11], True), ([-1, 11], False), ([0, 12], False)]
+)
+def test_a_boundary_holds_the_first_unknown_to_the_last(boundary, fine):
+    w = np.eye(N)[11]
+    refused = pytest.raises(ReductionError, match="indices from 0 to 11")
+    with contextlib.nullcontext() if fine else refused:
+        assert craig_bampton(*structure(), w, boundary, Selection(n_modes=1)).n_boundary == 2
+
+
+@pytest.mark.parametrize("ground", [3e-13, 1e-6])
+def test_what_stands_on_springs_at_rounding_has_no_modes_of_the_contact(ground):
+    """With the boundary held it is sound, and its condensed stiffness just positive."""
+    K, M = structure(held=False)
+    K[0, 0] += ground * 3e3
+    fixed = fixed_interface(K, M, W, [10, 11], superlu)
+    refused = pytest.raises(ReductionError, match="on springs as soft as that")
+    with contextlib.nullcontext() if ground > 1e-9 else refused:
+        assert whole_pencil(fixed).sigma == 0
 
 
 def test_the_factor_inside_serves_the_whole():
@@ -521,6 +617,18 @@ def test_frequencies_of_a_held_boundary_are_those_of_what_is_left():
     exact = exact_modes(K[:10][:, :10], M[:10][:, :10])[0][:4] / (2 * np.pi)
     np.testing.assert_allclose(fixed_interface_hz(reduced), exact, rtol=1e-9)
     assert fixed_interface_hz(reduced._replace(n_boundary=6)) == ()
+
+
+def test_a_part_that_floats_with_its_boundary_held_has_frequencies_of_zero():
+    """Whatever rounding makes of it, and beside slow ones."""
+    K = np.diag([1.0, -1e-12, (2 * np.pi * 0.01) ** 2])
+    held = full_order(np.eye(3), np.eye(3), [1.0, 0, 0])._replace(K=K, n_boundary=1)
+    np.testing.assert_allclose(fixed_interface_hz(held), [0.0, 0.01], rtol=1e-12)
+
+
+def test_a_wall_that_the_contact_does_not_move_takes_part_with_no_mode():
+    K, M = structure()
+    assert health(full_order(K, M, W)._replace(w=0 * W)).participation == 0.0
 
 
 def test_effective_masses_are_squared_momenta_and_sum_to_the_mass():

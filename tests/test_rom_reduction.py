@@ -468,9 +468,10 @@ def test_modes_chosen_by_the_contact_keep_the_error_asked_for(kind, error):
 
 @KINDS
 @pytest.mark.parametrize("choice", ["lowest", "contact"])
-def test_a_slow_structure_is_reduced_as_a_quick_one(kind, choice):
+@pytest.mark.parametrize("slower", [1e9, 1e-9])
+def test_a_slow_structure_is_reduced_as_a_quick_one(kind, choice, slower):
     """A time of 1e9 s in the place of a second: no frequency is then above 1 rad/s."""
-    (K, M), slower = spring_chain(N), 1e9
+    K, M = spring_chain(N)
     omega, phi = (values[..., [0, 40]] for values in known_pairs(K, M, 41))
     reduce = {"free-modes": free_modes, "craig-bampton": held_at_the_end}[kind]
 
@@ -478,9 +479,29 @@ def test_a_slow_structure_is_reduced_as_a_quick_one(kind, choice):
         asked = Selection(cutoff_hz=4000.0 / c)
         if choice == "contact":
             asked = Selection(n_modes=12, to_hz=2e3 / c, choice=choice, modes=(omega / c, phi))
-        return modal(reduce(K / c**2, M, end_patch(N), asked)).omega
+        return reduce(K / c**2, M, end_patch(N), asked)
 
-    np.testing.assert_allclose(found(slower) * slower, found(1.0), rtol=1e-7)
+    slow, quick = found(slower), found(1.0)
+    np.testing.assert_allclose(modal(slow).omega * slower, modal(quick).omega, rtol=1e-7)
+    assert slow.n_residual == quick.n_residual
+    assert slow.error is quick.error is None or abs(slow.error / quick.error - 1) < 1e-6
+
+
+@KINDS
+@pytest.mark.parametrize("to_hz", [1e-3, 1e3])
+def test_a_model_without_modes_states_no_finite_error(kind, to_hz):
+    """Nothing says how low the first one lies that was left out."""
+    asked = Selection(n_modes=0, to_hz=to_hz)
+    reduce = {"free-modes": free_modes, "craig-bampton": held_at_the_end}[kind]
+    assert reduce(*spring_chain(300), end_patch(300), asked).error == np.inf
+
+
+@KINDS
+def test_modes_of_the_contact_far_above_the_band_are_static_shapes(kind):
+    K, M = spring_chain(300)
+    reduce = {"free-modes": free_modes, "craig-bampton": held_at_the_end}[kind]
+    reduced = reduce(K, M, end_patch(300), Selection(n_modes=16, to_hz=100.0, choice="contact"))
+    assert reduced.n_residual == np.count_nonzero(modal(reduced).omega > 2 * np.pi * 250.0) > 1
 
 
 def superlu_complex(A, b):
