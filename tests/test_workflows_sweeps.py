@@ -17,6 +17,7 @@ from beadwave import Cases, InvalidScene
 from coupling.sweep.design import Design
 from coupling.sweep.effects import sobol_effects
 from workflows.files.run_folder import RunFolder
+from workflows.results.tables import apart
 from workflows.sweep import sweep as sweeping
 from workflows.sweep import tasks
 from workflows.sweep.cases import base_of
@@ -332,6 +333,65 @@ def test_a_sweep_that_was_stopped_goes_on(monkeypatch):
     assert computed == [] and again.design.n_cases == 20
 
 
+def test_failed_cases_stay_until_they_are_asked_again(monkeypatch):
+    own, marched, over = dem.march_batch, [], {"striker.velocity": "0.1:0.7:7"}
+
+    def march(chains, **options):
+        marched.extend(chains.v0[:, 0].tolist())
+        if (chains.v0 > 0.5).any():
+            raise dem.UnstableStep("too fast to march")
+        return own(chains, **options)
+
+    def swept(again=False):
+        marched.clear()
+        cases = Cases(over, again=again)
+        return beadwave.sweep("rig-rigid", SHORT, cases=cases, out="out", signals=True)
+
+    with monkeypatch.context() as older:
+        older.setattr(dem, "march_batch", march)
+        assert swept().notes == ()
+    monkeypatch.setattr(
+        dem, "march_batch", lambda c, **o: marched.extend(c.v0[:, 0]) or own(c, **o)
+    )
+    kept = swept()
+    assert kept.counts() == {"done": 5, "failed": 2} and marched == []
+    assert kept.notes == ("2 cases failed before and are kept so; --again computes them again",)
+    before = kept.signals()["v"].to_numpy()
+    found = swept(again=True)
+    assert found.counts() == {"done": 7} and found.notes == () and min(marched) > 0.5
+    assert np.array_equal(found.columns["wall_peak_s"][:5], kept.columns["wall_peak_s"][:5])
+    v = found.signals()["v"].to_numpy()
+    assert np.array_equal(v[:5], before[:5]) and np.abs(v).max(axis=(1, 2)) == pytest.approx(
+        found.columns["striker.velocity"], rel=1e-6
+    )
+    assert not list(Path("out").glob("part-*"))
+    assert swept(again=True).counts() == {"done": 7} and marched == []
+
+
+def test_a_stopped_sweep_goes_on_with_failed_cases_where_asked(monkeypatch):
+    monkeypatch.setattr(tasks, "CHUNK", 2)
+    own, over = dem.march_batch, {"striker.velocity": "0.7:0.1:6"}
+    seen = []
+
+    def march(chains, **options):
+        if (chains.v0 > 0.5).any():
+            raise dem.UnstableStep("too fast to march")
+        return own(chains, **options)
+
+    def stop(done, n):
+        if done >= 4:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as older, pytest.raises(KeyboardInterrupt):
+        older.setattr(dem, "march_batch", march)
+        beadwave.sweep("rig-rigid", SHORT, cases=over, out="out", told=stop)
+    cases = Cases(over, again=True)
+    found = beadwave.sweep(
+        "rig-rigid", SHORT, cases=cases, out="out", told=lambda done, n: seen.append(done)
+    )
+    assert seen[0] == 2 and found.counts() == {"done": 6}
+
+
 def test_other_cases_or_another_scene_are_computed_anew(monkeypatch):
     one = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, out="out")
     two = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.3"}, out="out")
@@ -623,6 +683,25 @@ def test_axes_are_logarithmic_where_values_lie_so():
         assert _spacing(np.geomspace(low, high, 20)) == "x"
         assert _spacing(np.linspace(low, high, 20)) == ""
     assert _spacing(np.geomspace(1, 10, 20)) == _spacing(np.array([1.0, 100.0])) == ""
+
+
+def test_numbers_on_a_terminal_tell_the_cases_apart():
+    assert apart([0.00034304, 0.000343, np.nan, 0.00034]) == [
+        "0.00034304", "0.00034300", "-", "0.00034000",
+    ]  # fmt: skip
+    assert apart([648.61, 649.1]) == ["648.6", "649.1"] and apart([1.0, 2.0]) == ["1", "2"]
+    assert apart([12345.4, 12345.6, 12.0]) == ["12345", "12346", "12"]
+    assert apart([1.0, 1.0 + 1e-9, 1.1]) == ["1", "1", "1.1"]  # beyond what is computed
+    for few in (4, 60):
+        over = {"wall.young": f"200e9:201e9:{few}"}
+        found = beadwave.sweep("rig-half-space", SHORT, cases=over, out=f"out-{few}")
+        heading, *lines = (line.split() for line in found.text().splitlines()[2:])
+        shown = (
+            [line[heading.index("sphere_4_tof_s")] for line in lines]
+            if few == 4
+            else next(line for line in lines if line[0] == "sphere_4_tof_s")[1:]
+        )
+        assert len(set(shown)) == len(shown) > 2
 
 
 def test_a_table_is_read_by_others(tmp_path):

@@ -30,13 +30,15 @@ class Cases(NamedTuple):
     `over` has the keys that vary, as {"striker.velocity": [0.3, 0.5]} or as texts of `--over`:
     "striker.velocity=0.1:1:10", "preload.force=1:100:5:log", "wall.kind=rigid,half-space". With
     `sample` "lhs:n" or "sobol:n" they are ranges, "striker.velocity=0.1:1". `table` is a CSV
-    instead, with a line of keys and a line of values for each case.
+    instead, with a line of keys and a line of values for each case. `again` computes those that
+    an earlier sweep into the folder left without a result.
     """
 
     over: Mapping[str, Any] | Iterable[str] = ()
     sample: str | None = None
     table: str | Path | None = None
     seed: int = 0
+    again: bool = False
 
 
 def sweep(
@@ -75,9 +77,10 @@ def sweep(
     read = (*files_read(chosen, scene), *([Path(cases.table)] if cases.table else []))
     folder = RunFolder(path, inputs=read, overwrite=overwrite)
     with folder.run(text, FILES) as folder, _engine(on) as engine:
-        compute(base, design, folder, engine, signals=signals, told=told)
+        kept = compute(base, design, folder, engine, signals=signals, told=told, again=cases.again)
         _draw(folder, design)
-    return opened(path, notes)
+    said = f"{kept} cases failed before and are kept so; --again computes them again"
+    return opened(path, (*notes, said) if kept else notes)
 
 
 def _draw(folder: RunFolder, design: Design) -> None:

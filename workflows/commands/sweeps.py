@@ -41,6 +41,9 @@ def sweep(
         Path | None, typer.Option(help="A CSV of cases: a line of keys, then values.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of --sample.", min=0)] = 0,
+    again: Annotated[
+        bool, typer.Option("--again", help="Compute cases that have no result once more.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder; default sweeps/NAME.")] = None,
     signals: Annotated[
         bool, typer.Option("--signals", help="Keep velocities and wall force: signals.nc.")
@@ -80,7 +83,7 @@ def sweep(
     from workflows.api.sweeps import Cases
     from workflows.api.sweeps import sweep as compute
 
-    what = Cases(over or (), sample, cases, seed)
+    what = Cases(over or (), sample, cases, seed, again)
     if dry_run:
         _tell_price(scene, changes, what, workers, quiet, json)
         return

@@ -8,6 +8,7 @@ from math import isfinite, isnan
 from typing import Any, NamedTuple
 
 NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]\d+)?( %)?|-|nan|inf|")  # as a text with digits of its own
+MOST_DIGITS = 6  # that tell rows apart
 LINE = 100  # characters of a printed sentence's lines
 
 
@@ -47,13 +48,27 @@ def _aligned(column: tuple) -> list[str]:
     return [cell.ljust(width) if words else cell.rjust(width) for cell in cells]
 
 
-def short(value: Any) -> str:
-    """A number in three digits, a word as it is, nothing as a dash; no power of ten below 1e5."""
+def short(value: Any, n: int = 3) -> str:
+    """A number in n digits, of more than three the zeros too, a word as it is, nothing as a dash;
+    no power of ten below 1e5."""
     if value is None or (isinstance(value, float) and isnan(value)):
         return "-"
     if not isinstance(value, float):
         return str(value)
-    return f"{value:.0f}" if 999.5 <= abs(value) < 1e5 else f"{value:.3g}"
+    if 10.0**n - 0.5 <= abs(value) < 1e5:
+        return f"{value:.0f}"
+    return f"{value:.{n}g}" if n == 3 else f"{value:#.{n}g}".removesuffix(".")
+
+
+def apart(values: Iterable[Any]) -> list[str]:
+    """Values in three digits, or in as many more, up to MOST_DIGITS, as tell them apart."""
+    values = list(values)
+    finest = len({short(value, MOST_DIGITS) for value in values})
+    for n in range(3, MOST_DIGITS + 1):
+        found = [short(value, n) for value in values]
+        if len(set(found)) == finest:
+            return found
+    return found
 
 
 def as_csv(table: Table) -> str:

@@ -123,15 +123,18 @@ class Sweep:
 
     def _cases(self) -> Table:
         names = (*self.design.keys, *self.main, "status")
-        rows = zip(*(self.columns[name].tolist() for name in names), strict=True)
-        return Table("cases", names, tuple(rows))
+        columns = [self.columns[name].tolist() for name in names]
+        shown = zip(*map(tables.apart, columns), strict=True)
+        return Table("cases", names, tuple(zip(*columns, strict=True)), (names, *shown))
 
     def _ranges(self) -> Table:
         rows = []
         for name in self.outputs:
             there = self.columns[name][np.isfinite(self.columns[name])]
             rows.append((name, *map(float, (there.min(), np.median(there), there.max()))))
-        return Table("outputs", ("output", "smallest", "median", "largest"), tuple(rows))
+        heading = "output", "smallest", "median", "largest"
+        shown = ((name, *tables.apart(values)) for name, *values in rows)
+        return Table("outputs", heading, tuple(rows), (heading, *shown))
 
     def text(self) -> str:
         """For a person."""

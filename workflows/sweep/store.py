@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coupling.sweep.design import Design
-from coupling.sweep.rows import DONE, TEXT, Rows
+from coupling.sweep.rows import DONE, FAILED, TEXT, Rows
 from workflows.files.run_folder import RunFolder
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.quantities import entries
@@ -80,6 +80,37 @@ class Store:
         about = loads((pq.read_schema(there.path / TABLE).metadata or {}).get(ABOUT, b"{}"))
         kept = there.ours(SIGNALS) or not self._signals
         return about.get("key") == self._key and kept
+
+    def failed(self) -> int:
+        """Cases whose rows are there and say that they failed."""
+        import pyarrow.parquet as pq
+
+        paths = [self._folder.base.path / TABLE] if self.whole() else self.parts
+        found = (pq.read_table(path, columns=["status"])["status"] for path in paths)
+        return sum(statuses.to_pylist().count(FAILED) for statuses in found)
+
+    def reopen(self) -> None:
+        """Make the cases without a result missing; the others of the table are a part again."""
+        import pyarrow.parquet as pq
+
+        if not self.parts and self.whole():
+            self._split()
+        read = {path: pq.read_table(path, columns=["status"])["status"] for path in self.parts}
+        without = [path for path, said in read.items() if DONE not in said.to_pylist()]
+        self._folder.base.clear(self._name(path) for path in without)
+
+    def _split(self) -> None:
+        """Write what is done of the table as a part, its signals first."""
+        import pyarrow.parquet as pq
+
+        there = self._folder.base
+        done = pq.read_table(there.path / TABLE, filters=[("status", "==", DONE)])
+        cases = done["case"].to_numpy()
+        if self._signals:
+            with there.writing(f"{self._prefix}kept.npz") as path:
+                np.savez(path, cases=cases, **_read_signals(there.path / SIGNALS, cases))
+        with there.writing(f"{self._prefix}kept.parquet") as path:
+            pq.write_table(done, path)
 
     def keep(self) -> None:
         """Leave the table of an earlier sweep of this design as it is."""
@@ -191,6 +222,15 @@ def _write_signals(path: Path, parts: list[Path], table: Any, spheres: tuple[int
             with np.load(part) as one:
                 for i, case in enumerate(one["cases"]):
                     v[case], force[case] = one["v"][i], one["wall_force"][i]
+
+
+def _read_signals(path: Path, cases: np.ndarray) -> dict[str, np.ndarray]:
+    """Of these cases, as a part has them."""
+    import h5netcdf
+
+    with h5netcdf.File(path, "r") as file:
+        own = {name: file[name][:][cases] for name in ("v", "wall_force")}
+        return {"t": file["time"][:], **own}
 
 
 def _variable(

@@ -40,15 +40,18 @@ def require_keys(base: Base, design: Design, signals: bool) -> None:
 
 def sweep(
     base: Base, design: Design, folder: RunFolder, engine: Engine | None, *, signals: bool,
-    told: Told,
-) -> None:  # fmt: skip
+    told: Told, again: bool,
+) -> int:  # fmt: skip
     """Fill the folder with the table of all cases; those whose rows are there are not computed
-    again."""
+    again, unless asked for and without a result. How many failed cases were kept."""
     store = Store(folder, design, _typical(base, design), signals)
-    if store.whole():
+    if again:
+        store.reopen()
+    elif store.whole():
         store.keep()
         told(design.n_cases, design.n_cases)
-        return
+        return store.failed()
+    kept = 0 if again else store.failed()
     missing = store.missing()
     done = design.n_cases - len(missing)
     told(done, design.n_cases)
@@ -59,6 +62,7 @@ def sweep(
             done += len(part.cases)
         told(done, design.n_cases)
     store.finish()
+    return kept
 
 
 def _typical(base: Base, design: Design) -> Scene:
