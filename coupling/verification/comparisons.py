@@ -3,23 +3,27 @@
 within   the difference is at most what is allowed
 outside  it is above, or no number
 failed   the computation ended in the sentence below
-skipped  the independent program is not installed
+skipped  the independent program is not installed, or does not start
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
+from importlib import import_module
 from importlib.util import find_spec
 from shutil import which
+from subprocess import run
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+NOT_STARTED = (126, 127)  # statuses of a program that the system cannot load
 VERDICTS = ("within", "outside", "failed", "skipped")
 
 
 class Missing(Exception):
-    """An independent program is not installed; says how to install it."""
+    """An independent program is not installed or does not start; says how to install it."""
 
 
 class Comparison(NamedTuple):
@@ -52,15 +56,31 @@ def compared(
 
 
 def require_program(name: str, package: str) -> None:
-    """Raises Missing if no such program is on the path; `package` is Debian's."""
+    """Raises Missing if no such program is on the path or it does not start; `package` is
+    Debian's."""
     if which(name) is None:
         raise Missing(f"{name} is not installed; apt-get install {package} adds it.")
+    found = run([name, "-v"], capture_output=True, text=True, check=False)
+    if found.returncode in NOT_STARTED:
+        why = _first_line(found.stderr)
+        remedy = f"apt-get install --reinstall {package} mends it."
+        raise Missing(f"{name} is installed and does not start ({why}); {remedy}")
 
 
-def require_module(name: str) -> None:
-    """Raises Missing if no such Python module is installed, of the extra `verify`."""
+def require_module(name: str, start: Callable[[], object] | None = None) -> None:
+    """Raises Missing if no such Python module of the extra `verify` is installed, or if `start`,
+    without it the import, does not find what the module needs."""
     if find_spec(name) is None:
         raise Missing(f"{name} is not installed; ./install.sh verify adds it.")
+    try:
+        (start or partial(import_module, name))()
+    except (ImportError, OSError) as error:
+        why = f"{name} is installed and does not start ({_first_line(str(error))})"
+        raise Missing(f"{why}; ./install.sh verify adds what it needs.") from error
+
+
+def _first_line(said: str) -> str:
+    return said.strip().partition("\n")[0]
 
 
 class Row(NamedTuple):

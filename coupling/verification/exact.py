@@ -90,6 +90,7 @@ def half_spaces() -> Iterator[Comparison]:
     yield compared("half-space, share of the surface wave", share, 0.674,
                    allowed=5e-4, of=1.0, source=MILLER)  # fmt: skip
     A = hertz_coefficient(1.0, 1.0, 0.3, 1.0, 1.0, 0.3)
-    walls = [hertz_coefficient(1.0, 1.0, 0.3, np.inf, 1.0, 0.3), hertz_coefficient(1.0, 1.0, 0.3)]
-    yield compared("A_w / A of the same material and rigid", walls / A, [2**0.5, 2**1.5],
+    walls = [hertz_coefficient(1.0, 1.0, 0.3, np.inf, E, 0.3) for E in (0.25, 1.0, np.inf)]
+    exact = 2**1.5 / (1 + np.array([4.0, 1.0, 0.0]))
+    yield compared("A_w / A of a softer wall, of the same material, rigid", walls / A, exact,
                    allowed=1e-14, source=JOHNSON)  # fmt: skip

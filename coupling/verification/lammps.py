@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 import dem
-from coupling.lammps_chain import Spheres, velocities
+from coupling.lammps_chain import Spheres, started, velocities
 from coupling.verification.comparisons import Comparison, compared, require_module
 
 SPEED, DURATION, N_SAVE = 0.31, 1.5e-3, 15
@@ -40,7 +40,7 @@ CASES = {
 
 def lammps() -> Iterator[Comparison]:
     """Equal, unlike, tapered and damped chains in LAMMPS."""
-    require_module("lammps")
+    require_module("lammps", lambda: started().close())
     for name, case in CASES.items():
         rough, fine = (_theirs(case, dt) for dt in STEPS)
         ours, damped = _ours(case), case.spheres.damping

@@ -9,7 +9,7 @@ from skfem import MeshHex
 import fem
 from coupling import RayleighDamping, damping_ratios
 from coupling.verification.comparisons import Comparison, compared
-from coupling.verification.exact import sphere_on_modes
+from coupling.verification.exact import JOHNSON, sphere_on_modes
 from fem.beam import Section
 from fem.factorisation import factorised
 from fem.hinged import euler_bernoulli, lamb_hz
@@ -18,7 +18,10 @@ from geometry.hex_mesh import graded
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 ROD = "the rod, f_j = (2 j - 1) c / 4 L"
 LAMB = "H. Lamb, Proc. R. Soc. A 93 (1917) 114, antisymmetric waves"
+SIDES = 0.131, 0.099, 0.041  # m, of the struck block
 BLOCK = "three independent meshes, quarter model of quadratic hexahedra"
+POINT = "a point force on a half-space, u ~ 1/h"
+NODE = "a mesh of other elements, whose nodes take more or less"
 
 
 def structures() -> Iterator[Comparison]:
@@ -89,21 +92,54 @@ def _sphere_on_a_beam() -> Comparison:
 
 
 def _block() -> Iterator[Comparison]:
-    """Compliance under the patch less that of the half-space on the same mesh."""
-    a, b, h, seed = 0.131, 0.099, 0.041, 4e-3  # m
-    across = [graded(-side / 2, side / 2, 0.0, seed, 12e-3) for side in (b, h)]
-    mesh = MeshHex.init_tensor(graded(0.0, a, a, seed, 12e-3), *across).with_boundaries({
-        "+x": lambda x: np.abs(x[0] - a) < 1e-9, "-x": lambda x: np.abs(x[0]) < 1e-9,
-    })  # fmt: skip
-    block = fem.assemble({"block": mesh}, {"block": STEEL})
-    model = fem.joined(block, fem.Connections(held=[fem.Held("block:-x")]))
+    """Compliance under the patch, its half-space on the same mesh, and their difference."""
+    seed = 4e-3
+    across = [graded(-side / 2, side / 2, 0.0, seed, 12e-3) for side in SIDES[1:]]
+    model = _held_block(graded(0.0, SIDES[0], SIDES[0], seed, 12e-3), *across)
     solver = factorised(model.K)
     for weights, pressure in (("hertz", "Hertz'"), ("area", "even")):
         patch = fem.contact_patch(model, "block:+x", (0.0, 0.0), 6.4e-3, weights=weights)
         local = fem.half_space_on_mesh(model, "block:+x", patch, STEEL)
         name = f"struck block, {pressure} pressure, compliance less the half-space [m/N]"
-        left = patch.w @ solver.solve(patch.w) - local
-        yield compared(name, left, 9.13e-11, allowed=0.02, source=BLOCK)
+        whole = patch.w @ solver.solve(patch.w)
+        yield compared(name, whole - local, 9.13e-11, allowed=0.02, source=BLOCK)
+        if weights == "hertz":
+            name = "struck block, Hertz' pressure, whole compliance [m/N]"
+            yield compared(name, whole, 4.9756e-10, allowed=0.03, source=BLOCK)
+            name = "half-space under Hertz' pressure, on the block's mesh [m/N]"
+            yield compared(name, local, 4.0625e-10, allowed=0.03, source=JOHNSON)
+
+
+def _held_block(*lines: np.ndarray) -> fem.Model:
+    """The steel block on these grid lines, held at -x."""
+    mesh = MeshHex.init_tensor(*lines).with_boundaries({
+        "+x": lambda x: np.abs(x[0] - SIDES[0]) < 1e-9, "-x": lambda x: np.abs(x[0]) < 1e-9,
+    })  # fmt: skip
+    block = fem.assemble({"block": mesh}, {"block": STEEL})
+    return fem.joined(block, fem.Connections(held=[fem.Held("block:-x")]))
+
+
+def contact_node() -> Iterator[Comparison]:
+    """A force at a node of the block sinks in like 1/h, by as much as suits the element."""
+    found = np.array([_at_node(h) for h in (1.6e-3, 0.8e-3, 0.4e-3)])
+    yield compared("struck block, a node's compliance at 1.6, 0.8, 0.4 mm [m/N]", found,
+                   [7.5e-9, 1.39e-8, 2.89e-8], allowed=0.15, source=NODE)  # fmt: skip
+    yield compared("struck block, growth of it at half the element", found[1:] / found[:-1], 2.0,
+                   allowed=0.03, of=1.0, source=POINT)  # fmt: skip
+
+
+def _at_node(h: float) -> float:
+    """[m/N] of the node at the contact, with two cubes of side h to each side of it."""
+    outward = [_cubes(h, side) for side in (SIDES[0], SIDES[1] / 2, SIDES[2] / 2)]
+    across = [np.append(-line[:0:-1], line) for line in outward[1:]]
+    model = _held_block(SIDES[0] - outward[0][::-1], *across)
+    w = fem.node_patch(model, "block:+x", [(0.0, 0.0)]).w
+    return w @ factorised(model.K).solve(w)
+
+
+def _cubes(h: float, end: float) -> np.ndarray:
+    """Grid lines from 0, two elements of h, then larger ones."""
+    return np.append([0.0, h], graded(2 * h, end, 2 * h, 1.5 * h, 25e-3))
 
 
 def _rayleigh() -> Comparison:
