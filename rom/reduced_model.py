@@ -208,9 +208,8 @@ def _is_singular(K: np.ndarray) -> bool:
 
 
 def _floating_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    scale = 1 / np.sqrt(np.diag(M))
     try:
-        squared, V = eigh(K * np.outer(scale, scale), M * np.outer(scale, scale))
+        squared, V = eigh(K, M)
     except np.linalg.LinAlgError:
         raise ReductionError(
             "the reduced mass matrix is not positive definite; the reduction lost rank."
@@ -221,7 +220,7 @@ def _floating_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarra
             f"the reduced stiffness is indefinite: its lowest eigenvalue is {squared[0]:.3g} "
             f"rad^2/s^2, allowed is > {-noise:.1g}."
         )
-    return np.sqrt(np.where(squared > noise, squared, 0.0)), scale[:, None] * V
+    return np.sqrt(np.where(squared > noise, squared, 0.0)), V
 
 
 def static_compliance(reduced: ReducedModel, *, modes: ModalWall | None = None) -> float:

@@ -26,6 +26,7 @@ from rom.contact_modes import (
     REACH,
     _bound,
     _ranked,
+    _residual_errors,
     contact_modes,
     finer_space,
     krylov_space,
@@ -215,6 +216,23 @@ def test_modes_found_elsewhere_are_normalised_and_their_rounding_is_rigid():
     np.testing.assert_allclose(found.phi, phi[:, :3], rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.parametrize(("share", "fine"), [(0.9e-7, True), (1.1e-7, False)])
+def test_modes_found_elsewhere_may_share_a_ten_millionth_of_their_mass(share, fine):
+    K, M = structure()
+    omega, phi = exact_modes(K, M)
+    phi[:, 1] += share * phi[:, 0]
+    refused = pytest.raises(ReductionError, match=r"largest product 1\.1e-07, allowed 1e-7")
+    with contextlib.nullcontext() if fine else refused:
+        known_modes(pencil(K, M, superlu), omega, 3 * phi)
+
+
+def test_a_mode_that_moves_nothing_is_refused():
+    K, M = structure()
+    omega, phi = exact_modes(K, M)
+    with pytest.raises(ReductionError, match="M is not positive definite on the lowest modes"):
+        known_modes(pencil(K, M, superlu), omega, phi * (omega > omega[2]))
+
+
 def test_columns_are_appended_and_room_is_doubled():
     Q = np.empty((4, 3), order="F")
     Q[:, :2] = 1.0
@@ -347,6 +365,24 @@ def test_modes_are_ranked_by_what_an_oscillator_with_their_moments_misses():
     np.testing.assert_array_equal(kept, [0, 1, *(i for i in order if i > 1)])
 
 
+def test_the_error_of_a_choice_is_what_one_oscillator_for_the_rest_misses():
+    """Of its static and quasi-static moments, a rigid motion having none; of the whole receptance,
+    whose rigid part counts."""
+    omega, phi = np.array([0.0, 90.0, 20.0, 140.0, 60.0]), np.array([0.3, 1.0, 0.7, 0.5, 0.2])
+    s = 2 * np.pi * frequencies(4.0)
+
+    def answer(omega, phi):
+        return (phi**2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)).sum(axis=1)
+
+    exact = []
+    for n in range(5):
+        rest, p = omega[n:][omega[n:] > 0], phi[n:][omega[n:] > 0]
+        m1, m2 = np.sum((p / rest) ** 2), np.sum(p**2 / rest**4)
+        one = answer(np.sqrt([m1 / m2]), np.array([m1 / np.sqrt(m2)]))
+        exact.append(rms(one - answer(omega[n:], phi[n:])) / size(answer(omega, phi)))
+    np.testing.assert_allclose(_residual_errors(omega, phi, 4.0), [*exact, 0.0], rtol=1e-9)
+
+
 def test_static_shapes_are_above_the_highest_chosen_or_far_above_the_band():
     omega = 2 * np.pi * np.array([1.0, 10.0, 24.9, 25.1, 80.0])
     assert REACH == 2.5
@@ -453,6 +489,15 @@ def test_the_error_of_a_truncation_knows_no_unit_of_time_and_ends_at_rounding(fa
         tail = Moments(m1, m1 / (70 * faster) ** 2, 2 * m1 / (70 * faster) ** 4)
         error = tail_errors(omega * faster, phi, tail, 2.0 * faster)
         assert (error[-1] == 0) == none and (error[:-1] > 0).all()
+
+
+@pytest.mark.parametrize(("share", "bounded"), [(0.999, False), (1.001, True)])
+def test_a_truncation_is_bounded_from_a_mode_at_the_end_of_the_band_on(share, bounded):
+    """Between the last two of the frequencies as well."""
+    s = 2 * np.pi * frequencies(2.0)
+    assert s[-2] < 0.999 * s[-1]
+    errors = tail_errors(share * s[-1:], np.ones(1), Moments(1e-4, 1e-8, 2e-12), 2.0)
+    assert np.isfinite(errors).all() == bounded
 
 
 @pytest.mark.parametrize("slower", [1.0, 1e4])

@@ -335,7 +335,7 @@ def test_health_finds_what_is_wrong_with_a_foreign_model():
     assert "feed energy" in health(sound._replace(C=-sound.M)).findings[0]
 
 
-@pytest.mark.parametrize(("n", "n_modes"), [(450, 450), (450, 445), (700, 500)])
+@pytest.mark.parametrize(("n", "n_modes"), [(449, 449), (450, 445), (700, 500)])
 def test_every_mode_of_a_chain_can_be_asked_for(n, n_modes):
     K, M = spring_chain(n)
     j = np.arange(1, n_modes + 1)
@@ -582,12 +582,13 @@ def held_at_the_end(K, M, w, asked):
     return craig_bampton(K, M, w, np.flatnonzero(w), asked)
 
 
+@pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize("n_modes", [25, 40, 60])
 @pytest.mark.parametrize(("reduce", "factor"), [(free_modes, 5), (held_at_the_end, 1.3)])
-def test_the_stated_error_bounds_the_true_one_within_a_factor(reduce, factor, n_modes):
+def test_the_stated_error_bounds_the_true_one_within_a_factor(reduce, factor, n_modes, held):
     """1.24, 1.05 and 1.02 measured of fixed-interface modes: those left out are taken for as low
     as the highest kept."""
-    K, M = spring_chain(300)
+    K, M = spring_chain(300, held)
     frequency = frequencies(4e3)
     exact = receptance(full_order(K, M, end_patch(300)), None, frequency, loss=LOSS)
     reduced = reduce(K, M, end_patch(300), Selection(n_modes=n_modes, to_hz=4000.0))
