@@ -167,10 +167,11 @@ def require_static_response(
     load = w - M @ (rigid @ (rigid.T @ w))
     mismatch = _relative(K @ u - load, load)
     noise = 1e3 * EPS * frequency_scale(K, M) * np.linalg.norm(M @ u) / np.linalg.norm(load)
-    if mismatch > max(1e-6, noise):
+    allowed = max(1e-6, noise)
+    if mismatch > allowed:
         raise ReductionError(
-            f"the static response at the contact misses the load by {mismatch:.1e} (allowed 1e-6); "
-            f"the factorisation was not accurate enough."
+            f"the static response at the contact misses the load by {mismatch:.1e} (allowed "
+            f"{allowed:.1e}); the factorisation was not accurate enough."
         )
 
 
