@@ -26,6 +26,7 @@ from coupling.inspection.inversion import (
     _parts,
     inverted,
 )
+from coupling.inspection.judgement import Judged
 from coupling.inspection.profile import Valley, _factor, stretched
 from coupling.inspection.search import _distinct, _filled, _inner, _noise, _spread, with_triggers
 
@@ -409,6 +410,13 @@ def test_records_are_explained_where_the_whole_and_every_part_may_be_noise(memor
         whole, part = np.sqrt(share * np.array(limits))
         assert an_answer(misfit=whole, memory=memory).explained == explained
         assert an_answer(worst=part, memory=memory).explained == explained
+
+
+def test_a_number_of_a_model_that_explains_nothing_is_not_called_told():
+    for misfit, told in ((1.0, "yes"), (2.0, "not explained")):
+        judged = Judged(an_answer(misfit=misfit), (), None, 1, True, None, None, ("one",))
+        assert judged.told == [told]
+        assert judged._replace(noise_known=False).told == ["yes"]
 
 
 @pytest.mark.parametrize("misfit", [0.8, 1.3])

@@ -88,6 +88,20 @@ def test_a_beam_that_cannot_be_is_refused_in_a_sentence(changes, capsys):
     assert REFUSED[changes] in told and "Traceback" not in told and told.count("\n") <= 2
 
 
+@pytest.mark.parametrize(
+    ("key", "says"),
+    [("right", "add 'hinged', 'clamped' or 'free'."), ("young", "add it."), ("length", "add it.")],
+)
+def test_a_key_of_few_words_that_is_missing_is_asked_for_with_them(key, says, tmp_path, capsys):
+    table = (
+        'length=1\nwidth=0.1\nthickness=0.1\nyoung=7e10\ndensity=2700\nleft="free"\nright="free"'
+    )
+    rest = [line for line in table.splitlines() if not line.startswith(key)]
+    (tmp_path / "mine.toml").write_text("\n".join(["[beam]", *rest, "position=0.5"]))
+    assert beadwave("modes", str(tmp_path / "mine.toml")) == 2
+    assert capsys.readouterr().err.strip().endswith(f"beam.{key} is missing; {says}")
+
+
 SMALL = ("plate.length=0.16", "plate.width=0.12", "plate.at=[0.07, 0.05]", "reduction.modes=20")
 
 

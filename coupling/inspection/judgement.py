@@ -17,6 +17,7 @@ STRETCHED = 1.05  # of a bar, worth a sentence
 ALIKE = 0.9  # correlation worth a sentence
 SETTLED = 0.05  # of a bar: what another wall at the answer may move
 AT_BOUND = "at its bound"
+UNEXPLAINED = "not explained"
 INSTANTS = 60  # record lengths for which bars are told
 
 
@@ -50,6 +51,12 @@ class Judged(NamedTuple):
     def explained(self) -> bool:
         """Whether the model explains the records, as far as their noise is known."""
         return not self.noise_known or self.inversion.explained
+
+    @property
+    def told(self) -> list[str]:
+        """What the records tell of each number: nothing where the model does not explain them."""
+        silent = [UNEXPLAINED] * len(self.inversion.parameters)
+        return told_of(self.inversion) if self.explained else silent
 
     @property
     def rival_numbers(self) -> list[dict[str, float]]:

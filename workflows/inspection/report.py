@@ -5,7 +5,7 @@ from textwrap import fill
 import numpy as np
 from pydantic import BaseModel
 
-from coupling.inspection.judgement import Judged, told_of
+from coupling.inspection.judgement import Judged
 from coupling.records.record import SYNTHETIC, Recorded
 from workflows.inspection.inspect import Inspected
 from workflows.results.tables import LINE, Table, text
@@ -84,7 +84,7 @@ def report_of(found: Inspected, records: tuple[Recorded, ...]) -> InspectionRepo
         inversion, found.rivals, found.fit, n, found.noise_known, between, found.moved, names
     )
     t, bars = judged.bars_by_length()
-    rows = _rows(inversion)
+    rows = _rows(inversion, judged.told)
     return InspectionReport(
         scene=found.scene.name,
         records=list(names),
@@ -107,7 +107,7 @@ def report_of(found: Inspected, records: tuple[Recorded, ...]) -> InspectionRepo
     )  # fmt: skip
 
 
-def _rows(inversion) -> list[NumberRow]:
+def _rows(inversion, of_each: list[str]) -> list[NumberRow]:
     bars = inversion.uncertainty.two_sigma
     return [
         NumberRow(
@@ -117,6 +117,6 @@ def _rows(inversion) -> list[NumberRow]:
             told=told,
         )
         for p, x, bar, told in zip(
-            inversion.parameters, inversion.value, bars, told_of(inversion), strict=True
+            inversion.parameters, inversion.value, bars, of_each, strict=True
         )
     ]  # fmt: skip

@@ -110,7 +110,8 @@ def facts(summary: Summary) -> list[tuple[str, str]]:
     if hz:
         found.append(("measured modes, computed", f"{' / '.join(digits(f, 4) for f in hz)} Hz"))
     seconds = _whole(summary)
-    found.append(("computed in", f"{digits(seconds)} s" if seconds >= 0.01 else "kept results"))
+    spent = f"{digits(seconds)} s" if seconds >= 0.01 else "none, results were kept"
+    found.append(("computing time", spent))
     return [(label, value) for label, value in found if value not in (NONE, "")]
 
 
@@ -183,7 +184,7 @@ def budget(summary: Summary) -> list[tuple[str, str, str]]:
         rows.append(("energy balance", percent(summary.energy_error, 2), ""))
     rest = sum(seconds for name, seconds in spent.items() if name not in told)
     if rest:
-        rows.append(("the rest", "", digits(rest)))
+        rows.append(("everything else", "", digits(rest)))
     return rows
 
 

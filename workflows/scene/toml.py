@@ -22,6 +22,7 @@ from workflows.scene import (
     Scene,
     Time,
 )
+from workflows.scene.allowed_words import allowed_words
 from workflows.scene.bodies import General, Meshing
 from workflows.scene.contradictions import contradictions
 from workflows.scene.gravity import fallen
@@ -149,9 +150,9 @@ def _validated(model: type[BaseModel], tables: dict[str, Any], source: str, pref
     try:
         return model.model_validate(tables)
     except ValidationError as error:
-        raise InvalidScene(
-            f"{source}: {_sentence(_told(error.errors()), tables, prefix)}"
-        ) from None
+        first = _told(error.errors())
+        words = allowed_words(model, first["loc"])
+        raise InvalidScene(f"{source}: {_sentence(first, tables, prefix, words)}") from None
 
 
 def _require_usual(table: BaseModel, written: dict[str, Any], source: str, prefix, meant) -> None:
@@ -160,7 +161,7 @@ def _require_usual(table: BaseModel, written: dict[str, Any], source: str, prefi
 
 
 SENTENCES = {
-    "missing": "{key} is missing; add it.",
+    "missing": "{key} is missing; add {words}.",
     "union_tag_not_found": "{key}.kind is missing; add it to say which kind this is.",
     "union_tag_invalid": "{key}.kind = {kind!r} must be one of {expected_tags}; change it.",
     "value_error": "{key}: {error}.",
@@ -185,7 +186,9 @@ def _told(errors: list[Any]) -> Any:
     return next((e for e in others if e["loc"][: len(place)] == place), first)
 
 
-def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, ...]) -> str:
+def _sentence(
+    error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, ...], words: str
+) -> str:
     found, type_ = error["input"], error["type"]
     type_ = "empty" if type_ == "too_short" and not found else type_
     n = len(found) if isinstance(found, list | tuple) else 0
@@ -193,6 +196,7 @@ def _sentence(error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, 
         key=repr(".".join((*prefix, *_key(error, tables))))[1:-1] or "the scene",
         found=found,
         shown=_shown(found),
+        words=words or "it",
         kind=found.get("kind") if isinstance(found, dict) else None,
         count=f"{n} value{'s' * (n != 1)}",
         allowed=error["msg"].replace("Input should", "must", 1),
