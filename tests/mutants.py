@@ -245,6 +245,13 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "self.duration - (self.signals.t[-1] - t[-1])"): "a longer march begins alike",
     ("duration = max(self.duration - (self.signals.t[-1] - t[-1]), 4 * self.dt)", "-1"):
      "a longer march begins alike",
+    ("wall_force[lane] = hertz_force(d if d > 0.0 else 0.0, A[last + lane])", "d > 0.0"): SAME,
+    ("f[j + LANES] = hertz_force(d if d > 0.0 else 0.0, A[j])", "d > 0.0"): SAME,
+    ("d = d if d > 0.0 else 0.0", "d > 0.0"): SAME,
+    ("pulls = 1.0 if c * w + f[j + LANES] < 0.0 else 0.0", "c * w + f[j + LANES] < 0.0"): SAME,
+    ("if high - low <= 4e-16 * gap:", "high - low"): LOOKS,
+    ("if high - low <= 4e-16 * gap:", "high - low <= 4e-16 * gap"): LOOKS,
+    ("step = -value / slope if slope != 0.0 else 2.0", "2.0"): "steps out of the bracket halve it",
     ("good = correlation >= ALIKE", "correlation >= ALIKE"): SAME,
     ("calm = slope < CALM * slope.max()", "slope < CALM * slope.max()"): SAME,
     ("blind = np.sqrt((Vt[~seen] ** 2).sum(axis=0)) > 1e-6", "1e-06"): FAR,

@@ -559,8 +559,23 @@ def test_a_damper_counts_no_more_than_what_stops_the_bodies_ten_thousand_times()
     As, compliance, dt = np.array([A]), 0.02, 0.1
     damping = Damping(np.array([1e12]), laws.LINEAR, np.ones(1))
     found = mean_force(Passage(0, False, 0.3, 0.4, 0.0, compliance), 1 / dt, As, None, damping)[0]
-    most = laws.STOPPED / (2 * compliance / dt)
+    stops = 2 * compliance / dt
+    most = laws.STOPPED / stops
     assert near(found, most * (1 + 2 * lead(laws.STOPPED)[0]), 1e-3)
+    elastic = mean_hertz(0.3, 0.4, A)[0]
+    for share in (0.3, 0.999, 1.001, 3.0):
+        for law in (laws.LINEAR, laws.HUNT_CROSSLEY):
+            c = share * most / (elastic if law == laws.HUNT_CROSSLEY else 1.0)
+            damping = Damping(np.array([c]), law, np.ones(1))
+            over = Passage(0, False, 0.3, 0.4, 0.0, compliance)
+            found, slope, _ = mean_force(over, 1 / dt, As, None, damping)
+            told = min(share, 1.0)
+            assert near(found, elastic + told * most * (1 + 2 * lead(told * laws.STOPPED)[0]))
+            h = 1e-6
+            up, down = (
+                mean_force(over._replace(g1=0.4 + e), 1 / dt, As, None, damping)[0] for e in (h, -h)
+            )
+            assert near(slope, (up - down) / (2 * h), 1e-5)
 
 
 def tangent(diagonal, k):
@@ -588,7 +603,7 @@ def test_changes_of_newton_solve_their_tangents(walled):
     compliance, residual = rng.uniform(0.1, 0.5, n + 1), rng.standard_normal(n + 1)
     work = workspace(n, contacts)[1]
     work.residual[:], work.slope[:contacts] = residual, k[:contacts]
-    newton_change(compliance, contacts, work)
+    newton_change(compliance, work)
     exact = np.eye(n + 1) + compliance[:, None] * tangent(np.zeros(n + 1), k[:contacts])
     np.testing.assert_allclose(exact @ work.residual, residual, atol=1e-13)
 
@@ -681,7 +696,8 @@ def test_a_march_is_the_solution_of_its_equations(exact, case, scheme, dt, allow
     right = exact(case)
     off = np.abs(run.v - right.v).max(), np.abs(run.contact_force - right.force).max()
     assert off[0] < allowed and off[1] < 3 * allowed
-    assert run.energy_error < allowed
+    kept = scheme == "energy4"  # by construction, to rounding
+    assert run.energy_error < (1e-13 if kept else allowed)
 
 
 def test_states_of_rest_are_those_of_the_equations():

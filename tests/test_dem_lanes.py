@@ -16,15 +16,15 @@ from dem.kernels.lanes import LANES, LaneDamping, Lanes, WallPush, WallSprings
 
 pytestmark = pytest.mark.usefixtures("plain")
 
-N, COUNT = 3, 2
+N, COUNT = 3, 3
 RNG = np.random.default_rng(4)
 MODES = Wall(
     RNG.uniform(0.5, 3.0, (COUNT, 2)), RNG.uniform(0.05, 0.3, (COUNT, 2)),
-    np.array([[0.5, -0.7], [0.4, 0.8]]),
+    np.array([[0.6, 0.3], [0.5, -0.7], [0.4, 0.8]]),
 )  # fmt: skip
-SPRUNG = MODES._replace(residual_compliance=np.array([-0.05, 0.1]))
+SPRUNG = MODES._replace(residual_compliance=np.array([0.05, -0.05, 0.1]))
 LEAVES = {"leaf_stiffness": np.array([0.4, 0.1, 0.2]), "leaf_anchor": np.array([0.5, 0.1, 0.05])}
-PRESSED = LEAVES | {"preload": np.array([0.2, 0.4])}
+PRESSED = LEAVES | {"preload": np.array([0.1, 0.2, 0.4])}
 
 
 def damped(law, *gamma):
@@ -37,7 +37,7 @@ CASES = {
     "modes": (MODES, {}),
     "pressed": (MODES, PRESSED),
     "sprung": (SPRUNG, PRESSED),
-    "falling": (SPRUNG, {"gravity": np.array([0.3, 0.1]), "n_falling": 1}),
+    "falling": (SPRUNG, {"gravity": np.array([0.0, 0.3, 0.1]), "n_falling": 1}),
     "hunt-crossley": (MODES, PRESSED | damped("hunt-crossley", 0.3, 0.1, 0.2)),
     "strong": (rigid_wall(), damped("hunt-crossley", 9.0, 3.0, 6.0)),
     "damped spring": (SPRUNG, damped("hunt-crossley", 0.2, 0.0, 0.4)),
@@ -48,10 +48,11 @@ CASES = {
 
 
 def chains(case):
+    """The first one starts at rest."""
     wall, parts = CASES[case]
     rng = np.random.default_rng(1)
     A = rng.uniform(0.9, 1.6, (COUNT, N if wall else N - 1))
-    v0 = np.array([[1.0, 0.0, 0.0], [1.4, 0.2, -0.1]])
+    v0 = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.4, 0.2, -0.1]])
     return Chains(Chain(rng.uniform(0.8, 1.3, (COUNT, N)), np.full(N, 0.5), A, **parts), wall, v0)
 
 
@@ -72,7 +73,7 @@ def test_a_chain_in_a_lane_is_the_chain_alone(case):
         at_wall = np.zeros(11) if many.free else alone.contact_force[:, -1]
         np.testing.assert_allclose(found.wall_force[i], at_wall, rtol=0, atol=1e-12)
         assert abs(found.energy_error[i] - alone.energy_error) < 1e-12
-        assert alone.energy_error > 1e-11  # so that there is something to compare
+        assert i == 0 or alone.energy_error > 1e-11  # so that there is something to compare
         opened += np.count_nonzero(alone.contact_force == 0.0)
     assert opened > 0
 

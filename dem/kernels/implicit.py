@@ -56,7 +56,7 @@ class Newton(NamedTuple):
     """What a Newton iteration works on."""
 
     elastic: Array  # (n_contacts,) part of the mean force
-    slope: Array  # (n + 1,) of the mean force in the overlap
+    slope: Array  # (n + 1,) of the mean force in the overlap, 0 behind the last contact
     residual: Array  # (n + 1,) what the equations miss, then the change of positions
     diagonal: Array
     upper: Array
@@ -223,18 +223,16 @@ def imbalance(
 
 
 @ieee_inline
-def newton_change(compliance: Array, n_contacts: int, newton: Newton) -> None:
+def newton_change(compliance: Array, newton: Newton) -> None:
     """Solve the tridiagonal, diagonally dominant tangent system for the residual, in place."""
     slope, r, diagonal, upper = newton.slope, newton.residual, newton.diagonal, newton.upper
     n = compliance.size - 1
     for i in range(n + 1):
-        before = slope[i - 1] if 0 < i <= n_contacts else 0.0
-        behind = slope[i] if i < n_contacts else 0.0
-        diagonal[i] = 1.0 + compliance[i] * (before + behind)
-        upper[i] = -compliance[i] * behind
+        before = slope[i - 1] if i > 0 else 0.0
+        diagonal[i] = 1.0 + compliance[i] * (before + slope[i])
+        upper[i] = -compliance[i] * slope[i]
     for i in range(1, n + 1):
-        below = -compliance[i] * (slope[i - 1] if i <= n_contacts else 0.0)
-        factor = below / diagonal[i - 1]
+        factor = -compliance[i] * slope[i - 1] / diagonal[i - 1]
         diagonal[i] -= factor * upper[i - 1]
         r[i] -= factor * r[i - 1]
     r[n] /= diagonal[n]
@@ -267,7 +265,7 @@ def implicit_step(dt: float, f: Array, parts: Parts, bodies: Bodies, newton: New
             break
         norm = new_norm
         share = 1.0
-        newton_change(compliance, parts.A.size, newton)
+        newton_change(compliance, newton)
         for i in range(x1.size):
             change[i] = r[i]
             x1[i] += r[i]
