@@ -69,8 +69,11 @@ ROOMS = {
     "calibration": Room(
         ("coupling/calibration/fitting.py", "coupling/calibration/uncertainty.py",
          "coupling/calibration/parameters.py", "coupling/calibration/signals.py",
-         "coupling/calibration/forward.py", "coupling/calibration/instrument.py"),
-        ("coupling_fit", "coupling_sensed"),
+         "coupling/calibration/forward.py", "coupling/calibration/instrument.py",
+         "coupling/calibration/sensed.py", "coupling/calibration/impulse.py",
+         "coupling/calibration/posterior.py", "coupling/calibration/scan.py",
+         "coupling/calibration/growing_windows.py"),
+        ("coupling_fit", "coupling_sensed", "coupling_target", "coupling_posterior"),
     ),
     "inspection": Room(
         ("coupling/inspection/fitting.py", "coupling/inspection/information.py",
@@ -92,6 +95,13 @@ SQUARE = "K is square"
 SLOWER = "another way to the same numbers"
 SHARED = "how much of an error each of its two parts may have"
 LOOKS = "when a search looks whether it may end; what it has found by then does not depend on it"
+
+
+def _parts_of(line: str) -> list[str]:
+    """Every expression of a line."""
+    return [ast.unparse(node) for node in ast.walk(ast.parse(line)) if isinstance(node, ast.expr)]
+
+
 EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("high = gap - residual * plastic_force(last, 2.0 * gap, A, plastic)", "2.0"): START,
     ("if e > 0.0:", "0.0"): START,
@@ -252,6 +262,13 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("if high - low <= 4e-16 * gap:", "high - low"): LOOKS,
     ("if high - low <= 4e-16 * gap:", "high - low <= 4e-16 * gap"): LOOKS,
     ("step = -value / slope if slope != 0.0 else 2.0", "2.0"): "steps out of the bracket halve it",
+    ("if abs(change) <= 1e-15 * z:", "abs(change) <= 1e-15 * z"): LOOKS,
+    ("for _ in range(60):", "60"): "a root takes fewer",
+    ("for _ in range(100):", "100"): "a root takes fewer",
+    ("if lanes.springs.residual.size > 0 or lanes.damping.gamma.size > 0:",
+     "lanes.springs.residual.size > 0"): "without either the forces stay",
+    ("if lanes.springs.residual.size > 0 or lanes.damping.gamma.size > 0:",
+     "lanes.damping.gamma.size > 0"): "without either the forces stay",
     ("good = correlation >= ALIKE", "correlation >= ALIKE"): SAME,
     ("calm = slope < CALM * slope.max()", "slope < CALM * slope.max()"): SAME,
     ("blind = np.sqrt((Vt[~seen] ** 2).sum(axis=0)) > 1e-6", "1e-06"): FAR,
@@ -290,6 +307,13 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("margin = 1e-9 * (high - low)", "1e-09"): FAR,
     ("late = twin.jitter * rng.standard_normal(twin.repeats) if twin.repeats > 1 else np.zeros(1)",
      "twin.repeats > 1"): "one less its mean is zero",
+} | {  # of a line that only says where a search begins: all of it
+    (line, before): START
+    for line in (
+        "z = 1.0 / y + 0.5 * mobility * A * dt / (1.0 + 1.5 * e * y)",
+        "f[lane] = root / math.sqrt(max(1.0 + s[lane] * A[lane] * root, 1.0 / 3.0))",
+    )
+    for before in _parts_of(line)
 }  # fmt: skip
 SWAPS = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Lt: ast.LtE,

@@ -700,6 +700,45 @@ def test_a_march_is_the_solution_of_its_equations(exact, case, scheme, dt, allow
     assert run.energy_error < (1e-13 if kept else allowed)
 
 
+L, TAU, MU = 1e-6, 1e-5, 1e-2  # of length, time and mass: those of a chain of steel spheres
+UNITS = {
+    "A": MU / TAU**2 / L**0.5, "mass": MU, "preload": MU * L / TAU**2, "radius": L,
+    "leaf_stiffness": MU / TAU**2, "leaf_anchor": L, "yield_overlap": L,
+    "omega": 1 / TAU, "zeta": 1.0, "phi": MU**-0.5, "residual_compliance": TAU**2 / MU,
+    "mobility": TAU / MU,
+}  # fmt: skip
+LOSS = {"hunt-crossley": TAU / L, "linear": MU / TAU, "linear-clipped": MU / TAU, "none": 1.0}
+
+
+def in_small_units(part, loss=1.0):
+    """A chain or a wall."""
+    given = {name: getattr(part, name, None) for name in (*UNITS, "gamma")}
+    return part._replace(**{
+        name: value * (UNITS | {"gamma": loss})[name]
+        for name, value in given.items() if value is not None
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize(("case", "scheme"), [
+    ("modal", "energy4"), ("hunt-crossley", "energy4"), ("linear", "energy4"),
+    ("dashpot-spring", "energy4"), ("modal", "rkn6"), ("hunt-crossley", "suzuki4"),
+    ("linear-clipped", "suzuki4"), ("dashpot-spring", "split4"), ("yielding-damped", "suzuki4"),
+])  # fmt: skip
+def test_a_march_knows_no_units(case, scheme):
+    """Lengths of micrometres, times of 10 us, masses of 10 g: the same velocities to rounding."""
+    wall, parts = CASES[case]
+    chain = row(wall, parts)
+    one = march(chain, wall, speeds(3), duration=2.0, dt=0.04, scheme=scheme, n_save=5)
+    small = march(
+        in_small_units(chain, LOSS[chain.dissipation]), in_small_units(wall), speeds(3) * L / TAU,
+        duration=2.0 * TAU, dt=0.04 * TAU, scheme=scheme, n_save=5,
+    )  # fmt: skip
+    np.testing.assert_allclose(small.v * TAU / L, one.v, rtol=0, atol=1e-12)
+    force = small.contact_force * TAU**2 / (MU * L)
+    np.testing.assert_allclose(force, one.contact_force, rtol=0, atol=1e-11)
+    assert small.energy_error < (1e-13 if scheme == "energy4" else one.energy_error + 1e-12)
+
+
 def test_states_of_rest_are_those_of_the_equations():
     wall, parts = CASES["modal"]
     chain = row(wall, parts)

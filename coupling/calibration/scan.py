@@ -21,8 +21,8 @@ class Scan(NamedTuple):
 def scanned(
     fit: Fit, z: np.ndarray, low: float, high: float, points: int
 ) -> tuple[list[np.ndarray], Scan]:
-    """z with the frequencies [Hz] of the least misfits of all waves, the best first, and the
-    misfits of those tried that a run is possible with."""
+    """z with the frequencies [Hz] of the least misfits of all waves, the best first, and all
+    misfits, of those tried that a run is possible with."""
     where = next(i for i, p in enumerate(fit.parameters) if p.kind == "frequency")
     everything = np.ones_like(fit.data, bool)
     value = np.geomspace(low, high, points)
@@ -31,7 +31,7 @@ def scanned(
     misfit = np.array([fit.misfit(one, everything) for one in tried])
     possible = misfit < IMPOSSIBLE * fit.largest
     found = Scan(fit.parameters[where].name, value[possible], misfit[possible])
-    return [tried[i] for i in _minima(misfit)[:VALLEYS]], found
+    return [tried[possible][i] for i in _minima(found.misfit)[:VALLEYS]], found
 
 
 def _minima(misfit: np.ndarray) -> np.ndarray:
