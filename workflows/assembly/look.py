@@ -92,7 +92,7 @@ def _body_cells(b: SeenBody) -> tuple:
 
 
 def _pair_cells(pair: SeenPair) -> tuple:
-    return f'"{pair.between}"', f"{1e6 * pair.area_m2:.5g}", 1e3 * pair.gap_m
+    return f'"{pair.between}"', f"{1e6 * pair.area_m2:.5g}", round(1e3 * pair.gap_m, 6)
 
 
 def _hole_cells(hole: SeenHole) -> tuple:
