@@ -93,6 +93,7 @@ WHOLE = "a count is a whole number"
 RATIOS = "ratios alone are read"
 SQUARE = "K is square"
 SLOWER = "another way to the same numbers"
+WEIGHTS = "weights say which of several sound choices is taken"
 SHARED = "how much of an error each of its two parts may have"
 LOOKS = "when a search looks whether it may end; what it has found by then does not depend on it"
 
@@ -245,6 +246,15 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "pairs.omega[order] < 2 * np.pi * cutoff_hz"): SAME,
     ("return G.reshape(-1, 6)", "1"): RESHAPED,
     ("size = np.abs(G[:, 3:]).max(initial=1e-300)", "3"): FAR,
+    ("size = np.abs(G[:, 3:]).max(initial=1e-300)", "1e-300"): FAR,
+    ("return dofs[away <= coupling.side.within * (1 + 1e-9)]", "1e-09"): FAR,
+    ("near = np.linalg.norm(points - coupling.centre, axis=1) <= side.within * (1 + 1e-9)",
+     "np.linalg.norm(points - coupling.centre, axis=1) <= side.within * (1 + 1e-09)"): SAME,
+    ("near = np.linalg.norm(points - coupling.centre, axis=1) <= side.within * (1 + 1e-9)",
+     "1e-09"): FAR,
+    ("weight = np.where(np.isin(columns, spare), LAST, 1.0 * (columns < structure.n_dofs))",
+     "1.0"): WEIGHTS,
+    ("A *= np.tile([1.0] * 3 + [size] * 3, len(held))[:, None]", "1.0"): WEIGHTS,
     ("if not np.abs(R[len(R) - 1, len(R) - 1]) > LAST**2 * np.abs(R[0, 0]):",
      "LAST ** 2 * np.abs(R[0, 0])"): FAR,
     ('return f"{np.round(at.point, 6).tolist()} m"', "6"): WORDS,

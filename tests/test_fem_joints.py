@@ -1,5 +1,7 @@
 """Two blocks, one above the other, joined in every way the assembly knows."""
 
+from contextlib import nullcontext as calm
+
 import numpy as np
 import pytest
 from scipy.sparse import csc_matrix, csr_matrix
@@ -20,7 +22,16 @@ from fem import (
     normal_frame,
 )
 from fem.constraints import Constraint, claimed, eliminated
-from fem.joints import distributing, rigid_motion, rigid_sides
+from fem.joints import (
+    NOWHERE,
+    _Coupling,
+    _require_spread,
+    distributing,
+    mean_sides,
+    rigid_motion,
+    rigid_sides,
+    tie,
+)
 from fem.modes import Modes, _check
 from fem.trace import face_nodes
 from known_models import STEEL, at, stacked
@@ -242,6 +253,99 @@ def test_whether_nodes_hold_a_turn_is_no_matter_of_their_size(unit):
     within = Side("upper:edge", within=0.1 * unit)
     with pytest.raises(ValueError, match="hold no turn"):
         rigid_sides(narrow, [face._replace(first=within)], narrow.n_dofs + 12)
+
+
+@pytest.mark.parametrize("n", [4, 400])
+@pytest.mark.parametrize(("off", "refused"), [(1.6e-6, True), (1.9e-6, False)])
+def test_a_line_of_points_holds_a_turn_from_two_millionths_of_its_reach_on(n, off, refused):
+    """sqrt(3) 1e-6, however many they are: those at either end off it one way, the others the
+    other way, so that their own best line is the one between."""
+    along = np.linspace(-1, 1, n)
+    side = np.where(np.abs(along) > 0.6, 1.0, -1.0)
+    side = side - side.mean()
+    points = np.column_stack([along, off * side / np.sqrt(np.mean(side**2)), 0 * along])
+    what = _Coupling(Side("body:face"), "bolt", np.zeros(3), NOWHERE, np.eye(6), NOWHERE)
+    G = rigid_motion(points, np.zeros(3))
+    with pytest.raises(ValueError, match=f"holds {n} nodes .* hold no turn") if refused else calm():
+        _require_spread(G, what)
+
+
+def test_no_points_hold_no_turn():
+    what = _Coupling(Side("body:face"), "bolt", np.zeros(3), NOWHERE, np.eye(6), NOWHERE)
+    with pytest.raises(ValueError, match="holds 0 nodes"):
+        _require_spread(rigid_motion(np.zeros((0, 3)), np.zeros(3)), what)
+
+
+def sector(inner, outer, angles):
+    """Hexahedra between two radii, a layer of them, with straight edges from angle to angle."""
+    plain = MeshHex.init_tensor([inner, outer], np.radians(angles), [0, 0.02])
+    r, angle, z = plain.p
+    p = np.array([r * np.cos(angle), r * np.sin(angle), z])
+    ends = {"in": plain.facets_satisfying(lambda x: np.abs(x[0] - inner) < 1e-9),
+            "out": plain.facets_satisfying(lambda x: np.abs(x[0] - outer) < 1e-9)}  # fmt: skip
+    return MeshHex(p, plain.t).with_boundaries(ends)
+
+
+@pytest.mark.parametrize("slave", ["pin", "eye"])
+def test_a_tie_of_a_pin_in_an_eye_bears_what_straight_edges_of_both_leave(slave):
+    """The corners of one stand in the middle of the facets of the other, 0.2 mm off them."""
+    meshes = {
+        "pin": sector(0.03, 0.05, np.arange(10, 51, 10)),
+        "eye": sector(0.05, 0.07, np.arange(5, 56, 10)),
+    }
+    if slave == "eye":
+        meshes = {"pin": sector(0.03, 0.05, np.arange(5, 56, 10)),
+                  "eye": sector(0.05, 0.07, np.arange(10, 51, 10))}  # fmt: skip
+    bodies = assemble(meshes, dict.fromkeys(meshes, STEEL))
+    faces = ["pin:out", "eye:in"] if slave == "pin" else ["eye:in", "pin:out"]
+    held = tie(bodies, Tie(*faces), bodies.n_dofs)
+    still = rigid_motion(bodies.points, np.zeros(3))
+    shifted = held.A @ still[:, :3]
+    np.testing.assert_allclose(shifted, still[held.slaves, :3], atol=1e-10)
+    farther = meshes[slave].scaled(0.99 if slave == "pin" else 1.01)
+    apart = assemble({**meshes, slave: farther}, dict.fromkeys(meshes, STEEL))
+    with pytest.raises(ValueError, match=f"'{faces[0]}' does not lie on '{faces[1]}'"):
+        tie(apart, Tie(*faces), apart.n_dofs)
+
+
+def lifted(gap):
+    lower = MeshHex.init_tensor(*2 * [np.linspace(-0.03, 0.03, 3)], [0, LOWER])
+    upper = MeshHex.init_tensor(*2 * [np.linspace(-0.01, 0.01, 3)], [LOWER + gap, UPPER])
+    return stacked(lower, upper, LOWER, gap)
+
+
+@pytest.mark.parametrize("allowed", [0.9e-3, 1.1e-3])
+def test_what_a_joint_holds_may_miss_its_face_by_the_gap_and_is_named(allowed):
+    apart = lifted(1e-3)
+    under = Side("lower:top", "mean", over="upper:foot", gap=allowed)
+    joint = Joint("screw", Side("upper:foot"), under, np.array([0.0, 0.0, LOWER]))
+    words = "'upper:foot' does not lie on 'lower:top'"
+    with pytest.raises(ValueError, match=words) if allowed < 1e-3 else calm():
+        (solved,) = mean_sides(apart, [joint], NOWHERE, apart.n_dofs + 12)
+        assert len(solved.slaves) == 6
+    with pytest.raises(ValueError, match=words) if allowed < 1e-3 else calm():
+        assert len(tie(apart, TIE._replace(gap=allowed), apart.n_dofs).slaves) == 3 * 21
+
+
+@pytest.mark.parametrize(("coarse", "groups"), [(2, 1), (6, 2)])
+def test_mean_sides_are_solved_for_dofs_of_their_faces_and_never_for_those_taken(coarse, groups):
+    """Six dofs of each joint, whose springs stay free; together where elements are shared."""
+    block, places = blocks(coarse=coarse), np.array([[-0.02, 0, LOWER], [0.02, 0, LOWER]])
+    washer = Side("lower:top", "mean", within=0.008)
+    bolts = [Joint(f"bolt {i}", washer, None, spot) for i, spot in enumerate(places)]
+    n_total = block.n_dofs + 24
+    plain = list(mean_sides(block, bolts, NOWHERE, n_total))
+    taken = np.concatenate([one.slaves for one in plain])
+    others = list(mean_sides(block, bolts, taken, n_total))
+    assert not np.isin(np.concatenate([one.slaves for one in others]), taken).any()
+    for solved in plain, others:
+        assert [len(np.unique(one.slaves)) for one in solved] == [12 // groups] * groups
+        for one in solved:
+            assert one.slaves.max() < block.n_dofs
+            assert np.abs(block.points[one.slaves // 3, 2] - LOWER).max() < 1e-9
+    if groups == 2:
+        for one, spot in zip(plain, places, strict=True):
+            assert np.abs(block.points[one.slaves // 3] - spot).max() < 0.011
 
 
 def test_three_nodes_that_are_no_line_hold_a_joint(structure):
