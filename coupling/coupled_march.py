@@ -195,7 +195,7 @@ class _Motion:
             q.astype(np.float32),
             *energies,
             total,
-            float(t[-1] / max(n_steps, 1)),
+            float(t[-1] / n_steps),
             n_steps,
             "dop853",
             float(np.abs(total - total[0]).max() / scale),

@@ -50,7 +50,7 @@ def largest_monotone_force(residual: float, contact_coefficient: float) -> float
 def predicted_peak_force(chain: Chain, v0: ArrayLike, A: ArrayLike) -> np.ndarray:
     """Largest forces [N] at contacts of coefficients A [N/m^1.5], steady forces included."""
     v0, mass, A = np.asarray(v0, dtype=float), np.asarray(chain.mass), np.asarray(A, dtype=float)
-    swing = max(v0.max(initial=0.0) - min(v0.min(initial=0.0), 0.0), 0.0)
+    swing = v0.max(initial=0.0) - v0.min(initial=0.0)
     one = FALCON * A**0.4 * (1.25 * mass.max() * swing**2) ** 0.6
     everything = A**0.4 * (1.25 * (mass @ v0**2)) ** 0.6
     return np.minimum(one, everything) + np.abs(chain.steady).sum()

@@ -140,6 +140,9 @@ def test_a_table_wants_as_many_frequencies_ascending_above_zero(hz):
 
 def test_oscillators_unless_the_damping_couples_or_it_is_read_elsewhere():
     assert isinstance(wall_of(model()), dem.Wall)
+    bare, patch = model(), model()._replace(contact=model().contact._replace(half_space=1e-9))
+    assert wall_of(bare).residual_compliance == wall_from_reduced(bare, half_space=0.0)[3]
+    assert wall_of(patch).residual_compliance == wall_from_reduced(patch, half_space=1e-9)[3]
     assert isinstance(wall_of(model(C=1e-4 * structure()[0])), dem.Wall)
     assert isinstance(wall_of(model(C=dashpot(4))), CoupledWall)
     elsewhere = Contact(weights_read=np.eye(N)[-2], half_space=1e-9)

@@ -52,6 +52,15 @@ def test_a_coupled_march_is_the_solution_of_its_equations(case):
     assert np.abs(run.v - exact.v).max() < 1e-7
     assert np.abs(run.contact_force - exact.force).max() < 1e-7
     assert run.energy_error < (1e-8 if case in ("hertz", "held", "hunt-crossley") else 1e-6)
+    off = np.abs(run.energy_total - run.energy_total[0]).max()
+    assert run.energy_error == pytest.approx(off / run.energy_kinetic[0], rel=1e-12)
+    assert (run.final.x == run.x[-1]).all() and (run.final.v == run.v[-1]).all()
+    assert run.final.q @ PHI == pytest.approx(run.wall_x[-1], rel=1e-12)
+    assert run.final.p @ PHI == pytest.approx(run.wall_v[-1], rel=1e-12)
+    np.testing.assert_allclose(run.wall_q @ PHI, run.wall_x, rtol=1e-6, atol=1e-9)
+    wall_energy = 0.5 * np.sum(run.final.p**2 + (OMEGA * run.final.q) ** 2)
+    assert run.energy_wall[-1] == pytest.approx(wall_energy, rel=1e-12)
+    assert run.dt * run.n_steps == pytest.approx(3.0) and run.n_steps >= 9
     k, anchor = chain.springs
     F = run.contact_force
     assert run.energy_kinetic == pytest.approx(0.5 * run.v**2 @ chain.mass)
@@ -80,6 +89,8 @@ def test_the_start_of_a_coupled_march_is_at_rest():
     chain = row(**HELD)
     run = march_coupled(chain, coupled(0.1), np.zeros(3), duration=2.0, error=1e-9, n_save=4)
     assert np.abs(run.x - run.x[0]).max() < 1e-9 and run.contact_force.min() > 0.04
+    off = np.abs(run.energy_total - run.energy_total[0]).max()
+    assert run.energy_error == pytest.approx(off / np.abs(run.energy_total).max(), rel=1e-12)
     static = dem.equilibrium(chain, Wall(OMEGA, ZETA, PHI, 0.1))
     np.testing.assert_allclose(run.x[0], static.x, rtol=1e-9)
     assert run.wall_x[0] == pytest.approx(PHI @ static.q)
@@ -135,7 +146,9 @@ def test_the_series_law_turns_over_where_its_slope_is_zero():
     assert largest_monotone_force(0.0, A) == np.inf
 
 
-@pytest.mark.parametrize("v0", [[1.0, 0, 0], [-1.0, 0, 0], [0.5, 0.5, 0.5], [0, -2.0, 1.0]])
+@pytest.mark.parametrize(
+    "v0", [[1.0, 0, 0], [-1.0, 0, 0], [0.5, 0.5, 0.5], [0, -2.0, 1.0], [-0.3, -0.3, -0.3]]
+)
 def test_a_predicted_force_is_one_sphere_with_all_of_the_swing_or_all_of_the_energy(v0):
     chain, A, v = row(preload=0.2), np.array([1.0, 2.0]), np.array(v0)
     swing = max(v.max() - min(v.min(), 0), 0) if v.max() > 0 else max(0 - v.min(), 0)
@@ -260,6 +273,11 @@ def test_pruning_measures_what_it_states():
     assert found.cost == pytest.approx(np.abs(runs[1] - runs[0]).max(), rel=0.02)
     assert found.cost < 1e-2
     assert "2 of 3 wall modes left out" in found.sentences[-1]
+    hard = chain._replace(A=np.array([1.0, 9.0, 1.5]))  # the last contact alone gives way
+    giving = prune(
+        hard, wall._replace(residual_compliance=-0.2), speeds(3), duration=4.0, error=0.1
+    )
+    assert giving.left_out
     none = prune(chain, wall, speeds(3), duration=4.0, error=1e-9)
     assert none.wall == wall and none.left_out == () and none.cost == 0.0
 
