@@ -52,7 +52,7 @@ def _crest(quantity, t, y, label, ends):
     shown = way * _wave_like(quantity, t, y, reach)
     early, late = max(at - EARLY * width, ends[0]), min(at + LATE * width, ends[1])
     inside = np.flatnonzero((t > early) & (t < late))
-    k = inside[shown[inside].argmax()] if len(inside) > 2 * reach else None
+    k = inside[shown[inside].argmax()] if len(inside) else None
     if k is None or k - reach <= inside[0] or k + reach >= inside[-1] or shown[k] <= 0.0:
         return None
     top = slice(k - reach, k + reach + 1)

@@ -295,6 +295,11 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "self.high > FACTORS * self.low"): SAME,
     ("if squares.min(initial=np.inf) < -RIGID * squares.max(initial=0.0):",
      "squares.min(initial=np.inf) < -RIGID * squares.max(initial=0.0)"): SAME,
+    ("step = np.where(range_ > 0, range_, 1.0) / 2.0 ** (bits - 1)", "1.0"): UNREAD,
+    ("square, phi2 = (m1 / m2, m1**2 / m2) if m1 > 0 else (wall.omega.max() ** 2, 0.0)", "2"):
+     "what does not take part has any frequency",
+    ("if abs(root) < 1e-6:", "abs(root) < 1e-06"): SAME,
+    ("if abs(root) < 1e-6:", "1e-06"): FAR,
     ("good = correlation >= ALIKE", "correlation >= ALIKE"): SAME,
     ("calm = slope < CALM * slope.max()", "slope < CALM * slope.max()"): SAME,
     ("blind = np.sqrt((Vt[~seen] ** 2).sum(axis=0)) > 1e-6", "1e-06"): FAR,

@@ -184,6 +184,27 @@ def test_the_rest_follows_the_force_in_what_is_read(cutoff_hz, elsewhere):
     assert len(wall.omega) == (n if elsewhere or n == N else n + 1)
 
 
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_a_wall_knows_no_unit_of_time(elsewhere):
+    """Ten million times as slow: frequencies as much lower, compliances as the square higher; a
+    rigid motion included, whose oscillator would have none."""
+    K, M = structure()
+    K[0, 0] /= 2
+    K[-1, -1] /= 2  # free at both ends
+    contact = Contact(weights_read=np.eye(N)[2] if elsewhere else None)
+    walls = [
+        coupled_wall(full_order(K * f**2, M, W)._replace(contact=contact), half_space=1e-9 / f**2,
+                     cutoff_hz=300.0 * f)
+        for f in (1.0, 1e-7)
+    ]  # fmt: skip
+    np.testing.assert_allclose(walls[1].omega[1:] * 1e7, walls[0].omega[1:], rtol=1e-7)
+    assert len(walls[1].omega) == len(walls[0].omega) < N
+    np.testing.assert_allclose(np.abs(walls[1].force), np.abs(walls[0].force), rtol=1e-6)
+    np.testing.assert_allclose(np.abs(walls[1].reading), np.abs(walls[0].reading), rtol=1e-6)
+    one, other = (wall.residual_compliance for wall in walls)
+    assert other * 1e-14 == pytest.approx(one, rel=1e-6)
+
+
 def test_a_wall_with_all_its_modes_answers_as_the_matrices():
     K, M = structure()
     C = dashpot(4) + 1e-5 * K

@@ -41,6 +41,8 @@ def test_on_a_sphere_the_radius_is_that_of_both_and_in_a_hollow_it_must_fit():
     found = elliptical_contact(0.01, (1 / 0.03, 1 / 0.03))
     assert found == (pytest.approx(np.sqrt(0.75)), 1.0, pytest.approx(np.cbrt(0.75)))
     assert elliptical_contact(0.01, (0.0, -50.0)).stiffness > 1.0
+    with pytest.raises(ValueError, match=r"does not fit into a hollow of radius 0\.01 m"):
+        elliptical_contact(0.01, (0.0, -100.0))
     with pytest.raises(ValueError, match=r"0\.01 m does not fit into a hollow of radius 0\.009 m"):
         elliptical_contact(0.01, (0.0, -1 / 0.009))
 

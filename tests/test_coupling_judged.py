@@ -7,7 +7,7 @@ import dem
 from coupling import CoupledWall, CouplingError, energy_gain, march_coupled, mode_costs, verdict
 from coupling.coupled_march import longest_step, with_coupled_error
 from coupling.formulas import motion as by_formulas
-from coupling.parametric_wall import _missed
+from coupling.parametric_wall import _gathered, _missed
 from coupling.pruning import oscillation, prune, without
 from coupling.verdict import FALCON, largest_monotone_force, predicted_peak_force
 from dem import Wall
@@ -280,6 +280,21 @@ def test_pruning_measures_what_it_states():
     assert giving.left_out
     none = prune(chain, wall, speeds(3), duration=4.0, error=1e-9)
     assert none.wall == wall and none.left_out == () and none.cost == 0.0
+
+
+def test_modes_that_are_not_followed_are_one_oscillator_of_their_moments():
+    """m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4; rigid motion is none of them."""
+    wall = Wall(np.array([0.0, 0.2, 0.5, 3.0]), np.array([0.0, 0.1, 0.4, 0.2]),
+                np.array([0.7, 0.3, -0.2, 0.5]), 0.3)  # fmt: skip
+    one = _gathered(wall, np.array([3]))
+    share = (wall.phi[1:3] / wall.omega[1:3]) ** 2
+    own = (one.phi[1] / one.omega[1]) ** 2
+    assert own == pytest.approx(share.sum(), rel=1e-12)
+    assert own / one.omega[1] ** 2 == pytest.approx((share / wall.omega[1:3] ** 2).sum(), rel=1e-12)
+    assert one.zeta[1] == pytest.approx(share @ wall.zeta[1:3] / share.sum(), rel=1e-12)
+    assert (one.omega[0], one.phi[0], one.zeta[0]) == (3.0, 0.5, 0.2)
+    none = _gathered(wall, np.arange(1, 4))
+    assert none.phi[-1] == none.zeta[-1] == 0.0 and len(none.omega) == 4 and none.omega[-1] > 0
 
 
 def test_modes_of_no_compliance_have_no_say_in_what_polynomials_miss():

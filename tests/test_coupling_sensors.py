@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, freqs
 
 from coupling.band import Band, filtered
-from coupling.sensed_waves import flight, sensed_waves
+from coupling.sensed_waves import _wave_like, flight, sensed_waves
 from coupling.sensors import (
     Sensor,
     instants,
@@ -16,7 +16,8 @@ from coupling.sensors import (
     signals,
 )
 from dem import march_to_error, rigid_wall, row_of_spheres
-from dem.waves.labels import labels
+from dem.waves.arrivals import Arrival
+from dem.waves.labels import Label, labels
 from dem.waves.tracks import wave_tracks
 
 SPEED, COUNT, BEAD = 0.3, 20, 9
@@ -127,3 +128,113 @@ def test_waves_are_found_in_every_quantity_behind_a_coarse_instrument(run, gain)
 
 def flight_of(named):
     return named[1].arrival.time - named[0].arrival.time
+
+
+# --- crests of synthetic waves -------------------------------------------------------------------
+
+STEP, WIDTH = 1e-6, 40e-6
+AT = 2e-4 + STEP * np.arange(500)
+TIMES = (3.1e-4, 4.47e-4, 5.6e-4)
+HEIGHTS = (1.0, -0.7, 0.4)
+
+
+def named(times=TIMES, width=WIDTH, speeds=HEIGHTS):
+    names = ("incident", "reflected 1", "incident 2")
+    each = zip(names, times, speeds, strict=False)
+    return [Label("", 1, name, Arrival(t, v, width), True) for name, t, v in each]
+
+
+def parabolas(times=TIMES, heights=HEIGHTS, half=35e-6):
+    """Of their own crests and zero beyond half their length."""
+    crests = [h * np.maximum(1 - ((AT - t) / half) ** 2, 0.0)
+              for t, h in zip(times, heights, strict=True)]  # fmt: skip
+    return np.sum(crests, axis=0)
+
+
+@pytest.mark.parametrize("late", [0.0, 2.3e-6, -5.1e-6])
+@pytest.mark.parametrize("quantity", ["force", "velocity"])
+@pytest.mark.parametrize("gain", [1.0, -4.0])
+def test_a_wave_is_the_top_of_the_parabola_through_it(quantity, late, gain):
+    """Time and height are exact where the crest is a parabola; forces press on either way."""
+    heights = np.abs(HEIGHTS) if quantity == "force" else HEIGHTS
+    shown = gain * parabolas(np.array(TIMES) + late, heights)
+    found = sensed_waves(Sensor(0, quantity, gain), AT, shown, named())
+    assert [wave.name for wave in found] == ["incident", "reflected 1", "incident 2"]
+    for wave, time, height in zip(found, TIMES, heights, strict=True):
+        assert wave.time == pytest.approx(time + late, abs=1e-12)
+        assert wave.height == pytest.approx(abs(gain) * height, rel=1e-9)
+    tof, arr = flight(found)
+    assert (tof, arr) == (found[1].time - found[0].time, pytest.approx(0.7, rel=1e-9))
+    assert flight(found[:1]) == flight(found[1:]) == flight(()) == (None, None)
+
+
+def test_a_force_is_summed_from_its_rate_and_a_velocity_is_the_slope_of_a_displacement():
+    """By trapezoids, and over as many samples as a crest has to both sides: 6 of 40."""
+    force = parabolas(heights=np.abs(HEIGHTS))
+    rate = np.gradient(force, STEP)
+    found = sensed_waves(Sensor(0, "force-rate"), AT, rate, named())
+    mean = np.r_[0, np.cumsum((rate[1:] + rate[:-1]) / 2) * STEP]
+    np.testing.assert_allclose(_wave_like("force-rate", AT, rate, 6), mean, rtol=1e-12, atol=1e-15)
+    for wave, time, height in zip(found, TIMES, np.abs(HEIGHTS), strict=True):
+        assert wave.time == pytest.approx(time, abs=2e-7)
+        assert wave.height == pytest.approx(height, rel=5e-3)
+    way = np.r_[0, np.cumsum(parabolas())] * STEP
+    slopes = _wave_like("displacement", AT, way[:-1], 6)
+    inside = (way[12:-1] - way[:-13]) / (12 * STEP)
+    np.testing.assert_allclose(slopes[6:-6], inside, rtol=1e-12)
+    first = [(way[i + 6] - way[0]) / (12 * STEP) for i in range(6)]
+    np.testing.assert_allclose(slopes[:6], first, rtol=1e-12, atol=1e-12)
+    found = sensed_waves(Sensor(0, "displacement"), AT, way[:-1], named())
+    assert [np.sign(wave.height) for wave in found] == [1, -1, 1]
+    assert found[0].time == pytest.approx(TIMES[0] + STEP / 2, abs=3e-7)
+
+
+def test_a_wave_is_sought_within_its_own_time_alone():
+    """From 0.7 widths before to 1.3 after; not at the ends of that, nor nearer to another wave."""
+    sensor = Sensor(0, "force")
+
+    def found(at, times=TIMES[:1], half=20e-6, **others):
+        seen = sensed_waves(sensor, AT, parabolas((at,), (1.0,), half), named(times, **others))
+        return [wave.name for wave in seen]
+
+    reach = 6e-6  # samples of the parabola must lie inside
+    early, late = TIMES[0] - 0.7 * WIDTH + reach, TIMES[0] + 1.3 * WIDTH - reach
+    for inside, outside in ((early + 2e-6, early - 2e-6), (late - 2e-6, late + 2e-6)):
+        assert found(inside) == ["incident"] and found(outside) == []
+    close = (TIMES[0], TIMES[0] + 0.8 * WIDTH)
+    border = TIMES[0] + 0.4 * WIDTH
+    assert found(border - reach - 2e-6, close, half=9e-6) == ["incident"]
+    assert found(border + reach + 2e-6, close, half=9e-6) == ["reflected 1"]
+    assert found(TIMES[0], (TIMES[0] - 2e-7, TIMES[0], TIMES[0] + 2e-7), half=9e-6) == []
+    assert found(TIMES[0], width=np.nan) == [] and found(TIMES[0], ()) == []
+    assert sensed_waves(sensor, AT, np.zeros(500), named()) == ()
+    assert sensed_waves(sensor, AT, -parabolas(heights=np.abs(HEIGHTS)) - 1e-3, named()) == ()
+
+
+# --- instruments ---------------------------------------------------------------------------------
+
+
+def test_a_sphere_feels_the_mean_of_its_two_contacts_beyond_that_at_the_start():
+    F = np.random.default_rng(2).uniform(1.0, 2.0, (5, 3))
+    for sphere, exact in enumerate((F[:, 0], F[:, 0] + F[:, 1], F[:, 1] + F[:, 2], F[:, 2])):
+        np.testing.assert_allclose(mean_force(F, sphere), (exact - exact[0]) / 2, atol=1e-15)
+
+
+def test_instants_are_as_many_as_a_run_holds():
+    for end, count in ((1.0, 11), (0.9999, 10), (1.0001, 11)):
+        t = 5.0 + np.linspace(0, end, 7)
+        found = instants(t, 10.0)
+        np.testing.assert_allclose(found, 5.0 + 0.1 * np.arange(count), rtol=1e-14)
+
+
+def test_bits_reach_from_minus_the_range_to_one_step_below_it():
+    y = np.array([[-9.0, -1.0, 0.26, 0.24, 0.9, 9.0]]).T
+    found = quantised(y, 3, np.array([1.0]))
+    np.testing.assert_allclose(found[:, 0], [-1.0, -1.0, 0.25, 0.25, 0.75, 0.75])
+    assert not quantised(0 * y, 3, np.zeros(1)).any()
+    sensors = (Sensor(0, "force", range=2.0), Sensor(1, "force"))
+    both = recorded(sensors, np.hstack([y, y]) / 9.0, bits=3)
+    np.testing.assert_allclose(both[:, 0], quantised(y / 9.0, 3, np.array([2.0]))[:, 0])
+    top = 1 / (1 - 2.0**-2)
+    np.testing.assert_allclose(both[:, 1], quantised(y / 9.0, 3, np.array([top]))[:, 0])
+    assert both[-1, 1] == pytest.approx(1.0)
