@@ -2,7 +2,7 @@
 
     free_modes       (K, M, w, Selection(n_modes=40)): free modes + the residual vector K^-1 w
     craig_bampton    (K, M, w, boundary, Selection(...)): boundary dofs + fixed-interface modes
-    Face             (K, M, W): one basis for many contacts, what each has beyond it
+    Face             (pencil, modes, W): modes for many contacts, what each has beyond them
     full_order       the unreduced structure as a ReducedModel, up to 5000 unknowns
     modal            ModalWall: omega (k,) [rad/s], phi (k,) = w @ mode [kg^-1/2]
     receptance       w^T (K - omega^2 M + i omega C)^-1 w [m/N] at frequencies [Hz]

@@ -15,9 +15,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from rom.contact_modes import finer_space
-from rom.factorisation import Factorise, Pencil, static_response, superlu, symmetric
-from rom.floating import pencil
-from rom.lanczos import EigenPairs, modes_below
+from rom.factorisation import Pencil, static_response
+from rom.lanczos import EigenPairs
 from rom.reduced_model import ReducedModel, of_modes
 from rom.tall import shares
 
@@ -42,19 +41,13 @@ class ManyContacts(NamedTuple):
 
 
 class Face:
-    """A structure K, M (n, n), contact functionals W (n, p) on it, and its modes below cutoff_hz.
+    """Contact functionals W (n, p) on a structure, by its pencil K, M (n, n) and its lowest modes.
 
-    contacts has all of them, for one solution each. factorise(A) returns an object with .solve.
-    Raises ReductionError.
+    contacts has all of them, for one solution each. Raises ReductionError.
     """
 
-    def __init__(
-        self, K: ArrayLike, M: ArrayLike, W: ArrayLike, *, cutoff_hz: float,
-        factorise: Factorise = superlu,
-    ) -> None:  # fmt: skip
-        self._W = sp.csc_array(W)
-        self._problem = pencil(symmetric(K, "K"), symmetric(M, "M"), factorise)
-        self._modes = modes_below(self._problem, cutoff_hz)
+    def __init__(self, problem: Pencil, modes: EigenPairs, W: ArrayLike) -> None:
+        self._W, self._problem, self._modes = sp.csc_array(W), problem, modes
         phi = self._W.T @ self._modes.phi
         found = [
             _moments(self._problem, self._W[:, at], self._modes, phi[at])

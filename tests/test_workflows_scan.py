@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import beadwave
+import rom
 from beadwave import InvalidScene
+from workflows.pipeline import face
 from workflows.pipeline.face import Outline
 from workflows.sweep import scan
 from workflows.sweep.scan import Grid, grid
@@ -88,8 +90,10 @@ def test_points_in_a_hole_are_rows_that_say_so(tmp_path):
     assert len(found.plot("sphere_5_arr").png) > 1000
 
 
-def test_a_scan_that_is_there_is_kept(scanned):
+def test_a_scan_that_is_there_is_kept(scanned, monkeypatch):
     told = []
+    beadwave.scan(BLOCK, grid="5x4", out=scanned.folder, signals=True)  # keeps the outline
+    monkeypatch.setattr(face.stages, "model", None)  # costs no assembly
     again = beadwave.scan(
         BLOCK, grid="5x4", out=scanned.folder, signals=True, told=lambda *n: told.append(n)
     )
@@ -117,13 +121,24 @@ def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanne
     assert len(parts) == 2 and not list(out.glob("cases.parquet"))
     table = scan._table
     monkeypatch.setattr(scan, "_table", lambda *args: marched.extend(args[1]) or table(*args))
+    solved, reduced, own, modes = [], [], rom.Face, face.modes
+    monkeypatch.setattr(rom, "Face", lambda *of: reduced.append(of[2].shape[1]) or own(*of))
+    monkeypatch.setattr(face, "modes", lambda *of: solved.append(of) or modes(*of))
+    monkeypatch.setattr(scan, "COMPARED", 4)
     told = []
     found = beadwave.scan(
         BLOCK, grid="5x4", out=out, signals=True, told=lambda *n: told.append(n)
     )  # fmt: skip
     assert told[0] == (12, 20) and told[-1] == (20, 20) and marched == list(range(12, 20))
     assert found.counts() == {"done": 20} and not list(out.glob("part-*"))
-    for name in ("sphere_5_tof_s", "wall_peak_force_N", "error_reduction", "error_mesh"):
+    assert len(solved) == 1  # modes of the second mesh alone
+    assert reduced[0] == 8 + 2 and reduced[1:] in (
+        [4],
+        [1, 4],
+    )  # of those compared 0 and 6 are done
+    fewer = found.columns["error_mesh"] / scanned.columns["error_mesh"]  # points compared
+    assert ((0.01 < fewer) & (fewer < 1.05)).all()
+    for name in ("sphere_5_tof_s", "wall_peak_force_N", "error_reduction"):
         allowed = 0.05 if name.startswith("error") else scanned.columns["error_time"][0]
         assert np.abs(found.columns[name] / scanned.columns[name] - 1.0).max() < allowed
     v, whole = (one.signals()["v"].to_numpy() for one in (found, scanned))
@@ -132,10 +147,10 @@ def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanne
 
 def test_points_are_mirrored_to_the_last_digit():
     ends = np.array([[-0.05, -0.02], [0.05, 0.02]])
-    face = SimpleNamespace(
+    struck = SimpleNamespace(
         patch=SimpleNamespace(radius=0.002), outline=lambda: Outline(("y", "z"), *ends, None)
     )
-    found = Grid(7, 4).design(face)
+    found = Grid(7, 4).design(struck)
     y, z = (np.array(values).reshape(7, 4) for values in found.columns.values())
     assert np.array_equal(y, -y[::-1]) and np.array_equal(z, -z[:, ::-1])
     assert y.max() == pytest.approx(0.048) and z.max() == pytest.approx(0.018)

@@ -1,6 +1,7 @@
 """A plane face struck at many points: its outline, its contacts, and the walls that these make."""
 
 from contextlib import nullcontext
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,12 +13,15 @@ import rom
 from coupling.damping import Damping
 from coupling.many_contacts import Walls
 from fem.trace import OffFace
+from rom import floating
+from rom.factorisation import Pencil, symmetric
+from rom.lanczos import EigenPairs, modes_below
 from workflows.pipeline import assembly as stages
 from workflows.pipeline.assembly import solid, struck
 from workflows.pipeline.chain import Start, start
 from workflows.pipeline.errors import other_mesh
 from workflows.pipeline.parts import Parts
-from workflows.pipeline.pipeline import Pipeline, pipeline_of
+from workflows.pipeline.pipeline import Pipeline, Stage, pipeline_of, tables_of
 from workflows.pipeline.reduction import TO_HZ
 from workflows.pipeline.wall import damping_law
 from workflows.scene import InvalidScene, ModalDamping, Scene
@@ -46,18 +50,26 @@ class Placed(NamedTuple):
 class StruckFace:
     """The face that a scene strikes, of an assembly that is meshed and joined once.
 
-    Of the scene's own mesh unless another is given. Raises InvalidScene for a face that is not
-    plane and for scenes whose walls differ in more than the point struck.
+    Of the scene's own mesh unless another is given; outline and modes are kept as stages of a run
+    are. Raises InvalidScene for scenes whose walls differ in more than the point struck.
     """
 
     def __init__(self, scene: Scene, mesh: Parts | None = None) -> None:
         _require_points_alike(scene)
-        self.scene = scene
-        self.pipeline: Pipeline = pipeline_of(scene, lambda name: nullcontext())
-        if self.pipeline("mesh").struck and self.pipeline("mesh").struck.radius is not None:
-            raise InvalidScene(f"the face {struck(scene)!r} is round; scan a plane one.")
-        self.model: fem.Model = stages.model(scene, mesh) if mesh else self.pipeline("model")
-        self.name = struck(scene)
+        self.scene, self.name, self._mesh = scene, struck(scene), mesh
+        self.pipeline: Pipeline = pipeline_of(scene, lambda name: nullcontext(), FURTHER)
+
+    @cached_property
+    def model(self) -> fem.Model:
+        """The assembly on its mesh."""
+        return stages.model(self.scene, self._mesh) if self._mesh else self.pipeline("model")
+
+    @cached_property
+    def _basis(self) -> tuple[Pencil, EigenPairs]:
+        if self._mesh is None:
+            return self.pipeline("pencil"), self.pipeline("face-modes")
+        problem = pencil(self.scene, self.model)
+        return problem, modes(self.scene, problem)
 
     @property
     def begun(self) -> Start:
@@ -66,13 +78,8 @@ class StruckFace:
         return start(self.scene, surface)
 
     def outline(self) -> Outline:
-        """Where the face ends."""
-        structure = self.model.structure
-        spot = fem.planar_spot(structure, self.name, (0.0, 0.0))
-        edges = (fem.face_edges(structure, self.name) - spot.point) @ spot.axes.T
-        names = tuple(AXES[i] for i in np.abs(spot.axes).argmax(axis=1))
-        flat = edges.reshape(-1, 2)
-        return Outline(names, flat.min(axis=0), flat.max(axis=0), edges)
+        """Where the face ends; raises InvalidScene for one that is not plane."""
+        return self.pipeline("outline")
 
     def placed(self, points: NDArray[np.float64]) -> Placed:
         """Patches at points (p, 2) [m] from the middle."""
@@ -96,9 +103,8 @@ class StruckFace:
         W = csc_array(np.column_stack([patch.w for patch in patches]))
         steel = solid(scene, scene.struck_body)
         local = fem.half_spaces_on_mesh(model, self.name, patches, steel)
-        to_hz = scene.wall.cutoff or scene.reduction.cutoff or scene.reduction.to_hz or TO_HZ
-        face = rom.Face(model.K, model.M, W, cutoff_hz=to_hz, factorise=fem.factorised)
-        return Walls(face, to_hz, np.array(local), self._damping(), TO_HZ)
+        face = rom.Face(*self._basis, W)
+        return Walls(face, to_hz(scene), np.array(local), self._damping(), TO_HZ)
 
     def second(self) -> tuple["StruckFace", float]:
         """The same on another mesh, and how much of the difference to it is the error of this one;
@@ -116,6 +122,41 @@ class StruckFace:
         if isinstance(table, ModalDamping) and isinstance(table.ratio, tuple):
             hz = tuple(self.pipeline("modes").paired_hz.values())
         return damping_law(table, hz or HAMMER_TEST_HZ)
+
+
+def outline(scene: Scene, mesh: Parts, model: fem.Model) -> Outline:
+    """Where the face ends that the scene strikes; raises InvalidScene for one that is not plane."""
+    name, structure = struck(scene), model.structure
+    if mesh.struck and mesh.struck.radius is not None:
+        raise InvalidScene(f"the face {name!r} is round; scan a plane one.")
+    spot = fem.planar_spot(structure, name, (0.0, 0.0))
+    edges = (fem.face_edges(structure, name) - spot.point) @ spot.axes.T
+    names = tuple(AXES[i] for i in np.abs(spot.axes).argmax(axis=1))
+    flat = edges.reshape(-1, 2)
+    return Outline(names, flat.min(axis=0), flat.max(axis=0), edges)
+
+
+def pencil(scene: Scene, model: fem.Model) -> Pencil:
+    """K and M of the assembly with a factor."""
+    K, M = symmetric(model.K, "K"), symmetric(model.M, "M")
+    return floating.pencil(K, M, fem.factorised)
+
+
+def modes(scene: Scene, problem: Pencil) -> EigenPairs:
+    """Those that all points of a face share."""
+    return modes_below(problem, to_hz(scene))
+
+
+def to_hz(scene: Scene) -> float:
+    """Highest frequency of these."""
+    return scene.wall.cutoff or scene.reduction.cutoff or scene.reduction.to_hz or TO_HZ
+
+
+FURTHER = {
+    "outline": Stage(".face:outline", tables_of("patch", "strike"), ("mesh", "model")),
+    "pencil": Stage(".face:pencil", tables_of(), ("model",), kept=False, listed=False),
+    "face-modes": Stage(".face:modes", to_hz, ("pencil",)),
+}
 
 
 def _require_points_alike(scene: Scene) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 import coupling
 import dem
+from coupling.many_contacts import Walls
 from coupling.sweep.rows import DONE, FAILED, REFUSED, Rows, measured, without_result
 from workflows.files.run_folder import RunFolder
 from workflows.pipeline.chain import Start
@@ -189,8 +190,9 @@ def _marched(
 ) -> dict[str, float]:  # fmt: skip
     """Add the rows of the missing points with patches; the errors of all."""
     march, at = _March(face.scene, face.begun), np.array(list(placed.patches))
-    walls = face.walls(list(placed.patches.values()))
-    fine, crude = walls.all(), walls.all(CRUDER)
+    compared = at[_spread(len(at))]
+    own = _own(face, placed, np.intersect1d(at, np.union1d(missing, compared)))
+    at, fine, crude = own.at, own.walls.all(), own.walls.all(CRUDER)
     asked = np.flatnonzero(np.isin(at, missing))
     bad = march.impossible(_some(fine, asked))
     if bad:
@@ -203,29 +205,45 @@ def _marched(
         seconds = (perf_counter() - started) / len(part)
         store.add(_table(march.scene, at[part], batch, change, seconds, signals))
         told(len(points) - len(good) + first + len(part), len(points))
-    return _errors(face, points, store, march, walls, at)
+    return _errors(face, points, placed, store, march, own, compared)
+
+
+class _Own(NamedTuple):
+    """Points with walls that this process has made."""
+
+    at: Array
+    walls: Walls
+
+
+def _own(face: StruckFace, placed: Placed, at: Array) -> _Own:
+    return _Own(at, face.walls([placed.patches[i] for i in at]))
 
 
 def _errors(
-    face: StruckFace, points: Array, store: Store, march: _March, walls: Any, at: Array
-) -> dict[str, float]:
-    """Of the reduction and of the mesh, of all points whose rows are there."""
+    face: StruckFace, points: Array, placed: Placed, store: Store, march: _March, own: _Own,
+    compared: Array,
+) -> dict[str, float]:  # fmt: skip
+    """Of the reduction at the worst of the points whose rows are there, of the mesh at those that
+    are compared."""
     rows = store.rows("case", "status", "error_reduction", "dt_s")
     order = np.argsort(rows["case"])
     order = order[rows["status"][order] == DONE]
     if not len(order):
         return {}
     case, change, dt = (rows[name][order] for name in ("case", "error_reduction", "dt_s"))
-    picked = np.append(change.argmax(), _spread(len(order)))
-    one, *others = _seen(march, walls.all(), np.searchsorted(at, case[picked]), dt[picked])
-    off = march.apart(march.alone(walls.finer(one.i), one.dt / SHORTER), one.v)
-    mesh = _mesh_error(face, points[at], others)
+    worst = case[[change.argmax()]]
+    there = own if worst in own.at else _own(face, placed, worst)
+    (one,) = _seen(march, there, worst, dt[case == worst])
+    off = march.apart(march.alone(there.walls.finer(one.i), one.dt / SHORTER), one.v)
+    picked = np.isin(case, compared)
+    mesh = _mesh_error(face, points[own.at], _seen(march, own, case[picked], dt[picked]))
     return {"error_reduction": float(MARGIN * off), "error_mesh": float(mesh)}
 
 
-def _seen(march: _March, wall: dem.Wall, places: Array, dt: Array) -> list[_Seen]:
+def _seen(march: _March, of: _Own, cases: Array, dt: Array) -> list[_Seen]:
     """Points marched again by their steps (m,) [s], those of one step side by side."""
     found: dict[int, _Seen] = {}
+    places, wall = np.searchsorted(of.at, cases), of.walls.all()
     for step in np.unique(dt):
         own = np.flatnonzero(dt == step)
         each = march(_some(wall, places[own]), float(step)).v
@@ -240,6 +258,8 @@ def _spread(n: int) -> Array:
 
 def _mesh_error(face: StruckFace, points: Array, seen: list[_Seen]) -> float:
     """The largest at some of the points; NaN for a mesh that no other one tells it of."""
+    if not seen:
+        return np.nan
     try:
         second, left = face.second()
     except ValueError:
