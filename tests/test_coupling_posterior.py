@@ -7,7 +7,7 @@ from scipy.stats import norm
 from coupling.calibration.calibration import calibrate
 from coupling.calibration.forward import NO_FILTER, Forward
 from coupling.calibration.parameters import Parameter, Rig
-from coupling.calibration.posterior import posterior, sampled
+from coupling.calibration.posterior import Target, posterior, sampled
 from coupling.calibration.search import Options
 from coupling.calibration.signals import Signals
 
@@ -98,3 +98,30 @@ def test_a_chain_too_short_says_so():
         np.zeros(2), np.eye(2), (-np.full(2, 1e3), np.full(2, 1e3)), seed=0, most=3000,
     )  # fmt: skip
     assert not found.long_enough and found.model_runs <= 3000
+
+
+def test_walkers_are_two_more_than_twice_the_parameters_and_a_fifth_of_their_steps_is_left_out():
+    p, bounds = 13, (np.full(13, -9.0), np.full(13, 9.0))
+    for runs, steps in ((1, 100), (28 * 201, 200), (28 * 201 - 1, 100)):
+        found = sampled(
+            lambda y: -0.5 * float(y @ y), np.ones(p), 0.5 * np.eye(p), bounds, seed=0, most=runs
+        )
+        assert (found.walkers, found.kept, found.discarded) == (28, 0.8 * steps, 0.2 * steps)
+        assert found.model_runs == 28 * (steps + 1) and len(found.samples) == 28 * found.kept
+
+
+def test_samples_keep_within_the_bounds_of_what_they_are_samples_of(monkeypatch):
+    """A bound a sigma below the answer, and the density that the samples are said to have."""
+    forward, fit = fitted(monkeypatch)
+    low = fit.value[1] - 0.5 * fit.uncertainty.two_sigma[1]
+    parameters = tuple(
+        p._replace(low=low if i == 1 else -9.0) for i, p in enumerate(fit.parameters)
+    )
+    fit = fit._replace(parameters=parameters)
+    found = posterior(forward, fit, seed=2, most=8000)
+    assert low <= found.samples[:, 1].min() < low + 0.1 * (fit.value[1] - low)
+    assert found.samples[:, 1].max() > fit.value[1] + 2 * (fit.value[1] - low)
+    told = Target(forward, fit)
+    for i in (0, 7, 99):
+        exact = told.log_probability(found.samples[i])
+        assert found.log_probability[i] == pytest.approx(exact, rel=1e-9, abs=1e-9)

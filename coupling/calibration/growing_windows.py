@@ -32,13 +32,11 @@ class GrowingWindows:
         for i, window in enumerate(windows):
             prior = i < len(windows) - 1
             step = self.fit.solved(z, free, window, most=8, prior=prior, tolerance=1e-4)
-            spent += step.evaluations
             enough = max(least, self.enough(int(window.sum())))
-            if step.misfit > enough:
-                step, more = self.swapped(step, free, window, enough, prior=prior)
-                spent += more
-            z = step.z
-        return z, step.misfit, spent
+            best, more = self.swapped(step, free, window, enough, prior=prior)
+            spent += step.evaluations + more
+            z = best.z
+        return z, best.misfit, spent
 
     def swapped(
         self, best: Solution, free, window, enough: float, *, prior=False, rounds=ROUNDS
