@@ -248,6 +248,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("order = order[pairs.omega[order] < 2 * np.pi * cutoff_hz]",
      "pairs.omega[order] < 2 * np.pi * cutoff_hz"): SAME,
     ("return G.reshape(-1, 6)", "1"): RESHAPED,
+    ("beside = np.eye(3)[np.flatnonzero(np.abs(z) < ALONG)[0]]", "np.abs(z) < ALONG"): SAME,
     ("size = np.abs(G[:, 3:]).max(initial=1e-300)", "3"): FAR,
     ("size = np.abs(G[:, 3:]).max(initial=1e-300)", "1e-300"): FAR,
     ("return dofs[away <= coupling.side.within * (1 + 1e-9)]", "1e-09"): FAR,

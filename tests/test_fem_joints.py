@@ -80,11 +80,15 @@ def test_a_rigid_motion_is_a_shift_and_the_cross_product_of_a_turn():
     )
 
 
-def test_coupling_means_of_a_rigid_motion_are_that_motion():
+def test_coupling_means_of_a_rigid_motion_are_that_motion_and_of_another_the_nearest():
+    """Nearest in the weighted mean square: what is left has no weighted share in a rigid one."""
     rng = np.random.default_rng(1)
     points, weights, centre = rng.normal(size=(20, 3)), rng.uniform(1, 2, 20), np.ones(3)
-    C = distributing(points, weights, centre)
-    np.testing.assert_allclose(C @ rigid_motion(points, centre), np.eye(6), atol=1e-13)
+    C, G = distributing(points, weights, centre), rigid_motion(points, centre)
+    np.testing.assert_allclose(C @ G, np.eye(6), atol=1e-13)
+    moved = rng.normal(size=60)
+    left = np.repeat(weights, 3) * (moved - G @ (C @ moved))
+    np.testing.assert_allclose(G.T @ left, 0.0, atol=1e-12)
 
 
 def test_a_rigid_motion_costs_a_joint_no_energy(structure):
