@@ -220,7 +220,8 @@ def _solved(
     A *= np.tile([1.0] * 3 + [size] * 3, len(held))[:, None]
     R, pivots = qr(A * weight, mode="r", pivoting=True)
     name = "joint " + " and ".join(dict.fromkeys(c.name for c in held))
-    if not np.abs(R[len(R) - 1, len(R) - 1]) > LAST**2 * np.abs(R[0, 0]):
+    free = np.abs(np.diag(R))  # falling
+    if not free[-1] > LAST**2 * free[0]:
         raise ValueError(f"{name}: what it holds to is held by supports or ties; remove one.")
     at, rest = pivots[: len(A)], pivots[len(A) :]
     solved = -np.linalg.solve(A[:, at], A[:, rest])

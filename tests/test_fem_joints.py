@@ -369,6 +369,18 @@ def test_a_joint_on_a_face_that_is_held_already_is_refused(structure):
         joined(structure, Connections([TIE], [earth], [BASE]))
 
 
+@pytest.mark.parametrize("rigid", [None, 0, 4])
+def test_on_a_held_face_a_joint_is_no_more_than_free(structure, rigid):
+    """Six open springs follow what holds the face; with one of them rigid, one asks too much."""
+    k = np.where(np.arange(6) == rigid, np.inf, 0.0)
+    earth = Joint("bolt", Side("lower:base", "mean"), None, np.zeros(3), Bushing(*k))
+    taken, n = np.arange(structure.n_dofs), structure.n_dofs
+    words = "joint bolt: what it holds to is held by supports"
+    with calm() if rigid is None else pytest.raises(ValueError, match=words):
+        (solved,) = mean_sides(structure, [earth], taken, n + 12)
+        np.testing.assert_array_equal(np.sort(solved.slaves), n + np.arange(6))
+
+
 @pytest.mark.parametrize("share", [1.0, 0.99])
 def test_a_washer_holds_the_nodes_within_its_radius_of_the_bolt_and_those_on_it(structure, share):
     """The bolt sits beside the middle; its radius ends at a node, or just before that."""
