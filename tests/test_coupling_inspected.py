@@ -1,5 +1,6 @@
 """The parts of an inspection on models with known answers: lines through numbers and gains."""
 
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -429,6 +430,27 @@ def test_rivals_leave_as_little_and_lie_farther_off_than_the_bars(misfit):
     other = an_answer(0.202, misfit)
     assert best.rivals([far, other], 1) == (far, other)
     assert best._replace(memory=2.0).rivals([lost], 1) == (lost,)
+
+
+def test_a_rise_is_the_least_of_what_goes_along_and_of_what_stays_behind_each_followed_once():
+    """x / 10 and 3 sin(y - g(x)), g = 2 x / (1 + 4 x^2): the valley bends back from y = 2 x."""
+
+    def residual(theta):
+        x, y = theta
+        return np.array([0.1 * x, 3 * np.sin(y - 2 * x / (1 + 4 * x**2))])
+
+    ends, ones = (np.full(2, -50.0), np.full(2, 50.0)), np.ones(2)
+    unknowns = SimpleNamespace(pull=0 * ones, scale=ones, centre=0 * ones, ends=lambda: ends)
+    fit = SimpleNamespace(unknowns=unknowns, residual=residual)
+    valley = Valley(fit, np.zeros(2), np.array([[0.1, 0.0], [-6.0, 3.0]]))
+    stayed = []
+    for x in (0.3, 1.0, -1.4):
+        begins = np.array([[x, 2 * x], [x, 0.0]])
+        followed = [b - [0, residual(b)[1] / 3] for b in begins]
+        least = [np.sum(residual(b) ** 2) for b in (*begins, *followed)]
+        stayed.append(np.argmin(least) % 2 == 1)
+        assert valley.rise(np.array([x, 2 * x]), 0) == pytest.approx(min(least), rel=1e-9)
+    assert stayed == [False, True, True]
 
 
 # --- the way there -------------------------------------------------------------------------------
