@@ -309,6 +309,12 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "a trial may take a run more",
     ("step = self.fit.solved(z, free, window, most=8, prior=prior, tolerance=1e-4)", "8"):
      "a window may take a run more",
+    ("share = 1.0 / 40320.0 - z * (1.0 / 362880.0 - z * (1.0 / 3628800.0))", "3628800.0"):
+     "of the last term, near rounding",
+    ("if omega[j] ** 2 > stiffness / mass[i]:", "omega[j] ** 2 > stiffness / mass[i]"): SAME,
+    ("if abs(one[k]) >= level:", "abs(one[k]) >= level"): SAME,
+    ("signals = [np.array([np.interp(t - s, made.t, x) for x in made.v.T]).T for s in late]",
+     "t - s"): "jitter has no sign",
     ("good = correlation >= ALIKE", "correlation >= ALIKE"): SAME,
     ("calm = slope < CALM * slope.max()", "slope < CALM * slope.max()"): SAME,
     ("blind = np.sqrt((Vt[~seen] ** 2).sum(axis=0)) > 1e-6", "1e-06"): FAR,

@@ -235,6 +235,17 @@ def test_a_free_oscillator_moves_by_the_exponential_of_its_matrix(omega, zeta):
         np.testing.assert_allclose(found, expm(companion * t), rtol=2e-12, atol=1e-13)
 
 
+@pytest.mark.parametrize(("omega", "zeta"), [(9.9e-4, 0.0), (1e-6, 990.0)])
+def test_slow_oscillators_are_moved_by_series_to_rounding(omega, zeta):
+    """Sine and cosine of z = 9.9e-4, or sinh and cosh: one term less would leave 1e-14."""
+    z = omega * math.sqrt(abs(1 - zeta**2))
+    c, s = (math.cosh(z), math.sinh(z)) if zeta else (math.cos(z), math.sin(z))
+    fade, decay = math.exp(-zeta * omega), zeta * omega
+    found = oscillators.propagator(omega, zeta, 1.0)
+    exact = c + decay * s / z, s / z, -(omega**2) * s / z, c - decay * s / z
+    assert near(found, fade * np.array(exact), 1e-15)
+
+
 @pytest.mark.parametrize(("omega", "zeta"), OSCILLATORS)
 def test_a_unit_force_moves_an_oscillator_by_the_integral_of_its_impulses(omega, zeta):
     for t in (0.37, 1.6):
@@ -421,6 +432,7 @@ def test_polynomials_of_a_step_are_their_own_interpolation():
         assert abs(dense.quintic_slope(s, h, *places) - five.deriv()(s * h)) < 1e-13
         ends = (three(0), three.deriv()(0), three(h), three.deriv()(h))
         assert abs(dense.cubic(s, h, *ends) - three(s * h)) < 1e-13
+        assert abs(dense.cubic_slope(s, h, *ends) - three.deriv()(s * h)) < 1e-13
     t = h * np.arange(4)
     x, v, a = (np.column_stack([five.deriv(k)(t) if k else five(t)] * 2) for k in range(3))
     out, line = np.empty((10, 2)), np.empty(10)
