@@ -22,12 +22,13 @@ from dem.stability import (
 from dem.trajectory import Trajectory, march, run, start
 
 FAR = 4.0  # times the step, of the march that the first is compared with
-FAR_ENOUGH, FAR_FIRST = 2.7, 2.4  # order that a pair shows that is as far apart: it scatters less
+FAR_ENOUGH = 2.5  # times the step, beyond which the order that a pair shows scatters less
 FARTHEST, NEAREST = 6.0, 1.4  # times the step, where the energy of that march says so
 MARGIN = 2.0  # in the energy: its errors scatter by as much from step to step
 BOLDER = {"rkn6": 1.2, "split4": 1.6}  # times longer first steps, of schemes that bear it
 FIRST, MOST = 1.5, 2.0  # order that one pair of marches shows, and that any number of them does
 JUMPS, YIELDS = 0.75, 1.25  # order that is left where forces jump, and where stiffnesses do
+FAR_FIRST = {MOST: 2.5, YIELDS: 1.5}  # that a first pair shows that is far enough apart
 BELOW = 0.5  # the observed order, which scatters
 ALONE = 1.5  # of the first difference where forces jump: no other bears it out
 EPSILON = float(np.finfo(float).eps)
@@ -85,9 +86,9 @@ def march_to_error(
 
     The first march is compared with one of steps about four times as long, whose energy error sets
     its own step; where its ledger closes too little, a finer march is compared with the same. The
-    estimate divides their difference by what order 2.4 leaves, that of marches less far apart by
-    what order 1.5 does, of a third by what the observed order leaves, up to 2 (1.5 before a
-    dashpot; 1.25 for contacts that yield, whose stiffness jumps; 0.75 for the linear laws, whose
+    estimate divides their difference by what order 2.5 leaves (1.5 for contacts that yield), that
+    of marches less far apart by what order 1.5 does, of a third by what the observed order leaves,
+    up to 2 (1.5 before a dashpot; 1.25 for contacts that yield; 0.75 for the linear laws, whose
     force does, where the last two differences count): all schemes here keep more, but not at every
     step. Raises UnstableStep where the evaluations allowed do not suffice.
     """
@@ -227,15 +228,16 @@ def _compared(coarse, fine, tried, method, asked):
     difference = _difference(coarse, fine, asked)
     before = next((one for one in reversed(tried) if one.wide > coarse.dt), None)
     order = _observed_order(before, difference, coarse.dt, asked.order)
-    if before is None and asked.order == MOST and coarse.dt > FAR_ENOUGH * fine.dt:
-        order = FAR_FIRST
+    if before is None and coarse.dt > FAR_ENOUGH * fine.dt:
+        order = FAR_FIRST.get(asked.order, order)
     shown = difference
     if asked.order <= JUMPS:  # where forces jump, two marches are alike by chance more often
         first = ALONE * difference
         shown = max(shown, before.difference * coarse.dt / before.wide if before else first)
     estimate = shown / ((coarse.dt / fine.dt) ** order - 1.0)
     scatter = SCATTER * EPSILON * np.sqrt(fine.n_steps * method.evaluations)
-    if 0.5 * coarse.energy_error < fine.energy_error <= scatter < difference / AMPLIFIED:
+    stays = 0.5 * coarse.energy_error < fine.energy_error <= scatter
+    if method.kind != "implicit" and stays and scatter < difference / AMPLIFIED:
         # the motion makes of rounding what no step lessens: two marches are alike by chance
         estimate = BY_CHANCE * max([difference, *(one.difference for one in tried[-1:])])
     velocity, energy = estimate / asked.error, _energy_excess(fine, method, asked)
