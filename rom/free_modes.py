@@ -90,7 +90,7 @@ def _static_shapes(squared: np.ndarray, residual: np.ndarray | None, to_hz: floa
         return 0
     if to_hz is None:
         return 1
-    return static_shapes(np.sqrt(squared), np.sqrt(squared[:-1].max(initial=0.0)), to_hz)
+    return static_shapes(np.sqrt(squared), np.inf, to_hz)
 
 
 class Choice(NamedTuple):

@@ -220,6 +220,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("return to_hz * max(1.05, 1.3 * (1e-3 / error) ** 0.23)", "0.001 / error"): START,
     ("scale = 1 / np.sqrt(stiffness)", "1"): RATIOS,
     ("norm = float(np.abs(K).sum(axis=0).max())", "0"): "K is symmetric",
+    ("if inverse_squared[0] <= 10 * EPS * inverse_squared[-1]:", "10"): FAR,
     ("noise = 20 * EPS * max(squared[-1], 0.0)", "20"): FAR,
     ("scale = 1 / np.sqrt(np.diag(reduced.K))", "1"): RATIOS,
     ("if squared[0] < -noise:", "squared[0] < -noise"): SAME,
