@@ -158,14 +158,15 @@ def test_a_predicted_force_is_one_sphere_with_all_of_the_swing_or_all_of_the_ene
     np.testing.assert_allclose(found, np.minimum(one, every) + 0.2, rtol=1e-12)
 
 
+@pytest.mark.parametrize("last", [1.3, 0.1])
 @pytest.mark.parametrize("kind", ["wall", "coupled", "free"])
-def test_a_verdict_tells_force_stiffness_and_frequencies(kind):
+def test_a_verdict_tells_force_stiffness_and_frequencies(kind, last):
     residual = 0.2
     wall = {"wall": Wall(OMEGA, ZETA, PHI, residual), "coupled": coupled(residual), "free": None}[
         kind
     ]
     chain = row()
-    chain = chain._replace(A=chain.A[: None if wall else 2], mass=chain.mass * 1e-3)
+    chain = chain._replace(A=chain.A[: None if wall else 2], mass=np.array([1.0, 0.8, last]) * 1e-3)
     found = verdict(chain, wall, speeds(3, 9.0))
     A = chain.A[-1]
     F = float(predicted_peak_force(chain, speeds(3, 9.0), A))
