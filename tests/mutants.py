@@ -272,6 +272,20 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "self.duration - (self.signals.t[-1] - t[-1])"): "a longer march begins alike",
     ("duration = max(self.duration - (self.signals.t[-1] - t[-1]), 4 * self.dt)", "-1"):
      "a longer march begins alike",
+    ("T = reduced.surface.T.reshape(-1, reduced.surface.T.shape[-1])", "-1"):
+     "the last axis of a matrix is its second",
+    ("every = product(range(degree + 1), repeat=d)", "1"): "higher powers are left out after that",
+    ("return (one.T @ other) ** 2 / np.maximum(square, 1e-300)", "1e-300"): FAR,
+    ("apart = np.abs(np.log(mine.omega[:n, None] / np.maximum(given.omega[None, :-1], 1e-12)))",
+     "1e-12"): FAR,
+    ("return np.where(self._by_factors, np.exp(np.where(self._by_factors, x, 0.0)), x)", "0.0"):
+     UNREAD,
+    ("return np.where(self._by_factors, np.log(np.where(self._by_factors, value, 1.0)), value)",
+     "1.0"): UNREAD,
+    ("pole, other = pole + 1e-6 * omega, other - 1e-6 * omega", "1e-06"): FAR,
+    ("if a >= 0.0:", "a >= 0.0"): SAME,
+    ("shared = np.sqrt(k[:-1] * k[1:]) * inverse[: len(k)][1:] if len(k) > 1 else np.zeros(0)",
+     "len(k) > 1"): "of one contact the products are none as well",
     ("wall_force[lane] = hertz_force(d if d > 0.0 else 0.0, A[last + lane])", "d > 0.0"): SAME,
     ("f[j + LANES] = hertz_force(d if d > 0.0 else 0.0, A[j])", "d > 0.0"): SAME,
     ("d = d if d > 0.0 else 0.0", "d > 0.0"): SAME,

@@ -1,5 +1,7 @@
 """Verdicts, marches of coupled walls and costs of modes: each number beside its formula."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,8 +10,14 @@ from coupling import CoupledWall, CouplingError, energy_gain, march_coupled, mod
 from coupling.coupled_march import longest_step, with_coupled_error
 from coupling.formulas import motion as by_formulas
 from coupling.parametric_wall import _gathered, _missed
-from coupling.pruning import oscillation, prune, without
-from coupling.verdict import FALCON, largest_monotone_force, predicted_peak_force
+from coupling.pruning import LeftOut, _cheaper_way, oscillation, prune, without
+from coupling.verdict import (
+    FALCON,
+    _kick_frequency,
+    large_step_error,
+    largest_monotone_force,
+    predicted_peak_force,
+)
 from dem import Wall
 from known_models import speeds, unit_chain
 
@@ -212,6 +220,80 @@ def test_a_verdict_forbids_what_makes_energy_or_gives_way():
     assert "acts as rigid" in deaf.findings[0]
 
 
+def test_a_sphere_alone_has_neither_contact_nor_frequency():
+    chain = row()._replace(mass=np.array([2.0]), radius=np.array([0.5]), A=np.zeros(0))
+    found = verdict(chain, None, np.array([3.0]))
+    assert found.possible and found.passive and found.predicted_peak_force == 0.0
+    assert found.sentences == (
+        "Predicted peak force between spheres 0 N, contact stiffness 0 MN/m.",
+        "Highest frequency of the contacts 0 kHz.",
+    )
+
+
+def test_soft_contacts_of_a_free_chain_are_judged_by_the_stiffest():
+    """Below 1 N/m^1.5, where spheres of a tonne swing once in minutes."""
+    chain = row()._replace(mass=np.array([900.0, 400.0, 700.0]), A=np.array([0.02, 0.03]))
+    v0 = np.array([1e-3, 0.0, 0.0])
+    found = verdict(chain, None, v0)
+    assert found.predicted_peak_force == pytest.approx(predicted_peak_force(chain, v0, 0.03))
+    G = predicted_peak_force(chain, v0, chain.A)
+    k = 1.5 * chain.A ** (2 / 3) * G ** (1 / 3)
+    shared = np.sqrt(k[0] * k[1]) / 400
+    exact = np.sqrt(max(k[0] * (1 / 900 + 1 / 400), k[1] * (1 / 400 + 1 / 700)) + shared)
+    assert _kick_frequency(chain, None, v0, np.nan) == pytest.approx(exact, rel=1e-12)
+
+
+def test_one_sphere_at_a_wall_moves_against_its_modes():
+    """sqrt(k (1/m + phi^T phi)) of k that is given; phi is what is read."""
+    chain = row()._replace(mass=np.array([3.0]), radius=np.array([0.5]), A=np.array([0.7]))
+    reading = np.array([0.2, -0.6])
+    wall = coupled()._replace(reading=reading)
+    for given, phi in ((wall, reading), (Wall(OMEGA, ZETA, PHI), PHI)):
+        exact = np.sqrt(0.05 * (1 / 3 + phi @ phi))
+        found = _kick_frequency(chain, given, np.array([0.1]), 0.05)
+        assert found == pytest.approx(exact, rel=1e-12)
+
+
+def test_what_makes_a_wall_impossible_is_said_with_its_numbers():
+    chain, wall = row(), Wall(OMEGA, ZETA, PHI)
+    F = verdict(chain, wall, speeds(3)).predicted_peak_force
+    for factor, possible in ((1.01, True), (0.99, False)):  # of the force that it gives way at
+        s = -2 / (3 * (factor * F * 1.5**2) ** (1 / 3))
+        for given in (wall._replace(residual_compliance=s), coupled(s)):
+            found = verdict(chain, given, speeds(3))
+            assert found.possible is possible and found.passive
+            if not possible:
+                told = (
+                    f"The contact becomes unstable at {factor * F:.3g} N, below the predicted peak "
+                    f"of {F:.3g} N, since the residual compliance is {s:.3g} m/N;"
+                )
+                assert found.findings[0].startswith(told) and "inf MN/m" in found.sentences[0]
+                assert found.sentences[-1] == found.findings[0]
+    worst = wall._replace(zeta=np.array([0.2, -0.3]))
+    told = verdict(chain, worst, speeds(3)).findings[0]
+    assert told.startswith("The wall has a damping ratio of -0.3 and a mobility of 0;")
+
+
+def test_walls_without_damping_and_with_one_mode_are_said_to_work():
+    chain = row()
+    one = Wall(OMEGA[1:], np.zeros(1), PHI[1:])
+    found = verdict(chain, one, speeds(3))
+    assert found.passive and found.findings == () and found.n_wall_modes == 1
+    assert found.sentences[2].startswith(f"The wall has 1 mode up to {3e-3 / 2 / np.pi:.3g} kHz")
+    assert verdict(chain, one._replace(mobility=0.5), speeds(3)).passive
+    still = coupled(damped=False)
+    assert verdict(chain, still, speeds(3)).passive
+    rigid = verdict(chain, Wall(*np.zeros((3, 0))), speeds(3))
+    assert len(rigid.sentences) == 2 and rigid.n_wall_modes == 0
+    assert "acts as rigid" in verdict(chain, one._replace(phi=np.zeros(1)), speeds(3)).findings[0]
+
+
+def test_a_given_step_is_too_long_above_a_hundredth():
+    assert [*large_step_error(None)] == [*large_step_error(0.01)] == []
+    told = "The step leaves an error of 0.011 in the velocities;"
+    assert [line[: len(told)] for line in large_step_error(0.011)] == [told]
+
+
 # --- modes left out ------------------------------------------------------------------------------
 
 
@@ -232,8 +314,6 @@ def test_an_oscillation_under_held_forces_is_exact(omega, zeta):
 
 
 def test_a_wall_without_modes_keeps_what_is_static_of_them():
-    from coupling.pruning import LeftOut
-
     wall = Wall(np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3]), np.array([4.0, 5, 6]), 0.5)
     left = without(wall, [LeftOut(2, 0.5, "static", 0.0), LeftOut(0, 0.2, "frozen", 0.0)])
     np.testing.assert_array_equal(left[:3], [[2.0], [0.2], [5.0]])
@@ -283,17 +363,81 @@ def test_pruning_measures_what_it_states():
     assert none.wall == wall and none.left_out == () and none.cost == 0.0
 
 
-def test_modes_that_are_not_followed_are_one_oscillator_of_their_moments():
+def test_forces_count_from_that_at_the_start():
+    """A chain that rests under a preload: no mode moves, none costs anything before it is hit."""
+    wall = Wall(np.array([0.3, 1.0, 40.0]), ZETA[[0, 1, 1]], np.array([0.2, 0.3, 0.4]), 0.3)
+    chain = row(**HELD)
+    run = dem.march(chain, wall, speeds(3), duration=6.0, dt=0.01, n_save=600)
+    F, h = run.contact_force[:, -1], 0.01
+    assert F[0] > 0.04
+    k = 1.5 * 1.5 ** (2 / 3) * np.maximum(F, 0) ** (1 / 3)
+    slope = h * k / (1 + 0.3 * k) / (1.3 * 1.0)
+    for found in mode_costs(chain, wall, run):
+        j = found.mode
+        u = wall.phi[j] ** 2 * oscillation(F - F[0], wall.omega[j], wall.zeta[j], h)
+        static = (wall.phi[j] / wall.omega[j]) ** 2 * (F - F[0])
+        costs = {"frozen": np.abs(np.cumsum(slope * u)).max(),
+                 "static": np.abs(np.cumsum(slope * (u - static))).max()}  # fmt: skip
+        assert found.cost == pytest.approx(costs[found.how], rel=1e-9)
+        assert found.cost == pytest.approx(min(costs.values()), rel=1e-9)
+
+
+def test_a_mode_is_static_under_a_slow_force_even_below_one_radian_a_second():
+    t = np.linspace(0.0, 400.0, 4001)
+    F = np.sin(np.pi * t / 400.0) ** 2
+    wall = Wall(np.array([0.6]), np.array([0.2]), np.array([0.5]))
+    found = _cheaper_way(wall, 0, F, 1e-3 * np.ones(4001), 0.1)
+    assert found.how == "static" and found.cost < 0.03
+    still = _cheaper_way(wall._replace(omega=np.zeros(1)), 0, F, 1e-3 * np.ones(4001), 0.1)
+    assert still.how == "frozen" and still.frequency_hz == 0.0
+
+
+@pytest.mark.parametrize("speed", [1.0, -4.0])
+@pytest.mark.parametrize(
+    ("force", "allowed", "left"),
+    [(0.9, 100.0, 9), (0.9, 5.0, 5), (0.9, 4.9, 4), (0.9, 0.9, 0), (1.0, 5.0, 0)],
+)
+def test_modes_come_back_by_fifths_until_the_measured_change_is_allowed(
+    monkeypatch, speed, force, allowed, left
+):
+    """Each of ten changes the velocities by 1 / 64; foreseen are nine. None goes where the contact
+    would give way under the force."""
+    wall = Wall(np.linspace(1.0, 10.0, 10), np.zeros(10), np.ones(10), -0.3)
+    error, asked = allowed / 64, []
+
+    def run(_, given, v0, **how):
+        asked.append(how)
+        v = np.full((3, 3), 5.0)
+        v[1, 2] -= np.abs(speed) * (10 - len(given.omega)) / 64
+        peak = force * largest_monotone_force(-0.3, 1.5)
+        return SimpleNamespace(
+            trajectory=SimpleNamespace(v=v), verdict=SimpleNamespace(predicted_peak_force=peak)
+        )
+
+    each = [LeftOut(j, 1.0, "frozen", (1 + 0.001 * j) * error / 9.5) for j in range(10)]
+    monkeypatch.setattr("coupling.pruning.impact", run)
+    monkeypatch.setattr("coupling.pruning.mode_costs", lambda *_: each[::-1])
+    chain = row()._replace(A=np.array([1.0, 50.0, 1.5]))
+    v0 = speed * np.array([0.5, 1.0, 0.25])
+    found = prune(chain, wall, v0, duration=4.0, error=error)
+    assert found.left_out == tuple(each[:left]) and found.cost == left / 64
+    np.testing.assert_array_equal(found.wall.omega, wall.omega[left:])
+    assert all(how == asked[0] for how in asked)
+    assert asked[0] == {"duration": 4.0, "error": pytest.approx(0.1 * error), "n_save": 20000}
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_modes_that_are_not_followed_are_one_oscillator_of_their_moments(size):
     """m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4; rigid motion is none of them."""
     wall = Wall(np.array([0.0, 0.2, 0.5, 3.0]), np.array([0.0, 0.1, 0.4, 0.2]),
-                np.array([0.7, 0.3, -0.2, 0.5]), 0.3)  # fmt: skip
+                size * np.array([0.7, 0.3, -0.2, 0.5]), 0.3)  # fmt: skip
     one = _gathered(wall, np.array([3]))
     share = (wall.phi[1:3] / wall.omega[1:3]) ** 2
     own = (one.phi[1] / one.omega[1]) ** 2
     assert own == pytest.approx(share.sum(), rel=1e-12)
     assert own / one.omega[1] ** 2 == pytest.approx((share / wall.omega[1:3] ** 2).sum(), rel=1e-12)
     assert one.zeta[1] == pytest.approx(share @ wall.zeta[1:3] / share.sum(), rel=1e-12)
-    assert (one.omega[0], one.phi[0], one.zeta[0]) == (3.0, 0.5, 0.2)
+    assert (one.omega[0], one.phi[0], one.zeta[0]) == (3.0, size * 0.5, 0.2)
     none = _gathered(wall, np.arange(1, 4))
     assert none.phi[-1] == none.zeta[-1] == 0.0 and len(none.omega) == 4 and none.omega[-1] > 0
 

@@ -211,6 +211,49 @@ def test_a_wave_is_sought_within_its_own_time_alone():
     assert sensed_waves(sensor, AT, -parabolas(heights=np.abs(HEIGHTS)) - 1e-3, named()) == ()
 
 
+WHOLE = np.arange(200.0)  # [s]: the limits of a wave of 20 s are whole numbers
+
+
+def whole(seen, quantity="force", at=100.0, width=20.0, gain=1.0):
+    label = Label("", 1, "incident", Arrival(at, 1.0, width), True)
+    return sensed_waves(Sensor(0, quantity, gain), WHOLE, seen, [label])
+
+
+@pytest.mark.parametrize(("crest", "shown"), [(90, False), (91, True), (121, True), (122, False)])
+def test_a_crest_and_what_lies_3_samples_beside_it_must_lie_within_the_limits(crest, shown):
+    """From 0.7 widths before to 1.3 after, limits excluded, nor may the first and last be used."""
+    found = whole(np.maximum(1 - ((WHOLE - crest) / 9) ** 2, 0.0))
+    assert [wave.time for wave in found] == [pytest.approx(crest)] * shown
+    assert [wave.height for wave in found] == [pytest.approx(1.0)] * shown
+
+
+def test_the_parabola_is_that_of_least_squares_through_3_samples_to_both_sides():
+    """Of a crest that is none, in seconds: sum of y, y u and y u^2 over -3 <= u <= 3."""
+    u = np.arange(-3, 4)
+    seen = np.exp(-(((WHOLE - 101.1) / 4) ** 2)) * (1 + 0.03 * (WHOLE - 100))
+    y = seen[101 + u]
+    assert seen.argmax() == 101
+    a = (y @ u**2 - 4 * y.sum()) / 84  # of a u^2 + b u + c
+    b, c = y @ u / 28, (7 * y.sum() - y @ u**2) / 21
+    (found,) = whole(-2.5 * seen, gain=-1.0)
+    assert found.time == pytest.approx(101 - b / (2 * a), rel=1e-9)
+    assert found.height == pytest.approx(2.5 * (c - b**2 / (4 * a)), rel=1e-9)
+
+
+def test_a_narrow_wave_has_a_sample_to_both_sides():
+    seen = np.maximum(1 - ((WHOLE - 100) / 3) ** 2, 0.0)
+    (found,) = whole(seen, width=3.0)
+    assert (found.time, found.height) == (pytest.approx(100.0), pytest.approx(1.0))
+
+
+def test_what_presses_nowhere_or_is_hollow_is_no_crest():
+    bump = np.maximum(1 - ((WHOLE - 100) / 9) ** 2, 0.0)
+    assert whole(bump - 1.0) == () and len(whole(bump - 0.9)) == 1
+    hollow = 0.001 * (WHOLE - 100) ** 2 * (np.abs(WHOLE - 100) < 4)
+    hollow[100] = 0.02  # above its 0.009 at the ends, and all of it opens upwards
+    assert whole(hollow) == ()
+
+
 # --- instruments ---------------------------------------------------------------------------------
 
 
