@@ -284,6 +284,8 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "1.0"): UNREAD,
     ("pole, other = pole + 1e-6 * omega, other - 1e-6 * omega", "1e-06"): FAR,
     ("if a >= 0.0:", "a >= 0.0"): SAME,
+    ("elastic = values[:, :n].min(axis=0) > RIGID * values[:, :n].max()",
+     "values[:, :n].min(axis=0) > RIGID * values[:, :n].max()"): SAME,
     ("shared = np.sqrt(k[:-1] * k[1:]) * inverse[: len(k)][1:] if len(k) > 1 else np.zeros(0)",
      "len(k) > 1"): "of one contact the products are none as well",
     ("wall_force[lane] = hertz_force(d if d > 0.0 else 0.0, A[last + lane])", "d > 0.0"): SAME,

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.signal import butter, freqs
 
 from coupling.band import Band, filtered
@@ -261,6 +262,18 @@ def test_a_sphere_feels_the_mean_of_its_two_contacts_beyond_that_at_the_start():
     F = np.random.default_rng(2).uniform(1.0, 2.0, (5, 3))
     for sphere, exact in enumerate((F[:, 0], F[:, 0] + F[:, 1], F[:, 1] + F[:, 2], F[:, 2])):
         np.testing.assert_allclose(mean_force(F, sphere), (exact - exact[0]) / 2, atol=1e-15)
+
+
+def test_sensors_measure_what_their_spheres_do_from_the_first_instant():
+    """x less that at the start, v as it is, half of both forces, and the slope of their spline."""
+    t = np.array([1.0, 1.5, 2.0, 2.5, 3.0])
+    x, v, F = np.random.default_rng(4).uniform(1.0, 2.0, (3, 5, 4))
+    force = ((F[:, 1] + F[:, 2]) - (F[0, 1] + F[0, 2])) / 2
+    kinds = (("displacement", 3), ("velocity", 1), ("force", 2), ("force-rate", 2))
+    found = measured([Sensor(i, kind, 7.0) for kind, i in kinds], t, x, v, F)
+    slope = CubicSpline(t, force).derivative()(t)
+    exact = np.column_stack([x[:, 3] - x[0, 3], v[:, 1], force, slope])
+    np.testing.assert_allclose(found, exact, rtol=1e-12, atol=1e-14)
 
 
 def test_instants_are_as_many_as_a_run_holds():
