@@ -158,6 +158,21 @@ def test_between_two_ends_lies_the_polynomial_of_degree_seven():
     np.testing.assert_allclose(v, np.outer(SEVEN.deriv()(at), [1, -2]), rtol=1e-12, atol=1e-12)
 
 
+def test_samples_lie_on_the_polynomials_of_their_steps():
+    """Of three steps that are no one polynomial; the last sample ends the last step."""
+    h, n = 0.8, 10
+    ends = Ends(*np.random.default_rng(2).standard_normal((4, 4, 2)))
+    x, v = np.empty((2, n, 2))
+    kernels.fill_between(ends, h, x, v)
+    for b in range(2):
+        known = np.array([part[:, b] * h**d for d, part in enumerate(ends)]).T
+        parts = [of_degree_seven(known[i : i + 2]) for i in range(3)]
+        for k in range(n):
+            i = min(k // 3, 2)
+            P, s = parts[i], k / 3 - i
+            np.testing.assert_allclose((x[k, b], h * v[k, b]), (P(s), P.deriv()(s)), atol=1e-11)
+
+
 @pytest.mark.parametrize("bend", [0.0, 0.6, -0.4])
 def test_what_a_contact_moves_is_the_second_integral_of_its_force(bend):
     h, t = 1e-4, np.array([0.2, 0.9, 1.3])
@@ -234,6 +249,42 @@ def test_the_bodies_of_a_contact_take_its_impulse():
             np.testing.assert_allclose(sphere[1], exact, rtol=1e-14)
             np.testing.assert_allclose(mode[1], MODES.phi * way * (c == 2), rtol=1e-14)
             assert not sphere[0].any() and not mode[0].any()
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.3, -9.0, 9.0])
+@pytest.mark.parametrize("curvature", [0.5, 2.5, -1.9])
+@pytest.mark.parametrize("back", [False, True])
+def test_a_sample_is_moved_by_what_its_contact_does_in_its_step(back, curvature, gamma):
+    """A contact that closes in the last of three steps or opens in the first, of ten samples: force
+    A slope^(3/2) (tau^(3/2) + 3/4 curvature / slope tau^(5/2)) (1 + gamma rate), in its step alone;
+    the bend no more than 1, and no force of a damper that would pull."""
+    h, n, A = 0.4, 11, np.array([2.0, 1.5, 1.7])
+    overlap, rate = np.full((2, 4, 3), -1.0)
+    overlap[:, 1] = [-0.9, -0.6, -0.2, 0.5]
+    rate[:, 1] = np.array([0.1, 0.5, 0.4, 0.4 + curvature]) / h
+    if back:
+        overlap, rate = overlap[::-1].copy(), -rate[::-1]
+    gaps = Gaps(overlap, rate, 0 * rate)
+    prepared = prepare(*SCENES["modes"])
+    bodies = _bodies(prepared, marched(
+        prepared, start(prepared, speeds(3)), Steps(0.1, 1, 1), named_scheme("rkn6", ROW, MODES)
+    ).parts)._replace(A=A, gamma=np.array([5.0, gamma, 7.0]))  # fmt: skip
+    moved = Between(*np.zeros((2, n, 3)), *np.zeros((2, n, 2)), np.zeros((n, 4)))
+    kernels.mend_events(gaps, h, bodies, moved)
+    sign = -1.0 if back else 1.0
+    at, slope, bent = crossing(-0.2, 0.4, 0.5, 0.4 + curvature)
+    size = A[1] * slope**1.5 * max(1.0 + sign * gamma * slope / h, 0.0) * h * h
+    for k in range(n):
+        s = 0.3 * k - (0.0 if back else 2.0)
+        dx, dv = 0.0, 0.0
+        if 0.0 < s < 1.0:
+            z, bend = 1 - s if back else s, np.clip(0.75 * bent / slope, -1, 1)
+            dx, dv = kernels.unfollowed(z, at, bend)
+        shift, impulse = size * dx, sign * size / h * dv
+        for found, exact in ((moved.x[k], shift), (moved.v[k], impulse)):
+            by_mass = np.array([0.0, -exact / ROW.mass[1], exact / ROW.mass[2]])
+            np.testing.assert_allclose(found, by_mass, rtol=1e-11, atol=1e-16)
+    assert not moved.q.any() and (np.abs(moved.x[:, 1]).max() > 1e-8) == (size > 0.0)
 
 
 # --- samples -------------------------------------------------------------------------------------

@@ -9,6 +9,17 @@ import numpy as np
 import pytest
 
 import dem
+from dem.kernels import sensitivities
+from dem.kernels.sensitivities import (
+    BY_LOSS,
+    BY_OVERLAP,
+    BY_RATE,
+    BY_STIFFNESS,
+    FORCE,
+    Modal,
+    Slopes,
+    Spheres,
+)
 from dem.sensitivities import Directions, march_with_sensitivities, propagator_with_sensitivities
 from dem.static_sensitivities import static_sensitivities
 
@@ -120,6 +131,59 @@ def test_sensitivities_are_complex_step_derivatives():
         np.testing.assert_allclose(run.v, reference.real, rtol=0, atol=1e-11)
         exact = reference.imag / TINY
         np.testing.assert_allclose(run.dv[:, :, j], exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+
+
+@pytest.mark.usefixtures("plain")
+@pytest.mark.parametrize("s", [0.0, 0.3, -0.05])
+@pytest.mark.parametrize("rate", [0.4, -0.3, -9.0])
+def test_the_force_of_a_contact_has_its_derivatives(s, rate):
+    """By complex steps of (1 + gamma rate soft^2) A d^(3/2), soft = dd/dgap; of a damper that takes
+    all of it nothing is left, and nothing by the rate."""
+    gap, A, gamma = 0.35, 1.7, 0.8
+
+    def force(gap, rate, A, gamma):
+        y = np.sqrt(gap + 0j)
+        for _ in range(30):
+            y -= (y**2 + s * A * y**3 - gap) / (2 * y + 3 * s * A * y**2)
+        return (1 + gamma * rate / (1 + 1.5 * s * A * y) ** 2) * A * y**3
+
+    f, at = np.full((5, 3), 7.0), (gap, rate, A, gamma)
+    sensitivities.contact(gap, rate, A, gamma, s, 1, f)
+    if rate == -9.0:
+        assert f[FORCE, 1] == f[BY_RATE, 1] == f[BY_LOSS, 1] == 0.0
+        return
+    assert f[FORCE, 1] == pytest.approx(force(*at).real, rel=1e-13)
+    for row, i in ((BY_OVERLAP, 0), (BY_RATE, 1), (BY_STIFFNESS, 2), (BY_LOSS, 3)):
+        bent = [value + 1j * TINY * (k == i) for k, value in enumerate(at)]
+        assert f[row, 1] == pytest.approx(force(*bent).imag / TINY, rel=1e-12)
+    assert (f[:, [0, 2]] == 7.0).all()
+    sensitivities.contact(-gap, rate, A, gamma, s, 1, f)
+    assert not f[[FORCE, BY_OVERLAP, BY_STIFFNESS, BY_LOSS], 1].any()
+
+
+@pytest.mark.usefixtures("plain")
+def test_a_contact_without_force_has_no_sensitivity():
+    """Whatever its column says of derivatives: the damper takes all of it."""
+    wall = Modal(np.ones((2, 1)), np.ones((2, 1, 2)))
+    spheres, f = Spheres(*np.ones((2, 3)), *np.ones((2, 3, 2))), np.ones((5, 3))
+    f[FORCE] = [0.0, 2.0, 0.0]
+    slopes = Slopes(*np.full((2, 3, 2), 0.5), *np.zeros((3, 1, 2)), *np.zeros((3, 2)))
+    dF = np.full((3, 2), 7.0)
+    sensitivities.contact_sensitivities(spheres, wall, f, np.ones(1), slopes, dF)
+    np.testing.assert_array_equal(dF, [[0.0] * 2, [1.0] * 2, [0.0] * 2])
+
+
+@pytest.mark.usefixtures("plain")
+def test_a_derivative_alone_is_that_among_others():
+    chain, wall, v0 = rig()
+    every = every_parameter(chain, wall)
+    setting = dict(duration=20 * DT, dt=DT, observed=[0, 4])
+    beside = march_with_sensitivities(chain, wall, v0, every, **setting)
+    for j in (0, N + 3):
+        one = Directions(*(part[..., j : j + 1] for part in every))
+        alone = march_with_sensitivities(chain, wall, v0, one, **setting)
+        np.testing.assert_allclose(alone.dv[..., 0], beside.dv[..., j], rtol=1e-13)
+        assert np.abs(alone.dv).max() > 0.0
 
 
 LEAVES = {"leaf_stiffness": [30.0, 0.0, 90.0], "leaf_anchor": [2e-4, 0.0, -1e-5]}
