@@ -286,6 +286,13 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "1.0"): UNREAD,
     ("pole, other = pole + 1e-6 * omega, other - 1e-6 * omega", "1e-06"): FAR,
     ("if a >= 0.0:", "a >= 0.0"): SAME,
+    ("return 1 / max(fastest, decay / 3) if fastest > 0 else np.inf", "fastest > 0"):
+     "dampers of a wall without stiffness are refused before, 1 / 0 is infinite as well",
+    ("moving = (wall.force * wall.reading != 0) & (wall.omega > 0)", "wall.omega > 0"):
+     "free modes add 1 / inf",
+    ("scale = energies[0][0] or np.abs(total).max() or 1.0", "1.0"): "of no energy none is missed",
+    ("tolerance = max(error, 1e-13)", "1e-13"): FAR,
+    ("s = brentq(_rayleigh, 1 + 1e-12, 3, args=(g,), xtol=1e-14)", "1e-12"): START,
     ("elastic = values[:, :n].min(axis=0) > RIGID * values[:, :n].max()",
      "values[:, :n].min(axis=0) > RIGID * values[:, :n].max()"): SAME,
     ("shared = np.sqrt(k[:-1] * k[1:]) * inverse[: len(k)][1:] if len(k) > 1 else np.zeros(0)",

@@ -12,6 +12,7 @@ from coupling.wall import (
     kept_modes,
     moving_modes,
     own_cutoff_hz,
+    residual_compliance,
     wall_from_reduced,
     wall_of,
     with_oscillator,
@@ -113,6 +114,13 @@ def test_rayleigh_of_almost_one_kind_alone_is_allowed():
     rising = rayleigh(10.0, 0.02, 40.0, 0.08 * (1 - near))
     np.testing.assert_allclose(falling, (2 * 0.02 * HZ * 10.0, 0.0), rtol=1e-8, atol=1e-11)
     np.testing.assert_allclose(rising, (0.0, 2 * 0.02 / (HZ * 10.0)), rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("zeta", [0.0049, 0.0801])
+def test_rayleigh_refuses_either_coefficient_below_zero(zeta):
+    """Ratios that fall faster than 1 / omega, or rise faster than omega, from 0.02 at 10 Hz."""
+    with pytest.raises(CouplingError, match="a negative one feeds energy"):
+        rayleigh(10.0, 0.02, 40.0, zeta)
 
 
 def test_one_ratio_each_or_one_for_all_and_none_for_rigid_motion():
@@ -273,3 +281,12 @@ def test_a_wall_whose_modes_miss_compliance_is_refused():
         wall_from_reduced(reduced, half_space=0.0, modes=lost)
     fine = own._replace(phi=own.phi * (1 - 2e-7))
     assert len(wall_from_reduced(reduced, half_space=0.0, modes=fine).omega) == N
+
+
+def test_what_does_not_move_is_left_out_below_a_billionth_of_the_static_compliance():
+    reduced = model()
+    own, total = modal(reduced), np.linalg.inv(structure()[0])[-1, -1]
+    for share, counts in ((0.9e-9, False), (1.1e-9, True), (0.3, True)):
+        moving = own._replace(phi=own.phi * np.sqrt(1 - share))
+        found = residual_compliance(reduced, own, moving, 2e-7) + 2e-7
+        assert found == pytest.approx(share * total if counts else 0.0, rel=1e-3, abs=1e-17)
