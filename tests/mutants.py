@@ -292,6 +292,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "free modes add 1 / inf",
     ("scale = energies[0][0] or np.abs(total).max() or 1.0", "1.0"): "of no energy none is missed",
     ("tolerance = max(error, 1e-13)", "1e-13"): FAR,
+    ("if ratio < 1 + ROUND:", "ratio < 1 + ROUND"): SAME,
     ("s = brentq(_rayleigh, 1 + 1e-12, 3, args=(g,), xtol=1e-14)", "1e-12"): START,
     ("elastic = values[:, :n].min(axis=0) > RIGID * values[:, :n].max()",
      "values[:, :n].min(axis=0) > RIGID * values[:, :n].max()"): SAME,
