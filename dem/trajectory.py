@@ -30,7 +30,10 @@ MOST_MODES = 500  # whose coordinates are saved: 6 MB of a run's usual 3000 inst
 
 
 class Trajectory(NamedTuple):
-    """Saved states, forces and the energy ledger; k saves of n spheres."""
+    """Saved states, forces and the energy ledger; k saves of n spheres.
+
+    energy_error is over the ends of all steps, over the saves alone where steps stop at these.
+    """
 
     t: Array  # (k,)
     x: Array  # (k, n)
@@ -53,7 +56,7 @@ class Trajectory(NamedTuple):
     dt: float
     n_steps: int
     scheme: str
-    energy_error: float  # largest |energy_total - start| / kinetic energy there, at ends of steps
+    energy_error: float  # largest |energy_total - start| / kinetic energy there
     error_estimate: float | None  # relative velocity error; None for a step that was given
     final: State
 
