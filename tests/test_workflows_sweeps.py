@@ -639,6 +639,14 @@ def test_indices_are_those_of_ishigami(lost):
         assert np.abs(index - right).max() < 0.02
 
 
+def test_outputs_that_differ_by_less_than_a_run_is_off_have_no_indices():
+    design, y = ishigami(64)
+    share = (y - y.min()) / np.ptp(y)
+    assert sobol_effects(design, 1.0 - 1.1e-5 * share).used == 64
+    with pytest.raises(ValueError, match="values differ by more than 1e-05"):
+        sobol_effects(design, 1.0 - 0.9e-5 * share)
+
+
 def test_standard_errors_are_the_spread_over_designs():
     """Of the first key's index over designs that differ in their random numbers alone."""
     found, design = [], Design("sobol", {key: (0.0,) * 384 for key in ("k.a", "k.b")}, 96)

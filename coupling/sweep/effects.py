@@ -12,6 +12,7 @@ from coupling.sweep.design import Design
 
 RESAMPLES = 400
 FEWEST = 16  # base samples of which indices are made
+ALIKE = 1e-5  # of the largest value: outputs that differ by less differ by their own errors
 Array = np.ndarray
 
 
@@ -28,7 +29,8 @@ class Effects(NamedTuple):
 def sobol_effects(design: Design, y: Array) -> Effects:
     """First-order and total indices of y (n_cases,), nan where a case has none.
 
-    Raises ValueError for other designs, and where too few cases have a value or all the same.
+    Raises ValueError for other designs, and where too few cases have a value, or all one that
+    differs by no more than the errors of a run.
     """
     n, d = design.base, len(design.keys)
     if design.kind != "sobol":
@@ -36,15 +38,16 @@ def sobol_effects(design: Design, y: Array) -> Effects:
     parts = np.asarray(y, float).reshape(d + 2, n)
     whole = np.isfinite(parts).all(axis=0)
     used = int(whole.sum())
-    if used < FEWEST or np.ptp(parts[:, whole]) == 0.0:
+    values = parts[:, whole]
+    if used < FEWEST or np.ptp(values) <= ALIKE * np.abs(values).max():
         raise ValueError(
             f"{used} of {n} samples have a value in all of their {d + 2} cases, and indices need "
-            f"{FEWEST} whose values differ; take more samples or another output."
+            f"{FEWEST} whose values differ by more than {ALIKE:g} of the largest; take more "
+            "samples or another output."
         )
-    parts = parts[:, whole]
     draws = np.random.default_rng(0).integers(used, size=(RESAMPLES, used))
-    resampled = np.stack([_indices(parts[:, drawn]) for drawn in draws])
-    return Effects(*_indices(parts), *resampled.std(axis=0, ddof=1), used)
+    resampled = np.stack([_indices(values[:, drawn]) for drawn in draws])
+    return Effects(*_indices(values), *resampled.std(axis=0, ddof=1), used)
 
 
 def _indices(parts: Array) -> Array:
