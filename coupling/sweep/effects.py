@@ -52,7 +52,8 @@ def sobol_effects(design: Design, y: Array) -> Effects:
 
 def _indices(parts: Array) -> Array:
     """First-order and total (2, d) of the outputs (d + 2, n) of A, B and each A_B: table 2 of
-    Saltelli, rows (b) and (f)."""
+    Saltelli, rows (b) and (f). scipy's sobol_indices wants a power of two of samples, which cases
+    that are missing leave none, and its standard errors change from call to call."""
     A, B, *mixed = parts - parts[:2].mean()
     AB, variance = np.array(mixed), np.var([A, B])
     return np.stack([np.mean(B * (AB - A), axis=1), np.mean((A - AB) ** 2, axis=1) / 2]) / variance
