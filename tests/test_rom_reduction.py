@@ -240,17 +240,23 @@ def test_the_factor_of_a_held_structure_serves_both_reductions(kind, choice):
     np.testing.assert_allclose(answers[1] / answers[0], 1.0, rtol=0, atol=1e-10)
 
 
-def test_a_shared_factor_costs_a_soft_structure_no_digits():
-    """A millionth of the stiffness to the ground: all of the patch moves alike, so that constraint
-    modes are told by differences of nearly equal displacements."""
+@pytest.mark.parametrize("size", [1, 2, 5, 20])
+@pytest.mark.parametrize("share", [1e-3, 1e-6, 1e-7])
+def test_a_shared_factor_costs_a_soft_structure_no_digits(share, size):
+    """Softly held to the ground, all of the patch moves alike, so that constraint modes are told
+    by differences of nearly equal displacements."""
     K, M = spring_chain(N)
-    soft = 1e-6 * STIFFNESS
-    K[0, 0] = soft + STIFFNESS
+    K[0, 0] = share * STIFFNESS + STIFFNESS
+    soft = K[0, 0] - STIFFNESS  # as it is rounded
     reduced = craig_bampton(
-        K, M, end_patch(N), end_boundary(N), Selection(n_modes=5), factor=superlu(K)
+        K, M, end_patch(N, size), end_boundary(N, size), Selection(n_modes=5), factor=superlu(K)
     )
-    exact = 1 / soft + (N - 5 + sum((i / 5) ** 2 for i in range(1, 5))) / STIFFNESS
-    assert abs(static_compliance(reduced) / exact - 1) < 1e-8
+    exact = 1 / soft + (N - size + sum((i / size) ** 2 for i in range(1, size))) / STIFFNESS
+    # rounding of each of the N diagonal entries is a spring to the ground of up to eps of it, and
+    # as often a negative one: sqrt(N) eps of the stiffness against the share of it. Up to 0.4 of
+    # this is found with the kernels of Haswell, Skylake and Prescott; one correction left 300 of it
+    bound = 2 * np.sqrt(N) * np.finfo(float).eps / share
+    assert abs(static_compliance(reduced) / exact - 1) < bound
 
 
 def test_an_inaccurate_factorisation_is_noticed():
