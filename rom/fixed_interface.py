@@ -20,12 +20,11 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 
 from rom.contact_modes import contact_modes
-from rom.factorisation import Factor, Factorise, Pencil, ReductionError, solutions
+from rom.factorisation import SHARES, Factor, Factorise, Pencil, ReductionError, solutions
 from rom.floating import is_held, pencil
 from rom.lanczos import EigenPairs, known_modes
 from rom.selection import Selection
 from rom.tall import gram, shares, squares, turned
-
 
 EXACT = np.finfo(float).eps  # forces inside: what rounding leaves of them is a fifth of it
 
@@ -80,7 +79,7 @@ def fixed_interface(
         # Z_b of a soft structure is nearly singular, which costs Psi digits: an error D of it is
         # D Z_b K_bi D after a correction. Springs to the ground of a millionth of the structure's
         # stiffness take two or three corrections, others one.
-        before, forces = np.inf, _forces_inside(K, psi, b)
+        before, forces = np.inf, 1.0
         while EXACT < forces < 0.5 * before:
             for some in shares(len(b)):
                 psi[:, some] -= clamped.solve(K @ psi[:, some])
@@ -91,15 +90,16 @@ def fixed_interface(
 
 
 def _forces_inside(K: sp.csc_array, psi: np.ndarray, b: np.ndarray) -> float:
-    """Root sum of squares of the forces (K psi)_i, which are zero but for errors, over that of the
-    sums of their terms without signs."""
-    unsigned, squared, terms = abs(K), 0.0, 0.0
+    """Root sum of squares of the forces (K psi)_i, which are zero but for errors, over that of
+    |K| p, what their terms sum up to without signs; p (n,) are the norms of the rows of psi."""
+    squared, p, terms = 0.0, np.sqrt(np.einsum("ij,ij->i", psi, psi)), 0.0
     for some in shares(len(b)):
         forces = K @ psi[:, some]
         forces[b] = 0.0
         squared += np.sum(forces**2)
-        terms += np.sum((unsigned @ abs(psi[:, some])) ** 2)
-    return float(np.sqrt(squared / terms))
+    for some in shares(len(p), len(p) // SHARES + 1):
+        terms = terms + abs(K[:, some]) @ p[some]
+    return float(np.sqrt(squared) / np.linalg.norm(terms))
 
 
 def _inside(K: sp.csc_array, M: sp.csc_array, i: np.ndarray, factorise: Factorise) -> Factor:
