@@ -37,7 +37,8 @@ SCATTER = 3.0  # times the root of its evaluations, of rounding in a ledger
 AMPLIFIED = 1e5  # times as large is a difference that the motion has made of rounding
 BY_CHANCE = 3.0  # of two differences that rounding makes
 LOST = 30.0  # times the error asked for, that rounding may leave at the most: it rarely all adds up
-QUICK = 1 / 6  # of the evaluations allowed, seconds: beyond, a search goes on if it gets nearer
+QUICK = 1 / 6  # of the evaluations allowed, seconds: beyond, or where rounding is amplified, a
+# search goes on if it gets nearer
 SHARED = 0.05  # of the energy, that two ways to damp may differ by where steps resolve neither
 SLOWEST = 0.25  # order below which it does not
 
@@ -168,7 +169,10 @@ def _refined(attempt, step, method, asked):
     if not spent <= asked.evaluations:
         raise UnstableStep(_unaffordable(asked.error, duration, step, spent, asked.evaluations))
     coarse = attempt(apart * step, _sparser(n_save, duration / (apart * step)))
-    if coarse is not None and method.kind != "implicit":
+    # steps end at the saves: with few steps a save both marches may else take the same
+    if coarse is not None and method.kind == "implicit":
+        step = min(step, coarse.dt / NEAREST)
+    elif coarse is not None:
         step = coarse.dt / _apart_for_energy(coarse, method, asked)
     tried = []
     while True:
@@ -177,7 +181,8 @@ def _refined(attempt, step, method, asked):
         fine = attempt(step, n_save)
         spent += ahead if fine is None else fine.n_steps * method.evaluations
         if fine is None or coarse is None:
-            coarse, step = fine, step / (4.0 if fine is None else 2.0)
+            step = step / 4.0 if fine is None else min(step / 2.0, fine.dt / NEAREST)
+            coarse = fine
             continue
         tried.append(_compared(coarse, fine, tried, method, asked))
         if tried[-1].excess <= 1.0:
@@ -222,6 +227,7 @@ class _Comparison(NamedTuple):
     velocity: float  # error over what is asked for
     excess: float  # of the larger of velocity and energy
     shorter: float  # times, is a step that is likely to do
+    amplified: bool  # whether the difference is what the motion makes of rounding
 
 
 def _compared(coarse, fine, tried, method, asked):
@@ -237,7 +243,8 @@ def _compared(coarse, fine, tried, method, asked):
     estimate = shown / ((coarse.dt / fine.dt) ** order - 1.0)
     scatter = SCATTER * EPSILON * np.sqrt(fine.n_steps * method.evaluations)
     stays = 0.5 * coarse.energy_error < fine.energy_error <= scatter
-    if method.kind != "implicit" and stays and scatter < difference / AMPLIFIED:
+    amplified = method.kind != "implicit" and stays and scatter < difference / AMPLIFIED
+    if amplified:
         # the motion makes of rounding what no step lessens: two marches are alike by chance
         estimate = BY_CHANCE * max([difference, *(one.difference for one in tried[-1:])])
     velocity, energy = estimate / asked.error, _energy_excess(fine, method, asked)
@@ -245,7 +252,7 @@ def _compared(coarse, fine, tried, method, asked):
         velocity = max(velocity, asked.witness(fine) / SHARED)
     return _Comparison(
         fine.dt, difference, fine.energy_error, coarse.dt, estimate, velocity,
-        max(velocity, energy), _shortening(velocity, energy, method, asked.order),
+        max(velocity, energy), _shortening(velocity, energy, method, asked.order), amplified,
     )  # fmt: skip
 
 
@@ -261,7 +268,7 @@ def _require_hope(step, spent, tried, method, asked):
     rounding = EPSILON * asked.duration / step * method.evaluations
     if rounding > LOST * asked.error:
         raise UnstableStep(_rounded(asked.error, step, rounding))
-    quick = spent <= QUICK * asked.evaluations or len(tried) < 2
+    quick = len(tried) < 2 or (spent <= QUICK * asked.evaluations and not tried[-1].amplified)
     if spent > asked.evaluations or not (quick or _nears(tried, method, asked)):
         raise UnstableStep(_unreached(asked.error, step, tried))
 
