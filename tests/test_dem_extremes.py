@@ -18,6 +18,7 @@ from dem import (
     rigid_wall,
     row_of_spheres,
 )
+from dem.chain import LAWS
 from dem.spheres import time_scale
 from dem.trajectory import run as run_of_chain
 
@@ -126,6 +127,58 @@ def test_random_chains_reach_the_error_asked_for(seed):
         run = march_to_error(chain, rigid_wall(), v0, error=error, **options).trajectory
         exact = march(chain, rigid_wall(), v0, dt=run.dt / 16, **options)
         assert np.abs(run.v - exact.v).max() < error * np.abs(v0).max()
+
+
+def any_scene(seed):
+    """Chain, wall, velocities and what is asked of the march, of any parts and sizes."""
+    rng = np.random.default_rng(seed)
+    n, law = int(rng.integers(1, 6)), str(rng.choice(list(LAWS)))
+    radius, young = 10 ** rng.uniform(-3, -1.5, n), 10 ** rng.uniform(9, 11.3, n)
+    chain = row_of_spheres(radius, 7800.0, young, 0.3, flat=Flat(10 ** rng.uniform(9, 12), 0.3))
+    speed = 10 ** rng.uniform(-2, 0.5)
+    period = time_scale(chain.mass.max(), chain.A.min(), speed)
+    kind = rng.choice(["rigid", "one mode", "modes"])
+    if kind == "rigid":
+        wall = rigid_wall()
+    elif kind == "one mode":
+        wall = one_dof_wall(
+            10 ** rng.uniform(-2, 1) / period, 10 ** rng.uniform(-1, 3) * chain.mass[-1]
+        )
+    else:
+        omega, heavy = 10 ** rng.uniform(-1.5, 1.5, 5) / period, 30.0 * chain.mass[-1]
+        wall = Wall(omega, np.full(5, 0.01), rng.normal(size=5) / np.sqrt(heavy))
+    stiffness, force = chain.mass / period**2, chain.mass[-1] * speed / period
+    chain = chain._replace(
+        dissipation=law,
+        gamma=10 ** rng.uniform(-3, 1) * (
+            np.full(n, 1.0 / speed) if law == "hunt-crossley" else chain.mass / period
+        ),
+        leaf_stiffness=stiffness * 10 ** rng.uniform(-2, 1) if rng.random() < 0.5 else None,
+        preload=force * 10 ** rng.uniform(-3, 1) if rng.random() < 0.5 else 0.0,
+    )  # fmt: skip
+    duration, error = period * 10 ** rng.uniform(0, 1.2), 10 ** rng.uniform(-6, -2)
+    n_save = int(rng.choice([1, 100, 1000]))
+    options = {"duration": duration, "error": error, "n_save": n_save}
+    return chain, wall, speed * np.eye(n)[0], options
+
+
+@pytest.mark.parametrize("seed", range(72))
+def test_any_scene_is_marched_to_its_error_or_refused(seed):
+    """Steps end at the saves, so that two marches once took the same step where one alone, or a
+    shorter one than was wanted, led from a save to the next: a division by zero."""
+    chain, wall, v0, options = any_scene(seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            run, report = march_to_error(
+                chain, wall, v0, **options, search=Search(max_evaluations=1e6)
+            )
+        except UnstableStep as refusal:
+            assert "is not reached" in str(refusal)
+            return
+    assert np.isfinite(run.v).all()
+    assert report.error_estimate <= options["error"]
+    assert (np.diff(report.dt) < 0).all()
 
 
 def test_a_thousand_spheres_pressed_by_their_leaf_springs_come_to_rest():
