@@ -9,7 +9,8 @@ no trial goes back to the mesh. Sensitivities are exact (Fox and Kapoor, AIAA J.
     d omega^2 / d k_j = phi_j^2,    d omega^2 / d e_b = phi^T K_b phi,
     d omega^2 / d d_b = -omega^2 phi^T M_b phi.
 
-Modes are followed by shape; parameters move on a logarithmic scale within bounds.
+Modes are followed by shape; parameters move on a logarithmic scale within bounds. Of parameters
+that the targets do not determine together, `determined` takes a subset that they do.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
+from scipy.linalg import eigh, null_space
 from scipy.optimize import least_squares
 
 from fem.correlation import BodyForms, Shape, Target, body_forms, paired
@@ -30,6 +31,7 @@ LEVER = 1e-4  # [m^2] turns per shifts: a rotational stiffness is one at about 1
 UNFITTED = 3.0  # log-frequency distance charged for a mode that lost its shape
 N_STARTS = 12
 UNSEEN = 0.7  # of the uncertainty within the bounds: more is left where the data say nothing
+WORSE = 4.0  # rise of the sum of squares that one parameter explains: two standard deviations
 
 
 class Parameter(NamedTuple):
@@ -42,6 +44,7 @@ class Parameter(NamedTuple):
     upper: float
     bodies: tuple[str, ...] = ()  # that the factor is on
     of: Literal["young", "density"] = "young"
+    before: tuple[float, ...] = ()  # stiffness of each spring, inf where rigid; or the one factor
 
 
 class TuningBasis(NamedTuple):
@@ -63,7 +66,9 @@ class Tuning(NamedTuple):
     value: NDArray[np.float64]  # (p,) stiffnesses [N/m, N m/rad] and factors
     modes_hz: NDArray[np.float64]  # (n_targets,) of the projection
     deviation: NDArray[np.float64]  # (p,) of ln(value) for the assumed frequency error
-    seen: NDArray[np.bool_]  # (p,) whether the targets would notice it if all others were known
+    of_prior: NDArray[np.float64]  # (p,) the same over that of the bounds alone, up to 1
+    is_determined: bool  # whether the targets narrow every combination of the parameters
+    misfit: float  # sum of (ln(f / target) / frequency error)^2
     all_hz: NDArray[np.float64]  # every frequency up to that of the highest target
     evaluations: int
 
@@ -160,20 +165,91 @@ def tune(
     """
     problem = _Problem(basis, tuple(parameters), target_hz, regularisation)
     starts = problem.starts(n_starts, seed) if parameters else []
-    found = [_fit(problem, start) for start in starts]
-    x = min(found, key=lambda fit: fit.cost).x if found else np.zeros(0)
+    fits = [_fit(problem, start) for start in starts]
+    x = min(fits, key=lambda fit: fit.cost).x if fits else np.zeros(0)
     modes_there = spectrum(basis, parameters, np.exp(x))
     index = paired(basis.forms, modes_there, basis.targets).index
     lost = np.where(index < 0, np.nan, 1.0)
-    J, prior = problem.jacobian(x)[: len(target_hz)] / frequency_error, problem.prior
+    n = len(target_hz)
+    residual, J = problem.residual(x)[:n] / frequency_error, problem.jacobian(x)[:n] / frequency_error
+
+    # covariance of ln(value) in units of what the bounds leave: I where the data say nothing
+    prior = problem.prior
+    covariance = np.linalg.inv((J * prior).T @ (J * prior) + np.eye(len(prior)))
+    of_prior = np.sqrt(np.diag(covariance))
     return Tuning(
         problem.parameters,
         np.exp(x),
         lost * modes_there.frequency_hz[index],
-        _deviation(J, prior),
-        _seen(J, prior),
+        np.where(of_prior > UNSEEN, np.inf, of_prior * prior),
+        of_prior,
+        bool(np.linalg.norm(covariance, 2) <= UNSEEN**2) if len(prior) else True,
+        float(residual @ residual),
         modes_there.frequency_hz[: index.max() + 1],
-        sum(fit.nfev for fit in found),
+        sum(fit.nfev for fit in fits),
+    )
+
+
+def determined(
+    basis: TuningBasis,
+    parameters: Sequence[Parameter],
+    target_hz: Mapping[int, float],
+    fit: Tuning,
+) -> tuple[Parameter, ...]:
+    """The parameters, of a fit of all of them, that the targets determine; none where they
+    determine none. The others are at the values they had before (`Parameter.before`).
+
+    Backward elimination, one parameter at a time. A direction that was rigid is the first to leave
+    the fit: a bolt soft along its axis tilts at the frequency at which one soft across it shears,
+    and near a fit with the wrong one of them the right one looks undetermined. Then comes what is
+    least determined. It leaves if the others alone meet the targets as closely (likelihood ratio,
+    two standard deviations); where no one may leave so, the least determined one leaves.
+    """
+    while parameters and not fit.is_determined:
+        uncertainty = dict(zip([p.name for p in parameters], fit.of_prior, strict=True))
+        least = sorted(parameters, key=lambda p: -uncertainty[p.name])
+        allowed = fit.misfit + WORSE * max(1.0, fit.misfit / len(target_hz))
+        refits = {}
+        for left_out in sorted(least, key=lambda p: not np.isinf(p.before).any()):
+            rest = [p for p in parameters if p is not left_out]
+            fixed = at_before(basis, left_out)
+            refit = tune(fixed, rest, target_hz)
+            refits[left_out.name] = rest, fixed, refit
+            if refit.misfit <= allowed:
+                break
+        else:
+            left_out = least[0]
+        parameters, basis, fit = refits[left_out.name]
+    return tuple(parameters)
+
+
+def at_before(basis: TuningBasis, p: Parameter) -> TuningBasis:
+    """The basis with a parameter at the value it had before, rigid springs as constraints."""
+    before = dict(zip(p.springs, p.before, strict=True)) if p.springs else {}
+    stiffness = np.array(
+        [before.get(name, k) for name, k in zip(basis.spring, basis.stiffness, strict=True)]
+    )
+    K0, M = basis.K0, basis.M
+    for form in (basis.forms[body] for body in p.bodies):
+        if p.of == "young":
+            K0 = K0 + (p.before[0] - 1) * form.K
+        else:
+            M = M + (p.before[0] - 1) * form.M
+    rigid = np.isinf(stiffness)
+    constraint = basis.elongation[rigid]
+    constraint = constraint / np.linalg.norm(constraint, axis=1, keepdims=True)
+    Z = _orthonormal(null_space(constraint) if rigid.any() else np.eye(len(M)), M)
+    return TuningBasis(
+        Z.T @ K0 @ Z,
+        np.eye(Z.shape[1]),
+        basis.elongation[~rigid] @ Z,
+        tuple(name for name, is_rigid in zip(basis.spring, rigid, strict=True) if not is_rigid),
+        stiffness[~rigid],
+        {
+            body: BodyForms(Z.T @ form.K @ Z, Z.T @ form.M @ Z, form.rigid @ Z)
+            for body, form in basis.forms.items()
+        },
+        tuple(t.within(Z) if isinstance(t, Shape) else t for t in basis.targets),
     )
 
 
@@ -188,20 +264,6 @@ def _fit(problem: "_Problem", start: NDArray[np.float64]):
         gtol=1e-12,
         max_nfev=60,
     )
-
-
-def _deviation(J: NDArray[np.float64], prior: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard deviation of ln(value), for J over the error of the data.
-
-    inf where the data leave a parameter as uncertain as its bounds do.
-    """
-    deviation = np.sqrt(np.diag(np.linalg.inv(J.T @ J + np.diag(prior**-2.0))))
-    return np.where(deviation > UNSEEN * prior, np.inf, deviation)
-
-
-def _seen(J: NDArray[np.float64], prior: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether the data narrow a parameter at all, were the others known."""
-    return (np.sum(J**2, axis=0) + prior**-2.0) ** -0.5 <= UNSEEN * prior
 
 
 class _Problem(NamedTuple):

@@ -34,10 +34,11 @@ def _parameter(scene: Scene, name: str) -> Parameter:
     table, _, spring = name.partition(".")
     if table == "materials":
         _require_one_modulus(scene, name)
-        return Parameter(name, (), *FACTOR, (), name.rpartition(".")[2])
+        return Parameter(name, (), *FACTOR, (), name.rpartition(".")[2], (1.0,))
     start, lower, upper = TURN if ".kr" in name else SHIFT
     value = now(scene, name)
-    return Parameter(name, (spring,), value if lower <= value <= upper else start, lower, upper)
+    start = value if lower <= value <= upper else start
+    return Parameter(name, (spring,), start, lower, upper, before=(value,))
 
 
 def _require_one_modulus(scene: Scene, name: str) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel
 
 import fem
-from fem.tuning import Parameter, Tuning, tune
+from fem.tuning import Parameter, Tuning, determined, tune
 from workflows.assembly import parameters as of_bodies
 from workflows.files.output_file import OutputFile
 from workflows.pipeline.pipeline import Pipeline, Progress, pipeline_of
@@ -113,7 +113,7 @@ def _of_the_rig(scene: Scene, names: tuple[str, ...]) -> list[Parameter]:
 
 
 class Fit(NamedTuple):
-    """A tuning of what its modes see, the scene with springs to vary, the seconds of the fit."""
+    """A tuning of what its modes determine, the scene with springs to vary, the seconds."""
 
     found: Tuning
     loose: Scene
@@ -121,27 +121,26 @@ class Fit(NamedTuple):
 
 
 def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], progress) -> Fit:
-    """The fit; what these modes do not see is left as it was in the scene. Raises InvalidScene
-    where they see nothing and are met all the same."""
+    """The fit of those parameters that these modes determine; the others stay as they were in the
+    scene. Raises InvalidScene where the modes determine none and are met all the same."""
     loose = loosened(scene, parameters)
     basis = pipeline_of(loose, progress)("tuning-basis")
     if scene.is_general:
         parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
     started = perf_counter()
     found = tune(basis, parameters, match)
-    seconds = perf_counter() - started
-    seen = [p for p, is_seen in zip(parameters, found.seen, strict=True) if is_seen]
     missed = _misses(dict(enumerate(found.modes_hz, start=1)), match)
-    if len(seen) == len(parameters) or (missed and not seen):
-        return Fit(found, loose, seconds)
-    if not seen:
+    if found.is_determined or missed:
+        return Fit(found, loose, perf_counter() - started)
+    subset = determined(basis, parameters, match, found)
+    if not subset:
         names = ", ".join(p.name for p in parameters)
         raise InvalidScene(
             f"{scene.name}: no value of --free {names} is determined by mode "
             f"{', '.join(map(str, match))}, nothing is tuned; free what moves these modes, or "
             "match others."
         )
-    return _fitted(scene, seen, match, progress)
+    return _fitted(scene, subset, match, progress)
 
 
 def _require_joints(scene: Scene, parameters: list[Parameter]) -> None:
@@ -205,9 +204,10 @@ def _parameter(name: str) -> Parameter:
 
 def _from(scene: Scene, p: Parameter) -> Parameter:
     """The same, from the value that the scene has where that is one to start from."""
-    values = [value for _, value in _now(scene, p)]
-    size = values[0] if p.springs else values[0] / getattr(scene.assembly, p.of)
-    return p._replace(start=size) if p.lower <= size <= p.upper else p
+    scale = 1.0 if p.springs else getattr(scene.assembly, p.of)
+    before = tuple(value / scale for _, value in _now(scene, p))
+    start = before[0] if p.lower <= before[0] <= p.upper else p.start
+    return p._replace(start=start, before=before)
 
 
 def _now(scene: Scene, p: Parameter) -> list[tuple[str, float]]:
