@@ -31,6 +31,7 @@ LEVER = 1e-4  # [m^2] turns per shifts: a rotational stiffness is one at about 1
 UNFITTED = 3.0  # log-frequency distance charged for a mode that lost its shape
 N_STARTS = 12
 UNSEEN = 0.7  # of the uncertainty within the bounds: more is left where the data say nothing
+VAGUE = np.log(2.0)  # standard deviation of ln(value): not even known within a factor of two
 WORSE = 4.0  # rise of the sum of squares that one parameter explains: two standard deviations
 
 
@@ -66,7 +67,7 @@ class Tuning(NamedTuple):
     value: NDArray[np.float64]  # (p,) stiffnesses [N/m, N m/rad] and factors
     modes_hz: NDArray[np.float64]  # (n_targets,) of the projection
     deviation: NDArray[np.float64]  # (p,) of ln(value) for the assumed frequency error
-    of_prior: NDArray[np.float64]  # (p,) the same over that of the bounds alone, up to 1
+    uncertainty: NDArray[np.float64]  # (p,) the same over the largest that counts as determined
     is_determined: bool  # whether the targets narrow every combination of the parameters
     misfit: float  # sum of (ln(f / target) / frequency error)^2
     all_hz: NDArray[np.float64]  # every frequency up to that of the highest target
@@ -173,17 +174,19 @@ def tune(
     n = len(target_hz)
     residual, J = problem.residual(x)[:n] / frequency_error, problem.jacobian(x)[:n] / frequency_error
 
-    # covariance of ln(value) in units of what the bounds leave: I where the data say nothing
+    # covariance of ln(value) over the largest deviations that count as determined; where the data
+    # say nothing, the bounds do
     prior = problem.prior
-    covariance = np.linalg.inv((J * prior).T @ (J * prior) + np.eye(len(prior)))
-    of_prior = np.sqrt(np.diag(covariance))
+    limit = np.minimum(UNSEEN * prior, VAGUE)
+    covariance = np.linalg.inv(J.T @ J + np.diag(prior**-2.0)) / np.outer(limit, limit)
+    uncertainty = np.sqrt(np.diag(covariance))
     return Tuning(
         problem.parameters,
         np.exp(x),
         lost * modes_there.frequency_hz[index],
-        np.where(of_prior > UNSEEN, np.inf, of_prior * prior),
-        of_prior,
-        bool(np.linalg.norm(covariance, 2) <= UNSEEN**2) if len(prior) else True,
+        np.where(uncertainty > 1.0, np.inf, uncertainty * limit),
+        uncertainty,
+        bool(np.linalg.norm(covariance, 2) <= 1.0) if len(x) else True,
         float(residual @ residual),
         modes_there.frequency_hz[: index.max() + 1],
         sum(fit.nfev for fit in fits),
@@ -199,18 +202,21 @@ def determined(
     """The parameters, of a fit of all of them, that the targets determine; none where they
     determine none. The others are at the values they had before (`Parameter.before`).
 
-    Backward elimination, one parameter at a time. A direction that was rigid is the first to leave
-    the fit: a bolt soft along its axis tilts at the frequency at which one soft across it shears,
-    and near a fit with the wrong one of them the right one looks undetermined. Then comes what is
-    least determined. It leaves if the others alone meet the targets as closely (likelihood ratio,
-    two standard deviations); where no one may leave so, the least determined one leaves.
+    Backward elimination, one parameter at a time. A direction that was rigid stays so if the other
+    parameters alone meet the targets as closely (likelihood ratio, two standard deviations), even
+    where the fit is definite near its solution: a bolt soft along its axis lets a part tilt at the
+    frequency at which one soft across it lets the part slide. While a combination is undetermined,
+    the least determined parameter of those that the targets can do without leaves, and where they
+    can do without none, the least determined of all.
     """
-    while parameters and not fit.is_determined:
-        uncertainty = dict(zip([p.name for p in parameters], fit.of_prior, strict=True))
+    while parameters:
+        uncertainty = dict(zip([p.name for p in parameters], fit.uncertainty, strict=True))
         least = sorted(parameters, key=lambda p: -uncertainty[p.name])
+        rigid = [p for p in least if np.isinf(p.before).all()]
+        elastic = [p for p in least if not np.isinf(p.before).all()]
         allowed = fit.misfit + WORSE * max(1.0, fit.misfit / len(target_hz))
         refits = {}
-        for left_out in sorted(least, key=lambda p: not np.isinf(p.before).any()):
+        for left_out in rigid if fit.is_determined else rigid + elastic:
             rest = [p for p in parameters if p is not left_out]
             fixed = at_before(basis, left_out)
             refit = tune(fixed, rest, target_hz)
@@ -218,6 +224,8 @@ def determined(
             if refit.misfit <= allowed:
                 break
         else:
+            if fit.is_determined:
+                break
             left_out = least[0]
         parameters, basis, fit = refits[left_out.name]
     return tuple(parameters)

@@ -130,9 +130,9 @@ def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], 
     started = perf_counter()
     found = tune(basis, parameters, match)
     missed = _misses(dict(enumerate(found.modes_hz, start=1)), match)
-    if found.is_determined or missed:
+    subset = parameters if missed else determined(basis, parameters, match, found)
+    if len(subset) == len(parameters):
         return Fit(found, loose, perf_counter() - started)
-    subset = determined(basis, parameters, match, found)
     if not subset:
         names = ", ".join(p.name for p in parameters)
         raise InvalidScene(
