@@ -172,7 +172,10 @@ def tune(
     index = paired(basis.forms, modes_there, basis.targets).index
     lost = np.where(index < 0, np.nan, 1.0)
     n = len(target_hz)
-    residual, J = problem.residual(x)[:n] / frequency_error, problem.jacobian(x)[:n] / frequency_error
+    residual, J = (
+        problem.residual(x)[:n] / frequency_error,
+        problem.jacobian(x)[:n] / frequency_error,
+    )
 
     # covariance of ln(value) over the largest deviations that count as determined; where the data
     # say nothing, the bounds do

@@ -4,8 +4,9 @@ One reduction to some fifty shapes, then a fit in tenths of a second, then the f
 stiffnesses found as a judge.
 """
 
+from collections.abc import Sequence
 from time import perf_counter
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
@@ -45,6 +46,7 @@ class TuningReport(BaseModel):
     full_order_hz: dict[str, float]
     stiffness: dict[str, float]
     deviation: dict[str, float | None]
+    undetermined: dict[str, float | Literal["rigid"]]  # keys of the scene, the values they keep
     mac: dict[str, float]
     between_hz: list[float]
     evaluations: int
@@ -97,8 +99,8 @@ def tuned(
     result = _targeted(at_values(fit.loose, fit.found.parameters, fit.found.value), match)
     full = pipeline_of(result, progress)
     fitted = {p.name for p in fit.found.parameters}
-    unseen = [p for p in freed_ones if p.name not in fitted]
-    return result, _report(scene, match, fit, full, unseen)
+    undetermined = [p for p in freed_ones if p.name not in fitted]
+    return result, _report(scene, match, fit, full, undetermined)
 
 
 def _of_the_rig(scene: Scene, names: tuple[str, ...]) -> list[Parameter]:
@@ -118,9 +120,16 @@ class Fit(NamedTuple):
     found: Tuning
     loose: Scene
     seconds: float
+    of_all: Tuning  # the fit of every parameter that the user freed
 
 
-def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], progress) -> Fit:
+def _fitted(
+    scene: Scene,
+    parameters: Sequence[Parameter],
+    match: dict[int, float],
+    progress: Progress,
+    of_all: Tuning | None = None,
+) -> Fit:
     """The fit of those parameters that these modes determine; the others stay as they were in the
     scene. Raises InvalidScene where the modes determine none and are met all the same."""
     loose = loosened(scene, parameters)
@@ -129,18 +138,19 @@ def _fitted(scene: Scene, parameters: list[Parameter], match: dict[int, float], 
         parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
     started = perf_counter()
     found = tune(basis, parameters, match)
+    of_all = of_all or found
     missed = _misses(dict(enumerate(found.modes_hz, start=1)), match)
     subset = parameters if missed else determined(basis, parameters, match, found)
     if len(subset) == len(parameters):
-        return Fit(found, loose, perf_counter() - started)
+        return Fit(found, loose, perf_counter() - started, of_all)
     if not subset:
-        names = ", ".join(p.name for p in parameters)
+        names = ", ".join(p.name for p in of_all.parameters)
         raise InvalidScene(
             f"{scene.name}: no value of --free {names} is determined by mode "
             f"{', '.join(map(str, match))}, nothing is tuned; free what moves these modes, or "
             "match others."
         )
-    return _fitted(scene, subset, match, progress)
+    return _fitted(scene, subset, match, progress, of_all)
 
 
 def _require_joints(scene: Scene, parameters: list[Parameter]) -> None:
@@ -267,11 +277,12 @@ def _targeted(scene: Scene, match: dict[int, float]) -> Scene:
     return scene.but(targets=tuple(told))
 
 
-def _report(scene, match, fit: Fit, full: Pipeline, unseen: list[Parameter]) -> TuningReport:
+def _report(scene, match, fit: Fit, full: Pipeline, undetermined: list[Parameter]) -> TuningReport:
     found, confirmed = fit.found, full("modes").paired_hz
     names = [p.name for p in found.parameters]
     numbers = [str(i) for i in range(1, len(found.modes_hz) + 1)]
     fitted, mac = dict(zip(numbers, map(float, found.modes_hz), strict=True)), shape_mac(full)
+    keeps = {key: value for p in undetermined for key, value in _now(scene, p)}
     return TuningReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
@@ -282,34 +293,64 @@ def _report(scene, match, fit: Fit, full: Pipeline, unseen: list[Parameter]) -> 
             name: float(s) if np.isfinite(s) else None
             for name, s in zip(names, found.deviation, strict=True)
         },
+        undetermined={key: "rigid" if np.isinf(x) else x for key, x in keeps.items()},
         mac=mac,
         between_hz=[float(hz) for hz in found.all_hz if not np.any(np.isclose(hz, found.modes_hz))],
         evaluations=found.evaluations,
         seconds=fit.seconds,
         remarks=[
-            *_unseen(scene, match, unseen),
-            *_remarks(scene, match, fitted, confirmed, found, unseen),
+            *_undetermined(match, keeps, names),
+            *_contradicted(match, fit, names),
+            *_remarks(scene, match, fitted, confirmed, found, undetermined),
             *_drifted(mac),
         ],
     )
 
 
-def _unseen(scene: Scene, match, parameters: list[Parameter]) -> list[str]:
-    values = [entry for p in parameters for entry in _now(scene, p)]
+def _undetermined(match, keeps: dict[str, float], names: list[str]) -> list[str]:
+    if not keeps:
+        return []
     modes = "mode " + ", ".join(map(str, match))
     return [
-        f"{key} is not determined by {modes}: it stays {'rigid' if np.isinf(x) else f'{x:g}'}."
-        for key, x in values
+        *(
+            f"{key} is not determined by {modes}: it stays {'rigid' if np.isinf(x) else f'{x:g}'}."
+            for key, x in keeps.items()
+        ),
+        f"The fit was repeated with what these modes determine: --free {','.join(names)}.",
     ]
 
 
-def _remarks(scene, match, fitted, confirmed, found: Tuning, unseen: list[Parameter]) -> list[str]:
+def _contradicted(match, fit: Fit, names: list[str]) -> list[str]:
+    """Modes that are missed with the values kept, and were met while these were free: of a joint
+    much stiffer than its scene has it, the modes tell a least stiffness and no more."""
+    missed = [
+        f"mode {n}"
+        for n, hz in match.items()
+        if abs(fit.found.modes_hz[n - 1] / hz - 1) > DISAGREEMENT
+        and abs(fit.of_all.modes_hz[n - 1] / hz - 1) < DISAGREEMENT / 2
+    ]
+    values = [
+        f"{p.name} = {x:.3g} ({_unit(p.name)})"
+        for p, x in zip(fit.of_all.parameters, fit.of_all.value, strict=True)
+        if p.name not in names
+    ]
+    if not missed:
+        return []
+    return [
+        f"{', '.join(missed)} would be met with {', '.join(values)}, which the modes do not "
+        "determine: set a value like this in the scene, inf for rigid, and tune again."
+    ]
+
+
+def _remarks(
+    scene, match, fitted, confirmed, found: Tuning, undetermined: list[Parameter]
+) -> list[str]:
     remarks = []
     missed = {n: fitted[str(n)] / hz - 1 for n, hz in match.items()}
     for n, error in missed.items():
         if abs(error) > DISAGREEMENT:
             remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
-    names = {p.name for p in (*found.parameters, *unseen)}
+    names = {p.name for p in (*found.parameters, *undetermined)}
     stiff = not scene.is_general and not {"head.kz", "head.kry"} <= names
     if stiff and {2, 3} <= match.keys() and max(map(abs, missed.values())) > DISAGREEMENT:
         remarks.append(
