@@ -1,12 +1,18 @@
 """gmsh holds one global state: opened, silenced and closed here, its bare exceptions as ours."""
 
+import ctypes
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from signal import SIGHUP, SIGINT, SIGQUIT, SIGTERM
 
 import gmsh
 
 EDGES_AROUND = 20  # edges around a circle, at least
+
+set_handler, handler_of = ctypes.pythonapi.PyOS_setsig, ctypes.pythonapi.PyOS_getsig
+set_handler.argtypes, set_handler.restype = (ctypes.c_int, ctypes.c_void_p), ctypes.c_void_p
+handler_of.argtypes, handler_of.restype = (ctypes.c_int,), ctypes.c_void_p
 
 
 @contextmanager
@@ -15,7 +21,12 @@ def session(failure: str = "gmsh could not mesh the assembly") -> Iterator[None]
 
     Files hold lengths in their own unit, the model always in metres.
     """
+    # gmsh sets signals to their defaults, unknown to Python: a run that is terminated later would
+    # die amid a file, and one under nohup would end with its terminal
+    handlers = {number: handler_of(number) for number in (SIGHUP, SIGINT, SIGQUIT, SIGTERM)}
     gmsh.initialize(readConfigFiles=False, interruptible=False)
+    for number, handler in handlers.items():
+        set_handler(number, handler)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", EDGES_AROUND)

@@ -13,6 +13,7 @@ import pytest
 import beadwave
 import rom
 from coupling.contact_response import ContactResponse
+from signal_guard import signals_restored
 from workflows.commands.app import COMMANDS
 from workflows.files.scene import built_in
 from workflows.pipeline.run import IMPACT_FILES
@@ -119,7 +120,8 @@ def test_a_notebook_runs(name, tmp_path):
         kernel_name="python3",
         resources={"metadata": {"path": str(tmp_path)}},
     )
-    client.execute()
+    with signals_restored():  # it leaves SIGTERM to its default
+        client.execute()
     outputs = [o for cell in notebook.cells for o in cell.get("outputs", ())]
     assert any("image/png" in o.get("data", {}) for o in outputs)
     assert any("N" in o.get("text", "") for o in outputs if o.output_type == "stream")

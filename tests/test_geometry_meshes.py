@@ -1,9 +1,13 @@
+import signal
+
 import numpy as np
 import pytest
 from skfem import Basis, FacetBasis, MeshHex, MeshTet
 
 from geometry import Assembly, hex_mesh, smallest_quality, volume
+from geometry.gmsh_session import session
 from geometry.tet_mesh import tet_mesh
+from signal_guard import dispositions, signals_restored
 
 SIZES = {"seed": 6e-3, "block_seed": 15e-3, "support_seed": 25e-3}
 
@@ -77,3 +81,19 @@ def test_screws_may_be_many_or_one():
         assert f"sheet+y:head-washer-{len(screw_x)}" in mesh.boundaries
         filled = Basis(mesh, mesh.elem(), intorder=3).dx.sum()
         assert filled == pytest.approx(volume(a), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("handler", "kernel"), [(lambda *_: None, "caught"), (signal.SIG_IGN, "ignored")]
+)
+def test_signals_are_handled_after_gmsh_as_before(handler, kernel):
+    """gmsh sets some to their defaults, unknown to Python: a run would die amid a file."""
+    numbers = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM)
+    with signals_restored():
+        for number in numbers:
+            signal.signal(number, handler)
+        with session():
+            within = dispositions()
+        after = dispositions()
+    assert {within.kernel[number] for number in numbers} == {kernel}
+    assert {after.kernel[number] for number in numbers} == {kernel}

@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from time import perf_counter, sleep
+from time import sleep
 
 import pytest
 
@@ -20,10 +20,8 @@ def test_a_child_imports_nothing_from_the_working_directory(tmp_path, monkeypatc
 
 
 def test_a_child_that_hangs_is_ended_and_told():
-    started = perf_counter()
     with pytest.raises(TimeoutError, match=r"timeit took more than 0\.5 s"):
         child("timeit", "-n1", "-r1", "while True: pass", seconds=0.5)
-    assert perf_counter() - started < 5
 
 
 def test_a_child_that_crashes_leaves_its_signal_and_no_core(tmp_path, monkeypatch):
@@ -45,11 +43,13 @@ with while_open("timeit", "-n1", "-r1", "while True: pass") as process:
 @pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM", "SIGINT"])
 def test_a_child_ends_with_whoever_started_it(name):
     parent = subprocess.run(
-        [sys.executable, "-c", ORPHAN.format(name=name)], capture_output=True, check=False
-    )
+        [sys.executable, "-c", ORPHAN.format(name=name)],
+        capture_output=True, check=False, start_new_session=True,
+    )  # fmt: skip
     child_id = int(parent.stdout)
     assert parent.returncode == -signal.Signals[name]
-    until = perf_counter() + 20
-    while Path(f"/proc/{child_id}").exists() and perf_counter() < until:
+    for _ in range(1200):  # a minute
+        if not Path(f"/proc/{child_id}").exists():
+            return
         sleep(0.05)
-    assert not Path(f"/proc/{child_id}").exists()
+    pytest.fail(f"{child_id} outlives its parent")

@@ -401,8 +401,8 @@ with folder.run("name = 'first'"), folder.writing("rom.npz") as part:
 @pytest.fixture
 def killed():
     """What a process left that was killed while it wrote."""
-    command = [sys.executable, "-c", HOLDING]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+    command, pipe = [sys.executable, "-c", HOLDING], subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, start_new_session=True) as process:
         assert process.stdout.readline() == b"held\n"
         assert small("run", "rig-1dof", "--out=out") == 2
         parts = list(Path("out").glob(".beadwave-*"))

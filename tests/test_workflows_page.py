@@ -83,8 +83,9 @@ def opened(browser):
         page.complaints = []
         page.on("console", lambda message: page.complaints.append(message.text))
         page.on("pageerror", lambda error: page.complaints.append(str(error)))
+        page.set_default_timeout(120_000)  # ms, of a busy machine
         page.goto(f"file://{folder}/report.html")
-        page.wait_for_timeout(300)
+        drawn(page)
         return page
 
     yield open_page
@@ -150,8 +151,23 @@ def test_a_large_surface_is_drawn_with_fewer_nodes(rig, opened, tmp_path, monkey
     assert picture(page) != before
 
 
+def drawn(page):
+    """Waits until what has changed is in the picture: observers of sizes are called in the first
+    frame, what they ask for is drawn in the next."""
+    page.evaluate(
+        "() => document.fonts.ready.then(() => new Promise((done) => requestAnimationFrame("
+        "() => requestAnimationFrame(() => requestAnimationFrame(done)))))"
+    )
+
+
 def picture(page):
     return page.locator(".view").screenshot()
+
+
+def frames_drawn(page, n):
+    """Waits for so many frames of the playing film."""
+    start = page.evaluate("beadwave.clock.frames")
+    page.wait_for_function("last => beadwave.clock.frames >= last", arg=start + n)
 
 
 @needs_browser
@@ -168,7 +184,7 @@ def test_the_view_changes_with_the_play_head_the_mode_and_the_mouse(rig, opened)
     page.mouse.up()
     shown.append(picture(page))
     page.click("button[data-mode='1']")
-    page.wait_for_timeout(200)
+    drawn(page)
     shown.append(picture(page))
     assert len(set(shown)) == 4
 
@@ -199,7 +215,8 @@ def test_all_that_moves_stays_in_the_view_and_fills_it(scene, width, rig, opened
 def test_the_play_head_stands_at_the_same_time_in_view_and_plots(rig, opened):
     page = opened(rig)
     page.evaluate("beadwave.clock.seek(1.5e-3)")
-    page.wait_for_timeout(100)
+    page.wait_for_function("document.querySelector('#impact .time').innerText.startsWith('1.500')")
+    drawn(page)
     places = page.evaluate(
         "[...document.querySelectorAll('[data-plot] .head')].map((head) => {"
         "const over = head.parentElement.getBoundingClientRect();"
@@ -223,9 +240,9 @@ def test_one_core_draws_ten_frames_a_second_in_software(rig, opened):
     page = opened(rig)
     page.locator("#impact").scroll_into_view_if_needed()
     page.evaluate("beadwave.clock.play(true)")
-    page.wait_for_timeout(1500)
+    frames_drawn(page, 15)
     before, start = processor_seconds(), page.evaluate("beadwave.clock.frames")
-    page.wait_for_timeout(3000)
+    frames_drawn(page, 30)
     frames = page.evaluate("beadwave.clock.frames") - start
     assert frames > 0 and processor_seconds() - before < 0.1 * frames
 
@@ -243,9 +260,9 @@ def test_a_page_leaves_time_for_sixty_frames_a_second(rig, opened):
         return next(metric["value"] for metric in metrics if metric["name"] == "TaskDuration")
 
     page.evaluate("beadwave.clock.play(true)")
-    page.wait_for_timeout(1500)
+    frames_drawn(page, 30)
     before, start = spent(), page.evaluate("beadwave.clock.frames")
-    page.wait_for_timeout(3000)
+    frames_drawn(page, 60)
     frames = page.evaluate("beadwave.clock.frames") - start
     assert frames > 0 and 0.0 < spent() - before < frames / 60
 
@@ -271,7 +288,7 @@ def test_without_webgl_the_still_pictures_stand_in(rig, browser, opened):
                          "return kind === 'webgl2' ? null : own.apply(this, arguments);"
                          "})(HTMLCanvasElement.prototype.getContext)")  # fmt: skip
     page.reload()
-    page.wait_for_timeout(300)
+    drawn(page)
     assert page.complaints == []
     assert not page.locator(".view canvas").is_visible()
     assert page.locator(".without img").count() == len(list(rig.glob("figures/[am]*.png")))
@@ -347,7 +364,8 @@ def test_nothing_of_a_scene_runs_in_the_browser(opened, tmp_path, monkeypatch):
     assert page.complaints == []
     assert page.locator("h1").inner_text() == evil
     page.evaluate("document.body.insertAdjacentHTML('beforeend', `<img src=x onerror='evil=1'>`)")
-    page.wait_for_timeout(200)
+    page.wait_for_function("[...document.images].every((image) => image.complete)")
+    drawn(page)
     assert not page.evaluate("'evil' in window")
 
 

@@ -115,7 +115,8 @@ beadwave.scan({scene}, grid="5x4", out={out!r}, signals=True, told=told)
 def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanned, monkeypatch):
     out, marched = tmp_path / "out", []
     script = KILLED.format(scene=BLOCK, out=str(out))
-    ended = subprocess.run([sys.executable, "-c", script], timeout=120, capture_output=True)
+    command = [sys.executable, "-c", script]
+    ended = subprocess.run(command, timeout=600, capture_output=True, start_new_session=True)
     assert ended.returncode == -signal.SIGKILL, ended.stderr
     parts = {path.name for path in out.glob("part-*.parquet")}
     assert len(parts) == 2 and not list(out.glob("cases.parquet"))

@@ -489,7 +489,8 @@ beadwave.sweep("rig-rigid", {short}, cases={{"striker.velocity": "0.1:1:30"}}, o
 
 def test_a_killed_sweep_loses_nothing_that_was_done():
     script = KILLED.format(short=SHORT)
-    ended = subprocess.run([sys.executable, "-c", script], timeout=120, capture_output=True)
+    command = [sys.executable, "-c", script]
+    ended = subprocess.run(command, timeout=600, capture_output=True, start_new_session=True)
     assert ended.returncode == -signal.SIGKILL, ended.stderr
     assert sorted(path.name for path in Path("out").glob("*.parquet"))
     seen = []
@@ -527,7 +528,8 @@ def _kill_a_worker():
 
     pids = list(get_client().run(os.getpid).values())
     os.kill(pids[0], signal.SIGKILL)
-    time.sleep(0.2)
+    while Path(f"/proc/{pids[0]}").exists():  # until its nanny has heard of it
+        time.sleep(0.01)
     return pids[0]
 
 

@@ -68,7 +68,7 @@ def test_a_tuned_scene_meets_its_modes_in_the_full_model():
     np.testing.assert_allclose(found, [report.modes_hz[str(i)] for i in (1, 2, 3)], rtol=1e-3)
     np.testing.assert_allclose(found, [51, 269, 907], rtol=5e-3)  # three springs, weak pulls
     assert result.joints.head.ky == report.stiffness["head.ky"]
-    assert result.joints.head.kx == np.inf and report.seconds < 10
+    assert result.joints.head.kx == np.inf
 
 
 def test_mac_is_the_same_in_tune_and_modes():

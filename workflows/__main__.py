@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 
 def main() -> None:
-    """Run the command; a signal while the program still loads is as quiet as later."""
+    """Run the command and end the process: signals stay ignored until the interpreter is gone. A
+    signal while the program still loads is as quiet as later."""
     try:
         from workflows.commands import signals
 
@@ -28,10 +29,12 @@ def main() -> None:
 def _loaded() -> Callable[[], None]:
     """The command, whose modules live as long as the process: no garbage is looked for in them."""
     gc.disable()
-    from workflows.commands.app import main as command
+    try:
+        from workflows.commands.app import main as command
 
-    gc.freeze()
-    gc.enable()
+        gc.freeze()
+    finally:
+        gc.enable()
     return command
 
 

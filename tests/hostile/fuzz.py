@@ -164,7 +164,7 @@ def fault(kind: Kind, path: Path) -> str | None:
 
 
 def _fault(kind: Kind, path: Path) -> str | None:
-    signal.signal(signal.SIGALRM, _too_slow)
+    handler = signal.signal(signal.SIGALRM, _too_slow)
     signal.setitimer(signal.ITIMER_REAL, STUCK)
     began = sum(os.times()[:4])
     try:
@@ -180,6 +180,7 @@ def _fault(kind: Kind, path: Path) -> str | None:
         return f"{type(error).__name__}: {error}"
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, handler)
     spent = sum(os.times()[:4]) - began
     return f"took {spent:.0f} s of processors" if spent > SECONDS else None
 

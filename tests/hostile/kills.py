@@ -83,7 +83,7 @@ def started(out: str, cache: str) -> subprocess.Popen:
     environment = {**os.environ, "BEADWAVE_CACHE_DIR": str(Path(cache).absolute())}
     command = [*COMMAND, f"--out={out}"]
     return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL,
-                            stderr=subprocess.PIPE, text=True)  # fmt: skip
+                            stderr=subprocess.PIPE, text=True, start_new_session=True)  # fmt: skip
 
 
 def finished(out: str, cache: str) -> None:

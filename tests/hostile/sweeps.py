@@ -52,8 +52,9 @@ class Cluster:
             if name not in self.parts or self.parts[name].poll() is not None:
                 words = (sys.executable, "-m", f"distributed.cli.{module}", *options)
                 self.parts[name] = subprocess.Popen(
-                    [*words, "--no-dashboard"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-                )
+                    [*words, "--no-dashboard"], stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL, start_new_session=True,
+                )  # fmt: skip
         for _ in range(PATIENCE):
             with socket.socket() as trial:
                 if trial.connect_ex(("127.0.0.1", self.port)) == 0:
@@ -88,7 +89,8 @@ def main(count: int) -> None:
 
 def started(out: str, *options: str) -> subprocess.Popen:
     words = [*SWEEP, "--out", out, *options]
-    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(words, **pipes, start_new_session=True)
 
 
 def swept(out: str, address: str) -> None:
