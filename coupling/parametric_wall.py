@@ -112,15 +112,20 @@ class ParametricWall(NamedTuple):
         )
 
     def through(self, theta: NDArray[np.float64], true: Computed) -> "ParametricWall":
-        """The same moved so that it gives the true wall at theta; raises CouplingError where that
-        has other modes."""
+        """The same moved so that it gives the true wall at theta; modes that the true wall lacks
+        keep their frequencies and take no part there. Raises CouplingError where a mode has no
+        stiffness left."""
         mine = self(theta)
-        given = true.wall
-        if len(given.omega) < self.n_modes:
-            raise CouplingError("the wall has fewer modes at the answer than around it.")
-        order = _nearest(mine, given, self.n_modes - 1)
-        now = _quantities(mine)
-        offset = _quantities(_gathered(given, order)) - now
+        own, places = _nearest(mine, true.wall, self.n_modes - 1)
+        there = _gathered(true.wall, places)
+        kept = np.append(own, self.n_modes - 1)  # the oscillator for the rest comes last
+        full = mine._replace(
+            omega=mine.omega.copy(), phi=np.zeros(self.n_modes), zeta=mine.zeta.copy(),
+            residual_compliance=there.residual_compliance,
+        )  # fmt: skip
+        for of_full, of_true in zip(full[:3], there[:3], strict=True):
+            of_full[kept] = of_true
+        offset = _quantities(full) - _quantities(mine)
         moved = self.coefficients.copy()
         moved[~self.degrees.any(axis=1)] += offset
         return self._replace(coefficients=moved)
@@ -198,11 +203,12 @@ def mac(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.floa
     return (one.T @ other) ** 2 / np.maximum(square, 1e-300)
 
 
-def _nearest(mine: Wall, given: Wall, n: int) -> NDArray[np.int64]:
-    """(n,) places in the given wall of modes that lie where mine do."""
-    apart = np.abs(np.log(mine.omega[:n, None] / np.maximum(given.omega[None, :-1], 1e-12)))
-    rows, columns = linear_sum_assignment(apart)
-    return columns[np.argsort(rows)]
+def _nearest(mine: Wall, given: Wall, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(k,) those of my first n modes that have a partner, and its place in the given wall: k is n,
+    or as many modes as the given wall has."""
+    own, others = np.maximum(mine.omega[:n, None], 1e-12), np.maximum(given.omega[None, :-1], 1e-12)
+    apart = np.abs(np.log(own / others))
+    return linear_sum_assignment(apart)  # rows ascend
 
 
 def _gathered(wall: Wall, order: NDArray[np.int64]) -> Wall:

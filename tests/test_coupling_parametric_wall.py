@@ -241,8 +241,20 @@ def test_a_wall_is_moved_by_the_same_everywhere():
     shift = moved(other).omega ** 2 - coarse(other).omega ** 2
     np.testing.assert_allclose(shift, exact.omega**2 - before, rtol=1e-6)
     assert (moved.degrees == coarse.degrees).all() and moved.missed == coarse.missed
-    with pytest.raises(CouplingError, match="fewer modes at the answer"):
-        coarse.through(SOMEWHERE, hinged(SOMEWHERE, 11))
+
+
+def test_through_a_wall_with_fewer_modes_the_others_take_no_part():
+    """Two modes fewer than around it: the moved wall answers a force as the true one does."""
+    coarse, true = made(1), hinged(SOMEWHERE, 9)
+    wall = coarse.through(SOMEWHERE, true)(SOMEWHERE)
+    assert wall.omega.size == coarse.n_modes > true.wall.omega.size
+    f = 2 * np.pi * np.geomspace(10.0, 2e4, 50)
+    found, exact = (
+        ((w.phi**2) / (w.omega**2 - f[:, None] ** 2 + 2j * w.zeta * w.omega * f[:, None])).sum(axis=1)
+        for w in (wall, true.wall)
+    )  # fmt: skip
+    np.testing.assert_allclose(found, exact, rtol=1e-9)
+    assert wall.residual_compliance == pytest.approx(true.wall.residual_compliance)
 
 
 def shaped(shapes, n=None):
@@ -285,7 +297,9 @@ def test_the_mac_of_a_shape_that_does_not_move_is_none():
 def test_modes_nearest_in_octaves_are_the_same():
     mine = Wall(np.array([2.0, 9.0, 40.0, 7.0]), *np.zeros((2, 4)))
     given = Wall(np.array([50.0, 0.0, 8.0, 4.4, 1.0, 9.0]), *np.zeros((2, 6)))
-    np.testing.assert_array_equal(_nearest(mine, given, 3), [4, 2, 0])
+    np.testing.assert_array_equal(_nearest(mine, given, 3), [[0, 1, 2], [4, 2, 0]])
+    few = Wall(np.array([9.0, 2.1, 30.0]), *np.zeros((2, 3)))
+    np.testing.assert_array_equal(_nearest(mine, few, 3), [[0, 1], [1, 0]])
 
 
 @pytest.mark.parametrize(("share", "counts"), [(0.9e-9, False), (1.1e-9, True)])

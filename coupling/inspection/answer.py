@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coupling.inspection.fitting import Fit
+from coupling.inspection.forward import IMPOSSIBLE
 from coupling.inspection.inversion import Inversion, inverted, profiled
 from coupling.inspection.judgement import SETTLED
 from coupling.inspection.search import Searched, searched
@@ -18,6 +19,7 @@ class Answer(NamedTuple):
     inversion: Inversion
     fit: Fit
     moved: float | None  # bars by which the last computed wall moved it
+    no_wall: str = ""  # why no wall could be computed there
 
 
 def answered(
@@ -36,16 +38,22 @@ def answered(
 
 
 def _settled(fit: Fit, theta, n_shared: int, gains: tuple[str, ...], search: Searched) -> Answer:
-    """An end of the search, found again with walls computed where it lies."""
-    model, moved = fit.forward.system, None
+    """An end of the search, found again with walls computed where it lies. Where none can be
+    computed the end stays as the walls around it gave it."""
+    model, moved, no_wall = fit.forward.system, None, ""
     found = inverted(fit, begin=theta, n_shared=n_shared, gains=gains)
     for _ in range(ROUNDS if model.between else 0):
-        model = model.through(found.value[: len(model.keys)])
-        fit = fit._replace(forward=fit.forward._replace(system=model))
-        begin = found.value[: len(fit.unknowns.parameters)]
-        before, found = found, inverted(fit, begin=begin, n_shared=n_shared, gains=gains)
+        try:
+            model = model.through(found.value[: len(model.keys)])
+            there = fit._replace(forward=fit.forward._replace(system=model))
+            begin = found.value[: len(fit.unknowns.parameters)]
+            anew = inverted(there, begin=begin, n_shared=n_shared, gains=gains)
+        except IMPOSSIBLE as reason:
+            no_wall = str(reason)
+            break
+        fit, before, found = there, found, anew
         off = np.abs(found.value - before.value)[:n_shared]
         moved = float((off / found.uncertainty.two_sigma[:n_shared]).max())
         if moved <= SETTLED:
             break
-    return Answer(profiled(fit, found, n_shared)._replace(search=search), fit, moved)
+    return Answer(profiled(fit, found, n_shared)._replace(search=search), fit, moved, no_wall)

@@ -46,11 +46,13 @@ class Judged(NamedTuple):
     between: ParametricWall | None
     moved: float | None  # bars by which the last computed wall moved it
     records: tuple[str, ...]
+    no_wall: str = ""  # why no wall could be computed at the answer
 
     @property
     def explained(self) -> bool:
-        """Whether the model explains the records, as far as their noise is known."""
-        return not self.noise_known or self.inversion.explained
+        """Whether the model explains the records, as far as their noise is known; where no wall can
+        be computed at the answer there is no model of it."""
+        return not self.no_wall and (not self.noise_known or self.inversion.explained)
 
     @property
     def told(self) -> list[str]:
@@ -175,7 +177,14 @@ class Judged(NamedTuple):
     def _on_wall(self) -> Iterator[str]:
         """How far the interpolation and the step of the model may be believed."""
         between = self.between
-        if between:
+        if self.no_wall:
+            yield (
+                "THE MODEL DOES NOT EXPLAIN THE RECORDS: no wall can be computed at the answer "
+                f"({self.no_wall.rstrip('.')}). What is shown is of walls around it; do not rely "
+                "on what was found, nor on its bars. The structure is another than the scene says, "
+                "or --bounds are too wide."
+            )
+        elif between:
             yield (
                 f"The wall lies between {between.n_walls} that were computed; one that is left out "
                 f"is missed by up to {100 * between.missed.frequency:.2g} % in the frequency of a "

@@ -117,7 +117,7 @@ def _followed(
     while True:
         tried = _kept(one.until(n), met, thetas, n_shared, starts, n == end)
         meets = _meets(one.until(n), tried[0].theta, met)
-        if follows and not meets and n - met > FINEST * (n - touch) and lost < PATIENCE:
+        if follows and not meets and n - met > max(1, FINEST * (n - touch)) and lost < PATIENCE:
             thetas = _filled(one, kept, spread, MANY * starts, rng)
             n, lost = met + (n - met) // 2, lost + 1
             continue

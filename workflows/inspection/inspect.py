@@ -45,6 +45,7 @@ class Inspected(NamedTuple):
     structure: Structure
     n_shared: int
     moved: float | None
+    no_wall: str  # why none could be computed at the answer
     noise_known: bool
     seconds: float
 
@@ -67,11 +68,15 @@ def inspected(
     model = structure(base, keys, box, len(found), progress)
     with progress("inversion"):
         fit, gains, known = problem(model, records, found, own)
-        (inversion, fit, moved), rivals = _answered(fit, len(found), gains, request)
-    scene = numbers.moved(base, keys[: len(found)], inversion.value[: len(found)])
+        (inversion, fit, moved, no_wall), rivals = _answered(fit, len(found), gains, request)
+    at = keys[: len(found)], inversion.value[: len(found)]
+    # where no wall can be computed, the numbers may contradict each other: they are shown unchecked
+    scene = numbers.put(base.with_values({}), *at) if no_wall else numbers.moved(base, *at)
     seconds = perf_counter() - began
     settled = fit.forward.system
-    return Inspected(scene, inversion, rivals, fit, settled, len(found), moved, known, seconds)
+    return Inspected(
+        scene, inversion, rivals, fit, settled, len(found), moved, no_wall, known, seconds
+    )
 
 
 @usable()

@@ -88,9 +88,13 @@ class Structure(NamedTuple):
         return self._replace(between=between)
 
     def through(self, values: NDArray[np.float64]) -> "Structure":
-        """The same with the wall that is computed at these values."""
+        """The same with the wall that is computed at these values; raises CouplingError where none
+        can be."""
         there = values[list(self.of_wall)]
-        true = computed(moved(self.base, self.keys, values))
+        try:
+            true = computed(moved(self.base, self.keys, values))
+        except FAILURES as reason:
+            raise coupling.CouplingError(str(reason)) from None
         return self._replace(between=self.between.through(there, true))
 
 
