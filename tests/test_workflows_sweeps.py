@@ -13,13 +13,15 @@ import pytest
 
 import beadwave
 import dem
+import rom
 from beadwave import Cases, InvalidScene
 from coupling.sweep.design import Design
 from coupling.sweep.effects import sobol_effects
 from workflows.files.run_folder import RunFolder
+from workflows.pipeline import pipeline, sources
 from workflows.results.tables import apart
+from workflows.sweep import models, tasks
 from workflows.sweep import sweep as sweeping
-from workflows.sweep import tasks
 from workflows.sweep.cases import base_of
 from workflows.sweep.cluster import engine
 from workflows.sweep.design import grid, sampled, table
@@ -474,6 +476,113 @@ def test_springs_with_units_have_models_of_their_own(counted):
     Path("two.toml").write_text(TWO)
     found = beadwave.sweep("two.toml", cases={"joints.bolt.kz": ["1e7 N/m"]}, out="out")
     assert found.counts() == {"done": 1} and [one.springs for one in counted] == [()]
+
+
+# --- rows of the files that are there ----------------------------------------------------------
+
+
+def wall_of(path, stiffness):
+    """A reduced model of six equal masses as a wall's file."""
+    K = stiffness * (2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1))
+    rom.save_npz(path, rom.full_order(K, 0.4 * np.eye(6), np.eye(6)[0]))
+
+
+def by_wall(*files):
+    """Changes for a wall of the first file, and cases over all of them."""
+    wall = {"kind": "rom", "file": files[0], "half_space": 0.0}
+    return SHORT | {"wall": wall}
+
+
+TABLE = '{ kind = "rom", file = "b.npz", half_space = 0.0 }'
+NAMED_BY = {
+    "the scene": (by_wall("b.npz"), {"striker.velocity": "0.2,0.3"}),
+    "a list": (by_wall("a.npz"), {"wall.file": "b.npz,a.npz"}),
+    "a table": (SHORT, {"wall": TABLE}),
+    "a CSV": (by_wall("a.npz"), Cases(table="cases.csv")),
+}
+
+
+@pytest.mark.parametrize("named_by", NAMED_BY)
+def test_a_table_is_computed_anew_once_the_file_of_a_wall_is_another(named_by):
+    wall_of("a.npz", 2e8), wall_of("b.npz", 3e7)
+    Path("cases.csv").write_text("wall.file, striker.velocity\na.npz,0.2\nb.npz,0.2\n")
+    changes, cases = NAMED_BY[named_by]
+
+    def swept():
+        return beadwave.sweep("rig-1dof", changes, cases=cases, out="out")
+
+    old = swept()
+    assert old.notes == () and set(old.counts()) == {"done"}
+    assert swept().columns["seconds"].tolist() == old.columns["seconds"].tolist()
+    wall_of("b.npz", 5e9)
+    new = swept()
+    assert new.notes == (
+        "replaced: the table in out, since a file that it was made of changed, or the program did",
+    )
+    change = new.columns["wall_peak_force_N"] / old.columns["wall_peak_force_N"] - 1.0
+    assert np.abs(change).max() > 0.05
+    assert swept().notes == ()
+
+
+def test_a_stopped_sweep_does_not_go_on_with_rows_of_a_file_that_is_another(monkeypatch):
+    monkeypatch.setattr(tasks, "CHUNK", 2)
+    wall_of("a.npz", 2e8)
+    over, changes = {"striker.velocity": "0.1:0.5:6"}, by_wall("a.npz")
+
+    def stop(done, n):
+        if done >= 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        beadwave.sweep("rig-1dof", changes, cases=over, out="out", told=stop)
+    assert list(Path("out").glob("part-*"))
+    wall_of("a.npz", 3e7)
+    found = beadwave.sweep("rig-1dof", changes, cases=over, out="out")
+    whole = beadwave.sweep("rig-1dof", changes, cases=over, out="whole")
+    force = found.columns["wall_peak_force_N"]
+    np.testing.assert_allclose(force, whole.columns["wall_peak_force_N"], 1e-13)
+    assert not list(Path("out").glob("part-*"))
+
+
+@pytest.mark.parametrize("after", [2, 6], ids=["amid", "at the end"])
+def test_a_file_that_changes_while_a_sweep_runs_ends_it_in_a_sentence(after, monkeypatch):
+    monkeypatch.setattr(tasks, "CHUNK", 2)
+    wall_of("a.npz", 2e8)
+    first = Path("a.npz").read_bytes()
+    over, changes = {"striker.velocity": "0.1:0.5:6"}, by_wall("a.npz")
+
+    def replaced(done, n):
+        if done == after:
+            wall_of("a.npz", 3e7)
+
+    with pytest.raises(ValueError, match=r"a.npz changed while its cases were computed; put"):
+        beadwave.sweep("rig-1dof", changes, cases=over, out="out", told=replaced)
+    assert not Path("out", "cases.parquet").exists()
+    Path("a.npz").write_bytes(first)
+    computed = []
+    monkeypatch.setattr(
+        sweeping, "rows", lambda *a: computed.extend(a[0].group.cases) or original(*a)
+    )
+    found = beadwave.sweep("rig-1dof", changes, cases=over, out="out")
+    assert found.counts() == {"done": 6} and len(computed) == 6 - after
+
+
+def test_a_table_is_computed_anew_by_another_program(monkeypatch):
+    over = {"striker.velocity": "0.1,0.2"}
+    old = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
+    for name in ("fingerprint", "library_versions"):
+        with monkeypatch.context() as other:
+            other.setattr(pipeline, name, lambda *_: "of another program")
+            new = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
+        assert new.notes and (new.columns["seconds"] != old.columns["seconds"]).all()
+
+
+@pytest.mark.parametrize("module", ["workflows.sweep.sweep", "workflows.sweep.scan"])
+def test_what_computes_rows_is_among_the_sources_of_a_table(module):
+    reached = sources.modules(module, *pipeline.every_stage())
+    for stages in (pipeline.ASSEMBLY, pipeline.BENDING, pipeline.IMPACT, models.FURTHER):
+        assert reached >= {stage.module for stage in stages.values()}
+    assert reached >= {module, "dem.batch", "coupling.sweep.rows", "fem.plate", "rom.lanczos"}
 
 
 KILLED = """

@@ -77,10 +77,11 @@ def sweep(
     read = (*files_read(chosen, scene), *([Path(cases.table)] if cases.table else []))
     folder = RunFolder(path, inputs=read, overwrite=overwrite)
     with folder.run(text, FILES) as folder, _engine(on) as engine:
-        kept = compute(base, design, folder, engine, signals=signals, told=told, again=cases.again)
+        notes += compute(
+            base, design, folder, engine, signals=signals, told=told, again=cases.again
+        )
         _draw(folder, design)
-    said = f"{kept} cases failed before and are kept so; --again computes them again"
-    return opened(path, (*notes, said) if kept else notes)
+    return opened(path, notes)
 
 
 def _draw(folder: RunFolder, design: Design) -> None:
@@ -134,7 +135,7 @@ def scan(
     with folder.run(text, FILES) as folder:
         struck = StruckFace(chosen)
         design = points.design(struck)
-        compute(struck, design, folder, signals=signals, told=told)
+        notes += compute(struck, design, folder, signals=signals, told=told)
         _draw(folder, design)
     return opened(path, notes)
 

@@ -14,6 +14,7 @@ from workflows.scene.toml import Change, changed, parsed, resolved
 Changes = Mapping[str, Any] | Iterable[Change]
 Source = str | Path | Mapping[str, Any] | Scene | None  # name, file, tables; None is DEFAULT
 DEFAULT = "rig-rom"
+FILE_KEYS = ("file", "step", "mesh", "shape")  # their texts are files to read
 MOST_BYTES = 50_000_000  # a million spheres, each with values of its own
 
 
@@ -144,9 +145,9 @@ def files_read(scene: Scene, source: Source = None) -> tuple[Path, ...]:
     """The files that a run of the scene reads: its own, and those that its tables name."""
     is_file = isinstance(source, str | Path) and str(source) not in built_in()
     own = [source] if is_file else []
-    named = [getattr(table, key, None) for _, table in scene for key in ("file", "step", "mesh")]
-    shapes = [target.shape for target in scene.targets or ()]
-    return tuple(Path(file) for file in (*own, *named, *shapes) if file)
+    tables = (*(table for _, table in scene), *(scene.targets or ()))
+    named = [getattr(table, key, None) for table in tables for key in FILE_KEYS]
+    return tuple(Path(file) for file in (*own, *named) if isinstance(file, str | Path) and file)
 
 
 def tables(name: str) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def _plain(table: Any) -> Any:
 def _wall_reads(scene: Scene) -> Any:
     file = getattr(scene.wall, "file", None)
     tables = tables_of("wall", "damping", "patch", "strike", "assembly")(scene)
-    return {**tables, "content": _content(file)}
+    return {**tables, "content": content(file)}
 
 
 def _observed(scene: Scene) -> Any:
@@ -86,19 +86,19 @@ def _marched(scene: Scene) -> Any:
 
 def _targets(scene: Scene) -> Any:
     files = {target.shape for target in scene.targets or ()}
-    return [tables_of("targets")(scene), sorted(map(str, map(_content, files)))]
+    return [tables_of("targets")(scene), sorted(map(str, map(content, files)))]
 
 
 def _dimensions(scene: Scene) -> Any:
     if scene.is_general:
-        return [tables_of(*BODIES, "mesh")(scene), _content(scene.assembly.file)]
+        return [tables_of(*BODIES, "mesh")(scene), content(scene.assembly.file)]
     from workflows.scene.assembly import assembly
 
-    content = _content(scene.mesh.file)
-    return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point, content]
+    mesh = content(scene.mesh.file)
+    return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point, mesh]
 
 
-def _content(path: str | None) -> str | None:
+def content(path: str | Path | None) -> str | None:
     """What tells the content of a file from another; None where there is none."""
     if path is None or not Path(path).is_file():
         return None
@@ -306,8 +306,7 @@ class Pipeline:
 
     def _key(self, stage: Stage, name: str) -> str:
         parts = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
-        versions = library_versions(("beadwave", *LIBRARIES))
-        return _digest([*parts, fingerprint(stage.module), versions])
+        return digest([*parts, *program(stage.module)])
 
 
 def pipeline_of(
@@ -321,8 +320,20 @@ def _result(name: str, key: str, pipeline: Pipeline) -> Any:
     return pipeline.compute(name)
 
 
-def _digest(content: Any) -> str:
-    return sha256(dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+def program(*modules: str) -> list[Any]:
+    """What computes, for a key: the sources that these modules reach, and versions."""
+    return [fingerprint(*modules), library_versions(("beadwave", *LIBRARIES))]
+
+
+def every_stage() -> list[str]:
+    """The modules of all stages that some scene has."""
+    tables = (ASSEMBLY, BENDING, IMPACT)
+    return sorted({stage.module for stages in tables for stage in stages.values()})
+
+
+def digest(parts: Any) -> str:
+    """A key of all that JSON or a text can say of these parts."""
+    return sha256(dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def library_versions(names: tuple[str, ...]) -> dict[str, str]:

@@ -21,19 +21,19 @@ DATA = re.compile(r'"([\w.-]+\.(?:toml|json|csv))"')
 
 
 @cache
-def fingerprint(module: str) -> str:
-    """A digest of every source and data file that the module runs or reads."""
+def fingerprint(*roots: str) -> str:
+    """A digest of every source and data file that these modules run or read."""
     read = sha256()
-    for name in sorted(modules(module)):
+    for name in sorted(modules(*roots)):
         for path in files(name):
             read.update(f"{name} {path.name}\n".encode() + path.read_bytes())
     return read.hexdigest()
 
 
-def modules(module: str) -> set[str]:
-    """The module and all of ours that it imports, and those that these import."""
+def modules(*roots: str) -> set[str]:
+    """These modules and all of ours that they import, and those that these import."""
     found: set[str] = set()
-    ahead = [module]
+    ahead = [*roots]
     while ahead:
         name = ahead.pop()
         if name not in found:

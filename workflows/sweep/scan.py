@@ -27,6 +27,7 @@ from workflows.pipeline.rig import STRUCK
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.sweep.cases import Base
 from workflows.sweep.design import Design
+from workflows.sweep.inputs import Inputs, files_of_scene
 from workflows.sweep.march import observed, saved
 from workflows.sweep.store import About, Store
 
@@ -103,16 +104,20 @@ def struck_scene(base: Base, face: str | None) -> Scene:
     return base.with_values({"patch.point": [0.0, 0.0]})
 
 
-def scan(face: StruckFace, design: Design, folder: RunFolder, *, signals: bool, told: Told) -> None:
-    """Fill the folder with the table of all points; one that is there already is kept."""
+def scan(
+    face: StruckFace, design: Design, folder: RunFolder, *, signals: bool, told: Told
+) -> tuple[str, ...]:
+    """Fill the folder with the table of all points; one that is there already is kept. What the
+    user is to know, in sentences."""
     scene, outline = face.scene, face.outline()
     name = scene.strike.on if scene.is_general else face.name
     about = About(dict.fromkeys(design.keys, "m"), {"name": name, **_plain(outline)})
-    store = Store(folder, design, scene, signals, about)
+    store = Store(folder, design, scene, signals, Inputs(files_of_scene(scene), __name__), about)
+    notes = store.notes()
     if store.whole():
         store.keep()
         told(design.n_cases, design.n_cases)
-        return
+        return notes
     missing = np.array(store.missing(), int)
     told(design.n_cases - len(missing), design.n_cases)
     points = np.array(list(design.columns.values())).T
@@ -123,6 +128,7 @@ def scan(face: StruckFace, design: Design, folder: RunFolder, *, signals: bool, 
     errors = _marched(face, points, placed, missing, store, signals, told) if placed.patches else {}
     told(design.n_cases, design.n_cases)
     store.finish(errors)
+    return notes
 
 
 def _refuse(store: Store, scene: Scene, status: str, sentences: dict[int, str]) -> None:

@@ -1,7 +1,6 @@
 """The table of a sweep on disk: parts as cases are done, one Parquet file at the end."""
 
 from collections.abc import Mapping
-from hashlib import sha256
 from json import dumps, loads
 from pathlib import Path
 from types import MappingProxyType
@@ -12,8 +11,10 @@ import numpy as np
 from coupling.sweep.design import Design
 from coupling.sweep.rows import DONE, FAILED, TEXT, Rows
 from workflows.files.run_folder import RunFolder
+from workflows.pipeline.pipeline import digest
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.quantities import entries
+from workflows.sweep.inputs import Inputs
 
 TABLE, SIGNALS = "cases.parquet", "signals.nc"
 ABOUT = b"beadwave"  # in the table's metadata: what it is a table of
@@ -49,9 +50,11 @@ class Store:
     """Parts of a design's rows in a run folder, and the whole table of them."""
 
     def __init__(
-        self, folder: RunFolder, design: Design, scene: Scene, signals: bool, about: About = ALONE
-    ) -> None:
+        self, folder: RunFolder, design: Design, scene: Scene, signals: bool, inputs: Inputs,
+        about: About = ALONE,
+    ) -> None:  # fmt: skip
         self._folder = folder
+        self._inputs = inputs
         self._design = design
         self._spheres = scene.output.spheres
         self._signals = signals
@@ -60,8 +63,8 @@ class Store:
         units = {entry.key: entry.quantity.kind.unit for entry in entries(scene)}
         self._units = about.units | {key: units[key] for key in design.keys if key in units}
         self._face = about.face
-        told = (folder.path / "scene.toml").read_text(encoding="utf-8"), design.digest
-        self._key = sha256(dumps(told).encode()).hexdigest()[:12]
+        self._scene_toml = (folder.path / "scene.toml").read_text(encoding="utf-8")
+        self._key = digest([self._scene_toml, design.digest, inputs.key])[:12]
         self._prefix = f"part-{self._key}{'-signals' if signals else ''}-"
 
     @property
@@ -71,15 +74,31 @@ class Store:
         return [path for path in found if self._folder.base.ours(self._name(path))]
 
     def whole(self) -> bool:
-        """Whether the table of this design and scene is there."""
+        """Whether the table of this design, scene and content of files is there."""
+        there = self._folder.base
+        kept = there.ours(SIGNALS) or not self._signals
+        return self._key_there() == self._key and kept
+
+    def notes(self) -> tuple[str, ...]:
+        """A sentence where a table of the same scene and cases does not hold any more."""
+        there = self._folder.base
+        if self._key_there() in (None, self._key) or not there.ours("scene.toml"):
+            return ()
+        if (there.path / "scene.toml").read_text(encoding="utf-8") != self._scene_toml:
+            return ()
+        said = "since a file that it was made of changed, or the program did"
+        return (f"replaced: the table in {there.path}, {said}",)
+
+    def _key_there(self) -> str | None:
+        """The key of the table that is there."""
         import pyarrow.parquet as pq
 
         there = self._folder.base
         if not there.ours(TABLE):
-            return False
-        about = loads((pq.read_schema(there.path / TABLE).metadata or {}).get(ABOUT, b"{}"))
-        kept = there.ours(SIGNALS) or not self._signals
-        return about.get("key") == self._key and kept
+            return None
+        return loads((pq.read_schema(there.path / TABLE).metadata or {}).get(ABOUT, b"{}")).get(
+            "key"
+        )
 
     def failed(self) -> int:
         """Cases whose rows are there and say that they failed."""
@@ -135,9 +154,11 @@ class Store:
         }
 
     def add(self, rows: Rows) -> None:
-        """Write rows; they are there complete or not at all."""
+        """Write rows; they are there complete or not at all. Raises ValueError where a file that
+        they were made of changed."""
         import pyarrow.parquet as pq
 
+        self._inputs.require_unchanged()
         name = f"{self._prefix}{min(rows.cases)}-{len(rows.cases)}"
         if rows.signals:  # first: a case counts as done by its row
             with self._folder.base.writing(f"{name}.npz") as path:
@@ -160,10 +181,12 @@ class Store:
 
     def finish(self, common: Mapping[str, float] = NOTHING) -> None:
         """The whole table, in order of the cases, as cases.parquet, with `common` values of columns
-        in all rows that are done; the parts go with the run."""
+        in all rows that are done; the parts go with the run. Raises ValueError where a file that
+        they were made of changed."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
+        self._inputs.require_unchanged(whole=True)
         parts = [*self.parts, *self._signal_parts()]
         tables = [pq.read_table(part) for part in self.parts]
         whole = pa.concat_tables(tables, promote_options="permissive").sort_by("case")

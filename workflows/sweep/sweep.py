@@ -10,6 +10,7 @@ from coupling.sweep.rows import Rows
 from workflows.files.run_folder import RunFolder
 from workflows.scene import InvalidScene, Scene
 from workflows.sweep.cases import Base
+from workflows.sweep.inputs import Inputs, files_of_cases
 from workflows.sweep.march import rows
 from workflows.sweep.models import Prepared, models, prepared
 from workflows.sweep.store import Store
@@ -41,17 +42,20 @@ def require_keys(base: Base, design: Design, signals: bool) -> None:
 def sweep(
     base: Base, design: Design, folder: RunFolder, engine: Engine | None, *, signals: bool,
     told: Told, again: bool,
-) -> int:  # fmt: skip
+) -> tuple[str, ...]:  # fmt: skip
     """Fill the folder with the table of all cases; those whose rows are there are not computed
-    again, unless asked for and without a result. How many failed cases were kept."""
-    store = Store(folder, design, _typical(base, design), signals)
+    again, unless asked for and without a result. What the user is to know, in sentences."""
+    inputs = Inputs(files_of_cases(base, design), __name__)
+    store = Store(folder, design, _typical(base, design), signals, inputs)
+    notes = store.notes()
     if again:
         store.reopen()
     elif store.whole():
         store.keep()
         told(design.n_cases, design.n_cases)
-        return store.failed()
-    kept = 0 if again else store.failed()
+        return _failed_before(store.failed())
+    if not again:
+        notes += _failed_before(store.failed())
     missing = store.missing()
     done = design.n_cases - len(missing)
     told(done, design.n_cases)
@@ -62,7 +66,12 @@ def sweep(
             done += len(part.cases)
         told(done, design.n_cases)
     store.finish()
-    return kept
+    return notes
+
+
+def _failed_before(n: int) -> tuple[str, ...]:
+    said = f"{n} cases failed before and are kept so; --again computes them again"
+    return (said,) if n else ()
 
 
 def _typical(base: Base, design: Design) -> Scene:

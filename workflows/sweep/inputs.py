@@ -1,0 +1,77 @@
+"""What the rows of a table depend on beside scene and cases: the files that these name, and us."""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from coupling.sweep.design import Design
+from workflows.files.scene import FILE_KEYS, files_read
+from workflows.pipeline.pipeline import content, digest, every_stage, program
+from workflows.scene import Scene
+from workflows.sweep.cases import Base
+
+Stamp = tuple[int, int, int, int]
+
+
+class Inputs:
+    """Files as they were when a table was begun, and the sources of the module that fills it."""
+
+    def __init__(self, files: Iterable[Path], module: str) -> None:
+        # stamps first: a file that changes while it is read has another one afterwards
+        self._stamps = {path: _stamp(path) for path in files}
+        self._contents = {path: content(path) for path in self._stamps}
+        contents = {str(path): known for path, known in self._contents.items()}
+        self.key = digest([contents, *program(module, *every_stage())])
+
+    def require_unchanged(self, *, whole: bool = False) -> None:
+        """Raise ValueError for a file that is another by now; `whole` reads also those whose
+        size and times are the same."""
+        for path, known in self._contents.items():
+            stamp = _stamp(path)
+            if stamp == self._stamps[path] and not whole:
+                continue
+            if content(path) != known:
+                raise ValueError(
+                    f"{path} changed while its cases were computed; put the file back to go on "
+                    "with the rows that are there, or repeat the command to compute all anew."
+                )
+            self._stamps[path] = stamp
+
+
+def files_of_cases(base: Base, design: Design) -> list[Path]:
+    """Those that the scene names and those that the values of its cases name, each once."""
+    folder = base.written.folder
+    swept = (
+        folder / name
+        for key, values in design.columns.items()
+        for value in values
+        if isinstance(value, str | dict | list)
+        for name in _named(value, key.rpartition(".")[2])
+    )
+    return list(dict.fromkeys([*files_of_scene(base.with_values({})), *swept]))
+
+
+def files_of_scene(scene: Scene) -> list[Path]:
+    """Those that its tables name, each once."""
+    return list(dict.fromkeys(files_read(scene)))
+
+
+def _named(value: Any, key: str) -> Iterator[str]:
+    """Texts that stand for files in the value of a key, at any depth."""
+    if isinstance(value, dict):
+        for name, below in value.items():
+            yield from _named(below, name)
+    elif isinstance(value, list):
+        for one in value:
+            yield from _named(one, key)
+    elif isinstance(value, str) and key in FILE_KEYS:
+        yield value
+
+
+def _stamp(path: Path) -> Stamp | None:
+    """Changes with nearly every change of a file: the change time cannot be set by hand."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino
