@@ -25,19 +25,34 @@ def by_radau(chain, t):
     """Velocities of the spheres at a rigid wall, from the formulas of the laws."""
     n, law = chain.mass.size, chain.dissipation
 
+    between = np.eye(n) - np.eye(n, k=1)
+
+    def forces(y):
+        """Of the contacts, and their slopes over overlap and approach."""
+        d, approach = between @ y[:n], between @ y[n:]
+        elastic, stiffness = (chain.A * np.maximum(d, 0.0) ** p for p in (1.5, 0.5))
+        damper = chain.gamma * (elastic if law == "hunt-crossley" else d > 0.0)
+        F, slope = elastic + damper * approach, 1.5 * stiffness
+        if law == "hunt-crossley":
+            slope = slope * (1.0 + chain.gamma * approach)
+        acts = (F > 0.0) | (law == "linear")
+        return F * acts, slope * acts, damper * acts
+
     def rate(_, y):
-        x, v = y[:n], y[n:]
-        d, approach = x - np.append(x[1:], 0.0), v - np.append(v[1:], 0.0)
-        elastic = chain.A * np.maximum(d, 0.0) ** 1.5
-        F = elastic + chain.gamma * approach * (elastic if law == "hunt-crossley" else d > 0.0)
-        F = F if law == "linear" else np.maximum(F, 0.0)
-        return np.concatenate([v, (np.append(0.0, F[:-1]) - F) / chain.mass])
+        return np.concatenate([y[n:], -between.T @ forces(y)[0] / chain.mass])
+
+    # differences in place of slopes, taken over the jump of a linear damper, are so large that
+    # Radau's method sees no error: 1800 m/s were found on a processor without AVX2
+    def slopes(_, y):
+        _, *slope = forces(y)
+        accelerations = [-between.T * one @ between / chain.mass[:, None] for one in slope]
+        return np.block([[np.zeros((n, n)), np.eye(n)], accelerations])
 
     start = np.concatenate([np.zeros(n), SPEED * np.eye(n)[0]])
     tolerance = np.repeat([1e-16, 1e-10], n)
     whole = solve_ivp(
         rate, (0.0, t[-1]), start, "Radau", t, rtol=1e-8, atol=tolerance, first_step=1e-16,
-        max_step=t[-1] / 100,
+        max_step=t[-1] / 100, jac=slopes,
     )  # fmt: skip
     return whole.y[n:].T
 
