@@ -254,6 +254,7 @@ def test_moving_modes_end_below_residual_vectors_and_boundary_shapes():
     fixed = craig_bampton(*structure(), W, [N - 1], Selection(n_modes=3))
     inner = np.linalg.eigvals(np.linalg.solve(structure()[1][:-1, :-1], structure()[0][:-1, :-1]))
     highest = np.sqrt(np.sort(inner.real)[2]) / HZ
+    # the cutoff is set 1e-9 above
     assert own_cutoff_hz(modal(fixed), fixed) == pytest.approx(highest, rel=1e-8)
     assert own_cutoff_hz(modal(model()), model()) == np.inf
     strict = kept_modes(modal(model()), model(), hz[3])

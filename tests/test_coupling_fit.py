@@ -64,6 +64,7 @@ def test_coordinates_are_in_scales_and_lead_back():
     parameters = every_kind()
     theta = np.array([1.3 * p.start for p in parameters])
     z = coordinates(parameters, theta)
+    # two or three roundings, 4e-16
     np.testing.assert_allclose(values(parameters, z), theta, rtol=1e-14)
     by_factors = np.exp(0.3) * theta
     moved = np.where([p.kind in ("dissipation", "trigger", "damping") for p in parameters],
@@ -71,6 +72,7 @@ def test_coordinates_are_in_scales_and_lead_back():
     np.testing.assert_allclose(values(parameters, z + 1), moved, rtol=1e-12)
     h = 1e-6
     numeric = (values(parameters, z + h) - values(parameters, z - h)) / (2 * h)
+    # rounding leaves eps / h = 2e-10 of a value, which is up to ten times its slope
     np.testing.assert_allclose(slopes(parameters, theta), numeric, rtol=1e-8)
 
 
@@ -154,6 +156,7 @@ def test_a_fit_of_a_linear_model_is_its_least_squares(kind):
     found = fit.solved(start, free, window)
     A, b = J[:300, 0], fit.data[:300, 0]
     exact = np.linalg.lstsq(A[:, :2], b - 0.7 * A[:, 2], rcond=None)[0]
+    # the fit ends where its misfit falls by 1e-10: 1e-8 of parameters, as a misfit is flat there
     np.testing.assert_allclose(values(fit.parameters, found.z), [*exact, 0.7], rtol=1e-7)
     left = A @ values(fit.parameters, found.z) - b
     assert found.misfit == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
@@ -172,6 +175,7 @@ def test_a_fit_with_a_prior_is_held_by_weak_springs():
     spring = PRIOR * np.abs(fit.data).max() * np.sqrt(len(T))
     A = np.vstack([J[:, 0] * scales, spring * np.eye(3)])
     b = np.concatenate([fit.data[:, 0], spring * start])
+    # the fit ends where its misfit falls by 1e-10, here 1e-9 from the solution
     np.testing.assert_allclose(found.z, np.linalg.lstsq(A, b, rcond=None)[0], rtol=1e-8)
     free = fit.solved(start, np.ones(3, bool), EVERYTHING)
     assert np.abs(found.z - free.z).max() > 1e-7
@@ -202,6 +206,7 @@ def test_the_jacobian_is_that_of_the_residual():
     z, h = coordinates(fit.parameters, [1.1, 1.3, 0.9]), 1e-5
     steps = h * np.eye(3)
     numeric = [(fit.residual(z + s, window) - fit.residual(z - s, window)) / (2 * h) for s in steps]
+    # rounding leaves eps / h = 2e-11 of a difference, a fiftieth of atol
     np.testing.assert_allclose(fit.jacobian(z, window), np.transpose(numeric), rtol=1e-7, atol=1e-9)
 
 
@@ -542,6 +547,7 @@ def test_noise_between_waves_is_what_does_not_go_on():
     assert noise_of_mean(single, band, 1e-5) == pytest.approx(filtered, rel=1e-9)
     assert filtered < 0.8 * laid.noise_between_waves(t, v, 1e-5)
     later = single._replace(t=t + 0.25)
+    # eps of 0.25 s is 5e-11 of a step of 1e-6 s
     assert noise_of_mean(later, band, 1e-5) == pytest.approx(filtered, rel=1e-9)
 
 

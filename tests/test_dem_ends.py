@@ -182,6 +182,7 @@ def test_what_a_contact_moves_is_the_second_integral_of_its_force(bend):
         return np.array([kernels.risen(one, bend) for one in t]).T
 
     here, up, down = moved(t), moved(t + h), moved(t - h)
+    # three roundings
     np.testing.assert_allclose(here[2], force, rtol=1e-14)
     np.testing.assert_allclose((up - down)[:3] / (2 * h), here[1:], rtol=1e-6)
     assert kernels.risen(0.0, bend) == (0.0, 0.0, 0.0, 0.0)
@@ -283,6 +284,7 @@ def test_a_sample_is_moved_by_what_its_contact_does_in_its_step(back, curvature,
         shift, impulse = size * dx, sign * size / h * dv
         for found, exact in ((moved.x[k], shift), (moved.v[k], impulse)):
             by_mass = np.array([0.0, -exact / ROW.mass[1], exact / ROW.mass[2]])
+            # Newton's method ends at steps of 1e-13 with the crossing, from which 1e-12 comes here
             np.testing.assert_allclose(found, by_mass, rtol=1e-11, atol=1e-16)
     assert not moved.q.any() and (np.abs(moved.x[:, 1]).max() > 1e-8) == (size > 0.0)
 

@@ -262,6 +262,7 @@ def test_errors_of_chains_at_rest_are_relative_to_one():
     lanes.v[3] = 0.7
     energy = np.empty(LANES)
     kernels.kinetic_energy(lanes, energy)
+    # two roundings at most
     np.testing.assert_allclose(energy, np.where(np.arange(LANES) == 3, 0.49, 1.0), rtol=1e-15)
 
 

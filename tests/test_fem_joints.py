@@ -216,6 +216,7 @@ def test_the_normal_frame_has_z_along_the_bolt_and_x_along_the_first_axis_beside
     np.testing.assert_allclose(normal_frame([0, 0, 2.0]), np.eye(3))
     np.testing.assert_allclose(normal_frame([1, 0, 0]), [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
     frame = normal_frame([1.0, 2.0, -1.0])
+    # unit vectors to eps each
     np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(frame) == pytest.approx(1.0) and frame[0, 0] > 0.8
     np.testing.assert_allclose(frame[2] * np.sqrt(6), [1, 2, -1])

@@ -13,6 +13,7 @@ TURNED = ((1.0, 2.0, -0.5), (0.3, 1.0, 4.0))
 def test_equal_moduli_are_an_isotropic_solid_whatever_the_axes():
     steel = Material(210e9, 0.3, 7850.0)
     same = Orthotropic((210e9,) * 3, (0.3,) * 3, (steel.lame[1],) * 3, 7850.0, TURNED)
+    # an inverse of condition 3 and four products with the axes: 5e-14 of the smallest entries
     np.testing.assert_allclose(same.elasticity, steel.elasticity, rtol=1e-12, atol=1e-3)
 
 

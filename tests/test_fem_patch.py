@@ -40,6 +40,7 @@ def test_a_disc_has_the_moments_of_its_pressure(weights, n_radial, n_around):
         "rr": np.hypot(x, y) ** 4,
     }
     for name in exact:
+        # sums of up to 96 terms whose sizes add to one: eps, rarely two
         assert np.sum(share * found[name]) == pytest.approx(exact[name], abs=1e-14), name
 
 

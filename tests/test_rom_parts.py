@@ -523,6 +523,7 @@ def test_what_modes_leave_of_a_static_response_is_orthogonal_to_them_to_its_own_
     _, phi = exact_modes(K, M)
     rest = phi[:, -1]
     beyond = _beyond(M, phi[:, :-1], phi[:, :-1] @ np.linspace(1, 2, N - 1) + 1e-9 * rest)
+    # 1e-9 of eps is 2e-25; 1e-25 is left
     np.testing.assert_allclose(phi[:, :-1].T @ (M @ beyond), 0.0, atol=1e-24)
     np.testing.assert_allclose(beyond, 1e-9 * rest, rtol=1e-5)
 
