@@ -22,35 +22,18 @@ able || { [ "$python" = python3 ] && installed python3-venv && able; } || {
     exit 1
 }
 
-# the mesher and off-screen rendering load these by name; absent ones are printed as Debian packages
-missing=$("$python" - <<'PYTHON'
-import ctypes
-
-PACKAGES = {
-    "libGL.so.1": "libgl1",
-    "libGLU.so.1": "libglu1-mesa",
-    "libOSMesa.so.8": "libosmesa6",
-    "libXcursor.so.1": "libxcursor1",
-    "libXft.so.2": "libxft2",
-    "libXinerama.so.1": "libxinerama1",
-    "libXrender.so.1": "libxrender1",
-    "libgomp.so.1": "libgomp1",
-}
-for library, package in PACKAGES.items():
-    try:
-        ctypes.CDLL(library)
-    except OSError:
-        print(package, end=" ")
-PYTHON
-)
-# the tests open the report page in a browser
-case ",${1:-}," in *,test,*) command -v chromium >/dev/null || missing="${missing}chromium " ;; esac
-
-# shellcheck disable=SC2086  one word per package
-if [ -n "$missing" ] && ! installed $missing; then
-    echo "install.sh: shared libraries are missing, meshing or pictures may fail; as root: apt-get install $missing" >&2
-fi
-
 [ -x .venv/bin/python ] || "$python" -m venv .venv
 .venv/bin/python -m pip install --quiet --disable-pip-version-check \
     --constraint constraints.txt --editable ".${1:+[$1]}"
+
+# Debian packages that are missing: of shared libraries that what was installed asks for, and of the
+# browser in which the tests open the report page
+missing() {
+    .venv/bin/python -P workflows/api/shared_libraries.py | sort -u | tr '\n' ' '
+    case ",${1:-}," in *,test,*) command -v chromium >/dev/null || printf 'chromium ' ;; esac
+}
+packages=$(missing "$@")
+# shellcheck disable=SC2086  one word per package
+if [ -n "$packages" ] && ! { installed $packages && packages=$(missing "$@") && [ -z "$packages" ]; }; then
+    echo "install.sh: Debian packages are missing, some of what was installed may fail; as root: apt-get install $packages" >&2
+fi

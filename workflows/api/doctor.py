@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from ctypes import CDLL
 from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
 from os import environ, sched_getaffinity
@@ -12,6 +11,8 @@ from shutil import which
 from typing import NamedTuple
 
 from pydantic import BaseModel
+
+from workflows.api.shared_libraries import missing_libraries
 
 MISSING = {  # distribution of an extra: extra, what one goes without
     "pypardiso": ("fast", "factorisations of large models take longer; results are the same"),
@@ -28,16 +29,6 @@ MISSING = {  # distribution of an extra: extra, what one goes without
     "scikit-sundae": ("peers", "no CVODE in the tables of accuracy"),
 }
 PROGRAMS = {"ccx": ("calculix-ccx", "no comparison with CalculiX in verify")}
-LIBRARIES = {  # shared libraries: Debian package, what one goes without
-    "libGLU.so.1": ("libglu1-mesa", "gmsh cannot start: no tetrahedra, no STEP"),
-    "libXcursor.so.1": ("libxcursor1", "gmsh cannot start: no tetrahedra, no STEP"),
-    "libXft.so.2": ("libxft2", "gmsh cannot start: no tetrahedra, no STEP"),
-    "libXinerama.so.1": ("libxinerama1", "gmsh cannot start: no tetrahedra, no STEP"),
-    "libXrender.so.1": ("libxrender1", "gmsh cannot start: no tetrahedra, no STEP"),
-    "libgomp.so.1": ("libgomp1", "gmsh cannot start: no tetrahedra, no STEP"),
-    "libGL.so.1": ("libgl1", "no pictures of the assembly and its modes"),
-    "libOSMesa.so.8": ("libosmesa6", "no pictures of the assembly and its modes without a display"),
-}
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BEADWAVE_PROCESSES")
 
 
@@ -126,18 +117,15 @@ def _installed(name: str) -> bool:
 
 def _absent_libraries() -> list[Absent]:
     return [
-        Absent(name, costs, f"apt-get install {package}")
-        for name, (package, costs) in LIBRARIES.items()
-        if not _loads(name)
+        Absent(
+            name,
+            costs,
+            f"apt-get install {package}"
+            if package
+            else f"the package that apt-file search {name} names",
+        )
+        for name, package, costs in missing_libraries()
     ]
-
-
-def _loads(library: str) -> bool:
-    try:
-        CDLL(library)
-    except OSError:
-        return False
-    return True
 
 
 def _absent_programs() -> list[Absent]:
