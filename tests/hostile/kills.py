@@ -16,7 +16,7 @@ import sys
 import zipfile
 from pathlib import Path
 from random import Random
-from signal import SIGINT, SIGKILL, SIGTERM
+from signal import SIGINT, SIGKILL, SIGTERM, default_int_handler, signal
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
@@ -48,6 +48,8 @@ RUBBISH = (b"", b"\x80\x05no pickle" * 9, None)  # None: cut in two
 
 def main(count: int) -> None:
     """Kill `count` runs, then damage what is kept."""
+    # in the background it inherits an ignored Ctrl-C, and so would the runs
+    signal(SIGINT, default_int_handler)
     with TemporaryDirectory() as folder:
         os.chdir(folder)
         os.environ["NUMBA_CACHE_DIR"] = str(Path("numba").absolute())
