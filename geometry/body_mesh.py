@@ -8,12 +8,14 @@ small by 2 pi^2 / (3 n^2) for n edges around.
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 from skfem import Basis, Mesh
 
+from geometry.assembly import InvalidGeometry
 from geometry.foreseen import require_few
 from geometry.gmsh_session import failing
 from geometry.hexahedra import hexahedra
-from geometry.imprint import Disc, Share, regions
+from geometry.imprint import MERGED, Disc, Share, fitted, regions
 from geometry.roundness import rimmed
 from geometry.selectors import Selected
 from geometry.sizes import Sizes
@@ -22,6 +24,8 @@ from geometry.tetrahedra import tetrahedra
 from geometry.touching import Touch
 
 DEFAULT = Sizes()
+BENT = 1e-8  # m, of a node off the plane that it belongs to
+STEEP = 0.9  # cosine between normals of a bent facet and of its plane
 
 
 def body_meshes(
@@ -47,14 +51,46 @@ def body_meshes(
     for name, body in bodies.items():
         size = sizes.of(body)
         with failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'):
-            wanted = regions(body, touching, patches or {}, gap)
+            drawn = fitted(body, patches or {}, gap, size.around)
+            wanted = regions(body, touching, drawn, gap)
             order = (body, wanted, named or {}, size, gap)
             mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
-        for key, disc in (patches or {}).items():
-            round_one = isinstance(disc, Disc) and disc.on.body == name
-            mesh = rimmed(mesh, key, disc, size.around) if round_one else mesh
+        discs = {key: disc for key, disc in drawn.items() if isinstance(disc, Disc)}
+        for key, disc in discs.items():
+            _require_edges(mesh, key, disc, body, gap)
+        for key, disc in discs.items():
+            beside = [other for other in discs if other != key]
+            mesh = rimmed(mesh, key, patches[key], disc.radius, size.around, beside)
         meshes[name] = mesh
     return meshes
+
+
+def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) -> None:
+    """Raise InvalidGeometry where the rim of a disc, imprinted within the gap of an edge of its
+    face, has bent that edge: a plane side beside it is plane no longer."""
+    nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
+    outer = mesh.facets[:, mesh.boundary_facets()]
+    corners = mesh.p[:, outer[:, np.any(np.isin(outer, nodes), axis=0)]]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
+    across /= np.linalg.norm(across, axis=0)
+    planes = [face for face in body.faces if face.normal is not None]
+    off = np.array(
+        [
+            np.where(
+                np.abs(face.normal @ across) > STEEP,
+                np.abs(np.tensordot(face.normal, corners, 1) - face.normal @ face.centre).max(0),
+                np.inf,
+            )
+            for face in planes
+        ]
+    ).min(axis=0)
+    if np.any((off > BENT) & (off < MERGED * gap)):
+        raise InvalidGeometry(
+            f'"{name}": a washer of radius {disc.radius:.6g} m at '
+            f"{np.round(disc.centre, 6).tolist()} m ends within {gap:g} m, the gap that faces may "
+            f"touch across, of several edges of its face of {body.name}; make the washer 5 % "
+            "larger or smaller."
+        )
 
 
 def facet_error(mesh: Mesh, body: Body) -> float:

@@ -5,6 +5,7 @@ faces of the split body a face or an imprint became is what OpenCASCADE's genera
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from math import pi
 from typing import NamedTuple
 
 import gmsh
@@ -14,8 +15,13 @@ from geometry.assembly import InvalidGeometry
 from geometry.gmsh_session import boolean_tolerance
 from geometry.holes import Concentric
 from geometry.selectors import Selected
-from geometry.solids import Body, Face, Vector
+from geometry.solids import SAME, Body, Face, Vector
 from geometry.touching import Touch
+
+SLIVER = 1 / 6  # of r step^2: twice what a rim is moved out by for its area
+CHORD = 1 / 32  # of r step^2: cuts off half an element, 2 sqrt(2 r d) = r step / 2
+MERGED = 4  # times the gap: an intersection makes edges closer than twice the gap one
+MOST = 1 / 4  # of a radius, however large the gap
 
 
 class Disc(NamedTuple):
@@ -58,6 +64,53 @@ class Region(NamedTuple):
     tag: int
     on: int  # tag of the face
     sharp: bool = False  # bodies that are tied end on it: stresses are singular along its rim
+
+
+def fitted(
+    body: Body, patches: Mapping[str, Disc | Share], gap: float, around: float
+) -> dict[str, Disc | Share]:
+    """The body's patches, discs with radii at which their rims of `around` edges can be meshed.
+
+    A rim that would leave a sliver beside an edge of its face, or beside a disc before it, or cut
+    off less of one than an element, ends on it: `geometry.roundness.rimmed` restores the area.
+    """
+    drawn: dict[str, Disc | Share] = {}
+    for name, patch in patches.items():
+        if patch.on.body != body.name:
+            continue
+        if isinstance(patch, Disc):
+            before = [d for d in drawn.values() if isinstance(d, Disc) and d.on == patch.on]
+            apart = [float(np.linalg.norm(patch.centre - d.centre)) - d.radius for d in before]
+            ends = np.array([*_radii_to_edges(patch), *apart])
+            r, step = patch.radius, 2 * pi / around
+            inside, outside = (
+                min(max(part * r * step**2, MERGED * gap), MOST * r) for part in (SLIVER, CHORD)
+            )
+            near = ends[(ends > r - outside) & (ends < r + inside)]
+            if len(near):
+                r = near[np.argmin(abs(near - r))]
+                merged = ends[abs(ends - r) < MERGED * gap]
+                apart = np.ptp(merged) > SAME  # then the rim would bend one edge to the other
+                patch = patch._replace(radius=float(merged.min() - MERGED * gap if apart else r))
+        drawn[name] = patch
+    return drawn
+
+
+def _radii_to_edges(disc: Disc) -> Iterator[float]:
+    """Radii [m] at which a circle touches an edge of its faces, or passes through a corner."""
+    occ, faces = gmsh.model.occ, [(2, tag) for tag in disc.on.tags]
+    centre = occ.addPoint(*disc.centre)
+    for _, curve in gmsh.model.getBoundary(faces, oriented=False):
+        first, last = gmsh.model.getParametrizationBounds(1, curve)
+        points = gmsh.model.getValue(1, curve, np.linspace(*first, *last, 201)).reshape(-1, 3)
+        away = np.linalg.norm(points - disc.centre, axis=1)
+        if np.ptp(away) > SAME:  # else the rim of a hole in the middle of the disc
+            yield occ.getDistance(0, centre, 1, curve)[0]
+            if np.linalg.norm(points[0] - points[-1]) > SAME:
+                yield from away[[0, -1]]
+            if gmsh.model.getType(1, curve) == "Circle":  # a hole that lies in the disc
+                yield away.max()
+    occ.remove([(0, centre)])
 
 
 def regions(

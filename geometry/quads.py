@@ -224,5 +224,12 @@ def _read(pieces: dict[int, list[int]], visible: list[int]) -> Flat | None:
     used, quads = np.unique(np.concatenate(found), return_inverse=True)
     row = np.argsort(tags)
     p = points.reshape(-1, 3)[row[np.searchsorted(tags, used, sorter=row)]]
+    quads = quads.reshape(-1, 4)
+    # joined in a narrow gap some quadrilaterals lie over others, the other way round
+    for tag in visible:
+        a, b, c, d = (p[corner] for corner in quads[of[tag]].T)
+        area = np.cross(c - a, d - b)
+        if np.any(area @ area.sum(axis=0) <= 0):
+            return None
     parts = {tag: np.concatenate([of[t] for t in ts]) for tag, ts in pieces.items()}
-    return Flat(p, quads.reshape(-1, 4), parts)
+    return Flat(p, quads, parts)

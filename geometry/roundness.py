@@ -6,6 +6,7 @@ the axis, per 2, is the flux of the radial vector rho; scaling all rho by s scal
     s = sqrt( sum r A / sum |rho . a| )        A of the faces, a of the facets (area vectors)
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import pi
 from typing import NamedTuple, TypeVar
@@ -18,10 +19,11 @@ from skfem import Mesh
 from geometry.cad import face_of
 from geometry.gmsh_session import EDGES_AROUND
 from geometry.imprint import Disc
-from geometry.solids import Face, off_axis, parallel
+from geometry.solids import SAME, Face, off_axis, parallel
 
 AnyMesh = TypeVar("AnyMesh", bound=Mesh)
 RIM = 1e-6  # relative distance from a disc's rim of the nodes on it
+FLATTENED = 0.3  # of an element's volume at a corner: what moving a rim must leave of it
 OPEN = 1.5  # of the usual edge: a longer one is where a face cuts the disc off
 
 
@@ -85,21 +87,56 @@ def _flux(p, rho, facets) -> float:
     return float(np.sum(abs(np.sum(rho[facets].mean(axis=1) * area, axis=1))))
 
 
-def rimmed(mesh: AnyMesh, name: str, disc: Disc, edges: float = EDGES_AROUND) -> AnyMesh:
-    """The mesh with the rim of a disc moved out, so that its polygon of about so many `edges`
-    has the circle's area.
+def rimmed(
+    mesh: AnyMesh,
+    name: str,
+    disc: Disc,
+    radius: float,
+    edges: float = EDGES_AROUND,
+    beside: Sequence[str] = (),
+) -> AnyMesh:
+    """The mesh with the rim of a disc, drawn with a `radius` of about so many `edges`, moved to
+    where its polygon has the area of the circle of the disc's own radius.
 
-    A disc that its face cuts off stays as it is.
+    Nodes on an edge of the face or on discs `beside`, and those that would flatten an element, stay
+    where they are: s_i = 1 there, and for all others the one s with
+
+        sum s_i s_j sin(step_ij) = (disc.radius / radius)^2 sum step_ij
+
+    over the edges that are not between two that stay. A disc that its face cuts off stays whole.
     """
+    normal = disc.normal / np.linalg.norm(disc.normal)
     nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
     rho = mesh.p[:, nodes].T - disc.centre
-    rim = np.abs(np.linalg.norm(rho, axis=1) - disc.radius) < RIM * disc.radius
-    u = rho[rim][0] / np.linalg.norm(rho[rim][0]) if rim.any() else np.eye(3)[0]
-    v = np.cross(disc.normal / np.linalg.norm(disc.normal), u)
-    angle = np.sort(np.arctan2(rho[rim] @ v, rho[rim] @ u))
-    steps = np.diff(angle, append=angle[:1] + 2 * pi)
-    if not len(steps) or steps.max() > OPEN * 2 * pi / edges:
+    on_rim = np.abs(np.linalg.norm(rho, axis=1) - radius) < RIM * radius
+    if not on_rim.any():
         return mesh
-    p = mesh.p.copy()
-    p[:, nodes[rim]] += (np.sqrt(2 * pi / np.sin(steps).sum()) - 1) * rho[rim].T
-    return replace(mesh, doflocs=p)
+    nodes, rho = nodes[on_rim], rho[on_rim]
+    angle = np.arctan2(np.cross(rho[0], rho) @ normal / radius, rho @ rho[0] / radius)
+    nodes, rho, angle = (array[np.argsort(angle)] for array in (nodes, rho, angle))
+    step = np.diff(angle, append=angle[:1] + 2 * pi)
+    if step.max() > OPEN * 2 * pi / edges:
+        return mesh
+
+    outer = mesh.facets[:, mesh.boundary_facets()]
+    height = normal @ mesh.p - normal @ mesh.p[:, nodes[0]]
+    aside = outer[:, np.any(np.abs(height[outer]) > SAME, axis=0)]
+    shared = [mesh.facets[:, mesh.boundaries[other]].ravel() for other in beside]
+    free = ~np.isin(nodes, np.concatenate([aside.ravel(), *shared]))
+    corners = mesh.elem().doflocs[: mesh.t.shape[0]].T
+    before = mesh.mapping().detDF(corners)
+    while free.any():
+        ahead = np.roll(free, -1)
+        a = np.sin(step[free & ahead]).sum()
+        b = np.sin(step[free != ahead]).sum()
+        area = (disc.radius / radius) ** 2 * step[free | ahead].sum()
+        s = (np.sqrt(b**2 + 4 * a * area) - b) / (2 * a) if a else area / b
+        p = mesh.p.copy()
+        p[:, nodes[free]] += (s - 1) * rho[free].T
+        moved = replace(mesh, doflocs=p)
+        left = moved.mapping().detDF(corners) / before
+        flattened = np.isin(nodes, mesh.t[:, np.any(left < FLATTENED, axis=1)]) & free
+        if not flattened.any():
+            return moved
+        free &= ~flattened
+    return mesh

@@ -261,6 +261,55 @@ def test_a_disc_that_its_face_cuts_off_keeps_its_circle():
     assert area(mesh, "cut") == pytest.approx(pi * radius**2 - segment, rel=0.02)
 
 
+def off_the_sides(mesh, turn, sides):
+    """How far outer facets of a box around the origin leave its sides [m]."""
+    p = np.abs(turn.T @ mesh.p) - np.array(sides)[:, None] / 2
+    return np.abs(p[:, mesh.facets[:, mesh.boundary_facets()]]).max(axis=1).min(axis=0).max()
+
+
+@pytest.mark.parametrize("element", ["tet", None], ids=["tet", "hex"])
+@pytest.mark.parametrize(
+    ("beyond", "aside"),
+    [
+        (-20e-6, 0), (-4e-6, 0), (0, 0), (8e-8, 0), (5e-6, 0), (25e-6, 0),  # of an edge [m]
+        (-20e-6, 4e-3), (4e-6, 4e-3),  # and of the disc beside it
+        (2e-6, 3e-6),  # off the middle: of both edges
+    ],
+)  # fmt: skip
+def test_a_washer_up_to_the_edge_of_its_face_leaves_the_sides_plane(element, beyond, aside):
+    """The face is 8 mm wide. Straight edges around a circle leave up to 1.6 % of its area, which
+    nodes beside an edge cannot take up."""
+    sides, radius = (0.008, 0.03, 0.02), 4e-3 + beyond
+    middle = {"one": [0.0, aside, 0.01]} | ({"other": [0, -aside, 0.01]} if aside > 1e-3 else {})
+    if aside and aside < 1e-3:
+        middle = {"one": [aside, 0.0, 0.01]}
+    with model({"bar": Box(sides, turn=TURN)}) as drawn:
+        on = faces("bar@{:.9f},{:.9f},{:.9f}".format(*R @ [0.0, 0.013, 0.01]), drawn.bodies)
+        discs = {n: Disc(on, R @ centre, R[:, 2], radius) for n, centre in middle.items()}
+        seeds = Sizes({"bar": 4e-3})
+        mesh = body_meshes(drawn.bodies, gap=GAP, sizes=seeds, patches=discs, element=element)[
+            "bar"
+        ]
+        assert facet_error(mesh, drawn.bodies["bar"]) == pytest.approx(0, abs=1e-9)
+    assert off_the_sides(mesh, R, sides) < 1e-12
+    assert smallest_quality(mesh) > 1e-4
+    for name in discs:
+        assert area(mesh, name) == pytest.approx(pi * radius**2, rel=2e-3 if not aside else 0.017)
+
+
+@pytest.mark.parametrize("radius", [3.88e-3, 3.93e-3, 3.97e-3])
+def test_elements_between_a_washer_and_an_edge_fill_the_body_once(radius):
+    """A rim moved past the edge, and quadrilaterals folded in the gap, turn elements over."""
+    with model({"bar": Box((0.008, 0.03, 0.02))}) as drawn:
+        on = faces("bar:+z", drawn.bodies)
+        disc = {"washer": Disc(on, np.array([0.0, 0.0, 0.01]), np.eye(3)[2], radius)}
+        seeds = Sizes({"bar": 4e-3})
+        mesh = body_meshes(drawn.bodies, gap=GAP, sizes=seeds, patches=disc)["bar"]
+        assert facet_error(mesh, drawn.bodies["bar"]) == pytest.approx(0, abs=1e-9)
+    corners = mesh.mapping().detDF(mesh.elem().doflocs[: mesh.t.shape[0]].T)
+    assert np.ptp(np.sign(corners)) == 0
+
+
 def test_a_body_that_cannot_be_meshed_is_named():
     box = {"block": Box((0.1, 0.1, 0.1))}
     with model(box) as drawn:
