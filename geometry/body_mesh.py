@@ -15,7 +15,7 @@ from geometry.assembly import InvalidGeometry
 from geometry.foreseen import require_few
 from geometry.gmsh_session import failing
 from geometry.hexahedra import hexahedra
-from geometry.imprint import MERGED, Disc, Share, fitted, regions
+from geometry.imprint import MERGED, Disc, Patch, fitted, regions
 from geometry.roundness import rimmed
 from geometry.selectors import Selected
 from geometry.sizes import Sizes
@@ -35,7 +35,7 @@ def body_meshes(
     gap: float,
     sizes: Sizes = DEFAULT,
     named: Mapping[str, Selected] | None = None,
-    patches: Mapping[str, Disc | Share] | None = None,
+    patches: Mapping[str, Patch] | None = None,
     element: str | None = None,
 ) -> dict[str, Mesh]:
     """A mesh for every body, in metres, to call in the bodies' ``with model(...)``, once.

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from skfem import Basis, Mesh
 
 from geometry.faceted import Skin, away
-from geometry.imprint import Disc, Share
+from geometry.imprint import Band, Disc, Patch
 from geometry.solids import Body, off_axis, parallel
 from geometry.touching import FRACTION, NEAR, Contact, NearMiss, Neighbours, Overlap, Touch
 
@@ -48,9 +48,12 @@ class Meeting(NamedTuple):
         least = np.where(skin.flat, WHOLE, WHOLE_CURVED)
         return skin.number[covered > (least if whole else FRACTION)]
 
-    def under(self, patch: Disc | Share, skin: Skin) -> NDArray[np.int64]:
-        """Numbers of the facets under a washer, or of a bolt's share: by their middles."""
+    def under(self, patch: Patch, skin: Skin) -> NDArray[np.int64]:
+        """Numbers of the facets under a washer, of a bolt's share or in a thread: by their
+        middles."""
         mine = skin.on(patch.on.tags)
+        if isinstance(patch, Band):
+            return mine.number[np.abs((mine.middle - patch.centre) @ patch.axis) <= patch.length / 2]
         if isinstance(patch, Disc):
             apart = np.linalg.norm(np.cross(mine.middle - patch.centre, patch.normal), axis=1)
             return mine.number[apart <= patch.radius * np.linalg.norm(patch.normal)]

@@ -1,4 +1,5 @@
-"""Round holes of bodies, and those that go through two bodies at one axis: where bolts sit.
+"""Round holes of bodies, those that go through two bodies at one axis, and shanks in bores: where
+bolts sit.
 
 A bore is the cylinder faces of one axis and radius that follow each other without a gap and go
 more than three quarters around: a fillet is none.
@@ -16,6 +17,8 @@ from geometry.touching import Contact, Touch
 
 AROUND = 0.75 * 2 * pi  # rad, less is a fillet or a slot's end
 HALF = 0.45 * 2 * pi  # rad, less is a fillet
+THREAD = 0.2  # of a bore's radius, that a shank in it may be thinner or off its axis; the depth of
+# a coarse metric thread is 0.14 (M20) to 0.18 (M6) of it, and CAD draws either of its diameters
 
 
 class Bore(NamedTuple):
@@ -39,6 +42,16 @@ class Concentric(NamedTuple):
     axis: Vector  # of the hole, from the first body to the second
     diameters: tuple[float, float]  # m, in either body
     faces: tuple[int, int]  # tags of the planes that touch there
+
+
+class Engaged(NamedTuple):
+    """A shank in a bore: where a thread joins two bodies."""
+
+    bodies: tuple[str, str]
+    tags: tuple[tuple[int, ...], tuple[int, ...]]  # of the cylinders' faces, on either body
+    centre: Vector  # (3,) in the middle of the length that both have, on the bore's axis [m]
+    axis: Vector
+    length: float  # m
 
 
 def bores(body: Body, *, hollow: bool = True) -> tuple[Bore, ...]:
@@ -70,6 +83,29 @@ def concentric(touch: Touch, bodies: Mapping[str, Body], gap: float) -> tuple[Co
         if a.face(contact.faces[0]).normal is not None
         for hole in _across(a, b, contact, gap)
     )
+
+
+def engaged(one: Body, other: Body) -> tuple[Engaged, ...]:
+    """Shanks of either body in bores of the other, the first body first."""
+    found = []
+    for hollow in (False, True):
+        for a in bores(one, hollow=hollow):
+            for b in bores(other, hollow=not hollow):
+                bore = a if hollow else b
+                apart = off_axis(a.ends, b.ends[0], b.axis).max() + abs(a.radius - b.radius)
+                if not parallel(a.axis, b.axis) or apart > THREAD * bore.radius:
+                    continue
+                heights = [np.sort((c.ends - bore.ends[0]) @ bore.axis) for c in (a, b)]
+                lower, upper = max(h[0] for h in heights), min(h[1] for h in heights)
+                if upper - lower > SAME:
+                    centre = bore.ends[0] + (lower + upper) / 2 * bore.axis
+                    found.append(
+                        Engaged(
+                            (one.name, other.name), (a.tags, b.tags), centre, bore.axis,
+                            float(upper - lower),
+                        )
+                    )  # fmt: skip
+    return tuple(found)
 
 
 def _across(a: Body, b: Body, contact: Contact, gap: float) -> list[Concentric]:

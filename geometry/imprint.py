@@ -42,6 +42,18 @@ class Share(NamedTuple):
     others: Sequence[Vector]
 
 
+class Band(NamedTuple):
+    """The part of a cylinder's faces between two planes across its axis: of a thread."""
+
+    on: Selected
+    centre: Vector  # (3,) half-way between the planes [m]
+    axis: Vector
+    length: float  # m
+
+
+Patch = Disc | Share | Band
+
+
 def share_of(
     place: Concentric, places: Sequence[Concentric], pairs: Sequence[Touch]
 ) -> Callable[[Selected], Share]:
@@ -67,14 +79,14 @@ class Region(NamedTuple):
 
 
 def fitted(
-    body: Body, patches: Mapping[str, Disc | Share], gap: float, around: float
-) -> dict[str, Disc | Share]:
+    body: Body, patches: Mapping[str, Patch], gap: float, around: float
+) -> dict[str, Patch]:
     """The body's patches, discs with radii at which their rims of `around` edges can be meshed.
 
     A rim that would leave a sliver beside an edge of its face, or beside a disc before it, or cut
     off less of one than an element, ends on it: `geometry.roundness.rimmed` restores the area.
     """
-    drawn: dict[str, Disc | Share] = {}
+    drawn: dict[str, Patch] = {}
     for name, patch in patches.items():
         if patch.on.body != body.name:
             continue
@@ -114,7 +126,7 @@ def _radii_to_edges(disc: Disc) -> Iterator[float]:
 
 
 def regions(
-    body: Body, touching: Sequence[Touch], patches: Mapping[str, Disc | Share], gap: float
+    body: Body, touching: Sequence[Touch], patches: Mapping[str, Patch], gap: float
 ) -> dict[str, list[Region]]:
     """What to imprint on a body, by name: where it touches others "a|b", and its patches.
 
@@ -123,8 +135,14 @@ def regions(
     found = {t.name: list(_touched(body, t)) for t in touching if body.name in t.bodies}
     for name, patch in patches.items():
         if patch.on.body == body.name:
-            share = isinstance(patch, Share)
-            found[name] = list(_nearest(body, patch) if share else _on_faces(patch, gap))
+            match patch:
+                case Share():
+                    parts = _nearest(body, patch)
+                case Band():
+                    parts = _between(body, patch)
+                case Disc():
+                    parts = _on_faces(patch, gap)
+            found[name] = list(parts)
             _require_some(name, patch, found[name])
     gmsh.model.occ.synchronize()
     return found
@@ -200,11 +218,23 @@ def _on_faces(disc: Disc, gap: float) -> Iterator[Region]:
         yield from (Region(tag, face) for dimension, tag in common if dimension == 2)
 
 
-def _require_some(name: str, patch: Disc | Share, parts: list[Region]) -> None:
+def _between(body: Body, band: Band) -> Iterator[Region]:
+    """The parts of a band's faces."""
+    occ = gmsh.model.occ
+    for tag in band.on.tags:
+        reach = 4 * body.face(tag).radius
+        foot, along = band.centre - band.length / 2 * band.axis, band.length * band.axis
+        slab = occ.addCylinder(*foot, *along, reach)
+        common, _ = occ.intersect(occ.copy([(2, tag)]), [(3, slab)])
+        yield from (Region(part, tag) for dimension, part in common if dimension == 2)
+
+
+def _require_some(name: str, patch: Patch, parts: list[Region]) -> None:
     if not parts:
-        what = f"disc of radius {patch.radius:.6g} m" if isinstance(patch, Disc) else "bolt's share"
+        words = {Disc: "disc", Share: "bolt's share", Band: "thread"}
+        radius = f" of radius {patch.radius:.6g} m" if isinstance(patch, Disc) else ""
         raise InvalidGeometry(
-            f'"{name}": a {what} at {np.round(patch.centre, 6).tolist()} m does not lie on the '
+            f'"{name}": a {words[type(patch)]}{radius} at {np.round(patch.centre, 6).tolist()} m does not lie on the '
             f"faces of {patch.on.body} it belongs to; move the point."
         )
 

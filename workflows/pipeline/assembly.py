@@ -72,7 +72,7 @@ def model(scene: Scene, mesh: Parts) -> fem.Model:
     below = scene.table and fem.Table(scene.table.frequency, scene.table.mass)
     how = mesh.connections._replace(table=below)
     if scene.is_general:
-        _require_kept(scene, fem.loose_bodies(structure, how))
+        _require_kept(scene, structure, how)
     joined = fem.joined(structure, how)
     if mesh.load is None:
         return joined
@@ -82,12 +82,33 @@ def model(scene: Scene, mesh: Parts) -> fem.Model:
         raise InvalidScene(f"{scene.name}: loads: {str(why).rstrip('.')}.") from None
 
 
-def _require_kept(scene: Scene, loose: list[fem.Loose]) -> None:
-    for body, motions in loose:
+def _require_kept(scene: Scene, structure: fem.Structure, how: fem.Connections) -> None:
+    """Raise InvalidScene for a body that can move; an assembly that floats may move in the
+    directions too that its joints leave free, k = 0."""
+    loose = fem.loose_bodies(structure, how)
+    if not loose:
+        return
+    body, motions = loose[0]
+    moves = f'{scene.name}: "{body}" can still move along or about {", ".join(motions)}, which '
+    k = {
+        f"joints.{name}.{key}": getattr(joint, key)
+        for name, joint in scene.springs.items()
+        for key in fem.DIRECTIONS
+    }
+    free = [key for key, value in k.items() if value == 0]
+    closed = [
+        joint._replace(springs=fem.Bushing(*(value or np.inf for value in joint.springs)))
+        for joint in how.joints
+    ]
+    if not free or fem.loose_bodies(structure, how._replace(joints=closed)):
         raise InvalidScene(
-            f'{scene.name}: "{body}" can still move along or about {", ".join(motions)}, which '
-            "nothing keeps; tie it, bolt it, or hold a face of it. An assembly that floats says "
-            "assembly.held = []."
+            f"{moves}nothing keeps; tie it, bolt it, or hold a face of it. An assembly that floats "
+            "says assembly.held = []."
+        )
+    if not scene.floats:
+        raise InvalidScene(
+            f"{moves}{' and '.join(f'{key} = 0' for key in free)} leaves free; give it a "
+            "stiffness, or let the assembly float, assembly.held = []."
         )
 
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from itertools import combinations
+from itertools import combinations, permutations, product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from workflows.pipeline.parts import GMSH_NEEDS, STRIKE, Parts, Struck
 from workflows.pipeline.strike import around, struck
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.assembly import assembly
-from workflows.scene.bodies import GROUND, SHARE, Body, Bolts, General, Solid
+from workflows.scene.bodies import GROUND, SHARE, THREAD, Body, Bolts, General, Solid
 from workflows.scene.size import too_large_mesh
 
 
@@ -193,6 +193,8 @@ def tied_pairs(scene: Scene, drawn: Drawing) -> list:
     found, bodies = drawn.near.touching, drawn.bodies
     tied = {t.name: t for tie in scene.ties or () for t in touches(tie.between, bodies, found)}
     bolted = {t.name: joint.name for joint, pair in _bolted(scene, drawn) for t in pair}
+    for joint, thread in _threads(scene, drawn):
+        bolted |= {"|".join(pair): joint.name for pair in permutations(thread.bodies)}
     for name in tied.keys() & bolted.keys():
         raise InvalidScene(
             f'{scene.name}: "{name}" is tied and has the joint {bolted[name]!r}, which a tie would '
@@ -220,6 +222,7 @@ def _require_joined(scene: Scene, drawn: Drawing) -> None:
 
     held = {hold.on.partition(":")[0].partition("@")[0] for _, hold in _holds(scene)}
     held |= {joint.partners[0].partition(":")[0] for joint in scene.joints or ()}
+    held |= {body for _, thread in _threads(scene, drawn) for body in thread.bodies}
     free = [name for name in drawn.near.free(drawn.bodies) if name not in held]
     if len(drawn.bodies) == 1 or not free:
         return
@@ -232,12 +235,52 @@ def _require_joined(scene: Scene, drawn: Drawing) -> None:
 
 
 def _bolted(scene: Scene, drawn: Drawing) -> Iterator[tuple[Bolts, list]]:
-    """Joints between bodies, and the touching pairs of each."""
+    """Bolts between bodies, and the touching pairs of each."""
     from geometry.selectors import touches
 
     for joint in scene.joints or ():
-        if GROUND not in joint.partners:
+        if GROUND not in joint.partners and joint.at != THREAD:
             yield joint, touches(joint.between, drawn.bodies, drawn.near.touching)
+
+
+def _threads(scene: Scene, drawn: Drawing) -> Iterator[tuple[Bolts, Any]]:
+    """Joints at threads, and where a shank of one body sits in a bore of the other; raises
+    InvalidScene for a joint without one, and for bodies with several."""
+    from geometry.holes import THREAD as LIKE
+    from geometry.holes import bores, engaged
+    from geometry.selectors import bodies_named
+
+    for joint in (joint for joint in scene.joints or () if joint.at == THREAD):
+        ones, others = (bodies_named(side, drawn.bodies) for side in joint.partners)
+        pairs = {frozenset(pair): pair for pair in product(ones, others) if len({*pair}) == 2}
+        threads = []
+        for pair in pairs.values():
+            both = engaged(*(drawn.bodies[name] for name in pair))
+            if len(both) > 1:
+                places = " and ".join(f"{np.round(t.centre, 6).tolist()} m" for t in both)
+                raise InvalidScene(
+                    f'{scene.name}: joints.{joint.name}.at = "thread": "{"|".join(pair)}" have '
+                    f"{len(both)} cylinders in common, at {places}, and a thread is one; make the "
+                    "other one wider than its shank, or draw it as a body of its own."
+                )
+            threads += both
+        if not threads:
+            sizes = [
+                f'"{name}" has {what} of {diameters or "no"} mm'
+                for name in dict.fromkeys([*ones, *others])
+                for what, hollow in (("shanks", False), ("bores", True))
+                for diameters in [
+                    ", ".join(f"{2e3 * c.radius:.4g}" for c in bores(drawn.bodies[name], hollow=hollow))
+                ]
+                if diameters
+            ]
+            raise InvalidScene(
+                f'{scene.name}: joints.{joint.name}.at = "thread" finds no shank of one of '
+                f'"{joint.between}" in a bore of the other, on one axis, up to {100 * LIKE:g} % of '
+                f"the bore's radius apart: {'; '.join(sizes) or 'neither has a cylinder'}; move "
+                "them onto each other, or give at = [[x, y, z], ...] and washer."
+            )
+        yield from ((joint, thread) for thread in threads)
 
 
 def _holds(scene: Scene):
@@ -258,6 +301,8 @@ def marked(scene: Scene, drawn: Drawing) -> Marks:
                 marks.named[f"{end}-{load.name}"] = faces(face, drawn.bodies)
     for joint, pairs in _bolted(scene, drawn):
         _between_bodies(scene, drawn, joint, pairs, marks)
+    for i, (joint, thread) in enumerate(_threads(scene, drawn), start=1):
+        marks.joints.append(_threaded(joint, f"{joint.name}-{i}", thread, marks))
     for joint in scene.joints or ():
         if GROUND in joint.partners:
             _to_the_ground(drawn, joint, marks)
@@ -286,6 +331,20 @@ def _between_bodies(scene: Scene, drawn: Drawing, joint: Bolts, pairs: list, mar
         else:
             sides = _rings(joint, key, under, place, marks)
         marks.joints.append(_joint(joint, *sides, place.centre, axis))
+
+
+def _threaded(joint: Bolts, key: str, thread, marks: Marks) -> fem.Joint:
+    """The mean motions of shank and bore over the length that they have in common."""
+    from geometry.imprint import Band
+    from geometry.selectors import Selected
+
+    sides = []
+    for body, tags in zip(thread.bodies, thread.tags, strict=True):
+        name = f"{key}-{body}"
+        on = Selected(body, tags)
+        marks.patches[name] = Band(on, thread.centre, thread.axis, thread.length)
+        sides.append(fem.Side(f"{body}:{name}", "mean"))
+    return _joint(joint, *sides, thread.centre, thread.axis)
 
 
 def _rings(joint: Bolts, key: str, under: list, place, marks: Marks) -> list[fem.Side]:

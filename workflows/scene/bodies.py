@@ -29,6 +29,7 @@ from workflows.scene.tables import (
 from workflows.scene.units import FORCE, LENGTH, PRESSURE
 
 GROUND = "ground"
+THREAD = "thread"  # a shank in a bore, in place of holes
 SHARE = "share"  # of the common face, in place of a washer
 SHAPES = ("box", "plate", "cylinder")
 Modulus = of(Positive, PRESSURE, 1e6, 2e12)  # rubber to diamond
@@ -261,16 +262,18 @@ class Tied(Table):
 
 
 class Bolts(JointStiffnesses):
-    """Bolts between two bodies that touch, or from a body's holes to the ground.
+    """Bolts between two bodies that touch, or from a body's holes to the ground; or a thread, a
+    shank of one body in a bore of the other.
 
     `sides` say how the first and the second body are held under a washer: rigid (RBE2) or by the
     mean of their motion (RBE3). In place of a washer a bolt may hold its "share" of the common
-    face, half-way to the next bolts. `frame` "normal" has z along the bolt.
+    face, half-way to the next bolts. Both sides of a thread move by their mean over the length that shank
+    and bore have in common. `frame` "normal" has z along the bolt.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]
     between: Pair
-    at: Literal["holes"] | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)] = (
+    at: Literal["holes", "thread"] | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)] = (
         "holes"  # or points [m]
     )
     washer: of(Positive, LENGTH, 1e-4, 0.3) | Literal["share"] | None = (
@@ -280,6 +283,13 @@ class Bolts(JointStiffnesses):
         tuple[Literal["rigid", "mean"], Literal["rigid", "mean"]], Field(strict=False)
     ] = ("rigid", "mean")
     frame: Literal["normal", "global"] = "normal"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _mean_of_a_thread(cls, table: Any) -> Any:
+        if isinstance(table, Mapping) and table.get("at") == THREAD:
+            return {"sides": ("mean", "mean"), **table}
+        return table
 
     @property
     def partners(self) -> tuple[str, str]:

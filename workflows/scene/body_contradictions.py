@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator
 from math import isinf
 
-from workflows.scene.bodies import GROUND
+from workflows.scene.bodies import GROUND, THREAD
 from workflows.scene.scene import Scene
 
 OF_BODIES = ("bodies", "materials", "ties", "strike", "loads")
@@ -143,7 +143,9 @@ def _joints(scene: Scene):
         if number > 1:
             yield f"joints has {number} tables named {name!r}; give each a name of its own."
     for joint in scene.joints or ():
-        if GROUND not in joint.partners:
+        if joint.at == THREAD:
+            yield from _thread(joint)
+        elif GROUND not in joint.partners:
             if joint.at != "holes" and joint.washer is None:
                 yield f"joints.{joint.name}.washer is missing; give its radius around the points."
         elif joint.partners[1] != GROUND:
@@ -153,6 +155,24 @@ def _joints(scene: Scene):
                 f"joints.{joint.name} holds the walls of holes to the ground; drop at and washer."
             )
         yield from _rigid_dashpots(joint)
+
+
+def _thread(joint):
+    if GROUND in joint.partners:
+        yield (
+            f'joints.{joint.name}.at = "thread" joins a shank and a bore, the ground has neither; '
+            f'write between = "bolt|nut", or drop at to hold the walls of holes.'
+        )
+    if joint.washer is not None:
+        yield (
+            f'joints.{joint.name}.washer = {joint.washer} is beside at = "thread", which holds the '
+            "cylinders that bolt and nut have in common; drop washer."
+        )
+    if joint.sides != ("mean", "mean"):
+        yield (
+            f'joints.{joint.name}.sides = {list(joint.sides)} is beside at = "thread", whose sides '
+            'both move by their mean; drop sides, or write ["mean", "mean"].'
+        )
 
 
 def _loads(scene: Scene):
