@@ -8,8 +8,10 @@ lie on polynomials of the steps.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -45,16 +47,21 @@ from dem.trajectory import equal_steps, march
 
 
 class Batch(NamedTuple):
-    """What many marches leave: n_chains chains, k saves."""
+    """What many marches leave: n_chains chains, k saves.
+
+    To an error, every chain has steps of its own, and those that cannot be brought to it are NaN,
+    with the reason in `refused`.
+    """
 
     t: Array  # (k,)
     v: Array  # (n_chains, k, n_observed)
     wall_force: Array  # (n_chains, k), 0 for free chains
     energy_error: Array  # (n_chains,) largest change over the energy at the start
-    dt: float
-    n_steps: int
+    dt: float | Array  # [s] as given, or (n_chains,) found for the error
+    n_steps: int | Array
     scheme: str
-    error_estimate: float | None = None  # relative velocity error of the sampled chains
+    error_estimate: Array | None = None  # (n_chains,) relative velocity errors
+    refused: Mapping[int, str] = MappingProxyType({})  # chains that miss the error, and why
 
 
 def march_batch(
@@ -70,9 +77,9 @@ def march_batch(
 ) -> Batch:
     """Chains that start from their static state, marched side by side.
 
-    Give dt, or the velocity error relative to the largest initial speed: the step is then found on
-    the stiffest chain and the estimate taken from up to 16 chains. Raises InvalidChain,
-    NoEquilibrium, UnstableStep.
+    Give dt, or the velocity error relative to the largest initial speed of each chain: the step of
+    each is then found, and its error estimated, by marches of that chain. Raises InvalidChain,
+    NoEquilibrium, UnstableStep (of a given dt).
     """
     if (dt is None) == (error is None):
         raise InvalidChain("give either dt or error to say how finely to march")
@@ -110,11 +117,28 @@ class _Asked(NamedTuple):
         return LaneSteps(self.duration / n, n, self.n_save)
 
 
-SEARCHED = 100  # samples at which a step is sought: more would make it short for their own sake
-STABLE = 0.5  # of the largest stable step of the stiffest chain
-CAUTION, MOST_LONGER, WORTH = 0.8, 4.0, 1.25  # times longer
+FAR = 4.0  # coarse over fine steps of a first pair: the coarse march adds a quarter of the cost
+FARTHEST = 8.0  # of a fine march that is repeated with shorter steps beside the same coarse one
+# Order by which the difference of a pair is taken to fall. Between steps velocities lie on
+# polynomials, off by order 2.5 where a contact opens or closes in the step; the march itself keeps
+# 3.5. Differences scatter: on 7000 random rows the error was never above the difference of a first
+# pair over 4^FIRST - 1 = 8, nor above that of refined steps over 4^LATER - 1 = 4.
+FIRST, LATER, THEORY = 1.585, 1.16, 2.5
+BELOW, SLOWEST = 0.5, 0.5  # below the order that refined steps show, which scatters; least of it
+BOLDNESS, LONGEST = 0.09, 0.15  # first steps over the stability interval at error 1e-4; at most
+PILOTS, SHARE, WITHIN = 16, 0.9, 0.6  # chains of a pilot; share of them to be within 0.6 error
+LONGER, SHORTER = 3.0, 0.25  # at most, by a pilot
+SETTLED = (0.7, 1.5)  # longer by a pilot: not worth another one
+CHAOTIC = 1e-2  # difference beyond which a chain says nothing on first steps, if its energy is kept
+ALIKE = 64  # chains of like numbers of steps that march together
+ROUNDS = 5  # of marches, before the search of a single run takes over
+MOST_STEPS = 1e6  # of a chain in the lanes
+SAMPLED = 1000  # samples at which marches are compared, at most twice as many
+MARGIN = 1.6  # in the error, of steps that are to reach it
+SCATTER = 3.0  # times the root of its evaluations, of rounding in a march
+LOST = 30.0  # times the error, that rounding leaves where no step can reach it
+CLOSED = 0.1  # of the error asked for, that steps may leave in the energy
 EPSILON = float(np.finfo(float).eps)
-CLOSED = 0.1  # of the error asked for, that a longer step may leave in the energy
 PER_CHAIN = ("preload", "gravity")
 PER_CONTACT = PER_SPHERE
 PER_WALL = ("residual_compliance", "mobility")
@@ -190,11 +214,18 @@ class Chains:
         """The chain with the largest coefficient, 0 where none has any."""
         return int(self.gamma.max(axis=1).argmax()) if self.damped else 0
 
+    @cached_property
+    def static(self) -> tuple[Array, Array, Array]:
+        """Positions (n_chains, n), contact forces and displacements of the modes at rest."""
+        return _static(self)
+
     def take(self, rows: Array) -> "Chains":
         """The chains of these rows."""
         part = object.__new__(Chains)
         part.chain, part.wall, part.count = self.chain, self.wall, len(rows)
         part.arrays = {name: values[rows] for name, values in self.arrays.items()}
+        if "static" in self.__dict__:
+            part.__dict__["static"] = tuple(values[rows] for values in self.static)
         return part
 
 
@@ -219,71 +250,266 @@ def _scheme(chains, name, duration):
 
 
 def _to_error(chains, error, asked):
-    stiffest = int(chains.A.max(axis=1).argmax())
-    dt = march_to_error(
-        *chains[stiffest], duration=asked.duration, error=error, observed=asked.observed,
-        n_save=min(asked.n_save, SEARCHED), search=Search(asked.scheme, energy_error=np.inf),
-    ).trajectory.dt  # fmt: skip
-    spread = np.linspace(0, chains.count - 1, 16).astype(int)
-    sample = chains.take(np.union1d(spread, [stiffest, chains.most_damped]))
-    found = _sampled(sample, dt, asked)
-    while found.estimate > error:
-        found = _sampled(sample, found.dt / 1.5, asked)
-    if chains.fit_lanes and SCHEMES[asked.scheme].kind != "implicit":
-        found = _longer(sample, found, _longest(chains[stiffest], asked), error, asked)
-    return _march(chains, found.dt, asked)._replace(error_estimate=found.estimate)
+    """Every chain to the error by steps of its own, judged by its own marches.
+
+    First steps are the same share of the period of each chain's fastest contact, the share that
+    the chains of a pilot need. A chain that misses the error is marched by shorter steps, beside
+    the same coarse march where little is missing, else beside its last one. Chains that do not get
+    there are left to `march_to_error`, except those that make far more than the error of rounding:
+    no step mends that.
+    """
+    batch, method = _room(chains.count, asked), SCHEMES[asked.scheme]
+    if not chains.fit_lanes or method.kind == "implicit":
+        return _singly(chains, range(chains.count), error, asked, batch, {})
+    rate = np.maximum(_fastest_rates(chains), 1.0 / asked.duration)
+    speed = np.abs(chains.v0).max(axis=1)
+    speed[speed == 0.0] = 1.0
+    interval = stability_interval(method)
+    phase = interval * min(BOLDNESS * (error / 1e-4) ** (1.0 / THEORY), LONGEST)
+    every = _between_compared(asked.n_save)
+
+    # a pilot corrects the first steps: errors grow with duration, length and parts of the chain
+    pilot = np.argsort(rate)[np.linspace(0, chains.count - 1, PILOTS).astype(int)]
+    part = chains.take(pilot)
+    for _ in range(3 if chains.count > 2 * PILOTS else 0):
+        wanted = asked.duration * rate[pilot] / phase
+        coarse = _marched(part, wanted / FAR, asked, asked.n_save // every)
+        fine = _marched(part, wanted, asked, asked.n_save // every)
+        difference = _apart(fine.v, coarse.v, speed[pilot])
+        excess = _excess(difference / (FAR**FIRST - 1.0), fine.energy_error, error)
+        telling = (difference < CHAOTIC) | (coarse.energy_error > CHAOTIC)
+        most = np.quantile(excess[telling], SHARE, method="lower") if telling.any() else WITHIN
+        longer = np.clip((WITHIN / max(most, EPSILON)) ** (1.0 / THEORY), SHORTER, LONGER)
+        longer = min(longer, LONGEST * interval / phase)
+        phase *= longer
+        if SETTLED[0] < longer < SETTLED[1]:
+            break
+
+    wanted = asked.duration * rate / phase
+    rows, refused = np.flatnonzero(wanted < MOST_STEPS), {}
+    wanted = wanted[rows]
+    first = _marched(chains.take(rows), wanted / FAR, asked, asked.n_save // every)
+    coarse = _Coarse(first.v, first.n_steps, *np.full((2, rows.size), np.nan))
+    for _ in range(ROUNDS):
+        part = chains.take(rows)
+        fine = _marched(part, wanted, asked, asked.n_save)
+        difference = _apart(fine.v[:, ::every], coarse.v, speed[rows])
+        ratio = fine.n_steps / coarse.n_steps
+        estimate = difference / (ratio ** _order(coarse, difference) - 1.0)
+
+        # of refined chains also what they make of rounding
+        again = np.flatnonzero(coarse.refined)
+        if again.size:
+            rounding = _rounding(part.take(again), fine.take(again), speed[rows[again]], asked)
+            estimate[again] = np.maximum(estimate[again], rounding)
+            kept = fine.energy_error[again] <= error
+            for i in again[kept & (rounding > LOST * error)]:
+                refused[int(rows[i])] = _lost(error, estimate[i], asked.duration / fine.n_steps[i])
+
+        excess = _excess(estimate, fine.energy_error, error)
+        done = excess <= 1.0
+        into = rows[done]
+        batch.v[into], batch.wall_force[into] = fine.v[done], fine.wall_force[done]
+        batch.energy_error[into], batch.error_estimate[into] = (
+            fine.energy_error[done], estimate[done],
+        )  # fmt: skip
+        batch.n_steps[into] = fine.n_steps[done]
+
+        missed = np.flatnonzero(~done & ~np.isin(rows, list(refused)))
+        if not missed.size:
+            break
+        shorter = np.maximum((MARGIN * excess[missed]) ** (1.0 / THEORY), 1.15)
+        near = ~coarse.refined[missed] & (ratio[missed] * shorter <= FARTHEST)
+        wanted = fine.n_steps[missed] * np.where(near, shorter, FAR)
+        finer = _Coarse(fine.v[:, ::every], fine.n_steps, difference, coarse.n_steps).take(missed)
+        coarse = coarse.take(missed).where(near, finer)
+        rows = rows[missed]
+    batch.dt[:] = asked.duration / np.where(batch.n_steps, batch.n_steps, np.nan)
+    left = np.setdiff1d(np.flatnonzero(batch.n_steps == 0), list(refused))
+    return _singly(chains, left, error, asked, batch, refused)
 
 
-class _Sampled(NamedTuple):
-    """What some of the chains say of a step."""
+class _Marches(NamedTuple):
+    """What chains by steps of their own leave."""
 
-    dt: float
-    estimate: float  # of the velocity error
-    energy_error: float
+    v: Array  # (m, k, n_observed)
+    wall_force: Array  # (m, k)
+    energy_error: Array  # (m,)
+    n_steps: Array  # (m,)
 
-
-def _sampled(sample, dt, asked):
-    coarse = _march(sample, dt, asked)
-    fine = _march(sample, coarse.dt / 2, asked)
-    speed = np.abs(sample.v0).max(axis=1)[:, None, None]
-    # the coarse step is the one used: its error is the whole difference
-    estimate = float((np.abs(fine.v - coarse.v) / speed).max()) * 1.25
-    return _Sampled(coarse.dt, estimate, float(coarse.energy_error.max()))
+    def take(self, rows: Array) -> "_Marches":
+        return _Marches(*(part[rows] for part in self))
 
 
-def _longest(one, asked):
-    """The step [s] that a sample is no judge of any more: it may be unstable for other chains."""
-    chain, wall, v0 = one
-    rate = max(fastest_rate(prepare(chain, wall), v0), 1.0 / asked.duration)
-    return STABLE * stability_interval(SCHEMES[asked.scheme]) / rate
+class _Coarse(NamedTuple):
+    """Marches that finer ones are compared with."""
+
+    v: Array  # (m, k, n_observed) at the samples that are compared
+    n_steps: Array  # (m,)
+    difference: Array  # (m,) from coarser ones yet, NaN for the first
+    coarser: Array  # (m,) steps of these
+
+    @property
+    def refined(self) -> Array:
+        return ~np.isnan(self.difference)
+
+    def take(self, rows: Array) -> "_Coarse":
+        return _Coarse(*(part[rows] for part in self))
+
+    def where(self, same: Array, other: "_Coarse") -> "_Coarse":
+        """Itself for some chains, another one for the rest."""
+        pairs = zip(self, other, strict=True)
+        return _Coarse(
+            *(np.where(same.reshape(-1, *[1] * (one.ndim - 1)), one, two) for one, two in pairs)
+        )
 
 
-def _longer(sample, found, longest, error, asked):
-    """The step, or a longer one that keeps the error: that sought behind a wall with fast light
-    modes is often much too short."""
-    while True:
-        spent = max(found.estimate, found.energy_error / CLOSED, EPSILON) / error
-        allowed = CAUTION * spent ** (-1.0 / SCHEMES[asked.scheme].order)
-        share = min(allowed, MOST_LONGER, longest / found.dt)
-        if share < WORTH:
-            return found
-        other = _sampled(sample, share * found.dt, asked)
-        kept = other.estimate <= error and other.energy_error <= CLOSED * error
-        if not kept or other.dt < WORTH * found.dt:  # samples may leave no room for a longer one
-            return other if kept else found
-        found = other
+def _order(coarse, difference):
+    """By which errors fall: assumed for a first pair, where two differences are known below the
+    one they show. Differences that hardly fall count in full and more."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shown = np.log(coarse.difference / difference) / np.log(coarse.n_steps / coarse.coarser)
+    believed = np.clip(np.nan_to_num(shown, nan=0.0) - BELOW, SLOWEST, LATER)
+    return np.where(coarse.refined, believed, FIRST)
+
+
+def _apart(fine, coarse, speed):
+    """(m,) largest difference of velocities over the initial speeds; inf where there is none."""
+    difference = np.abs(fine - coarse).max(axis=(1, 2)) / speed
+    return np.where(np.isfinite(difference), difference, np.inf)
+
+
+def _excess(estimate, energy_error, error):
+    """(m,) the worse of velocity and energy over what is allowed."""
+    energy = np.where(np.isfinite(energy_error), energy_error, np.inf)
+    return np.maximum(estimate, energy / CLOSED) / error
+
+
+def _rounding(chains, found, speed, asked):
+    """(m,) largest change of velocities by one of the initial velocities as large as rounding."""
+    evaluations = found.n_steps * SCHEMES[asked.scheme].evaluations
+    change = SCATTER * EPSILON * np.sqrt(evaluations) * speed
+    signs = (-1.0) ** np.arange(chains.mass.shape[1])  # of one sign, a mere scale of speeds
+    other = chains.take(np.arange(chains.count))
+    other.arrays["v0"] = chains.v0 + change[:, None] * signs
+    every = _between_compared(asked.n_save)
+    moved = _marched(other, found.n_steps, asked, asked.n_save // every)
+    return _apart(moved.v, found.v[:, ::every], speed)
+
+
+def _lost(error, rounding, dt):
+    return (
+        f"error {error:g} is not reached, rounding alone leaves up to {rounding:.2g} with "
+        f"dt = {dt:.3g} s; ask for a larger error or less time"
+    )
+
+
+def _between_compared(n_save):
+    """Samples from one at which marches are compared to the next."""
+    return max(k for k in range(1, max(n_save // SAMPLED, 1) + 1) if n_save % k == 0)
+
+
+def _marched(chains, wanted, asked, n_save):
+    """The chains by about the wanted numbers of steps (m,): those that need like numbers march
+    together, by the largest of them. NaN where steps are unstable."""
+    n_steps = np.ceil(np.maximum(wanted, 1.0)).astype(int)
+    order = np.argsort(-n_steps, kind="stable")
+    found = _Marches(
+        np.full((chains.count, n_save + 1, asked.observed.size), np.nan),
+        np.full((chains.count, n_save + 1), np.nan),
+        np.full(chains.count, np.inf),
+        n_steps,
+    )
+
+    def work(rows):
+        n_steps[rows] = n = n_steps[rows[0]]
+        steps = LaneSteps(asked.duration / n, int(n), n_save)
+        try:
+            left = _lanes(chains.take(rows), steps, asked, threads=1)
+        except UnstableStep:
+            return
+        found.v[rows], found.wall_force[rows], found.energy_error[rows] = left
+
+    groups = [order[i : i + ALIKE] for i in range(0, chains.count, ALIKE)]
+    chains.static  # noqa: B018  once for all groups
+    if asked.threads == 1 or len(groups) == 1:
+        for rows in groups:
+            work(rows)
+        return found
+    with ThreadPoolExecutor(asked.threads) as pool:
+        list(pool.map(work, groups))
+    return found
+
+
+def _fastest_rates(chains):
+    """(m,) [rad/s] `fastest_rate` of the spheres alone: light wall modes make contacts stiff for
+    stability, not for the accuracy of their solution."""
+    v0, mass, A = chains.v0, chains.mass, chains.A
+    energy = 0.5 * (mass * np.square(v0)).sum(axis=1, keepdims=True)
+    falling = chains.chain.n_falling
+    weight = np.abs((chains.gravity[:, None] * mass)[:, :falling].sum(axis=1, keepdims=True))
+    pressed = chains.static[1] + 2.0 * weight
+    depth = (2.5 * energy / A) ** 0.4 + (pressed / A) ** (2.0 / 3.0)
+    inverse = 1.0 / mass
+    pair = inverse.copy()
+    pair[:, :-1] += inverse[:, 1:]
+    return np.sqrt((1.5 * A * np.sqrt(depth) * pair[:, : A.shape[1]]).max(axis=1, initial=0.0))
+
+
+def _room(count, asked):
+    """A batch to be filled."""
+    k = asked.n_save + 1
+    return Batch(
+        np.linspace(0.0, asked.duration, k),
+        np.full((count, k, asked.observed.size), np.nan),
+        np.full((count, k), np.nan),
+        np.full(count, np.nan),
+        np.full(count, np.nan),
+        np.zeros(count, int),
+        asked.scheme,
+        np.full(count, np.nan),
+    )
+
+
+def _singly(chains, rows, error, asked, batch, refused):
+    """The batch with these chains marched one by one, and what is refused."""
+
+    def one(i):
+        try:
+            run = march_to_error(
+                *chains[i], duration=asked.duration, error=error, observed=asked.observed,
+                n_save=asked.n_save, search=Search(asked.scheme),
+            ).trajectory  # fmt: skip
+        except UnstableStep as reason:
+            refused[int(i)] = str(reason)
+            return
+        batch.v[i], batch.wall_force[i] = run.v[:, asked.observed], _wall_force(run, chains.wall)
+        batch.energy_error[i], batch.error_estimate[i] = run.energy_error, run.error_estimate
+        batch.dt[i], batch.n_steps[i] = run.dt, run.n_steps
+
+    with ThreadPoolExecutor(asked.threads) as pool:
+        list(pool.map(one, rows))
+    return batch._replace(refused=dict(sorted(refused.items())))
 
 
 def _march(chains, dt, asked):
-    method = SCHEMES[asked.scheme]
-    if not chains.fit_lanes or method.kind == "implicit":
+    """All chains by steps up to dt."""
+    if not chains.fit_lanes or SCHEMES[asked.scheme].kind == "implicit":
         return _one_by_one(chains, dt, asked)
     steps = asked.steps(dt)
+    batch = asked.batch(dt, *_lanes(chains, steps, asked, asked.threads))
+    _require_finite(batch.energy_error, steps.h)
+    return batch
+
+
+def _lanes(chains, steps, asked, threads):
+    """Velocities, forces at the wall and energy errors, side by side; raises UnstableStep."""
+    method = SCHEMES[asked.scheme]
     if chains.damped:
         chain, wall, v0 = chains[chains.most_damped]
         refuse_step(prepare(chain, wall), v0, steps.h, method)
     blocks = _blocks(chains, steps.h * method.a)
-    n, k = len(blocks.v0), asked.n_save + 1
+    n, k = len(blocks.v0), steps.n_save + 1
     saved = SavedLanes(
         np.empty((n, k, asked.observed.size, LANES)),
         np.empty((n, k, LANES)),
@@ -294,13 +520,10 @@ def _march(chains, dt, asked):
         own, into = _part(blocks, part), _part(saved, part)
         march_lanes(own, method.a, method.b, method.correction, steps, asked.observed, into)
 
-    _share(work, n, asked.threads)
+    _share(work, n, threads)
     v = saved.v.transpose(0, 3, 1, 2).reshape(n * LANES, k, -1)
     force = saved.wall_force.transpose(0, 2, 1).reshape(n * LANES, k)
-    found = (values[: chains.count] for values in (v, force, saved.energy_error.reshape(-1)))
-    batch = asked.batch(dt, *found)
-    _require_finite(batch.energy_error, steps.h)
-    return batch
+    return [values[: chains.count] for values in (v, force, saved.energy_error.reshape(-1))]
 
 
 def _part(whole, rows):
@@ -356,7 +579,7 @@ def _held(chains):
     weight = chains.gravity[:, None] * chains.mass if chains.gravity.any() else none
     if not (preload.any() or stiffness.any() or weight.any()):
         return Held(*map(_packed, [none] * len(Held._fields)))
-    rest, force, modes = _static(chains)
+    rest, force, modes = chains.static
     anchor = chains.arrays.get("leaf_anchor", np.zeros_like(chains.mass))
     at_wall = force[:, -1:] if not chains.free else np.zeros_like(preload)
     ends = np.zeros_like(preload)
@@ -373,6 +596,9 @@ def _static(chains):
     """Positions (n_chains, n), contact forces and displacements of the modes at rest."""
     preload, phi = chains.preload, chains.arrays.get("phi")
     springs = chains.arrays.get("leaf_stiffness")
+    if not (preload.any() or np.any(springs) or chains.gravity.any()):
+        modes = np.zeros((chains.count, 0 if phi is None else phi.shape[1]))
+        return np.zeros_like(chains.mass), np.zeros_like(chains.A), modes
     only_preload = not (chains.free or np.any(springs) or chains.gravity.any())
     if only_preload and not ((preload < 0.0).any() or (chains.omega == 0).any()):
         response = phi / chains.omega**2

@@ -57,14 +57,42 @@ def _side_by_side(checked: Checked, group: Group, shared: Prepared, signals: boo
         halves = range(middle), range(middle, len(group.cases))
         parts = (group.take(list(half)) for half in halves)
         return [row for part in parts for row in _side_by_side(checked, part, shared, signals)]
+    seconds, done = (perf_counter() - started) / len(group.cases), []
+    if batch.refused:
+        places = sorted(batch.refused)
+        sentences = [_refusal(checked, group, i, shared, batch.refused[i]) for i in places]
+        cases = tuple(group.cases[i] for i in places)
+        done.append(without_result(_spheres(checked), cases, FAILED, sentences))
+        rest = [i for i in range(len(group.cases)) if i not in batch.refused]
+        if not rest:
+            return done
+        group, batch = group.take(rest), _taken(batch, rest)
     run = {
         "energy_error": batch.energy_error, "error_time": batch.error_estimate,
         "error_reduction": shared.error_reduction, "error_mesh": shared.error_mesh,
-        "dt_s": batch.dt, "steps": batch.n_steps,
-        "seconds": (perf_counter() - started) / len(group.cases),
+        "dt_s": batch.dt, "steps": batch.n_steps, "seconds": seconds,
     }  # fmt: skip
     table = measured(scene.output.spheres, batch.t, batch.v, batch.wall_force, **run)
-    return [Rows(group.cases, table, saved(scene, batch) if signals else None)]
+    return [*done, Rows(group.cases, table, saved(scene, batch) if signals else None)]
+
+
+def _taken(batch: dem.Batch, rows: list[int]) -> dem.Batch:
+    """Some chains of a batch."""
+    names = ("v", "wall_force", "energy_error", "dt", "n_steps", "error_estimate")
+    return batch._replace(refused={}, **{name: getattr(batch, name)[rows] for name in names})
+
+
+def _refusal(checked: Checked, group: Group, i: int, shared: Prepared, reason: str) -> str:
+    """Why a run of the i-th case is refused: before its march, if it is then already."""
+    try:
+        scene = checked.base.with_values(group.values(i))
+        require_start(scene)
+        begun = start(scene, shared.surface)
+        leant_on = shared.wall if isinstance(scene.wall, RomWall) else simple_wall(scene)
+        judged = coupling.verdict(begun.chain, leant_on, begun.velocity)
+    except FAILURES as earlier:
+        return sentence(earlier)
+    return reason if judged.possible else judged.findings[0]
 
 
 def observed(scene: Scene) -> list[int]:
