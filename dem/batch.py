@@ -123,17 +123,17 @@ FARTHEST = 8.0  # of a fine march that is repeated with shorter steps beside the
 # polynomials, off by order 2.5 where a contact opens or closes in the step; the march itself keeps
 # 3.5. Differences scatter: on 7000 random rows the error was never above the difference of a first
 # pair over 4^FIRST - 1 = 8, nor above that of refined steps over 4^LATER - 1 = 4.
-FIRST, LATER, THEORY = 1.585, 1.16, 2.5
+FIRST, LATER, THEORY = 1.585, 1.16, 3.0
 BELOW, SLOWEST = 0.5, 0.5  # below the order that refined steps show, which scatters; least of it
-BOLDNESS, LONGEST = 0.09, 0.15  # first steps over the stability interval at error 1e-4; at most
-PILOTS, SHARE, WITHIN = 16, 0.9, 0.6  # chains of a pilot; share of them to be within 0.6 error
+BOLDNESS, LONGEST = 0.055, 0.15  # first steps over the stability interval at error 1e-4; at most
+PILOTS, SHARE, WITHIN = 16, 0.95, 0.6  # chains of a pilot; share of them to be within 0.6 error
 LONGER, SHORTER = 3.0, 0.25  # at most, by a pilot
-SETTLED = (0.7, 1.5)  # longer by a pilot: not worth another one
+SETTLED = (0.6, 1.6)  # longer by a pilot: not worth another one
 CHAOTIC = 1e-2  # difference beyond which a chain says nothing on first steps, if its energy is kept
 ALIKE = 64  # chains of like numbers of steps that march together
 ROUNDS = 5  # of marches, before the search of a single run takes over
 MOST_STEPS = 1e6  # of a chain in the lanes
-SAMPLED = 1000  # samples at which marches are compared, at most twice as many
+SAMPLED = 500  # samples at which marches are compared, at most twice as many
 MARGIN = 1.6  # in the error, of steps that are to reach it
 SCATTER = 3.0  # times the root of its evaluations, of rounding in a march
 LOST = 30.0  # times the error, that rounding leaves where no step can reach it
@@ -309,11 +309,12 @@ def _to_error(chains, error, asked):
         excess = _excess(estimate, fine.energy_error, error)
         done = excess <= 1.0
         into = rows[done]
-        batch.v[into], batch.wall_force[into] = fine.v[done], fine.wall_force[done]
-        batch.energy_error[into], batch.error_estimate[into] = (
-            fine.energy_error[done], estimate[done],
-        )  # fmt: skip
-        batch.n_steps[into] = fine.n_steps[done]
+        if rows.size == chains.count:
+            batch = batch._replace(v=fine.v, wall_force=fine.wall_force)
+        else:
+            batch.v[into], batch.wall_force[into] = fine.v[done], fine.wall_force[done]
+        batch.energy_error[into], batch.n_steps[into] = fine.energy_error[done], fine.n_steps[done]
+        batch.error_estimate[into] = estimate[done]
 
         missed = np.flatnonzero(~done & ~np.isin(rows, list(refused)))
         if not missed.size:
@@ -325,7 +326,9 @@ def _to_error(chains, error, asked):
         coarse = coarse.take(missed).where(near, finer)
         rows = rows[missed]
     batch.dt[:] = asked.duration / np.where(batch.n_steps, batch.n_steps, np.nan)
-    left = np.setdiff1d(np.flatnonzero(batch.n_steps == 0), list(refused))
+    without = np.flatnonzero(batch.n_steps == 0)
+    batch.v[without], batch.wall_force[without] = np.nan, np.nan  # of refused chains
+    left = np.setdiff1d(without, list(refused))
     return _singly(chains, left, error, asked, batch, refused)
 
 
@@ -415,8 +418,8 @@ def _marched(chains, wanted, asked, n_save):
     n_steps = np.ceil(np.maximum(wanted, 1.0)).astype(int)
     order = np.argsort(-n_steps, kind="stable")
     found = _Marches(
-        np.full((chains.count, n_save + 1, asked.observed.size), np.nan),
-        np.full((chains.count, n_save + 1), np.nan),
+        np.empty((chains.count, n_save + 1, asked.observed.size)),
+        np.empty((chains.count, n_save + 1)),
         np.full(chains.count, np.inf),
         n_steps,
     )
@@ -425,10 +428,9 @@ def _marched(chains, wanted, asked, n_save):
         n_steps[rows] = n = n_steps[rows[0]]
         steps = LaneSteps(asked.duration / n, int(n), n_save)
         try:
-            left = _lanes(chains.take(rows), steps, asked, threads=1)
+            _lanes(chains.take(rows), steps, asked, 1, *found[:3], rows)
         except UnstableStep:
-            return
-        found.v[rows], found.wall_force[rows], found.energy_error[rows] = left
+            found.v[rows] = found.wall_force[rows] = np.nan
 
     groups = [order[i : i + ALIKE] for i in range(0, chains.count, ALIKE)]
     chains.static  # noqa: B018  once for all groups
@@ -461,8 +463,8 @@ def _room(count, asked):
     k = asked.n_save + 1
     return Batch(
         np.linspace(0.0, asked.duration, k),
-        np.full((count, k, asked.observed.size), np.nan),
-        np.full((count, k), np.nan),
+        np.empty((count, k, asked.observed.size)),
+        np.empty((count, k)),
         np.full(count, np.nan),
         np.full(count, np.nan),
         np.zeros(count, int),
@@ -482,6 +484,7 @@ def _singly(chains, rows, error, asked, batch, refused):
             ).trajectory  # fmt: skip
         except UnstableStep as reason:
             refused[int(i)] = str(reason)
+            batch.v[i], batch.wall_force[i] = np.nan, np.nan
             return
         batch.v[i], batch.wall_force[i] = run.v[:, asked.observed], _wall_force(run, chains.wall)
         batch.energy_error[i], batch.error_estimate[i] = run.energy_error, run.error_estimate
@@ -497,13 +500,15 @@ def _march(chains, dt, asked):
     if not chains.fit_lanes or SCHEMES[asked.scheme].kind == "implicit":
         return _one_by_one(chains, dt, asked)
     steps = asked.steps(dt)
-    batch = asked.batch(dt, *_lanes(chains, steps, asked, asked.threads))
-    _require_finite(batch.energy_error, steps.h)
-    return batch
+    v = np.empty((chains.count, steps.n_save + 1, asked.observed.size))
+    force, energy_error = np.empty(v.shape[:2]), np.empty(chains.count)
+    _lanes(chains, steps, asked, asked.threads, v, force, energy_error, np.arange(chains.count))
+    _require_finite(energy_error, steps.h)
+    return asked.batch(dt, v, force, energy_error)
 
 
-def _lanes(chains, steps, asked, threads):
-    """Velocities, forces at the wall and energy errors, side by side; raises UnstableStep."""
+def _lanes(chains, steps, asked, threads, v, wall_force, energy_error, rows):
+    """Fill these rows of what is kept of a march side by side; raises UnstableStep."""
     method = SCHEMES[asked.scheme]
     if chains.damped:
         chain, wall, v0 = chains[chains.most_damped]
@@ -521,9 +526,11 @@ def _lanes(chains, steps, asked, threads):
         march_lanes(own, method.a, method.b, method.correction, steps, asked.observed, into)
 
     _share(work, n, threads)
-    v = saved.v.transpose(0, 3, 1, 2).reshape(n * LANES, k, -1)
-    force = saved.wall_force.transpose(0, 2, 1).reshape(n * LANES, k)
-    return [values[: chains.count] for values in (v, force, saved.energy_error.reshape(-1))]
+    for block, first in enumerate(range(0, chains.count, LANES)):
+        into = rows[first : first + LANES]
+        v[into] = saved.v[block].transpose(2, 0, 1)[: into.size]
+        wall_force[into] = saved.wall_force[block].T[: into.size]
+        energy_error[into] = saved.energy_error[block][: into.size]
 
 
 def _part(whole, rows):
