@@ -122,8 +122,8 @@ FARTHEST = 8.0  # of a fine march that is repeated with shorter steps beside the
 # Order by which the difference of a pair is taken to fall. Between steps velocities lie on
 # polynomials, off by order 2.5 where a contact opens or closes in the step; the march itself keeps
 # 3.5. Differences scatter: on 7000 random rows the error was never above the difference of a first
-# pair over 4^FIRST - 1 = 8, nor above that of refined steps over 4^LATER - 1 = 4.
-FIRST, LATER, THEORY = 1.585, 1.16, 3.0
+# pair over 4^FIRST - 1 = 10, nor above that of refined steps over 4^LATER - 1 = 4.
+FIRST, LATER, THEORY = 1.73, 1.16, 3.0
 BELOW, SLOWEST = 0.5, 0.5  # below the order that refined steps show, which scatters; least of it
 BOLDNESS, LONGEST = 0.055, 0.15  # first steps over the stability interval at error 1e-4; at most
 PILOTS, SHARE, WITHIN = 16, 0.95, 0.6  # chains of a pilot; share of them to be within 0.6 error
@@ -133,7 +133,6 @@ CHAOTIC = 1e-2  # difference beyond which a chain says nothing on first steps, i
 ALIKE = 64  # chains of like numbers of steps that march together
 ROUNDS = 5  # of marches, before the search of a single run takes over
 MOST_STEPS = 1e6  # of a chain in the lanes
-SAMPLED = 500  # samples at which marches are compared, at most twice as many
 MARGIN = 1.6  # in the error, of steps that are to reach it
 SCATTER = 3.0  # times the root of its evaluations, of rounding in a march
 LOST = 30.0  # times the error, that rounding leaves where no step can reach it
@@ -266,15 +265,14 @@ def _to_error(chains, error, asked):
     speed[speed == 0.0] = 1.0
     interval = stability_interval(method)
     phase = interval * min(BOLDNESS * (error / 1e-4) ** (1.0 / THEORY), LONGEST)
-    every = _between_compared(asked.n_save)
 
     # a pilot corrects the first steps: errors grow with duration, length and parts of the chain
     pilot = np.argsort(rate)[np.linspace(0, chains.count - 1, PILOTS).astype(int)]
     part = chains.take(pilot)
     for _ in range(3 if chains.count > 2 * PILOTS else 0):
         wanted = asked.duration * rate[pilot] / phase
-        coarse = _marched(part, wanted / FAR, asked, asked.n_save // every)
-        fine = _marched(part, wanted, asked, asked.n_save // every)
+        coarse = _marched(part, wanted / FAR, asked)
+        fine = _marched(part, wanted, asked)
         difference = _apart(fine.v, coarse.v, speed[pilot])
         excess = _excess(difference / (FAR**FIRST - 1.0), fine.energy_error, error)
         telling = (difference < CHAOTIC) | (coarse.energy_error > CHAOTIC)
@@ -288,12 +286,12 @@ def _to_error(chains, error, asked):
     wanted = asked.duration * rate / phase
     rows, refused = np.flatnonzero(wanted < MOST_STEPS), {}
     wanted = wanted[rows]
-    first = _marched(chains.take(rows), wanted / FAR, asked, asked.n_save // every)
+    first = _marched(chains.take(rows), wanted / FAR, asked)
     coarse = _Coarse(first.v, first.n_steps, *np.full((2, rows.size), np.nan))
     for _ in range(ROUNDS):
         part = chains.take(rows)
-        fine = _marched(part, wanted, asked, asked.n_save)
-        difference = _apart(fine.v[:, ::every], coarse.v, speed[rows])
+        fine = _marched(part, wanted, asked)
+        difference = _apart(fine.v, coarse.v, speed[rows])
         ratio = fine.n_steps / coarse.n_steps
         estimate = difference / (ratio ** _order(coarse, difference) - 1.0)
 
@@ -322,7 +320,7 @@ def _to_error(chains, error, asked):
         shorter = np.maximum((MARGIN * excess[missed]) ** (1.0 / THEORY), 1.15)
         near = ~coarse.refined[missed] & (ratio[missed] * shorter <= FARTHEST)
         wanted = fine.n_steps[missed] * np.where(near, shorter, FAR)
-        finer = _Coarse(fine.v[:, ::every], fine.n_steps, difference, coarse.n_steps).take(missed)
+        finer = _Coarse(fine.v, fine.n_steps, difference, coarse.n_steps).take(missed)
         coarse = coarse.take(missed).where(near, finer)
         rows = rows[missed]
     batch.dt[:] = asked.duration / np.where(batch.n_steps, batch.n_steps, np.nan)
@@ -347,7 +345,7 @@ class _Marches(NamedTuple):
 class _Coarse(NamedTuple):
     """Marches that finer ones are compared with."""
 
-    v: Array  # (m, k, n_observed) at the samples that are compared
+    v: Array  # (m, k, n_observed)
     n_steps: Array  # (m,)
     difference: Array  # (m,) from coarser ones yet, NaN for the first
     coarser: Array  # (m,) steps of these
@@ -395,9 +393,8 @@ def _rounding(chains, found, speed, asked):
     signs = (-1.0) ** np.arange(chains.mass.shape[1])  # of one sign, a mere scale of speeds
     other = chains.take(np.arange(chains.count))
     other.arrays["v0"] = chains.v0 + change[:, None] * signs
-    every = _between_compared(asked.n_save)
-    moved = _marched(other, found.n_steps, asked, asked.n_save // every)
-    return _apart(moved.v, found.v[:, ::every], speed)
+    moved = _marched(other, found.n_steps, asked)
+    return _apart(moved.v, found.v, speed)
 
 
 def _lost(error, rounding, dt):
@@ -407,26 +404,21 @@ def _lost(error, rounding, dt):
     )
 
 
-def _between_compared(n_save):
-    """Samples from one at which marches are compared to the next."""
-    return max(k for k in range(1, max(n_save // SAMPLED, 1) + 1) if n_save % k == 0)
-
-
-def _marched(chains, wanted, asked, n_save):
+def _marched(chains, wanted, asked):
     """The chains by about the wanted numbers of steps (m,): those that need like numbers march
     together, by the largest of them. NaN where steps are unstable."""
     n_steps = np.ceil(np.maximum(wanted, 1.0)).astype(int)
     order = np.argsort(-n_steps, kind="stable")
     found = _Marches(
-        np.empty((chains.count, n_save + 1, asked.observed.size)),
-        np.empty((chains.count, n_save + 1)),
+        np.empty((chains.count, asked.n_save + 1, asked.observed.size)),
+        np.empty((chains.count, asked.n_save + 1)),
         np.full(chains.count, np.inf),
         n_steps,
     )
 
     def work(rows):
         n_steps[rows] = n = n_steps[rows[0]]
-        steps = LaneSteps(asked.duration / n, int(n), n_save)
+        steps = LaneSteps(asked.duration / n, int(n), asked.n_save)
         try:
             _lanes(chains.take(rows), steps, asked, 1, *found[:3], rows)
         except UnstableStep:
