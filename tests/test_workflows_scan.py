@@ -5,8 +5,11 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
+import meshio
 import numpy as np
 import pytest
+from skfem import MeshHex
+from skfem.io.meshio import HEX_MAPPING
 
 import beadwave
 import rom
@@ -99,6 +102,46 @@ def test_a_scan_that_is_there_is_kept(scanned, monkeypatch):
     )
     assert told == [(20, 20)]
     assert np.array_equal(again.columns["seconds"], scanned.columns["seconds"])
+
+
+def meshed(path, thickness):
+    """A block of hexahedra with a name, in a file."""
+    ends = ((-0.03, 0.03, 4), (-0.02, 0.02, 3), (0.0, thickness, 2))
+    block = MeshHex.init_tensor(*(np.linspace(*along) for along in ends))
+    cells = [("hexahedron", block.t[HEX_MAPPING[:8]].T)]
+    sets = {"block": [np.arange(block.nelements)]}
+    meshio.Mesh(block.p.T, cells, cell_sets=sets).write(path)
+
+
+def test_a_scan_is_computed_anew_once_its_mesh_is_another(tmp_path, monkeypatch):
+    monkeypatch.setattr(scan, "PART", 1)
+    monkeypatch.setattr("workflows.api.sweeps._draw", lambda *_: None)
+    marched, table = [], scan._table
+    monkeypatch.setattr(scan, "_table", lambda *args: marched.extend(args[1]) or table(*args))
+    assembly = {"mesh": str(tmp_path / "block.inp"), "held": ["block:-x"], "material": "steel"}
+    scene = {key: table for key, table in BLOCK.items() if key != "bodies"}
+
+    def scanned(told=lambda *_: None):
+        marched.clear()
+        scene["assembly"] = assembly
+        return beadwave.scan(scene, grid="2x1", out=tmp_path / "out", told=told)
+
+    def stop(done, n):
+        if done == 1:
+            raise KeyboardInterrupt
+
+    meshed(tmp_path / "block.inp", 0.02)
+    old = scanned()
+    assert scanned().notes == () and not marched
+    meshed(tmp_path / "block.inp", 0.006)
+    with pytest.raises(KeyboardInterrupt):
+        scanned(stop)
+    assert marched == [0] and list(tmp_path.glob("out/part-*"))
+    meshed(tmp_path / "block.inp", 0.004)
+    found = scanned()
+    assert marched == [0, 1] and "a file that it was made of changed" in found.notes[0]
+    change = found.columns["wall_peak_force_N"] / old.columns["wall_peak_force_N"] - 1.0
+    assert np.abs(change).max() > 0.1 and not list(tmp_path.glob("out/part-*"))
 
 
 KILLED = """

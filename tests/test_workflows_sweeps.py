@@ -20,7 +20,7 @@ from coupling.sweep.effects import sobol_effects
 from workflows.files.run_folder import RunFolder
 from workflows.pipeline import pipeline, sources
 from workflows.results.tables import apart
-from workflows.sweep import models, tasks
+from workflows.sweep import inputs, models, tasks
 from workflows.sweep import sweep as sweeping
 from workflows.sweep.cases import base_of
 from workflows.sweep.cluster import engine
@@ -500,6 +500,27 @@ NAMED_BY = {
     "a table": (SHORT, {"wall": TABLE}),
     "a CSV": (by_wall("a.npz"), Cases(table="cases.csv")),
 }
+
+
+def test_the_files_of_cases_are_those_of_the_scene_and_those_of_every_value(tmp_path):
+    for name in ("a.npz", "b.npz", "c.npz", "one.unv"):
+        wall_of(tmp_path / name, 2e8)
+    scene = tmp_path / "mine.toml"
+    changes = "\n".join(["[chain]", "count = 3", "radius = 0.01", "density = 7800.0"])
+    scene.write_text(
+        f"{changes}\nyoung = 2e11\npoisson = 0.3\n[striker]\nvelocity = 0.2\n"
+        '[wall]\nkind = "rom"\nfile = "a.npz"\nhalf_space = 0.0\n'
+    )
+    columns = {
+        "wall.file": ("b.npz", "a.npz", "b.npz"),
+        "striker.velocity": ("0.3 m/s", 1, 2.0),
+        "assembly": ({"step": "c.npz", "parts": ["sheets"]},) * 3,
+        "targets": ([{"hz": 3.0, "shape": "one.unv"}, {"hz": 5.0}],) * 3,
+        "mesh.file": ("gone.msh",) * 3,
+    }
+    found = inputs.files_of_cases(base_of(str(scene), ()), Design("table", columns))
+    names = ["a.npz", "b.npz", "c.npz", "one.unv", "gone.msh"]
+    assert found == [tmp_path / name for name in names]
 
 
 @pytest.mark.parametrize("named_by", NAMED_BY)
