@@ -139,7 +139,8 @@ def own_cutoff_hz(modes: ModalWall, reduced: ReducedModel) -> float:
     A residual vector or a constraint mode of the boundary would only cost step size as a mode.
     """
     if reduced.n_residual:
-        return float(modes.omega[-reduced.n_residual] / (2 * np.pi))
+        # below the first one whichever way the division by 2 pi rounds
+        return float(modes.omega[-reduced.n_residual] / (2 * np.pi) * (1 - 1e-9))
     inner = np.diag(reduced.K)[reduced.n_boundary :]
     if reduced.kind == "craig-bampton" and len(inner):
         return float(np.sqrt(inner.max()) / (2 * np.pi) * (1 + 1e-9))
