@@ -3,10 +3,13 @@
 import json
 import sys
 from ctypes import CDLL
+from importlib import import_module
 
 import numpy as np
 import pytest
 
+import dem
+import fem
 from coupling.verification import comparisons, honesty, lammps
 from coupling.verification.comparisons import (
     Missing,
@@ -16,6 +19,7 @@ from coupling.verification.comparisons import (
     rows_of,
 )
 from coupling.verification.formulas import DAMPED, LAWS, WALLS, comparison
+from fem import joints
 from workflows.commands.app import main
 from workflows.studies import catalogue
 from workflows.studies.verify.comparisons import finding, wrong
@@ -66,7 +70,18 @@ def test_lammps_converges_to_our_result(name, monkeypatch):
 
 @pytest.mark.parametrize(
     "group",
-    ["structures", "half-spaces", "reductions", "full-order", "pyyeti", "exudyn", "second-waves"],
+    [
+        "structures",
+        "half-spaces",
+        "reductions",
+        "full-order",
+        "pyyeti",
+        "exudyn",
+        "second-waves",
+        "mean-joints",
+        "beams",
+        "gravity",
+    ],
 )
 def test_structures_reductions_and_waves_agree_with_what_others_say(group):
     if group in ("pyyeti", "exudyn"):
@@ -74,6 +89,44 @@ def test_structures_reductions_and_waves_agree_with_what_others_say(group):
     rows = [*rows_of(group, catalogue.catalogue("verify")[group])]
     assert len(rows) >= 2
     assert not [row for row in rows if row.verdict != "within"], rows
+
+
+def wrong_weights(monkeypatch):
+    right = joints.distributing
+    monkeypatch.setattr(joints, "distributing", lambda p, w, c: right(p, w**0.5, c))
+
+
+def wrong_shear(monkeypatch):
+    module = import_module("fem.beam")  # fem.beam is its function
+    right = module._stiffnesses
+    monkeypatch.setattr(module, "_stiffnesses", lambda *of: right(*of) * np.array([1 + 1e-6, 1.0]))
+
+
+def wrong_axial_force(monkeypatch):
+    right = fem.beam
+    monkeypatch.setattr(
+        fem, "beam", lambda *of, axial_force: right(*of, axial_force=axial_force * (1 + 1e-6))
+    )
+
+
+def wrong_weight(monkeypatch):
+    right = dem.Chain.steady.fget
+    monkeypatch.setattr(dem.Chain, "steady", property(lambda chain: 1.0001 * right(chain)))
+
+
+@pytest.mark.parametrize(
+    ("group", "error", "n_outside"),
+    [
+        ("mean-joints", wrong_weights, 7),  # all: the weights are those of unlike elements
+        ("beams", wrong_shear, 6),
+        ("beams", wrong_axial_force, 6),
+        ("gravity", wrong_weight, 2),
+    ],
+)
+def test_an_error_on_purpose_is_outside(group, error, n_outside, monkeypatch):
+    error(monkeypatch)
+    rows = [*rows_of(group, catalogue.catalogue("verify")[group])]
+    assert sum(row.verdict == "outside" for row in rows) >= n_outside, rows
 
 
 def test_stated_errors_of_steps_are_true_or_larger_where_forces_are_smooth():
