@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from errno import EACCES, ENOSPC
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -276,6 +277,14 @@ def interrupted(*_):
     raise KeyboardInterrupt
 
 
+@pytest.fixture
+def loaded():
+    """Every module of the stages: one that is imported amid a patch keeps it for ever."""
+    for module in (ROOT / "workflows" / "pipeline").glob("*.py"):
+        import_module(f"workflows.pipeline.{module.stem}")
+
+
+@pytest.mark.usefixtures("loaded")
 @pytest.mark.parametrize("stage", FUNCTION)
 def test_an_interrupted_run_goes_on_where_it_stopped(stage, monkeypatch, tmp_path, capsys):
     with monkeypatch.context() as patch:
