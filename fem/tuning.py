@@ -205,8 +205,8 @@ def determined(
     """The parameters, of a fit of all of them, that the targets determine; none where they
     determine none. The others are at the values they had before (`Parameter.before`).
 
-    Backward elimination, one parameter at a time. A direction that was rigid stays so if the other
-    parameters alone meet the targets as closely (likelihood ratio, two standard deviations), even
+    Backward elimination, one parameter at a time. A direction that was rigid, or stiffer than its
+    bounds, stays so if the other parameters alone meet the targets as closely (likelihood ratio, two standard deviations), even
     where the fit is definite near its solution: a bolt soft along its axis lets a part tilt at the
     frequency at which one soft across it lets the part slide. While a combination is undetermined,
     the least determined parameter of those that the targets can do without leaves, and where they
@@ -215,8 +215,8 @@ def determined(
     while parameters:
         uncertainty = dict(zip([p.name for p in parameters], fit.uncertainty, strict=True))
         least = sorted(parameters, key=lambda p: -uncertainty[p.name])
-        rigid = [p for p in least if np.isinf(p.before).all()]
-        elastic = [p for p in least if not np.isinf(p.before).all()]
+        rigid = [p for p in least if p.springs and min(p.before) > p.upper]
+        elastic = [p for p in least if p not in rigid]
         allowed = fit.misfit + WORSE * max(1.0, fit.misfit / len(target_hz))
         refits = {}
         for left_out in rigid if fit.is_determined else rigid + elastic:

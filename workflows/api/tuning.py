@@ -13,7 +13,7 @@ from workflows.files.hammer import HAMMER
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import Changes, Source, files_read
 from workflows.files.scene import scene as load_scene
-from workflows.scene import Scene
+from workflows.scene import InvalidScene, Scene
 from workflows.scene.named_files import require_file
 from workflows.scene.parts import with_assembly, with_targets
 from workflows.scene.scene import LONGEST_NAME
@@ -99,7 +99,12 @@ def _matched(match: str | Iterable[int] | Mapping[int, float] | None) -> str | N
 
 
 def _names(free: str | Iterable[str]) -> tuple[str, ...]:
-    return tuple(free.split(",") if isinstance(free, str) else free)
+    names = tuple(free.split(",")) if isinstance(free, str) else free
+    if not isinstance(names, Iterable) or not all(isinstance(name, str) for name in names):
+        raise InvalidScene(
+            f'free = {free!r} must be names, as in ["joints.NAME.kz", "materials.NAME.young"].'
+        )
+    return tuple(name.strip() for name in names)
 
 
 def _scene_name(path: Path) -> str:
