@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from fem import Bushing, Material, assemble, joined, modes, pair
-from fem.correlation import Number
+from fem.correlation import BodyForms, Number
 from fem.tuning import (
     Parameter,
+    TuningBasis,
     at_before,
     determined,
     sensitivity,
@@ -81,50 +82,82 @@ def test_every_mode_up_to_the_highest_target_is_told(anisotropic):
     assert np.all(np.diff(found.all_hz) >= 0) and len(found.all_hz) > 6
 
 
-def test_a_parameter_left_out_has_the_value_it_had(anisotropic):
-    """Of a modulus, a density and a finite spring that is the spectrum at this value; of a rigid
-    spring that of springs without end (1e14 N/m)."""
-    parameters, value = [KY, KZ, KRY, *BLOCK], np.array([7e5, 2.5e7, 1e2, 1.07, 0.93])
-    for j, p in enumerate(parameters):
-        before = p._replace(before=tuple(value[j] for _ in p.springs or ("factor",)))
+def small_basis(*, stiffness=(0.0, 0.0)):
+    """A body of seven coordinates on two springs "joint.kx" and "joint.ky", M = I."""
+    random = np.random.default_rng(3)
+    Q = np.linalg.qr(random.normal(size=(7, 7)))[0]
+    K0 = Q @ np.diag(np.geomspace(1e5, 1e8, 7)) @ Q.T
+    springs = 0.3 * random.normal(size=(2, 7))
+    form = BodyForms(K0, np.eye(7), np.zeros((6, 7)))
+    names, numbers = ("joint.kx", "joint.ky"), tuple(Number(n) for n in range(1, 8))
+    return TuningBasis(K0, np.eye(7), springs, names, np.array(stiffness), {"body": form}, numbers)
+
+
+def parameter(name, before=np.inf):
+    if name in ("young", "density"):
+        return Parameter(name, (), 1.0, 0.5, 2.0, ("body",), name, (before,))
+    return Parameter(name, (f"joint.{name}",), 1e7, 1e4, 1e12, before=(before,))
+
+
+def targets_at(parameters, value, n):
+    hz = spectrum(small_basis(), parameters, np.array(value)).frequency_hz
+    return dict(enumerate(hz[:n].tolist(), start=1))
+
+
+def test_a_parameter_left_out_has_the_value_it_had():
+    names, value = ("kx", "ky", "young", "density"), np.array([4e6, 7e7, 1.2, 0.8])
+    parameters = [parameter(name, x) for name, x in zip(names, value, strict=True)]
+    expected = spectrum(small_basis(), parameters, value).omega
+    for p in parameters:
         rest = [other for other in parameters if other is not p]
-        there = spectrum(at_before(anisotropic, before), rest, np.delete(value, j))
-        here = spectrum(anisotropic, parameters, value)
-        np.testing.assert_allclose(there.omega[:12], here.omega[:12], rtol=1e-7)
-    rigid = spectrum(at_before(anisotropic, KZ._replace(before=(np.inf,))), [KY], value[:1])
-    stiff = spectrum(anisotropic, [KY, KZ], np.array([value[0], 1e14]))
-    np.testing.assert_allclose(rigid.omega[:6], stiff.omega[:6], rtol=1e-5)
+        there = [x for other, x in zip(parameters, value, strict=True) if other is not p]
+        found = spectrum(at_before(small_basis(), p), rest, np.array(there)).omega
+        np.testing.assert_allclose(found, expected, rtol=1e-10)
 
 
-def rail(ky, kx=np.inf):
-    """A block on two sheets, its head joints soft along y and, unless rigid, along x."""
-    return tuning_basis(model(Bushing(kx=kx, ky=ky)), [Number(n) for n in range(1, 7)])
+def test_a_rigid_spring_left_out_is_a_constraint():
+    """One coordinate fewer; the error of a finite stiffness k in its place falls as 1 / k."""
+    kx, ky = parameter("kx"), parameter("ky")
+    rigid = spectrum(at_before(small_basis(), kx), [ky], np.array([7e7])).omega
+    assert len(rigid) == 6
+    for k in (1e11, 1e13):
+        stiff = spectrum(small_basis(), [kx, ky], np.array([k, 7e7])).omega[:6]
+        np.testing.assert_allclose(rigid, stiff, rtol=1e9 / k)
 
 
-def test_what_the_targets_determine_is_fitted_and_a_rigid_direction_stays_rigid():
-    """One target, two springs: the one that was rigid leaves; two targets that only both can meet
-    leave none."""
-    kx, ky = (
-        Parameter(f"head.{key}", (f"head.{key}",), 1e7, 1e4, 1e12, before=(before,))
-        for key, before in (("kx", np.inf), ("ky", 5e5))
-    )
-    basis = rail(1e6, kx=1e7)
-    stiff, both = rail(1e6), [kx, ky]
-    hz = spectrum(stiff, [ky], np.array([8e5])).frequency_hz
-    for n in (1, 2):
-        target = {i + 1: hz[i] for i in range(n)}
-        assert determined(basis, both, target, tune(basis, both, target)) == (ky,)
-    hz = spectrum(basis, both, np.array([3e7, 8e5])).frequency_hz
-    target = dict(enumerate(hz[:4], start=1))
-    assert determined(basis, both, target, tune(basis, both, target)) == (kx, ky)
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_a_direction_that_was_rigid_stays_so_where_the_targets_are_met_without_it(n):
+    kx, ky = parameter("kx"), parameter("ky", 3e6)
+    target = targets_at([kx, ky], [1e16, 8e6], n)
+    basis, both = small_basis(), [kx, ky]
+    assert determined(basis, both, target, tune(basis, both, target)) == (ky,)
 
 
-def test_two_values_of_which_one_frequency_sees_a_product_are_not_both_determined(isotropic):
-    """Each alone is; together their bars would be those of the bounds."""
-    block = [p._replace(before=(1.0,)) for p in BLOCK]
-    hz = spectrum(isotropic, block, np.array([1.05, 1.0])).frequency_hz
-    target = {4: tune(isotropic, [], {}).modes_hz[3] * 1.02}
-    fit = tune(isotropic, block, target)
+def test_a_direction_that_was_rigid_is_fitted_where_the_targets_need_it():
+    kx, ky = parameter("kx"), parameter("ky", 3e6)
+    target = targets_at([kx, ky], [2e7, 8e6], 4)
+    basis, both = small_basis(), [kx, ky]
+    fit = tune(basis, both, target)
+    assert determined(basis, both, target, fit) == (kx, ky)
+    np.testing.assert_allclose(fit.value, [2e7, 8e6], rtol=1e-4)
+
+
+def test_of_modulus_and_density_frequencies_determine_one():
+    """omega^2 is proportional to the one over the other: both bars would be those of the bounds,
+    which no bar alone tells; of the one that is left it is twice that of a frequency."""
+    both = [parameter("young", 1.0), parameter("density", 1.0)]
+    target = targets_at(both, [1.3, 1.0], 5)
+    fit = tune(small_basis(), both, target)
     assert not fit.is_determined
-    assert len(determined(isotropic, block, target, fit)) == 1
-    assert all(tune(isotropic, [p], target).is_determined for p in block) and len(hz)
+    (left,) = determined(small_basis(), both, target, fit)
+    alone = tune(small_basis(), [left], target)
+    np.testing.assert_allclose(alone.value, 1.3 if left.name == "young" else 1 / 1.3, rtol=1e-6)
+    np.testing.assert_allclose(alone.deviation, 2e-3 / np.sqrt(5), rtol=1e-2)
+
+
+def test_a_value_not_known_within_a_factor_of_two_is_not_determined():
+    """A spring of 1e12 N/m, its own upper bound, moves no frequency by the error of the data."""
+    ky = parameter("ky", 3e6)
+    target = targets_at([ky], [1e12], 3)
+    fit = tune(small_basis(), [ky], target)
+    assert np.isinf(fit.deviation).all() and determined(small_basis(), [ky], target, fit) == ()
