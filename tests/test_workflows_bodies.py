@@ -304,6 +304,68 @@ def test_a_joint_is_tuned_to_a_target_of_the_scene(capsys):
     assert scene("tuned.toml").springs["pin"].kz == pytest.approx(5e7, rel=1e-4)
 
 
+ARM = """
+materials = { alloy = { young = 70e9, poisson = 0.33, density = 2700.0 } }
+assembly = { held = ["wall:-x"], material = "alloy", touching = "free" }
+[bodies.wall]
+box = [0.012, 0.06, 0.08]
+seed = 0.03
+[bodies.arm]
+box = [0.012, 0.05, 0.16]
+seed = 0.03
+at = [0.012, 0.0, 0.03]
+[[joints]]
+name = "bolts"
+between = "arm|wall"
+at = [[0.006, -0.015, -0.02], [0.006, 0.015, -0.02], [0.006, 0.0, 0.025]]
+washer = WASHER
+"""
+
+
+@pytest.mark.parametrize(
+    ("washer", "free", "rigid"),
+    [("0.009", "kx,ky,kz", ["kx", "ky"]), ('"share"', "krx,kz,young", ["krx"])],
+)
+def test_what_modes_do_not_determine_keeps_its_value_and_the_rest_is_fitted_again(
+    washer, free, rigid, capsys
+):
+    """Three bolts soft along z, of a truth with kz = 8e6 N/m, and two modes of it."""
+    arm = ARM.replace("WASHER", washer) + "kz = 1e7\n"
+    _, truth = modes_of(capsys, written(arm, "truth"), "--set=joints.bolts.kz=8e6")
+    hz = [row["frequency_hz"] for row in truth[:6]]
+    targets = "".join(f"[[targets]]\nhz = {f!r}\nnumber = {i + 1}\n" for i, f in enumerate(hz[:2]))
+    names = [
+        f"{'materials.alloy' if k == 'young' else 'joints.bolts'}.{k}" for k in free.split(",")
+    ]
+    order = ("tune", written(arm + targets), f"--free={','.join(names)}", "--out=tuned.toml")
+    assert beadwave(*order, "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+
+    fitted = [name for name in names if name.rpartition(".")[2] not in rigid]
+    assert list(report["stiffness"]) == fitted
+    assert report["stiffness"]["joints.bolts.kz"] == pytest.approx(8e6, rel=1e-2)
+    assert all(deviation < 0.05 for deviation in report["deviation"].values())
+    assert report["undetermined"] == {f"joints.bolts.{key}": "rigid" for key in rigid}
+    assert f"{rigid[0]} is not determined by mode 1, 2: it stays rigid." in report["remarks"][0]
+    assert report["remarks"][len(rigid)].endswith(f"determine: --free {','.join(fitted)}.")
+    assert all(getattr(scene("tuned.toml").springs["bolts"], key) == np.inf for key in rigid)
+    _, rows = modes_of(capsys, "tuned.toml")
+    assert [row["frequency_hz"] for row in rows[:6]] == pytest.approx(hz, rel=1e-4)
+
+
+@pytest.mark.parametrize("kz", [1e2, 1e13])
+def test_a_start_outside_of_the_bounds_is_no_obstacle(kz, capsys):
+    """Bounds are 1e4 and 1e12 N/m: the fit starts within them."""
+    arm = ARM.replace("WASHER", "0.009")
+    _, truth = modes_of(capsys, written(arm, "truth"), "--set=joints.bolts.kz=8e6")
+    target = f"[[targets]]\nhz = {truth[0]['frequency_hz']!r}\nnumber = 1\n"
+    scene_file = written(f"{arm}kz = {kz}\n{target}")
+    assert beadwave("tune", scene_file, "--free= joints.bolts.kz ", "--out=t.toml", "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["stiffness"]["joints.bolts.kz"] == pytest.approx(8e6, rel=1e-3)
+    assert report["undetermined"] == {}
+
+
 def test_what_cannot_be_tuned_is_named(capsys):
     scene_file = written(STACK.replace("HZ", "1000.0"))
     for free, told in (("joints.pn.kz", "joints.pin.kz"), ("materials.steel.shear", "materials")):

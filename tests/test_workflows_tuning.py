@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from command_line import beadwave
+from workflows.api.tuning import tune
 from workflows.assembly.mode_table import mode_table
 from workflows.assembly.tuning import (
     _from,
@@ -146,6 +147,23 @@ def test_where_nothing_is_determined_no_scene_is_written(
     said = capsys.readouterr()
     assert f"no value of --free {free} is determined by mode {match}, nothing" in said.err
     assert not said.out and said.err.count("\n") == 1 and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("free", [[1], (None,), 5])
+def test_what_is_no_name_is_refused_in_a_sentence(free):
+    with pytest.raises(InvalidScene, match="must be names, as in"):
+        tune("rig-rom", COARSE, match="1", free=free)
+
+
+def test_modes_that_a_kept_value_contradicts_are_told_what_would_meet_them():
+    """Sheets at a rigid joint, of which the scene has a soft one: there is a least stiffness and
+    no largest."""
+    rigid = scene("rig-rom", (*COARSE, "joints.head.kz=inf"))
+    hz = {n: pipeline_of(rigid, silent)("modes").paired_hz[str(n)] for n in (1, 2)}
+    soft = scene("rig-rom", (*COARSE, "joints.head.kz=4e8", "joints.head.ky=6e5"))
+    _, report = tuned(soft, hz, ("head.ky", "head.kz"), silent)
+    assert report.undetermined == {"head.kz": 4e8} and report.stiffness.keys() == {"head.ky"}
+    assert any("mode 2 would be met with head.kz = " in remark for remark in report.remarks)
 
 
 def test_a_stiffness_starts_from_the_value_of_its_scene():
