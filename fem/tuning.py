@@ -206,11 +206,11 @@ def determined(
     determine none. The others are at the values they had before (`Parameter.before`).
 
     Backward elimination, one parameter at a time. A direction that was rigid, or stiffer than its
-    bounds, stays so if the other parameters alone meet the targets as closely (likelihood ratio, two standard deviations), even
-    where the fit is definite near its solution: a bolt soft along its axis lets a part tilt at the
-    frequency at which one soft across it lets the part slide. While a combination is undetermined,
-    the least determined parameter of those that the targets can do without leaves, and where they
-    can do without none, the least determined of all.
+    bounds, stays so if the other parameters alone meet the targets as closely (likelihood ratio,
+    two standard deviations), even where the fit is definite near its solution: a bolt soft along
+    its axis lets a part tilt at the frequency at which one soft across it lets the part slide.
+    While a combination is undetermined, the least determined parameter without which the targets
+    are still met leaves the fit; where each is needed, the least determined of all.
     """
     while parameters:
         uncertainty = dict(zip([p.name for p in parameters], fit.uncertainty, strict=True))

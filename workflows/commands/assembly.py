@@ -144,7 +144,7 @@ def tune_joints(
     changes: Changes = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
-    json: json_of("{match, modes_hz, full_order_hz, stiffness, mac, remarks, ...}") = False,
+    json: json_of("{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}") = False,
 ) -> None:
     """Fit joint stiffnesses to chosen modes and write a scene."""
     from workflows.api import tuning as api
