@@ -206,6 +206,7 @@ def test_points_are_mirrored_to_the_last_digit():
         ("rig-rigid", {}, {}, "a scan moves the chain over an assembly"),
         (BLOCK, {}, {"grid": "20"}, "two whole numbers"),
         (BLOCK, {}, {"grid": "0x4"}, "two whole numbers"),
+        (BLOCK, {}, {"grid": "6" * 4500 + "x2"}, "two whole numbers from 1 to 10000"),
         (BLOCK, {}, {"grid": "200x200"}, "allowed are 10000"),
         (BLOCK, {}, {"face": "block:+w"}, "block"),
         (BLOCK, {}, {"face": "lid:+x"}, "names no body"),

@@ -181,6 +181,80 @@ def test_bad_tables_are_refused_in_a_sentence(tmp_path, text, says):
     assert path.read_text() == text
 
 
+CELLS = {
+    "24 digits": "987654321098765432109876",
+    "above 64 bits": "-9223372036854775809",
+    "400 digits": "7" * 400,
+    "4400 digits": "7" * 4400,
+    "a huge exponent": "3e999",
+    "no number": "nan",
+    "infinite": "-inf",
+    "empty": "",
+    "a word": "quick",
+    "two lines": '"0.2\nunusual = 1"',
+    "a list": '"[0.2, 0.3]"',
+    "a day": "2001-01-01",
+}
+
+
+@pytest.mark.parametrize(
+    ("key", "cell"),
+    [*(("chain.radius", cell) for cell in CELLS), ("chain.count", "24 digits")],
+)
+def test_a_cell_that_is_no_value_of_its_key_refuses_its_row_alone(key, cell):
+    sound, cell = {"chain.count": 5, "chain.radius": 0.0127}[key], CELLS[cell]
+    Path("cases.csv").write_text(f"{key},contact.coefficient\n{sound},0\n{cell},0\n{sound},0\n")
+    found = beadwave.sweep("rig-rigid", SHORT, cases=Cases(table="cases.csv"), out="out")
+    assert found.columns["status"].tolist() == ["done", "refused", "done"]
+    assert key in found.columns["message"][1] and found.columns["message"][1].count("\n") == 0
+    assert len(beadwave.load_sweep("out").columns[key]) == 3
+
+
+def test_whole_numbers_above_those_of_a_float_are_rows_beside_fractions():
+    over = {"chain.young": "2.5e11,9007199254740993,210000000000"}
+    found = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
+    assert found.columns["status"].tolist() == ["done", "refused", "done"]
+    assert found.columns["chain.young"].tolist() == [2.5e11, 2.0**53, 2.1e11]
+
+
+def test_cases_that_are_all_alike_are_rows_each():
+    Path("cases.csv").write_text("chain.count,wall.kind\n5,rigid\n6,rigid\n5,rigid\n")
+    found = beadwave.sweep("rig-rigid", SHORT, cases=Cases(table="cases.csv"), out="out")
+    force = found.columns["wall_peak_force_N"]
+    assert found.counts() == {"done": 3} and force[0] == force[2] != force[1]
+
+
+@pytest.mark.parametrize(
+    "over",
+    [
+        {"contact.coefficient": "0,0.2,0.3"},
+        {"contact.coefficient": "0,0.2", "chain.count": "5,5"},
+        {"preload.mass": "0,0.1"},
+    ],
+    ids=str,
+)
+def test_cases_that_differ_in_what_matters_to_none_are_rows_each(over):
+    changes = SHORT | {"preload.force": 0.0}
+    found = beadwave.sweep("rig-rigid", changes, cases=over, out="out")
+    assert found.counts() == {"done": found.design.n_cases}
+
+
+@pytest.mark.parametrize("digits", [30, 5000])
+def test_numbers_of_many_digits_are_no_numbers_of_cases(digits):
+    n = "8" * digits
+    for over, sample, says in (
+        (f"striker.velocity=0.1:0.2:{n}", None, "must be a number of values up to"),
+        ("striker.velocity=0.1:0.2", f"lhs:{n}", "between 2 and"),
+    ):
+        with pytest.raises(InvalidScene, match=says):
+            beadwave.sweep("rig-rigid", cases=Cases((over,), sample), out="out")
+
+
+def test_whole_numbers_of_a_range_stay_numbers_where_a_float_skips_some():
+    values = grid(("a.b=1:1000000000000000000000000:3",), number).columns["a.b"]
+    assert values == pytest.approx((1.0, 5e23, 1e24))
+
+
 # --- each case right ---------------------------------------------------------------------------
 
 PARTS = {

@@ -80,6 +80,9 @@ def together(scene: Scene, columns: dict[str, np.ndarray], wall: Any) -> dem.Cha
         own = getattr(scene, table).model_copy(update={name: np.asarray(values, float)[:, None]})
         scene = scene.model_copy(update={table: own})
     row, v0 = chain(scene), initial_velocity(scene)
+    # a key may matter to no chain, as the coefficient of a contact without dissipation
+    n_chains = max(map(len, columns.values()), default=1)
+    v0 = np.array(np.broadcast_to(v0, (n_chains, scene.chain.count)))
     wall = simple_wall(scene) if wall is None else wall
     if wall is not None:
         wall = wall._replace(mobility=_flat(wall.mobility))

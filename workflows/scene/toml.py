@@ -95,7 +95,7 @@ def _pair(change: Change) -> tuple[str, Any]:
     key, equals, text = change.partition("=")
     if not equals or not all(key.strip().split(".")):
         raise InvalidScene(f"--set {change!r} is not key=value; write --set chain.count=17.")
-    return key.strip(), _value(text.strip())
+    return key.strip(), value_of(text.strip())
 
 
 def _judged_again(tables: dict[str, Any], key: str) -> dict[str, Any]:
@@ -106,7 +106,7 @@ def _judged_again(tables: dict[str, Any], key: str) -> dict[str, Any]:
     return {**tables, "unusual": [name for name in meant if name != key]}
 
 
-def _value(text: str) -> Any:
+def value_of(text: str) -> Any:
     """A TOML value; a bare word is a string."""
     try:
         found = tomllib.loads(f"value = {text}")

@@ -73,7 +73,9 @@ def groups(base: Base, design: Design, missing: Sequence[int]) -> Iterator[Group
     found: dict[str, Sequence[int]] = {} if apart else {"all": missing}
     for i in missing if apart else ():
         found.setdefault(repr([design.columns[key][i] for key in apart]), []).append(i)
-    for cases in found.values():
+    # cases that are all alike differ in no key that chains side by side may differ in: one each
+    together = found.values() if joint else ([i] for cases in found.values() for i in cases)
+    for cases in together:
         shared = {key: design.columns[key][cases[0]] for key in apart}
         columns = {key: _taken(design.columns[key], cases) for key in joint}
         yield Group(shared, columns, tuple(cases))

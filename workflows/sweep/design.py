@@ -2,9 +2,9 @@
 
 import csv
 from collections.abc import Callable, Iterable
-from math import isfinite, prod
+from math import isfinite, isinf, prod
 from pathlib import Path
-from tomllib import TOMLDecodeError, loads
+from tomllib import loads
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from coupling.sweep.design import Axis, Design, combined, latin_hypercube, sobol
 from workflows.scene import InvalidScene
 from workflows.scene.named_files import require_file
+from workflows.scene.toml import value_of
 
 MOST_CASES = 10_000_000  # rows of a table that a laptop still holds
 SAMPLES = ("lhs", "sobol")
@@ -109,7 +110,8 @@ def _grid_axis(text: str, number: Number) -> Axis:
     spaced = axis.at(np.linspace(0.0, 1.0, n))
     spaced[[0, -1]] = low, high  # as they are given, not as they are rounded
     whole = all(part.strip().lstrip("-").isdecimal() for part in parts[:2])
-    if whole and np.allclose(spaced, np.round(spaced), 1e-12, 0.0):  # of keys that count
+    exact = max(abs(low), abs(high)) < 2**53  # whole numbers that a float tells apart
+    if whole and exact and np.allclose(spaced, np.round(spaced), 1e-12, 0.0):  # of keys that count
         spaced = np.round(spaced).astype(int)
     return axis._replace(values=tuple(spaced.tolist()))
 
@@ -134,40 +136,60 @@ def _checked(axis: Axis, text: str) -> Axis:
 def _listed(text: str) -> tuple[Any, ...]:
     """Values of a list: TOML values, or bare words."""
     try:
-        return tuple(loads(f"values = [{text}]")["values"])
-    except (TOMLDecodeError, ValueError, RecursionError):
-        return tuple(_value(part.strip()) for part in text.split(","))
+        lines = loads(f"values = [{text}]")
+    except (ValueError, RecursionError):
+        lines = {}
+    if len(lines) == 1:  # more lines are more than a list
+        return tuple(_in_column(value, text) for value in lines["values"])
+    return tuple(_value(part.strip()) for part in text.split(","))
 
 
 def _value(text: str) -> Any:
     """A TOML value; a bare word is a string."""
-    try:
-        return loads(f"value = {text}")["value"]
-    except (TOMLDecodeError, ValueError, KeyError, RecursionError):
-        return text
+    return _in_column(value_of(text), text)
+
+
+def _in_column(value: Any, text: str) -> Any:
+    """The value as a column holds it: a whole number beyond 64 bits as a float, and one beyond all
+    floats as its text, for which its case is refused; only "inf" itself is infinite."""
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        value = float(str(value))
+    overflows = isinstance(value, float) and isinf(value) and "inf" not in text.lower()
+    return text if overflows else value
+
+
+def counted(text: str, most: int) -> int | None:
+    """The whole number from 1 to `most` that a text is; None for any other text."""
+    digits = text.strip()
+    # digits are counted first: Python refuses to read thousands of them
+    if not digits.isdecimal() or len(digits) > len(str(most)):
+        return None
+    return int(digits) if 1 <= int(digits) <= most else None
 
 
 def _whole(text: str, where: str) -> int:
-    if not (text.strip().isdecimal() and 0 < int(text) <= MOST_CASES):
+    n = counted(text, MOST_CASES)
+    if n is None:
         raise InvalidScene(
             f"--over {where}: {text.strip()!r} must be a number of values up to {MOST_CASES}."
         )
-    return int(text)
+    return n
 
 
 def _sample(text: str) -> tuple[str, int]:
-    kind, _, n = text.partition(":")
-    if kind not in SAMPLES or not (n.isdecimal() and 2 <= int(n) <= MOST_CASES):
+    kind, _, number = text.partition(":")
+    n = counted(number, MOST_CASES) or 0
+    if kind not in SAMPLES or n < 2:
         raise InvalidScene(
             f"--sample {text} must be lhs:n or sobol:n with n between 2 and {MOST_CASES}."
         )
-    if kind == "sobol" and int(n).bit_count() != 1:
-        above = 1 << int(n).bit_length()
+    if kind == "sobol" and n.bit_count() != 1:
+        above = 1 << n.bit_length()
         raise InvalidScene(
             f"--sample {text}: Sobol sequences are balanced at powers of 2; take {above // 2} or "
             f"{above}."
         )
-    return kind, int(n)
+    return kind, n
 
 
 def _require_number(n: int) -> None:

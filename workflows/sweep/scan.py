@@ -26,7 +26,7 @@ from workflows.pipeline.face import Outline, Placed, StruckFace
 from workflows.pipeline.rig import STRUCK
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.sweep.cases import Base
-from workflows.sweep.design import Design
+from workflows.sweep.design import Design, counted
 from workflows.sweep.inputs import Inputs, files_of_scene
 from workflows.sweep.march import observed, saved
 from workflows.sweep.store import About, Store
@@ -70,10 +70,12 @@ def _even(low: float, high: float, n: int) -> Array:
 
 def grid(text: str) -> Grid:
     """The grid of "20x20"; raises InvalidScene."""
-    counts = text.lower().split("x")
-    if len(counts) != 2 or not all(n.strip().isdecimal() and int(n) > 0 for n in counts):
-        raise InvalidScene(f"--grid {text!r} must be two whole numbers above 0, 20x20 for example.")
-    found = Grid(*map(int, counts))
+    counts = [counted(n, MOST_POINTS) for n in text.lower().split("x")]
+    if len(counts) != 2 or None in counts:
+        raise InvalidScene(
+            f"--grid {text!r} must be two whole numbers from 1 to {MOST_POINTS}, 20x20 for example."
+        )
+    found = Grid(*counts)
     if found.rows * found.columns > MOST_POINTS:
         raise InvalidScene(
             f"--grid {text} has {found.rows * found.columns} points, allowed are {MOST_POINTS}; "

@@ -219,7 +219,8 @@ def _typed(values: list[Any], kinds: set[type]) -> Any:
     import pyarrow as pa
 
     if kinds <= {int, float}:
-        return pa.array(values, pa.float64() if float in kinds else pa.int64())
+        number = float if float in kinds else int  # Arrow takes no whole number above 2^53 for one
+        return pa.array([number(value) for value in values])
     return pa.array([v if isinstance(v, str) else dumps(v, default=str) for v in values])
 
 
