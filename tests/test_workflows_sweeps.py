@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -9,12 +10,14 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 import beadwave
 import dem
 import rom
 from beadwave import Cases, InvalidScene
+from command_line import beadwave as command
 from coupling.sweep.design import Design
 from coupling.sweep.effects import sobol_effects
 from workflows.files.run_folder import RunFolder
@@ -786,6 +789,59 @@ def test_a_scheduler_that_does_not_answer_is_told(monkeypatch):
         beadwave.sweep(
             "rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, on="tcp://127.0.0.1:1"
         )
+
+
+@pytest.fixture
+def silent():
+    """The address of a port that takes connections and never answers."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"127.0.0.1:{server.getsockname()[1]}"
+
+
+@pytest.mark.parametrize(
+    ("scheme", "says"),
+    [
+        ("tls://", "needs certificates"),
+        ("tcp://", "does not answer"),
+        ("ws://", "does not answer"),
+        ("ucx://", "does not answer"),
+        ("no-such-scheme://", "does not answer"),
+        ("tcp://[", "does not answer"),
+    ],
+)
+def test_an_address_without_a_scheduler_is_refused_in_a_sentence(
+    scheme, says, silent, monkeypatch, capfd
+):
+    monkeypatch.setattr("workflows.sweep.cluster.PATIENCE", "500ms")
+    over = "--over=striker.velocity=0.3,0.4"
+    assert command("sweep", "rig-rigid", over, "--out=out", f"--scheduler={scheme}{silent}") == 2
+    said = capfd.readouterr().err
+    assert said.startswith(f"beadwave: --scheduler {scheme}{silent} {says}")
+    assert said.count("\n") == 1 and not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--workers=0",), "--workers"),
+        (("--workers=-3",), "--workers"),
+        (("--workers=12345678",), "12345678 processes; give 1 to"),
+        (("--workers=2", "--scheduler=tcp://127.0.0.1:1"), "give one of them"),
+    ],
+)
+def test_processes_that_cannot_be_are_refused_in_a_sentence(words, says, capfd):
+    over = "--over=striker.velocity=0.3,0.4"
+    assert command("sweep", "rig-rigid", over, "--out=out", *words) == 2
+    said = capfd.readouterr().err
+    assert says in said and said.count("\n") == 1 and not Path("out").exists()
+
+
+def test_processes_of_a_sweep_listen_to_this_machine_alone():
+    own = psutil.Process()
+    with engine(1):
+        every = [own, *own.children(recursive=True)]
+        found = [c.laddr.ip for p in every for c in p.net_connections() if c.status == "LISTEN"]
+    assert len(found) >= 4 and set(found) == {"127.0.0.1"}
 
 
 # --- what outputs depend on --------------------------------------------------------------------

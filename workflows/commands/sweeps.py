@@ -83,6 +83,13 @@ def sweep(
     from workflows.api.sweeps import Cases
     from workflows.api.sweeps import sweep as compute
 
+    if workers and scheduler:
+        from workflows.scene import InvalidScene
+
+        raise InvalidScene(
+            f"--workers {workers} are processes of this machine, --scheduler {scheduler} has its "
+            "own; give one of them."
+        )
     what = Cases(over or (), sample, cases, seed, again)
     if dry_run:
         _tell_price(scene, changes, what, workers, quiet, json)

@@ -4,8 +4,10 @@ Dask sends what a lost worker held to another one; a task that ends several work
 cases are rows that say so.
 """
 
+from asyncio import run as run_loop
+from asyncio import wait_for
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
 from logging import getLogger
 from os import cpu_count
@@ -19,6 +21,7 @@ from workflows.sweep.models import Prepared, models, prepared
 from workflows.sweep.tasks import Sharing, Task
 
 RETRIES = 2  # of a task whose worker ended
+HERE = "127.0.0.1"
 PATIENCE = "10s"  # to reach a scheduler
 MOST_A_CORE = 64  # processes, each a third of a gigabyte
 EVERY = 1.0  # s, that the workers are counted anew
@@ -56,13 +59,24 @@ def engine(where: int | str) -> Iterator[Callable]:
         ) from None
     dask.config.set({"distributed.scheduler.allowed-failures": RETRIES})
     if isinstance(where, int):
-        own = LocalCluster(n_workers=where, threads_per_worker=1, dashboard_address=":0")
+        # scheduler, workers and dashboard alone to this machine: who reaches them runs code here
+        own = LocalCluster(
+            n_workers=where, threads_per_worker=1, host=HERE, dashboard_address=f"{HERE}:0"
+        )
         with own, Client(own) as client, _while_it_runs():
             yield on(client)
         return
     try:
+        with ThreadPoolExecutor(1) as aside:  # a notebook has an event loop of its own
+            aside.submit(run_loop, _answer(where)).result()
         client = Client(where, timeout=PATIENCE)
-    except (OSError, ValueError, TimeoutError):
+    except Exception as error:  # each kind of address fails in its own way
+        if isinstance(error, TypeError) and "ssl_context" in str(error):
+            raise InvalidScene(
+                f"--scheduler {where} needs certificates, and Dask's configuration names none; set "
+                "distributed.comm.tls.ca-file, client.cert and client.key in "
+                "~/.config/dask/distributed.yaml, or give a tcp:// address."
+            ) from None
         raise InvalidScene(
             f"--scheduler {where} does not answer; give the address of a running Dask "
             "scheduler, tcp://host:8786 for example."
@@ -88,6 +102,15 @@ def _while_it_runs() -> Iterator[None]:
             "the scheduler ended; start it again and give the same command: it goes on with the "
             "cases that are missing."
         ) from None
+
+
+async def _answer(where: str) -> Any:
+    """What a scheduler says of itself; a client waits for ever for a port that is another's."""
+    from dask.utils import parse_timedelta
+    from distributed import rpc
+
+    async with rpc(where, timeout=PATIENCE) as scheduler:
+        return await wait_for(scheduler.identity(), parse_timedelta(PATIENCE))
 
 
 def on(found: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
