@@ -66,7 +66,7 @@ def _side_by_side(checked: Checked, group: Group, shared: Prepared, signals: boo
         rest = [i for i in range(len(group.cases)) if i not in batch.refused]
         if not rest:
             return done
-        group, batch = group.take(rest), _taken(batch, rest)
+        group, batch = group.take(rest), taken(batch, rest)
     run = {
         "energy_error": batch.energy_error, "error_time": batch.error_estimate,
         "error_reduction": shared.error_reduction, "error_mesh": shared.error_mesh,
@@ -76,7 +76,7 @@ def _side_by_side(checked: Checked, group: Group, shared: Prepared, signals: boo
     return [*done, Rows(group.cases, table, saved(scene, batch) if signals else None)]
 
 
-def _taken(batch: dem.Batch, rows: list[int]) -> dem.Batch:
+def taken(batch: dem.Batch, rows: list[int]) -> dem.Batch:
     """Some chains of a batch."""
     names = ("v", "wall_force", "energy_error", "dt", "n_steps", "error_estimate")
     return batch._replace(refused={}, **{name: getattr(batch, name)[rows] for name in names})

@@ -28,7 +28,7 @@ from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.sweep.cases import Base
 from workflows.sweep.design import Design, counted
 from workflows.sweep.inputs import Inputs, files_of_scene
-from workflows.sweep.march import observed, saved
+from workflows.sweep.march import observed, saved, taken
 from workflows.sweep.store import About, Store
 
 CRUDER = 0.75
@@ -209,7 +209,18 @@ def _marched(
     for first in range(0, len(good), PART):
         part, started = good[first : first + PART], perf_counter()
         batch = march(_some(fine, part))
-        change = march.apart(march(_some(crude, part), batch.dt).v, batch.v)
+        if batch.refused:
+            refused = {int(at[part[i]]): says for i, says in batch.refused.items()}
+            _refuse(store, face.scene, FAILED, refused)
+            rest = [i for i in range(len(part)) if i not in batch.refused]
+            part, batch = part[rest], taken(batch, rest)
+        if not len(part):
+            continue
+        dt, cruder = np.broadcast_to(batch.dt, len(part)), np.empty_like(batch.v)
+        for step in np.unique(dt):  # by the same steps, whose error cancels
+            alike = dt == step
+            cruder[alike] = march(_some(crude, part[alike]), float(step)).v
+        change = march.apart(cruder, batch.v)
         seconds = (perf_counter() - started) / len(part)
         store.add(_table(march.scene, at[part], batch, change, seconds, signals))
         told(len(points) - len(good) + first + len(part), len(points))
