@@ -1,0 +1,68 @@
+"""Every row of a sweep states the error that it has, and is refused where its run alone is."""
+
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beadwave
+import dem
+from beadwave import Cases
+from workflows.pipeline.chain import simple_wall, start
+from workflows.sweep.cases import base_of
+
+WHERE = spec_from_file_location(
+    "sweep_errors", Path(__file__).parents[1] / "examples" / "sweep_errors.py"
+)
+TRIAL = module_from_spec(WHERE)
+WHERE.loader.exec_module(TRIAL)
+
+
+def true_error(scene, case, v, dt, spheres):
+    """Beside a march of an eighth of the step that ends at the samples."""
+    one = base_of(scene, ()).with_values(case)
+    begun = start(one)
+    fine = dem.march(
+        begun.chain, simple_wall(one), begun.velocity,
+        duration=one.time.duration, dt=dt / 8, n_save=len(v) - 1,
+    )  # fmt: skip
+    return np.abs(fine.v[:, spheres] - v).max() / one.striker.velocity
+
+
+def test_an_outlier_of_a_table_states_its_own_error(tmp_path):
+    lines = [f"{11.0 + 1e-3 * i:.4f} mm" for i in range(30)]
+    lines[17] = "2.5 mm"
+    path = tmp_path / "cases.csv"
+    path.write_text("chain.radius\n" + "\n".join(lines) + "\n")
+    found = beadwave.sweep("rig-rigid", cases=Cases(table=path), out="out", signals=True)
+    assert set(found.counts()) == {"done"}
+    stated, v = found.columns["error_time"], found.signals()["v"].values
+    assert (stated <= 1e-4).all() and len(np.unique(stated)) > 25
+    for i in (0, 17, 29):
+        case, dt = found.design.case(i), found.columns["dt_s"][i]
+        assert true_error("rig-rigid", case, v[i], dt, [0, 3, 13]) <= stated[i]
+    assert found.columns["dt_s"][17] < 0.4 * found.columns["dt_s"][16]
+
+
+def test_a_case_whose_run_is_refused_is_refused_in_a_sweep():
+    over = {"striker.velocity": "0.25,9", "chain.radius": "1.9mm,13mm"}
+    found = beadwave.sweep("rig-1dof", cases=over, out="out")
+    status, message = found.columns["status"].tolist(), found.columns["message"].tolist()
+    chaotic = [case == {"striker.velocity": 9.0, "chain.radius": 1.9e-3} for case in cases(found)]
+    assert sum(chaotic) == 1
+    for bad, state, says in zip(chaotic, status, message, strict=True):
+        assert (state != "done") == bad
+        assert ("error 0.0001 is not reached" in says) == bad
+
+
+def cases(found):
+    return [found.design.case(i) for i in range(found.design.n_cases)]
+
+
+@pytest.mark.parametrize("i", [2, 4, 7])
+def test_random_rows_state_at_least_half_of_their_error(i):
+    """Of the trial's populations: an outlier, a sample and walls."""
+    judged = TRIAL.judged(TRIAL.POPULATIONS[i], 16, np.random.default_rng([5, i]))
+    assert len(judged.ratios) + judged.refused == 16 and judged.in_vain == 0
+    assert judged.ratios.min() >= 0.5
