@@ -53,7 +53,9 @@ class Meeting(NamedTuple):
         middles."""
         mine = skin.on(patch.on.tags)
         if isinstance(patch, Band):
-            return mine.number[np.abs((mine.middle - patch.centre) @ patch.axis) <= patch.length / 2]
+            return mine.number[
+                np.abs((mine.middle - patch.centre) @ patch.axis) <= patch.length / 2
+            ]
         if isinstance(patch, Disc):
             apart = np.linalg.norm(np.cross(mine.middle - patch.centre, patch.normal), axis=1)
             return mine.number[apart <= patch.radius * np.linalg.norm(patch.normal)]

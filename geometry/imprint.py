@@ -78,9 +78,7 @@ class Region(NamedTuple):
     sharp: bool = False  # bodies that are tied end on it: stresses are singular along its rim
 
 
-def fitted(
-    body: Body, patches: Mapping[str, Patch], gap: float, around: float
-) -> dict[str, Patch]:
+def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) -> dict[str, Patch]:
     """The body's patches, discs with radii at which their rims of `around` edges can be meshed.
 
     A rim that would leave a sliver beside an edge of its face, or beside a disc before it, or cut
@@ -231,11 +229,14 @@ def _between(body: Body, band: Band) -> Iterator[Region]:
 
 def _require_some(name: str, patch: Patch, parts: list[Region]) -> None:
     if not parts:
-        words = {Disc: "disc", Share: "bolt's share", Band: "thread"}
-        radius = f" of radius {patch.radius:.6g} m" if isinstance(patch, Disc) else ""
+        words = {
+            Disc: f"disc of radius {getattr(patch, 'radius', 0.0):.6g} m",
+            Share: "bolt's share",
+            Band: "thread",
+        }
         raise InvalidGeometry(
-            f'"{name}": a {words[type(patch)]}{radius} at {np.round(patch.centre, 6).tolist()} m does not lie on the '
-            f"faces of {patch.on.body} it belongs to; move the point."
+            f'"{name}": a {words[type(patch)]} at {np.round(patch.centre, 6).tolist()} m does not '
+            f"lie on the faces of {patch.on.body} it belongs to; move the point."
         )
 
 

@@ -29,7 +29,8 @@ class OwnMesh(NamedTuple):
             if not len(found[body][name]):
                 raise ValueError(
                     f'"{name}": no facet of {body} has its middle under the washer or in the '
-                    f"thread at {np.round(patch.centre, 6).tolist()} m; take a larger one or a finer mesh."
+                    f"thread at {np.round(patch.centre, 6).tolist()} m; take a larger one or a "
+                    "finer mesh."
                 )
         for touch, follows in tied:
             for body in touch.bodies:

@@ -15,12 +15,11 @@ from rom.factorisation import (
     frequency_scale,
     noise,
 )
-from rom.lanczos import lowest_modes
+from rom.lanczos import past_rigid_modes
 
 # of a first elastic mode that only chooses the shift; beside rigid modes of a stiff body, whose
 # theta are 1e6 times as large, rounding leaves no more
 ROUGHLY = 1e-3
-SOUGHT = (8, 16, 32)  # modes: six of a body that floats, more where joints leave motions free
 
 
 def pencil(
@@ -64,10 +63,7 @@ def _lowest_quotient(K: sp.csc_array, M: sp.csc_array, factor: Factor) -> float:
 def _floating(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil:
     guess = -1e-9 * frequency_scale(K, M)
     trial = Pencil(K, M, factorise(sp.csc_array(K - guess * M)), guess)
-    for n_modes in SOUGHT:
-        omega = lowest_modes(trial, min(n_modes, K.shape[0]), tolerance=ROUGHLY).omega
-        if omega.any() or n_modes >= K.shape[0]:
-            break
+    omega = past_rigid_modes(trial, tolerance=ROUGHLY).omega
     if not omega.any():
         raise ReductionError(
             f"K has at least {len(omega)} rigid-body modes and no elastic one could be found; "

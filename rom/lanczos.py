@@ -18,6 +18,7 @@ from rom.factorisation import Pencil, ReductionError, noise
 
 DENSE = 400  # up to this many dofs LAPACK is faster than Lanczos
 BLOCK = 8  # vectors of a Lanczos block
+MOST_RIGID = 64  # modes without stiffness that are looked past for an elastic one
 CHECK = 4  # blocks between two looks at convergence
 CONVERGED = 1e-10  # of theta = 1 / (omega^2 - sigma), its residual
 Enough = Callable[[np.ndarray, Callable[[], np.ndarray]], bool]
@@ -44,6 +45,18 @@ def lowest_modes(problem: Pencil, n_modes: int, *, tolerance: float = CONVERGED)
         return EigenPairs(np.zeros(0), np.zeros((n, 0)))
     omega, phi = modes_until(problem, lambda omega, _: len(omega) >= n_modes, tolerance)
     return EigenPairs(omega[:n_modes], phi[:, :n_modes])
+
+
+def past_rigid_modes(problem: Pencil, *, tolerance: float = CONVERGED) -> EigenPairs:
+    """The lowest modes, so many that one of them is elastic, or MOST_RIGID: six of a body that
+    floats are not, and one more for each motion that a joint leaves free."""
+    n_modes = min(BLOCK, problem.K.shape[0])
+    while True:
+        pairs = lowest_modes(problem, n_modes, tolerance=tolerance)
+        most = min(MOST_RIGID, problem.K.shape[0])
+        if pairs.omega.any() or n_modes == most:
+            return pairs
+        n_modes = min(2 * n_modes, most)
 
 
 def modes_below(problem: Pencil, cutoff_hz: float) -> EigenPairs:

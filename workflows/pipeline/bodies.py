@@ -266,18 +266,15 @@ def _threads(scene: Scene, drawn: Drawing) -> Iterator[tuple[Bolts, Any]]:
             threads += both
         if not threads:
             sizes = [
-                f'"{name}" has {what} of {diameters or "no"} mm'
+                f'"{name}" has a {what} of {1e3 * cylinder.diameter:.4g} mm'
                 for name in dict.fromkeys([*ones, *others])
-                for what, hollow in (("shanks", False), ("bores", True))
-                for diameters in [
-                    ", ".join(f"{2e3 * c.radius:.4g}" for c in bores(drawn.bodies[name], hollow=hollow))
-                ]
-                if diameters
+                for what, hollow in (("shank", False), ("bore", True))
+                for cylinder in bores(drawn.bodies[name], hollow=hollow)
             ]
             raise InvalidScene(
                 f'{scene.name}: joints.{joint.name}.at = "thread" finds no shank of one of '
                 f'"{joint.between}" in a bore of the other, on one axis, up to {100 * LIKE:g} % of '
-                f"the bore's radius apart: {'; '.join(sizes) or 'neither has a cylinder'}; move "
+                f"the bore's radius apart: {', '.join(sizes[:6]) or 'neither has a cylinder'}; move "
                 "them onto each other, or give at = [[x, y, z], ...] and washer."
             )
         yield from ((joint, thread) for thread in threads)

@@ -104,7 +104,8 @@ def _reduced(
         _require_room(contact, len(boundary), len(contact.w))
         asked, matrices = asked._replace(modes=ready), (model.K, model.M, contact.w, boundary)
         return rom.craig_bampton(*matrices, asked, C=C, **solver)
-    asked = asked._replace(modes=ready or _ready(scene, modes))
+    # modes that are there are kept in any case, which those that the contact chooses among are not
+    asked = asked._replace(modes=ready if asked.by_contact else ready or _ready(scene, modes))
     return rom.free_modes(model.K, model.M, contact.w, asked, C=C, **solver)
 
 

@@ -267,15 +267,16 @@ class Bolts(JointStiffnesses):
 
     `sides` say how the first and the second body are held under a washer: rigid (RBE2) or by the
     mean of their motion (RBE3). In place of a washer a bolt may hold its "share" of the common
-    face, half-way to the next bolts. Both sides of a thread move by their mean over the length that shank
-    and bore have in common. `frame` "normal" has z along the bolt.
+    face, half-way to the next bolts. Both sides of a thread move by their mean over the length that
+    shank and bore have in common. `frame` "normal" has z along the bolt.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]
     between: Pair
-    at: Literal["holes", "thread"] | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)] = (
-        "holes"  # or points [m]
-    )
+    at: (
+        Literal["holes", "thread"]
+        | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]
+    ) = "holes"  # or a thread, or points [m]
     washer: of(Positive, LENGTH, 1e-4, 0.3) | Literal["share"] | None = (
         None  # [m] radius; of holes their diameter
     )
