@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from coupling.calibration.coverage import Repeats
 from coupling.calibration.judgement import on_held_out
 from coupling.calibration.search import decisive
-from coupling.records.record import SYNTHETIC, Record, csv_text
+from coupling.records.record import SYNTHETIC, csv_text
 from workflows.calibration import parameters
 from workflows.calibration import twin as experiment
 from workflows.calibration.calibrate import Request, calibrated
@@ -195,13 +195,24 @@ def test_units_a_thousand_times_too_big_are_refused(rig, data):
 
 def test_velocities_away_from_the_wall_are_refused(rig, data):
     refused(rig, data._replace(v=-data.v), "starts at -0.31 m/s, away from the wall")
-    refused(rig, data._replace(v=data.v * [1.0, -1.0]), "goes away from the wall")
+    refused(
+        rig, data._replace(v=data.v * [1.0, -1.0]), "sphere 4 has the wrong sign.*turn the sign"
+    )
 
 
 def test_swapped_columns_are_refused(rig, data):
     refused(rig, data._replace(v=data.v[:, :, ::-1]), "columns are swapped")
-    late = Record(data.t, data.v[:, :, [1, 1]], (2, 4), "")
-    refused(rig, late, "columns may be swapped")
+
+
+def test_columns_beside_the_striker_are_told_by_the_order_of_their_waves(rig):
+    other = experiment.clean(small(output={"spheres": [2, 5]}), wall(rig), SETTING,
+                             experiment.truth(rig, SETTING))  # fmt: skip
+    pair = experiment.measured(other, SETTING)
+    refused(rig, pair._replace(v=pair.v[:, :, ::-1]), "sphere 2 and sphere 5 are swapped")
+    refused(rig, pair._replace(v=-pair.v), "sphere 2 and sphere 5 have the wrong sign")
+    late = pair._replace(t=pair.t[170:] - pair.t[170], v=pair.v[:, 170:])
+    request = Request(free="trigger", instrument=SETTING.instrument)
+    assert calibrated(rig, wall(rig), late, "", request).report.parameters[0].name == "trigger"
 
 
 def test_a_sphere_that_the_chain_lacks_is_refused(rig, data):

@@ -205,6 +205,42 @@ def test_a_record_knows_its_noise_from_what_lies_between_its_waves(drops):
     assert 0.009 < rms[0] / largest < 0.0125  # 1 %, and the steps of 8 bits
 
 
+@pytest.mark.parametrize(
+    ("order", "sign", "sentence"),
+    [
+        ((1, 0), (1, 1), "sphere 3 velocity of r.csv and sphere 7 velocity of r.csv are swapped"),
+        ((0, 1), (1, -1), "^sphere 7 velocity of r.csv has the wrong sign"),
+        ((0, 1), (-1, -1), "sphere 7 velocity of r.csv have the wrong sign"),
+    ],
+)
+def test_swapped_and_turned_columns_are_refused(tmp_path, order, sign, sentence):
+    both = [{"sphere": n, "quantity": "velocity", "noise": 0.01} for n in (3, 7)]
+    beam = {**BEAM, "output": {**BEAM["output"], "sensors": both}}
+    true = scene(beam, {"striker.velocity": 0.34, **TRUTH})
+    comment, head, *lines = csv_text(true, pipeline_of(true, _quiet)("record")).splitlines()
+    t, *y = np.array([line.split(",") for line in lines], float).T
+    rows = np.column_stack([t, *(s * y[i] for i, s in zip(order, sign, strict=True))])
+    text = [comment, head, *(",".join(map(repr, map(float, row))) for row in rows)]
+    (tmp_path / "r.csv").write_text("\n".join(text))
+    with pytest.raises(InvalidScene, match=sentence):
+        beadwave.inspect(beam, tmp_path / "r.csv", find="striker.velocity", starts=1)
+
+
+@pytest.mark.parametrize("head", ["sphere 5 force [V]", "sphere 5 force [N]", "sphere 4 [m/s]"])
+@pytest.mark.parametrize("value", [0.0, 43.0])
+def test_a_column_that_never_changes_is_refused(tmp_path, head, value):
+    """Alone, as one of two sensors, and as one repeat of two."""
+    t = np.arange(3000) * 1e-6
+    wave = 43.0 * np.exp(-(((t - 8e-4) / 3e-5) ** 2))
+    file = tmp_path / "still.csv"
+    for heads in ([head], [head, "sphere 7 force [V]"], [head, head]):
+        rows = np.column_stack([t, *[np.full(3000, value), wave][: len(heads)]])
+        lines = [",".join(map(repr, map(float, row))) for row in rows]
+        file.write_text("\n".join([", ".join(["time [s]", *heads]), *lines]))
+        with pytest.raises(InvalidScene, match=f"is {value:g} at every sample, no wave is in it"):
+            beadwave.inspect(BEAM, file, find="striker.velocity", starts=1)
+
+
 def test_steps_of_an_instrument_are_noise():
     y = np.round(np.sin(np.linspace(0, 6, 5000)) * 100) / 100
     assert rounding(y[:, None])[0] == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-6)

@@ -98,7 +98,7 @@ REFUSED = {
     "correct the unit in the data's header": ("sphere 5 force [mN]", 200.0),
     "has the wrong sign": ("sphere 5 force [N]", -200.0),
     "allowed are 1 to chain.count = 10": ("sphere 11 force [N]", 200.0),
-    "is 0 all the time": ("sphere 5 force [N]", 0.0),
+    "is 0 at every sample": ("sphere 5 force [N]", 0.0),
 }
 
 

@@ -104,11 +104,6 @@ def _plausible(channels: Channels, ratio: np.ndarray, data: np.ndarray, model: n
             raise UnusableRecord(f"{told}; correct the unit in the data's header, or the gain.")
         if not 1 / DOUBTFUL < ratio[i] < DOUBTFUL:
             yield f"{told}: check units, gain and the striker's velocity."
-        if channels.groups[i] is None and _first_sign(data[:, i]) != _first_sign(model[:, i]):
-            raise UnusableRecord(
-                f"the first wave in {label} has the wrong sign; forces press and motions go "
-                "towards the wall where they are positive: turn the sign of the column or gain."
-            )
 
 
 def _impulses(momentum: float, channels: Channels, record: Record, model: np.ndarray):

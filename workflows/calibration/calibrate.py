@@ -31,6 +31,7 @@ from coupling.calibration.signals import (
     lag_of,
     noise_of_mean,
 )
+from coupling.records.columns import beyond, require_columns
 from coupling.records.record import Record
 from workflows.calibration import parameters as free_parameters
 from workflows.calibration.channels import scaled
@@ -96,7 +97,10 @@ def calibrated(
     raw = raw._replace(signals=raw.signals._replace(channels=start.channels))
     remarks += on_repeats(raw)
     filters = filters_of(request.band, request.instrument, measured.t, time_scale)
-    trigger, more = _trigger(scene, wall, raw.signals, filters, request)
+    try:
+        trigger, more = _trigger(scene, wall, raw.signals, filters, request)
+    except coupling.CouplingError as error:
+        raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
     rig = free_parameters.rig(scene, wall, trigger)
     parameters = (*free_parameters.parameters(scene, names, trigger, limits), *start.gains)
     signals = raw.signals.only(used)
@@ -169,6 +173,15 @@ def _trigger(
     t0 = float(signals.t[0])
     forward = Forward(free_parameters.rig(scene, wall, t0), (), signals, filters)
     dt = signals.t[1] - signals.t[0]
+    longer = Forward(forward.rig, (), signals._replace(t=beyond(signals.t)), filters)
+    m, channels = len(signals.names), signals.channels
+    require_columns(
+        signals.names if channels else [f"sphere {name}" for name in signals.names],
+        signals.t, signals.v, longer.velocities(np.zeros(0)), forward.time_scale,
+        signed=np.array([g is None for g in channels.groups] if channels else [True] * m),
+        forces=np.array([s.quantity == "force" for s in channels.sensors] if channels
+                        else [False] * m),
+    )  # fmt: skip
     model = forward.velocities(np.zeros(0))
     data = filters.of_data(signals.v, dt)
     lag = lag_of(signals.t, data, model)

@@ -15,6 +15,8 @@ from functools import partial
 from pathlib import Path
 from re import fullmatch, split
 
+import numpy as np
+
 from coupling.band import Band
 from coupling.calibration.signals import aligned
 from coupling.records.formats import Found, of_mat, text_of
@@ -71,6 +73,20 @@ def measured(path: Path) -> Record:
 
 
 def _channels(path: Path):
+    """t, channels, values (r, k, m) and title of a file; raises InvalidScene for a column that
+    shows nothing."""
+    t, channels, y, title = _read(path)
+    for i, channel in enumerate(channels):
+        still = np.ptp(y[:, :, i], axis=1) == 0.0
+        if still.any():
+            raise InvalidScene(
+                f"{path}: {channel.name} is {y[still.argmax(), 0, i]:.3g} at every sample, no wave "
+                "is in it; leave the column out or record it again."
+            )
+    return t, channels, y, title
+
+
+def _read(path: Path):
     """t, channels, values (r, k, m) and title of a file."""
     if path.suffix.lower() in ENDINGS:
         require_file(path, "give a record as .uff")

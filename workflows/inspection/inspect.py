@@ -14,6 +14,7 @@ from coupling.inspection.forward import Forward, Shot, unknowns
 from coupling.inspection.inversion import Inversion
 from coupling.inspection.reading import alike, noise_of, require_size, rounding, trigger_of
 from coupling.parametric_wall import Box
+from coupling.records.columns import beyond, require_columns
 from coupling.records.record import Recorded
 from workflows.files.records import sensor_of, usable
 from workflows.inspection import numbers
@@ -95,8 +96,12 @@ def problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...]
         noise, told = noise_of(one, time_scale)
         known = known and told
         shots.append(Shot(one.t, one.y, noise, rounding(one.y)))
-        shown = forward.shown(start, one.t - one.t[0])
+        longer = forward.shown(start, beyond(one.t) - one.t[0])
+        shown = longer[: len(one.t)]
         require_size(one, shown, group < 0)
+        names = [f"{channel.name} of {one.name}" for channel in one.channels]
+        forces = np.array([channel.quantity == "force" for channel in one.channels])
+        require_columns(names, one.t, one.y, longer, time_scale, signed=group < 0, forces=forces)
         triggers.append(trigger_of(one, shown, f"trigger, record {i}"))
     named = [
         [p._replace(name=f"{p.name}, record {i}") for p in record]

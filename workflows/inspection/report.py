@@ -81,7 +81,14 @@ def report_of(found: Inspected, records: tuple[Recorded, ...]) -> InspectionRepo
     between = found.structure.between
     names = tuple(one.name for one in records)
     judged = Judged(
-        inversion, found.rivals, found.fit, n, found.noise_known, between, found.moved, names,
+        inversion,
+        found.rivals,
+        found.fit,
+        n,
+        found.noise_known,
+        between,
+        found.moved,
+        names,
         found.no_wall,
     )
     t, bars = judged.bars_by_length()
