@@ -1,11 +1,17 @@
-"""One basis for many contacts of a structure, and what each of them has beyond it.
+"""One basis for many contacts of a structure, and oscillators of each contact for what it leaves.
 
     phi_ij = w_i^T phi_j,   r_i = K^-1 w_i - sum_j phi_j phi_ij / omega_j^2
-    first_i = w_i^T r_i,    second_i = r_i^T M r_i
 
-The modes are common to all contacts; the static response beyond them and its first moment of
-inertia belong to each. Of a floating structure K^-1 stands for inertia relief.
-MacNeal, Computers & Structures 1 (1971) 581; Rubin, AIAA Journal 13 (1975) 995.
+The modes are common to all contacts. Beyond them each contact has a Krylov space of its own, that
+of `rom.contact_modes` with as many vectors as are asked for:
+
+    v_1 = r_i / |r_i|_K,   beta_j v_{j+1} = K^-1 M v_j - alpha_j v_j - beta_{j-1} v_{j-1}
+
+Of a space of n vectors the Ritz pairs are oscillators with the first 2 n moments
+sum phi^2 / omega^(2 m) of all modes that are not common; its first vectors are those of the smaller
+spaces. One vector is the static response with one moment of inertia. Of a floating structure K^-1
+stands for inertia relief. MacNeal, Computers & Structures 1 (1971) 581; Rubin, AIAA Journal 13
+(1975) 995; Wilson, Yuan and Dickens, Earthquake Eng. Struct. Dyn. 10 (1982) 813.
 """
 
 from typing import NamedTuple
@@ -14,67 +20,103 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from rom.contact_modes import finer_space
+from rom.contact_modes import EXHAUSTED
 from rom.factorisation import Pencil, static_response
 from rom.lanczos import EigenPairs
-from rom.reduced_model import ReducedModel, of_modes
 from rom.tall import shares
 
 CONTACTS = 64  # solved at once
+NOTHING = 1e-12  # of the static response
+
+
+class Oscillators(NamedTuple):
+    """Of p contacts, n each."""
+
+    omega: np.ndarray  # (p, n) [rad/s]
+    phi: np.ndarray  # (p, n) [kg^-1/2]; 0 where a contact moves nothing more
 
 
 class ManyContacts(NamedTuple):
-    """Modes of a structure at p contacts, and the static response of each beyond them."""
+    """Modes of a structure at p contacts, and the space of each beyond them."""
 
     omega: np.ndarray  # (k,) [rad/s] ascending, rigid-body modes as exact zeros
     phi: np.ndarray  # (p, k) [kg^-1/2]
-    first: np.ndarray  # (p,) [m/N] sum phi^2 / omega^2 of all modes that are not here
-    second: np.ndarray  # (p,) [m s^2/N] sum phi^2 / omega^4 of the same
+    static: np.ndarray  # (p,) [m/N] sum phi^2 / omega^2 of all modes that are not here
+    alpha: np.ndarray  # (p, n) [s^2] diagonal of V^T M V
+    beta: np.ndarray  # (p, n - 1) [s^2] beside it
 
-    def below(self, cutoff_hz: float) -> "ManyContacts":
-        """The same with fewer modes; what is left out is part of the static response."""
-        kept = self.omega < 2 * np.pi * cutoff_hz
-        phi, omega = self.phi[:, ~kept], self.omega[~kept]
-        first = self.first + ((phi / omega) ** 2).sum(axis=1)
-        second = self.second + ((phi / omega**2) ** 2).sum(axis=1)
-        return ManyContacts(self.omega[kept], self.phi[:, kept], first, second)
+    def beyond(self, n: int) -> Oscillators:
+        """Those of the first n vectors: (omega, phi) with phi_j^2 / omega_j^2 of the sum static."""
+        i = np.arange(n)
+        H = np.zeros((len(self.static), n, n))
+        H[:, i, i] = self.alpha[:, :n]
+        H[:, i[1:], i[:-1]] = H[:, i[:-1], i[1:]] = self.beta[:, : n - 1]
+        inverse_squared, U = np.linalg.eigh(H)
+        # a vector of rounding alone may leave one of 0 or below, that no force moves
+        floor = NOTHING * inverse_squared[:, -1:]
+        omega = 1 / np.sqrt(np.maximum(inverse_squared[:, ::-1], floor))
+        return Oscillators(omega, omega * U[:, 0, ::-1] * np.sqrt(self.static)[:, None])
 
 
 class Face:
     """Contact functionals W (n, p) on a structure, by its pencil K, M (n, n) and its lowest modes.
 
-    contacts has all of them, for one solution each. Raises ReductionError.
+    contacts has all of them, each with a space of n_vectors beyond the modes, a solution apiece.
+    Raises ReductionError.
     """
 
-    def __init__(self, problem: Pencil, modes: EigenPairs, W: ArrayLike) -> None:
-        self._W, self._problem, self._modes = sp.csc_array(W), problem, modes
-        phi = self._W.T @ self._modes.phi
-        found = [
-            _moments(self._problem, self._W[:, at], self._modes, phi[at])
+    def __init__(
+        self, problem: Pencil, modes: EigenPairs, W: ArrayLike, n_vectors: int = 1
+    ) -> None:
+        W = sp.csc_array(W)
+        phi = W.T @ modes.phi
+        spaces = [
+            _spaces(problem, W[:, at], modes, phi[at], n_vectors)
             for at in shares(len(phi), CONTACTS)
         ]
-        self.contacts = ManyContacts(self._modes.omega, phi, *np.concatenate(found, axis=1))
-
-    def finer(self, i: int, to_hz: float) -> ReducedModel:
-        """A model for one contact alone, that stands for the full one up to to_hz [Hz]."""
-        w = self._W[:, [i]].toarray().ravel()
-        return of_modes(*finer_space(self._problem, w, self._modes, to_hz).pairs, w, None)
+        static, alpha, beta = np.concatenate(spaces, axis=1)
+        self.contacts = ManyContacts(modes.omega, phi, static[:, 0], alpha, beta[:, :-1])
 
 
-def _moments(
-    problem: Pencil, W: sp.csc_array, modes: EigenPairs, phi: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """First and second (m,) of the contacts W (n, m), which move the modes by phi (m, k)."""
+def _spaces(
+    problem: Pencil, W: sp.csc_array, modes: EigenPairs, phi: np.ndarray, n_vectors: int
+) -> np.ndarray:
+    """sum phi^2 / omega^2, alpha and beta (3, m, n_vectors) of contacts W (n, m) that move the
+    modes by phi (m, k)."""
     elastic = modes.omega > 0
-    shapes, omega = modes.phi[:, elastic], modes.omega[elastic]
-    r = _static(problem, W.toarray(order="F"), modes.phi[:, ~elastic])
-    r -= shapes @ (phi[:, elastic] / omega**2).T
-    r -= shapes @ (shapes.T @ (problem.M @ r))  # what solver and modes leave of rounding
-    return (W * r).sum(axis=0), np.einsum("ij,ij->j", r, problem.M @ r)
+    shapes, omega, rigid = modes.phi[:, elastic], modes.omega[elastic], modes.phi[:, ~elastic]
+
+    # what the modes leave of the static response; projected, since solver and modes leave rounding
+    v = _static(problem, W.toarray(order="F"), rigid)
+    v -= shapes @ (phi[:, elastic] / omega**2).T
+    v -= shapes @ (shapes.T @ (problem.M @ v))
+    static = (W * v).sum(axis=0)
+    of_modes = ((phi[:, elastic] / omega) ** 2).sum(axis=1)
+    static[static <= NOTHING * of_modes] = 0.0  # rounding, where the modes hold all that can move
+
+    # of a contact whose space is exhausted v is 0 from there on, and its oscillators do not move
+    alpha = np.full((n_vectors, W.shape[1]), omega.max(initial=1.0) ** -2)
+    beta = np.zeros_like(alpha)
+    length, previous = np.sqrt(static), np.zeros_like(v)
+    for j in range(n_vectors):
+        v *= np.divide(1.0, length, out=np.zeros_like(length), where=length > 0)
+        inertia = problem.M @ v
+        moved = length > 0
+        alpha[j, moved] = np.einsum("ij,ij->j", v, inertia)[moved]
+        if j + 1 == n_vectors:
+            break
+        x = _static(problem, inertia, rigid)
+        x -= shapes @ (shapes.T @ (problem.M @ x))
+        before = np.sqrt(np.maximum(np.einsum("ij,ij->j", x, inertia), 0.0))
+        x -= alpha[j] * v + (beta[j - 1] * previous if j else 0.0)
+        length = np.sqrt(np.maximum(np.einsum("ij,ij->j", x, problem.K @ x), 0.0))
+        length[length <= EXHAUSTED * before] = 0.0
+        beta[j], previous, v = length, v, x
+    return np.array([np.broadcast_to(static, alpha.shape), alpha, beta]).transpose(0, 2, 1)
 
 
-def _static(problem: Pencil, W: np.ndarray, rigid: np.ndarray) -> np.ndarray:
-    """Static responses (n, m) to loads W (n, m)."""
+def _static(problem: Pencil, loads: np.ndarray, rigid: np.ndarray) -> np.ndarray:
+    """Static responses (n, m) to loads (n, m)."""
     if problem.sigma == 0:
-        return problem.factor.solve(W)
-    return np.column_stack([static_response(problem, w, rigid) for w in W.T])
+        return problem.factor.solve(loads)
+    return np.column_stack([static_response(problem, load, rigid) for load in loads.T])

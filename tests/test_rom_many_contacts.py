@@ -8,7 +8,7 @@ from coupling import ModalDamping
 from coupling.many_contacts import walls_of
 from coupling.wall import wall_from_reduced
 from known_models import steel_bar
-from rom import Face, full_order, receptance, superlu
+from rom import Face, full_order, modal, receptance, superlu
 from rom.factorisation import symmetric
 from rom.floating import pencil
 from rom.lanczos import modes_below
@@ -26,9 +26,9 @@ def structure(held, n=450):
     return K, M, sp.csc_array(W)
 
 
-def face(K, M, W, cutoff_hz):
+def face(K, M, W, cutoff_hz, n_vectors=1):
     problem = pencil(symmetric(K, "K"), symmetric(M, "M"), superlu)
-    return Face(problem, modes_below(problem, cutoff_hz), W)
+    return Face(problem, modes_below(problem, cutoff_hz), W, n_vectors)
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "floating"])
@@ -36,7 +36,7 @@ def test_each_wall_is_that_of_the_full_model_with_the_same_modes(held):
     K, M, W = structure(held)
     half_space = np.array([1e-10, 2e-10, 0.0])
     found = walls_of(
-        face(K, M, W, cutoff_hz=CUTOFF).contacts, half_space=half_space, damping=DAMPING
+        face(K, M, W, cutoff_hz=CUTOFF).contacts, 1, half_space=half_space, damping=DAMPING
     )
     for i in range(3):
         own = wall_from_reduced(
@@ -53,18 +53,56 @@ def test_each_wall_is_that_of_the_full_model_with_the_same_modes(held):
         assert abs(own.residual_compliance + half_space[i]) < 1e-7 * (own.phi[-1] / scale) ** 2
 
 
-def test_fewer_modes_are_those_of_a_lower_cutoff():
-    K, M, W = structure(True)
-    lower = face(K, M, W, cutoff_hz=CUTOFF / 2).contacts
-    cut = face(K, M, W, cutoff_hz=CUTOFF).contacts.below(CUTOFF / 2)
-    assert len(lower.omega) == len(cut.omega) > 1
-    for one, other in zip(lower, cut, strict=True):
-        assert np.abs(np.abs(one) / np.abs(other) - 1.0).max() < 1e-6
+@pytest.mark.parametrize("held", [True, False], ids=["held", "floating"])
+def test_n_oscillators_have_two_n_moments_of_all_modes_beyond(held):
+    K, M, W = structure(held)
+    contacts = face(K, M, W, cutoff_hz=CUTOFF, n_vectors=5).contacts
+    for i in range(3):
+        whole = modal(full_order(K, M, W[:, [i]].toarray().ravel()))
+        far = whole.omega > 2 * np.pi * CUTOFF
+        for n in (1, 2, 5):
+            beyond = contacts.beyond(n)
+            assert beyond.omega.shape == (3, n) and (np.diff(beyond.omega[i]) > 0).all()
+            for m in range(1, 2 * n + 1):
+                full = (
+                    whole.phi[far] ** 2 * (2 * np.pi * CUTOFF / whole.omega[far]) ** (2 * m)
+                ).sum()
+                ours = (
+                    beyond.phi[i] ** 2 * (2 * np.pi * CUTOFF / beyond.omega[i]) ** (2 * m)
+                ).sum()
+                assert abs(ours / full - 1) < 1e-6
+        assert beyond.omega[i, 0] > 0.999 * whole.omega[far].min()  # a Ritz value, from above
 
 
-def test_the_finer_model_stands_for_the_full_one():
+def test_enough_oscillators_stand_for_the_full_model():
     K, M, W = structure(True)
     hz = np.linspace(100.0, 20e3, 50)
+    s = 2 * np.pi * hz[:, None]
     full = receptance(full_order(K, M, W[:, [1]].toarray().ravel()), None, hz, loss=0.02)
-    finer = receptance(face(K, M, W, cutoff_hz=5e3).finer(1, 20e3), None, hz, loss=0.02)
-    assert np.abs(finer - full).max() < 1e-6 * np.abs(full).max()
+    contacts = face(K, M, W, cutoff_hz=5e3, n_vectors=12).contacts
+    missed = []
+    for n in (1, 4, 12):
+        wall = walls_of(contacts, n, half_space=np.zeros(3))
+        sums = (wall.phi[1] ** 2 / (wall.omega[1] ** 2 * (1 + 0.02j) - s**2)).sum(axis=1)
+        missed.append(np.abs(sums - full).max() / np.abs(full).max())
+    assert missed[0] > 0.1 > missed[1] > 1e-2 > 1e3 * missed[2]
+
+
+def test_a_contact_with_nothing_beyond_the_modes_has_oscillators_that_do_not_move():
+    K, M, _ = steel_bar(1.6e-3, n=6)
+    W = sp.csc_array(np.eye(6)[:, [2, 5]])
+    contacts = face(K, M, W, cutoff_hz=1e9, n_vectors=3).contacts
+    assert len(contacts.omega) == 6
+    wall = walls_of(contacts, 3, half_space=np.zeros(2))
+    assert np.isfinite(wall.omega).all() and (wall.omega > 0).all()
+    static = (wall.phi**2 / wall.omega**2).sum(axis=1)
+    assert np.abs(static / np.linalg.inv(K.toarray())[[2, 5], [2, 5]] - 1).max() < 1e-9
+    two_left = face(
+        K,
+        M,
+        W,
+        cutoff_hz=float(np.sort(contacts.omega)[3] + contacts.omega[4]) / 4 / np.pi,
+        n_vectors=4,
+    )
+    beyond = two_left.contacts.beyond(4)
+    assert ((beyond.phi**2 / beyond.omega**2 > 1e-12 * static[:, None]).sum(axis=1) <= 2).all()

@@ -13,6 +13,7 @@ RUN = (
 )  # fmt: skip
 TEXT = ("status", "message")
 OF_SPHERE = ("incident_s", "incident_m_s", "reflected_s", "reflected_m_s", "tof_s", "arr")
+LARGE_ERROR = 0.05  # of the velocities over the striker's, that a row and the terminal warn of
 Array = np.ndarray
 
 
@@ -27,6 +28,11 @@ class Rows(NamedTuple):
 def names(spheres: tuple[int, ...]) -> tuple[str, ...]:
     """Columns of the table behind the keys."""
     return (*(f"sphere_{s}_{name}" for s in spheres for name in OF_SPHERE), *RUN)
+
+
+def other_wave(sphere: int) -> str:
+    """The message of a row whose reflected wave at a sphere is not that of the points around."""
+    return f"the reflected wave at sphere {sphere} is blank: not that of the points around"
 
 
 def measured(

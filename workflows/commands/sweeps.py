@@ -153,6 +153,7 @@ def _show(folder, of, against, overwrite, quiet, json) -> None:
     found = load_sweep(folder)
     if not (of or against):
         told(found.record(), found.text(), json, quiet)
+        warned(found.notes)
         return
     picture = found.plot(of, tuple(against.split(",")) if against else None)
     name = picture.name + (f"_over_{against.replace(',', '_')}" if against else "")

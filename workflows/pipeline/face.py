@@ -97,14 +97,17 @@ class StruckFace:
                 refused[i] = str(reason)
         return Placed(patches, refused)
 
-    def walls(self, patches: list[fem.ContactPatch]) -> Walls:
-        """What the chain leans on at each patch; raises ValueError for what cannot be reduced."""
+    def walls(self, patches: list[fem.ContactPatch], n_beyond: int) -> Walls:
+        """What the chain leans on at each patch, with up to n_beyond oscillators of it beyond the
+        modes that all share; raises ValueError for what cannot be reduced."""
         scene, model = self.scene, self.model
         W = csc_array(np.column_stack([patch.w for patch in patches]))
         steel = solid(scene, scene.struck_body)
         local = fem.half_spaces_on_mesh(model, self.name, patches, steel)
-        face = rom.Face(*self._basis, W)
-        return Walls(face, to_hz(scene), np.array(local), self._damping(), TO_HZ)
+        basis = self._basis
+        with fem.one_thread():
+            contacts = rom.Face(*basis, W, n_beyond).contacts
+        return Walls(contacts, np.array(local), self._damping())
 
     def second(self) -> tuple["StruckFace", float]:
         """The same on another mesh, and how much of the difference to it is the error of this one;

@@ -1,6 +1,7 @@
 """A finished sweep: its table, what it says, and pictures of it."""
 
 from collections import Counter
+from collections.abc import Iterator
 from functools import cached_property
 from json import loads
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 
 from coupling.sweep.design import Design
 from coupling.sweep.effects import Effects, sobol_effects
-from coupling.sweep.rows import DONE, TEXT
+from coupling.sweep.rows import DONE, LARGE_ERROR, TEXT, other_wave
 from workflows.files.run_folder import Picture
 from workflows.results import tables
 from workflows.results.tables import Table
@@ -21,6 +22,10 @@ from workflows.sweep.store import ABOUT, SIGNALS, TABLE
 
 SHOWN = 40  # cases of a table on a terminal
 MAIN = ("tof_s", "arr")
+CURES = {
+    "reduction": "raise reduction.to_hz, or wall.cutoff",
+    "mesh": "take smaller elements (the seeds of [mesh] or of bodies, or mesh.scale)",
+}
 Array = np.ndarray
 
 
@@ -36,13 +41,14 @@ class Sweep:
     """
 
     def __init__(self, folder: Path, table: Any, notes: tuple[str, ...] = ()) -> None:
-        self.folder, self.notes = folder, notes
+        self.folder = folder
         about = loads(table.schema.metadata[ABOUT])
         self.columns = {name: _array(table[name]) for name in table.column_names}
         keys = {key: tuple(self.columns[key].tolist()) for key in about["keys"]}
         self.design = Design(about["kind"], keys, about["base"])
         self.units: dict[str, str] = about["units"]
         self.face: dict[str, Any] | None = about.get("face")
+        self.notes = (*notes, *(_of_points(self.columns) if self.face else ()))
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
@@ -113,7 +119,8 @@ class Sweep:
 
     def messages(self) -> dict[str, int]:
         """Sentences of cases without a result, the most frequent first."""
-        return dict(Counter(m for m in self.columns["message"].tolist() if m).most_common())
+        rows = zip(self.columns["status"].tolist(), self.columns["message"].tolist(), strict=True)
+        return dict(Counter(m for status, m in rows if m and status != DONE).most_common())
 
     def found(self) -> tuple[Table, ...]:
         """The table or, of many cases, the range of each output; and what outputs depend on."""
@@ -148,6 +155,34 @@ class Sweep:
         found = {table.name: tables.records(table) for table in self.found()}
         about = {"cases": self.design.n_cases, "status": self.counts(), "folder": str(self.folder)}
         return {**about, "done": self.counts().get(DONE, 0), **found}
+
+
+def _of_points(columns: dict[str, Array]) -> Iterator[str]:
+    """How many points of a scan have large errors, none of the mesh, or another reflected wave."""
+    done = columns["status"] == DONE
+    for of in ("reduction", "mesh"):
+        error = columns[f"error_{of}"][done]
+        large = error > LARGE_ERROR
+        if large.any():
+            yield (
+                f"The error of the {of} is above {100 * LARGE_ERROR:g} % of the striker's speed "
+                f"at {large.sum()} of {done.sum()} points, {100 * np.nanmax(error):.2g} % at the "
+                f"worst, see error_{of} in the table: {CURES[of]}."
+            )
+    unknown = done & np.isnan(columns["error_mesh"])
+    if unknown.any():
+        yield (
+            f"error_mesh is not known at {unknown.sum()} of {done.sum()} points; `message` in the "
+            "table says why."
+        )
+    blank = Counter(each for m in columns["message"].tolist() for each in m.split("; "))
+    for sphere in (name for name in columns if name.endswith("_reflected_s")):
+        n = blank[other_wave(int(sphere.split("_")[1]))]
+        if n:
+            yield (
+                f"The reflected wave at sphere {sphere.split('_')[1]} is left blank at {n} of "
+                f"{done.sum()} points: it is not that of the points around, or cannot be told."
+            )
 
 
 def _array(column: Any) -> Array:

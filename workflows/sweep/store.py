@@ -43,7 +43,7 @@ class About(NamedTuple):
 
 
 ALONE = About({})
-NOTHING: Mapping[str, float] = MappingProxyType({})
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Store:
@@ -179,10 +179,10 @@ class Store:
         }
         return pa.table({"case": pa.array(rows.cases, pa.int64()), **keys, **found})
 
-    def finish(self, common: Mapping[str, float] = NOTHING) -> None:
-        """The whole table, in order of the cases, as cases.parquet, with `common` values of columns
-        in all rows that are done; the parts go with the run. Raises ValueError where a file that
-        they were made of changed."""
+    def finish(self, columns: Mapping[str, Any] = NOTHING) -> None:
+        """The whole table, in order of the cases, as cases.parquet, with these values (n_cases,) in
+        `columns` in place of the parts'; the parts go with the run. Raises ValueError where a file
+        that they were made of changed."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -190,9 +190,8 @@ class Store:
         parts = [*self.parts, *self._signal_parts()]
         tables = [pq.read_table(part) for part in self.parts]
         whole = pa.concat_tables(tables, promote_options="permissive").sort_by("case")
-        for name, value in common.items():
-            own = np.where(whole["status"].to_numpy() == DONE, value, np.nan)
-            whole = whole.set_column(whole.column_names.index(name), name, pa.array(own))
+        for name, values in columns.items():
+            whole = whole.set_column(whole.column_names.index(name), name, pa.array(values))
         whole = whole.replace_schema_metadata({ABOUT: dumps(self._about())})
         with self._folder.writing(TABLE) as path:
             pq.write_table(whole, path)
