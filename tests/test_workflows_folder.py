@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from hashlib import sha256
@@ -72,6 +73,82 @@ def test_a_forged_marker_leads_no_run_out_of_its_folder(place, tmp_path):
     Path("out", MARKER).write_text(f"\n{sha256(b'theirs').hexdigest()}  {name}\n")
     assert small("impact", "rig-1dof", "--out=out") == 0
     assert victim.read_bytes() == b"theirs"
+
+
+INTO_A_FOLDER = {
+    "run": ("run", "rig-1dof"),
+    "impact": ("impact", "rig-1dof"),
+    "sweep": ("sweep", "rig-rigid", "--over=striker.velocity=0.3,0.4"),
+    "scan": ("scan", "rig-rom", "--grid=2x2"),
+    "look": ("look", "rig-rom"),
+    "modes": ("modes", "rig-rom"),
+    "hammer": ("hammer", "mine.csv"),
+    "calibrate": ("calibrate", "rig-1dof", "mine.csv"),
+    "twin": ("twin",),
+    "inspect": ("inspect", "cantilever", "mine.csv", "--find=beam.axial_force=-35kN:5kN"),
+    "design": ("design", "cantilever", "--find=beam.axial_force=-35kN:5kN"),
+    "study": ("study", "damping"),
+    "accuracy": ("accuracy", "--stage=time"),
+    "stability": ("stability", "--case=one-dof-wall"),
+    "verify": ("verify", "--group=solitary-wave"),
+}
+
+
+@pytest.mark.parametrize("kind", ["pipe", "link", "dangling link", "folder", "socket"])
+@pytest.mark.parametrize("command", INTO_A_FOLDER.values(), ids=INTO_A_FOLDER)
+def test_a_marker_that_is_no_ordinary_file_is_refused(command, kind, monkeypatch, capsys):
+    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
+    Path("mine.csv").write_text(CONTENT["csv"].replace("t [s],v1", "time [s],sphere 1"))
+    Path("d").mkdir()
+    marker, theirs = Path("d", MARKER), Path("theirs.txt")
+    theirs.write_text("mine, not a marker\n")
+    made = {
+        "pipe": lambda: os.mkfifo(marker),
+        "link": lambda: marker.symlink_to(theirs.absolute()),
+        "dangling link": lambda: marker.symlink_to(Path("absent").absolute()),
+        "folder": marker.mkdir,
+        "socket": lambda: socket.socket(socket.AF_UNIX).bind(str(marker)),
+    }
+    made[kind]()
+    assert beadwave(*command, "--out=d") == 2
+    said = capsys.readouterr().err
+    assert one_line(said) and f"--out d holds {MARKER}, which is" in said
+    assert theirs.read_text() == "mine, not a marker\n" and not Path("absent").exists()
+    assert [path.name for path in Path("d").iterdir()] == [MARKER]
+
+
+def test_a_linked_marker_makes_no_folder_of_ours(tmp_path):
+    assert small("impact", "rig-1dof", "--out=a") == 0
+    Path("a", MARKER).rename("elsewhere")
+    Path("a", MARKER).symlink_to(tmp_path / "elsewhere")
+    assert own_folder(tmp_path, "a", Path("a", "scene.toml").read_text()) == tmp_path / "a-2"
+
+
+@pytest.mark.parametrize("place", ["/", "//", "/usr/..", "/usr", "/etc/", "/var", "/proc", "root"])
+def test_a_folder_of_the_system_is_no_run_folder(place, tmp_path):
+    if place == "root":
+        Path("root").symlink_to("/")
+    with pytest.raises(InvalidScene, match=r"is a folder of the system; choose one for the run"):
+        RunFolder(Path(place)).require("scene.toml")
+
+
+@pytest.mark.parametrize("command", INTO_A_FOLDER.values(), ids=INTO_A_FOLDER)
+def test_no_command_fills_the_home_of_a_user(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
+    Path("mine.csv").write_text(CONTENT["csv"].replace("t [s],v1", "time [s],sphere 1"))
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    Path("home").mkdir()
+    assert beadwave(*command, "--out=home") == 2
+    said = capsys.readouterr().err
+    assert one_line(said) and "--out home is your home folder" in said
+    assert not list(Path("home").iterdir())
+
+
+def test_a_home_that_is_a_run_folder_already_stays_one(tmp_path, monkeypatch):
+    assert small("impact", "rig-1dof", "--out=home") == 0
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert small("impact", "rig-rigid", "--out=home") == 0
+    assert small("impact", "rig-rigid", "--out=home/below") == 0
 
 
 def test_files_that_a_run_does_not_write_stay_as_they_are():

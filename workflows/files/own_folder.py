@@ -5,12 +5,12 @@ another folder, or a note of what they replace.
 """
 
 from itertools import count
-from os.path import isfile, lexists
+from os.path import lexists
 from pathlib import Path
 from tomllib import TOMLDecodeError, loads
 from typing import NamedTuple
 
-from workflows.files.run_folder import MARKER
+from workflows.files.run_folder import marked
 
 
 class Place(NamedTuple):
@@ -46,13 +46,13 @@ def _takes(path: Path, scene_toml: str) -> bool:
     """Whether the folder is absent, or ours with this very scene, or with none yet."""
     if not lexists(path):
         return True
-    ours = isfile(path / MARKER) or (path.is_dir() and not any(path.iterdir()))
+    ours = marked(path) or (path.is_dir() and not any(path.iterdir()))
     return ours and (_scene(path) == scene_toml or not lexists(path / "scene.toml"))
 
 
 def _other_scene(path: Path, scene_toml: str) -> str | None:
     """The name of another scene, a run of which fills the folder."""
-    held = _scene(path) if isfile(path / MARKER) else None
+    held = _scene(path) if marked(path) else None
     if held is None or held == scene_toml:
         return None
     try:

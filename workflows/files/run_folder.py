@@ -9,9 +9,9 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from errno import ENOLCK, ENOSYS, ENOTSUP
 from fcntl import LOCK_EX, LOCK_NB, flock
-from os import O_CREAT, O_RDWR, close, getpid, replace
+from os import O_CREAT, O_NOFOLLOW, O_RDWR, close, getpid, replace
 from os import open as open_file
-from os.path import isdir, isfile, lexists
+from os.path import expanduser, isdir, isfile, islink, lexists
 from pathlib import Path
 from re import fullmatch
 from shutil import rmtree
@@ -25,6 +25,12 @@ from workflows.scene import InvalidScene, nearest
 MARKER = ".beadwave"
 NEW = ".beadwave-new-"  # and the number of the process that fills it
 HEAD = "# What beadwave wrote here, with its sha256; the next run clears what is unchanged.\n"
+# folders that the system or its users share; a run folder may lie in one, and be none
+SYSTEM = (
+    "/", "/bin", "/boot", "/dev", "/etc", "/home", "/lib", "/lib32", "/lib64", "/opt", "/proc",
+    "/run", "/sbin", "/sys", "/usr", "/usr/bin", "/usr/lib", "/usr/local", "/usr/sbin",
+    "/usr/share", "/var", "/Applications", "/Library", "/System", "/Users", "/Volumes", "/private",
+)  # fmt: skip
 NO_LOCKS = (ENOLCK, ENOSYS, ENOTSUP)  # file systems without locks
 
 
@@ -139,6 +145,7 @@ class RunFolder:
     def require(self, *files: str) -> None:
         """Raise InvalidScene where the folder cannot be one, or one of these files is not ours."""
         checked_folder(self.path)
+        _require_own(self.path)
         for folder in {(self.path / name).parent for name in files}:
             checked_folder(folder)
         for name in files:
@@ -165,7 +172,7 @@ class RunFolder:
 
     def _lock(self) -> int:
         """A descriptor of the marker that holds the lock; the system drops it with the process."""
-        marker = open_file(self.path / MARKER, O_RDWR | O_CREAT, 0o666)
+        marker = open_file(self.path / MARKER, O_RDWR | O_CREAT | O_NOFOLLOW, 0o666)
         try:
             flock(marker, LOCK_EX | LOCK_NB)
         except BlockingIOError:
@@ -280,6 +287,26 @@ def checked_folder(path: Path) -> Path:
     if why := unfit(path.absolute()):
         raise InvalidScene(f"--out {path} cannot be a folder ({why}); choose another.")
     return path
+
+
+def marked(folder: Path) -> bool:
+    """Whether beadwave filled the folder: its marker is an ordinary file."""
+    return isfile(folder / MARKER) and not islink(folder / MARKER)
+
+
+def _require_own(path: Path) -> None:
+    """Raise InvalidScene for a folder that is no run's: of the system, the user's home, or one
+    whose marker would be waited for (a pipe) or lead to another file (a link)."""
+    place = path.resolve()
+    if str(place) in SYSTEM:
+        raise InvalidScene(f"--out {path} is a folder of the system; choose one for the run alone.")
+    if lexists(path / MARKER) and not marked(path):
+        kind = "a symbolic link" if islink(path / MARKER) else "no ordinary file"
+        raise InvalidScene(
+            f"--out {path} holds {MARKER}, which is {kind}; remove it or choose another folder."
+        )
+    if place == Path(expanduser("~")).resolve() and not marked(path):
+        raise InvalidScene(f"--out {path} is your home folder; choose one in it for the run alone.")
 
 
 def _text(path: Path) -> str | None:
