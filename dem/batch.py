@@ -126,6 +126,8 @@ FARTHEST = 8.0  # of a fine march that is repeated with shorter steps beside the
 # that have to be refined are sensitive. THEORY is what coarse marches show, for the next step.
 FIRST, LATER, THEORY = 1.73, 1.16, 3.0
 BELOW, SLOWEST = 0.5, 0.5  # below the order that refined steps show, which scatters; least of it
+FASTEST = 4.0  # order by which differences of refined steps are believed to fall at the most
+UNSTABLE = 2.0  # times as many steps, where one of two marches is unstable
 BOLDNESS, LONGEST = 0.055, 0.15  # first steps over the stability interval at error 1e-4; at most
 PILOTS, SHARE, WITHIN = 16, 0.95, 0.6  # chains of a pilot; share of them to be within 0.6 error
 LONGER, SHORTER = 3.0, 0.25  # at most, by a pilot
@@ -293,6 +295,9 @@ def _to_error(chains, error, asked):
         part = chains.take(rows)
         fine = _marched(part, wanted, asked)
         difference = _apart(fine.v, coarse.v, speed[rows])
+        # falling faster than any scheme here, it is small by chance: of chains sensitive to all
+        fallen = coarse.difference / (coarse.n_steps / coarse.coarser) ** FASTEST
+        difference = np.where(fallen < np.inf, np.maximum(difference, fallen), difference)
         ratio = fine.n_steps / coarse.n_steps
         estimate = difference / (ratio ** _order(coarse, difference) - 1.0)
 
@@ -320,7 +325,8 @@ def _to_error(chains, error, asked):
             break
         shorter = np.maximum((MARGIN * excess[missed]) ** (1.0 / THEORY), 1.15)
         near = ~coarse.refined[missed] & (ratio[missed] * shorter <= FARTHEST)
-        wanted = fine.n_steps[missed] * np.where(near, shorter, FAR)
+        further = np.where(np.isfinite(difference[missed]), FAR, UNSTABLE)
+        wanted = fine.n_steps[missed] * np.where(near, shorter, further)
         finer = _Coarse(fine.v, fine.n_steps, difference, coarse.n_steps).take(missed)
         coarse = coarse.take(missed).where(near, finer)
         rows = rows[missed]
