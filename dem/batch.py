@@ -127,13 +127,12 @@ FARTHEST = 8.0  # of a fine march that is repeated with shorter steps beside the
 FIRST, LATER, THEORY = 1.73, 1.16, 3.0
 BELOW, SLOWEST = 0.5, 0.5  # below the order that refined steps show, which scatters; least of it
 FASTEST = 4.0  # order by which differences of refined steps are believed to fall at the most
-UNSTABLE = 2.0  # times as many steps, where one of two marches is unstable
 BOLDNESS, LONGEST = 0.055, 0.15  # first steps over the stability interval at error 1e-4; at most
 PILOTS, SHARE, WITHIN = 16, 0.95, 0.6  # chains of a pilot; share of them to be within 0.6 error
 LONGER, SHORTER = 3.0, 0.25  # at most, by a pilot
 SETTLED = (0.6, 1.6)  # longer by a pilot: not worth another one
 CHAOTIC = 1e-2  # difference beyond which a chain says nothing on first steps, if its energy is kept
-ALIKE = 64  # chains of like numbers of steps that march together
+ALIKE, UNLIKE = 64, 1.3  # chains that march together at most, and their numbers of steps apart
 ROUNDS = 5  # of marches, before the search of a single run takes over
 MOST_STEPS = 1e6  # of a chain in the lanes
 MARGIN = 1.6  # in the error, of steps that are to reach it
@@ -325,8 +324,7 @@ def _to_error(chains, error, asked):
             break
         shorter = np.maximum((MARGIN * excess[missed]) ** (1.0 / THEORY), 1.15)
         near = ~coarse.refined[missed] & (ratio[missed] * shorter <= FARTHEST)
-        further = np.where(np.isfinite(difference[missed]), FAR, UNSTABLE)
-        wanted = fine.n_steps[missed] * np.where(near, shorter, further)
+        wanted = fine.n_steps[missed] * np.where(near, shorter, FAR)
         finer = _Coarse(fine.v, fine.n_steps, difference, coarse.n_steps).take(missed)
         coarse = coarse.take(missed).where(near, finer)
         rows = rows[missed]
@@ -431,7 +429,13 @@ def _marched(chains, wanted, asked):
         except UnstableStep:
             found.v[rows] = found.wall_force[rows] = np.nan
 
-    groups = [order[i : i + ALIKE] for i in range(0, chains.count, ALIKE)]
+    # an outlier's short steps are not forced on others
+    groups, first = [], 0
+    for i in range(1, chains.count + 1):
+        full = i == chains.count or i - first == ALIKE
+        if full or n_steps[order[first]] > UNLIKE * n_steps[order[i]]:
+            groups.append(order[first:i])
+            first = i
     chains.static  # noqa: B018  once for all groups
     if asked.threads == 1 or len(groups) == 1:
         for rows in groups:
