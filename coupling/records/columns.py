@@ -120,8 +120,8 @@ def _refusal(names: Sequence[str], best: Fitting, as_they_are: float) -> str:
         )
     have = "has" if len(turned) == 1 else "have"
     return (
-        f"{' and '.join(turned)} {have} the wrong sign: motions go towards the wall and forces press "
-        f"where they are positive {said}; turn the sign of the "
+        f"{' and '.join(turned)} {have} the wrong sign: motions go towards the wall and forces "
+        f"press where they are positive {said}; turn the sign of the "
         f"column{'s' * (len(turned) > 1)} or of the gain."
     )
 
