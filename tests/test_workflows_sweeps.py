@@ -151,6 +151,11 @@ def test_a_table_is_read_as_it_stands(tmp_path):
         (("wall.kind=rigid:half-space:3",), None, "rigid"),
         (("striker.velocity=1,2", "striker.velocity=3,4"), None, "twice"),
         (("striker..velocity=1,2",), None, "no dotted key"),
+        (("striker.velocity=1,2", "striker={velocity = 3}"), None, "one undoes the other"),
+        (("wall={kind = 'rigid'}", "wall.kind=rigid"), None, "both wall and wall.kind"),
+        (("striker.drop=1cm,2cm", "striker.velocity=1,2"), None, "one undoes the other"),
+        (("time.error=1e-3,1e-4", "time.dt=1e-7,2e-7"), None, "one undoes the other"),
+        (("preload.force=1:2", "preload.force.x=1:2"), "lhs:3", "one undoes the other"),
         (("striker.velocity=1:2:4000", "chain.young=1:2:4000"), None, "16000000 cases"),
         (("striker.velocty=1,2",), None, "unknown key 'velocty'"),
         (("output.samples=10,20",), None, "cannot vary"),
@@ -174,6 +179,9 @@ def test_bad_designs_are_refused_in_a_sentence(over, sample, says):
         ("striker.velocity,striker.velocity\n1,2\n", "twice"),
         ("striker.velocity,chain.young\n1\n", "line 2 has 1 values for 2 keys"),
         ("striker velocity.,x\n1,2\n", "no dotted key"),
+        ("striker.velocity,striker\n0.2,{velocity=0.3}\n", "one undoes the other; vary one of"),
+        ("time,chain.young,time.error\n{},2e11,1e-4\n", "both time and time.error"),
+        ("reduction.cutoff,reduction.modes\n9e3,7\n", "one undoes the other"),
     ],
 )
 def test_bad_tables_are_refused_in_a_sentence(tmp_path, text, says):
@@ -256,6 +264,44 @@ def test_numbers_of_many_digits_are_no_numbers_of_cases(digits):
 def test_whole_numbers_of_a_range_stay_numbers_where_a_float_skips_some():
     values = grid(("a.b=1:1000000000000000000000000:3",), number).columns["a.b"]
     assert values == pytest.approx((1.0, 5e23, 1e24))
+
+
+@pytest.mark.parametrize(
+    ("changes", "over"),
+    [
+        (("striker.velocity=0.4",), "striker={velocity = 0.3}"),
+        (("striker.velocity=0.4",), "striker.drop=1cm,2cm"),
+        ({"preload": {"mass": 0.1, "force": 5.0}}, "preload={force = 7.0}"),
+        (("time.dt=1e-7",), "time.error=1e-3,1e-4"),
+    ],
+    ids=str,
+)
+def test_a_change_that_the_cases_would_undo_is_refused(changes, over):
+    key = over.partition("=")[0]
+    for computed in (beadwave.sweep, beadwave.sweep_price):
+        with pytest.raises(InvalidScene, match=f"^{key} varies, which undoes --set .*; drop one"):
+            computed("rig-rigid", changes, cases=Cases((over,)))
+    assert not Path("sweeps").exists()
+
+
+def test_a_change_of_what_varies_is_of_the_scene_alone():
+    """A wall of another kind needs values, also where they vary."""
+    wall = {"kind": "1dof", "mass": 9.0, "frequency": 200.0, "damping_ratio": 0.1}
+    over = {"wall.mass": "1,2", "wall.frequency": [300.0]}
+    found = beadwave.sweep("rig-rigid", SHORT | {"wall": wall}, cases=over, out="out")
+    assert found.counts() == {"done": 2} and found.notes == tuple(
+        f"--set {key} is of the scene alone: the cases vary it" for key in over
+    )
+
+
+def test_the_kind_of_a_wall_drops_none_of_its_keys_that_vary():
+    Path("cases.csv").write_text(
+        "wall.young,wall.poisson,wall.kind\n70 GPa,0.3,half-space\n400 GPa,0.3,half-space\n"
+    )
+    cases = Cases(table="cases.csv")
+    found = beadwave.sweep("rig-rom", SHORT, cases=cases, out="out")
+    force = found.columns["wall_peak_force_N"]
+    assert found.counts() == {"done": 2} and force[1] > 1.01 * force[0]
 
 
 # --- each case right ---------------------------------------------------------------------------

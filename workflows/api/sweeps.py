@@ -62,6 +62,7 @@ def sweep(
     its sentence.
     """
     from workflows.sweep.cases import base_of
+    from workflows.sweep.design import require_free
     from workflows.sweep.result import opened
     from workflows.sweep.store import require_libraries
     from workflows.sweep.sweep import require_keys
@@ -71,13 +72,14 @@ def sweep(
     base, cases = base_of(scene, changes), _cases(cases)
     design = _design(base, cases)
     require_keys(base, design, signals)
+    set_too = require_free(design, base.given)
     chosen = base.with_values({})
     text = f"{toml(chosen)}\n# swept: {design.n_cases} cases, {design.digest}\n"
     path, notes = place(out, SWEEPS, chosen.name, text)
     read = (*files_read(chosen, scene), *([Path(cases.table)] if cases.table else []))
     folder = RunFolder(path, inputs=read, overwrite=overwrite)
     with folder.run(text, FILES) as folder, _engine(on) as engine:
-        notes += compute(
+        notes += set_too + compute(
             base, design, folder, engine, signals=signals, told=told, again=cases.again
         )
         _draw(folder, design)
@@ -150,12 +152,14 @@ def sweep_price(
     """Cases, shared models, seconds and memory of a sweep, timed on its first cases."""
     from workflows.sweep.cases import base_of
     from workflows.sweep.cluster import require_processes
+    from workflows.sweep.design import require_free
     from workflows.sweep.price import price
     from workflows.sweep.sweep import require_keys
 
     base = base_of(scene, changes)
     design = _design(base, _cases(cases))
     require_keys(base, design, False)
+    require_free(design, base.given)
     require_processes(processes or 1)
     found = price(base, design, processes or 1)
     _require_one(design, found.refused, found.notes)

@@ -28,7 +28,7 @@ from workflows.results.tables import Table, short
 from workflows.scene import Instrument, InvalidScene, Scene
 from workflows.studies.finding import Finding
 from workflows.sweep.cases import Base
-from workflows.sweep.design import grid
+from workflows.sweep.design import grid, require_free
 
 NEAR = 0.01  # of the bounds' distance: where walls are computed to either side of the scene's
 MOST_CASES = 200
@@ -51,6 +51,8 @@ def designed(
     numbers.require_possible(base, found)
     over = tuple(over)
     chosen = grid(over, base.number) if over else None
+    if chosen:
+        require_free(chosen, base.given)
     values = [chosen.case(i) for i in range(chosen.n_cases)] if chosen else [{}]
     if len(values) > MOST_CASES:
         raise InvalidScene(f"--over makes {len(values)} cases, up to {MOST_CASES} are looked at.")

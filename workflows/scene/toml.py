@@ -98,6 +98,28 @@ def _pair(change: Change) -> tuple[str, Any]:
     return key.strip(), value_of(text.strip())
 
 
+def undoes(later: str, earlier: str) -> bool:
+    """Whether setting one dotted key undoes the setting of another: the same key, a table and a
+    key in it, or a key in whose stead it stands."""
+    first, second = later.split("."), earlier.split(".")
+    shorter = min(len(first), len(second))
+    beside = first[:-1] == second[:-1] and second[-1] in INSTEAD.get(later, ())
+    return beside or first[:shorter] == second[:shorter]
+
+
+def keys_set(changes: Iterable[Change]) -> tuple[str, ...]:
+    """The dotted keys that changes give a value, those in tables too."""
+    return tuple(key for change in changes for key in _leaves(*_pair(change)))
+
+
+def _leaves(key: str, value: Any) -> list[str]:
+    """The dotted keys that a value of a key holds: of a table, and of a list of tables."""
+    tables = value if isinstance(value, dict) else _called(value)
+    if not tables:
+        return [key]
+    return [leaf for name, below in tables.items() for leaf in _leaves(f"{key}.{name}", below)]
+
+
 def _judged_again(tables: dict[str, Any], key: str) -> dict[str, Any]:
     """What was meant was the value before this change."""
     meant = tables.get("unusual")

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coupling.sweep.design import Design
-from workflows.files.scene import Changes, Source, Written, completed, written
+from workflows.files.scene import Changes, Source, Written, completed, each, written
 from workflows.pipeline.chain import TOGETHER
 from workflows.scene import DashpotWall, InvalidScene, RomWall, Scene
 from workflows.scene.parts import with_chain
-from workflows.scene.toml import changed
+from workflows.scene.toml import changed, keys_set
 
 SIDE_BY_SIDE = {f"{table}.{name}" for table, names in TOGETHER.items() for name in names}
 
@@ -21,10 +21,13 @@ class Base(NamedTuple):
     """The scene that a sweep varies."""
 
     written: Written
+    given: tuple[str, ...] = ()  # dotted keys that changes set
 
     def with_values(self, values: dict[str, Any]) -> Scene:
         """The scene of one case; raises InvalidScene."""
-        tables = changed(self.written.tables, values.items())
+        # a kind first: to switch it drops the other keys of its table
+        ordered = sorted(values.items(), key=lambda pair: not pair[0].endswith(".kind"))
+        tables = changed(self.written.tables, ordered)
         return with_chain(completed(self.written._replace(tables=tables)))
 
     def number(self, key: str, text: str) -> float:
@@ -42,7 +45,8 @@ class Base(NamedTuple):
 
 def base_of(source: Source, changes: Changes) -> Base:
     """The scene of a name, file or tables with its changes; raises InvalidScene."""
-    base = Base(written(source, changes))
+    pairs = each(changes)
+    base = Base(written(source, pairs), keys_set(pairs))
     base.with_values({})
     return base
 

@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Callable, Iterable
+from itertools import combinations, product
 from math import isfinite, isinf, prod
 from pathlib import Path
 from tomllib import loads
@@ -12,7 +13,7 @@ import numpy as np
 from coupling.sweep.design import Axis, Design, combined, latin_hypercube, sobol
 from workflows.scene import InvalidScene
 from workflows.scene.named_files import require_file
-from workflows.scene.toml import value_of
+from workflows.scene.toml import undoes, value_of
 
 MOST_CASES = 10_000_000  # rows of a table that a laptop still holds
 SAMPLES = ("lhs", "sobol")
@@ -58,6 +59,7 @@ def table(path: Path) -> Design:
         _require_key(key, f"--cases {path}")
     if len(set(keys)) < len(keys):
         raise InvalidScene(f"--cases {path} names a key twice; name each once.")
+    _require_apart(keys, f"--cases {path}")
     for i, line in enumerate(lines[1:], start=2):
         if len(line) != len(keys):
             raise InvalidScene(
@@ -79,7 +81,28 @@ def _distinct(axes: list[Axis]) -> list[Axis]:
         raise InvalidScene(f"a sweep needs keys to vary; write --over key={FORMS}, or --cases.")
     if twice := next((key for key in keys if keys.count(key) > 1), None):
         raise InvalidScene(f"--over names {twice} twice; give all its values at once.")
+    _require_apart(keys, "--over")
     return axes
+
+
+def _require_apart(keys: list[str], where: str) -> None:
+    """Raise InvalidScene for two keys of which one undoes the other."""
+    for one, other in combinations(keys, 2):
+        if undoes(one, other) or undoes(other, one):
+            raise InvalidScene(
+                f"{where} varies both {one} and {other}, of which one undoes the other; vary one "
+                "of them."
+            )
+
+
+def require_free(design: Design, given: Iterable[str]) -> tuple[str, ...]:
+    """What to know of changes to keys that vary, in sentences: such a change is the value of the
+    scene, which may need one. Raises InvalidScene for a change that the cases undo beside it."""
+    for key, one in product(design.keys, given):
+        if key != one and undoes(key, one):
+            raise InvalidScene(f"{key} varies, which undoes --set {one}; drop one of them.")
+    both = (key for key in design.keys if key in given)
+    return tuple(f"--set {key} is of the scene alone: the cases vary it" for key in both)
 
 
 def _split(text: str, form: str) -> tuple[str, str]:

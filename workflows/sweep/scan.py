@@ -9,6 +9,7 @@ wave over the face, see `coupling.sweep.continuity`.
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from itertools import product
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -35,6 +36,7 @@ from workflows.pipeline.errors import MARGIN, SHORTER
 from workflows.pipeline.face import Outline, StruckFace
 from workflows.pipeline.rig import STRUCK
 from workflows.scene import InvalidScene, RomWall, Scene
+from workflows.scene.toml import undoes
 from workflows.sweep.cases import Base
 from workflows.sweep.design import Design, counted
 from workflows.sweep.inputs import Inputs, files_of_scene
@@ -112,6 +114,10 @@ def struck_scene(base: Base, face: str | None) -> Scene:
             f"{scene.name}: time.duration = {scene.time.duration:g} s goes beyond time.horizon = "
             f"{scene.time.horizon:g} s, up to which waves have an error; scan up to there."
         )
+    moved = ("strike.at", "strike.on")[: 1 + bool(face)] if scene.is_general else ("patch.point",)
+    for key, given in product(moved, base.given):
+        if undoes(key, given):
+            raise InvalidScene(f"a scan sets {key} itself; drop --set {given}.")
     if scene.is_general:
         on = face or (scene.strike and scene.strike.on)
         return base.with_values(({"strike.on": on} if on else {}) | {"strike.at": [0.0, 0.0]})
