@@ -16,13 +16,19 @@ from rom import ManyContacts
 
 
 def walls_of(
-    contacts: ManyContacts, n_beyond: int, *, half_space: ArrayLike, damping: Damping | None = None
+    contacts: ManyContacts,
+    n_beyond: int,
+    *,
+    half_space: ArrayLike,
+    damping: Damping | None = None,
+    lumped_above_hz: float = np.inf,
 ) -> Wall:
     """The walls of p contacts, as arrays (p, k + n_beyond) of one Wall for `dem.Chains`.
 
-    half_space (p,) [m/N] is taken out of the static compliances. Raises CouplingError.
+    half_space (p,) [m/N] is taken out of the static compliances. Of the oscillators beyond the
+    common modes those above lumped_above_hz [Hz] are one. Raises CouplingError.
     """
-    beyond = contacts.beyond(n_beyond)
+    beyond = contacts.beyond(n_beyond).lumped(lumped_above_hz)
     shared = np.broadcast_to(contacts.omega, contacts.phi.shape)
     omega = np.column_stack([shared, beyond.omega])
     phi = np.column_stack([contacts.phi, beyond.phi])
@@ -37,7 +43,11 @@ class Walls(NamedTuple):
     half_space: NDArray[np.float64]  # (p,) [m/N]
     damping: Damping | None
 
-    def all(self, n_beyond: int) -> Wall:
-        """Of all points as arrays, with so many oscillators of each beyond the common modes."""
+    def all(self, n_beyond: int, lumped_above_hz: float = np.inf) -> Wall:
+        """Of all points as arrays, with so many oscillators of each beyond the common modes, those
+        above a frequency as one."""
         contacts, half_space, damping = self
-        return walls_of(contacts, n_beyond, half_space=half_space, damping=damping)
+        return walls_of(
+            contacts, n_beyond, half_space=half_space, damping=damping,
+            lumped_above_hz=lumped_above_hz,
+        )  # fmt: skip

@@ -35,6 +35,20 @@ class Oscillators(NamedTuple):
     omega: np.ndarray  # (p, n) [rad/s]
     phi: np.ndarray  # (p, n) [kg^-1/2]; 0 where a contact moves nothing more
 
+    def lumped(self, above_hz: float) -> "Oscillators":
+        """Those above a frequency as one with their static response and moment of inertia, in the
+        first place above it; those behind do not move. They would cost steps."""
+        omega, phi = self.omega.copy(), self.phi.copy()
+        high = omega > 2 * np.pi * above_hz
+        first, second = (np.where(high, phi**2 / omega**i, 0.0).sum(axis=1) for i in (2, 4))
+        rows = np.flatnonzero(first > 0)
+        place = high.argmax(axis=1)[rows]
+        phi[high] = 0.0
+        one = np.sqrt(first[rows] / second[rows])
+        omega = np.where(high, 2 * np.pi * above_hz, omega)
+        omega[rows, place], phi[rows, place] = one, one * np.sqrt(first[rows])
+        return Oscillators(omega, phi)
+
 
 class ManyContacts(NamedTuple):
     """Modes of a structure at p contacts, and the space of each beyond them."""

@@ -106,3 +106,19 @@ def test_a_contact_with_nothing_beyond_the_modes_has_oscillators_that_do_not_mov
     )
     beyond = two_left.contacts.beyond(4)
     assert ((beyond.phi**2 / beyond.omega**2 > 1e-12 * static[:, None]).sum(axis=1) <= 2).all()
+
+
+def test_lumped_oscillators_keep_static_response_and_moment_of_inertia():
+    K, M, W = structure(True)
+    beyond = face(K, M, W, cutoff_hz=5e3, n_vectors=8).contacts.beyond(8)
+    limit = 40e3
+    lumped = beyond.lumped(limit)
+    high = beyond.omega > 2 * np.pi * limit
+    assert (0 < high.sum(axis=1)).all() and (high.sum(axis=1) < 7).all()
+    for power in (2, 4):
+        one, other = ((o.phi**2 / o.omega**power).sum(axis=1) for o in (beyond, lumped))
+        assert np.abs(one / other - 1).max() < 1e-12
+    assert np.array_equal(lumped.phi[~high], beyond.phi[~high])
+    assert np.array_equal(lumped.omega[~high], beyond.omega[~high])
+    assert np.array_equal((lumped.phi[0] != 0).sum(), (~high[0]).sum() + 1)
+    assert all(np.array_equal(a, b) for a, b in zip(beyond, beyond.lumped(np.inf), strict=True))

@@ -297,11 +297,17 @@ def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanne
     assert found.counts() == {"done": 20} and not list(out.glob("part-*"))
     assert len(solved) == 1  # modes of the second mesh alone
     assert reduced == [8, 8]  # the missing points, on either mesh
-    for name in ("sphere_5_tof_s", "wall_peak_force_N", "error_reduction", "error_mesh"):
-        allowed = 0.05 if name.startswith("error") else scanned.columns["error_time"][0]
+    time = max(one.columns["error_time"].max() for one in (found, scanned))  # steps of parts differ
+    for name, allowed in (
+        ("sphere_5_tof_s", time),
+        ("wall_peak_force_N", time),
+        ("error_mesh", 0.05),
+    ):
         assert np.abs(found.columns[name] / scanned.columns[name] - 1.0).max() < allowed
+    reduction = (one.columns["error_reduction"] for one in (found, scanned))
+    assert np.abs(np.subtract(*reduction)).max() < 2 * time
     v, whole = (one.signals()["v"].to_numpy() for one in (found, scanned))
-    assert np.abs(v - whole).max() < 0.2 * scanned.columns["error_time"][0]
+    assert np.abs(v - whole).max() < 0.2 * time
 
 
 def test_points_are_mirrored_to_the_last_digit():

@@ -115,9 +115,11 @@ def scan(
     """The chain at every point of a grid over a plane face, into one table (`beadwave scan`).
 
     `face` is "body:+x", the one that the scene strikes without it; the first number of `grid` is
-    that of points along the first of the two axes that span it. All points share one reduction,
-    whose error at the worst of them is in the table. Other arguments as in `sweep`; a scan that was
-    stopped goes on with the points that are missing. Raises InvalidScene for bad input; a point
+    that of points along the first of the two axes that span it. All points share one reduction;
+    the errors of each are in the table. The reflected wave of a sphere is the same wave at all
+    points, NaN where it cannot be told; `notes` of the result say where errors are large and how
+    many waves are left out. Other arguments as in `sweep`; a scan that was stopped goes on with the
+    points that are missing. Raises InvalidScene for bad input; a point
     whose patch leaves the face is a row with its sentence.
     """
     from workflows.pipeline.face import StruckFace
