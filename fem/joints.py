@@ -83,6 +83,7 @@ class _Coupling(NamedTuple):
     columns: NDArray[np.int64]
     B: NDArray[np.float64]  # (6, len(columns))
     spare: NDArray[np.int64]  # of these, what may follow the face where all else of it is held
+    follows: bool = False  # all of these may: the joint's other side is a mean as well
 
 
 def normal_frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -148,7 +149,10 @@ def mean_sides(
     """B U = C u of all mean sides, solved for six dofs of each, none of those `taken`; dofs of the
     face keep the matrices sparse.
 
-    Sides whose faces have dofs in common are solved for together.
+    Sides whose faces have dofs in common are solved for together. Of two mean sides of one joint
+    the motion q of the second is written in dofs of its face, q = C u: to solve for six of these
+    instead multiplies entries of K by the square of their number, 1e3 and more, and rigid motions
+    of a small body then drown in the rounding.
     """
     held = [c for c in _couplings(structure, joints) if c.side.coupling == "mean"]
     C = [_mean_motion(structure, coupling) for coupling in held]
@@ -157,6 +161,10 @@ def mean_sides(
         group = connected_components(reads @ reads.T, directed=False)[1]
         for i in range(group.max() + 1):
             here = np.flatnonzero(group == i)
+            if len(here) == 1 and held[here[0]].follows:
+                name = f"joint {held[here[0]].name}"
+                yield Constraint(held[here[0]].columns, widened(C[here[0]], n_total), name)
+                continue
             rows = vstack([C[j] for j in here]).tocsc()
             yield _solved(structure, [held[j] for j in here], rows, taken, n_total)
 
@@ -170,7 +178,8 @@ def _couplings(structure: Structure, joints: Sequence[Joint]) -> Iterator[_Coupl
         open_ones = r[np.array(joint.springs) == 0]
         yield _Coupling(joint.first, joint.name, joint.centre, np.append(r, q), moved, open_ones)
         if joint.second:
-            yield _Coupling(joint.second, joint.name, joint.centre, q, np.eye(6), q)
+            both = joint.first.coupling == joint.second.coupling == "mean"
+            yield _Coupling(joint.second, joint.name, joint.centre, q, np.eye(6), q, both)
 
 
 def _nodes_within(structure: Structure, coupling: _Coupling) -> NDArray[np.int64]:

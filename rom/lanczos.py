@@ -18,7 +18,7 @@ from rom.factorisation import Pencil, ReductionError, noise
 
 DENSE = 400  # up to this many dofs LAPACK is faster than Lanczos
 BLOCK = 8  # vectors of a Lanczos block
-MOST_RIGID = 64  # modes without stiffness that are looked past for an elastic one
+MOST_RIGID = 32  # modes without stiffness that are looked past for an elastic one
 CHECK = 4  # blocks between two looks at convergence
 CONVERGED = 1e-10  # of theta = 1 / (omega^2 - sigma), its residual
 Enough = Callable[[np.ndarray, Callable[[], np.ndarray]], bool]

@@ -274,8 +274,8 @@ def _threads(scene: Scene, drawn: Drawing) -> Iterator[tuple[Bolts, Any]]:
             raise InvalidScene(
                 f'{scene.name}: joints.{joint.name}.at = "thread" finds no shank of one of '
                 f'"{joint.between}" in a bore of the other, on one axis, up to {100 * LIKE:g} % of '
-                f"the bore's radius apart: {', '.join(sizes[:6]) or 'neither has a cylinder'}; move "
-                "them onto each other, or give at = [[x, y, z], ...] and washer."
+                f"the bore's radius apart: {', '.join(sizes[:6]) or 'neither has a cylinder'}; "
+                "move them onto each other, or give at = [[x, y, z], ...] and washer."
             )
         yield from ((joint, thread) for thread in threads)
 
