@@ -99,6 +99,12 @@ def test_a_library_that_a_wheel_brings_is_not_missing(where, tmp_path, absent):
     assert missing_libraries([tmp_path]) == []
 
 
+def test_a_part_that_its_program_does_without_is_not_missing(tmp_path, absent):
+    absent |= {"libibverbs.so.1", "libtbb.so.12"}
+    wheel(tmp_path, "mpich", {"lib/libmpi.so.12": elf(["libibverbs.so.1", "libtbb.so.12"])})
+    assert missing_libraries([tmp_path]) == []
+
+
 def test_libraries_that_are_opened_by_name_are_missing_without_any_wheel(tmp_path, absent):
     absent.add("libOSMesa.so.8")
     ((name, package, costs),) = missing_libraries([tmp_path])

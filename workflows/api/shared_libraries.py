@@ -42,7 +42,13 @@ LIBRARIES = {  # Debian package, what one goes without
     "libz.so.1": ("zlib1g", ALL),
 }
 OPENED = ("libGL.so.1", "libOSMesa.so.8")  # by name, by VTK
-UNUSED = ("libtbb.so.12",)  # numba's threads by TBB, one of three ways
+UNUSED = (  # by parts that their programs do without
+    "libtbb.so.12",  # numba: threads by TBB, one of three ways
+    # mpich: networks of clusters
+    "libefa.so.1", "libibverbs.so.1", "libmlx5.so.1", "libpsm2.so.2", "librdmacm.so.1",
+    # Intel's wheels below pypardiso: tools of its compilers, and GPUs
+    "libimf.so", "libintlc.so.5", "libirng.so", "libsvml.so", "libsycl.so.9",
+)  # fmt: skip
 
 
 class Missing(NamedTuple):
