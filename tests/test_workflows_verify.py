@@ -81,6 +81,7 @@ def test_lammps_converges_to_our_result(name, monkeypatch):
         "mean-joints",
         "beams",
         "gravity",
+        "inspected",
     ],
 )
 def test_structures_reductions_and_waves_agree_with_what_others_say(group):

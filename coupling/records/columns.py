@@ -25,9 +25,7 @@ from coupling.records.record import UnusableRecord
 # The numbers below are of a trial on 1000 chains at random, see tests/test_coupling_columns.py.
 WHILE = 4.0  # time within which changes are looked at, in time scales of the stiffest contact
 COARSE = 0.4  # time between the samples that are compared, the same
-STRETCHES = np.geomspace(
-    0.75, 1.35, 16
-)  # of the model's time: contacts softer or stiffer than told
+STRETCHES = np.geomspace(0.75, 1.35, 16)  # of the model's time: softer or stiffer contacts
 LATEST = 0.6  # of the record: how late the first touch may be, and how early before it
 SHARED = 0.3  # least share of a column's and of a model's squares within the time that both have
 REST = 0.2  # of the largest value: what a record may begin with beside the model
