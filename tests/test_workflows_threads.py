@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from skfem import FacetBasis
 
+import rom
 from command_line import beadwave
 from geometry.cad import write_step
 from geometry.gmsh_session import session, silent
@@ -142,7 +143,9 @@ def test_bodies_with_two_cylinders_in_common_are_refused():
         occ = gmsh.model.occ
         occ.addCylinder(0, 0, 0, 0, 0, LENGTH, RADIUS)
         nut = occ.addCylinder(0, 0, 0.01, 0, 0, HIGH, OUTER)
-        bores = [occ.addCylinder(0, 0, z, 0, 0, 0.004, r) for z, r in ((0.01, 5e-3), (0.014, 5.4e-3))]
+        bores = [
+            occ.addCylinder(0, 0, z, 0, 0, 0.004, r) for z, r in ((0.01, 5e-3), (0.014, 5.4e-3))
+        ]
         occ.cut([(3, nut)], [(3, bore) for bore in bores])
         occ.synchronize()
         gmsh.write("stepped.step")

@@ -6,7 +6,7 @@ is the correlation of a column y_a with what the model shows of a sensor b, s la
 that both have; both are changes within a while, so that plateaus and offsets have no say. A record
 whose headings are right is as the model is at one delay s of all columns: the incident wave passes
 them in order and pushes towards the wall, the reflected one comes back in reverse. It may begin
-late, and a first wave that is missing is no contradiction. What agrees clearly better with columns
+late: a first wave that is missing is no contradiction. What agrees clearly better with columns
 exchanged or turned, and well, is refused; what agrees in no way is left to others to judge.
 """
 
@@ -22,10 +22,10 @@ from scipy.signal import fftconvolve
 
 from coupling.records.record import UnusableRecord
 
-# The numbers below are of a trial on 1000 chains at random, see tests/test_coupling_columns.py.
+# The numbers below were tried on 1000 chains at random, see tests/test_coupling_columns.py.
 WHILE = 4.0  # time within which changes are looked at, in time scales of the stiffest contact
 COARSE = 0.4  # time between the samples that are compared, the same
-STRETCHES = np.geomspace(0.75, 1.35, 16)  # of the model's time: softer or stiffer contacts
+STRETCHES = np.geomspace(0.75, 1.35, 16)  # of the model's time: other contacts
 LATEST = 0.6  # of the record: how late the first touch may be, and how early before it
 SHARED = 0.3  # least share of a column's and of a model's squares within the time that both have
 REST = 0.2  # of the largest value: what a record may begin with beside the model
@@ -116,11 +116,10 @@ def _refusal(names: Sequence[str], best: Fitting, as_they_are: float) -> str:
             f"the columns {' and '.join(moved)} are swapped: the waves pass them in the other "
             f"order {said}; exchange their headings."
         )
-    have = "has" if len(turned) == 1 else "have"
     return (
-        f"{' and '.join(turned)} {have} the wrong sign: motions go towards the wall and forces "
-        f"press where they are positive {said}; turn the sign of the "
-        f"column{'s' * (len(turned) > 1)} or of the gain."
+        f"{' and '.join(turned)} {'has' if len(turned) == 1 else 'have'} the wrong sign: motions "
+        f"go towards the wall and forces press where they are positive {said}; turn the sign of "
+        f"the column{'s' * (len(turned) > 1)} or of the gain."
     )
 
 

@@ -1,13 +1,15 @@
 """Numbers that `inspect` finds in records of an independent model, beside those that made them.
 
-A chain of Hertz' contacts by scipy's DOP853 from Newton's law, at a mass on a spring and at a hinged
-beam in closed form: w = W sin(k x), psi = Y cos(k x), k = j pi / L, of S. P. Timoshenko's equations
+A chain of Hertz' contacts by scipy's DOP853 from Newton's law, at a mass on a spring and at a
+hinged beam in closed form: w = W sin(k x), psi = Y cos(k x), k = j pi / L, of S. P. Timoshenko's
+equations
 
     (kappa G A k^2 - rho A omega^2) W - kappa G A k Y = 0
     -kappa G A k W + (E I k^2 + kappa G A - rho I omega^2) Y = 0
 
 The surface that is struck bulges by nu h^2 / 8 w'' (S. P. Timoshenko, J. N. Goodier, Theory of
-Elasticity, sec. 102). No wall, no kernel and no reduction of ours is in them; white noise of a fixed seed is added.
+Elasticity, sec. 102). No wall, no kernel and no reduction of ours is in them; white noise of a
+fixed seed is added.
 """
 
 from collections.abc import Iterator
@@ -31,8 +33,8 @@ SAMPLING, DURATION = 1e6, 3e-3  # Hz, s
 N_WAVES = 25  # of the beam, two modes each
 WITHIN = 1.5  # two-sigma bars: three standard deviations, which 1 of 370 numbers exceeds
 SHARP = 0.01  # of a number: bars as long would hold anything
-# One oscillator stands for the modes of our beam above 50 kHz, which moves the force by 1e-3 rms here
-# and modulus and thickness by 1.1e-3 and 5e-4: more than their bars, 1.4e-4 and 1e-4 at this noise.
+# One oscillator stands for the modes of our beam above 50 kHz, which moves the force by 1e-3 rms
+# here, modulus and thickness by 1.1e-3 and 5e-4: more than their bars of 1.4e-4 and 1e-4.
 CUT_OFF = 3e-3
 MASS = "a chain at a mass on a spring by DOP853 of scipy"
 BEAM = "a chain at Timoshenko's hinged beam in closed form (Phil. Mag. 41 (1921) 744) by DOP853"
