@@ -30,43 +30,53 @@ Results hold numbers as attributes; `data` is an xarray.Dataset with named dimen
 beadwave.InvalidScene, a ValueError, in one sentence. A function that takes `out` writes there what
 the command of its name would.
 
-The rooms behind it, each with a help of its own: geometry, fem, rom, dem, coupling.
+The rooms behind it, each with a help of its own: geometry, fem, rom, dem, coupling; also as
+beadwave.geometry, beadwave.fem, ...
 """
 
+import sys
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from workflows.api.doctor import doctor
-    from workflows.api.film import film
-    from workflows.api.hammer import hammer, write_hammer_test
-    from workflows.api.impacts import Run, impact, load, run
-    from workflows.api.inspection import design, inspect
-    from workflows.api.look import look
-    from workflows.api.measurements import calibrate, twin
-    from workflows.api.modes import export, modes, thesis_table
-    from workflows.api.reduction import reduce, reduce_matrices
-    from workflows.api.scenes import scene, scenes
-    from workflows.api.studies import accuracy, stability, studies, study, verify
-    from workflows.api.sweeps import Cases, load_sweep, scan, sweep, sweep_price
-    from workflows.api.tuning import tune
+    from workflows.evidence.api import accuracy, stability, studies, study, verify
+    from workflows.fit.api import calibrate, design, inspect, twin
+    from workflows.installation.doctor import doctor
+    from workflows.run.api import Run, film, impact, load, run, scene, scenes
     from workflows.scene import InvalidScene, Scene
+    from workflows.structure.api import (
+        export,
+        hammer,
+        look,
+        modes,
+        reduce,
+        reduce_matrices,
+        thesis_table,
+        tune,
+        write_hammer_test,
+    )
+    from workflows.sweep.api import Cases, load_sweep, scan, sweep, sweep_price
 
 _HOMES = {
-    "workflows.api.doctor": ("doctor",),
-    "workflows.api.film": ("film",),
-    "workflows.api.hammer": ("hammer", "write_hammer_test"),
-    "workflows.api.impacts": ("Run", "impact", "load", "run"),
-    "workflows.api.inspection": ("design", "inspect"),
-    "workflows.api.look": ("look",),
-    "workflows.api.measurements": ("calibrate", "twin"),
-    "workflows.api.modes": ("export", "modes", "thesis_table"),
-    "workflows.api.reduction": ("reduce", "reduce_matrices"),
-    "workflows.api.scenes": ("scene", "scenes"),
-    "workflows.api.studies": ("accuracy", "stability", "studies", "study", "verify"),
-    "workflows.api.sweeps": ("Cases", "load_sweep", "scan", "sweep", "sweep_price"),
-    "workflows.api.tuning": ("tune",),
+    "workflows.evidence.api": ("accuracy", "stability", "studies", "study", "verify"),
+    "workflows.fit.api": ("calibrate", "design", "inspect", "twin"),
+    "workflows.installation.doctor": ("doctor",),
+    "workflows.run.api": ("Run", "film", "impact", "load", "run", "scene", "scenes"),
     "workflows.scene": ("InvalidScene", "Scene"),
+    "workflows.structure.api": (
+        "export",
+        "hammer",
+        "look",
+        "modes",
+        "reduce",
+        "reduce_matrices",
+        "thesis_table",
+        "tune",
+        "write_hammer_test",
+    ),
+    "workflows.sweep.api": ("Cases", "load_sweep", "scan", "sweep", "sweep_price"),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -107,14 +117,50 @@ __all__ = [
 ]
 
 
+_ROOMS = ("geometry", "fem", "rom", "dem", "coupling", "workflows")
+__path__: list[str] = []  # `import beadwave.fem` asks the finder of workflows.aliases
+
+
+def _hidden_package() -> str | None:
+    """Which file takes the place of one of our packages, in a sentence; None where none does."""
+    for room in _ROOMS:
+        spec = sys.modules[room].__spec__ if room in sys.modules else find_spec(room)
+        ours = Path(__file__).with_name(room) / "__init__.py"
+        origin = spec and spec.origin
+        if origin and not Path(origin).samefile(ours):
+            return (
+                f"{origin} is imported in place of beadwave's package '{room}': rename it, or "
+                "start Python where it is not on the import path."
+            )
+    return None
+
+
+if _hidden_package() is None:
+    import workflows  # noqa: F401  its finder knows beadwave.fem and former import paths
+
+
 def __getattr__(name: str):
-    """The function, imported when it is first asked for."""
-    if name not in _MODULES:
+    """The function or the package, imported when it is first asked for."""
+    if name.startswith("__") or name not in {*_MODULES, *_ROOMS}:
         raise AttributeError(f"module 'beadwave' has no attribute {name!r}")
-    found = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = found
-    return found
+    if obstacle := _hidden_package():
+        raise ImportError(obstacle)
+    if name in _ROOMS:
+        return import_module(name)
+    function = getattr(import_module(_MODULES[name]), name)
+    globals()[name] = function
+    return function
 
 
 def __dir__() -> list[str]:
     return [*__all__, "__doc__"]
+
+
+def main() -> None:
+    """The command `beadwave`."""
+    if obstacle := _hidden_package():
+        print(f"beadwave: {obstacle}", file=sys.stderr)
+        sys.exit(2)
+    from workflows.__main__ import main as command
+
+    command()

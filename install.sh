@@ -29,7 +29,7 @@ able || { [ "$python" = python3 ] && installed python3-venv && able; } || {
 # Debian packages that are missing: of shared libraries that what was installed asks for, and of the
 # browser in which the tests open the report page
 missing() {
-    .venv/bin/python -P workflows/api/shared_libraries.py | sort -u | tr '\n' ' '
+    .venv/bin/python -P workflows/installation/shared_libraries.py | sort -u | tr '\n' ' '
     case ",${1:-}," in *,test,*) command -v chromium >/dev/null || printf 'chromium ' ;; esac
 }
 packages=$(missing "$@")

@@ -5,8 +5,7 @@
     prune      the same wall without the modes that do not matter
     rayleigh, ModalDamping, RayleighDamping    damping for wall_of
     verdict    whether chain and wall can work together, in sentences
-    infinite_plate    a thin plate as a dashpot;  coupling.calibration: chains fitted to signals
-    coupling.inspection    numbers of a structure from waves; coupling.parametric_wall: its wall
+    infinite_plate    a thin plate as a dashpot
 
 A wall by hand has three things that are easily left out, each some percent of the force:
 

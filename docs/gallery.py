@@ -12,7 +12,7 @@ from pathlib import Path
 from PIL import Image
 
 import beadwave
-from workflows.results import tables
+from workflows.report import tables
 
 HERE = Path(__file__).parent / "gallery"
 

@@ -22,10 +22,10 @@ from time import process_time
 import numpy as np
 
 import dem
-from coupling.peers import Problem
-from coupling.work_precision.problems import with_parts
+from workflows.evidence.accuracy.peers import Problem
+from workflows.evidence.accuracy.problem_variants import with_parts
+from workflows.evidence.accuracy.problems import problem
 from workflows.files.scene import scene
-from workflows.studies.accuracy.problems import problem
 
 SCENES = ("free-chain", "rig-rigid", "rig-half-space", "rig-1dof")
 PARTS = ("hunt-crossley", "residual spring", "40 wall modes", "dashpot wall")

@@ -21,15 +21,15 @@ from time import process_time
 import numpy as np
 
 import dem
-from coupling.inspection.inversion import Inversion, inverted, profiled
-from coupling.parametric_wall import Box
-from coupling.records.record import Channel, Recorded
 from coupling.sensors import Sensor, measured, recorded, signals
-from workflows.api.progress import quiet
-from workflows.inspection.inspect import Request, inspected, problem
-from workflows.inspection.numbers import own, shared
-from workflows.inspection.structure import computed, structure
-from workflows.pipeline.chain import chain
+from workflows.files.record import Channel, Recorded
+from workflows.fit.core.inspection.inversion import Inversion, inverted, profiled
+from workflows.fit.core.parametric_wall import Box
+from workflows.fit.inspection.inspect import Request, inspected, problem
+from workflows.fit.inspection.numbers import own, shared
+from workflows.fit.inspection.structure import computed, structure
+from workflows.stages.chain import chain
+from workflows.stages.progress import quiet
 from workflows.sweep.cases import Base, base_of
 
 TRUTH = {"beam.thickness": 12.4e-3, "beam.young": 72e9, "beam.axial_force": -20e3}

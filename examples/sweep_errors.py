@@ -25,10 +25,10 @@ from typing import NamedTuple
 import numpy as np
 
 import dem
-from coupling.sweep.design import Design
-from workflows.pipeline.chain import simple_wall, start, together
-from workflows.pipeline.impact import impact
+from workflows.stages.chain import simple_wall, start, together
+from workflows.stages.impact import impact
 from workflows.sweep.cases import Base, base_of, checked, groups
+from workflows.sweep.core.design import Design
 from workflows.sweep.march import observed, rows
 from workflows.sweep.models import Prepared
 

@@ -32,6 +32,7 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).parents[1]
+FIT = "workflows/fit/core/"
 LOADED = ("numba", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg", "skfem")
 
 
@@ -63,24 +64,24 @@ ROOMS = {
     ),
     "coupling": Room(
         ("coupling/wall.py", "coupling/damping.py", "coupling/coupled_march.py",
-         "coupling/verdict.py", "coupling/pruning.py", "coupling/parametric_wall.py",
+         "coupling/verdict.py", "coupling/pruning.py", "workflows/fit/core/parametric_wall.py",
          "coupling/band.py", "coupling/sensors.py", "coupling/sensed_waves.py",
          "coupling/elliptical_contact.py", "coupling/radiation.py"),
         ("coupling_damping", "coupling_judged", "coupling_parametric_wall", "coupling_sensors",
          "coupling_elliptical", "coupling_radiation", "coupling_pruning"),
     ),
     "calibration": Room(
-        ("coupling/calibration/fitting.py", "coupling/calibration/uncertainty.py",
-         "coupling/calibration/parameters.py", "coupling/calibration/signals.py",
-         "coupling/calibration/forward.py", "coupling/calibration/instrument.py",
-         "coupling/calibration/sensed.py", "coupling/calibration/impulse.py",
-         "coupling/calibration/posterior.py", "coupling/calibration/scan.py",
-         "coupling/calibration/growing_windows.py"),
+        (FIT + "calibration/fitting.py", FIT + "calibration/uncertainty.py",
+         FIT + "calibration/parameters.py", FIT + "calibration/signals.py",
+         FIT + "calibration/forward.py", FIT + "calibration/instrument.py",
+         FIT + "calibration/sensed.py", FIT + "calibration/impulse.py",
+         FIT + "calibration/posterior.py", FIT + "calibration/scan.py",
+         FIT + "calibration/growing_windows.py"),
         ("coupling_fit", "coupling_sensed", "coupling_target", "coupling_posterior"),
     ),
     "inspection": Room(
-        ("coupling/inspection/fitting.py", "coupling/inspection/information.py",
-         "coupling/inspection/inversion.py", "coupling/inspection/profile.py"),
+        (FIT + "inspection/fitting.py", FIT + "inspection/information.py",
+         FIT + "inspection/inversion.py", FIT + "inspection/profile.py"),
         ("coupling_inspected",),
     ),
 }  # fmt: skip

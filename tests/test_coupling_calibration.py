@@ -5,18 +5,18 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 import dem
-from coupling.calibration.calibration import calibrate
-from coupling.calibration.forward import Forward
-from coupling.calibration.parameters import Parameter, Rig
-from coupling.calibration.search import Options, Search
-from coupling.calibration.signals import (
+from workflows.fit.core.calibration.calibration import calibrate
+from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.parameters import Parameter, Rig
+from workflows.fit.core.calibration.search import Options, Search
+from workflows.fit.core.calibration.signals import (
     Filter,
     Signals,
     aligned,
     first_waves_end,
     noise_between_waves,
 )
-from coupling.calibration.uncertainty import uncertainty
+from workflows.fit.core.calibration.uncertainty import uncertainty
 
 N = 6
 T = np.arange(0, 6e-4, 1e-6)

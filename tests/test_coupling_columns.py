@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import dem
-from coupling.records.columns import beyond, require_columns
-from coupling.records.record import UnusableRecord
 from coupling.sensors import Sensor, measured, signals
 from dem.sensitivities import STEPS_PER_TIME_SCALE, usual_step
+from workflows.files.record import UnusableRecord
+from workflows.fit.core.columns import beyond, require_columns
 
 
 class Case(NamedTuple):

@@ -9,10 +9,19 @@ from scipy.signal import freqz_sos, sosfilt
 
 import dem
 import dem.sensitivities
-from coupling.calibration import signals as laid
-from coupling.calibration.fitting import CLOSE, IMPOSSIBLE, PRIOR, Fit, _cycles, rms, weights
-from coupling.calibration.forward import NO_FILTER, Forward, _refined
-from coupling.calibration.instrument import (
+from coupling.errors import CouplingError
+from workflows.fit.core.calibration import signals as laid
+from workflows.fit.core.calibration.fitting import (
+    CLOSE,
+    IMPOSSIBLE,
+    PRIOR,
+    Fit,
+    _cycles,
+    rms,
+    weights,
+)
+from workflows.fit.core.calibration.forward import NO_FILTER, Forward, _refined
+from workflows.fit.core.calibration.instrument import (
     OVERSAMPLED,
     Clean,
     Twin,
@@ -20,7 +29,7 @@ from coupling.calibration.instrument import (
     repeated,
     shown,
 )
-from coupling.calibration.parameters import (
+from workflows.fit.core.calibration.parameters import (
     Parameter,
     Rig,
     coordinates,
@@ -29,9 +38,8 @@ from coupling.calibration.parameters import (
     slopes,
     values,
 )
-from coupling.calibration.signals import Filter, Signals, aligned, lag_of, noise_of_mean
-from coupling.calibration.uncertainty import _cut, noise_along, uncertainty
-from coupling.errors import CouplingError
+from workflows.fit.core.calibration.signals import Filter, Signals, aligned, lag_of, noise_of_mean
+from workflows.fit.core.calibration.uncertainty import _cut, noise_along, uncertainty
 
 KINDS = (
     "contact", "preload", "dissipation", "striker", "trigger", "frequency", "mass", "damping",
@@ -373,7 +381,7 @@ def test_noise_of_a_few_samples_has_no_lags(k):
 
 
 def test_a_combination_is_told_by_its_largest_shares():
-    from coupling.calibration.uncertainty import Combination
+    from workflows.fit.core.calibration.uncertainty import Combination
 
     one = Combination(np.array([-0.6, 0.1, 0.5, 0.0, -0.3]), 1.0)
     assert one.text(parameters_of((1,) * 5)) == "0.60 p0 - 0.50 p2 + 0.30 p4"

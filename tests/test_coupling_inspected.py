@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from coupling.calibration.parameters import Parameter
-from coupling.calibration.uncertainty import uncertainty
 from coupling.errors import CouplingError
-from coupling.inspection.fitting import HUGE, Fit, Fitted
-from coupling.inspection.forward import Forward, Shot, _durations, unknowns
-from coupling.inspection.information import (
+from workflows.fit.core.calibration.parameters import Parameter
+from workflows.fit.core.calibration.uncertainty import uncertainty
+from workflows.fit.core.inspection.fitting import HUGE, Fit, Fitted
+from workflows.fit.core.inspection.forward import Forward, Shot, _durations, unknowns
+from workflows.fit.core.inspection.information import (
     bars_over_time,
     bounds_information,
     covariance,
     felt_from,
 )
-from coupling.inspection.inversion import (
+from workflows.fit.core.inspection.inversion import (
     Inversion,
     Part,
     _at_bound,
@@ -27,9 +27,16 @@ from coupling.inspection.inversion import (
     _parts,
     inverted,
 )
-from coupling.inspection.judgement import Judged
-from coupling.inspection.profile import Valley, _factor, stretched
-from coupling.inspection.search import _distinct, _filled, _inner, _noise, _spread, with_triggers
+from workflows.fit.core.inspection.judgement import Judged
+from workflows.fit.core.inspection.profile import Valley, _factor, stretched
+from workflows.fit.core.inspection.search import (
+    _distinct,
+    _filled,
+    _inner,
+    _noise,
+    _spread,
+    with_triggers,
+)
 
 T = np.arange(0.0, 240.0)
 SHARED = (

@@ -5,13 +5,13 @@ import pytest
 
 import dem
 from coupling import CouplingError
-from coupling.calibration.parameters import Parameter
-from coupling.inspection.fitting import Fit
-from coupling.inspection.forward import Forward, Shot, System, unknowns
-from coupling.inspection.information import bars_over_time, bounds_information, felt_from
-from coupling.inspection.inversion import inverted, profiled
-from coupling.inspection.search import rise, searched
 from coupling.sensors import Sensor, recorded
+from workflows.fit.core.calibration.parameters import Parameter
+from workflows.fit.core.inspection.fitting import Fit
+from workflows.fit.core.inspection.forward import Forward, Shot, System, unknowns
+from workflows.fit.core.inspection.information import bars_over_time, bounds_information, felt_from
+from workflows.fit.core.inspection.inversion import inverted, profiled
+from workflows.fit.core.inspection.search import rise, searched
 
 LENGTH, WIDTH, DENSITY, AT = 0.3, 0.04, 2700.0, 0.12
 BUCKLING = 70e9 * WIDTH * 0.012**3 / 12 * np.pi**2 / LENGTH**2  # N, of the middle of the bounds

@@ -8,8 +8,6 @@ import pytest
 import dem
 from coupling import CoupledWall, CouplingError, energy_gain, march_coupled, mode_costs, verdict
 from coupling.coupled_march import _Motion, longest_step, with_coupled_error
-from coupling.formulas import motion as by_formulas
-from coupling.parametric_wall import _gathered, _missed
 from coupling.pruning import LeftOut, _cheaper_way, oscillation, prune, without
 from coupling.verdict import (
     FALCON,
@@ -20,6 +18,8 @@ from coupling.verdict import (
 )
 from dem import Wall
 from known_models import speeds, unit_chain
+from workflows.evidence.verify.formulas import motion as by_formulas
+from workflows.fit.core.parametric_wall import _gathered, _missed
 
 OMEGA, ZETA, PHI = np.array([0.7, 3.0]), np.array([0.1, 0.3]), np.array([-0.5, 0.4])
 

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from coupling import CouplingError
-from coupling.parametric_wall import (
+from coupling.wall import wall_from_reduced
+from dem import Wall
+from rom import Surface, full_order, modal
+from workflows.fit.core.parametric_wall import (
     Box,
     Computed,
     _gathered,
@@ -16,9 +19,6 @@ from coupling.parametric_wall import (
     parametric_wall,
     with_rest,
 )
-from coupling.wall import wall_from_reduced
-from dem import Wall
-from rom import Surface, full_order, modal
 
 LENGTH, AT = 0.5, 0.21  # m
 X = np.linspace(0.0, LENGTH, 41)

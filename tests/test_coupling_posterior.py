@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from coupling.calibration.calibration import calibrate
-from coupling.calibration.forward import NO_FILTER, Forward
-from coupling.calibration.parameters import Parameter, Rig
-from coupling.calibration.posterior import Target, posterior, sampled
-from coupling.calibration.search import Options
-from coupling.calibration.signals import Signals
+from workflows.fit.core.calibration.calibration import calibrate
+from workflows.fit.core.calibration.forward import NO_FILTER, Forward
+from workflows.fit.core.calibration.parameters import Parameter, Rig
+from workflows.fit.core.calibration.posterior import Target, posterior, sampled
+from workflows.fit.core.calibration.search import Options
+from workflows.fit.core.calibration.signals import Signals
 
 pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
 
@@ -54,7 +54,7 @@ def fitted(monkeypatch, *, low=-10.0):
     signals = Signals(T, v, (0,), np.array([np.nan]))
     parameters = [Parameter(f"p{i}", "damping", 0.0, low, 10.0, 0.1, "", i) for i in range(3)]
     forward = Linear(parameters, signals)
-    monkeypatch.setattr("coupling.calibration.calibration.Forward", lambda *_: forward)
+    monkeypatch.setattr("workflows.fit.core.calibration.calibration.Forward", lambda *_: forward)
     options = Options(staged=False, starts=1)
     return forward, calibrate(forward.rig, parameters, signals, options=options)
 

@@ -5,15 +5,15 @@ import pytest
 
 import dem
 from coupling.band import Band
-from coupling.calibration.calibration import calibrate
-from coupling.calibration.forward import Forward
-from coupling.calibration.impulse import incident_impulse
-from coupling.calibration.parameters import Parameter, Rig
-from coupling.calibration.search import Options
-from coupling.calibration.sensed import Channels
-from coupling.calibration.signals import Signals
 from coupling.errors import CouplingError
 from coupling.sensors import Sensor, measured, signals
+from workflows.fit.core.calibration.calibration import calibrate
+from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.impulse import incident_impulse
+from workflows.fit.core.calibration.parameters import Parameter, Rig
+from workflows.fit.core.calibration.search import Options
+from workflows.fit.core.calibration.sensed import Channels
+from workflows.fit.core.calibration.signals import Signals
 
 N, SPEED, TRIGGER = 8, 0.3, 30e-6
 V0 = SPEED * (np.arange(N) == 0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coupling.sweep.continuity import neighbours, same_wave
+from workflows.sweep.core.continuity import neighbours, same_wave
 
 WIDTH = 60e-6  # s
 ROWS, COLUMNS = 16, 12

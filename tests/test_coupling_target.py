@@ -7,11 +7,18 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_t
 
-from coupling.calibration.fitting import Solution
-from coupling.calibration.growing_windows import BETTER, ROUNDS, TRIED, WORSE, GrowingWindows
-from coupling.calibration.impulse import incident_impulse
-from coupling.calibration.parameters import Parameter
-from coupling.calibration.posterior import (
+from dem import InvalidChain
+from workflows.fit.core.calibration.fitting import Solution
+from workflows.fit.core.calibration.growing_windows import (
+    BETTER,
+    ROUNDS,
+    TRIED,
+    WORSE,
+    GrowingWindows,
+)
+from workflows.fit.core.calibration.impulse import incident_impulse
+from workflows.fit.core.calibration.parameters import Parameter
+from workflows.fit.core.calibration.posterior import (
     FREEDOM,
     Posterior,
     Target,
@@ -19,9 +26,8 @@ from coupling.calibration.posterior import (
     _inside,
     _square_root,
 )
-from coupling.calibration.scan import IMPOSSIBLE, _minima, scanned
-from coupling.calibration.uncertainty import noise_along
-from dem import InvalidChain
+from workflows.fit.core.calibration.scan import IMPOSSIBLE, _minima, scanned
+from workflows.fit.core.calibration.uncertainty import noise_along
 
 K, M = 60, 2
 RNG = np.random.default_rng(11)

@@ -1,6 +1,6 @@
 """The compiled laws and marches, each beside the formula that it stands for: roots, quadratures,
-differential equations by scipy, and whole chains by `coupling.formulas`. They run as plain Python
-here, which compiles nothing: other tests see that numba makes the same of them."""
+differential equations by scipy, and whole chains by `workflows.evidence.verify.formulas`. They run
+as plain Python here, which compiles nothing: other tests see that numba makes the same of them."""
 
 import math
 
@@ -11,8 +11,6 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import dem
-from coupling.formulas import at_rest
-from coupling.formulas import motion as by_formulas
 from dem import Wall, dashpot_wall, equilibrium, march, rigid_wall
 from dem.kernels import checks, dense, events, explicit, laws, oscillators, passages
 from dem.kernels.arguments import DASH, IN_WALL, Damping, Modes, Motion, Plastic, U
@@ -30,6 +28,8 @@ from dem.kernels.implicit import (
 from dem.kernels.modes import push_modes, shift_modes
 from dem.schemes import SCHEMES, _hurwitz
 from known_models import speeds, unit_chain
+from workflows.evidence.verify.formulas import at_rest
+from workflows.evidence.verify.formulas import motion as by_formulas
 
 pytestmark = pytest.mark.usefixtures("plain")
 

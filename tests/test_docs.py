@@ -16,7 +16,7 @@ from coupling.contact_response import ContactResponse
 from signal_guard import signals_restored
 from workflows.commands.app import COMMANDS
 from workflows.files.scene import built_in
-from workflows.pipeline.run import IMPACT_FILES
+from workflows.run.run import IMPACT_FILES
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

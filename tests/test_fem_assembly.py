@@ -20,7 +20,7 @@ from fem import (
     response,
 )
 from geometry import PARTS, Assembly, boxes, by_body, held_faces, hex_mesh, interfaces
-from workflows.pipeline.rig import TARGETS, full_tie, screw_tie, wires
+from workflows.stages.rig import TARGETS, full_tie, screw_tie, wires
 
 STEEL = Material(210e9, 0.3, 7850.0)
 STAGE_1 = Assembly(parts=PARTS[:2])

@@ -32,8 +32,8 @@ from fem.elasticity import ELEMENTS
 from fem.joints import mean_sides
 from fem.trace import face_nodes
 from geometry import PARTS, Assembly, by_body, held_faces, hex_mesh, interfaces
-from workflows.pipeline.rig import full_tie, wires
-from workflows.studies.verify import calculix
+from workflows.evidence.verify import calculix
+from workflows.stages.rig import full_tie, wires
 
 pytestmark = pytest.mark.skipif(
     which("ccx") is None, reason="the independent code is not installed (Debian: calculix-ccx)"

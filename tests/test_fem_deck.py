@@ -7,7 +7,7 @@ from skfem import MeshHex
 from fem import Bushing, Connections, Material, Table, assemble, contact_patch, dashpots, joined
 from fem.abaqus import input_deck
 from geometry import Assembly, by_body, held_faces, hex_mesh, interfaces
-from workflows.pipeline.rig import wires
+from workflows.stages.rig import wires
 
 POINT, RADIUS, DAMPING = (0.03, 0.0), 2e-3, 120.0
 

@@ -16,7 +16,7 @@ from fem.tuning import (
     tuning_basis,
 )
 from geometry import Assembly, by_body, held_faces, hex_mesh, interfaces
-from workflows.pipeline.rig import TARGETS, wires
+from workflows.stages.rig import TARGETS, wires
 
 STEEL = Material(210e9, 0.3, 7850.0)
 KY = Parameter("head.ky", ("head.ky",), 1e6, 1e4, 1e12)

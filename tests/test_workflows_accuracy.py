@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 
 import dem
-from coupling import peers
-from coupling.work_precision import parts, runs
-from coupling.work_precision.growth import growth_exponent, line
-from coupling.work_precision.orders import orders_closed
-from coupling.work_precision.population import population, step_of_median
-from coupling.work_precision.problems import lengthened, modal_wall, with_parts
-from coupling.work_precision.ratios import ratios, seconds_at
-from coupling.work_precision.rows import Row
-from coupling.work_precision.runs import (
+from workflows.commands.app import main
+from workflows.evidence.accuracy import chain_length, curves, folder, part_rows, peers, runs
+from workflows.evidence.accuracy.growth import growth_exponent, line
+from workflows.evidence.accuracy.orders import orders_closed
+from workflows.evidence.accuracy.population import population, step_of_median
+from workflows.evidence.accuracy.problem_variants import lengthened, modal_wall, with_parts
+from workflows.evidence.accuracy.problems import problem
+from workflows.evidence.accuracy.ratios import ratios, seconds_at
+from workflows.evidence.accuracy.row import Row
+from workflows.evidence.accuracy.rows import table_of
+from workflows.evidence.accuracy.runs import (
     Reference,
     limit,
     peer_rows,
@@ -28,14 +30,10 @@ from coupling.work_precision.runs import (
     scheme_rows,
     timed,
 )
-from workflows.commands.app import main
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
+from workflows.report import finding
 from workflows.scene import InvalidScene
-from workflows.studies import finding
-from workflows.studies.accuracy import chain_length, curves, folder
-from workflows.studies.accuracy.problems import problem
-from workflows.studies.accuracy.rows import table_of
 
 SHORT = ("chain.count=6", "output.spheres=[1,4]", "time.duration=0.8e-3")
 
@@ -172,7 +170,7 @@ def test_step_of_a_population_leaves_the_median_error_asked_for(case):
 
 def test_every_part_costs_and_leaves_a_small_error(case):
     cases = with_parts(case)
-    rows = [parts._row(name, one, "suzuki4") for name, one in cases.items()]
+    rows = [part_rows._row(name, one, "suzuki4") for name, one in cases.items()]
     assert len(rows) == 10
     assert all(row.error < 1e-4 and row.energy_error < 1e-4 for row in rows)
 

@@ -18,7 +18,7 @@ import dem
 import rom
 from coupling.wall import wall_of
 from workflows.commands.app import COMMANDS, main
-from workflows.pipeline.chain import chain, initial_velocity
+from workflows.stages.chain import chain, initial_velocity
 
 ROOT = Path(__file__).parents[1]
 SHORT = {"chain.count": 5, "output.spheres": [1, 3], "time.duration": 5e-4}

@@ -8,11 +8,11 @@ import tomli_w
 
 from command_line import COARSE_RIG, beadwave
 from geometry import Assembly
-from workflows.assembly import thesis_tables
 from workflows.files.scene import scene
-from workflows.pipeline import assembly as assembly_stages
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved
+from workflows.stages import assembly as assembly_stages
+from workflows.structure import thesis_tables
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -71,8 +71,8 @@ def test_the_wall_moves_and_takes_energy(run):
 
 def test_another_striker_builds_nothing_of_the_assembly(run, monkeypatch, capsys):
     for name in ("mesh", "model", "modes", "contact"):
-        monkeypatch.setattr(f"workflows.pipeline.assembly.{name}", None)
-    monkeypatch.setattr("workflows.pipeline.reduction.reduction", None)
+        monkeypatch.setattr(f"workflows.stages.assembly.{name}", None)
+    monkeypatch.setattr("workflows.stages.reduction.reduction", None)
     assert coarse("run", "--set=striker.velocity=0.4", "--out=out", "--json") == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["modes_hz"] == run[1]["modes_hz"]
@@ -106,7 +106,7 @@ def test_the_reduced_model_is_written_alone(run, tmp_path):
 def test_a_file_that_cannot_be_written_is_refused_before_anything_is_computed(
     arguments, words, tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("workflows.stages.pipeline.Pipeline.__call__", None)
     (tmp_path / "folder.npz").mkdir()
     (tmp_path / "file").touch()
     assert coarse(*arguments) == 2

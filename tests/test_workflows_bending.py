@@ -12,11 +12,11 @@ import coupling
 import fem
 import rom
 from command_line import beadwave
+from workflows.evidence.accuracy.mesh import mesh
 from workflows.files.scene import scene
-from workflows.pipeline import bending
-from workflows.pipeline.pipeline import pipeline_of
 from workflows.scene import InvalidScene
-from workflows.studies.accuracy.mesh import mesh
+from workflows.stages import bending
+from workflows.stages.pipeline import pipeline_of
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 SHORT = ("time.duration=6e-4", "chain.count=5", "output.spheres=[1, 3]")
@@ -232,7 +232,7 @@ def test_a_beam_asks_for_no_mesher():
     code = (
         "import sys; from contextlib import nullcontext\n"
         "from workflows.files.scene import scene\n"
-        "from workflows.pipeline.pipeline import pipeline_of\n"
+        "from workflows.stages.pipeline import pipeline_of\n"
         "pipeline_of(scene('beam', ('time.duration=2e-4',)), lambda s: nullcontext())('wall')\n"
         "print(*({'gmsh', 'pyvista', 'matplotlib'} & set(sys.modules)))"
     )

@@ -4,8 +4,8 @@ from contextlib import nullcontext
 
 import pytest
 
+from workflows.evidence.thesis import axial_force, solid_beam
 from workflows.files.scene import scene
-from workflows.studies.thesis import axial_force, solid_beam
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 

@@ -17,9 +17,9 @@ from geometry.cad import write_step
 from geometry.gmsh_session import session, silent
 from geometry.shapes import Box, Hole, Plate
 from workflows.files.scene import scene
-from workflows.pipeline.pipeline import pipeline_of
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
+from workflows.stages.pipeline import pipeline_of
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 

@@ -9,7 +9,7 @@ import pytest
 
 from workflows.commands.app import main
 from workflows.files import cache_folder
-from workflows.pipeline import cache
+from workflows.stages import cache
 
 SMALL = ("chain.count=3", "output.spheres=[1]", "output.samples=51", "time.duration=0.2e-3")
 

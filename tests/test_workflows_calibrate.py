@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from coupling.calibration.coverage import Repeats
-from coupling.calibration.judgement import on_held_out
-from coupling.calibration.search import decisive
-from coupling.records.record import SYNTHETIC, csv_text
-from workflows.calibration import parameters
-from workflows.calibration import twin as experiment
-from workflows.calibration.calibrate import Request, calibrated
-from workflows.calibration.folder import write
 from workflows.commands import app as cli
+from workflows.files.record import SYNTHETIC, csv_text
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
-from workflows.pipeline.chain import wall
+from workflows.fit.calibration import parameters
+from workflows.fit.calibration import twin as experiment
+from workflows.fit.calibration.calibrate import Request, calibrated
+from workflows.fit.calibration.folder import write
+from workflows.fit.core.calibration.coverage import Repeats
+from workflows.fit.core.calibration.judgement import on_held_out
+from workflows.fit.core.calibration.search import decisive
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
+from workflows.stages.chain import wall
 
 SPHERES = (1, 4)
 SETTING = experiment.Twin(frequency=700.0, noise=0.0, repeats=1, before=2e-5, seed=3)

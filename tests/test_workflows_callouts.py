@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workflows.results.callouts import LINES, callouts
+from workflows.report.callouts import LINES, callouts
 
 ALONG, UP = (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)  # seen along y: x to the right, z upwards
 

@@ -14,8 +14,8 @@ import typer
 from workflows.commands import durations, options, studies, terminal
 from workflows.commands.app import COMMANDS, app, main
 from workflows.commands.examples import EXAMPLES
+from workflows.evidence.catalogue import catalogue
 from workflows.files.scene import built_in
-from workflows.studies.catalogue import catalogue
 
 ROOT = Path(__file__).parents[1]
 SHORT = ("--set=chain.count=4", "--set=output.spheres=[1]", "--set=time.duration=0.2 ms")
@@ -139,7 +139,7 @@ def test_a_shell_completes(line, found, monkeypatch):
 
 
 def test_doctor_tells_what_is_missing_and_what_that_costs(beadwave, monkeypatch):
-    from workflows.api import doctor
+    from workflows.installation import doctor
 
     def absent(name):
         raise doctor.PackageNotFoundError(name)
@@ -156,7 +156,7 @@ def test_doctor_tells_what_is_missing_and_what_that_costs(beadwave, monkeypatch)
 
 
 def test_doctor_knows_extras_that_there_are():
-    from workflows.api.doctor import MISSING
+    from workflows.installation.doctor import MISSING
 
     extras = (ROOT / "pyproject.toml").read_text()
     assert all(f"\n{extra} = " in extras for extra, _ in MISSING.values())
@@ -222,8 +222,8 @@ def test_a_long_command_says_one_line_where_nobody_watches_a_terminal(monkeypatc
 
 
 def test_a_missing_hammer_file_is_told_before_anything_is_loaded(beadwave, monkeypatch):
-    monkeypatch.setattr("workflows.api.hammer.load_scene", None)
-    monkeypatch.setattr("workflows.api.tuning.load_scene", None)
+    monkeypatch.setattr("workflows.structure.api.load_scene", None)
+    monkeypatch.setattr("workflows.structure.api.load_scene", None)
     for arguments in (("hammer", "none.csv"), ("tune", "--hammer=none.csv")):
         status, _, err = beadwave(*arguments)
         assert status == 2 and "none.csv does not exist" in err

@@ -15,10 +15,10 @@ import rom
 from coupling.wall import wall_from_reduced
 from dem.waves.arrivals import arrivals
 from workflows.files.scene import scene
-from workflows.pipeline.cache import memory
-from workflows.pipeline.chain import chain, initial_velocity
-from workflows.pipeline.pipeline import Pipeline
-from workflows.pipeline.rig import STRUCK
+from workflows.stages.cache import memory
+from workflows.stages.chain import chain, initial_velocity
+from workflows.stages.pipeline import Pipeline
+from workflows.stages.rig import STRUCK
 
 COARSE = (
     "mesh.seed=0.012",

@@ -11,11 +11,11 @@ import fem
 import rom
 from command_line import COARSE_RIG
 from workflows.files.scene import scene
-from workflows.pipeline.assembly import dashpots
-from workflows.pipeline.cache import memory
-from workflows.pipeline.chain import chain, initial_velocity
-from workflows.pipeline.pipeline import Pipeline
 from workflows.scene import InvalidScene
+from workflows.stages.assembly import dashpots
+from workflows.stages.cache import memory
+from workflows.stages.chain import chain, initial_velocity
+from workflows.stages.pipeline import Pipeline
 
 COARSE = (
     *COARSE_RIG,

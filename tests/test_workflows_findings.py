@@ -9,18 +9,16 @@ import numpy as np
 import pytest
 from jinja2 import UndefinedError
 
-import workflows.studies
-from coupling import peers
-from coupling.work_precision import runs
-from coupling.work_precision.rows import Row
+import workflows.evidence
 from dem.waves.measures import exponent
+from workflows.evidence import catalogue, prose
+from workflows.evidence.accuracy import batch, peers, runs, time, wall_modes
+from workflows.evidence.accuracy.row import Row
+from workflows.evidence.prose import rendered
 from workflows.files.scene import scene
-from workflows.results.tables import Table, as_csv, records, short, text
-from workflows.studies import catalogue, prose
-from workflows.studies.accuracy import batch, time, wall_modes
-from workflows.studies.prose import rendered
+from workflows.report.tables import Table, as_csv, records, short, text
 
-FOLDER = Path(workflows.studies.__file__).parent
+FOLDER = Path(workflows.evidence.__file__).parent
 SHORT = ("chain.count=6", "output.spheres=[1,4]", "time.duration=0.8e-3")
 STUDY = '''
 """A module."""
@@ -52,10 +50,10 @@ def test_a_module_put_into_the_folder_is_a_study_and_its_helpers_are_none(tmp_pa
 
 
 def test_listing_imports_no_study():
-    for name in [name for name in sys.modules if name.startswith("coupling.stability.")]:
+    for name in [name for name in sys.modules if name.startswith("workflows.evidence.stability.")]:
         sys.modules.pop(name)
     assert "dashpot-wall" in catalogue.listing("stability")
-    assert "coupling.stability.walls" not in sys.modules
+    assert "workflows.evidence.stability.walls" not in sys.modules
 
 
 def test_a_template_says_paragraphs_and_refuses_a_number_that_nobody_computed(tmp_path):

@@ -14,19 +14,19 @@ import pytest
 
 import rom
 from command_line import beadwave
-from coupling.work_precision.rows import Row
-from workflows.assembly.hammer import HammerTest
+from workflows.evidence.accuracy import folder as accuracy
+from workflows.evidence.accuracy.row import Row
+from workflows.evidence.accuracy.rows import table_of
 from workflows.files.output_file import OutputFile
 from workflows.files.own_folder import own_folder
 from workflows.files.run_folder import MARKER, RunFolder
 from workflows.files.scene import scene_text
 from workflows.files.whole_file import writing_file
-from workflows.pipeline.run import FILES, IMPACT_FILES
-from workflows.results.report import CAPTIONS
+from workflows.report.finding import Finding
+from workflows.report.report import CAPTIONS
+from workflows.run.run import FILES, IMPACT_FILES
 from workflows.scene import InvalidScene
-from workflows.studies.accuracy import folder as accuracy
-from workflows.studies.accuracy.rows import table_of
-from workflows.studies.finding import Finding
+from workflows.structure.hammer import HammerTest
 
 SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
 
@@ -97,7 +97,7 @@ INTO_A_FOLDER = {
 @pytest.mark.parametrize("kind", ["pipe", "link", "dangling link", "folder", "socket"])
 @pytest.mark.parametrize("command", INTO_A_FOLDER.values(), ids=INTO_A_FOLDER)
 def test_a_marker_that_is_no_ordinary_file_is_refused(command, kind, monkeypatch, capsys):
-    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("workflows.stages.pipeline.Pipeline.__call__", None)
     Path("mine.csv").write_text(CONTENT["csv"].replace("t [s],v1", "time [s],sphere 1"))
     Path("d").mkdir()
     marker, theirs = Path("d", MARKER), Path("theirs.txt")
@@ -134,7 +134,7 @@ def test_a_folder_of_the_system_is_no_run_folder(place, tmp_path):
 
 @pytest.mark.parametrize("command", INTO_A_FOLDER.values(), ids=INTO_A_FOLDER)
 def test_no_command_fills_the_home_of_a_user(command, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("workflows.stages.pipeline.Pipeline.__call__", None)
     Path("mine.csv").write_text(CONTENT["csv"].replace("t [s],v1", "time [s],sphere 1"))
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     Path("home").mkdir()
@@ -282,7 +282,7 @@ def test_a_run_that_fails_late_leaves_the_finished_one(monkeypatch, capsys):
         def fails(*_, failure=failure, **__):
             raise failure("late.")
 
-        monkeypatch.setattr("workflows.pipeline.run.summary_of", fails)
+        monkeypatch.setattr("workflows.run.run.summary_of", fails)
         for command in ("run", "impact"):
             assert small(command, "rig-1dof", "--set=wall.frequency=300", "--out=out") == status
             assert contents("out") == before
@@ -358,7 +358,7 @@ def test_what_a_killed_run_prepared_beside_a_finished_one_goes():
 
 @pytest.mark.parametrize("more", [(), ("--overwrite",)])
 def test_a_folder_in_the_place_of_a_file_is_refused_at_once(more, monkeypatch, capsys):
-    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("workflows.stages.pipeline.Pipeline.__call__", None)
     Path("a", "summary.json").mkdir(parents=True)
     Path("b").mkdir()
     Path("b", "figures").write_text("mine")
@@ -550,10 +550,12 @@ CONTENT = {"csv": "t [s],v1 [m/s]\n" + "\n".join(f"{i}e-6,{i % 7}e-3" for i in r
 
 @pytest.mark.parametrize("arguments", OUTPUTS.values(), ids=OUTPUTS)
 def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
-    monkeypatch.setattr("workflows.pipeline.pipeline.Pipeline.__call__", None)
-    monkeypatch.setattr("workflows.assembly.hammer.hammer_test", None)
-    monkeypatch.setattr("workflows.assembly.hammer.applied", lambda chosen, *_: (chosen, {1: 50.0}))
-    monkeypatch.setattr("workflows.assembly.hammer.hammer_test", lambda *_: HammerTest(None, None))
+    monkeypatch.setattr("workflows.stages.pipeline.Pipeline.__call__", None)
+    monkeypatch.setattr("workflows.structure.hammer.hammer_test", None)
+    monkeypatch.setattr(
+        "workflows.structure.hammer.applied", lambda chosen, *_: (chosen, {1: 50.0})
+    )
+    monkeypatch.setattr("workflows.structure.hammer.hammer_test", lambda *_: HammerTest(None, None))
     Path("d").mkdir()
     own = "rig-1dof" if arguments[0] == "twin" else "rig-rom"
     for name in ("mine.toml", "mine.npz", "mine.step", "mine.csv", "mine.uff", "d/scene.toml",
@@ -676,7 +678,7 @@ def test_studies_of_accuracy_stay_beside_each_other():
 
 
 def test_a_study_is_refused_before_it_runs_where_it_would_replace_a_file(monkeypatch, capsys):
-    monkeypatch.setattr("workflows.studies.catalogue.study", None)
+    monkeypatch.setattr("workflows.evidence.catalogue.study", None)
     Path("d").mkdir()
     Path("d", "walls.csv").write_text("mine")
     assert beadwave("study", "walls", "--out=d") == 2

@@ -8,9 +8,9 @@ import pytest
 
 from command_line import beadwave
 from workflows.files.scene import scene
-from workflows.pipeline.chain import chain
 from workflows.scene import InvalidScene
 from workflows.scene.toml import toml
+from workflows.stages.chain import chain
 
 G = 9.80665
 

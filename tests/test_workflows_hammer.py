@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from fem.hammer_files import SYNTHETIC, Responses
-from workflows.assembly.hammer import applied, hammer_test
 from workflows.files.hammer import responses, write_synthetic
 from workflows.files.output_file import OutputFile
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
+from workflows.structure.hammer import applied, hammer_test
 
 RIG = {1: 51.0, 2: 269.0, 3: 907.0, 4: 8425.0}
 LINES = np.arange(10.0, 1200.0, 0.2)

@@ -9,16 +9,16 @@ import tomli_w
 
 import beadwave
 from command_line import beadwave as command
-from coupling.inspection.reading import noise_of, rounding
-from coupling.parametric_wall import Box
-from coupling.records.record import Channel
-from workflows.files.records import recorded, sensor_of
+from workflows.files.record import Channel
 from workflows.files.scene import scene
-from workflows.inspection.numbers import number, own, put, shared, usual_each
-from workflows.inspection.structure import structure
-from workflows.pipeline.pipeline import pipeline_of
-from workflows.pipeline.signals import csv_text
+from workflows.fit.core.inspection.reading import noise_of, rounding
+from workflows.fit.core.parametric_wall import Box
+from workflows.fit.inspection.numbers import number, own, put, shared, usual_each
+from workflows.fit.inspection.structure import structure
+from workflows.fit.records import recorded, sensor_of
 from workflows.scene import InvalidScene
+from workflows.stages.pipeline import pipeline_of
+from workflows.stages.signals import csv_text
 from workflows.sweep.cases import base_of
 
 BEAM = {

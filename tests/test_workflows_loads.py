@@ -7,7 +7,7 @@ import pytest
 
 from command_line import beadwave
 from workflows.files.scene import scene, scene_text
-from workflows.pipeline.pipeline import Pipeline, pipeline_of
+from workflows.stages.pipeline import Pipeline, pipeline_of
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 COARSE = "--set=mesh.scale=3"

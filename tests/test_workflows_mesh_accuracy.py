@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fem.convergence import extrapolated
+from workflows.evidence.accuracy import mesh as study
 from workflows.files.scene import scene
-from workflows.studies.accuracy import mesh as study
 
 H = 8e-3 / np.sqrt(2) ** np.arange(5)
 

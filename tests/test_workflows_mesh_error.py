@@ -14,10 +14,10 @@ import fem
 import geometry
 import rom
 from workflows.files.scene import scene
-from workflows.pipeline import assembly, errors
-from workflows.pipeline.pipeline import pipeline_of
-from workflows.pipeline.reduction import TO_HZ, contact_of
-from workflows.pipeline.wall import wall_of
+from workflows.stages import assembly, errors
+from workflows.stages.pipeline import pipeline_of
+from workflows.stages.reduction import TO_HZ, contact_of
+from workflows.stages.wall import wall_of
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 

@@ -12,8 +12,8 @@ from geometry import Assembly, hex_mesh, tet_mesh
 from geometry.gmsh_session import session
 from workflows.files.mesh import mesh_of
 from workflows.files.scene import scene
-from workflows.pipeline.pipeline import pipeline_of
 from workflows.scene import InvalidScene
+from workflows.stages.pipeline import pipeline_of
 
 WRITTEN = {  # version, order, binary, all cells or those in groups
     "plain": (2.2, 1, 0, 0),

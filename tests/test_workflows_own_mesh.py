@@ -12,7 +12,7 @@ import pytest
 from command_line import beadwave
 from geometry.gmsh_session import session
 from workflows.files.scene import scene
-from workflows.pipeline.pipeline import pipeline_of
+from workflows.stages.pipeline import pipeline_of
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 

@@ -20,13 +20,13 @@ import rom
 from command_line import COARSE_RIG, beadwave
 from coupling.surface_motion import wall_modes
 from workflows.files.scene import scene as load
-from workflows.results import page_data
-from workflows.results.numbers import si
-from workflows.results.page_data import upwards
-from workflows.results.page_rows import chain_words, scene_rows
-from workflows.results.provenance import sources
-from workflows.results.report import _harmless
-from workflows.results.summary import Summary
+from workflows.report import page_data
+from workflows.report.numbers import si
+from workflows.report.page_data import upwards
+from workflows.report.page_rows import chain_words, scene_rows
+from workflows.report.provenance import sources
+from workflows.report.report import _harmless
+from workflows.report.summary import Summary
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 BROWSER = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

@@ -7,19 +7,18 @@ import numpy as np
 import pytest
 
 import coupling
-from coupling import plate_sizes
-from coupling.collision import first_contact
+from workflows.evidence import catalogue
+from workflows.evidence.thesis import boundary_distance, plate_sizes, plates, wall_thickness
+from workflows.evidence.thesis.collision import first_contact
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
-from workflows.pipeline.chain import start, wall
-from workflows.pipeline.impact import impact
-from workflows.pipeline.warnings import thick_plate
-from workflows.results.tables import records
+from workflows.report.finding import write
+from workflows.report.tables import records
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved
-from workflows.studies import catalogue
-from workflows.studies.finding import write
-from workflows.studies.thesis import boundary_distance, plates, wall_thickness
+from workflows.stages.chain import start, wall
+from workflows.stages.impact import impact
+from workflows.stages.warnings import thick_plate
 
 RISE = 164e-6  # s, the chain's contact with a half-space of its steel
 

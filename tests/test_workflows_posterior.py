@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from coupling.calibration.posterior import posterior
-from coupling.records.record import csv_text
-from workflows.calibration import posterior as calibration_posterior
-from workflows.calibration import twin as experiment
-from workflows.calibration.calibrate import Request, calibrated
-from workflows.calibration.folder import write
-from workflows.calibration.posterior import with_posterior
 from workflows.commands import app as cli
+from workflows.files.record import csv_text
 from workflows.files.run_folder import RunFolder
-from workflows.pipeline.chain import wall
+from workflows.fit.calibration import posterior as calibration_posterior
+from workflows.fit.calibration import twin as experiment
+from workflows.fit.calibration.calibrate import Request, calibrated
+from workflows.fit.calibration.folder import write
+from workflows.fit.calibration.posterior import with_posterior
+from workflows.fit.core.calibration.posterior import posterior
 from workflows.scene.toml import resolved
+from workflows.stages.chain import wall
 
 SETTING = experiment.Twin(noise=1e-3, repeats=4, jitter=1e-6, before=2e-5, seed=3)
 
@@ -65,8 +65,8 @@ def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, found):
 
 def test_a_posterior_of_too_few_samples_is_told_and_not_shown(tmp_path, found, monkeypatch):
     pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
-    monkeypatch.setattr("coupling.calibration.posterior.ENOUGH", 1e6)
-    monkeypatch.setattr("coupling.calibration.posterior.BLOCK", 10)
+    monkeypatch.setattr("workflows.fit.core.calibration.posterior.ENOUGH", 1e6)
+    monkeypatch.setattr("workflows.fit.core.calibration.posterior.BLOCK", 10)
     monkeypatch.setitem(posterior.__kwdefaults__, "most", 300)
     RunFolder(tmp_path).write("posterior.npz", b"of an earlier run")
     short = with_posterior(found._replace(report=found.report.model_copy(deep=True)), 0)

@@ -17,20 +17,20 @@ import rom
 from command_line import COARSE_RIG
 from fem.assembly_modes import AssemblyModes
 from fem.factorisation import factorised
-from workflows.assembly.export import write_reduced
 from workflows.files.output_file import OutputFile
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
-from workflows.pipeline import assembly as assembly_stages
-from workflows.pipeline import errors as error_stages
-from workflows.pipeline.chain import chain, initial_velocity, start
-from workflows.pipeline.health import reduction_health
-from workflows.pipeline.impact import impact as chain_impact
-from workflows.pipeline.pipeline import Pipeline, pipeline_of
-from workflows.pipeline.reduction import SecondModel, contact_of, reduction, targets_kept
-from workflows.pipeline.run import run, summary_of
-from workflows.pipeline.wall import wall_of
+from workflows.run.run import run, summary_of
 from workflows.scene import InvalidScene
+from workflows.stages import assembly as assembly_stages
+from workflows.stages import errors as error_stages
+from workflows.stages.chain import chain, initial_velocity, start
+from workflows.stages.health import reduction_health
+from workflows.stages.impact import impact as chain_impact
+from workflows.stages.pipeline import Pipeline, pipeline_of
+from workflows.stages.reduction import SecondModel, contact_of, reduction, targets_kept
+from workflows.stages.wall import wall_of
+from workflows.structure.export import write_reduced
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -200,7 +200,7 @@ def test_a_reduction_that_fails_names_the_keys_of_the_scene(changes, words):
 
 def test_a_boundary_too_large_for_memory_is_refused_before_it_is_solved_for(monkeypatch):
     """A contact seed of 10 um under a patch of 2 mm once filled the memory for minutes."""
-    monkeypatch.setattr("workflows.pipeline.reduction.MOST_VALUES", 1e4)
+    monkeypatch.setattr("workflows.stages.reduction.MOST_VALUES", 1e4)
     monkeypatch.setattr("rom.craig_bampton", None)
     with pytest.raises(ValueError, match=r"radius = 0.006 m holds 21 nodes .* GB, allowed"):
         pipeline("reduction.modes=41")("reduction")
@@ -212,7 +212,7 @@ def test_an_error_that_cannot_be_estimated_is_a_warning(monkeypatch):
     def stuck(*_):
         raise ValueError("the coarse mesh is singular.")
 
-    monkeypatch.setattr("workflows.pipeline.errors.mesh_error", stuck)
+    monkeypatch.setattr("workflows.stages.errors.mesh_error", stuck)
     summary = summary_of(pipeline("output.samples=602"))  # whose mesh error nobody has kept
     assert summary.error_estimate.mesh is None and summary.error_estimate.reduction is not None
     assert any("mesh could not be estimated: the coarse" in words for words in summary.warnings)

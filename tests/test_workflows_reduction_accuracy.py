@@ -10,15 +10,15 @@ import pytest
 from scipy.sparse import csc_matrix
 
 from command_line import COARSE_RIG
-from coupling.work_precision.rows import Row
 from fem.shared_solutions import SharedSolutions
 from workflows.commands.app import main
+from workflows.evidence.accuracy import reduction as study
+from workflows.evidence.accuracy.row import Row
+from workflows.evidence.accuracy.rows import table_of
 from workflows.files.scene import scene
-from workflows.results.tables import Table
+from workflows.report import finding
+from workflows.report.tables import Table
 from workflows.scene import InvalidScene
-from workflows.studies import finding
-from workflows.studies.accuracy import reduction as study
-from workflows.studies.accuracy.rows import table_of
 
 COARSE = (
     *COARSE_RIG,

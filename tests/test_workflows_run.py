@@ -13,8 +13,8 @@ import pytest
 
 from command_line import beadwave
 from workflows.files.scene import scene
-from workflows.pipeline import pipeline as stages
-from workflows.pipeline.sources import modules
+from workflows.stages import pipeline as stages
+from workflows.stages.sources import modules
 
 ROOT = Path(__file__).parents[1]
 SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
@@ -196,14 +196,14 @@ def _read_only(*_):
 
 
 def test_a_file_that_cannot_be_written_is_named(monkeypatch, capsys):
-    monkeypatch.setattr("workflows.pipeline.run.save_trajectory", _read_only)
+    monkeypatch.setattr("workflows.run.run.save_trajectory", _read_only)
     assert small("run", "rig-1dof", "--out=out") == 1
     said = capsys.readouterr().err
     assert "there/trajectory.npz: Permission denied; choose" in said and _one_line(said)
 
 
 def test_a_full_disk_is_told_in_one_sentence(monkeypatch, capsys):
-    monkeypatch.setattr("workflows.pipeline.run.save_trajectory", _no_space)
+    monkeypatch.setattr("workflows.run.run.save_trajectory", _no_space)
     assert small("run", "rig-1dof", "--out=out") == 1
     said = capsys.readouterr().err
     assert "No space left on device; make room" in said and _one_line(said)
@@ -267,9 +267,9 @@ def test_without_a_writable_cache_a_run_works_all_the_same(monkeypatch, tmp_path
 
 
 FUNCTION = {
-    "wall": "workflows.pipeline.chain.wall",
-    "impact": "workflows.pipeline.impact.impact",
-    "figures": "workflows.pipeline.figures.of_chain",
+    "wall": "workflows.stages.chain.wall",
+    "impact": "workflows.stages.impact.impact",
+    "figures": "workflows.stages.figures.of_chain",
 }
 
 
@@ -281,7 +281,7 @@ def interrupted(*_):
 def loaded():
     """Every module of the stages: one that is imported amid a patch keeps it for ever."""
     for module in (ROOT / "workflows" / "pipeline").glob("*.py"):
-        import_module(f"workflows.pipeline.{module.stem}")
+        import_module(f"workflows.stages.{module.stem}")
 
 
 @pytest.mark.usefixtures("loaded")
@@ -369,7 +369,7 @@ def test_only_what_depends_on_a_change_is_redone(change, redone):
 
 def test_a_changed_source_redoes_the_stages_that_reach_it(monkeypatch):
     monkeypatch.setattr(
-        stages, "fingerprint", lambda module: "workflows.pipeline.reduction" in modules(module)
+        stages, "fingerprint", lambda module: "workflows.stages.reduction" in modules(module)
     )
     reaches_it = key("modes"), key("reduction")
     monkeypatch.setattr(stages, "fingerprint", lambda module: False)

@@ -21,8 +21,8 @@ from coupling import ModalDamping
 from coupling.wall import wall_from_reduced
 from rom.contact_modes import finer_space
 from rom.reduced_model import of_modes
-from workflows.pipeline import face
-from workflows.pipeline.face import Outline
+from workflows.stages import face
+from workflows.stages.face import Outline
 from workflows.sweep import result, scan
 from workflows.sweep.cases import base_of
 from workflows.sweep.scan import Grid, grid
@@ -234,7 +234,7 @@ def meshed(path, thickness):
 
 def test_a_scan_is_computed_anew_once_its_mesh_is_another(tmp_path, monkeypatch):
     monkeypatch.setattr(scan, "PART", 1)
-    monkeypatch.setattr("workflows.api.sweeps._draw", lambda *_: None)
+    monkeypatch.setattr("workflows.sweep.api._draw", lambda *_: None)
     marched, rows = [], scan.Rows
     monkeypatch.setattr(
         scan, "Rows", lambda cases, *rest: marched.extend(cases) or rows(cases, *rest)

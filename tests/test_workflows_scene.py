@@ -9,13 +9,13 @@ import pytest
 import coupling
 from geometry import PARTS
 from workflows.files.scene import built_in, scene, scene_text
-from workflows.pipeline.assembly import material
-from workflows.pipeline.chain import flat, wall
-from workflows.pipeline.impact import require_start
-from workflows.pipeline.wall import damping_law
 from workflows.scene import InvalidScene
 from workflows.scene.assembly import BODIES
 from workflows.scene.toml import resolved, toml
+from workflows.stages.assembly import material
+from workflows.stages.chain import flat, wall
+from workflows.stages.impact import require_start
+from workflows.stages.wall import damping_law
 
 MINIMAL = {
     "name": "minimal",

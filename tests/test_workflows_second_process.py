@@ -8,9 +8,9 @@ import pytest
 
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
-from workflows.pipeline import second_process
-from workflows.pipeline.pipeline import pipeline_of
-from workflows.pipeline.run import impact
+from workflows.run import second_process
+from workflows.run.run import impact
+from workflows.stages.pipeline import pipeline_of
 
 COARSE = (
     "mesh.seed=0.02", "mesh.block_seed=0.05", "mesh.support_seed=0.1",

@@ -7,8 +7,8 @@ import pytest
 from scipy.io import savemat
 
 import beadwave
-from coupling.records.record import Record
-from workflows.files.records import measured
+from workflows.files.record import Record
+from workflows.fit.records import measured
 from workflows.scene import InvalidScene
 
 WALL = {"kind": "1dof", "frequency": 900.0, "mass": 0.8, "young": 30e9, "poisson": 0.2}

@@ -11,8 +11,8 @@ import beadwave
 from fem import on_surface
 from fem.hammer_test import accelerances
 from workflows.files.scene import scene
-from workflows.pipeline.pipeline import pipeline_of
 from workflows.scene import InvalidScene
+from workflows.stages.pipeline import pipeline_of
 
 pyuff = pytest.importorskip("pyuff", reason="universal files are optional (the extra `identify`)")
 
@@ -164,7 +164,7 @@ def test_points_in_millimetres_say_so(known):
 
 
 def test_a_shape_is_tuned_to_by_the_command(known, capsys):
-    from workflows.assembly.tuning import tuned
+    from workflows.structure.tuning import tuned
 
     points, shapes, omega = known
     hz = float(SHIFT * omega[2] / (2 * np.pi))

@@ -8,8 +8,8 @@ from ctypes import CDLL
 import numpy as np
 import pytest
 
-from workflows.api import doctor, shared_libraries
-from workflows.api.shared_libraries import Linked, linked, missing_libraries
+from workflows.installation import doctor, shared_libraries
+from workflows.installation.shared_libraries import Linked, linked, missing_libraries
 
 AT = 0x10000  # address at which the file lies in memory
 

@@ -173,7 +173,7 @@ def test_a_file_that_ends_too_early_is_no_interrupt(monkeypatch, capsys):
     def short(*_):
         raise EOFError("Ran out of input")
 
-    monkeypatch.setattr("workflows.api.impacts.load_scene", short)
+    monkeypatch.setattr("workflows.run.api.load_scene", short)
     monkeypatch.setattr(sys, "argv", ["beadwave", "run", "rig-1dof"])
     with pytest.raises(SystemExit) as end:
         app.main()

@@ -8,10 +8,10 @@ from sys import executable
 import numpy as np
 import pytest
 
-from coupling.work_precision.cost import cost_of_command, costed
+from workflows.evidence.accuracy import size as study
+from workflows.evidence.accuracy.cost import cost_of_command, costed
 from workflows.files.scene import scene
-from workflows.studies import finding
-from workflows.studies.accuracy import size as study
+from workflows.report import finding
 
 STAGES = ["mesh", "assemble", "factorise", "modes", "reduce"]
 MB = 1e6

@@ -9,14 +9,14 @@ from shutil import copytree
 import grimp
 import pytest
 
-from workflows.pipeline import sources
-from workflows.pipeline.pipeline import ASSEMBLY
+from workflows.stages import sources
+from workflows.stages.pipeline import ASSEMBLY
 
 ROOT = Path(__file__).parents[1]
 EDIT = """
 import sys
 from pathlib import Path
-from workflows.pipeline import sources
+from workflows.stages import sources
 assert Path(sources.__file__).is_relative_to(Path.cwd()), sources.__file__
 
 def digest(module):
@@ -48,7 +48,7 @@ def test_an_edit_of_any_module_that_a_stage_reaches_changes_its_key(tmp_path):
         copytree(ROOT / room, tmp_path / room, ignore=lambda *_: ["__pycache__"])
     stages = sorted({stage.module for stage in ASSEMBLY.values()})
     done = subprocess.run(
-        [sys.executable, "-c", EDIT, "workflows.pipeline.run", *stages],
+        [sys.executable, "-c", EDIT, "workflows.run.run", *stages],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
@@ -56,10 +56,10 @@ def test_an_edit_of_any_module_that_a_stage_reaches_changes_its_key(tmp_path):
     assert done.stdout.strip() == "0", "a key imported what it is to do without"
 
 
-@pytest.mark.parametrize("module", ["workflows.pipeline.wall", "workflows.files.wall"])
+@pytest.mark.parametrize("module", ["workflows.stages.wall", "workflows.files.wall"])
 def test_what_builds_a_wall_is_among_the_sources_of_the_wall(module):
-    assert module in sources.modules("workflows.pipeline.chain")
+    assert module in sources.modules("workflows.stages.chain")
 
 
 def test_a_child_process_is_among_the_sources_of_the_stage_that_starts_it():
-    assert "workflows.results.render" in sources.modules("workflows.pipeline.pictures")
+    assert "workflows.report.render" in sources.modules("workflows.stages.pictures")

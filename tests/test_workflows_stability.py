@@ -8,13 +8,13 @@ import pytest
 
 import coupling
 import dem
-from coupling.stability import steps as stability_steps
-from coupling.stability.chains import spheres_of, striker_velocity
-from coupling.stability.trials import Trial, judged
 from coupling.verdict import large_step_error
-from coupling.verification.outcomes import Outcome, settled
 from workflows.commands.app import main
-from workflows.studies import catalogue
+from workflows.evidence import catalogue
+from workflows.evidence.stability import steps as stability_steps
+from workflows.evidence.stability.chains import spheres_of, striker_velocity
+from workflows.evidence.stability.outcomes import Outcome, settled
+from workflows.evidence.stability.trials import Trial, judged
 
 QUICK = sorted(
     {*catalogue.catalogue("stability")}
@@ -166,7 +166,7 @@ def test_unknown_case_is_bad_input(capsys, monkeypatch):
     [(1e14, ()), (0.0, ("preload.force=0.0", 'reduction.kind="free-modes"'))],
 )
 def test_stiff_and_floating_assemblies_are_marched_right(stiffness, changes):
-    from workflows.studies.stability.assembly import _jointed
+    from workflows.evidence.stability.assembly import _jointed
 
     outcome = _jointed(stiffness, *changes)
     assert outcome.value < outcome.allowed

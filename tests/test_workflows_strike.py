@@ -12,11 +12,11 @@ import fem
 from coupling import elliptical_contact
 from geometry.gmsh_session import session, silent
 from workflows.files.scene import scene
-from workflows.pipeline.chain import chain
-from workflows.pipeline.pipeline import pipeline_of
-from workflows.pipeline.reduction import contact_of
 from workflows.scene import InvalidScene
 from workflows.scene.toml import parsed, resolved
+from workflows.stages.chain import chain
+from workflows.stages.pipeline import pipeline_of
+from workflows.stages.reduction import contact_of
 
 R, SPHERE = 0.03, 0.005  # [m] of the struck face, of the chain
 STEEL = "{ young = 210e9, poisson = 0.3, density = 7850.0 }"
@@ -109,8 +109,8 @@ def test_balls_and_seats_of_a_step_file_are_struck(hollow, sign, top):
 @pytest.mark.parametrize(("face", "at", "modulus"), [("x", "0, 0", 47.12e9), ("y", "0, 0", 11e9)])
 def test_an_orthotropic_face_is_a_flat_of_its_indentation_modulus(face, at, modulus):
     """F = 4/3 E* sqrt(R) delta^(3/2), 1/E* = (1 - nu^2)/E of the sphere + 1/M of the face."""
-    from workflows.assembly.export import write_reduced
     from workflows.files.output_file import OutputFile
+    from workflows.structure.export import write_reduced
 
     text = PLY.replace("bar:cylinder", f"bar:+{face}").replace("[0.1, 0.0, 0.01]", f"[{at}]")
     run = pipeline(text, "reduction.modes=6", "mesh.scale=2")
@@ -155,8 +155,8 @@ def test_a_plane_face_is_struck_at_the_nearest_of_a_point():
 
 
 def test_a_reduced_model_of_a_curved_face_keeps_its_ellipse_in_a_file():
-    from workflows.assembly.export import write_reduced
     from workflows.files.output_file import OutputFile
+    from workflows.structure.export import write_reduced
 
     run = pipeline(BAR, "reduction.modes=6", "mesh.scale=2")
     write_reduced(run, OutputFile("rom.npz"))
@@ -204,7 +204,7 @@ BLOCK = BAR.replace("cylinder = { radius = 0.03, length = 0.08 }", "box = [0.06,
     ],
 )
 def test_a_strike_beside_its_face_is_refused_before_anything_is_meshed(text, changes, monkeypatch):
-    monkeypatch.setattr("workflows.pipeline.bodies._meshes", None)
+    monkeypatch.setattr("workflows.stages.bodies._meshes", None)
     write_cut("cut.step", hollow=False)
     with pytest.raises(InvalidScene, match="leaves that face; move it") as refused:
         pipeline(text, *changes)("mesh")

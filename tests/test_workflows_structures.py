@@ -5,10 +5,10 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+from workflows.evidence import catalogue
+from workflows.evidence.thesis import axial_force, solid_beam, solid_plate, structures
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
-from workflows.studies import catalogue
-from workflows.studies.thesis import axial_force, solid_beam, solid_plate, structures
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 

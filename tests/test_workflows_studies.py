@@ -8,11 +8,12 @@ import pytest
 
 from command_line import COARSE_RIG
 from workflows.commands.app import main
+from workflows.evidence import catalogue
+from workflows.evidence.thesis import damping, energy, schemes, singularity
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
+from workflows.report import finding
 from workflows.scene import InvalidScene
-from workflows.studies import catalogue, finding
-from workflows.studies.thesis import damping, energy, schemes, singularity
 
 
 @cache

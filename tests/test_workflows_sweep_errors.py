@@ -9,7 +9,7 @@ import pytest
 import beadwave
 import dem
 from beadwave import Cases
-from workflows.pipeline.chain import simple_wall, start
+from workflows.stages.chain import simple_wall, start
 from workflows.sweep.cases import base_of
 
 WHERE = spec_from_file_location(

@@ -18,15 +18,15 @@ import dem
 import rom
 from beadwave import Cases, InvalidScene
 from command_line import beadwave as command
-from coupling.sweep.design import Design
-from coupling.sweep.effects import sobol_effects
 from workflows.files.run_folder import RunFolder
-from workflows.pipeline import pipeline, sources
-from workflows.results.tables import apart
+from workflows.report.tables import apart
+from workflows.stages import pipeline, sources
 from workflows.sweep import inputs, models, tasks
 from workflows.sweep import sweep as sweeping
 from workflows.sweep.cases import base_of
 from workflows.sweep.cluster import engine
+from workflows.sweep.core.design import Design
+from workflows.sweep.core.effects import sobol_effects
 from workflows.sweep.design import grid, sampled, table
 from workflows.sweep.figures import _spacing
 
@@ -572,7 +572,7 @@ def test_a_sweep_that_is_stopped_keeps_the_finished_one_and_its_own_cases(monkey
     finished = {p: p.read_bytes() for p in Path("out").rglob("*") if p.is_file()}
     with monkeypatch.context() as ended, pytest.raises(KeyboardInterrupt):
         ended.setattr(
-            "workflows.api.sweeps._draw", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+            "workflows.sweep.api._draw", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
         )
         beadwave.sweep("rig-rigid", SHORT, cases=new, out="out")
     parts = list(Path("out").glob("part-*"))
@@ -726,7 +726,7 @@ def test_what_computes_rows_is_among_the_sources_of_a_table(module):
     reached = sources.modules(module, *pipeline.every_stage())
     for stages in (pipeline.ASSEMBLY, pipeline.BENDING, pipeline.IMPACT, models.FURTHER):
         assert reached >= {stage.module for stage in stages.values()}
-    assert reached >= {module, "dem.batch", "coupling.sweep.rows", "fem.plate", "rom.lanczos"}
+    assert reached >= {module, "dem.batch", "workflows.sweep.core.rows", "fem.plate", "rom.lanczos"}
 
 
 KILLED = """

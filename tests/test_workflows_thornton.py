@@ -8,9 +8,9 @@ import pytest
 from command_line import beadwave
 from dem import rigid_wall
 from workflows.files.scene import scene
-from workflows.pipeline.chain import contact_radius, start, wall
-from workflows.pipeline.impact import impact
 from workflows.scene import InvalidScene
+from workflows.stages.chain import contact_radius, start, wall
+from workflows.stages.impact import impact
 
 PRESSURE = 1.6e9  # Pa
 ALONE = ("chain.count=1", "output.spheres=[1]", "time.duration=0.4e-3", "time.error=1e-6")

@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from command_line import beadwave
-from workflows.api.tuning import tune
-from workflows.assembly.mode_table import mode_table
-from workflows.assembly.tuning import (
+from workflows.commands.app import main
+from workflows.files.scene import scene
+from workflows.scene import InvalidScene
+from workflows.stages.pipeline import pipeline_of
+from workflows.structure.api import tune
+from workflows.structure.mode_table import mode_table
+from workflows.structure.tuning import (
     _from,
     _targeted,
     _unit,
@@ -19,10 +23,6 @@ from workflows.assembly.tuning import (
     tuned,
     usual,
 )
-from workflows.commands.app import main
-from workflows.files.scene import scene
-from workflows.pipeline.pipeline import pipeline_of
-from workflows.scene import InvalidScene
 
 COARSE = (
     "mesh.seed=0.012",

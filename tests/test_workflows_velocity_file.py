@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from coupling.records.record import SYNTHETIC, Channel, Record, csv_text
-from workflows.files.records import measured, recorded
-from workflows.files.velocities import record
+from workflows.files.record import SYNTHETIC, Channel, Record, csv_text
+from workflows.fit.records import measured, recorded
+from workflows.fit.velocities import record
 from workflows.scene import InvalidScene
 
 T = np.arange(80) * 1e-6

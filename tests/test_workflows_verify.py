@@ -10,19 +10,19 @@ import pytest
 
 import dem
 import fem
-from coupling.verification import comparisons, honesty, lammps
-from coupling.verification.comparisons import (
+from fem import joints
+from workflows.commands.app import main
+from workflows.evidence import catalogue
+from workflows.evidence.verify import comparisons, honest_steps, lammps
+from workflows.evidence.verify.comparisons import (
     Missing,
     compared,
     require_module,
     require_program,
     rows_of,
 )
-from coupling.verification.formulas import DAMPED, LAWS, WALLS, comparison
-from fem import joints
-from workflows.commands.app import main
-from workflows.studies import catalogue
-from workflows.studies.verify.comparisons import finding, wrong
+from workflows.evidence.verify.random_scenes import DAMPED, LAWS, WALLS, comparison
+from workflows.evidence.verify.table import finding, wrong
 
 
 def row_of(run):
@@ -132,15 +132,15 @@ def test_an_error_on_purpose_is_outside(group, error, n_outside, monkeypatch):
 
 def test_stated_errors_of_steps_are_true_or_larger_where_forces_are_smooth():
     """0.69 at 5 % before yielding contacts were taken for what they are, 1.8 since."""
-    rows = honesty.points("steps", [*honesty._steps(("none", "hunt-crossley"))])
+    rows = honest_steps.points("steps", [*honest_steps._steps(("none", "hunt-crossley"))])
     assert len(rows) == 3
     assert all(row.difference <= row.allowed for row in rows), rows
 
 
 def test_two_sigma_bars_hold_the_truth_as_often_as_they_say():
     """Bars half or twice as long do not."""
-    off = np.array([honesty._fitted(seed) for seed in range(50)])
-    honest = [honesty._held(off / longer).difference == 0 for longer in (1.0, 0.5, 2.0)]
+    off = np.array([honest_steps._fitted(seed) for seed in range(50)])
+    honest = [honest_steps._held(off / longer).difference == 0 for longer in (1.0, 0.5, 2.0)]
     assert honest == [True, False, False]
 
 

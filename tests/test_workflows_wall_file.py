@@ -17,13 +17,13 @@ import rom
 from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.files.wall import loaded
-from workflows.pipeline.chain import flat
-from workflows.pipeline.chain import wall as wall_of
-from workflows.pipeline.pipeline import Pipeline, pipeline_of
-from workflows.pipeline.run import impact
-from workflows.pipeline.warnings import unusual_wall_file
+from workflows.run.run import impact
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
+from workflows.stages.chain import flat
+from workflows.stages.chain import wall as wall_of
+from workflows.stages.pipeline import Pipeline, pipeline_of
+from workflows.stages.warnings import unusual_wall_file
 
 RUN = ("wall.kind=rom", "time.duration=3e-4", "output.samples=301")
 NODES = ("wall.nodes=[7, 8]", "wall.direction=1", "wall.weights=[3.0, 1.0]")

@@ -10,25 +10,18 @@ from matplotlib.image import imread
 
 import dem
 from command_line import COARSE_RIG
-from coupling.observed_run import Setup, observed
-from coupling.wave_distance import distance, overall
+from workflows.evidence import catalogue
+from workflows.evidence.thesis import rig, rig_walls, sphere_mass, striker, wall_modulus, walls
+from workflows.evidence.thesis.energy import chain_alone
+from workflows.evidence.thesis.observed_run import Setup, observed
+from workflows.evidence.thesis.wave_distance import distance, overall
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
-from workflows.pipeline.chain import chain, initial_velocity
-from workflows.results.plots import Line, Panel, panels
-from workflows.results.tables import Table
+from workflows.report.finding import Finding, record, text, write
+from workflows.report.plots import Line, Panel, panels
+from workflows.report.tables import Table
 from workflows.scene import InvalidScene
-from workflows.studies import catalogue
-from workflows.studies.finding import Finding, record, text, write
-from workflows.studies.thesis import (
-    rig,
-    rig_walls,
-    sphere_mass,
-    striker,
-    wall_modulus,
-    walls,
-)
-from workflows.studies.thesis.energy import chain_alone
+from workflows.stages.chain import chain, initial_velocity
 
 COARSE = (
     *COARSE_RIG,

@@ -27,14 +27,14 @@ from hostile import samples
 import rom
 from workflows.files import hammer
 from workflows.files.mesh import volumes_of
-from workflows.files.records import recorded
 from workflows.files.scene import built_in, scene, scene_text
 from workflows.files.shapes import measured_shape
-from workflows.files.velocities import record
 from workflows.files.wall import loaded
-from workflows.pipeline.bodies import drawing
-from workflows.pipeline.impact import require_start
+from workflows.fit.records import recorded
+from workflows.fit.velocities import record
 from workflows.scene import InvalidScene, RomWall
+from workflows.stages.bodies import drawing
+from workflows.stages.impact import require_start
 
 SECONDS, STUCK = 10, 60  # of processors, children included; of the clock
 NUMBERS = (

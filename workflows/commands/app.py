@@ -75,7 +75,7 @@ def run(
     json: Json = False,
 ) -> None:
     """Run every stage that the scene needs and fill a run folder."""
-    from workflows.api.impacts import run as run_stages
+    from workflows.run.api import run as run_stages
 
     with StageProgress(f"run {scene}", quiet=quiet) as progress:
         done = run_stages(
@@ -101,7 +101,7 @@ def impact(
     json: Json = False,
 ) -> None:
     """The coupled run alone, without pictures and report."""
-    from workflows.api.impacts import impact as run_impact
+    from workflows.run.api import impact as run_impact
 
     with StageProgress(f"impact {scene}", quiet=quiet) as progress:
         done = run_impact(
@@ -115,7 +115,7 @@ def impact(
 
 def scenes(json: json_of("{scenes: [{name, shows}]}") = False) -> None:
     """Built-in scenes, a line each."""
-    from workflows.api.scenes import scenes as built_in
+    from workflows.run.api import scenes as built_in
 
     known = built_in()
     rows = [{"name": name, "shows": line} for name, line in known.items()]
@@ -146,7 +146,7 @@ def report(
 ) -> None:
     """Write report.html of a run folder."""
     from workflows.files.run_folder import RunFolder
-    from workflows.results.report import require_summary, write_report
+    from workflows.report.report import require_summary, write_report
 
     require_summary(folder)
     with RunFolder(folder, overwrite=overwrite).held("report.html") as held:
@@ -168,7 +168,7 @@ def film(
     json: JsonFiles = False,
 ) -> None:
     """The impact of a run folder as a film (MP4, GIF, ParaView)."""
-    from workflows.api.film import film as draw
+    from workflows.run.api import film as draw
 
     with StageProgress("film", quiet=quiet) as progress:
         files = draw(
@@ -181,7 +181,7 @@ def doctor(
     json: json_of("{installed, missing: [{name, costs, remedy}], cache, ...}") = False,
 ) -> None:
     """What is installed, what is missing, what that costs."""
-    from workflows.api.doctor import doctor as examine
+    from workflows.installation.doctor import doctor as examine
 
     shown(examine(), json)
 

@@ -37,8 +37,8 @@ def modes(
     json: json_of("{rows: [a mode or model each]}; of --inp and --step {written}") = False,
 ) -> None:
     """Frequencies beside measured ones, MAC, participation."""
-    from workflows.api import modes as api
     from workflows.scene import InvalidScene
+    from workflows.structure import api
 
     if (inp or step) and (table or out):
         raise InvalidScene("--inp and --step write the model alone; drop --table and --out.")
@@ -67,7 +67,7 @@ def look(
     json: json_of("{bodies, touching, holes, dofs, memory_bytes, seconds, remarks}") = False,
 ) -> None:
     """Bodies, masses, touching pairs, holes, size of the mesh."""
-    from workflows.api.look import look as look_at
+    from workflows.structure.api import look as look_at
 
     with StageProgress(f"look {source}", quiet=quiet) as progress:
         found = look_at(
@@ -106,7 +106,7 @@ def hammer(
     json: json_of("{file, title, rows: [a resonance each]}; of --synthetic {written}") = False,
 ) -> None:
     """Read a hammer test: frequencies and damping by two methods."""
-    from workflows.api import hammer as api
+    from workflows.structure import api
 
     with StageProgress(f"hammer {scene}", quiet=quiet) as progress:
         given = {"changes": changes or (), "progress": progress.stage}
@@ -147,7 +147,7 @@ def tune_joints(
     json: json_of("{match, modes_hz, full_order_hz, stiffness, undetermined, mac, ...}") = False,
 ) -> None:
     """Fit joint stiffnesses to chosen modes and write a scene."""
-    from workflows.api import tuning as api
+    from workflows.structure import api
 
     with StageProgress(f"tune {scene}", quiet=quiet) as progress:
         found = api.tune(
@@ -173,7 +173,7 @@ def reduce(
     json: JsonFiles = False,
 ) -> None:
     """Write the reduced model: M, K, C, w, and the outer nodes' T."""
-    from workflows.api.reduction import reduce as reduced
+    from workflows.structure.api import reduce as reduced
 
     with StageProgress(f"reduce {scene}", quiet=quiet) as progress:
         reduced(

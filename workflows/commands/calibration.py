@@ -91,7 +91,7 @@ def calibrate(
     json: Json = False,
 ) -> None:
     """Fit contacts and wall to measured velocities."""
-    from workflows.api.measurements import calibrate as fitted
+    from workflows.fit.api import calibrate as fitted
 
     with StageProgress(f"calibrate {scene}", quiet=quiet) as progress:
         found = fitted(
@@ -144,7 +144,7 @@ def twin(
     json: Json = False,
 ) -> None:
     """Calibrate to SYNTHETIC data of a known rig."""
-    from workflows.api.measurements import twin as experiment
+    from workflows.fit.api import twin as experiment
 
     rig = {
         "scatter": scatter, "frequency": frequency, "noise": noise, "sampling": sampling,

@@ -76,7 +76,7 @@ def inspect(
     json: json_of("the report, {numbers: [...], ...}, see report.json") = False,
 ) -> None:
     """Numbers of the structure from measured waves."""
-    from workflows.api.inspection import inspect as inspected
+    from workflows.fit.api import inspect as inspected
 
     with StageProgress(f"inspect {scene}", quiet=quiet) as progress:
         found = inspected(
@@ -105,8 +105,8 @@ def design(
     json: json_of("{rows: [{sphere, ...}], findings: [...]}") = False,
 ) -> None:
     """Which sphere, chain and velocity tell a number best."""
-    from workflows.api.inspection import design as designed
-    from workflows.studies import finding
+    from workflows.fit.api import design as designed
+    from workflows.report import finding
 
     with StageProgress(f"design {scene}", quiet=quiet) as progress:
         found = designed(

@@ -47,7 +47,7 @@ def group_names(incomplete: str) -> list[str]:
 
 
 def _names(folder: str, incomplete: str) -> list[str]:
-    from workflows.studies.catalogue import catalogue
+    from workflows.evidence.catalogue import catalogue
 
     return [name for name in catalogue(folder) if name.startswith(incomplete)]
 

@@ -36,9 +36,9 @@ def accuracy(
     json: json_of("{rows: [{study, method, parameter, error, seconds, ...}], ...}") = False,
 ) -> None:
     """Error against run time, beside other integrators."""
-    from workflows.api.studies import accuracy as measured
-    from workflows.studies import finding
-    from workflows.studies.accuracy.machine import machine
+    from workflows.evidence.accuracy.machine import machine
+    from workflows.evidence.api import accuracy as measured
+    from workflows.report import finding
 
     with StageProgress(f"accuracy {scene}", quiet=quiet) as progress:
         found = measured(
@@ -70,9 +70,9 @@ def stability(
     json: json_of("{rows: [{case, parameter, verdict, value, ...}]}") = False,
 ) -> None:
     """Stiff and extreme cases with a verdict each."""
-    from workflows.api.studies import stability as judged
-    from workflows.studies import finding
-    from workflows.studies.stability.verdicts import brief
+    from workflows.evidence.api import stability as judged
+    from workflows.evidence.stability.verdicts import brief
+    from workflows.report import finding
 
     with StageProgress("stability", quiet=quiet) as progress:
         found = judged(case or (), out=out, overwrite=overwrite, progress=progress.stage)
@@ -97,9 +97,9 @@ def verify(
     if listed:
         _list("verify", "groups", json)
         return
-    from workflows.api.studies import verify as comparisons
-    from workflows.studies import finding
-    from workflows.studies.verify.comparisons import wrong
+    from workflows.evidence.api import verify as comparisons
+    from workflows.evidence.verify.table import wrong
+    from workflows.report import finding
 
     with StageProgress("verify", quiet=quiet) as progress:
         found = comparisons(group or (), out=out, overwrite=overwrite, progress=progress.stage)
@@ -125,12 +125,12 @@ def run_study(
     json: json_of("{study, rows, findings, ...}; without NAME {studies: [{name, shows}]}") = False,
 ) -> None:
     """Figures of the thesis computed again, and what explains them."""
-    from workflows.api.studies import study
+    from workflows.evidence.api import study
 
     if name is None:
         _list("thesis", "studies", json)
         return
-    from workflows.studies import finding
+    from workflows.report import finding
 
     path = out or Path("studies")
     with StageProgress(f"study {name}", quiet=quiet) as progress:
@@ -142,7 +142,7 @@ def run_study(
 
 
 def _list(folder: str, called: str, json: bool) -> None:
-    from workflows.studies import catalogue
+    from workflows.evidence import catalogue
 
     known = catalogue.catalogue(folder).items()
     rows = [{"name": name, "shows": entry.shows} for name, entry in known]

@@ -80,8 +80,8 @@ def sweep(
         from workflows.scene import InvalidScene
 
         raise InvalidScene("--of and --against draw a finished sweep; name it by --open DIR.")
-    from workflows.api.sweeps import Cases
-    from workflows.api.sweeps import sweep as compute
+    from workflows.sweep.api import Cases
+    from workflows.sweep.api import sweep as compute
 
     if workers and scheduler:
         from workflows.scene import InvalidScene
@@ -125,7 +125,7 @@ def scan(
     json: json_of("{cases, status, folder, outputs: [...]}") = False,
 ) -> None:
     """The chain over a face: TOF, ARR and force as a map."""
-    from workflows.api.sweeps import scan as compute
+    from workflows.sweep.api import scan as compute
 
     with StageProgress(f"scan {scene}", quiet=quiet) as progress, progress.stage(f"{grid} points"):
         found = compute(
@@ -138,8 +138,8 @@ def scan(
 
 
 def _tell_price(scene, changes, what, workers, quiet, json) -> None:
-    from workflows.api.sweeps import sweep_price
-    from workflows.results import tables
+    from workflows.report import tables
+    from workflows.sweep.api import sweep_price
 
     with StageProgress(f"sweep {scene}", quiet=quiet) as progress, progress.stage("first case"):
         found = sweep_price(scene, changes or (), cases=what, processes=workers)
@@ -147,8 +147,8 @@ def _tell_price(scene, changes, what, workers, quiet, json) -> None:
 
 
 def _show(folder, of, against, overwrite, quiet, json) -> None:
-    from workflows.api.sweeps import load_sweep
     from workflows.files.run_folder import RunFolder
+    from workflows.sweep.api import load_sweep
 
     found = load_sweep(folder)
     if not (of or against):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from workflows.commands.durations import Durations
 
 if TYPE_CHECKING:
-    from workflows.results.summary import Summary
+    from workflows.report.summary import Summary
 
 LABEL = 35  # characters of a label
 LINE = 80  # of a line
@@ -139,7 +139,7 @@ def printed(summary: Summary, json: bool, quiet: bool = False, verbose: bool = F
 
 
 def _print_lines(summary: Summary, verbose: bool) -> None:
-    from workflows.results.rows import details, headline
+    from workflows.report.rows import details, headline
 
     for label, value in (*headline(summary), *(details(summary) if verbose else ())):
         print(_wrapped(label, value))

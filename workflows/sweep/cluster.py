@@ -14,8 +14,8 @@ from os import cpu_count
 from time import perf_counter
 from typing import Any
 
-from coupling.sweep.rows import FAILED, Rows, without_result
 from workflows.scene import InvalidScene
+from workflows.sweep.core.rows import FAILED, Rows, without_result
 from workflows.sweep.march import rows
 from workflows.sweep.models import Prepared, models, prepared
 from workflows.sweep.tasks import Sharing, Task

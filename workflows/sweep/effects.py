@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from coupling.sweep.design import Design
-from coupling.sweep.effects import rank_correlations, sobol_effects
-from workflows.results.tables import Table
+from workflows.report.tables import Table
+from workflows.sweep.core.design import Design
+from workflows.sweep.core.effects import rank_correlations, sobol_effects
 
 Array = np.ndarray
 

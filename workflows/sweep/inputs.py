@@ -4,11 +4,11 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from coupling.sweep.design import Design
 from workflows.files.scene import FILE_KEYS, files_read
-from workflows.pipeline.pipeline import content, digest, every_stage, program
 from workflows.scene import Scene
+from workflows.stages.pipeline import content, digest, every_stage, program
 from workflows.sweep.cases import Base
+from workflows.sweep.core.design import Design
 
 Stamp = tuple[int, int, int, int]
 

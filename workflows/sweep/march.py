@@ -6,11 +6,11 @@ import numpy as np
 
 import coupling
 import dem
-from coupling.sweep.rows import FAILED, REFUSED, Rows, measured, without_result
-from workflows.pipeline.chain import on_surface, simple_wall, start, together
-from workflows.pipeline.impact import impact, require_start
 from workflows.scene import RomWall, Scene
+from workflows.stages.chain import on_surface, simple_wall, start, together
+from workflows.stages.impact import impact, require_start
 from workflows.sweep.cases import Checked, Group
+from workflows.sweep.core.rows import FAILED, REFUSED, Rows, measured, without_result
 from workflows.sweep.models import FAILURES, Prepared, sentence
 
 

@@ -7,10 +7,10 @@ import numpy as np
 
 import coupling
 import dem
-from workflows.pipeline.chain import start, wall
-from workflows.pipeline.impact import impact
-from workflows.pipeline.pipeline import Pipeline, Stage, needs_structure, pipeline_of, tables_of
 from workflows.scene import InvalidScene, RomWall, Scene
+from workflows.stages.chain import start, wall
+from workflows.stages.impact import impact
+from workflows.stages.pipeline import Pipeline, Stage, needs_structure, pipeline_of, tables_of
 
 FAILURES = (
     dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep, coupling.CouplingError, InvalidScene,
@@ -118,7 +118,7 @@ def _errors(scene: Scene, own: Any, found: Models) -> tuple[float, float]:
     none = float("nan")
     if isinstance(own, coupling.CoupledWall):
         return none, none
-    from workflows.pipeline.errors import mesh_error, reduction_error  # finite elements
+    from workflows.stages.errors import mesh_error, reduction_error  # finite elements
 
     begun = start(scene, found.reduction.contact)
     run = impact(scene, begun, own)

@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 from time import perf_counter
 from typing import NamedTuple, TypeVar
 
-from coupling.sweep.design import Design
-from workflows.results.tables import Table
+from workflows.report.tables import Table
 from workflows.scene import DashpotWall, Scene
 from workflows.sweep.cases import Base, Group, groups
+from workflows.sweep.core.design import Design
 from workflows.sweep.march import rows
 from workflows.sweep.models import is_kept, models, prepared
 from workflows.sweep.sweep import AT_ONCE

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from coupling.sweep.design import Design
-from coupling.sweep.effects import Effects, sobol_effects
-from coupling.sweep.rows import DONE, LARGE_ERROR, TEXT, other_wave
 from workflows.files.run_folder import Picture
-from workflows.results import tables
-from workflows.results.tables import Table
+from workflows.report import tables
+from workflows.report.tables import Table
 from workflows.scene import InvalidScene, nearest
 from workflows.scene.named_files import unfit
+from workflows.sweep.core.design import Design
+from workflows.sweep.core.effects import Effects, sobol_effects
+from workflows.sweep.core.rows import DONE, LARGE_ERROR, TEXT, other_wave
 from workflows.sweep.effects import effects_table
 from workflows.sweep.store import ABOUT, SIGNALS, TABLE
 

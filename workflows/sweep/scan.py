@@ -1,11 +1,11 @@
 """A scan: the chain at many points of a plane face, on one basis of its structure.
 
-Every point has its own errors, measured as a run of it measures them (`workflows.pipeline.errors`):
+Every point has its own errors, measured as a run of it measures them (`workflows.stages.errors`):
 that of the reduction against a wall with more oscillators of the point beyond the common modes, by
 shorter steps; that of the mesh against the same point on a second mesh.
 
 Rows are kept PART by PART as they are marched. Once all are there, the reflected waves are made one
-wave over the face, see `coupling.sweep.continuity`.
+wave over the face, see `workflows.sweep.core.continuity`.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -19,8 +19,17 @@ from numpy.typing import NDArray
 import coupling
 import dem
 import fem
-from coupling.sweep.continuity import same_wave
-from coupling.sweep.rows import (
+from dem.waves.arrivals import arrivals
+from workflows.files.run_folder import RunFolder
+from workflows.scene import InvalidScene, RomWall, Scene
+from workflows.scene.toml import undoes
+from workflows.stages.chain import Start
+from workflows.stages.errors import MARGIN, SHORTER
+from workflows.stages.face import Outline, StruckFace, to_hz
+from workflows.stages.rig import STRUCK
+from workflows.sweep.cases import Base
+from workflows.sweep.core.continuity import same_wave
+from workflows.sweep.core.rows import (
     FAILED,
     LARGE_ERROR,
     REFUSED,
@@ -29,15 +38,6 @@ from coupling.sweep.rows import (
     other_wave,
     without_result,
 )
-from dem.waves.arrivals import arrivals
-from workflows.files.run_folder import RunFolder
-from workflows.pipeline.chain import Start
-from workflows.pipeline.errors import MARGIN, SHORTER
-from workflows.pipeline.face import Outline, StruckFace, to_hz
-from workflows.pipeline.rig import STRUCK
-from workflows.scene import InvalidScene, RomWall, Scene
-from workflows.scene.toml import undoes
-from workflows.sweep.cases import Base
 from workflows.sweep.design import Design, counted
 from workflows.sweep.inputs import Inputs, files_of_scene
 from workflows.sweep.march import observed, saved, taken

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from coupling.sweep.design import Design
-from coupling.sweep.rows import DONE, FAILED, TEXT, Rows
 from workflows.files.run_folder import RunFolder
-from workflows.pipeline.pipeline import digest
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.quantities import entries
+from workflows.stages.pipeline import digest
+from workflows.sweep.core.design import Design
+from workflows.sweep.core.rows import DONE, FAILED, TEXT, Rows
 from workflows.sweep.inputs import Inputs
 
 TABLE, SIGNALS = "cases.parquet", "signals.nc"

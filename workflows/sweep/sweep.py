@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
-from coupling.sweep.design import Design
-from coupling.sweep.rows import Rows
 from workflows.files.run_folder import RunFolder
 from workflows.scene import InvalidScene, Scene
 from workflows.sweep.cases import Base
+from workflows.sweep.core.design import Design
+from workflows.sweep.core.rows import Rows
 from workflows.sweep.inputs import Inputs, files_of_cases
 from workflows.sweep.march import rows
 from workflows.sweep.models import Prepared, models, prepared

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from math import isfinite
 from typing import NamedTuple
 
-from coupling.sweep.design import Design
 from workflows.scene import InvalidScene, Scene
 from workflows.sweep.cases import Base, Checked, Group, checked, groups
+from workflows.sweep.core.design import Design
 from workflows.sweep.models import Source, models_key
 
 CHUNK = 500  # cases side by side: what a killed sweep loses at the most

@@ -1,1 +1,0 @@
-"""Recorded signals: what the files of lasers, gauges and oscilloscopes hold."""

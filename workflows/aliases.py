@@ -1,0 +1,129 @@
+"""Import paths beside the real ones: those of before a module moved, and `beadwave.fem`.
+
+    from coupling.inspection.inversion import inverted    # a former path: warns with the new one
+    import beadwave.dem                                   # the package `dem`
+
+`import beadwave` and `import workflows` install the finder. A module has one object under all of
+its names, so that classes and compiled functions are never there twice.
+"""
+
+import sys
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from warnings import warn
+
+ROOMS = ("geometry", "fem", "rom", "dem", "coupling", "workflows")
+
+# modules whose own name changed; CHANGELOG has the same map for readers
+MOVED_MODULES = {
+    "coupling.collision": "workflows.evidence.thesis.collision",
+    "coupling.edge_series": "workflows.evidence.thesis.edge_series",
+    "coupling.energy_run": "workflows.evidence.thesis.energy_run",
+    "coupling.exudyn_scene": "workflows.evidence.verify.exudyn_scene",
+    "coupling.formulas": "workflows.evidence.verify.formulas",
+    "coupling.lammps_chain": "workflows.evidence.verify.lammps_chain",
+    "coupling.observed_run": "workflows.evidence.thesis.observed_run",
+    "coupling.parametric_wall": "workflows.fit.core.parametric_wall",
+    "coupling.peers": "workflows.evidence.accuracy.peers",
+    "coupling.plate_sizes": "workflows.evidence.thesis.plate_sizes",
+    "coupling.records.formats": "workflows.files.record_formats",
+    "coupling.records.record": "workflows.files.record",
+    "coupling.verification.comparisons": "workflows.evidence.verify.comparisons",
+    "coupling.verification.exact": "workflows.evidence.verify.exact_reductions",
+    "coupling.verification.formulas": "workflows.evidence.verify.random_scenes",
+    "coupling.verification.honesty": "workflows.evidence.verify.honest_steps",
+    "coupling.verification.outcomes": "workflows.evidence.stability.outcomes",
+    "coupling.wave_distance": "workflows.evidence.thesis.wave_distance",
+    "coupling.work_precision.parts": "workflows.evidence.accuracy.part_rows",
+    "coupling.work_precision.problems": "workflows.evidence.accuracy.problem_variants",
+    "coupling.work_precision.rows": "workflows.evidence.accuracy.row",
+    "coupling.work_precision.sizes": "workflows.evidence.accuracy.size_rows",
+    "rom.cbcheck": "workflows.evidence.verify.cbcheck",
+    "workflows.api.doctor": "workflows.installation.doctor",
+    "workflows.api.film": "workflows.run.api",
+    "workflows.api.folders": "workflows.files.picture_folder",
+    "workflows.api.hammer": "workflows.structure.api",
+    "workflows.api.impacts": "workflows.run.api",
+    "workflows.api.inspection": "workflows.fit.api",
+    "workflows.api.look": "workflows.structure.api",
+    "workflows.api.measurements": "workflows.fit.api",
+    "workflows.api.modes": "workflows.structure.api",
+    "workflows.api.progress": "workflows.stages.progress",
+    "workflows.api.reduction": "workflows.structure.api",
+    "workflows.api.scenes": "workflows.run.api",
+    "workflows.api.studies": "workflows.evidence.api",
+    "workflows.api.sweeps": "workflows.sweep.api",
+    "workflows.api.tuning": "workflows.structure.api",
+    "workflows.files.records": "workflows.fit.records",
+    "workflows.files.velocities": "workflows.fit.velocities",
+    "workflows.pipeline.run": "workflows.run.run",
+    "workflows.pipeline.second_process": "workflows.run.second_process",
+    "workflows.studies.finding": "workflows.report.finding",
+    "workflows.studies.verify.comparisons": "workflows.evidence.verify.table",
+    "workflows.studies.verify.exact": "workflows.evidence.verify.exact_structures",
+    "workflows.studies.verify.honesty": "workflows.evidence.verify.honest_meshes",
+}
+# packages whose modules kept their names
+MOVED_PACKAGES = {
+    "coupling.calibration": "workflows.fit.core.calibration",
+    "coupling.inspection": "workflows.fit.core.inspection",
+    "coupling.stability": "workflows.evidence.stability",
+    "coupling.sweep": "workflows.sweep.core",
+    "coupling.verification": "workflows.evidence.verify",
+    "coupling.work_precision": "workflows.evidence.accuracy",
+    "workflows.assembly": "workflows.structure",
+    "workflows.calibration": "workflows.fit.calibration",
+    "workflows.inspection": "workflows.fit.inspection",
+    "workflows.pipeline": "workflows.stages",
+    "workflows.results": "workflows.report",
+    "workflows.studies": "workflows.evidence",
+    "workflows.studies.accuracy": "workflows.evidence.accuracy",
+    "workflows.studies.stability": "workflows.evidence.stability",
+    "workflows.studies.thesis": "workflows.evidence.thesis",
+    "workflows.studies.verify": "workflows.evidence.verify",
+}
+
+
+def present_path(name: str) -> str | None:
+    """The path of today of a module that moved, or None.
+
+    >>> present_path("coupling.sweep.design")
+    'workflows.sweep.core.design'
+    """
+    if name in MOVED_MODULES:
+        return MOVED_MODULES[name]
+    holding = [package for package in MOVED_PACKAGES if f"{name}.".startswith(f"{package}.")]
+    package = max(holding, key=len, default="")
+    return MOVED_PACKAGES[package] + name[len(package) :] if package else None
+
+
+class AliasFinder(MetaPathFinder, Loader):
+    """Finds a module by a former path, or as `beadwave.ROOM`."""
+
+    def find_spec(self, fullname, path=None, target=None):
+        """The spec of an alias; None leaves the name to the other finders."""
+        room = fullname.removeprefix("beadwave.")
+        if room != fullname and room.split(".")[0] in ROOMS:
+            return ModuleSpec(fullname, self, origin=room, is_package=True)
+        path_today = present_path(fullname)
+        if path_today is None:
+            return None
+        warn(f"{fullname} is {path_today} now.", DeprecationWarning, stacklevel=2)
+        return ModuleSpec(fullname, self, origin=path_today, is_package=True)
+
+    def create_module(self, spec):
+        """The module itself; the import system would put the alias's spec onto it."""
+        module = import_module(spec.origin)
+        spec.loader_state = module.__spec__
+        return module
+
+    def exec_module(self, module):
+        """Give back the module's own spec: it was executed under its own name."""
+        module.__spec__ = module.__spec__.loader_state
+
+
+def install() -> None:
+    """Put the finder before all others: the path of a moved package holds modules of that name."""
+    if not any(isinstance(finder, AliasFinder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, AliasFinder())

@@ -1,0 +1,53 @@
+"""How a run time grows with a size: what is fixed, what each adds, the exponent of the rest."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
+
+from workflows.evidence.accuracy.row import Row
+
+
+class Growth(NamedTuple):
+    """seconds = fixed + each * size, and the exponent with which seconds - fixed grows."""
+
+    fixed: float
+    each: float
+    exponent: float
+
+
+def line(size: Iterable[float], seconds: Iterable[float]) -> Growth:
+    """The straight line nearest in relative error, through 0 or above."""
+    size, seconds = np.array(list(size), float), np.array(list(seconds))
+    terms = np.column_stack([1.0 / seconds, size / seconds])
+    fixed, each = nnls(terms, np.ones(size.size))[0]
+    clear = seconds > 1.3 * fixed
+    grown = growth_exponent(size[clear], seconds[clear] - fixed) if clear.sum() > 1 else np.nan
+    return Growth(float(fixed), float(each), grown)
+
+
+def growth(rows: Iterable[Row]) -> Growth:
+    """Of the rows' seconds over their parameter."""
+    rows = list(rows)
+    return line([row.parameter for row in rows], [row.seconds for row in rows])
+
+
+def growths(rows: tuple[Row, ...]) -> dict[str, Growth]:
+    """Of each method."""
+    methods = dict.fromkeys(row.method for row in rows)
+    return {name: growth(row for row in rows if row.method == name) for name in methods}
+
+
+def at_one_setting(rows: Iterable[Row], method: str) -> list[Row]:
+    """One row for each size, the first: the same setting for all."""
+    first = {}
+    for row in rows:
+        if row.method == method:
+            first.setdefault(row.parameter, row)
+    return [first[size] for size in sorted(first)]
+
+
+def growth_exponent(size: Iterable[float], seconds: Iterable[float]) -> float:
+    """Slope of log seconds over log size by least squares."""
+    return float(np.polyfit(np.log(list(size)), np.log(list(seconds)), 1)[0])

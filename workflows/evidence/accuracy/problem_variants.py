@@ -1,0 +1,81 @@
+"""Variants of a problem: pressed shut, lengthened, before a wall of more modes."""
+
+import numpy as np
+
+import dem
+from dem.spheres import force_scale
+from workflows.evidence.accuracy.peers import Problem
+
+SPACING, MASS = 400.0, 4.2  # [Hz], [kg] of the block in the synthetic wall
+
+
+def pressed(case: Problem) -> Problem:
+    """The case between a spring on the first sphere and a rigid wall, hit too softly to open."""
+    n = case.v0.size
+    scale = float(np.abs(case.v0).max())
+    peak = force_scale(case.chain.mass[0], case.chain.A[0], scale)
+    first = np.eye(n)[0]
+    stiffness = 0.01 * peak ** (1 / 3) * case.chain.A[0] ** (2 / 3)
+    row = case.chain._replace(leaf_stiffness=stiffness * first, leaf_anchor=None, preload=0.0)
+    A = row.A if row.A.size == n else np.append(row.A, row.A[-1])
+    squeezed = n * (peak / A.min()) ** (2 / 3) + peak / stiffness
+    row = row._replace(A=A, leaf_anchor=squeezed * first)
+    return case._replace(chain=row, wall=dem.rigid_wall(), v0=0.01 * case.v0, n_save=10)
+
+
+def lengthened(case: Problem, n: int) -> Problem:
+    """The case with n spheres, the middle one repeated."""
+    chain, old = case.chain, case.v0.size
+    if n <= old:
+        return case
+    spheres = np.r_[: old // 2, np.full(n - old, old // 2), old // 2 : old]
+    contacts = spheres[: chain.A.size - old] if chain.A.size < old else spheres
+    per_sphere = {
+        name: values[spheres]
+        for name in ("mass", "radius", "leaf_stiffness", "leaf_anchor")
+        if (values := getattr(chain, name)) is not None
+    }
+    v0 = np.where(np.arange(n) < old, np.resize(case.v0, n), 0.0)
+    return case._replace(chain=chain._replace(A=chain.A[contacts], **per_sphere), v0=v0)
+
+
+def modal_wall(wall: dem.Wall | None, count: int) -> dem.Wall:
+    """The wall's own modes, continued at equal spacing by those of a free block."""
+    wall = dem.rigid_wall() if wall is None else wall
+    own = min(count, wall.omega.size)
+    lowest = wall.omega[own - 1] + 2 * np.pi * SPACING if own else 2 * np.pi * 50.0
+    more = lowest + 2 * np.pi * SPACING * np.arange(count - own)
+    return wall._replace(
+        omega=np.append(wall.omega[:own], more),
+        zeta=np.append(wall.zeta[:own], np.zeros(count - own)),
+        phi=np.append(wall.phi[:own], np.full(count - own, np.sqrt(2.0 / MASS))),
+    )
+
+
+def bare(chain: dem.Chain) -> dem.Chain:
+    """The spheres and their Hertz contacts alone."""
+    return dem.Chain(chain.mass, chain.radius, chain.A)
+
+
+def with_parts(case: Problem) -> dict[str, Problem]:
+    """The bare case and the case with each part."""
+    chain, n = case.chain, case.chain.mass.size
+    contacts = np.ones(chain.A.size)
+    yields = 1e-3 * chain.radius[0] * contacts
+    chains = {
+        "bare": chain,
+        "leaf springs": chain._replace(leaf_stiffness=np.full(n, 1e3)),
+        "preload": chain._replace(preload=10.0),
+        "linear-clipped": chain._replace(dissipation="linear-clipped", gamma=10.0 * contacts),
+        "hunt-crossley": chain._replace(dissipation="hunt-crossley", gamma=0.1 * contacts),
+        "plastic contacts": chain._replace(yield_overlap=yields),
+    }
+    walls = {
+        "residual spring": case.wall._replace(residual_compliance=1e-9),
+        "1 wall mode": modal_wall(None, 1),
+        "40 wall modes": modal_wall(None, 40),
+        "dashpot wall": dem.dashpot_wall(1e4),
+    }
+    return {name: case._replace(chain=one) for name, one in chains.items()} | {
+        name: case._replace(wall=one) for name, one in walls.items()
+    }

@@ -1,0 +1,134 @@
+"""Studies of the thesis, error against run time, extreme cases, independent codes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from workflows.files.run_folder import RunFolder
+from workflows.files.scene import DEFAULT, Changes, Source, files_read
+from workflows.files.scene import scene as load_scene
+from workflows.scene import Scene
+from workflows.stages.progress import Progress, quiet
+
+if TYPE_CHECKING:
+    from workflows.report.finding import Finding
+
+
+def studies(folder: str = "thesis") -> dict[str, str]:
+    """Names of studies and what each shows; folder is "thesis", "accuracy", "stability" or
+    "verify"."""
+    from workflows.evidence.catalogue import catalogue
+
+    return {name: entry.shows for name, entry in catalogue(folder).items()}
+
+
+def study(
+    name: str,
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Finding:
+    """Figures and statements of the thesis computed again (`beadwave study NAME`).
+
+    Without a scene it takes the one it is made for.
+    `studies()` lists the names. Tables, sentences and pictures; `plot()` shows one, `data()` is
+    the table as an xarray.Dataset. `out` is a folder for all of it. Raises InvalidScene for bad
+    input.
+    """
+    from workflows.evidence import catalogue
+    from workflows.report import finding
+
+    chosen = load_scene(catalogue.usual_scene(name) if scene is None else scene, changes)
+    folder = _folder(out, files_read(chosen, scene), overwrite, *finding.files(name))
+    found = catalogue.study(name, chosen, progress)
+    if folder:
+        finding.write(found, folder, study=name)
+    return found
+
+
+def accuracy(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    stage: str = "all",
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Finding:
+    """Error against run time, beside general-purpose integrators (`beadwave accuracy`).
+
+    `stage` is one of `studies("accuracy")`, or all. Without a scene each study takes the one it is
+    made for. `out` is a folder for table, CSV and pictures, where each stage adds or renews its
+    own. Raises InvalidScene for bad input.
+    """
+    from workflows.evidence import catalogue
+    from workflows.evidence.accuracy import folder as files
+    from workflows.report import finding
+
+    def scene_of(usual: str) -> Scene:
+        return load_scene(usual if scene is None else scene, changes)
+
+    read = files_read(scene_of(DEFAULT), scene) if scene is not None else ()
+    folder = _folder(out, read, overwrite, *files.FILES)
+    found = catalogue.accuracy(stage, scene_of, progress)
+    if folder:
+        files.write(found, folder)
+    return finding.merged(found.values())
+
+
+def stability(
+    cases: Iterable[str] = (),
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Finding:
+    """Stiff and extreme cases with a verdict each (`beadwave stability`).
+
+    `cases` are of `studies("stability")`, all without any. `out` is a folder for the table.
+    """
+    from workflows.evidence import catalogue
+    from workflows.report import finding
+
+    folder = _folder(out, (), overwrite, *finding.files("stability"))
+    found = catalogue.stability(tuple(cases), progress)
+    if folder:
+        finding.write(found, folder)
+    return found
+
+
+def verify(
+    groups: Iterable[str] = (),
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Finding:
+    """Our results beside independent codes, published and exact ones (`beadwave verify`).
+
+    `groups` are of `studies("verify")`, all without any. The table's column `verdict` is within,
+    outside, failed or skipped; `out` is a folder for it.
+    """
+    from workflows.evidence import catalogue
+    from workflows.report import finding
+
+    folder = _folder(out, (), overwrite, *finding.files("verify"))
+    found = catalogue.verify(tuple(groups), progress)
+    if folder:
+        finding.write(found, folder)
+    return found
+
+
+def _folder(
+    out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool, *files: str
+) -> RunFolder | None:
+    if out is None:
+        return None
+    folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite)
+    folder.require(*files)
+    return folder

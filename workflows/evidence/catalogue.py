@@ -1,0 +1,118 @@
+"""The studies, found in their folders: whatever returns what studies of that folder return.
+
+A module of `thesis` or `accuracy` has one public function of the scene that returns a `Finding`,
+a module of `stability` one public generator of trials for each case, one of `verify` a generator of
+comparisons for each group. The function's name with hyphens is that of the study, the first line of
+its docstring its line in the listing. Another study is another file; nothing is listed by hand, and
+listing imports none of them.
+"""
+
+import ast
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import NamedTuple
+
+from workflows.report.finding import Finding
+from workflows.scene import InvalidScene, Scene, nearest
+from workflows.stages.pipeline import Progress
+
+RETURNED = {
+    "thesis": "Finding",
+    "accuracy": "Finding",
+    "stability": "Iterator[Trial]",
+    "verify": "Iterator[Comparison]",
+}
+WIDTH = 20  # of a name in the listing
+
+
+class Entry(NamedTuple):
+    """Where a study is, and what it shows."""
+
+    module: str
+    function: str
+    shows: str
+
+    def loaded(self) -> ModuleType:
+        """The module, imported."""
+        return import_module(self.module)
+
+    def __call__(self, *arguments):
+        return getattr(self.loaded(), self.function)(*arguments)
+
+
+def catalogue(folder: str) -> dict[str, Entry]:
+    """The studies of a folder by name."""
+    return dict(
+        study
+        for file in sorted(Path(__file__).with_name(folder).glob("*.py"))
+        for study in _in_module(f"{__package__}.{folder}.{file.stem}", file, RETURNED[folder])
+    )
+
+
+def _in_module(module: str, file: Path, returned: str) -> Iterator[tuple[str, Entry]]:
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        if not isinstance(node, ast.FunctionDef) or node.name.startswith("_") or not node.returns:
+            continue
+        if ast.unparse(node.returns) == returned:
+            shows = (ast.get_docstring(node) or "").partition("\n")[0]
+            yield node.name.replace("_", "-"), Entry(module, node.name, shows)
+
+
+def listing(folder: str) -> str:
+    """The studies of a folder, a line each."""
+    found = catalogue(folder).items()
+    return "\n".join(f"{name:{WIDTH}}{entry.shows}" for name, entry in found)
+
+
+def chosen(folder: str, names: tuple[str, ...], option: str) -> dict[str, Entry]:
+    """Those of the names, all without any; raises InvalidScene for a name that is none."""
+    known = catalogue(folder)
+    for name in names:
+        if name not in known:
+            raise InvalidScene(f"{option} {name!r} is not known; {nearest(name, known)}.")
+    return {name: known[name] for name in names} or known
+
+
+def study(name: str, scene: Scene, progress: Progress) -> Finding:
+    """What a study of the thesis finds on the scene."""
+    return chosen("thesis", (name,), "study")[name](scene, progress)
+
+
+def usual_scene(name: str) -> str | None:
+    """The built-in scene that a study is made for, its SCENE; None for the rig."""
+    return getattr(chosen("thesis", (name,), "study")[name].loaded(), "SCENE", None)
+
+
+def accuracy(stage: str, scene: Callable[[str], Scene], progress: Progress) -> dict[str, Finding]:
+    """The accuracy studies of a stage by name; `scene` gives the scene for a study's usual one."""
+    found = {}
+    for name, entry in chosen("accuracy", () if stage == "all" else (stage,), "--stage").items():
+        with progress(name):
+            found[name] = entry(scene(entry.loaded().SCENE), progress)
+    return found
+
+
+def stability(cases: tuple[str, ...], progress: Progress) -> Finding:
+    """Verdicts on the trials of these cases, of all without any."""
+    from workflows.evidence.stability.trials import judged
+    from workflows.evidence.stability.verdicts import finding
+
+    rows = []
+    for name, trials in chosen("stability", cases, "--case").items():
+        with progress(name):
+            rows += map(judged, trials())
+    return finding(tuple(rows))
+
+
+def verify(groups: tuple[str, ...], progress: Progress) -> Finding:
+    """Comparisons of these groups, of all without any."""
+    from workflows.evidence.verify.comparisons import rows_of
+    from workflows.evidence.verify.table import finding
+
+    rows = []
+    for name, comparisons in chosen("verify", groups, "--group").items():
+        with progress(name):
+            rows += rows_of(name, comparisons)
+    return finding(tuple(rows))

@@ -1,0 +1,60 @@
+"""Extreme walls: fast modes, light and heavy ones, damping beyond critical, dashpots."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+import dem
+from workflows.evidence.stability.chains import SPEED, N, spheres_of, striker_velocity
+from workflows.evidence.stability.outcomes import Outcome, settled
+from workflows.evidence.stability.trials import Trial
+
+DURATION = 1e-3
+
+
+def wall_mode_frequency() -> Iterator[Trial]:
+    """A mode of ever higher frequency beside one at 1 kHz."""
+    for frequency in (1e2, 1e3, 1e4, 1e5, 1e6, 1e7):
+        for kind, phi in (("light", 0.3), ("stiff", 0.3 * frequency / 1e4)):
+            wall = _modes([1e3, frequency], [0.3, phi])
+            yield Trial("wall-mode-frequency", f"{frequency:g} Hz {kind}", partial(_before, wall))
+    wall = _modes(np.geomspace(50.0, 1e7, 150), np.full(150, 0.3))
+    yield Trial("wall-mode-frequency", "150 modes, 50 Hz to 10 MHz", partial(_before, wall))
+
+
+def _modes(frequency, phi, zeta: float = 0.0) -> dem.Wall:
+    omega = 2 * np.pi * np.asarray(frequency, float)
+    return dem.Wall(omega, np.full(omega.size, zeta), np.asarray(phi, float))
+
+
+def _before(wall: dem.Wall) -> Outcome:
+    return settled(spheres_of(), wall, striker_velocity(), DURATION)
+
+
+def one_dof_wall() -> Iterator[Trial]:
+    """0.1 Hz to 1 MHz, a millionth to a million times a sphere's mass."""
+    mass = spheres_of().mass[0]
+    for frequency in (0.1, 10.0, 1e3, 1e5, 1e6):
+        for ratio in (1e-6, 1e-3, 1.0, 1e3, 1e6):
+            wall = dem.one_dof_wall(frequency, ratio * mass)
+            name = f"{frequency:g} Hz, mass x {ratio:g}"
+            yield Trial("one-dof-wall", name, partial(_before, wall))
+
+
+def wall_damping() -> Iterator[Trial]:
+    """Damping ratios of three modes, to far above critical."""
+    for zeta in (0.0, 0.1, 1.0, 10.0, 1e3, 1e6):
+        wall = _modes([50.0, 1e3, 1e5], np.full(3, 0.3), zeta)
+        yield Trial("wall-damping", zeta, partial(_before, wall))
+
+
+def dashpot_wall() -> Iterator[Trial]:
+    """Coefficients from that of air to that of rock [N s/m]."""
+    for coefficient in (1e-6, 1e-2, 1e2, 1e4, 1e6, 1e9):
+        wall = dem.dashpot_wall(coefficient)
+        yield Trial("dashpot-wall", coefficient, partial(_arriving, wall))
+
+
+def _arriving(wall: dem.Wall) -> Outcome:
+    return settled(spheres_of(), wall, np.full(N, SPEED), DURATION)

@@ -1,0 +1,131 @@
+"""The beams of the table `[beam]` beside the exact solutions of Timoshenko's equations.
+
+With the shear force and the axial one's part of it in V, the section's moment in B and a harmonic
+motion of omega, the state y = (w, theta, V, B) along the beam obeys y' = A y,
+
+    w' = (V + kappa G A theta) / (kappa G A + N),     V' = -rho A omega^2 w,
+    theta' = B / E I,     B' = -kappa G A (w' - theta) - rho I omega^2 theta,
+
+and a frequency is where a motion exp(A L) y_0 that both ends allow exists: a determinant is zero.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+import fem
+from fem.beam import ENDS, End, Section
+from workflows.evidence.verify.comparisons import Comparison, compared
+
+LENGTH, STRUCK = 0.5, 0.19  # m
+STEEL = fem.Material(210e9, 0.3, 7850.0)
+SECTIONS = {
+    "slender": fem.rectangle(0.02, 0.01, STEEL.poisson),
+    "stout": fem.tube(0.1, 0.06, STEEL.poisson),
+}
+N_MODES = 6
+TIMOSHENKO = "Timoshenko's frequency equation, Phil. Mag. 41 (1921) 744"
+TRANSFER = "zeros of the determinant of Timoshenko's equations, by the matrix exponential"
+ENGESSER = "F. Engesser, Zentralbl. Bauverw. 11 (1891) 483"
+SPRINGS = End(3e7, 2e4), End(8e6, 0.0)  # N/m, N m/rad
+
+
+def beams() -> Iterator[Comparison]:
+    """Timoshenko beams: hinged, clamped, on springs, pulled and pressed, up to buckling."""
+    for name, section in SECTIONS.items():
+        load = 0.6 * _buckling(section, np.pi / LENGTH)
+        for force, words in ((0.0, ""), (load, ", pulled"), (-load, ", pressed")):
+            found, exact = _hz(section, (ENDS["hinged"],) * 2, force), _hinged_hz(section, force)
+            yield _worst(f"hinged {name} beam{words}", found, exact, TIMOSHENKO)
+        for kinds in (("clamped", "clamped"), ("clamped", "free"), ("hinged", "clamped")):
+            ends = tuple(ENDS[kind] for kind in kinds)
+            yield _exact(f"{'-'.join(kinds)} {name} beam", section, ends, 0.0)
+        yield _exact(f"{name} beam on springs, pressed", section, SPRINGS, -0.1 * load)
+        yield _exact(f"clamped {name} beam, pressed", section, (ENDS["clamped"],) * 2, -load)
+        for kind, k in (("hinged", np.pi / LENGTH), ("clamped", 2 * np.pi / LENGTH)):
+            beam = _beam(section, (ENDS[kind],) * 2, -load)
+            yield compared(f"{kind} {name} beam, buckling load [N]", load / beam.load_factor,
+                           _buckling(section, k), allowed=1e-8, source=ENGESSER)  # fmt: skip
+
+
+def _exact(name: str, section: Section, ends: tuple[End, End], force: float) -> Comparison:
+    found = _hz(section, ends, force)
+    exact = np.array([_zero(hz, section, ends, force) for hz in found])
+    return _worst(name, found, exact, TRANSFER)
+
+
+def _worst(name: str, ours: np.ndarray, theirs: np.ndarray, source: str) -> Comparison:
+    """The frequency that differs most, by its own size: the lowest counts as the highest."""
+    worst = np.argmax(np.abs(ours / theirs - 1))
+    return compared(f"{name}, six frequencies [Hz]", ours[worst], theirs[worst],
+                    allowed=1e-8, source=source)  # fmt: skip
+
+
+def _beam(section: Section, ends: tuple[End, End], force: float) -> fem.Bending:
+    return fem.beam(LENGTH, section, STEEL, ends, STRUCK, axial_force=force)
+
+
+def _hz(section: Section, ends: tuple[End, End], force: float) -> np.ndarray:
+    beam = _beam(section, ends, force)
+    return fem.modes(beam.K, beam.M, N_MODES).frequency_hz
+
+
+def _stiffnesses(section: Section) -> tuple[float, float]:
+    """kappa G A [N], E I [N m^2]."""
+    shear_modulus = STEEL.young / (2 * (1 + STEEL.poisson))
+    return section.shear_factor * shear_modulus * section.area, STEEL.young * section.second_moment
+
+
+def _buckling(section: Section, k: float) -> float:
+    """P of a half wave number k [1/m]: E I k^2 / (1 + E I k^2 / kappa G A)."""
+    S, B = _stiffnesses(section)
+    return B * k**2 / (1 + B * k**2 / S)
+
+
+def _hinged_hz(section: Section, force: float) -> np.ndarray:
+    """Of w = sin(k x), theta = cos(k x), k = n pi / L, both roots s = omega^2 of
+    (S k^2 + N k^2 - rho A s) (B k^2 + S - rho I s) = (S k)^2; at n = 0 sections turn alone."""
+    S, B = _stiffnesses(section)
+    k2 = (np.arange(1, N_MODES + 1) * np.pi / LENGTH) ** 2
+    m, J = STEEL.density * np.array([section.area, section.second_moment])
+    b = m * (B * k2 + S) + J * (S + force) * k2
+    c = k2 * ((S + force) * (B * k2 + S) - S**2)
+    root = np.sqrt(b**2 - 4 * m * J * c)
+    s = np.sort(np.concatenate([[S / J], 2 * c / (b + root), (b + root) / (2 * m * J)]))
+    return np.sqrt(s[:N_MODES]) / (2 * np.pi)
+
+
+def _zero(hz: float, section: Section, ends: tuple[End, End], force: float) -> float:
+    """The zero of the determinant next to a frequency [Hz]; nan where it has none within 1 %."""
+    S, B = _stiffnesses(section)
+    m, J = STEEL.density * np.array([section.area, section.second_moment])
+
+    def free_of(end: End, outward: float) -> np.ndarray:
+        """(2, 4) rows that are zero on y: outward V + k w = 0 and outward B + k theta = 0, or
+        w = 0, theta = 0 where a spring is rigid."""
+        rows = np.zeros((2, 4))
+        for i, k in enumerate(end):
+            rows[i, [i, i + 2]] = (1.0, 0.0) if np.isinf(k) else (k, outward)
+        return rows
+
+    def determinant(f: float) -> float:
+        s = (2 * np.pi * f) ** 2
+        A = np.zeros((4, 4))
+        A[0, 1:3] = S / (S + force), 1 / (S + force)
+        A[1, 3] = 1 / B
+        A[2, 0] = -m * s
+        A[3] = -S * A[0]
+        A[3, 1] += S - J * s
+        # shifts in lengths, forces in E I / L^2: the rows are of one size
+        unit = np.array([LENGTH, 1.0, B / LENGTH**2, B / LENGTH])
+        Y = expm(LENGTH * A * unit / unit[:, None])
+        left, right = (free_of(end, out) * unit for end, out in zip(ends, (-1, 1), strict=True))
+        rows = np.vstack([left, right @ Y])
+        return float(np.linalg.det(rows / np.abs(rows).max(axis=1)[:, None]))
+
+    low, high = 0.99 * hz, 1.01 * hz
+    if determinant(low) * determinant(high) > 0:
+        return np.nan
+    return brentq(determinant, low, high, xtol=1e-12 * hz, rtol=1e-14)

@@ -1,0 +1,142 @@
+"""Numbers that `inspect` finds in records of an independent model, beside those that made them.
+
+A chain of Hertz' contacts by scipy's DOP853 from Newton's law, at a mass on a spring and at a
+hinged beam in closed form: w = W sin(k x), psi = Y cos(k x), k = j pi / L, of S. P. Timoshenko's
+equations
+
+    (kappa G A k^2 - rho A omega^2) W - kappa G A k Y = 0
+    -kappa G A k W + (E I k^2 + kappa G A - rho I omega^2) Y = 0
+
+The surface that is struck bulges by nu h^2 / 8 w'' (S. P. Timoshenko, J. N. Goodier, Theory of
+Elasticity, sec. 102). No wall, no kernel and no reduction of ours is in them; white noise of a
+fixed seed is added.
+"""
+
+from collections.abc import Iterator
+from contextlib import nullcontext
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
+
+from workflows.evidence.verify.comparisons import Comparison, compared
+from workflows.files.record import Channel, Recorded
+from workflows.fit.inspection.inspect import Request
+from workflows.fit.inspection.inspect import inspected as inspection
+from workflows.scene import Scene
+from workflows.sweep.cases import base_of
+
+Array = NDArray[np.float64]
+NOISE = 3e-3  # of the largest signal
+SAMPLING, DURATION = 1e6, 3e-3  # Hz, s
+N_WAVES = 25  # of the beam, two modes each
+WITHIN = 1.5  # two-sigma bars: three standard deviations, which 1 of 370 numbers exceeds
+SHARP = 0.01  # of a number: bars as long would hold anything
+# One oscillator stands for the modes of our beam above 50 kHz, which moves the force by 1e-3 rms
+# here, modulus and thickness by 1.1e-3 and 5e-4: more than their bars of 1.4e-4 and 1e-4.
+CUT_OFF = 3e-3
+MASS = "a chain at a mass on a spring by DOP853 of scipy"
+BEAM = "a chain at Timoshenko's hinged beam in closed form (Phil. Mag. 41 (1921) 744) by DOP853"
+SCENE = {
+    "chain": {"count": 6, "radius": 0.015, "density": 7800.0, "young": 210e9, "poisson": 0.3},
+    "striker": {"velocity": 0.3},
+    "time": {"duration": DURATION},
+    "output": {"spheres": [4]},
+}
+AT_A_MASS = {
+    "name": "at-a-mass",
+    "wall": {"kind": "1dof", "frequency": 800.0, "mass": 0.5, "damping_ratio": 0.02,
+             "young": 70e9, "poisson": 0.33},
+}  # fmt: skip
+AT_A_BEAM = {
+    "name": "at-a-beam",
+    "wall": {"kind": "rom"},
+    "damping": {"kind": "modal", "ratio": 0.003},
+    "beam": {"length": 0.3, "width": 0.04, "thickness": 0.012, "young": 70e9, "poisson": 0.33,
+             "density": 2700.0, "left": "hinged", "right": "hinged", "position": 0.126},
+}  # fmt: skip
+FOURTH = 3  # of the spheres, counted from 0, that has the sensor
+
+
+def inspected() -> Iterator[Comparison]:
+    """Mass and frequency of a wall, thickness and modulus of a beam, found by `inspect`."""
+    for name, found, bar, true in _found(AT_A_MASS, {"wall.frequency": 860.0, "wall.mass": 0.56}):
+        yield Comparison(f"{name}, error in its bars", found, true, abs(found - true) / bar,
+                         WITHIN, MASS)  # fmt: skip
+        yield Comparison(f"{name}, its bar", bar, 0.0, bar / true, SHARP, MASS)
+    for name, found, _, true in _found(
+        AT_A_BEAM, {"beam.thickness": 12.6e-3, "beam.young": 73.5e9}
+    ):
+        yield compared(name, found, true, allowed=CUT_OFF, source=BEAM)
+
+
+def _found(scene: dict, truth: dict[str, float]) -> Iterator[tuple[str, float, float, float]]:
+    """Of each number its name, what is found, its two-sigma bar, and what made the record."""
+    base = base_of(SCENE | scene, ())
+    record = _record(base.with_values(truth))
+    request = Request(",".join(truth), starts=4)
+    answer = inspection(base, (record,), request, lambda stage: nullcontext()).inversion
+    bars = answer.uncertainty.two_sigma
+    for i, (key, true) in enumerate(truth.items()):  # trigger and velocity come behind them
+        name = f"{key} [{answer.parameters[i].unit}]"
+        yield name, float(answer.value[i]), float(bars[i]), true
+
+
+def _record(scene: Scene) -> Recorded:
+    """The force that the fourth sphere shows, its first touch 20 us after the record begins."""
+    n, radius = scene.chain.count, scene.chain.radius
+    mass = 4.0 / 3.0 * np.pi * radius**3 * scene.chain.density
+    soft = (1.0 - scene.chain.poisson**2) / scene.chain.young  # 1 / E* of one side
+    struck = scene.wall if scene.beam is None else scene.beam
+    A = np.full(n, 4.0 / 3.0 * np.sqrt(radius / 2.0) / (2.0 * soft))
+    A[-1] = 4.0 / 3.0 * np.sqrt(radius) / (soft + (1.0 - struck.poisson**2) / struck.young)
+    omega, zeta, phi = _oscillator(scene.wall) if scene.beam is None else _beam(scene)
+
+    def forces(x, q):
+        return A * np.maximum(x - np.append(x[1:], phi @ q), 0.0) ** 1.5
+
+    def rate(_, y):
+        x, v, q, p = np.split(y, np.cumsum([n, n, phi.size]))
+        F = forces(x, q)
+        turn = phi * F[-1] - 2.0 * zeta * omega * p - omega**2 * q
+        return np.concatenate([v, (np.append(0.0, F[:-1]) - F) / mass, p, turn])
+
+    t = np.arange(0.0, DURATION, 1.0 / SAMPLING)
+    y0 = np.zeros(2 * n + 2 * phi.size)
+    y0[n] = scene.striker.velocity
+    size = scene.striker.velocity * np.repeat([1e-4, 1.0, 1e-4, 1.0], [n, n, phi.size, phi.size])
+    run = solve_ivp(rate, (0.0, t[-1]), y0, "DOP853", t, rtol=1e-8, atol=1e-8 * size)
+    F = np.array([forces(y[:n], y[2 * n : 2 * n + phi.size]) for y in run.y.T])
+    late = np.append(np.zeros(round(20e-6 * SAMPLING)), F[:, FOURTH - 1 : FOURTH + 1].mean(axis=1))
+    rms = NOISE * late.max()
+    shown = late + rms * np.random.default_rng(1).standard_normal(late.size)
+    t = np.arange(late.size) / SAMPLING
+    channel = Channel(FOURTH + 1, "force", False)
+    return Recorded(t, shown[:, None], (channel,), np.full(1, np.nan), 1, scene.name, True)
+
+
+def _oscillator(wall) -> tuple[Array, float, Array]:
+    """omega [rad/s], zeta and phi [kg^-1/2]: 1 / sqrt(m)."""
+    return (
+        np.array([2.0 * np.pi * wall.frequency]), wall.damping_ratio, np.array([wall.mass**-0.5])
+    )  # fmt: skip
+
+
+def _beam(scene: Scene) -> tuple[Array, float, Array]:
+    """omega (n,) [rad/s], zeta and phi (n,) = W sin(k p) cos(k h sqrt(nu) / 2) of modes with
+    L / 2 (rho A W^2 + rho I Y^2) = 1: a bent section bulges by nu h^2 / 8 times the curvature where
+    it is struck."""
+    b = scene.beam
+    area, second = b.width * b.thickness, b.width * b.thickness**3 / 12.0
+    kappa = 5.0 * (1.0 + b.poisson) / (6.0 + 5.0 * b.poisson)
+    shear = kappa * area * b.young / (2.0 * (1.0 + b.poisson))
+    M = 0.5 * b.length * b.density * np.diag([area, second])
+    found = []
+    for k in np.arange(1, N_WAVES + 1) * np.pi / b.length:
+        K = np.array([[shear * k**2, -shear * k], [-shear * k, b.young * second * k**2 + shear]])
+        squares, shapes = eigh(0.5 * b.length * K, M)
+        bulged = np.cos(0.5 * k * b.thickness * np.sqrt(b.poisson)) * np.sin(k * b.position)
+        found += zip(np.sqrt(squares), shapes[0] * bulged, strict=True)
+    omega, phi = np.array(found).T
+    return omega, scene.damping.ratio, phi

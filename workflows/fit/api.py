@@ -1,0 +1,304 @@
+"""Models fitted to records: chains calibrated, structures inspected, measurements designed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from workflows.files.run_folder import Picture, RunFolder, picture_named
+from workflows.files.scene import Changes, Source, files_read
+from workflows.files.scene import scene as load_scene
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.parts import with_chain
+from workflows.stages.progress import Progress, quiet
+
+if TYPE_CHECKING:
+    import xarray
+
+    from workflows.fit.calibration.calibrate import Calibrated
+    from workflows.fit.calibration.report import CalibrationReport
+    from workflows.fit.calibration.twin import Coverage
+    from workflows.fit.inspection.inspect import Inspected
+    from workflows.fit.inspection.report import InspectionReport
+    from workflows.report.finding import Finding
+    from workflows.stages.pipeline import Pipeline
+
+
+@dataclass(frozen=True, repr=False)
+class Calibration:
+    """A scene fitted to velocities: `report.parameters` one by one with their bars, `data` as
+    signals, `plot()` data against model; `coverage` of a twin that was repeated."""
+
+    scene: Scene
+    report: CalibrationReport
+    found: Calibrated
+    coverage: Coverage | None = None
+
+    @property
+    def data(self) -> xarray.Dataset:
+        """Velocity [m/s] measured, at the start of the fit and found, over time and sphere; of
+        other sensors their signals, over time and sensor."""
+        from workflows.report.arrays import dataset
+
+        fit, signals = self.found.fit, self.found.signals
+        kinds = {"measured": fit.data, "start": fit.start, "found": fit.model}
+        if signals.channels:
+            own, units = signals.channels, ", ".join(signals.channels.units)
+            over = {n: (("time", "sensor"), own.scale * y, units) for n, y in kinds.items()}
+            return dataset(over, time=signals.t, sensor=list(signals.names))
+        over = {name: (("time", "sphere"), v, "m/s") for name, v in kinds.items()}
+        return dataset(over, time=signals.t, sphere=[n + 1 for n in signals.spheres])
+
+    def plot(self, name: str | None = None) -> Picture:
+        """signals, parameters, correlation, scan or posterior; the first without a name."""
+        from workflows.fit.calibration.folder import drawn
+
+        return picture_named(drawn(self.found), name)
+
+    def __repr__(self) -> str:
+        told = (self.report.text(), self.coverage.text() if self.coverage else "")
+        return "\n".join(filter(None, told))
+
+
+def calibrate(
+    scene: Source,
+    data: str | Path,
+    changes: Changes = (),
+    *,
+    posterior: bool = False,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+    **asked: Any,
+) -> Calibration:
+    """Contact stiffnesses and wall parameters fitted to measured velocities (`beadwave calibrate`).
+
+    `data` is .csv, .mat or .uff with units in its header; forces, their rates, displacements and
+    voltages as well, see `[[output.sensors]]` for bands and gains. asked, all optional:
+
+    free        "contacts,striker,trigger,wall.frequency": what to vary
+    bounds      "contacts=0.5:2"
+    trigger     "fit", "estimate", or the time of the first touch [s] as text
+    band        low-pass [Hz] on data and model alike; instrument [Hz], what the data has passed
+    hold_out    spheres left out of the fit and predicted, (4, 14)
+    two_stage   keep the chain as the first waves determine it
+    starts, seed, scan    of the search; scan = (low, high, points) of the wall's frequency [Hz]
+
+    `posterior` samples it (extra `posterior`). `out` gets scene, tables and pictures. Raises
+    InvalidScene for bad input, and for data that cannot be what it says.
+    """
+    _require_possible(posterior, asked)
+    file = Path(data)
+    from workflows.fit.calibration.calibrate import calibrated
+    from workflows.fit.calibration.folder import FILES, write
+    from workflows.fit.records import measured as record
+    from workflows.stages.pipeline import pipeline_of
+
+    chosen = with_chain(load_scene(scene, changes))
+    measured, request = record(file), _request(asked)
+    folder = _folder(out, (*files_read(chosen, scene), file), overwrite)
+    with _held(folder, FILES):
+        chosen, wall = _leaning(chosen, pipeline_of(chosen, progress))
+        with progress("calibration"):
+            found = calibrated(chosen, wall, measured, file.name, request)
+        found = _sampled(found, posterior, request.seed, progress)
+        if folder:
+            write(found, folder)
+    return Calibration(found.scene, found.report, found)
+
+
+def twin(
+    scene: Source = "rig-1dof",
+    changes: Changes = (),
+    *,
+    rig: dict[str, Any] | None = None,
+    runs: int = 0,
+    posterior: bool = False,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+    **asked: Any,
+) -> Calibration:
+    """A known rig makes SYNTHETIC data, and a calibration has to find it again (`beadwave twin`).
+
+    rig      of {scatter, frequency, noise, sampling, instrument, repeats, jitter, seed}: the known
+             rig and its instrument; see workflows.fit.calibration.twin.Twin for units and defaults;
+             measured are the spheres of output.spheres
+    runs     repeats of the whole experiment, that count how often the bars hold the truth
+    asked    of the calibration, as in `calibrate`
+    """
+    _require_possible(posterior, asked)
+    from workflows.fit.calibration import twin as experiment
+    from workflows.fit.calibration.folder import TWIN_FILES, write, write_data
+    from workflows.stages.pipeline import pipeline_of
+
+    chosen = with_chain(load_scene(scene, changes))
+    setting, request = experiment.checked(experiment.Twin(**(rig or {}))), _request(asked)
+    folder = _folder(out, files_read(chosen, scene), overwrite)
+    covered = None
+    with _held(folder, TWIN_FILES):
+        chosen, wall = _leaning(chosen, pipeline_of(chosen, progress))
+        with progress("calibration"):
+            found, data = experiment.twin_run(chosen, wall, setting, request)
+        found = _sampled(found, posterior, setting.seed, progress)
+        if runs:
+            with progress(f"{runs} repeats"):
+                covered = experiment.coverage(chosen, wall, setting, request, found, runs)
+            found.report.coverage = covered.model_dump()
+        if folder:
+            write_data(folder, data, covered)
+            write(found, folder)
+    return Calibration(found.scene, found.report, found, covered)
+
+
+def _require_possible(posterior: bool, asked: dict[str, Any]) -> None:
+    """Raise InvalidScene for a posterior that cannot be sampled."""
+    if not posterior:
+        return
+    from workflows.fit.calibration.posterior import require_sampler
+
+    require_sampler()
+    if asked.get("two_stage"):
+        raise InvalidScene(
+            "--posterior is of all parameters and all waves together; leave out --two-stage."
+        )
+
+
+def _request(asked: dict[str, Any]):
+    """What is asked for; raises InvalidScene for a word that is none."""
+    from workflows.fit.calibration.calibrate import Request
+    from workflows.scene import nearest
+
+    for name in asked:
+        if name not in Request._fields:
+            raise InvalidScene(f"{name} is not known, {nearest(name, Request._fields)}.")
+    return Request(**asked)
+
+
+def _sampled(found: Calibrated, posterior: bool, seed: int, progress: Progress) -> Calibrated:
+    if not posterior:
+        return found
+    from workflows.fit.calibration.posterior import with_posterior
+
+    with progress("posterior"):
+        return with_posterior(found, seed)
+
+
+def _folder(out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool) -> RunFolder | None:
+    return RunFolder(Path(out), inputs=inputs, overwrite=overwrite) if out else None
+
+
+def _leaning(scene: Scene, pipeline: Pipeline) -> tuple[Scene, Any]:
+    """The scene with the curvatures of the face that it strikes, and its wall."""
+    from workflows.stages.chain import flat, on_surface
+    from workflows.stages.pipeline import needs_structure
+
+    flat(scene)  # refuses materials before anything is computed
+    of_bodies = needs_structure(scene) and scene.is_general
+    known = pipeline("surface") if of_bodies else None
+    return on_surface(scene, known), pipeline("wall")
+
+
+def _held(folder: RunFolder | None, files: tuple[str, ...]) -> AbstractContextManager:
+    """The folder, where there is one, closed to others; what an earlier command left goes."""
+    return folder.renewed(*files) if folder else nullcontext()
+
+
+@dataclass(frozen=True, repr=False)
+class Inspection:
+    """A scene whose numbers were found: `report.numbers` one by one with their bars, `plot()`
+    signals, numbers, or bars over the records' length."""
+
+    scene: Scene
+    report: InspectionReport
+    found: Inspected
+
+    def plot(self, name: str | None = None) -> Picture:
+        """signals, numbers or length; the first without a name."""
+        from workflows.fit.inspection.folder import drawn
+
+        return picture_named(drawn(self.found, self.report), name)
+
+    def __repr__(self) -> str:
+        return self.report.text()
+
+
+def inspect(
+    scene: Source,
+    data: str | Path | Sequence[str | Path],
+    changes: Changes = (),
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+    **asked: str | int | None,
+) -> Inspection:
+    """Numbers of the structure found from records of sensors on the chain (`beadwave inspect`).
+
+    `data` is a file or several, one for each impact. asked:
+
+    find      "beam.thickness,beam.young": keys of the scene whose values are one number
+    bounds    "beam.thickness=8mm:12mm"; 0.7 to 1.4 of the scene's value without
+    each      "striker.velocity=0.3,0.35": numbers that every record has for itself, and where they
+              start; "none" for none
+    starts, seed    of the search
+
+    `out` gets scene, tables and pictures. Raises InvalidScene for bad input.
+    """
+    from workflows.fit.core.inspection.reading import called_apart
+    from workflows.fit.inspection.folder import FILES, write
+    from workflows.fit.inspection.inspect import Request, inspected
+    from workflows.fit.inspection.report import report_of
+    from workflows.fit.records import recorded
+    from workflows.sweep.cases import base_of
+
+    files = [Path(one) for one in ([data] if isinstance(data, str | Path) else data)]
+    base = base_of(scene, changes)
+    chosen = with_chain(base.with_values({}))
+    folder = None
+    if out:
+        inputs = (*files_read(chosen, scene), *files)
+        folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite)
+    with folder.renewed(*FILES) if folder else nullcontext():
+        records = called_apart(tuple(recorded(file) for file in files))
+        found = inspected(base, records, Request(**asked), progress)
+        report = report_of(found, records)
+        if folder:
+            write(found, report, folder)
+    return Inspection(found.scene, report, found)
+
+
+def design(
+    scene: Source,
+    changes: Changes = (),
+    *,
+    find: str,
+    bounds: str | None = None,
+    over: Sequence[str] = (),
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Finding:
+    """Which sphere to watch, in which chain, at which velocity (`beadwave design`).
+
+    Bars of the numbers in `find`, key by key, from each sphere alone, before anything is measured.
+    `over` varies the chain, as in a sweep: ["chain.count=9,17", "striker.velocity=0.2:0.5:4"].
+    `out` is a folder for the table (CSV, JSON) and the picture. Raises InvalidScene for bad input.
+    """
+    from workflows.fit.inspection.design import designed
+    from workflows.report import finding
+    from workflows.sweep.cases import base_of
+
+    base = base_of(scene, changes)
+    chosen = with_chain(base.with_values({}))
+    folder = None
+    if out:
+        folder = RunFolder(Path(out), inputs=files_read(chosen, scene), overwrite=overwrite)
+        folder.require(*finding.files("design"))
+    found = designed(base, find, bounds, over, progress)
+    if folder:
+        finding.write(found, folder, scene=chosen.name, find=find)
+    return found

@@ -1,0 +1,242 @@
+"""Plots of a calibration: data against model, the misfit's scan, bars, what goes together."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workflows.report.plots import (
+    COLOURS,
+    Line,
+    Panel,
+    drawn,
+    frame,
+    heat_map,
+    log_ticks,
+    png,
+    subplots,
+)
+from workflows.report.plots import legend as name_curves
+
+LEAST = 4  # determined parameters in the picture of a posterior
+WIDE = 5.0  # of a misfit: largest over least that needs a logarithmic axis
+
+
+def pictures(fit, t, report, posterior=None) -> dict[str, bytes]:
+    """Name to PNG; t (k,) [s] of the signals."""
+    face = "SYNTHETIC: computed, not measured" if report.synthetic else ""
+    found = {
+        "signals": signals(t, fit, _axes(report), face),
+        "parameters": parameters(report, face),
+        "correlation": correlation(fit, face),
+    }
+    if report.scan_hz:
+        found["scan"] = scan(report, face)
+    if posterior is not None and posterior.long_enough:
+        found["posterior"] = corner(fit, posterior, report.parameters, face)
+    return found
+
+
+class Axis(NamedTuple):
+    """A panel's words, the unit for 1 m/s, and the same of the residual."""
+
+    words: str
+    scale: float
+    residual: str
+    residual_scale: float
+
+
+def _axes(report) -> tuple[Axis, ...]:
+    """Of each signal."""
+    return tuple(
+        Axis(f"{name}\n[{report.units[name][0]}]", report.units[name][1],
+             f"residual\n[{report.units[name][0]}]", report.units[name][1])
+        if name in report.units
+        else Axis(f"sphere {name}\nvelocity [m/s]", 1.0, "residual\n[mm/s]", 1e3)
+        for name in report.misfit_m_s
+    )  # fmt: skip
+
+
+def signals(t, fit, axes: tuple[Axis, ...], face: str) -> bytes:
+    """Data, the model that it started from and the one found, one panel per signal."""
+    n = len(axes)
+    shared = {"sharex": True, "height_ratios": [3, 1] * n}
+    figure, panels = subplots(2 * n, 1, (9, 1.2 + 2.3 * n), **shared)
+    for i, own in enumerate(axes):
+        upper, lower = panels[2 * i], panels[2 * i + 1]
+        upper.plot(1e3 * t, own.scale * fit.data[:, i], color="0.55", linewidth=2.6, label="data")
+        start = own.scale * fit.start[:, i]
+        upper.plot(1e3 * t, start, "--", color=COLOURS[1], linewidth=1, label="start")
+        model = own.scale * fit.model[:, i]
+        upper.plot(1e3 * t, model, color=COLOURS[0], linewidth=1.1, label="calibrated")
+        upper.axvspan(
+            1e3 * t[0], 1e3 * fit.first_waves[i], color=COLOURS[2], alpha=0.08, linewidth=0,
+            label="first waves",
+        )  # fmt: skip
+        upper.set_ylabel(own.words)
+        left = own.residual_scale * (fit.data[:, i] - fit.model[:, i])
+        lower.plot(1e3 * t, left, color="black", linewidth=0.6)
+        lower.set_ylabel(own.residual)
+        frame(upper)
+        frame(lower)
+    name_curves(panels[0], "above")
+    panels[-1].set_xlabel("time [ms]")
+    return png(figure, face)
+
+
+def scan(report, face: str) -> bytes:
+    """Misfit over the wall's frequency with the chain of the first waves held."""
+    f, misfit = np.array(report.scan_hz), 1e3 * np.array(report.scan_misfit_m_s)
+    row = next(row for row in report.parameters if row.name == "wall.frequency")
+    wide = misfit.max() > WIDE * misfit.min() > 0
+    panel = Panel(
+        "", "frequency of the wall [Hz]", "misfit of all samples, rms [mm/s]",
+        [Line(None, f, misfit, "o-")], "xy" if wide else "x", None if wide else (0.0, None),
+    )  # fmt: skip
+    figure, (axis,) = drawn([panel], size=(8, 3.8))
+    axis.axvline(row.found, color=COLOURS[1], linewidth=1, label=f"found {row.found:.4g} Hz")
+    start = f"start {row.start:.4g} Hz"
+    axis.axvline(row.start, color="0.5", linestyle="--", linewidth=1, label=start)
+    name_curves(axis)
+    return png(figure, face)
+
+
+def parameters(report, face: str) -> bytes:
+    """Contact factors with bars, and every parameter's bar relative to its size."""
+    contacts = [r for r in report.parameters if r.name.startswith("contact ")]
+    figure, panels = subplots(2 if contacts else 1, 1, (9, 6.2 if contacts else 3.4))
+    if contacts:
+        _factors(panels[0], contacts)
+    _bars(panels[-1], report.parameters)
+    return png(figure, face)
+
+
+def _factors(panel, rows) -> None:
+    place = [int(row.name.split()[1]) for row in rows]
+    bars = [row.two_sigma or 0.0 for row in rows]
+    panel.errorbar(
+        place, [row.found for row in rows], bars, fmt="o", color=COLOURS[0], capsize=3,
+        markersize=4, linewidth=1.2, label="found, two sigma",
+    )  # fmt: skip
+    if any(row.truth is not None for row in rows):
+        truth = [row.truth for row in rows]
+        panel.plot(place, truth, "x", color=COLOURS[1], markersize=7, label="truth")
+    panel.axhline(1.0, color="0.5", linewidth=0.8, linestyle="--", label="start")
+    panel.set_xticks(place)
+    panel.set_xlabel("contact (the last one at the wall)")
+    panel.ticklabel_format(axis="y", useOffset=False)
+    panel.set_ylabel("stiffness over the scene's")
+    name_curves(panel, "above")
+    frame(panel)
+
+
+def _bars(panel, rows) -> None:
+    shown = [r for r in rows if r.two_sigma and r.name != "trigger" and r.found]
+    if not shown:
+        panel.text(0.5, 0.5, "no parameter has a bar", ha="center", transform=panel.transAxes)
+        return
+    share = [100 * r.two_sigma / abs(r.found) for r in shown]
+    colours = [COLOURS[2] if r.identifiable == "yes" else COLOURS[3] for r in shown]
+    panel.bar(range(len(shown)), share, color=colours)
+    panel.set_yscale("log")
+    panel.set_ylim(min(share) / 1.5, max(share) * 1.2)
+    log_ticks(panel.yaxis, [np.array(share)], plain=False)
+    panel.set_xticks(
+        range(len(shown)), [r.name for r in shown], rotation=60, ha="right", fontsize=8
+    )
+    panel.set_ylabel("two sigma over value [%]")
+    frame(panel)
+
+
+def correlation(fit, face: str) -> bytes:
+    """Correlations of the parameters, and the singular values of the scaled Jacobian."""
+    names = [p.name for p in fit.parameters]
+    singular = 1e3 * fit.uncertainty.singular
+    panel = Panel(
+        "", "combination of parameters,\nbest to least determined",
+        "singular value [mm/s per scale]",
+        [Line(None, np.arange(1, len(singular) + 1), singular, "o-")], "y",
+    )  # fmt: skip
+    shares = {"width_ratios": (1, 2.2)}
+    figure, (_, matrix) = drawn([panel], columns=2, size=(5, 5.4), **shares)
+    matrix.set_axis_on()
+    found = fit.uncertainty.correlation
+    heat_map(matrix, found, (names, names), "correlation", cmap="RdBu_r", limits=(-1, 1))
+    matrix.tick_params(labelsize=7)
+    matrix.tick_params(axis="x", rotation=90)
+    return png(figure, face)
+
+
+def corner(fit, posterior, rows, face: str) -> bytes:
+    """Marginals and pairs of the least determined parameters beside the Gaussian of the bars."""
+    size = np.nan_to_num(fit.uncertainty.two_sigma / [p.scale for p in fit.parameters])
+    shown = np.sort(np.argsort(-size, kind="stable")[:LEAST])
+    n = len(shown)
+    figure, axes = subplots(n, n, (1.6 + 2.1 * n, 1.4 + 2.0 * n), sharex="col")
+    panels = np.reshape(axes, (n, n))
+    for r, i in enumerate(shown):
+        for c, j in enumerate(shown):
+            if c > r:
+                panels[r, c].set_axis_off()
+            elif c == r:
+                _marginal(panels[r, c], rows[i], posterior.samples[:, i])
+            else:
+                _pair(panels[r, c], rows[j], rows[i], posterior.samples[:, [j, i]],
+                      fit.uncertainty.covariance[np.ix_([j, i], [j, i])])  # fmt: skip
+        panels[-1, r].set_xlabel(_labelled(rows[i]))
+        if r:
+            panels[r, 0].set_ylabel(_labelled(rows[i]))
+        for c in range(1, r):
+            panels[r, c].tick_params(labelleft=False)
+    panels[0, 0].set_ylabel("density")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper right", frameon=False)
+    return png(figure, face)
+
+
+def _labelled(row) -> str:
+    unit = "us" if row.unit == "s" else row.unit
+    return f"{row.name} [{unit}]" if unit else f"{row.name} [-]"
+
+
+def _in_its_unit(row) -> float:
+    """Times are shown in microseconds."""
+    return 1e6 if row.unit == "s" else 1.0
+
+
+def _marginal(panel, row, samples) -> None:
+    unit = _in_its_unit(row)
+    panel.hist(unit * samples, bins=40, density=True, color=COLOURS[0], alpha=0.35,
+               label="posterior")  # fmt: skip
+    for end in (row.low, row.high):
+        panel.axvline(unit * end, color=COLOURS[0], linewidth=1,
+                      label="its 2.3 and 97.7 %" if end is row.low else None)  # fmt: skip
+    if row.two_sigma is not None:
+        for end in (-row.two_sigma, row.two_sigma):
+            panel.axvline(unit * (row.found + end), color=COLOURS[1], linestyle="--", linewidth=1,
+                          label="found, two sigma" if end < 0 else None)  # fmt: skip
+    if row.truth is not None:
+        panel.axvline(unit * row.truth, color="black", linewidth=1, linestyle=":", label="truth")
+    panel.set_yticks([])
+    _few_ticks(panel.xaxis)
+    panel.spines[["top", "right", "left"]].set_visible(False)
+
+
+def _pair(panel, across, up, samples, covariance) -> None:
+    x, y = _in_its_unit(across), _in_its_unit(up)
+    panel.hist2d(x * samples[:, 0], y * samples[:, 1], bins=30, cmap="Blues")
+    values, vectors = np.linalg.eigh(covariance)
+    turn = np.linspace(0.0, 2.0 * np.pi, 100)
+    circle = np.array([np.cos(turn), np.sin(turn)])
+    ring = 2.0 * (vectors * np.sqrt(np.maximum(values, 0.0))) @ circle
+    panel.plot(x * (across.found + ring[0]), y * (up.found + ring[1]), "--", color=COLOURS[1],
+               linewidth=1)  # fmt: skip
+    if across.truth is not None:
+        panel.plot(x * across.truth, y * up.truth, "x", color="black", markersize=6)
+    _few_ticks(panel.xaxis)
+    _few_ticks(panel.yaxis)
+
+
+def _few_ticks(axis) -> None:
+    axis.get_major_locator().set_params(nbins=3)
+    axis.set_major_formatter("{x:.6g}")
+    axis.set_tick_params(labelsize=8)

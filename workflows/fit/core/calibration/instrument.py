@@ -1,0 +1,84 @@
+"""What an instrument shows of computed velocities: filtered, sampled, with noise and jitter.
+
+The velocities are marched with more samples than the instrument takes; its low-pass acts on those,
+and each repeat is sampled from them with its own trigger and its own noise.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import butter, sosfilt, sosfilt_zi
+
+from dem import Chain, Wall, march_to_error
+from workflows.fit.core.calibration.signals import Filter
+
+MARCHED = 1e-8  # relative velocity error of the data's own march
+OVERSAMPLED = 4  # samples of the march per sample of the instrument
+
+
+class Twin(NamedTuple):
+    """The rig that makes the data, and the instrument; all of it assumed, none of it measured."""
+
+    scatter: float = 0.1  # of the contacts' stiffness, uniform to either side
+    frequency: float = 240.0  # Hz, of a 1dof wall: what the thesis found
+    noise: float = 1e-3  # m/s rms in the instrument's band, of one repeat
+    sampling: float = 1e6  # Hz
+    instrument: float = 100e3  # Hz, low-pass of order 4 in the vibrometer
+    repeats: int = 10
+    jitter: float = 2e-6  # s, standard deviation of the trigger
+    before: float = 50e-6  # s of record before the first touch
+    seed: int = 0
+
+
+class Clean(NamedTuple):
+    """What the instrument would show without noise and with a perfect trigger, oversampled."""
+
+    t: np.ndarray  # (k,) [s] on the record's clock
+    v: np.ndarray  # (k, m) [m/s]
+    spheres: tuple[int, ...]
+
+
+def clean_signals(
+    chain: Chain,
+    wall: Wall | None,
+    v0: np.ndarray,
+    twin: Twin,
+    spheres: tuple[int, ...],
+    duration: float,
+) -> Clean:
+    """The known rig marched for a duration [s] and filtered; spheres are counted from 1."""
+    rate, observed = OVERSAMPLED * twin.sampling, [n - 1 for n in spheres]
+    n = round(duration * rate)
+    found = march_to_error(chain, wall, v0, duration=n / rate, error=MARCHED, n_save=n)
+    return shown(found.trajectory.v[:, observed], v0[observed], twin, spheres)
+
+
+def shown(v: np.ndarray, v0: np.ndarray, twin: Twin, spheres: tuple[int, ...]) -> Clean:
+    """Velocities v (k, m) [m/s] of a march from v0 (m,) as the instrument would show them."""
+    rate = OVERSAMPLED * twin.sampling
+    v = np.vstack([np.tile(v0, (round(twin.before * rate), 1)), v])
+    sos = butter(4, twin.instrument, fs=rate, output="sos")
+    v = sosfilt(sos, v, axis=0, zi=sosfilt_zi(sos)[:, :, None] * v[0])[0]
+    late = Filter(instrument=twin.instrument).lag(1.0 / rate)
+    return Clean(np.arange(len(v)) / rate + late, v, spheres)
+
+
+def repeated(made: Clean, twin: Twin, run: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Times (k,) [s] and velocities (repeats, k, m) [m/s] of one experiment, with jitter of the
+    trigger and noise; `run` seeds both."""
+    rng = np.random.default_rng([twin.seed, 1, run])
+    edge = int(np.ceil(4 * twin.jitter * twin.sampling * OVERSAMPLED)) if twin.repeats > 1 else 0
+    last = len(made.t) - 1 - edge
+    t = np.arange(0, int((made.t[last] - made.t[0]) * twin.sampling) + 1) / twin.sampling
+    late = twin.jitter * rng.standard_normal(twin.repeats) if twin.repeats > 1 else np.zeros(1)
+    late -= late.mean()
+    signals = [np.array([np.interp(t - s, made.t, x) for x in made.v.T]).T for s in late]
+    return t, np.array(signals) + _noise(rng, twin, len(t), made)
+
+
+def _noise(rng, twin: Twin, k: int, made: Clean) -> np.ndarray:
+    """White noise through the instrument's low-pass, (repeats, k, m), of the rms asked for."""
+    fine = rng.standard_normal((twin.repeats, OVERSAMPLED * k + 400, len(made.spheres)))
+    sos = butter(4, twin.instrument, fs=OVERSAMPLED * twin.sampling, output="sos")
+    seen = sosfilt(sos, fine, axis=1)[:, 400:]
+    return twin.noise * (seen / seen.std())[:, ::OVERSAMPLED]

@@ -1,0 +1,219 @@
+"""Measured velocities as a calibration takes them: repeats laid over each other and averaged, the
+same filter on data and model, and the waves told apart.
+
+Repeats that the trigger has shifted are moved onto their mean by the least-squares shift of all
+spheres together, which for small shifts is the maximum of the cross-correlation.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
+
+from workflows.fit.core.calibration.sensed import Channels
+
+ORDER = 4  # of both filters, Butterworth
+DELAY = 1.0 / np.sin(np.pi / 8.0)  # of order 4, over its angular frequency
+ROUNDS = 6  # of aligning to the mean
+CHANGES = 200  # of a record: plateaus before and after a wave have no say in its place
+ALIKE = 0.9  # least correlation of a repeat with the mean of the others
+PEAK = 0.1  # of the largest velocity: a wave
+LEAST_QUIET = 20  # halves of a contact time scale without waves that tell of noise
+CALM = 0.05  # of the largest slope: none, noise included
+QUIET = 0.02  # of the largest acceleration: none
+
+
+class Signals(NamedTuple):
+    """Mean velocities of m spheres over equal times."""
+
+    t: np.ndarray  # (k,) [s]
+    v: np.ndarray  # (k, m) [m/s] towards the wall
+    spheres: tuple[int, ...]  # (m,) counted from 0
+    spread: np.ndarray  # (m,) [m/s] standard deviation of one repeat; nan of a single one
+    repeats: int = 1
+    channels: Channels | None = None  # sensors that v stands for; None: velocities of the spheres
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the sensors, or the numbers of the spheres."""
+        return self.channels.labels if self.channels else tuple(str(n + 1) for n in self.spheres)
+
+    def only(self, columns) -> "Signals":
+        """Some of the spheres."""
+        chosen = tuple(self.spheres[c] for c in columns)
+        channels = self.channels and self.channels.only(columns)
+        return self._replace(
+            v=self.v[:, columns], spheres=chosen, spread=self.spread[columns], channels=channels
+        )
+
+
+class Aligned(NamedTuple):
+    """Repeats laid over each other, and by how much each was late."""
+
+    signals: Signals
+    shift: np.ndarray  # (r,) [s]
+    outliers: tuple[int, ...]  # repeats that are unlike the others, left out of the mean
+
+
+class Filter(NamedTuple):
+    """Low-pass filters: `band` without phase on data and model, `instrument` causal on the model
+    alone, since the data has passed the instrument's own. None: no filter. [Hz]"""
+
+    band: float | None = None
+    instrument: float | None = None
+
+    def refinement(self, dt: float) -> int:
+        """Samples of the model per sample of the data that the instrument's filter needs."""
+        return 1 if self.instrument is None else int(np.ceil(10.0 * self.instrument * dt))
+
+    def lag(self, dt: float) -> float:
+        """Time [s] by which the instrument is later than its digital filter at low frequency."""
+        if self.instrument is None:
+            return 0.0
+        omega, rate = 2.0 * np.pi * self.instrument, self.refinement(dt) / dt
+        return DELAY * (1.0 / omega - 0.5 / (rate * np.tan(0.5 * omega / rate)))
+
+    def of_data(self, v: np.ndarray, dt: float) -> np.ndarray:
+        """v (k, ..) filtered along its first axis."""
+        if self.band is None:
+            return v
+        return sosfiltfilt(_low_pass(self.band, 1.0 / dt)[0], v, axis=0)
+
+    def of_model(self, v: np.ndarray, dt: float) -> np.ndarray:
+        """v (k * refinement, ..) at refined times as the instrument and the filter show it."""
+        fine = self.refinement(dt)
+        if self.instrument is not None:
+            sos, start = _low_pass(self.instrument, fine / dt)
+            start = start.reshape(*start.shape, *[1] * (v.ndim - 1)) * v[0]
+            v = sosfilt(sos, v, axis=0, zi=start)[0][::fine]
+        return self.of_data(v, dt)
+
+
+@cache
+def _low_pass(cut: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Second-order sections and the state they rest in at 1, of a low-pass [Hz]."""
+    sos = butter(ORDER, cut, fs=rate, output="sos")
+    return sos, sosfilt_zi(sos)
+
+
+def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool = True) -> Aligned:
+    """The mean of repeats v (r, k, m), each first moved onto the others unless `move` is False."""
+    n = len(v)
+    if n == 1:
+        none = np.full(v.shape[2], np.nan)
+        return Aligned(Signals(t, v[0], spheres, none), np.zeros(1), ())
+    shift = np.zeros(n)
+    if move:
+        shift = np.array([_coarse_shift(t, v[0], one) for one in v])
+        for _ in range(ROUNDS):
+            laid = _moved(t, v, shift)
+            shift = shift + _fine_shifts(t, laid)
+    correlation = _correlations(_moved(t, v, shift))
+    good = correlation >= ALIKE
+    if good.sum() < max(2, n / 2):
+        good = correlation > -2.0  # all but those that have none
+    shift -= shift[good].mean()
+    laid = _moved(t, v, shift)
+    kept = laid[good]
+    spread = kept.std(axis=0, ddof=1)
+    spread = np.sqrt((spread**2).mean(axis=0))
+    signals = Signals(t, kept.mean(axis=0), spheres, spread, len(kept))
+    return Aligned(signals, shift, tuple(int(i) for i in np.flatnonzero(~good)))
+
+
+def _coarse_shift(t: np.ndarray, reference: np.ndarray, v: np.ndarray) -> float:
+    """Lag of v (k, m) behind the reference [s], to a sample, by what both change within a while."""
+    q = max(1, len(t) // CHANGES)
+    v, reference = v[q:] - v[:-q], reference[q:] - reference[:-q]
+    k = len(v)
+    spectra = (np.fft.rfft(x, 2 * k, axis=0) for x in (v, reference))
+    product = next(spectra) * np.conj(next(spectra))
+    overlap = np.fft.irfft(product.sum(axis=1), 2 * k)
+    lag = int(overlap.argmax())
+    return (lag - 2 * k if lag >= k else lag) * (t[1] - t[0])
+
+
+def _fine_shifts(t: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(r,) least-squares lag of each repeat behind the mean."""
+    mean = v.mean(axis=0)
+    slope = np.gradient(mean, t, axis=0)
+    return -np.array([np.sum(slope * (one - mean)) for one in v]) / np.sum(slope**2)
+
+
+def _moved(t: np.ndarray, v: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """Repeats read at t + shift, held constant beyond their ends."""
+    if not shift.any():
+        return v
+    at = [np.clip(t + s, t[0], t[-1]) for s in shift]
+    return np.array([CubicSpline(t, one, axis=0)(when) for one, when in zip(v, at, strict=True)])
+
+
+def _correlations(v: np.ndarray) -> np.ndarray:
+    """(r,) correlation of each repeat with the median of all."""
+    middle = np.median(v, axis=0).ravel()
+    return np.array([np.corrcoef(one.ravel(), middle)[0, 1] for one in v])
+
+
+def lag_of(t: np.ndarray, v: np.ndarray, model: np.ndarray) -> float:
+    """Lag [s] of the data v (k, m) behind the model (k, m), to a fraction of a sample."""
+    coarse = _coarse_shift(t, model, v)
+    late = _moved(t, model[None], np.array([-coarse]))[0]
+    slope = np.gradient(late, t, axis=0)
+    return coarse - float(np.sum(slope * (v - late)) / np.sum(slope**2))
+
+
+def noise_between_waves(t: np.ndarray, v: np.ndarray, time_scale: float) -> float | None:
+    """rms [m/s] of the noise in velocities v (k, m), from where no wave passes; None where there
+    are too few such samples. `time_scale` [s] is that of a contact.
+
+    A second difference over half of that time leaves noise that has forgotten itself meanwhile,
+    with six times its variance, and nothing of a steady motion.
+    """
+    q = max(1, round(0.5 * time_scale / (t[1] - t[0])))
+    if len(t) <= 8 * q:
+        return None
+    apart = [_noise_parts(column, q) for column in v.T]
+    parts = np.concatenate(apart)
+    return float(np.sqrt(np.mean(parts**2) / 6.0)) if parts.size >= LEAST_QUIET * q else None
+
+
+def _noise_parts(v: np.ndarray, q: int) -> np.ndarray:
+    """Second differences over q samples of v (k,) that lie within a calm of 6 q samples."""
+    smooth = np.convolve(v, np.ones(2 * q) / (2 * q), mode="same")
+    smooth[:q], smooth[-q:] = v[: 2 * q].mean(), v[-2 * q :].mean()
+    slope = np.abs(smooth[q:] - smooth[:-q])
+    calm = slope < CALM * slope.max()
+    calm = np.convolve(calm, np.ones(5 * q), mode="valid") > 5 * q - 0.5
+    difference = v[2 * q :] - 2.0 * v[q:-q] + v[: -2 * q]
+    return difference[2 * q : 2 * q + len(calm)][calm]
+
+
+def first_waves_end(t: np.ndarray, v: np.ndarray, pause: float) -> np.ndarray:
+    """(m,) times [s] at which the first reflected wave has passed each sphere, by a model v (k, m).
+
+    It arrives when the velocity first turns away from the wall by a tenth of the largest, and has
+    passed when the acceleration has stayed below 2 % of the largest for `pause` [s].
+    """
+    return np.array([_passed(t, column, pause) for column in v.T])
+
+
+def _passed(t: np.ndarray, v: np.ndarray, pause: float) -> float:
+    arrived = np.flatnonzero(v < -PEAK * np.abs(v).max())
+    if not arrived.size:
+        return float(t[-1])
+    acceleration = np.abs(np.gradient(v, t))
+    quiet = (acceleration < QUIET * acceleration.max()).astype(float)
+    width = max(1, round(pause / (t[1] - t[0])))
+    calm = np.convolve(quiet, np.ones(width), mode="valid") >= width - 0.5
+    rest = np.flatnonzero(calm[arrived[0] :])
+    return float(t[arrived[0] + rest[0]]) if rest.size else float(t[-1])
+
+
+def noise_of_mean(signals: Signals, filters: Filter, time_scale: float) -> float | None:
+    """rms [m/s] of the noise in the mean signals, by the repeats or by what lies between waves."""
+    if signals.repeats > 1 and np.isfinite(signals.spread).all():
+        return float(np.sqrt(np.mean(signals.spread**2) / signals.repeats))
+    dt = signals.t[1] - signals.t[0]
+    return noise_between_waves(signals.t, filters.of_data(signals.v, dt), time_scale)

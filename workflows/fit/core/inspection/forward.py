@@ -1,0 +1,189 @@
+"""What sensors show of several impacts on one structure, and its derivatives by any numbers.
+
+    y_s(t) = g signal(t - trigger_s; shared, own_s),   s = 1..S records
+
+Each record is a run of its own: the numbers of the structure are shared, a striker's velocity and
+the trigger are a record's own. The run is marched by steps of one length, so that differences of
+two runs are smooth in the numbers; chains of one evaluation are dealt to the threads.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupling.errors import CouplingError
+from coupling.sensors import Sensor, measured, signals
+from dem import Chain, InvalidChain, NoEquilibrium, Trajectory, UnstableStep, Wall, march
+from workflows.fit.core.calibration.parameters import Parameter
+from workflows.fit.core.inspection.information import UNIFORM
+
+IMPOSSIBLE = (CouplingError, InvalidChain, NoEquilibrium, UnstableStep)  # what numbers may make
+SHARED, OWN = "shared", "own"  # kinds of numbers: of all records, of each
+DIFFERENCE = 1e-5  # step of a derivative, in scales
+FEW = 10_000  # steps of several runs: threads would cost more than they save
+
+
+class System(NamedTuple):
+    """What is marched: chain, wall, velocities (n,) [m/s] before the impact."""
+
+    chain: Chain
+    wall: Wall | None
+    v0: NDArray[np.float64]
+
+
+class Shot(NamedTuple):
+    """One record: signals y (k, m) of m sensors over equal times t (k,) [s], their noise (m,)."""
+
+    t: NDArray[np.float64]
+    y: NDArray[np.float64]
+    noise: NDArray[np.float64]  # rms, in the sensors' units
+    rounding: NDArray[np.float64] | float = 0.0  # (m,) rms of an instrument's steps, a part of it
+
+
+class Unknowns(NamedTuple):
+    """The numbers sought, and which of them a record takes."""
+
+    parameters: tuple[Parameter, ...]  # (p,)
+    of_system: NDArray[np.int64]  # (S, q) of each record, in the order that the system takes them
+    trigger: NDArray[np.int64]  # (S,)
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """(p,) changes that count as large."""
+        return np.array([p.scale for p in self.parameters])
+
+    def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper bounds (p,)."""
+        return tuple(
+            np.array([getattr(p, end) for p in self.parameters]) for end in ("low", "high")
+        )
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """(p,) where numbers are that no record tells: shared ones midway between bounds."""
+        middle = (0.5 * (p.low + p.high) if p.kind == SHARED else p.start for p in self.parameters)
+        return np.array(list(middle))
+
+    @property
+    def pull(self) -> NDArray[np.float64]:
+        """(p,) one over their standard deviation; 0 of triggers."""
+        bounded = np.array([p.kind in (SHARED, OWN) for p in self.parameters])
+        low, high = self.ends()
+        return bounded * np.sqrt(UNIFORM) / (high - low)
+
+    def only(self, shots: Sequence[int]) -> "Unknowns":
+        """The same where only these records are looked at."""
+        return self._replace(of_system=self.of_system[shots], trigger=self.trigger[shots])
+
+
+def unknowns(
+    shared: Sequence[Parameter], own: Sequence[Sequence[Parameter]], triggers: Sequence[Parameter]
+) -> Unknowns:
+    """Of S records: numbers that all share, those of each, and its trigger."""
+    n, q = len(shared), len(own[0]) + 1
+    parameters = (*shared, *(p for o, t in zip(own, triggers, strict=True) for p in (*o, t)))
+    first = n + q * np.arange(len(triggers))
+    of_own = first[:, None] + np.arange(q - 1)
+    return Unknowns(
+        parameters, np.hstack([np.tile(np.arange(n), (len(first), 1)), of_own]), first + q - 1
+    )
+
+
+class Forward(NamedTuple):
+    """The model of an inspection; `system` takes the values (q,) that a record has."""
+
+    system: Callable[[NDArray[np.float64]], System]
+    sensors: tuple[Sensor, ...]
+    dt: float  # [s]
+    within: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] | None = None
+
+    def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "Forward":
+        """The same with a system made for shared numbers between these ends, and no others."""
+        system = self.within(low, high)
+        return self._replace(system=system)
+
+    def with_steps(self, factor: float) -> "Forward":
+        """The same with steps so many times as long."""
+        return self._replace(dt=factor * self.dt)
+
+    def shown(self, values: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(k, m) of one run with values (q,) at the times t (k,) [s] since its first touch."""
+        return self._shown([self._run(self.system(values), t[-1])], t)[..., 0]
+
+    def signals(
+        self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[Shot]
+    ) -> NDArray[np.float64]:
+        """(S, k, m) at theta (p,), at the samples of the records."""
+        runs = self._runs([theta[row] for row in unknowns.of_system], _durations(unknowns, shots))
+        late = theta[unknowns.trigger]
+        return np.array(
+            [
+                self._shown([run], shot.t - s)[..., 0]
+                for run, shot, s in zip(runs, shots, late, strict=True)
+            ]
+        )
+
+    def jacobian(
+        self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[Shot]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Signals (S, k, m) and their derivatives (S, k, m, p) by theta in scales."""
+        n_shots, q = unknowns.of_system.shape
+        step = self._steps(unknowns, theta)
+        rows = []
+        for own in unknowns.of_system:
+            moved = np.tile(theta[own], (q + 1, 1))
+            moved[np.arange(1, q + 1), np.arange(q)] += step[own]
+            rows += list(moved)
+        runs = self._runs(rows, np.repeat(_durations(unknowns, shots), q + 1))
+        found = np.zeros((n_shots, *shots[0].y.shape, len(theta)))
+        base = np.zeros(found.shape[:-1])
+        for s, shot in enumerate(shots):
+            at, of_shot = shot.t - theta[unknowns.trigger[s]], runs[s * (q + 1) : (s + 1) * (q + 1)]
+            shown, own = self._shown(of_shot, at), unknowns.of_system[s]
+            base[s] = shown[..., 0]
+            found[s][..., own] = (shown[..., 1:] - shown[..., :1]) / step[own]
+            found[s, ..., unknowns.trigger[s]] = -self._shown(of_shot[:1], at, order=1)[..., 0]
+        return base, found * unknowns.scale
+
+    def _steps(self, unknowns, theta):
+        """(p,) of the differences, towards the inside of the bounds."""
+        _, high = unknowns.ends()
+        step = DIFFERENCE * unknowns.scale
+        return np.where(theta + step > high, -step, step)
+
+    def _runs(self, values, durations) -> list[Trajectory]:
+        systems = [self.system(one) for one in values]
+        if sum(durations) < FEW * self.dt:
+            return list(map(self._run, systems, durations))
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            return list(pool.map(self._run, systems, durations))
+
+    def _run(self, system: System, duration: float) -> Trajectory:
+        n = int(np.ceil(duration / self.dt))
+        return march(*system, duration=n * self.dt, dt=self.dt, n_save=n)
+
+    def _shown(
+        self, runs: Sequence[Trajectory], at: NDArray[np.float64], order: int = 0
+    ) -> NDArray[np.float64]:
+        """(k, m, len(runs)) of runs as long as one another, or its time derivatives; outside of
+        them signals stand still."""
+        t = runs[0].t
+        each = [measured(self.sensors, t, run.x, run.v, run.contact_force) for run in runs]
+        within = np.clip(at, 0.0, t[-1])
+        found = signals(self.sensors, t, np.stack(each, axis=-1), within, order)
+        if order:
+            found[within != at] = 0.0
+        return found
+
+
+def _durations(unknowns: Unknowns, shots: Sequence[Shot]) -> NDArray[np.float64]:
+    """(S,) [s] that a run must last, whatever its trigger is found to be."""
+    first = np.array([unknowns.parameters[i].low for i in unknowns.trigger])
+    found = np.array([shot.t[-1] for shot in shots]) - first
+    if (found <= 0.0).any():
+        raise CouplingError("a record ends before the first touch; check its trigger.")
+    return found

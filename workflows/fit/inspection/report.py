@@ -1,0 +1,130 @@
+"""The report of an inspection: a row per number, what the records leave, and sentences."""
+
+from textwrap import fill
+
+import numpy as np
+from pydantic import BaseModel
+
+from workflows.files.record import SYNTHETIC, Recorded
+from workflows.fit.core.inspection.judgement import Judged
+from workflows.fit.inspection.inspect import Inspected
+from workflows.report.tables import LINE, Table, text
+
+
+class NumberRow(BaseModel):
+    """One number; `told` says what its bar is beside its bounds."""
+
+    name: str
+    unit: str
+    low: float | None
+    high: float | None
+    found: float
+    two_sigma: float
+    told: str  # "yes", "weakly", "no", "at its bound"
+
+
+class InspectionReport(BaseModel):
+    """What was found, how far to believe it, and what the records do not tell."""
+
+    scene: str
+    records: list[str]
+    sensors: list[str]
+    synthetic: bool
+    numbers: list[NumberRow]
+    others: list[NumberRow]  # of the records: velocities, triggers, gains
+    correlation: list[list[float]]  # of the numbers
+    misfit: list[list[float]]  # rms over the noise, by record and sensor
+    noise: list[list[float]]  # rms, in the sensors' units
+    explained: bool
+    record_length_s: list[float]
+    two_sigma_by_length: dict[str, list[float]]
+    walls: int
+    wall_missed: float | None
+    rivals: list[dict[str, float]]  # other numbers that explain the records as well
+    starts: int
+    seconds: float
+    remarks: list[str]
+
+    def text(self) -> str:
+        """Two tables, and sentences on lines that a terminal holds."""
+        face = [SYNTHETIC] if self.synthetic else []
+        whole = float(np.sqrt(np.mean(np.square(self.misfit))))
+        verdict = (
+            f"The model leaves {whole:.3g} times the noise of {_counted(len(self.records))}; "
+            f"{self.seconds:.1f} s."
+        )
+        told = (fill(remark, LINE, subsequent_indent="  ") for remark in self.remarks)
+        return "\n".join(
+            [*face, _table(self.numbers, 5), "", _table(self.others, 3), "", verdict, *told]
+        )
+
+
+def _counted(n: int) -> str:
+    return f"{n} record{'s' * (n != 1)}"
+
+
+def _table(rows: list[NumberRow], n_columns: int) -> str:
+    columns = ("number", "found", "two sigma", "bounds", "told")[:n_columns]
+    cells = [_cells(row)[:n_columns] for row in rows]
+    return text(Table("", columns, tuple(cells)))
+
+
+def _cells(row: NumberRow) -> tuple[str, ...]:
+    name = f"{row.name} [{row.unit}]" if row.unit else row.name
+    ends = "" if row.low is None else f"{row.low:.4g} to {row.high:.4g}"
+    return name, f"{row.found:.6g}", f"{row.two_sigma:.2g}", ends, row.told
+
+
+def report_of(found: Inspected, records: tuple[Recorded, ...]) -> InspectionReport:
+    """Rows, bars over the records' length, and what there is to be said."""
+    inversion, n = found.inversion, found.n_shared
+    between = found.structure.between
+    names = tuple(one.name for one in records)
+    judged = Judged(
+        inversion,
+        found.rivals,
+        found.fit,
+        n,
+        found.noise_known,
+        between,
+        found.moved,
+        names,
+        found.no_wall,
+    )
+    t, bars = judged.bars_by_length()
+    rows = _rows(inversion, judged.told)
+    return InspectionReport(
+        scene=found.scene.name,
+        records=list(names),
+        sensors=[channel.name for channel in records[0].channels],
+        synthetic=any(one.synthetic for one in records),
+        numbers=rows[:n],
+        others=rows[n:],
+        correlation=inversion.uncertainty.correlation[:n, :n].tolist(),
+        misfit=inversion.misfit.tolist(),
+        noise=[shot.noise.tolist() for shot in found.fit.shots],
+        explained=judged.explained,
+        record_length_s=t.tolist(),
+        two_sigma_by_length={row.name: bars[:, i].tolist() for i, row in enumerate(rows[:n])},
+        walls=between.n_walls if between else 0,
+        wall_missed=between.missed.frequency if between else None,
+        rivals=judged.rival_numbers,
+        starts=inversion.search.starts,
+        seconds=found.seconds,
+        remarks=list(judged.remarks()),
+    )  # fmt: skip
+
+
+def _rows(inversion, of_each: list[str]) -> list[NumberRow]:
+    bars = inversion.uncertainty.two_sigma
+    return [
+        NumberRow(
+            name=p.name, unit=p.unit, found=float(x), two_sigma=float(bar),
+            low=p.low if np.isfinite(p.high) else None,
+            high=p.high if np.isfinite(p.high) else None,
+            told=told,
+        )
+        for p, x, bar, told in zip(
+            inversion.parameters, inversion.value, bars, of_each, strict=True
+        )
+    ]  # fmt: skip

@@ -1,0 +1,132 @@
+"""`report.html`: a run folder as one page that needs no other file and no network.
+
+Names and words of a scene are escaped by the template; data stand in a block that no browser runs,
+without a "<" in it; scripts and styles are allowed by their digests alone.
+"""
+
+import json
+from base64 import b64encode
+from collections.abc import Callable
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+from pydantic import ValidationError
+
+from workflows.files.run_folder import RunFolder
+from workflows.files.scene import scene as load
+from workflows.report import bundle, page_rows
+from workflows.report.numbers import difference, figures, grouped, percent, share_percent, si
+from workflows.report.page_data import page_data
+from workflows.report.summary import Summary
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.named_files import unfit
+
+CAPTIONS = {
+    "velocities": "Velocities of the observed spheres, positive towards the wall; i marks the "
+    "incident wave, numbers the reflected ones.",
+    "signals": "What the sensors record; i marks the incident wave, numbers the reflected ones.",
+    "waves": "Velocity of every sphere over time, linear near zero and logarithmic beyond. Dashed: "
+    "the waves that were followed; i incident, numbers reflected.",
+    "energies": "Energies of chain, contacts and wall since the start, and the error of their "
+    "balance.",
+    "frequency_response": "Receptance at the contact: the reduced model, the finer one that its "
+    "error is stated against, and solutions of the full one.",
+    "assembly": "The meshed assembly, a colour per body, and the arrow of the impact.",
+    "modes": "The measured modes, paired by shape, or the lowest ones where there are no targets. "
+    "Grey: the outline at rest. Colours: displacement over its largest. Shapes are exaggerated: "
+    "bodies part where the springs of a joint give way, and may seem to pass through each other.",
+}
+COLOURS = 128  # of a picture in the page
+
+
+def write_report(folder: RunFolder) -> Path:
+    """Write the page from what the folder holds; raises InvalidScene without a summary."""
+    return folder.write("report.html", page(folder.path, require_summary(folder.path)))
+
+
+def page(folder: Path, summary: Summary) -> str:
+    """The page of a run folder."""
+    from jinja2 import Environment  # only who writes a page pays
+
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    numbers: tuple[Callable, ...] = (si, percent, difference, figures, grouped, share_percent)
+    environment.filters |= {filter.__name__: filter for filter in numbers}
+    scene, data = _scene(folder), page_data(folder, summary)
+    return environment.from_string(bundle.text("page.html.jinja")).render(
+        summary=summary,
+        scene=scene,
+        scene_toml=_text(folder / "scene.toml"),
+        pictures=_pictures(folder),
+        captions=CAPTIONS,
+        data=Markup(_harmless(data)),
+        **_code(),
+        **page_rows.context(scene, summary, data),
+    )
+
+
+def require_summary(folder: Path) -> Summary:
+    """The summary of a run folder; raises InvalidScene where there is none."""
+    path = folder / "summary.json"
+    if why := unfit(path):
+        raise InvalidScene(
+            f"{folder} is no finished run folder: {path.name} {why}; run the scene first."
+        )
+    try:
+        return Summary.model_validate_json(path.read_text(encoding="utf-8"))
+    except (ValidationError, UnicodeDecodeError):
+        raise InvalidScene(
+            f"{path} is not a summary of this program; run the scene again."
+        ) from None
+
+
+def _scene(folder: Path) -> Scene | None:
+    """The scene of the folder; None where it, or a file that it names, is gone."""
+    try:
+        return load(str(folder / "scene.toml"))
+    except InvalidScene:
+        return None
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+
+def _harmless(data: dict[str, Any]) -> str:
+    """JSON in which no browser finds the end of a script, whatever names hold."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.translate({ord(sign): f"\\u{ord(sign):04x}" for sign in "<>&\u2028\u2029"})
+
+
+def _code() -> dict[str, Any]:
+    """Styles and scripts of the page, and the digests by which it allows them."""
+    scripts = [*map(bundle.text, ("vendor/ogl.min.js", "vendor/uplot.min.js"))]
+    scripts.append(bundle.bundled("main"))
+    styles = [*map(bundle.text, ("vendor/uplot.min.css", "style.css"))]
+    return {
+        "scripts": [*map(Markup, scripts)],
+        "styles": [*map(Markup, styles)],
+        "script_hashes": Markup("".join(map(_digest, scripts))),
+        "style_hashes": Markup("".join(map(_digest, styles))),
+    }
+
+
+def _digest(content: str) -> str:
+    return f" 'sha256-{b64encode(sha256(content.encode()).digest()).decode()}'"
+
+
+def _pictures(folder: Path) -> dict[str, str]:
+    """Base64 of each figure that is there, in few colours."""
+    paths = {name: folder / "figures" / f"{name}.png" for name in CAPTIONS}
+    return {name: _small(path) for name, path in paths.items() if path.is_file()}
+
+
+def _small(path: Path) -> str:
+    from PIL import Image
+
+    raw = BytesIO()
+    with Image.open(path) as picture:
+        picture.convert("RGB").quantize(COLOURS, Image.Quantize.FASTOCTREE).save(raw, "PNG")
+    return b64encode(raw.getvalue()).decode()

@@ -1,0 +1,254 @@
+"""Runs and impacts: a scene in, numbers, arrays, pictures and films out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from hashlib import sha256
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflows.files.own_folder import Place, given, place
+from workflows.files.run_folder import Picture, RunFolder, picture_named
+from workflows.files.scene import Changes, Source, built_in, each, files_read
+from workflows.files.scene import scene as _loaded
+from workflows.files.scene import scene as load_scene
+from workflows.report.provenance import origin
+from workflows.report.summary import Summary
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.named_files import require_file
+from workflows.scene.parts import with_chain
+from workflows.scene.toml import toml
+from workflows.stages.progress import Progress, quiet
+
+if TYPE_CHECKING:
+    import xarray
+
+    from rom import ReducedModel
+    from workflows.stages.pipeline import Pipeline
+
+
+def scene(source: Source = None, changes: Changes = ()) -> Scene:
+    """A scene, checked, with every default filled in.
+
+    `source` is the name of a built-in scene (`scenes()` lists them), a TOML file, a dict of
+    tables, or a Scene; None is the rig with its reduced model, rig-rom. `changes` sets values
+    by their dotted keys, {"chain.radius": 0.005} or "chain.radius=5mm". All functions that take
+    a scene take these two. Raises InvalidScene with the key, the value found and the one allowed.
+
+    >>> scene("rig-rigid", {"striker.velocity": 0.5}).striker.velocity
+    0.5
+    """
+    return _loaded(source, changes)
+
+
+def scenes() -> dict[str, str]:
+    """The built-in scenes, name to what each shows, the default first."""
+    return {name: text.splitlines()[0].removeprefix("# ") for name, text in built_in().items()}
+
+
+RUNS = Path("runs")  # of runs without a folder of their own
+
+
+@dataclass(frozen=True, repr=False)
+class Run:
+    """What a run found.
+
+    scene     as it was run, every default filled in
+    summary   single numbers: `summary.peak_wall_force_N`, `summary.modes_hz`, `summary.waves`, ...
+    arrays    of the trajectory by name, see the run folder's trajectory.npz
+    data      the same as an xarray.Dataset: dimensions time, sphere, contact, each with its unit
+    folder    the run folder, None where nothing was written
+    notes     what the user is to know of the folder, in sentences
+    """
+
+    scene: Scene
+    summary: Summary
+    folder: Path | None
+    notes: tuple[str, ...]
+    read: Callable[[], dict[str, NDArray]] = field(repr=False)
+    draw: Callable[[], Iterable[Picture]] = field(repr=False)
+
+    @cached_property
+    def arrays(self) -> dict[str, NDArray[np.float64]]:
+        """Arrays of the trajectory by name, in SI units; none of a scene without a chain."""
+        return self.read()
+
+    @property
+    def data(self) -> xarray.Dataset:
+        """The trajectory with named dimensions and units; raises InvalidScene without a chain."""
+        if not self.arrays:
+            raise InvalidScene(f"{self.summary.scene} has no chain, and so no trajectory.")
+        from workflows.report.arrays import of_trajectory
+
+        return of_trajectory(self.arrays)
+
+    def plot(self, name: str | None = None) -> Picture:
+        """A picture of the run: velocities, waves, energies, and of an assembly also assembly,
+        modes, frequency_response; the first there is without a name. A notebook shows it."""
+        return picture_named(self.draw(), name)
+
+    def text(self) -> str:
+        """The summary for a person."""
+        from workflows.report.rows import details, headline
+
+        lines = (*headline(self.summary), *details(self.summary))
+        text = "\n".join(f"{label:>36}  {value}" for label, value in lines)
+        return text.replace("\u00a0", " ")
+
+    def __repr__(self) -> str:
+        return f"{self.summary.scene}\n{self.text()}"
+
+
+def run(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Run:
+    """Every stage that a scene needs, into a run folder (`beadwave run`).
+
+    `out` is the folder, runs/NAME without it. It gets scene.toml, given.toml, summary.json,
+    trajectory.npz, figures, report.html, and of an assembly rom.npz, rom.mat, modes.vtu. Files
+    that no run left there are only replaced with `overwrite`. `scene` and `changes` as in
+    `beadwave.scene`.
+    Raises InvalidScene for bad input, ValueError where a computation fails.
+    """
+    chosen = load_scene(scene, changes)
+    from workflows.run.run import run as run_stages
+    from workflows.stages.pipeline import pipeline_of  # a scene that is refused loads no solver
+
+    path, notes = place(out, RUNS, chosen.name, toml(chosen))
+    folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
+    asked = origin("run", chosen, scene, changes)
+    summary = run_stages(pipeline_of(chosen, progress), folder, origin=asked)
+    return _in_folder(chosen, summary, path, notes)
+
+
+def impact(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    rom: str | Path | ReducedModel | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Run:
+    """The coupled run alone (`beadwave impact`).
+
+    `rom` takes the place of the scene's wall: a file (.npz, .mat, .h5, .mtx) or a reduced model,
+    for instance of one's own K, M, w by `beadwave.reduce_matrices`. `out` is a folder for scene,
+    trajectory and summary; without it nothing is written. Raises as `run`.
+    """
+    wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
+    changes = (*wall, *each(changes))
+    chosen = with_chain(load_scene(scene, changes))
+    from workflows.run.run import impact as run_impact
+    from workflows.stages.pipeline import pipeline_of
+
+    inputs = files_read(chosen, scene)
+    path, notes = given(Path(out), toml(chosen)) if out else Place(None)
+    folder = RunFolder(path, inputs=inputs, overwrite=overwrite) if path else None
+    pipeline = pipeline_of(chosen, progress)
+    summary = run_impact(pipeline, folder, origin=origin("impact", chosen, scene, changes))
+    return _in_memory(pipeline, summary, path, notes)
+
+
+def load(folder: str | Path) -> Run:
+    """A finished run folder, its arrays read when they are asked for; raises InvalidScene where
+    there is none."""
+    from workflows.report.report import require_summary
+
+    path = Path(folder)
+    summary = require_summary(path)
+    return _in_folder(load_scene(path / "scene.toml"), summary, path, ())
+
+
+def _in_folder(scene: Scene, summary: Summary, path: Path, notes: tuple[str, ...]) -> Run:
+    return Run(scene, summary, path, notes, lambda: _read(path), lambda: _drawn(path))
+
+
+def _read(path: Path) -> dict[str, NDArray]:
+    file = path / "trajectory.npz"
+    if not file.is_file():
+        return {}
+    with np.load(file) as arrays:
+        return dict(arrays)
+
+
+def _drawn(path: Path) -> Iterable[Picture]:
+    from workflows.report.report import CAPTIONS
+
+    files = ((name, path / "figures" / f"{name}.png") for name in CAPTIONS)
+    return (Picture(name, file.read_bytes()) for name, file in files if file.is_file())
+
+
+def _in_memory(pipeline: Pipeline, summary: Summary, path: Path | None, notes) -> Run:
+    from coupling.saved_run import arrays
+
+    def read() -> dict[str, NDArray]:
+        return arrays(pipeline("impact").trajectory, pipeline("wall"))
+
+    return Run(pipeline.scene, summary, path, notes, read, lambda: pipeline("figures"))
+
+
+def _file_of(rom: str | Path | ReducedModel) -> Path:
+    """The file of a reduced model; one in memory is kept by its content beside other results."""
+    if isinstance(rom, str | Path):
+        return Path(rom).absolute()
+    from rom import save_npz
+    from workflows.files.cache_folder import cache_folder
+    from workflows.files.whole_file import writing_file
+    from workflows.stages.cache import fault
+
+    content = sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in _matrices(rom)))
+    content.update(repr(rom.contact).encode())
+    folder = Path(mkdtemp()) if fault() else cache_folder() / "walls"
+    path = folder / f"{content.hexdigest()[:32]}.npz"
+    if not path.is_file():
+        with writing_file(path) as part:
+            save_npz(part, rom._replace(T=None, surface=None))
+    return path
+
+
+def _matrices(rom: ReducedModel) -> tuple[NDArray, ...]:
+    return tuple(A for A in (rom.K, rom.M, rom.C, rom.w) if A is not None)
+
+
+def film(
+    folder: str | Path,
+    *,
+    out: str | None = None,
+    pvd: bool = False,
+    seconds: float = 8.0,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> list[Path]:
+    """Structure and spheres moving, deformations scaled by a stated factor (`beadwave film`).
+
+    `out` is a file in the run folder, .mp4 (extra `film`) or .gif; film.mp4 or film.gif without
+    it. `pvd` writes surfaces over time for ParaView instead. Returns the files. Raises
+    InvalidScene where the folder is no finished run.
+    """
+    from workflows.report.film import film as draw
+    from workflows.report.film import paraview, require_name
+    from workflows.report.report import require_summary
+
+    path = Path(folder)
+    require_summary(path)
+    require_file(path / "scene.toml", "run the scene again")
+    if pvd and out:
+        raise InvalidScene(f"--pvd writes film.pvd; leave out --out {out}.")
+    name = out or ("film.mp4" if find_spec("imageio_ffmpeg") else "film.gif")
+    require_name(name)
+    held = RunFolder(path, overwrite=overwrite).held("film.pvd" if pvd else name)
+    with held as open_folder, progress("film"):
+        return list(paraview(open_folder) if pvd else draw(open_folder, name, seconds=seconds))

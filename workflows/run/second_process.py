@@ -1,0 +1,137 @@
+"""Stages that a second process computes on a core that the run leaves idle.
+
+Both take stages from one list: who makes a stage's file first has it. What the other one has
+finished is read from the cache of results, or of machine code; what failed there is computed here.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from os import environ, replace, sched_getaffinity
+from pathlib import Path
+from pickle import dumps, loads
+from subprocess import Popen
+from tempfile import TemporaryDirectory
+from time import perf_counter, sleep
+
+from workflows.files.child import while_open
+from workflows.scene.size import room_for_two
+from workflows.stages.pipeline import Pipeline, couples, pipeline_of
+
+IMPACT = ("compilation", "second-mesh")  # in the order in which the second process takes them
+RUN = (*IMPACT, "full-response", "mac", "pictures")
+FEWEST = 2  # of stages to be computed that are worth a process
+PAUSE = 0.05  # s between two looks at what the other one has
+
+
+class Beside:
+    """The second process as the run sees it."""
+
+    def __init__(self, folder: Path, process: Popen, names: tuple[str, ...]) -> None:
+        self._folder = folder
+        self._process = process
+        self._theirs = set(names)
+
+    def has(self, name: str) -> bool:
+        """Whether the stage may be there."""
+        return name in self._theirs
+
+    def taken(self) -> str | None:
+        """A stage that nobody has begun, and that now is ours."""
+        return next((name for name in sorted(self._theirs) if self._take(name)), None)
+
+    def seconds(self, name: str, meanwhile: Callable[[], bool]) -> float | None:
+        """What a stage took there, once it has ended; None where it is ours to compute."""
+        done = self._folder / f"{name}.seconds"
+        if name not in self._theirs or self._take(name):
+            return None
+        while self._process.poll() is None and not done.exists():
+            if not meanwhile():
+                sleep(PAUSE)
+        self._theirs.discard(name)
+        return float(done.read_text()) if done.exists() else None
+
+    def _take(self, name: str) -> bool:
+        if _taken(self._folder, name):
+            self._theirs.discard(name)
+        return name not in self._theirs
+
+
+@contextmanager
+def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
+    """A second process for these stages, where a core, memory and the cache allow for it."""
+    missing = tuple(name for name in names if _wanted(pipeline, name))
+    if len(missing) < FEWEST or not _allowed(pipeline):
+        yield
+        return
+    # threads of MKL that wait for a core spin: each process gets its share
+    environ.setdefault("MKL_NUM_THREADS", str(len(sched_getaffinity(0)) // 2))
+    with TemporaryDirectory() as folder:
+        Path(folder, "work").write_bytes(dumps((pipeline.scene, missing)))
+        with while_open("workflows.run.second_process", folder) as process:
+            pipeline.beside = Beside(Path(folder), process, missing)
+            try:
+                yield
+            finally:
+                pipeline.beside = None
+
+
+def _wanted(pipeline: Pipeline, name: str) -> bool:
+    """Whether the run will need a stage that is not kept."""
+    scene = pipeline.scene
+    if not scene.chain and name in IMPACT:
+        return False
+    if name == "mac" and not scene.measured_hz:
+        return False
+    if name == "compilation" and (couples(scene) or pipeline.kept("impact")):
+        return False
+    return not pipeline.kept(name)
+
+
+def _allowed(pipeline: Pipeline) -> bool:
+    """BEADWAVE_PROCESSES=1 keeps a run to one process."""
+    allowed = environ.get("BEADWAVE_PROCESSES") != "1" and len(sched_getaffinity(0)) > 1
+    return allowed and pipeline.keeps and _have_room(pipeline)
+
+
+def _have_room(pipeline: Pipeline) -> bool:
+    """What bodies of a scene hold is known once they are meshed, which the run does anyway."""
+    scene = pipeline.scene
+    if scene.bending is not None:
+        return True
+    if scene.is_general:
+        return room_for_two(scene, pipeline("mesh").nodes)
+    return scene.mesh.file is None and room_for_two(scene)
+
+
+def _taken(folder: Path, name: str) -> bool:
+    """Whether the stage is ours from now on."""
+    with suppress(FileExistsError):
+        (folder / name).touch(exist_ok=False)
+        return True
+    return False
+
+
+def main() -> None:
+    """Compute what is left to be begun of the stages in the folder named on the command line."""
+    folder = Path(sys.argv[1])
+    scene, names = loads((folder / "work").read_bytes())
+    pipeline = pipeline_of(scene, lambda name: nullcontext())
+    while left := [name for name in names if not (folder / name).exists()]:
+        ready = next((name for name in left if pipeline.ready(name)), None)
+        if ready is None:
+            sleep(PAUSE)
+        elif _taken(folder, ready):
+            _compute(pipeline, ready, folder)
+
+
+def _compute(pipeline: Pipeline, name: str, folder: Path) -> None:
+    started = perf_counter()
+    with suppress(Exception):  # computed again by the run, which says what is wrong
+        pipeline(name)
+    (folder / "part").write_text(f"{perf_counter() - started}")
+    replace(folder / "part", folder / f"{name}.seconds")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,205 @@
+"""The chain of a scene, what it leans on, and the velocities that it starts with."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import coupling
+import dem
+from dem import spheres
+from workflows.scene import (
+    Contact,
+    DashpotWall,
+    InvalidScene,
+    OneDofWall,
+    RigidWall,
+    RomWall,
+    Scene,
+)
+from workflows.scene.gravity import friction
+
+STEEL = dem.Flat(210e9, 0.3)  # what a wall's file does not say
+
+
+class Start(NamedTuple):
+    """What a run starts from."""
+
+    chain: dem.Chain
+    velocity: np.ndarray  # (n,) [m/s]
+    ellipse: coupling.EllipticalContact = coupling.PLANE  # at the wall
+    flat: dem.Flat | None = None  # what the wall is made of
+
+
+def start(scene: Scene, surface: Any = None) -> Start:
+    """The chain and its velocities before the impact, on a face that is known (rom.Contact)."""
+    scene = on_surface(scene, surface)
+    return Start(chain(scene), initial_velocity(scene), ellipse(scene), flat(scene))
+
+
+def on_surface(scene: Scene, known: Any) -> Scene:
+    """The scene with a wall of the curvatures, and of the modulus and Poisson's ratio, that are
+    known of the face struck (rom.Contact or None)."""
+    own = {key: getattr(known, key, None) for key in ("young", "poisson", "curvatures")}
+    made_of = {key: value for key, value in own.items() if value is not None}
+    if not made_of:
+        return scene
+    return scene.model_copy(update={"wall": scene.wall.model_copy(update=made_of)})
+
+
+def ellipse(scene: Scene) -> coupling.EllipticalContact:
+    """The contact of the last sphere with the wall; raises InvalidScene for a hollow too tight."""
+    curvatures = getattr(scene.wall, "curvatures", None)
+    if not curvatures or not any(curvatures):
+        return coupling.PLANE
+    if scene.contact.yield_pressure is not None:
+        raise InvalidScene(
+            f"{scene.name}: contact.yield_pressure is of circular contacts, the face struck is "
+            "curved; drop it, or strike a plane face."
+        )
+    try:
+        return coupling.elliptical_contact(np.atleast_1d(scene.chain.radius)[-1], curvatures)
+    except ValueError as error:
+        raise InvalidScene(f"{scene.name}: {error}") from None
+
+
+TOGETHER = {
+    "chain": ("radius", "density", "young", "poisson"),
+    "striker": ("velocity",),
+    "contact": ("stiffness_factor", "coefficient"),
+    "leaf_springs": ("stiffness", "offset"),
+    "preload": ("force", "mass"),
+    "wall": ("frequency", "mass", "damping_ratio", "coefficient", "young", "poisson"),
+}
+
+
+def together(scene: Scene, columns: dict[str, np.ndarray], wall: Any) -> dem.Chains:
+    """Chains that differ in keys of TOGETHER, one value (n_chains,) of `columns` each, behind a
+    wall of their own, or all behind the one that is given. Raises dem.InvalidChain."""
+    for key, values in columns.items():
+        table, name = key.split(".")
+        own = getattr(scene, table).model_copy(update={name: np.asarray(values, float)[:, None]})
+        scene = scene.model_copy(update={table: own})
+    row, v0 = chain(scene), initial_velocity(scene)
+    # a key may matter to no chain, as the coefficient of a contact without dissipation
+    n_chains = max(map(len, columns.values()), default=1)
+    v0 = np.array(np.broadcast_to(v0, (n_chains, scene.chain.count)))
+    wall = simple_wall(scene) if wall is None else wall
+    if wall is not None:
+        wall = wall._replace(mobility=_flat(wall.mobility))
+    return dem.Chains(row._replace(preload=_flat(row.preload)), wall, v0)
+
+
+def _flat(value: Any) -> Any:
+    return np.ravel(value) if np.ndim(value) else value
+
+
+def chain(scene: Scene) -> dem.Chain:
+    """The spheres, their contacts and what holds them."""
+    c, contact, leaf = scene.chain, scene.contact, scene.leaf_springs
+    along = scene.gravity.along if scene.gravity else 0.0
+    row = dem.row_of_spheres(
+        c.radius,
+        c.density,
+        c.young,
+        c.poisson,
+        count=c.count,
+        flat=flat(scene),
+        stiffness_factor=np.asarray(contact.stiffness_factor),
+        **dissipation(contact),
+        leaf_stiffness=np.asarray(leaf.stiffness) if leaf else None,
+        leaf_anchor=np.asarray(leaf.offset) if leaf else None,
+        preload=scene.preload.force if scene.preload else 0.0,
+        gravity=along,
+        n_falling=n_falling(scene) if along and leaf is None else 0,
+    )
+    row.A[-1] *= ellipse(scene).stiffness
+    if scene.preload:
+        last = np.arange(c.count) == c.count - 1
+        row = row._replace(mass=row.mass + np.multiply(scene.preload.mass, last))
+    if scene.guides:
+        row = row._replace(friction=friction(scene, row.mass))
+    if contact.yield_pressure is None:
+        return row
+    overlap = spheres.yield_overlaps(row.radius, row.A, contact.yield_pressure)
+    return row._replace(yield_overlap=overlap)
+
+
+def dissipation(contact: Contact) -> dict[str, Any]:
+    """The law and its coefficients; a coefficient of zero is no law, and costs nothing."""
+    gamma = np.asarray(contact.coefficient)
+    if contact.dissipation == "none" or not np.any(gamma):
+        return {}
+    return {"dissipation": contact.dissipation, "gamma": gamma}
+
+
+def n_falling(scene: Scene) -> int:
+    """Spheres in flight: those that move at the start, up to the first that rests."""
+    moving = np.atleast_2d(initial_velocity(scene))[0] != 0.0
+    return int(np.append(moving, False).argmin())
+
+
+def initial_velocity(scene: Scene) -> np.ndarray:
+    """(n,) [m/s]"""
+    if scene.chain.initial_velocity is not None:
+        return np.array(scene.chain.initial_velocity)
+    velocity = np.asarray(scene.striker.velocity, float)
+    start = np.zeros((*velocity.shape[:-1], scene.chain.count))
+    start[..., :1] = velocity
+    return start
+
+
+def flat(scene: Scene) -> dem.Flat | None:
+    """The wall's material at the contact, infinitely stiff of a rigid wall; None without a wall.
+
+    Raises InvalidScene for an orthotropic one, unless `on_surface` has told its modulus.
+    """
+    wall = scene.wall
+    if wall is None or isinstance(wall, RigidWall):
+        return wall and dem.RIGID
+    told = None not in (wall.young, wall.poisson)
+    if isinstance(wall, RomWall) and wall.file is None and not told:
+        wall = scene.struck_material
+    if isinstance(wall.young, tuple):
+        raise InvalidScene(
+            f"{scene.name}: strike.on = {scene.strike.on!r} is of an orthotropic material, which "
+            "this command does not take; strike an isotropic body."
+        )
+    return dem.Flat(
+        STEEL.young if wall.young is None else wall.young,
+        STEEL.poisson if wall.poisson is None else wall.poisson,
+    )
+
+
+def wall(scene: Scene, reduction: Any = None) -> dem.Wall | coupling.CoupledWall | None:
+    """What the chain leans on; None for a free chain."""
+    if isinstance(scene.wall, RomWall):
+        from workflows.stages.wall import wall_of
+
+        return wall_of(scene, reduction)
+    return simple_wall(scene)
+
+
+def simple_wall(scene: Scene) -> dem.Wall | None:
+    """A wall that no reduced model makes; None for a free chain."""
+    match scene.wall:
+        case None:
+            return None
+        case OneDofWall(frequency=frequency, mass=mass, damping_ratio=ratio):
+            return dem.one_dof_wall(frequency, mass, ratio)
+        case DashpotWall(coefficient=None, plate_thickness=thickness, density=density):
+            return dem.plate_wall(scene.wall.young, scene.wall.poisson, density, thickness)
+        case DashpotWall(coefficient=coefficient):
+            return dem.dashpot_wall(coefficient)
+    return dem.rigid_wall()
+
+
+def contact_radius(scene: Scene, begun: Start, force: float) -> float:
+    """Radius of the contact at a plane wall [m]."""
+    row, own = begun.chain, scene.chain
+    if row.yield_overlap is not None:
+        return float(
+            spheres.yielded_radius(force, row.radius[-1], row.A[-1], row.yield_overlap[-1])
+        )
+    E, nu = (np.atleast_1d(value)[-1] for value in (own.young, own.poisson))
+    E_star = spheres.contact_modulus(E, nu, *begun.flat)
+    return float(spheres.contact_radius(force, row.radius[-1], E_star))

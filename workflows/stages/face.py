@@ -1,0 +1,176 @@
+"""A plane face struck at many points: its outline, its contacts, and the walls that these make."""
+
+from contextlib import nullcontext
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+
+import fem
+import rom
+from coupling.damping import Damping
+from coupling.many_contacts import Walls
+from fem.trace import OffFace
+from rom import floating
+from rom.factorisation import Pencil, symmetric
+from rom.lanczos import EigenPairs, modes_below
+from workflows.scene import InvalidScene, ModalDamping, Scene
+from workflows.stages import assembly as stages
+from workflows.stages.assembly import solid, struck
+from workflows.stages.chain import Start, start
+from workflows.stages.errors import other_mesh
+from workflows.stages.parts import Parts
+from workflows.stages.pipeline import Pipeline, Stage, pipeline_of, tables_of
+from workflows.stages.reduction import TO_HZ
+from workflows.stages.wall import damping_law
+from workflows.thesis import HAMMER_TEST_HZ
+
+RINGS = 8, 24  # of a patch's quadrature: the half-space takes what they leave along
+AXES = "xyz"
+
+
+class Outline(NamedTuple):
+    """A plane face in the two axes that span it, measured from its middle [m]."""
+
+    axes: tuple[str, str]  # names of the axes nearest to them
+    lower: NDArray[np.float64]  # (2,)
+    upper: NDArray[np.float64]  # (2,)
+    edges: NDArray[np.float64]  # (m, 2, 2) where the face ends, at holes too
+
+
+class Placed(NamedTuple):
+    """Patches on a face, and why there is none at the other points."""
+
+    patches: dict[int, fem.ContactPatch]
+    refused: dict[int, str]
+
+
+class StruckFace:
+    """The face that a scene strikes, of an assembly that is meshed and joined once.
+
+    Of the scene's own mesh unless another is given; outline and modes are kept as stages of a run
+    are. Raises InvalidScene for scenes whose walls differ in more than the point struck.
+    """
+
+    def __init__(self, scene: Scene, mesh: Parts | None = None) -> None:
+        _require_points_alike(scene)
+        self.scene, self.name, self._mesh = scene, struck(scene), mesh
+        self.pipeline: Pipeline = pipeline_of(scene, lambda name: nullcontext(), FURTHER)
+
+    @cached_property
+    def model(self) -> fem.Model:
+        """The assembly on its mesh."""
+        return stages.model(self.scene, self._mesh) if self._mesh else self.pipeline("model")
+
+    @cached_property
+    def _basis(self) -> tuple[Pencil, EigenPairs]:
+        if self._mesh is None:
+            return self.pipeline("pencil"), self.pipeline("face-modes")
+        problem = pencil(self.scene, self.model)
+        return problem, modes(self.scene, problem)
+
+    @property
+    def begun(self) -> Start:
+        """What a march starts from."""
+        surface = self.pipeline("surface") if self.scene.is_general else None
+        return start(self.scene, surface)
+
+    def outline(self) -> Outline:
+        """Where the face ends; raises InvalidScene for one that is not plane."""
+        return self.pipeline("outline")
+
+    def placed(self, points: NDArray[np.float64]) -> Placed:
+        """Patches at points (p, 2) [m] from the middle."""
+        table, patches, refused = self.patch, {}, {}
+        n_radial, n_around = RINGS
+        for i, at in enumerate(points.tolist()):
+            try:
+                patches[i] = fem.contact_patch(
+                    self.model, self.name, tuple(at), table.radius, weights=table.weights,
+                    n_radial=n_radial, n_around=n_around,
+                )  # fmt: skip
+            except OffFace:
+                refused[i] = f"the patch of radius {table.radius:g} m leaves the face at {at} m."
+            except ValueError as reason:
+                refused[i] = str(reason)
+        return Placed(patches, refused)
+
+    def walls(self, patches: list[fem.ContactPatch], n_beyond: int) -> Walls:
+        """What the chain leans on at each patch, with up to n_beyond oscillators of it beyond the
+        modes that all share; raises ValueError for what cannot be reduced."""
+        scene, model = self.scene, self.model
+        W = csc_array(np.column_stack([patch.w for patch in patches]))
+        steel = solid(scene, scene.struck_body)
+        local = fem.half_spaces_on_mesh(model, self.name, patches, steel)
+        basis = self._basis
+        with fem.one_thread():
+            contacts = rom.Face(*basis, W, n_beyond).contacts
+        return Walls(contacts, np.array(local), self._damping())
+
+    def second(self) -> tuple["StruckFace", float]:
+        """The same on another mesh, and how much of the difference to it is the error of this one;
+        raises ValueError where there is none."""
+        mesh, left = other_mesh(self.scene, self.pipeline("mesh"))
+        return StruckFace(self.scene, mesh), left
+
+    @property
+    def patch(self) -> Any:
+        """The table of the patch: its radius and weights."""
+        return self.scene.strike if self.scene.is_general else self.scene.patch
+
+    def _damping(self) -> Damping | None:
+        table, hz = self.scene.damping, None
+        if isinstance(table, ModalDamping) and isinstance(table.ratio, tuple):
+            hz = tuple(self.pipeline("modes").paired_hz.values())
+        return damping_law(table, hz or HAMMER_TEST_HZ)
+
+
+def outline(scene: Scene, mesh: Parts, model: fem.Model) -> Outline:
+    """Where the face ends that the scene strikes; raises InvalidScene for one that is not plane."""
+    name, structure = struck(scene), model.structure
+    if mesh.struck and mesh.struck.radius is not None:
+        raise InvalidScene(f"the face {name!r} is round; scan a plane one.")
+    spot = fem.planar_spot(structure, name, (0.0, 0.0))
+    edges = (fem.face_edges(structure, name) - spot.point) @ spot.axes.T
+    names = tuple(AXES[i] for i in np.abs(spot.axes).argmax(axis=1))
+    flat = edges.reshape(-1, 2)
+    return Outline(names, flat.min(axis=0), flat.max(axis=0), edges)
+
+
+def pencil(scene: Scene, model: fem.Model) -> Pencil:
+    """K and M of the assembly with a factor."""
+    K, M = symmetric(model.K, "K"), symmetric(model.M, "M")
+    return floating.pencil(K, M, fem.factorised)
+
+
+def modes(scene: Scene, problem: Pencil) -> EigenPairs:
+    """Those that all points of a face share."""
+    return modes_below(problem, to_hz(scene))
+
+
+def to_hz(scene: Scene) -> float:
+    """Highest frequency of these."""
+    return scene.wall.cutoff or scene.reduction.cutoff or scene.reduction.to_hz or TO_HZ
+
+
+FURTHER = {
+    "outline": Stage(".face:outline", tables_of("patch", "strike"), ("mesh", "model")),
+    "pencil": Stage(".face:pencil", tables_of(), ("model",), kept=False, listed=False),
+    "face-modes": Stage(".face:modes", to_hz, ("pencil",)),
+}
+
+
+def _require_points_alike(scene: Scene) -> None:
+    patch = scene.patch
+    if patch is not None and (patch.weights == "thesis" or patch.nodes):
+        key = "patch.nodes" if patch.nodes else 'patch.weights = "thesis"'
+        raise InvalidScene(
+            f'{key} is bound to nodes of the mesh; a scan takes patch.weights "hertz" or "area".'
+        )
+    loose = [f"joints.{name}" for name, table in scene.springs.items() if table.dashpots]
+    if loose:
+        raise InvalidScene(
+            f"{loose[0]} has dashpots, which couple the wall's modes; set them to 0 for a scan."
+        )

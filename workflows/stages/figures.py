@@ -1,0 +1,130 @@
+"""The stages that draw: kept like any other result, so that a repeated run draws nothing."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from coupling import Impact
+from dem.waves.chain_waves import ChainWaves
+from dem.waves.labels import Label
+from dem.waves.tracks import WaveTrack
+from workflows.files.run_folder import Picture
+from workflows.report import plots
+from workflows.report.page_data import ledger
+from workflows.report.plots import Line, Panel
+from workflows.scene import Scene
+
+if TYPE_CHECKING:
+    from coupling.sensor_record import SensorRecord  # scipy's filters, a second
+
+
+def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, ...]:
+    """Velocities of the observed spheres with their waves, the chain over time, the ledger."""
+    observed = scene.output.spheres or (1, scene.chain.count)
+    return (
+        Picture("velocities", velocities(impact.trajectory, observed, waves.labels)),
+        Picture("waves", space_time(impact.trajectory, waves.tracks)),
+        Picture("energies", energies(impact.trajectory)),
+    )
+
+
+def velocities(run, observed: Iterable[int], named: dict[int, tuple[Label, ...]]) -> bytes:
+    """Velocities of the observed spheres, one panel each, the waves marked by their names."""
+    t = 1e3 * run.t
+    sets = [
+        Panel("", "", f"sphere {sphere}\nvelocity [m/s]",
+              [Line(None, t, run.v[:, sphere - 1], "-", i, 1.2)])
+        for i, sphere in enumerate(observed)
+    ]  # fmt: skip
+    marks = [
+        [Mark(_name(one), one.arrival.time, one.arrival.peak_velocity) for one in labels]
+        for labels in (named.get(sphere, ()) for sphere in observed)
+    ]
+    return _marked(sets, marks, sharey=True)
+
+
+def signals(scene: Scene, found: "SensorRecord") -> Picture:
+    """What the sensors record, one panel each, the waves marked by their names."""
+    t, sensors = found.t, scene.output.sensors
+    sets = [
+        Panel("", "", f"{one.label}\n[{one.unit}]", [Line(None, 1e3 * t, y, "-", i, 1.2)])
+        for i, (one, y) in enumerate(zip(sensors, found.y.T, strict=True))
+    ]
+    marks = [
+        [Mark(_short(one.name), one.time, float(np.interp(one.time, t, y))) for one in waves]
+        for waves, y in zip(found.waves, found.y.T, strict=True)
+    ]
+    return Picture("signals", _marked(sets, marks))
+
+
+class Mark(NamedTuple):
+    """A name above or below a curve."""
+
+    name: str
+    time: float  # [s]
+    height: float
+
+
+def _marked(sets: list[Panel], marks: list[list[Mark]], *, sharey: bool = False) -> bytes:
+    """Panels over one time, with marks on each."""
+    size = (8, 1.7 + 1 / len(sets))
+    figure, axes = plots.drawn(sets, size=size, sharex=True, sharey=sharey)
+    for axis, found in zip(axes, marks, strict=True):
+        axis.margins(x=0.01, y=0.15)
+        for mark in found:
+            up = 1 if mark.height > 0 else -1
+            axis.annotate(
+                mark.name, (1e3 * mark.time, mark.height), (0, 3 * up), fontsize=8, ha="center",
+                textcoords="offset points", va="bottom" if up > 0 else "top",
+            )  # fmt: skip
+    axes[-1].set_xlabel("time [ms]")
+    return plots.png(figure)
+
+
+def _short(name: str) -> str:
+    """As `_name`, of a wave's name in words."""
+    return name.replace("incident", "i").replace("i ", "i").replace("reflected ", "")
+
+
+def _name(wave: Label | WaveTrack) -> str:
+    """A wave's number, after an i if it is incident."""
+    if wave.kind == "reflected":
+        return str(wave.number)
+    return "i" if wave.number == 1 else f"i{wave.number}"
+
+
+def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
+    """Velocity of every sphere over time, with the waves that were followed."""
+    figure, (axis,) = plots.subplots(1, 1, (8, 4.6))
+    plots.space_time(axis, run.t, run.v)
+    limits = axis.get_xlim(), axis.get_ylim()
+    late = 1e3 * (0.97 * run.t[-1] + 0.03 * run.t[0])
+    for track in tracks:
+        places = [pulse.contact + 0.5 for pulse in track.pulses]
+        times = [1e3 * pulse.time for pulse in track.pulses]
+        axis.plot(times, places, color="black", linewidth=0.8, linestyle=(0, (3, 2)))
+        left = times[-1] > late
+        axis.annotate(
+            _name(track), (times[-1], places[-1]), (-4 if left else 4, 0), fontsize=8, va="center",
+            textcoords="offset points", ha="right" if left else "left",
+            bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "linewidth": 0},
+        )  # fmt: skip
+    axis.set(xlim=limits[0], ylim=limits[1])
+    return plots.png(figure)
+
+
+def energies(run) -> bytes:
+    """The ledger over time, changes since the start, and how far it is from closing."""
+    t = 1e3 * run.t
+    *parts, (_, total) = ledger(run._asdict())
+    lines = [Line(words, t, 1e3 * E, None, i, 1.2) for i, (words, E) in enumerate(parts)]
+    lines.append(Line("sum", t, 1e3 * total, "--", "black", 1.0))
+    gap = (run.energy_total - run.energy_total[0]) / max(run.energy_kinetic[0], 1e-300)
+    power = int(np.floor(np.log10(np.abs(gap).max(initial=0.0) or 1.0)))
+    closure = f"closure error\n[1e{power} of the\nstriker's]"
+    sets = [
+        Panel("", "", "energy [mJ]", lines, legend="above"),
+        Panel("", "time [ms]", closure, [Line(None, t, gap / 10.0**power, "-", "black", 0.9)]),
+    ]
+    return plots.panels(sets, size=(8, 2.8), sharex=True, height_ratios=(3, 1))

@@ -1,0 +1,349 @@
+"""Stages of a run as pure functions of the scene, each kept by content and computed on demand.
+
+    mesh -> model -> modes -> reduction -> wall -> impact
+
+A stage's key is what it reads of the scene, the keys of the stages it needs, the sources that its
+module reaches (`workflows.stages.sources`), our version and those of the libraries below. A
+stage whose result is kept never looks at the stages it needs: a new sphere touches nothing of the
+finite elements.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext, suppress
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import resolve_name
+from json import dumps
+from os import environ
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from joblib import Memory
+
+from workflows.scene import RomWall, Scene
+from workflows.stages.cache import memory
+from workflows.stages.sources import fingerprint
+
+LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "gmsh")
+
+Progress = Callable[[str], AbstractContextManager]  # of the stage named, while it runs
+
+
+class Stage(NamedTuple):
+    """One step: its function, what it reads of the scene, what it needs."""
+
+    function: str  # ".module:name" of this package, called with the scene and what it needs
+    reads: Callable[[Scene], Any]
+    needs: tuple[str, ...]
+    kept: bool = True  # a quick stage with a large result is computed anew
+    listed: bool = True  # among the times of a run
+    passing: bool = False  # so large that it goes once every stage that needs it is there
+    after: tuple[str, ...] = ()  # what it goes faster after, a second process may compute it
+
+    @property
+    def module(self) -> str:
+        """Where the function is."""
+        return resolve_name(self.function.split(":")[0], __package__)
+
+
+class StageReport(NamedTuple):
+    """What a stage took in this run."""
+
+    name: str
+    seconds: float
+    cached: bool
+
+
+def tables_of(*tables: str) -> Callable[[Scene], Any]:
+    """What a stage reads of a scene: these tables whole."""
+    return lambda scene: {name: _plain(getattr(scene, name)) for name in tables}
+
+
+def _plain(table: Any) -> Any:
+    if isinstance(table, tuple):
+        return [_plain(one) for one in table]
+    if isinstance(table, dict):
+        return {name: _plain(one) for name, one in table.items()}
+    return table.model_dump() if hasattr(table, "model_dump") else table
+
+
+def _wall_reads(scene: Scene) -> Any:
+    file = getattr(scene.wall, "file", None)
+    tables = tables_of("wall", "damping", "patch", "strike", "assembly")(scene)
+    return {**tables, "content": content(file)}
+
+
+def _observed(scene: Scene) -> Any:
+    return [scene.output.spheres, scene.output.samples]
+
+
+def _marched(scene: Scene) -> Any:
+    return [tables_of("time")(scene), _observed(scene)]
+
+
+def _targets(scene: Scene) -> Any:
+    files = {target.shape for target in scene.targets or ()}
+    return [tables_of("targets")(scene), sorted(map(str, map(content, files)))]
+
+
+def _dimensions(scene: Scene) -> Any:
+    if scene.is_general:
+        return [tables_of(*BODIES, "mesh")(scene), content(scene.assembly.file)]
+    from workflows.scene.assembly import assembly
+
+    mesh = content(scene.mesh.file)
+    return [repr(assembly(scene.assembly)), _plain(scene.mesh), scene.patch.point, mesh]
+
+
+def content(path: str | Path | None) -> str | None:
+    """What tells the content of a file from another; None where there is none."""
+    if path is None or not Path(path).is_file():
+        return None
+    return sha256(Path(path).read_bytes()).hexdigest()
+
+
+BENT = ("beam", "plate")
+BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads")
+COARSE = tables_of("assembly", "joints", "table", "patch", "strike")
+START = (
+    "chain", "striker", "contact", "leaf_springs", "preload", "gravity", "guides", "wall", *BENT,
+    *BODIES,
+)  # fmt: skip
+ASSEMBLY = {
+    "mesh": Stage(".assembly:mesh", _dimensions, (), kept=False),
+    "model": Stage(
+        ".assembly:model", tables_of("assembly", "joints", "table"), ("mesh",), kept=False
+    ),
+    "tuning-basis": Stage(".assembly:tuning_basis", _targets, ("model",)),
+    "factor": Stage(
+        ".assembly:factor", tables_of(), ("model",), kept=False, listed=False, passing=True
+    ),
+    "modes": Stage(".assembly:modes", _targets, ("model", "factor")),
+    "mac": Stage(".mac:mac", tables_of(), ("mesh", "model", "modes")),
+    "contact": Stage(
+        ".assembly:contact", tables_of("patch", "strike"), ("mesh", "model"), kept=False
+    ),
+    "surface": Stage(".strike:surface", tables_of(), ("mesh",), listed=False),
+    "participation": Stage(
+        ".assembly:participation", tables_of(), ("contact", "modes"), listed=False
+    ),
+    "reduction": Stage(
+        ".reduction:reduction",
+        tables_of("reduction", "patch", "assembly"),
+        ("model", "contact", "modes", "factor"),
+    ),
+    "second-mesh": Stage(".errors:second_mesh", COARSE, ("mesh",)),
+    "full-response": Stage(".response:full_response", tables_of(), ("model", "contact")),
+    "response": Stage(".response:response", tables_of("damping"), ("full-response", "reduction")),
+    "compilation": Stage(
+        ".compilation:compilation",
+        lambda scene: [environ.get("NUMBA_CACHE_DIR"), tables_of("damping", *START)(scene)],
+        (),
+    ),
+    "pictures": Stage(".pictures:pictures", tables_of(), ("modes", "contact")),
+}
+
+BENDING = ASSEMBLY | {
+    "model": Stage(".bending:model", tables_of(*BENT), (), kept=False),
+    "modes": Stage(".bending:modes", tables_of(), ("model",)),
+    "mac": Stage(".bending:mac", tables_of(), ("modes",), listed=False),
+    "contact": Stage(".bending:contact", tables_of(), ("model",), kept=False, listed=False),
+    "reduction": Stage(".bending:reduction", tables_of("reduction"), ("model",)),
+    "second-mesh": Stage(".bending:second_mesh", tables_of(*BENT, "reduction"), ()),
+}
+
+IMPACT = {
+    "start": Stage(".chain:start", tables_of(*START), (), listed=False),
+    "impact": Stage(".impact:impact", _marched, ("start", "wall"), after=("compilation",)),
+    "reduction-error": Stage(".errors:reduction_error", _marched, ("start", "reduction", "impact")),
+    "mesh-error": Stage(
+        ".errors:mesh_error",
+        lambda scene: [_marched(scene), tables_of("damping")(scene)],
+        ("start", "second-mesh", "impact"),
+    ),
+    "waves": Stage(".waves:waves", _observed, ("start", "impact")),
+    "figures": Stage(".figures:of_chain", _observed, ("impact", "waves")),
+    "record": Stage(
+        ".signals:record", tables_of("output"), ("impact", "waves"), kept=False, listed=False
+    ),
+    "signals": Stage(
+        ".figures:signals", tables_of("output"), ("record",), kept=False, listed=False
+    ),
+}
+
+
+def stages_of(scene: Scene) -> dict[str, Stage]:
+    """The stages that this scene may need; those of an assembly only where one is struck."""
+    needs = ("reduction",) if needs_structure(scene) and scene.chain else ()
+    wall = Stage(".chain:wall", _wall_reads, needs)
+    structure = ASSEMBLY if scene.bending is None else BENDING
+    impact = IMPACT
+    if needs and scene.is_general:
+        impact = IMPACT | {"start": IMPACT["start"]._replace(needs=("surface",))}
+    if not getattr(scene.wall, "prune", False):
+        return {**structure, "wall": wall, **impact}
+    walls = {
+        "whole-wall": wall,
+        "pruning": Stage(".impact:pruning", tables_of("time"), ("start", "whole-wall")),
+        "wall": Stage(".impact:pruned_wall", tables_of(), ("pruning",)),
+    }
+    return {**structure, **walls, **impact}
+
+
+def needs_structure(scene: Scene) -> bool:
+    """Whether a run of this scene builds its finite elements."""
+    if not scene.has_structure:
+        return False
+    return scene.chain is None or (isinstance(scene.wall, RomWall) and scene.wall.file is None)
+
+
+def couples(scene: Scene) -> bool:
+    """Whether dashpots or the thesis' scheme make a wall that is marched by its own integrator."""
+    dashpots = any(table.dashpots for table in scene.springs.values())
+    return dashpots or (scene.patch is not None and scene.patch.weights == "thesis")
+
+
+class Pipeline:
+    """A scene's results, computed or read from the cache when they are asked for."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        memory: Memory,
+        progress: Progress = lambda name: nullcontext(),
+        further: dict[str, Stage] | None = None,
+    ) -> None:
+        self.scene = scene
+        self.reports: list[StageReport] = []
+        self._stages = stages_of(scene) | (further or {})
+        self._results: dict[str, Any] = {}
+        self._keys: dict[str, str] = {}
+        self._computed: set[str] = set()
+        self.keeps = memory.location is not None
+        self._kept = memory.cache(_result, ignore=["pipeline"])
+        self._progress = progress
+        self._spent = 0.0  # s, on all stages so far
+        self._started = perf_counter()
+        self.beside: Any = None  # a second process that computes stages, see `second_process`
+
+    def __call__(self, name: str) -> Any:
+        """The result of a stage."""
+        if name not in self._results:
+            self._results[name] = self._timed(name)
+            self._let_go(self._stages[name].needs)
+        return self._results[name]
+
+    def _let_go(self, names: tuple[str, ...]) -> None:
+        """Of these what is large and no stage needs any more."""
+        for name in names:
+            users = {user for user, stage in self._stages.items() if name in stage.needs}
+            if self._stages[name].passing and users <= self._results.keys():
+                self._results.pop(name, None)
+
+    def _timed(self, name: str) -> Any:
+        before, started = self._spent, perf_counter()
+        elsewhere = self._awaited(name)
+        kept = self._stages[name].kept
+        result = self._kept(name, self.key(name), self) if kept else self.compute(name)
+        seconds = perf_counter() - started - (self._spent - before)
+        if self._stages[name].listed:
+            self._spent += seconds
+            here = name in self._computed
+            spent = seconds if here or elsewhere is None else elsewhere
+            self.reports.append(StageReport(name, spent, not here and elsewhere is None))
+        return result
+
+    def _awaited(self, name: str) -> float | None:
+        """Seconds that a second process took for the stage, once it is done there."""
+        if self.beside is None or not self.beside.has(name):
+            return None
+        with self._progress(name):
+            return self.beside.seconds(name, self._meanwhile)
+
+    def _meanwhile(self) -> bool:
+        """Compute a stage that nobody has begun; False where there is none."""
+        name = self.beside.taken()
+        if name is not None:
+            with suppress(Exception):  # raised again where the stage is needed
+                self(name)
+        return name is not None
+
+    @property
+    def elapsed(self) -> float:
+        """[s] since the start; less than the sum of the stages where two processes share them."""
+        return perf_counter() - self._started
+
+    def kept(self, name: str) -> bool:
+        """Whether the stage need not be computed."""
+        return name in self._results or self._kept.check_call_in_cache(name, self.key(name), self)
+
+    def ready(self, name: str) -> bool:
+        """Whether all that the stage needs is kept, or not worth keeping."""
+        return all(
+            self.kept(need) if self._stages[need].kept else self.ready(need)
+            for need in self._stages[name].needs
+        )
+
+    def compute(self, name: str) -> Any:
+        """Run a stage on the results it needs."""
+        stage = self._stages[name]
+        needed = [self(need) for need in stage.needs]
+        for other in stage.after:
+            self(other)
+        function = stage.function.split(":")[1]
+        self._computed.add(name)
+        with self._progress(name):
+            return getattr(import_module(stage.module), function)(self.scene, *needed)
+
+    def key(self, name: str) -> str:
+        """Changes with everything that the stage's result depends on."""
+        if name not in self._keys:
+            self._keys[name] = self._key(self._stages[name], name)
+        return self._keys[name]
+
+    def _key(self, stage: Stage, name: str) -> str:
+        parts = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
+        return digest([*parts, *program(stage.module)])
+
+
+def pipeline_of(
+    scene: Scene, progress: Progress, further: dict[str, Stage] | None = None
+) -> Pipeline:
+    """The scene's pipeline on the user's cache, or without one where it cannot be written."""
+    return Pipeline(scene, memory() or Memory(None, verbose=0), progress, further)
+
+
+def _result(name: str, key: str, pipeline: Pipeline) -> Any:
+    return pipeline.compute(name)
+
+
+def program(*modules: str) -> list[Any]:
+    """What computes, for a key: the sources that these modules reach, and versions."""
+    return [fingerprint(*modules), library_versions(("beadwave", *LIBRARIES))]
+
+
+def every_stage() -> list[str]:
+    """The modules of all stages that some scene has."""
+    tables = (ASSEMBLY, BENDING, IMPACT)
+    return sorted({stage.module for stages in tables for stage in stages.values()})
+
+
+def digest(parts: Any) -> str:
+    """A key of all that JSON or a text can say of these parts."""
+    return sha256(dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def library_versions(names: tuple[str, ...]) -> dict[str, str]:
+    """Installed versions by distribution; those that are absent are left out."""
+    return {name: found for name in names if (found := _version(name))}
+
+
+@cache
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None

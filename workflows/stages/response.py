@@ -1,0 +1,46 @@
+"""The frequency response at the contact, reduced model against solutions of the full one."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fem
+import rom
+from coupling.contact_response import CHECKED_HZ, ContactResponse, contact_response
+from workflows.files.run_folder import Picture
+from workflows.report.plots import Line, Panel, panels
+from workflows.scene import Scene
+from workflows.stages.wall import damping
+
+
+class Response(NamedTuple):
+    """The receptance at the contact and its picture."""
+
+    found: ContactResponse
+    picture: Picture
+
+
+def full_response(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> NDArray[np.float64]:
+    """Undamped receptance (k,) [m/N] of the full model where the reduced one is checked."""
+    return fem.receptance(model.K, model.M, contact.w, np.array(CHECKED_HZ)).real
+
+
+def response(scene: Scene, full: NDArray[np.float64], reduction: rom.ReducedModel) -> Response:
+    """The reduced model's response with the run's damping, and undamped where it is checked."""
+    law = damping(scene.damping, reduction)
+    found = contact_response(reduction, full, law)
+    lines = [
+        Line("reduced model", found.frequency_hz, np.abs(found.reduced), "-"),
+        Line("finer reduced model", found.frequency_hz, np.abs(found.finer), (0, (2, 3))),
+        Line("full model, undamped", found.checked_hz, np.abs(full), "s"),
+    ]
+    title = "undamped" if law is None and reduction.C is None else "with the damping of the run"
+    panel = Panel(title, "frequency [Hz]", "receptance |u_w / F| [m/N]", lines, "xy")
+    return Response(found, Picture("frequency_response", panels([panel], size=(8, 4.2))))
+
+
+def save_response(path: Path, found: ContactResponse) -> None:
+    """Write the arrays of a response."""
+    np.savez_compressed(path, **found._asdict())

@@ -1,0 +1,50 @@
+"""Which computed modes the measured ones are: what a scene says of them, in the words of `fem`."""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+import fem
+from workflows.files.shapes import measured_shape
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.bodies import Target
+from workflows.stages import rig
+
+FARTHEST = 0.05  # of the assembly's size: a measured point farther from its surface is misplaced
+
+
+def targets(scene: Scene, model: fem.Model) -> tuple[fem.Target, ...]:
+    """How the measured modes of the scene are told; raises InvalidScene for shapes that are not of
+    this assembly."""
+    if not scene.is_general:
+        return rig.TARGETS
+    return tuple(_target(scene, model, target) for target in scene.targets or ())
+
+
+def _target(scene: Scene, model: fem.Model, target: Target) -> fem.Target:
+    if target.number:
+        return fem.Number(target.number)
+    if target.shape:
+        return shape(scene, model, target.shape, target.hz)
+    return fem.Motion(target.body, target.motion)
+
+
+def shape(scene: Scene, model: fem.Model, file: str | Path, hz: float) -> fem.Shape:
+    """The measured shape at a frequency; raises InvalidScene for points off the assembly."""
+    measured = measured_shape(Path(file), hz)
+    structure = model.structure
+    surface = fem.on_surface(structure, measured.points)
+    size = float(np.linalg.norm(np.ptp(structure.points, axis=0)))
+    worst = int(surface.distance.argmax())
+    if surface.distance[worst] > FARTHEST * size:
+        at = np.round(measured.points[worst], 6).tolist()
+        raise InvalidScene(
+            f"{scene.name}: shape = {str(file)!r} has a point at {at} m, "
+            f"{surface.distance[worst]:.3g} m from the assembly, allowed are "
+            f"{FARTHEST * size:.3g} m; give points in the assembly's axes, in metres or with their "
+            "unit in data set 164."
+        )
+    n = len(measured.points)
+    along = csr_matrix((measured.directions.ravel(), np.arange(3 * n), np.arange(0, 3 * n + 1, 3)))
+    return fem.Shape(along @ surface.P @ model.T, measured.values)

@@ -1,0 +1,77 @@
+"""The waves of a run as a stage: followed through the chain, named, and measured at the wall."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupling import Impact
+from dem.waves.arrivals import Arrival, arrivals, passage
+from dem.waves.chain_waves import ChainWaves, chain_waves
+from dem.waves.measures import track_speed
+from dem.waves.tracks import WaveTrack
+from workflows.report.summary import ChainContact, SphereWaves, TrackedWave, WaveArrival
+from workflows.scene import Scene
+from workflows.stages.chain import Start
+
+
+def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
+    """What the run's trajectory holds of waves."""
+    return chain_waves(
+        impact.trajectory, start.chain, scene.output.spheres, at_wall=scene.wall is not None
+    )
+
+
+def sphere_waves(found: ChainWaves, t, v, sphere: int) -> SphereWaves:
+    """The waves at a sphere with record v (k,); unnamed where the chain is too short for tracks."""
+    named = found.labels[sphere]
+    passed = passage(t, v)
+    listed = [_arrival(label.arrival, label.name, label.alone) for label in named]
+    return SphereWaves(
+        arrivals=tuple(listed or [_arrival(wave) for wave in arrivals(t, v)]),
+        tof_s=passed and passed.tof,
+        arr=passed and passed.arr,
+    )
+
+
+def _arrival(wave: Arrival, name: str | None = None, alone: bool = True) -> WaveArrival:
+    return WaveArrival(
+        time_s=wave.time,
+        peak_velocity_m_s=wave.peak_velocity,
+        width_s=wave.width,
+        quality=wave.quality,
+        name=name,
+        alone=alone,
+    )
+
+
+def chain_contact(scene: Scene, found: ChainWaves) -> ChainContact | None:
+    """The impact at the wall in the terms of the thesis' section 2.2.1."""
+    wall = found.contact
+    if wall is None:
+        return None
+    radius = np.broadcast_to(scene.chain.radius, scene.chain.count)
+    return ChainContact(
+        contact_time_s=wall.contact_time.seconds,
+        threshold_N=wall.contact_time.threshold,
+        tau_c=wall.tau_c,
+        speed_in_m_s=wall.speed_in,
+        speed_back_m_s=wall.speed_back,
+        travelling_time_s=wall.travelling_time,
+        tof_s=wall.tof,
+        arr_2_9=wall.arr,
+        velocity_sum_ratio_2_8=wall.velocity_sum_ratio,
+        energy_restitution=wall.energy_restitution,
+        trains=tuple(_track(track, radius) for track in found.tracks),
+    )
+
+
+def _track(track: WaveTrack, radius: NDArray[np.float64]) -> TrackedWave:
+    first, last = track.pulses[0], track.pulses[-1]
+    return TrackedWave(
+        name=track.name,
+        from_contact=first.contact,
+        to_contact=last.contact,
+        start_s=first.time,
+        end_s=last.time,
+        speed_m_s=track_speed(track, radius),
+        peak_force_N=max(pulse.force for pulse in track.pulses),
+    )

@@ -1,0 +1,452 @@
+"""Structures: bodies looked at, modes, tuned joints, hammer tests, reduced models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from re import sub
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workflows.files.hammer import HAMMER
+from workflows.files.output_file import OutputFile, output_files
+from workflows.files.picture_folder import picture_folder
+from workflows.files.run_folder import Picture, write_pictures
+from workflows.files.scene import Changes, Source, files_read
+from workflows.files.scene import scene as load_scene
+from workflows.scene import InvalidScene, Scene
+from workflows.scene.named_files import require_file
+from workflows.scene.parts import with_assembly, with_structure, with_targets
+from workflows.scene.scene import LONGEST_NAME
+from workflows.stages.progress import Progress, quiet
+
+if TYPE_CHECKING:
+    import xarray
+    from numpy.typing import ArrayLike
+    from scipy.sparse import sparray
+
+    from rom import ReducedModel
+    from workflows.stages.pipeline import Pipeline
+    from workflows.structure.hammer import HammerReport
+    from workflows.structure.look import Look, Seen
+    from workflows.structure.mode_table import ModeTable
+    from workflows.structure.thesis_tables import Table
+    from workflows.structure.tuning import TuningReport
+
+
+@dataclass(frozen=True, repr=False)
+class Looked:
+    """What an assembly is made of: `found.bodies`, `found.touching`, `found.holes`, ..."""
+
+    found: Look
+    seen: Seen
+
+    def plot(self) -> Picture:
+        """The bodies, a colour and a name each."""
+        from workflows.structure.look import picture
+
+        return picture(self.seen)
+
+    def __repr__(self) -> str:
+        return self.found.text()
+
+
+def look(
+    source: Source,
+    changes: Changes = (),
+    *,
+    starter: str | Path | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Looked:
+    """Bodies, masses, touching pairs, holes and the size of the mesh (`beadwave look`).
+
+    `source` is a STEP file, or a scene of bodies. `starter` writes a scene of a STEP file to start
+    from, `out` is a folder for the picture with the names. Raises InvalidScene for bad input.
+    """
+    from workflows.structure import look as looking
+
+    path = Path(source) if isinstance(source, str | Path) else None
+    is_file = path is not None and path.suffix.lower() in looking.ENDINGS
+    chosen = looking.of_file(path) if is_file else load_scene(source, changes)
+    if starter and not is_file:
+        raise InvalidScene(f"--scene starts a scene of a STEP file; {source} is a scene already.")
+    inputs = (path,) if path else ()
+    written = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
+    file = OutputFile(starter, "--scene", **written) if starter else None
+    folder = picture_folder(out, inputs, overwrite, "assembly")
+    with progress("look"):
+        seen = looking.look(with_assembly(chosen), str(source) if path else chosen.name)
+        found = Looked(seen.look, seen)
+        if folder:
+            write_pictures(folder, (found.plot(),))
+    if file:
+        looking.write_starter(file, seen, path)
+    return found
+
+
+@dataclass(frozen=True, repr=False)
+class Modes:
+    """Modes of an assembly: `table.rows` one by one, `data` as arrays, `plot()` their MAC."""
+
+    scene: Scene
+    table: ModeTable
+    pipeline: Pipeline
+
+    @property
+    def data(self) -> xarray.Dataset:
+        """frequency [Hz] and participation at the contact [kg^-1/2] over mode; mac over mode and
+        target, with the modes of stiff joints."""
+        from workflows.report.arrays import dataset
+
+        rows, mac = self.table.rows, self.pipeline("mac")
+        per_mode = {
+            "frequency": (("mode",), np.array([r.frequency_hz for r in rows]), "Hz"),
+            "participation": (
+                ("mode",),
+                np.array([r.participation for r in rows], float),
+                "kg^-1/2",
+            ),
+        }
+        numbers = {"mode": [row.number for row in rows], "target": np.arange(1, mac.shape[1] + 1)}
+        return dataset(per_mode | {"mac": (("mode", "target"), mac, "1")}, **numbers)
+
+    def plot(self) -> Picture:
+        """The MAC matrix with the modes of stiff joints; raises InvalidScene without targets."""
+        from workflows.structure.mode_table import mac_picture
+
+        return mac_picture(self.pipeline)
+
+    def __repr__(self) -> str:
+        return self.table.text()
+
+
+def modes(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Modes:
+    """Frequencies beside measured ones, MAC, participation at the contact (`beadwave modes`).
+
+    `out` is a folder for the picture of the MAC matrix. Raises InvalidScene for bad input or a
+    scene without an assembly, ValueError where a computation fails.
+    """
+    chosen = with_structure(load_scene(scene, changes))
+    folder = picture_folder(out, files_read(chosen, scene), overwrite, "mac")
+    from workflows.stages.pipeline import pipeline_of
+    from workflows.structure.mode_table import mode_table
+
+    pipeline = pipeline_of(chosen, progress)
+    found = Modes(chosen, mode_table(pipeline), pipeline)
+    if folder:
+        write_pictures(folder, (found.plot(),))
+    return found
+
+
+TABLES = ("5.2", "5.3")  # of the thesis, that can be computed again
+
+
+def thesis_table(
+    table: str,
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Table:
+    """Table 5.2 (models of ties) or 5.3 (tuned joints) of the thesis computed again, beside its
+    numbers (`beadwave modes --table`); `out` gets the picture of 5.2, what each part changes."""
+    if table not in TABLES:
+        raise InvalidScene(f"--table {table} is not known; known are {' and '.join(TABLES)}.")
+    chosen = with_assembly(load_scene(scene, changes))
+    pictured = out if table == "5.2" else None
+    inputs = files_read(chosen, scene)
+    folder = picture_folder(pictured, inputs, overwrite, "component_effects")
+    from workflows.structure.thesis_tables import effects, table_52, table_53
+
+    found = {"5.2": table_52, "5.3": table_53}[table](chosen, progress)
+    if folder:
+        write_pictures(folder, (effects(found),))
+    return found
+
+
+def export(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    inp: str | Path | None = None,
+    step: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> list[Path]:
+    """The model as an input deck for CalculiX or Abaqus, the geometry as STEP; the files written
+    (`beadwave modes --inp --step`). Files that beadwave did not write, or that were changed since,
+    are only replaced with `overwrite`."""
+    chosen = with_assembly(load_scene(scene, changes))
+    given = {"--inp": inp, "--step": step}
+    files = output_files(given, inputs=files_read(chosen, scene), overwrite=overwrite)
+    from workflows.stages.pipeline import pipeline_of
+    from workflows.structure.export import write_model
+
+    write_model(pipeline_of(chosen, progress), files.get("--inp"), files.get("--step"))
+    return [file.path for file in files.values()]
+
+
+USUAL = Path("NAME-tuned.toml")
+
+
+@dataclass(frozen=True, repr=False)
+class Tuned:
+    """The scene with the joints found, its report, and the file it was written to, if any."""
+
+    scene: Scene
+    report: TuningReport
+    file: Path | None
+
+    def __repr__(self) -> str:
+        return self.report.text()
+
+
+def tune(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    match: str | Iterable[int] | Mapping[int, float] | None = None,
+    free: str | Iterable[str] = (),
+    hammer: str | Path | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Tuned:
+    """Joint stiffnesses, and materials, fitted to measured modes (`beadwave tune`).
+
+    match   modes by number, [1, 3, 4], or with frequencies of one's own, {1: 51.2, 3: 905.0} [Hz];
+            all targets of the scene without it
+    free    what to vary, ["joints.NAME.kz", "materials.NAME.young"]; of the rig "head.ky"
+    hammer  a hammer test (.csv, .uff) to take frequencies and damping from
+    out     a file for the tuned scene (.toml), or USUAL for NAME-tuned.toml; a file that
+            beadwave did not write, or that was changed since, is replaced with `overwrite` alone
+
+    A mode missed by more than 5 % is a failure: `report.failures` lists them in sentences, and
+    nothing is written. Raises InvalidScene for bad input.
+    """
+    if hammer:
+        require_file(hammer, HAMMER)
+    chosen = with_assembly(load_scene(scene, changes))
+    measured_hz = with_targets(chosen).measured_hz
+    from workflows.structure.tuning import targets, tuned, write_scene
+
+    wanted_text = _matched(match)
+    every = ",".join(map(str, range(1, len(measured_hz) + 1)))
+    wanted = targets(every if wanted_text is None else wanted_text, measured_hz)
+    if hammer:
+        from workflows.files.shapes import has_shapes
+        from workflows.stages.pipeline import pipeline_of
+        from workflows.structure.hammer import applied, hammer_test, recognised
+
+        test = hammer_test(Path(hammer), wanted)
+        if chosen.is_general and has_shapes(Path(hammer)):
+            test = recognised(test, pipeline_of(chosen, progress), wanted)
+        chosen, wanted = applied(chosen, test.report, wanted_text)
+    path = f"{chosen.name}-tuned.toml" if out is USUAL else out
+    read = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
+    written = {"inputs": read, "ending": ".toml", "overwrite": overwrite}
+    file = OutputFile(path, **written) if path else None
+    result, report = tuned(chosen, wanted, _names(free), progress)
+    if file is None or report.failures:
+        return Tuned(result, report, None)
+    result = result.model_copy(update={"name": _scene_name(file.path)})
+    write_scene(result, file, report)
+    return Tuned(result, report, file.path)
+
+
+def _matched(match: str | Iterable[int] | Mapping[int, float] | None) -> str | None:
+    if match is None or isinstance(match, str):
+        return match
+    if isinstance(match, Mapping):
+        return ",".join(f"{n}={hz!r}" for n, hz in match.items())
+    return ",".join(map(str, match))
+
+
+def _names(free: str | Iterable[str]) -> tuple[str, ...]:
+    names = tuple(free.split(",")) if isinstance(free, str) else free
+    if not isinstance(names, Iterable) or not all(isinstance(name, str) for name in names):
+        raise InvalidScene(
+            f'free = {free!r} must be names, as in ["joints.NAME.kz", "materials.NAME.young"].'
+        )
+    return tuple(name.strip() for name in names)
+
+
+def _scene_name(path: Path) -> str:
+    return sub(r"[^\w.-]", "-", path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
+
+
+@dataclass(frozen=True, repr=False)
+class HammerTest:
+    """A hammer test: `report.rows` a resonance each, and its responses drawn by `plot`."""
+
+    report: HammerReport
+    picture: Picture
+
+    def plot(self) -> Picture:
+        """Responses over frequency with the resonances found."""
+        return self.picture
+
+    def __repr__(self) -> str:
+        return self.report.text()
+
+
+def hammer(
+    file: str | Path,
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> HammerTest:
+    """Frequencies and damping of a measured response by two methods (`beadwave hammer`).
+
+    `file` is .uff (data set 58) or .csv: a header line, then frequency_hz, re_1, im_1, re_2, im_2,
+    ... on each line. The resonances are paired with the measured modes of `scene`, by frequency, or
+    where a .uff has the points of its responses (data set 15 or 2411) by the MAC of their shapes
+    with the modes of an assembly of bodies. `out` is a folder for the picture. Needs the extra
+    `identify`. Raises InvalidScene for bad input.
+    """
+    path = require_file(file, HAMMER)
+    chosen = with_assembly(load_scene(scene, changes))
+    inputs = (*files_read(chosen, scene), path)
+    folder = picture_folder(out, inputs, overwrite, "hammer")
+    from workflows.files.shapes import has_shapes
+    from workflows.stages.pipeline import pipeline_of
+    from workflows.structure.hammer import hammer_test, picture, recognised
+
+    with progress("identification"):
+        wanted = dict(enumerate(chosen.measured_hz, start=1))
+        found = hammer_test(path, wanted)
+    if chosen.is_general and has_shapes(path):
+        found = recognised(found, pipeline_of(chosen, progress), wanted)
+    with progress("picture"):
+        drawn = HammerTest(found.report, picture(found))
+    if folder:
+        write_pictures(folder, (drawn.plot(),))
+    return drawn
+
+
+def write_hammer_test(
+    file: str | Path,
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Path:
+    """A computed hammer test with noise, marked SYNTHETIC, to a .uff or .csv file
+    (`beadwave hammer --synthetic`); one that beadwave did not write, or that was changed since, is
+    only replaced with `overwrite`."""
+    chosen = with_assembly(load_scene(scene, changes))
+    from workflows.files.hammer import synthetic_file, write_synthetic
+
+    written = synthetic_file(Path(file), overwrite)
+    from workflows.stages.pipeline import pipeline_of
+    from workflows.structure.hammer import virtual_test
+
+    write_synthetic(written, virtual_test(pipeline_of(chosen, progress)))
+    return written.path
+
+
+@dataclass(frozen=True, repr=False)
+class Reduced:
+    """A reduced model: `model` with K, M, C, w and the outer nodes' T; to a file by `save`."""
+
+    scene: Scene
+    model: ReducedModel
+    pipeline: Pipeline
+
+    def save(
+        self, path: str | Path, matrices: str | Path | None = None, *, overwrite: bool = False
+    ) -> list[Path]:
+        """Write .npz, .mat or .h5, and to `matrices` (.mat, .npz) the full K, M and w."""
+        files = _files(path, matrices, files_read(self.scene), overwrite)
+        from workflows.structure.export import write_reduced
+
+        write_reduced(self.pipeline, *files)
+        return [file.path for file in files]
+
+    def plot(self) -> Picture:
+        """The receptance at the contact, and solutions of the full model."""
+        return self.pipeline("response").picture
+
+    def __repr__(self) -> str:
+        return f"{self.scene.name}: {self.model.kind}, {len(self.model.w)} coordinates"
+
+
+def _files(out, matrices, inputs: tuple[Path, ...], overwrite: bool) -> list[OutputFile]:
+    """Where both go; raises InvalidScene where one cannot."""
+    given = {"--out": out, "--matrices": matrices}
+    return list(output_files(given, inputs=inputs, overwrite=overwrite).values())
+
+
+def reduce(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    out: str | Path | None = None,
+    matrices: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = quiet,
+) -> Reduced:
+    """The assembly reduced to few coordinates at the contact (`beadwave reduce`).
+
+    `out` writes it to .npz, .mat or .h5, `matrices` the full model's K, M, w; files that
+    beadwave did not write, or that were changed since, are only replaced with `overwrite`. Raises
+    InvalidScene for bad input, ValueError where a computation fails.
+    """
+    chosen = with_structure(load_scene(scene, changes))
+    files = _files(out, matrices, files_read(chosen, scene), overwrite) if out else []
+    from workflows.stages.pipeline import pipeline_of
+    from workflows.structure.export import require_formats, write_reduced
+
+    if files:
+        require_formats(*files)
+    pipeline = pipeline_of(chosen, progress)
+    found = Reduced(chosen, pipeline("reduction"), pipeline)
+    if files:
+        write_reduced(pipeline, *files)
+    return found
+
+
+def reduce_matrices(
+    K: ArrayLike | sparray,
+    M: ArrayLike | sparray,
+    w: ArrayLike,
+    *,
+    C: ArrayLike | sparray | None = None,
+    modes: int = 40,
+    half_space: float = 0.0,
+    young: float | None = None,
+    poisson: float | None = None,
+) -> ReducedModel:
+    """K [N/m], M [kg], C [N s/m] (n, n) of one's own model, reduced for `beadwave.impact(rom=...)`.
+
+    w (n,): u_w = w @ u is the displacement into the wall under the contact, averaged over the
+    patch, sum(w) = 1 along the normal; the contact force enters as w F. `modes` free modes and the
+    residual vector K^-1 w, so that the static compliance is exact. half_space [m/N] is the
+    compliance of the patch on a half-space that the mesh holds, and the Hertz law once more:
+    0.6 (1 - poisson^2) / (young b) of a Hertz-weighted disc of radius b on solid elements, 0 where
+    w reads a point of a beam or shell. young [Pa] and poisson are of the surface struck, for the
+    Hertz law; steel without them. Raises rom.ReductionError, a ValueError.
+    """
+    import fem
+    import rom
+
+    asked = rom.Selection(n_modes=modes)
+    found = rom.free_modes(K, M, w, asked, C=C, factorise=fem.factorised)
+    return found._replace(contact=rom.Contact(half_space, young=young, poisson=poisson))

@@ -1,0 +1,213 @@
+"""Many cases of a scene: grids, samples and tables of values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from workflows.files.own_folder import place
+from workflows.files.run_folder import RunFolder, write_pictures
+from workflows.files.scene import Changes, Source, files_read
+from workflows.scene import InvalidScene
+from workflows.scene.toml import toml
+
+if TYPE_CHECKING:
+    from workflows.sweep.cases import Base
+    from workflows.sweep.core.design import Design
+    from workflows.sweep.price import Price
+    from workflows.sweep.result import Sweep
+
+SWEEPS = Path("sweeps")  # of sweeps without a folder of their own
+SCANS = Path("scans")
+FILES = ("cases.parquet", "signals.nc")
+
+
+class Cases(NamedTuple):
+    """The cases of a sweep.
+
+    `over` has the keys that vary, as {"striker.velocity": [0.3, 0.5]} or as texts of `--over`:
+    "striker.velocity=0.1:1:10", "preload.force=1:100:5:log", "wall.kind=rigid,half-space". With
+    `sample` "lhs:n" or "sobol:n" they are ranges, "striker.velocity=0.1:1". `table` is a CSV
+    instead, with a line of keys and a line of values for each case. `again` computes those that
+    an earlier sweep into the folder left without a result.
+    """
+
+    over: Mapping[str, Any] | Iterable[str] = ()
+    sample: str | None = None
+    table: str | Path | None = None
+    seed: int = 0
+    again: bool = False
+
+
+def sweep(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    cases: Cases | Mapping[str, Any],
+    out: str | Path | None = None,
+    on: int | str = 1,
+    signals: bool = False,
+    overwrite: bool = False,
+    told: Callable[[int, int], None] = lambda done, n: None,
+) -> Sweep:
+    """Every case once, into one table (`beadwave sweep`).
+
+    `cases` is a Cases, or a dict of the keys of a grid, {"striker.velocity": "0.1:1:10"}. `on` is
+    how many processes compute walls that differ, or the address of a Dask scheduler. `signals`
+    keeps the velocities of all cases. `out` is the folder, sweeps/NAME without it; a sweep that
+    was stopped goes on with what is missing. `told` is called with cases done and cases in all.
+    Raises InvalidScene for bad input; a case that is refused or fails is a row of the table with
+    its sentence.
+    """
+    from workflows.sweep.cases import base_of
+    from workflows.sweep.design import require_free
+    from workflows.sweep.result import opened
+    from workflows.sweep.store import require_libraries
+    from workflows.sweep.sweep import require_keys
+    from workflows.sweep.sweep import sweep as compute
+
+    require_libraries(signals)
+    base, cases = base_of(scene, changes), _cases(cases)
+    design = _design(base, cases)
+    require_keys(base, design, signals)
+    set_too = require_free(design, base.given)
+    chosen = base.with_values({})
+    text = f"{toml(chosen)}\n# swept: {design.n_cases} cases, {design.digest}\n"
+    path, notes = place(out, SWEEPS, chosen.name, text)
+    read = (*files_read(chosen, scene), *([Path(cases.table)] if cases.table else []))
+    folder = RunFolder(path, inputs=read, overwrite=overwrite)
+    with folder.run(text, FILES) as folder, _engine(on) as engine:
+        notes += set_too + compute(
+            base, design, folder, engine, signals=signals, told=told, again=cases.again
+        )
+        _draw(folder, design)
+    return opened(path, notes)
+
+
+def _draw(folder: RunFolder, design: Design) -> None:
+    """Write the pictures of a table; raises InvalidScene where every case was refused."""
+    from workflows.sweep.result import opened
+
+    found = opened(folder.find(FILES[0]).parent)
+    _require_one(design, found.counts().get("refused", 0), found.messages())
+    write_pictures(folder, found.pictures())
+
+
+def _require_one(design: Design, refused: int, messages: Iterable[str]) -> None:
+    """Raise InvalidScene where every case was refused."""
+    if refused == design.n_cases:
+        raise InvalidScene(f"all {refused} cases are refused; {next(iter(messages))}")
+
+
+def scan(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    face: str | None = None,
+    grid: str = "20x20",
+    out: str | Path | None = None,
+    signals: bool = False,
+    overwrite: bool = False,
+    told: Callable[[int, int], None] = lambda done, n: None,
+) -> Sweep:
+    """The chain at every point of a grid over a plane face, into one table (`beadwave scan`).
+
+    `face` is "body:+x", the one that the scene strikes without it; the first number of `grid` is
+    that of points along the first of the two axes that span it. All points share one reduction;
+    the errors of each are in the table. The reflected wave of a sphere is the same wave at all
+    points, NaN where it cannot be told; `notes` of the result say where errors are large and how
+    many waves are left out. Other arguments as in `sweep`; a scan that was stopped goes on with the
+    points that are missing. Raises InvalidScene for bad input; a point
+    whose patch leaves the face is a row with its sentence.
+    """
+    from workflows.stages.face import StruckFace
+    from workflows.sweep.cases import base_of
+    from workflows.sweep.result import opened
+    from workflows.sweep.scan import grid as grid_of
+    from workflows.sweep.scan import scan as compute
+    from workflows.sweep.scan import struck_scene
+    from workflows.sweep.store import require_libraries
+
+    require_libraries(signals)
+    points, base = grid_of(grid), base_of(scene, changes)
+    chosen = struck_scene(base, face)
+    text = f"{toml(chosen)}\n# scanned: {points.rows}x{points.columns} points\n"
+    path, notes = place(out, SCANS, chosen.name, text)
+    folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
+    with folder.run(text, FILES) as folder:
+        struck = StruckFace(chosen)
+        design = points.design(struck)
+        notes += compute(struck, design, folder, signals=signals, told=told)
+        _draw(folder, design)
+    return opened(path, notes)
+
+
+def sweep_price(
+    scene: Source = None,
+    changes: Changes = (),
+    *,
+    cases: Cases | Mapping[str, Any],
+    processes: int | None = None,
+) -> Price:
+    """Cases, shared models, seconds and memory of a sweep, timed on its first cases."""
+    from workflows.sweep.cases import base_of
+    from workflows.sweep.cluster import require_processes
+    from workflows.sweep.design import require_free
+    from workflows.sweep.price import price
+    from workflows.sweep.sweep import require_keys
+
+    base = base_of(scene, changes)
+    design = _design(base, _cases(cases))
+    require_keys(base, design, False)
+    require_free(design, base.given)
+    require_processes(processes or 1)
+    found = price(base, design, processes or 1)
+    _require_one(design, found.refused, found.notes)
+    return found
+
+
+def load_sweep(folder: str | Path) -> Sweep:
+    """A finished sweep from its folder; raises InvalidScene where it holds no table."""
+    from workflows.sweep.result import opened
+
+    return opened(folder)
+
+
+def _cases(cases: Cases | Mapping[str, Any]) -> Cases:
+    return cases if isinstance(cases, Cases) else Cases(cases)
+
+
+def _design(base: Base, cases: Cases) -> Design:
+    from workflows.sweep import design
+
+    over = cases.over
+    if isinstance(over, Mapping):
+        over = [f"{key}={_listed(values)}" for key, values in over.items()]
+    texts = (over,) if isinstance(over, str) else tuple(over)
+    if cases.table is not None:
+        if texts or cases.sample:
+            raise InvalidScene("--cases has all values; leave out --over and --sample.")
+        return design.table(Path(cases.table))
+    if cases.sample:
+        return design.sampled(texts, cases.sample, cases.seed, base.number)
+    return design.grid(texts, base.number)
+
+
+def _listed(values: Any) -> str:
+    """Values as `--over` takes them; a text, start:stop:n for instance, as it is."""
+    if isinstance(values, str):
+        return values
+    from json import dumps
+
+    return ",".join(dumps(getattr(value, "item", lambda v=value: v)()) for value in values)
+
+
+def _engine(on: int | str) -> Any:
+    """Processes where a cluster or several are asked for; this one otherwise."""
+    if on == 1:
+        return nullcontext()
+    from workflows.sweep.cluster import engine
+
+    return engine(on)

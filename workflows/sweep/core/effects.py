@@ -1,0 +1,73 @@
+"""What an output depends on: Sobol's indices of a Saltelli design, rank correlations of a sample.
+
+I. M. Sobol, Math. Comput. Simul. 55 (2001) 271; A. Saltelli et al., Comput. Phys. Commun. 181
+(2010) 259.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workflows.sweep.core.design import Design
+
+RESAMPLES = 400
+FEWEST = 16  # base samples of which indices are made
+ALIKE = 1e-5  # of the largest value: outputs that differ by less differ by their own errors
+Array = np.ndarray
+
+
+class Effects(NamedTuple):
+    """Indices of one output, (d,) each, and their standard errors by bootstrap."""
+
+    first: Array
+    total: Array
+    first_error: Array
+    total_error: Array
+    used: int  # base samples without a case that is missing
+
+
+def sobol_effects(design: Design, y: Array) -> Effects:
+    """First-order and total indices of y (n_cases,), nan where a case has none.
+
+    Raises ValueError for other designs, and where too few cases have a value, or all one that
+    differs by no more than the errors of a run.
+    """
+    n, d = design.base, len(design.keys)
+    if design.kind != "sobol":
+        raise ValueError("Sobol indices need a sweep with --sample sobol:n; make one.")
+    parts = np.asarray(y, float).reshape(d + 2, n)
+    whole = np.isfinite(parts).all(axis=0)
+    used = int(whole.sum())
+    values = parts[:, whole]
+    if used < FEWEST or np.ptp(values) <= ALIKE * np.abs(values).max():
+        raise ValueError(
+            f"{used} of {n} samples have a value in all of their {d + 2} cases, and indices need "
+            f"{FEWEST} whose values differ by more than {ALIKE:g} of the largest; take more "
+            "samples or another output."
+        )
+    draws = np.random.default_rng(0).integers(used, size=(RESAMPLES, used))
+    resampled = np.stack([_indices(values[:, drawn]) for drawn in draws])
+    return Effects(*_indices(values), *resampled.std(axis=0, ddof=1), used)
+
+
+def _indices(parts: Array) -> Array:
+    """First-order and total (2, d) of the outputs (d + 2, n) of A, B and each A_B: table 2 of
+    Saltelli, rows (b) and (f). scipy's sobol_indices wants a power of two of samples, which cases
+    that are missing leave none, and its standard errors change from call to call."""
+    A, B, *mixed = parts - parts[:2].mean()
+    AB, variance = np.array(mixed), np.var([A, B])
+    return np.stack([np.mean(B * (AB - A), axis=1), np.mean((A - AB) ** 2, axis=1) / 2]) / variance
+
+
+def rank_correlations(design: Design, y: Array) -> dict[str, float]:
+    """Spearman's of y (n_cases,) with each key; none where too few cases have a value, or all the
+    same."""
+    from scipy.stats import spearmanr
+
+    there = np.isfinite(y)
+    if there.sum() < FEWEST or np.ptp(y[there]) == 0.0:
+        return {}
+    return {
+        key: float(spearmanr(np.array(values)[there], y[there]).statistic)
+        for key, values in design.columns.items()
+    }
