@@ -122,9 +122,9 @@ FARTHEST = 8.0  # of a fine march that is repeated with shorter steps beside the
 # Order by which the difference of a pair is taken to fall. Between steps velocities lie on
 # polynomials, off by order 2.5 where a contact opens or closes in the step; the march itself keeps
 # 3.5. Differences scatter: of 7000 random rows the error was above the difference over 8 in two,
-# above that over 13 in 20, never above 2.7 times that. 4^FIRST - 1 = 10, 4^LATER - 1 = 4, as chains
+# above that over 13 in 20, never above 2.7 times that. 4^FIRST - 1 = 13, 4^LATER - 1 = 4, as chains
 # that have to be refined are sensitive. THEORY is what coarse marches show, for the next step.
-FIRST, LATER, THEORY = 1.73, 1.16, 3.0
+FIRST, LATER, THEORY = 1.9, 1.16, 3.0
 BELOW, SLOWEST = 0.5, 0.5  # below the order that refined steps show, which scatters; least of it
 FASTEST = 4.0  # order by which differences of refined steps are believed to fall at the most
 BOLDNESS, LONGEST = 0.055, 0.15  # first steps over the stability interval at error 1e-4; at most
@@ -132,7 +132,7 @@ PILOTS, SHARE, WITHIN = 16, 0.95, 0.6  # chains of a pilot; share of them to be 
 LONGER, SHORTER = 3.0, 0.25  # at most, by a pilot
 SETTLED = (0.6, 1.6)  # longer by a pilot: not worth another one
 CHAOTIC = 1e-2  # difference beyond which a chain says nothing on first steps, if its energy is kept
-ALIKE, UNLIKE = 64, 1.3  # chains that march together at most, and their numbers of steps apart
+ALIKE, UNLIKE = 64, 2.0  # chains that march together at most, and their numbers of steps apart
 ROUNDS = 5  # of marches, before the search of a single run takes over
 MOST_STEPS = 1e6  # of a chain in the lanes
 MARGIN = 1.6  # in the error, of steps that are to reach it
