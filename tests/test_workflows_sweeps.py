@@ -656,16 +656,16 @@ def test_a_table_is_computed_anew_once_the_file_of_a_wall_is_another(named_by):
         return beadwave.sweep("rig-1dof", changes, cases=cases, out="out")
 
     old = swept()
-    assert old.notes == () and set(old.counts()) == {"done"}
+    assert "replaced" not in str(old.notes) and set(old.counts()) == {"done"}
     assert swept().columns["seconds"].tolist() == old.columns["seconds"].tolist()
     wall_of("b.npz", 5e9)
     new = swept()
-    assert new.notes == (
-        "replaced: the table in out, since a file that it was made of changed, or the program did",
+    assert new.notes[-1] == (
+        "replaced: the table in out, since a file that it was made of changed, or the program did"
     )
     change = new.columns["wall_peak_force_N"] / old.columns["wall_peak_force_N"] - 1.0
     assert np.abs(change).max() > 0.05
-    assert swept().notes == ()
+    assert swept().notes == old.notes
 
 
 def test_a_stopped_sweep_does_not_go_on_with_rows_of_a_file_that_is_another(monkeypatch):
