@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from os import environ
 from pathlib import Path
 
 import pytest
@@ -11,13 +12,18 @@ from workflows.aliases import MOVED_MODULES, MOVED_PACKAGES, present_path
 ROOT = Path(__file__).parents[1]
 
 
+def run_there(command: list[str], folder: Path) -> subprocess.CompletedProcess:
+    """A command in a folder of the user, whose modules Python finds: commands that ran in this
+    process before have told their children to leave it out."""
+    env = {name: value for name, value in environ.items() if name != "PYTHONSAFEPATH"}
+    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True)
+
+
 def python(code: str, folder: Path, *options: str) -> subprocess.CompletedProcess:
     """What a user's script prints that stands in a folder of hers."""
     script = folder / "script.py"
     script.write_text(code)
-    return subprocess.run(
-        [sys.executable, *options, str(script)], cwd=folder, capture_output=True, text=True
-    )
+    return run_there([sys.executable, *options, str(script)], folder)
 
 
 @pytest.mark.parametrize("former", [*MOVED_MODULES, *MOVED_PACKAGES])
@@ -98,10 +104,8 @@ def test_a_module_of_the_user_that_was_imported_before_is_named(tmp_path):
 
 def test_the_command_names_a_hiding_file_with_status_2(tmp_path):
     (tmp_path / "rom.py").write_text("")
-    run = subprocess.run(
-        [sys.executable, "-c", "import beadwave; beadwave.main()", "scenes"],
-        cwd=tmp_path, capture_output=True, text=True,
-    )  # fmt: skip
+    command = [sys.executable, "-c", "import beadwave; beadwave.main()", "scenes"]
+    run = run_there(command, tmp_path)
     assert run.returncode == 2
     assert run.stderr.count("\n") == 1 and str(tmp_path / "rom.py") in run.stderr
 
