@@ -236,12 +236,12 @@ def true_errors(chains, batch, **options):
 def test_a_small_sphere_among_large_ones_has_the_error_that_its_row_states():
     """The largest A is not the fastest contact: the lightest spheres have it."""
     radius = 0.011 + 1e-6 * np.arange(40)
-    radius[23] = 0.0025
+    radius[24] = 0.0022  # not one of 16 spread over 40
     chains, options = steel(radius, np.full(40, 0.4)), dict(duration=2e-3, n_save=400)
     batch = march_batch(chains, error=1e-4, **options)
     assert not batch.refused and (batch.error_estimate <= 1e-4).all()
     assert (true_errors(chains, batch, **options) <= batch.error_estimate).all()
-    assert batch.n_steps[23] > 3 * np.delete(batch.n_steps, 23).max()
+    assert batch.n_steps[24] > 3 * np.delete(batch.n_steps, 24).max()
 
 
 def test_rows_state_no_less_than_half_of_their_error():
