@@ -33,7 +33,8 @@ def here(tmp_path, monkeypatch):
 
 def test_the_door_opens_without_loading_what_is_behind_it():
     code = "import sys, beadwave; dir(beadwave); print(sorted({'numpy', 'pydantic', 'scipy', "
-    code += "'numba', 'xarray'} & set(sys.modules)), sorted(m for m in sys.modules if 'workflows' in m))"
+    code += "'numba', 'xarray'} & set(sys.modules)), "
+    code += "sorted(m for m in sys.modules if 'workflows' in m))"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )

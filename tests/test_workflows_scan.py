@@ -307,7 +307,9 @@ def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanne
     reduction = (one.columns["error_reduction"] for one in (found, scanned))
     assert np.abs(np.subtract(*reduction)).max() < 2 * time
     v, whole = (one.signals()["v"].to_numpy() for one in (found, scanned))
-    assert np.abs(v - whole).max() < 0.2 * time
+    # steps depend on the points beside one, and each of both runs is within its error of 0.2 m/s
+    stated = found.columns["error_time"] + scanned.columns["error_time"]
+    assert (np.abs(v - whole).max(axis=(1, 2)) < 0.2 * stated).all()
 
 
 def test_points_are_mirrored_to_the_last_digit():
