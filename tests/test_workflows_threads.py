@@ -20,8 +20,8 @@ from workflows.stages.pipeline import pipeline_of
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
-RADIUS, LENGTH = 5e-3, 0.05  # of the shank [m]
-OUTER, HIGH, AT = 9e-3, 8e-3, 0.014  # of the nut [m]
+RADIUS, LENGTH = 5e-3, 0.024  # of the shank [m]
+OUTER, HIGH, AT = 9e-3, 6e-3, 0.006  # of the nut [m]
 MASS = {"stud": pi * RADIUS**2 * LENGTH * 7850, "nut": pi * (OUTER**2 - RADIUS**2) * HIGH * 7850}
 
 SCENE = """
@@ -30,12 +30,12 @@ assembly = { held = [], material = "steel" }
 strike = { on = "stud:-z", radius = 1e-3 }
 reduction = { kind = "free-modes" }
 [bodies.stud]
-cylinder = { radius = 0.005, length = 0.05 }
+cylinder = { radius = 0.005, length = 0.024 }
 seed = 5e-3
 [bodies.nut]
-cylinder = { radius = 0.009, bore = 0.005, length = 0.008 }
+cylinder = { radius = 0.009, bore = 0.005, length = 0.006 }
 seed = 5e-3
-at = [0.0, 0.0, 0.014]
+at = [0.0, 0.0, 0.006]
 [[joints]]
 name = "m10"
 between = "stud|nut*"
@@ -43,9 +43,9 @@ at = "thread"
 """
 SECOND = """
 [bodies.nut-2]
-cylinder = { radius = 0.009, bore = 0.005, length = 0.008 }
+cylinder = { radius = 0.009, bore = 0.005, length = 0.006 }
 seed = 5e-3
-at = [0.0, 0.0, -0.012]
+at = [0.0, 0.0, -0.006]
 """
 
 
@@ -73,9 +73,7 @@ def test_directions_left_free_on_purpose_are_modes_of_no_frequency(more, changes
     if not more:
         reduced = rom.modal(stage("reduction")).omega
         assert np.count_nonzero(reduced == 0) == n_free
-        moved = np.abs(stage("contact").w @ stage("modes").phi)[n_free:] > 1.0
-        first = found[n_free:][moved][0]
-        assert reduced[n_free] / (2 * pi) == pytest.approx(first, rel=1e-3)
+        assert np.abs(found / (reduced[n_free] / (2 * pi)) - 1).min() < 1e-4
 
 
 def test_a_nut_on_a_soft_thread_moves_along_it_as_two_masses_on_a_spring():
@@ -89,28 +87,26 @@ def test_a_nut_on_a_soft_thread_moves_along_it_as_two_masses_on_a_spring():
 
 
 def test_a_thread_holds_the_length_that_shank_and_bore_have_in_common():
-    """The nut reaches 3 mm beyond the stud's end: 5 mm of 8 are engaged, on either body."""
-    stage = stages(SCENE, "bodies.nut.at=[0, 0, 0.024]")
+    """The nut reaches 2 mm beyond the stud's end: 4 mm of 6 are engaged, on either body."""
+    stage = stages(SCENE, "bodies.nut.at=[0, 0, 0.011]")
     (joint,) = stage("mesh").connections.joints
-    np.testing.assert_allclose(joint.centre, [0, 0, 0.0225], atol=1e-9)
+    np.testing.assert_allclose(joint.centre, [0, 0, 0.010], atol=1e-9)
     for side in (joint.first, joint.second):
         body, name = side.face.split(":")
         mesh = stage("mesh").meshes[body]
         area = FacetBasis(mesh, mesh.elem(), facets=name).dx.sum()
         # of facets that enclose the cylinder's volume, longer than the circle by 0.8 % at most
-        assert area == pytest.approx(2 * pi * RADIUS * 5e-3, rel=8e-3)
+        assert area == pytest.approx(2 * pi * RADIUS * 4e-3, rel=8e-3)
 
 
-@pytest.mark.parametrize("radius", [4.2e-3, 5e-3])
-def test_the_parts_of_a_step_file_have_the_modes_of_the_drawn_ones(radius):
-    """With 0.8 mm between shank and bore too, that faces which touch may not have."""
-    size = f"bodies.stud.cylinder.radius={radius}"
-    drawn = hz(SCENE, size, "joints.m10.kz=5e8", "mesh.element=tet")
-    parts = {"stud": Cylinder(radius, LENGTH), "nut": Cylinder(OUTER, HIGH, RADIUS, at=(0, 0, AT))}
+def test_the_parts_of_a_step_file_have_the_modes_of_the_drawn_ones():
+    """With 0.8 mm between shank and bore, which bodies that touch do not have."""
+    drawn = hz(SCENE, "bodies.stud.cylinder.radius=4.2e-3", "joints.m10.kz=5e8")
+    parts = {"stud": Cylinder(4.2e-3, LENGTH), "nut": Cylinder(OUTER, HIGH, RADIUS, at=(0, 0, AT))}
     write_step(parts, Path("parts.step"))
     tables = SCENE.split("[bodies.stud]")[0].replace("held", 'step = "parts.step", held')
     text = f'{tables}[bodies."*"]\nseed = 5e-3\n[[joints]]{SCENE.split("[[joints]]")[1]}kz = 5e8\n'
-    read = hz(text, "mesh.element=tet")
+    read = hz(text)
     np.testing.assert_allclose(read[6:12], drawn[6:12], rtol=2e-3)
 
 
@@ -118,7 +114,7 @@ def test_the_parts_of_a_step_file_have_the_modes_of_the_drawn_ones(radius):
     ("changes", "reason"),
     [
         (["bodies.nut.at=[0, 0, 0.06]"], r'at = "thread" finds no shank .* "stud" has a shank of'),
-        (["bodies.nut.at=[0.02, 0, 0.014]"], "finds no shank .* on one axis, up to 20 %"),
+        (["bodies.nut.at=[0.02, 0, 0.006]"], "finds no shank .* on one axis, up to 20 %"),
         (["bodies.nut.turn=[90, 0, 0]", "bodies.nut.at=[0, 0.04, 0]"], "finds no shank"),
         (["bodies.stud.cylinder.radius=3.9e-3"], "has a bore of 10 mm; move them"),
         (["joints.m10.washer=0.008"], r"joints\.m10\.washer = 0\.008 is beside at = \"thread\""),
