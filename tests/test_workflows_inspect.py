@@ -14,7 +14,7 @@ from workflows.files.scene import scene
 from workflows.fit.core.inspection.reading import noise_of, rounding
 from workflows.fit.core.parametric_wall import Box
 from workflows.fit.inspection.numbers import number, own, put, shared, usual_each
-from workflows.fit.inspection.structure import structure
+from workflows.fit.inspection.structure import Structure, structure
 from workflows.fit.records import recorded, sensor_of
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
@@ -43,6 +43,7 @@ BEAM = {
 TRUTH = {"beam.thickness": 0.0124, "beam.young": 72e9, "beam.axial_force": -20e3}
 BOUNDS = "beam.thickness=9mm:15mm,beam.axial_force=-30kN:5kN"
 FIND = ",".join(TRUTH)
+THROUGH = Structure.through
 NO_BOX = Box(np.zeros(0), np.zeros(0))
 
 
@@ -137,6 +138,27 @@ def test_a_beam_that_is_held_otherwise_is_told_by_what_is_left(tmp_path):
     result = beadwave.inspect(BEAM, files, **asked, each="striker.velocity=0.4", starts=2)
     assert not result.report.explained
     assert any("DOES NOT EXPLAIN" in remark for remark in result.report.remarks)
+
+
+def test_an_answer_without_a_wall_is_shown_and_not_explained(drops, monkeypatch):
+    """Beyond buckling, for example: what walls around it gave, with the reason."""
+
+    def none(scene):
+        raise InvalidScene("beam.axial_force: it buckles.")
+
+    monkeypatch.setattr(Structure, "through", lambda one, values: _through(one, values, none))
+    result = beadwave.inspect(BEAM, drops[:1], TRUTH, find="beam.thickness", starts=2)
+    assert not result.report.explained
+    assert [row.told for row in result.report.numbers] == ["not explained"]
+    assert any("no wall can be computed at the answer (beam.axial_force: it buckles)" in remark
+               for remark in result.report.remarks)  # fmt: skip
+    assert 0 < result.report.misfit[0][0] < 2 and "DOES NOT EXPLAIN" in repr(result)
+
+
+def _through(one, values, computed):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("workflows.inspection.structure.computed", computed)
+        return THROUGH(one, values)
 
 
 def test_numbers_of_the_chain_need_no_other_wall(tmp_path, drops):

@@ -110,6 +110,12 @@ def test_what_cannot_be_a_force_is_refused(sentence, tmp_path):
         fitted(None, data="bad.csv")
 
 
+def test_forces_of_spheres_on_leaf_springs_are_bad_input(tmp_path):
+    (tmp_path / "f.csv").write_text(columns(made(), (0, "sphere 5 force [N]", 200.0)))
+    with pytest.raises(InvalidScene, match="no forces are fitted of spheres on leaf"):
+        fitted(None, data="f.csv", **{"leaf_springs": {"stiffness": 1e3}})
+
+
 def test_an_impulse_beside_the_strikers_momentum_is_told(tmp_path):
     record = made()
     for factor, told in ((1.0, False), (1.15, True)):
