@@ -127,6 +127,6 @@ def _check(found: Modes, K, M, sigma: float) -> None:
     if not worst < LOST:
         raise ValueError(
             f"a mode near {found.frequency_hz[at]:.2g} Hz is lost in the rounding of K (relative "
-            f"residual {worst:.1e}, allowed {LOST:g}): a part hangs on joints too soft beside its own "
-            "stiffness; stiffen the softest joints."
+            f"residual {worst:.1e}, allowed {LOST:g}): a part hangs on joints too soft beside its "
+            "own stiffness; stiffen the softest joints."
         )

@@ -157,7 +157,7 @@ def test_an_answer_without_a_wall_is_shown_and_not_explained(drops, monkeypatch)
 
 def _through(one, values, computed):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("workflows.inspection.structure.computed", computed)
+        patch.setattr("workflows.fit.inspection.structure.computed", computed)
         return THROUGH(one, values)
 
 
