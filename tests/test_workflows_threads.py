@@ -139,10 +139,9 @@ def test_bodies_with_two_cylinders_in_common_are_refused():
         occ = gmsh.model.occ
         occ.addCylinder(0, 0, 0, 0, 0, LENGTH, RADIUS)
         nut = occ.addCylinder(0, 0, 0.01, 0, 0, HIGH, OUTER)
-        bores = [
-            occ.addCylinder(0, 0, z, 0, 0, 0.004, r) for z, r in ((0.01, 5e-3), (0.014, 5.4e-3))
-        ]
-        occ.cut([(3, nut)], [(3, bore) for bore in bores])
+        halves = ((0.01, 5e-3), (0.013, 5.4e-3))
+        bores = [(3, occ.addCylinder(0, 0, z, 0, 0, HIGH / 2, radius)) for z, radius in halves]
+        occ.cut([(3, nut)], bores)
         occ.synchronize()
         gmsh.write("stepped.step")
     tables = SCENE.split("[bodies.stud]")[0].replace("held", 'step = "stepped.step", held')
