@@ -62,7 +62,7 @@ def hz(*order):
     ("more", "changes", "n_free"),
     [
         ("", (), 6),
-        ("", ("joints.m10.kz=0",), 7),
+        ("", ("joints.m10.kz=0", "reduction.modes=20"), 7),
         (SECOND, ("joints.m10.kz=0",), 8),
     ],
 )
