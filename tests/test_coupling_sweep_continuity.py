@@ -66,6 +66,44 @@ def test_no_later_wave_stays_in_a_thinned_scan(name, kept):
     assert np.median(shares) > (least if kept > 0.5 else least - 0.15)
 
 
+# First reflected waves [us], 59 us wide, at sphere 14 of a chain over a steel plate of 4 mm that is
+# held at one edge (the first row); half of a mirrored map. Along the free edge the wave comes later
+# and later until it is lost; elsewhere it comes from 778 to 849 us.
+PLATE = """
+    780 779 779 778 779 779
+    834 802 800 800 800 801
+    920 848 829 830 829 829
+    1020 955 841 849 842 844
+    1133 - 839 - 835 837
+    1257 - 839 837 836 838
+    - - 839 - 836 838
+    - - 841 839 838 839
+    - - 841 839 838 839
+    - - 839 - 836 838
+    - - 839 - 836 838
+    - - 839 - 836 837
+    - - - - - 839
+    - - 844 - 839 841
+    - - - - - -
+    - - - - - -
+"""
+
+
+def test_no_later_wave_stays_in_a_thinned_scan_of_a_plate():
+    half = np.array([line.split() for line in PLATE.strip().splitlines()])
+    half = np.where(half == "-", "nan", half).astype(float)
+    time, width = 1e-6 * np.hstack([half, half[:, ::-1]]).ravel(), 59e-6
+    same = same_wave(grid(), time, width)
+    wave = (time > 777e-6) & (time < 850e-6)
+    assert not (same & ~wave).any() and same.sum() > 0.9 * wave.sum()
+    rng = np.random.default_rng(3)
+    for kept in np.repeat([0.9, 0.7, 0.5, 0.3, 0.2], 20):
+        there = rng.random(len(time)) < kept
+        same = same_wave(grid(), np.where(there, time, np.nan), width)
+        assert not (same & ~wave).any()
+        assert same.sum() > 0.5 * (wave & there).sum()
+
+
 def test_a_map_without_jumps_is_kept_whole():
     time = 3e-4 + 1e-5 * np.sin(grid().sum(axis=1))
     assert same_wave(grid(), time, WIDTH).all()
@@ -90,7 +128,7 @@ def test_waves_that_continuity_leads_around_to_are_told_apart_or_left_out():
     same = same_wave(grid(12, 12), time, WIDTH)
     one, other = neighbours(grid(12, 12)).T
     jump = np.abs(time[one] - time[other])[same[one] & same[other]]
-    assert (jump <= WIDTH / 2).all()
+    assert (jump <= 0.75 * WIDTH).all()
 
 
 def test_a_later_wave_at_most_points_of_a_thinned_scan_is_not_taken_for_the_first():

@@ -28,6 +28,9 @@ from workflows.stages.wall import damping_law
 from workflows.thesis import HAMMER_TEST_HZ
 
 RINGS = 8, 24  # of a patch's quadrature: the half-space takes what they leave along
+# Times the frequency that errors hold to: on a 4 mm plate, 2 cost as much as 300 solutions more and
+# save 7 at every point.
+HIGHER = 2.0
 AXES = "xyz"
 
 
@@ -147,11 +150,11 @@ def pencil(scene: Scene, model: fem.Model) -> Pencil:
 
 def modes(scene: Scene, problem: Pencil) -> EigenPairs:
     """Those that all points of a face share."""
-    return modes_below(problem, to_hz(scene))
+    return modes_below(problem, HIGHER * to_hz(scene))
 
 
 def to_hz(scene: Scene) -> float:
-    """Highest frequency of these."""
+    """Up to which an error of the reduction holds."""
     return scene.wall.cutoff or scene.reduction.cutoff or scene.reduction.to_hz or TO_HZ
 
 

@@ -2,13 +2,14 @@
 
 At each point the first reflected wave above a threshold is picked. Where that wave fades below it a
 later one is picked, and the time jumps there. Two crests of one sign in one record are at least
-about a wave's width apart, so the times of one wave at neighbouring points and those of two waves
-can be told apart where neither changes by much of a width from point to point:
+0.9 of a wave's width apart (closer ones have one crest), so that at neighbours i and j
 
-    |t_i - t_j| <= SHARE width   the same wave at the neighbours i and j
+    |t_i - t_j| <= SAME width    is a step along one wave,
+    |t_i - t_j| > OTHER width    is a jump to another one,
 
-The points that such steps connect have one wave if no other step between two of them jumps. Where
-one does, continuity leads to two waves: points at such jumps are left out until there are none.
+where waves change by less than the rest of 0.9 from point to point. The points that steps connect
+have one wave if no two neighbours among them jump. Where two do, continuity leads to two waves:
+points at such jumps are left out until there are none.
 """
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-SHARE = 0.5  # of a wave's full width at half maximum
+SAME, OTHER = 0.5, 0.75  # of a wave's full width at half maximum
 NEAREST = 33  # points among which neighbours are sought: of a grid those within three steps
 Mask = NDArray[np.bool_]
 
@@ -27,7 +28,8 @@ def same_wave(points: ArrayLike, time: ArrayLike, width: float) -> Mask:
 
     time is NaN where there is no wave; width [s] is that of a wave at half its height. Taken is
     the wave of most points. If these are no more than half of those with a wave, it must come
-    before the others at most of its borders; otherwise it cannot be told, and no point has it.
+    before the others at most of its borders; otherwise it cannot be told, and no point has it. A
+    point without others keeps its wave.
     """
     points, time = np.asarray(points, float), np.asarray(time, float)
     there = np.flatnonzero(np.isfinite(time))
@@ -36,7 +38,7 @@ def same_wave(points: ArrayLike, time: ArrayLike, width: float) -> Mask:
         # none of a single point
         one, other = there[neighbours(points[there])].T
         jump = np.abs(time[one] - time[other])
-        near = jump <= SHARE * width
+        near, far = jump <= SAME * width, jump > OTHER * width
         links = coo_array((near[near], (one[near], other[near])), shape=(len(time),) * 2)
         _, group = connected_components(links, directed=False)
         counts = np.bincount(group[there])
@@ -51,7 +53,7 @@ def same_wave(points: ArrayLike, time: ArrayLike, width: float) -> Mask:
             break
 
         # where continuity leads to both ends of a jump, the points with most of the jumps go
-        torn = inside[one] & inside[other] & ~near
+        torn = inside[one] & inside[other] & far
         if not torn.any():
             return inside
         jumps = np.bincount(np.concatenate([one[torn], other[torn]]), minlength=len(time))
