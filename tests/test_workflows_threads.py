@@ -110,6 +110,25 @@ def test_the_parts_of_a_step_file_have_the_modes_of_the_drawn_ones():
     np.testing.assert_allclose(read[6:12], drawn[6:12], rtol=2e-3)
 
 
+def test_a_mesh_of_one_s_own_has_the_thread_of_the_drawn_bodies():
+    """The nut within the stud's length, both in tetrahedra with 16 edges around."""
+    with session(), silent():
+        occ = gmsh.model.occ
+        stud = occ.addCylinder(0, 0, -LENGTH / 2, 0, 0, LENGTH, RADIUS)
+        nut, bore = (occ.addCylinder(0, 0, AT - HIGH / 2, 0, 0, HIGH, r) for r in (OUTER, RADIUS))
+        occ.cut([(3, nut)], [(3, bore)])
+        occ.synchronize()
+        for name, tag in (("stud", stud), ("nut", nut)):
+            gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag]), name)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 16)
+        gmsh.model.mesh.generate(3)
+        gmsh.write("own.msh")
+    tables = SCENE.split("[bodies.stud]")[0].replace("held", 'mesh = "own.msh", held')
+    text = f"{tables}[[joints]]{SCENE.split('[[joints]]')[1]}kz = 1e5\n"
+    expected = np.sqrt(1e5 * sum(1 / mass for mass in MASS.values())) / (2 * pi)
+    assert hz(text)[6] == pytest.approx(expected, rel=0.03)  # 16 edges leave 2.5 % of the masses
+
+
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
