@@ -695,3 +695,21 @@ def test_a_file_alone_appears_complete_or_not_at_all(tmp_path):
         part.write_text("half")
         raise ZeroDivisionError
     assert not list(tmp_path.iterdir())
+
+
+FOREIGN = [b"\xff\x00\x1e theirs", b"[1, 2]\n", b'{"files": 3}', b"0123xyz\n"]
+
+
+@pytest.mark.parametrize("content", FOREIGN)
+def test_a_marker_that_somebody_else_wrote_stays_and_its_folder_is_refused(content, tmp_path):
+    marker = tmp_path / MARKER
+    marker.write_bytes(content)
+    with pytest.raises(InvalidScene, match="which beadwave did not write; remove it or choose"):
+        RunFolder(tmp_path).require("a.txt")
+    assert marker.read_bytes() == content
+
+
+@pytest.mark.parametrize("half", ["", "# What beadw", "\n0123abc", f"\n{64 * 'a'} "])
+def test_half_a_line_of_a_killed_run_is_one_of_ours(half, tmp_path):
+    (tmp_path / MARKER).write_text(half)
+    RunFolder(tmp_path).require("a.txt")

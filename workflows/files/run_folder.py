@@ -25,6 +25,8 @@ from workflows.scene import InvalidScene, nearest
 MARKER = ".beadwave"
 NEW = ".beadwave-new-"  # and the number of the process that fills it
 HEAD = "# What beadwave wrote here, with its sha256; the next run clears what is unchanged.\n"
+# of a marker; a killed run leaves half a line
+LINE = r"|#.*|[0-9a-f]{1,64}|[0-9a-f]{64} .*"
 # folders that the system or its users share; a run folder may lie in one, and be none
 SYSTEM = (
     "/", "/bin", "/boot", "/dev", "/etc", "/home", "/lib", "/lib32", "/lib64", "/opt", "/proc",
@@ -296,7 +298,7 @@ def marked(folder: Path) -> bool:
 
 def _require_own(path: Path) -> None:
     """Raise InvalidScene for a folder that is no run's: of the system, the user's home, or one
-    whose marker would be waited for (a pipe) or lead to another file (a link)."""
+    whose marker would be waited for (a pipe), lead to another file (a link) or is not ours."""
     place = path.resolve()
     if str(place) in SYSTEM:
         raise InvalidScene(f"--out {path} is a folder of the system; choose one for the run alone.")
@@ -304,6 +306,11 @@ def _require_own(path: Path) -> None:
         kind = "a symbolic link" if islink(path / MARKER) else "no ordinary file"
         raise InvalidScene(
             f"--out {path} holds {MARKER}, which is {kind}; remove it or choose another folder."
+        )
+    if not all(fullmatch(LINE, line) for line in (_text(path / MARKER) or "").splitlines()):
+        raise InvalidScene(
+            f"--out {path} holds {MARKER}, which beadwave did not write; remove it or choose "
+            "another folder."
         )
     if place == Path(expanduser("~")).resolve() and not marked(path):
         raise InvalidScene(f"--out {path} is your home folder; choose one in it for the run alone.")
