@@ -15,22 +15,20 @@ from geometry.assembly import InvalidGeometry
 from geometry.foreseen import require_few
 from geometry.gmsh_session import failing
 from geometry.hexahedra import hexahedra
-from geometry.imprint import MERGED, Disc, Patch, fitted, regions
+from geometry.imprint import RIM_ROOM, Disc, Patch, fitted, regions
 from geometry.roundness import rimmed
 from geometry.selectors import Selected
 from geometry.sizes import Sizes
 from geometry.solids import Body
 from geometry.tetrahedra import tetrahedra
-from geometry.touching import Touch
+from geometry.touching import TouchingPair
 
 DEFAULT = Sizes()
-BENT = 1e-8  # m, of a node off the plane that it belongs to
-STEEP = 0.9  # cosine between normals of a bent facet and of its plane
 
 
 def body_meshes(
     bodies: Mapping[str, Body],
-    touching: Sequence[Touch] = (),
+    touching: Sequence[TouchingPair] = (),
     *,
     gap: float,
     sizes: Sizes = DEFAULT,
@@ -51,16 +49,18 @@ def body_meshes(
     for name, body in bodies.items():
         size = sizes.of(body)
         with failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'):
-            drawn = fitted(body, patches or {}, gap, size.around)
-            wanted = regions(body, touching, drawn, gap)
-            order = (body, wanted, named or {}, size, gap)
+            fitting = fitted(body, patches or {}, gap, size.around)
+            imprints = regions(body, touching, fitting, gap)
+            order = (body, imprints, named or {}, size, gap)
             mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
-        discs = {key: disc for key, disc in drawn.items() if isinstance(disc, Disc)}
+
+        # discs have their area again, which the polygon of their rim and its fitting took
+        discs = {key: disc for key, disc in fitting.items() if isinstance(disc, Disc)}
         for key, disc in discs.items():
             _require_edges(mesh, key, disc, body, gap)
         for key, disc in discs.items():
-            beside = [other for other in discs if other != key]
-            mesh = rimmed(mesh, key, patches[key], disc.radius, size.around, beside)
+            neighbours = [rim for rim in discs if rim != key]
+            mesh = rimmed(mesh, key, patches[key], disc.radius, size.around, neighbours)
         meshes[name] = mesh
     return meshes
 
@@ -73,18 +73,21 @@ def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) ->
     corners = mesh.p[:, outer[:, np.any(np.isin(outer, nodes), axis=0)]]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
     across /= np.linalg.norm(across, axis=0)
+
+    # how far the facets at the disc are off the plane that they are nearly parallel to, 26 degrees
     planes = [face for face in body.faces if face.normal is not None]
     off = np.array(
         [
             np.where(
-                np.abs(face.normal @ across) > STEEP,
+                np.abs(face.normal @ across) > 0.9,
                 np.abs(np.tensordot(face.normal, corners, 1) - face.normal @ face.centre).max(0),
                 np.inf,
             )
             for face in planes
         ]
     ).min(axis=0)
-    if np.any((off > BENT) & (off < MERGED * gap)):
+    # above rounding, and below the distance at which an intersection makes edges one
+    if np.any((off > 1e-8) & (off < RIM_ROOM.merged * gap)):
         raise InvalidGeometry(
             f'"{name}": a washer of radius {disc.radius:.6g} m at '
             f"{np.round(disc.centre, 6).tolist()} m ends within {gap:g} m, the gap that faces may "

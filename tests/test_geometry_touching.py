@@ -13,7 +13,7 @@ from geometry.body_mesh import body_meshes, facet_error
 from geometry.cad import body_of, model
 from geometry.gmsh_session import session
 from geometry.shapes import Box, Cylinder, Hole, Plate
-from geometry.touching import neighbours, require_apart, told
+from geometry.touching import neighbours, require_apart
 
 GAP = 1e-5
 TURNS = [(0, 0, 0), (10, 20, 30), (90, 0, 45)]
@@ -95,9 +95,9 @@ def test_bodies_that_overlap_or_lie_inside_each_other_are_refused():
 def test_near_misses_and_lines_are_told_in_a_sentence():
     cube = Box((0.1,) * 3)
     near, _ = found({"a": cube, "b": Box((0.1,) * 3, at=(0.1003, 0, 0))})
-    assert '"a" and "b" miss each other by 0.3 mm' in told(near.misses[0])
+    assert '"a" and "b" miss each other by 0.3 mm' in near.misses[0].sentence
     near, _ = found({"a": cube, "b": Box((0.1,) * 3, at=(0.1, 0.1, 0))})
-    assert "along a line or at a point, near [0.05, 0.05, " in told(near.misses[0])
+    assert "along a line or at a point, near [0.05, 0.05, " in near.misses[0].sentence
 
 
 def test_edges_that_meet_are_no_contact_but_a_distance_of_nothing():
