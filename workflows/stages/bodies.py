@@ -17,7 +17,7 @@ import numpy as np
 import fem
 from geometry import InvalidGeometry, rig
 from geometry.own_mesh import OwnMesh, own_mesh
-from geometry.shapes import Box, Cylinder, Hole, Plate, Shape
+from geometry.shapes import Box, Cylinder, Hole, Shape, Slab
 from geometry.solids import require_size
 from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
@@ -76,21 +76,21 @@ def shapes(scene: Scene) -> dict[str, Shape]:
     """The bodies that the scene draws, those of the rig too."""
     if not scene.is_general:
         return rig.shapes(assembly(scene.assembly))
-    drawn_bodies: dict[str, Shape] = {}
+    solids: dict[str, Shape] = {}
     for name, body in (scene.bodies or {}).items():
         if not body.drawn:
             continue
         place = {key: getattr(body, key) for key in ("at", "turn") if getattr(body, key)}
         if body.box:
-            drawn_bodies[name] = Box(body.box, **place)
+            solids[name] = Box(body.box, **place)
         elif body.cylinder:
-            drawn_bodies[name] = Cylinder(**body.cylinder.model_dump(), **place)
+            solids[name] = Cylinder(**body.cylinder.model_dump(), **place)
         else:
             points = body.holes.at if body.holes else ()
             holes = tuple(Hole(body.holes.diameter, point) for point in points)
             plate = body.plate
-            drawn_bodies[name] = Plate(plate.outline, plate.thickness, holes, **place)
-    return drawn_bodies
+            solids[name] = Slab(plate.outline, plate.thickness, holes, **place)
+    return solids
 
 
 def words(scene: Scene) -> Words:
