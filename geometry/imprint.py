@@ -234,7 +234,9 @@ def imprinted(
         if len(volumes) != 1:
             raise ValueError(f"imprints would cut {body.name} into {len(volumes)} pieces.")
         (volume,) = volumes
-        surfaces = ([tag for dimension, tag in parts if dimension == 2] for parts in became[1:])
+        surfaces = (
+            [tag for dimension, tag in entities if dimension == 2] for entities in became[1:]
+        )
         split = dict(zip([*old, *tools], surfaces, strict=True))
         old, new = {tag: split[tag] for tag in old}, {tag: split[tag] for tag in tools}
 

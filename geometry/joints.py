@@ -19,8 +19,6 @@ from geometry.selectors import Selected, bodies_named, faces, touches
 from geometry.solids import Body, Vector
 from geometry.touching import TouchingPair
 
-UNKNOWN_WASHER = 1e-3  # m, the radius by which bolts without a washer of their own are kept apart
-
 
 class JointWords(NamedTuple):
     """A joint as its table gives it."""
@@ -134,7 +132,8 @@ def _place_bolts(
             raise InvalidGeometry(
                 f'{joint.key} has points, but "{touch.name}" touch on no plane; tie them.'
             )
-        radius = UNKNOWN_WASHER if joint.washer is None else joint.washer
+        # bolts without a washer of their own are 2 mm apart at least
+        radius = 1e-3 if joint.washer is None else joint.washer
         for i, j in combinations(range(len(bolts)), 2):
             distance = np.linalg.norm(bolts[i].centre - bolts[j].centre)
             if distance < 2 * radius * (1 - 1e-9):
