@@ -33,7 +33,7 @@ def test_a_thin_plate_keeps_both_sides_its_corners_and_its_area(kind):
     nodes = points[thin.nodes]
     assert area(nodes, thin.faces) == pytest.approx(area(points, faces), rel=0.02)
     corners = np.array([[x, y, z] for x in (0, LONG) for y in (0, LONG) for z in (0, THICK)])
-    away = np.linalg.norm(left[:, None] - corners, axis=2).min(axis=0)
+    away = np.linalg.norm(nodes[:, None] - corners, axis=2).min(axis=0)
     assert away.max() < 1e-12
 
 
