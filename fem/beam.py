@@ -45,14 +45,18 @@ class Section(NamedTuple):
     thickness: float  # [m] along the chain
 
 
-class End(NamedTuple):
+class BeamEnd(NamedTuple):
     """What holds an end: inf is rigid, 0 is free."""
 
     shift: float  # [N/m]
     turn: float  # [N m/rad]
 
 
-ENDS = {"hinged": End(np.inf, 0.0), "clamped": End(np.inf, np.inf), "free": End(0.0, 0.0)}
+ENDS = {
+    "hinged": BeamEnd(np.inf, 0.0),
+    "clamped": BeamEnd(np.inf, np.inf),
+    "free": BeamEnd(0.0, 0.0),
+}
 
 
 def rectangle(width: float, thickness: float, poisson: float) -> Section:
@@ -81,7 +85,7 @@ def beam(
     length: float,
     section: Section,
     material: Material,
-    ends: tuple[End, End],
+    ends: tuple[BeamEnd, BeamEnd],
     position: float,
     *,
     axial_force: float = 0.0,
@@ -133,7 +137,7 @@ def _stiffnesses(section: Section, material: Material) -> tuple[float, float]:
     return shear, material.young * section.second_moment
 
 
-def _ends(along: Line, length: float, ends: tuple[End, End]) -> NDArray[np.float64]:
+def _ends(along: Line, length: float, ends: tuple[BeamEnd, BeamEnd]) -> NDArray[np.float64]:
     """Springs (2 n,) on the deflections, then on the turns; inf is held."""
     n = along.basis.N
     springs = np.zeros(2 * n)

@@ -23,7 +23,7 @@ MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 STRAIN = "strain"
 
 
-class Motion(NamedTuple):
+class BodyMotion(NamedTuple):
     """A mode told by what a body does in it."""
 
     body: str
@@ -60,7 +60,7 @@ class Shape(NamedTuple):
         return Shape(self.reading @ V, self.shape)
 
 
-Target = Motion | Number | Shape
+Target = BodyMotion | Number | Shape
 
 
 class Pairing(NamedTuple):
@@ -90,7 +90,7 @@ def mac(phi: NDArray, psi: NDArray) -> NDArray[np.float64]:
 
 def pair(model: Model, modes: Modes, targets: Sequence[Target]) -> Pairing:
     """The targets among the modes of a model."""
-    bodies = {target.body for target in targets if isinstance(target, Motion)}
+    bodies = {target.body for target in targets if isinstance(target, BodyMotion)}
     forms = {body: body_forms(model, body, modes.phi) for body in bodies}
     by_mode = [t.within(modes.phi) if isinstance(t, Shape) else t for t in targets]
     return paired(forms, modes._replace(phi=np.eye(len(modes.omega))), by_mode)
@@ -145,7 +145,7 @@ def target_mac(
     structure = models[0].structure
     columns = []
     for j, target in enumerate(targets):
-        told = isinstance(target, Motion)
+        told = isinstance(target, BodyMotion)
         dofs = structure.dofs(target.body) if told else slice(None)
         columns.append(mac(phi[dofs], psi[dofs, j : j + 1])[:, 0])
     return np.array(columns).reshape(len(targets), phi.shape[1]).T

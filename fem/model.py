@@ -28,7 +28,7 @@ class Held(NamedTuple):
     directions: str = "xyz"
 
 
-class Table(NamedTuple):
+class SwayingTable(NamedTuple):
     """What the assembly stands on: a mass that sways along x and y with a frequency of its own."""
 
     frequency_hz: float  # of table and assembly together, swaying as one
@@ -48,7 +48,7 @@ class Connections(NamedTuple):
     ties: Sequence[Tie] = ()
     joints: Sequence[Joint] = ()
     held: Sequence[Held] = ()
-    table: Table | None = None
+    table: SwayingTable | None = None
 
     @property
     def stiffness(self) -> NDArray[np.float64]:
@@ -162,7 +162,7 @@ def _grounded(
     return Constraint(slaves, csr_matrix(place, shape=(len(slaves), n_total)), "the supports")
 
 
-def _sway(structure: Structure, table: Table | None) -> Sway | None:
+def _sway(structure: Structure, table: SwayingTable | None) -> Sway | None:
     """The table's springs carry the assembly's mass as well."""
     if table is None:
         return None

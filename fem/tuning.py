@@ -35,7 +35,7 @@ VAGUE = np.log(2.0)  # standard deviation of ln(value): not even known within a 
 WORSE = 4.0  # rise of the sum of squares that one parameter explains: two standard deviations
 
 
-class Parameter(NamedTuple):
+class TuningParameter(NamedTuple):
     """Springs that share one stiffness, or a factor on the moduli or the density of bodies."""
 
     name: str
@@ -63,7 +63,7 @@ class TuningBasis(NamedTuple):
 class Tuning(NamedTuple):
     """The best fit found; nan stands for targets that no mode fits."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[TuningParameter, ...]
     value: NDArray[np.float64]  # (p,) stiffnesses [N/m, N m/rad] and factors
     modes_hz: NDArray[np.float64]  # (n_targets,) of the projection
     deviation: NDArray[np.float64]  # (p,) of ln(value) for the assumed frequency error
@@ -111,7 +111,7 @@ def _orthonormal(V: NDArray[np.float64], M) -> NDArray[np.float64]:
 
 
 def spectrum(
-    basis: TuningBasis, parameters: Sequence[Parameter], value: NDArray[np.float64]
+    basis: TuningBasis, parameters: Sequence[TuningParameter], value: NDArray[np.float64]
 ) -> Modes:
     """All modes of the projection at the given values (p,)."""
     k, K, M = basis.stiffness.copy(), basis.K0, basis.M
@@ -131,14 +131,17 @@ def spectrum(
 
 
 def sensitivity(
-    basis: TuningBasis, parameters: Sequence[Parameter], value: NDArray[np.float64], found: Modes
+    basis: TuningBasis,
+    parameters: Sequence[TuningParameter],
+    value: NDArray[np.float64],
+    found: Modes,
 ) -> NDArray[np.float64]:
     """d ln(omega) / d ln(value), (k, p), for the modes given."""
     gradients = [_gradient(basis, p, found) for p in parameters]
     return np.array(gradients).T * value / (2 * found.omega[:, None] ** 2)
 
 
-def _gradient(basis: TuningBasis, p: Parameter, found: Modes) -> NDArray[np.float64]:
+def _gradient(basis: TuningBasis, p: TuningParameter, found: Modes) -> NDArray[np.float64]:
     """d omega^2 / d value, (k,)."""
     stretch = basis.elongation[np.isin(basis.spring, p.springs)] @ found.phi
     total = (stretch**2).sum(axis=0)
@@ -150,7 +153,7 @@ def _gradient(basis: TuningBasis, p: Parameter, found: Modes) -> NDArray[np.floa
 
 def tune(
     basis: TuningBasis,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[TuningParameter],
     target_hz: Mapping[int, float],
     *,
     frequency_error: float = 1e-3,
@@ -198,12 +201,12 @@ def tune(
 
 def determined(
     basis: TuningBasis,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[TuningParameter],
     target_hz: Mapping[int, float],
     fit: Tuning,
-) -> tuple[Parameter, ...]:
+) -> tuple[TuningParameter, ...]:
     """The parameters, of a fit of all of them, that the targets determine; none where they
-    determine none. The others are at the values they had before (`Parameter.before`).
+    determine none. The others are at the values they had before (`TuningParameter.before`).
 
     Backward elimination, one parameter at a time. A direction that was rigid, or stiffer than its
     bounds, stays so if the other parameters alone meet the targets as closely (likelihood ratio,
@@ -234,7 +237,7 @@ def determined(
     return tuple(parameters)
 
 
-def at_before(basis: TuningBasis, p: Parameter) -> TuningBasis:
+def at_before(basis: TuningBasis, p: TuningParameter) -> TuningBasis:
     """The basis with a parameter at the value it had before, rigid springs as constraints."""
     before = dict(zip(p.springs, p.before, strict=True)) if p.springs else {}
     stiffness = np.array(
@@ -281,7 +284,7 @@ class _Problem(NamedTuple):
     """Residuals ln(f / target) and weak pulls ln(value / start), in x = ln(value)."""
 
     basis: TuningBasis
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[TuningParameter, ...]
     target_hz: Mapping[int, float]
     regularisation: float
 

@@ -76,7 +76,7 @@ def test_a_slender_beam_buckles_at_eulers_load_of_its_ends(ends):
     assert abs(beam.load_factor - 0.5) < 1e-7
 
 
-SPRINGS = fem.End(3e6, 200.0)
+SPRINGS = fem.BeamEnd(3e6, 200.0)
 SECTIONS = (SECTION, fem.tube(0.03, 0.02, 0.3), fem.section(3e-4, 4e-9, 0.6))
 
 
@@ -126,7 +126,7 @@ STATIC = {
     ((CLAMPED, FREE), 0.3): lambda kGA, EI: 0.3**3 / (3 * EI) + 0.3 / kGA,
     ((HINGED, HINGED), 0.2): lambda kGA, EI: LENGTH**3 / (48 * EI) + LENGTH / (4 * kGA),
     ((CLAMPED, CLAMPED), 0.2): lambda kGA, EI: LENGTH**3 / (192 * EI) + LENGTH / (4 * kGA),
-    ((fem.End(1e6, 0.0), fem.End(3e6, 0.0)), 0.1): lambda kGA, EI: (
+    ((fem.BeamEnd(1e6, 0.0), fem.BeamEnd(3e6, 0.0)), 0.1): lambda kGA, EI: (
         (3 / 4) ** 2 / 1e6
         + (1 / 4) ** 2 / 3e6
         + 3 * LENGTH**3 / (256 * EI)
