@@ -23,7 +23,6 @@ from fem import (
 )
 from fem.constraints import Constraint, claimed, eliminated
 from fem.joints import (
-    NOWHERE,
     _Coupling,
     _require_spread,
     distributing,
@@ -37,6 +36,7 @@ from fem.trace import face_nodes
 from known_models import STEEL, at, stacked
 
 LOWER, UPPER = 0.05, 0.12  # m
+NOWHERE = np.empty(0, np.int64)
 
 
 TIE = Tie("upper:foot", "lower:top")
