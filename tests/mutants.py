@@ -266,7 +266,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("size = np.ptp(structure.points[used // 3], axis=0).max()", "0"): WEIGHTS,
     ("if not diagonal[-1] > last**2 * diagonal[0]:", "last ** 2 * diagonal[0]"): FAR,
     ("if not diagonal[-1] > last**2 * diagonal[0]:", "2"): FAR,
-    ('return f"{np.round(at.point, 6).tolist()} m"', "6"): WORDS,
+    ('place = f"{np.round(at.point, 6).tolist()} m"', "6"): WORDS,
     ("shape = np.where(rest, modes.phi / np.where(rest, modes.omega, 1) ** 2, 0.0)", "1"): UNREAD,
     ("return D is not None and modal_coupling(D) > UNCOUPLED",
      "modal_coupling(D) > UNCOUPLED"): SAME,
