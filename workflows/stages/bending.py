@@ -38,7 +38,7 @@ def model(scene: Scene, coarser: float = 1.0) -> fem.Bending:
 
 def _beam(table, coarser: float) -> fem.Bending:
     made_of = fem.Material(table.young, table.poisson, table.density)
-    ends = tuple(fem.End(*springs) for springs in table.springs)
+    ends = tuple(fem.BeamEnd(*springs) for springs in table.springs)
     return fem.beam(
         table.length, section(table), made_of, ends, table.position,
         axial_force=table.axial_force, coarser=coarser,

@@ -27,7 +27,7 @@ def _target(scene: Scene, model: fem.Model, target: Target) -> fem.Target:
         return fem.Number(target.number)
     if target.shape:
         return shape(scene, model, target.shape, target.hz)
-    return fem.Motion(target.body, target.motion)
+    return fem.BodyMotion(target.body, target.motion)
 
 
 def shape(scene: Scene, model: fem.Model, file: str | Path, hz: float) -> fem.Shape:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
-from fem.tuning import Parameter, Tuning, TuningBasis, spectrum, tune
+from fem.tuning import Tuning, TuningBasis, TuningParameter, spectrum, tune
 from workflows.evidence.prose import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
@@ -85,7 +85,7 @@ def _between_2_and_3(fit: Tuning) -> list[float]:
     return [float(f) for f in fit.all_hz if second < f < third]
 
 
-def _loose(scene: Scene, freedom: Freedom) -> tuple[Scene, list[Parameter]]:
+def _loose(scene: Scene, freedom: Freedom) -> tuple[Scene, list[TuningParameter]]:
     bare = Joints(head=JointStiffnesses(kry=freedom.turn))
     free, varied = freed(freedom.free), scene.but(assembly={"constraint": "wires"}, joints=bare)
     return loosened(varied, free), free
@@ -96,7 +96,7 @@ def _miss(fit: Tuning) -> float:
     return float(100 * np.abs(fit.modes_hz[:3] / wanted - 1).max())
 
 
-def _curve(basis: TuningBasis, free: list[Parameter]) -> NDArray[np.float64]:
+def _curve(basis: TuningBasis, free: list[TuningParameter]) -> NDArray[np.float64]:
     """Modes 2 and 3 [Hz] while mode 1 is met, (k, 2), over the tangential stiffness."""
     normal, tangential = free
     points = []
