@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.wall import kept_modes, moving_modes, with_oscillator
+from coupling.wall import moving_mask, moving_modes, with_oscillator
 from rom import ModalWall, ReducedModel, modal
 
 LEFT_OUT = 1e-3  # of the largest displacement
@@ -30,7 +30,7 @@ def wall_modes(
     if weights is not None and cutoff_hz is None:
         cutoff_hz = np.inf
     modes = modal(reduced)
-    kept = kept_modes(modes, reduced, cutoff_hz)
+    kept = moving_mask(modes, reduced, cutoff_hz)
     moving = with_oscillator(modes, kept) if weights is None else moving_modes(modes, kept)
     at_contact = moving.phi if weights is None else weights @ moving.vectors
     apart = np.abs(moving.omega[:, None] - omega) / (omega + 1e-9 * omega.max(initial=1.0))
