@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, freqs
 
 from coupling.band import Band, filtered
-from coupling.sensed_waves import _wave_like, flight, sensed_waves
+from coupling.sensed_waves import _force_or_velocity, flight, sensed_waves
 from coupling.sensors import (
     Sensor,
     instants,
@@ -176,12 +176,14 @@ def test_a_force_is_summed_from_its_rate_and_a_velocity_is_the_slope_of_a_displa
     found = sensed_waves(Sensor(0, "force-rate"), AT, rate, named())
     mean = np.r_[0, np.cumsum((rate[1:] + rate[:-1]) / 2) * STEP]
     # sums of 500 terms of at most one: 500 eps
-    np.testing.assert_allclose(_wave_like("force-rate", AT, rate, 6), mean, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(
+        _force_or_velocity("force-rate", AT, rate, 6), mean, rtol=1e-12, atol=1e-13
+    )
     for wave, time, height in zip(found, TIMES, np.abs(HEIGHTS), strict=True):
         assert wave.time == pytest.approx(time, abs=2e-7)
         assert wave.height == pytest.approx(height, rel=5e-3)
     way = np.r_[0, np.cumsum(parabolas())] * STEP
-    slopes = _wave_like("displacement", AT, way[:-1], 6)
+    slopes = _force_or_velocity("displacement", AT, way[:-1], 6)
     inside = (way[12:-1] - way[:-13]) / (12 * STEP)
     np.testing.assert_allclose(slopes[6:-6], inside, rtol=1e-12)
     first = [(way[i + 6] - way[0]) / (12 * STEP) for i in range(6)]

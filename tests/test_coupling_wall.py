@@ -23,7 +23,7 @@ from coupling import (
 from coupling.wall import (
     coupled_wall,
     damping_matrix,
-    kept_modes,
+    moving_mask,
     moving_modes,
     residual_compliance,
     wall_from_reduced,
@@ -43,7 +43,7 @@ bar = partial(steel_bar, 1.6e-3)  # m^2
 def spring_wall(reduced, half_space=0.0, cutoff_hz=None):
     """The wall whose other modes are a massless spring, not an oscillator."""
     own = modal(reduced)
-    moving = moving_modes(own, kept_modes(own, reduced, cutoff_hz))
+    moving = moving_modes(own, moving_mask(own, reduced, cutoff_hz))
     s = residual_compliance(reduced, own, moving, half_space)
     return dem.Wall(moving.omega, np.zeros(len(moving.omega)), moving.phi, s)
 
