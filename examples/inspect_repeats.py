@@ -24,8 +24,8 @@ import dem
 from coupling.sensors import Sensor, measured, recorded, signals
 from workflows.files.record import Channel, Recorded
 from workflows.fit.core.inspection.inversion import Inversion, inverted, profiled
-from workflows.fit.core.parametric_wall import Box
-from workflows.fit.inspection.inspect import Request, inspected, problem
+from workflows.fit.core.parametric_wall import Bounds
+from workflows.fit.inspection.inspect import InspectionRequest, inspected, problem
 from workflows.fit.inspection.numbers import own, shared
 from workflows.fit.inspection.structure import computed, structure
 from workflows.stages.chain import chain
@@ -49,7 +49,7 @@ def main(repeats: int) -> None:
     base = base_of("sensed-beam", TRUTH)
     found = shared(base, ",".join(TRUTH), BOUNDS)
     each = own(base, EACH, len(SPEEDS))
-    box = Box(*(np.array([getattr(p, end) for p in found]) for end in ("low", "high")))
+    box = Bounds(*(np.array([getattr(p, end) for p in found]) for end in ("low", "high")))
     model = structure(base, (*TRUTH, "striker.velocity"), box, len(found), quiet)
     begin, clean = impacts(base, truth)
     started, answers = process_time(), []
@@ -117,7 +117,9 @@ def beams(count: int) -> None:
         truth = drawn(rng, low, high)
         own_base = base_of("sensed-beam", dict(zip(TRUTH, map(float, truth), strict=True)))
         records, started = some_records(own_base, i), process_time()
-        found = inspected(base, records, Request(",".join(TRUTH), WIDE, EACH), quiet).inversion
+        found = inspected(
+            base, records, InspectionRequest(",".join(TRUTH), WIDE, EACH), quiet
+        ).inversion
         seconds = process_time() - started
         off = (found.value[:3] - truth) / (found.uncertainty.two_sigma[:3] / 2)
         told = "explained" if found.explained else "NOT EXPLAINED"
