@@ -24,8 +24,8 @@ import dem
 from coupling.sensors import Sensor, measured, recorded, signals
 from workflows.files.record import Channel, Recorded
 from workflows.fit.core.inspection.inversion import Inversion, inverted, profiled
-from workflows.fit.core.parametric_wall import Box
-from workflows.fit.inspection.inspect import Request, inspected, problem
+from workflows.fit.core.parametric_wall import Bounds
+from workflows.fit.inspection.inspect import InspectionRequest, inspected, problem
 from workflows.fit.inspection.numbers import own, shared
 from workflows.fit.inspection.structure import computed, structure
 from workflows.stages.chain import chain
@@ -49,7 +49,7 @@ def main(repeats: int) -> None:
     base = base_of("sensed-beam", TRUTH)
     parameters = shared(base, ",".join(TRUTH), BOUNDS)
     of_each_record = own(base, EACH, len(SPEEDS))
-    box = Box(*(np.array([getattr(p, end) for p in parameters]) for end in ("low", "high")))
+    box = Bounds(*(np.array([getattr(p, end) for p in parameters]) for end in ("low", "high")))
     model = structure(base, (*TRUTH, "striker.velocity"), box, len(parameters), quiet)
     begin, clean = impacts(base, truth)
     start, answers = process_time(), []
@@ -118,7 +118,7 @@ def beams(count: int) -> None:
         true_base = base_of("sensed-beam", dict(zip(TRUTH, map(float, truth), strict=True)))
         records, start = random_records(true_base, i), process_time()
         answer = inspected(
-            base, records, Request(",".join(TRUTH), WIDE_BOUNDS, EACH), quiet
+            base, records, InspectionRequest(",".join(TRUTH), WIDE_BOUNDS, EACH), quiet
         ).inversion
         seconds = process_time() - start
         deviations = (answer.value[:3] - truth) / (answer.uncertainty.two_sigma[:3] / 2)

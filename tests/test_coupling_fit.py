@@ -15,12 +15,12 @@ from workflows.fit.core.calibration.fitting import (
     CLOSE,
     IMPOSSIBLE,
     PRIOR,
-    Fit,
+    WindowFit,
     _cycles,
     rms,
     weights,
 )
-from workflows.fit.core.calibration.forward import NO_FILTER, Forward, _refined
+from workflows.fit.core.calibration.forward import NO_FILTER, ChainForward, _refined
 from workflows.fit.core.calibration.instrument import (
     OVERSAMPLED,
     Clean,
@@ -124,7 +124,7 @@ def test_a_damping_ratio_ends_at_zero():
 # --- fits ----------------------------------------------------------------------------------------
 
 
-class Linear(Forward):
+class Linear(ChainForward):
     """J theta instead of a chain; impossible beyond 50."""
 
     def __init__(self, signals, kind="damping"):
@@ -148,7 +148,7 @@ TRUTH = np.array([1.5, 2.0, 0.7])
 def a_fit(kind="damping", spread=(np.nan,), noise=0.0):
     v = np.repeat(J @ TRUTH, len(spread), axis=1)
     v += noise * np.random.default_rng(2).standard_normal(v.shape)
-    return Fit(Linear(Signals(T, v, (0,) * len(spread), np.array(spread)), kind))
+    return WindowFit(Linear(Signals(T, v, (0,) * len(spread), np.array(spread)), kind))
 
 
 EVERYTHING = np.ones((len(T), 1), bool)
@@ -685,7 +685,7 @@ RECORD = np.arange(0, 2.4e-4, 2e-6)
 def a_model(parameters=None, filters=NO_FILTER, record=RECORD, rig=None):
     blank = Signals(record, np.zeros((len(record), 2)), (0, 2), np.full(2, np.nan))
     parameters = every_kind()[:1] + every_kind()[3:6] if parameters is None else parameters
-    return Forward(
+    return ChainForward(
         a_rig()._replace(trigger=1e-5) if rig is None else rig, parameters, blank, filters
     )
 

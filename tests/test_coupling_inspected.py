@@ -10,8 +10,8 @@ from scipy.optimize import lsq_linear
 from coupling.errors import CouplingError
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.uncertainty import uncertainty
-from workflows.fit.core.inspection.fitting import HUGE, Fit, Fitted
-from workflows.fit.core.inspection.forward import Forward, Shot, _durations, unknowns
+from workflows.fit.core.inspection.fitting import HUGE, Fitted, RecordFit
+from workflows.fit.core.inspection.forward import Shot, StructureForward, _durations, unknowns
 from workflows.fit.core.inspection.information import (
     bars_over_time,
     bounds_information,
@@ -20,7 +20,7 @@ from workflows.fit.core.inspection.information import (
 )
 from workflows.fit.core.inspection.inversion import (
     Inversion,
-    Part,
+    RecordPart,
     _at_bound,
     _columns,
     _memory,
@@ -75,7 +75,7 @@ class Linear:
 def a_fit(gain=(-1, -1), noise=1.0, truth=TRUTH, factor=1.0):
     y = factor * Linear().signals(SOUGHT, truth, [Shot(T, T, T)] * 2)
     y = y + noise * NOISE * np.random.default_rng(1).standard_normal(y.shape)
-    return Fit(Linear(), SOUGHT, tuple(Shot(T, one, NOISE) for one in y), np.array(gain))
+    return RecordFit(Linear(), SOUGHT, tuple(Shot(T, one, NOISE) for one in y), np.array(gain))
 
 
 def whole_line(fit):
@@ -109,7 +109,7 @@ def test_a_run_lasts_to_the_end_of_its_record_from_the_earliest_trigger_on():
 
 def test_steps_of_a_derivative_stay_within_the_bounds():
     low, high = SOUGHT.ends()
-    forward = Forward(None, (), 1.0)
+    forward = StructureForward(None, (), 1.0)
     np.testing.assert_allclose(forward._steps(SOUGHT, low), 1e-5 * SOUGHT.scale)
     np.testing.assert_allclose(forward._steps(SOUGHT, high), -1e-5 * SOUGHT.scale)
     assert forward.with_steps(3.0).dt == 3.0
@@ -403,7 +403,7 @@ def test_bounds_are_met_within_a_millionth_of_their_distance():
 def an_answer(value=0.0, misfit=1.0, memory=1.0, worst=1.0, n=5000):
     bars = uncertainty(SHARED[:1], np.ones((3, 1)), np.ones((3, 1, 1)), np.zeros(1, bool))
     bars = bars._replace(two_sigma=np.array([0.1]))
-    parts = (Part(0, 0.0, 1.0, worst), *[Part(0, 0.0, 1.0, 1.0)] * 9)
+    parts = (RecordPart(0, 0.0, 1.0, worst), *[RecordPart(0, 0.0, 1.0, 1.0)] * 9)
     return Inversion(
         SHARED[:1], np.array([value]), np.zeros(1, bool), bars, np.ones(1), np.zeros((1, n, 1)),
         np.full((1, 1), misfit), np.zeros((1, n, 1, 1)), memory, parts, 0.0, None,
@@ -472,7 +472,7 @@ def test_triggers_are_set_so_that_first_waves_rise_together():
             return np.array([ramps(30.0 + theta[i]) for i in unknowns.trigger])
 
     shots = tuple(Shot(T, 0.1 * ramps(late), NOISE) for late in (33.5, 200.0))
-    fit = Fit(Ramp(), SOUGHT, shots, np.array([0, 0]))
+    fit = RecordFit(Ramp(), SOUGHT, shots, np.array([0, 0]))
     found = with_triggers(fit, SOUGHT.centre)
     np.testing.assert_allclose(found[[3, 5]], [3.5, 60.0], atol=1e-9)  # 60 is a bound
     np.testing.assert_array_equal(found[[0, 1, 2, 4]], SOUGHT.centre[[0, 1, 2, 4]])

@@ -8,7 +8,7 @@ from coupling.wall import wall_from_reduced
 from dem import Wall
 from rom import Surface, full_order, modal
 from workflows.fit.core.parametric_wall import (
-    Box,
+    Bounds,
     Computed,
     _gathered,
     _matched,
@@ -36,7 +36,7 @@ def hinged(theta, n=12):
     return Computed(wall, np.sin(np.outer(X, k)))
 
 
-BOX = Box(np.array([0.008, 60e9, -500.0]), np.array([0.012, 84e9, 0.0]))
+BOX = Bounds(np.array([0.008, 60e9, -500.0]), np.array([0.012, 84e9, 0.0]))
 SOMEWHERE = np.array([0.0093, 81e9, -420.0])
 
 
@@ -124,7 +124,7 @@ def test_a_mode_that_some_walls_lack_moves_with_the_rest():
 
 
 def test_buckling_within_the_bounds_is_refused():
-    box = Box(BOX.low, np.array([0.012, 84e9, 500.0]))
+    box = Bounds(BOX.low, np.array([0.012, 84e9, 500.0]))
     numbers = design(box, 2)
     found = parametric_wall(box, numbers, [hinged(theta) for theta in numbers], 2)
     with pytest.raises(CouplingError, match="buckling"):
@@ -144,7 +144,7 @@ def test_mac_is_one_for_the_same_shape_and_zero_for_another():
 def test_a_box_is_bent_where_a_number_varies_by_factors_above_a_twentieth():
     """Halfway is the geometric mean there, else the arithmetic one; both ends are -1 and 1."""
     low, high = np.array([1.0, 1.0, 0.0, -4.0, 0.25]), np.array([1.06, 1.04, 8.0, -1.0, 16.0])
-    box = Box(low, high)
+    box = Bounds(low, high)
     middle = [np.sqrt(1.06), 1.02, 4.0, -2.5, 2.0]
     np.testing.assert_allclose(box.at(np.zeros(5)), middle, rtol=1e-14)
     fifth = [1.06**0.6, 1.024, 4.8, -2.2, 0.25 * 64**0.6]
@@ -156,20 +156,20 @@ def test_a_box_is_bent_where_a_number_varies_by_factors_above_a_twentieth():
 
 def test_numbers_of_large_size_are_no_factors():
     """2.1e11 and 2.15e11 lie within a twentieth: the middle is the arithmetic one."""
-    box = Box(np.array([2.1e11]), np.array([2.15e11]))
+    box = Bounds(np.array([2.1e11]), np.array([2.15e11]))
     assert box.at(np.zeros(1))[0] == pytest.approx(2.125e11, rel=1e-12)
 
 
 @pytest.mark.parametrize(("d", "degree", "n"), [(3, 3, 32), (2, 3, 16), (1, 9, 16)])
 def test_walls_are_computed_evenly_in_the_angle_to_the_bounds(d, degree, n):
     """1.6 a coefficient beside the middle; by each number, one in each n-th of a half turn."""
-    box = Box(np.full(d, -3.0), np.full(d, 5.0))
+    box = Bounds(np.full(d, -3.0), np.full(d, 5.0))
     numbers = design(box, degree)
     np.testing.assert_array_equal(numbers[0], np.ones(d))
     assert numbers.shape == (n + 1, d)
     angle = np.arccos(box.unit(numbers[1:])) / np.pi
     np.testing.assert_array_equal(np.sort(np.floor(angle * n), axis=0), np.outer(range(n), [1] * d))
-    assert len(design(Box(np.zeros(2), np.ones(2)), 2)) == 11  # 6 coefficients
+    assert len(design(Bounds(np.zeros(2), np.ones(2)), 2)) == 11  # 6 coefficients
 
 
 def dropped(numbers, walls, degree, i):
@@ -208,7 +208,9 @@ def constant(squares, phi2, zeta, residual=0.3):
     """A parametric wall of these quantities everywhere."""
     numbers = np.linspace(-1.0, 1.0, 4)[:, None]
     wall = Wall(np.ones(len(squares)), np.ones(len(squares)), np.ones(len(squares)), 1.0)
-    made = parametric_wall(Box(np.array([-1.0]), np.array([1.0])), numbers, [Computed(wall)] * 4, 1)
+    made = parametric_wall(
+        Bounds(np.array([-1.0]), np.array([1.0])), numbers, [Computed(wall)] * 4, 1
+    )
     values = np.concatenate([squares, phi2, zeta, [residual]])
     return made._replace(coefficients=np.outer([1.0, 0.0], values))
 

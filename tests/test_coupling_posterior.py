@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import norm
 
 from workflows.fit.core.calibration.calibration import calibrate
-from workflows.fit.core.calibration.forward import NO_FILTER, Forward
+from workflows.fit.core.calibration.forward import NO_FILTER, ChainForward
 from workflows.fit.core.calibration.parameters import Parameter, Rig
-from workflows.fit.core.calibration.posterior import Target, posterior, sampled
+from workflows.fit.core.calibration.posterior import LogPosterior, posterior, sampled
 from workflows.fit.core.calibration.search import Options
 from workflows.fit.core.calibration.signals import Signals
 
@@ -19,7 +19,7 @@ TRUTH = np.array([0.5, -0.3, 0.1])
 SHARES = norm.cdf([-2.0, 0.0, 2.0])
 
 
-class Linear(Forward):
+class Linear(ChainForward):
     """J theta instead of a chain."""
 
     def __init__(self, parameters, signals):
@@ -121,7 +121,7 @@ def test_samples_keep_within_the_bounds_of_what_they_are_samples_of(monkeypatch)
     found = posterior(forward, fit, seed=2, most=8000)
     assert low <= found.samples[:, 1].min() < low + 0.1 * (fit.value[1] - low)
     assert found.samples[:, 1].max() > fit.value[1] + 2 * (fit.value[1] - low)
-    told = Target(forward, fit)
+    told = LogPosterior(forward, fit)
     for i in (0, 7, 99):
         exact = told.log_probability(found.samples[i])
         assert found.log_probability[i] == pytest.approx(exact, rel=1e-9, abs=1e-9)

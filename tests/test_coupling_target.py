@@ -20,8 +20,8 @@ from workflows.fit.core.calibration.impulse import incident_impulse
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.posterior import (
     FREEDOM,
+    LogPosterior,
     Posterior,
-    Target,
     _independent,
     _inside,
     _square_root,
@@ -82,7 +82,7 @@ def weighting(fit):
 def test_the_log_probability_is_half_the_square_by_the_noise():
     """-1/2 r^T W r above that at the answer; by longer steps only the change from there counts."""
     fit = a_fit()
-    target, (weight, *_, W) = Target(Bent(), fit), weighting(fit)
+    target, (weight, *_, W) = LogPosterior(Bent(), fit), weighting(fit)
     at_answer = ((fit.model - fit.data) * weight).ravel()
     assert target.log_probability(ANSWER) == pytest.approx(0.0, abs=1e-9)
     for theta in ANSWER + 0.3 * RNG.standard_normal((6, 3)) * [0.3, 0.5, 0.3]:
@@ -93,7 +93,7 @@ def test_the_log_probability_is_half_the_square_by_the_noise():
 
 
 def test_beyond_the_bounds_and_where_nothing_runs_the_probability_is_none():
-    target = Target(Bent(), a_fit())
+    target = LogPosterior(Bent(), a_fit())
     for i in range(3):
         for end in (-1.0, 1.0 + i):
             at = np.where(np.arange(3) == i, end, 0.0)
@@ -105,7 +105,7 @@ def test_beyond_the_bounds_and_where_nothing_runs_the_probability_is_none():
 def test_the_shape_of_a_target_is_the_gaussian_of_its_slopes_and_of_its_bounds():
     """The square of a flat law between bounds has a twelfth of their distance's."""
     fit = a_fit()
-    target, (_, slopes, U, noise, _) = Target(Bent(), fit), weighting(fit)
+    target, (_, slopes, U, noise, _) = LogPosterior(Bent(), fit), weighting(fit)
     by_scale = slopes.T @ U
     reach = np.array([2.0, 3.0, 4.0]) / SCALE
     precision = by_scale @ np.linalg.inv(noise) @ by_scale.T + np.diag(12 / reach**2)

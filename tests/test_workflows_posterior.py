@@ -8,7 +8,7 @@ from workflows.files.record import csv_text
 from workflows.files.run_folder import RunFolder
 from workflows.fit.calibration import posterior as calibration_posterior
 from workflows.fit.calibration import twin as experiment
-from workflows.fit.calibration.calibrate import Request, calibrated
+from workflows.fit.calibration.calibrate import CalibrationRequest, calibrated
 from workflows.fit.calibration.folder import write
 from workflows.fit.calibration.posterior import with_posterior
 from workflows.fit.core.calibration.posterior import posterior
@@ -44,7 +44,9 @@ def data(rig):
 
 @pytest.fixture(scope="module")
 def found(rig, data):
-    request = Request(free="striker,wall.frequency", instrument=SETTING.instrument, starts=1)
+    request = CalibrationRequest(
+        free="striker,wall.frequency", instrument=SETTING.instrument, starts=1
+    )
     return calibrated(rig, wall(rig), data, "data.csv", request)
 
 

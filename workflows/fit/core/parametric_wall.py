@@ -57,7 +57,7 @@ def with_rest(wall: Wall, reduced: ReducedModel | None) -> Computed:
     return Computed(wall, T[:: max(1, len(T) // ROWS)] @ modes.vectors[:, :own])
 
 
-class Box(NamedTuple):
+class Bounds(NamedTuple):
     """Bounds of d numbers."""
 
     low: NDArray[np.float64]
@@ -93,7 +93,7 @@ class Missed(NamedTuple):
 class ParametricWall(NamedTuple):
     """The wall at any numbers (d,) within the box."""
 
-    box: Box
+    box: Bounds
     degrees: NDArray[np.int64]  # (terms, d)
     coefficients: NDArray[np.float64]  # (terms, quantities)
     n_modes: int  # the oscillator included
@@ -131,7 +131,7 @@ class ParametricWall(NamedTuple):
         return self._replace(coefficients=moved)
 
 
-def design(box: Box, degree: int, seed: int = 0) -> NDArray[np.float64]:
+def design(box: Bounds, degree: int, seed: int = 0) -> NDArray[np.float64]:
     """(n, d) numbers at which to compute walls, the middle first; dense towards the bounds."""
     d = len(box.low)
     n = int(np.ceil(OVERSAMPLED * comb(d + degree, degree)))
@@ -140,7 +140,7 @@ def design(box: Box, degree: int, seed: int = 0) -> NDArray[np.float64]:
 
 
 def parametric_wall(
-    box: Box, numbers: NDArray[np.float64], walls: Sequence[Computed], degree: int
+    box: Bounds, numbers: NDArray[np.float64], walls: Sequence[Computed], degree: int
 ) -> ParametricWall:
     """The wall between computed ones (n,) at the numbers (n, d), the middle first; raises
     CouplingError where they are too few."""

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from coupling.errors import CouplingError
-from workflows.fit.core.calibration.fitting import Fit
-from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.fitting import WindowFit
+from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.parameters import Parameter, Rig, coordinates, values
 from workflows.fit.core.calibration.scan import Scan
-from workflows.fit.core.calibration.search import Options, Search, Stage
+from workflows.fit.core.calibration.search import CoarseToFine, FitStage, Options
 from workflows.fit.core.calibration.signals import Filter, Signals
 from workflows.fit.core.calibration.uncertainty import Uncertainty, uncertainty
 
@@ -24,7 +24,7 @@ NO_FILTER = Filter()
 USUAL = Options()
 
 
-class Calibration(NamedTuple):
+class CalibrationResult(NamedTuple):
     """What was found. Misfits are rms [m/s] of each sphere over all samples."""
 
     parameters: tuple[Parameter, ...]
@@ -40,7 +40,7 @@ class Calibration(NamedTuple):
     step_error: float  # [m/s] of the model: largest change with half the step
     same_starts: int  # how many starts of those tried found the same
     starts: int
-    stages: tuple[Stage, ...]
+    stages: tuple[FitStage, ...]
     scan: Scan | None
 
 
@@ -50,7 +50,7 @@ def calibrate(
     signals: Signals,
     filters: Filter = NO_FILTER,
     options: Options = USUAL,
-) -> Calibration:
+) -> CalibrationResult:
     """Parameters fitted to signals; raises CouplingError where there is nothing to fit.
 
     The filters are applied to the signals here.
@@ -58,15 +58,15 @@ def calibrate(
     v = filters.of_data(signals.v, signals.t[1] - signals.t[0])
     if v.size <= len(parameters):
         raise CouplingError(f"{v.size} samples do not determine {len(parameters)} parameters.")
-    forward = Forward(rig, parameters, signals._replace(v=v), filters)
-    fit = Fit(forward)
-    search = Search(fit, options)
+    forward = ChainForward(rig, parameters, signals._replace(v=v), filters)
+    fit = WindowFit(forward)
+    search = CoarseToFine(fit, options)
     theta = values(fit.parameters, search.found(coordinates(fit.parameters, forward.start)))
     model, dv = forward.velocities_and_sensitivities(theta)
     begun = forward.velocities(forward.start)
     held = _at_bound(fit.parameters, theta)
     weighted = fit.weights[:, None]
-    return Calibration(
+    return CalibrationResult(
         fit.parameters,
         theta,
         held,

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from dem import InvalidChain, NoEquilibrium
-from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.parameters import coordinates, slopes, values
 
 PRIOR = 3e-5  # of the fastest sphere, in the rms misfit
@@ -32,10 +32,10 @@ class Solution(NamedTuple):
     converged: bool
 
 
-class Fit:
+class WindowFit:
     """Data, weights and model; a problem is these on windows (k, m) with free parameters (p,)."""
 
-    def __init__(self, forward: Forward) -> None:
+    def __init__(self, forward: ChainForward) -> None:
         self.forward, self.parameters = forward, forward.parameters
         self.data, self.weights = forward.signals.v, weights(forward.signals.spread)
         ends = (np.array([getattr(p, b) for p in self.parameters]) for b in ("low", "high"))

@@ -14,7 +14,7 @@ NO_FILTER = Filter()
 SEARCHED = 0.15  # time between the samples of a search, in time scales of the stiffest contact
 
 
-class Forward:
+class ChainForward:
     """Model velocities at the times of the signals, as a function of theta (p,)."""
 
     def __init__(
@@ -61,20 +61,20 @@ class Forward:
         k = len(windows)
         return k if self.filters.band else k - int(windows.any(axis=1)[::-1].argmax())
 
-    def with_steps(self, steps: float) -> "Forward":
+    def with_steps(self, steps: float) -> "ChainForward":
         """The same model with other steps, in usual ones."""
-        return Forward(self.rig, self.parameters, self.signals, self.filters, steps)
+        return ChainForward(self.rig, self.parameters, self.signals, self.filters, steps)
 
-    def of_velocities(self) -> "Forward":
+    def of_velocities(self) -> "ChainForward":
         """The same model with the velocities of the sensors' spheres."""
         signals = self.signals._replace(channels=None)
-        return Forward(self.rig, self.parameters, signals, self.filters, self.steps)
+        return ChainForward(self.rig, self.parameters, signals, self.filters, self.steps)
 
-    def coarser(self, steps: float) -> "Forward":
+    def coarser(self, steps: float) -> "ChainForward":
         """Larger steps, in usual ones, and fewer samples, for a search."""
         signals, every = self.signals, self._every()
         thinned = signals._replace(t=signals.t[::every], v=signals.v[::every])
-        return Forward(self.rig, self.parameters, thinned, self.filters, steps)
+        return ChainForward(self.rig, self.parameters, thinned, self.filters, steps)
 
     def _every(self) -> int:
         dt = self.signals.t[1] - self.signals.t[0]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from workflows.fit.core.calibration.fitting import Fit, Solution
+from workflows.fit.core.calibration.fitting import Solution, WindowFit
 
 TRIED = 6  # swaps fitted in a round
 ROUNDS = 5
@@ -21,7 +21,7 @@ class GrowingWindows:
     """Fits of one problem; `budget` counts down the model runs that swaps may still take, and
     `enough` is the misfit [m/s] of so many samples that needs no further search."""
 
-    def __init__(self, fit: Fit, enough: Callable[[int], float], budget: int) -> None:
+    def __init__(self, fit: WindowFit, enough: Callable[[int], float], budget: int) -> None:
         self.fit, self.enough, self.budget = fit, enough, budget
 
     def on_windows(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflows.fit.core.calibration.calibration import Calibration
+from workflows.fit.core.calibration.calibration import CalibrationResult
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.search import decisive
 from workflows.fit.core.calibration.signals import Signals
@@ -34,7 +34,7 @@ def identifiable(p: Parameter, value: float, bar: float) -> str:
     return "yes" if share <= IDENTIFIED else "weakly" if share <= WEAK else "no"
 
 
-def combinations(fit: Calibration) -> list[str]:
+def combinations(fit: CalibrationResult) -> list[str]:
     """The three worst determined combinations, each with its bar in scales of the parameters."""
     return [
         f"{c.text(fit.parameters)}: two sigma {c.two_sigma:.2g} scales"
@@ -42,7 +42,7 @@ def combinations(fit: Calibration) -> list[str]:
     ]
 
 
-def remarks(fit: Calibration, noise: float | None, signals: Signals) -> Iterator[str]:
+def remarks(fit: CalibrationResult, noise: float | None, signals: Signals) -> Iterator[str]:
     """Sentences on the misfit beside the noise [m/s], and on what the data does not determine."""
     if signals.channels:
         each = zip(signals.names, signals.channels.units, signals.channels.scale, strict=True)
@@ -57,7 +57,7 @@ def remarks(fit: Calibration, noise: float | None, signals: Signals) -> Iterator
         yield f"{fit.same_starts} of {fit.starts} starts found the misfit that is reported."
 
 
-def _on_combinations(fit: Calibration):
+def _on_combinations(fit: CalibrationResult):
     """What the data does not determine, or determines least."""
     found = fit.uncertainty.combinations
     unseen = [c for c in found if not c.two_sigma < 2.0]
@@ -78,7 +78,7 @@ def _on_combinations(fit: Calibration):
         )
 
 
-def _on_misfit(fit: Calibration, noise: float | None, repeats: int):
+def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int):
     """What the misfit says beside the noise and beside the model's own error."""
     total = float(np.sqrt(np.mean(fit.misfit**2)))
     if noise is None:
@@ -102,7 +102,7 @@ def _on_misfit(fit: Calibration, noise: float | None, repeats: int):
         )
 
 
-def on_held_out(left_out: dict[str, float], fit: Calibration):
+def on_held_out(left_out: dict[str, float], fit: CalibrationResult):
     """A sentence on each sphere that was not fitted and is missed by far more than those that were;
     left_out [m/s] by the sphere's number."""
     fitted = float(np.sqrt(np.mean(fit.misfit**2)))
@@ -135,7 +135,7 @@ def _beside_noise(total: float, noise: float, repeats: int) -> str:
     )
 
 
-def on_posterior(drawn: Posterior, fit: Calibration, *, seed: int, seconds: float) -> str:
+def on_posterior(drawn: Posterior, fit: CalibrationResult, *, seed: int, seconds: float) -> str:
     """How the samples of a posterior came about, and what they say beyond the bars."""
     cost = f"{drawn.model_runs} model runs in {seconds:.1f} s, seed {seed}"
     tau = float(drawn.autocorrelation.max())
@@ -160,7 +160,7 @@ def on_posterior(drawn: Posterior, fit: Calibration, *, seed: int, seconds: floa
     )
 
 
-def _unlike(drawn: Posterior, fit: Calibration) -> list[str]:
+def _unlike(drawn: Posterior, fit: CalibrationResult) -> list[str]:
     """Parameters without a bar, or whose bar ends elsewhere than the samples do."""
     low, _, high = drawn.quantiles(SHARES)
     bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)

@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dem import InvalidChain, NoEquilibrium
-from workflows.fit.core.calibration.calibration import Calibration
+from workflows.fit.core.calibration.calibration import CalibrationResult
 from workflows.fit.core.calibration.fitting import weights
-from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.uncertainty import noise_along
 
 STEPS = 2.5  # of the model, in usual ones: only its change from the answer on is needed
@@ -62,10 +62,10 @@ class Posterior(NamedTuple):
         return np.quantile(self.samples, shares, axis=0)
 
 
-class Target:
+class LogPosterior:
     """The posterior of a fit; raises nothing where a run is impossible, its probability is 0."""
 
-    def __init__(self, forward: Forward, fit: Calibration) -> None:
+    def __init__(self, forward: ChainForward, fit: CalibrationResult) -> None:
         self.forward, self.answer = forward.with_steps(STEPS), fit.value
         self.low, self.high = (
             np.array([getattr(p, end) for p in fit.parameters]) for end in ("low", "high")
@@ -109,13 +109,15 @@ def _square_root(by_scale: np.ndarray, noise: np.ndarray, reach: np.ndarray) -> 
     return vectors / np.sqrt(values)
 
 
-def posterior(forward: Forward, fit: Calibration, *, seed: int, most: int = RUNS) -> Posterior:
+def posterior(
+    forward: ChainForward, fit: CalibrationResult, *, seed: int, most: int = RUNS
+) -> Posterior:
     """The posterior of a fit by the model `forward`, the same for the same seed.
 
     Stops when the chain is long enough, or before it would take more than `most` model runs: then
     `long_enough` is False and the samples are not to be believed. Needs emcee.
     """
-    target = Target(forward, fit)
+    target = LogPosterior(forward, fit)
     return sampled(
         lambda y: target.log_probability(target.answer + target.shape @ y),
         target.answer,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.fit.core.calibration.fitting import Fit
+from workflows.fit.core.calibration.fitting import WindowFit
 
 VALLEYS = 4  # of the misfit, tried with the rest of the wall free
 IMPOSSIBLE = 10.0  # misfit over the fastest sphere of a run that cannot be
@@ -19,7 +19,7 @@ class Scan(NamedTuple):
 
 
 def scanned(
-    fit: Fit, z: np.ndarray, low: float, high: float, points: int
+    fit: WindowFit, z: np.ndarray, low: float, high: float, points: int
 ) -> tuple[list[np.ndarray], Scan]:
     """z with the frequencies [Hz] of the least misfits of all waves, the best first, and all
     misfits, of those tried that a run is possible with."""

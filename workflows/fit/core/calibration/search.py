@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.fit.core.calibration.fitting import Fit, rms
+from workflows.fit.core.calibration.fitting import WindowFit, rms
 from workflows.fit.core.calibration.growing_windows import ROUNDS, GrowingWindows
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.scan import Scan, scanned
@@ -38,7 +38,7 @@ PER_SPHERE = 6.0  # contacts to a measured sphere, above which a wrong chain may
 EXACT = 1e-5  # of the fastest sphere: a misfit that needs no further search
 
 
-class Stage(NamedTuple):
+class FitStage(NamedTuple):
     """One fit; misfit is the rms over its windows [m/s]."""
 
     name: str
@@ -49,12 +49,12 @@ class Stage(NamedTuple):
     converged: bool
 
 
-class End(NamedTuple):
+class SearchEnd(NamedTuple):
     """Where a start led."""
 
     z: np.ndarray
     misfit: float
-    stages: tuple[Stage, ...]
+    stages: tuple[FitStage, ...]
     scan: Scan | None
 
 
@@ -80,10 +80,10 @@ def decisive(
     return noise <= DECISIVE * largest and contacts <= PER_SPHERE * data.shape[1]
 
 
-class Search:
+class CoarseToFine:
     """A search on a coarse model, then the same fits on the fine one."""
 
-    def __init__(self, fine: Fit, options: Options) -> None:
+    def __init__(self, fine: WindowFit, options: Options) -> None:
         self.fine, self.options = fine, options
         self.noise = options.noise or 0.0
         self.parameters = fine.parameters
@@ -91,13 +91,13 @@ class Search:
         self.of_wall = np.array([p.of_wall for p in self.parameters])
         self.every = np.ones(len(self.parameters), bool)
         self.first_waves = _first_waves(fine)
-        self.stages: list[Stage] = []
+        self.stages: list[FitStage] = []
         self.same_starts = self.starts = 0
         self.scan: Scan | None = None
         self.steps = GrowingWindows(self.coarse, self.enough, RUNS)
         self.exact = 1.1 * max(coarseness, EXACT * fine.largest)
 
-    def _coarse(self) -> tuple[Fit, float]:
+    def _coarse(self) -> tuple[WindowFit, float]:
         """The problem on the largest steps that noise covers, and the rms [m/s] they are off."""
         forward = self.fine.forward
         finer = forward.coarser(1.0).velocities(forward.start)
@@ -106,14 +106,14 @@ class Search:
             off = rms(model.velocities(forward.start) - finer)
             if off <= COVERED * self.noise:
                 break
-        return Fit(model), off
+        return WindowFit(model), off
 
     def enough(self, samples: int, sigmas: float = 0.5) -> float:
         """Misfit [m/s] that needs no further search, so many sigmas above the noise."""
         spread = sigmas * np.sqrt(CORRELATED / (2.0 * samples))
         return float(np.hypot(self.noise * (1.0 + spread), self.exact))
 
-    def windows(self, fit: Fit, end: float = np.inf) -> np.ndarray:
+    def windows(self, fit: WindowFit, end: float = np.inf) -> np.ndarray:
         """(k, m) samples of the first waves, up to a time [s]."""
         t = fit.forward.signals.t[:, None]
         return (t <= self.first_waves) & (t <= end)
@@ -131,7 +131,7 @@ class Search:
         self.stages, self.scan = list(best.stages), best.scan
         return best.z
 
-    def _ends(self, begins: list[np.ndarray]) -> list[End]:
+    def _ends(self, begins: list[np.ndarray]) -> list[SearchEnd]:
         """Where starts led that were not given up; the most promising at least, at any cost."""
         explained, ends, given_up = self.enough(self.fine.data.size, ENDED), [], []
         for self.starts, begin in enumerate(begins, 1):
@@ -151,7 +151,7 @@ class Search:
             ends.append(self._end(chain, begin))
         return ends
 
-    def _confirmed(self, ends: list[End]) -> bool:
+    def _confirmed(self, ends: list[SearchEnd]) -> bool:
         """Whether a misfit as small as the noise is enough; else other starts must find it too."""
         least = min(end.misfit for end in ends)
         alike = sum(end.misfit <= SAME * least for end in ends)
@@ -177,12 +177,12 @@ class Search:
         chain = self._chain(z)
         return chain, self.stages[-1].misfit
 
-    def _end(self, chain: np.ndarray, begin: np.ndarray) -> End:
+    def _end(self, chain: np.ndarray, begin: np.ndarray) -> SearchEnd:
         """A start from its chain on to its end."""
         z, scan = self._wall(chain, begin) if self.options.staged else (chain, None)
         if self.options.joint or not self.options.staged:
             z = self._all(z)
-        return End(z, self.stages[-1].misfit, tuple(self.stages), scan)
+        return SearchEnd(z, self.stages[-1].misfit, tuple(self.stages), scan)
 
     def _chain(self, z: np.ndarray) -> np.ndarray:
         """The chain from the first waves; the little that the wall has to say in them is let in
@@ -257,10 +257,10 @@ class Search:
     def _note(self, name, free, misfit, evaluations, began, converged) -> None:
         names = tuple(p.name for p, f in zip(self.parameters, free, strict=True) if f)
         seconds = perf_counter() - began
-        self.stages.append(Stage(name, names, misfit, evaluations, seconds, converged))
+        self.stages.append(FitStage(name, names, misfit, evaluations, seconds, converged))
 
 
-def _first_waves(fit: Fit) -> np.ndarray:
+def _first_waves(fit: WindowFit) -> np.ndarray:
     """(m,) [s] when the first reflected wave has passed, by the model that the fit starts from."""
     forward = fit.forward.of_velocities()
     modelled = forward.velocities(forward.start)

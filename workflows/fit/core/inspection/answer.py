@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.fit.core.inspection.fitting import Fit
+from workflows.fit.core.inspection.fitting import RecordFit
 from workflows.fit.core.inspection.forward import IMPOSSIBLE
 from workflows.fit.core.inspection.inversion import Inversion, inverted, profiled
 from workflows.fit.core.inspection.judgement import SETTLED
@@ -17,13 +17,13 @@ class Answer(NamedTuple):
     """An end of the search, settled."""
 
     inversion: Inversion
-    fit: Fit
+    fit: RecordFit
     moved: float | None  # bars by which the last computed wall moved it
     no_wall: str = ""  # why no wall could be computed there
 
 
 def answered(
-    fit: Fit, n_shared: int, gains: tuple[str, ...], *, starts: int, seed: int
+    fit: RecordFit, n_shared: int, gains: tuple[str, ...], *, starts: int, seed: int
 ) -> tuple[Answer, tuple[Inversion, ...]]:
     """The answer, and others that the records do not tell from it.
 
@@ -37,7 +37,9 @@ def answered(
     return best, best.inversion.rivals([one.inversion for one in others], n_shared)
 
 
-def _settled(fit: Fit, theta, n_shared: int, gains: tuple[str, ...], search: Searched) -> Answer:
+def _settled(
+    fit: RecordFit, theta, n_shared: int, gains: tuple[str, ...], search: Searched
+) -> Answer:
     """An end of the search, found again with walls computed where it lies. Where none can be
     computed the end stays as the walls around it gave it."""
     model, moved, no_wall = fit.forward.system, None, ""

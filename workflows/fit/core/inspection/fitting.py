@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from workflows.fit.core.calibration.fitting import rms
-from workflows.fit.core.inspection.forward import IMPOSSIBLE, Forward, Shot, Unknowns
+from workflows.fit.core.inspection.forward import IMPOSSIBLE, Shot, StructureForward, Unknowns
 
 CONVERGED = 1e-9
 HUGE = 1e3  # residual of a run that cannot be, in noise
@@ -39,10 +39,10 @@ class Fitted(NamedTuple):
     converged: bool
 
 
-class Fit(NamedTuple):
+class RecordFit(NamedTuple):
     """Model and records; sensors of the same `gain` (m,) share one that follows, -1 is known."""
 
-    forward: Forward
+    forward: StructureForward
     unknowns: Unknowns
     shots: tuple[Shot, ...]
     gain: NDArray[np.int64]
@@ -64,13 +64,13 @@ class Fit(NamedTuple):
         q = np.clip(max(share), LEAST_ROUNDING, 1.0)
         return float(2.0 * q * np.exp(-(np.pi**2) / 6.0 * (1.0 / q - 1.0)))
 
-    def of_shots(self, shots: Sequence[int], every: int = 1) -> "Fit":
+    def of_shots(self, shots: Sequence[int], every: int = 1) -> "RecordFit":
         """The same on some of the records, on every so many samples of them."""
         kept = (self.shots[s] for s in shots)
         thinned = tuple(one._replace(t=one.t[::every], y=one.y[::every]) for one in kept)
         return self._replace(unknowns=self.unknowns.only(shots), shots=thinned)
 
-    def until(self, n: int) -> "Fit":
+    def until(self, n: int) -> "RecordFit":
         """The same on the first n samples of the records."""
         shots = tuple(one._replace(t=one.t[:n], y=one.y[:n]) for one in self.shots)
         return self._replace(shots=shots)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflows.fit.core.calibration.parameters import Parameter
-from workflows.fit.core.inspection.forward import Forward, Shot, Unknowns
+from workflows.fit.core.inspection.forward import Shot, StructureForward, Unknowns
 from workflows.fit.core.inspection.information import bars_over_time, bounds_information
 from workflows.fit.core.inspection.inversion import GAIN_SCALE, scales
 from workflows.fit.core.inspection.reading import TRIGGER
@@ -14,7 +14,7 @@ ENOUGH = 2.0  # times its last bar: a record that is long enough
 
 
 def foreseen(
-    forward: Forward,
+    forward: StructureForward,
     sought: Unknowns,
     theta: NDArray[np.float64],
     t: NDArray[np.float64],

@@ -93,7 +93,7 @@ def unknowns(
     )
 
 
-class Forward(NamedTuple):
+class StructureForward(NamedTuple):
     """The model of an inspection; `system` takes the values (q,) that a record has."""
 
     system: Callable[[NDArray[np.float64]], System]
@@ -101,12 +101,12 @@ class Forward(NamedTuple):
     dt: float  # [s]
     within: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] | None = None
 
-    def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "Forward":
+    def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "StructureForward":
         """The same with a system made for shared numbers between these ends, and no others."""
         system = self.within(low, high)
         return self._replace(system=system)
 
-    def with_steps(self, factor: float) -> "Forward":
+    def with_steps(self, factor: float) -> "StructureForward":
         """The same with steps so many times as long."""
         return self._replace(dt=factor * self.dt)
 

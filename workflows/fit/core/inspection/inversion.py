@@ -16,7 +16,7 @@ from coupling.errors import CouplingError
 from workflows.fit.core.calibration.fitting import rms
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.uncertainty import Uncertainty, uncertainty
-from workflows.fit.core.inspection.fitting import Fit
+from workflows.fit.core.inspection.fitting import RecordFit
 from workflows.fit.core.inspection.information import bounds_information
 from workflows.fit.core.inspection.profile import stretched
 from workflows.fit.core.inspection.search import Searched, searched
@@ -30,7 +30,7 @@ RIVAL = 16.0  # squares of the noise: answers that records do not tell apart
 REFINED = 0.5  # steps of the run that tells the error of the answer's
 
 
-class Part(NamedTuple):
+class RecordPart(NamedTuple):
     """What is left in a part of a record."""
 
     record: int  # counted from 0
@@ -51,7 +51,7 @@ class Inversion(NamedTuple):
     misfit: NDArray[np.float64]  # (S, m) rms of the residual over the noise
     slopes: NDArray[np.float64]  # (S, k, m, p) by the numbers in scales, over the noise
     memory: float  # variance of the residual over that of its differences: 1 of white noise
-    parts: tuple[Part, ...]  # of all records
+    parts: tuple[RecordPart, ...]  # of all records
     step_error: float  # largest change of the model with half the step, over the noise
     search: Searched
     rounded: float = 0.0  # what rounding may add to the mean square, over the noise's
@@ -90,7 +90,7 @@ class Inversion(NamedTuple):
 
 
 def inverted(
-    fit: Fit,
+    fit: RecordFit,
     *,
     n_shared: int,
     starts: int = 6,
@@ -111,14 +111,14 @@ def inverted(
     return _answer(fit, Searched((fit.solved(begin),), 1, fit.forward), gains)
 
 
-def profiled(fit: Fit, found: Inversion, n_shared: int) -> Inversion:
+def profiled(fit: RecordFit, found: Inversion, n_shared: int) -> Inversion:
     """The same with bars of the structure's numbers as long as the misfit says."""
     theta = found.value[: len(fit.unknowns.parameters)]
     bars, stretch = stretched(fit, theta, fit.jacobian(theta), found.uncertainty, n_shared)
     return found._replace(uncertainty=bars, stretch=stretch)
 
 
-def _answer(fit: Fit, search: Searched, names: Sequence[str]) -> Inversion:
+def _answer(fit: RecordFit, search: Searched, names: Sequence[str]) -> Inversion:
     fit = fit._replace(forward=search.forward)
     theta = search.fitted.theta
     shown, slopes = fit.forward.jacobian(fit.unknowns, theta, fit.shots)
@@ -166,11 +166,11 @@ def _at_bound(parameters, value) -> NDArray[np.bool_]:
     return np.isfinite(near) & ((value - low <= near) | (high - value <= near))
 
 
-def _parts(fit: Fit, residual: NDArray[np.float64]) -> tuple[Part, ...]:
+def _parts(fit: RecordFit, residual: NDArray[np.float64]) -> tuple[RecordPart, ...]:
     """What is left of each record, from first to last, in parts of equal lengths."""
     cuts = np.array_split(np.arange(residual.shape[1]), min(PARTS, residual.shape[1]))
     return tuple(
-        Part(s, float(shot.t[cut[0]]), float(shot.t[cut[-1]]), rms(residual[s, cut]))
+        RecordPart(s, float(shot.t[cut[0]]), float(shot.t[cut[-1]]), rms(residual[s, cut]))
         for s, shot in enumerate(fit.shots)
         for cut in cuts
     )

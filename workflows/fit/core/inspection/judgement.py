@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.fit.core.inspection.fitting import Fit
+from workflows.fit.core.inspection.fitting import RecordFit
 from workflows.fit.core.inspection.information import bars_over_time, bounds_information, felt_from
 from workflows.fit.core.inspection.inversion import Inversion, scales
 from workflows.fit.core.parametric_wall import ParametricWall
@@ -40,7 +40,7 @@ class Judged(NamedTuple):
 
     inversion: Inversion
     rivals: tuple[Inversion, ...]
-    fit: Fit
+    fit: RecordFit
     n_shared: int  # numbers of all records, the first ones
     noise_known: bool
     between: ParametricWall | None

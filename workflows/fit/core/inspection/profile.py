@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflows.fit.core.calibration.uncertainty import Uncertainty, combinations
-from workflows.fit.core.inspection.fitting import Fit
+from workflows.fit.core.inspection.fitting import RecordFit
 
 LONGER = 1.5  # of a step, until the misfit has risen enough
 
@@ -22,7 +22,7 @@ LONGER = 1.5  # of a step, until the misfit has risen enough
 class Valley(NamedTuple):
     """The ground at theta (p,), J (n, p) of the residual there, in scales."""
 
-    fit: Fit
+    fit: RecordFit
     theta: NDArray[np.float64]
     J: NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class Valley(NamedTuple):
 
 
 def stretched(
-    fit: Fit,
+    fit: RecordFit,
     theta: NDArray[np.float64],
     J: NDArray[np.float64],
     found: Uncertainty,

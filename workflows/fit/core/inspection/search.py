@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from workflows.fit.core.calibration.fitting import rms
-from workflows.fit.core.inspection.fitting import HUGE, Fit, Fitted
-from workflows.fit.core.inspection.forward import IMPOSSIBLE, Forward
+from workflows.fit.core.inspection.fitting import HUGE, Fitted, RecordFit
+from workflows.fit.core.inspection.forward import IMPOSSIBLE, StructureForward
 
 MISFIT = attrgetter("misfit")
 RISE = 0.3  # of the largest signal: the first wave has come
@@ -58,7 +58,7 @@ class Searched(NamedTuple):
 
     ends: tuple[Fitted, ...]
     starts: int  # candidates
-    forward: Forward
+    forward: StructureForward
 
     @property
     def fitted(self) -> Fitted:
@@ -73,7 +73,7 @@ def rise(t: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     return float(np.interp(RISE, share[i - 1 : i + 1], t[i - 1 : i + 1]))
 
 
-def with_triggers(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+def with_triggers(fit: RecordFit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """theta with triggers at which the first waves of model and records rise together."""
     low, high = fit.unknowns.ends()
     shown = fit.forward.signals(fit.unknowns, theta, fit.shots)
@@ -84,7 +84,7 @@ def with_triggers(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     return found
 
 
-def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
+def searched(fit: RecordFit, *, n_shared: int, starts: int, seed: int) -> Searched:
     """Where so many candidates end; a single one begins where the numbers start.
 
     They follow the loudest record, and the next, or others the same, where what they find does not
@@ -105,7 +105,7 @@ def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
 
 
 def _followed(
-    fit: Fit, record: int, n_shared: int, starts: int, rng, *, to_the_end: bool
+    fit: RecordFit, record: int, n_shared: int, starts: int, rng, *, to_the_end: bool
 ) -> Searched | None:
     """Candidates along one record; None where they lose it before its end."""
     one = _of_one(fit, record)
@@ -136,19 +136,21 @@ def _followed(
         met, n = n, min(end, touch + int(np.ceil(GROWTH * (n - touch))))
 
 
-def _of_one(fit: Fit, record: int) -> Fit:
+def _of_one(fit: RecordFit, record: int) -> RecordFit:
     """One record, thinned, by long steps."""
     every = max(1, len(fit.shots[0].t) // SAMPLES)
     return fit.of_shots([record], every)._replace(forward=fit.forward.with_steps(COARSE))
 
 
-def _touch(one: Fit) -> int:
+def _touch(one: RecordFit) -> int:
     """Samples of the record before the first touch."""
     trigger = one.unknowns.parameters[one.unknowns.trigger[0]].start
     return int(np.searchsorted(one.shots[0].t, trigger))
 
 
-def _nearest(one: Fit, n_shared: int, starts: int, rng) -> tuple[list[NDArray[np.float64]], int]:
+def _nearest(
+    one: RecordFit, n_shared: int, starts: int, rng
+) -> tuple[list[NDArray[np.float64]], int]:
     """The draws nearest to the beginning of the record, and its samples."""
     first = np.array([p.start for p in one.unknowns.parameters])
     drawn, models = [], []
@@ -165,7 +167,7 @@ def _nearest(one: Fit, n_shared: int, starts: int, rng) -> tuple[list[NDArray[np
 
 
 def _kept(
-    window: Fit, met: int, thetas: Sequence, n_shared: int, starts: int, last: bool
+    window: RecordFit, met: int, thetas: Sequence, n_shared: int, starts: int, last: bool
 ) -> list[Fitted]:
     """Candidates of the window that are not far behind nor one another's double, best first.
 
@@ -188,7 +190,7 @@ def _kept(
     return _distinct(window, [end for end in found if end.misfit <= most], n_shared)
 
 
-def _anew(window: Fit, end: Fitted, last: bool) -> Fitted:
+def _anew(window: RecordFit, end: Fitted, last: bool) -> Fitted:
     """A candidate fitted to the window, to its ground where that is the last."""
     most, tolerance = (LAST_STEPS, FINE) if last else (STEPS, ROUGH)
     with suppress(*IMPOSSIBLE):
@@ -198,7 +200,7 @@ def _anew(window: Fit, end: Fitted, last: bool) -> Fitted:
 
 
 def _distinct(
-    fit: Fit, ends: Sequence[Fitted], n_shared: int, least: float = ALIKE
+    fit: RecordFit, ends: Sequence[Fitted], n_shared: int, least: float = ALIKE
 ) -> list[Fitted]:
     """Those that are no double of one before, by their least distance in widths of the bounds."""
     low, high = fit.unknowns.ends()
@@ -210,12 +212,12 @@ def _distinct(
     return found
 
 
-def _left(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+def _left(fit: RecordFit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """(S, k, m) residual."""
     return fit.residual(theta).reshape(fit.data.shape)
 
 
-def _meets(fit: Fit, theta: NDArray[np.float64], met: int = 0) -> bool:
+def _meets(fit: RecordFit, theta: NDArray[np.float64], met: int = 0) -> bool:
     """Whether what theta leaves is noise."""
     return _noise(_left(fit, theta), met, fit.rounded)
 
@@ -228,7 +230,7 @@ def _noise(left: NDArray[np.float64], met: int, rounded: float = 0.0) -> bool:
     )
 
 
-def _spread(window: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spread(window: RecordFit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """(p, p) that makes of normal numbers what the window leaves open, 0 of other records'."""
     J, B = window.jacobian(theta), (window.unknowns.pull * window.unknowns.scale) ** 2
     values, vectors = np.linalg.eigh(J.T @ J + np.diag(np.maximum(B, 1e-12)))
@@ -236,7 +238,7 @@ def _spread(window: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     return looked_at[:, None] * vectors / np.sqrt(values) * window.unknowns.scale[:, None]
 
 
-def _inner(one: Fit, kept: Sequence[Fitted], spread, n_shared: int):
+def _inner(one: RecordFit, kept: Sequence[Fitted], spread, n_shared: int):
     """Ends (p_shared,) of bounds that hold the candidates and what is left open."""
     low, high = (end[:n_shared] for end in one.unknowns.ends())
     there = np.array([end.theta[:n_shared] for end in kept])
@@ -251,7 +253,7 @@ def _volume(box) -> float:
     return float(np.prod(high - low))
 
 
-def _filled(one: Fit, kept: Sequence[Fitted], spread, starts: int, rng) -> list:
+def _filled(one: RecordFit, kept: Sequence[Fitted], spread, starts: int, rng) -> list:
     """The candidates, and draws of what is left open until they are as many as the starts."""
     thetas = [end.theta for end in kept]
     low, high = one.unknowns.ends()
@@ -262,7 +264,7 @@ def _filled(one: Fit, kept: Sequence[Fitted], spread, starts: int, rng) -> list:
     return thetas
 
 
-def _ends(fit: Fit, kept: Sequence[Fitted], n_shared: int) -> tuple[Fitted, ...]:
+def _ends(fit: RecordFit, kept: Sequence[Fitted], n_shared: int) -> tuple[Fitted, ...]:
     """The best candidates taken on to all records, with the triggers that the others need."""
     begins = (with_triggers(fit, end.theta) for end in kept[:ENDS])
     ends = sorted((fit.solved(theta, tolerance=FINE) for theta in begins), key=MISFIT)
@@ -270,7 +272,7 @@ def _ends(fit: Fit, kept: Sequence[Fitted], n_shared: int) -> tuple[Fitted, ...]
     return tuple(_distinct(fit, near, n_shared))
 
 
-def _drawn(fit: Fit, first, n_shared: int, rng) -> NDArray[np.float64]:
+def _drawn(fit: RecordFit, first, n_shared: int, rng) -> NDArray[np.float64]:
     """(n, p) numbers of the structure all over their bounds, the others as they start."""
     low, high = (end[:n_shared] for end in fit.unknowns.ends())
     power = min(PER_NUMBER + n_shared - 1, MOST_DRAWN)
