@@ -158,7 +158,7 @@ def indentation_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> f
     kappa, twice = _unit_vectors(angles), _unit_vectors(2 * angles)
 
     def pressed(G: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """Depth, and curvatures (2, 2), under the ellipse c^2 = 1 + G_1 cos 2 phi + G_2 sin 2 phi."""
+        """Depth, and curvatures (2, 2), under c^2 = 1 + G_1 cos 2 phi + G_2 sin 2 phi."""
         c = np.sqrt(1 + twice @ G)
         return float((weight / c).sum()), (kappa.T * (weight / c**3)) @ kappa
 
