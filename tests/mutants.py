@@ -273,10 +273,11 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "a longer march begins alike",
     ("T = reduced.surface.T.reshape(-1, reduced.surface.T.shape[-1])", "-1"):
      "the last axis of a matrix is its second",
-    ("every = product(range(degree + 1), repeat=d)", "1"): "higher powers are left out after that",
-    ("return (one.T @ other) ** 2 / np.maximum(square, 1e-300)", "1e-300"): FAR,
-    ("apart = np.abs(np.log(mine.omega[:n, None] / np.maximum(given.omega[None, :-1], 1e-12)))",
-     "1e-12"): FAR,
+    ("powers = product(range(degree + 1), repeat=len(box.low))", "1"):
+     "higher powers are left out after that",
+    ("return (first.T @ second) ** 2 / np.maximum(square, 1e-300)", "1e-300"): FAR,
+    ("omega = np.maximum(wall.omega[:n, None], 1e-12)", "1e-12"): FAR,
+    ("partner_omega = np.maximum(computed.omega[None, :-1], 1e-12)", "1e-12"): FAR,
     ("return np.where(self._by_factors, np.exp(np.where(self._by_factors, x, 0.0)), x)", "0.0"):
      UNREAD,
     ("return np.where(self._by_factors, np.log(np.where(self._by_factors, value, 1.0)), value)",
@@ -329,7 +330,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("if abs(root) < 1e-6:", "1e-06"): FAR,
     ("np.where(np.isfinite(tau), np.maximum(tau, 1.0), np.inf),", "1.0"):
      "walkers forget in more steps",
-    ("trial = self.fit.solved(other, free, window, most=8, prior=prior, tolerance=1e-4)", "8"):
+    ("swap = self.fit.solved(z, free, window, most=8, prior=prior, tolerance=1e-4)", "8"):
      "a trial may take a run more",
     ("step = self.fit.solved(z, free, window, most=8, prior=prior, tolerance=1e-4)", "8"):
      "a window may take a run more",
@@ -337,7 +338,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "of the last term, near rounding",
     ("if omega[j] ** 2 > stiffness / mass[i]:", "omega[j] ** 2 > stiffness / mass[i]"): SAME,
     ("if abs(one[k]) >= level:", "abs(one[k]) >= level"): SAME,
-    ("signals = [np.array([np.interp(t - s, made.t, x) for x in made.v.T]).T for s in late]",
+    ("signals = [np.array([np.interp(t - s, clean.t, x) for x in clean.v.T]).T for s in late]",
      "t - s"): "jitter has no sign",
     ("log = np.log(np.maximum(omega, 1e-300) / (2 * np.pi))", "1e-300"): FAR,
     ("h = run.t[1] - run.t[0]", "run.t[1] - run.t[0]"): "a run starts at 0",
@@ -363,13 +364,14 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "np.convolve(calm, np.ones(5 * q), mode='valid') > 5 * q - 0.5"): WHOLE,
     ('calm = np.convolve(calm, np.ones(5 * q), mode="valid") > 5 * q - 0.5', "0.5"): WHOLE,
     ('calm = np.convolve(quiet, np.ones(width), mode="valid") >= width - 0.5', "0.5"): WHOLE,
-    ("arrived = np.flatnonzero(v < -PEAK * np.abs(v).max())", "v < -PEAK * np.abs(v).max()"): SAME,
+    ("arrived = np.flatnonzero(column < -PEAK * np.abs(column).max())",
+     "column < -PEAK * np.abs(column).max()"): SAME,
     ("q = max(1, len(t) // CHANGES)", "1"): "changes over two samples lie where those over one do",
-    ("if np.abs(other - z).max() < DISTINCT:", "np.abs(other - z).max() < DISTINCT"): SAME,
-    ("return np.isfinite(near) & ((value - low <= near) | (high - value <= near))",
-     "value - low <= near"): SAME,
-    ("return np.isfinite(near) & ((value - low <= near) | (high - value <= near))",
-     "high - value <= near"): SAME,
+    ("if np.abs(z_swapped - z).max() < DISTINCT:", "np.abs(z_swapped - z).max() < DISTINCT"): SAME,
+    ("return np.isfinite(margin) & ((value - low <= margin) | (high - value <= margin))",
+     "value - low <= margin"): SAME,
+    ("return np.isfinite(margin) & ((value - low <= margin) | (high - value <= margin))",
+     "high - value <= margin"): SAME,
     ("if room <= 1.0:", "room <= 1.0"): SAME,
     ("return bool((np.abs(self.value - other.value) > bars)[:n_shared].any())",
      "np.abs(self.value - other.value) > bars"): SAME,
@@ -378,9 +380,10 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("while rise < enough and t < room:", "rise < enough"): SAME,
     ("while rise < enough and t < room:", "t < room"): SAME,
     ("if rise < enough:", "rise < enough"): SAME,
-    ("seen = sosfilt(sos, fine, axis=1)[:, 400:]", "400"): "noise a sample later is noise",
-    ("return t, np.array(signals) + _noise(rng, twin, len(t), made)",
-     "np.array(signals) + _noise(rng, twin, len(t), made)"): "noise has no sign",
+    ("noise = sosfilt(sos, white, axis=1)[:, 400:]", "400"): "noise a sample later is noise",
+    ("return t, np.array(signals) + twin.noise * (noise / noise.std())[:, ::OVERSAMPLED]",
+     "np.array(signals) + twin.noise * (noise / noise.std())[:, ::OVERSAMPLED]"):
+     "noise has no sign",
     ("margin = 1e-9 * (high - low)", "1e-09 * (high - low)"): FAR,
     ("margin = 1e-9 * (high - low)", "1e-09"): FAR,
     ("late = twin.jitter * rng.standard_normal(twin.repeats) if twin.repeats > 1 else np.zeros(1)",

@@ -174,14 +174,14 @@ def test_a_known_chain_is_found_again_without_noise():
 def test_a_chain_that_leaves_more_than_the_noise_is_given_up_for_another_start(monkeypatch):
     truth = np.random.default_rng(5).uniform(0.9, 1.1, N)
     signals = made(truth, 900.0, [0, 3], duration=6e-4)
-    first, begins = CoarseToFine._first, []
+    first, begins = CoarseToFine.chain_from_first_waves, []
 
     def astray(search, z):
         begins.append(z)
         chain, left = first(search, z)
         return (chain, 0.1) if len(begins) == 1 else (chain, left)
 
-    monkeypatch.setattr(CoarseToFine, "_first", astray)
+    monkeypatch.setattr(CoarseToFine, "chain_from_first_waves", astray)
     found = calibrate(rig(), tuple(map(contact, range(N))), signals)
     assert found.starts == 2 and not np.array_equal(*begins)
     np.testing.assert_allclose(found.value, truth, rtol=1e-3)

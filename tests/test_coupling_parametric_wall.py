@@ -10,13 +10,13 @@ from rom import Surface, full_order, modal
 from workflows.fit.core.parametric_wall import (
     Bounds,
     Computed,
-    _gathered,
-    _matched,
-    _missed,
-    _nearest,
     design,
+    left_out_errors,
     mac,
+    matched_modes,
+    nearest_modes,
     parametric_wall,
+    selected_modes,
     with_rest,
 )
 
@@ -232,7 +232,7 @@ def test_a_wall_is_moved_by_the_same_everywhere():
     """Through a wall with a mode more, in another order: what is not ours is in the last."""
     coarse, true = made(1), hinged(SOMEWHERE, 13)
     moved = coarse.through(SOMEWHERE, true)
-    exact = _gathered(true.wall, np.arange(11))
+    exact = selected_modes(true.wall, np.arange(11))
     for part in ("omega", "phi", "zeta"):
         np.testing.assert_allclose(
             np.abs(getattr(moved(SOMEWHERE), part)), np.abs(getattr(exact, part)), rtol=1e-9
@@ -269,10 +269,10 @@ def test_modes_are_the_same_from_a_mac_of_a_fifth():
     e = np.eye(4)
     for much, same in ((2.0, 0), (2.01, -1)):  # 1 / (1 + 2^2)
         other = shaped(e[:, [0]] + much * e[:, [1]])
-        np.testing.assert_array_equal(_matched(shaped(e[:, [0]]), other), [same])
+        np.testing.assert_array_equal(matched_modes(shaped(e[:, [0]]), other), [same])
     one, turned = shaped(e[:, :3]), shaped(e[:, [2, 0, 3, 1]])
-    np.testing.assert_array_equal(_matched(one, turned), [1, 3, 0])
-    np.testing.assert_array_equal(_matched(turned, one), [2, 0, -1, 1])
+    np.testing.assert_array_equal(matched_modes(one, turned), [1, 3, 0])
+    np.testing.assert_array_equal(matched_modes(turned, one), [2, 0, -1, 1])
 
 
 def test_the_order_counts_for_a_twentieth_of_a_mac():
@@ -280,7 +280,7 @@ def test_the_order_counts_for_a_twentieth_of_a_mac():
     for share, places in ((0.52, [0, 1]), (0.53, [1, 0])):  # 2 share - 1 beside 0.05
         c, s = np.sqrt(1 - share), np.sqrt(share)
         turned = shaped(np.array([[c, -s], [s, c]]))
-        np.testing.assert_array_equal(_matched(shaped(np.eye(2)), turned), places)
+        np.testing.assert_array_equal(matched_modes(shaped(np.eye(2)), turned), places)
 
 
 def test_modes_without_shapes_to_compare_are_followed_by_their_order():
@@ -288,7 +288,7 @@ def test_modes_without_shapes_to_compare_are_followed_by_their_order():
     one, other = shaped(e[:, :3]), shaped(e[:, [1, 0]])
     for a, b in ((one._replace(shapes=None), other), (one, other._replace(shapes=None)),
                  (one, other._replace(shapes=e[:3, [1, 0]]))):  # fmt: skip
-        np.testing.assert_array_equal(_matched(a, b), [0, 1, -1])
+        np.testing.assert_array_equal(matched_modes(a, b), [0, 1, -1])
 
 
 def test_the_mac_of_a_shape_that_does_not_move_is_none():
@@ -299,9 +299,9 @@ def test_the_mac_of_a_shape_that_does_not_move_is_none():
 def test_modes_nearest_in_octaves_are_the_same():
     mine = Wall(np.array([2.0, 9.0, 40.0, 7.0]), *np.zeros((2, 4)))
     given = Wall(np.array([50.0, 0.0, 8.0, 4.4, 1.0, 9.0]), *np.zeros((2, 6)))
-    np.testing.assert_array_equal(_nearest(mine, given, 3), [[0, 1, 2], [4, 2, 0]])
+    np.testing.assert_array_equal(nearest_modes(mine, given, 3), [[0, 1, 2], [4, 2, 0]])
     few = Wall(np.array([9.0, 2.1, 30.0]), *np.zeros((2, 3)))
-    np.testing.assert_array_equal(_nearest(mine, few, 3), [[0, 1], [1, 0]])
+    np.testing.assert_array_equal(nearest_modes(mine, few, 3), [[0, 1], [1, 0]])
 
 
 @pytest.mark.parametrize(("share", "counts"), [(0.9e-9, False), (1.1e-9, True)])
@@ -310,7 +310,7 @@ def test_modes_of_a_billionth_of_the_largest_square_are_rigid(share, counts, uni
     """Squares of omega and phi of two modes; the first is missed by 2 % where it counts."""
     values = np.tile(np.array([share, 1.0, 2.0, 1.0]) * [unit, unit, 1, 1], (3, 1))
     said = values * [[1.04, 1.0, 1, 1], [1, 1.0, 1, 1], [1, 1.0, 1, 1]]
-    found = _missed(values, said, 2)
+    found = left_out_errors(values, said, 2)
     assert found.frequency == pytest.approx(0.02 if counts else 0.0, abs=1e-12)
     assert found.compliance == pytest.approx(1 - 1 / 1.04 if counts else 0.0, abs=1e-8)
 

@@ -102,7 +102,7 @@ def problem(model: VariedScene, records, found, own) -> tuple[RecordFit, tuple[s
         noise, told = noise_of(one, time_scale)
         known = known and told
         shots.append(Shot(one.t, one.y, noise, rounding(one.y)))
-        longer = forward.shown(start, beyond(one.t) - one.t[0])
+        longer = forward.signals_of_run(start, beyond(one.t) - one.t[0])
         shown = longer[: len(one.t)]
         require_size(one, shown, group < 0)
         names = [f"{channel.name} of {one.name}" for channel in one.channels]

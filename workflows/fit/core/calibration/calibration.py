@@ -25,15 +25,15 @@ USUAL = Options()
 
 
 class CalibrationResult(NamedTuple):
-    """What was found. Misfits are rms [m/s] of each sphere over all samples."""
+    """The parameters of least misfit. Misfits are rms [m/s] of each sphere over all samples."""
 
     parameters: tuple[Parameter, ...]
-    value: np.ndarray  # (p,)
+    value: np.ndarray  # (p,) in SI units
     at_bound: np.ndarray  # (p,) bool
     uncertainty: Uncertainty
-    data: np.ndarray  # (k, m) as it was fitted, filtered
-    model: np.ndarray  # (k, m) with what was found
-    start: np.ndarray  # (k, m) with what it started from
+    data: np.ndarray  # (k, m) [m/s] as it was fitted, filtered
+    model: np.ndarray  # (k, m) [m/s] at `value`
+    start: np.ndarray  # (k, m) [m/s] at what the parameters start from
     misfit: np.ndarray  # (m,)
     start_misfit: np.ndarray  # (m,)
     first_waves: np.ndarray  # (m,) [s] where the first windows end
@@ -61,35 +61,30 @@ def calibrate(
     forward = ChainForward(rig, parameters, signals._replace(v=v), filters)
     fit = WindowFit(forward)
     search = CoarseToFine(fit, options)
-    theta = values(fit.parameters, search.found(coordinates(fit.parameters, forward.start)))
+    z = search.solution(coordinates(fit.parameters, forward.start))
+    theta = values(fit.parameters, z)
     model, dv = forward.velocities_and_sensitivities(theta)
-    begun = forward.velocities(forward.start)
-    held = _at_bound(fit.parameters, theta)
-    weighted = fit.weights[:, None]
+    start = forward.velocities(forward.start)
+
+    # parameters at a bound are fixed there: the covariance is that of the others
+    low, high = (np.array([getattr(p, b) for p in fit.parameters]) for b in ("low", "high"))
+    margin = 1e-6 * (high - low)
+    at_bound = (theta - low <= margin) | (high - theta <= margin)
+    residual, J = (model - v) * fit.weights, dv * fit.weights[:, None]
     return CalibrationResult(
-        fit.parameters,
-        theta,
-        held,
-        uncertainty(fit.parameters, (model - v) * fit.weights, dv * weighted, held),
-        v,
-        model,
-        begun,
-        _rms_of_columns(model - v),
-        _rms_of_columns(begun - v),
-        search.first_waves,
-        float(np.abs(forward.with_steps(0.5).velocities(theta) - model).max()),
-        search.same_starts,
-        search.starts,
-        tuple(search.stages),
-        search.scan,
+        parameters=fit.parameters,
+        value=theta,
+        at_bound=at_bound,
+        uncertainty=uncertainty(fit.parameters, residual, J, at_bound),
+        data=v,
+        model=model,
+        start=start,
+        misfit=np.sqrt(np.mean((model - v) ** 2, axis=0)),
+        start_misfit=np.sqrt(np.mean((start - v) ** 2, axis=0)),
+        first_waves=search.first_waves,
+        step_error=float(np.abs(forward.with_steps(0.5).velocities(theta) - model).max()),
+        same_starts=search.same_starts,
+        starts=search.starts,
+        stages=tuple(search.stages),
+        scan=search.scan,
     )
-
-
-def _at_bound(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
-    low, high = (np.array([getattr(p, b) for p in parameters]) for b in ("low", "high"))
-    near = 1e-6 * (high - low)
-    return (theta - low <= near) | (high - theta <= near)
-
-
-def _rms_of_columns(residual: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.mean(residual**2, axis=0))
