@@ -49,7 +49,7 @@ def sensed_waves(
     times = [label.arrival.time for label in named]
     midways = [-np.inf, *(0.5 * (a + b) for a, b in pairwise(times)), np.inf]
     dt, signal, waves = t[1] - t[0], np.sign(sensor.gain) * y, []
-    for label, (after, until) in zip(named, pairwise(midways), strict=True):
+    for label, (start, end) in zip(named, pairwise(midways), strict=True):
         time, velocity, width, _ = label.arrival
         if not np.isfinite(width):
             continue
@@ -60,7 +60,7 @@ def sensed_waves(
         shape = direction * _force_or_velocity(sensor.quantity, t, signal, reach)
 
         # the highest sample near the wave's time, no nearer to another wave's
-        low, high = max(time - search.early * width, after), min(time + search.late * width, until)
+        low, high = max(time - search.early * width, start), min(time + search.late * width, end)
         inside = np.flatnonzero((t > low) & (t < high))
         if not len(inside):
             continue

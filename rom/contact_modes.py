@@ -63,39 +63,39 @@ class Chosen(NamedTuple):
 def contact_modes(
     problem: Pencil,
     w: np.ndarray,
-    known: EigenPairs,
+    retained: EigenPairs,
     selection: Selection,
     options: KrylovOptions = KrylovOptions(),
 ) -> Chosen:
     """The n_modes that matter most for the receptance at the contact up to to_hz, or the fewest
     that with a residual vector keep it to the relative rms error selected.
 
-    known (k,) are modes to keep in any case, the rigid-body ones among them. The error stated
+    retained (k,) are modes to keep in any case, the rigid-body ones among them. The error stated
     holds for the modes with the residual vector: the space's bound and what the choice leaves.
     With finer_hz all that they are chosen from stands for the full model up to that frequency.
     Raises ReductionError.
     """
     n_modes, error, to_hz = selection.n_modes, selection.error, selection.to_hz
-    n_known = len(known.omega)
+    n_retained = len(retained.omega)
 
     # candidates: Ritz pairs of a space of one vector more than modes are wanted
-    n_vectors = 0 if n_modes is None else n_modes + 1 - n_known
+    n_vectors = 0 if n_modes is None else n_modes + 1 - n_retained
     if selection.finer_hz is None:
         bound = options.converged if error is None else options.share * error
-        pairs, bound = krylov_space(problem, w, known, bound, to_hz, n_vectors, options)
+        pairs, bound = krylov_space(problem, w, retained, bound, to_hz, n_vectors, options)
     else:
         finer_hz = max(to_hz, selection.finer_hz)
-        pairs, bound = finer_space(problem, w, known, finer_hz, n_vectors, options)
+        pairs, bound = finer_space(problem, w, retained, finer_hz, n_vectors, options)
     phi = pairs.phi.T @ w
 
-    # the choice: the known ones, then the others by their weight; n is where the error is met
-    order = _ranked(pairs.omega, phi, n_known, to_hz)
+    # the choice: the retained ones, then the others by their weight; n is where the error is met
+    order = _ranked(pairs.omega, phi, n_retained, to_hz)
     errors = bound + _residual_errors(pairs.omega[order], phi[order], to_hz)
     if error is not None:
-        n_modes = max(int(np.argmax(errors <= error)), n_known)
+        n_modes = max(int(np.argmax(errors <= error)), n_retained)
     n = min(n_modes, len(order))
-    if n < n_known:
-        raise ReductionError(f"{n} modes cannot hold the {n_known} to be kept; ask for more.")
+    if n < n_retained:
+        raise ReductionError(f"{n} modes cannot hold the {n_retained} to be kept; ask for more.")
     chosen = order[:n][np.argsort(pairs.omega[order[:n]])]
 
     # residual vector as the sum of the modes left out: the static response less the modes kept
@@ -119,7 +119,7 @@ def static_shapes(
 def finer_space(
     problem: Pencil,
     w: np.ndarray,
-    known: EigenPairs,
+    retained: EigenPairs,
     to_hz: float,
     n_vectors: int = 0,
     options: KrylovOptions = KrylovOptions(),
@@ -127,13 +127,13 @@ def finer_space(
     """A space that stands for the full model at the contact up to to_hz, beside a reduced model of
     n_vectors."""
     n_vectors += options.extra
-    return krylov_space(problem, w, known, options.exact, to_hz, n_vectors, options)
+    return krylov_space(problem, w, retained, options.exact, to_hz, n_vectors, options)
 
 
 def krylov_space(
     problem: Pencil,
     w: np.ndarray,
-    known: EigenPairs,
+    retained: EigenPairs,
     error: float,
     to_hz: float,
     n_vectors: int = 0,
@@ -141,29 +141,31 @@ def krylov_space(
 ) -> Space:
     """Ritz pairs of n_vectors, or of more until their bound up to to_hz is below error.
 
-    The first pairs are the known ones; the others are orthogonal to them. Raises ReductionError
+    The first pairs are the retained ones; the others are orthogonal to them. Raises ReductionError
     where `largest` vectors do not meet the error.
     """
     K, M = problem.K, problem.M
     s = 2 * np.pi * frequencies(to_hz)
 
-    # K^-1 w (inertia relief where the structure floats), and what it has beyond the known modes
-    participation = known.phi.T @ w
-    elastic, rigid = known.omega > 0, known.phi[:, known.omega == 0]
+    # K^-1 w (inertia relief where the structure floats), and what it has beyond the retained modes
+    participation = retained.phi.T @ w
+    elastic, rigid = retained.omega > 0, retained.phi[:, retained.omega == 0]
     static = attachment_modes(problem, w, rigid)
-    rest = static - known.phi[:, elastic] @ (participation[elastic] / known.omega[elastic] ** 2)
+    rest = static - retained.phi[:, elastic] @ (
+        participation[elastic] / retained.omega[elastic] ** 2
+    )
     norm = _k_norm(rest, K @ rest)
     if norm <= 1e-12 * _k_norm(static, K @ static):
-        return Space(known, 0.0)
+        return Space(retained, 0.0)
 
     V, H, v = np.empty((len(w), 2 * options.check), order="F"), np.zeros((0, 0)), rest / norm
     for k in count():
-        # x = K^-1 M v_k beyond the known modes and the vectors so far. In exact arithmetic the
+        # x = K^-1 M v_k beyond the retained modes and the vectors so far. In exact arithmetic the
         # last two would do; all of them, twice, keep V K-orthonormal to rounding
         V = with_columns(V, k, v[:, None])
         x = attachment_modes(problem, M @ v, rigid)
-        if len(known.omega):
-            x -= known.phi @ (known.phi.T @ (M @ x))
+        if len(retained.omega):
+            x -= retained.phi @ (retained.phi.T @ (M @ x))
         force = K @ x
         length, column = _k_norm(x, force), 0.0
         for _ in range(2):
@@ -181,7 +183,7 @@ def krylov_space(
         if beta and (len(H) % options.check or len(H) < n_vectors):
             continue
 
-        bound = _bound(H, beta, norm, s, known.omega, participation)
+        bound = _bound(H, beta, norm, s, retained.omega, participation)
         if bound <= error or beta == 0:
             break
         if len(H) >= max(options.largest, n_vectors):
@@ -193,10 +195,10 @@ def krylov_space(
     # Ritz pairs by V^T M V anew, not by H: what the recurrence says holds the errors of the solver
     V = V[:, : len(H)]
     inverse_squared, U = np.linalg.eigh(gram(V, M))
-    omega = np.append(known.omega, 1 / np.sqrt(inverse_squared))
+    omega = np.append(retained.omega, 1 / np.sqrt(inverse_squared))
     phi = turned(V, U)
-    if len(known.omega):
-        phi = np.column_stack([known.phi, phi])
+    if len(retained.omega):
+        phi = np.column_stack([retained.phi, phi])
 
     # without what rounding leaves between them in M: Cholesky from the lowest on, which stay as
     # they are, the others give way
@@ -223,7 +225,7 @@ def _bound(
     participation: np.ndarray,
 ) -> float:
     """Bound of the relative rms error of a space's receptance at s [rad/s], as the module says;
-    norm is |K^-1 w|_K beyond the known modes, omega and participation are theirs."""
+    norm is |K^-1 w|_K beyond the retained modes, omega and participation are theirs."""
     theta, U = np.linalg.eigh((H + H.T) / 2)
     dynamic = 1 / (1 + 1j * LOSS - s[:, None] ** 2 * theta)
     receptance = norm**2 * dynamic @ U[0] ** 2
@@ -232,14 +234,14 @@ def _bound(
     return rms((s**2 * beta * np.abs(last)) ** 2) / LOSS / size(receptance)
 
 
-def _ranked(omega: np.ndarray, phi: np.ndarray, n_known: int, to_hz: float) -> np.ndarray:
-    """Indices (k,) of the modes: the known ones, then the others by what an oscillator with their
-    first two moments misses of their receptance, the largest first."""
+def _ranked(omega: np.ndarray, phi: np.ndarray, n_retained: int, to_hz: float) -> np.ndarray:
+    """Indices (k,) of the modes: the retained ones, then the others by what an oscillator with
+    their first two moments misses of their receptance, the largest first."""
     s = 2 * np.pi * frequencies(to_hz)[:, None]
-    squared = omega[n_known:] ** 2
-    beyond = phi[n_known:] ** 2 * (s / omega[n_known:]) ** 4 / (squared * (1 + 1j * LOSS) - s**2)
-    order = np.argsort(-np.linalg.norm(beyond, axis=0))
-    return np.append(np.arange(n_known), n_known + order)
+    others, squared = omega[n_retained:], omega[n_retained:] ** 2
+    missed = phi[n_retained:] ** 2 * (s / others) ** 4 / (squared * (1 + 1j * LOSS) - s**2)
+    order = np.argsort(-np.linalg.norm(missed, axis=0))
+    return np.append(np.arange(n_retained), n_retained + order)
 
 
 def _residual_errors(omega: np.ndarray, phi: np.ndarray, to_hz: float) -> np.ndarray:

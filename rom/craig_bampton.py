@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from rom.contact_modes import contact_modes, finer_space, static_shapes
-from rom.factorisation import Factor, Factorise, superlu, symmetric
+from rom.factorisation import Factorise, Solver, superlu, symmetric
 from rom.fixed_interface import (
     FixedInterface,
     fixed_interface,
@@ -40,7 +40,7 @@ def craig_bampton(
     *,
     C: ArrayLike | sp.sparray | None = None,
     factorise: Factorise = superlu,
-    factor: Factor | None = None,
+    factor: Solver | None = None,
 ) -> ReducedModel:
     """Reduce K, M (n, n) to the dofs in boundary (b,) and the fixed-interface modes selected.
 
@@ -62,12 +62,11 @@ def craig_bampton(
     C = None if C is None else symmetric(C, "C")
 
     if selection.by_contact:
-        # free modes that the contact moves, known ones among them: phi_i - Psi phi_b is what they
-        # do inside, and Ritz pairs of K_ii and M_ii make fixed-interface modes of that
-        whole = whole_pencil(fixed)
-        modes = selection.modes
-        known = no_modes(len(w)) if modes is None else known_modes(whole, *modes)
-        free, _, stated, space = contact_modes(whole, w, known, selection)
+        # free modes that the contact moves, those handed in among them: phi_i - Psi phi_b is what
+        # they do inside, and Ritz pairs of K_ii and M_ii make fixed-interface modes of that
+        problem, modes = whole_pencil(fixed), selection.modes
+        retained = no_modes(len(w)) if modes is None else known_modes(problem, *modes)
+        free, _, stated, space = contact_modes(problem, w, retained, selection)
         phi = free.phi
         for c in shares(phi.shape[1]):
             phi[:, c] -= Psi @ phi[b, c]
@@ -97,9 +96,8 @@ def craig_bampton(
                 break
             cutoff_hz *= 1.4
         if selection.finer_hz is not None:
-            whole, n_vectors = whole_pencil(fixed), len(reduced.w)
-            finer_hz = selection.finer_hz
-            space = finer_space(whole, w, no_modes(len(w)), finer_hz, n_vectors).pairs
+            problem, finer_hz = whole_pencil(fixed), selection.finer_hz
+            space = finer_space(problem, w, no_modes(len(w)), finer_hz, len(reduced.w)).pairs
 
     # T^T K T = K_r and T^T M T = M_r on a random vector, both definite, or the sentence says why
     finer = None if selection.finer_hz is None else of_modes(*space, w, C)

@@ -20,13 +20,13 @@ class ReductionError(ValueError):
     """The matrices handed in do not allow the reduction; the sentence says why."""
 
 
-class Factor(Protocol):
+class Solver(Protocol):
     """What a factorisation can do: ``solve(b)`` for b (n,) or (n, k)."""
 
     def solve(self, b: np.ndarray) -> np.ndarray: ...
 
 
-Factorise = Callable[[sp.csc_array], Factor]
+Factorise = Callable[[sp.csc_array], Solver]
 
 
 class Pencil(NamedTuple):
@@ -34,11 +34,11 @@ class Pencil(NamedTuple):
 
     K: sp.csc_array
     M: sp.csc_array
-    factor: Factor
+    factor: Solver
     sigma: float = 0.0
 
 
-def superlu(A: sp.csc_array) -> Factor:
+def superlu(A: sp.csc_array) -> Solver:
     """Symmetric-mode SuperLU factor of A (n, n): the default where no faster one is handed in."""
     return splu(
         sp.csc_array(A),
@@ -87,7 +87,7 @@ def noise(K: sp.csc_array, M: sp.csc_array) -> float:
     return 200 * EPS * frequency_scale(K, M)
 
 
-def solutions(factor: Factor, B: sp.csc_array | np.ndarray) -> np.ndarray:
+def solutions(factor: Solver, B: sp.csc_array | np.ndarray) -> np.ndarray:
     """X (n, k) with A X = B, in blocks of columns so that no dense copy of B is made."""
     X = np.empty(B.shape, order="F")
     for c in shares(B.shape[1]):

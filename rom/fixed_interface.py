@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 
-from rom.factorisation import EPS, Factor, Factorise, Pencil, ReductionError, solutions
+from rom.factorisation import EPS, Factorise, Pencil, ReductionError, Solver, solutions
 from rom.floating import is_held, pencil
 from rom.lanczos import EigenPairs
 from rom.tall import eighths, gram, shares, squares, turned
@@ -28,17 +28,16 @@ from rom.tall import eighths, gram, shares, squares, turned
 class FixedInterface(NamedTuple):
     """K and M (n, n), w (n,) at the contact, and the structure with its boundary held; psi (n, b)
     are the constraint modes, 1 on the boundary. `clamped` solves with K_ii: what stands on the
-    boundary it does not read and returns as zero. `whole` is the factor of K, where there is
-    one."""
+    boundary it does not read and returns as zero. `factor` is that of K, where there is one."""
 
     K: sp.csc_array
     M: sp.csc_array
     w: np.ndarray
     boundary: np.ndarray  # (b,) dofs, in the order in which they are given
     interior: np.ndarray  # (n - b,) dofs, ascending
-    clamped: Factor
+    clamped: Solver
     psi: np.ndarray
-    whole: Factor | None
+    factor: Solver | None
 
     @property
     def condensed(self) -> np.ndarray:
@@ -53,7 +52,7 @@ def fixed_interface(
     w: np.ndarray,
     boundary: ArrayLike,
     factorise: Factorise,
-    whole: Factor | None = None,
+    factor: Solver | None = None,
 ) -> FixedInterface:
     """The structure held at the dofs in boundary (b,), indices or a mask, with its constraint
     modes; by the factor of K where that is handed in.
@@ -77,7 +76,7 @@ def fixed_interface(
         )
 
     # constraint modes by the factor of K_ii, which a held boundary makes positive definite
-    if whole is None:
+    if factor is None:
         inside = pencil(K[:, i][i], M[:, i][i], factorise)
         if inside.sigma:
             raise ReductionError(
@@ -89,7 +88,7 @@ def fixed_interface(
         psi = -solutions(clamped, K[:, b])
         psi[b] = np.eye(len(b))
     else:
-        clamped = _InteriorByWhole(whole, b, n)
+        clamped = _InteriorByWhole(factor, b, n)
         psi = clamped.psi
         # Z_b of a soft structure is nearly singular, which costs Psi digits: an error D of it is
         # D Z_b K_bi D after a correction. Springs to the ground of a millionth of the structure's
@@ -101,7 +100,7 @@ def fixed_interface(
             for c in shares(len(b)):
                 psi[:, c] -= clamped.solve(K @ psi[:, c])
             previous, forces = forces, _interior_forces(K, psi, b)
-    fixed = FixedInterface(K, M, w, b, i, clamped, psi, whole)
+    fixed = FixedInterface(K, M, w, b, i, clamped, psi, factor)
 
     # the constraint modes under the contact's load leave no forces inside: their energy
     # r^T K_ii^-1 r beside that of the field
@@ -140,13 +139,12 @@ def interior_pencil(fixed: FixedInterface) -> Pencil:
 def whole_pencil(fixed: FixedInterface) -> Pencil:
     """K and M of the structure with its boundary free; raises ReductionError where it floats."""
     K, M = fixed.K, fixed.M
-    if fixed.whole is not None:
-        return Pencil(K, M, fixed.whole)
+    if fixed.factor is not None:
+        return Pencil(K, M, fixed.factor)
     try:
-        whole = Pencil(
-            K, M, _WholeByInterior(fixed.clamped, fixed.psi, cho_factor(fixed.condensed))
-        )
-        is_sound = is_held(whole)
+        S = cho_factor(fixed.condensed)
+        problem = Pencil(K, M, _WholeByInterior(fixed.clamped, fixed.psi, S))
+        is_sound = is_held(problem)
     except LinAlgError:  # S is not positive
         is_sound = False
     if not is_sound:
@@ -155,7 +153,7 @@ def whole_pencil(fixed: FixedInterface) -> Pencil:
             "constraint modes cannot say which of its modes the contact moves; stiffen the softest "
             "joints, take choice 'lowest', or free modes."
         )
-    return whole
+    return problem
 
 
 def ritz_pairs(K: sp.csc_array, M: sp.csc_array, Z: np.ndarray) -> EigenPairs:
@@ -179,17 +177,17 @@ def ritz_pairs(K: sp.csc_array, M: sp.csc_array, Z: np.ndarray) -> EigenPairs:
 class _InteriorByWhole:
     """Solves with K_ii by the factor of K, in vectors of all dofs."""
 
-    def __init__(self, whole: Factor, b: np.ndarray, n: int) -> None:
-        self._whole, self._b = whole, b
+    def __init__(self, factor: Solver, b: np.ndarray, n: int) -> None:
+        self._factor, self._b = factor, b
         unit = sp.csc_array((np.ones(len(b)), (b, np.arange(len(b)))), shape=(n, len(b)))
-        Z = solutions(whole, unit)
+        Z = solutions(factor, unit)
         self.psi = turned(Z, np.linalg.inv(Z[b]))
         self.psi[b] = np.eye(len(b))
 
     def solve(self, y: np.ndarray) -> np.ndarray:
         y = y.copy()
         y[self._b] = 0.0
-        z = self._whole.solve(y)
+        z = self._factor.solve(y)
         z -= self.psi @ z[self._b]
         z[self._b] = 0.0
         return z
@@ -198,7 +196,7 @@ class _InteriorByWhole:
 class _InteriorOfAll(NamedTuple):
     """Solves with K_ii by its own factor, in vectors of all dofs."""
 
-    factor: Factor
+    factor: Solver
     interior: np.ndarray
 
     def solve(self, y: np.ndarray) -> np.ndarray:
@@ -210,7 +208,7 @@ class _InteriorOfAll(NamedTuple):
 class _InteriorAlone(NamedTuple):
     """Solves with K_ii in vectors of the interior (i,), by a solver in vectors of all dofs."""
 
-    clamped: Factor
+    clamped: Solver
     interior: np.ndarray
     n: int
 
@@ -223,7 +221,7 @@ class _InteriorAlone(NamedTuple):
 class _WholeByInterior(NamedTuple):
     """Solves with K by the factor of K_ii and that of S, the stiffness seen at the boundary."""
 
-    clamped: Factor
+    clamped: Solver
     psi: np.ndarray
     S: tuple[np.ndarray, bool]
 

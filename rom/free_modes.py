@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from rom.contact_modes import contact_modes, finer_space, static_shapes
-from rom.factorisation import Factor, Factorise, Pencil, ReductionError, superlu, symmetric
+from rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu, symmetric
 from rom.floating import pencil
 from rom.health import require_faithful, require_static_response
 from rom.lanczos import (
@@ -41,7 +41,7 @@ def free_modes(
     C: ArrayLike | sp.sparray | None = None,
     shift: float | None = None,
     factorise: Factorise = superlu,
-    factor: Factor | None = None,
+    factor: Solver | None = None,
 ) -> ReducedModel:
     """Reduce K, M (n, n) to the free modes selected and the residual vector of the contact
     functional w (n,).
@@ -57,18 +57,18 @@ def free_modes(
     n_modes, error, to_hz = selection.n_modes, selection.error, selection.to_hz
     problem = Pencil(K, M, factor) if factor else pencil(K, M, factorise, shift)
     C = None if C is None else symmetric(C, "C")
-    known = None if selection.modes is None else known_modes(problem, *selection.modes)
+    supplied = None if selection.modes is None else known_modes(problem, *selection.modes)
 
     # modes, the residual vector r beyond them, and the error that both leave
     stated = None
     if selection.by_contact:
         pairs, r, stated, space = contact_modes(
-            problem, w, known_or_rigid(problem, known), selection
+            problem, w, retained_modes(problem, supplied), selection
         )
     elif error is not None:
         # the fewest of the lowest modes whose error bound holds; it is computed for every number
         # of them at once, and none holds before they reach to_hz
-        rigid = _rigid_modes(problem, known)
+        rigid = _rigid_modes(problem, supplied)
         static = static_response(problem, w, rigid)
 
         def enough(omega: np.ndarray, shapes: Callable[[], np.ndarray]) -> bool:
@@ -77,7 +77,7 @@ def free_modes(
             pairs = EigenPairs(omega, shapes())
             return _errors(problem, w, static, rigid, pairs, to_hz).min() <= error
 
-        candidates = known or modes_until(problem, enough)
+        candidates = supplied or modes_until(problem, enough)
         errors = _errors(problem, w, static, rigid, candidates, to_hz)
         if errors.min() > error:
             raise ReductionError(
@@ -88,8 +88,8 @@ def free_modes(
         pairs, stated = _lowest_of(candidates, n_modes, None), errors[n_modes]
         r = residual_vector(M, pairs.phi, static)
     else:
-        if known is not None:
-            pairs = _lowest_of(known, n_modes, selection.cutoff_hz)
+        if supplied is not None:
+            pairs = _lowest_of(supplied, n_modes, selection.cutoff_hz)
         elif n_modes is not None:
             pairs = lowest_modes(problem, n_modes)
         else:
@@ -100,8 +100,8 @@ def free_modes(
         if to_hz is not None:
             stated = _errors(problem, w, static, rigid, pairs, to_hz)[-1]
     if selection.finer_hz is not None and not selection.by_contact:
-        known, n_vectors = known_or_rigid(problem, None), len(pairs.omega)
-        space = finer_space(problem, w, known, selection.finer_hz, n_vectors).pairs
+        retained, n_vectors = retained_modes(problem, None), len(pairs.omega)
+        space = finer_space(problem, w, retained, selection.finer_hz, n_vectors).pairs
 
     # T = [phi, r / |r|_M], with r^T K r / r^T M r for its omega^2. Of a structure whose modes are
     # all here r is rounding and is left out; 1e-12 of the compliance of the modes instead of 1e-14
@@ -153,22 +153,22 @@ def _errors(
     return tail_errors(pairs.omega, pairs.phi.T @ w, tail, to_hz)
 
 
-def _rigid_modes(problem: Pencil, known: EigenPairs | None) -> np.ndarray:
+def _rigid_modes(problem: Pencil, supplied: EigenPairs | None) -> np.ndarray:
     """Rigid-body modes (n, r); a K that was factorised as it is has none."""
     if problem.sigma == 0:
         return np.zeros((problem.K.shape[0], 0))
-    omega, phi = known or past_rigid_modes(problem)
+    omega, phi = supplied or past_rigid_modes(problem)
     return phi[:, omega == 0]
 
 
-def known_or_rigid(problem: Pencil, known: EigenPairs | None) -> EigenPairs:
+def retained_modes(problem: Pencil, supplied: EigenPairs | None) -> EigenPairs:
     """The modes to keep whatever the contact says: the rigid-body ones and those handed in."""
     rigid = _rigid_modes(problem, None)
-    if known is None:
+    if supplied is None:
         return EigenPairs(np.zeros(rigid.shape[1]), rigid)
-    elastic = known.omega > 0  # of the rigid-body ones those handed in may be a part
-    omega = np.append(np.zeros(rigid.shape[1]), known.omega[elastic])
-    return EigenPairs(omega, np.column_stack([rigid, known.phi[:, elastic]]))
+    elastic = supplied.omega > 0  # of the rigid-body ones those handed in may be a part
+    omega = np.append(np.zeros(rigid.shape[1]), supplied.omega[elastic])
+    return EigenPairs(omega, np.column_stack([rigid, supplied.phi[:, elastic]]))
 
 
 def _lowest_of(pairs: EigenPairs, n_modes: int | None, cutoff_hz: float | None) -> EigenPairs:

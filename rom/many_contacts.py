@@ -72,24 +72,19 @@ class ManyContacts(NamedTuple):
         return Oscillators(omega, omega * U[:, 0, ::-1] * np.sqrt(self.static)[:, None])
 
 
-class Face:
+def many_contacts(
+    problem: Pencil, modes: EigenPairs, W: ArrayLike, n_vectors: int = 1
+) -> ManyContacts:
     """Contact functionals W (n, p) on a structure, by its pencil K, M (n, n) and its lowest modes.
 
-    contacts has all of them, each with a space of n_vectors beyond the modes, a solution apiece.
-    Raises ReductionError.
+    Each contact has a space of n_vectors beyond the modes, a solution apiece; 64 contacts are
+    solved at once. Raises ReductionError.
     """
-
-    def __init__(
-        self, problem: Pencil, modes: EigenPairs, W: ArrayLike, n_vectors: int = 1
-    ) -> None:
-        W = sp.csc_array(W)
-        phi = W.T @ modes.phi
-        # solved 64 contacts at once
-        spaces = [
-            _spaces(problem, W[:, at], modes, phi[at], n_vectors) for at in shares(len(phi), 64)
-        ]
-        static, alpha, beta = np.concatenate(spaces, axis=1)
-        self.contacts = ManyContacts(modes.omega, phi, static[:, 0], alpha, beta[:, :-1])
+    W = sp.csc_array(W)
+    phi = W.T @ modes.phi
+    spaces = [_spaces(problem, W[:, c], modes, phi[c], n_vectors) for c in shares(len(phi), 64)]
+    static, alpha, beta = np.concatenate(spaces, axis=1)
+    return ManyContacts(modes.omega, phi, static[:, 0], alpha, beta[:, :-1])
 
 
 def _spaces(

@@ -151,7 +151,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("return max(1, int(np.count_nonzero(omega > (1 + 1e-9) * limit)))",
      "omega > (1 + 1e-09) * limit"): SAME,
     ("if reciprocal_condition < EPS:", "reciprocal_condition < EPS"): SAME,
-    ("beyond = phi[n_known:] ** 2 * (s / omega[n_known:]) ** 4"
+    ("missed = phi[n_retained:] ** 2 * (s / others) ** 4"
      " / (squared * (1 + 1j * LOSS) - s**2)", "1 + 1j * LOSS"): CONJUGATE,
     ("moved = wall.phi / (wall.omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)",
      "1 + 1j * LOSS"): CONJUGATE,
@@ -166,14 +166,14 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("if omega.max(initial=0) < 2 * np.pi * to_hz:", "0"): LOOKS,
     ("if errors.min() > error:", "errors.min() > error"): SAME,
     ("n_modes = int(np.argmax(errors <= error))", "errors <= error"): SAME,
-    ("n_modes = max(int(np.argmax(errors <= error)), n_known)", "errors <= error"): SAME,
+    ("n_modes = max(int(np.argmax(errors <= error)), n_retained)", "errors <= error"): SAME,
     ("if problem.sigma == 0:", "0"): SLOWER,
     ("return np.zeros((problem.K.shape[0], 0))", "0"): SQUARE,
     ("if w @ r <= 1e-14 * compliance:", "w @ r <= 1e-14 * compliance"): SAME,
     ("if w @ r <= 1e-14 * compliance:", "1e-14"): FAR,
     ("bound = options.converged if error is None else options.share * error",
      "options.share * error"): SHARED,
-    ("n_vectors = 0 if n_modes is None else n_modes + 1 - n_known", "0"): LOOKS,
+    ("n_vectors = 0 if n_modes is None else n_modes + 1 - n_retained", "0"): LOOKS,
     ("return max(1, int(np.count_nonzero(omega > (1 + 1e-9) * limit)))", "1e-09"): FAR,
     ("if norm <= 1e-12 * _k_norm(static, K @ static):",
      "norm <= 1e-12 * _k_norm(static, K @ static)"): SAME,
@@ -182,10 +182,10 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "2"):
         "room that grows where it is full",
     ("if bound <= error or beta == 0:", "bound <= error"): SAME,
-    ("omega = np.append(known.omega, 1 / np.sqrt(inverse_squared))", "1"):
+    ("omega = np.append(retained.omega, 1 / np.sqrt(inverse_squared))", "1"):
         "its order alone is read",
     ("if beta <= options.exhausted * length:", "beta <= options.exhausted * length"): SAME,
-    ("beyond = phi[n_known:] ** 2 * (s / omega[n_known:]) ** 4"
+    ("missed = phi[n_retained:] ** 2 * (s / others) ** 4"
      " / (squared * (1 + 1j * LOSS) - s**2)", "squared * (1 + 1j * LOSS)"): CONJUGATE,
     ("n = problem.K.shape[0]", "0"): SQUARE,
     ("n = K.shape[0]", "0"): SQUARE,
@@ -288,7 +288,8 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
      "dampers of a wall without stiffness are refused before, 1 / 0 is infinite as well",
     ("moving = (g * h != 0) & (wall.omega > 0)", "wall.omega > 0"):
      "free modes add 1 / inf",
-    ("largest = energies[0][0] or np.abs(total).max() or 1.0", "1.0"): "of no energy none is missed",
+    ("largest = energies[0][0] or np.abs(total).max() or 1.0", "1.0"):
+     "of no energy none is missed",
     ("tolerance = max(error, 1e-13)", "1e-13"): FAR,
     ("if ratio < 1 + 1e-6:", "ratio < 1 + 1e-06"): SAME,
     ("s = brentq(rayleigh, 1 + 1e-12, 3, xtol=1e-14)", "1e-12"): START,

@@ -30,7 +30,7 @@ def model(scene: Scene, coarser: float = 1.0) -> fem.Bending:
     made_of = fem.Material(table.young, table.poisson, table.density)
     try:
         if scene.plate is None:
-            ends = tuple(fem.End(*springs) for springs in table.springs)
+            ends = tuple(fem.BeamEnd(*springs) for springs in table.springs)
             return fem.beam(
                 table.length, section(table), made_of, ends, table.position,
                 axial_force=table.axial_force, coarser=coarser,
@@ -46,30 +46,6 @@ def model(scene: Scene, coarser: float = 1.0) -> fem.Bending:
         raise InvalidScene(f"{scene.name}: {why}.") from None
 
 
-<<<<<<< HEAD
-def _beam(table, coarser: float) -> fem.Bending:
-    made_of = fem.Material(table.young, table.poisson, table.density)
-    ends = tuple(fem.BeamEnd(*springs) for springs in table.springs)
-    return fem.beam(
-        table.length, section(table), made_of, ends, table.position,
-        axial_force=table.axial_force, coarser=coarser,
-    )  # fmt: skip
-
-
-def _plate(table, coarser: float) -> fem.Bending:
-    in_plane = table.in_plane_x, table.in_plane_y
-    return fem.mindlin_plate(
-        _sheet(table), table.edges, table.at, in_plane=in_plane, coarser=coarser
-    )
-
-
-def _sheet(table) -> fem.Sheet:
-    made_of = fem.Material(table.young, table.poisson, table.density)
-    return fem.Sheet(table.length, table.width, table.thickness, made_of, table.shear_factor)
-
-
-=======
->>>>>>> geometry
 def section(table) -> fem.Section:
     """The cross-section, with the shear factor of its shape or the one given."""
     if table.width:
