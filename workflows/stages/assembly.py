@@ -71,7 +71,7 @@ def nodes(mesh: Mesh) -> dict[str, float]:
 def model(scene: Scene, mesh: Parts) -> fem.Model:
     """The parts assembled, joined and held; raises InvalidScene for bodies that nothing keeps."""
     structure = fem.assemble(mesh.meshes, mesh.materials)
-    below = scene.table and fem.Table(scene.table.frequency, scene.table.mass)
+    below = scene.table and fem.SwayingTable(scene.table.frequency, scene.table.mass)
     connections = mesh.connections._replace(table=below)
     if scene.is_general:
         _require_kept(scene, structure, connections)

@@ -30,7 +30,7 @@ def model(scene: Scene, coarser: float = 1.0) -> fem.Bending:
     made_of = fem.Material(table.young, table.poisson, table.density)
     try:
         if scene.plate is None:
-            ends = tuple(fem.End(*springs) for springs in table.springs)
+            ends = tuple(fem.BeamEnd(*springs) for springs in table.springs)
             return fem.beam(
                 table.length, section(table), made_of, ends, table.position,
                 axial_force=table.axial_force, coarser=coarser,

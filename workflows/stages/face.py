@@ -128,7 +128,7 @@ class StruckFace:
         local = fem.half_spaces_on_mesh(model, self.name, patches, steel)
         basis = self._basis
         with fem.one_thread():
-            contacts = rom.Face(*basis, W, n_beyond).contacts
+            contacts = rom.many_contacts(*basis, W, n_beyond)
         return Walls(contacts, np.array(local), self._damping())
 
     def second(self) -> tuple["StruckFace", float]:

@@ -13,7 +13,7 @@ from geometry import Interface
 from workflows.thesis import HAMMER_TEST
 
 STRUCK = "block:+x"  # the face that the chain leans on
-TARGETS = tuple(fem.Motion(HAMMER_TEST["body"], motion) for motion in HAMMER_TEST["motion"])
+TARGETS = tuple(fem.BodyMotion(HAMMER_TEST["body"], motion) for motion in HAMMER_TEST["motion"])
 
 
 def full_tie(touching: Sequence[Interface], held: Sequence[str]) -> fem.Connections:

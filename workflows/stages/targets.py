@@ -25,7 +25,7 @@ def targets(scene: Scene, model: fem.Model) -> tuple[fem.Target, ...]:
         elif target.shape:
             recognised.append(shape(scene, model, target.shape, target.hz))
         else:
-            recognised.append(fem.Motion(target.body, target.motion))
+            recognised.append(fem.BodyMotion(target.body, target.motion))
     return tuple(recognised)
 
 
