@@ -51,7 +51,7 @@ class JointPlace(NamedTuple):
     faces: tuple[str, ...]  # "body:face" of either
     centre: Vector  # (3,) [m]
     axis: Vector  # (3,) of the bolt or hole
-    # of either side the face on the partner over whose footprint it is held, None is its own face
+    # of either side the partner's face over whose footprint it moves, None: over all of its own
     over: tuple[str | None, ...] = (None, None)
 
 
@@ -164,8 +164,8 @@ def _place_bolts(
             for name, selected in zip(names, on, strict=True):
                 result.patches[name] = Disc(selected, place.centre, place.axis, radius)
         else:
-            # nearer to this bolt than to the others of the face; a side on which it is not drawn
-            # is held over the footprint of the one on which it is
+            # nearer to this bolt than to the other bolts on the face; on a side where the share is
+            # not imprinted the mean is taken over the footprint of the side where it is
             others = [p.centre for p in places if p.faces == place.faces and p is not place]
             contacts = (c for touch in pairs for c in touch.contacts)
             regions = next(c.regions for c in contacts if c.faces == place.faces)

@@ -27,8 +27,8 @@ class PatchRoom(NamedTuple):
     """Whether a patch lies on its face, as the CAD model has it."""
 
     n_rim: int = 16  # points of the rim that are looked at; not varied
-    # radii by which they may be off the face: less than that the patch on the mesh is to judge
-    beside: float = 0.02
+    # radii by which they may be off the face: what is nearer, the patch on the mesh decides
+    off_face: float = 0.02
 
 
 ROOM = PatchRoom()
@@ -62,7 +62,7 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Stru
             )
         hit = struck_at(body, faces, first, point)
 
-    # of a round face the point is moved onto it, and the patch must be small beside the radius
+    # of a round face the point is moved onto it, and the patch must be small relative to the radius
     if hit.normal is None:
         if np.linalg.norm(hit.away) < 1e-9:
             raise InvalidScene(
@@ -82,7 +82,7 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Stru
     # there, of a face with a hole in its middle too
     rim = around(hit.point, hit.normal, strike.radius, ROOM.n_rim)
     off = max(min(body.distance(p, tag) for tag in hit.face.tags) for p in rim)
-    if off > ROOM.beside * strike.radius and (strike.point or tuple(strike.at) != MIDDLE):
+    if off > ROOM.off_face * strike.radius and (strike.point or tuple(strike.at) != MIDDLE):
         raise _off_face(scene, hit.point)
     return hit
 
