@@ -264,7 +264,7 @@ def test_a_run_to_an_error_costs_little_more_than_the_longest_steps_that_keep_it
     spec = spec_from_file_location("cost_of_error", path)
     example = module_from_spec(spec)
     spec.loader.exec_module(example)
-    case = dict(example.cases())[chain]
+    case = dict(example.problems())[chain]
     ideal = example.ideal_evaluations(case, error)
     for samples in (101, 3001):
         true, energy, ratio, _ = example.cost(case, error, samples, ideal)

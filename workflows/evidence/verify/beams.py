@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import fem
-from fem.beam import ENDS, End, Section
+from fem.beam import ENDS, BeamEnd, Section
 from workflows.evidence.verify.comparisons import Comparison, compared
 
 LENGTH, STRUCK = 0.5, 0.19  # m
@@ -29,7 +29,7 @@ N_MODES = 6
 TIMOSHENKO = "Timoshenko's frequency equation, Phil. Mag. 41 (1921) 744"
 TRANSFER = "zeros of the determinant of Timoshenko's equations, by the matrix exponential"
 ENGESSER = "F. Engesser, Zentralbl. Bauverw. 11 (1891) 483"
-SPRINGS = End(3e7, 2e4), End(8e6, 0.0)  # N/m, N m/rad
+SPRINGS = BeamEnd(3e7, 2e4), BeamEnd(8e6, 0.0)  # N/m, N m/rad
 
 
 def beams() -> Iterator[Comparison]:
@@ -96,13 +96,15 @@ def _hinged_hz(section: Section, force: float) -> np.ndarray:
     return np.sqrt(s[:N_MODES]) / (2 * np.pi)
 
 
-def _zero_of_determinant(hz: float, section: Section, ends: tuple[End, End], force: float) -> float:
+def _zero_of_determinant(
+    hz: float, section: Section, ends: tuple[BeamEnd, BeamEnd], force: float
+) -> float:
     """The exact frequency [Hz] next to hz, where the determinant of the module's docstring is zero;
     nan where it has no zero within 1 %."""
     S, B = _stiffnesses(section)
     m, J = STEEL.density * np.array([section.area, section.second_moment])
 
-    def conditions(end: End, outward: float) -> np.ndarray:
+    def conditions(end: BeamEnd, outward: float) -> np.ndarray:
         """Rows (2, 4) that are zero on y: outward V + k w = 0 and outward B + k theta = 0, or
         w = 0, theta = 0 where a spring is rigid."""
         rows = np.zeros((2, 4))

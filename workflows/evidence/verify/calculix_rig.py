@@ -16,7 +16,7 @@ from fem import factorised, modes
 from fem.calculix_tied import Screw, tied_deck
 from geometry.assembly import screw_cells
 from geometry.cad import write_step
-from geometry.step_tetrahedra import Disc, Sizes, step_tetrahedra
+from geometry.step_tetrahedra import ElementSizes, StepPatch, step_tetrahedra
 from workflows.evidence.verify.comparisons import Comparison, require_program
 from workflows.files.scene import scene
 from workflows.scene.assembly import assembly as dimensions
@@ -81,13 +81,13 @@ def _by_calculix(pipeline: Pipeline, scale: float) -> np.ndarray:
     spot, radius = pipeline("contact").spot, rig.patch.radius
 
     # tetrahedra of the STEP file, which holds the ground as well: its imprint is what is held
-    disc = Disc(STRUCK, spot.point, -spot.inward, radius)
+    disc = StepPatch(STRUCK, spot.point, -spot.inward, radius)
     inside = {body: scale * size for body, size in INSIDE.items()}
     with TemporaryDirectory() as folder:
         step = Path(folder) / "rig.step"
         bodies_and_ground = (*rig.assembly.parts, GROUND)
         write_step(bodies.shapes(rig.but(assembly={"parts": bodies_and_ground})), step)
-        mesh = step_tetrahedra(step, Sizes(inside, scale * RIM, scale * ROUND_DISC), disc)
+        mesh = step_tetrahedra(step, ElementSizes(inside, scale * RIM, scale * ROUND_DISC), disc)
 
     # sheets held at the ground's imprint, tied to the block or on their screws' springs: of each
     # screw a share of the sheet's face, and what of the block's face is under it

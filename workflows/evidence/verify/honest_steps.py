@@ -18,7 +18,7 @@ from rom.truncation import frequencies
 from workflows.evidence.verify.comparisons import Comparison
 from workflows.evidence.verify.random_scenes import LAWS, WALLS, scene
 from workflows.fit.core.calibration.calibration import calibrate
-from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.parameters import Parameter, Rig
 from workflows.fit.core.calibration.search import Options
 from workflows.fit.core.calibration.signals import Signals
@@ -119,7 +119,7 @@ def errors_in_bars(seed: int) -> NDArray[np.float64]:
     truth = rng.uniform([0.7, 0.9, 0.8], [1.3, 1.1, 1.25]) * [1.0, speed, mass]
     t = 2e-6 * np.arange(500)
     record = Signals(t, np.zeros((500, 2)), (0, n // 2), np.full(2, np.nan))
-    v = Forward(rig, parameters, record).velocities(truth)
+    v = ChainForward(rig, parameters, record).velocities(truth)
     v = v + speed * 10 ** rng.uniform(-3.0, -1.5) * rng.standard_normal(v.shape)
     fit = calibrate(rig, parameters, record._replace(v=v), options=Options(starts=1))
     return (fit.value - truth) / fit.uncertainty.two_sigma

@@ -21,7 +21,7 @@ from scipy.linalg import eigh
 
 from workflows.evidence.verify.comparisons import Comparison, compared
 from workflows.files.record import Channel, Recorded
-from workflows.fit.inspection.inspect import Request
+from workflows.fit.inspection.inspect import InspectionRequest
 from workflows.fit.inspection.inspect import inspected as inspection
 from workflows.scene import Scene
 from workflows.stages.progress import quiet
@@ -68,7 +68,7 @@ def inspected() -> Iterator[Comparison]:
     for tables, truth in cases:
         scene = base_of(SCENE | tables, ())
         record = _record(scene.with_values(truth))
-        request = Request(",".join(truth), starts=4)
+        request = InspectionRequest(",".join(truth), starts=4)
         fit = inspection(scene, (record,), request, quiet).inversion
         # the fit's trigger and velocity come behind the keys that it was asked for
         for i, (key, true) in enumerate(truth.items()):
