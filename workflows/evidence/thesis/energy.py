@@ -16,7 +16,7 @@ import fem
 import geometry
 from dem.waves.measures import WaveEnergy, wave_energy
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import ERROR, N_SAVE, round_trip
+from workflows.evidence.thesis.observed_run import RecordOptions, round_trip
 from workflows.evidence.thesis.requirements import bare, require_chain, require_rig
 from workflows.evidence.thesis.schemes import (
     ROUNDING,
@@ -183,9 +183,9 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
 def chain_alone(scene: Scene) -> tuple[dem.Trajectory, WaveEnergy]:
     """The scene's spheres against a half-space of their own material, nothing that holds them."""
     row, v0 = bare(scene), initial_velocity(scene)
-    duration = round_trip(row, np.abs(v0).max())
+    duration, record = round_trip(row, np.abs(v0).max()), RecordOptions()
     run = coupling.impact(
-        row, dem.rigid_wall(), v0, duration=duration, error=ERROR, n_save=N_SAVE
+        row, dem.rigid_wall(), v0, duration=duration, error=record.error, n_save=record.n_save
     ).trajectory
     return run, wave_energy(run, row)
 
