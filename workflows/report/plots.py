@@ -193,6 +193,19 @@ def heat_map(
     axis.figure.colorbar(image, ax=axis, label=label, shrink=0.7)
 
 
+def correlation_map(axis: Axes, values: Array, names: Sequence[str]) -> None:
+    """Correlations (n, n) between -1, blue, and 1, red."""
+    heat_map(axis, values, (names, names), "correlation", cmap="RdBu_r", limits=(-1, 1))
+
+
+def residual_pairs(n: int, height: float) -> tuple[Figure, list[tuple[Axes, Axes]]]:
+    """A figure of n pairs of axes over one time: a record, and a third as high its residual below;
+    height [inch] of a pair."""
+    inches = (9, 1.2 + height * n)
+    figure, axes = subplots(2 * n, 1, inches, sharex=True, height_ratios=[3, 1] * n)
+    return figure, list(zip(axes[::2], axes[1::2], strict=True))
+
+
 def outlined_map(
     borders: Sequence[Array], values: Array, edges: Array, names: Sequence[str], label: str
 ) -> bytes:
