@@ -79,11 +79,11 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
         contact_seed=options.finer * scene.mesh.contact_seed,
     )  # fmt: skip
     structure = fem.assemble(geometry.by_body(cube), {"block": steel})
-    block = fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
-    rig = stages.model(scene, stages.mesh(scene))
+    block_model = fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
+    rig_model = stages.model(scene, stages.mesh(scene))
     bodies = {
-        "ROM half-space": StruckBody(block, (0.0, 0.0), scene.patch.radius),
-        "ROM assembly": StruckBody(rig, scene.patch.point, scene.patch.radius),
+        "ROM half-space": StruckBody(block_model, (0.0, 0.0), scene.patch.radius),
+        "ROM assembly": StruckBody(rig_model, scene.patch.point, scene.patch.radius),
     }
     walls = []
     for name, body in bodies.items():

@@ -38,13 +38,14 @@ LEFT_OUT = (RIGID, one_dof(700))  # another surface, and a wall of a figure alon
 
 
 class RigOptions(NamedTuple):
-    """What the study varies, how it marches, and what it counts; none varied but where it says."""
+    """What the study varies beside `_variations`, how it marches, and what it counts."""
 
+    # [N] pull of an arm without mass, press of each leaf spring
     light_arms: tuple[tuple[float, float], ...] = tuple(
         (force, press) for force in (5.0, 15.0, 40.0, 80.0) for press in (0.0, 0.3, 1.0)
-    )  # [N] pull of an arm without mass, press of each leaf spring
-    # rows change by more than this error, and there are hundreds of runs; a sphere is said to see
-    # waves of a twentieth of the striker's speed
+    )
+    # hundreds of runs, whose differences are larger than this error; a sphere sees waves of a
+    # twentieth of the striker's speed
     record: RecordOptions = RecordOptions(error=1e-3, n_save=1500, visible=0.05)
     leaf_stiffness: float = 200.0  # [N/m] of leaf springs where a scene has none
     late: float = 100.0  # [us] the width of a wave of a third of the striker at sphere 14
