@@ -32,7 +32,7 @@ def settled(
     """A run to an error, its true error against a finer one, and where it left the model."""
     run = dem.march_to_error(
         chain, wall, v0, duration=duration, error=error, n_save=n_save,
-        search=dem.Search(
+        search=dem.StepSearch(
             max_evaluations=1e9 / (chain.mass.size + (0 if wall is None else wall.omega.size))
         ),
     ).trajectory  # fmt: skip
