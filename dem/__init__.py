@@ -14,12 +14,12 @@ with the contact; `coupling.wall.wall_of` makes one of a reduced model.
 >>> import numpy as np
 >>> chain = row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=5)
 >>> v0 = np.array([0.3, 0.0, 0.0, 0.0, 0.0])  # m/s
->>> found = march_to_error(chain, rigid_wall(), v0, duration=5e-4, error=1e-4)
->>> f"{found.trajectory.contact_force.max():.0f} N"
+>>> result = march_to_error(chain, rigid_wall(), v0, duration=5e-4, error=1e-4)
+>>> f"{result.trajectory.contact_force.max():.0f} N"
 '732 N'
 """
 
-from dem.batch import Batch, Chains, march_batch
+from dem.batch import Batch, march_batch
 from dem.chain import (
     RIGID,
     Chain,
@@ -32,11 +32,12 @@ from dem.chain import (
     rigid_wall,
     row_of_spheres,
 )
+from dem.chains import Chains
 from dem.checks import InvalidChain
 from dem.schemes import SCHEMES, Scheme
 from dem.stability import UnstableStep, stability_limit
 from dem.statics import Equilibrium, NoEquilibrium, equilibrium
-from dem.step_control import Controlled, Search, StepReport, march_to_error, with_step_error
+from dem.step_control import Controlled, StepReport, StepSearch, march_to_error, with_step_error
 from dem.trajectory import Trajectory, march, require_march
 from dem.validity import Strain, outside, strain, yielding
 
@@ -52,9 +53,9 @@ __all__ = [
     "InvalidChain",
     "NoEquilibrium",
     "Scheme",
-    "Search",
     "State",
     "StepReport",
+    "StepSearch",
     "Strain",
     "Trajectory",
     "UnstableStep",

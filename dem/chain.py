@@ -23,11 +23,6 @@ LAWS = {
     "hunt-crossley": laws.HUNT_CROSSLEY,
 }
 
-
-PARTS = (
-    "dissipation, gamma, leaf_stiffness, leaf_anchor, preload, yield_overlap, gravity, n_falling, "
-    "friction"
-)
 PER_SPHERE = (
     "mass", "radius", "A", "gamma", "leaf_stiffness", "leaf_anchor", "yield_overlap", "friction",
 )  # fmt: skip
@@ -74,9 +69,9 @@ class Chain(NamedTuple):
     @property
     def springs(self) -> tuple[Array, Array]:
         """Stiffness and anchor of the leaf springs, (n,) each; zeros where there are none."""
-        found = (self.leaf_stiffness, self.leaf_anchor)
         none = np.zeros(self.mass.size)
-        return tuple(none if part is None else np.asarray(part, float) for part in found)
+        springs = (self.leaf_stiffness, self.leaf_anchor)
+        return tuple(none if values is None else np.asarray(values, float) for values in springs)
 
 
 class Wall(NamedTuple):
@@ -117,7 +112,6 @@ class Flat(NamedTuple):
 
 
 RIGID = Flat(np.inf, 0.0)
-_NEIGHBOURS = np.s_[:-1], np.s_[1:], np.s_[-1:]
 
 
 def row_of_spheres(
@@ -129,11 +123,11 @@ def row_of_spheres(
     count: int | None = None,
     flat: Flat | None = RIGID,
     stiffness_factor: ArrayLike = 1.0,
-    **parts,
+    **fields,
 ) -> Chain:
     """Chain of elastic spheres against a flat, or a free one.
 
-    Material values are scalars or one per sphere; `parts` are the further fields of `Chain`,
+    Material values are scalars or one per sphere; `fields` are the further fields of `Chain`,
     scalars or one per sphere or contact. Values with a leading axis, (n_chains, 1) or
     (n_chains, n), make the chains of a batch. Raises InvalidChain.
     """
@@ -146,31 +140,35 @@ def row_of_spheres(
         vector(name, values.ravel(), values.size, positive=True)
     vector("poisson", nu.ravel(), nu.size, at_least=-1.0)
     R, rho, E, nu = np.broadcast_arrays(R, rho, E, nu)
-    one, two, last = ([part[..., some] for part in (R, E, nu)] for some in _NEIGHBOURS)
-    A = hertz_coefficient(*one, *two)
+
+    # contacts of neighbours, and of the last sphere with the flat; leading axes may differ
+    first, second, last = (
+        [values[..., spheres] for values in (R, E, nu)] for spheres in np.s_[:-1, 1:, -1:]
+    )
+    A = hertz_coefficient(*first, *second)
     if flat is not None:
-        A = _side_by_side(A, hertz_coefficient(*last, np.inf, *flat))
+        A_wall = hertz_coefficient(*last, np.inf, *flat)
+        lead = np.broadcast_shapes(A.shape[:-1], A_wall.shape[:-1])
+        A = np.concatenate(
+            [np.broadcast_to(values, (*lead, values.shape[-1])) for values in (A, A_wall)], axis=-1
+        )
+
     contacts = A.shape[-1]
     sizes = {
         "gamma": contacts, "leaf_stiffness": n, "leaf_anchor": n, "yield_overlap": contacts,
         "friction": n,
     }  # fmt: skip
-    for name in sizes.keys() & parts.keys():
-        if parts[name] is not None:
-            parts[name] = spread(name, parts[name], sizes[name]).copy()
+    for name in sizes.keys() & fields.keys():
+        if fields[name] is not None:
+            fields[name] = spread(name, fields[name], sizes[name]).copy()
     factor = spread("stiffness_factor", stiffness_factor, contacts)
-    for name in parts:
-        require(name in Chain._fields, f"{name!r} is no part of a chain; take one of {PARTS}")
-    chain = Chain(mass(R, rho), R.copy(), A * factor, **parts)
-    if all(np.ndim(part) < 2 for part in chain):  # a batch looks at its chains itself
+    further = ", ".join(name for name in Chain._fields if name not in ("mass", "radius", "A"))
+    for name in fields:
+        require(name in Chain._fields, f"{name!r} is no part of a chain; take one of {further}")
+    chain = Chain(mass(R, rho), R.copy(), A * factor, **fields)
+    if all(np.ndim(values) < 2 for values in chain):  # `Chains` looks at those of a batch
         validate(chain, None if flat is None else rigid_wall(), np.zeros(n))
     return chain
-
-
-def _side_by_side(*parts: Array) -> Array:
-    """Columns of arrays whose leading axes are broadcast."""
-    lead = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
-    return np.concatenate([np.broadcast_to(p, (*lead, p.shape[-1])) for p in parts], axis=-1)
 
 
 def rigid_wall() -> Wall:
@@ -224,19 +222,8 @@ def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
     )
     if chain.dissipation != "none":
         vector("gamma", chain.gamma, n_contacts, at_least=0.0)
-    _validate_held(chain, n)
-    scalar("preload", chain.preload)
-    scalar("gravity", chain.gravity)
-    if chain.n_falling:
-        _validate_falling(chain)
-    if chain.yield_overlap is not None:
-        vector("yield_overlap", chain.yield_overlap, n_contacts, positive=True)
-    if wall is not None:
-        _validate_wall(chain, wall)
 
-
-def _validate_held(chain: Chain, n: int) -> None:
-    """Leaf springs and guides."""
+    # leaf springs and guides
     if chain.leaf_stiffness is not None:
         vector("leaf_stiffness", chain.leaf_stiffness, n, at_least=0.0)
     if chain.leaf_anchor is not None:
@@ -249,18 +236,21 @@ def _validate_held(chain: Chain, n: int) -> None:
             "a sphere on a leaf spring touches no guides; leave out friction or leaf_stiffness",
         )
 
+    # steady forces, spheres in flight, yield
+    scalar("preload", chain.preload)
+    scalar("gravity", chain.gravity)
+    if chain.n_falling:
+        whole("n_falling", chain.n_falling)
+        require(chain.n_falling <= n, f"n_falling = {chain.n_falling}, the chain has {n} spheres")
+        require(
+            not chain.springs[0][: chain.n_falling].any(),
+            "a sphere in flight hangs on no leaf spring; lower n_falling",
+        )
+    if chain.yield_overlap is not None:
+        vector("yield_overlap", chain.yield_overlap, n_contacts, positive=True)
 
-def _validate_falling(chain):
-    whole("n_falling", chain.n_falling)
-    n = chain.mass.size
-    require(chain.n_falling <= n, f"n_falling = {chain.n_falling}, the chain has {n} spheres")
-    require(
-        not chain.springs[0][: chain.n_falling].any(),
-        "a sphere in flight hangs on no leaf spring; lower n_falling",
-    )
-
-
-def _validate_wall(chain, wall):
+    if wall is None:
+        return
     arrays(wall, ("omega", "zeta", "phi"))
     n_modes = np.size(wall.omega)
     vector("wall omega", wall.omega, n_modes, at_least=0.0)

@@ -1,4 +1,4 @@
-"""Numbers that a run may start from: finite, in range, as many as there should be."""
+"""Refusals of numbers that no run can start from: not finite, out of range, too many or too few."""
 
 import math
 from collections.abc import Iterable
@@ -19,6 +19,7 @@ class InvalidChain(ValueError):
 
 
 def require(condition: object, sentence: str) -> None:
+    """Raise InvalidChain with the sentence unless the condition holds."""
     if not condition:
         raise InvalidChain(sentence)
 
@@ -26,6 +27,7 @@ def require(condition: object, sentence: str) -> None:
 def vector(
     name: str, values: object, size: int, *, positive: bool = False, at_least: float | None = None
 ) -> Array:
+    """(size,) finite numbers, above 0 or at least a bound."""
     try:
         values = np.array(values, float)
     except (TypeError, ValueError):
@@ -35,8 +37,8 @@ def vector(
     lowest = SMALLEST if positive else -LARGEST if at_least is None else at_least
     i = first_outside(values, lowest)
     if i >= 0:
-        least = "" if lowest == -LARGEST else f" and at least {lowest:g}"
-        allowed = "finite" + (" and above 0" if positive else least)
+        bound = "" if lowest == -LARGEST else f" and at least {lowest:g}"
+        allowed = "finite" + (" and above 0" if positive else bound)
         raise InvalidChain(f"{name}[{i}] is {values[i]:g}; it must be {allowed}")
     return values
 
@@ -51,12 +53,14 @@ def spread(name: str, values: object, size: int) -> Array:
 
 
 def scalar(name: str, value: object, *, at_least: float | None = None) -> None:
+    """One finite number, at least a bound."""
     lowest = -math.inf if at_least is None else at_least
     if not (isinstance(value, float) and math.isfinite(value) and value >= lowest):
         vector(name, np.atleast_1d(value), 1, at_least=at_least)
 
 
 def above_0(name: str, value: object) -> None:
+    """One finite number above 0."""
     vector(name, np.atleast_1d(value), 1, positive=True)
 
 
@@ -88,13 +92,13 @@ def columns(observed: object, n: int) -> Array:
     """Indices of the observed of n spheres; all without any."""
     if observed is None:
         return np.arange(n)
-    found = np.asarray(observed)
-    well = found.ndim == 1 and found.size > 0 and found.dtype.kind in "iu"
-    if not (well and -n <= found.min() and found.max() < n):
+    indices = np.asarray(observed)
+    integers = indices.ndim == 1 and indices.size > 0 and indices.dtype.kind in "iu"
+    if not (integers and -n <= indices.min() and indices.max() < n):
         raise InvalidChain(
             f"observed is {observed!r}; give a list of whole numbers from 0 to {n - 1}"
         )
-    return found
+    return indices
 
 
 def arrays(owner: NamedTuple, names: Iterable[str]) -> None:

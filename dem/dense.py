@@ -1,4 +1,4 @@
-"""What runs leave between the ends of their steps, at equal samples."""
+"""Values of a run between the ends of its steps, at equal samples, by Hermite polynomials."""
 
 import numpy as np
 
@@ -9,13 +9,13 @@ from dem.kernels.dense import fill_slopes, fill_values
 def velocities_between(x: Array, v: Array, a: Array, h: float, n_samples: int) -> Array:
     """(n_samples + 1, m) velocities at equal instants of a run by equal steps of h [s], which
     left positions x, velocities v and accelerations a (k, m) at their ends."""
-    found = np.empty((n_samples + 1, x.shape[1]))
-    fill_slopes(np.ascontiguousarray(x), np.ascontiguousarray(v), a, h, found)
-    return found
+    velocities = np.empty((n_samples + 1, x.shape[1]))
+    fill_slopes(np.ascontiguousarray(x), np.ascontiguousarray(v), a, h, velocities)
+    return velocities
 
 
 def values_between(values: Array, n_samples: int) -> Array:
     """(n_samples + 1,) of values (k,) at equal steps, by the cubic with central slopes."""
-    found = np.empty(n_samples + 1)
-    fill_values(np.ascontiguousarray(values), np.gradient(values), found)
-    return found
+    samples = np.empty(n_samples + 1)
+    fill_values(np.ascontiguousarray(values), np.gradient(values), samples)
+    return samples

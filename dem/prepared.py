@@ -11,7 +11,7 @@ from dem.spheres import hertz_overlap
 from dem.statics import Equilibrium, static_state
 
 
-class Prepared(NamedTuple):
+class PreparedChain(NamedTuple):
     """A validated chain and its wall, with what follows from them."""
 
     chain: Chain
@@ -26,36 +26,32 @@ class Prepared(NamedTuple):
         return self.static.force + 2.0 * abs(self.chain.steady[: self.chain.n_falling].sum())
 
 
-def prepare(chain: Chain, wall: Wall | None) -> Prepared:
-    """Of a validated chain; raises InvalidChain, NoEquilibrium."""
+def prepare(chain: Chain, wall: Wall | None) -> PreparedChain:
+    """A validated chain and its wall, prepared for marches; raises InvalidChain, NoEquilibrium."""
     static = static_state(chain, wall)
+
+    # the static state is elastic
     if chain.yield_overlap is not None:
-        _require_elastic(chain, static)
-    return Prepared(chain, wall, static, _load(chain, wall, static), _damping(chain, wall))
+        overlap = hertz_overlap(static.force, chain.A)
+        i = int((overlap / chain.yield_overlap).argmax())
+        if overlap[i] > chain.yield_overlap[i]:
+            raise InvalidChain(
+                f"contact {i + 1} is pressed {overlap[i]:.3g} m at rest, beyond its yield overlap "
+                f"of {chain.yield_overlap[i]:.3g} m; lower the preload or the leaf anchors"
+            )
 
-
-def _load(chain, wall, static):
+    # the load f_i - f_{i-1} balances the contact forces at rest; spheres in flight are not carried,
+    # their load is their weight
     force = np.concatenate([[0.0], static.force, [0.0] if wall is None else []])
     load = force[1:] - force[:-1]
     load[: chain.n_falling] = chain.steady[: chain.n_falling]
-    return load if load.any() else None
 
-
-def _require_elastic(chain, static):
-    overlap = hertz_overlap(static.force, chain.A)
-    i = int((overlap / chain.yield_overlap).argmax())
-    if overlap[i] > chain.yield_overlap[i]:
-        raise InvalidChain(
-            f"contact {i + 1} is pressed {overlap[i]:.3g} m at rest, beyond its yield overlap of "
-            f"{chain.yield_overlap[i]:.3g} m; lower the preload or the leaf anchors"
-        )
-
-
-def _damping(chain, wall):
-    if chain.dissipation == "none" or not np.any(chain.gamma):
-        return None
-    inverse = 1.0 / chain.mass
-    pair = inverse[:-1] + inverse[1:]
-    if wall is not None:
-        pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
-    return Damping(np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair)
+    # dampers, with the inverse mass 1/m_i + 1/m_{i+1} of both bodies; phi phi is the wall's
+    damping = None
+    if chain.dissipation != "none" and np.any(chain.gamma):
+        inverse = 1.0 / chain.mass
+        pair = inverse[:-1] + inverse[1:]
+        if wall is not None:
+            pair = np.append(pair, inverse[-1] + wall.phi @ wall.phi)
+        damping = Damping(np.asarray(chain.gamma, float), LAWS[chain.dissipation], pair)
+    return PreparedChain(chain, wall, static, load if load.any() else None, damping)

@@ -17,10 +17,10 @@ from dem.checks import InvalidChain
 from dem.kernels.arguments import Array
 from dem.kernels.oscillators import oscillator_propagator
 from dem.kernels.sensitivities import (
-    Record,
-    Rig,
+    DerivativeRecord,
+    SensitivityRig,
     Slopes,
-    Spheres,
+    SphereDerivatives,
     march,
     workspace,
 )
@@ -28,7 +28,7 @@ from dem.spheres import hertz_overlap, hertz_stiffness, time_scale
 from dem.static_sensitivities import Directions, static_sensitivities
 from dem.statics import equilibrium
 
-SMOOTH = ("none", "hunt-crossley")
+SMOOTH = ("none", "hunt-crossley")  # dissipation laws with a derivative
 STEPS_PER_TIME_SCALE = 40.0  # of the stiffest contact: 1e-6 in the velocities of a chain of 17
 
 
@@ -49,19 +49,18 @@ class Sensitivities(NamedTuple):
         h = self.t[1]
         i = np.clip((t / h).astype(int), 0, len(self.t) - 2)
         s = t / h - i
-        value, slope = _hermite(s, h)
+
+        # weights of v0, a0, v1, a1 for the value and for its slope by s
+        value = (2 * s**3 - 3 * s**2 + 1, h * (s**3 - 2 * s**2 + s), 3 * s**2 - 2 * s**3)
+        value = (*value, h * (s**3 - s**2))
+        slope = (6 * s**2 - 6 * s, h * (3 * s**2 - 4 * s + 1), 6 * s - 6 * s**2)
+        slope = (*slope, h * (3 * s**2 - 2 * s))
         v = _weighted(value, self.v, self.a, i)
         return v, _weighted(slope, self.v, self.a, i) / h, _weighted(value, self.dv, self.da, i)
 
 
-def _hermite(s, h):
-    """Weights (4, k) of v0, a0, v1, a1 for the value and for its slope by s."""
-    value = (2 * s**3 - 3 * s**2 + 1, h * (s**3 - 2 * s**2 + s), 3 * s**2 - 2 * s**3)
-    slope = (6 * s**2 - 6 * s, h * (3 * s**2 - 4 * s + 1), 6 * s - 6 * s**2)
-    return (*value, h * (s**3 - s**2)), (*slope, h * (3 * s**2 - 2 * s))
-
-
 def _weighted(weights, v, a, i):
+    """(k, ...) between the steps i and i + 1 by weights (4, k) of v, a at both."""
     w = [weight.reshape(-1, *[1] * (v.ndim - 1)) for weight in weights]
     return w[0] * v[i] + w[1] * a[i] + w[2] * v[i + 1] + w[3] * a[i + 1]
 
@@ -105,18 +104,35 @@ def march_with_sensitivities(
     d_static = static_sensitivities(chain, wall, static, directions)
     n_steps = int(np.ceil(duration / dt * (1 - 1e-9)))
     h = duration / n_steps
-    p = directions.preload.size
-    m = len(observed)
-    out = Record(*np.zeros((2, n_steps + 1, m)), *np.zeros((2, n_steps + 1, m, p)))
-    rig, observed = _rig(chain, wall, static, h), np.asarray(observed, np.int64)
-    work = workspace(Spheres(static.x, np.array(v0, float), d_static.x, directions.v0), rig)
-    march(work, rig, _slopes(chain, directions, d_static), h, n_steps, observed, out)
-    t = np.linspace(0.0, duration, n_steps + 1)
+    m, p = len(observed), directions.preload.size
+
+    # chain and wall, zeros for what they lack; modes rotate over half a step at a time
+    gamma = np.zeros(chain.A.size) if chain.gamma is None else np.asarray(chain.gamma, float)
+    walled = 0.0, 0.0, 0.0, np.zeros(0), *np.zeros((3, 0, 2, 2))
+    if wall is not None:
+        walled = (
+            float(wall.residual_compliance), float(wall.phi @ static.q), float(static.force[-1]),
+            wall.phi, *propagator_with_sensitivities(wall.omega, wall.zeta, 0.5 * h),
+        )  # fmt: skip
+    rig = SensitivityRig(chain.A, gamma, chain.mass, chain.steady, *chain.springs, *walled)
+
+    # their derivatives by the parameters
+    load = np.zeros((chain.mass.size, p))
+    load[-1] = directions.preload
+    d = directions
+    given = (d.A, d.gamma, d.phi, d.omega, d.zeta, load)
+    slopes = Slopes(
+        *(np.ascontiguousarray(values, float) for values in given), d_static.offset, d_static.force
+    )
+
+    start = SphereDerivatives(static.x, np.array(v0, float), d_static.x, directions.v0)
+    out = DerivativeRecord(*np.zeros((2, n_steps + 1, m)), *np.zeros((2, n_steps + 1, m, p)))
+    march(workspace(start, rig), rig, slopes, h, n_steps, np.asarray(observed, np.int64), out)
     if not np.isfinite(out.v).all():
         raise InvalidChain(
             f"the run with sensitivities is not finite with dt = {h:.3g} s; take a smaller dt"
         )
-    return Sensitivities(t, *out)
+    return Sensitivities(np.linspace(0.0, duration, n_steps + 1), *out)
 
 
 def require_smooth(chain: Chain, wall: Wall | None) -> None:
@@ -134,20 +150,6 @@ def require_smooth(chain: Chain, wall: Wall | None) -> None:
         raise InvalidChain("a dashpot wall has no sensitivities here; take another wall")
 
 
-def _rig(chain, wall, static, h):
-    gamma = np.zeros(chain.A.size) if chain.gamma is None else np.asarray(chain.gamma, float)
-    return Rig(chain.A, gamma, chain.mass, chain.steady, *chain.springs, *_wall(wall, static, h))
-
-
-def _wall(wall, static, h):
-    """The fields of a Rig from the residual compliance on."""
-    if wall is None:
-        return 0.0, 0.0, 0.0, np.zeros(0), *np.zeros((3, 0, 2, 2))
-    offset, force = float(wall.phi @ static.q), float(static.force[-1])
-    moved = propagator_with_sensitivities(wall.omega, wall.zeta, 0.5 * h)
-    return float(wall.residual_compliance), offset, force, wall.phi, *moved
-
-
 def propagator_with_sensitivities(omega: Array, zeta: Array, t: float) -> tuple[Array, ...]:
     """Free motion over t of q'' + 2 zeta omega q' + omega^2 q = 0 as (k, 2, 2), and its derivatives
     by omega and zeta, by the complex step: exact to rounding below critical damping."""
@@ -161,7 +163,8 @@ def propagator_with_sensitivities(omega: Array, zeta: Array, t: float) -> tuple[
 
 
 def _propagator(omega, zeta, t):
-    """(4, k), analytic in omega and zeta: sin(b t) / b and its like through b^2 alone."""
+    """(4, k) of `oscillator_propagator`, analytic in omega and zeta, which may be complex:
+    sin(b t) / b and its like through b^2 alone."""
     square = omega**2 * (1.0 - zeta**2) * t**2
     root = np.sqrt(square.astype(complex))
     small = np.abs(root) < 1e-3
@@ -173,12 +176,3 @@ def _propagator(omega, zeta, t):
     return fade * np.array([
         cosine + decay * sine, sine, -(omega**2) * sine, cosine - decay * sine
     ])  # fmt: skip
-
-
-def _slopes(chain, directions, d_static):
-    load = np.zeros((chain.mass.size, directions.preload.size))
-    load[-1] = directions.preload
-    d = directions
-    given = (d.A, d.gamma, d.phi, d.omega, d.zeta, load)
-    parts = (np.ascontiguousarray(part, float) for part in given)
-    return Slopes(*parts, d_static.offset, d_static.force)

@@ -13,12 +13,10 @@ from dem.chain import Chain, Wall, validate
 from dem.checks import InvalidChain
 from dem.kernels.checks import fastest_contact
 from dem.kernels.laws import HUNT_CROSSLEY
-from dem.prepared import Prepared, prepare
+from dem.prepared import PreparedChain, prepare
 from dem.schemes import SCHEMES, Scheme, named_scheme
 from dem.spheres import hertz_overlap, hertz_stiffness
 
-_NONE = np.zeros(0)
-NEAR_FOLD = 0.1  # of the contact's stiffness that a negative spring in series leaves
 SLIDING = ("verlet", "leapfrog")  # explicit, and never back in time
 BACKWARD = 10.0  # rounding may grow by exp(BACKWARD) in a step back in time
 
@@ -28,7 +26,7 @@ class UnstableStep(ValueError):
 
 
 def marching_scheme(
-    prepared: Prepared, v0: ArrayLike, dt: float, name: str | None = None
+    prepared: PreparedChain, v0: ArrayLike, dt: float, name: str | None = None
 ) -> Scheme:
     """The scheme of a name, or the one that measures best at steps of dt; raises InvalidChain."""
     stiff = dt * fastest_decay(prepared, v0) > BACKWARD
@@ -42,7 +40,7 @@ def marching_scheme(
     return method
 
 
-def refuse_step(prepared: Prepared, v0: ArrayLike, dt: float, scheme: Scheme) -> None:
+def refuse_step(prepared: PreparedChain, v0: ArrayLike, dt: float, scheme: Scheme) -> None:
     """Raise UnstableStep if the contacts or the damping make dt meaningless for the scheme."""
     rate, limit = fastest_rate(prepared, v0), stability_interval(scheme)
     if dt * rate > limit:
@@ -59,11 +57,11 @@ def refuse_step(prepared: Prepared, v0: ArrayLike, dt: float, scheme: Scheme) ->
         )
 
 
-def fastest_rate(prepared: Prepared, v0: ArrayLike) -> float:
+def fastest_rate(prepared: PreparedChain, v0: ArrayLike) -> float:
     """Upper estimate of the largest contact frequency [rad/s]: all kinetic energy in one contact,
     on top of the static force. Wall modes faster than the contact itself are springs to it."""
     chain, wall = prepared.chain, prepared.wall
-    omega = phi = _NONE
+    omega = phi = np.zeros(0)
     if wall is not None and wall.omega.size:
         order = np.argsort(wall.omega)
         omega, phi = wall.omega[order], wall.phi[order]
@@ -72,7 +70,7 @@ def fastest_rate(prepared: Prepared, v0: ArrayLike) -> float:
     return fastest_contact(*arrays, energy, omega, phi)
 
 
-def fastest_decay(prepared: Prepared, v0: ArrayLike) -> float:
+def fastest_decay(prepared: PreparedChain, v0: ArrayLike) -> float:
     """Upper estimate of the largest rate [1/s] at which damping wears motion down."""
     chain, wall, damping = prepared.chain, prepared.wall, prepared.damping
     rates = [0.0]
@@ -87,7 +85,9 @@ def fastest_decay(prepared: Prepared, v0: ArrayLike) -> float:
         damper = damping.gamma * (force if damping.law == HUNT_CROSSLEY else 1.0)
         if wall is not None and wall.residual_compliance < 0.0:
             stiffness = hertz_stiffness(deepest[-1], chain.A[-1])
-            damper[-1] /= max(1.0 + wall.residual_compliance * stiffness, NEAR_FOLD) ** 2
+            # a negative spring in series leaves the damper 1 / (1 + s k)^2 of its strength, without
+            # bound at the fold: at most that of a tenth of the contact's stiffness
+            damper[-1] /= max(1.0 + wall.residual_compliance * stiffness, 0.1) ** 2
         rates.append((damper * damping.inverse_mass).max())
     return float(max(rates))
 
@@ -112,7 +112,8 @@ def _longest_back(name):
 
 
 def stability_interval(scheme: Scheme) -> float:
-    """Largest dt * omega for which a linear contact of frequency omega stays bounded."""
+    """Largest dt * omega for which a linear contact of frequency omega stays bounded: the trace of
+    the matrix of a step is within +-2."""
     return np.inf if scheme.kind == "implicit" else _interval(scheme.name)
 
 

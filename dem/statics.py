@@ -1,4 +1,9 @@
-"""The static state under weight, preload and leaf springs: where spheres and wall start from."""
+"""The static state under weight, preload and leaf springs: where spheres and wall start from.
+
+    f_{i-1} - f_i - k_i (x_i - a_i) + m_i g = 0,     f_i = A_i d_i^(3/2),     preload on the last
+
+A column that leans on a wall is summed from its top; Newton's method finds everything else.
+"""
 
 from typing import NamedTuple
 
@@ -9,8 +14,6 @@ from dem.chain import Chain, Wall, static_compliance, validate
 from dem.kernels.arguments import Array
 from dem.kernels.equilibrium import Bearing, rest, static_residual
 from dem.spheres import hertz_overlap, hertz_stiffness
-
-REGULAR = 1e-8  # of a closed contact's stiffness, in the tangent
 
 
 class NoEquilibrium(ValueError):
@@ -36,7 +39,7 @@ def equilibrium(chain: Chain, wall: Wall | None) -> Equilibrium:
 
 
 def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
-    """`equilibrium` of what is validated."""
+    """`equilibrium` of a validated chain and wall."""
     n = chain.mass.size
     n_modes = 0 if wall is None else wall.omega.size
     stiffness, anchor = chain.springs
@@ -45,12 +48,34 @@ def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
     if not steady.any() and not (stiffness * anchor).any():
         return Equilibrium(np.zeros(n), np.zeros(chain.A.size), np.zeros(n_modes))
     compliance = static_compliance(wall)
+
+    # a column that weight and preload press on a wall: every contact carries what is above it
     carried = np.cumsum(steady)
     column = wall is not None and (carried >= 0.0).all() and not stiffness.any()
     if column and 0.0 <= compliance < np.inf:
         x, force = _pressed(chain.A, carried, compliance), carried
     else:
-        x, force = _rest(chain, wall, steady, compliance)
+        # what carries the forces otherwise: leaf springs, or a wall that holds
+        sprung = stiffness > 0.0
+        walled = wall is not None and bool(np.isfinite(compliance))
+        pressing = "a weight" if chain.gravity else "a preload"
+        if not sprung.any() and (not walled or (np.cumsum(steady) < 0.0).any()):
+            raise NoEquilibrium(
+                f"{pressing} of {steady.sum():g} N finds no support; add leaf springs or a wall "
+                "that holds it"
+            )
+        x, force = _balance(chain, n if walled else n - 1, steady, compliance)
+        if not walled and wall is not None and x[-1] > 0.0:
+            raise NoEquilibrium(
+                f"{pressing} presses on a wall that nothing holds; fix the wall or remove the force"
+            )
+
+        # spheres that nothing presses or holds just touch the next
+        for i in range(n - 2, -1, -1):
+            if not sprung[i] and force[i] == 0.0 and force[i + 1] == 0.0:
+                x[i] = x[i + 1]
+        force = force[1 : chain.A.size + 1]
+
     q = np.zeros(n_modes)
     if n_modes and force[-1] > 0.0:
         moving = wall.phi != 0.0
@@ -69,43 +94,27 @@ def _pressed(A, carried, compliance):
     return np.cumsum(gap[::-1])[::-1].copy()
 
 
-def _rest(chain, wall, steady, compliance):
-    """Positions and contact forces."""
-    n, held = chain.mass.size, chain.springs[0] > 0.0
-    walled = wall is not None and bool(np.isfinite(compliance))
-    pressing = "a weight" if chain.gravity else "a preload"
-    if not held.any() and (not walled or (np.cumsum(steady) < 0.0).any()):
-        raise NoEquilibrium(
-            f"{pressing} of {steady.sum():g} N finds no support; add leaf springs or a wall that "
-            "holds it"
-        )
-    x, force = _balance(chain, n if walled else n - 1, steady, compliance)
-    if not walled and wall is not None and x[-1] > 0.0:
-        raise NoEquilibrium(
-            f"{pressing} presses on a wall that nothing holds; fix the wall or remove the force"
-        )
-    for i in range(n - 2, -1, -1):
-        if not held[i] and force[i] == 0.0 and force[i + 1] == 0.0:
-            x[i] = x[i + 1]
-    return x, force[1 : chain.A.size + 1]
-
-
 def _balance(chain, n_contacts, steady, compliance):
-    """Positions (n,) at which all forces (n + 1,) balance, the first contacts only."""
+    """Positions (n,) at which all forces balance, and the contact forces (n + 1,), 0 in front of
+    the first sphere; of the first n_contacts contacts only."""
     A, (stiffness, anchor) = chain.A, chain.springs
-    held = stiffness > 0.0
-    n = held.size
-    first = int(((steady != 0.0) | held).argmax())  # spheres before it just touch
+    sprung = stiffness > 0.0
+    n = sprung.size
+    first = int(((steady != 0.0) | sprung).argmax())  # spheres before it just touch
+
+    # start: on the anchors, or where one contact would carry all forces
     carried = float(np.abs(steady).sum()) + float(np.abs(stiffness * anchor).sum())
     overlap = hertz_overlap(carried, A.min(initial=np.inf))
-    x, force = np.where(held, anchor, overlap), np.zeros(n + 1)
+    x, force = np.where(sprung, anchor, overlap), np.zeros(n + 1)
     if n_contacts == n and compliance < 0:  # half of the largest approach that a force answers
         x = np.minimum(x, 2 / (27 * (compliance * A[-1]) ** 2))
     bearing = Bearing(
         np.ascontiguousarray(A[:n_contacts])[first:], stiffness[first:], anchor[first:],
         steady[first:], compliance if n_contacts == n else 0.0,
     )  # fmt: skip
-    floor = REGULAR * hertz_stiffness(overlap, A.max(initial=0.0))
+
+    # 1e-8 of a closed contact's stiffness keeps the tangent regular while contacts are open
+    floor = 1e-8 * hertz_stiffness(overlap, A.max(initial=0.0))
     unbalanced = rest(x[first:], bearing, floor, 500)
     pushed = np.cumsum(stiffness * anchor + steady)
     if not unbalanced <= 1e-9 * carried and n_contacts == n and (pushed[first:] > 0).all():

@@ -1,6 +1,14 @@
-"""The step from the error asked for, by marching twice with different steps."""
+"""The step from the error asked for: march twice with different steps and compare.
 
-from collections.abc import Callable, Sequence
+    e  ~  |v_h - v_H| / ((H/h)^p - 1)
+
+is the error of the finer of two marches of steps h < H whose error falls with order p (L. F.
+Richardson; E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed.,
+sec. II.4). Contacts that open and close lower the order that a scheme has on smooth forces, so p is
+assumed low, and what the differences of three marches show is believed up to a limit.
+"""
+
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +19,7 @@ from dem.chain import Chain, State, Wall, validate
 from dem.checks import columns, positive, saves
 from dem.kernels.arguments import Array
 from dem.prepared import prepare
-from dem.schemes import SCHEMES
+from dem.schemes import SCHEMES, Scheme
 from dem.stability import (
     UnstableStep,
     fastest_decay,
@@ -21,26 +29,7 @@ from dem.stability import (
 )
 from dem.trajectory import Trajectory, march, run, start
 
-FAR = 4.0  # times the step, of the march that the first is compared with
-FAR_ENOUGH = 2.5  # times the step, beyond which the order that a pair shows scatters less
-FARTHEST, NEAREST = 6.0, 1.4  # times the step, where the energy of that march says so
-MARGIN = 2.0  # in the energy: its errors scatter by as much from step to step
-BOLDER = {"rkn6": 1.2, "split4": 1.6}  # times longer first steps, of schemes that bear it
-FIRST, MOST = 1.5, 2.0  # order that one pair of marches shows, and that any number of them does
-JUMPS, YIELDS = 0.75, 1.25  # order that is left where forces jump, and where stiffnesses do
-FAR_FIRST = {MOST: 2.5, YIELDS: 1.5}  # that a first pair shows that is far enough apart
-BELOW = 0.5  # the observed order, which scatters
-ALONE = 1.5  # of the first difference where forces jump: no other bears it out
 EPSILON = float(np.finfo(float).eps)
-ULPS = 4.0  # of the largest energy that a ledger's sum may be off by
-SCATTER = 3.0  # times the root of its evaluations, of rounding in a ledger
-AMPLIFIED = 1e5  # times as large is a difference that the motion has made of rounding
-BY_CHANCE = 3.0  # of two differences that rounding makes
-LOST = 30.0  # times the error asked for, that rounding may leave at the most: it rarely all adds up
-QUICK = 1 / 6  # of the evaluations allowed, seconds: beyond, or where rounding is amplified, a
-# search goes on if it gets nearer
-SHARED = 0.05  # of the energy, that two ways to damp may differ by where steps resolve neither
-SLOWEST = 0.25  # order below which it does not
 
 
 class StepReport(NamedTuple):
@@ -60,15 +49,68 @@ class Controlled(NamedTuple):
     step_report: StepReport
 
 
-class Search(NamedTuple):
-    """How the step of a march to an error is searched for."""
+class StepSearch(NamedTuple):
+    """How the step of a march to an error is searched for: three wishes, then tuned numbers.
+
+    The ranges in which the tuned ones were tried are not on record; `examples/cost_of_error.py`
+    prints what a change does to stated errors and costs.
+    """
 
     scheme: str | None = None  # None: what suits the chain
     energy_error: float | None = None  # to which the ledger closes; None: error / 100
     max_evaluations: float | None = None  # of all contacts; None: what takes about a minute
 
+    # steps H of the coarser march over those h of the finer one
+    first_ratio: float = 4.0  # of the first pair
+    rough_ratio: float = 2.0  # of the first pair of an implicit scheme where forces jump
+    clear_ratio: float = 2.5  # beyond it the order that a pair shows scatters less
+    largest_ratio: float = 6.0  # bounds of H/h where the energy error of the first march sets h
+    smallest_ratio: float = 1.4
+    longest_leap: float = 8.0  # the next step is at most so many times shorter
 
-USUAL = Search()
+    # orders p by which velocity errors are taken to fall
+    pair_order: float = 1.5  # one pair of marches close together; before a dashpot also of more
+    highest_order: float = 2.0  # any number of marches
+    yield_order: float = 1.25  # contacts that yield: stiffnesses jump
+    jump_order: float = 0.75  # the linear dampers: forces jump
+    clear_order: float = 2.5  # a first pair of clear_ratio, smooth forces
+    clear_yield_order: float = 1.5  # the same, contacts that yield
+    caution: float = 0.5  # taken off the order observed in three marches, which scatters
+
+    # margins
+    energy_margin: float = 2.0  # energy errors scatter by as much from step to step
+    velocity_margin: float = 1.6  # in the velocity error that the next step aims at
+    first_jump: float = 1.5  # times a first difference where forces jump: no other confirms it
+
+    # rounding
+    ledger_ulps: float = 4.0  # of its largest entry that the sum of a ledger may be off by
+    rounding_walk: float = 3.0  # times sqrt(evaluations) eps, of rounding in a ledger
+    amplification: float = 1e5  # so many times rounding is a difference that the motion made of it
+    chance: float = 3.0  # times the larger of two differences that rounding makes
+    rounding_excess: float = 30.0  # times the error that rounding may reach: it rarely all adds up
+
+    # when to give up
+    patience: float = 1 / 6  # of the evaluations allowed, seconds: beyond, or where rounding is
+    # amplified, the search goes on only if it gets nearer
+    slowest_order: float = 0.25  # order of the excess below which it gets no nearer
+    damper_energy: float = 0.05  # of the energy, that two ways to damp may differ by
+
+
+USUAL_SEARCH = StepSearch()
+
+
+class _MarchPair(NamedTuple):
+    """A march compared with a coarser one."""
+
+    dt: float  # [s]
+    coarse_dt: float  # [s]
+    difference: float  # largest of the velocities, over the scale
+    energy_error: float
+    estimate: float  # of the velocity error of the finer march
+    velocity: float  # that estimate over the error asked for
+    excess: float  # the larger of velocity and energy, each over what is asked for
+    shorter: float  # so many times shorter is a step that is likely to do
+    amplified: bool  # whether the difference is what the motion makes of rounding
 
 
 def march_to_error(
@@ -80,7 +122,7 @@ def march_to_error(
     error: float,
     observed: Sequence[int] | None = None,
     n_save: int = 1000,
-    search: Search = USUAL,
+    search: StepSearch = USUAL_SEARCH,
 ) -> Controlled:
     """Trajectory whose velocities are off by less than `error` times the largest initial speed on
     the observed spheres (indices, None for all).
@@ -97,212 +139,139 @@ def march_to_error(
     positive("error", error)
     positive("duration", duration, " s")
     saves(n_save, chain.mass.size)
-    scheme, energy_error, max_evaluations = search
     for name in ("energy_error", "max_evaluations"):
         if getattr(search, name) not in (None, np.inf):
             positive(name, getattr(search, name))
+
     prepared = prepare(chain, wall)
     rate = max(fastest_rate(prepared, v0), 1.0 / duration)
-    method = marching_scheme(prepared, v0, 1.0 / (3.0 * rate), scheme)
+    method = marching_scheme(prepared, v0, 1.0 / (3.0 * rate), search.scheme)
+    implicit = method.kind == "implicit"
     state = start(prepared, v0)
-    allowed = max_evaluations or 2e10 / (chain.mass.size + prepared.static.q.size)
-    asked = _Asked(
-        duration,
-        n_save,
-        error,
-        energy_error or max(1e-2 * error, 1e-12),
-        columns(observed, chain.mass.size),
-        float(np.abs(v0).max()) or 1.0,
-        _assumed_order(chain, wall, method),
-        allowed / 20 if method.kind == "implicit" else allowed,
-        _witness(prepared, state) if method.kind == "implicit" else None,
-    )
 
-    def attempt(step, saves):
+    # what is asked: both errors, and how many evaluations of the contact forces may be spent
+    energy_error = search.energy_error or max(1e-2 * error, 1e-12)
+    allowed = search.max_evaluations or 2e10 / (chain.mass.size + prepared.static.q.size)
+    allowed = allowed / 20 if implicit else allowed  # Newton iterations
+    observed = columns(observed, chain.mass.size)
+    speed = float(np.abs(v0).max()) or 1.0
+    highest_order = _assumed_order(chain, wall, method, search)
+    decay = fastest_decay(prepared, state.v) if implicit else 0.0
+
+    def attempt(step, n_save):
+        """The march by steps up to `step`, None where it is unstable."""
         try:
-            return run_between(prepared, state, duration, step, method, saves)
+            return run_between(prepared, state, duration, step, method, n_save)
         except UnstableStep:
             return None
 
-    # light wall modes make contacts stiff for stability, not for the accuracy of their solution
-    rigid = max(fastest_rate(prepared._replace(wall=None), v0), 1.0 / duration)
-    first = _first_step(method, error, asked.energy_error) / rigid
-    return _refined(attempt, min(first, duration), method, asked)
+    # first step: light wall modes make contacts stiff for stability, not for the accuracy of their
+    # solution, so the period is that of the contacts before a rigid wall
+    rigid_rate = max(fastest_rate(prepared._replace(wall=None), v0), 1.0 / duration)
+    step = min(_first_step(method, error, energy_error) / rigid_rate, duration)
 
+    # first coarse march, saved at instants that the fine one shares: the largest divisor of n_save
+    # that is no more than its steps, n_save if there is none
+    rough = highest_order < search.pair_order  # forces or stiffnesses jump
+    longer = search.rough_ratio if implicit and rough else search.first_ratio
+    spent = duration / (longer * step) * method.evaluations
+    if not spent <= allowed:
+        raise UnstableStep(
+            f"error {error:g} over {duration:g} s is not reached within {allowed:.2g} evaluations, "
+            f"it takes more than {spent:.2g} at dt = {step:.3g} s; ask for a larger error or less "
+            "time"
+        )
+    n_coarse = duration / (longer * step) * (1 + 1e-9)
+    divisors = (n_save // k for k in range(1, 51) if n_save % k == 0)
+    coarse = attempt(longer * step, next((m for m in divisors if m <= n_coarse), n_save))
 
-class _Asked(NamedTuple):
-    """What a march to an error is held to."""
-
-    duration: float
-    n_save: int
-    error: float
-    energy_error: float
-    observed: Array
-    scale: float
-    order: float  # that the difference of two marches is taken to show
-    evaluations: float
-    witness: Callable | None  # what another way to damp says of a march, in shares of the energy
-
-
-def _witness(prepared, state):
-    """How far the work of a march's dampers is from what they do one by one, each exactly
-    ("verlet"): steps that do not resolve them may all be wrong in the same way. 0 if they do."""
-    decay = fastest_decay(prepared, state.v)
-
-    def apart(found):
-        if prepared.damping is None or found.dt * decay < 1.0:
-            return 0.0
-        try:
-            other = run(prepared, state, found.t[-1], found.dt, SCHEMES["verlet"], 1)
-        except UnstableStep:
-            return np.inf
-        off = other.dissipated_contact[-1] - found.dissipated_contact[-1]
-        return abs(off) / found.energy_scale
-
-    return apart
-
-
-def _refined(attempt, step, method, asked):
-    """The first march by finer and finer steps that is within what is asked."""
-    duration, n_save, apart = asked.duration, asked.n_save, _apart(method, asked.order)
-    spent = duration / (apart * step) * method.evaluations
-    if not spent <= asked.evaluations:
-        raise UnstableStep(_unaffordable(asked.error, duration, step, spent, asked.evaluations))
-    coarse = attempt(apart * step, _sparser(n_save, duration / (apart * step)))
-    # steps end at the saves: with few steps a save both marches may else take the same
-    if coarse is not None and method.kind == "implicit":
-        step = min(step, coarse.dt / NEAREST)
+    # the ledger of the coarse march sets the first step. Steps that end at the saves may be the
+    # same for both marches where a save takes few of them: ask for a shorter one
+    if coarse is not None and implicit:
+        step = min(step, coarse.dt / search.smallest_ratio)
     elif coarse is not None:
-        step = coarse.dt / _apart_for_energy(coarse, method, asked)
-    tried = []
+        excess = _energy_excess(coarse, method, energy_error, search)
+        shorter = _shorter_for_energy(excess, method, highest_order, search)
+        smallest = search.smallest_ratio if np.isfinite(energy_error) else 2.0
+        step = coarse.dt / float(np.clip(shorter, smallest, search.largest_ratio))
+
+    pairs = []
     while True:
+        # refuse a march that rounding makes futile, that costs too much, or that gets no nearer
         ahead = duration / step * method.evaluations
-        _require_hope(step, spent + ahead, tried, method, asked)
+        rounding = EPSILON * duration / step * method.evaluations
+        if rounding > search.rounding_excess * error:
+            raise UnstableStep(lost_in_rounding(error, rounding, step))
+        hopeless = spent + ahead > allowed
+        late = spent + ahead > search.patience * allowed
+        if not hopeless and len(pairs) >= 2 and (late or pairs[-1].amplified):
+            # falling on as it did last, the excess has to be gone within the evaluations allowed
+            previous, last = pairs[-2:]
+            order = np.log(previous.excess / last.excess) / np.log(previous.dt / last.dt)
+            possible = allowed / (duration / last.dt * method.evaluations)
+            nears = order > search.slowest_order and last.excess ** (1.0 / order) <= possible
+            hopeless = not nears
+        if hopeless:
+            result = "no march that stays finite (a negative residual compliance may be too large)"
+            if pairs:
+                last = pairs[-1]
+                result = f"{last.estimate:.3g} in velocity, {last.energy_error:.3g} in energy"
+            raise UnstableStep(
+                f"error {error:g} is not reached with dt = {step:.3g} s, found {result}; "
+                "ask for a larger error or allow more evaluations"
+            )
+
         fine = attempt(step, n_save)
         spent += ahead if fine is None else fine.n_steps * method.evaluations
         if fine is None or coarse is None:
-            step = step / 4.0 if fine is None else min(step / 2.0, fine.dt / NEAREST)
+            step = step / 4.0 if fine is None else min(step / 2.0, fine.dt / search.smallest_ratio)
             coarse = fine
             continue
-        tried.append(_compared(coarse, fine, tried, method, asked))
-        if tried[-1].excess <= 1.0:
+
+        difference, estimate, amplified = _richardson(
+            coarse, fine, pairs, method, highest_order, observed, speed, search
+        )
+        velocity = estimate / error
+        energy = _energy_excess(fine, method, energy_error, search)
+
+        # implicit marches whose steps do not resolve the dampers may all be wrong in the same way:
+        # compare the work of the dampers with what they do one by one, each exactly ("verlet")
+        unresolved = implicit and prepared.damping is not None and fine.dt * decay >= 1.0
+        if unresolved and max(velocity, energy) <= 1.0:
+            try:
+                verlet = run(prepared, state, fine.t[-1], fine.dt, SCHEMES["verlet"], 1)
+                work = abs(verlet.dissipated_contact[-1] - fine.dissipated_contact[-1])
+            except UnstableStep:
+                work = np.inf
+            velocity = max(velocity, work / fine.energy_scale / search.damper_energy)
+
+        # the next step, likely to do: velocities fall by three quarters of the order that the
+        # scheme has on smooth forces, however low the one that the estimate takes
+        likely = 1.25 if rough else max(highest_order, 0.75 * min(method.order, 4))
+        shorter = 1.15
+        if velocity > 1.0:
+            shorter = (search.velocity_margin * velocity) ** (1.0 / likely)
+        shorter = max(shorter, _shorter_for_energy(energy, method, highest_order, search))
+        shorter = min(shorter, search.longest_leap)
+        pairs.append(
+            _MarchPair(
+                fine.dt, coarse.dt, difference, fine.energy_error, estimate, velocity,
+                max(velocity, energy), shorter, amplified,
+            )
+        )  # fmt: skip
+        if pairs[-1].excess <= 1.0:
             break
-        coarse = fine if tried[-1].velocity > 1.0 else coarse
-        step = fine.dt / tried[-1].shorter
-    compared = tuple(map(np.array, zip(*tried, strict=True)))[:3]
-    estimate = tried[-1].estimate
-    report = StepReport(*compared, estimate, int(spent))
+        coarse = fine if velocity > 1.0 else coarse
+        step = fine.dt / shorter
+
+    report = StepReport(
+        np.array([pair.dt for pair in pairs]),
+        np.array([pair.difference for pair in pairs]),
+        np.array([pair.energy_error for pair in pairs]),
+        estimate,
+        int(spent),
+    )
     return Controlled(fine._replace(error_estimate=estimate), report)
-
-
-def _apart(method, order):
-    """How many times longer the steps of the march are that the first is compared with."""
-    return FAR if order >= FIRST or method.kind != "implicit" else 2.0
-
-
-def _apart_for_energy(coarse, method, asked):
-    """The same, where the ledger of that march says what closes it as asked."""
-    needed = _shorter_for_energy(_energy_excess(coarse, method, asked), method, asked.order)
-    return float(np.clip(needed, NEAREST if np.isfinite(asked.energy_error) else 2.0, FARTHEST))
-
-
-def _energy_excess(run, method, asked):
-    """Energy error over what is asked, or over what rounding leaves where that is more."""
-    return run.energy_error / max(asked.energy_error, _rounding_of_energy(run, method))
-
-
-def _shorter_for_energy(excess, method, order):
-    """How many times shorter a step that is likely to close the ledger has to be."""
-    return (MARGIN * excess) ** (1.0 / min(method.order, 4.0 if order >= FIRST else 3.0))
-
-
-class _Comparison(NamedTuple):
-    """A march beside a coarser one."""
-
-    dt: float
-    difference: float
-    energy_error: float
-    wide: float  # [s] step of the coarser one
-    estimate: float
-    velocity: float  # error over what is asked for
-    excess: float  # of the larger of velocity and energy
-    shorter: float  # times, is a step that is likely to do
-    amplified: bool  # whether the difference is what the motion makes of rounding
-
-
-def _compared(coarse, fine, tried, method, asked):
-    difference = _difference(coarse, fine, asked)
-    before = next((one for one in reversed(tried) if one.wide > coarse.dt), None)
-    order = _observed_order(before, difference, coarse.dt, asked.order)
-    if before is None and coarse.dt > FAR_ENOUGH * fine.dt:
-        order = FAR_FIRST.get(asked.order, order)
-    shown = difference
-    if asked.order <= JUMPS:  # where forces jump, two marches are alike by chance more often
-        first = ALONE * difference
-        shown = max(shown, before.difference * coarse.dt / before.wide if before else first)
-    estimate = shown / ((coarse.dt / fine.dt) ** order - 1.0)
-    scatter = SCATTER * EPSILON * np.sqrt(fine.n_steps * method.evaluations)
-    stays = 0.5 * coarse.energy_error < fine.energy_error <= scatter
-    amplified = method.kind != "implicit" and stays and scatter < difference / AMPLIFIED
-    if amplified:
-        # the motion makes of rounding what no step lessens: two marches are alike by chance
-        estimate = BY_CHANCE * max([difference, *(one.difference for one in tried[-1:])])
-    velocity, energy = estimate / asked.error, _energy_excess(fine, method, asked)
-    if max(velocity, energy) <= 1.0 and asked.witness is not None:
-        velocity = max(velocity, asked.witness(fine) / SHARED)
-    return _Comparison(
-        fine.dt, difference, fine.energy_error, coarse.dt, estimate, velocity,
-        max(velocity, energy), _shortening(velocity, energy, method, asked.order), amplified,
-    )  # fmt: skip
-
-
-def _rounding_of_energy(run, method):
-    """Energy error that no step avoids: of sums much larger than the motion, and of each part of
-    each step."""
-    largest = max(np.abs(part).max() for part in run.ledger)
-    return EPSILON * (ULPS * largest / run.energy_scale + run.n_steps * method.evaluations)
-
-
-def _require_hope(step, spent, tried, method, asked):
-    """Raise UnstableStep where the next march is too long, or no longer one gets there."""
-    rounding = EPSILON * asked.duration / step * method.evaluations
-    if rounding > LOST * asked.error:
-        raise UnstableStep(_rounded(asked.error, step, rounding))
-    quick = len(tried) < 2 or (spent <= QUICK * asked.evaluations and not tried[-1].amplified)
-    if spent > asked.evaluations or not (quick or _nears(tried, method, asked)):
-        raise UnstableStep(_unreached(asked.error, step, tried))
-
-
-def _nears(tried, method, asked):
-    """Whether the excess, falling on as it did last, is gone within the evaluations allowed."""
-    before, now = tried[-2:]
-    order = np.log(before.excess / now.excess) / np.log(before.dt / now.dt)
-    possible = asked.evaluations / (asked.duration / now.dt * method.evaluations)
-    return bool(order > SLOWEST and now.excess ** (1.0 / order) <= possible)
-
-
-def _observed_order(before, difference, wide, most):
-    """Order by which the differences of marches fall, as far as it is believed: the first alone
-    may be small by chance, or because both steps are too long to show an order."""
-    if before is None:
-        return min(FIRST, most)
-    found = np.log(before.difference / difference) if difference > 0.0 else np.inf
-    return float(np.clip(found / np.log(before.wide / wide) - BELOW, min(FIRST, most), most))
-
-
-def _difference(coarse, fine, asked):
-    """Largest velocity difference at the times that both have saved, over the scale."""
-    every = asked.n_save // (coarse.t.size - 1)
-    off = np.abs(fine.v[::every] - coarse.v)[:, asked.observed]
-    return float(off.max()) / asked.scale
-
-
-def _shortening(velocity, energy, method, order):
-    """How many times shorter a step that is likely to do has to be, where the estimate and the
-    energy are off by as many times what is asked."""
-    likely = max(order, 0.75 * min(method.order, 4)) if order >= FIRST else 1.25
-    shorter = (1.6 * velocity) ** (1.0 / likely) if velocity > 1.0 else 1.15
-    return min(max(shorter, _shorter_for_energy(energy, method, order)), 8.0)
 
 
 def with_step_error(
@@ -322,58 +291,103 @@ def with_step_error(
         chain, wall, v0, duration=float(trajectory.t[-1]), dt=trajectory.dt / 2.0,
         scheme=trajectory.scheme, n_save=trajectory.t.size - 1, state=state,
     )  # fmt: skip
-    scale = float(np.abs(v0).max()) or 1.0
-    difference = float(np.abs(finer.v - trajectory.v).max()) / scale
-    order = _assumed_order(chain, wall, SCHEMES[trajectory.scheme])
+    speed = float(np.abs(v0).max()) or 1.0
+    difference = _velocity_difference(trajectory, finer, np.arange(chain.mass.size), speed)
+    order = _assumed_order(chain, wall, SCHEMES[trajectory.scheme], USUAL_SEARCH)
     return trajectory._replace(error_estimate=difference / (1.0 - 0.5**order))
 
 
-def _assumed_order(chain, wall, method):
-    if chain.dissipation.startswith("linear"):
-        return JUMPS
-    if chain.yield_overlap is not None:
-        return YIELDS
-    creeps = wall is not None and wall.mobility > 0.0
-    return FIRST if creeps else min(MOST, method.order - 0.25)
-
-
-def _unaffordable(error, duration, step, needed, allowed):
-    return (
-        f"error {error:g} over {duration:g} s is not reached within {allowed:.2g} evaluations, it "
-        f"takes more than {needed:.2g} at dt = {step:.3g} s; ask for a larger error or less time"
-    )
-
-
-def _unreached(error, step, tried):
-    found = "no march that stays finite (a negative residual compliance may be too large)"
-    if tried:
-        found = f"{tried[-1].estimate:.3g} in velocity, {tried[-1].energy_error:.3g} in energy"
-    return (
-        f"error {error:g} is not reached with dt = {step:.3g} s, found {found}; "
-        "ask for a larger error or allow more evaluations"
-    )
-
-
-def _rounded(error, step, rounding):
+def lost_in_rounding(error: float, rounding: float, dt: float) -> str:
+    """Sentence on an error that no step [s] reaches, because rounding alone leaves more."""
     return (
         f"error {error:g} is not reached, rounding alone leaves up to {rounding:.2g} with "
-        f"dt = {step:.3g} s; ask for a larger error or less time"
+        f"dt = {dt:.3g} s; ask for a larger error or less time"
     )
 
 
-def _first_step(method, error, energy_error):
+def _richardson(coarse, fine, pairs, method, highest_order, observed, speed, search):
+    """Largest difference of the velocities of two marches over the speed, the error of the finer
+    one estimated by it, and whether the difference is what the motion makes of rounding.
+
+    `pairs` are the comparisons before this one, `highest_order` is what an observed order is
+    believed up to.
+    """
+    difference = _velocity_difference(coarse, fine, observed, speed)
+
+    # order p: that of one pair may be small by chance, or because both steps are too long to show
+    # an order, so it is assumed; that of three marches is observed
+    previous = next((pair for pair in reversed(pairs) if pair.coarse_dt > coarse.dt), None)
+    order = min(search.pair_order, highest_order)
+    if previous is not None:
+        fall = np.log(previous.difference / difference) if difference > 0.0 else np.inf
+        observed_order = fall / np.log(previous.coarse_dt / coarse.dt) - search.caution
+        order = float(np.clip(observed_order, order, highest_order))
+    elif coarse.dt > search.clear_ratio * fine.dt and highest_order == search.highest_order:
+        order = search.clear_order
+    elif coarse.dt > search.clear_ratio * fine.dt and highest_order == search.yield_order:
+        order = search.clear_yield_order
+
+    # e = |v_h - v_H| / ((H/h)^p - 1); where forces jump, two marches are alike by chance more
+    # often, and the difference before counts too
+    leading = difference
+    if highest_order <= search.jump_order and previous is None:
+        leading = search.first_jump * difference
+    elif highest_order <= search.jump_order:
+        leading = max(difference, previous.difference * coarse.dt / previous.coarse_dt)
+    estimate = leading / ((coarse.dt / fine.dt) ** order - 1.0)
+
+    # a ledger that closes to rounding, and no better for shorter steps, beside velocities that
+    # differ by far more: the motion amplifies rounding, which no step lessens, and two marches are
+    # alike by chance. Implicit schemes close it to rounding at any step, which says nothing
+    rounding = search.rounding_walk * EPSILON * np.sqrt(fine.n_steps * method.evaluations)
+    stays = 0.5 * coarse.energy_error < fine.energy_error <= rounding
+    far = rounding < difference / search.amplification
+    amplified = bool(method.kind != "implicit" and stays and far)
+    if amplified:
+        estimate = search.chance * max([difference, *(pair.difference for pair in pairs[-1:])])
+    return difference, estimate, amplified
+
+
+def _velocity_difference(coarse, fine, observed, speed):
+    """Largest difference of the observed velocities at the instants that both marches have saved,
+    over the speed."""
+    stride = (fine.t.size - 1) // (coarse.t.size - 1)
+    return float(np.abs(fine.v[::stride] - coarse.v)[:, observed].max()) / speed
+
+
+def _assumed_order(chain, wall, method, search):
+    """Highest order that the differences of marches by a scheme are believed to show."""
+    if chain.dissipation.startswith("linear"):
+        return search.jump_order
+    if chain.yield_overlap is not None:
+        return search.yield_order
+    if wall is not None and wall.mobility > 0.0:
+        return search.pair_order
+    return min(search.highest_order, method.order - 0.25)
+
+
+def _energy_excess(run, method, energy_error, search):
+    """Energy error of a march over the one asked for, or over what rounding leaves if that is more:
+    of sums much larger than the motion, and of every part of every step."""
+    largest = max(np.abs(entry).max() for entry in run.ledger)
+    ulps = search.ledger_ulps * largest / run.energy_scale + run.n_steps * method.evaluations
+    return run.energy_error / max(energy_error, EPSILON * ulps)
+
+
+def _shorter_for_energy(excess, method, highest_order, search):
+    """How many times shorter a step that is likely to close the ledger has to be."""
+    order = min(method.order, 4.0 if highest_order >= search.pair_order else 3.0)
+    return (search.energy_margin * excess) ** (1.0 / order)
+
+
+def _first_step(method: Scheme, error: float, energy_error: float) -> float:
     """Step times contact frequency that reaches both errors on a chain of 17 spheres, with a
     margin of 3 (measured; a longer first step fools the estimate of chains of unlike spheres)."""
     if method.kind == "implicit":
         return 0.1 * (error / 5e-2) ** 0.5 if method.order == 2 else 0.2 * (error / 6e-5) ** 0.25
-    interval = stability_interval(method) * BOLDER.get(method.name, 1.0)
+    bolder = {"rkn6": 1.2, "split4": 1.6}  # schemes that bear longer ones
+    interval = stability_interval(method) * bolder.get(method.name, 1.0)
     if method.order == 2:
         return min(0.058 * min((error / 8e-3) ** 0.5, (energy_error / 5e-4) ** 0.5), 0.2 * interval)
     share = min((error / 3e-5) ** 0.25, (energy_error / 3e-6) ** 0.25)
     return interval * min(0.055 * share, 0.16)
-
-
-def _sparser(n_save, limit):
-    """Largest divisor of n_save that is not above the limit, n_save if there is none."""
-    divisors = (n_save // k for k in range(1, 51) if n_save % k == 0)
-    return next((m for m in divisors if m <= limit * (1 + 1e-9)), n_save)

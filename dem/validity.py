@@ -23,6 +23,7 @@ from dem.spheres import (
 )
 from dem.trajectory import Trajectory
 
+# limits of the model, as the sources above state them
 SMALL_CONTACT = 0.1  # contact radius over the smaller sphere's
 YIELD_STRAIN = 0.01  # yield stress over Young's modulus of hardened steel, a hard material
 FIRST_YIELD = 1.6  # pressure over the yield stress
@@ -56,46 +57,44 @@ def strain(chain: Chain, young: ArrayLike, contact_force: Array, v: Array) -> St
     pressure = max_pressure(peak, R, E_star) * (chain.yield_overlap is None)
     worst = int((pressure / yielding).argmax()) if peak.size else None
     sound = np.sqrt(young / (chain.mass / (4.0 / 3.0 * np.pi * chain.radius**3)))
+    if chain.yield_overlap is None:
+        a = contact_radius(peak, R, E_star)
+    else:
+        a = yielded_radius(peak, R, chain.A, chain.yield_overlap)
     return Strain(
-        float((_pressed_radius(chain, peak, R, E_star) / smaller).max(initial=0.0)),
+        float((a / smaller).max(initial=0.0)),
         0.0 if worst is None else float(pressure[worst]),
         np.inf if worst is None else float(yielding[worst]),
         float((np.abs(v).max(axis=0) / sound).max()),
     )
 
 
-def _pressed_radius(chain, peak, R, E_star):
-    if chain.yield_overlap is None:
-        return contact_radius(peak, R, E_star)
-    return yielded_radius(peak, R, chain.A, chain.yield_overlap)
-
-
 def _lesser(values):
-    """Of each sphere and the next; the last one's own at the wall."""
+    """(n,) smaller value of each sphere and the next; that of the last sphere at the wall."""
     return np.append(np.minimum(values[:-1], values[1:]), values[-1:])
 
 
-def outside(found: Strain) -> tuple[str, ...]:
+def outside(strain: Strain) -> tuple[str, ...]:
     """A sentence for each limit of the model that a run has passed."""
-    said = []
-    if found.radius_ratio > SMALL_CONTACT:
-        said.append(
-            f"A contact grows to {found.radius_ratio:.2g} of the sphere's radius, where Hertz' law "
-            f"requires less than {SMALL_CONTACT:g}; reduce the striker's velocity or take a "
+    sentences = []
+    if strain.radius_ratio > SMALL_CONTACT:
+        sentences.append(
+            f"A contact grows to {strain.radius_ratio:.2g} of the sphere's radius, where Hertz' "
+            f"law requires less than {SMALL_CONTACT:g}; reduce the striker's velocity or take a "
             "stiffer material."
         )
-    if found.pressure > found.yield_pressure:
-        said.append(
-            f"The contact pressure reaches {found.pressure:.3g} Pa, above the "
-            f"{found.yield_pressure:.3g} Pa at which even hardened steel would yield; the elastic "
+    if strain.pressure > strain.yield_pressure:
+        sentences.append(
+            f"The contact pressure reaches {strain.pressure:.3g} Pa, above the "
+            f"{strain.yield_pressure:.3g} Pa at which even hardened steel would yield; the elastic "
             "contact is too stiff there."
         )
-    if found.speed_ratio > SLOW:
-        said.append(
-            f"A sphere moves at {found.speed_ratio:.2g} of the speed of sound in it, where a "
+    if strain.speed_ratio > SLOW:
+        sentences.append(
+            f"A sphere moves at {strain.speed_ratio:.2g} of the speed of sound in it, where a "
             f"static contact law requires less than {SLOW:g}; reduce the striker's velocity."
         )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def yielding(row: Chain, run: Trajectory) -> tuple[str, ...]:

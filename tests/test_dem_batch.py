@@ -7,7 +7,7 @@ from dem import (
     Chain,
     Chains,
     InvalidChain,
-    Search,
+    StepSearch,
     UnstableStep,
     Wall,
     march,
@@ -37,10 +37,10 @@ def moving_walls(count):
 
 
 def alone(chain, wall, v0, i, **options):
-    one = Chain(chain.mass[i], chain.radius, chain.A[i])
+    single = Chain(chain.mass[i], chain.radius, chain.A[i])
     if wall is not None and wall.omega.ndim == 2:
         wall = Wall(wall.omega[i], wall.zeta[i], wall.phi[i])
-    return march(one, wall, v0[i], **options)
+    return march(single, wall, v0[i], **options)
 
 
 @pytest.mark.parametrize("kind", ["free", "rigid", "shared", "own"])
@@ -57,11 +57,11 @@ def test_batch_is_the_chains_one_by_one(kind):
     batch = march_batch(Chains(chain, wall, v0), observed=[0, 4], threads=2, **options)
     assert batch.v.shape == (count, 26, 2)
     for i in (0, 15, 16, 36):
-        one = alone(chain, wall, v0, i, scheme="rkn6", **options)
-        assert batch.v[i] == pytest.approx(one.v[:, [0, 4]], abs=1e-12)
-        wall_force = one.contact_force[:, -1] if wall else np.zeros(26)
+        single = alone(chain, wall, v0, i, scheme="rkn6", **options)
+        assert batch.v[i] == pytest.approx(single.v[:, [0, 4]], abs=1e-12)
+        wall_force = single.contact_force[:, -1] if wall else np.zeros(26)
         assert batch.wall_force[i] == pytest.approx(wall_force, abs=1e-12)
-        assert batch.energy_error[i] == pytest.approx(one.energy_error, abs=1e-12)
+        assert batch.energy_error[i] == pytest.approx(single.energy_error, abs=1e-12)
 
 
 def test_batch_reaches_the_error_it_reports():
@@ -70,8 +70,8 @@ def test_batch_reaches_the_error_it_reports():
     assert (batch.error_estimate <= 1e-4).all()
     off = []
     for i in range(0, 40, 3):
-        one = alone(chain, rigid_wall(), v0, i, duration=60.0, dt=0.02, n_save=60)
-        off.append(np.abs(one.v - batch.v[i]).max() / v0[i, 0])
+        fine = alone(chain, rigid_wall(), v0, i, duration=60.0, dt=0.02, n_save=60)
+        off.append(np.abs(fine.v - batch.v[i]).max() / v0[i, 0])
     assert np.median(off) < 1e-4
 
 
@@ -88,27 +88,27 @@ PARTS = {
 ALONE = ("yield", "dashpot")  # what the lanes do not take
 
 
-@pytest.mark.parametrize("part", [*PARTS, "residual", "damped residual", "dashpot"])
-def test_a_batch_takes_every_part(part):
+@pytest.mark.parametrize("feature", [*PARTS, "residual", "damped residual", "dashpot"])
+def test_a_batch_takes_every_part(feature):
     """Differing in stiffness, speed, wall and, where it is a number, the part itself."""
     chain, v0 = scattered(9, 7)
-    chain, wall = chain._replace(**PARTS.get(part, {})), moving_walls(9)
+    chain, wall = chain._replace(**PARTS.get(feature, {})), moving_walls(9)
     wall = wall._replace(omega=wall.omega + 0.2)
-    if part == "damped residual":
+    if feature == "damped residual":
         chain = chain._replace(**PARTS["dissipation"])
-    if "residual" in part:
+    if "residual" in feature:
         wall = wall._replace(residual_compliance=np.linspace(-0.05, 0.1, 9))
-    if part == "dashpot":
+    if feature == "dashpot":
         wall = wall._replace(mobility=np.linspace(0.1, 2.0, 9))
     options = dict(duration=12.0, dt=0.05, n_save=12)
     chains = Chains(chain, wall, v0)
-    assert chains.fit_lanes == (part not in ALONE)
+    assert chains.fit_lanes == (feature not in ALONE)
     batch = march_batch(chains, observed=[0, 4], threads=2, **options)
     for i in (0, 5, 8):
-        preload = chain.preload[i] if part == "preload" else 0.0
-        one = chain._replace(mass=chain.mass[i], A=chain.A[i], preload=preload)
-        own = Wall(*(np.asarray(p)[i] if np.ndim(p) else p for p in wall))
-        run = march(one, own, v0[i], scheme=batch.scheme, **options)
+        preload = chain.preload[i] if feature == "preload" else 0.0
+        single = chain._replace(mass=chain.mass[i], A=chain.A[i], preload=preload)
+        its_wall = Wall(*(np.asarray(p)[i] if np.ndim(p) else p for p in wall))
+        run = march(single, its_wall, v0[i], scheme=batch.scheme, **options)
         assert batch.v[i] == pytest.approx(run.v[:, [0, 4]], abs=1e-12)
         assert batch.wall_force[i] == pytest.approx(run.contact_force[:, -1], abs=1e-12)
         assert batch.energy_error[i] == pytest.approx(run.energy_error, abs=1e-12)
@@ -132,8 +132,8 @@ def test_a_batch_takes_the_scheme_of_its_most_damped_chain():
     chain = chain._replace(dissipation="hunt-crossley", gamma=gamma)
     options = dict(duration=8.0, error=1e-3, n_save=8)
     batch = march_batch(Chains(chain, rigid_wall(), v0), **options)
-    one = chain._replace(mass=chain.mass[2], A=chain.A[2], gamma=gamma[2])
-    alone = march_to_error(one, rigid_wall(), v0[2], **options)
+    single = chain._replace(mass=chain.mass[2], A=chain.A[2], gamma=gamma[2])
+    alone = march_to_error(single, rigid_wall(), v0[2], **options)
     assert batch.scheme == alone.trajectory.scheme == "energy2"
     assert np.abs(batch.v[2] - alone.trajectory.v).max() < 2e-3 * v0[2, 0]
 
@@ -164,7 +164,7 @@ def test_a_batch_before_a_fast_light_mode_takes_the_step_that_the_error_asks_for
     off = np.abs(batch.v - fine.v).max(axis=(1, 2)) / v0.max(axis=1)
     assert (off < batch.error_estimate).all() and (batch.error_estimate <= 1e-4).all()
     assert batch.energy_error.max() < 1e-4
-    search = Search("rkn6", energy_error=np.inf)
+    search = StepSearch("rkn6", energy_error=np.inf)
     alone = march_to_error(*chains[7], error=1e-4, search=search, **options)
     assert batch.n_steps[7] < 2.5 * alone.trajectory.n_steps
 
@@ -183,13 +183,13 @@ def test_batch_refuses_what_it_does_not_take():
         march_batch(Chains(chain, rigid_wall(), v0), **options)
 
 
-@pytest.mark.parametrize("part", ["nothing", "preload", "leaf springs", "dissipation"])
-def test_samples_closer_than_steps_keep_the_error(part):
+@pytest.mark.parametrize("feature", ["nothing", "preload", "leaf springs", "dissipation"])
+def test_samples_closer_than_steps_keep_the_error(feature):
     """On a modal wall, against steps fifty times shorter; the force at the wall too."""
     chain, v0 = scattered(5, 7)
-    chain, wall = chain._replace(**PARTS.get(part, {})), moving_walls(5)
+    chain, wall = chain._replace(**PARTS.get(feature, {})), moving_walls(5)
     wall = wall._replace(omega=wall.omega + 0.2)
-    if part == "preload":
+    if feature == "preload":
         chain = chain._replace(preload=chain.preload[:5])
     run = dict(duration=24.0, n_save=1200)
     coarse = march_batch(Chains(chain, wall, v0), dt=0.25, **run)
@@ -199,8 +199,8 @@ def test_samples_closer_than_steps_keep_the_error(part):
     assert np.abs((coarse.v - fine.v) / speed).max() < 2e-3
     assert np.abs((coarse.wall_force - fine.wall_force) / force).max() < 2e-2
     at_steps = march_batch(Chains(chain, wall, v0), dt=0.25, duration=24.0, n_save=96)
-    every = np.linspace(0, 1200, 97)[::2].astype(int)
-    assert coarse.v[:, every] == pytest.approx(at_steps.v[:, ::2], abs=1e-12)
+    at_samples = np.linspace(0, 1200, 97)[::2].astype(int)
+    assert coarse.v[:, at_samples] == pytest.approx(at_steps.v[:, ::2], abs=1e-12)
 
 
 def test_samples_between_steps_converge_with_the_scheme():
@@ -244,7 +244,7 @@ def test_a_small_sphere_among_large_ones_has_the_error_that_its_row_states():
     assert batch.n_steps[24] > 3 * np.delete(batch.n_steps, 24).max()
 
 
-def test_rows_state_no_less_than_half_of_their_error():
+def test_stated_errors_of_rows_are_at_least_half_of_true_ones():
     rng = np.random.default_rng(11)
     for seed in range(3):
         radius, speed = np.exp(
@@ -258,7 +258,7 @@ def test_rows_state_no_less_than_half_of_their_error():
         assert np.mean(batch.error_estimate < true) < 0.02
 
 
-def test_a_chain_has_its_error_whatever_chains_are_beside_it():
+def test_a_chain_of_a_batch_agrees_with_its_single_run_within_both_errors():
     """Alone, and beside fast ones, it is the run of that chain within both errors."""
     options = dict(duration=2e-3, n_save=300)
     chains = steel([0.012, 0.002, 0.02], [0.3, 1.0, 0.1])
@@ -269,7 +269,7 @@ def test_a_chain_has_its_error_whatever_chains_are_beside_it():
         assert off <= batch.error_estimate[i] + single.error_estimate
 
 
-def test_a_chain_that_makes_more_than_the_error_of_rounding_is_refused():
+def test_a_chain_that_amplifies_rounding_beyond_the_error_is_refused():
     """Small fast spheres between two walls of many impacts, beside one that is not."""
     options = dict(duration=3e-3, n_save=300)
     chains = steel([0.012, 0.0012], [0.3, 12.0])

@@ -41,8 +41,8 @@ def both(scene, dt):
     return between, ends, exact
 
 
-def largest(one, two):
-    return np.abs(one - two).max()
+def largest(first, second):
+    return np.abs(first - second).max()
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -65,13 +65,13 @@ def test_samples_are_as_near_the_exact_run_as_the_ends_of_the_steps(scene):
 
 
 @pytest.mark.parametrize("scene", ["modes", "hunt-crossley"])
-def test_a_run_goes_on_from_where_its_steps_ended(scene):
+def test_a_sampled_run_ends_in_the_state_of_its_last_step(scene):
     between, ends, _ = both(scene, DURATION / 300)
-    for one, two in zip(between.final[:5], ends.final[:5], strict=True):
-        assert (one == two).all()
+    for first, second in zip(between.final[:5], ends.final[:5], strict=True):
+        assert (first == second).all()
 
 
-def test_what_is_saved_does_not_cost_steps():
+def test_more_samples_take_no_more_steps():
     chain, wall = SCENES["modes"]
     many, few = (
         march_to_error(chain, wall, V0, duration=DURATION, error=1e-4, n_save=n)
@@ -101,9 +101,9 @@ def test_forces_that_jump_and_modes_too_fast_for_a_polynomial_are_sampled_at_end
     jumps = ROW._replace(dissipation="linear-clipped", gamma=np.full(N, 0.05))
     for chain, wall in ((ROW, fast), (jumps, rigid_wall())):
         prepared, scheme = prepare(chain, wall), named_scheme(None, chain, wall)
-        found = run_between(prepared, start(prepared, V0), 1.0, 0.05, scheme, 100)
+        run = run_between(prepared, start(prepared, V0), 1.0, 0.05, scheme, 100)
         exact = march(chain, wall, V0, duration=1.0, dt=0.01, scheme=scheme.name, n_save=100)
-        assert found.n_steps == 100 and (found.v == exact.v).all()
+        assert run.n_steps == 100 and (run.v == exact.v).all()
 
 
 def test_samples_agree_with_an_integrator_of_another_kind():

@@ -24,11 +24,11 @@ def test_discrete_wave_is_slower_than_nesterenkos_long_wave(long_chain):
     long_wave = (16 / 25) ** 0.2 * A_over_m**0.4 * diameter
     assert long_wave == pytest.approx(0.91461, abs=6e-5)
     waves = [arrivals(long_chain.t, long_chain.v[:, i], threshold=0.5)[0] for i in (35, 50)]
-    found = 15 / (waves[1].time - waves[0].time) / waves[0].peak_velocity ** 0.2
-    assert found / long_wave == pytest.approx(0.90747 / 0.91461, abs=1e-4)
+    c = 15 / (waves[1].time - waves[0].time) / waves[0].peak_velocity ** 0.2
+    assert c / long_wave == pytest.approx(0.90747 / 0.91461, abs=1e-4)
 
 
-def test_a_bead_as_wall_is_a_bead():
+def test_a_free_mass_as_wall_moves_like_one_more_bead():
     chain = row_of_spheres(0.010, 7780.0, 203e9, 0.3, count=10, flat=None)
     ten = march(chain, None, speeds(10), duration=5e-4, dt=2e-7, n_save=50)
     nine = Chain(chain.mass[:9], chain.radius[:9], chain.A)
@@ -49,9 +49,9 @@ def test_wall_peak_over_chain_peak():
 @pytest.mark.parametrize("speed", [0.01, 7.0])
 def test_force_and_time_scale_exactly_with_speed(speed):
     chain = unit_chain(8, A_wall=1.5)
-    one = march(chain, rigid_wall(), speeds(8), duration=20.0, dt=0.05, n_save=100)
+    slow = march(chain, rigid_wall(), speeds(8), duration=20.0, dt=0.05, n_save=100)
     stretch = speed**-0.2
-    other = march(
+    fast = march(
         chain,
         rigid_wall(),
         speeds(8, speed),
@@ -59,8 +59,8 @@ def test_force_and_time_scale_exactly_with_speed(speed):
         dt=0.05 * stretch,
         n_save=100,
     )
-    assert other.v / speed == pytest.approx(one.v, abs=1e-8)
-    assert other.contact_force / speed**1.2 == pytest.approx(one.contact_force, abs=1e-8)
+    assert fast.v / speed == pytest.approx(slow.v, abs=1e-8)
+    assert fast.contact_force / speed**1.2 == pytest.approx(slow.contact_force, abs=1e-8)
 
 
 def test_falcon_column_stays_at_the_wall_for_longer_with_every_bead():
@@ -77,16 +77,16 @@ def test_falcon_column_stays_at_the_wall_for_longer_with_every_bead():
 
 
 @pytest.mark.parametrize(
-    ("ratio", "least", "most"), [(0.2, 0.05, 0.2), (0.39, 0.005, 0.01), (0.47, 0.0, 0.005)]
+    ("ratio", "lowest", "highest"), [(0.2, 0.05, 0.2), (0.39, 0.005, 0.01), (0.47, 0.0, 0.005)]
 )
-def test_soft_walls_make_a_second_reflected_wave_that_fades_out(ratio, least, most):
+def test_soft_walls_make_a_second_reflected_wave_that_fades_out(ratio, lowest, highest):
     # references.md 4: gone where E*_w/E*_s rises to 0.39..0.47; gone is half a percent of V
     chain = unit_chain(17, A_wall=2**1.5 / (1 + 1 / ratio))
     run = march(chain, rigid_wall(), speeds(17), duration=60.0, dt=0.05, n_save=3000)
     waves = arrivals(run.t, -run.v[:, 13], threshold=1e-3)
     first, *others = (wave.peak_velocity for wave in waves if wave.time > 20.0)
     assert first > 0.6
-    assert least < max(others, default=0.0) + 1e-9 < most
+    assert lowest < max(others, default=0.0) + 1e-9 < highest
 
 
 def test_rig_numbers():

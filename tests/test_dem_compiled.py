@@ -49,12 +49,12 @@ def test_damaged_code_is_compiled_again(damage, suffix, tmp_path, monkeypatch, c
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     assert compiled()[1] == 42.0
     (file,) = tmp_path.rglob(f"*{suffix}")
-    whole = file.read_bytes()
-    file.write_bytes(damage(whole))
-    again, found = compiled()
-    assert found == 42.0 and sum(again.dispatcher.stats.cache_hits.values()) == 0
-    healed, found = compiled()
-    assert found == 42.0 and sum(healed.dispatcher.stats.cache_hits.values()) == 1
+    content = file.read_bytes()
+    file.write_bytes(damage(content))
+    again, entries = compiled()
+    assert entries == 42.0 and sum(again.dispatcher.stats.cache_hits.values()) == 0
+    healed, entries = compiled()
+    assert entries == 42.0 and sum(healed.dispatcher.stats.cache_hits.values()) == 1
     assert capfd.readouterr() == ("", "")
 
 
@@ -86,10 +86,10 @@ def test_an_inner_function_called_from_python_runs_there():
 def reached(function):
     """Folders of the compiled functions that one names, its own included."""
     code, names = function.py_func.__code__, function.py_func.__globals__
-    found = [names[name] for name in code.co_names if name in names]
-    modules = [value for value in found if isinstance(value, ModuleType)]
-    found += [vars(module).get(name) for module in modules for name in code.co_names]
-    called = [f for f in found if isinstance(f, Compiled)]
+    functions = [names[name] for name in code.co_names if name in names]
+    modules = [value for value in functions if isinstance(value, ModuleType)]
+    functions += [vars(module).get(name) for module in modules for name in code.co_names]
+    called = [f for f in functions if isinstance(f, Compiled)]
     return {Path(f.py_func.__code__.co_filename).parent for f in (function, *called)}
 
 
@@ -97,8 +97,8 @@ def test_compiled_code_calls_its_own_folder_and_the_kernels_alone():
     """Whose sources name the folder of its code."""
     kernels = Path(kept.__file__).parent
     for function in compiled_functions():
-        own = Path(function.py_func.__code__.co_filename).parent
-        assert reached(function) <= {own, kernels}
+        folder = Path(function.py_func.__code__.co_filename).parent
+        assert reached(function) <= {folder, kernels}
 
 
 FORCE = """
@@ -113,12 +113,12 @@ print(f[1])
 
 def force_of(folder, **environment):
     """Of an overlap of 4 at a contact of 1, by the sources in a folder."""
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-P", "-c", FORCE],
         env=os.environ | {"PYTHONPATH": str(folder)} | environment,
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    return float(done.stdout)
+    return float(process.stdout)
 
 
 @pytest.mark.parametrize("chosen", [False, True], ids=["beside the sources", "NUMBA_CACHE_DIR"])

@@ -11,8 +11,8 @@ SPEED = 0.31
 LAWS = ("linear", "linear-clipped", "hunt-crossley")
 
 
-def row(count=3, **parts):
-    return dem.row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=count, **parts)
+def row(count=3, **fields):
+    return dem.row_of_spheres(0.0127, 7800.0, 210e9, 0.3, count=count, **fields)
 
 
 def impact(chain, wall, **options):
@@ -45,16 +45,16 @@ def by_radau(chain, t):
     # Radau's method sees no error: 1800 m/s were found on a processor without AVX2
     def slopes(_, y):
         _, *slope = forces(y)
-        accelerations = [-between.T * one @ between / chain.mass[:, None] for one in slope]
+        accelerations = [-between.T * k @ between / chain.mass[:, None] for k in slope]
         return np.block([[np.zeros((n, n)), np.eye(n)], accelerations])
 
     start = np.concatenate([np.zeros(n), SPEED * np.eye(n)[0]])
     tolerance = np.repeat([1e-16, 1e-10], n)
-    whole = solve_ivp(
+    solution = solve_ivp(
         rate, (0.0, t[-1]), start, "Radau", t, rtol=1e-8, atol=tolerance, first_step=1e-16,
         max_step=t[-1] / 100, jac=slopes,
     )  # fmt: skip
-    return whole.y[n:].T
+    return solution.y[n:].T
 
 
 @pytest.mark.parametrize("gamma", [1e3, 1e6, 1e9])
@@ -81,14 +81,14 @@ def test_an_infinite_damper_makes_impacts_perfectly_plastic(law, gamma):
     assert together.energy_kinetic[-1] == pytest.approx(together.energy_kinetic[0] / 5, rel=1e-3)
 
 
-def test_dampers_whose_work_another_scheme_denies_are_not_believed(monkeypatch):
+def test_dampers_whose_work_another_scheme_contradicts_are_refused(monkeypatch):
     """However well the marches agree with each other: as if none of them had damped."""
 
     def lossless(march):
         def marched(*args):
-            found = march(*args)
-            kept = found.dissipated_contact * (found.scheme == "verlet")
-            return found._replace(dissipated_contact=kept)
+            run = march(*args)
+            dissipated = run.dissipated_contact * (run.scheme == "verlet")
+            return run._replace(dissipated_contact=dissipated)
 
         return marched
 
@@ -97,7 +97,7 @@ def test_dampers_whose_work_another_scheme_denies_are_not_believed(monkeypatch):
     with pytest.raises(dem.UnstableStep, match="is not reached"):
         impact(
             row(dissipation="linear-clipped", gamma=1e12), dem.rigid_wall(),
-            search=dem.Search(max_evaluations=1e7),
+            search=dem.StepSearch(max_evaluations=1e7),
         )  # fmt: skip
 
 
@@ -142,7 +142,7 @@ def test_a_damper_behind_a_spring_works_on_the_indentation():
     """To first order in the damping: half of it leaves a quarter of what is missed (3.5 measured,
     the reference starts 1e-9 s late), a fiftieth of what it takes. A damper on the gap would miss
     half of that."""
-    s, missed, taken = 2e-9, [], []
+    s, missed, works = 2e-9, [], []
     wall = dem.rigid_wall()._replace(residual_compliance=s)
     run = {"duration": 8e-5, "error": 1e-6}
     elastic = impact(row(1), wall, **run).v[:, 0]
@@ -151,9 +151,9 @@ def test_a_damper_behind_a_spring_works_on_the_indentation():
         found = impact(chain, wall, **run)
         exact = on_a_spring(chain, s, found.t)
         missed.append(np.abs(found.v[: exact.size, 0] - exact).max())
-        taken.append(np.abs(elastic[: exact.size] - exact).max())
+        works.append(np.abs(elastic[: exact.size] - exact).max())
     assert missed[1] < missed[0] / 3.0
-    assert missed[0] < taken[0] / 50.0 < 0.02 * SPEED
+    assert missed[0] < works[0] / 50.0 < 0.02 * SPEED
 
 
 @pytest.mark.parametrize("scheme", ["suzuki4", "energy2"])

@@ -6,11 +6,11 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from dem import Chain, Wall, dashpot_wall, rigid_wall
-from dem.between import _bodies, run_between
+from dem.between import chain_and_wall, run_between
 from dem.kernels import between as kernels
 from dem.kernels.arguments import Steps
 from dem.kernels.between import Between
-from dem.kernels.ends import CONTACTS, DASHPOT, WALL, Ends, Gaps, fill_ends, room_for_ends
+from dem.kernels.ends import CONTACTS, DASHPOT, WALL, Ends, Gaps, empty_step_ends, fill_ends
 from dem.kernels.events import crossing
 from dem.prepared import prepare
 from dem.schemes import named_scheme
@@ -46,48 +46,48 @@ def ends_of(scene, v0, dt, n):
     chain, wall = SCENES[scene]
     prepared = prepare(chain, wall)
     state = start(prepared, v0)
-    found = marched(prepared, state, Steps(dt, n, 1), named_scheme(None, chain, wall), speeds=True)
-    known = room_for_ends(found.saved)
-    fill_ends(found.saved, _bodies(prepared, found.parts), dt, known)
-    return found.saved, known
+    run = marched(prepared, state, Steps(dt, n, 1), named_scheme(None, chain, wall), speeds=True)
+    ends = empty_step_ends(run.saved)
+    fill_ends(run.saved, chain_and_wall(prepared, run.arrays), dt, ends)
+    return run.saved, ends
 
 
-def agree(known, values, dt, allowed=1e-5):
+def agree(derivative, values, dt, allowed=1e-5):
     """Whether they are the derivatives of values by differences of order four, of what changes."""
     exact = (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / (12 * dt)
     size = np.abs(exact).max(axis=0) + 1e-6
-    np.testing.assert_allclose(known[2:-2] / size, exact / size, rtol=0, atol=allowed)
+    np.testing.assert_allclose(derivative[2:-2] / size, exact / size, rtol=0, atol=allowed)
     return exact
 
 
 @pytest.mark.parametrize("scene", ["pressed", "hunt-crossley", "residual", "weight"])
-def test_all_known_at_the_ends_of_steps_are_derivatives_of_the_march(scene):
+def test_derivatives_at_the_ends_of_steps_are_those_of_the_march(scene):
     """Of a pressed chain, whose contacts stay closed."""
     dt = 0.02
-    saved, known = ends_of(scene, [0.1, -0.05, 0.02], dt, 80)
+    saved, at_ends = ends_of(scene, [0.1, -0.05, 0.02], dt, 80)
     assert saved.force.min() > 0.0
-    for bodies, x in ((known.spheres, saved.x), (known.modes, saved.modes)):
-        v = saved.v if bodies is known.spheres else saved.speeds
+    for bodies, x in ((at_ends.spheres, saved.x), (at_ends.modes, saved.modes)):
+        v = saved.v if bodies is at_ends.spheres else saved.speeds
         agree(bodies.v, x, dt)
         agree(bodies.a, v, dt)
         agree(bodies.j, bodies.a, dt)
-    np.testing.assert_array_equal(known.spheres.x, saved.x)
+    np.testing.assert_array_equal(at_ends.spheres.x, saved.x)
     behind = np.column_stack([saved.x, saved.wall[:, 0]])
-    np.testing.assert_allclose(known.gaps.overlap, behind[:, :-1] - behind[:, 1:], atol=1e-14)
-    agree(known.gaps.rate, known.gaps.overlap, dt)
-    agree(known.gaps.bend, known.gaps.rate, dt)
-    agree(known.slow.a, known.slow.v, dt, 1e-4)
+    np.testing.assert_allclose(at_ends.gaps.overlap, behind[:, :-1] - behind[:, 1:], atol=1e-14)
+    agree(at_ends.gaps.rate, at_ends.gaps.overlap, dt)
+    agree(at_ends.gaps.bend, at_ends.gaps.rate, dt)
+    agree(at_ends.slow.a, at_ends.slow.v, dt, 1e-4)
     wall = SCENES[scene][1]
     if scene == "hunt-crossley":  # of the others the damped force is not saved apart
-        lost = np.abs(agree(known.slow.v, known.slow.x, dt, 1e-3)).max(axis=0)
+        lost = np.abs(agree(at_ends.slow.v, at_ends.slow.x, dt, 1e-3)).max(axis=0)
         assert lost[CONTACTS] > 1e-5 and lost[WALL] > 5e-6
     if scene != "hunt-crossley":
-        agree(known.force_rate, saved.force, dt)
+        agree(at_ends.force_rate, saved.force, dt)
     power = 2 * (wall.zeta * wall.omega * saved.speeds**2).sum(axis=1)
-    np.testing.assert_allclose(known.slow.v[:, WALL], power, rtol=1e-12)
-    agree(known.slow.j[1:-1], known.slow.a[1:-1], dt, 1e-2)
-    ends = known.slow.a[[1, -1]] - known.slow.a[[0, -2]]
-    np.testing.assert_allclose(known.slow.j[[0, -1]], ends / dt, rtol=1e-12)
+    np.testing.assert_allclose(at_ends.slow.v[:, WALL], power, rtol=1e-12)
+    agree(at_ends.slow.j[1:-1], at_ends.slow.a[1:-1], dt, 1e-2)
+    ends = at_ends.slow.a[[1, -1]] - at_ends.slow.a[[0, -2]]
+    np.testing.assert_allclose(at_ends.slow.j[[0, -1]], ends / dt, rtol=1e-12)
 
 
 def test_forces_of_damped_contacts_have_their_rates():
@@ -95,42 +95,43 @@ def test_forces_of_damped_contacts_have_their_rates():
     dt = 0.005
     chain = ROW._replace(**LEAVES, **loss(0.1, 4.0, 0.2))
     SCENES["strong"] = chain, rigid_wall()
-    _, known = ends_of("strong", [0.0, -0.3, 0.5], dt, 200)
-    overlap, w = known.gaps.overlap, known.gaps.rate
+    _, at_ends = ends_of("strong", [0.0, -0.3, 0.5], dt, 200)
+    overlap, w = at_ends.gaps.overlap, at_ends.gaps.rate
     share = np.maximum(1 + chain.gamma * w, 0.0)
     elastic = chain.A * np.maximum(overlap, 0.0) ** 1.5
     force = elastic * share
     exact = np.gradient(force, dt, axis=0)
     inside = (share[:-2] > 0) & (share[2:] > 0) & (overlap[:-2] > 0.01) & (overlap[2:] > 0.01)
-    off = np.abs(known.force_rate[1:-1] - exact[1:-1]) / np.abs(exact).max()
+    off = np.abs(at_ends.force_rate[1:-1] - exact[1:-1]) / np.abs(exact).max()
     assert off[inside].max() < 1e-3 and inside.sum() > 200
-    taken = (share == 0) & (elastic > 0)
-    assert taken.any() and not known.force_rate[taken].any()
+    overruled = (share == 0) & (elastic > 0)
+    assert overruled.any() and not at_ends.force_rate[overruled].any()
     power = np.where(share > 0, elastic * chain.gamma * w**2, -elastic * w).sum(axis=1)
-    np.testing.assert_allclose(known.slow.v[:, CONTACTS], power, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(at_ends.slow.v[:, CONTACTS], power, rtol=1e-9, atol=1e-12)
     smooth = np.abs(np.diff((share > 0).sum(axis=1) + 10 * (overlap > 0).sum(axis=1))) == 0
     smooth = smooth[:-1] & smooth[1:]
     rate = np.gradient(power, dt)[1:-1]
-    off = np.abs(known.slow.a[1:-1, CONTACTS] - rate) / np.abs(rate).max()
-    assert off[smooth].max() < 1e-2 and off[smooth & taken.any(axis=1)[1:-1]].size > 5
+    off = np.abs(at_ends.slow.a[1:-1, CONTACTS] - rate) / np.abs(rate).max()
+    assert off[smooth].max() < 1e-2 and off[smooth & overruled.any(axis=1)[1:-1]].size > 5
 
 
-def test_a_dashpot_moves_and_takes_by_the_force_at_the_wall():
+def test_way_and_power_of_a_dashpot_follow_from_the_force_at_the_wall():
     """m F and m F^2, with their rates."""
     dt = 0.01
-    saved, known = ends_of("dashpot", speeds(3), dt, 400)
+    saved, at_ends = ends_of("dashpot", speeds(3), dt, 400)
     F, mobility = saved.force[:, -1], SCENES["dashpot"][1].mobility
-    moved = known.slow.x[:, DASHPOT]
+    moved = at_ends.slow.x[:, DASHPOT]
     np.testing.assert_allclose(moved, saved.wall[:, 0], atol=1e-15)
     closed = (F[:-4] > 0.05) & (F[4:] > 0.05)
     for rates, values in (
-        (known.slow.v[:, DASHPOT], moved), (known.slow.a[:, DASHPOT], mobility * F),
-        (known.slow.v[:, WALL], known.slow.x[:, WALL]), (known.slow.a[:, WALL], mobility * F**2),
+        (at_ends.slow.v[:, DASHPOT], moved), (at_ends.slow.a[:, DASHPOT], mobility * F),
+        (at_ends.slow.v[:, WALL], at_ends.slow.x[:, WALL]),
+        (at_ends.slow.a[:, WALL], mobility * F**2),
     ):  # fmt: skip
         exact = (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / (12 * dt)
         off = np.abs(rates[2:-2] - exact)[closed] / np.abs(exact).max()
         assert off.max() < 2e-2 and np.median(off) < 1e-3
-    np.testing.assert_allclose(known.slow.v[:, WALL], mobility * F**2, rtol=1e-12)
+    np.testing.assert_allclose(at_ends.slow.v[:, WALL], mobility * F**2, rtol=1e-12)
 
 
 # --- polynomials ---------------------------------------------------------------------------------
@@ -149,8 +150,8 @@ def of_degree_seven(ends):
 def test_between_two_ends_lies_the_polynomial_of_degree_seven():
     h, steps, samples = 0.8, 3, 10
     t = h * np.arange(steps + 1)
-    parts = [SEVEN.deriv(d)(t) if d else SEVEN(t) for d in range(4)]
-    ends = Ends(*(np.column_stack([part, -2 * part]) for part in parts))
+    derivatives = [SEVEN.deriv(d)(t) if d else SEVEN(t) for d in range(4)]
+    ends = Ends(*(np.column_stack([values, -2 * values]) for values in derivatives))
     x, v = np.empty((2, samples + 1, 2))
     kernels.fill_between(ends, h, x, v)
     at = np.linspace(0, t[-1], samples + 1)
@@ -165,32 +166,32 @@ def test_samples_lie_on_the_polynomials_of_their_steps():
     x, v = np.empty((2, n, 2))
     kernels.fill_between(ends, h, x, v)
     for b in range(2):
-        known = np.array([part[:, b] * h**d for d, part in enumerate(ends)]).T
-        parts = [of_degree_seven(known[i : i + 2]) for i in range(3)]
+        hermite = np.array([values[:, b] * h**d for d, values in enumerate(ends)]).T
+        polynomials = [of_degree_seven(hermite[i : i + 2]) for i in range(3)]
         for k in range(n):
             i = min(k // 3, 2)
-            P, s = parts[i], k / 3 - i
+            P, s = polynomials[i], k / 3 - i
             np.testing.assert_allclose((x[k, b], h * v[k, b]), (P(s), P.deriv()(s)), atol=1e-11)
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.6, -0.4])
-def test_what_a_contact_moves_is_the_second_integral_of_its_force(bend):
+def test_a_contact_moves_bodies_by_the_second_integral_of_its_force(bend):
     h, t = 1e-4, np.array([0.2, 0.9, 1.3])
     force = t**1.5 + bend * t**2.5
 
     def moved(t):
-        return np.array([kernels.risen(one, bend) for one in t]).T
+        return np.array([kernels.risen(time, bend) for time in t]).T
 
-    here, up, down = moved(t), moved(t + h), moved(t - h)
+    middle, up, down = moved(t), moved(t + h), moved(t - h)
     # three roundings
-    np.testing.assert_allclose(here[2], force, rtol=1e-14)
-    np.testing.assert_allclose((up - down)[:3] / (2 * h), here[1:], rtol=1e-6)
+    np.testing.assert_allclose(middle[2], force, rtol=1e-14)
+    np.testing.assert_allclose((up - down)[:3] / (2 * h), middle[1:], rtol=1e-6)
     assert kernels.risen(0.0, bend) == (0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("bend", [0.0, -0.4])
 @pytest.mark.parametrize("at", [-0.6, -0.1, 0.0, 0.35])
-def test_what_no_polynomial_follows_is_the_difference_to_the_one_that_agrees_at_both_ends(at, bend):
+def test_a_contact_that_opens_or_closes_leaves_its_difference_to_the_hermite_polynomial(at, bend):
     ends = [kernels.risen(max(s - at, 0.0), bend) for s in (0.0, 1.0)]
     P = of_degree_seven(ends)
     for z in (0.1, 0.3, 0.5, 0.8, 0.97):
@@ -201,8 +202,8 @@ def test_what_no_polynomial_follows_is_the_difference_to_the_one_that_agrees_at_
 
 def gaps_of(t, g):
     """Two contacts, the second one with overlap g at times t, the first one never near."""
-    parts = (g(t), g.deriv()(t), g.deriv(2)(t))
-    return Gaps(*(np.column_stack([-9.0 + 0 * t, part]) for part in parts))
+    derivatives = (g(t), g.deriv()(t), g.deriv(2)(t))
+    return Gaps(*(np.column_stack([-9.0 + 0 * t, values]) for values in derivatives))
 
 
 @pytest.mark.parametrize("h", [1.0, 0.3])
@@ -222,10 +223,10 @@ def test_a_contact_touches_where_its_overlap_has_its_root(h, back):
     np.testing.assert_allclose(inside, exact, rtol=1e-12)
     parabola = Polynomial([0.1, 0.8, 0.05])
     root = max(parabola.roots())
-    before = seen(parabola)
-    assert before.at == pytest.approx(root, abs=2e-5)
-    assert before.slope == pytest.approx(0.8 + 0.1 * before.at, rel=1e-12)
-    assert before.curvature == pytest.approx(0.1, rel=1e-12)
+    earlier = seen(parabola)
+    assert earlier.at == pytest.approx(root, abs=2e-5)
+    assert earlier.slope == pytest.approx(0.8 + 0.1 * earlier.at, rel=1e-12)
+    assert earlier.curvature == pytest.approx(0.1, rel=1e-12)
     assert seen(Polynomial([0.1, 0.4, 0.1])).at < -0.25  # more than the line's, whose slope falls
     for g, slope in (([0.699, 1.0], 1.0), ([0.701, 1.0], 0.0), ([0.2, -0.1], 0.0),
                      ([-0.3, 0.1], 0.0), ([0.1, 0.5, -0.7], 0.0)):  # fmt: skip
@@ -236,9 +237,9 @@ def test_a_contact_touches_where_its_overlap_has_its_root(h, back):
 
 def test_the_bodies_of_a_contact_take_its_impulse():
     prepared = prepare(*SCENES["modes"])
-    bodies = _bodies(prepared, marched(
+    bodies = chain_and_wall(prepared, marched(
         prepared, start(prepared, speeds(3)), Steps(0.1, 1, 1), named_scheme("rkn6", ROW, MODES)
-    ).parts)  # fmt: skip
+    ).arrays)  # fmt: skip
     for c in range(3):
         moved = Between(*np.zeros((2, 2, 3)), *np.zeros((2, 2, 2)), np.zeros((2, 4)))
         kernels.move(1, c, 0.3, -0.7, bodies, moved)
@@ -267,9 +268,9 @@ def test_a_sample_is_moved_by_what_its_contact_does_in_its_step(back, curvature,
         overlap, rate = overlap[::-1].copy(), -rate[::-1]
     gaps = Gaps(overlap, rate, 0 * rate)
     prepared = prepare(*SCENES["modes"])
-    bodies = _bodies(prepared, marched(
+    bodies = chain_and_wall(prepared, marched(
         prepared, start(prepared, speeds(3)), Steps(0.1, 1, 1), named_scheme("rkn6", ROW, MODES)
-    ).parts)._replace(A=A, gamma=np.array([5.0, gamma, 7.0]))  # fmt: skip
+    ).arrays)._replace(A=A, gamma=np.array([5.0, gamma, 7.0]))  # fmt: skip
     moved = Between(*np.zeros((2, n, 3)), *np.zeros((2, n, 2)), np.zeros((n, 4)))
     kernels.mend_events(gaps, h, bodies, moved)
     sign = -1.0 if back else 1.0
@@ -282,10 +283,10 @@ def test_a_sample_is_moved_by_what_its_contact_does_in_its_step(back, curvature,
             z, bend = 1 - s if back else s, np.clip(0.75 * bent / slope, -1, 1)
             dx, dv = kernels.unfollowed(z, at, bend)
         shift, impulse = size * dx, sign * size / h * dv
-        for found, exact in ((moved.x[k], shift), (moved.v[k], impulse)):
+        for value, exact in ((moved.x[k], shift), (moved.v[k], impulse)):
             by_mass = np.array([0.0, -exact / ROW.mass[1], exact / ROW.mass[2]])
             # Newton's method ends at steps of 1e-13 with the crossing, from which 1e-12 comes here
-            np.testing.assert_allclose(found, by_mass, rtol=1e-11, atol=1e-16)
+            np.testing.assert_allclose(value, by_mass, rtol=1e-11, atol=1e-16)
     assert not moved.q.any() and (np.abs(moved.x[:, 1]).max() > 1e-8) == (size > 0.0)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from dem import (
     Flat,
-    Search,
+    StepSearch,
     UnstableStep,
     Wall,
     dashpot_wall,
@@ -23,8 +23,8 @@ from dem.spheres import time_scale
 from dem.trajectory import run as run_of_chain
 
 
-def rig(radius=0.0127, young=210e9, **parts):
-    return row_of_spheres(radius, 7800.0, young, 0.3, count=9, **parts)
+def rig(radius=0.0127, young=210e9, **fields):
+    return row_of_spheres(radius, 7800.0, young, 0.3, count=9, **fields)
 
 
 def speeds(speed=0.31):
@@ -43,7 +43,7 @@ def controlled(chain, wall, v0, duration, **options):
     ("radius", "young", "speed"),
     [(0.0127, 210e9, 1e-6), (0.0127, 210e9, 100.0), (1e-6, 210e9, 1.0), (1.0, 1e6, 1.0)],
 )
-def test_scale_does_not_matter(radius, young, speed):
+def test_velocities_scale_with_size_stiffness_and_speed(radius, young, speed):
     chain = rig(radius, young)
     duration = 40.0 * time_scale(chain.mass[0], chain.A[0], speed)
     run = controlled(chain, rigid_wall(), speeds(speed), duration)
@@ -53,7 +53,7 @@ def test_scale_does_not_matter(radius, young, speed):
 
 @pytest.mark.parametrize("frequency", [0.1, 1e3, 1e6])
 @pytest.mark.parametrize("ratio", [1e-3, 1.0, 1e6])
-def test_any_one_dof_wall(frequency, ratio):
+def test_any_mass_on_a_spring_is_a_wall(frequency, ratio):
     chain = rig()
     run = controlled(chain, one_dof_wall(frequency, ratio * chain.mass[0]), speeds(), 1e-3)
     assert run.error_estimate < 1e-4
@@ -96,7 +96,7 @@ def test_any_preload(force):
         assert run.energy_error < 1e-6
 
 
-def test_fast_modes_do_not_pump():
+def test_fast_modes_do_not_pump_energy():
     wall = Wall(2 * np.pi * np.array([1e3, 1e7]), np.zeros(2), np.array([0.3, 300.0]))
     run = controlled(rig(), wall, speeds(), 5e-4)
     assert run.energy_error < 1e-6
@@ -171,7 +171,7 @@ def test_any_scene_is_marched_to_its_error_or_refused(seed):
         warnings.simplefilter("error")
         try:
             run, report = march_to_error(
-                chain, wall, v0, **options, search=Search(max_evaluations=1e6)
+                chain, wall, v0, **options, search=StepSearch(max_evaluations=1e6)
             )
         except UnstableStep as refusal:
             assert "is not reached" in str(refusal)
@@ -206,11 +206,11 @@ def pressed():
 def test_a_search_ends_where_rounding_alone_is_left(speed, error):
     """Of the ledger: of the pressed chain's energy, 1e11 times that of the slow striker, and of all
     parts of all steps. Finer steps only add to both; the search once took them for a minute."""
-    found = march_to_error(
+    controlled = march_to_error(
         pressed(), rigid_wall(), speeds(speed), duration=3e-3, error=error, n_save=30
     )
-    assert found.step_report.error_estimate < error
-    assert found.trajectory.n_steps < 1e5
+    assert controlled.step_report.error_estimate < error
+    assert controlled.trajectory.n_steps < 1e5
 
 
 def test_rounding_that_the_motion_amplifies_is_no_small_error():
@@ -221,7 +221,7 @@ def test_rounding_that_the_motion_amplifies_is_no_small_error():
     v0 = 0.31 * np.eye(9)[0]
     options = {"duration": 2.6e-3, "error": 1e-4, "n_save": 100}
     with pytest.raises(UnstableStep, match="is not reached"):
-        march_to_error(chain, rigid_wall(), v0, **options, search=Search(max_evaluations=1e8))
+        march_to_error(chain, rigid_wall(), v0, **options, search=StepSearch(max_evaluations=1e8))
 
 
 def test_an_error_below_rounding_is_refused_before_it_is_searched_for():
@@ -231,9 +231,9 @@ def test_an_error_below_rounding_is_refused_before_it_is_searched_for():
         )  # fmt: skip
 
 
-def test_a_search_that_gets_no_nearer_is_given_up(monkeypatch):
+def test_a_search_that_does_not_converge_is_given_up(monkeypatch):
     """Two marches that differ by as much whatever the step: seconds, not all that is allowed."""
-    monkeypatch.setattr("dem.step_control._difference", lambda coarse, fine, asked: 1.0)
+    monkeypatch.setattr("dem.step_control._velocity_difference", lambda *_: 1.0)
     allowed = 3e6
     steps = []
     monkeypatch.setattr(
@@ -242,6 +242,6 @@ def test_a_search_that_gets_no_nearer_is_given_up(monkeypatch):
     with pytest.raises(UnstableStep, match="is not reached"):
         march_to_error(
             rig(), rigid_wall(), speeds(), duration=1e-3, error=1e-4, n_save=10,
-            search=Search(max_evaluations=allowed),
+            search=StepSearch(max_evaluations=allowed),
         )  # fmt: skip
     assert sum(1e-3 / dt for dt in steps) * 6 < allowed / 3

@@ -14,10 +14,10 @@ V0 = SPEED * (np.arange(N) == 0)
 RUN = {"duration": 1.2e-3, "error": 1e-8, "n_save": 240}
 
 
-def column(n=N, **parts):
+def column(n=N, **fields):
     """Spheres of two sizes that stand on a steel flat, the first one in flight."""
     radius = np.where(np.arange(n) % 2, 0.0095, 0.008)
-    given = {"gravity": G, "n_falling": 1, "flat": dem.Flat(210e9, 0.3)} | parts
+    given = {"gravity": G, "n_falling": 1, "flat": dem.Flat(210e9, 0.3)} | fields
     return dem.row_of_spheres(radius, 7800.0, 193e9, 0.3, **given)
 
 
@@ -68,33 +68,35 @@ def independent(chain, wall, v0, t):
 
     x, q = at_rest(chain, wall)
     start = np.concatenate([x, v0, q, np.zeros(k)])
-    found = solve_ivp(rate, t[[0, -1]], start, "DOP853", t, rtol=1e-11, atol=1e-15, max_step=2e-6)
-    return found.y.T[:, n : 2 * n]
+    solution = solve_ivp(
+        rate, t[[0, -1]], start, "DOP853", t, rtol=1e-11, atol=1e-15, max_step=2e-6
+    )
+    return solution.y.T[:, n : 2 * n]
 
 
 @pytest.mark.parametrize("name", WALLS)
 def test_a_column_rests_as_the_weight_above_says(name):
     chain, wall = column(), WALLS[name]
     x, q = at_rest(chain, wall)
-    found = dem.equilibrium(chain, wall)
+    static = dem.equilibrium(chain, wall)
     carried = np.append(0.0, np.cumsum(G * chain.mass[1:]))
-    assert np.abs(found.force / carried[-1] - carried / carried[-1]).max() < 1e-9
-    assert np.abs(found.x - x).max() < 1e-9 * x.max()
-    assert np.allclose(found.q / q, 1.0, rtol=1e-9) if q.size else found.q.size == 0
-    assert found.x[0] == found.x[1]  # in flight, just touching
+    assert np.abs(static.force / carried[-1] - carried / carried[-1]).max() < 1e-9
+    assert np.abs(static.x - x).max() < 1e-9 * x.max()
+    assert np.allclose(static.q / q, 1.0, rtol=1e-9) if q.size else static.q.size == 0
+    assert static.x[0] == static.x[1]  # in flight, just touching
 
 
 @pytest.mark.parametrize("name", WALLS)
 def test_a_column_moves_as_an_independent_integration_says(name):
     chain, wall = column(), WALLS[name]
-    found = dem.march_to_error(chain, wall, V0, **RUN).trajectory
-    apart = np.abs(found.v - independent(chain, wall, V0, found.t)).max()
-    assert apart < 1e-6 * SPEED
+    run = dem.march_to_error(chain, wall, V0, **RUN).trajectory
+    difference = np.abs(run.v - independent(chain, wall, V0, run.t)).max()
+    assert difference < 1e-6 * SPEED
     weightless = dem.march_to_error(chain._replace(gravity=0.0), wall, V0, **RUN).trajectory
-    assert np.abs(found.v - weightless.v).max() > 1e-3 * SPEED  # what the test would miss
-    assert found.energy_error < 1e-8
-    fallen = G * (found.x - found.x[0]) @ chain.mass
-    assert np.abs(found.work_gravity - fallen).max() < 1e-12 * np.abs(fallen).max()
+    assert np.abs(run.v - weightless.v).max() > 1e-3 * SPEED  # what the test would miss
+    assert run.energy_error < 1e-8
+    fallen = G * (run.x - run.x[0]) @ chain.mass
+    assert np.abs(run.work_gravity - fallen).max() < 1e-12 * np.abs(fallen).max()
 
 
 SCHEMES = {"implicit": "energy4", "composed": "kahan-li6", "exact": "split6"}
@@ -104,11 +106,11 @@ SCHEMES = {"implicit": "energy4", "composed": "kahan-li6", "exact": "split6"}
 def test_every_kind_of_scheme_takes_gravity(kind):
     chain, wall = column(), MODES
     rkn = dem.march_to_error(chain, wall, V0, **RUN).trajectory
-    search = dem.Search(SCHEMES[kind])
-    found = dem.march_to_error(chain, wall, V0, **(RUN | {"error": 1e-6}), search=search).trajectory
-    assert found.scheme == SCHEMES[kind]
-    assert np.abs(found.v - rkn.v).max() < 1e-6 * SPEED
-    assert found.energy_error < 1e-7
+    search = dem.StepSearch(SCHEMES[kind])
+    run = dem.march_to_error(chain, wall, V0, **(RUN | {"error": 1e-6}), search=search).trajectory
+    assert run.scheme == SCHEMES[kind]
+    assert np.abs(run.v - rkn.v).max() < 1e-6 * SPEED
+    assert run.energy_error < 1e-7
 
 
 def test_a_coupled_wall_and_sensitivities_take_gravity():
@@ -134,19 +136,21 @@ def test_a_batch_takes_gravity_as_single_marches_do(damped):
     batch = dem.march_batch(chains, duration=1.2e-3, dt=1e-6, n_save=240, threads=1)
     assert batch.energy_error.max() < 1e-6
     for i, g in enumerate(gravity):
-        one = dem.march(chain._replace(gravity=g), wall, V0, duration=1.2e-3, dt=1e-6, n_save=240)
-        assert np.abs(batch.v[i] - one.v).max() < 1e-10 * SPEED
+        single = dem.march(
+            chain._replace(gravity=g), wall, V0, duration=1.2e-3, dt=1e-6, n_save=240
+        )
+        assert np.abs(batch.v[i] - single.v).max() < 1e-10 * SPEED
 
 
 def test_a_dropped_sphere_bounces_back_to_where_it_fell_from():
     ball = dem.row_of_spheres(0.01, 7800.0, 210e9, 0.3, count=1, gravity=G, n_falling=1)
     height = 0.5e-3
     v0 = [np.sqrt(2 * G * height)]
-    found = dem.march_to_error(
+    run = dem.march_to_error(
         ball, dem.rigid_wall(), v0, duration=15e-3, error=1e-6, n_save=15000
     ).trajectory
     # the contact, a ten thousandth of the height deep, is where the fall ends
-    assert -found.x.min() == pytest.approx(height, rel=1e-3)
+    assert -run.x.min() == pytest.approx(height, rel=1e-3)
 
 
 def test_what_holds_no_weight_is_refused():
@@ -166,8 +170,8 @@ def test_leaf_springs_share_the_weight():
     rest = dem.equilibrium(chain, dem.rigid_wall())
     assert np.abs(rest.x + 1e-6 * G).max() < 1e-9 * 1e-6 * G  # each on its own spring
     stood = chain._replace(gravity=G)
-    held = dem.equilibrium(stood, dem.rigid_wall())
-    net = G * chain.mass - k * held.x + np.append(0.0, held.force[:-1]) - held.force
+    static = dem.equilibrium(stood, dem.rigid_wall())
+    net = G * chain.mass - k * static.x + np.append(0.0, static.force[:-1]) - static.force
     assert np.abs(net).max() < 1e-8 * G * chain.mass.sum()
 
 
@@ -182,16 +186,16 @@ def test_a_sphere_in_guides_slides_to_rest_as_coulomb_says_and_stays(pull):
     )
     m = ball.mass[0]
     ball = ball._replace(gravity=pull / m)
-    found = dem.march(ball, None, [-speed, 0.3], duration=30e-3, dt=1e-5, n_save=300)  # apart
-    t, rate = found.t, (friction + pull) / m  # the weight slows it down as well
+    run = dem.march(ball, None, [-speed, 0.3], duration=30e-3, dt=1e-5, n_save=300)  # apart
+    t, rate = run.t, (friction + pull) / m  # the weight slows it down as well
     stops = speed / rate
     way = np.where(t < stops, -speed * t + 0.5 * rate * t**2, -0.5 * speed * stops)
     assert stops < t[-1]
     # drifts between kicks: one step of second order where it stops
-    assert np.abs(found.x[:, 0] - way).max() < speed * found.dt
-    assert np.all(found.v[t > stops + found.dt, 0] == 0.0)
-    assert found.dissipated_guides[-1] == pytest.approx(friction * 0.5 * speed * stops, rel=1e-4)
-    assert found.energy_error < 1e-6
+    assert np.abs(run.x[:, 0] - way).max() < speed * run.dt
+    assert np.all(run.v[t > stops + run.dt, 0] == 0.0)
+    assert run.dissipated_guides[-1] == pytest.approx(friction * 0.5 * speed * stops, rel=1e-4)
+    assert run.energy_error < 1e-6
 
 
 def test_a_weight_changes_what_a_contact_does_to_the_velocities():
@@ -201,7 +205,7 @@ def test_a_weight_changes_what_a_contact_does_to_the_velocities():
                          *np.zeros((3, k, 1)))  # fmt: skip
     towards.A[4, 0] = chain.A[4]
     run = {"duration": 0.5e-3, "dt": 0.5e-6, "observed": range(n)}
-    found = march_with_sensitivities(chain, wall, V0, towards, **run)
+    sensitivities = march_with_sensitivities(chain, wall, V0, towards, **run)
 
     def moved(share):
         A = chain.A * (1.0 + share * (np.arange(n) == 4))
@@ -209,22 +213,22 @@ def test_a_weight_changes_what_a_contact_does_to_the_velocities():
 
     slope = (moved(1e-5) - moved(-1e-5)) / 2e-5
     # before the wave comes only the static state has changed
-    assert np.abs(found.dv[..., 0] - slope).max() < 1e-5 * np.abs(slope).max()
+    assert np.abs(sensitivities.dv[..., 0] - slope).max() < 1e-5 * np.abs(slope).max()
 
 
 def test_a_column_sticks_in_its_guides_and_its_ledger_closes():
-    held = 0.3 * G * column().mass
-    chain = column(friction=held)
-    found = dem.march_to_error(chain, MODES, V0, duration=1.2e-3, error=1e-4, n_save=240).trajectory
+    friction = 0.3 * G * column().mass
+    chain = column(friction=friction)
+    run = dem.march_to_error(chain, MODES, V0, duration=1.2e-3, error=1e-4, n_save=240).trajectory
     free = dem.march_to_error(column(), MODES, V0, duration=1.2e-3, error=1e-4).trajectory
-    assert found.scheme == "verlet"
-    assert found.dissipated_guides[-1] > 1e-3 * found.energy_kinetic[0]
-    assert np.all(np.diff(found.dissipated_guides) >= 0.0)
-    assert found.energy_error < 1e-5
-    assert np.any(found.v[:, -1] == 0.0)
+    assert run.scheme == "verlet"
+    assert run.dissipated_guides[-1] > 1e-3 * run.energy_kinetic[0]
+    assert np.all(np.diff(run.dissipated_guides) >= 0.0)
+    assert run.energy_error < 1e-5
+    assert np.any(run.v[:, -1] == 0.0)
     assert free.dissipated_guides.max() == 0.0
     finer = dem.march_to_error(chain, MODES, V0, duration=1.2e-3, error=1e-5, n_save=240).trajectory
-    assert np.abs(finer.v - found.v).max() < 1e-4 * SPEED
+    assert np.abs(finer.v - run.v).max() < 1e-4 * SPEED
 
 
 def test_friction_needs_a_scheme_that_never_goes_back():

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import dem
 from dem import Wall, dashpot_wall, equilibrium, march, rigid_wall
 from dem.kernels import checks, dense, events, explicit, laws, oscillators, passages
-from dem.kernels.arguments import DASH, IN_WALL, Damping, Modes, Motion, Plastic, U
+from dem.kernels.arguments import DASH, IN_WALL, Damping, Motion, Plastic, U, WallModes
 from dem.kernels.equilibrium import Bearing, newton_step, rest, static_residual, static_slope
 from dem.kernels.implicit import (
     Passage,
@@ -36,9 +36,9 @@ pytestmark = pytest.mark.usefixtures("plain")
 A = 1.7
 
 
-def near(found, exact, rel=1e-12):
+def near(value, exact, rel=1e-12):
     """Relative, and nothing else: an absolute allowance would hide what is small."""
-    return np.all(np.abs(np.asarray(found) - exact) <= rel * np.abs(exact))
+    return np.all(np.abs(np.asarray(value) - exact) <= rel * np.abs(exact))
 
 
 # --- Hertz with a spring, and yielding -----------------------------------------------------------
@@ -72,8 +72,8 @@ def test_a_contact_without_gap_or_beyond_its_fold():
 
 def plastic(top, limit=0.1):
     """Contacts of A, yielding at a limit, pressed to the tops before."""
-    found = Plastic(*np.array([(limit, t, *laws.plastic_loss(limit, t, A)[1:]) for t in top]).T)
-    return found
+    contacts = Plastic(*np.array([(limit, t, *laws.plastic_loss(limit, t, A)[1:]) for t in top]).T)
+    return contacts
 
 
 def loading(d, limit=0.1):
@@ -144,12 +144,12 @@ def test_a_spring_behind_a_contact_shares_its_gap_with_it():
 def test_the_damper_of_a_contact(law):
     As, damping = np.array([5.0, A]), Damping(np.array([0.3, 0.4]), law, np.ones(2))
     F = 0.9
-    own = 0.4 * F if law == laws.HUNT_CROSSLEY else 0.4
+    damper = 0.4 * F if law == laws.HUNT_CROSSLEY else 0.4
     assert laws.damper(1, True, 0.0, As, None, damping, None) == 0.0
     assert laws.damper(1, True, -F, As, None, damping, None) == 0.0
-    assert near(laws.damper(1, True, F, As, None, damping, None), own)
-    assert near(laws.damper(1, False, F, As, 0.5, damping, None), own)
-    shared = own * laws.spring_share(laws.contact_stiffness(1, F, As, None), 0.5)[0]
+    assert near(laws.damper(1, True, F, As, None, damping, None), damper)
+    assert near(laws.damper(1, False, F, As, 0.5, damping, None), damper)
+    shared = damper * laws.spring_share(laws.contact_stiffness(1, F, As, None), 0.5)[0]
     assert near(laws.damper(1, True, F, As, 0.5, damping, None), shared)
 
 
@@ -163,16 +163,16 @@ def creeping(d, dt, s, mobility):
         F = A * max(y[0], 0.0) ** 1.5
         return [-mobility * F / (1 + 1.5 * s * A * math.sqrt(y[0])), mobility * F, mobility * F**2]
 
-    found = solve_ivp(rate, (0, dt), [d, 0, 0], "DOP853", rtol=1e-13, atol=1e-16)
-    return found.y[:, -1]
+    solution = solve_ivp(rate, (0, dt), [d, 0, 0], "DOP853", rtol=1e-13, atol=1e-16)
+    return solution.y[:, -1]
 
 
 @pytest.mark.parametrize("s", [None, 0.4, -0.1])
 @pytest.mark.parametrize("mobility", [0.2, 30.0])
 def test_a_dashpot_creeps_as_its_equation_says(s, mobility):
     d, dt = 0.35, 0.6
-    after, moved, work = creeping(d, dt, s or 0.0, mobility)
-    assert near(laws.dashpot_indentation(d, dt, A, s, mobility), after, 1e-10)
+    indentation, moved, work = creeping(d, dt, s or 0.0, mobility)
+    assert near(laws.dashpot_indentation(d, dt, A, s, mobility), indentation, 1e-10)
     assert laws.dashpot_indentation(0.0, dt, A, s, mobility) == 0.0
     assert laws.dashpot_indentation(-d, dt, A, s, mobility) == 0.0
     motion = a_motion(1)
@@ -217,16 +217,16 @@ def test_a_damper_gives_the_impulse_of_its_equation(w, c, clipped):
         return [-pair * max(c * y[0], low), max(c * y[0], low)]
 
     exact = solve_ivp(rate, (0, dt), [w, 0.0], "LSODA", rtol=1e-12, atol=1e-15, max_step=dt / 50)
-    found = laws.damping_impulse(w, dt, force, c, pair, clipped)
-    assert near(found, exact.y[1, -1], 1e-6 if clipped and w < 0 else 1e-9)
+    result = laws.damping_impulse(w, dt, force, c, pair, clipped)
+    assert near(result, exact.y[1, -1], 1e-6 if clipped and w < 0 else 1e-9)
 
 
-def test_a_weak_damper_is_a_strong_one_where_both_formulas_hold():
+def test_formulas_of_weak_and_strong_dampers_agree_where_both_hold():
     """Either side of the change from the series to expm1."""
     for z in (0.0199, 0.0201, -0.0199):
         exact = -0.7 * math.expm1(-z) / 1.6
-        found = laws.damping_impulse(0.7, 0.25, 1.3, z / (1.6 * 0.25), 1.6, False)
-        assert near(found, exact, 1.5e-15)
+        impulse = laws.damping_impulse(0.7, 0.25, 1.3, z / (1.6 * 0.25), 1.6, False)
+        assert near(impulse, exact, 1.5e-15)
 
 
 def test_a_clipped_damper_back_in_time_takes_all_of_the_force():
@@ -246,8 +246,8 @@ OSCILLATORS = [
 def test_a_free_oscillator_moves_by_the_exponential_of_its_matrix(omega, zeta):
     companion = np.array([[0.0, 1.0], [-(omega**2), -2 * zeta * omega]])
     for t in (0.37, -0.1):
-        found = np.array(oscillators.propagator(omega, zeta, t)).reshape(2, 2)
-        np.testing.assert_allclose(found, expm(companion * t), rtol=2e-12, atol=1e-13)
+        E = np.array(oscillators.propagator(omega, zeta, t)).reshape(2, 2)
+        np.testing.assert_allclose(E, expm(companion * t), rtol=2e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize(("omega", "zeta"), [(9.9e-4, 0.0), (1e-6, 990.0)])
@@ -256,34 +256,32 @@ def test_slow_oscillators_are_moved_by_series_to_rounding(omega, zeta):
     z = omega * math.sqrt(abs(1 - zeta**2))
     c, s = (math.cosh(z), math.sinh(z)) if zeta else (math.cos(z), math.sin(z))
     fade, decay = math.exp(-zeta * omega), zeta * omega
-    found = oscillators.propagator(omega, zeta, 1.0)
+    E = oscillators.propagator(omega, zeta, 1.0)
     exact = c + decay * s / z, s / z, -(omega**2) * s / z, c - decay * s / z
-    assert near(found, fade * np.array(exact), 1e-15)
+    assert near(E, fade * np.array(exact), 1e-15)
 
 
 @pytest.mark.parametrize(("omega", "zeta"), OSCILLATORS)
 def test_a_unit_force_moves_an_oscillator_by_the_integral_of_its_impulses(omega, zeta):
     for t in (0.37, 1.6):
         exact = quad(lambda s: oscillators.propagator(omega, zeta, s)[1], 0, t, epsrel=1e-13)[0]
-        found = oscillators.step_response(np.array([omega]), np.array([zeta]), t)
-        assert near(found[0], exact, 1e-10)
+        response = oscillators.step_response(np.array([omega]), np.array([zeta]), t)
+        assert near(response[0], exact, 1e-10)
 
 
 def test_drifts_of_a_palindrome_are_those_of_each_step():
     omega, zeta = np.array([2.0, 5.0, 0.0]), np.array([0.1, 1.2, 0.0])
     for steps in ([0.1, 0.4, 0.4, 0.1], [0.1, 0.3, 0.1], [0.1, 0.2, 0.3]):
-        found = oscillators.propagators(np.array(steps), omega, zeta)
+        E = oscillators.propagators(np.array(steps), omega, zeta)
         for k, t in enumerate(steps):
-            np.testing.assert_array_equal(
-                found[k], oscillators.oscillator_propagator(omega, zeta, t)
-            )
+            np.testing.assert_array_equal(E[k], oscillators.oscillator_propagator(omega, zeta, t))
 
 
 def test_an_impulse_at_the_wall_does_the_work_of_the_mean_velocity():
     """W = J (w + w') / 2; the wall moves by phi phi J. A shift changes places in the same way."""
     phi = np.array([0.4, -0.7, 0.1])
     q, p = np.array([0.3, 0.2, -0.5]), np.array([1.0, -2.0, 0.5])
-    modes = Modes(q.copy(), p.copy(), phi, *[None] * 4, float(phi @ phi), 0.0)
+    modes = WallModes(q.copy(), p.copy(), phi, *[None] * 4, float(phi @ phi), 0.0)
     wall, J = np.array([phi @ q, phi @ p, 0.0, 0.25]), 0.6
     push_modes(J, wall, modes)
     np.testing.assert_allclose(modes.p, p + phi * J, rtol=1e-14)
@@ -292,10 +290,10 @@ def test_an_impulse_at_the_wall_does_the_work_of_the_mean_velocity():
     shift_modes(0.3, wall, modes)
     np.testing.assert_allclose(modes.q, q + phi * 0.3, rtol=1e-14)
     assert near(wall[0], phi @ modes.q)
-    before = wall.copy()
+    start = wall.copy()
     push_modes(J, wall, None)
     shift_modes(J, wall, None)
-    np.testing.assert_array_equal(wall, before)
+    np.testing.assert_array_equal(wall, start)
 
 
 # --- contacts that open or close within a step ---------------------------------------------------
@@ -333,7 +331,7 @@ def test_zeta_sums_are_those_of_hurwitz_over_all_nodes_behind_the_crossing(name)
 
 
 @pytest.mark.parametrize("closes", [True, False])
-def test_what_a_step_misses_is_what_finer_ones_do_not(closes):
+def test_the_missed_impulse_is_that_of_the_exact_integral(closes):
     """Impulse of A g^(3/2), g a parabola with a zero, by the nodes of a step and those around it,
     where the force is smooth, against its integral: of h = 1e-3 the next term is of order 1e-9."""
     scheme, h, A, zero = SCHEMES["rkn6"], 1e-3, 2.0, 0.4
@@ -355,9 +353,9 @@ def test_what_a_step_misses_is_what_finer_ones_do_not(closes):
     end = starts[-1] + h
     force = A * np.maximum(np.where(sign * (times - zero * h) > 0, gap(times), 0), 0) ** 1.5
     first, last = (zero * h, end) if closes else (starts[0], zero * h)
-    whole = {"epsabs": 1e-18, "epsrel": 1e-12}
-    exact = quad(lambda t: A * max(gap(t), 0) ** 1.5, first, last, **whole)[0]
-    lever = quad(lambda t: A * max(gap(t), 0) ** 1.5 * (h - t), first, last, **whole)[0]
+    tolerances = {"epsabs": 1e-18, "epsrel": 1e-12}
+    exact = quad(lambda t: A * max(gap(t), 0) ** 1.5, first, last, **tolerances)[0]
+    lever = quad(lambda t: A * max(gap(t), 0) ** 1.5 * (h - t), first, last, **tolerances)[0]
     given = h * (force @ scheme.correction.weights).sum()
     arms = h * ((force * (h - times)) @ scheme.correction.weights).sum()
     assert near(impulse, exact - given, 1e-3)
@@ -367,7 +365,7 @@ def test_what_a_step_misses_is_what_finer_ones_do_not(closes):
 
 @pytest.mark.parametrize("closes", [True, False])
 @pytest.mark.parametrize("bent", [-4.0, -0.3, 0.9, 6.0])
-def test_what_a_step_misses_bends_no_more_than_its_slope(bent, closes):
+def test_the_missed_impulse_of_a_grazing_contact_is_bounded(bent, closes):
     """-A h slope^(3/2) (z3 + bend z5), bend = 3/4 of curvature over slope, within 1; and its moment
     at the end of the step."""
     correction, h, A, zero = SCHEMES["rkn6"].correction, 0.2, 1.7, 0.3
@@ -377,12 +375,12 @@ def test_what_a_step_misses_bends_no_more_than_its_slope(bent, closes):
     third = sign * (3.0 + abs(curvature))
     cubic = np.polynomial.Polynomial([0.0, slope, curvature / 2, third])
     ends = [value for t in (-zero, 1 - zero) for value in (cubic(t), cubic.deriv()(t) / h)]
-    found = events.missed_impulse(A, h, *ends, correction)
+    missed = events.missed_impulse(A, h, *ends, correction)
     z = events.zeta_sums(zero if closes else 1 - zero, correction)
     bend, size = np.clip(bent, -1, 1), A * h * 0.6**1.5
     impulse, moment = -(z[0] + bend * z[1]), -(z[1] + bend * z[2])
     exact = size * impulse, h * size * ((1 - zero) * impulse - sign * moment), slope / h
-    np.testing.assert_allclose(found, exact, rtol=1e-9)
+    np.testing.assert_allclose(missed, exact, rtol=1e-9)
 
 
 def test_a_contact_that_only_grazes_misses_nothing():
@@ -402,7 +400,7 @@ def test_the_peak_of_a_step_is_that_of_its_cubic(g0, r0, g1, r1):
 
 @pytest.mark.parametrize("crater", [0.0, 0.02])
 @pytest.mark.parametrize("walled", [True, False])
-def test_contacts_that_cross_their_edge_are_noticed_one_by_one(crater, walled):
+def test_each_contact_that_opens_or_closes_is_noticed(crater, walled):
     """Overlaps 0.1, 0.1 and 0.05 behind a wall moved by 0.03 in all."""
     As = np.ones(3 if walled else 2)
     shape = None if crater == 0 else Plastic(*np.full((3, 3), 0.3), np.full(3, crater))
@@ -415,11 +413,11 @@ def test_contacts_that_cross_their_edge_are_noticed_one_by_one(crater, walled):
         return motion
 
     def moved(*overlaps):
-        here, there = state(0.1, 0.1, 0.05), state(*overlaps)
-        one, two = (events.crossed(*pair, As, 0.006, shape) for pair in
-                    ((there, here), (here, there)))  # fmt: skip
-        assert one == two
-        return one
+        start, end = state(0.1, 0.1, 0.05), state(*overlaps)
+        first, second = (events.crossed(*pair, As, 0.006, shape) for pair in
+                    ((end, start), (start, end)))  # fmt: skip
+        assert first == second
+        return first
 
     assert not moved(0.2, 0.03, 0.03)
     assert moved(crater - 1e-3, 0.1, 0.05) and moved(0.1, crater - 1e-3, 0.05)
@@ -436,22 +434,22 @@ def test_a_body_slides_stops_and_stays_as_coulomb_says(v, a):
     b, dt, n = 0.4, 0.7, 20000
     h, now, way = dt / n, v, 0.0
     for _ in range(n):
-        held = abs(now) <= b * h and abs(a) <= b
+        sticks = abs(now) <= b * h and abs(a) <= b
         rate = a - math.copysign(b, now if now else a)
-        new = 0.0 if held or (now == 0 and abs(a) <= b) else now + h * rate
+        new = 0.0 if sticks or (now == 0 and abs(a) <= b) else now + h * rate
         way += 0.5 * h * abs(now + new)
         now = new
     end, gone = explicit.slid(v, dt, a, b)
     assert abs(end - now) < 2e-4 and abs(gone - way) < 2e-4
 
 
-def test_the_first_wave_and_its_reflection_are_found_between_samples():
+def test_incident_and_reflected_waves_are_located_between_samples():
     """Two parabolas of either sign, tops at 20.3 and 60.6 samples, a smaller one between."""
     k = np.arange(100.0)
-    one = np.maximum(1 - ((k - 20.3) / 6) ** 2, 0) + 0.3 * np.maximum(1 - ((k - 40) / 4) ** 2, 0)
+    wave = np.maximum(1 - ((k - 20.3) / 6) ** 2, 0) + 0.3 * np.maximum(1 - ((k - 40) / 4) ** 2, 0)
     two = np.maximum(0.7 - ((k - 60.6) / 6) ** 2, 0)
     out = np.empty((4, 4))
-    passages.fill_passages(np.array([one - two, one, two - one, 0 * one]), 0.05, out)
+    passages.fill_passages(np.array([wave - two, wave, two - wave, 0 * wave]), 0.05, out)
     np.testing.assert_allclose(out[0], [20.3, 1.0, 60.6, -0.7], rtol=1e-12)
     np.testing.assert_allclose(out[1][:2], [20.3, 1.0], rtol=1e-12)
     assert np.isnan(out[1][2:]).all() and np.isnan(out[3]).all()
@@ -469,16 +467,18 @@ def test_waves_are_found_whatever_their_size_and_not_at_the_ends_of_a_record():
     np.testing.assert_allclose(out[0], [1.2, 0.02, 37.9, -0.01], rtol=1e-12)
     assert np.isnan(out[1:]).all()
     small = np.array([np.maximum(1 - ((k - 20.3) / 6) ** 2, 0) - 0.3 * last])
-    for threshold, told in ((0.29, True), (0.31, False)):
+    for threshold, visible in ((0.29, True), (0.31, False)):
         passages.fill_passages(small, threshold, out[:1])
-        assert np.isnan(out[0, 2]) == (not told) and near(out[0, 0], 20.3)
+        assert np.isnan(out[0, 2]) == (not visible) and near(out[0, 0], 20.3)
 
 
 def test_polynomials_of_a_step_are_their_own_interpolation():
     """Of degree five from position, velocity and acceleration, of three from value and slope."""
     five = np.polynomial.Polynomial([0.3, -1.0, 2.0, 0.7, -0.4, 0.9])
     three, h = five.cutdeg(3), 0.8
-    places = [dense.Place(*(five.deriv(k)(t) if k else five(t) for k in range(3))) for t in (0, h)]
+    places = [
+        dense.StepEnd(*(five.deriv(k)(t) if k else five(t) for k in range(3))) for t in (0, h)
+    ]
     for s in (0.0, 0.2, 0.5, 0.9, 1.0):
         assert abs(dense.quintic(s, h, *places) - five(s * h)) < 1e-13
         assert abs(dense.quintic_slope(s, h, *places) - five.deriv()(s * h)) < 1e-13
@@ -506,8 +506,8 @@ def test_samples_lie_in_the_steps_that_they_fall_into():
         i = min(k // 3, 2)
         s = k / 3 - i
         for j in range(2):
-            one, two = (dense.Place(x[e, j], v[e, j], a[e, j]) for e in (i, i + 1))
-            assert near(slopes[k, j], dense.quintic_slope(s, h, one, two), 1e-10)
+            first, second = (dense.StepEnd(x[e, j], v[e, j], a[e, j]) for e in (i, i + 1))
+            assert near(slopes[k, j], dense.quintic_slope(s, h, first, second), 1e-10)
         value = dense.cubic(s, h, x[i, 0], v[i, 0], x[i + 1, 0], v[i + 1, 0])
         assert near(line[k], value, 1e-10)
 
@@ -538,19 +538,21 @@ def test_newtons_rest_balances_every_sphere(compliance):
     As, stiffness = np.array([1.0, 3.0, 2.0]), np.array([0.2, 0.0, 5.0])
     anchor, steady = np.array([0.4, 0.0, -0.1]), np.array([0.1, 0.0, 0.6])
     x = np.array([0.5, 0.2, 0.1])
-    left = rest(x, Bearing(As, stiffness, anchor, steady, compliance), 1e-3, 60)
+    unbalanced = rest(x, Bearing(As, stiffness, anchor, steady, compliance), 1e-3, 60)
     d = brentq(lambda d: d + compliance * 2.0 * d**1.5 - x[2], 0, 2) if x[2] > 0 else 0.0
     F = As * np.r_[np.maximum(x[:2] - x[1:], 0), d] ** 1.5
     net = np.r_[0, F[:2]] - F - stiffness * (x - anchor) + steady
-    assert left < 1e-13 and np.abs(net).max() < 1e-13 and F.min() > 1e-3
+    assert unbalanced < 1e-13 and np.abs(net).max() < 1e-13 and F.min() > 1e-3
 
 
 def test_a_free_chain_rests_between_its_springs():
     stiffness, anchor = np.array([0.5, 0.2]), np.array([1.0, -0.5])
     x = np.array([0.6, 0.1])
-    left = rest(x, Bearing(np.ones(1), stiffness, anchor, np.zeros(2), 0.0), 1e-3, 60)
+    unbalanced = rest(x, Bearing(np.ones(1), stiffness, anchor, np.zeros(2), 0.0), 1e-3, 60)
     F = (x[0] - x[1]) ** 1.5
-    assert left < 1e-14 and np.abs(stiffness * (x - anchor) + [F, -F]).max() < 1e-14 and F > 0.01
+    assert (
+        unbalanced < 1e-14 and np.abs(stiffness * (x - anchor) + [F, -F]).max() < 1e-14 and F > 0.01
+    )
 
 
 # --- mean forces of the implicit march ------------------------------------------------------------
@@ -570,12 +572,12 @@ def test_a_mean_force_is_the_change_of_energy_over_that_of_the_gap(g0, g1, s):
     def mean(g1):
         return mean_series(g0, g1, A, s) if s else mean_hertz(g0, g1, A)
 
-    found, slope = mean(g1)
+    force, slope = mean(g1)
     middle = A * laws.hertz_indentation(g0, A, s) ** 1.5
     change = energy_of_gap(g1, s) - energy_of_gap(g0, s)
     exact = middle if abs(g1 - g0) < 1e-9 else change / (g1 - g0)
     # of two places 1e-12 apart the middle is off by half of that, times the stiffness
-    assert abs(found - exact) < 1e-11
+    assert abs(force - exact) < 1e-11
     h = 1e-5
     both = g0 > 0 and g1 > 0 and s  # Newton's method is content with less there
     assert abs(slope - (mean(g1 + h)[0] - mean(g1 - h)[0]) / (2 * h)) < (0.01 if both else 1e-8)
@@ -607,7 +609,7 @@ def test_a_strong_damper_reads_the_velocity_at_the_end_of_a_step(z):
 @pytest.mark.parametrize(("g0", "g1"), [(0.2, 0.5), (0.5, 0.2), (-0.2, 0.4), (0.4, -0.2)])
 @pytest.mark.parametrize("law", [laws.LINEAR, laws.LINEAR_CLIPPED, laws.HUNT_CROSSLEY])
 @pytest.mark.parametrize("compliance", [1e-3, 0.02])
-def test_a_damped_mean_force_is_elastic_and_rate_and_has_its_slope(compliance, law, g0, g1, s):
+def test_a_damped_mean_force_adds_the_damper_and_has_its_slope(compliance, law, g0, g1, s):
     """c (rate + 2 ahead (rate - w0)) beside the elastic part; light bodies are not led."""
     As, damping = np.array([5.0, A]), Damping(np.array([0.3, 0.4]), law, np.full(2, 2.0))
     dt, w0 = 0.1, 0.2
@@ -616,10 +618,10 @@ def test_a_damped_mean_force_is_elastic_and_rate_and_has_its_slope(compliance, l
         over = Passage(1, True, g0, g1, w0, compliance)
         return mean_force(over, 1 / dt, As, s, damping)
 
-    found, slope, elastic = force(g1)
+    mean, slope, elastic = force(g1)
     exact = mean_series(g0, g1, A, s)[0] if s else mean_hertz(g0, g1, A)[0]
     assert near(elastic, exact)
-    assert force(g1)[0] == found and mean_force(
+    assert force(g1)[0] == mean and mean_force(
         Passage(1, True, g0, g1, w0, compliance), 1 / dt, As, s, None
     )[::2] == (elastic, elastic)
     c = 0.4 * elastic if law == laws.HUNT_CROSSLEY else 0.4
@@ -631,29 +633,31 @@ def test_a_damped_mean_force_is_elastic_and_rate_and_has_its_slope(compliance, l
     closed = 1.0 if law == laws.HUNT_CROSSLEY else closed_share(g0, g1)[0]
     rate = (g1 - g0) / dt
     total = elastic + c * closed * (rate + 2 * ahead * (rate - w0))
-    assert near(found, total if law == laws.LINEAR else max(total, 0.0))
+    assert near(mean, total if law == laws.LINEAR else max(total, 0.0))
     h = 1e-5
     numeric = (force(g1 + h)[0] - force(g1 - h)[0]) / (2 * h)
-    if s is None or (law == laws.HUNT_CROSSLEY and found == 0.0):
+    if s is None or (law == laws.HUNT_CROSSLEY and mean == 0.0):
         assert abs(slope - numeric) < 1e-7
 
 
-def test_a_damper_counts_no_more_than_what_stops_the_bodies_ten_thousand_times():
+def test_the_strength_of_a_damper_is_capped_at_ten_thousand_stops_a_step():
     As, compliance, dt = np.array([A]), 0.02, 0.1
     damping = Damping(np.array([1e12]), laws.LINEAR, np.ones(1))
-    found = mean_force(Passage(0, False, 0.3, 0.4, 0.0, compliance), 1 / dt, As, None, damping)[0]
+    mean = mean_force(Passage(0, False, 0.3, 0.4, 0.0, compliance), 1 / dt, As, None, damping)[0]
     stops = 2 * compliance / dt
-    most = laws.STOPPED / stops
-    assert near(found, most * (1 + 2 * lead(laws.STOPPED)[0]), 1e-3)
+    strongest = laws.STOPPED / stops
+    assert near(mean, strongest * (1 + 2 * lead(laws.STOPPED)[0]), 1e-3)
     elastic = mean_hertz(0.3, 0.4, A)[0]
     for share in (0.3, 0.999, 1.001, 3.0):
         for law in (laws.LINEAR, laws.HUNT_CROSSLEY):
-            c = share * most / (elastic if law == laws.HUNT_CROSSLEY else 1.0)
+            c = share * strongest / (elastic if law == laws.HUNT_CROSSLEY else 1.0)
             damping = Damping(np.array([c]), law, np.ones(1))
             over = Passage(0, False, 0.3, 0.4, 0.0, compliance)
-            found, slope, _ = mean_force(over, 1 / dt, As, None, damping)
-            told = min(share, 1.0)
-            assert near(found, elastic + told * most * (1 + 2 * lead(told * laws.STOPPED)[0]))
+            mean, slope, _ = mean_force(over, 1 / dt, As, None, damping)
+            strength = min(share, 1.0)
+            assert near(
+                mean, elastic + strength * strongest * (1 + 2 * lead(strength * laws.STOPPED)[0])
+            )
             h = 1e-6
             up, down = (
                 mean_force(over._replace(g1=0.4 + e), 1 / dt, As, None, damping)[0] for e in (h, -h)
@@ -674,7 +678,7 @@ def tangent(diagonal, k):
 
 
 @pytest.mark.parametrize("walled", [True, False])
-def test_changes_of_newton_solve_their_tangents(walled):
+def test_newton_changes_solve_the_tangent_system(walled):
     rng = np.random.default_rng(1)
     n = 5
     k, r = rng.uniform(1, 3, n), rng.standard_normal(n)
@@ -772,42 +776,42 @@ MARCHES = [  # of velocities, ten times what is measured
 @pytest.fixture(scope="module")
 def exact():
     """Velocities and forces of each case by DOP853, once."""
-    known, t = {}, np.linspace(0, 4.0, 9)
+    solution, t = {}, np.linspace(0, 4.0, 9)
 
     def of(case):
-        if case not in known:
-            wall, parts = CASES[case]
-            known[case] = by_formulas(row(wall, parts), wall, speeds(3), t)
-        return known[case]
+        if case not in solution:
+            wall, fields = CASES[case]
+            solution[case] = by_formulas(row(wall, fields), wall, speeds(3), t)
+        return solution[case]
 
     return of
 
 
-def row(wall, parts):
-    chain = unit_chain(3, None if wall is None else 1.5, **parts)
+def row(wall, fields):
+    chain = unit_chain(3, None if wall is None else 1.5, **fields)
     mass = np.array([1.0, 0.8, 1.3])
-    cut = {"gamma": parts["gamma"][: chain.A.size]} if "gamma" in parts else {}
+    cut = {"gamma": fields["gamma"][: chain.A.size]} if "gamma" in fields else {}
     return chain._replace(mass=mass, **cut)
 
 
 @pytest.mark.parametrize(("case", "scheme", "dt", "allowed"), MARCHES)
 def test_a_march_is_the_solution_of_its_equations(exact, case, scheme, dt, allowed):
-    wall, parts = CASES[case]
-    run = march(row(wall, parts), wall, speeds(3), duration=4.0, dt=dt, scheme=scheme, n_save=8)
+    wall, fields = CASES[case]
+    run = march(row(wall, fields), wall, speeds(3), duration=4.0, dt=dt, scheme=scheme, n_save=8)
     right = exact(case)
     off = np.abs(run.v - right.v).max(), np.abs(run.contact_force - right.force).max()
     assert off[0] < allowed and off[1] < 3 * allowed
-    kept = scheme == "energy4"  # by construction, to rounding
+    conserved = scheme == "energy4"  # by construction, to rounding
     # kept: 200 steps of eps, 4e-14 if all add up
-    assert run.energy_error < (1e-13 if kept else allowed)
+    assert run.energy_error < (1e-13 if conserved else allowed)
 
 
 @pytest.mark.parametrize("dt", [1.0, 2.0, 0.5])
-@pytest.mark.parametrize("held", [False, True])
-def test_steps_of_verlet_are_kick_drift_kick(dt, held):
+@pytest.mark.parametrize("sprung", [False, True])
+def test_steps_of_verlet_are_kick_drift_kick(dt, sprung):
     """By hand, drifts and kicks as long as the unit of time among them."""
-    parts = {"leaf_stiffness": np.array([0.04, 0.0, 0.03])} if held else {}
-    chain = row(rigid_wall(), parts)._replace(A=0.01 * np.array([1.0, 2.0, 3.0]))
+    fields = {"leaf_stiffness": np.array([0.04, 0.0, 0.03])} if sprung else {}
+    chain = row(rigid_wall(), fields)._replace(A=0.01 * np.array([1.0, 2.0, 3.0]))
     run = march(chain, rigid_wall(), speeds(3), duration=6.0, dt=dt, scheme="verlet", n_save=3)
     x, v, k = run.x[0].copy(), speeds(3).astype(float), chain.springs[0]
 
@@ -828,14 +832,14 @@ def test_steps_of_verlet_are_kick_drift_kick(dt, held):
 
 
 @pytest.mark.parametrize("law", ["linear", "linear-clipped"])
-def test_a_saved_force_has_a_damper_that_steps_can_tell(law):
+def test_saved_forces_cap_the_damper_at_what_a_step_resolves(law):
     """c w, with c m dt = 1e4 at the most, m of both bodies; no contact pulls but a linear one."""
     wall, dt = MODAL, 0.03
-    parts = HELD | {"dissipation": law, "gamma": np.array([1e9, 0.4, 1e12])}
-    chain, v = row(wall, parts), np.array([0.1, 0.3, -0.2])
+    fields = HELD | {"dissipation": law, "gamma": np.array([1e9, 0.4, 1e12])}
+    chain, v = row(wall, fields), np.array([0.1, 0.3, -0.2])
     run = march(chain, wall, v, duration=dt, dt=dt, n_save=1, scheme="verlet")
     inverse = 1 / chain.mass + np.append(1 / chain.mass[1:], wall.phi @ wall.phi)
-    c = np.minimum(parts["gamma"], 1e4 / (dt * inverse))
+    c = np.minimum(fields["gamma"], 1e4 / (dt * inverse))
     elastic, w = equilibrium(chain, wall).force, np.append(v[:-1] - v[1:], v[-1])
     exact = elastic + c * w
     assert near(run.contact_force[0], exact if law == "linear" else np.maximum(exact, 0.0), 1e-8)
@@ -866,32 +870,32 @@ def in_small_units(part, loss=1.0):
     ("dashpot-spring", "energy4"), ("modal", "rkn6"), ("hunt-crossley", "suzuki4"),
     ("linear-clipped", "suzuki4"), ("dashpot-spring", "split4"), ("yielding-damped", "suzuki4"),
 ])  # fmt: skip
-def test_a_march_knows_no_units(case, scheme):
+def test_a_march_is_the_same_in_any_units(case, scheme):
     """Lengths of micrometres, times of 10 us, masses of 10 g: the same velocities to rounding."""
-    wall, parts = CASES[case]
-    chain = row(wall, parts)
-    one = march(chain, wall, speeds(3), duration=2.0, dt=0.04, scheme=scheme, n_save=5)
+    wall, fields = CASES[case]
+    chain = row(wall, fields)
+    run = march(chain, wall, speeds(3), duration=2.0, dt=0.04, scheme=scheme, n_save=5)
     small = march(
         in_small_units(chain, LOSS[chain.dissipation]), in_small_units(wall), speeds(3) * L / TAU,
         duration=2.0 * TAU, dt=0.04 * TAU, scheme=scheme, n_save=5,
     )  # fmt: skip
-    np.testing.assert_allclose(small.v * TAU / L, one.v, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(small.v * TAU / L, run.v, rtol=0, atol=1e-12)
     force = small.contact_force * TAU**2 / (MU * L)
-    np.testing.assert_allclose(force, one.contact_force, rtol=0, atol=1e-11)
-    assert small.energy_error < (1e-13 if scheme == "energy4" else one.energy_error + 1e-12)
+    np.testing.assert_allclose(force, run.contact_force, rtol=0, atol=1e-11)
+    assert small.energy_error < (1e-13 if scheme == "energy4" else run.energy_error + 1e-12)
 
 
 def test_states_of_rest_are_those_of_the_equations():
-    wall, parts = CASES["modal"]
-    chain = row(wall, parts)
-    found, (x, q) = equilibrium(chain, wall), at_rest(chain, wall)
-    np.testing.assert_allclose(found.x, x, rtol=1e-9)
-    np.testing.assert_allclose(found.q, q, rtol=1e-9)
+    wall, fields = CASES["modal"]
+    chain = row(wall, fields)
+    static, (x, q) = equilibrium(chain, wall), at_rest(chain, wall)
+    np.testing.assert_allclose(static.x, x, rtol=1e-9)
+    np.testing.assert_allclose(static.q, q, rtol=1e-9)
 
 
 def test_energies_are_those_of_the_saved_states():
-    wall, parts = CASES["modal"]
-    chain = row(wall, parts)
+    wall, fields = CASES["modal"]
+    chain = row(wall, fields)
     run = march(chain, wall, speeds(3), duration=4.0, dt=0.02, scheme="rkn6", n_save=8)
     k, anchor = chain.springs
     F, rest = run.contact_force, equilibrium(chain, wall)

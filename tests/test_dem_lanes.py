@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from dem import Chain, Chains, Wall, march, march_batch, rigid_wall
-from dem.batch import _blocks
 from dem.dense import velocities_between
 from dem.kernels import lanes as kernels
 from dem.kernels import laws
-from dem.kernels.dense import Place, cubic, cubic_slope, quintic, quintic_slope
+from dem.kernels.dense import StepEnd, cubic, cubic_slope, quintic, quintic_slope
 from dem.kernels.lanes import LANES, LaneDamping, Lanes, WallPush, WallSprings
+from dem.lanes import blocks_of
 
 pytestmark = pytest.mark.usefixtures("plain")
 
@@ -49,11 +49,11 @@ CASES = {
 
 def chains(case):
     """The second one starts at rest."""
-    wall, parts = CASES[case]
+    wall, fields = CASES[case]
     rng = np.random.default_rng(1)
     A = rng.uniform(0.9, 1.6, (COUNT, N if wall else N - 1))
     v0 = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.4, 0.2, -0.1]])
-    return Chains(Chain(rng.uniform(0.8, 1.3, (COUNT, N)), np.full(N, 0.5), A, **parts), wall, v0)
+    return Chains(Chain(rng.uniform(0.8, 1.3, (COUNT, N)), np.full(N, 0.5), A, **fields), wall, v0)
 
 
 def scheme_of(case):
@@ -65,14 +65,14 @@ def test_a_chain_in_a_lane_is_the_chain_alone(case):
     """At the ends of steps: velocities, the force at the wall, what is lost and not accounted for.
     Rounding alone parts the two, and roots that both find to 1e-12."""
     many, options = chains(case), dict(duration=5.0, dt=0.1, n_save=10, scheme=scheme_of(case))
-    found = march_batch(many, **options)
+    batch = march_batch(many, **options)
     opened = 0
     for i in range(COUNT):
         alone = march(*many[i], **options)
-        np.testing.assert_allclose(found.v[i], alone.v, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(batch.v[i], alone.v, rtol=0, atol=1e-12)
         at_wall = np.zeros(11) if many.free else alone.contact_force[:, -1]
-        np.testing.assert_allclose(found.wall_force[i], at_wall, rtol=0, atol=1e-12)
-        assert abs(found.energy_error[i] - alone.energy_error) < 1e-12
+        np.testing.assert_allclose(batch.wall_force[i], at_wall, rtol=0, atol=1e-12)
+        assert abs(batch.energy_error[i] - alone.energy_error) < 1e-12
         assert i == 1 or alone.energy_error > 1e-11  # so that there is something to compare
         opened += np.count_nonzero(alone.contact_force == 0.0)
     assert opened > 0
@@ -84,25 +84,25 @@ def test_samples_lie_on_the_polynomials_of_the_steps(case):
     one and the cubic of the wall: five samples to two steps."""
     many, n_steps, n_save, duration = chains(case), 20, 50, 2.0
     h, n_ends = duration / n_steps, n_steps + 1
-    found = march_batch(many, duration=duration, dt=h, n_save=n_save, scheme=scheme_of(case))
-    assert found.n_steps == n_steps
+    batch = march_batch(many, duration=duration, dt=h, n_save=n_save, scheme=scheme_of(case))
+    assert batch.n_steps == n_steps
     for i in range(COUNT):
         chain, wall, v0 = many[i]
-        run = march(chain, wall, v0, duration=duration, dt=h, n_save=n_steps, scheme=found.scheme)
+        run = march(chain, wall, v0, duration=duration, dt=h, n_save=n_steps, scheme=batch.scheme)
         k, anchor = chain.springs
         force = np.pad(run.contact_force, ((0, 0), (1, 0)))
         load = chain.steady - k * (run.x - anchor)
         a = (load - np.diff(force, axis=1)) / chain.mass
         np.testing.assert_allclose(
-            found.v[i], velocities_between(run.x, run.v, a, h, n_save), rtol=0, atol=1e-11
+            batch.v[i], velocities_between(run.x, run.v, a, h, n_save), rtol=0, atol=1e-11
         )
         for sample in range(n_save + 1):
             step = min(sample * n_steps // n_save, n_ends - 2)
             s = sample * n_steps / n_save - step
-            here, there = (Place(run.x[e, -1], run.v[e, -1], a[e, -1]) for e in (step, step + 1))
+            start, end = (StepEnd(run.x[e, -1], run.v[e, -1], a[e, -1]) for e in (step, step + 1))
             ends = run.wall_x[step], run.wall_v[step], run.wall_x[step + 1], run.wall_v[step + 1]
-            gap = quintic(s, h, here, there) - cubic(s, h, *ends)
-            w = quintic_slope(s, h, here, there) - cubic_slope(s, h, *ends)
+            gap = quintic(s, h, start, end) - cubic(s, h, *ends)
+            w = quintic_slope(s, h, start, end) - cubic_slope(s, h, *ends)
             residual = 0.0 if wall.residual_compliance == 0.0 else float(wall.residual_compliance)
             F = laws.hertz_force(laws.wall_indentation(gap, chain.A[-1], residual or None),
                                  chain.A[-1])  # fmt: skip
@@ -110,7 +110,7 @@ def test_samples_lie_on_the_polynomials_of_the_steps(case):
                 stiffness = laws.contact_stiffness(N - 1, F, chain.A, None)
                 F += max(chain.gamma[-1] * F * w / (1 + residual * stiffness) ** 2, -F)
             if s not in (0.0, 1.0):  # there as the march has it
-                assert abs(found.wall_force[i, sample] - F) < 1e-10
+                assert abs(batch.wall_force[i, sample] - F) < 1e-10
 
 
 def lanes_of(x, v, A, springs=(), **parts):
@@ -167,10 +167,10 @@ def test_lanes_of_verlet_are_chains_alone(dt):
     v0 = np.array([[1.0, 0.0, 0.0], [1.4, 0.2, -0.1], [0.3, 0.9, 0.5]])
     many = Chains(Chain(np.array([1.0, 0.8, 1.3]), np.full(N, 0.5), A), rigid_wall(), v0)
     options = dict(duration=8.0, dt=dt, n_save=4, scheme="verlet")
-    found = march_batch(many, **options)
+    batch = march_batch(many, **options)
     for i in range(COUNT):
         alone = march(*many[i], **options)
-        np.testing.assert_allclose(found.v[i], alone.v, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(batch.v[i], alone.v, rtol=0, atol=1e-13)
         assert alone.contact_force.max() > 1e-3
 
 
@@ -180,48 +180,48 @@ def test_lanes_of_verlet_are_chains_alone(dt):
 def test_dampers_of_all_lanes_are_those_of_one_contact(law, weak, pulls):
     """By the series where all are weak and none would pull, else each by its own formula."""
     inverse, dt = np.linspace(0.7, 1.9, LANES), 0.25
-    most = 0.0999 if weak else 3.0
-    rate = np.linspace(0.0, most, LANES) / (inverse * dt)
+    strongest = 0.0999 if weak else 3.0
+    rate = np.linspace(0.0, strongest, LANES) / (inverse * dt)
     v = np.zeros((2, LANES))
     v[0] = np.linspace(-4.0 if pulls else -0.05, 0.8, LANES)
     damping = LaneDamping(rate, inverse, law, np.zeros(LANES), rate)
     force = np.full(2 * LANES, 0.3)
     lanes = lanes_of(np.zeros((2, LANES)), v, np.ones(LANES), damping=damping, f=force)
-    found = np.zeros(LANES)
-    kernels.damping_impulses(0, dt, lanes, found)
+    impulses = np.zeros(LANES)
+    kernels.damping_impulses(0, dt, lanes, impulses)
     clipped = law != laws.LINEAR
     exact = [
         laws.damping_impulse(w, dt, 0.3, c, m, clipped)
         for w, c, m in zip(v[0], rate, inverse, strict=True)
     ]
-    np.testing.assert_allclose(found, exact, rtol=2e-14, atol=1e-300)
+    np.testing.assert_allclose(impulses, exact, rtol=2e-14, atol=1e-300)
 
 
 @pytest.mark.parametrize(("rate", "approach"), [(12.0, 0.4), (0.5, -4.0)])
-def test_one_contact_that_is_damped_strongly_or_would_pull_has_its_own_formula(rate, approach):
+def test_one_strong_or_clipped_damper_in_a_row_takes_the_exact_formula(rate, approach):
     """Among weak ones, which the series is for."""
     c, v = np.full(LANES, 0.01), np.zeros((2, LANES))
     v[0], c[5], v[0, 5] = np.linspace(0.1, 0.8, LANES), rate, approach
     damping = LaneDamping(c, np.ones(LANES), laws.LINEAR_CLIPPED, np.zeros(LANES), c)
     lanes = lanes_of(np.zeros((2, LANES)), v, np.ones(LANES), damping=damping,
                      f=np.full(2 * LANES, 0.3))  # fmt: skip
-    found = np.zeros(LANES)
-    kernels.damping_impulses(0, 0.25, lanes, found)
+    impulses = np.zeros(LANES)
+    kernels.damping_impulses(0, 0.25, lanes, impulses)
     exact = [laws.damping_impulse(w, 0.25, 0.3, k, 1.0, True) for w, k in zip(v[0], c, strict=True)]
-    np.testing.assert_allclose(found, exact, rtol=2e-14)
+    np.testing.assert_allclose(impulses, exact, rtol=2e-14)
 
 
 @pytest.mark.parametrize("closes", [True, False])
-def test_one_contact_that_crosses_its_edge_is_seen_among_all(closes):
-    apart, touching = np.r_[np.zeros(LANES), np.full(LANES, 0.2)], np.zeros(2 * LANES)
+def test_one_contact_that_opens_or_closes_is_noticed_in_a_row_of_lanes(closes):
+    gaps, touching = np.r_[np.zeros(LANES), np.full(LANES, 0.2)], np.zeros(2 * LANES)
     touching[LANES:] = 0.2
     touching[7] = 0.3
-    pair = (apart, touching) if closes else (touching, apart)
-    assert kernels.crossed_row(*pair, 0) and not kernels.crossed_row(apart, apart, 0)
+    pair = (gaps, touching) if closes else (touching, gaps)
+    assert kernels.crossed_row(*pair, 0) and not kernels.crossed_row(gaps, gaps, 0)
     assert not kernels.crossed_row(touching, touching + 0.01, 0)
-    edge, before = np.zeros(2 * LANES), apart - 0.1 * (np.arange(2 * LANES) == 7)
-    for x, crosses in ((touching, True), (apart, False), (before, False), (edge, False)):
-        edge[:], edge[7] = apart, 0.2  # the 8th one touches without overlap
+    edge, earlier = np.zeros(2 * LANES), gaps - 0.1 * (np.arange(2 * LANES) == 7)
+    for x, crosses in ((touching, True), (gaps, False), (earlier, False), (edge, False)):
+        edge[:], edge[7] = gaps, 0.2  # the 8th one touches without overlap
         assert kernels.crossed_row(edge, x, 0) == kernels.crossed_row(x, edge, 0) == crosses
 
 
@@ -232,13 +232,13 @@ def test_a_series_of_ten_terms_is_exact_up_to_where_it_is_used():
         damping = LaneDamping(rate, inverse, laws.LINEAR, np.zeros(LANES), rate)
         lanes = lanes_of(np.zeros((2, LANES)), np.ones((2, LANES)) * [[1.0], [0.0]], np.ones(LANES),
                          damping=damping, f=np.ones(2 * LANES))  # fmt: skip
-        found = np.zeros(LANES)
-        kernels.damping_impulses(0, 1.0, lanes, found)
-        np.testing.assert_allclose(found, -math.expm1(-z), rtol=6e-16)
+        impulses = np.zeros(LANES)
+        kernels.damping_impulses(0, 1.0, lanes, impulses)
+        np.testing.assert_allclose(impulses, -math.expm1(-z), rtol=6e-16)
 
 
 @pytest.mark.parametrize("law", [laws.LINEAR, laws.LINEAR_CLIPPED, laws.HUNT_CROSSLEY])
-def test_a_damper_counts_as_steps_can_tell(law):
+def test_forces_in_lanes_cap_the_damper_at_what_a_step_resolves(law):
     """c m dt is 1e4 at the most; no contact pulls but a linear one."""
     damping = LaneDamping(np.ones(3), np.array([0.5, 2.0, 0.7]), law, np.zeros(3), np.ones(3))
     for w, c in ((0.3, 1e9), (-0.3, 1e9), (0.3, 40.0), (-0.3, 0.2)):
@@ -247,7 +247,7 @@ def test_a_damper_counts_as_steps_can_tell(law):
         assert kernels.damping_force(w, 0.05, 0.9, c, 1, damping) == pytest.approx(exact, rel=1e-14)
 
 
-def test_errors_of_energy_are_the_worst_and_keep_what_is_not_a_number():
+def test_the_energy_error_is_the_largest_so_far_and_keeps_nan():
     worst, start, scale = np.zeros(LANES), np.full(LANES, 2.0), np.full(LANES, 4.0)
     energy = 2.0 + np.linspace(-1.0, 1.0, LANES)
     kernels.note_energy(energy, start, scale, worst)
@@ -267,12 +267,12 @@ def test_errors_of_chains_at_rest_are_relative_to_one():
 
 
 def test_an_impulse_at_the_walls_of_lanes_does_the_work_of_the_mean_velocity():
-    square, impulse, before = (RNG.uniform(0.2, 1.0, LANES) for _ in range(3))
-    v = np.r_[np.zeros(LANES), before]
+    square, impulse, start = (RNG.uniform(0.2, 1.0, LANES) for _ in range(3))
+    v = np.r_[np.zeros(LANES), start]
     wall = WallPush(impulse, np.zeros(LANES), square, np.full(LANES, 0.3), np.full(LANES, 0.1))
     kernels.push_walls(v, wall)
-    np.testing.assert_allclose(v[LANES:], before + square * impulse, rtol=1e-15)
-    np.testing.assert_allclose(wall.work - 0.3, impulse * (before + v[LANES:]) / 2, rtol=1e-13)
+    np.testing.assert_allclose(v[LANES:], start + square * impulse, rtol=1e-15)
+    np.testing.assert_allclose(wall.work - 0.3, impulse * (start + v[LANES:]) / 2, rtol=1e-13)
     np.testing.assert_allclose(wall.pending, 0.1 + impulse, rtol=1e-15)
 
 
@@ -281,10 +281,10 @@ def test_blocks_hold_every_chain_of_a_batch():
     A = np.linspace(1.0, 2.0, LANES + 1)[:, None] * np.ones(2)
     chain = Chain(np.ones(2), np.full(2, 0.5), A)
     many = Chains(chain, rigid_wall(), np.array([1.0, 0.0]))
-    assert _blocks(many, np.zeros(3)).A.shape == (2, 2, LANES)
+    assert blocks_of(many, np.zeros(3)).A.shape == (2, 2, LANES)
     options = dict(duration=2.5, dt=0.25, n_save=2)
-    found = march_batch(many, **options)
+    batch = march_batch(many, **options)
     for i in (0, LANES - 1, LANES):
-        alone = march(*many[i], **options, scheme=found.scheme)
-        np.testing.assert_allclose(found.v[i], alone.v, rtol=0, atol=1e-13)
-    assert len(found.v) == LANES + 1
+        alone = march(*many[i], **options, scheme=batch.scheme)
+        np.testing.assert_allclose(batch.v[i], alone.v, rtol=0, atol=1e-13)
+    assert len(batch.v) == LANES + 1

@@ -8,7 +8,7 @@ from dem import (
     SCHEMES,
     InvalidChain,
     NoEquilibrium,
-    Search,
+    StepSearch,
     UnstableStep,
     Wall,
     dashpot_wall,
@@ -24,19 +24,19 @@ from dem.kernels.oscillators import oscillator_propagator
 from known_models import speeds, unit_chain
 
 
-def modal_wall(damped=True, **parts):
+def modal_wall(damped=True, **fields):
     omega = np.array([0.0, 0.7, 3.0, 11.0])
     zeta = np.array([0.0, 0.02, 0.3, 1.4]) if damped else np.zeros(4)
-    return Wall(omega, zeta, np.array([0.2, -0.5, 0.4, 0.7]), **parts)
+    return Wall(omega, zeta, np.array([0.2, -0.5, 0.4, 0.7]), **fields)
 
 
-def squeezed(n, **parts):
+def squeezed(n, **fields):
     """All contacts closed with force P, held by the wall alone."""
     push = np.zeros(n)
     push[0] = 1.0
     anchor = np.zeros(n)
-    anchor[0] = parts.pop("P", 1.0) * 1e3
-    return unit_chain(n, 1.5, leaf_stiffness=1e-3 * push, leaf_anchor=anchor, **parts)
+    anchor[0] = fields.pop("P", 1.0) * 1e3
+    return unit_chain(n, 1.5, leaf_stiffness=1e-3 * push, leaf_anchor=anchor, **fields)
 
 
 @pytest.mark.parametrize(
@@ -75,11 +75,11 @@ def test_energy_ledger_closes_with_every_part(damped):
     run = march(chain, wall, speeds(6), duration=30.0, dt=0.01, n_save=300)
     # of the step, 2.2e-8 with damping: no rounding
     assert run.energy_error < (1e-7 if damped else 1e-8)
-    for part in (
+    for feature in (
         run.energy_contact, run.energy_leaf, run.energy_wall, run.energy_residual,
         run.work_preload,
     ):  # fmt: skip
-        assert np.ptp(part) > 1e-3
+        assert np.ptp(feature) > 1e-3
     assert (run.dissipated_contact[-1] > 1e-3) == damped
     assert (run.dissipated_wall[-1] > 1e-3) == damped
     assert np.diff(run.dissipated_contact).min() >= -1e-12
@@ -187,10 +187,10 @@ def test_static_state_of_known_problems():
 
 def test_spheres_before_the_first_that_is_held_just_touch():
     """Not even by a rounding error, whose square root would be a contact's stiffness."""
-    held = np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.1])
+    stiffness = np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.1])
     for chain in (
         unit_chain(6, 1.5, preload=0.3),
-        unit_chain(6, 1.5, leaf_stiffness=held, leaf_anchor=0.2 * held),
+        unit_chain(6, 1.5, leaf_stiffness=stiffness, leaf_anchor=0.2 * stiffness),
     ):
         static = equilibrium(chain, Wall(np.array([2.0]), np.zeros(1), np.ones(1), 0.05))
         first = 3 if chain.leaf_stiffness is not None else 5
@@ -275,21 +275,21 @@ def test_march_reverses_in_time(monkeypatch):
     wall = modal_wall(damped=False, residual_compliance=-0.05)._replace(
         phi=np.array([0.0, -0.5, 0.4, 0.7])
     )
-    there = march(chain, wall, speeds(6), duration=15.0, dt=0.05, n_save=5)
-    turned = there.final.reversed()
+    forward = march(chain, wall, speeds(6), duration=15.0, dt=0.05, n_save=5)
+    turned = forward.final.reversed()
     back = march(chain, wall, None, duration=15.0, dt=0.05, n_save=5, state=turned)
-    assert back.x[-1] == pytest.approx(there.x[0], abs=1e-10)
-    assert back.v[-1] == pytest.approx(-there.v[0], abs=1e-10)
+    assert back.x[-1] == pytest.approx(forward.x[0], abs=1e-10)
+    assert back.v[-1] == pytest.approx(-forward.v[0], abs=1e-10)
 
 
 def test_two_halves_are_the_whole_bit_for_bit():
     chain, wall = unit_chain(6, 1.5), modal_wall(residual_compliance=0.1)
-    whole = march(chain, wall, speeds(6), duration=16.0, dt=2**-4, n_save=4)
+    full = march(chain, wall, speeds(6), duration=16.0, dt=2**-4, n_save=4)
     first = march(chain, wall, speeds(6), duration=8.0, dt=2**-4, n_save=2)
     second = march(chain, wall, None, duration=8.0, dt=2**-4, n_save=2, state=first.final)
-    assert (whole.x[2:] == second.x).all()
-    assert (whole.v[2:] == second.v).all()
-    assert (whole.wall_x[2:] == second.wall_x).all()
+    assert (full.x[2:] == second.x).all()
+    assert (full.v[2:] == second.v).all()
+    assert (full.wall_x[2:] == second.wall_x).all()
 
 
 def test_free_chain_keeps_its_momentum():
@@ -314,9 +314,9 @@ def test_stiff_mode_and_residual_spring_are_the_same_compliance():
     mode = Wall(np.array([80.0]), np.zeros(1), np.array([20.0]))
     spring = rigid_wall()._replace(residual_compliance=(20.0 / 80.0) ** 2)
     chain = unit_chain(3, 1.5)
-    one = march(chain, mode, speeds(3), duration=10.0, dt=2e-3, n_save=50)
+    stiff = march(chain, mode, speeds(3), duration=10.0, dt=2e-3, n_save=50)
     two = march(chain, spring, speeds(3), duration=10.0, dt=2e-3, n_save=50)
-    assert two.v == pytest.approx(one.v, abs=5e-4)
+    assert two.v == pytest.approx(stiff.v, abs=5e-4)
     rigid = march(chain, rigid_wall(), speeds(3), duration=10.0, dt=2e-3, n_save=50)
     assert np.abs(rigid.v - two.v).max() > 1e-2
 
@@ -350,7 +350,7 @@ def test_march_to_error_says_when_it_cannot():
     with pytest.raises(UnstableStep, match="is not reached"):
         march_to_error(
             unit_chain(5), None, speeds(5), duration=20.0, error=1e-9,
-            search=Search(max_evaluations=1e4),
+            search=StepSearch(max_evaluations=1e4),
         )  # fmt: skip
 
 
@@ -436,30 +436,30 @@ def test_implicit_schemes_keep_energy_at_any_step(name, law):
 def test_implicit_scheme_finds_the_same_trajectory():
     chain = unit_chain(9, 1.5, dissipation="hunt-crossley", gamma=np.full(9, 0.05))
     wall = modal_wall(residual_compliance=0.1)
-    one = march(chain, wall, speeds(9), duration=30.0, dt=0.02, n_save=30)
+    explicit = march(chain, wall, speeds(9), duration=30.0, dt=0.02, n_save=30)
     two = march(chain, wall, speeds(9), duration=30.0, dt=0.02, n_save=30, scheme="energy4")
-    assert two.v == pytest.approx(one.v, abs=1e-6)
-    assert two.dissipated_wall == pytest.approx(one.dissipated_wall, abs=1e-6)
+    assert two.v == pytest.approx(explicit.v, abs=1e-6)
+    assert two.dissipated_wall == pytest.approx(explicit.dissipated_wall, abs=1e-6)
     dash = dashpot_wall(2.0)
-    one = march(unit_chain(4, 1.5), dash, speeds(4), duration=12.0, dt=0.02, n_save=30)
+    explicit = march(unit_chain(4, 1.5), dash, speeds(4), duration=12.0, dt=0.02, n_save=30)
     two = march(
         unit_chain(4, 1.5), dash, speeds(4), duration=12.0, dt=0.02, n_save=30, scheme="energy4"
     )
-    assert two.v == pytest.approx(one.v, abs=1e-6)
+    assert two.v == pytest.approx(explicit.v, abs=1e-6)
     assert two.energy_error < 1e-12
 
 
 @pytest.mark.parametrize("w", [-3.0, -0.6, 0.2])
 def test_clipped_damper_has_no_memory_of_how_its_time_is_cut(w):
     force, c, inverse_mass, dt = 1.0, 2.0, 0.7, 3.0
-    whole = damping_impulse(w, dt, force, c, inverse_mass, True)
+    full = damping_impulse(w, dt, force, c, inverse_mass, True)
     pieces, speed = 0.0, w
     for _ in range(16):
         piece = damping_impulse(speed, dt / 16, force, c, inverse_mass, True)
         assert piece >= -force * dt / 16 * (1.0 + 1e-12)
         speed -= inverse_mass * piece
         pieces += piece
-    assert pieces == pytest.approx(whole, rel=1e-12)
+    assert pieces == pytest.approx(full, rel=1e-12)
 
 
 def test_opening_and_closing_contacts_keep_the_order(monkeypatch):

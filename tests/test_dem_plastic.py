@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dem import Chain, InvalidChain, Search, Wall, march, march_to_error, rigid_wall
+from dem import Chain, InvalidChain, StepSearch, Wall, march, march_to_error, rigid_wall
 from dem.spheres import contact_modulus, hertz_coefficient, max_pressure, yield_overlap
 
 
@@ -27,9 +27,9 @@ def test_below_yield_nothing_changes():
     hertz = Chain(np.ones(6), np.ones(6), np.ones(6))
     plastic = hertz._replace(yield_overlap=np.full(6, 2.0))
     options = dict(duration=20.0, dt=0.05, n_save=40, scheme="suzuki4")
-    one = march(hertz, rigid_wall(), speeds(6), **options)
+    elastic = march(hertz, rigid_wall(), speeds(6), **options)
     two = march(plastic, rigid_wall(), speeds(6), **options)
-    assert two.v == pytest.approx(one.v, abs=1e-13)
+    assert two.v == pytest.approx(elastic.v, abs=1e-13)
     assert two.dissipated_contact.max() == 0.0
 
 
@@ -73,7 +73,7 @@ def test_plastic_rest_is_refused():
 
 @pytest.mark.parametrize(
     "how",
-    [{"dt": 0.05, "scheme": "energy4"}, {"error": 1e-3, "search": Search("energy4")}],
+    [{"dt": 0.05, "scheme": "energy4"}, {"error": 1e-3, "search": StepSearch("energy4")}],
 )
 def test_an_implicit_scheme_is_refused(how):
     """Its march does not know of yield: no step would close the energy."""

@@ -12,8 +12,8 @@ V0 = np.array([0.3, 0.0, 0.0])
 TIMES = {"duration": 1e-4, "dt": 1e-6}
 
 
-def row(**parts):
-    return dem.row_of_spheres(**{**SPHERES, **parts})
+def row(**fields):
+    return dem.row_of_spheres(**{**SPHERES, **fields})
 
 
 def batch(chain, wall, v0, **how):
@@ -83,9 +83,9 @@ def test_strain_refuses_what_is_no_number(bad):
 
 def test_results_hold_finite_numbers_alone():
     run = dem.march(row(preload=5.0), WALL, V0, **TIMES)
-    assert all(np.isfinite(part).all() for part in run[:15])
-    found = batch(row(), WALL, V0, **TIMES)
-    assert all(np.isfinite(part).all() for part in found[:4])
+    assert all(np.isfinite(values).all() for values in run[:15])
+    batch_result = batch(row(), WALL, V0, **TIMES)
+    assert all(np.isfinite(values).all() for values in batch_result[:4])
 
 
 MARCH = {"n_save": 5, **TIMES}
@@ -118,7 +118,7 @@ def test_more_saves_than_memory_holds_are_refused():
         dem.march(row(), WALL, V0, **{**TIMES, "n_save": 10**12})
 
 
-def test_lists_words_and_states_of_other_chains_are_refused():
+def test_lists_words_and_states_of_unlike_chains_are_refused():
     for chain, wall in (
         ("chain", WALL), (row(), "wall"), (row()._replace(A=[1.0] * 3), WALL),
         (row(), WALL._replace(omega=[1.0])),
@@ -134,8 +134,8 @@ def test_lists_words_and_states_of_other_chains_are_refused():
 
 
 @pytest.mark.parametrize(
-    "parts", [{"stiffness_factor": "x"}, {"gamma": [1.0, 2.0]}, {"foo": 1}, {"count": 0.5}]
+    "fields", [{"stiffness_factor": "x"}, {"gamma": [1.0, 2.0]}, {"foo": 1}, {"count": 0.5}]
 )
-def test_parts_of_a_row_are_named_in_the_refusal(parts):
-    with pytest.raises(dem.InvalidChain, match=next(iter(parts))):
-        row(**parts)
+def test_parts_of_a_row_are_named_in_the_refusal(fields):
+    with pytest.raises(dem.InvalidChain, match=next(iter(fields))):
+        row(**fields)

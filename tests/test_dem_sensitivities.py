@@ -18,7 +18,7 @@ from dem.kernels.sensitivities import (
     FORCE,
     Modal,
     Slopes,
-    Spheres,
+    SphereDerivatives,
 )
 from dem.sensitivities import Directions, march_with_sensitivities, propagator_with_sensitivities
 from dem.static_sensitivities import static_sensitivities
@@ -27,10 +27,10 @@ TINY = 1e-30
 N, PRELOAD, DT, STEPS = 5, 8.0, 2e-6, 250
 
 
-def rig(*, preload=PRELOAD, gamma=0.05, residual=-2e-10, **parts):
+def rig(*, preload=PRELOAD, gamma=0.05, residual=-2e-10, **fields):
     chain = dem.row_of_spheres(
         0.0127, 7800.0, 210e9, 0.3, count=N, dissipation="hunt-crossley", gamma=gamma,
-        preload=preload, **parts,
+        preload=preload, **fields,
     )  # fmt: skip
     two_pi = 2.0 * np.pi
     wall = dem.Wall(
@@ -121,12 +121,12 @@ def test_sensitivities_are_complex_step_derivatives():
         chain, wall, v0, d, duration=STEPS * DT, dt=DT, observed=range(N)
     )  # fmt: skip
     for j in range(d.preload.size):
-        parts = (
+        perturbed = (
             (chain.A, d.A[:, j]), (chain.gamma, d.gamma[:, j]), (PRELOAD, d.preload[j]),
             (v0, d.v0[:, j]), (wall.omega, d.omega[:, j]), (wall.zeta, d.zeta[:, j]),
             (wall.phi, d.phi[:, j]),
         )  # fmt: skip
-        moved = [value + 1j * TINY * direction for value, direction in parts]
+        moved = [value + 1j * TINY * direction for value, direction in perturbed]
         reference = complex_run(chain, *moved, wall.residual_compliance)
         np.testing.assert_allclose(run.v, reference.real, rtol=0, atol=1e-11)
         exact = reference.imag / TINY
@@ -165,7 +165,7 @@ def test_the_force_of_a_contact_has_its_derivatives(s, rate):
 def test_a_contact_without_force_has_no_sensitivity():
     """Whatever its column says of derivatives: the damper takes all of it."""
     wall = Modal(np.ones((2, 1)), np.ones((2, 1, 2)))
-    spheres, f = Spheres(*np.ones((2, 3)), *np.ones((2, 3, 2))), np.ones((5, 3))
+    spheres, f = SphereDerivatives(*np.ones((2, 3)), *np.ones((2, 3, 2))), np.ones((5, 3))
     f[FORCE] = [0.0, 2.0, 0.0]
     slopes = Slopes(*np.full((2, 3, 2), 0.5), *np.zeros((3, 1, 2)), *np.zeros((3, 2)))
     dF = np.full((3, 2), 7.0)
@@ -174,15 +174,15 @@ def test_a_contact_without_force_has_no_sensitivity():
 
 
 @pytest.mark.usefixtures("plain")
-def test_a_derivative_alone_is_that_among_others():
+def test_a_derivative_does_not_depend_on_the_other_parameters():
     chain, wall, v0 = rig()
-    every = every_parameter(chain, wall)
+    all_directions = every_parameter(chain, wall)
     setting = dict(duration=20 * DT, dt=DT, observed=[0, 4])
-    beside = march_with_sensitivities(chain, wall, v0, every, **setting)
+    together = march_with_sensitivities(chain, wall, v0, all_directions, **setting)
     for j in (0, N + 3):
-        one = Directions(*(part[..., j : j + 1] for part in every))
-        alone = march_with_sensitivities(chain, wall, v0, one, **setting)
-        np.testing.assert_allclose(alone.dv[..., 0], beside.dv[..., j], rtol=1e-13)
+        single = Directions(*(values[..., j : j + 1] for values in all_directions))
+        alone = march_with_sensitivities(chain, wall, v0, single, **setting)
+        np.testing.assert_allclose(alone.dv[..., 0], together.dv[..., j], rtol=1e-13)
         assert np.abs(alone.dv).max() > 0.0
 
 
@@ -224,20 +224,20 @@ def test_sensitivities_on_leaf_springs_are_those_of_differences(walled, gamma):
             return march_with_sensitivities(chain, wall, v0, d, **setting)
         bent = chain._replace(A=moved("A", chain.A), gamma=moved("gamma", chain.gamma))
         bent = bent._replace(preload=float(moved("preload", chain.preload)))
-        other = wall and wall._replace(
+        changed = wall and wall._replace(
             omega=moved("omega", wall.omega), phi=moved("phi", wall.phi),
             zeta=moved("zeta", wall.zeta),
         )  # fmt: skip
-        return march_with_sensitivities(bent, other, moved("v0", v0), **setting)
+        return march_with_sensitivities(bent, changed, moved("v0", v0), **setting)
 
     setting = dict(duration=1.2e-4, dt=2e-6, observed=[2, 0])
-    found = run()
+    sensitivities = run()
     for j, kind in enumerate(kinds):
         h = 1e-5 * size[kind]
-        one, two = run(j, h), run(j, -h)
+        up, down = run(j, h), run(j, -h)
         for ours, exact in (
-            (found.dv[..., j], (one.v - two.v) / (2 * h)),
-            (found.da[..., j], (one.a - two.a) / (2 * h)),
+            (sensitivities.dv[..., j], (up.v - down.v) / (2 * h)),
+            (sensitivities.da[..., j], (up.a - down.a) / (2 * h)),
         ):
             off = np.abs(ours - exact) / np.abs(exact).max()
             assert np.quantile(off, 0.9) < 1e-5, kind
@@ -257,7 +257,7 @@ def test_a_march_with_sensitivities_has_order_four():
     assert np.all(np.abs(orders - 4.0) < 0.35) and errors[-1] < 1e-4 * 0.0031
 
 
-def test_velocities_are_those_of_the_engine():
+def test_velocities_beside_sensitivities_are_those_of_march():
     """The steps are halved until openings of contacts limit both to order 2.5: 2e-5 at 1 us."""
     chain, wall, v0 = rig()
     run = march_with_sensitivities(chain, wall, v0, duration=1e-3, dt=1e-6, observed=range(N))
@@ -270,9 +270,9 @@ def test_velocities_are_the_same_without_derivatives():
     chain, wall, v0 = rig(leaf_stiffness=300.0, leaf_anchor=1e-4)
     setting = dict(duration=1e-3, dt=2e-6, observed=(0, 3))
     alone = march_with_sensitivities(chain, wall, v0, **setting)
-    beside = march_with_sensitivities(chain, wall, v0, every_parameter(chain, wall), **setting)
-    np.testing.assert_allclose(alone.v, beside.v, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(alone.a, beside.a, rtol=0, atol=1e-8)
+    together = march_with_sensitivities(chain, wall, v0, every_parameter(chain, wall), **setting)
+    np.testing.assert_allclose(alone.v, together.v, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(alone.a, together.a, rtol=0, atol=1e-8)
 
 
 def test_static_sensitivities_follow_the_equilibrium_on_leaf_springs():
@@ -280,7 +280,7 @@ def test_static_sensitivities_follow_the_equilibrium_on_leaf_springs():
     anchor = np.linspace(4e-6, 1e-6, N)
     chain, wall, _ = rig(leaf_stiffness=2e4, leaf_anchor=anchor)
     d = every_parameter(chain, wall)
-    found = static_sensitivities(chain, wall, dem.equilibrium(chain, wall), d)
+    static = static_sensitivities(chain, wall, dem.equilibrium(chain, wall), d)
 
     def state(j, e):
         bent = chain._replace(A=chain.A + e * d.A[:, j], preload=PRELOAD + e * d.preload[j])
@@ -293,12 +293,12 @@ def test_static_sensitivities_follow_the_equilibrium_on_leaf_springs():
     for j in range(d.preload.size):
         h = 1e-3
         exact = (8 * (state(j, h) - state(j, -h)) - state(j, 2 * h) + state(j, -2 * h)) / (12 * h)
-        ours = np.append(found.x[:, j], [found.force[j], found.offset[j]])
+        ours = np.append(static.x[:, j], [static.force[j], static.offset[j]])
         size = np.abs(exact) + 1e-5 * np.abs(np.append(np.full(N, 1e-5), [PRELOAD, 1e-6]))
         assert np.all(np.abs(ours - exact) <= 1e-5 * size)
 
 
-def test_turns_and_their_derivatives_hold_beyond_critical_damping_and_at_rest():
+def test_propagators_and_their_derivatives_hold_beyond_critical_damping_and_without_stiffness():
     omega, zeta, t = np.array([0.0, 50.0, 3e4, 2e3]), np.array([0.0, 1.0, 1.7, 0.3]), 1e-4
     _, by_omega, by_zeta = propagator_with_sensitivities(omega, zeta, t)
     for by, step, moved in (
@@ -311,7 +311,7 @@ def test_turns_and_their_derivatives_hold_beyond_critical_damping_and_at_rest():
         np.testing.assert_allclose(by / scale, difference / scale, rtol=0, atol=1e-5)
 
 
-def test_a_shift_in_time_is_the_slope_of_what_is_read():
+def test_the_interpolated_acceleration_is_the_slope_of_the_interpolated_velocity():
     chain, wall, v0 = rig()
     run = march_with_sensitivities(chain, wall, v0, duration=5e-4, dt=1e-6, observed=[0, 3])
     t = np.linspace(1e-5, 4.8e-4, 333)
@@ -323,17 +323,17 @@ def test_a_shift_in_time_is_the_slope_of_what_is_read():
 
 
 @pytest.mark.parametrize(
-    ("parts", "sentence"),
+    ("fields", "sentence"),
     [
         ({"dissipation": "linear", "gamma": np.ones(N)}, "jumps at first touch"),
         ({"yield_overlap": np.full(N, 1e-6)}, "plastic contacts have no sensitivities"),
     ],
 )
-def test_forces_without_a_derivative_are_refused(parts, sentence):
+def test_forces_without_a_derivative_are_refused(fields, sentence):
     chain, wall, v0 = rig()
     with pytest.raises(dem.InvalidChain, match=sentence):
         march_with_sensitivities(
-            chain._replace(**parts), wall, v0, duration=1e-4, dt=1e-6, observed=[0]
+            chain._replace(**fields), wall, v0, duration=1e-4, dt=1e-6, observed=[0]
         )  # fmt: skip
 
 

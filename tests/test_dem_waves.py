@@ -62,25 +62,25 @@ def test_shape_is_the_derivative_of_the_displacement_and_has_the_published_width
 
 @pytest.mark.parametrize("ratio", [1.0, 0.5, 0.2, -0.5])
 @pytest.mark.parametrize("separation", [0.6, 0.8, 1.0, 2.0])
-def test_overlapping_pulses_are_taken_apart(separation, ratio):
+def test_overlapping_pulses_are_separated(separation, ratio):
     """The record lies in the family that is fitted, so what is left is the search's tolerance."""
-    first, second, found = two(separation, ratio)
-    assert [wave.time for wave in found] == pytest.approx([first, second], abs=1e-3 * FWHM)
-    assert [wave.peak_velocity for wave in found] == pytest.approx([1.0, ratio], rel=2e-3)
-    assert min(wave.quality for wave in found) > 0.999
+    first, second, waves = two(separation, ratio)
+    assert [wave.time for wave in waves] == pytest.approx([first, second], abs=1e-3 * FWHM)
+    assert [wave.peak_velocity for wave in waves] == pytest.approx([1.0, ratio], rel=2e-3)
+    assert min(wave.quality for wave in waves) > 0.999
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.5, -0.5])
 def test_one_percent_of_noise_moves_pulses_a_width_apart_by_three_percent(ratio):
-    first, second, found = two(1.0, ratio, noise=0.01)
-    assert [wave.time for wave in found] == pytest.approx([first, second], abs=0.03 * FWHM)
-    assert [wave.peak_velocity for wave in found] == pytest.approx([1.0, ratio], rel=0.03)
-    assert [wave.quality for wave in found] == pytest.approx(
+    first, second, waves = two(1.0, ratio, noise=0.01)
+    assert [wave.time for wave in waves] == pytest.approx([first, second], abs=0.03 * FWHM)
+    assert [wave.peak_velocity for wave in waves] == pytest.approx([1.0, ratio], rel=0.03)
+    assert [wave.quality for wave in waves] == pytest.approx(
         [0.99, 1 - 0.01 / abs(ratio)], abs=4e-3
     )
 
 
-def test_something_else_than_a_wave_has_a_low_quality():
+def test_a_square_pulse_has_a_low_quality_as_a_wave():
     t = np.arange(0.0, 20.0, 0.02)
     square = ((t > 8.0) & (t < 11.0)).astype(float)
     (wave,) = separated(t, square, [Guess(9.5, 1.0, FWHM)])
@@ -103,15 +103,15 @@ def test_a_peak_stands_out_of_both_sides():
 
 def test_labels_are_the_published_arrivals():
     """references.md, section 4: the chain of 17 on a wall of its own material."""
-    _, run, found = impact()
-    incident, reflected = labels(found, run.t, run.v[:, 3], 4)[:2]
+    _, run, tracks = impact()
+    incident, reflected = labels(tracks, run.t, run.v[:, 3], 4)[:2]
     assert (incident.name, reflected.name) == ("incident", "reflected 1")
     assert incident.arrival[:2] == pytest.approx((4.3296, 0.69865), abs=2e-4)
     assert reflected.arrival[:2] == pytest.approx((37.1003, -0.83747), abs=2e-4)
-    fourteenth = labels(found, run.t, run.v[:, 13], 14)
+    fourteenth = labels(tracks, run.t, run.v[:, 13], 14)
     assert fourteenth[1].arrival[:2] == pytest.approx((24.8966, -0.64969), abs=2e-4)
     assert min(label.arrival.quality for label in fourteenth[:2]) > 0.98
-    (last,) = labels(found, run.t, run.v[:, 0], 1)
+    (last,) = labels(tracks, run.t, run.v[:, 0], 1)
     assert last.name == "reflected 1"
     assert last.arrival.peak_velocity == pytest.approx(-0.99256, abs=2e-3)
 
@@ -128,22 +128,22 @@ def test_a_train_passes_every_contact_at_the_published_speed():
 
 def test_a_light_wall_sends_back_more_waves_and_each_comes_from_its_own_impact():
     """Every reflected wave starts at the wall after another collision there, in order."""
-    _, run, found = impact("one mass")
-    back = [track for track in found if track.kind == "reflected" and len(track.pulses) > 8]
+    _, run, tracks = impact("one mass")
+    back = [track for track in tracks if track.kind == "reflected" and len(track.pulses) > 8]
     assert len(back) >= 3
     impacts = [run.t[k] for k in peaks(run.contact_force[:, -1], 0.02)]
     starts = [track.pulses[0].time for track in back]
     assert starts == sorted(starts)
-    for one, next_ in pairwise(starts):
-        assert any(one < impact < next_ for impact in impacts)
+    for start, next_ in pairwise(starts):
+        assert any(start < impact < next_ for impact in impacts)
 
 
 def test_waves_are_named_alike_at_all_spheres():
     """The second reflected wave is later at every sphere further out, and no one else's."""
-    _, run, found = impact("one mass")
+    _, run, tracks = impact("one mass")
     times = []
     for sphere in (14, 10, 6, 4):
-        named = {label.name: label for label in labels(found, run.t, run.v[:, sphere - 1], sphere)}
+        named = {label.name: label for label in labels(tracks, run.t, run.v[:, sphere - 1], sphere)}
         times.append(named["reflected 2"].arrival.time)
         assert named["reflected 2"].arrival.peak_velocity < 0
     assert times == sorted(times)
@@ -160,9 +160,9 @@ def test_no_wave_is_taken_for_one_that_is_faster_than_any_sphere():
     pairs = r[:-1] * r[1:] / (r[:-1] + r[1:])
     chain = Chain(r**3, 0.5 * r, np.append((2 * pairs) ** 0.5, (2 * r[-1]) ** 0.5))
     run = march(chain, rigid_wall(), np.eye(n)[0], duration=45.0, dt=0.05, n_save=1500)
-    found = wave_tracks(run.t, run.v, run.contact_force, chain.mass, chain.A)
+    tracks = wave_tracks(run.t, run.v, run.contact_force, chain.mass, chain.A)
     named = [label.arrival for s in (2, 4, 6, 8, 9, 10)
-             for label in labels(found, run.t, run.v[:, s - 1], s)]  # fmt: skip
+             for label in labels(tracks, run.t, run.v[:, s - 1], s)]  # fmt: skip
     assert sum(wave.quality > 0.9 for wave in named) > 5
     fastest = np.abs(run.v).max()
     for wave in named:
@@ -173,18 +173,20 @@ def test_contact_time_of_one_impact_is_hertz():
     """T = 3.21807 m^0.4 A^-0.4 v^-0.2; 0.4 % of it lie below 1 % of the force, delta = 0.046."""
     chain = Chain(np.array([2.0]), np.array([1.0]), np.array([5.0]))
     run = march(chain, rigid_wall(), np.array([0.3]), duration=4.0, dt=2e-3, n_save=4000)
-    whole = contact_time(run.t, run.contact_force[:, 0], threshold=1e-9)
-    tau = dimensionless_contact_time(whole.seconds, 2.0, 0.3, 5.0)
+    collision = contact_time(run.t, run.contact_force[:, 0], threshold=1e-9)
+    tau = dimensionless_contact_time(collision.seconds, 2.0, 0.3, 5.0)
     assert tau == pytest.approx(3.21807, rel=1e-3)
     # near its ends the overlap is v t, so 1 % of the force is passed at delta_max 0.01^(2/3) / v
     cut = contact_time(run.t, run.contact_force[:, 0])
     depth = (run.contact_force.max() / 5.0) ** (2 / 3)
-    assert whole.seconds - cut.seconds == pytest.approx(2 * depth * 0.01 ** (2 / 3) / 0.3, rel=0.01)
+    assert collision.seconds - cut.seconds == pytest.approx(
+        2 * depth * 0.01 ** (2 / 3) / 0.3, rel=0.01
+    )
 
 
 def test_wall_contact_collects_what_the_thesis_defines():
-    chain, run, found = impact()
-    wall = wall_contact(run.t, run.v, run.contact_force, chain, found)
+    chain, run, tracks = impact()
+    wall = wall_contact(run.t, run.v, run.contact_force, chain, tracks)
     # radius 1/2: a sphere per unit of length; the mean speed is that of the wave within 2 %
     assert wall.speed_in == pytest.approx(0.84051, rel=0.02)
     assert wall.travelling_time == pytest.approx(17 / wall.speed_in + 17 / wall.speed_back)
@@ -200,15 +202,17 @@ def test_the_leader_of_a_heavy_strikers_train_is_the_incident_wave():
     n = 17
     chain = Chain(np.r_[10.0, np.ones(n - 1)], np.full(n, 0.5), np.append(np.ones(n - 1), 2**0.5))
     run = march(chain, rigid_wall(), np.eye(n)[0], duration=15.0, dt=0.03, n_save=1500)
-    found = wave_tracks(run.t, run.v, run.contact_force, chain.mass, chain.A)
-    incident = [track for track in found if track.kind == "incident"]
-    leader = found[0]
+    tracks = wave_tracks(run.t, run.v, run.contact_force, chain.mass, chain.A)
+    incident = [track for track in tracks if track.kind == "incident"]
+    leader = tracks[0]
     assert leader.name == "incident" and leader.pulses[0].contact == 1
     assert [pulse.contact for pulse in leader.pulses] == list(range(1, len(leader.pulses) + 1))
     assert len(incident) > 1
     for pulse in leader.pulses:
         others = [p for track in incident[1:] for p in track.pulses if p.contact == pulse.contact]
-        assert all(pulse.time < other.time and pulse.force > other.force for other in others)
+        assert all(
+            pulse.time < follower.time and pulse.force > follower.force for follower in others
+        )
 
 
 def test_a_trains_speed_is_that_past_spheres_of_any_size():
@@ -220,8 +224,8 @@ def test_a_trains_speed_is_that_past_spheres_of_any_size():
 
 
 def test_a_wall_that_nothing_reaches_has_no_contact_time():
-    chain, run, found = impact(duration=10.0)
-    wall = wall_contact(run.t, run.v, run.contact_force, chain, found)
+    chain, run, tracks = impact(duration=10.0)
+    wall = wall_contact(run.t, run.v, run.contact_force, chain, tracks)
     assert np.isnan([wall.contact_time.seconds, wall.tau_c, wall.speed_in, wall.tof]).all()
 
 
@@ -229,13 +233,13 @@ def test_a_wall_that_nothing_reaches_has_no_contact_time():
 def test_waves_too_close_to_be_shared_out_are_not_trusted(separation, trusted):
     """A fit leaves nothing of the record and is a fifth or more wrong below half a width."""
     t = np.arange(0.0, 30.0, 0.02)
-    found, v = [], np.zeros_like(t)
+    tracks, v = [], np.zeros_like(t)
     for number, (start, size) in enumerate(((5.0, 1.0), (5.0 + separation * FWHM, 1.0)), 1):
         times = start + np.arange(8) / C
         v += size * velocity_shape(C * (t - 0.5 * (times[3] + times[4])))
         pulses = tuple(Pulse(x, i, 1.0, size, 1 / C) for i, x in enumerate(times, 1))
-        found.append(WaveTrack("incident", number, pulses))
-    named = labels(tuple(found), t, v, 5)
+        tracks.append(WaveTrack("incident", number, pulses))
+    named = labels(tuple(tracks), t, v, 5)
     assert len(named) == 2
     assert all((label.arrival.quality > 0.7) == trusted for label in named)
 
@@ -251,8 +255,8 @@ def test_a_crest_on_the_shoulder_of_another_has_no_width_of_its_own():
     n = 17
     chain = Chain(np.r_[10.0, np.ones(n - 1)], np.full(n, 0.5), np.append(np.ones(n - 1), 2**0.5))
     run = march(chain, rigid_wall(), np.eye(n)[0], duration=20.0, dt=0.03, n_save=2000)
-    found = wave_tracks(run.t, run.v, run.contact_force, chain.mass, chain.A)
-    widths = [label.arrival.width for label in labels(found, run.t, run.v[:, 3], 4)]
+    tracks = wave_tracks(run.t, run.v, run.contact_force, chain.mass, chain.A)
+    widths = [label.arrival.width for label in labels(tracks, run.t, run.v[:, 3], 4)]
     assert np.isnan(widths).any() and np.nanmax(widths) < 4 * np.nanmin(widths)
 
 
@@ -263,7 +267,7 @@ def test_force_and_velocity_of_a_wave_belong_together():
     assert solitary.speed(-1.0, 1.0, 1.0) == -0.90747
 
 
-def test_a_wave_between_two_samples_is_told_by_its_fit():
+def test_a_wave_between_two_samples_is_measured_by_its_fit():
     """A quick wave beside a slow one, as unlike spheres have them: none of its width is sampled."""
     t = 60e-6 * np.arange(21)
     slow = WaveTrack(
@@ -273,9 +277,9 @@ def test_a_wave_between_two_samples_is_told_by_its_fit():
         "incident", 2, (Pulse(626e-6, 5, 9.0, 0.2, 5e-6), Pulse(631e-6, 6, 9.0, 0.2, 5e-6))
     )
     v = 0.2 / np.cosh((t - 440e-6) / 9e-5) ** 2
-    found = labels((slow, quick), t, v, 6)
-    assert [label.number for label in found] == [1, 2]
-    assert all(np.isfinite(label.arrival.time) for label in found)
+    waves = labels((slow, quick), t, v, 6)
+    assert [label.number for label in waves] == [1, 2]
+    assert all(np.isfinite(label.arrival.time) for label in waves)
 
 
 def test_passages_of_many_records_are_those_of_each():
@@ -284,12 +288,12 @@ def test_passages_of_many_records_are_those_of_each():
     v = np.array([np.convolve(rng.normal(size=430), np.hanning(31), "valid") for _ in range(200)])
     v[3], v[4] = 0.0, np.abs(v[4])
     missing = 0
-    for record, found in zip(v, passages(t, v), strict=True):
-        one = passage(t, record)
-        missing += one is None
-        if one is None:
-            assert np.isnan(found[2:]).all()
+    for record, fast in zip(v, passages(t, v), strict=True):
+        pair = passage(t, record)
+        missing += pair is None
+        if pair is None:
+            assert np.isnan(fast[2:]).all()
         else:
-            expected = [*one.incident[:2], *one.reflected[:2]]
-            assert found == pytest.approx(expected, rel=1e-12, abs=0.0)
+            expected = [*pair.incident[:2], *pair.reflected[:2]]
+            assert fast == pytest.approx(expected, rel=1e-12, abs=0.0)
     assert missing == 2

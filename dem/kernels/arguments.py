@@ -1,4 +1,8 @@
-"""What the marches take: the state that they change, the parts of a chain, where saves go."""
+"""What the marches take: the state that they change, the arrays of a chain, where saves go.
+
+A drift or a part of a step is one of a scheme's fractions of the step; its exact propagators are
+computed once a march, for each of the n_fractions.
+"""
 
 from typing import NamedTuple
 
@@ -14,23 +18,23 @@ IN_CONTACTS, IN_WALL, IN_GUIDES = range(3)  # of Motion.ledger
 class Motion(NamedTuple):
     """The moving state, changed in place."""
 
-    x: Array  # (n,)
-    v: Array  # (n,)
-    f: Array  # (n + 1,) contact forces: f[0] = 0 before the first sphere, f[n] at the wall
+    x: Array  # (n,) [m]
+    v: Array  # (n,) [m/s]
+    f: Array  # (n + 1,) [N] contact forces: f[0] = 0 before the first sphere, f[n] at the wall
     wall: Array  # (4,) u_w = phi q, v_w = phi p, way of the dashpot, work on the modes
-    ledger: Array  # (3,) energy lost in the contacts, in the dashpot and in the guides
+    ledger: Array  # (3,) [J] energy lost in the contacts, in the dashpot and in the guides
 
 
-class Modes(NamedTuple):
-    """A wall's modes, (k,) each, and how they move in each part of a step."""
+class WallModes(NamedTuple):
+    """A wall's modes q'' + 2 zeta omega q' + omega^2 q = phi F, (k,) each; q, p from rest."""
 
-    q: Array
-    p: Array
-    phi: Array
-    omega: Array
+    q: Array  # [kg^1/2 m]
+    p: Array  # dq/dt
+    phi: Array  # [kg^-1/2]
+    omega: Array  # [rad/s]
     static: Array  # displacement at rest
-    propagator: Array  # (n_parts, 4, k) rows qq, qp, pq, pp
-    step_response: Array | None  # (n_parts, k) displacement under unit force, implicit only
+    propagator: Array  # (n_fractions, 4, k) rows qq, qp, pq, pp
+    step_response: Array | None  # (n_fractions, k) displacement under unit force, implicit only
     square: float  # phi phi, velocity of the wall after unit impulse
     rest_force: float  # [N] at the wall
 
@@ -38,18 +42,18 @@ class Modes(NamedTuple):
 class LeafSprings(NamedTuple):
     """Springs of the spheres to the ground, (n,) each."""
 
-    stiffness: Array
-    anchor: Array
-    rest: Array  # position in the static state
-    propagator: Array  # (n_parts, 3, n) rows qq = pp, qp, pq
-    step_response: Array | None  # (n_parts, n), implicit only
+    stiffness: Array  # [N/m]
+    anchor: Array  # [m]
+    rest: Array  # [m] position in the static state
+    propagator: Array  # (n_fractions, 3, n) rows qq = pp, qp, pq
+    step_response: Array | None  # (n_fractions, n), implicit only
 
 
 class Damping(NamedTuple):
     """A damping law of the contacts, (n_contacts,) each."""
 
-    gamma: Array
-    law: int
+    gamma: Array  # [N s/m], or [s/m] of Hunt and Crossley's law
+    law: int  # see `laws`
     inverse_mass: Array  # of both bodies at a contact
 
 
@@ -59,32 +63,32 @@ class Plastic(NamedTuple):
     limit: Array  # overlap where they yield
     top: Array  # largest overlap so far, or the limit
     coefficient: Array  # of the flattened surface
-    crater: Array
+    crater: Array  # overlap that stays when the force is gone
 
 
 class Correction(NamedTuple):
     """A scheme as a quadrature: what its end correction is made of, see `events`."""
 
-    weights: Array
-    nodes: Array
+    weights: Array  # b of the kicks
+    nodes: Array  # c, where in the step they are
     tail: Array  # (3, m)
 
 
-class Parts(NamedTuple):
-    """A chain and its wall; absent parts are None."""
+class ChainArrays(NamedTuple):
+    """A chain and its wall as a march reads them; what a chain lacks is None."""
 
-    mass: Array
-    inverse_mass: Array
-    A: Array
+    mass: Array  # (n,)
+    inverse_mass: Array  # (n,)
+    A: Array  # (n_contacts,)
     preload: float
     weight: Array | None  # (n,) [N]
     friction: Array | None  # (n,) [N]
     offset: float  # [m] of the wall at rest
-    load: Array | None  # what holds every sphere against its contacts at rest
+    load: Array | None  # (n,) [N] balances the contact forces at rest
     leaf: LeafSprings | None
-    residual: float | None
-    mobility: float | None
-    modes: Modes | None
+    residual: float | None  # [m/N]
+    mobility: float | None  # [m/(N s)]
+    modes: WallModes | None
     damping: Damping | None
     plastic: Plastic | None
     bare: tuple | None  # () without load, leaf springs, damping, yield and friction
@@ -95,15 +99,15 @@ class Steps(NamedTuple):
 
     h: float  # [s]
     n_save: int
-    stride: int
+    stride: int  # steps from save to save
 
 
 class Saved(NamedTuple):
-    """States, forces and energies at every save."""
+    """States, forces and energies at every save, k of them."""
 
-    x: Array
-    v: Array
-    force: Array
+    x: Array  # (k, n)
+    v: Array  # (k, n)
+    force: Array  # (k, n_contacts)
     wall: Array  # (k, 2) displacement, velocity
     energy: Array  # (k, 11) in the order of Trajectory
     modes: Array  # (k, n_modes) q of the modes; (k, 0) saves none

@@ -18,24 +18,24 @@ from dem.kernels.arguments import (
     IN_WALL,
     WORK,
     Array,
-    Modes,
+    ChainArrays,
     Motion,
-    Parts,
     Saved,
     U,
     V,
+    WallModes,
 )
 from dem.kernels.compiled import fastmath_entry, fastmath_inline, fastmath_march
-from dem.kernels.ends import CONTACTS, DASHPOT, GUIDES, WALL, Bodies, Ends, Gaps
+from dem.kernels.ends import CONTACTS, DASHPOT, GUIDES, WALL, ChainAndWall, Ends, Gaps
 from dem.kernels.events import crossing
 from dem.kernels.ledger import save
 from dem.kernels.modes import modal_energy
 
-NEAR = 0.7  # of a step, from where a contact that touched before still bends it
+NEAR = 0.7  # of a step: a contact that closed no longer ago still bends the next step's motion
 
 
 class Between(NamedTuple):
-    """Bodies at the samples; modes (k, n_modes) from their static state."""
+    """Spheres at k samples; modes (k, n_modes) from their static state."""
 
     x: Array  # (k, n)
     v: Array
@@ -71,13 +71,15 @@ def early_slopes(s: float) -> tuple[float, float, float, float]:
 
 
 @fastmath_inline
-def mixed(i: int, b: int, h: float, one: tuple, two: tuple, sign: float, ends: Ends) -> float:
-    """Body b in step i with weights of the start, and mirrored ones of the end."""
+def mixed(
+    i: int, b: int, h: float, weights: tuple, mirrored: tuple, sign: float, ends: Ends
+) -> float:
+    """Body b in step i with the weights of the step's start, and mirrored ones of its end."""
     x, v, a, j = ends
-    even = one[0] * x[i, b] + sign * two[0] * x[i + 1, b]
-    even += h * h * (one[2] * a[i, b] + sign * two[2] * a[i + 1, b])
-    odd = h * (one[1] * v[i, b] - sign * two[1] * v[i + 1, b])
-    return even + odd + h * h * h * (one[3] * j[i, b] - sign * two[3] * j[i + 1, b])
+    even = weights[0] * x[i, b] + sign * mirrored[0] * x[i + 1, b]
+    even += h * h * (weights[2] * a[i, b] + sign * mirrored[2] * a[i + 1, b])
+    odd = h * (weights[1] * v[i, b] - sign * mirrored[1] * v[i + 1, b])
+    return even + odd + h * h * h * (weights[3] * j[i, b] - sign * mirrored[3] * j[i + 1, b])
 
 
 @fastmath_entry
@@ -87,15 +89,15 @@ def fill_between(ends: Ends, h: float, x: Array, v: Array) -> None:
     for k in range(samples + 1):
         i = min(k * steps // samples, steps - 1)
         s = (k * steps - i * samples) / samples
-        place, mirrored = early(s), early(1.0 - s)
+        weights, mirrored = early(s), early(1.0 - s)
         slope, mirrored_slope = early_slopes(s), early_slopes(1.0 - s)
         for b in range(x.shape[1]):
-            x[k, b] = mixed(i, b, h, place, mirrored, 1.0, ends)
+            x[k, b] = mixed(i, b, h, weights, mirrored, 1.0, ends)
             v[k, b] = mixed(i, b, h, slope, mirrored_slope, -1.0, ends) / h
 
 
 class Touch(NamedTuple):
-    """Where in a step a contact begins to push, and how: all in shares of the step."""
+    """Where in a step a contact begins to push, and how its overlap grows; time in steps."""
 
     at: float  # below 0 if it began in the step before; counted from the end if the contact opens
     slope: float  # of the overlap there, away from touching; 0 where there is none
@@ -106,15 +108,15 @@ class Touch(NamedTuple):
 def unfollowed(z: float, at: float, bend: float) -> tuple[float, float]:
     """What u, u'' = tau^(3/2) + bend tau^(5/2) with tau = z - at > 0, differs at z in (0, 1) from
     the polynomial that agrees with it at both ends, and the derivative of that."""
-    one, two = risen(max(-at, 0.0), bend), risen(1.0 - at, bend)
+    u0, u1 = risen(max(-at, 0.0), bend), risen(1.0 - at, bend)
     w, d = early(z), early_slopes(z)
-    value = -(w[0] * one[0] + w[1] * one[1] + w[2] * one[2] + w[3] * one[3])
-    slope = -(d[0] * one[0] + d[1] * one[1] + d[2] * one[2] + d[3] * one[3])
+    value = -(w[0] * u0[0] + w[1] * u0[1] + w[2] * u0[2] + w[3] * u0[3])
+    slope = -(d[0] * u0[0] + d[1] * u0[1] + d[2] * u0[2] + d[3] * u0[3])
     w, d = early(1.0 - z), early_slopes(1.0 - z)
-    value -= w[0] * two[0] - w[1] * two[1] + w[2] * two[2] - w[3] * two[3]
-    slope += d[0] * two[0] - d[1] * two[1] + d[2] * two[2] - d[3] * two[3]
-    here = risen(max(z - at, 0.0), bend)
-    return value + here[0], slope + here[1]
+    value -= w[0] * u1[0] - w[1] * u1[1] + w[2] * u1[2] - w[3] * u1[3]
+    slope += d[0] * u1[0] - d[1] * u1[1] + d[2] * u1[2] - d[3] * u1[3]
+    u = risen(max(z - at, 0.0), bend)
+    return value + u[0], slope + u[1]
 
 
 @fastmath_inline
@@ -150,7 +152,7 @@ def touch(h: float, i: int, k: int, c: int, gaps: Gaps) -> Touch:
 
 
 @fastmath_inline
-def move(k: int, c: int, dx: float, dv: float, bodies: Bodies, moved: Between) -> None:
+def move(k: int, c: int, dx: float, dv: float, bodies: ChainAndWall, moved: Between) -> None:
     """The bodies of contact c at the k-th sample, by an impulse."""
     x, v, q, p, _ = moved
     inverse_mass, phi = bodies.inverse_mass, bodies.phi
@@ -166,15 +168,16 @@ def move(k: int, c: int, dx: float, dv: float, bodies: Bodies, moved: Between) -
 
 
 @fastmath_entry
-def mend_events(gaps: Gaps, h: float, bodies: Bodies, moved: Between) -> None:
-    """Put what contacts that open or close move in the place of its polynomial, of the spheres and
-    modes in `moved`."""
+def mend_events(gaps: Gaps, h: float, bodies: ChainAndWall, moved: Between) -> None:
+    """Correct the spheres and modes in `moved` by what contacts do that open or close in a step:
+    their true motion u'' = (r tau)^(3/2) takes the place of its own polynomial."""
     steps, samples = gaps.overlap.shape[0] - 1, moved.x.shape[0] - 1
     for i in range(steps):
         for c in range(bodies.A.size):
             for closes in (True, False):
-                one, two = (i, i + 1) if closes else (i + 1, i)
-                at, slope, curvature = touch(h, one, two, c, gaps)
+                # a contact that opens is one that closes, seen back from the end of the step
+                opened, closed = (i, i + 1) if closes else (i + 1, i)
+                at, slope, curvature = touch(h, opened, closed, c, gaps)
                 if slope == 0.0:
                     continue
                 sign = 1.0 if closes else -1.0
@@ -188,8 +191,8 @@ def mend_events(gaps: Gaps, h: float, bodies: Bodies, moved: Between) -> None:
 
 
 @fastmath_inline
-def place_modes(k: int, rows: Between, wall: Array, modes: Modes | None) -> None:
-    """The modes and the wall at the k-th sample."""
+def place_modes(k: int, rows: Between, wall: Array, modes: WallModes | None) -> None:
+    """Modes and wall at the k-th sample, into those of the chain."""
     wall[U], wall[V] = 0.0, 0.0
     if modes is not None:
         for j in range(modes.q.size):
@@ -199,15 +202,17 @@ def place_modes(k: int, rows: Between, wall: Array, modes: Modes | None) -> None
 
 
 @fastmath_march
-def save_between(h: float, shown: Motion, parts: Parts, rows: Between, saved: Saved) -> None:
-    """Forces and energies at the samples; `shown` and the modes of the parts are written over."""
-    wall, ledger, slow = shown.wall, shown.ledger, rows.slow
+def save_between(
+    h: float, snapshot: Motion, chain: ChainArrays, rows: Between, saved: Saved
+) -> None:
+    """Forces and energies at the samples; `snapshot` and the chain's modes are written over."""
+    wall, ledger, slow = snapshot.wall, snapshot.ledger, rows.slow
     for k in range(rows.x.shape[0]):
-        for i in range(shown.x.size):
-            shown.x[i], shown.v[i] = rows.x[k, i], rows.v[k, i]
-        place_modes(k, rows, wall, parts.modes)
+        for i in range(snapshot.x.size):
+            snapshot.x[i], snapshot.v[i] = rows.x[k, i], rows.v[k, i]
+        place_modes(k, rows, wall, chain.modes)
         wall[DASH] = slow[k, DASHPOT]
-        wall[WORK] = modal_energy(parts.modes)[0]
+        wall[WORK] = modal_energy(chain.modes)[0]
         ledger[IN_CONTACTS], ledger[IN_WALL] = slow[k, CONTACTS], slow[k, WALL]
         ledger[IN_GUIDES] = slow[k, GUIDES]
-        save(k, h, shown, parts, saved, parts.mobility)
+        save(k, h, snapshot, chain, saved, chain.mobility)

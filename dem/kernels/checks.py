@@ -1,4 +1,4 @@
-"""What is asked of numbers and contacts before a march: one pass over arrays each."""
+"""Checks of numbers and contacts before a march: one pass over arrays each."""
 
 import math
 
@@ -8,7 +8,7 @@ from dem.kernels.compiled import ieee_entry
 
 @ieee_entry
 def first_outside(values: Array, lowest: float) -> int:
-    """Index of the first value that is not finite or below the lowest; -1 if all are well."""
+    """Index of the first value that is not finite or below the lowest; -1 if there is none."""
     for i in range(values.size):
         if not lowest <= values[i] < math.inf:
             return i

@@ -12,7 +12,7 @@ from dem.kernels.arguments import Array
 from dem.kernels.compiled import fastmath_entry, fastmath_inline
 
 
-class Place(NamedTuple):
+class StepEnd(NamedTuple):
     """Position, velocity and acceleration at an end of a step."""
 
     x: float
@@ -21,25 +21,25 @@ class Place(NamedTuple):
 
 
 @fastmath_inline
-def quintic(s: float, h: float, one: Place, two: Place) -> float:
-    """Position at the share s of a step of length h."""
+def quintic(s: float, h: float, start: StepEnd, end: StepEnd) -> float:
+    """Position at the share s, 0 to 1, of a step of length h [s]."""
     r = 1.0 - s
     cube, mirrored = s * s * s, r * r * r
     late = cube * (10.0 - s * (15.0 - 6.0 * s))
     moved = h * (
-        one.v * s * mirrored * (1.0 + 3.0 * s) - two.v * r * cube * (1.0 + 3.0 * r)
-    ) + 0.5 * h * h * (one.a * s * s * mirrored + two.a * r * r * cube)
-    return one.x + late * (two.x - one.x) + moved
+        start.v * s * mirrored * (1.0 + 3.0 * s) - end.v * r * cube * (1.0 + 3.0 * r)
+    ) + 0.5 * h * h * (start.a * s * s * mirrored + end.a * r * r * cube)
+    return start.x + late * (end.x - start.x) + moved
 
 
 @fastmath_inline
-def quintic_slope(s: float, h: float, one: Place, two: Place) -> float:
+def quintic_slope(s: float, h: float, start: StepEnd, end: StepEnd) -> float:
     """Velocity at the share s of a step of length h."""
     r = 1.0 - s
     late = 30.0 * s * s * r * r / h
-    own = r * r * (1.0 + s * (2.0 - 15.0 * s)), s * s * (1.0 + r * (2.0 - 15.0 * r))
-    pushed = h * s * r * (one.a * r * (1.0 - 2.5 * s) - two.a * s * (1.0 - 2.5 * r))
-    return late * (two.x - one.x) + own[0] * one.v + own[1] * two.v + pushed
+    w0, w1 = r * r * (1.0 + s * (2.0 - 15.0 * s)), s * s * (1.0 + r * (2.0 - 15.0 * r))
+    pushed = h * s * r * (start.a * r * (1.0 - 2.5 * s) - end.a * s * (1.0 - 2.5 * r))
+    return late * (end.x - start.x) + w0 * start.v + w1 * end.v + pushed
 
 
 @fastmath_inline
@@ -51,7 +51,7 @@ def cubic(s: float, h: float, u0: float, w0: float, u1: float, w1: float) -> flo
 
 @fastmath_inline
 def cubic_slope(s: float, h: float, u0: float, w0: float, u1: float, w1: float) -> float:
-    """Its slope there."""
+    """Slope of `cubic` there."""
     r = 1.0 - s
     return 6.0 * s * r * (u1 - u0) / h + r * (1.0 - 3.0 * s) * w0 + s * (1.0 - 3.0 * r) * w1
 
@@ -64,11 +64,9 @@ def fill_slopes(x: Array, v: Array, a: Array, h: float, out: Array) -> None:
         i = min(k * steps // samples, steps - 1)
         s = k * steps / samples - i
         for j in range(x.shape[1]):
-            one, two = (
-                Place(x[i, j], v[i, j], a[i, j]),
-                Place(x[i + 1, j], v[i + 1, j], a[i + 1, j]),
-            )
-            out[k, j] = quintic_slope(s, h, one, two)
+            start = StepEnd(x[i, j], v[i, j], a[i, j])
+            end = StepEnd(x[i + 1, j], v[i + 1, j], a[i + 1, j])
+            out[k, j] = quintic_slope(s, h, start, end)
 
 
 @fastmath_entry

@@ -12,10 +12,10 @@ import numpy as np
 from dem.kernels.arguments import Array, Saved
 from dem.kernels.compiled import fastmath_entry, fastmath_inline
 
-CONTACTS, WALL, GUIDES, DASHPOT = range(4)  # of Known.slow; the first three are energies lost
+CONTACTS, WALL, GUIDES, DASHPOT = range(4)  # of StepEnds.slow; the first three are energies lost
 
 
-class Bodies(NamedTuple):
+class ChainAndWall(NamedTuple):
     """A chain and its wall; what is absent is 0."""
 
     inverse_mass: Array  # (n,)
@@ -34,7 +34,7 @@ class Bodies(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Bodies at the ends of steps, (k, m) each."""
+    """Spheres, modes or slow quantities at the ends of steps, (k, m) each."""
 
     x: Array
     v: Array
@@ -50,8 +50,8 @@ class Gaps(NamedTuple):
     bend: Array
 
 
-class Known(NamedTuple):
-    """Everything at the ends of steps."""
+class StepEnds(NamedTuple):
+    """Everything that polynomials between the ends of steps need there."""
 
     spheres: Ends
     modes: Ends  # from their static state
@@ -60,8 +60,8 @@ class Known(NamedTuple):
     force_rate: Array  # (k, n_contacts)
 
 
-def room_for_ends(saved: Saved) -> Known:
-    """For what the ends of a march's steps are found to be."""
+def empty_step_ends(saved: Saved) -> StepEnds:
+    """Room for the derivatives at the ends of a march's steps."""
     k, n_modes = saved.speeds.shape
     shape = saved.force.shape
     x, v = saved.x, saved.v
@@ -69,25 +69,25 @@ def room_for_ends(saved: Saved) -> Known:
     slow = Ends(*np.zeros((4, k, 4)))
     gaps = Gaps(np.empty(shape), np.empty(shape), np.empty(shape))
     modes = Ends(np.empty((k, n_modes)), saved.speeds, *np.empty((2, k, n_modes)))
-    return Known(spheres, modes, slow, gaps, np.empty(shape))
+    return StepEnds(spheres, modes, slow, gaps, np.empty(shape))
 
 
 @fastmath_inline
-def accelerate(k: int, saved: Saved, bodies: Bodies, known: Known) -> float:
+def accelerate(k: int, saved: Saved, bodies: ChainAndWall, ends: StepEnds) -> float:
     """Accelerations of spheres and modes; that of the modes' wall comes out."""
     x, force, n = saved.x, saved.force, saved.x.shape[1]
     count = bodies.A.size
-    before = 0.0
+    previous = 0.0  # force between the spheres i - 1 and i
     for i in range(n):
-        behind = force[k, i] if i < count else 0.0
-        held = bodies.leaf[i] * (x[k, i] - bodies.rest[i])
-        push = before - behind + bodies.load[i] - held
-        known.spheres.a[k, i] = bodies.inverse_mass[i] * push
-        before = behind
-    modes, wall = known.modes, 0.0
+        force_behind = force[k, i] if i < count else 0.0
+        leaf_force = bodies.leaf[i] * (x[k, i] - bodies.rest[i])
+        push = previous - force_behind + bodies.load[i] - leaf_force
+        ends.spheres.a[k, i] = bodies.inverse_mass[i] * push
+        previous = force_behind
+    modes, wall = ends.modes, 0.0
     for m in range(bodies.phi.size):
         q = saved.modes[k, m] - bodies.static[m]
-        a = bodies.phi[m] * (before - bodies.rest_force) - bodies.stiffness[m] * q
+        a = bodies.phi[m] * (previous - bodies.rest_force) - bodies.stiffness[m] * q
         a -= bodies.decay[m] * saved.speeds[k, m]
         modes.x[k, m], modes.a[k, m] = q, a
         wall += bodies.phi[m] * a
@@ -95,9 +95,9 @@ def accelerate(k: int, saved: Saved, bodies: Bodies, known: Known) -> float:
 
 
 @fastmath_inline
-def approach(k: int, wall_a: float, saved: Saved, bodies: Bodies, known: Known) -> None:
+def approach(k: int, wall_a: float, saved: Saved, bodies: ChainAndWall, ends: StepEnds) -> None:
     """Overlaps with their derivatives, the rates of the forces, and what the dampers take."""
-    x, v, a, n = saved.x, saved.v, known.spheres.a, saved.x.shape[1]
+    x, v, a, n = saved.x, saved.v, ends.spheres.a, saved.x.shape[1]
     power, rate = 0.0, 0.0
     for i in range(bodies.A.size):
         inner = i < n - 1
@@ -112,31 +112,31 @@ def approach(k: int, wall_a: float, saved: Saved, bodies: Bodies, known: Known) 
         elastic, elastic_rate = A * d * root, stiffness * w
         share = 1.0 + gamma * w
         if share > 0.0:
-            known.force_rate[k, i] = elastic_rate * share + gamma * elastic * bend
+            ends.force_rate[k, i] = elastic_rate * share + gamma * elastic * bend
             power += gamma * elastic * w * w
             rate += gamma * w * (2.0 * bend * elastic + w * elastic_rate)
         else:  # the damper takes all of the force
-            known.force_rate[k, i] = 0.0
+            ends.force_rate[k, i] = 0.0
             power -= elastic * w
             rate -= elastic_rate * w + elastic * bend
-        known.gaps.overlap[k, i], known.gaps.rate[k, i], known.gaps.bend[k, i] = gap, w, bend
-    known.slow.v[k, CONTACTS], known.slow.a[k, CONTACTS] = power, rate
+        ends.gaps.overlap[k, i], ends.gaps.rate[k, i], ends.gaps.bend[k, i] = gap, w, bend
+    ends.slow.v[k, CONTACTS], ends.slow.a[k, CONTACTS] = power, rate
 
 
 @fastmath_inline
-def jerk(k: int, saved: Saved, bodies: Bodies, known: Known) -> None:
+def jerk(k: int, saved: Saved, bodies: ChainAndWall, ends: StepEnds) -> None:
     """Rates of the accelerations of spheres and modes; what the wall takes."""
-    slow, count, modes = known.slow, bodies.A.size, known.modes
-    before = 0.0
+    slow, count, modes = ends.slow, bodies.A.size, ends.modes
+    previous = 0.0  # rate of the force between the spheres i - 1 and i
     for i in range(saved.x.shape[1]):
-        behind = known.force_rate[k, i] if i < count else 0.0
-        push = before - behind - bodies.leaf[i] * saved.v[k, i]
-        known.spheres.j[k, i] = bodies.inverse_mass[i] * push
-        before = behind
+        rate_behind = ends.force_rate[k, i] if i < count else 0.0
+        push = previous - rate_behind - bodies.leaf[i] * saved.v[k, i]
+        ends.spheres.j[k, i] = bodies.inverse_mass[i] * push
+        previous = rate_behind
     u, power, rate = 0.0, 0.0, 0.0
     for m in range(bodies.phi.size):
         p, a, decay = saved.speeds[k, m], modes.a[k, m], bodies.decay[m]
-        modes.j[k, m] = bodies.phi[m] * before - decay * a - bodies.stiffness[m] * p
+        modes.j[k, m] = bodies.phi[m] * previous - decay * a - bodies.stiffness[m] * p
         u += bodies.phi[m] * saved.modes[k, m]
         power += decay * p * p
         rate += 2.0 * decay * p * a
@@ -144,23 +144,23 @@ def jerk(k: int, saved: Saved, bodies: Bodies, known: Known) -> None:
         force = saved.force[k, count - 1]
         slow.x[k, DASHPOT] = saved.wall[k, 0] - u
         slow.v[k, DASHPOT] = bodies.mobility * force
-        slow.a[k, DASHPOT] = bodies.mobility * before
+        slow.a[k, DASHPOT] = bodies.mobility * previous
         power += bodies.mobility * force * force
-        rate += 2.0 * bodies.mobility * force * before
+        rate += 2.0 * bodies.mobility * force * previous
     slow.v[k, WALL], slow.a[k, WALL] = power, rate
 
 
 @fastmath_entry
-def fill_ends(saved: Saved, bodies: Bodies, h: float, known: Known) -> None:
-    """What is known at the ends of steps h, into `known`."""
-    slow, steps = known.slow, saved.x.shape[0] - 1
+def fill_ends(saved: Saved, bodies: ChainAndWall, h: float, ends: StepEnds) -> None:
+    """Derivatives at the ends of steps h, from what a march has saved there, into `ends`."""
+    slow, steps = ends.slow, saved.x.shape[0] - 1
     for k in range(steps + 1):
-        wall_a = accelerate(k, saved, bodies, known)
-        approach(k, wall_a, saved, bodies, known)
-        jerk(k, saved, bodies, known)
+        wall_a = accelerate(k, saved, bodies, ends)
+        approach(k, wall_a, saved, bodies, ends)
+        jerk(k, saved, bodies, ends)
         for i in range(3):
             slow.x[k, i] = saved.energy[k, 5 + i]
     for k in range(steps + 1):
-        one, two = max(k - 1, 0), min(k + 1, steps)
+        first, last = max(k - 1, 0), min(k + 1, steps)
         for i in range(4):
-            slow.j[k, i] = (slow.a[two, i] - slow.a[one, i]) / ((two - one) * h)
+            slow.j[k, i] = (slow.a[last, i] - slow.a[first, i]) / ((last - first) * h)

@@ -1,4 +1,9 @@
-"""Damped Newton for the static state of a chain under steady forces and leaf springs."""
+"""Damped Newton for the static state of a chain under steady forces and leaf springs.
+
+    r_i(x) = f_{i-1} - f_i - k_i (x_i - a_i) + steady_i = 0,      K dx = r,   K tridiagonal
+
+with contact forces f, leaf springs k to anchors a, and steady forces.
+"""
 
 import math
 from typing import NamedTuple
@@ -9,7 +14,7 @@ from dem.kernels.arguments import Array
 from dem.kernels.compiled import ieee, ieee_allocating_march, ieee_entry
 from dem.kernels.laws import hertz_force, hertz_indentation
 
-BEYOND = 0.25  # of the first slope of the energy that may be met beyond its least
+BEYOND = 0.25  # of the energy's slope at a step's start, that it may rise with at its end
 
 
 class Bearing(NamedTuple):
@@ -71,6 +76,7 @@ def newton_step(
 
 @ieee
 def dot(a: Array, b: Array) -> float:
+    """sum a b."""
     total = 0.0
     for i in range(a.size):
         total += a[i] * b[i]

@@ -13,10 +13,10 @@ from dem.kernels.arguments import (
     DASH,
     IN_CONTACTS,
     Array,
+    ChainArrays,
     Correction,
     Damping,
     Motion,
-    Parts,
     Plastic,
     U,
     V,
@@ -41,17 +41,20 @@ def zeta_sums(theta: float, correction: Correction) -> tuple[float, float, float
     for i in range(b.size):
         s = max(c[i] - theta, 0.0)
         e = max(c[i] - theta + 1.0, 0.0)
-        near = b[i] * s * math.sqrt(s)
-        far = b[i] * e * math.sqrt(e)
-        s3 += near + far
-        s5 += near * s + far * e
-        s7 += near * s * s + far * e * e
+        this_step = b[i] * s * math.sqrt(s)
+        next_step = b[i] * e * math.sqrt(e)
+        s3 += this_step + next_step
+        s5 += this_step * s + next_step * e
+        s7 += this_step * s * s + next_step * e * e
     return s3, s5, s7
 
 
 @ieee
 def crossing(g0: float, r0: float, g1: float, r1: float) -> tuple[float, float, float]:
-    """Zero in (0, 1) of the cubic with values g and slopes r at the ends, slope and curvature."""
+    """Zero in (0, 1) of the cubic with values g and slopes r at the ends; slope, curvature there.
+
+    Newton's method within a bracket that is halved where a step would leave it.
+    """
     c2 = 3.0 * (g1 - g0) - 2.0 * r0 - r1
     c3 = 2.0 * (g0 - g1) + r0 + r1
     if g0 == 0.0:
@@ -79,7 +82,10 @@ def missed_impulse(
     A: float, dt: float, g0: float, r0: float, g1: float, r1: float, correction: Correction
 ) -> tuple[float, float, float]:
     """Impulse and displacement-times-mass that the scheme misses at a contact whose overlap went
-    from g0 to g1 with rates r0, r1; also the rate at the crossing."""
+    from g0 to g1 with rates r0, r1; also the rate at the crossing.
+
+    The force near the crossing is A (r tau)^(3/2) (1 + bend tau): each power has its zeta sum.
+    """
     theta, slope, curvature = crossing(g0, dt * r0, g1, dt * r1)
     if (slope > 0.0) != (g1 > 0.0) or slope == 0.0:
         return 0.0, 0.0, 0.0
@@ -100,10 +106,10 @@ def missed_impulse(
 
 @fastmath_inline
 def crossed(
-    motion: Motion, before: Motion, A: Array, offset: float, plastic: Plastic | None
+    motion: Motion, start: Motion, A: Array, offset: float, plastic: Plastic | None
 ) -> bool:
-    """Did any contact open or close?"""
-    x, x_old = motion.x, before.x
+    """Did any contact open or close in the last step?"""
+    x, x_old = motion.x, start.x
     n = x.size
     count = 0
     for i in range(n - 1):
@@ -111,7 +117,7 @@ def crossed(
         count += (x[i] - x[i + 1] > crater) != (x_old[i] - x_old[i + 1] > crater)
     if A.size == n:
         crater = 0.0 if plastic is None else plastic.crater[n - 1]
-        was = x_old[n - 1] - before.wall[U] - before.wall[DASH] - offset
+        was = x_old[n - 1] - start.wall[U] - start.wall[DASH] - offset
         now = x[n - 1] - motion.wall[U] - motion.wall[DASH] - offset
         count += (was > crater) != (now > crater)
     return count > 0
@@ -128,16 +134,16 @@ def overlap(i: int, motion: Motion, offset: float) -> tuple[float, float]:
 
 @ieee
 def correct_events(
-    dt: float, motion: Motion, before: Motion, parts: Parts, correction: Correction,
+    dt: float, motion: Motion, start: Motion, chain: ChainArrays, correction: Correction,
     damping: Damping | None, plastic: Plastic | None,
 ) -> None:  # fmt: skip
     """Add what the scheme missed at the contacts that opened or closed in the last step."""
-    x, v, minv = motion.x, motion.v, parts.inverse_mass
+    x, v, minv = motion.x, motion.v, chain.inverse_mass
     n = x.size
-    for i in range(parts.A.size):
-        g0, r0 = overlap(i, before, parts.offset)
-        g1, r1 = overlap(i, motion, parts.offset)
-        coefficient = parts.A[i]
+    for i in range(chain.A.size):
+        g0, r0 = overlap(i, start, chain.offset)
+        g1, r1 = overlap(i, motion, chain.offset)
+        coefficient = chain.A[i]
         if plastic is not None:
             g0 -= plastic.crater[i]
             g1 -= plastic.crater[i]
@@ -156,8 +162,8 @@ def correct_events(
             v[i + 1] += minv[i + 1] * impulse
             x[i + 1] += minv[i + 1] * shift
         else:
-            push_modes(impulse, motion.wall, parts.modes)
-            shift_modes(shift, motion.wall, parts.modes)
+            push_modes(impulse, motion.wall, chain.modes)
+            shift_modes(shift, motion.wall, chain.modes)
 
 
 @ieee
@@ -175,7 +181,7 @@ def peak(dt: float, g0: float, r0: float, g1: float, r1: float) -> float:
 
 @ieee
 def yield_contacts(
-    dt: float, motion: Motion, before: Motion, parts: Parts, plastic: Plastic | None
+    dt: float, motion: Motion, start: Motion, chain: ChainArrays, plastic: Plastic | None
 ) -> bool:
     """Deepen the craters of contacts that were pressed further than ever in the last step.
 
@@ -184,16 +190,16 @@ def yield_contacts(
     if plastic is None:
         return False
     deeper = False
-    for i in range(parts.A.size):
-        g0, r0 = overlap(i, before, parts.offset)
-        g1, r1 = overlap(i, motion, parts.offset)
+    for i in range(chain.A.size):
+        g0, r0 = overlap(i, start, chain.offset)
+        g1, r1 = overlap(i, motion, chain.offset)
         top = peak(dt, g0, r0, g1, r1)
         if i == motion.x.size - 1:
-            top = plastic_indentation(top, parts.A, parts.residual, plastic)
+            top = plastic_indentation(top, chain.A, chain.residual, plastic)
         if top > plastic.top[i]:
-            lost = plastic_loss(plastic.limit[i], plastic.top[i], parts.A[i])[0]
+            lost = plastic_loss(plastic.limit[i], plastic.top[i], chain.A[i])[0]
             now, plastic.coefficient[i], plastic.crater[i] = plastic_loss(
-                plastic.limit[i], top, parts.A[i]
+                plastic.limit[i], top, chain.A[i]
             )
             plastic.top[i] = top
             motion.ledger[IN_CONTACTS] += now - lost

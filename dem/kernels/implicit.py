@@ -1,8 +1,12 @@
-"""Implicit march: in each part of a step every contact acts with its mean force.
+"""Implicit march: in each part h = b_s dt of a step every contact acts with its mean force.
 
 Spheres and modes answer a constant force exactly, so energy is kept to rounding (discrete gradient
-of O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449, contact by contact). Body i goes to
-free[i] + compliance[i] * (mean force on it); the last one is the wall.
+of O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449, contact by contact):
+
+    x_i = free_i + compliance_i (F_{i-1} - F_i + load_i),   F_i = (U(d_1) - U(d_0)) / (d_1 - d_0)
+
+with the potential U of a contact and its overlaps d_0, d_1 at both ends; the last body is the wall.
+Newton's method solves for the positions, in O(n) as its tangent is tridiagonal.
 """
 
 import math
@@ -16,15 +20,15 @@ from dem.kernels.arguments import (
     IN_WALL,
     WORK,
     Array,
+    ChainArrays,
     Damping,
     LeafSprings,
-    Modes,
     Motion,
-    Parts,
     Saved,
     Steps,
     U,
     V,
+    WallModes,
 )
 from dem.kernels.compiled import ieee, ieee_inline, ieee_march
 from dem.kernels.laws import (
@@ -38,16 +42,16 @@ from dem.kernels.laws import (
 )
 from dem.kernels.ledger import save
 
-LEAD = 55.0  # that leaves exp(-4) of z = 4
+LEAD = 55.0  # in `lead`: a damper of z = 4 leaves exp(-4) of the velocity
 FREELY = 0.75  # of the way of a free body: what springs hold more is not led, see `lead`
 
 
-class Bodies(NamedTuple):
+class StepStates(NamedTuple):
     """Spheres and the wall over a part of a step, (n + 1,) each."""
 
-    before: Array  # position
-    after: Array  # the one sought
-    free: Array  # where it goes without contact
+    start: Array  # [m] position at the start
+    end: Array  # and the one sought
+    free: Array  # [m] where it goes without contact
     compliance: Array  # [m/N] what a mean force adds
     speed: Array  # at the start
 
@@ -74,7 +78,219 @@ class Passage(NamedTuple):
     compliance: float  # of both bodies
 
 
-# --- mean forces -------------------------------------------------------------------------------
+def workspace(n: int, n_contacts: int) -> tuple[StepStates, Newton]:
+    """Room for a part of a step of a chain of n spheres."""
+    newton = Newton(np.empty(n_contacts), *np.zeros((5, n + 1)))
+    return StepStates(*np.empty((5, n + 1))), newton
+
+
+@ieee_march
+def march_implicit(
+    motion: Motion, snapshot: Motion, chain: ChainArrays, states: StepStates, newton: Newton,
+    b: Array, steps: Steps, saved: Saved,
+) -> int:  # fmt: skip
+    """As `explicit.march`, by steps of the parts b[s] dt."""
+    dt, n_save, stride = steps
+    f, wall, ledger = motion.f, motion.wall, motion.ledger
+    last = f.size - 1
+    for k in range(n_save + 1):
+        for _step in range(stride if k > 0 else 0):
+            for s in range(b.size):
+                h = b[s] * dt
+
+                # x_i = free_i + compliance_i (mean force), solved for positions and mean forces
+                predict_spheres(s, h, motion, chain.mass, chain.leaf, states)
+                predict_wall(s, h, wall, chain.offset, chain.mobility, chain.modes, states)
+                implicit_step(h, f, chain, states, newton)
+
+                # velocities and modes that these mean forces leave, and what the dampers take
+                ledger[IN_CONTACTS] += damping_work(states, f, newton.elastic)
+                update_spheres(s, h, motion, chain, chain.load, chain.leaf, states)
+                update_modes(s, f[last], wall, chain.modes)
+                update_dashpot(h, f[last], wall, ledger, chain.mobility)
+        if not save(k, dt, snapshot, chain, saved, chain.mobility):
+            return k
+    return n_save
+
+
+# --- where bodies go without contact -------------------------------------------------------------
+
+
+@ieee_inline
+def predict_spheres(
+    s: int, h: float, motion: Motion, mass: Array, leaf: LeafSprings | None, states: StepStates
+) -> None:
+    """Where spheres go in the s-th part of a step without contact, and what a force adds."""
+    x, v = motion.x, motion.v
+    for i in range(x.size):
+        states.start[i] = x[i]
+        states.speed[i] = v[i]
+        if leaf is None:
+            states.free[i] = x[i] + h * v[i]
+            states.compliance[i] = 0.5 * h * h / mass[i]
+        else:
+            rest, swing = leaf.rest, leaf.propagator
+            states.free[i] = rest[i] + swing[s, 0, i] * (x[i] - rest[i]) + swing[s, 1, i] * v[i]
+            states.compliance[i] = leaf.step_response[s, i] / mass[i]
+
+
+@ieee_inline
+def predict_wall(
+    s: int, h: float, wall: Array, offset: float, mobility: float | None, modes: WallModes | None,
+    states: StepStates,
+) -> None:  # fmt: skip
+    """Where the wall goes without contact, and what a force adds."""
+    free, compliance = states.free, states.compliance
+    n = free.size - 1
+    states.start[n] = wall[U] + wall[DASH] + offset
+    states.speed[n] = wall[V]
+    free[n], compliance[n] = states.start[n], 0.0
+    if modes is not None:
+        q, p, phi, E, response = (
+            modes.q, modes.p, modes.phi, modes.propagator, modes.step_response,
+        )  # fmt: skip
+        free[n] -= wall[U]
+        for j in range(q.size):
+            q_free = E[s, 0, j] * q[j] + E[s, 1, j] * p[j]
+            free[n] += phi[j] * (q_free - response[s, j] * phi[j] * modes.rest_force)
+            compliance[n] += phi[j] ** 2 * response[s, j]
+    if mobility is not None:
+        compliance[n] += mobility * h
+
+
+# --- mean contact forces by Newton's method, in O(n) ---------------------------------------------
+
+
+@ieee_inline
+def implicit_step(
+    dt: float, f: Array, chain: ChainArrays, states: StepStates, newton: Newton
+) -> None:
+    """Positions at the end that the mean contact forces lead to, by Newton's method; a step that
+    leaves more residual than before is halved."""
+    x0, x1, free, compliance, _ = states
+    r, change = newton.residual, newton.change
+    for i in range(x1.size):
+        x1[i] = free[i]
+    norm = math.inf
+    share = 1.0
+    for _ in range(200):
+        new_norm = imbalance(
+            dt, f, chain, chain.load, chain.residual, chain.damping, states, newton
+        )
+        if new_norm >= norm and share > 1e-9:
+            share *= 0.5
+            for i in range(x1.size):
+                x1[i] -= share * change[i]
+            rounding = max(1e-15 * largest(x1, x0), 1e-16 * largest(x1, None))
+            if share * largest(change, None) > rounding:
+                continue
+            break
+        if new_norm == 0.0 or share <= 1e-9:
+            break
+        norm = new_norm
+        share = 1.0
+        newton_change(compliance, newton)
+        for i in range(x1.size):
+            change[i] = r[i]
+            x1[i] += r[i]
+
+
+@ieee_inline
+def imbalance(
+    dt: float, f: Array, chain: ChainArrays, load: Array | None, residual: float | None,
+    damping: Damping | None, states: StepStates, newton: Newton,
+) -> float:  # fmt: skip
+    """Fill forces, slopes and what the equations miss at the positions at the end; its square."""
+    x0, x1, free, compliance, speed = states
+    n = x0.size - 1
+    per_dt = 1.0 / dt  # a division in every contact would be half the price of the damping
+    for i in range(chain.A.size):
+        over = Passage(
+            i, i == n - 1, x0[i] - x0[i + 1], x1[i] - x1[i + 1], speed[i] - speed[i + 1],
+            compliance[i] + compliance[i + 1],
+        )  # fmt: skip
+        f[i + 1], newton.slope[i], newton.elastic[i] = mean_force(
+            over, per_dt, chain.A, residual, damping
+        )
+    square = 0.0
+    for i in range(n + 1):
+        net = f[i] - (f[i + 1] if i < n else 0.0)
+        if load is not None and i < n:
+            net += load[i]
+        newton.residual[i] = free[i] + compliance[i] * net - x1[i]
+        square += newton.residual[i] * newton.residual[i]
+    return square
+
+
+@ieee_inline
+def newton_change(compliance: Array, newton: Newton) -> None:
+    """Solve the tridiagonal, diagonally dominant tangent system for the residual, in place."""
+    slope, r, diagonal, upper = newton.slope, newton.residual, newton.diagonal, newton.upper
+    n = compliance.size - 1
+    for i in range(n + 1):
+        previous = slope[i - 1] if i > 0 else 0.0
+        diagonal[i] = 1.0 + compliance[i] * (previous + slope[i])
+        upper[i] = -compliance[i] * slope[i]
+    for i in range(1, n + 1):
+        factor = -compliance[i] * slope[i - 1] / diagonal[i - 1]
+        diagonal[i] -= factor * upper[i - 1]
+        r[i] -= factor * r[i - 1]
+    r[n] /= diagonal[n]
+    for i in range(n - 1, -1, -1):
+        r[i] = (r[i] - upper[i] * r[i + 1]) / diagonal[i]
+
+
+@ieee
+def largest(a: Array, b: Array | None) -> float:
+    """Largest |a| or |a - b|."""
+    largest_value = 0.0
+    for i in range(a.size):
+        difference = a[i] if b is None else a[i] - b[i]
+        largest_value = max(largest_value, abs(difference))
+    return largest_value
+
+
+# --- mean force of a contact ---------------------------------------------------------------------
+
+
+@ieee_inline
+def mean_force(
+    over: Passage, per_dt: float, A: Array, residual: float | None, damping: Damping | None
+) -> tuple[float, float, float]:
+    """Mean total force of a contact over the step 1 / per_dt, its slope in g1, its elastic part."""
+    i, last, g0, g1, w0, compliance = over
+    if residual is not None and last:
+        elastic, slope = mean_series(g0, g1, A[i], residual)
+    else:
+        elastic, slope = mean_hertz(g0, g1, A[i])
+    if damping is None:
+        return elastic, slope, elastic
+    gamma, law, inverse_mass = damping
+    closed, closing = 1.0, 0.0
+    strength, strengthening = gamma[i] * elastic, gamma[i] * slope
+    if law != HUNT_CROSSLEY:
+        strength, strengthening = gamma[i], 0.0
+        closed, closing = closed_share(g0, g1)
+    if residual is not None and last:
+        share, falling = spring_share(contact_stiffness(i, elastic, A, None), residual)
+        strength *= share
+        strengthening *= share * (1.0 - falling)
+    stops = 2.0 * compliance * abs(per_dt)
+    c = strength
+    if c * stops > STOPPED:
+        c, strengthening = STOPPED / stops, 0.0
+    ahead, bend = 0.0, 0.0
+    if compliance * per_dt * per_dt > FREELY * 0.5 * inverse_mass[i]:
+        stops = math.copysign(stops, per_dt)
+        ahead, bend = lead(c * stops)
+    mean = (g1 - g0) * per_dt
+    rate = mean + 2.0 * ahead * (mean - w0)
+    force = elastic + c * closed * rate
+    if law != LINEAR and force <= 0.0:
+        return 0.0, 0.0, elastic
+    growth = c * (closed * (1.0 + 2.0 * ahead) * per_dt + closing * rate)
+    growth += strengthening * (rate + 2.0 * c * stops * bend * (mean - w0))
+    return force, slope + growth, elastic
 
 
 @ieee_inline
@@ -142,183 +358,13 @@ def lead(z: float) -> tuple[float, float]:
     return 0.5 * z * square * share, 1.5 * LEAD * square * share * share
 
 
-@ieee_inline
-def mean_force(
-    over: Passage, per_dt: float, A: Array, residual: float | None, damping: Damping | None
-) -> tuple[float, float, float]:
-    """Mean total force of a contact over the step 1 / per_dt, its slope in g1, its elastic part."""
-    i, last, g0, g1, w0, compliance = over
-    if residual is not None and last:
-        elastic, slope = mean_series(g0, g1, A[i], residual)
-    else:
-        elastic, slope = mean_hertz(g0, g1, A[i])
-    if damping is None:
-        return elastic, slope, elastic
-    gamma, law, inverse_mass = damping
-    closed, closing = 1.0, 0.0
-    strength, strengthening = gamma[i] * elastic, gamma[i] * slope
-    if law != HUNT_CROSSLEY:
-        strength, strengthening = gamma[i], 0.0
-        closed, closing = closed_share(g0, g1)
-    if residual is not None and last:
-        share, falling = spring_share(contact_stiffness(i, elastic, A, None), residual)
-        strength *= share
-        strengthening *= share * (1.0 - falling)
-    stops = 2.0 * compliance * abs(per_dt)
-    c = strength
-    if c * stops > STOPPED:
-        c, strengthening = STOPPED / stops, 0.0
-    ahead, bend = 0.0, 0.0
-    if compliance * per_dt * per_dt > FREELY * 0.5 * inverse_mass[i]:
-        stops = math.copysign(stops, per_dt)
-        ahead, bend = lead(c * stops)
-    mean = (g1 - g0) * per_dt
-    rate = mean + 2.0 * ahead * (mean - w0)
-    force = elastic + c * closed * rate
-    if law != LINEAR and force <= 0.0:
-        return 0.0, 0.0, elastic
-    growth = c * (closed * (1.0 + 2.0 * ahead) * per_dt + closing * rate)
-    growth += strengthening * (rate + 2.0 * c * stops * bend * (mean - w0))
-    return force, slope + growth, elastic
-
-
-# --- Newton's method in O(n) -------------------------------------------------------------------
-
-
-@ieee
-def largest(a: Array, b: Array | None) -> float:
-    """Largest |a| or |a - b|."""
-    most = 0.0
-    for i in range(a.size):
-        difference = a[i] if b is None else a[i] - b[i]
-        most = max(most, abs(difference))
-    return most
-
-
-@ieee_inline
-def imbalance(
-    dt: float, f: Array, parts: Parts, load: Array | None, residual: float | None,
-    damping: Damping | None, bodies: Bodies, newton: Newton,
-) -> float:  # fmt: skip
-    """Fill forces, slopes and what the equations miss at the positions after; its square."""
-    x0, x1, free, compliance, speed = bodies
-    n = x0.size - 1
-    per_dt = 1.0 / dt  # a division in every contact would be half the price of the damping
-    for i in range(parts.A.size):
-        over = Passage(
-            i, i == n - 1, x0[i] - x0[i + 1], x1[i] - x1[i + 1], speed[i] - speed[i + 1],
-            compliance[i] + compliance[i + 1],
-        )  # fmt: skip
-        f[i + 1], newton.slope[i], newton.elastic[i] = mean_force(
-            over, per_dt, parts.A, residual, damping
-        )
-    square = 0.0
-    for i in range(n + 1):
-        net = f[i] - (f[i + 1] if i < n else 0.0)
-        if load is not None and i < n:
-            net += load[i]
-        newton.residual[i] = free[i] + compliance[i] * net - x1[i]
-        square += newton.residual[i] * newton.residual[i]
-    return square
-
-
-@ieee_inline
-def newton_change(compliance: Array, newton: Newton) -> None:
-    """Solve the tridiagonal, diagonally dominant tangent system for the residual, in place."""
-    slope, r, diagonal, upper = newton.slope, newton.residual, newton.diagonal, newton.upper
-    n = compliance.size - 1
-    for i in range(n + 1):
-        before = slope[i - 1] if i > 0 else 0.0
-        diagonal[i] = 1.0 + compliance[i] * (before + slope[i])
-        upper[i] = -compliance[i] * slope[i]
-    for i in range(1, n + 1):
-        factor = -compliance[i] * slope[i - 1] / diagonal[i - 1]
-        diagonal[i] -= factor * upper[i - 1]
-        r[i] -= factor * r[i - 1]
-    r[n] /= diagonal[n]
-    for i in range(n - 1, -1, -1):
-        r[i] = (r[i] - upper[i] * r[i + 1]) / diagonal[i]
-
-
-@ieee_inline
-def implicit_step(dt: float, f: Array, parts: Parts, bodies: Bodies, newton: Newton) -> None:
-    """Positions after, that the mean contact forces lead to, by Newton's method."""
-    x0, x1, free, compliance, _ = bodies
-    r, change = newton.residual, newton.change
-    for i in range(x1.size):
-        x1[i] = free[i]
-    norm = math.inf
-    share = 1.0
-    for _ in range(200):
-        new_norm = imbalance(
-            dt, f, parts, parts.load, parts.residual, parts.damping, bodies, newton
-        )
-        if new_norm >= norm and share > 1e-9:
-            share *= 0.5
-            for i in range(x1.size):
-                x1[i] -= share * change[i]
-            rounding = max(1e-15 * largest(x1, x0), 1e-16 * largest(x1, None))
-            if share * largest(change, None) > rounding:
-                continue
-            break
-        if new_norm == 0.0 or share <= 1e-9:
-            break
-        norm = new_norm
-        share = 1.0
-        newton_change(compliance, newton)
-        for i in range(x1.size):
-            change[i] = r[i]
-            x1[i] += r[i]
-
-
-# --- parts of a step ---------------------------------------------------------------------------
-
-
-@ieee_inline
-def predict_spheres(
-    s: int, h: float, motion: Motion, mass: Array, leaf: LeafSprings | None, bodies: Bodies
-) -> None:
-    """Where spheres go in the s-th part of a step without contact, and what a force adds."""
-    x, v = motion.x, motion.v
-    for i in range(x.size):
-        bodies.before[i] = x[i]
-        bodies.speed[i] = v[i]
-        if leaf is None:
-            bodies.free[i] = x[i] + h * v[i]
-            bodies.compliance[i] = 0.5 * h * h / mass[i]
-        else:
-            rest, swing = leaf.rest, leaf.propagator
-            bodies.free[i] = rest[i] + swing[s, 0, i] * (x[i] - rest[i]) + swing[s, 1, i] * v[i]
-            bodies.compliance[i] = leaf.step_response[s, i] / mass[i]
-
-
-@ieee_inline
-def predict_wall(
-    s: int, h: float, wall: Array, offset: float, mobility: float | None, modes: Modes | None,
-    bodies: Bodies,
-) -> None:  # fmt: skip
-    free, compliance = bodies.free, bodies.compliance
-    n = free.size - 1
-    bodies.before[n] = wall[U] + wall[DASH] + offset
-    bodies.speed[n] = wall[V]
-    free[n], compliance[n] = bodies.before[n], 0.0
-    if modes is not None:
-        q, p, phi, E, response = (
-            modes.q, modes.p, modes.phi, modes.propagator, modes.step_response,
-        )  # fmt: skip
-        free[n] -= wall[U]
-        for j in range(q.size):
-            there = E[s, 0, j] * q[j] + E[s, 1, j] * p[j]
-            free[n] += phi[j] * (there - response[s, j] * phi[j] * modes.rest_force)
-            compliance[n] += phi[j] ** 2 * response[s, j]
-    if mobility is not None:
-        compliance[n] += mobility * h
+# --- the end of a part of a step -----------------------------------------------------------------
 
 
 @ieee_inline
 def update_spheres(
-    s: int, h: float, motion: Motion, parts: Parts, load: Array | None, leaf: LeafSprings | None,
-    bodies: Bodies,
+    s: int, h: float, motion: Motion, chain: ChainArrays, load: Array | None,
+    leaf: LeafSprings | None, states: StepStates,
 ) -> None:  # fmt: skip
     """Positions and velocities at the end of the s-th part of a step."""
     x, v, f, _, _ = motion
@@ -327,16 +373,17 @@ def update_spheres(
         if load is not None:
             net += load[i]
         if leaf is None:
-            v[i] += h * net / parts.mass[i]
+            v[i] += h * net / chain.mass[i]
         else:
             rest, swing = leaf.rest, leaf.propagator
             swung = swing[s, 2, i] * (x[i] - rest[i]) + swing[s, 0, i] * v[i]
-            v[i] = swung + swing[s, 1, i] * net / parts.mass[i]
-        x[i] = bodies.after[i]
+            v[i] = swung + swing[s, 1, i] * net / chain.mass[i]
+        x[i] = states.end[i]
 
 
 @ieee_inline
-def update_modes(s: int, force: float, wall: Array, modes: Modes | None) -> None:
+def update_modes(s: int, force: float, wall: Array, modes: WallModes | None) -> None:
+    """Modes at the end of the s-th part of a step under a mean force at the wall."""
     if modes is None:
         return
     q, p, phi, E, response = (
@@ -346,9 +393,9 @@ def update_modes(s: int, force: float, wall: Array, modes: Modes | None) -> None
     u = 0.0
     w = 0.0
     for j in range(q.size):
-        here, speed, kick = q[j], p[j], phi[j] * net
-        q[j] = E[s, 0, j] * here + E[s, 1, j] * speed + response[s, j] * kick
-        p[j] = E[s, 2, j] * here + E[s, 3, j] * speed + E[s, 1, j] * kick
+        q_old, speed, kick = q[j], p[j], phi[j] * net
+        q[j] = E[s, 0, j] * q_old + E[s, 1, j] * speed + response[s, j] * kick
+        p[j] = E[s, 2, j] * q_old + E[s, 3, j] * speed + E[s, 1, j] * kick
         u += phi[j] * q[j]
         w += phi[j] * p[j]
     wall[WORK] += net * (u - wall[U])
@@ -359,48 +406,18 @@ def update_modes(s: int, force: float, wall: Array, modes: Modes | None) -> None
 def update_dashpot(
     h: float, force: float, wall: Array, ledger: Array, mobility: float | None
 ) -> None:
+    """Way of the dashpot, and the energy that it takes."""
     if mobility is not None:
         wall[DASH] += mobility * h * force
         ledger[IN_WALL] += mobility * h * force * force
 
 
 @ieee_inline
-def damping_work(bodies: Bodies, f: Array, elastic: Array) -> float:
+def damping_work(states: StepStates, f: Array, elastic: Array) -> float:
     """What the damping parts of the mean forces f take from the contacts."""
-    x0, x1 = bodies.before, bodies.after
+    x0, x1 = states.start, states.end
     lost = 0.0
     for i in range(elastic.size):
         change = (x1[i] - x1[i + 1]) - (x0[i] - x0[i + 1])
         lost += (f[i + 1] - elastic[i]) * change
     return lost
-
-
-def workspace(n: int, n_contacts: int) -> tuple[Bodies, Newton]:
-    """Bodies and Newton of a chain of n spheres."""
-    newton = Newton(np.empty(n_contacts), *np.zeros((5, n + 1)))
-    return Bodies(*np.empty((5, n + 1))), newton
-
-
-@ieee_march
-def march_implicit(
-    motion: Motion, shown: Motion, parts: Parts, bodies: Bodies, newton: Newton, b: Array,
-    steps: Steps, saved: Saved,
-) -> int:  # fmt: skip
-    """As `march`, by steps of the parts b[s] dt."""
-    dt, n_save, stride = steps
-    f, wall, ledger = motion.f, motion.wall, motion.ledger
-    last = f.size - 1
-    for k in range(n_save + 1):
-        for _step in range(stride if k > 0 else 0):
-            for s in range(b.size):
-                h = b[s] * dt
-                predict_spheres(s, h, motion, parts.mass, parts.leaf, bodies)
-                predict_wall(s, h, wall, parts.offset, parts.mobility, parts.modes, bodies)
-                implicit_step(h, f, parts, bodies, newton)
-                ledger[IN_CONTACTS] += damping_work(bodies, f, newton.elastic)
-                update_spheres(s, h, motion, parts, parts.load, parts.leaf, bodies)
-                update_modes(s, f[last], wall, parts.modes)
-                update_dashpot(h, f[last], wall, ledger, parts.mobility)
-        if not save(k, dt, shown, parts, saved, parts.mobility):
-            return k
-    return n_save

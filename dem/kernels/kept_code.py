@@ -42,7 +42,10 @@ class CheckedFile(IndexDataCacheFile):
             folder = Path(self._cache_path)
             if not folder.is_dir():
                 folder.mkdir(parents=True)
-                _forget_oldest(folder.parent)
+                folders = folder.parent.glob(f"{PREFIX}*")
+                oldest_first = sorted(folders, key=lambda code: code.stat().st_mtime)
+                for code in oldest_first[:-KEPT]:
+                    shutil.rmtree(code, ignore_errors=True)
             super().save(key, data)
 
     def _dump(self, obj):
@@ -70,12 +73,6 @@ def _require_whole(content: bytes) -> None:
         raise OSError("damaged")
 
 
-def _forget_oldest(place: Path) -> None:
-    folders = sorted(place.glob(f"{PREFIX}*"), key=lambda folder: folder.stat().st_mtime)
-    for folder in folders[:-KEPT]:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
 class CheckedCache(FunctionCache):
     """The code of a function, in a folder of its sources where numba would keep it."""
 
@@ -91,8 +88,8 @@ class CheckedCache(FunctionCache):
 
 def dispatcher(function: Callable, **options) -> Callable:
     """What compiles the function for the arguments that it is called with, and keeps the code."""
-    found = numba.njit(**options)(function)
-    if found is not function:  # as it is where NUMBA_DISABLE_JIT is set
+    compiled = numba.njit(**options)(function)
+    if compiled is not function:  # as it is where NUMBA_DISABLE_JIT is set
         with suppress(RuntimeError):  # no folder takes code: each start compiles anew
-            found._cache = CheckedCache(function)
-    return found
+            compiled._cache = CheckedCache(function)
+    return compiled

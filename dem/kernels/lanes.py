@@ -1,7 +1,8 @@
 """Chains side by side in the lanes of vector registers: sphere i of lane l is i * LANES + l.
 
-The wall is one more sphere without mass, moved by its modes alone. Steps do not stop at the samples
-that are kept: those lie on the polynomials of `dense`.
+The march of `explicit` with its forces, dampers and corrections, written as loops over lanes. The
+wall is one more sphere without mass, moved by its modes alone. Steps do not stop at the samples:
+those lie on the polynomials of `dense`.
 """
 
 import math
@@ -17,7 +18,7 @@ from dem.kernels.compiled import (
     fastmath_inline,
     ieee,
 )
-from dem.kernels.dense import Place, cubic, cubic_slope, quintic, quintic_slope
+from dem.kernels.dense import StepEnd, cubic, cubic_slope, quintic, quintic_slope
 from dem.kernels.events import missed_impulse
 from dem.kernels.laws import (
     HUNT_CROSSLEY,
@@ -45,8 +46,8 @@ class LaneSteps(NamedTuple):
     n_save: int
 
 
-class Held(NamedTuple):
-    """What chains at rest are held by, (n_blocks, m, LANES) each; m = 0 where nothing does."""
+class RestingForces(NamedTuple):
+    """Static states and steady forces, (n_blocks, m, LANES) each; m = 0 where nothing acts."""
 
     rest: Array  # (n) [m] of the spheres
     load: Array  # (n) [N] balances the contact forces at rest
@@ -83,7 +84,7 @@ class Blocks(NamedTuple):
     phi: Array
     omega: Array
     propagator: Array  # (n_blocks, n_drifts, 4, n_modes * LANES)
-    held: Held
+    resting: RestingForces
     swing: Array  # (n_blocks, n_drifts, 4, n * LANES) of the leaf springs; n = 0 without any
     springs: WallSprings
     dampers: Dampers
@@ -121,7 +122,7 @@ class Lanes(NamedTuple):
     phi: Array
     omega: Array
     propagator: Array  # (n_drifts, 4, n_modes * LANES)
-    held: Held  # (m LANES,) each
+    resting: RestingForces  # (m LANES,) each
     swing: Array  # (n_drifts, 4, n LANES)
     springs: WallSprings  # (LANES,) each
     damping: LaneDamping
@@ -135,6 +136,198 @@ class WallPush(NamedTuple):
     square: Array  # phi phi of each lane, velocity of the wall after unit impulse
     work: Array  # on the modes so far
     pending: Array  # impulses that the modes get before they move on
+
+
+class LaneEnds(NamedTuple):
+    """Observed spheres, the last one and the wall at an end of a step, (rows, LANES) each; the
+    last two rows are those of the last sphere and of the wall."""
+
+    x: Array
+    v: Array
+    a: Array
+
+
+@fastmath_allocating_march
+def march_lanes(
+    blocks: Blocks, a: Array, b: Array, correction: Correction | None, steps: LaneSteps,
+    observed: Array, saved: SavedLanes,
+) -> None:  # fmt: skip
+    """March LANES chains side by side, block after block, into `saved`."""
+    n_blocks, n = blocks.v0.shape[:2]
+    size, modes = n * LANES, blocks.phi.shape[1] * LANES
+    padded = size + LANES
+    for block in range(n_blocks):
+        mass = blocks.mass[block].reshape(size)
+        minv, x, v = np.zeros(padded), np.zeros(padded), np.zeros(padded)
+        minv[:size] = 1.0 / mass
+        v[:size] = blocks.v0[block].reshape(size)
+        resting = resting_of(blocks.resting, block)
+        x[: resting.rest.size] = resting.rest
+        lanes = Lanes(
+            x, v, np.zeros(padded), np.zeros(modes), np.zeros(modes), minv, mass,
+            blocks.A[block].reshape(size), blocks.phi[block].reshape(modes),
+            blocks.omega[block].reshape(modes), blocks.propagator[block], resting,
+            blocks.swing[block], springs_of(blocks.springs, block),
+            dampers_of(blocks.dampers, block),
+        )  # fmt: skip
+        if resting.wall_offset.size > 0:
+            x[size:] = resting.wall_offset
+        rows = SavedLanes(saved.v[block], saved.wall_force[block], saved.energy_error[block])
+        march_block(lanes, a, b, correction, steps, observed, rows)
+
+
+@fastmath_allocating
+def march_block(
+    lanes: Lanes, a: Array, b: Array, correction: Correction | None, steps: LaneSteps,
+    observed: Array, saved: SavedLanes,
+) -> None:  # fmt: skip
+    """March one block by the kicks and drifts of `explicit`, and sample its steps."""
+    dt, n_steps, n_save = steps
+    x_old, v_old = np.zeros_like(lanes.x), np.zeros_like(lanes.v)
+    zeros = np.zeros((5, LANES))
+    wall = WallPush(zeros[0], zeros[1], zeros[2], zeros[3], zeros[4])
+    squares_of_lanes(lanes.phi, wall.square)
+    start, energy, scale = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    shape = (observed.size + 2, LANES)
+    step_start = LaneEnds(np.zeros(shape), np.zeros(shape), np.zeros(shape))
+    step_end = LaneEnds(np.zeros(shape), np.zeros(shape), np.zeros(shape))
+    forces = np.zeros_like(lanes.f) if lanes.damping.gamma.size > 0 else lanes.f
+    stale = n_save >= 0  # a literal True would compile what takes it once more
+    stale = note_fresh(dt, stale, lanes, forces, observed, step_end)
+    energy_of_lanes(lanes, wall.work, start)
+    kinetic_energy(lanes, scale)
+    k = sample_step(-1, 0, steps, step_end, step_end, lanes, saved)
+    for step in range(n_steps):
+        due = k * n_steps <= (step + 1) * n_save
+        if due:
+            stale = note_fresh(dt, stale, lanes, forces, observed, step_start)
+        if correction is not None:
+            x_old[:], v_old[:] = lanes.x, lanes.v
+        stale = step_of_lanes(dt, stale, a, b, lanes, wall)
+        stale |= correct_step_of_lanes(dt, lanes, x_old, v_old, correction, wall)
+        if not due:
+            continue
+        stale = note_fresh(dt, stale, lanes, forces, observed, step_end)
+        k = sample_step(step, k, steps, step_start, step_end, lanes, saved)
+        energy_of_lanes(lanes, wall.work, energy)
+        note_energy(energy, start, scale, saved.energy_error)
+
+
+@fastmath_inline
+def note_fresh(
+    dt: float, stale: bool, lanes: Lanes, forces: Array, observed: Array, end: LaneEnds
+) -> bool:
+    """`note_end` after forces that are not stale; are they now?"""
+    if stale:
+        forces_of_lanes(lanes.x, lanes.A, lanes.springs, lanes.f)
+    if lanes.damping.gamma.size > 0:
+        damped_forces(dt, lanes, forces)
+    note_end(lanes, forces, observed, end)
+    return observed.size < 0
+
+
+@fastmath
+def note_energy(energy: Array, start: Array, scale: Array, worst: Array) -> None:
+    """Largest change of the energy so far over the scale."""
+    for lane in range(LANES):
+        change = abs(energy[lane] - start[lane]) / scale[lane]
+        if not change <= worst[lane]:  # keeps a NaN
+            worst[lane] = change
+
+
+# --- a step: kicks and drifts --------------------------------------------------------------------
+
+
+@fastmath_inline
+def step_of_lanes(dt: float, stale: bool, a: Array, b: Array, lanes: Lanes, wall: WallPush) -> bool:
+    """`take_step` for lanes; are the forces stale at the end?"""
+    for i in range(b.size):
+        if b[i] != 0.0:
+            if stale:
+                forces_of_lanes(lanes.x, lanes.A, lanes.springs, lanes.f)
+            if lanes.damping.gamma.size > 0:
+                damped_kick(b[i] * dt, lanes, wall)
+            else:
+                kick_lanes(b[i] * dt, lanes, wall)
+            stale = False
+        if i < a.size and a[i] != 0.0:
+            drift_lanes(i, a[i] * dt, lanes, wall)
+            stale = True
+    return stale
+
+
+@fastmath_inline
+def kick_lanes(kick: float, lanes: Lanes, wall: WallPush) -> None:
+    """v_i <- v_i + kick (f_{i-1} - f_i + load_i) / m_i, and the impulse at the wall."""
+    v, f, minv, load = lanes.v, lanes.f, lanes.inverse_mass, lanes.resting.load
+    size = lanes.A.size
+    for j in range(size):
+        v[j] += kick * minv[j] * (f[j] - f[j + LANES])
+    for j in range(load.size):
+        v[j] += kick * minv[j] * load[j]
+    if lanes.q.size > 0:
+        for lane in range(LANES):
+            wall.impulse[lane] = kick * f[size + lane]
+        for lane in range(lanes.resting.wall_force.size):
+            wall.impulse[lane] -= kick * lanes.resting.wall_force[lane]
+        push_walls(lanes.v, wall)
+
+
+@fastmath
+def damped_kick(kick: float, lanes: Lanes, wall: WallPush) -> None:
+    """Damping between two halves of the elastic kick."""
+    kick_lanes(0.5 * kick, lanes, wall)
+    rate_dampers(lanes)
+    for first, share in ((0, 0.5), (1, 1.0), (0, 0.5)):
+        damp_lanes(first, share * kick, lanes, wall)
+    kick_lanes(0.5 * kick, lanes, wall)
+
+
+@fastmath_inline
+def drift_lanes(i: int, drift: float, lanes: Lanes, wall: WallPush) -> None:
+    """The i-th drift: free flight or the swing on leaf springs; modes exactly."""
+    x, v, rest = lanes.x, lanes.v, lanes.resting.rest
+    if lanes.swing.shape[2] > 0:
+        E = lanes.swing[i]
+        for j in range(lanes.A.size):
+            u = x[j] - rest[j]
+            x[j] = rest[j] + E[0, j] * u + E[1, j] * v[j]
+            v[j] = E[2, j] * u + E[3, j] * v[j]
+    else:
+        for j in range(lanes.A.size):
+            x[j] += drift * v[j]
+    if lanes.q.size > 0:
+        push_modes_of_lanes(wall.pending, lanes.p, lanes.phi)
+        wall.pending[:] = 0.0
+        drift_modes_of_lanes(lanes.q, lanes.p, lanes.propagator[i])
+        read_modes_of_lanes(lanes)
+
+
+@fastmath
+def drift_modes_of_lanes(q: Array, p: Array, E: Array) -> None:
+    """Exact free motion (q, p) <- E (q, p)."""
+    for j in range(q.size):
+        q_new = E[0, j] * q[j] + E[1, j] * p[j]
+        p[j] = E[2, j] * q[j] + E[3, j] * p[j]
+        q[j] = q_new
+
+
+@fastmath
+def read_modes_of_lanes(lanes: Lanes) -> None:
+    """The modes' displacement and velocity into those of the wall."""
+    q, p, phi = lanes.q, lanes.p, lanes.phi
+    u, w = lanes.x[lanes.A.size :], lanes.v[lanes.A.size :]
+    u[:] = 0.0
+    w[:] = 0.0
+    for lane in range(lanes.resting.wall_offset.size):
+        u[lane] = lanes.resting.wall_offset[lane]
+    for j in range(0, q.size, LANES):
+        for lane in range(LANES):
+            u[lane] += phi[j + lane] * q[j + lane]
+            w[lane] += phi[j + lane] * p[j + lane]
+
+
+# --- contact forces ------------------------------------------------------------------------------
 
 
 @fastmath
@@ -180,171 +373,32 @@ def spring_forces(x: Array, A: Array, springs: WallSprings, f: Array) -> None:
         f[lane] = math.nan if beyond else force if gap > 0.0 else 0.0
 
 
+# --- dampers -------------------------------------------------------------------------------------
+
+
 @fastmath
-def push_modes_of_lanes(impulse: Array, p: Array, phi: Array) -> None:
-    """p += phi impulse for every lane."""
-    for j in range(0, p.size, LANES):
+def damp_lanes(first: int, dt: float, lanes: Lanes, wall: WallPush) -> None:
+    """`damp_contacts` for lanes: every second contact, from `first` on."""
+    v, minv, impulse = lanes.v, lanes.inverse_mass, wall.impulse
+    _, inverse_mass, _, lost, rate = lanes.damping
+    for row in range(first * LANES, lanes.A.size, 2 * LANES):
+        total = 0.0
         for lane in range(LANES):
-            p[j + lane] += phi[j + lane] * impulse[lane]
-
-
-@fastmath
-def shift_modes_of_lanes(lanes: Lanes, wall: WallPush) -> None:
-    """`shift_modes` for lanes."""
-    u = lanes.x[lanes.A.size :]
-    for lane in range(LANES):
-        u[lane] += wall.square[lane] * wall.shift[lane]
-    for j in range(0, lanes.q.size, LANES):
-        for lane in range(LANES):
-            lanes.q[j + lane] += lanes.phi[j + lane] * wall.shift[lane]
-
-
-@fastmath
-def push_walls(v: Array, wall: WallPush) -> None:
-    """The impulses' work on the modes, and the velocity that they leave the wall with."""
-    w = v[v.size - LANES :]
-    for lane in range(LANES):
-        impulse = wall.impulse[lane]
-        wall.work[lane] += impulse * (w[lane] + 0.5 * wall.square[lane] * impulse)
-        w[lane] += wall.square[lane] * impulse
-        wall.pending[lane] += impulse
-
-
-@fastmath
-def squares_of_lanes(phi: Array, square: Array) -> None:
-    square[:] = 0.0
-    for j in range(0, phi.size, LANES):
-        for lane in range(LANES):
-            square[lane] += phi[j + lane] * phi[j + lane]
-
-
-@fastmath
-def read_modes_of_lanes(lanes: Lanes) -> None:
-    """The modes' displacement and velocity into those of the wall."""
-    q, p, phi = lanes.q, lanes.p, lanes.phi
-    u, w = lanes.x[lanes.A.size :], lanes.v[lanes.A.size :]
-    u[:] = 0.0
-    w[:] = 0.0
-    for lane in range(lanes.held.wall_offset.size):
-        u[lane] = lanes.held.wall_offset[lane]
-    for j in range(0, q.size, LANES):
-        for lane in range(LANES):
-            u[lane] += phi[j + lane] * q[j + lane]
-            w[lane] += phi[j + lane] * p[j + lane]
-
-
-@fastmath
-def drift_modes_of_lanes(q: Array, p: Array, E: Array) -> None:
-    for j in range(q.size):
-        q_new = E[0, j] * q[j] + E[1, j] * p[j]
-        p[j] = E[2, j] * q[j] + E[3, j] * p[j]
-        q[j] = q_new
-
-
-@fastmath
-def crossed_row(x: Array, x_old: Array, row: int) -> bool:
-    count = 0.0
-    for j in range(row, row + LANES):
-        before = 1.0 if x_old[j] > x_old[j + LANES] else 0.0
-        after = 1.0 if x[j] > x[j + LANES] else 0.0
-        count += abs(after - before)
-    return count > 0.0
-
-
-@ieee
-def correct_lanes(
-    dt: float, lanes: Lanes, x_old: Array, v_old: Array, correction: Correction, wall: WallPush
-) -> bool:
-    """`correct_events` for lanes; what the wall's modes get is left in `wall`.
-
-    Says whether there was any.
-    """
-    x, v, minv, A, damping = lanes.x, lanes.v, lanes.inverse_mass, lanes.A, lanes.damping
-    found = False
-    wall.impulse[:] = 0.0
-    wall.shift[:] = 0.0
-    for row in range(0, A.size, LANES):
-        if not crossed_row(x, x_old, row):
+            total += rate[row + lane]
+        if total == 0.0:
             continue
-        found = True
-        for j in range(row, row + LANES):
-            k = j + LANES
-            g0, g1 = x_old[j] - x_old[k], x[j] - x[k]
-            if (g0 > 0.0) == (g1 > 0.0) or A[j] == 0.0:
-                continue
-            impulse, shift, rate = missed_impulse(
-                A[j], dt, g0, v_old[j] - v_old[k], g1, v[j] - v[k], correction
-            )
-            if damping.gamma.size > 0 and damping.law == HUNT_CROSSLEY:
-                factor = max(damping.gamma[j] * rate, -1.0)
-                damping.lost[j - row] += factor * impulse * rate
-                impulse *= 1.0 + factor
-                shift *= 1.0 + factor
-            v[j] -= minv[j] * impulse
-            x[j] -= minv[j] * shift
-            v[k] += minv[k] * impulse
-            x[k] += minv[k] * shift
-            if k >= A.size:
-                wall.impulse[k - A.size] = impulse
-                wall.shift[k - A.size] = shift
-    return found
-
-
-@fastmath
-def energy_of_lanes(lanes: Lanes, work: Array, energy: Array) -> None:
-    """Energy of the motion and what was lost of it, and what preload and weight have left to do;
-    forces are fresh."""
-    x, v, f, mass, A, q, held = (
-        lanes.x, lanes.v, lanes.f, lanes.mass, lanes.A, lanes.q, lanes.held
-    )  # fmt: skip
-    for lane in range(LANES):
-        energy[lane] = lanes.damping.lost[lane]
-    for row in range(0, A.size, LANES):
+        damping_impulses(row, dt, lanes, impulse)
+        # each loop writes one array: more would have to be looked at for overlaps
         for lane in range(LANES):
             j = row + lane
-            d = x[j] - x[j + LANES]
-            d = d if d > 0.0 else 0.0
-            energy[lane] += 0.4 * f[j + LANES] * d + 0.5 * mass[j] * v[j] * v[j]
-    # the contact before a spring s is s F shallower, the spring holds s F^2 / 2
-    for lane in range(lanes.springs.residual.size):
-        force = f[A.size + lane]
-        energy[lane] += 0.1 * lanes.springs.residual[lane] * force * force
-    # of the modes what the work on them says: it knows of their damping
-    for row in range(0, held.static.size, LANES):
+            w = v[j] - v[j + LANES] - 0.5 * inverse_mass[j] * impulse[lane]
+            lost[lane] += impulse[lane] * w
         for lane in range(LANES):
-            j = row + lane
-            bent = held.static[j] * (q[j] + 0.5 * held.static[j])
-            energy[lane] += lanes.omega[j] * lanes.omega[j] * bent
-    for lane in range(LANES if q.size > 0 else 0):
-        energy[lane] += work[lane]
-    for row in range(0, held.stiffness.size, LANES):
+            v[row + lane] -= minv[row + lane] * impulse[lane]
         for lane in range(LANES):
-            j = row + lane
-            bent = x[j] - held.anchor[j]
-            energy[lane] += 0.5 * held.stiffness[j] * bent * bent
-    last = A.size - LANES
-    for lane in range(held.preload.size):
-        energy[lane] -= held.preload[lane] * (x[last + lane] - held.rest[last + lane])
-    for row in range(0, held.weight.size, LANES):
-        for lane in range(LANES):
-            j = row + lane
-            energy[lane] -= held.weight[j] * (x[j] - held.rest[j])
-
-
-@fastmath_inline
-def kick_lanes(kick: float, lanes: Lanes, wall: WallPush) -> None:
-    v, f, minv, load = lanes.v, lanes.f, lanes.inverse_mass, lanes.held.load
-    size = lanes.A.size
-    for j in range(size):
-        v[j] += kick * minv[j] * (f[j] - f[j + LANES])
-    for j in range(load.size):
-        v[j] += kick * minv[j] * load[j]
-    if lanes.q.size > 0:
-        for lane in range(LANES):
-            wall.impulse[lane] = kick * f[size + lane]
-        for lane in range(lanes.held.wall_force.size):
-            wall.impulse[lane] -= kick * lanes.held.wall_force[lane]
-        push_walls(lanes.v, wall)
+            v[row + LANES + lane] += minv[row + LANES + lane] * impulse[lane]
+        if row + LANES == lanes.A.size and lanes.q.size > 0:
+            push_walls(v, wall)
 
 
 @fastmath
@@ -366,6 +420,7 @@ def rate_dampers(lanes: Lanes) -> None:
 
 @ieee
 def share_of_damper(j: int, force: float, A: Array, residual: float) -> float:
+    """What a spring in series leaves of a damper, see `spring_share`."""
     return spring_share(contact_stiffness(j, force, A, None), residual)[0]
 
 
@@ -395,41 +450,6 @@ def damping_impulses(row: int, dt: float, lanes: Lanes, impulse: Array) -> None:
 
 
 @fastmath
-def damp_lanes(first: int, dt: float, lanes: Lanes, wall: WallPush) -> None:
-    """`damp_contacts` for lanes: every second contact, from `first` on."""
-    v, minv, impulse = lanes.v, lanes.inverse_mass, wall.impulse
-    _, inverse_mass, _, lost, rate = lanes.damping
-    for row in range(first * LANES, lanes.A.size, 2 * LANES):
-        total = 0.0
-        for lane in range(LANES):
-            total += rate[row + lane]
-        if total == 0.0:
-            continue
-        damping_impulses(row, dt, lanes, impulse)
-        # each loop writes one array: more would have to be looked at for overlaps
-        for lane in range(LANES):
-            j = row + lane
-            w = v[j] - v[j + LANES] - 0.5 * inverse_mass[j] * impulse[lane]
-            lost[lane] += impulse[lane] * w
-        for lane in range(LANES):
-            v[row + lane] -= minv[row + lane] * impulse[lane]
-        for lane in range(LANES):
-            v[row + LANES + lane] += minv[row + LANES + lane] * impulse[lane]
-        if row + LANES == lanes.A.size and lanes.q.size > 0:
-            push_walls(v, wall)
-
-
-@fastmath
-def damped_kick(kick: float, lanes: Lanes, wall: WallPush) -> None:
-    """Damping between two halves of the elastic kick."""
-    kick_lanes(0.5 * kick, lanes, wall)
-    rate_dampers(lanes)
-    for first, share in ((0, 0.5), (1, 1.0), (0, 0.5)):
-        damp_lanes(first, share * kick, lanes, wall)
-    kick_lanes(0.5 * kick, lanes, wall)
-
-
-@fastmath
 def damped_forces(dt: float, lanes: Lanes, forces: Array) -> None:
     """Contact forces at an instant, as `total_forces` has them."""
     rate_dampers(lanes)
@@ -443,45 +463,54 @@ def damped_forces(dt: float, lanes: Lanes, forces: Array) -> None:
 def damping_force(
     w: float, dt: float, force: float, c: float, j: int, damping: LaneDamping
 ) -> float:
+    """Force of a damper c, no stronger than steps of dt can tell, which may not pull if clipped."""
     extra = w * min(c, STOPPED / (dt * damping.inverse_mass[j]))
     return extra if damping.law == LINEAR else max(extra, -force)
 
 
-@fastmath_inline
-def drift_lanes(i: int, drift: float, lanes: Lanes, wall: WallPush) -> None:
-    x, v, rest = lanes.x, lanes.v, lanes.held.rest
-    if lanes.swing.shape[2] > 0:
-        E = lanes.swing[i]
-        for j in range(lanes.A.size):
-            u = x[j] - rest[j]
-            x[j] = rest[j] + E[0, j] * u + E[1, j] * v[j]
-            v[j] = E[2, j] * u + E[3, j] * v[j]
-    else:
-        for j in range(lanes.A.size):
-            x[j] += drift * v[j]
-    if lanes.q.size > 0:
-        push_modes_of_lanes(wall.pending, lanes.p, lanes.phi)
-        wall.pending[:] = 0.0
-        drift_modes_of_lanes(lanes.q, lanes.p, lanes.propagator[i])
-        read_modes_of_lanes(lanes)
+# --- impulses at the walls -----------------------------------------------------------------------
 
 
-@fastmath_inline
-def step_of_lanes(dt: float, stale: bool, a: Array, b: Array, lanes: Lanes, wall: WallPush) -> bool:
-    """`take_step` for lanes; are the forces stale at the end?"""
-    for i in range(b.size):
-        if b[i] != 0.0:
-            if stale:
-                forces_of_lanes(lanes.x, lanes.A, lanes.springs, lanes.f)
-            if lanes.damping.gamma.size > 0:
-                damped_kick(b[i] * dt, lanes, wall)
-            else:
-                kick_lanes(b[i] * dt, lanes, wall)
-            stale = False
-        if i < a.size and a[i] != 0.0:
-            drift_lanes(i, a[i] * dt, lanes, wall)
-            stale = True
-    return stale
+@fastmath
+def push_walls(v: Array, wall: WallPush) -> None:
+    """The impulses' work on the modes, and the velocity that they leave the wall with."""
+    w = v[v.size - LANES :]
+    for lane in range(LANES):
+        impulse = wall.impulse[lane]
+        wall.work[lane] += impulse * (w[lane] + 0.5 * wall.square[lane] * impulse)
+        w[lane] += wall.square[lane] * impulse
+        wall.pending[lane] += impulse
+
+
+@fastmath
+def push_modes_of_lanes(impulse: Array, p: Array, phi: Array) -> None:
+    """p += phi impulse for every lane."""
+    for j in range(0, p.size, LANES):
+        for lane in range(LANES):
+            p[j + lane] += phi[j + lane] * impulse[lane]
+
+
+@fastmath
+def shift_modes_of_lanes(lanes: Lanes, wall: WallPush) -> None:
+    """`shift_modes` for lanes."""
+    u = lanes.x[lanes.A.size :]
+    for lane in range(LANES):
+        u[lane] += wall.square[lane] * wall.shift[lane]
+    for j in range(0, lanes.q.size, LANES):
+        for lane in range(LANES):
+            lanes.q[j + lane] += lanes.phi[j + lane] * wall.shift[lane]
+
+
+@fastmath
+def squares_of_lanes(phi: Array, square: Array) -> None:
+    """phi phi of every lane."""
+    square[:] = 0.0
+    for j in range(0, phi.size, LANES):
+        for lane in range(LANES):
+            square[lane] += phi[j + lane] * phi[j + lane]
+
+
+# --- contacts that open or close in a step -------------------------------------------------------
 
 
 @ieee
@@ -500,19 +529,63 @@ def correct_step_of_lanes(
     return True
 
 
-class Ends(NamedTuple):
-    """Observed spheres, the last one and the wall at an end of a step, (rows, LANES) each; the
-    last two rows are those of the last sphere and of the wall."""
+@ieee
+def correct_lanes(
+    dt: float, lanes: Lanes, x_old: Array, v_old: Array, correction: Correction, wall: WallPush
+) -> bool:
+    """`correct_events` for lanes; what the wall's modes get is left in `wall`.
 
-    x: Array
-    v: Array
-    a: Array
+    Says whether there was any.
+    """
+    x, v, minv, A, damping = lanes.x, lanes.v, lanes.inverse_mass, lanes.A, lanes.damping
+    corrected = False
+    wall.impulse[:] = 0.0
+    wall.shift[:] = 0.0
+    for row in range(0, A.size, LANES):
+        if not crossed_row(x, x_old, row):
+            continue
+        corrected = True
+        for j in range(row, row + LANES):
+            k = j + LANES
+            g0, g1 = x_old[j] - x_old[k], x[j] - x[k]
+            if (g0 > 0.0) == (g1 > 0.0) or A[j] == 0.0:
+                continue
+            impulse, shift, rate = missed_impulse(
+                A[j], dt, g0, v_old[j] - v_old[k], g1, v[j] - v[k], correction
+            )
+            if damping.gamma.size > 0 and damping.law == HUNT_CROSSLEY:
+                factor = max(damping.gamma[j] * rate, -1.0)
+                damping.lost[j - row] += factor * impulse * rate
+                impulse *= 1.0 + factor
+                shift *= 1.0 + factor
+            v[j] -= minv[j] * impulse
+            x[j] -= minv[j] * shift
+            v[k] += minv[k] * impulse
+            x[k] += minv[k] * shift
+            if k >= A.size:
+                wall.impulse[k - A.size] = impulse
+                wall.shift[k - A.size] = shift
+    return corrected
 
 
 @fastmath
-def note_end(lanes: Lanes, f: Array, observed: Array, end: Ends) -> None:
+def crossed_row(x: Array, x_old: Array, row: int) -> bool:
+    """Did a contact of any lane in this row open or close in the last step?"""
+    count = 0.0
+    for j in range(row, row + LANES):
+        was_closed = 1.0 if x_old[j] > x_old[j + LANES] else 0.0
+        is_closed = 1.0 if x[j] > x[j + LANES] else 0.0
+        count += abs(is_closed - was_closed)
+    return count > 0.0
+
+
+# --- samples between the ends of steps -----------------------------------------------------------
+
+
+@fastmath
+def note_end(lanes: Lanes, f: Array, observed: Array, end: LaneEnds) -> None:
     """What the polynomials of a step need of one of its ends, where the contact forces are f."""
-    x, v, minv, held = lanes.x, lanes.v, lanes.inverse_mass, lanes.held
+    x, v, minv, resting = lanes.x, lanes.v, lanes.inverse_mass, lanes.resting
     n = lanes.A.size // LANES
     for i in range(observed.size + 2):
         sphere = observed[i] if i < observed.size else n - 1 + i - observed.size
@@ -523,52 +596,70 @@ def note_end(lanes: Lanes, f: Array, observed: Array, end: Ends) -> None:
             if sphere == n:
                 continue
             pushed = f[j] - f[j + LANES]
-            if held.load.size > 0:
-                pushed += held.load[j]
-            if held.stiffness.size > 0:
-                pushed -= held.stiffness[j] * (x[j] - held.rest[j])
+            if resting.load.size > 0:
+                pushed += resting.load[j]
+            if resting.stiffness.size > 0:
+                pushed -= resting.stiffness[j] * (x[j] - resting.rest[j])
             end.a[i, lane] = minv[j] * pushed
+
+
+@fastmath_inline
+def sample_step(
+    step: int, k: int, steps: LaneSteps, start: LaneEnds, end: LaneEnds, lanes: Lanes,
+    saved: SavedLanes,
+) -> int:  # fmt: skip
+    """All samples from the k-th on that a step passes; the next one after it."""
+    dt, n_steps, n_save = steps
+    while k <= n_save and k * n_steps <= (step + 1) * n_save:
+        s = (k * n_steps - step * n_save) / n_save
+        sample_lanes(s, dt, start, end, lanes.A, saved.v[k], saved.wall_force[k])
+        if lanes.springs.residual.size > 0 or lanes.damping.gamma.size > 0:
+            sample_springs_and_dampers(s, dt, start, end, lanes, saved.wall_force[k])
+        k += 1
+    return k
 
 
 @fastmath
 def sample_lanes(
-    s: float, h: float, one: Ends, two: Ends, A: Array, v: Array, wall_force: Array
+    s: float, h: float, start: LaneEnds, end: LaneEnds, A: Array, v: Array, wall_force: Array
 ) -> None:
     """Observed velocities and the elastic force at the wall at the share s of a step."""
     rows = v.shape[0]
     last = A.size - LANES
     for lane in range(LANES):
         for i in range(rows):
-            here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
-            there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
-            v[i, lane] = quintic_slope(s, h, here, there)
-        d = overlap_between(s, h, one, two, lane)[0]
+            sphere = StepEnd(start.x[i, lane], start.v[i, lane], start.a[i, lane])
+            moved = StepEnd(end.x[i, lane], end.v[i, lane], end.a[i, lane])
+            v[i, lane] = quintic_slope(s, h, sphere, moved)
+        d = overlap_between(s, h, start, end, lane)[0]
         wall_force[lane] = hertz_force(d if d > 0.0 else 0.0, A[last + lane])
 
 
 @fastmath_inline
-def overlap_between(s: float, h: float, one: Ends, two: Ends, lane: int) -> tuple[float, float]:
-    """Of the last sphere and the wall at the share s of a step, and its rate."""
-    i = one.x.shape[0] - 2
-    here = Place(one.x[i, lane], one.v[i, lane], one.a[i, lane])
-    there = Place(two.x[i, lane], two.v[i, lane], two.a[i, lane])
+def overlap_between(
+    s: float, h: float, start: LaneEnds, end: LaneEnds, lane: int
+) -> tuple[float, float]:
+    """Overlap of the last sphere and the wall at the share s of a step, and its rate."""
+    i = start.x.shape[0] - 2
+    sphere = StepEnd(start.x[i, lane], start.v[i, lane], start.a[i, lane])
+    moved = StepEnd(end.x[i, lane], end.v[i, lane], end.a[i, lane])
     k = i + 1
-    wall = one.x[k, lane], one.v[k, lane], two.x[k, lane], two.v[k, lane]
+    wall = start.x[k, lane], start.v[k, lane], end.x[k, lane], end.v[k, lane]
     return (
-        quintic(s, h, here, there) - cubic(s, h, *wall),
-        quintic_slope(s, h, here, there) - cubic_slope(s, h, *wall),
+        quintic(s, h, sphere, moved) - cubic(s, h, *wall),
+        quintic_slope(s, h, sphere, moved) - cubic_slope(s, h, *wall),
     )
 
 
 @fastmath
 def sample_springs_and_dampers(
-    s: float, h: float, one: Ends, two: Ends, lanes: Lanes, wall_force: Array
+    s: float, h: float, start: LaneEnds, end: LaneEnds, lanes: Lanes, wall_force: Array
 ) -> None:
     """Forces at walls with springs in series, or behind damped contacts, at the share s."""
     residual, damping = lanes.springs.residual, lanes.damping
     for lane in range(LANES):
         j = lanes.A.size - LANES + lane
-        gap, w = overlap_between(s, h, one, two, lane)
+        gap, w = overlap_between(s, h, start, end, lane)
         if residual.size > 0:
             d = hertz_indentation(gap, lanes.A[j], residual[lane])
             wall_force[lane] = hertz_force(d, lanes.A[j])
@@ -580,27 +671,48 @@ def sample_springs_and_dampers(
             wall_force[lane] += damping_force(w, h, force, c, j, damping)
 
 
-@fastmath_inline
-def sample_step(
-    step: int, k: int, steps: LaneSteps, one: Ends, two: Ends, lanes: Lanes, saved: SavedLanes
-) -> int:
-    """All samples from the k-th on that a step passes; the next one after it."""
-    dt, n_steps, n_save = steps
-    while k <= n_save and k * n_steps <= (step + 1) * n_save:
-        s = (k * n_steps - step * n_save) / n_save
-        sample_lanes(s, dt, one, two, lanes.A, saved.v[k], saved.wall_force[k])
-        if lanes.springs.residual.size > 0 or lanes.damping.gamma.size > 0:
-            sample_springs_and_dampers(s, dt, one, two, lanes, saved.wall_force[k])
-        k += 1
-    return k
+# --- energies ------------------------------------------------------------------------------------
 
 
 @fastmath
-def note_energy(energy: Array, start: Array, scale: Array, worst: Array) -> None:
+def energy_of_lanes(lanes: Lanes, work: Array, energy: Array) -> None:
+    """Energy of the motion and what was lost of it, and what preload and weight have left to do;
+    forces are fresh."""
+    x, v, f, mass, A, q, resting = (
+        lanes.x, lanes.v, lanes.f, lanes.mass, lanes.A, lanes.q, lanes.resting
+    )  # fmt: skip
     for lane in range(LANES):
-        change = abs(energy[lane] - start[lane]) / scale[lane]
-        if not change <= worst[lane]:  # keeps a NaN
-            worst[lane] = change
+        energy[lane] = lanes.damping.lost[lane]
+    for row in range(0, A.size, LANES):
+        for lane in range(LANES):
+            j = row + lane
+            d = x[j] - x[j + LANES]
+            d = d if d > 0.0 else 0.0
+            energy[lane] += 0.4 * f[j + LANES] * d + 0.5 * mass[j] * v[j] * v[j]
+    # the contact before a spring s is s F shallower, the spring holds s F^2 / 2
+    for lane in range(lanes.springs.residual.size):
+        force = f[A.size + lane]
+        energy[lane] += 0.1 * lanes.springs.residual[lane] * force * force
+    # of the modes what the work on them says: it knows of their damping
+    for row in range(0, resting.static.size, LANES):
+        for lane in range(LANES):
+            j = row + lane
+            bent = resting.static[j] * (q[j] + 0.5 * resting.static[j])
+            energy[lane] += lanes.omega[j] * lanes.omega[j] * bent
+    for lane in range(LANES if q.size > 0 else 0):
+        energy[lane] += work[lane]
+    for row in range(0, resting.stiffness.size, LANES):
+        for lane in range(LANES):
+            j = row + lane
+            bent = x[j] - resting.anchor[j]
+            energy[lane] += 0.5 * resting.stiffness[j] * bent * bent
+    last = A.size - LANES
+    for lane in range(resting.preload.size):
+        energy[lane] -= resting.preload[lane] * (x[last + lane] - resting.rest[last + lane])
+    for row in range(0, resting.weight.size, LANES):
+        for lane in range(LANES):
+            j = row + lane
+            energy[lane] -= resting.weight[j] * (x[j] - resting.rest[j])
 
 
 @fastmath
@@ -616,99 +728,29 @@ def kinetic_energy(lanes: Lanes, energy: Array) -> None:
             energy[lane] = 1.0
 
 
-@fastmath_allocating
-def march_block(
-    lanes: Lanes, a: Array, b: Array, correction: Correction | None, steps: LaneSteps,
-    observed: Array, saved: SavedLanes,
-) -> None:  # fmt: skip
-    dt, n_steps, n_save = steps
-    x_old, v_old = np.zeros_like(lanes.x), np.zeros_like(lanes.v)
-    zeros = np.zeros((5, LANES))
-    wall = WallPush(zeros[0], zeros[1], zeros[2], zeros[3], zeros[4])
-    squares_of_lanes(lanes.phi, wall.square)
-    start, energy, scale = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    shape = (observed.size + 2, LANES)
-    one = Ends(np.zeros(shape), np.zeros(shape), np.zeros(shape))
-    two = Ends(np.zeros(shape), np.zeros(shape), np.zeros(shape))
-    forces = np.zeros_like(lanes.f) if lanes.damping.gamma.size > 0 else lanes.f
-    stale = n_save >= 0  # a literal True would compile what takes it once more
-    stale = note_fresh(dt, stale, lanes, forces, observed, two)
-    energy_of_lanes(lanes, wall.work, start)
-    kinetic_energy(lanes, scale)
-    k = sample_step(-1, 0, steps, two, two, lanes, saved)
-    for step in range(n_steps):
-        due = k * n_steps <= (step + 1) * n_save
-        if due:
-            stale = note_fresh(dt, stale, lanes, forces, observed, one)
-        if correction is not None:
-            x_old[:], v_old[:] = lanes.x, lanes.v
-        stale = step_of_lanes(dt, stale, a, b, lanes, wall)
-        stale |= correct_step_of_lanes(dt, lanes, x_old, v_old, correction, wall)
-        if not due:
-            continue
-        stale = note_fresh(dt, stale, lanes, forces, observed, two)
-        k = sample_step(step, k, steps, one, two, lanes, saved)
-        energy_of_lanes(lanes, wall.work, energy)
-        note_energy(energy, start, scale, saved.energy_error)
-
-
-@fastmath_inline
-def note_fresh(
-    dt: float, stale: bool, lanes: Lanes, forces: Array, observed: Array, end: Ends
-) -> bool:
-    """`note_end` after forces that are not stale; are they now?"""
-    if stale:
-        forces_of_lanes(lanes.x, lanes.A, lanes.springs, lanes.f)
-    if lanes.damping.gamma.size > 0:
-        damped_forces(dt, lanes, forces)
-    note_end(lanes, forces, observed, end)
-    return observed.size < 0
-
-
-@fastmath_allocating_march
-def march_lanes(
-    blocks: Blocks, a: Array, b: Array, correction: Correction | None, steps: LaneSteps,
-    observed: Array, saved: SavedLanes,
-) -> None:  # fmt: skip
-    """March LANES chains side by side, block after block, into `saved`."""
-    n_blocks, n = blocks.v0.shape[:2]
-    size, modes = n * LANES, blocks.phi.shape[1] * LANES
-    padded = size + LANES
-    for block in range(n_blocks):
-        mass = blocks.mass[block].reshape(size)
-        minv, x, v = np.zeros(padded), np.zeros(padded), np.zeros(padded)
-        minv[:size] = 1.0 / mass
-        v[:size] = blocks.v0[block].reshape(size)
-        held = held_by(blocks.held, block)
-        x[: held.rest.size] = held.rest
-        lanes = Lanes(
-            x, v, np.zeros(padded), np.zeros(modes), np.zeros(modes), minv, mass,
-            blocks.A[block].reshape(size), blocks.phi[block].reshape(modes),
-            blocks.omega[block].reshape(modes), blocks.propagator[block], held, blocks.swing[block],
-            springs_of(blocks.springs, block), dampers_of(blocks.dampers, block),
-        )  # fmt: skip
-        if held.wall_offset.size > 0:
-            x[size:] = held.wall_offset
-        kept = SavedLanes(saved.v[block], saved.wall_force[block], saved.energy_error[block])
-        march_block(lanes, a, b, correction, steps, observed, kept)
+# --- one block of many ---------------------------------------------------------------------------
 
 
 @fastmath_allocating
 def springs_of(springs: WallSprings, block: int) -> WallSprings:
+    """Wall springs of one block."""
     return WallSprings(springs.residual[block].ravel(), springs.fold[block].ravel())
 
 
 @fastmath_allocating
 def dampers_of(dampers: Dampers, block: int) -> LaneDamping:
+    """Dampers of one block."""
     gamma, pair = dampers.gamma[block].ravel(), dampers.inverse_mass[block].ravel()
     return LaneDamping(gamma, pair, dampers.law[block], np.zeros(LANES), np.zeros_like(gamma))
 
 
 @fastmath_allocating
-def held_by(held: Held, block: int) -> Held:
-    return Held(
-        held.rest[block].ravel(), held.load[block].ravel(), held.wall_offset[block].ravel(),
-        held.wall_force[block].ravel(), held.static[block].ravel(), held.preload[block].ravel(),
-        held.weight[block].ravel(),
-        held.stiffness[block].ravel(), held.anchor[block].ravel(),
+def resting_of(resting: RestingForces, block: int) -> RestingForces:
+    """Static states and steady forces of one block."""
+    return RestingForces(
+        resting.rest[block].ravel(), resting.load[block].ravel(),
+        resting.wall_offset[block].ravel(), resting.wall_force[block].ravel(),
+        resting.static[block].ravel(), resting.preload[block].ravel(),
+        resting.weight[block].ravel(), resting.stiffness[block].ravel(),
+        resting.anchor[block].ravel(),
     )  # fmt: skip

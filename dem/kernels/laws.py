@@ -1,4 +1,15 @@
-"""Contact laws: Hertz, with a spring in series, elastic-plastic, at a wall that creeps; damping."""
+"""Contact laws: force F of an overlap d, and what it takes with dampers, springs and yield.
+
+    Hertz                F = A d^(3/2),  A = 4/3 E* sqrt(R*)                       `hertz_force`
+    spring s in series   d + s A d^(3/2) = gap                               `hertz_indentation`
+    elastic-plastic      Hertz, beyond the yield overlap a straight line         `plastic_force`
+    wall with a dashpot  d(gap)/dt = -mobility F                           `dashpot_indentation`
+    dampers              F + c d',  c = gamma or gamma F                       `damping_impulse`
+
+A of two bodies is `dem.spheres.hertz_coefficient`. K. L. Johnson, Contact Mechanics, Cambridge
+1985, chap. 4; C. Thornton, J. Appl. Mech. 64 (1997) 383; K. H. Hunt, F. R. E. Crossley, J. Appl.
+Mech. 42 (1975) 440.
+"""
 
 import math
 
@@ -11,6 +22,7 @@ STOPPED = 1e4  # damping rate times step beyond which nothing of the motion is l
 
 @fastmath_inline
 def hertz_force(d: float, A: float) -> float:
+    """F = A d^(3/2) [N] of Hertz' law at the overlap d >= 0 [m]."""
     return A * d * math.sqrt(d)
 
 
@@ -18,7 +30,8 @@ def hertz_force(d: float, A: float) -> float:
 def hertz_indentation(gap: float, A: float, s: float) -> float:
     """delta of  delta + s A delta^(3/2) = gap: a Hertz contact and a spring s in series.
 
-    NaN beyond the fold of a negative s, where no force answers the gap.
+    Newton's method in y = sqrt(delta):  y^2 (1 + e y) = gap,  e = s A. NaN beyond the fold
+    y = -2 / (3 e) of a negative s, where no force answers the gap.
     """
     if gap <= 0.0:
         return 0.0
@@ -44,6 +57,7 @@ def hertz_indentation(gap: float, A: float, s: float) -> float:
 
 @fastmath
 def wall_indentation(gap: float, A: float, residual: float | None) -> float:
+    """Overlap at the wall, whose residual compliance may take some of the gap."""
     if residual is None:
         return max(gap, 0.0)
     return hertz_indentation(gap, A, residual)
@@ -61,7 +75,7 @@ def plastic_force(i: int, d: float, A: Array, plastic: Plastic) -> float:
 
 @fastmath
 def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: Plastic) -> float:
-    """delta of  delta + s F(delta) = gap  at the last contact."""
+    """delta of  delta + s F(delta) = gap  at the last contact, by bisection."""
     if residual is None or gap <= 0.0:
         return max(gap, 0.0)
     last = A.size - 1
@@ -174,29 +188,32 @@ def wall_force(
 def damping_impulse(
     w: float, dt: float, force: float, c: float, inverse_mass: float, clipped: bool
 ) -> float:
-    """Impulse of a damper c on two bodies that approach at w, exact at frozen positions.
+    """Impulse of a damper c on two bodies that approach at w, exact at fixed positions:
+    w' = -c w / m  gives  m w (1 - exp(-c dt / m)),  1/m = 1/m_1 + 1/m_2.
 
-    Clipped, the damper never outweighs the elastic force, so the contact never pulls.
+    Clipped, the damper never outweighs the elastic force F, so the contact never pulls: where it
+    would, it takes F until c w = -F.
     """
-    done = 0.0
+    clipped_impulse = 0.0
     if clipped and c * w < -force:
         if dt < 0.0:
             return -force * dt
         until = (-force / c - w) / (force * inverse_mass) if force > 0.0 else math.inf
         if until >= dt:
             return -force * dt
-        done = -force * until
+        clipped_impulse = -force * until
         w = -force / c
         dt -= until
     z = c * inverse_mass * dt
     if abs(z) < 0.02:  # expm1(-z) / z, where c may be too small to divide by
         share = 1.0 / 24.0 - z * (1.0 / 120.0 - z * (1.0 / 720.0 - z * (1.0 / 5040.0)))
-        return done + c * w * dt * (1.0 - z * (0.5 - z * (1.0 / 6.0 - z * share)))
-    return done - w / inverse_mass * math.expm1(-z)
+        return clipped_impulse + c * w * dt * (1.0 - z * (0.5 - z * (1.0 / 6.0 - z * share)))
+    return clipped_impulse - w / inverse_mass * math.expm1(-z)
 
 
 @ieee_inline
 def contact_stiffness(i: int, force: float, A: Array, plastic: Plastic | None) -> float:
+    """k = dF/d delta of contact i under a force: 3/2 (A^2 F)^(1/3) of Hertz' law."""
     if plastic is None:
         return 1.5 * (A[i] * A[i] * force) ** (1.0 / 3.0)
     limit = plastic.limit[i]

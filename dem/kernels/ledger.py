@@ -1,4 +1,9 @@
-"""Forces and energies of a state: what is saved."""
+"""Forces and energies of a state: what is saved.
+
+    kinetic + contacts + leaf springs + modes + residual spring + losses - works  =  constant
+
+A Hertz contact holds 2/5 F d; the modes' losses are the work done on them less what they hold.
+"""
 
 from dem.kernels.arguments import (
     DASH,
@@ -7,15 +12,15 @@ from dem.kernels.arguments import (
     IN_WALL,
     WORK,
     Array,
+    ChainArrays,
     Damping,
     LeafSprings,
-    Modes,
     Motion,
-    Parts,
     Plastic,
     Saved,
     U,
     V,
+    WallModes,
 )
 from dem.kernels.compiled import fastmath_inline
 from dem.kernels.laws import (
@@ -32,20 +37,20 @@ from dem.kernels.modes import modal_energy
 
 @fastmath_inline
 def total_forces(
-    dt: float, motion: Motion, parts: Parts, residual: float | None, damping: Damping | None,
+    dt: float, motion: Motion, chain: ChainArrays, residual: float | None, damping: Damping | None,
     plastic: Plastic | None,
 ) -> tuple[float, float]:  # fmt: skip
     """Contact forces at an instant, dissipative part included, into f; elastic energies out.
 
     A damper counts no stronger than steps of dt can tell: beyond, its force is that of rounding.
     """
-    x, v, wall, A = motion.x, motion.v, motion.wall, parts.A
+    x, v, wall, A = motion.x, motion.v, motion.wall, chain.A
     n = x.size
     contact = 0.0
     spring = 0.0
     for i in range(A.size):
         w = v[i] - (v[i + 1] if i < n - 1 else wall[V])
-        gap = x[i] - (x[i + 1] if i < n - 1 else wall[U] + wall[DASH] + parts.offset)
+        gap = x[i] - (x[i + 1] if i < n - 1 else wall[U] + wall[DASH] + chain.offset)
         if plastic is None:
             d = max(gap, 0.0) if i < n - 1 else wall_indentation(gap, A[i], residual)
             force = hertz_force(d, A[i])
@@ -68,6 +73,7 @@ def total_forces(
 
 @fastmath_inline
 def leaf_energy(x: Array, leaf: LeafSprings | None) -> float:
+    """sum k (x - anchor)^2 / 2 [J]."""
     energy = 0.0
     if leaf is not None:
         for i in range(x.size):
@@ -77,6 +83,7 @@ def leaf_energy(x: Array, leaf: LeafSprings | None) -> float:
 
 @fastmath_inline
 def weight_work(x: Array, start: Array, weight: Array | None) -> float:
+    """Work [J] of the weights since the start."""
     work = 0.0
     if weight is not None:
         for i in range(x.size):
@@ -85,7 +92,8 @@ def weight_work(x: Array, start: Array, weight: Array | None) -> float:
 
 
 @fastmath_inline
-def save_modes(row: Array, speeds: Array, modes: Modes | None) -> None:
+def save_modes(row: Array, speeds: Array, modes: WallModes | None) -> None:
+    """Displacements of the modes, in all, and their speeds; as many as the rows have room for."""
     if modes is not None:
         for j in range(row.size):
             row[j] = modes.q[j] + modes.static[j]
@@ -95,34 +103,34 @@ def save_modes(row: Array, speeds: Array, modes: Modes | None) -> None:
 
 @fastmath_inline
 def save(
-    k: int, dt: float, motion: Motion, parts: Parts, saved: Saved, mobility: float | None
+    k: int, dt: float, motion: Motion, chain: ChainArrays, saved: Saved, mobility: float | None
 ) -> bool:
     """Row k of the saved states, forces and energies; is it finite?"""
     x, v, wall, energy = motion.x, motion.v, motion.wall, saved.energy[k]
-    contact, spring = total_forces(dt, motion, parts, parts.residual, parts.damping, parts.plastic)
+    contact, spring = total_forces(dt, motion, chain, chain.residual, chain.damping, chain.plastic)
     kinetic = 0.0
     for i in range(x.size):
         saved.x[k, i] = x[i]
         saved.v[k, i] = v[i]
-        kinetic += 0.5 * parts.mass[i] * v[i] ** 2
-    for i in range(parts.A.size):
+        kinetic += 0.5 * chain.mass[i] * v[i] ** 2
+    for i in range(chain.A.size):
         saved.force[k, i] = motion.f[i + 1]
-    save_modes(saved.modes[k], saved.speeds[k], parts.modes)
-    swing, absolute = modal_energy(parts.modes)
-    saved.wall[k, 0] = wall[U] + wall[DASH] + parts.offset
+    save_modes(saved.modes[k], saved.speeds[k], chain.modes)
+    swing, absolute = modal_energy(chain.modes)
+    saved.wall[k, 0] = wall[U] + wall[DASH] + chain.offset
     saved.wall[k, 1] = wall[V]
     if mobility is not None:
         saved.wall[k, 1] += mobility * motion.f[x.size]
     energy[0] = kinetic
     energy[1] = contact
-    energy[2] = leaf_energy(x, parts.leaf)
+    energy[2] = leaf_energy(x, chain.leaf)
     energy[3] = absolute
     energy[4] = spring
     energy[5] = motion.ledger[IN_CONTACTS]
     energy[6] = motion.ledger[IN_WALL] + (wall[WORK] - swing)
     energy[7] = motion.ledger[IN_GUIDES]
-    energy[8] = parts.preload * (x[-1] - saved.x[0, -1])
-    energy[9] = weight_work(x, saved.x[0], parts.weight)
+    energy[8] = chain.preload * (x[-1] - saved.x[0, -1])
+    energy[9] = weight_work(x, saved.x[0], chain.weight)
     total = -energy[8]
     for e in range(8):
         total += energy[e]

@@ -1,17 +1,23 @@
-"""What an impulse or a drift does to the wall's modes; nothing where the wall has none."""
+"""The wall's modes under an impulse, a shift or a drift; a wall without modes stays.
 
-from dem.kernels.arguments import WORK, Array, Modes, U, V
+impulse I:  p <- p + phi I,  v_w <- v_w + (phi phi) I,  work I (v_w + phi phi I / 2)
+drift:      (q, p) <- E (q, p), exact for damped oscillators
+"""
+
+from dem.kernels.arguments import WORK, Array, U, V, WallModes
 from dem.kernels.compiled import fastmath_inline, ieee
 
 
 @fastmath_inline
 def push_wall(impulse: float, square: float, wall: Array) -> None:
+    """Work of an impulse on the modes, and the velocity that it leaves the wall with."""
     wall[WORK] += impulse * (wall[V] + 0.5 * square * impulse)
     wall[V] += square * impulse
 
 
 @fastmath_inline
-def push_modes(impulse: float, wall: Array, modes: Modes | None) -> None:
+def push_modes(impulse: float, wall: Array, modes: WallModes | None) -> None:
+    """Impulse [N s] at the wall on every mode."""
     if modes is not None:
         for j in range(modes.p.size):
             modes.p[j] += modes.phi[j] * impulse
@@ -19,7 +25,8 @@ def push_modes(impulse: float, wall: Array, modes: Modes | None) -> None:
 
 
 @ieee
-def shift_modes(shift: float, wall: Array, modes: Modes | None) -> None:
+def shift_modes(shift: float, wall: Array, modes: WallModes | None) -> None:
+    """Displacement of every mode by a shift times mass [kg m] at the wall."""
     if modes is not None:
         wall[U] += modes.square * shift
         for j in range(modes.q.size):
@@ -27,7 +34,7 @@ def shift_modes(shift: float, wall: Array, modes: Modes | None) -> None:
 
 
 @fastmath_inline
-def drift_modes(k: int, impulse: float, wall: Array, modes: Modes | None) -> None:
+def drift_modes(k: int, impulse: float, wall: Array, modes: WallModes | None) -> None:
     """Exact free motion of the damped modes by the k-th drift after an impulse at the wall."""
     if modes is None:
         return
@@ -38,20 +45,20 @@ def drift_modes(k: int, impulse: float, wall: Array, modes: Modes | None) -> Non
     w = 0.0
     for j in range(q.size):
         r = phi[j]
-        here = q[j]
+        q_old = q[j]
         speed = p[j] + r * impulse
-        there = qq[j] * here + qp[j] * speed
-        speed = pq[j] * here + pp[j] * speed
-        q[j] = there
+        q_new = qq[j] * q_old + qp[j] * speed
+        speed = pq[j] * q_old + pp[j] * speed
+        q[j] = q_new
         p[j] = speed
-        u += r * there
+        u += r * q_new
         w += r * speed
     wall[U] = u
     wall[V] = w
 
 
 @fastmath_inline
-def modal_energy(modes: Modes | None) -> tuple[float, float]:
+def modal_energy(modes: WallModes | None) -> tuple[float, float]:
     """Energy of the modes about the static state, and in all."""
     swing = 0.0
     absolute = 0.0

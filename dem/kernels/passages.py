@@ -16,12 +16,12 @@ def crest_between(v: Array, sign: float, first: int, end: int) -> tuple[float, f
             k = i
     if k == 0 or k == v.size - 1:
         return math.nan, math.nan
-    before, top, after = sign * v[k - 1], sign * v[k], sign * v[k + 1]
-    curvature = before - 2.0 * top + after
+    y0, y1, y2 = sign * v[k - 1], sign * v[k], sign * v[k + 1]
+    curvature = y0 - 2.0 * y1 + y2
     if curvature >= 0.0:
-        return float(k), sign * top
-    offset = 0.5 * (before - after) / curvature
-    return k + offset, sign * (top - 0.25 * (before - after) * offset)
+        return float(k), sign * y1
+    offset = 0.5 * (y0 - y2) / curvature
+    return k + offset, sign * (y1 - 0.25 * (y0 - y2) * offset)
 
 
 @ieee_march
@@ -29,29 +29,31 @@ def fill_passages(v: Array, threshold: float, out: Array) -> None:
     """Of every record v (m, k): place [samples] and height of the incident wave, then of the first
     reflected one after it, into out (m, 4); nan for what there is not."""
     for row in range(v.shape[0]):
-        one = v[row]
+        record = v[row]
         largest = 0.0
-        for k in range(one.size):
-            largest = max(largest, abs(one[k]))
+        for k in range(record.size):
+            largest = max(largest, abs(record[k]))
         level = threshold * largest
         out[row, :] = math.nan
         if not largest > 0.0:
             continue
+        # runs of samples above the level, of one sign: the first positive one is the incident wave,
+        # the first negative one after it the reflected one
         first, sign = 0, 0.0
-        for k in range(one.size + 1):
-            here = 2.0
-            if k < one.size:
-                here = 0.0
-                if abs(one[k]) >= level:
-                    here = 1.0 if one[k] > 0.0 else -1.0
-            if k > 0 and here != sign:
+        for k in range(record.size + 1):
+            sign_now = 2.0  # unlike any sign, ends the last run
+            if k < record.size:
+                sign_now = 0.0
+                if abs(record[k]) >= level:
+                    sign_now = 1.0 if record[k] > 0.0 else -1.0
+            if k > 0 and sign_now != sign:
                 seek = 1.0 if math.isnan(out[row, 0]) else -1.0
                 if sign == seek:
-                    place, height = crest_between(one, sign, first, k)
+                    place, height = crest_between(record, sign, first, k)
                     if not math.isnan(place):
                         column = 0 if seek > 0.0 else 2
                         out[row, column], out[row, column + 1] = place, height
                 first = k
-            sign = here
+            sign = sign_now
             if not math.isnan(out[row, 2]):
                 break

@@ -19,7 +19,7 @@ from dem.kernels.laws import hertz_force, hertz_indentation
 FORCE, BY_OVERLAP, BY_STIFFNESS, BY_RATE, BY_LOSS = range(5)  # rows of f (5, n_contacts)
 
 
-class Rig(NamedTuple):
+class SensitivityRig(NamedTuple):
     """A chain and its wall; no part is absent, those without effect are zeros."""
 
     A: Array  # (n_contacts,)
@@ -50,7 +50,7 @@ class Slopes(NamedTuple):
     rest_force: Array
 
 
-class Spheres(NamedTuple):
+class SphereDerivatives(NamedTuple):
     """Positions and velocities (n,), and their derivatives (n, p)."""
 
     x: Array
@@ -73,7 +73,7 @@ class Stages(NamedTuple):
     d_force: Array  # (4, p)
 
 
-class Record(NamedTuple):
+class DerivativeRecord(NamedTuple):
     """Velocity and acceleration of m observed spheres at every step, and their derivatives."""
 
     v: Array  # (n_steps + 1, m)
@@ -100,7 +100,7 @@ def contact(gap: float, rate: float, A: float, gamma: float, s: float, i: int, f
 
 
 @fastmath_inline
-def contacts(x: Array, v: Array, z: Array, rig: Rig, f: Array) -> None:
+def contacts(x: Array, v: Array, z: Array, rig: SensitivityRig, f: Array) -> None:
     """All contacts at a state into f."""
     A, gamma, phi = rig.A, rig.gamma, rig.phi
     n = x.size
@@ -116,7 +116,8 @@ def contacts(x: Array, v: Array, z: Array, rig: Rig, f: Array) -> None:
 
 
 @fastmath_inline
-def accelerations(x: Array, f: Array, rig: Rig, a: Array) -> None:
+def accelerations(x: Array, f: Array, rig: SensitivityRig, a: Array) -> None:
+    """a_i = (f_{i-1} - f_i + load_i - k_i (x_i - anchor_i)) / m_i."""
     n = x.size
     for i in range(n):
         net = rig.load[i] - rig.leaf[i] * (x[i] - rig.anchor[i])
@@ -129,7 +130,7 @@ def accelerations(x: Array, f: Array, rig: Rig, a: Array) -> None:
 
 @fastmath_inline
 def contact_sensitivities(
-    spheres: Spheres, modal: Modal, f: Array, phi: Array, slopes: Slopes, dF: Array
+    spheres: SphereDerivatives, modal: Modal, f: Array, phi: Array, slopes: Slopes, dF: Array
 ) -> None:
     """Derivatives of all contact forces by the parameters into dF (n_contacts, p)."""
     X, V, z, Z = spheres.X, spheres.V, modal.z, modal.Z
@@ -156,7 +157,10 @@ def contact_sensitivities(
 
 
 @fastmath_inline
-def acceleration_sensitivities(X: Array, dF: Array, rig: Rig, d_load: Array, dA: Array) -> None:
+def acceleration_sensitivities(
+    X: Array, dF: Array, rig: SensitivityRig, d_load: Array, dA: Array
+) -> None:
+    """Derivatives of `accelerations` by the parameters into dA (n, p)."""
     n, p = X.shape
     for i in range(n):
         minv = 1.0 / rig.mass[i]
@@ -172,8 +176,8 @@ def acceleration_sensitivities(X: Array, dF: Array, rig: Rig, d_load: Array, dA:
 
 @fastmath_inline
 def move_modes(
-    start: Modal, h: float, s: int, drifts: bool, stages: Stages, rig: Rig, slopes: Slopes,
-    out: Modal,
+    start: Modal, h: float, s: int, drifts: bool, stages: Stages, rig: SensitivityRig,
+    slopes: Slopes, out: Modal,
 ) -> None:  # fmt: skip
     """out = start + h N_s, the impulse of the force of stage s, which may drift for half a step:
     z <- E z, Z <- E Z + dE z."""
@@ -209,7 +213,10 @@ def combine(
 
 
 @fastmath_inline
-def save(step: int, observed: Array, spheres: Spheres, a: Array, dA: Array, record: Record) -> None:
+def save(
+    step: int, observed: Array, spheres: SphereDerivatives, a: Array, dA: Array,
+    record: DerivativeRecord,
+) -> None:  # fmt: skip
     """Velocity, acceleration and their derivatives of the observed spheres at a step."""
     for o in range(observed.size):
         i = observed[o]
@@ -221,7 +228,10 @@ def save(step: int, observed: Array, spheres: Spheres, a: Array, dA: Array, reco
 
 
 @fastmath_inline
-def add(spheres: Spheres, h: float, at_stage: Spheres, a: Array, dA: Array, out: Array) -> None:
+def add(
+    spheres: SphereDerivatives, h: float, at_stage: SphereDerivatives, a: Array, dA: Array,
+    out: SphereDerivatives,
+) -> None:  # fmt: skip
     """out = spheres + h * their rates at a stage."""
     combine(spheres.x, spheres.X, h, at_stage.v, at_stage.V, out.x, out.X)
     combine(spheres.v, spheres.V, h, a, dA, out.v, out.V)
@@ -234,19 +244,19 @@ class Workspace(NamedTuple):
     a: Array  # (n,) accelerations
     dF: Array  # (n_contacts, p)
     dA: Array  # (n, p)
-    spheres: Spheres
-    at_stage: Spheres
-    total: Spheres
+    spheres: SphereDerivatives
+    at_stage: SphereDerivatives
+    total: SphereDerivatives
     modal: Modal
     modal_at_stage: Modal
     half: Modal  # half a step on
     stages: Stages
 
 
-def workspace(spheres: Spheres, rig: Rig) -> Workspace:
+def workspace(spheres: SphereDerivatives, rig: SensitivityRig) -> Workspace:
     """A Workspace of spheres at their start, modes at rest."""
     (n, p), n_contacts, k = spheres.X.shape, rig.A.size, rig.phi.size
-    starts = (Spheres(*(part.copy() for part in spheres)) for _ in range(3))
+    starts = (SphereDerivatives(*(values.copy() for values in spheres)) for _ in range(3))
     modes = (Modal(np.zeros((2, k)), np.zeros((2, k, p))) for _ in range(3))
     forces = np.zeros((5, n_contacts)), np.zeros(n), np.zeros((n_contacts, p)), np.zeros((n, p))
     return Workspace(*forces, *starts, *modes, Stages(np.zeros(4), np.zeros((4, p))))
@@ -254,8 +264,8 @@ def workspace(spheres: Spheres, rig: Rig) -> Workspace:
 
 @fastmath_march
 def march(
-    work: Workspace, rig: Rig, slopes: Slopes, dt: float, n_steps: int, observed: Array,
-    record: Record,
+    work: Workspace, rig: SensitivityRig, slopes: Slopes, dt: float, n_steps: int, observed: Array,
+    record: DerivativeRecord,
 ) -> None:  # fmt: skip
     """March the workspace's spheres, and record the observed ones.
 

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike
 from dem.kernels.arguments import Array
 from dem.kernels.passages import fill_passages
 
-CANCEL = 1e-12  # of their sum without signs: below, velocities cancel but for rounding
-
 
 class Arrival(NamedTuple):
     """One wave passing a sphere."""
@@ -24,7 +22,7 @@ class Arrival(NamedTuple):
     quality: float = float("nan")  # 1: a solitary wave, 0: nothing like it; nan: not judged
 
 
-class Passage(NamedTuple):
+class WavePair(NamedTuple):
     """Incident and first reflected wave at one sphere."""
 
     incident: Arrival
@@ -43,27 +41,29 @@ def arrivals(t: ArrayLike, v: ArrayLike, *, threshold: float = 0.2) -> list[Arri
     largest = np.abs(v).max(initial=0.0)
     if largest == 0.0:
         return []
+
+    # runs of samples above the level, of one sign each; no wave is cut by the ends of the record
     above = np.where(np.abs(v) >= threshold * largest, np.sign(v), 0.0)
     edges = np.flatnonzero(np.diff(above)) + 1
-    pieces = np.split(np.arange(v.size), edges)
-    return [_arrival(t, v, piece) for piece in pieces if above[piece[0]] and _peaks(v, piece)]
-
-
-def _peaks(v, piece):
-    k = piece[np.abs(v[piece]).argmax()]
-    return 0 < k < v.size - 1
-
-
-def _arrival(t, v, piece):
-    sign = np.sign(v[piece[0]])
-    k = piece[np.abs(v[piece]).argmax()]
-    time, height = crest(t, sign * v, k)
-    return Arrival(time, float(sign * height), full_width(t, sign * v, k))
+    waves = []
+    for run in np.split(np.arange(v.size), edges):
+        sign = above[run[0]]
+        k = run[np.abs(v[run]).argmax()]
+        if sign == 0.0 or not 0 < k < v.size - 1:
+            continue
+        time, height = crest(t, sign * v, k)
+        waves.append(Arrival(time, float(sign * height), full_width(t, sign * v, k)))
+    return waves
 
 
 def crest(t: Array, y: Array, k: int) -> tuple[float, float]:
     """Time and height of the parabola through the samples k - 1, k, k + 1 of y (k,)."""
-    offset, height = _vertex(y[k - 1 : k + 2])
+    y0, y1, y2 = y[k - 1 : k + 2]
+    curvature = y0 - 2.0 * y1 + y2
+    if curvature >= 0.0:  # no crest, but a plateau
+        return float(t[k]), float(y1)
+    offset = 0.5 * (y0 - y2) / curvature
+    height = y1 - 0.25 * (y0 - y2) * offset
     return float(t[k] + offset * (t[1] - t[0])), float(height)
 
 
@@ -80,38 +80,30 @@ def _foot(y):
     return y[: higher.argmax()].min() if higher.any() else y.min()
 
 
-def _vertex(y):
-    curvature = y[0] - 2.0 * y[1] + y[2]
-    if curvature >= 0.0:
-        return 0.0, y[1]
-    offset = 0.5 * (y[0] - y[2]) / curvature
-    return offset, y[1] - 0.25 * (y[0] - y[2]) * offset
-
-
 def full_width(t: Array, y: Array, k: int) -> float:
     """Full width [s] at half the height of the crest near sample k of y (k,), nan if cut off."""
     level = 0.5 * crest(t, y, k)[1]
     below = np.flatnonzero(y < level)
-    before, after = below[below < k], below[below > k]
-    if not before.size or not after.size:
+    rising, falling = below[below < k], below[below > k]
+    if not rising.size or not falling.size:
         return float("nan")
-    i, j = before[-1], after[0]
-    left = t[i] + (level - y[i]) / (y[i + 1] - y[i]) * (t[i + 1] - t[i])
-    right = t[j] - (level - y[j]) / (y[j - 1] - y[j]) * (t[j] - t[j - 1])
-    return float(right - left)
+    i, j = rising[-1], falling[0]
+    rise = t[i] + (level - y[i]) / (y[i + 1] - y[i]) * (t[i + 1] - t[i])
+    fall = t[j] - (level - y[j]) / (y[j - 1] - y[j]) * (t[j] - t[j - 1])
+    return float(fall - rise)
 
 
-def passage(t: Array, v: Array, **options) -> Passage | None:
+def passage(t: Array, v: Array, **options) -> WavePair | None:
     """Incident wave and the first reflected one after it, None if either is missing."""
     waves = arrivals(t, v, **options)
     incident = next((w for w in waves if w.peak_velocity > 0.0), None)
     if incident is None:
         return None
-    after = (w for w in waves if w.peak_velocity < 0.0 and w.time > incident.time)
-    reflected = next(after, None)
+    later = (w for w in waves if w.peak_velocity < 0.0 and w.time > incident.time)
+    reflected = next(later, None)
     if reflected is None:
         return None
-    return Passage(
+    return WavePair(
         incident,
         reflected,
         time_of_flight(incident, reflected),
@@ -134,21 +126,20 @@ def velocity_sum_ratio(v_before: Array, v_after: Array) -> float:
     on a rigid wall (E. Falcon, C. Laroche, S. Fauve, C. Coste, Eur. Phys. J. B 3 (1998) 45); nan
     where the initial ones cancel."""
     start = abs(np.sum(v_before))
-    if start <= CANCEL * np.sum(np.abs(v_before)):
+    if start <= 1e-12 * np.sum(np.abs(v_before)):  # they cancel but for rounding
         return float("nan")
     return float(abs(np.sum(v_after)) / start)
 
 
 def energy_restitution(mass: Array, v_before: Array, v_after: Array) -> float:
     """sqrt of final over initial kinetic energy: 1 without loss."""
-    before, after = mass @ np.square(v_before), mass @ np.square(v_after)
-    return float(np.sqrt(after / before))
+    return float(np.sqrt((mass @ np.square(v_after)) / (mass @ np.square(v_before))))
 
 
 def passages(t: Array, v: Array, *, threshold: float = 0.2) -> Array:
     """(m, 4) time [s] and peak velocity [m/s] of the incident wave and of the first reflected one
     of `passage` for records v (m, k) at equal times t (k,); nan for a wave that there is not."""
-    found = np.empty((len(v), 4))
-    fill_passages(np.ascontiguousarray(v, float), threshold, found)
-    found[:, ::2] = t[0] + found[:, ::2] * (t[1] - t[0])
-    return found
+    waves = np.empty((len(v), 4))
+    fill_passages(np.ascontiguousarray(v, float), threshold, waves)
+    waves[:, ::2] = t[0] + waves[:, ::2] * (t[1] - t[0])
+    return waves

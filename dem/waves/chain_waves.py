@@ -9,8 +9,6 @@ from dem.waves.labels import Label, labels
 from dem.waves.measures import WallContact, wall_contact
 from dem.waves.tracks import WaveTrack, wave_tracks
 
-NAMED = 20  # waves of a kind that are followed; after a few dozen impacts there are none to name
-
 
 class ChainWaves(NamedTuple):
     """Waves along the chain, at the observed spheres, and the impact at the wall, if any."""
@@ -23,11 +21,12 @@ class ChainWaves(NamedTuple):
 def chain_waves(
     run: Trajectory, row: Chain, spheres: Iterable[int], *, at_wall: bool
 ) -> ChainWaves:
-    """What a trajectory holds of waves; spheres are counted from 1."""
-    found = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A)
-    found = tuple(track for track in found if track.number <= NAMED)
+    """Waves of a run, labelled at the spheres (counted from 1), and its collision with the wall."""
+    tracks = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A)
+    # twenty waves of a kind: after a few dozen impacts there are none to name
+    tracks = tuple(track for track in tracks if track.number <= 20)
     return ChainWaves(
-        found,
-        {s: labels(found, run.t, run.v[:, s - 1], s) for s in spheres},
-        wall_contact(run.t, run.v, run.contact_force, row, found) if at_wall else None,
+        tracks,
+        {s: labels(tracks, run.t, run.v[:, s - 1], s) for s in spheres},
+        wall_contact(run.t, run.v, run.contact_force, row, tracks) if at_wall else None,
     )

@@ -16,12 +16,20 @@ from dem.kernels.arguments import Array
 from dem.waves.arrivals import Arrival
 from dem.waves.solitary import ENDS, WIDTH, displacement_shape, velocity_shape
 
-PURE = 0.015  # misfit below which nothing is taken to stay behind
-REACH = 1.5  # of the record on either side of a group of waves, in widths
-SLOWEST, FASTEST = 0.4, 2.5  # bounds of the fitted c_j, in the guessed one
-ROUNDS = 60
-MOST = 6  # waves fitted together
-SMALL = 1e-5  # difference step of the scaled unknowns
+
+class WaveFitOptions(NamedTuple):
+    """How overlapping waves are fitted; ranges are not on record."""
+
+    pure: float = 0.015  # misfit below which nothing is taken to stay behind
+    reach: float = 1.5  # of the record on either side of a group of waves, in widths
+    largest_group: int = 6  # waves fitted together
+    speeds: tuple[float, float] = (0.4, 2.5)  # bounds of the fitted c_j over the guessed one
+    shift: float = 1.5  # spheres by which a crest moves at most
+    rounds: int = 60  # of Levenberg and Marquardt
+    step: float = 1e-5  # of the differences that make the Jacobian, in the scaled unknowns
+
+
+USUAL_FIT = WaveFitOptions()
 
 
 class Guess(NamedTuple):
@@ -32,7 +40,7 @@ class Guess(NamedTuple):
     width: float  # [s] full width at half maximum
 
 
-class Fit(NamedTuple):
+class WaveFit(NamedTuple):
     """Waves found in one stretch of a record, and how well they make it up.
 
     The quality of an arrival is 1 - rms of the residual within a width of it over its peak
@@ -43,110 +51,114 @@ class Fit(NamedTuple):
     misfit: float  # rms of the residual over the largest peak
 
 
-def groups(guesses: Iterable[Guess]) -> list[list[Guess]]:
+def groups(guesses: Iterable[Guess], options: WaveFitOptions = USUAL_FIT) -> list[list[Guess]]:
     """Guesses in order of time, those whose stretches of the record overlap in one list.
 
-    Lists of more than MOST are parted at their widest gap.
+    Lists of more than `largest_group` are parted at their widest gap.
     """
     together = []
     for guess in sorted(guesses):
         last = together[-1][-1] if together else None
-        if last is not None and apart(last, guess) < 2.0 * REACH:
+        if last is not None and apart(last, guess) < 2.0 * options.reach:
             together[-1].append(guess)
         else:
             together.append([guess])
-    return [part for group in together for part in _parted(group)]
+
+    # the queue holds what is still to be parted, in order of time
+    small, queue = [], together[::-1]
+    while queue:
+        group = queue.pop()
+        if len(group) <= options.largest_group:
+            small.append(group)
+        else:
+            k = int(np.argmax([apart(first, second) for first, second in pairwise(group)])) + 1
+            queue += [group[k:], group[:k]]
+    return small
 
 
-def _parted(group):
-    if len(group) <= MOST:
-        return [group]
-    gaps = [apart(one, other) for one, other in pairwise(group)]
-    k = int(np.argmax(gaps)) + 1
-    return [*_parted(group[:k]), *_parted(group[k:])]
-
-
-def apart(one: Guess, other: Guess) -> float:
+def apart(first: Guess, second: Guess) -> float:
     """Distance of two crests in the mean of their widths."""
-    return 2.0 * abs(other.time - one.time) / (one.width + other.width)
+    return 2.0 * abs(second.time - first.time) / (first.width + second.width)
 
 
-def fit(t: Array, v: Array, guesses: Sequence[Guess]) -> Fit:
+def fit(
+    t: Array, v: Array, guesses: Sequence[Guess], options: WaveFitOptions = USUAL_FIT
+) -> WaveFit:
     """Fit of the waves of one group to the record around them."""
-    reach = REACH * max(guess.width for guess in guesses)
-    near = (t >= guesses[0].time - reach) & (t <= guesses[-1].time + reach)
-    if near.sum() < 4 * len(guesses) + 1:
-        return Fit((), np.inf)
-    t, v = t[near], v[near]
+    reach = options.reach * max(guess.width for guess in guesses)
+    window = (t >= guesses[0].time - reach) & (t <= guesses[-1].time + reach)
+    if window.sum() < 4 * len(guesses) + 1:
+        return WaveFit((), np.inf)
+    t, v = t[window], v[window]
     start = np.array([(g.time, WIDTH / g.width) for g in guesses])
     size = max(np.abs(v).max(), np.finfo(float).tiny)
-    for steps in (False, True):
-        shapes = _searched(t, v, start, steps)
-        weights, residual = _weighted(t, v, shapes, steps)
-        if np.sqrt(np.mean(residual**2)) < PURE * size:
+
+    # waves that pass alone first, d_j = 0; what stays behind where they do not make up the record
+    for with_steps in (False, True):
+        shapes = _shapes(t, v, start, with_steps, options)
+        weights, residual = _weighted(t, v, shapes, with_steps)
+        if np.sqrt(np.mean(residual**2)) < options.pure * size:
             break
-    arrivals = tuple(
-        _arrival(t, residual, shape, w) for shape, w in zip(shapes, weights, strict=True)
-    )
-    return Fit(arrivals, float(np.sqrt(np.mean(residual**2)) / size))
+
+    arrivals = []
+    for (t_crest, c), (p, d) in zip(shapes, weights, strict=True):
+        # crest of this wave alone; of one that rather leaves its sphere moving, the steepest rise
+        a = np.linspace(-ENDS, ENDS, 2401)
+        wave = p * velocity_shape(a) + d * displacement_shape(a)
+        passes = abs(p) > abs(d)
+        top = int(np.abs(wave).argmax()) if passes else int(np.abs(a).argmin())
+        peak = float(wave[top] if passes else p + d)
+
+        # quality from what the fit misses within a width of the crest
+        around = np.abs(t - t_crest) < WIDTH / c
+        rms = float(np.sqrt(np.mean(residual[around] ** 2))) if around.any() else np.inf
+        quality = max(0.0, 1.0 - rms / max(abs(peak), 1e-300))
+        arrivals.append(Arrival(float(t_crest + a[top] / c), peak, float(WIDTH / c), quality))
+    return WaveFit(tuple(arrivals), float(np.sqrt(np.mean(residual**2)) / size))
 
 
-def _weighted(t, v, shapes, steps):
+def _weighted(t, v, shapes, with_steps):
     """p_j, d_j (n, 2) by linear least squares for given t_j, c_j (n, 2), and the residual."""
     a = shapes[:, 1:] * (t - shapes[:, :1])
-    behind = displacement_shape(a) if steps else np.zeros((0, len(t)))
+    behind = displacement_shape(a) if with_steps else np.zeros((0, len(t)))
     basis = np.vstack([velocity_shape(a), behind, np.ones_like(t)[None]]).T
     weight = np.linalg.lstsq(basis, v, rcond=None)[0]
     residual = v - basis @ weight
     return np.resize([*weight[:-1], *np.zeros(len(a))], 2 * len(a)).reshape(2, -1).T, residual
 
 
-def _searched(t, v, start, steps):
-    """t_j, c_j (n, 2) that leave least, with the best p_j, d_j for each trial."""
+def _shapes(t, v, start, with_steps, options):
+    """t_j, c_j (n, 2) that leave least, with the best p_j, d_j for each trial: Levenberg's and
+    Marquardt's method in z, shifts in spheres and relative changes of speed."""
     scale = np.column_stack([1.0 / start[:, 1], start[:, 1]])
     z, damping = np.zeros(start.size), 1e-2
 
     def misfit(z):
-        return _weighted(t, v, start + scale * z.reshape(-1, 2), steps)[1]
+        return _weighted(t, v, start + scale * z.reshape(-1, 2), with_steps)[1]
 
     residual = misfit(z)
-    for _ in range(ROUNDS):
-        J = [(misfit(z + h) - residual) / SMALL for h in SMALL * np.eye(z.size)]
-        trial = _bounded(z - _marquardt(np.array(J).T, residual, damping))
-        after = misfit(trial)
-        if after @ after < residual @ residual:
-            done = residual @ residual - after @ after < 1e-9 * (residual @ residual)
-            z, residual, damping = trial, after, 0.3 * damping
-            if done:
+    for _ in range(options.rounds):
+        # (J^T J + damping diag) dz = J^T r
+        steps = options.step * np.eye(z.size)
+        J = np.array([(misfit(z + h) - residual) / options.step for h in steps]).T
+        H = J.T @ J
+        diagonal = np.diag(H) + 1e-12 * np.trace(H) + np.finfo(float).tiny
+        trial = z - np.linalg.solve(H + damping * np.diag(diagonal), J.T @ residual)
+        shift, speed = trial.reshape(-1, 2).T
+        low, high = options.speeds
+        trial = np.column_stack([
+            np.clip(shift, -options.shift, options.shift), np.clip(speed, low - 1.0, high - 1.0)
+        ]).ravel()  # fmt: skip
+
+        trial_residual = misfit(trial)
+        if trial_residual @ trial_residual < residual @ residual:
+            gain = residual @ residual - trial_residual @ trial_residual
+            converged = gain < 1e-9 * (residual @ residual)
+            z, residual, damping = trial, trial_residual, 0.3 * damping
+            if converged:
                 break
         else:
             damping *= 5.0
             if damping > 1e8:
                 break
     return start + scale * z.reshape(-1, 2)
-
-
-def _marquardt(J, residual, damping):
-    H = J.T @ J
-    own = np.diag(H) + 1e-12 * np.trace(H) + np.finfo(float).tiny
-    return np.linalg.solve(H + damping * np.diag(own), J.T @ residual)
-
-
-def _bounded(z):
-    """Crests move by at most 1.5 spheres, speeds between SLOWEST and FASTEST."""
-    z = z.reshape(-1, 2)
-    return np.column_stack(
-        [np.clip(z[:, 0], -1.5, 1.5), np.clip(z[:, 1], SLOWEST - 1.0, FASTEST - 1.0)]
-    ).ravel()
-
-
-def _arrival(t, residual, shape, weight):
-    (crest, c), (p, d) = shape, weight
-    a = np.linspace(-ENDS, ENDS, 2401)
-    own = p * velocity_shape(a) + d * displacement_shape(a)
-    top = int(np.abs(own).argmax()) if abs(p) > abs(d) else int(np.abs(a).argmin())
-    peak = float(own[top] if abs(p) > abs(d) else p + d)
-    near = np.abs(t - crest) < WIDTH / c
-    rms = float(np.sqrt(np.mean(residual[near] ** 2))) if near.any() else np.inf
-    quality = max(0.0, 1.0 - rms / max(abs(peak), 1e-300))
-    return Arrival(float(crest + a[top] / c), peak, float(WIDTH / c), quality)

@@ -18,8 +18,6 @@ from dem.trajectory import Trajectory
 from dem.waves.arrivals import energy_restitution, velocity_sum_ratio
 from dem.waves.tracks import WaveTrack
 
-AT_END = 4  # contacts from the wall within which a wave is that of the collision
-EMPTY = 1e-3  # of the largest force: between two waves
 CONTACT = 0.01  # of the peak force, where a contact counts as closed
 
 
@@ -60,15 +58,15 @@ def contact_time(t: ArrayLike, force: ArrayLike, *, threshold: float = CONTACT) 
     k, level = int(F.argmax()), F[0] + threshold * (F.max() - F[0])
     if F.max() <= F[0]:
         return ContactTime(np.nan, np.nan, np.nan, float(level))
-    before, after = np.flatnonzero(F[:k] <= level), np.flatnonzero(F[k:] <= level) + k
-    start = _crossing(t, F, before[-1], level) if before.size else t[0]
-    end = _crossing(t, F, after[0] - 1, level) if after.size else np.inf
+
+    def crossing(i):
+        """Time between the samples i and i + 1 at which F passes the level."""
+        return t[i] + (level - F[i]) / (F[i + 1] - F[i]) * (t[i + 1] - t[i])
+
+    rising, falling = np.flatnonzero(F[:k] <= level), np.flatnonzero(F[k:] <= level) + k
+    start = crossing(rising[-1]) if rising.size else t[0]
+    end = crossing(falling[0] - 1) if falling.size else np.inf
     return ContactTime(float(end - start), float(start), float(end), float(level))
-
-
-def _crossing(t, F, i, level):
-    """Time between the samples i and i + 1 at which F passes the level."""
-    return t[i] + (level - F[i]) / (F[i + 1] - F[i]) * (t[i + 1] - t[i])
 
 
 def dimensionless_contact_time(seconds: float, mass: float, speed: float, A_wall: float) -> float:
@@ -97,21 +95,41 @@ def wall_contact(
     t: Array, v: Array, contact_force: Array, chain: Chain, tracks: Sequence[WaveTrack]
 ) -> WallContact:
     """WallContact of a chain's run; v (k, n), contact_force (k, n), its `tracks`."""
-    closed = _collision(t, contact_force)
-    speed = float(np.abs(v[0]).max())
-    n = len(chain.mass)
-    inward, outward = (_first(tracks, kind, n) for kind in ("incident", "reflected"))
-    there = np.nan if inward is None else track_speed(inward, chain.radius)
-    back = np.nan if outward is None else track_speed(outward, chain.radius)
-    travelling = travelling_time(n, float(np.mean(chain.radius)), there, back)
+    n, nan = len(chain.mass), float("nan")
+
+    # the collision; none before a wave is there, whose foot reaches far ahead
+    rise = (contact_force - contact_force[0]).max(axis=0)
+    arrived = rise[-1] > CONTACT * rise.max()
+    collision = contact_time(t, contact_force[:, -1] if arrived else np.zeros(len(t)))
+    v_striker = float(np.abs(v[0]).max())
+    tau_c = dimensionless_contact_time(collision.seconds, chain.mass[-1], v_striker, chain.A[-1])
+
+    # the first wave each way is that of the collision if it is seen within 4 contacts of the wall
+    first = {
+        track.kind: track
+        for track in tracks
+        if track.number == 1 and max(track.pulses[0].contact, track.pulses[-1].contact) >= n - 4
+    }
+    incident, reflected = first.get("incident"), first.get("reflected")
+    speed_in = nan if incident is None else track_speed(incident, chain.radius)
+    speed_back = nan if reflected is None else track_speed(reflected, chain.radius)
+    travelling = travelling_time(n, float(np.mean(chain.radius)), speed_in, speed_back)
+
+    # (2.9), mean over the contacts that both pass; forces are what it compares
+    arr = nan
+    if incident is not None and reflected is not None:
+        force_in = {pulse.contact: pulse.force for pulse in incident.pulses}
+        ratios = [p.force / force_in[p.contact] for p in reflected.pulses if p.contact in force_in]
+        arr = float(np.mean(ratios)) if ratios else nan
+
     return WallContact(
-        closed,
-        dimensionless_contact_time(closed.seconds, chain.mass[-1], speed, chain.A[-1]),
-        there,
-        back,
+        collision,
+        tau_c,
+        speed_in,
+        speed_back,
         travelling,
-        closed.seconds + travelling,
-        np.nan if inward is None or outward is None else _mean_ratio(inward, outward),
+        collision.seconds + travelling,
+        arr,
         velocity_sum_ratio(v[0], v[-1]),
         energy_restitution(chain.mass, v[0], v[-1]),
     )
@@ -127,14 +145,14 @@ class WaveEnergy(NamedTuple):
 
 def wave_energy(run: Trajectory, chain: Chain) -> WaveEnergy:
     """Of the first wave of a chain before a wall, one of at least eight spheres."""
-    force, whole = run.contact_force, run.energy_kinetic[0]
+    force, energy = run.contact_force, run.energy_kinetic[0]
     k = int(force[:, -1].argmax())
     # from the third contact on the wave has its shape, until it comes near the wall
     way = slice(int(force[:k, 2].argmax()), int(force[:k, -4].argmax()))
     return WaveEnergy(
-        float(run.energy_kinetic[way].mean() / whole),
-        float(run.energy_kinetic[k] / whole),
-        float(hertz_energy(force[k, -1], chain.A[-1]) / whole),
+        float(run.energy_kinetic[way].mean() / energy),
+        float(run.energy_kinetic[k] / energy),
+        float(hertz_energy(force[k, -1], chain.A[-1]) / energy),
     )
 
 
@@ -142,34 +160,9 @@ def leading_share(run: Trajectory, chain: Chain) -> float:
     """Energy of the leading wave at the end of a run, from the gap behind it on, over the
     striker's."""
     v, F = run.v[-1], run.contact_force[-1]
-    gap = int(v.argmax()) - 1
-    while F[gap] > EMPTY * F.max() and F[gap] >= F[gap - 1]:
+    gap = int(v.argmax()) - 1  # contact behind the fastest sphere; on to where no force is left
+    while F[gap] > 1e-3 * F.max() and F[gap] >= F[gap - 1]:
         gap -= 1
     stored = hertz_energy(F, chain.A)
     moving = 0.5 * chain.mass[gap + 1 :] @ v[gap + 1 :] ** 2
     return float((moving + stored[gap:].sum()) / run.energy_kinetic[0])
-
-
-def _collision(t, contact_force):
-    """The contact time at the wall, nan before a wave is there: its foot reaches far ahead."""
-    rise = (contact_force - contact_force[0]).max(axis=0)
-    there = rise[-1] > CONTACT * rise.max()
-    return contact_time(t, contact_force[:, -1] if there else np.zeros(len(t)))
-
-
-def _first(tracks, kind, n):
-    """The first track of a kind, None if it is not seen close to the wall behind n spheres."""
-    first = (track for track in tracks if track.kind == kind and track.number == 1)
-    return next((track for track in first if _last_contact(track) >= n - AT_END), None)
-
-
-def _last_contact(track):
-    """Of a track's contacts the one next to the wall."""
-    return max(track.pulses[0].contact, track.pulses[-1].contact)
-
-
-def _mean_ratio(inward, outward):
-    """Mean of (2.9) over the contacts that both pass; forces are what (2.9) compares."""
-    there = {pulse.contact: pulse.force for pulse in inward.pulses}
-    ratios = [p.force / there[p.contact] for p in outward.pulses if p.contact in there]
-    return float(np.mean(ratios)) if ratios else np.nan

@@ -14,9 +14,17 @@ from dem.kernels.arguments import Array
 from dem.waves.arrivals import crest, peaks
 from dem.waves.solitary import force, speed, velocity_of_force
 
-EARLY, LATE = 0.7, 5.0  # of a pulse against the expected time, in passing times of a sphere
-SKIPPED = 3  # contacts at which a track may be hidden in another one
-SHORTEST = 3  # contacts that make a track
+
+class TrackOptions(NamedTuple):
+    """When pulses are one wave; ranges are not on record."""
+
+    early: float = 0.7  # before the expected time, in passing times of a sphere for each contact
+    late: float = 5.0  # after the expected time, in passing times of a sphere
+    skipped: int = 3  # contacts at which a track may be hidden in another one
+    shortest: int = 3  # contacts that make a track
+
+
+USUAL_TRACKS = TrackOptions()
 
 
 class Pulse(NamedTuple):
@@ -53,87 +61,77 @@ class WaveTrack(NamedTuple):
 
 
 def wave_tracks(
-    t: Array, v: Array, contact_force: Array, mass: Array, A: Array, *, threshold: float = 0.03
-) -> tuple[WaveTrack, ...]:
+    t: Array, v: Array, contact_force: Array, mass: Array, A: Array, *, threshold: float = 0.03,
+    options: TrackOptions = USUAL_TRACKS,
+) -> tuple[WaveTrack, ...]:  # fmt: skip
     """Wave tracks in the records v (k, n) and contact_force (k, n_contacts) of all spheres.
 
     A pulse counts if the spheres in its wave reach `threshold` of those in the largest one, and a
-    track if it passes three contacts. Incident ones first.
+    track if it passes three contacts. Incident ones first, then reflected ones, each in order of
+    time at the wall.
     """
-    found = _pulses(np.asarray(t), np.asarray(v), np.asarray(contact_force), mass, A, threshold)
-    inward = _linked([p for p in found if p.velocity > 0.0], 1)
-    outward = _linked([p for p in found if p.velocity < 0.0], -1)
-    wall = len(mass)
-    return (*_numbered("incident", inward, wall), *_numbered("reflected", outward, wall))
+    t, v, contact_force = np.asarray(t), np.asarray(v), np.asarray(contact_force)
 
-
-def _pulses(t, v, contact_force, mass, A, threshold):
-    """All collisions above the threshold; the force at rest is no wave's."""
+    # pulses: collisions of neighbours above the threshold; the force at rest is no wave's
     n = len(mass) - 1
-    F, m, A = contact_force[:, :n] - contact_force[0, :n], 0.5 * (mass[:-1] + mass[1:]), A[:n]
-    largest = velocity_of_force(F.max(axis=0, initial=0.0), m, A).max(initial=0.0)
-    level = force(threshold * largest, m, A)
-    return [
-        _pulse(t, v, F, mass, A, i, k)
-        for i in range(n)
-        for k in peaks(F[:, i], level[i])
-        if F[k, i] >= level[i]
-    ]
+    F = contact_force[:, :n] - contact_force[0, :n]
+    m = 0.5 * (mass[:-1] + mass[1:])
+    largest = velocity_of_force(F.max(axis=0, initial=0.0), m, A[:n]).max(initial=0.0)
+    level = force(threshold * largest, m, A[:n])
+    pulses = []
+    for i in range(n):
+        for k in peaks(F[:, i], level[i]):
+            if F[k, i] < level[i]:
+                continue
+            # the wave that the sphere makes of it that passes it on: a heavy striker waits for no
+            # other
+            time, height = crest(t, F[:, i], k)
+            way = 1 if v[k, i] + v[k, i + 1] > 0.0 else -1
+            m_passing = mass[i + 1] if way > 0 else mass[i]
+            size = velocity_of_force(height, m_passing, A[i])
+            passing_time = float(1.0 / speed(size, m_passing, A[i]))
+            pulses.append(Pulse(time, i + 1, height, float(way * size), passing_time))
+
+    inward = _linked([pulse for pulse in pulses if pulse.velocity > 0.0], 1, options)
+    outward = _linked([pulse for pulse in pulses if pulse.velocity < 0.0], -1, options)
+
+    # in order of time at the wall: a reflected track first seen on its way came out of a faster one
+    fastest = min((track[0].passing_time for track in outward), default=0.0)
+    inward.sort(key=lambda track: track[0].time)
+    outward.sort(key=lambda track: track[0].time - (len(mass) - track[0].contact) * fastest)
+    return (
+        *(WaveTrack("incident", i, tuple(track)) for i, track in enumerate(inward, 1)),
+        *(WaveTrack("reflected", i, tuple(track)) for i, track in enumerate(outward, 1)),
+    )
 
 
-def _pulse(t, v, F, mass, A, i, k):
-    """What the sphere makes of it that passes it on: a heavy striker waits for no other."""
-    time, height = crest(t, F[:, i], k)
-    way = 1 if v[k, i] + v[k, i + 1] > 0.0 else -1
-    m = mass[i + 1] if way > 0 else mass[i]
-    size = velocity_of_force(height, m, A[i])
-    return Pulse(time, i + 1, height, float(way * size), float(1.0 / speed(size, m, A[i])))
-
-
-def _linked(pulses, way):
+def _linked(pulses, way, options):
     """Lists of pulses that one wave makes on its way, +1 towards the wall or -1."""
-    found, at = [], {}
+    tracks, at_contact = [], {}
     for pulse in pulses:
-        at.setdefault(pulse.contact, []).append(pulse)
-    for contact, here in sorted(at.items(), reverse=way < 0):
-        near = [track for track in found if abs(contact - track[-1].contact) <= 1 + SKIPPED]
-        matched = list(_matches(near, here, way))
-        for track, pulse in matched:
-            track.append(pulse)
-        found += [[pulse] for pulse in here if pulse not in [p for _, p in matched]]
-    return [track for track in found if len(track) >= SHORTEST]
+        at_contact.setdefault(pulse.contact, []).append(pulse)
+    for contact, candidates in sorted(at_contact.items(), reverse=way < 0):
+        recent = [
+            track for track in tracks if abs(contact - track[-1].contact) <= 1 + options.skipped
+        ]
 
+        # how late a pulse comes after a track's last one, in passing times, where it may be its
+        offers = []
+        for i, track in enumerate(recent):
+            for j, pulse in enumerate(candidates):
+                last = track[-1]
+                contacts = way * (pulse.contact - last.contact)
+                late = (pulse.time - last.time) / last.passing_time - contacts
+                in_time = -options.early * contacts <= late <= options.late
+                if 1 <= contacts <= 1 + options.skipped and in_time:
+                    offers.append((abs(late), i, j))
 
-def _matches(found, here, way):
-    """Pairs of a track and its next pulse, the best first, each taken once."""
-    offers = []
-    for i, track in enumerate(found):
-        for j, pulse in enumerate(here):
-            late = _lateness(track[-1], pulse, way)
-            if late is not None:
-                offers.append((abs(late), i, j))
-    taken_tracks, taken_pulses = set(), set()
-    for _, i, j in sorted(offers):
-        if i not in taken_tracks and j not in taken_pulses:
-            taken_tracks.add(i)
-            taken_pulses.add(j)
-            yield found[i], here[j]
-
-
-def _lateness(last, pulse, way):
-    """How late a pulse comes after a track's last one, in passing times; None: it cannot be his."""
-    contacts = way * (pulse.contact - last.contact)
-    late = (pulse.time - last.time) / last.passing_time - contacts
-    fits = 1 <= contacts <= 1 + SKIPPED and -EARLY * contacts <= late <= LATE
-    return late if fits else None
-
-
-def _numbered(kind, found, wall):
-    """In order of time at the wall; a track first seen on its way came out of a faster one."""
-    fastest = min((track[0].passing_time for track in found), default=0.0)
-
-    def start(pulses):
-        return pulses[0].time - (wall - pulses[0].contact) * fastest
-
-    order = sorted(found, key=start if kind == "reflected" else lambda pulses: pulses[0].time)
-    return (WaveTrack(kind, number, tuple(pulses)) for number, pulses in enumerate(order, 1))
+        # the best pair first, each track and each pulse once; a pulse without a track begins one
+        extended, matched = set(), set()
+        for _, i, j in sorted(offers):
+            if i not in extended and j not in matched:
+                extended.add(i)
+                matched.add(j)
+                recent[i].append(candidates[j])
+        tracks += [[pulse] for j, pulse in enumerate(candidates) if j not in matched]
+    return [track for track in tracks if len(track) >= options.shortest]

@@ -37,7 +37,7 @@ def settled(
     size = chain.mass.size + (0 if wall is None else wall.omega.size)
     run = dem.march_to_error(
         chain, wall, v0, duration=duration, error=error, n_save=n_save,
-        search=dem.Search(max_evaluations=1e9 / size),
+        search=dem.StepSearch(max_evaluations=1e9 / size),
     ).trajectory  # fmt: skip
     speed = float(np.abs(v0).max()) or 1.0
     true = float(np.abs(finer(chain, wall, v0, run).v - run.v).max()) / speed

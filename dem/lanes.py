@@ -1,0 +1,170 @@
+"""Chains of a batch in the lanes of vector registers: packed into blocks, marched by threads.
+
+A block holds LANES chains; the last one is filled up with the batch's last chain.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+
+from dem.chain import LAWS
+from dem.chains import Chains
+from dem.kernels.arguments import Array
+from dem.kernels.lanes import (
+    LANES,
+    Blocks,
+    Dampers,
+    LaneSteps,
+    RestingForces,
+    SavedLanes,
+    WallSprings,
+    march_lanes,
+)
+from dem.kernels.oscillators import oscillator_propagator
+from dem.prepared import prepare
+from dem.schemes import Scheme
+from dem.stability import refuse_step
+
+
+class LaneRuns(NamedTuple):
+    """What chains marched side by side leave at k samples."""
+
+    v: Array  # (n_chains, k, n_observed)
+    wall_force: Array  # (n_chains, k)
+    energy_error: Array  # (n_chains,) largest change over the energy at the start
+
+
+def march_side_by_side(
+    chains: Chains, method: Scheme, steps: LaneSteps, observed: Array, threads: int
+) -> LaneRuns:
+    """Chains marched by equal steps.
+
+    Raises UnstableStep where the step is too long for the damping of a chain; what is unstable in
+    other ways leaves values that are not finite.
+    """
+    if chains.damped:
+        chain, wall, v0 = chains[chains.most_damped]
+        refuse_step(prepare(chain, wall), v0, steps.h, method)
+    blocks = blocks_of(chains, steps.h * method.a)
+    n, k = len(blocks.v0), steps.n_save + 1
+    saved = SavedLanes(
+        np.empty((n, k, observed.size, LANES)),
+        np.empty((n, k, LANES)),
+        np.zeros((n, LANES)),
+    )
+
+    def march(piece):
+        march_lanes(
+            _sliced(blocks, piece), method.a, method.b, method.correction, steps, observed,
+            _sliced(saved, piece),
+        )  # fmt: skip
+
+    # four blocks at a time are dealt to the threads
+    pieces = [slice(i, i + 4) for i in range(0, n, 4)]
+    if threads == 1 or len(pieces) == 1:
+        for piece in pieces:
+            march(piece)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(march, pieces))
+
+    # from lanes to chains; the chains that fill up the last block go
+    count = chains.count
+    return LaneRuns(
+        saved.v.transpose(0, 3, 1, 2).reshape(n * LANES, k, -1)[:count],
+        saved.wall_force.transpose(0, 2, 1).reshape(n * LANES, k)[:count],
+        saved.energy_error.ravel()[:count],
+    )
+
+
+def blocks_of(chains: Chains, drifts: Array) -> Blocks:
+    """Blocks of a batch whose modes and leaf springs move on exactly over the drifts [s]."""
+    none = np.zeros((chains.count, 0))
+    arrays = chains.arrays
+
+    # spheres; a free chain has a last contact without stiffness
+    A = chains.A
+    if chains.free:
+        A = np.concatenate([A, np.zeros((chains.count, 1))], axis=1)
+    v0, mass = _packed(chains.v0), _packed(chains.mass)
+
+    # modes of the wall, and the exact swing on leaf springs
+    phi, omega, zeta = (_packed(arrays.get(name, none)) for name in ("phi", "omega", "zeta"))
+    stiffness = arrays.get("leaf_stiffness", none)
+    swing = _packed(np.sqrt(stiffness / chains.mass) if stiffness.any() else none)
+
+    # springs in series with the walls. Of a negative compliance s, sqrt(d) = -2 / (3 s A) is the
+    # fold: no force answers an indentation d beyond
+    springs = WallSprings(_packed(none), _packed(none))
+    s = arrays.get("residual_compliance", np.zeros(0))[:, None]
+    if s.any():
+        e = np.minimum(s * chains.A[:, -1:], 0.0)
+        fold = np.divide(-2.0, 3.0 * e, out=np.full_like(e, np.inf), where=e < 0.0)
+        springs = WallSprings(_packed(s), _packed(fold))
+
+    # dampers, with the inverse mass 1/m_i + 1/m_{i+1} of both bodies; phi phi is the wall's
+    law = np.full(len(v0), LAWS[chains.chain.dissipation])
+    dampers = Dampers(*np.zeros((2, len(v0), 0, LANES)), law)
+    if chains.damped:
+        inverse, gamma = 1.0 / chains.mass, chains.gamma
+        pair = inverse + np.roll(inverse, -1, axis=1)
+        if chains.free:
+            gamma = np.pad(gamma, ((0, 0), (0, 1)))
+        else:
+            pair[:, -1] = inverse[:, -1] + np.square(chains.phi).sum(axis=1)
+        dampers = Dampers(_packed(gamma), _packed(pair), law)
+
+    return Blocks(
+        v0, mass, _packed(A), phi, omega, _propagators(omega, zeta, drifts),
+        _resting_forces(chains), _propagators(swing, np.zeros_like(swing), drifts), springs,
+        dampers,
+    )  # fmt: skip
+
+
+def _resting_forces(chains):
+    """Static states and the steady forces; empty for chains that nothing presses or holds."""
+    none, preload = np.zeros((chains.count, 0)), chains.preload[:, None]
+    stiffness = chains.arrays.get("leaf_stiffness", none)
+    weight = chains.gravity[:, None] * chains.mass if chains.gravity.any() else none
+    if not (preload.any() or stiffness.any() or weight.any()):
+        return RestingForces(*map(_packed, [none] * len(RestingForces._fields)))
+    rest, force, modes = chains.static
+    zeros = np.zeros_like(preload)
+    anchor = chains.arrays.get("leaf_anchor", np.zeros_like(chains.mass))
+    leaf = (stiffness, anchor) if stiffness.any() else (none, none)
+    offset = (chains.phi * modes).sum(axis=1, keepdims=True) if modes.size else zeros
+    at_wall = zeros if chains.free else force[:, -1:]
+
+    # the load balances the contact forces at rest; spheres in flight have their weight alone
+    load = np.diff(np.hstack([zeros, force, zeros] if chains.free else [zeros, force]))
+    falling = chains.chain.n_falling
+    load[:, :falling] = weight[:, :falling] if weight.any() else 0.0
+    return RestingForces(
+        *map(_packed, (rest, load, offset, at_wall, modes, preload, weight, *leaf))
+    )
+
+
+def _propagators(omega, zeta, drifts):
+    """(n_blocks, n_drifts, 4, n_modes * LANES) of `oscillator_propagator`."""
+    blocks, k = omega.shape[:2]
+    E = np.zeros((blocks, drifts.size, 4, k * LANES))
+    for i, drift in enumerate(drifts if k else []):
+        E[:, i] = (
+            oscillator_propagator(omega, zeta, drift).reshape(4, blocks, -1).transpose(1, 0, 2)
+        )
+    return E
+
+
+def _packed(values):
+    """(n_blocks, m, LANES) of (n_chains, m), the last block filled up with its last chain."""
+    blocks = -(-values.shape[0] // LANES)
+    rows = np.minimum(np.arange(blocks * LANES), values.shape[0] - 1)
+    return np.ascontiguousarray(values[rows].reshape(blocks, LANES, -1).transpose(0, 2, 1))
+
+
+def _sliced(arrays, blocks):
+    """The same blocks of every array of a tuple of arrays and such tuples."""
+    return type(arrays)(
+        *(_sliced(a, blocks) if isinstance(a, tuple) else a[blocks] for a in arrays)
+    )
