@@ -1,7 +1,6 @@
 """Published figures that a study of the thesis' rig rebuilds."""
 
 from collections.abc import Iterator
-from contextlib import nullcontext
 
 import numpy as np
 
@@ -9,13 +8,14 @@ from workflows.evidence.thesis.wall_modulus import PUBLISHED, WallModulusOptions
 from workflows.evidence.verify.comparisons import Comparison, compared
 from workflows.evidence.verify.published import EXACT
 from workflows.files.scene import scene
+from workflows.stages.progress import quiet
 
 YANG = "J. Yang et al., Phys. Rev. E 83 (2011) 046606"
 
 
 def second_waves() -> Iterator[Comparison]:
     """The softness of a wall above which the chain is sent a second wave, and what stays."""
-    table = wall_modulus(scene("rig-rom", ()), lambda stage: nullcontext()).tables[0]
+    table = wall_modulus(scene("rig-rom", ()), quiet).tables[0]
     ratio, second = (np.array(table.column(c)) for c in ("E*_w/E*_s", "second_over_striker"))
     low, high = PUBLISHED
     yield compared("second reflected wave fades out at E*_w/E*_s",
