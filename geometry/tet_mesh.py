@@ -40,24 +40,9 @@ def tet_mesh(
     Raises ValueError when gmsh cannot mesh a part.
     """
     a = assembly
-    occ = gmsh.model.occ
     with session(), mesh_options({"MeshSizeFromCurvature": EDGES_AROUND / coarser}):
-        volumes: dict[str, list[int]] = {}  # by body, in as many pieces as its imprints make
-
-        # boxes, the squares at their corners imprinted
-        for name, box in boxes(a).items():
-            volume = (3, occ.addBox(*box.lower, *(box.upper - box.lower)))
-            squares = []
-            for face, near, far in corner_squares(a, name).values():
-                z = (box.lower if face == "-z" else box.upper)[2]
-                for x in (box.lower[0] + near, box.upper[0] - far):
-                    for y in (box.lower[1] + near, box.upper[1] - far):
-                        squares.append((2, occ.addRectangle(x, y, z, far - near, far - near)))
-            pieces = occ.fragment([volume], squares)[0] if squares else [volume]
-            volumes[name] = [tag for dimension, tag in pieces if dimension == 3]
-        for name, y in sheets(a).items():
-            volumes[name] = _sheet(a, y)
-        occ.synchronize()
+        volumes = volumes_of(a)
+        gmsh.model.occ.synchronize()
 
         # element sizes at the corners of the bodies, and fine + grading * distance to the contact,
         # nowhere larger than there
@@ -90,6 +75,28 @@ def tet_mesh(
     p = points.reshape(-1, 3)[used].T
     mesh = MeshTet(np.ascontiguousarray(p), np.ascontiguousarray(cells.reshape(-1, 4).T))
     return named(mesh, assembly, body)
+
+
+def volumes_of(a: Assembly) -> dict[str, list[int]]:
+    """Tags of every body's volumes in the current gmsh model, in as many pieces as its imprints
+    make."""
+    occ = gmsh.model.occ
+    volumes: dict[str, list[int]] = {}
+
+    # boxes, the squares at their corners imprinted
+    for name, box in boxes(a).items():
+        volume = (3, occ.addBox(*box.lower, *(box.upper - box.lower)))
+        squares = []
+        for face, near, far in corner_squares(a, name).values():
+            z = (box.lower if face == "-z" else box.upper)[2]
+            for x in (box.lower[0] + near, box.upper[0] - far):
+                for y in (box.lower[1] + near, box.upper[1] - far):
+                    squares.append((2, occ.addRectangle(x, y, z, far - near, far - near)))
+        pieces = occ.fragment([volume], squares)[0] if squares else [volume]
+        volumes[name] = [tag for dimension, tag in pieces if dimension == 3]
+    for name, y in sheets(a).items():
+        volumes[name] = _sheet(a, y)
+    return volumes
 
 
 def _sheet(a: Assembly, y: float) -> list[int]:

@@ -70,7 +70,7 @@ def test_a_step_file_that_a_script_draws_says_so(capsys):
 
 
 @pytest.mark.parametrize(
-    ("make", "held", "told"),
+    ("make", "held", "message"),
     [
         (lambda: Path("bad.step").write_text(""), "a:-z", "bad.step is empty"),
         (cut_off, "a:-z", "is cut off before END-ISO-10303-21"),
@@ -92,12 +92,12 @@ def test_a_step_file_that_a_script_draws_says_so(capsys):
         ),
     ],
 )  # fmt: skip
-def test_bad_cad_is_refused_in_a_sentence(make, held, told, capsys):
+def test_bad_cad_is_refused_in_a_sentence(make, held, message, capsys):
     make()
     Path("mine.toml").write_text(SCENE.format(held=held), encoding="utf-8")
     assert beadwave("modes", "mine.toml") == 2
     error = capsys.readouterr().err.strip().splitlines()
-    assert told in error[-1] and "Traceback" not in "".join(error)
+    assert message in error[-1] and "Traceback" not in "".join(error)
 
 
 def test_a_step_file_that_lost_a_line_is_damaged(capsys):
@@ -130,8 +130,8 @@ def test_names_with_signs_of_references_are_no_damage():
 def test_a_point_far_off_is_damage_and_a_thousand_times_too_large_another_unit():
     def bodies(*sides):
         faces = [SimpleNamespace(lower=np.zeros(3), upper=np.full(3, side)) for side in sides]
-        whole = np.full(3, max(sides))
-        return {"a": SimpleNamespace(faces=faces, lower=np.zeros(3), upper=whole)}
+        complete = np.full(3, max(sides))
+        return {"a": SimpleNamespace(faces=faces, lower=np.zeros(3), upper=complete)}
 
     with pytest.raises(InvalidGeometry, match=r"smaller than 0.02 m: its file is damaged"):
         require_size(bodies(0.01, 0.02, 0.02, 0.03, 100.0))

@@ -109,7 +109,7 @@ def step():
     return "slabs.step"
 
 
-def test_a_look_at_a_step_file_tells_masses_pairs_and_holes(step, capsys):
+def test_a_look_at_a_step_file_reports_masses_pairs_and_holes(step, capsys):
     assert beadwave("look", step, "--json") == 0
     seen = json.loads(capsys.readouterr().out)
     mass = {body["name"]: body["mass_kg"] for body in seen["bodies"]}
@@ -177,13 +177,13 @@ def notched_on_plate():
         gmsh.write("notched.step")
 
 
-def test_a_starter_strikes_where_nothing_lies_and_holes_at_an_edge_are_told(capsys):
+def test_a_starter_strikes_where_nothing_lies_and_holes_at_an_edge_are_reported(capsys):
     notched_on_plate()
     assert beadwave("look", "notched.step", "--scene=start.toml", "--json") == 0
     seen = json.loads(capsys.readouterr().out)
     assert not seen["holes"]
-    (told,) = seen["remarks"]
-    assert "has a hole of 10 mm that an edge cuts" in told
+    (message,) = seen["remarks"]
+    assert "has a hole of 10 mm that an edge cuts" in message
     start = scene("start.toml")
     assert start.strike.on != "body-1:+z"  # its middle lies under the block
     covered = start.but(strike={"on": "body-1:+z"})
@@ -191,9 +191,9 @@ def test_a_starter_strikes_where_nothing_lies_and_holes_at_an_edge_are_told(caps
         pipeline_of(covered, lambda name: nullcontext())("mesh")
     beside = covered.but(strike={"on": "body-1:+z", "at": (0.0175, 0.0)})
     assert pipeline_of(beside, lambda name: nullcontext())("mesh").struck is not None
-    near = covered.but(strike={"on": "body-1:+z", "at": (0.0165, 0.0)})
+    close_by = covered.but(strike={"on": "body-1:+z", "at": (0.0165, 0.0)})
     with pytest.raises(InvalidScene, match=r"less than 0.002 m beside it; move it by strike.at"):
-        pipeline_of(near, lambda name: nullcontext())("mesh")
+        pipeline_of(close_by, lambda name: nullcontext())("mesh")
 
 
 def refused(capsys, text, *more):
@@ -212,7 +212,7 @@ material = "steel"
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         ('held = ["base:-z"]', '[[ties]]\nbetween = "base|lid"'),
         ('held = ["base:-z"]\ntouching = "free"', '"lid" can still move'),
@@ -229,8 +229,8 @@ material = "steel"
         ('held = []\n[patch]\nradius = 1e-3', "[patch] belongs to the thesis' rig"),
     ],
 )  # fmt: skip
-def test_what_a_scene_leaves_unsaid_is_asked_for(words, told, step, capsys):
-    assert told in refused(capsys, ASSEMBLY.format(words=words))
+def test_what_a_scene_leaves_unsaid_is_asked_for(words, message, step, capsys):
+    assert message in refused(capsys, ASSEMBLY.format(words=words))
 
 
 NAMES = ("../lid", "a/b", "a\\b", "..", ".lid", "a\nb", " lid", "lid\x00", "")
@@ -276,7 +276,7 @@ motion = "z"
 
 
 @pytest.mark.parametrize(
-    ("at", "told"),
+    ("at", "message"),
     [
         ("[[0.0, 0.0]]", r"joints\.0\.at\.0\.2 is missing"),
         ("[]", "an empty list; give at least one value"),
@@ -284,16 +284,16 @@ motion = "z"
         ("'hole'", "must be 'holes'"),
     ],
 )
-def test_points_of_a_joint_are_told_what_they_lack(at, told):
+def test_points_of_a_joint_are_refused_with_what_they_lack(at, message):
     tables = tomllib.loads(STACK.replace("[[0.0, 0.0, 0.01]]", at).replace("HZ", "1e3"))
-    with pytest.raises(InvalidScene, match=told):
+    with pytest.raises(InvalidScene, match=message):
         scene(tables)
 
 
 def test_a_joint_is_tuned_to_a_target_of_the_scene(capsys):
     """A target computed at kz = 5e7 N/m is met by that stiffness again."""
-    known = written(STACK.replace("HZ", "1000.0"), "known")
-    _, rows = modes_of(capsys, known, "--set=joints.pin.kz=5e7")
+    reference_scene = written(STACK.replace("HZ", "1000.0"), "reference_scene")
+    _, rows = modes_of(capsys, reference_scene, "--set=joints.pin.kz=5e7")
     (hz,) = (row["frequency_hz"] for row in rows if row["hammer_mode"] == 1)
     scene_file = written(STACK.replace("HZ", repr(hz)))
     order = ("tune", scene_file, "--free=joints.pin.kz", "--out=tuned.toml", "--json")
@@ -368,9 +368,12 @@ def test_a_start_outside_of_the_bounds_is_no_obstacle(kz, capsys):
 
 def test_what_cannot_be_tuned_is_named(capsys):
     scene_file = written(STACK.replace("HZ", "1000.0"))
-    for free, told in (("joints.pn.kz", "joints.pin.kz"), ("materials.steel.shear", "materials")):
+    for free, message in (
+        ("joints.pn.kz", "joints.pin.kz"),
+        ("materials.steel.shear", "materials"),
+    ):
         assert beadwave("tune", scene_file, f"--free={free}") == 2
-        assert told in capsys.readouterr().err
+        assert message in capsys.readouterr().err
     assert beadwave("tune", "cantilever", "--free=materials.aluminium.young") == 2
     assert "has no targets" in capsys.readouterr().err
 
@@ -387,10 +390,10 @@ def test_a_washer_beside_its_face_is_bad_input():
         pipeline_of(resolved(tables, "w"), lambda name: nullcontext())("mesh")
 
 
-@pytest.mark.parametrize("other", ["[0.0, 0.0, 0.01]", "[0.015, 0.0, 0.01]"])
-def test_bolts_whose_washers_overlap_are_bad_input(other):
+@pytest.mark.parametrize("partner", ["[0.0, 0.0, 0.01]", "[0.015, 0.0, 0.01]"])
+def test_bolts_whose_washers_overlap_are_bad_input(partner):
     tables = tomllib.loads(
-        STACK.replace("[[0.0, 0.0, 0.01]]", f"[[0.0, 0.0, 0.01], {other}]").replace("HZ", "1e3")
+        STACK.replace("[[0.0, 0.0, 0.01]]", f"[[0.0, 0.0, 0.01], {partner}]").replace("HZ", "1e3")
     )
     with pytest.raises(
         InvalidScene, match=r"points 1 and 2 of joints\.pin\.at .* washers need 0\.016 m"
@@ -398,7 +401,7 @@ def test_bolts_whose_washers_overlap_are_bad_input(other):
         pipeline_of(resolved(tables, "w"), lambda name: nullcontext())("mesh")
 
 
-def test_a_washer_in_millimetres_is_told():
+def test_a_washer_in_millimetres_is_refused():
     tables = tomllib.loads(STACK.replace("washer = 0.008", "washer = 8").replace("HZ", "1e3"))
     with pytest.raises(InvalidScene, match=r"washer.* did you mean 0\.008"):
         scene(tables)
@@ -440,7 +443,7 @@ bodies.head = { box = [0.04, 0.04, 0.02], at = [0.0, 0.0, 0.02], seed = 0.02 }
 """
 
 
-def test_nodes_that_a_tie_and_a_support_ask_for_are_told(capsys):
+def test_nodes_that_a_tie_and_a_support_both_hold_are_reported(capsys):
     """The edge of 40 mm where the head's held side meets the tie: 5 nodes of 2 elements."""
     (Path("corner.toml")).write_text(CORNER)
     assert beadwave("modes", "corner.toml") == 0

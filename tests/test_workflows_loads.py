@@ -49,8 +49,8 @@ def cantilever(tmp_path):
 
 def modes(capsys, *arguments):
     assert beadwave("modes", *arguments, COARSE, "--json") == 0
-    found = json.loads(capsys.readouterr().out)
-    return [row["frequency_hz"] for row in found["rows"]], found["load_factor"]
+    computed = json.loads(capsys.readouterr().out)
+    return [row["frequency_hz"] for row in computed["rows"]], computed["load_factor"]
 
 
 def test_a_pressed_cantilever_is_slower_and_tells_its_buckling_load(cantilever, capsys):
@@ -100,8 +100,10 @@ def test_a_scene_without_loads_does_no_more_than_before(monkeypatch):
     import fem
 
     monkeypatch.setattr(fem, "prestressed", None)  # would be called
-    found: Pipeline = pipeline_of(scene("cantilever", ("mesh.scale=3",)), lambda name: _nothing())
-    assert found("mesh").load is None and found("model").load_factor is None
+    computed: Pipeline = pipeline_of(
+        scene("cantilever", ("mesh.scale=3",)), lambda name: _nothing()
+    )
+    assert computed("mesh").load is None and computed("model").load_factor is None
 
 
 def _nothing():
@@ -126,8 +128,8 @@ REFUSED = {
 @pytest.mark.parametrize("loads", REFUSED)
 def test_a_load_that_cannot_be_is_refused_in_a_sentence(loads, cantilever, capsys):
     assert beadwave("modes", cantilever(loads), COARSE) == 2
-    told = capsys.readouterr().err
-    assert REFUSED[loads] in told and "Traceback" not in told and told.count("\n") <= 2
+    message = capsys.readouterr().err
+    assert REFUSED[loads] in message and "Traceback" not in message and message.count("\n") <= 2
 
 
 def test_heat_needs_an_expansion_and_loads_need_a_support(cantilever, capsys):

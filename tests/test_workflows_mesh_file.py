@@ -31,8 +31,8 @@ def own_cache(tmp_path, monkeypatch):
 
 
 def modes_hz(*changes):
-    found = pipeline_of(scene("rig-full-tie", changes), lambda name: nullcontext())("modes")
-    return found.omega[:4] / (2 * np.pi)
+    computed = pipeline_of(scene("rig-full-tie", changes), lambda name: nullcontext())("modes")
+    return computed.omega[:4] / (2 * np.pi)
 
 
 @pytest.fixture
@@ -52,8 +52,8 @@ def file(tmp_path):
             tags.append(np.full(len(members), len(names)))
     path = tmp_path / "mine.msh"
     data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    whole = meshio.Mesh(mesh.p.T, cells, cell_data=data, field_data=names)
-    whole.write(path, file_format="gmsh22", binary=False)
+    complete = meshio.Mesh(mesh.p.T, cells, cell_data=data, field_data=names)
+    complete.write(path, file_format="gmsh22", binary=False)
     return path
 
 
@@ -74,10 +74,12 @@ def by_gmsh(tmp_path_factory):
     """Block and sheets in tetrahedra, written by gmsh itself in its versions, orders and modes."""
     folder, parts = tmp_path_factory.mktemp("gmsh"), Assembly(parts=("block", "sheets"))
     with session():
-        volumes = tet_mesh._bodies(parts)
+        volumes = tet_mesh.volumes_of(parts)
         gmsh.model.occ.synchronize()
         for name, tags in volumes.items():
-            tet_mesh._sized(tags, 0.02)
+            solids = [(3, tag) for tag in tags]
+            points = gmsh.model.getBoundary(solids, combined=False, oriented=False, recursive=True)
+            gmsh.model.mesh.setSize(points, 0.02)
             gmsh.model.addPhysicalGroup(3, tags, name=name)
         solids = [(3, tag) for tag in volumes["block"]]
         x = {t: gmsh.model.occ.getCenterOfMass(d, t)[0] for d, t in gmsh.model.getBoundary(solids)}
@@ -100,8 +102,8 @@ def read(path, *named):
 def test_a_mesh_keeps_its_names_in_every_version_and_order(by_gmsh, name):
     """4.1 with its lines, points and bounding entities, and elements of second order."""
     ours, plain = read(by_gmsh / f"{name}.msh", "block:+x"), read(by_gmsh / "plain.msh")
-    cells = {body: len(found) for body, found in ours.subdomains.items()}
-    assert cells == {body: len(found) for body, found in plain.subdomains.items()}
+    cells = {body: len(computed) for body, computed in ours.subdomains.items()}
+    assert cells == {body: len(computed) for body, computed in plain.subdomains.items()}
     middle = ours.p[0, ours.facets[:, ours.boundaries["block:+x"]]]
     np.testing.assert_allclose(middle, Assembly().block_x / 2)
     assert len(middle.T) == len(plain.boundaries["block:+x"]) > 0
@@ -117,8 +119,8 @@ def corners(mesh):
 @pytest.mark.parametrize("end", [b"", b"\n$EndElements\n"])
 def test_a_mesh_that_is_cut_off_is_refused(by_gmsh, tmp_path, share, end):
     """One that meshio and gmsh once waited for the end of, for ever."""
-    whole = (by_gmsh / "binary.msh").read_bytes()
-    (tmp_path / "cut.msh").write_bytes(whole[: int(share * len(whole))] + end)
+    complete = (by_gmsh / "binary.msh").read_bytes()
+    (tmp_path / "cut.msh").write_bytes(complete[: int(share * len(complete))] + end)
     with pytest.raises(InvalidScene, match="cannot be read as a mesh"):
         read(tmp_path / "cut.msh")
 
@@ -147,8 +149,8 @@ def with_others(file, tmp_path, kind, name, nodes):
     cells = [("vertex", [[0]]), ("line", [[0, 1]]), (kind, [nodes])]
     data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
     blocks = [*((block.type, block.data) for block in mesh.cells), *cells]
-    whole = meshio.Mesh(mesh.points, blocks, cell_data=data, field_data=names)
-    whole.write(tmp_path / "more.msh", file_format="gmsh22", binary=False)
+    complete = meshio.Mesh(mesh.points, blocks, cell_data=data, field_data=names)
+    complete.write(tmp_path / "more.msh", file_format="gmsh22", binary=False)
     return tmp_path / "more.msh"
 
 

@@ -73,9 +73,9 @@ def modes_hz(capsys, words, n=4):
 
 def refused(capsys, words):
     assert beadwave("modes", written(words)) == 2
-    told = capsys.readouterr().err.strip().splitlines()[-1]
-    assert told.count(". ") <= 1
-    return told
+    message = capsys.readouterr().err.strip().splitlines()[-1]
+    assert message.count(". ") <= 1
+    return message
 
 
 @pytest.fixture(scope="module")
@@ -107,17 +107,20 @@ at = [0.0, 0.0, {}]"""
 def test_a_look_at_a_mesh_counts_its_own_dofs(meshes, capsys):
     words = f'mesh = "{meshes}/bolted-2.msh"\ntouching = "tied"'
     assert beadwave("look", written(words), "--json") == 0
-    seen = json.loads(capsys.readouterr().out)
+    report = json.loads(capsys.readouterr().out)
     bored = np.prod(SIDES) - 2 * np.pi * RADIUS**2
     heights = {"base": 0.02, "cover": 0.006}
-    mass = {body["name"]: body["mass_kg"] for body in seen["bodies"]}
+    mass = {body["name"]: body["mass_kg"] for body in report["bodies"]}
     # its ten facets around a hole cut 6 % of it off
     assert mass == pytest.approx({n: 7850 * bored * h for n, h in heights.items()}, rel=2e-3)
-    (pair,) = seen["touching"]
+    (pair,) = report["touching"]
     assert pair["between"] == "base|cover" and pair["area_m2"] == pytest.approx(bored, rel=2e-3)
-    assert {(hole["body"], hole["number"]) for hole in seen["holes"]} == {("base", 2), ("cover", 2)}
+    assert {(hole["body"], hole["number"]) for hole in report["holes"]} == {
+        ("base", 2),
+        ("cover", 2),
+    }
     run = pipeline_of(scene("mine.toml"), lambda name: nullcontext())
-    assert seen["dofs"] == run("model").structure.n_dofs
+    assert report["dofs"] == run("model").structure.n_dofs
 
 
 def test_a_mesh_of_hexahedra_and_tetrahedra_is_tied_where_they_touch(capsys):
@@ -127,12 +130,12 @@ def test_a_mesh_of_hexahedra_and_tetrahedra_is_tied_where_they_touch(capsys):
     assert 'between = "base|cover"' in refused(capsys, f'mesh = "{file}"')
     tied = modes_hz(capsys, f'mesh = "{file}"\ntouching = "tied"')
     assert 8e3 < tied[0] < 4e4
-    told = refused(capsys, f'mesh = "{file}"\ntouching = "free"')
-    assert '"cover" can still move' in told
+    message = refused(capsys, f'mesh = "{file}"\ntouching = "free"')
+    assert '"cover" can still move' in message
 
 
 @pytest.mark.parametrize(
-    ("change", "words", "told"),
+    ("change", "words", "message"),
     [
         ({}, "seed", 'bodies.cover.seed is beside assembly.mesh'),
         ({"at": 0.1}, "", '"cover" touches no other body and is not held'),
@@ -143,24 +146,24 @@ def test_a_mesh_of_hexahedra_and_tetrahedra_is_tied_where_they_touch(capsys):
         ({"names": ("base", "lid")}, "", 'no body is called "cover"'),
     ],
 )  # fmt: skip
-def test_a_mesh_that_cannot_stand_for_an_assembly_is_refused(change, words, told, capsys):
+def test_a_mesh_that_cannot_stand_for_an_assembly_is_refused(change, words, message, capsys):
     boxes("boxes.inp", **change)
     words = "[bodies.cover]\nseed = 1e-3" if words else ""
-    assert told in refused(capsys, f'mesh = "boxes.inp"\ntouching = "tied"\n{words}')
+    assert message in refused(capsys, f'mesh = "boxes.inp"\ntouching = "tied"\n{words}')
 
 
 def test_files_that_are_no_mesh_of_bodies_are_refused(meshes, capsys):
-    whole = (meshes / "bolted-1.msh").read_bytes()
-    Path("cut.msh").write_bytes(whole[: len(whole) // 2])
+    complete = (meshes / "bolted-1.msh").read_bytes()
+    Path("cut.msh").write_bytes(complete[: len(complete) // 2])
     Path("text.msh").write_text("no mesh")
     tet = np.eye(4, 3), [("tetra", np.array([[0, 1, 2, 3]]))]
     meshio.Mesh(*tet).write("unnamed.inp")
-    for file, told in (
+    for file, message in (
         ("none.msh", "none.msh does not exist"),
         ("cut.msh", "cut off before $EndElements"),
         ("text.msh", "does not begin with $MeshFormat"),
         ("unnamed.inp", "has no named volumes; name each body"),
     ):
-        assert told in refused(capsys, f'mesh = "{file}"')
+        assert message in refused(capsys, f'mesh = "{file}"')
     both = f'mesh = "{meshes}/bolted-1.msh"\nstep = "other.step"'
     assert "step and assembly.mesh exclude each other" in refused(capsys, both)

@@ -24,6 +24,7 @@ from workflows.run.run import run, summary_of
 from workflows.scene import InvalidScene
 from workflows.stages import assembly as assembly_stages
 from workflows.stages import errors as error_stages
+from workflows.stages import reduction as reductions
 from workflows.stages.chain import chain, initial_velocity, start
 from workflows.stages.health import reduction_health
 from workflows.stages.impact import impact as chain_impact
@@ -200,7 +201,7 @@ def test_a_reduction_that_fails_names_the_keys_of_the_scene(changes, words):
 
 def test_a_boundary_too_large_for_memory_is_refused_before_it_is_solved_for(monkeypatch):
     """A contact seed of 10 um under a patch of 2 mm once filled the memory for minutes."""
-    monkeypatch.setattr("workflows.stages.reduction.MOST_VALUES", 1e4)
+    monkeypatch.setattr(reductions, "LIMITS", reductions.LIMITS._replace(most_values=1e4))
     monkeypatch.setattr("rom.craig_bampton", None)
     with pytest.raises(ValueError, match=r"radius = 0.006 m holds 21 nodes .* GB, allowed"):
         pipeline("reduction.modes=41")("reduction")

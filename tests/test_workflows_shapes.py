@@ -137,8 +137,8 @@ def test_a_hammer_test_at_many_points_names_the_modes_by_their_shapes(known):
     swapped = SHIFT * omega.copy()
     swapped[[0, 1]] = 1.02 * swapped[1], 0.98 * swapped[0]
     written(nodes(points), *responses_58(shapes[:5], swapped[:5], noise=1e-4))
-    told = [f"[[targets]]\nhz = {omega[i] / 6.2832}\nnumber = {i + 1}\n" for i in (0, 1)]
-    Path("beam.toml").write_text(BEAM + "".join(told))
+    targets = [f"[[targets]]\nhz = {omega[i] / 6.2832}\nnumber = {i + 1}\n" for i in (0, 1)]
+    Path("beam.toml").write_text(BEAM + "".join(targets))
     report = beadwave.hammer("shapes.uff", "beam.toml").report
     measured = {row.mode: row for row in report.rows if row.mode}
     assert sorted(measured) == [1, 2]
@@ -178,7 +178,7 @@ def test_a_shape_is_tuned_to_by_the_command(known, capsys):
 
 
 @pytest.mark.parametrize(
-    ("sets", "told"),
+    ("sets", "message"),
     [
         (lambda p, s: [shape_55(s[0], 100.0)], "it has no points, which data set 15 or 2411 holds"),
         (lambda p, s: [nodes(p)], "neither shapes .* nor frequency responses"),
@@ -188,14 +188,14 @@ def test_a_shape_is_tuned_to_by_the_command(known, capsys):
         (lambda p, s: [nodes(p), shape_55(0 * s[0], 100.0)], "0 measured displacements"),
     ],
 )
-def test_files_without_the_shape_are_refused_in_a_sentence(known, sets, told):
+def test_files_without_the_shape_are_refused_in_a_sentence(known, sets, message):
     written(*sets(*known[:2]))
-    with pytest.raises(InvalidScene, match=told):
+    with pytest.raises(InvalidScene, match=message):
         pipeline(BEAM + TARGET.format(100.0))("modes")
 
 
 def test_what_is_no_universal_file_is_refused_in_a_sentence():
-    for name, content, told in (
+    for name, content, message in (
         ("shapes.csv", "1,2", r"must end in \.uff or \.unv"),
         ("none.uff", None, "does not exist"),
         ("shapes.uff", "    -1\n    55\n", "holds no shape that can be read"),
@@ -203,5 +203,5 @@ def test_what_is_no_universal_file_is_refused_in_a_sentence():
     ):
         if content is not None:
             Path(name).write_text(content)
-        with pytest.raises(InvalidScene, match=told):
+        with pytest.raises(InvalidScene, match=message):
             pipeline(BEAM + TARGET.format(100.0).replace("shapes.uff", name))("modes")

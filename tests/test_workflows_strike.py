@@ -77,8 +77,8 @@ def test_a_struck_cylinder_has_its_ellipse_and_the_patch_does_not_matter():
     np.testing.assert_allclose(spot.point, [R, 0.0, 0.01], atol=1e-12)
     np.testing.assert_allclose(spot.inward, [-1.0, 0.0, 0.0], atol=1e-12)
     factor = fem.factorised(run("model").K)
-    found = [left(pipeline(BAR, f"strike.radius={r}"), factor) for r in (5e-4, 1e-3, 2e-3, 3e-3)]
-    assert np.ptp(found) < 1e-3 * found[1]
+    computed = [left(pipeline(BAR, f"strike.radius={r}"), factor) for r in (5e-4, 1e-3, 2e-3, 3e-3)]
+    assert np.ptp(computed) < 1e-3 * computed[1]
 
 
 def write_cut(path, hollow):
@@ -141,17 +141,19 @@ def test_cases_of_a_sweep_strike_the_face_that_a_run_strikes():
     alone = beadwave.impact("bar.toml", coarse).summary.peak_wall_force_N
     cases = {"striker.velocity": "0.1,0.2"}
     for key in ({}, {"time.dt": 2e-8}):  # together, and one by one
-        found = beadwave.sweep("bar.toml", coarse | key, cases=cases, out="cases", overwrite=True)
-        assert found.columns["wall_peak_force_N"][0] == pytest.approx(alone, rel=1e-3)
+        computed = beadwave.sweep(
+            "bar.toml", coarse | key, cases=cases, out="cases", overwrite=True
+        )
+        assert computed.columns["wall_peak_force_N"][0] == pytest.approx(alone, rel=1e-3)
 
 
 def test_a_plane_face_is_struck_at_the_nearest_of_a_point():
     box = BAR.replace("cylinder = { radius = 0.03, length = 0.08 }", "box = [0.06, 0.06, 0.08]")
     box = box.replace("bar:cylinder", "bar:+x")
-    told, pointed = (pipeline(box, f"strike.at={at}")("contact") for at in (
+    from_middle, pointed = (pipeline(box, f"strike.at={at}")("contact") for at in (
         "[0.004, 0.01]", "[0.2, 0.004, 0.01]"))  # fmt: skip
-    np.testing.assert_allclose(pointed.spot.point, told.spot.point, atol=1e-12)
-    np.testing.assert_allclose(pointed.w, told.w, atol=1e-12)
+    np.testing.assert_allclose(pointed.spot.point, from_middle.spot.point, atol=1e-12)
+    np.testing.assert_allclose(pointed.w, from_middle.w, atol=1e-12)
 
 
 def test_a_reduced_model_of_a_curved_face_keeps_its_ellipse_in_a_file():
@@ -168,7 +170,7 @@ def test_a_reduced_model_of_a_curved_face_keeps_its_ellipse_in_a_file():
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "message"),
     [
         (
             ("strike.radius=4e-3",),
@@ -184,8 +186,8 @@ def test_a_reduced_model_of_a_curved_face_keeps_its_ellipse_in_a_file():
         (("contact.law=thornton", "contact.yield_pressure=1e9"), "the face struck is curved"),
     ],
 )
-def test_what_cannot_be_struck_is_refused_in_a_sentence(changes, told):
-    with pytest.raises(InvalidScene, match=told):
+def test_what_cannot_be_struck_is_refused_in_a_sentence(changes, message):
+    with pytest.raises(InvalidScene, match=message):
         run = pipeline(BAR, *changes)
         run("start"), run("contact")
 

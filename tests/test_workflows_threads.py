@@ -68,12 +68,12 @@ def hz(*order):
 )
 def test_directions_left_free_on_purpose_are_modes_of_no_frequency(more, changes, n_free):
     stage = stages(SCENE + more, *changes)
-    found = stage("modes").omega / (2 * pi)
-    assert found[n_free - 1] < 1.0 and found[n_free] > 5e3
+    computed = stage("modes").omega / (2 * pi)
+    assert computed[n_free - 1] < 1.0 and computed[n_free] > 5e3
     if not more:
         reduced = rom.modal(stage("reduction")).omega
         assert np.count_nonzero(reduced == 0) == n_free
-        assert np.abs(found / (reduced[n_free] / (2 * pi)) - 1).min() < 1e-4
+        assert np.abs(computed / (reduced[n_free] / (2 * pi)) - 1).min() < 1e-4
 
 
 def test_a_nut_on_a_soft_thread_moves_along_it_as_two_masses_on_a_spring():
