@@ -7,14 +7,20 @@ from numpy.typing import NDArray
 
 from coupling.march import impact
 from dem.chain import Chain, Wall
-from dem.spheres import max_pressure, modulus_of_contact, radii_of_contacts
+from dem.spheres import max_pressure, modulus_of_contact, radii_of_contacts, time_scale
 from dem.trajectory import Trajectory
 from dem.waves.labels import Label, labels
 from dem.waves.measures import WallContact, wall_contact
 from dem.waves.tracks import WaveTrack, wave_tracks
 
-ERROR = 1e-4  # of the velocities
-N_SAVE = 3000
+
+class RecordOptions(NamedTuple):
+    """How a run is marched and saved, and which of its waves are followed; not varied."""
+
+    error: float = 1e-4  # of the velocities, relative
+    n_save: int = 3000  # instants of a record
+    faint: float = 0.03  # of the largest wave's velocity: waves above it are followed
+    visible: float = 0.0  # of the fastest sphere's at the start: what a wave moves a sphere by
 
 
 class Setup(NamedTuple):
@@ -37,10 +43,11 @@ class Observed(NamedTuple):
 
     @property
     def milliseconds(self) -> NDArray[np.float64]:
+        """Times of the record, (k,) [ms]."""
         return 1e3 * self.trajectory.t
 
     def velocity(self, sphere: int) -> NDArray[np.float64]:
-        """(k,) [m/s]"""
+        """Velocity of a sphere over time, (k,) [m/s], positive towards the wall."""
         return self.trajectory.v[:, sphere - 1]
 
     def wave(self, sphere: int, kind: str, number: int) -> Label | None:
@@ -76,24 +83,26 @@ class Observed(NamedTuple):
         return max_pressure(self.trajectory.contact_force.max(axis=0), R, modulus)
 
 
+def round_trip(chain: Chain, speed: float) -> float:
+    """Time [s] in which a wave that a striker of this speed [m/s] sends through a chain of equal
+    spheres is back at the striker: 2.8 natural times a sphere, contact with the wall included."""
+    return 2.8 * len(chain.mass) * time_scale(chain.mass[0], chain.A[0], speed)
+
+
 def observed(
     setup: Setup,
     v0: NDArray[np.float64],
     *,
     duration: float,
     spheres: tuple[int, ...],
-    error: float = ERROR,
-    n_save: int = N_SAVE,
-    faint: float = 0.03,
-    visible: float = 0.0,
+    options: RecordOptions = RecordOptions(),
 ) -> Observed:
-    """Run its chain with velocities v0 (n,) for duration [s] and follow its waves, those of more
-    than `faint` times the largest one's velocity.
-
-    A sphere that a wave moves by less than `visible` times the largest of v0 does not see it.
-    """
-    run = impact(setup.chain, setup.wall, v0, duration=duration, error=error, n_save=n_save)
-    return seen(setup, run.trajectory, spheres=spheres, faint=faint, visible=visible)
+    """Run its chain with velocities v0 (n,) [m/s] for duration [s], follow its waves and name them
+    at the spheres."""
+    run = impact(
+        setup.chain, setup.wall, v0, duration=duration, error=options.error, n_save=options.n_save
+    )
+    return seen(setup, run.trajectory, spheres=spheres, options=options)
 
 
 def seen(
@@ -101,17 +110,22 @@ def seen(
     run: Trajectory,
     *,
     spheres: tuple[int, ...],
-    faint: float = 0.03,
-    visible: float = 0.0,
+    options: RecordOptions = RecordOptions(),
 ) -> Observed:
     """What a run shows; arguments as in `observed`."""
     name, row, _ = setup
-    found = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A, threshold=faint)
-    least = visible * np.abs(run.v[0]).max()
-    named = {s: _seen(labels(found, run.t, run.v[:, s - 1], s), least) for s in spheres}
-    contact = wall_contact(run.t, run.v, run.contact_force, row, found)
-    return Observed(name, row, run, found, named, contact)
+    tracks = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A, threshold=options.faint)
 
+    # waves by their names at each observed sphere, without those that hardly move it
+    threshold = options.visible * np.abs(run.v[0]).max()
+    named = {
+        sphere: tuple(
+            label
+            for label in labels(tracks, run.t, run.v[:, sphere - 1], sphere)
+            if abs(label.arrival.peak_velocity) >= threshold
+        )
+        for sphere in spheres
+    }
 
-def _seen(named: tuple[Label, ...], least: float) -> tuple[Label, ...]:
-    return tuple(label for label in named if abs(label.arrival.peak_velocity) >= least)
+    contact = wall_contact(run.t, run.v, run.contact_force, row, tracks)
+    return Observed(name, row, run, tracks, named, contact)
