@@ -5,7 +5,7 @@ responses the shape is the first left singular vector of those near the resonanc
 indicator function: Shih et al., Mech. Syst. Signal Process. 2 (1988) 367).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 
 POINTS, UNITS, SHAPE, RESPONSE = (15, 2411), 164, 55, 58
 FREQUENCY_RESPONSE = 4  # type of a function in data set 58
-COMPLEX = (3, 7)  # analyses of data set 55 that tell a complex eigenvalue
-FARTHEST = 1.05  # frequency of a shape over that of its target
-BAND = 0.02  # of the frequency, to either side: lines that tell a shape
-FEWEST = 3  # displacements that tell shapes apart
+COMPLEX = (3, 7)  # analyses of data set 55 that state a complex eigenvalue
+FEWEST = 3  # displacements that distinguish shapes
 
 
 class MeasuredShape(NamedTuple):
-    """Displacements of one mode."""
+    """Displacements of one mode at m points, each along one direction."""
 
     points: NDArray[np.float64]  # (m, 3) [m]
     directions: NDArray[np.float64]  # (m, 3) unit vectors
@@ -28,7 +26,7 @@ class MeasuredShape(NamedTuple):
 
 
 class _Reading(NamedTuple):
-    """What one data set says of a node: which, along which axis, how much."""
+    """Displacement of a node along an axis."""
 
     node: int
     axis: int  # 1, 2, 3, negative against it
@@ -36,7 +34,7 @@ class _Reading(NamedTuple):
 
 
 def has_shapes(sets: Sequence[dict]) -> bool:
-    """Whether data sets have points, which tell where their responses were measured."""
+    """Whether data sets have points and responses enough to be a measured shape."""
     types = [s["type"] for s in sets]
     return bool({*types} & {*POINTS}) and types.count(RESPONSE) >= FEWEST
 
@@ -46,10 +44,22 @@ def measured_shape(sets: Sequence[dict], hz: float) -> MeasuredShape:
 
     Raises ValueError where they have none, KeyError, TypeError or IndexError for damaged ones.
     """
-    places = _places(sets)
+    # points of the nodes [m]
+    unit = next((float(s["length"]) for s in sets if s["type"] == UNITS), 1.0)
+    points: dict[int, NDArray[np.float64]] = {}
+    for s in (s for s in sets if s["type"] in POINTS):
+        if np.any(np.asarray(s["disp_cs"]) > 0):
+            raise ValueError("its displacements are in local axes, write them in global ones")
+        x = np.column_stack([np.atleast_1d(s[axis]) for axis in "xyz"]) / unit
+        points |= dict(zip(np.atleast_1d(s["node_nums"]).astype(int).tolist(), x, strict=True))
+    if not points:
+        raise ValueError("it has no points, which data set 15 or 2411 holds")
+    if not np.isfinite(list(points.values())).all():
+        raise ValueError("a point is no number")
+
     shapes = [s for s in sets if s["type"] == SHAPE]
-    readings = list(_of_shapes(shapes, hz) if shapes else _of_responses(sets, hz))
-    unknown = sorted({r.node for r in readings} - places.keys())
+    readings = _of_shapes(shapes, hz) if shapes else _of_responses(sets, hz)
+    unknown = sorted({r.node for r in readings} - points.keys())
     if unknown:
         raise ValueError(f"node {unknown[0]} has no point in data set 15 or 2411, add it")
     if len(readings) < FEWEST:
@@ -58,82 +68,65 @@ def measured_shape(sets: Sequence[dict], hz: float) -> MeasuredShape:
             "modes apart; measure more points"
         )
     values = np.array([r.value for r in readings])
-    if not (np.isfinite(values).all() and values.any()):
-        raise ValueError(f"the displacements at {hz:g} Hz are zero or no numbers")
     axes = np.array([r.axis for r in readings])
     directions = np.sign(axes)[:, None] * np.eye(3)[np.abs(axes) - 1]
-    return MeasuredShape(np.array([places[r.node] for r in readings]), directions, values)
+    return MeasuredShape(np.array([points[r.node] for r in readings]), directions, values)
 
 
-def _places(sets: Sequence[dict]) -> dict[int, NDArray[np.float64]]:
-    """Points of the nodes [m]."""
-    factor = next((float(s["length"]) for s in sets if s["type"] == UNITS), 1.0)
-    found = {}
-    for s in (s for s in sets if s["type"] in POINTS):
-        if np.any(np.asarray(s["disp_cs"]) > 0):
-            raise ValueError("its displacements are in local axes, write them in global ones")
-        points = np.column_stack([np.atleast_1d(s[axis]) for axis in "xyz"]) / factor
-        found |= dict(zip(np.atleast_1d(s["node_nums"]).astype(int).tolist(), points, strict=True))
-    if not found:
-        raise ValueError("it has no points, which data set 15 or 2411 holds")
-    if not np.isfinite(list(found.values())).all():
-        raise ValueError("a point is no number")
-    return found
+def _of_shapes(shapes: list[dict], hz: float, *, farthest: float = 1.05) -> list[_Reading]:
+    """Of the data set 55 nearest to a frequency, none that is off by more than a factor."""
+    frequencies = [
+        float(abs(s["eig"]) / (2 * np.pi)) if s["analysis_type"] in COMPLEX else float(s["freq"])
+        for s in shapes
+    ]
+    i = int(np.argmin(np.abs(np.log(np.maximum(frequencies, 1e-9)) - np.log(hz))))
+    if not 1 / farthest < frequencies[i] / hz < farthest:
+        listed = ", ".join(f"{f:g}" for f in frequencies)
+        raise ValueError(f"it has no shape near {hz:g} Hz, there are {listed} Hz")
 
-
-def _of_shapes(shapes: list[dict], hz: float) -> Iterator[_Reading]:
-    """Of the data set 55 nearest to a frequency."""
-    found = [_frequency(s) for s in shapes]
-    nearest = int(np.argmin(np.abs(np.log(np.maximum(found, 1e-9)) - np.log(hz))))
-    if not 1 / FARTHEST < found[nearest] / hz < FARTHEST:
-        there = ", ".join(f"{f:g}" for f in found)
-        raise ValueError(f"it has no shape near {hz:g} Hz, there are {there} Hz")
-    # a direction that is zero in every shape was not measured
-    measured = sum(np.abs(_components(s)) for s in shapes if _alike(s, shapes[nearest])) > 0
-    values, nodes = _components(shapes[nearest]), np.atleast_1d(shapes[nearest]["node_nums"])
-    for axis, i in zip(*np.nonzero(measured), strict=True):
-        yield _Reading(int(nodes[i]), int(axis) + 1, complex(values[axis, i]))
-
-
-def _alike(one: dict, other: dict) -> bool:
-    return np.array_equal(np.atleast_1d(one["node_nums"]), np.atleast_1d(other["node_nums"]))
-
-
-def _frequency(s: dict) -> float:
-    if s["analysis_type"] in COMPLEX:
-        return float(abs(s["eig"]) / (2 * np.pi))
-    return float(s["freq"])
+    # a direction that is zero in every shape at these nodes was not measured
+    nodes, measured = np.atleast_1d(shapes[i]["node_nums"]), 0
+    for s in shapes:
+        if np.array_equal(np.atleast_1d(s["node_nums"]), nodes):
+            measured = measured + np.abs(_components(s))
+    values = _components(shapes[i])
+    return [
+        _Reading(int(nodes[n]), int(axis) + 1, complex(values[axis, n]))
+        for axis, n in zip(*np.nonzero(measured > 0), strict=True)
+    ]
 
 
 def _components(s: dict) -> NDArray[np.complex128]:
-    """(3, n)"""
+    """Displacements (3, n) along x, y and z of a data set 55."""
     return np.array([np.atleast_1d(s[key]) for key in ("r1", "r2", "r3")], dtype=complex)
 
 
-def _of_responses(sets: Sequence[dict], hz: float) -> Iterator[_Reading]:
-    """Of frequency responses at many points to one hammer, or at one point to a roving hammer."""
+def _of_responses(sets: Sequence[dict], hz: float, *, band: float = 0.02) -> list[_Reading]:
+    """Of frequency responses at many points to one hammer, or at one point to a roving hammer; from
+    the lines within a share `band` of the frequency, the nearest at least."""
     sets = [s for s in sets if s["type"] == RESPONSE and s["func_type"] == FREQUENCY_RESPONSE]
     if not sets:
         raise ValueError("it has neither shapes (data set 55) nor frequency responses (58)")
-    ends = [[(int(s[f"{end}_node"]), int(s[f"{end}_dir"])) for s in sets] for end in ("rsp", "ref")]
-    roving = len(set(ends[0])) == 1 < len(set(ends[1]))
-    if not roving and len(set(ends[1])) > 1:
+    response, reference = (
+        [(int(s[f"{end}_node"]), int(s[f"{end}_dir"])) for s in sets] for end in ("rsp", "ref")
+    )
+    roving = len(set(response)) == 1 < len(set(reference))
+    if not roving and len(set(reference)) > 1:
         raise ValueError("its responses are to hammers at several points, keep those of one")
-    H = _near(sets, hz)
-    U = np.linalg.svd(H, full_matrices=False)[0][:, 0]
-    for (node, axis), value in zip(ends[1] if roving else ends[0], U, strict=True):
-        if not 1 <= abs(axis) <= 3:
-            raise ValueError(f"the response at node {node} has direction {axis}, no x, y or z")
-        yield _Reading(node, axis, complex(value))
 
-
-def _near(sets: list[dict], hz: float) -> NDArray[np.complex128]:
-    """Responses (m, k) at the lines near a frequency, the nearest at least."""
     f = np.asarray(sets[0]["x"], dtype=float)
     if any(len(s["x"]) != len(f) for s in sets):
         raise ValueError("its responses have different numbers of lines")
     if not f.min() <= hz <= f.max():
         raise ValueError(f"its responses from {f.min():g} to {f.max():g} Hz do not hold {hz:g} Hz")
-    lines = np.flatnonzero(np.abs(f / hz - 1) <= BAND)
+    lines = np.flatnonzero(np.abs(f / hz - 1) <= band)
     lines = lines if len(lines) else [int(np.abs(f - hz).argmin())]
-    return np.array([np.asarray(s["data"], dtype=complex)[lines] for s in sets])
+    H = np.array([np.asarray(s["data"], dtype=complex)[lines] for s in sets])
+    shape = np.linalg.svd(H, full_matrices=False)[0][:, 0]
+
+    readings = []
+    for (node, axis), value in zip(reference if roving else response, shape, strict=True):
+        if not 1 <= abs(axis) <= 3:
+            raise ValueError(f"the response at node {node} has direction {axis}, no x, y or z")
+        readings.append(_Reading(node, axis, complex(value)))
+    return readings

@@ -31,8 +31,8 @@ def test_an_isotropic_solid_has_boussinesqs_field_and_its_own_modulus():
     points = rng.normal(size=(300, 3))
     points -= 2 * np.outer(np.minimum(points @ TILTED, 0.0), TILTED)
     exact = boussinesq(points, np.zeros((1, 3)), np.ones(1), TILTED, STEEL)
-    found = surface_force(STEEL, TILTED)(points, np.zeros(3))
-    off = np.linalg.norm(found - exact, axis=1) / np.linalg.norm(exact, axis=1)
+    computed = surface_force(STEEL, TILTED)(points, np.zeros(3))
+    off = np.linalg.norm(computed - exact, axis=1) / np.linalg.norm(exact, axis=1)
     assert off.max() < 1e-5  # cubic splines between 32 heights and 96 directions
     for modulus in (mean_modulus, indentation_modulus):
         assert modulus(STEEL, TILTED) / 210e9 * 0.91 == pytest.approx(1.0, rel=1e-12)
@@ -66,7 +66,7 @@ def block(material, n):
     return joined(structure, Connections(held=[Held("block:base")]))
 
 
-def test_what_is_left_of_an_orthotropic_block_does_not_depend_on_the_patch():
+def test_compliance_beyond_the_half_space_of_an_orthotropic_block_does_not_depend_on_the_patch():
     """As little as of a block of steel, where the local part alone goes as one over the radius."""
     spread = {}
     for name, material in (("ply", TURNED), ("steel", STEEL)):

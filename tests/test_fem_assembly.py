@@ -51,8 +51,8 @@ def bolted():
 
 
 def test_full_tie_matches_the_first_row_of_table_5_2(full):
-    found = modes(full.K, full.M, 18)
-    f = found.frequency_hz[pair(full, found, TARGETS).index]
+    computed = modes(full.K, full.M, 18)
+    f = computed.frequency_hz[pair(full, computed, TARGETS).index]
     np.testing.assert_allclose(f[:3], [55.105, 630, 1134], rtol=0.03)
     assert f[3] == pytest.approx(8171.6, rel=0.01)
 
@@ -60,16 +60,16 @@ def test_full_tie_matches_the_first_row_of_table_5_2(full):
 def test_screw_tie_matches_its_first_row_of_table_5_2():
     held = held_faces(STAGE_1, under_washers=True)
     model = joined(structure(STAGE_1, seed=5e-3), screw_tie(interfaces(STAGE_1), held))
-    found = modes(model.K, model.M, 29)
-    f = found.frequency_hz[pair(model, found, TARGETS).index]
+    computed = modes(model.K, model.M, 29)
+    f = computed.frequency_hz[pair(model, computed, TARGETS).index]
     np.testing.assert_allclose(f, [35.9, 480.5, 905, 8140], rtol=0.03)
 
 
-def test_modes_are_told_by_shape_not_by_order(bolted):
-    found = modes(bolted.K, bolted.M, 6)
-    pairing = pair(bolted, found, TARGETS)
+def test_modes_are_identified_by_shape_not_by_order(bolted):
+    computed = modes(bolted.K, bolted.M, 6)
+    pairing = pair(bolted, computed, TARGETS)
     np.testing.assert_array_equal(pairing.index[:3], [0, 1, 4])
-    np.testing.assert_allclose(found.frequency_hz[[0, 1, 4]], [51, 269, 907], rtol=0.05)
+    np.testing.assert_allclose(computed.frequency_hz[[0, 1, 4]], [51, 269, 907], rtol=0.05)
     assert pairing.index[3] == -1 and pairing.score[3] == 0.0
 
 
@@ -87,8 +87,8 @@ def test_the_structure_has_the_mass_of_its_bodies(full):
 def test_a_free_block_strains_in_no_rigid_mode():
     alone = Assembly(parts=PARTS[:1])
     block = joined(structure(alone), wires(interfaces(alone), held_faces(alone), {}))
-    found = modes(block.K, block.M, 9)
-    pairing = pair(block, found, TARGETS)
+    computed = modes(block.K, block.M, 9)
+    pairing = pair(block, computed, TARGETS)
     assert pairing.index[3] >= 6 and pairing.score.max() < 1 + 1e-6
     np.testing.assert_array_equal(pairing.character[3, :6], 0.0)
 

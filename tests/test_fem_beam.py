@@ -88,11 +88,11 @@ def test_modes_are_roots_of_the_transfer_matrix(ends, section):
     """Of w, theta, M, V; the determinant changes its sign within 1e-7 of each frequency."""
     force = 0.0 if ends == (FREE, FREE) else 2e4
     beam = fem.beam(LENGTH, section, STEEL, ends, 0.21, axial_force=force)
-    for found in [w for w in omega(beam, 6) if w > 1.0]:
+    for computed in [w for w in omega(beam, 6) if w > 1.0]:
         signs = [
-            np.sign(determinant(ends, section, force, found * f)) for f in (1 - 1e-7, 1 + 1e-7)
+            np.sign(determinant(ends, section, force, computed * f)) for f in (1 - 1e-7, 1 + 1e-7)
         ]
-        assert signs[0] == -signs[1] != 0, found
+        assert signs[0] == -signs[1] != 0, computed
 
 
 def determinant(ends, section, force, s):
@@ -147,7 +147,7 @@ def test_the_surface_bulges_where_the_section_bends():
     Maxwell's influence function of a hinged beam between them."""
     p, aside = 0.17, 0.5 * 0.012 * np.sqrt(STEEL.poisson)
     beam = fem.beam(LENGTH, SECTION, STEEL, (HINGED, HINGED), p)
-    found = beam.patch.w @ fem.factorised(beam.K).solve(beam.patch.w)
+    computed = beam.patch.w @ fem.factorised(beam.K).solve(beam.patch.w)
     kGA, EI = stiffnesses(SECTION)
 
     def influence(a, b):
@@ -156,18 +156,18 @@ def test_the_surface_bulges_where_the_section_bends():
         return bent + a * c / (LENGTH * kGA)
 
     places = (p - aside, p + aside)
-    assert abs(found / np.mean([influence(a, b) for a in places for b in places]) - 1) < 1e-9
+    assert abs(computed / np.mean([influence(a, b) for a in places for b in places]) - 1) < 1e-9
     curvature = p * (LENGTH - p) / (LENGTH * EI)
     bulge = STEEL.poisson * 0.012**2 / 8 * curvature
-    shear_less = influence(p, p) - found - 2 * bulge
-    assert abs(shear_less) < 0.5 * bulge and bulge > 4e-4 * found
+    shear_less = influence(p, p) - computed - 2 * bulge
+    assert abs(shear_less) < 0.5 * bulge and bulge > 4e-4 * computed
 
 
 def test_a_beam_that_floats_has_two_rigid_motions_that_carry_its_mass():
     beam = fem.beam(LENGTH, SECTION, STEEL, (FREE, FREE), 0.1)
-    found = fem.modes(beam.K, beam.M, 6)
-    assert np.count_nonzero(found.omega < STILL * found.omega.max()) == 2
-    assert abs(beam.effective_mass(found.phi)[:2, 2].sum() - 1) < 1e-9
+    computed = fem.modes(beam.K, beam.M, 6)
+    assert np.count_nonzero(computed.omega < STILL * computed.omega.max()) == 2
+    assert abs(beam.effective_mass(computed.phi)[:2, 2].sum() - 1) < 1e-9
     assert abs(beam.mass / (STEEL.density * SECTION.area * LENGTH) - 1) < 1e-12
 
 
@@ -186,8 +186,8 @@ def test_elements_are_as_long_as_the_wave_that_they_resolve():
 def test_the_drawn_beam_moves_as_its_sections_do():
     """A rigid turn about the left hinge: u = -z turn along, x turn across."""
     beam = fem.beam(LENGTH, SECTION, STEEL, (HINGED, FREE), 0.1)
-    found = fem.modes(beam.K, beam.M, 3)
-    u = (beam.T @ found.phi[:, 0]).reshape(-1, 3)
+    computed = fem.modes(beam.K, beam.M, 3)
+    u = (beam.T @ computed.phi[:, 0]).reshape(-1, 3)
     x, _, z = beam.drawn.p
     turn = u[np.argmax(x), 2] / LENGTH
     assert np.allclose(u, turn * np.column_stack([-z, 0 * x, x]), atol=1e-6 * abs(turn) * LENGTH)

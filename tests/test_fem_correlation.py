@@ -48,34 +48,34 @@ def model():
 
 
 @pytest.fixture(scope="module")
-def found(model):
+def computed(model):
     return modes(model.K, model.M, 8, shift_hz=20.0)
 
 
-def test_a_beam_with_a_mass_bends_flat_then_upright_then_twists(model, found):
+def test_a_beam_with_a_mass_bends_flat_then_upright_then_twists(model, computed):
     targets = [BodyMotion("cube", m) for m in ("z+ry", "y+rz", "rx", "x")]
-    pairing = pair(model, found, targets)
+    pairing = pair(model, computed, targets)
     np.testing.assert_array_equal(pairing.index[:3], [0, 1, 2])
     assert pairing.index[3] > 3 and np.all(pairing.score > 0.5)
     assert np.all(pairing.character.sum(axis=0) < 1 + 1e-6)  # shares of one energy
 
 
-def test_strain_is_where_the_soft_body_is(model, found):
+def test_strain_is_where_the_soft_body_is(model, computed):
     of_bar, of_cube = pair(
-        model, found, [BodyMotion(b, "strain") for b in ("bar", "cube")]
+        model, computed, [BodyMotion(b, "strain") for b in ("bar", "cube")]
     ).character
     np.testing.assert_allclose(of_bar + of_cube, 1.0, rtol=1e-6)
     assert of_bar[0] > 0.99
 
 
-def test_numbers_count_modes_that_strain_something(model, found):
-    assert list(pair(model, found, [Number(1), Number(5), Number(9)]).index) == [0, 4, -1]
+def test_numbers_count_modes_that_strain_something(model, computed):
+    assert list(pair(model, computed, [Number(1), Number(5), Number(9)]).index) == [0, 4, -1]
     free = joined(model.structure, Connections([Tie("bar:end", "cube:back")]))
     floating = modes(free.K, free.M, 8, shift_hz=20.0)
     assert list(pair(free, floating, [Number(1)]).index) == [6]
 
 
-def test_a_measured_shape_is_paired_by_its_mac(model, found):
+def test_a_measured_shape_is_paired_by_its_mac(model, computed):
     """Read at four points across, with a phase of its own and noise of a twentieth."""
     spots = [(x, 0.0, 0.0) for x in (0.05, 0.1, 0.15, 0.2)]
     directions = [np.eye(3)[i] for i in (1, 2)]
@@ -83,19 +83,19 @@ def test_a_measured_shape_is_paired_by_its_mac(model, found):
     reading = np.array(rows) @ model.T
     rng = np.random.default_rng(3)
     for mode in (0, 1, 3):
-        shape = reading @ found.phi[:, mode]
+        shape = reading @ computed.phi[:, mode]
         noise = np.abs(shape).max() / 20 * rng.standard_normal(len(shape))
         target = Shape(reading, (shape + noise) * np.exp(0.7j))
-        pairing = pair(model, found, [target])
+        pairing = pair(model, computed, [target])
         assert pairing.index[0] == mode and pairing.score[0] > 0.95
     stranger = Shape(reading, np.array([1.0, -1, -1, 1, 1, -1, -1, 1]))
-    assert pair(model, found, [stranger]).score[0] < 0.3
+    assert pair(model, computed, [stranger]).score[0] < 0.3
 
 
-def test_target_mac_is_one_for_the_mode_itself_on_the_body_that_tells_it(model, found):
+def test_target_mac_is_one_for_the_mode_itself_on_the_body_that_tells_it(model, computed):
     targets = [BodyMotion("cube", "z"), Number(3)]
-    shapes = found.phi[:, [0, 2]]
-    table = target_mac((model, model), (found.phi, -2 * shapes), targets)
+    shapes = computed.phi[:, [0, 2]]
+    table = target_mac((model, model), (computed.phi, -2 * shapes), targets)
     assert table.shape == (8, 2)
     np.testing.assert_allclose([table[0, 0], table[2, 1]], 1.0)
     assert table[0, 1] < 0.1
@@ -106,7 +106,7 @@ def test_a_motion_of_no_direction_is_refused():
         assert BodyMotion("cube", "x-ry").directions
 
 
-def test_outer_nodes_hold_triangles_beside_quadrilaterals(model):
+def test_outer_nodes_have_triangles_and_quadrilaterals(model):
     """Every facet turns around its own body's outside; their areas are those of the bodies."""
     outer = outer_nodes(model.structure)
     corners = outer.points[outer.faces]

@@ -56,7 +56,7 @@ def test_a_table_is_a_mass_that_two_springs_hold(model):
     assert springs == [("1", k), ("2", k)]
 
 
-def test_every_dashpot_lies_along_the_spring_that_it_is_beside(model):
+def test_every_dashpot_lies_along_the_spring_of_its_direction(model):
     lines = deck(model, C=dashpots(model, {"head.ky": DAMPING}))
     ends = [row.split(", ") for (row,) in after(lines, "*ELEMENT, TYPE=DASHPOTA")]
     nodes = [row for rows in after(lines, "*NODE") for row in rows if "," in row]
@@ -80,15 +80,15 @@ def test_the_node_of_the_contact_reads_what_the_chain_reads(model):
         for rows in after(lines, "*EQUATION")
         if rows[1].startswith(f"{node}, 1,")
     ]
-    found = np.zeros(3 * int(node))
+    computed = np.zeros(3 * int(node))
     for n, dof, c in zip(*(terms[i::3] for i in range(3)), strict=True):
-        found[3 * (int(n) - 1) + int(dof) - 1] = float(c)
-    assert found[3 * (int(node) - 1)] == -1
-    np.testing.assert_allclose(found[model.free], w, rtol=1e-11)
+        computed[3 * (int(n) - 1) + int(dof) - 1] = float(c)
+    assert computed[3 * (int(node) - 1)] == -1
+    np.testing.assert_allclose(computed[model.free], w, rtol=1e-11)
     assert after(lines, "*CLOAD") == [[f"{node}, 1, 1.0"]]
 
 
-def test_bodies_whose_names_a_deck_cannot_tell_apart_are_numbered():
+def test_bodies_whose_names_become_equal_in_a_deck_are_numbered():
     cube = MeshHex.init_tensor(*[np.linspace(0, 1, 2)] * 3)
     meshes = dict.fromkeys(("gear box", "gear_box", "Gear/box"), cube)
     alone = joined(assemble(meshes, steel(meshes)), Connections())

@@ -74,9 +74,9 @@ def test_cholesky_by_nested_dissection_solves_as_superlu_does():
     K = brick(6, held=True).K
     b = np.random.default_rng(0).normal(size=(K.shape[0], 3))
     exact = splu(K).solve(b)
-    found = dissected(K)
-    np.testing.assert_allclose(found.solve(b), exact, rtol=0, atol=1e-9 * np.abs(exact).max())
-    np.testing.assert_allclose(found.solve(b[:, 0]), exact[:, 0], atol=1e-9 * np.abs(exact).max())
+    factor = dissected(K)
+    np.testing.assert_allclose(factor.solve(b), exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+    np.testing.assert_allclose(factor.solve(b[:, 0]), exact[:, 0], atol=1e-9 * np.abs(exact).max())
 
 
 def test_nested_dissection_keeps_halves_apart_and_every_vertex_once():
@@ -102,7 +102,7 @@ def test_a_factor_takes_less_than_superlu_and_foresees_its_size():
     assert foreseen < 0.7 * 8 * _superlu(K).nnz
 
 
-def test_what_has_no_cholesky_factor_is_left_to_superlu(monkeypatch):
+def test_indefinite_matrices_are_factorised_by_superlu(monkeypatch):
     monkeypatch.setattr(factorisation, "WORTH_COUNTING", (10, 10))
     model = brick(4, held=True)
     assert isinstance(factorised(model.K), Cholesky)

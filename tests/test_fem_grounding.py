@@ -36,10 +36,10 @@ def two_blocks(gap=0.0):
 
 
 def test_a_rigid_body_has_the_mass_and_centre_of_its_volume():
-    found = rigid_body(two_blocks())
-    assert found.mass == pytest.approx(2 * STEEL.density * SIDE**2 * HEIGHT, rel=1e-12)
-    np.testing.assert_allclose(found.centre, [0, 0, HEIGHT], atol=1e-12)
-    assert found.grounding < 1e-13
+    computed = rigid_body(two_blocks())
+    assert computed.mass == pytest.approx(2 * STEEL.density * SIDE**2 * HEIGHT, rel=1e-12)
+    np.testing.assert_allclose(computed.centre, [0, 0, HEIGHT], atol=1e-12)
+    assert computed.grounding < 1e-13
 
 
 @pytest.mark.parametrize("how", [Connections([TIE]), Connections(joints=[JOINT])])

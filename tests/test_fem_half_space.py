@@ -60,7 +60,7 @@ def blocks():
 
 
 @pytest.mark.parametrize("weights", ["hertz", "area"])
-def test_what_is_left_of_the_block_is_a_property_of_the_block(blocks, weights):
+def test_compliance_beyond_the_half_space_does_not_depend_on_the_patch(blocks, weights):
     # patches from an eighth of an element to more than an element wide
     radii = (1e-3, 3.2e-3, 6.4e-3)
     pairs = np.array([[b.of_patch(radius, weights) for radius in radii] for b in blocks.values()])

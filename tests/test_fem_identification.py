@@ -28,17 +28,17 @@ def test_half_power_of_a_light_mode_is_its_damping():
 
 def test_both_methods_find_separate_modes_through_noise():
     truth = [(51.0, 0.02), (269.0, 0.01), (907.0, 0.005)]
-    found = measured_modes(F, responses(truth, noise=1e-3))
-    strong = [m for m in found if not m.remarks]
+    computed = measured_modes(F, responses(truth, noise=1e-3))
+    strong = [m for m in computed if not m.remarks]
     np.testing.assert_allclose([m.frequency_hz for m in strong], [51, 269, 907], rtol=2e-3)
     np.testing.assert_allclose([m.zeta for m in strong], [0.02, 0.01, 0.005], rtol=0.1)
     np.testing.assert_allclose([m.zeta_half_power for m in strong], [0.02, 0.01, 0.005], rtol=0.1)
 
 
 def test_two_close_modes_are_remarked_upon():
-    found = measured_modes(F, responses([(300.0, 0.005), (306.0, 0.005), (900.0, 0.005)]))
-    assert any("another peak" in remark for remark in found[0].remarks + found[1].remarks)
-    assert found[-1].remarks == ()
+    computed = measured_modes(F, responses([(300.0, 0.005), (306.0, 0.005), (900.0, 0.005)]))
+    assert any("another peak" in remark for remark in computed[0].remarks + computed[1].remarks)
+    assert computed[-1].remarks == ()
 
 
 def test_a_weak_peak_is_remarked_upon():

@@ -80,7 +80,7 @@ def test_a_rigid_motion_is_a_shift_and_the_cross_product_of_a_turn():
     )
 
 
-def test_coupling_means_of_a_rigid_motion_are_that_motion_and_of_another_the_nearest():
+def test_the_mean_motion_of_a_face_is_the_nearest_rigid_motion():
     """Nearest in the weighted mean square: what is left has no weighted share in a rigid one."""
     rng = np.random.default_rng(1)
     points, weights, centre = rng.normal(size=(20, 3)), rng.uniform(1, 2, 20), np.ones(3)
@@ -93,9 +93,9 @@ def test_coupling_means_of_a_rigid_motion_are_that_motion_and_of_another_the_nea
 
 def test_a_rigid_motion_costs_a_joint_no_energy(structure):
     model = springs(structure, Bushing(1e9, 1e9, 1e9, 1e5, 1e5, 1e5), held=())
-    found = modes(model.K, model.M, 7, shift_hz=100.0)
+    computed = modes(model.K, model.M, 7, shift_hz=100.0)
     # the shift's factorisation resolves zero to about 1e-9 of the first elastic eigenvalue
-    assert np.all(found.omega[:6] ** 2 < 1e-6 * found.omega[6] ** 2)
+    assert np.all(computed.omega[:6] ** 2 < 1e-6 * computed.omega[6] ** 2)
 
 
 def test_a_joint_of_no_stiffness_leaves_two_free_bodies(structure):
@@ -129,8 +129,8 @@ def test_frequencies_rise_with_stiffness_over_sixteen_decades(structure):
 def test_sensitivity_to_a_stiffness_is_the_squared_elongation(structure):
     def omega2(k):
         model = springs(structure, Bushing(kx=k))
-        found = modes(model.K, model.M, 2)
-        return found.omega**2, found.phi[model.elongation[0]] ** 2
+        computed = modes(model.K, model.M, 2)
+        return computed.omega**2, computed.phi[model.elongation[0]] ** 2
 
     k, h = 1e8, 1e3
     numeric = (omega2(k + h)[0] - omega2(k - h)[0]) / (2 * h)
@@ -166,9 +166,9 @@ def test_constraints_in_a_circle_are_refused():
 def test_a_stiff_pair_of_blocks_sways_with_its_table_at_the_table_s_frequency(structure):
     table = SwayingTable(frequency_hz=6.5, mass=2.0)
     on_table = tied(structure, table)
-    found = modes(on_table.K, on_table.M, 3, shift_hz=1.0)
-    np.testing.assert_allclose(found.frequency_hz[:2], 6.5, rtol=1e-4)
-    assert found.frequency_hz[2] > 500
+    computed = modes(on_table.K, on_table.M, 3, shift_hz=1.0)
+    np.testing.assert_allclose(computed.frequency_hz[:2], 6.5, rtol=1e-4)
+    assert computed.frequency_hz[2] > 500
     heavy = tied(structure, table._replace(mass=1e6))
     held = tied(structure)
     swaying = modes(heavy.K, heavy.M, 6, shift_hz=1.0).frequency_hz[2:]
@@ -179,11 +179,11 @@ def test_a_mode_that_rounding_has_turned_is_refused_with_what_to_do():
     """Two modes of 1 and 9 Hz turned into one another by 0.1 rad: K phi is off by tenths."""
     K = csc_matrix(np.diag((2 * np.pi * np.array([1.0, 9.0])) ** 2))
     turned = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
-    found = Modes(np.sqrt(K.diagonal()), turned)
+    computed = Modes(np.sqrt(K.diagonal()), turned)
     with pytest.raises(ValueError, match=r"lost in the rounding of K .*stiffen the softest joints"):
-        require_accurate(found, K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2))
+        require_accurate(computed, K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2))
     require_accurate(
-        found._replace(phi=np.eye(2)), K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2)
+        computed._replace(phi=np.eye(2)), K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2)
     )
 
 
@@ -322,7 +322,7 @@ def lifted(gap):
 
 
 @pytest.mark.parametrize("allowed", [0.9e-3, 1.1e-3])
-def test_what_a_joint_holds_may_miss_its_face_by_the_gap_and_is_named(allowed):
+def test_a_footprint_may_miss_its_face_by_the_gap_of_the_joint(allowed):
     apart = lifted(1e-3)
     under = Side("lower:top", "mean", over="upper:foot", gap=allowed)
     joint = Joint("screw", Side("upper:foot"), under, np.array([0.0, 0.0, LOWER]))

@@ -21,9 +21,9 @@ def strain(C, stress):
     """Voigt's 6 x 6 of C, solved: strains (3, 3) under stresses (3, 3)."""
     pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
     matrix = np.array([[C[a, c, b, d] for b, d in pairs] for a, c in pairs])
-    found = np.linalg.solve(matrix, [stress[a, c] for a, c in pairs])
+    computed = np.linalg.solve(matrix, [stress[a, c] for a, c in pairs])
     e = np.zeros((3, 3))
-    for (a, c), value in zip(pairs, found, strict=True):
+    for (a, c), value in zip(pairs, computed, strict=True):
         e[a, c] = e[c, a] = value if a == c else value / 2
     return e
 

@@ -61,7 +61,7 @@ def test_a_body_tied_to_nothing_is_named_with_its_six_motions(stack):
     assert told(stack) == {"lower": ALL, "upper": ALL}
 
 
-def test_what_is_held_or_free_as_a_whole_is_not_loose(stack):
+def test_bodies_of_held_and_of_floating_assemblies_are_not_loose(stack):
     assert told(stack, [TIE], (), [BASE]) == told(stack, [TIE]) == {}
     assert told(stack, (), [joint(kx=1.0, krz=1e-3)], [BASE]) == {}
 
@@ -82,7 +82,7 @@ def test_every_mechanism_is_a_mode_of_no_frequency(stack):
     assert hz[1] < 1e-2 * hz[2]
 
 
-def test_a_node_that_a_support_holds_is_taken_from_the_tie_and_told(stack):
+def test_a_node_on_a_support_leaves_its_tie_and_is_reported(stack):
     model = joined(stack, Connections([TIE], held=[Held("upper:-x", "x"), BASE]))
     (twice,) = model.overconstrained
     assert (twice.kept, twice.dropped) == ("the supports", "the tie upper:-z to lower:+z")

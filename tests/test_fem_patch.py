@@ -30,7 +30,7 @@ def test_a_disc_has_the_moments_of_its_pressure(weights, n_radial, n_around):
     square, fourth = MOMENTS[weights]
     assert len(share) == n_radial * n_around and share.min() > 0
     exact = {"1": 1, "x": 0, "y": 0, "xy": 0, "xx": square / 2, "yy": square / 2, "rr": fourth}
-    found = {
+    computed = {
         "1": 1,
         "x": x,
         "y": y,
@@ -41,7 +41,7 @@ def test_a_disc_has_the_moments_of_its_pressure(weights, n_radial, n_around):
     }
     for name in exact:
         # sums of up to 96 terms whose sizes add to one: eps, rarely two
-        assert np.sum(share * found[name]) == pytest.approx(exact[name], abs=1e-14), name
+        assert np.sum(share * computed[name]) == pytest.approx(exact[name], abs=1e-14), name
 
 
 @pytest.mark.parametrize("weights", MOMENTS)
@@ -51,8 +51,8 @@ def test_a_patch_reads_the_rigid_motion_of_its_point_along_the_force(model, weig
     np.testing.assert_allclose(patch.spot.point, [0.004, -0.003, 0.03], atol=1e-12)
     moved = rigid_motion(model.structure.points, patch.spot.point)
     order = np.argsort(np.argsort(np.arange(model.structure.n_dofs)))
-    found = patch.on_mesh @ moved[order]
-    np.testing.assert_allclose(found, [0, 0, -1, 0, 0, 0], atol=1e-12)
+    computed = patch.on_mesh @ moved[order]
+    np.testing.assert_allclose(computed, [0, 0, -1, 0, 0, 0], atol=1e-12)
     np.testing.assert_allclose(patch.w, model.T.T @ patch.on_mesh)
 
 

@@ -61,9 +61,9 @@ def test_a_solid_bar_under_a_force_has_timoshenkos_frequency(share, kind, n):
     loaded, beams = pulled(model, force), []
     for N in (0.0, force):
         beams.append(fem.beam(LENGTH, SECTION, STEEL, (HINGED, HINGED), 0.1, axial_force=N))
-    theory, found = ((first_omega(one) / first_omega(two)) ** 2
+    theory, computed = ((first_omega(one) / first_omega(two)) ** 2
                      for one, two in (beams[::-1], (loaded, model)))  # fmt: skip
-    assert found == pytest.approx(theory, abs=2e-3 * abs(share))
+    assert computed == pytest.approx(theory, abs=2e-3 * abs(share))
     assert loaded.load_factor == pytest.approx(max(-share, 0.0), rel=2e-3, abs=1e-12)
 
 

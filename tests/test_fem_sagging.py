@@ -24,10 +24,10 @@ def sector(n, inner=INNER, outer=OUTER, turn=0.0):
 
 
 def tetrahedra(mesh):
-    found = mesh.to_meshtet()
-    middle = found.p[:, found.facets].mean(axis=1)
+    cut = mesh.to_meshtet()
+    middle = cut.p[:, cut.facets].mean(axis=1)
     outer = np.hypot(*middle[:2]) > np.hypot(*mesh.p[:2, mesh.facets].mean(axis=1)).max() - 1e-9
-    return found.with_boundaries({"outer": np.flatnonzero(outer), "top": at(HEIGHT)})
+    return cut.with_boundaries({"outer": np.flatnonzero(outer), "top": at(HEIGHT)})
 
 
 @pytest.mark.parametrize("cut", [lambda mesh: mesh, tetrahedra])

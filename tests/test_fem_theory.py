@@ -94,10 +94,10 @@ def beam():
 
 def bending_hz(model, axis, n):
     """The lowest frequencies of modes that move along an axis."""
-    found = modes(model.K, model.M, n, shift_hz=50.0)
-    u = model.T @ found.phi
+    computed = modes(model.K, model.M, n, shift_hz=50.0)
+    u = model.T @ computed.phi
     along = np.sum(u[axis::3] * (model.structure.M @ u)[axis::3], axis=0)
-    return found.frequency_hz[(along > 0.8) & (found.frequency_hz > 1.0)]
+    return computed.frequency_hz[(along > 0.8) & (computed.frequency_hz > 1.0)]
 
 
 @pytest.mark.parametrize("kind", ENDS)
@@ -169,8 +169,8 @@ def test_a_thick_walled_tube_twists_and_bends_as_theory_says():
     """Torsion of circular sections is exact, n / 2L sqrt(G / rho); bending by Timoshenko."""
     length = 0.6
     model = joined(tube(length, 40), Connections())
-    found = modes(model.K, model.M, 16, shift_hz=50.0)
-    hz, u = found.frequency_hz, model.T @ found.phi
+    computed = modes(model.K, model.M, 16, shift_hz=50.0)
+    hz, u = computed.frequency_hz, model.T @ computed.phi
     twist = np.sqrt(STEEL.lame[1] / STEEL.density) / (2 * length)
     assert np.abs(hz / twist - 1).min() < 1e-3
     a, b, nu = OUTER**2, BORE**2, STEEL.poisson  # Hutchinson, J. Appl. Mech. 68 (2001) 87

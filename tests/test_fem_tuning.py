@@ -49,8 +49,8 @@ def isotropic():
 def test_sensitivities_are_the_slopes(anisotropic):
     value, h = np.array([7e5, 2.5e7, 1e2, 1.05, 0.98]), 1e-4
     parameters = [KY, KZ, KRY, *BLOCK]
-    found = spectrum(anisotropic, parameters, value)
-    exact = sensitivity(anisotropic, parameters, value, found)[:10]
+    computed = spectrum(anisotropic, parameters, value)
+    exact = sensitivity(anisotropic, parameters, value, computed)[:10]
     for j in range(len(value)):
         step = np.exp(h * (np.arange(len(value)) == j))
         up = spectrum(anisotropic, parameters, value * step).omega[:10]
@@ -59,14 +59,14 @@ def test_sensitivities_are_the_slopes(anisotropic):
 
 
 def test_all_four_modes_meet_and_the_full_model_confirms_them(anisotropic):
-    found = tune(anisotropic, [KY, KZ, KRY, *BLOCK], {1: 51, 2: 269, 3: 907, 4: 8425})
-    np.testing.assert_allclose(found.modes_hz, [51, 269, 907, 8425], rtol=1e-5)
-    ky, kz, kry, young, density = found.value
+    computed = tune(anisotropic, [KY, KZ, KRY, *BLOCK], {1: 51, 2: 269, 3: 907, 4: 8425})
+    np.testing.assert_allclose(computed.modes_hz, [51, 269, 907, 8425], rtol=1e-5)
+    ky, kz, kry, young, density = computed.value
     block = Material(young * STEEL.young, STEEL.poisson, density * STEEL.density)
     full = model(Bushing(ky=ky, kz=kz, kry=kry), block)
     solved = modes(full.K, full.M, 24)
     confirmed = solved.frequency_hz[pair(full, solved, TARGETS).index]
-    np.testing.assert_allclose(confirmed, found.modes_hz, rtol=1e-3)
+    np.testing.assert_allclose(confirmed, computed.modes_hz, rtol=1e-3)
 
 
 def test_one_tangential_stiffness_cannot_meet_modes_two_and_three(isotropic):
@@ -79,9 +79,9 @@ def test_one_tangential_stiffness_cannot_meet_modes_two_and_three(isotropic):
     assert np.abs(np.log(both.modes_hz[1:3] / [269, 907])).min() > 0.2
 
 
-def test_every_mode_up_to_the_highest_target_is_told(anisotropic):
-    found = tune(anisotropic, [KY, KZ, KRY, *BLOCK], {1: 51, 2: 269, 3: 907, 4: 8425})
-    assert np.all(np.diff(found.all_hz) >= 0) and len(found.all_hz) > 6
+def test_every_mode_up_to_the_highest_target_is_listed(anisotropic):
+    computed = tune(anisotropic, [KY, KZ, KRY, *BLOCK], {1: 51, 2: 269, 3: 907, 4: 8425})
+    assert np.all(np.diff(computed.all_hz) >= 0) and len(computed.all_hz) > 6
 
 
 def small_basis(*, stiffness=(0.0, 0.0)):
@@ -113,8 +113,8 @@ def test_a_parameter_left_out_has_the_value_it_had():
     for p in parameters:
         rest = [other for other in parameters if other is not p]
         there = [x for other, x in zip(parameters, value, strict=True) if other is not p]
-        found = spectrum(at_before(small_basis(), p), rest, np.array(there)).omega
-        np.testing.assert_allclose(found, expected, rtol=1e-10)
+        computed = spectrum(at_before(small_basis(), p), rest, np.array(there)).omega
+        np.testing.assert_allclose(computed, expected, rtol=1e-10)
 
 
 def test_a_rigid_spring_left_out_is_a_constraint():

@@ -6,7 +6,7 @@ from stat import S_IWGRP, S_IWOTH
 
 from platformdirs import user_cache_path
 
-OWN = 0o700  # nobody else reads or writes
+OWN = 0o700  # mode of a folder that nobody else reads or writes
 
 
 def cache_folder() -> Path:
@@ -16,21 +16,15 @@ def cache_folder() -> Path:
 
 
 def own_folders(*folders: Path) -> str | None:
-    """Make each, one after the other; why one is not trusted, None where all are the user's own.
+    """Make the folders in order; the reason why one is not trusted, None if all are the user's.
 
     Raises OSError where one cannot be made.
     """
     for folder in folders:
         folder.mkdir(mode=OWN, parents=True, exist_ok=True)
-        if why := _distrusted(folder):
-            return why
-    return None
-
-
-def _distrusted(folder: Path) -> str | None:
-    found = folder.stat()
-    if found.st_uid != geteuid():
-        return f"is not trusted: {folder} belongs to another user"
-    if found.st_mode & (S_IWGRP | S_IWOTH):
-        return f"is not trusted: others may write into {folder} (chmod go-w ends that)"
+        status = folder.stat()
+        if status.st_uid != geteuid():
+            return f"is not trusted: {folder} belongs to another user"
+        if status.st_mode & (S_IWGRP | S_IWOTH):
+            return f"is not trusted: others may write into {folder} (chmod go-w ends that)"
     return None

@@ -25,14 +25,14 @@ def child(module: str, *arguments: str, seconds: float) -> CompletedProcess[byte
     command = _command(seconds, module, *arguments)
     try:
         with _lifeline() as end:
-            done = run(
+            ended = run(
                 command, capture_output=True, stdin=end, timeout=seconds + GRACE, check=False
             )
     except TimeoutExpired:
         raise TimeoutError(f"{module} took more than {seconds:g} s") from None
-    if done.returncode == -SIGALRM:
+    if ended.returncode == -SIGALRM:
         raise TimeoutError(f"{module} took more than {seconds:g} s")
-    return done
+    return ended
 
 
 @contextmanager
@@ -48,19 +48,20 @@ def while_open(module: str, *arguments: str) -> Iterator[Popen]:
 
 
 def _command(seconds: float, module: str, *arguments: str) -> list[str]:
-    own = ["-P", "-m", "workflows.files.child", str(seconds)]
-    return [sys.executable, *own, module, *arguments]
+    return [
+        sys.executable, "-P", "-m", "workflows.files.child", str(seconds), module, *arguments
+    ]  # fmt: skip
 
 
 @contextmanager
 def _lifeline() -> Iterator[int]:
     """The end of a pipe, for a child to read, that is closed however this process ends."""
-    end, held = os.pipe()
+    read_end, write_end = os.pipe()
     try:
-        yield end
+        yield read_end
     finally:
-        os.close(end)
-        os.close(held)
+        os.close(read_end)
+        os.close(write_end)
 
 
 def _end_with_the_parent() -> None:

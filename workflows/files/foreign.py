@@ -17,6 +17,7 @@ from workflows.files.child import child
 from workflows.files.foreign_reader import REFUSED
 
 Result = TypeVar("Result")
+READER = "workflows.files.foreign_reader"
 START, RATE = 8.0, 1e6  # s of work to import a reader, and bytes a second of text at least
 RATES = {"step": 1e5}  # of surfaces that are intersected and healed
 SHARE = 1 / 12  # of a processor that a busy machine leaves at least
@@ -31,41 +32,35 @@ class Refused(Unreadable):
 
 
 def arrays(kind: str, path: Path, *names: str) -> dict[str, np.ndarray]:
-    """What a reader of `foreign_reader` finds in a file, some by name; raises Unreadable."""
+    """The arrays that a reader of `foreign_reader` finds in a file, of these names where it takes
+    names; raises Unreadable."""
     return through_child(kind, path, _content, *names)
 
 
 def through_child(kind: str, path: Path, load: Callable[[Path], Result], *names: str) -> Result:
     """What `load` makes of the .npz that a reader's child left of a file; raises Unreadable."""
     seconds = START + path.stat().st_size / RATES.get(kind, RATE)
+    endless = Unreadable(f"reading it does not end within {seconds:.0f} s")
     with TemporaryDirectory() as folder:
         target = Path(folder) / "result.npz"
-        status = _read(seconds, kind, str(path.absolute()), str(target), *names)
+        arguments = (str(seconds), kind, str(path.absolute()), str(target), *names)
+        try:
+            reader = child(READER, *arguments, seconds=seconds / SHARE)
+        except TimeoutError:
+            raise endless from None
+        status = reader.returncode
+        if status == -SIGPROF:
+            raise endless
         if status == REFUSED:
             raise Refused(target.with_suffix(".txt").read_text(encoding="utf-8").rstrip("."))
         if status != 0:
-            raise Unreadable(f"its reader {_death(status)}, the file is damaged")
+            crash = (
+                f"crashes ({Signals(-status).name})" if status < 0 else f"fails (status {status})"
+            )
+            raise Unreadable(f"its reader {crash}, the file is damaged")
         return load(target)
 
 
-def _read(seconds: float, *given: str) -> int:
-    """The status of the reader's child, which may work for so long; raises Unreadable."""
-    endless = Unreadable(f"reading it does not end within {seconds:.0f} s")
-    try:
-        reader = child(
-            "workflows.files.foreign_reader", str(seconds), *given, seconds=seconds / SHARE
-        )
-    except TimeoutError:
-        raise endless from None
-    if reader.returncode == -SIGPROF:
-        raise endless
-    return reader.returncode
-
-
 def _content(path: Path) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as held:
-        return {str(name): held[f"value{i}"] for i, name in enumerate(held["keys"])}
-
-
-def _death(status: int) -> str:
-    return f"crashes ({Signals(-status).name})" if status < 0 else f"fails (status {status})"
+    with np.load(path, allow_pickle=False) as archive:
+        return {str(name): archive[f"value{i}"] for i, name in enumerate(archive["keys"])}

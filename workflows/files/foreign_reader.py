@@ -1,8 +1,8 @@
 """Readers of foreign binary files, run in a child: SECONDS KIND PATH RESULT [NAME ...].
 
-The result is an .npz of plain arrays; what speaks against the file comes as text beside it, with
-exit status REFUSED. Libraries that read binary files may crash or never end: nothing here matters
-but the result.
+The result is an .npz of plain arrays; a file that is refused gives the reason as text beside it,
+with exit status REFUSED. Libraries that read binary files may crash or never end: the process that
+started this one sees the result alone.
 """
 
 import sys
@@ -14,7 +14,7 @@ from signal import ITIMER_PROF, setitimer
 import numpy as np
 
 REFUSED = 3
-LEAST = 2**30  # bytes: what the readers themselves want
+LEAST = 2**30  # bytes that the readers themselves take
 Arrays = dict[str, np.ndarray]
 
 
@@ -32,12 +32,12 @@ def _matlab(path: Path, *names: str) -> Arrays:
     from scipy.io.matlab import MatReadError
 
     try:
-        held = loadmat(str(path), appendmat=False, variable_names=names)
+        variables = loadmat(str(path), appendmat=False, variable_names=names)
     except NotImplementedError:
         raise ValueError("it is a .mat file of version 7.3; save it with -v7") from None
     except (MatReadError, ValueError):
         raise ValueError("it is no .mat file of version 4 to 7, which can be read") from None
-    return {name: _plain(held[name]) for name in names if name in held}
+    return {name: _plain(variables[name]) for name in names if name in variables}
 
 
 def _plain(value) -> np.ndarray:
@@ -58,10 +58,10 @@ def _uff(path: Path, kinds: str, *names: str) -> Arrays:
     except Exception:  # pyuff raises nothing narrower
         raise ValueError("it is no UFF file that pyuff can read") from None
     values = {
-        f"{i} {name}": _plain(held[name])
-        for i, held in enumerate(sets)
+        f"{i} {name}": _plain(data_set[name])
+        for i, data_set in enumerate(sets)
         for name in names
-        if name in held
+        if name in data_set
     }
     return {"count": np.array(len(sets)), **values}
 
@@ -81,8 +81,8 @@ def _reduced(path: Path, target: Path) -> None:
 def _step(path: Path) -> Arrays:
     from geometry.cad import model
 
-    with model({}, path) as drawn:
-        return {"names": np.array(list(drawn.bodies), dtype=str)}
+    with model({}, path) as cad:
+        return {"names": np.array(list(cad.bodies), dtype=str)}
 
 
 def _saved(read: Callable[..., Arrays]) -> Callable[..., None]:
@@ -107,9 +107,9 @@ def main() -> None:
     setitimer(ITIMER_PROF, float(seconds))  # of work, so that a busy machine refuses nothing
     from workflows.scene.memory import free_memory
 
-    most = max(LEAST, free_memory())
-    if most < float("inf"):
-        setrlimit(RLIMIT_DATA, (int(most), int(most)))
+    limit = max(LEAST, free_memory())
+    if limit < float("inf"):
+        setrlimit(RLIMIT_DATA, (int(limit), int(limit)))
     try:
         READERS[kind](Path(path), Path(target), *names)
     except MemoryError:

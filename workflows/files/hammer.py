@@ -30,7 +30,8 @@ def responses(path: Path) -> Responses:
         raise InvalidScene(f"{path} must end in .csv, .uff or .unv.")
     require_file(path, HAMMER)
     try:
-        return require_finite(read_csv(path) if ending == ".csv" else _of_uff(path))
+        is_csv = ending == ".csv"
+        return require_finite(read_csv(path) if is_csv else of_data_sets(data_sets(path, 58)))
     except (ValueError, KeyError, IndexError, UnicodeDecodeError) as error:
         wanted = CSV if ending == ".csv" else UFF
         raise InvalidScene(
@@ -38,24 +39,20 @@ def responses(path: Path) -> Responses:
         ) from None
 
 
-def _of_uff(path: Path) -> Responses:
-    return of_data_sets(data_sets(path, 58))
-
-
 def write_uff(path: Path, test: Responses) -> None:
     """Write as ASCII UFF58 (binary ones of this library cannot be read back)."""
     library = pyuff()
     file = library.UFF(str(path))
     for i in range(1, len(test.H) + 1):
-        told = library.prepare_58(binary=0, **data_set(test, i))
-        file.write_sets(told, mode="add" if i > 1 else "overwrite")
+        content = library.prepare_58(binary=0, **data_set(test, i))
+        file.write_sets(content, mode="add" if i > 1 else "overwrite")
 
 
 def write_synthetic(file: OutputFile, test: Responses) -> None:
     """Write a computed test, .uff or .csv."""
     write = write_csv if file.path.suffix.lower() == ".csv" else write_uff
-    with file.writing() as part:
-        write(part, test)
+    with file.writing() as draft:
+        write(draft, test)
 
 
 def synthetic_file(path: Path, overwrite: bool) -> OutputFile:

@@ -15,19 +15,19 @@ from workflows.scene.named_files import require_file
 
 def mesh_of(path: Path, assembly: Assembly, faces: set[str]) -> Mesh:
     """The rig's mesh of a file; raises InvalidScene where it cannot stand for ours."""
-    with _told():
+    with _as_scene_errors():
         return rig_mesh(_read(path), assembly, faces)
 
 
 def volumes_of(path: Path) -> dict[str, Mesh]:
     """Every named volume of a file as a mesh of its own; raises InvalidScene where there is
     none."""
-    with _told():
+    with _as_scene_errors():
         return volumes(_read(path))
 
 
 @contextmanager
-def _told() -> Iterator[None]:
+def _as_scene_errors() -> Iterator[None]:
     try:
         yield
     except InvalidGeometry as error:
@@ -38,14 +38,14 @@ def _read(path: Path) -> NamedCells:
     """Points and named cells; raises InvalidScene for what is no mesh."""
     require_file(path, "give a mesh that gmsh or meshio read", key="mesh: ")
     try:
-        found = arrays("mesh", path)
+        content = arrays("mesh", path)
     except Unreadable as error:
         raise InvalidScene(
             f"{str(path)!r} cannot be read as a mesh ({error}); give a file that gmsh or meshio "
             "read."
         ) from None
     groups = [
-        CellGroup(name, int(dimension), found[f"cells{i}"])
-        for i, (dimension, name) in enumerate(str(n).split(" ", 1) for n in found["names"])
+        CellGroup(name, int(dimension), content[f"cells{i}"])
+        for i, (dimension, name) in enumerate(str(n).split(" ", 1) for n in content["names"])
     ]
-    return NamedCells(str(path), found["points"], groups)
+    return NamedCells(str(path), content["points"], groups)

@@ -35,9 +35,16 @@ class OutputFile:
     def writing(self) -> Iterator[Path]:
         """A path to write to, renamed to the file, or to what a link leads to, once complete."""
         self._require_free()
-        with writing_file(self.path.resolve()) as part:
-            yield part
-            _note(self.path, digest(part))
+        with writing_file(self.path.resolve()) as draft:
+            yield draft
+            # noted before the file appears; where the cache cannot be used the file is nobody's
+            content = digest(draft)
+            with suppress(OSError):
+                note, noted = _note_of(self.path), _noted(self.path)
+                if content not in noted and not own_folders(cache_folder(), note.parent):
+                    with note.open("a", encoding="ascii") as file:
+                        # the first break ends a line that a killed process left half
+                        file.write(f"\n{content}\n")
 
     def _require_free(self) -> None:
         path, named = self.path, self._named
@@ -63,20 +70,11 @@ def output_files(
     for option, path in given.items():
         if path is None:
             continue
-        for other, file in files.items():
+        for earlier, file in files.items():
             if Path(path).resolve() == file.path.resolve():
-                raise InvalidScene(f"{other} and {option} both name {path}; name two files.")
+                raise InvalidScene(f"{earlier} and {option} both name {path}; name two files.")
         files[option] = OutputFile(path, option, inputs=inputs, overwrite=overwrite)
     return files
-
-
-def _note(path: Path, content: str) -> None:
-    """Note before the file appears; where the cache cannot be used the file is nobody's."""
-    with suppress(OSError):
-        note = _note_of(path)
-        if content not in _noted(path) and not own_folders(cache_folder(), note.parent):
-            with note.open("a", encoding="ascii") as file:
-                file.write(f"\n{content}\n")  # the first break ends what a killed process left half
 
 
 def _noted(path: Path) -> set[str]:

@@ -14,7 +14,7 @@ from workflows.files.run_folder import marked
 
 
 class Place(NamedTuple):
-    """A folder to fill, and what the user is to know of it, in sentences."""
+    """A folder to fill, and notes on it for the user, in sentences."""
 
     path: Path | None
     notes: tuple[str, ...] = ()
@@ -24,41 +24,35 @@ def place(out: str | Path | None, parent: Path, name: str, scene_toml: str) -> P
     """The folder that was asked for, or one in the parent that nothing else fills."""
     if out:
         return given(Path(out), scene_toml)
-    usual, own = parent / name, own_folder(parent, name, scene_toml)
-    left = f"{usual} is left as it is: it holds another run"
-    return Place(own, () if own == usual else (left,))
+    usual, path = parent / name, own_folder(parent, name, scene_toml)
+    note = f"{usual} is left as it is: it holds another run"
+    return Place(path, () if path == usual else (note,))
 
 
 def given(path: Path, scene_toml: str) -> Place:
     """The folder that was asked for; the note names a run that gives way."""
-    other = _other_scene(path, scene_toml)
-    said = f"replaced: what an earlier run of {other} left in {path}"
-    return Place(path, () if other is None else (said,))
+    earlier_toml = _scene(path) if marked(path) else None
+    if earlier_toml is None or earlier_toml == scene_toml:
+        return Place(path)
+    try:
+        earlier = str(loads(earlier_toml).get("name", "unknown"))
+    except TOMLDecodeError:
+        earlier = "unknown"
+    return Place(path, (f"replaced: what an earlier run of {earlier} left in {path}",))
 
 
 def own_folder(parent: Path, name: str, scene_toml: str) -> Path:
     """NAME in the parent, or the first of NAME-2, NAME-3, ... that no other scene's files fill."""
+
+    def is_free(path: Path) -> bool:
+        """Whether it is absent, or ours with this very scene, or with none yet."""
+        if not lexists(path):
+            return True
+        ours = marked(path) or (path.is_dir() and not any(path.iterdir()))
+        return ours and (_scene(path) == scene_toml or not lexists(path / "scene.toml"))
+
     numbered = (parent / (name if n == 1 else f"{name}-{n}") for n in count(1))
-    return next(path for path in numbered if _takes(path, scene_toml))
-
-
-def _takes(path: Path, scene_toml: str) -> bool:
-    """Whether the folder is absent, or ours with this very scene, or with none yet."""
-    if not lexists(path):
-        return True
-    ours = marked(path) or (path.is_dir() and not any(path.iterdir()))
-    return ours and (_scene(path) == scene_toml or not lexists(path / "scene.toml"))
-
-
-def _other_scene(path: Path, scene_toml: str) -> str | None:
-    """The name of another scene, a run of which fills the folder."""
-    held = _scene(path) if marked(path) else None
-    if held is None or held == scene_toml:
-        return None
-    try:
-        return str(loads(held).get("name", "unknown"))
-    except TOMLDecodeError:
-        return "unknown"
+    return next(filter(is_free, numbered))
 
 
 def _scene(path: Path) -> str | None:

@@ -75,23 +75,23 @@ def equidistant(t: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def stacked(t: NDArray[np.float64], columns) -> tuple[tuple, NDArray[np.float64]]:
     """What the columns hold, in order, and their values (r, k, m)."""
-    each: dict[Any, list] = {}
+    repeats_of: dict[Any, list] = {}
     for key, values in columns:
         if not np.isfinite(values).all():
             i = int(np.argmin(np.isfinite(values)))
-            raise ValueError(f"{_told(key)} has no number at sample {i + 1}, at {t[i]:.6g} s")
-        each.setdefault(key, []).append(values)
-    if not each:
+            raise ValueError(f"{_name(key)} has no number at sample {i + 1}, at {t[i]:.6g} s")
+        repeats_of.setdefault(key, []).append(values)
+    if not repeats_of:
         raise ValueError("there is no column of a sphere")
-    repeats = {key: len(found) for key, found in each.items()}
-    if len(set(repeats.values())) > 1:
-        told = ", ".join(f"{_told(key)}: {k}" for key, k in repeats.items())
-        raise ValueError(f"spheres differ in repeats ({told}), each needs as many")
-    keys = tuple(sorted(each))
-    return keys, np.array([each[key] for key in keys]).transpose(1, 2, 0)
+    count = {key: len(repeats) for key, repeats in repeats_of.items()}
+    if len(set(count.values())) > 1:
+        listed = ", ".join(f"{_name(key)}: {k}" for key, k in count.items())
+        raise ValueError(f"spheres differ in repeats ({listed}), each needs as many")
+    keys = tuple(sorted(repeats_of))
+    return keys, np.array([repeats_of[key] for key in keys]).transpose(1, 2, 0)
 
 
-def _told(key: Any) -> str:
+def _name(key: Any) -> str:
     return getattr(key, "name", f"sphere {key}")
 
 

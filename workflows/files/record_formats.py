@@ -42,50 +42,48 @@ def of_csv(text: str, column: Column) -> Found:
         raise ValueError("no samples below a header line")
     between = next((mark for mark in ";\t" if mark in lines[0]), ",")
     header = [name.strip() for name in lines[0].split(between)]
-    scale = [_time_column(header[0]), *(column(name) for name in header[1:])]
-    rows = (line.split(between) for line in lines[1:])
-    table = np.array([_numbers(i, cells, len(header)) for i, cells in enumerate(rows, 1)])
+    time = fullmatch(r"time\s*\[(.+)\]", header[0])
+    if not time:
+        raise ValueError(
+            f"the first column is {header[0][:40]!r}, allowed is 'time [s]', [ms] or [us]"
+        )
+    scale = [_unit(time[1], SECONDS, "time"), *(column(name) for name in header[1:])]
+
+    rows = []
+    for i, line in enumerate(lines[1:], 1):
+        cells = line.split(between)
+        if len(cells) != len(header):
+            raise ValueError(f"sample {i} has {len(cells)} cells, the header has {len(header)}")
+        try:
+            rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
+        except ValueError:
+            text = ";".join(cells)[:40]
+            raise ValueError(f"sample {i} is not numbers with decimal points: {text!r}") from None
+    table = np.array(rows)
     columns = [(n, unit * table[:, i]) for i, (n, unit) in enumerate(scale[1:], 1)]
     return Found(table[:, 0] * scale[0], columns, title)
 
 
-def _numbers(i: int, cells: list[str], width: int) -> list[float]:
-    if len(cells) != width:
-        raise ValueError(f"sample {i} has {len(cells)} cells, the header has {width}")
-    try:
-        return [float(cell) if cell.strip() else np.nan for cell in cells]
-    except ValueError:
-        found = ";".join(cells)[:40]
-        raise ValueError(f"sample {i} is not numbers with decimal points: {found!r}") from None
-
-
-def _time_column(name: str) -> float:
-    found = fullmatch(r"time\s*\[(.+)\]", name)
-    if not found:
-        raise ValueError(f"the first column is {name[:40]!r}, allowed is 'time [s]', [ms] or [us]")
-    return _unit(found[1], SECONDS, "time")
-
-
 def sphere_column(name: str) -> tuple[int, float]:
     """The sphere that a heading names and the unit of its velocities [m/s]."""
-    found = fullmatch(r"sphere\s+(\d+)\s*\[(.+)\]", name)
-    if not found:
+    heading = fullmatch(r"sphere\s+(\d+)\s*\[(.+)\]", name)
+    if not heading:
         raise ValueError(f"a column is {name[:40]!r}, allowed is 'sphere 4 [m/s]', with its unit")
-    return int(found[1]), _unit(found[2], METRES, f"sphere {found[1]}")
+    return int(heading[1]), _unit(heading[2], METRES, f"sphere {heading[1]}")
 
 
-def velocities_of_mat(held: dict) -> Found:
+def velocities_of_mat(variables: dict) -> Found:
     """The velocities of a .mat file's variables."""
-    metre = _unit(text_of(held, "velocity_unit"), METRES, "v")
-    t, columns, title = of_mat(held, "v")
+    metre = _unit(text_of(variables, "velocity_unit"), METRES, "v")
+    t, columns, title = of_mat(variables, "v")
     return Found(t, [(n, metre * values) for n, values in columns], title)
 
 
-def of_mat(held: dict, name: str) -> Found:
+def of_mat(variables: dict, name: str) -> Found:
     """t (k,) [s], what each sphere has in the variable of this name, and the title."""
-    second = _unit(text_of(held, "time_unit"), SECONDS, "t")
-    t, v = np.ravel(_numeric(held, "t")), _numeric(held, name)
-    spheres = np.ravel(_numeric(held, "spheres"))
+    second = _unit(text_of(variables, "time_unit"), SECONDS, "t")
+    t, v = np.ravel(_numeric(variables, "t")), _numeric(variables, name)
+    spheres = np.ravel(_numeric(variables, "spheres"))
     if np.any(spheres != np.round(spheres)):
         raise ValueError(f"spheres are {spheres.tolist()}, whole numbers are needed")
     wanted = len(t), len(spheres)
@@ -98,34 +96,35 @@ def of_mat(held: dict, name: str) -> Found:
     v = v.reshape(*wanted, -1)
     repeats = range(v.shape[2])
     columns = [(int(n), v[:, i, r]) for r in repeats for i, n in enumerate(spheres)]
-    return Found(second * t, columns, text_of(held, "title"))
+    return Found(second * t, columns, text_of(variables, "title"))
 
 
-def require_variables(held: dict, needed: tuple[str, ...]) -> dict:
+def require_variables(variables: dict, needed: tuple[str, ...]) -> dict:
     """The variables; raises ValueError where one is not there."""
     for name in needed:
-        if name not in held:
+        if name not in variables:
             raise ValueError(f"there is no variable {name}, which states what is in the file")
-    return held
+    return variables
 
 
-def _numeric(held: dict, name: str) -> NDArray[np.float64]:
-    value = held[name]
+def _numeric(variables: dict, name: str) -> NDArray[np.float64]:
+    value = variables[name]
     if value.dtype.kind not in "fiub":
         raise ValueError(f"{name} is no array of real numbers; cells and structs are not read")
     return value.astype(float)
 
 
-def _unit(text: str, known: dict[str, float], what: str) -> float:
+def _unit(text: str, units: dict[str, float], what: str) -> float:
+    """The unit in SI units; raises ValueError for another one than these."""
     text = text.strip()
-    if text not in known:
-        raise ValueError(f"the unit of {what} is {text!r}, allowed are {', '.join(known)}")
-    return known[text]
+    if text not in units:
+        raise ValueError(f"the unit of {what} is {text!r}, allowed are {', '.join(units)}")
+    return units[text]
 
 
-def text_of(held: dict, name: str) -> str:
+def text_of(variables: dict, name: str) -> str:
     """A variable that is a text; empty where it is none."""
-    value = held.get(name)
+    value = variables.get(name)
     is_text = value is not None and value.dtype.kind == "U" and value.size == 1
     return str(value.ravel()[0]) if is_text else ""
 
@@ -150,17 +149,13 @@ def of_data_sets(sets: Sequence[dict], column: Column, *, named: bool) -> Found:
     for s in sets:
         if np.iscomplexobj(s["data"]):
             raise ValueError(f"the signal of node {s['rsp_node']} is complex, real ones are needed")
-        key, scale = column(_heading(s, named=named))
+        # as in a CSV, with the quantity that the ordinate's label may say
+        quantity = _label(s, "ordinate_axis_lab").lower() if named else ""
+        unit = _label(s, "ordinate_axis_units_lab")
+        words = f"sphere {s['rsp_node']}", quantity, f"[{unit}]"
+        key, scale = column(" ".join(filter(None, words)))
         columns.append((key, scale * np.asarray(s["data"], float)))
     return Found(second * t, columns, str(sets[0]["id1"]).strip())
-
-
-def _heading(data_set: dict, *, named: bool) -> str:
-    """As in a CSV, with the quantity that the ordinate's label may say."""
-    quantity = _label(data_set, "ordinate_axis_lab").lower() if named else ""
-    unit = _label(data_set, "ordinate_axis_units_lab")
-    words = f"sphere {data_set['rsp_node']}", quantity, f"[{unit}]"
-    return " ".join(filter(None, words))
 
 
 def _label(data_set: dict, key: str) -> str:

@@ -44,8 +44,8 @@ class Picture(NamedTuple):
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write it to a file; raises InvalidScene for one that beadwave did not write."""
-        with OutputFile(path, "the picture", overwrite=overwrite).writing() as part:
-            part.write_bytes(self.png)
+        with OutputFile(path, "the picture", overwrite=overwrite).writing() as draft:
+            draft.write_bytes(self.png)
         return Path(path)
 
     def _repr_png_(self) -> bytes:
@@ -80,7 +80,7 @@ class RunFolder:
         Over files of ours that is a folder inside, so that they stay until then; else this one,
         which a refused run leaves as it was.
         """
-        made, marked = not lexists(self.path), lexists(self.path / MARKER)
+        is_new, has_marker = not lexists(self.path), lexists(self.path / MARKER)
         same = self.ours("scene.toml") and _text(self.path / "scene.toml") == scene_toml
         with self.held(*(() if same else ("scene.toml",)), *files):
             over = any(map(self.ours, self._noted()))
@@ -90,7 +90,15 @@ class RunFolder:
                     yield folder
                     self._take(folder)
             except InvalidScene:
-                self._withdraw(made, marked)
+                # what was written since the start goes, and marker and folder if made for that
+                self.clear(self._new)
+                with suppress(OSError):
+                    (self.path / "figures").rmdir()
+                if not has_marker:
+                    (self.path / MARKER).unlink(missing_ok=True)
+                if is_new:
+                    with suppress(OSError):
+                        self.path.rmdir()
                 raise
 
     @contextmanager
@@ -106,36 +114,26 @@ class RunFolder:
         finally:
             rmtree(new, ignore_errors=True)
 
-    def _withdraw(self, made: bool, marked: bool) -> None:
-        """Remove what was written since the start, and marker and folder if made for that."""
-        self.clear(self._new)
-        with suppress(OSError):
-            (self.path / "figures").rmdir()
-        if not marked:
-            (self.path / MARKER).unlink(missing_ok=True)
-        if made:
-            with suppress(OSError):
-                self.path.rmdir()
-
     def _take(self, new: "RunFolder") -> None:
         """Put the files of a new folder in the place of those of ours."""
         arrived = () if new is self else tuple(new._noted())
-        moved = [name for name in arrived if not self._holds(name, new.path / name)]
+        # a file that stands here with this very content stays
+        moved = [
+            name for name in arrived
+            if not (self.ours(name) and digest(self.path / name) == digest(new.path / name))
+        ]  # fmt: skip
         for name in moved:
             self._require_no_input(name)
             self._require_ours(name)
-        left = self._clearable(self._noted().keys() - new._written - {*arrived})
+        cleared = self._clearable(self._noted().keys() - new._written - {*arrived})
         for name in moved:
             self._note(name, new.path / name)
             (self.path / name).parent.mkdir(exist_ok=True)
         with signals_deferred():  # each file is whole at any instant, all are new within some ms
             for name in moved:
                 replace(new.path / name, self.path / name)
-            for name in left:
+            for name in cleared:
                 (self.path / name).unlink()
-
-    def _holds(self, name: str, other: Path) -> bool:
-        return self.ours(name) and digest(self.path / name) == digest(other)
 
     @contextmanager
     def renewed(self, *files: str) -> Iterator["RunFolder"]:
@@ -209,8 +207,8 @@ class RunFolder:
 
     def find(self, name: str) -> Path:
         """The file of this run, or the one that it keeps of an earlier run."""
-        here = self.path / name
-        return here if isfile(here) else self.base.path / name
+        path = self.path / name
+        return path if isfile(path) else self.base.path / name
 
     def make(self) -> None:
         """Make the folder; raises InvalidScene where it cannot be one."""
@@ -226,16 +224,16 @@ class RunFolder:
         """A path to write to, renamed to the file once it is complete."""
         self._require_no_input(name)
         self._require_ours(name)
-        with writing_file(self.path / name) as part:
-            yield part
-            self._note(name, part)
+        with writing_file(self.path / name) as draft:
+            yield draft
+            self._note(name, draft)
 
     def write(self, name: str, content: str | bytes) -> Path:
         """Write a whole file."""
         raw = content.encode() if isinstance(content, str) else content
         if not self.ours(name) or (self.path / name).read_bytes() != raw:
-            with self.writing(name) as part:
-                part.write_bytes(raw)
+            with self.writing(name) as draft:
+                draft.write_bytes(raw)
         self._written.add(name)
         return self.path / name
 
@@ -256,16 +254,16 @@ class RunFolder:
 
     def ours(self, name: str) -> bool:
         """Whether the file is there and as we wrote it."""
-        known = self._noted().get(name)
-        return bool(known) and isfile(self.path / name) and digest(self.path / name) in known
+        digests = self._noted().get(name)
+        return bool(digests) and isfile(self.path / name) and digest(self.path / name) in digests
 
     def _noted(self) -> dict[str, set[str]]:
         """Digests of what was written, by name; half a line is of a run that was killed."""
         noted: dict[str, set[str]] = {}
         for line in (_text(self.path / MARKER) or "").splitlines():
-            found = fullmatch(r"([0-9a-f]{64})  (.+)", line)
-            if found and self._inside(found[2]):
-                noted.setdefault(found[2], set()).add(found[1])
+            note = fullmatch(r"([0-9a-f]{64})  (.+)", line)
+            if note and self._inside(note[2]):
+                noted.setdefault(note[2], set()).add(note[1])
         return noted
 
     def _inside(self, name: str) -> bool:
@@ -273,8 +271,9 @@ class RunFolder:
         folder = self.path.resolve()
         return (folder / name).parent.resolve().is_relative_to(folder)
 
-    def _note(self, name: str, part: Path) -> None:
-        content = digest(part)
+    def _note(self, name: str, draft: Path) -> None:
+        """Add a file that is about to appear to the marker."""
+        content = digest(draft)
         self._written.add(name)
         self._new.add(name)
         if content in self._noted().get(name, ()):
@@ -328,9 +327,9 @@ def write_pictures(folder: RunFolder, pictures: tuple[Picture, ...]) -> None:
 
 def picture_named(pictures: Iterable[Picture], name: str | None) -> Picture:
     """The picture of the name, the first without one; raises InvalidScene where there is none."""
-    known = {picture.name: picture for picture in pictures}
-    if not known:
+    by_name = {picture.name: picture for picture in pictures}
+    if not by_name:
         raise InvalidScene("there is no picture of this result.")
-    if name is not None and name not in known:
-        raise InvalidScene(f"no picture {name!r}; {nearest(name, known)}.")
-    return known[next(iter(known)) if name is None else name]
+    if name is not None and name not in by_name:
+        raise InvalidScene(f"no picture {name!r}; {nearest(name, by_name)}.")
+    return by_name[next(iter(by_name)) if name is None else name]

@@ -47,10 +47,10 @@ def scene_text(name: str | None) -> SceneText:
 
 def checked_text(name: str) -> SceneText:
     """The same of a scene alone; raises InvalidScene for a text that is none."""
-    found = scene_text(name)
+    text = scene_text(name)
     if name not in built_in():
-        completed(Written(name, parsed(found.text, name), found.folder))
-    return found
+        completed(Written(name, parsed(text.text, name), text.folder))
+    return text
 
 
 def _file_text(name: str, scenes: dict[str, str]) -> str:
@@ -60,7 +60,11 @@ def _file_text(name: str, scenes: dict[str, str]) -> str:
     if path.exists():
         require_file(name, "give a TOML file or a built-in scene")
     try:
-        _require_readable(name, path.stat().st_size)
+        size = path.stat().st_size
+        if size > MOST_BYTES:
+            raise InvalidScene(
+                f"{name} holds {size:.2g} bytes, a scene up to {MOST_BYTES:.2g}; give a TOML file."
+            )
         return path.read_text(encoding="utf-8-sig")  # some editors put a byte order mark
     except FileNotFoundError:
         raise InvalidScene(
@@ -71,13 +75,6 @@ def _file_text(name: str, scenes: dict[str, str]) -> str:
         raise InvalidScene(f"{name} is not a text file in UTF-8; give a scene in TOML.") from None
     except OSError as error:
         raise InvalidScene(f"{name} cannot be read ({error.strerror}); give a TOML file.") from None
-
-
-def _require_readable(name: str, size: int) -> None:
-    if size > MOST_BYTES:
-        raise InvalidScene(
-            f"{name} holds {size:.2g} bytes, a scene up to {MOST_BYTES:.2g}; give a TOML file."
-        )
 
 
 def scene(source: Source = None, changes: Changes = ()) -> Scene:
@@ -98,26 +95,26 @@ class Written(NamedTuple):
 def written(source: Source = None, changes: Changes = ()) -> Written:
     """The tables of a scene with `changes` by dotted keys applied, nothing else."""
     if isinstance(source, Scene):
-        found = Written(source.name, source.model_dump(exclude_none=True), Path.cwd())
+        tables = Written(source.name, source.model_dump(exclude_none=True), Path.cwd())
     elif isinstance(source, Mapping):
-        found = Written("scene", _plain(source), Path.cwd())
+        tables = Written("scene", _plain(source), Path.cwd())
     else:
         name, text, folder = scene_text(None if source is None else str(source))
-        found = Written(name, parsed(text, name), folder)
-    return found._replace(tables=changed(found.tables, each(changes)))
+        tables = Written(name, parsed(text, name), folder)
+    return tables._replace(tables=changed(tables.tables, each(changes)))
 
 
-def completed(one: Written) -> Scene:
+def completed(written: Written) -> Scene:
     """The scene with every default filled in; raises InvalidScene."""
-    found = resolved(one.tables, one.name, one.folder)
-    if not isinstance(found.wall, RomWall) or found.wall.file is None:
-        return found
+    scene = resolved(written.tables, written.name, written.folder)
+    if not isinstance(scene.wall, RomWall) or scene.wall.file is None:
+        return scene
     from workflows.files.wall import with_surface  # only a wall from a file pays for the reader
 
     try:
-        return found.model_copy(update={"wall": with_surface(found.wall)})
+        return scene.model_copy(update={"wall": with_surface(scene.wall)})
     except InvalidScene as error:
-        raise InvalidScene(f"{one.name}: {error}") from None
+        raise InvalidScene(f"{written.name}: {error}") from None
 
 
 def tables_of(source: Source) -> dict[str, Any]:
@@ -133,9 +130,9 @@ def each(changes: Changes) -> tuple[Change, ...]:
 def _plain(value: Any) -> Any:
     """Arrays as lists, paths as texts: what TOML knows."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(entry) for entry in value]
     if hasattr(value, "tolist"):  # numpy's arrays and numbers
         return value.tolist()
     return str(value) if isinstance(value, Path) else value
@@ -144,10 +141,10 @@ def _plain(value: Any) -> Any:
 def files_read(scene: Scene, source: Source = None) -> tuple[Path, ...]:
     """The files that a run of the scene reads: its own, and those that its tables name."""
     is_file = isinstance(source, str | Path) and str(source) not in built_in()
-    own = [source] if is_file else []
+    itself = [source] if is_file else []
     tables = (*(table for _, table in scene), *(scene.targets or ()))
     named = [getattr(table, key, None) for table in tables for key in FILE_KEYS]
-    return tuple(Path(file) for file in (*own, *named) if isinstance(file, str | Path) and file)
+    return tuple(Path(file) for file in (*itself, *named) if isinstance(file, str | Path) and file)
 
 
 def tables(name: str) -> dict[str, Any]:
@@ -162,6 +159,5 @@ def tables(name: str) -> dict[str, Any]:
 
 def keys(source: Source = None) -> list[str]:
     """The dotted keys of the tables that a scene has."""
-    found = scene(source)
-    tables = {name: table for name, table in found if hasattr(type(table), "model_fields")}
+    tables = {name: table for name, table in scene(source) if hasattr(type(table), "model_fields")}
     return [f"{name}.{key}" for name, table in tables.items() for key in type(table).model_fields]

@@ -11,8 +11,8 @@ from workflows.files.foreign import Refused, Unreadable, arrays
 def require_step(path: Path) -> None:
     """Raises InvalidGeometry for a file whose bodies cannot be read."""
     check_step(path)
-    found = path.stat()
-    _tried(path, (found.st_mtime_ns, found.st_size, found.st_ino))
+    status = path.stat()
+    _tried(path, (status.st_mtime_ns, status.st_size, status.st_ino))
 
 
 @lru_cache(maxsize=4)

@@ -19,13 +19,12 @@ FIELDS[2411] = FIELDS[15]
 
 
 def data_sets(path: Path, *kinds: int) -> list[dict]:
-    """What is asked of every data set of these kinds: numbers, arrays, labels, its type; raises
-    Unreadable."""
+    """The FIELDS of every data set of these kinds, and its type; raises Unreadable."""
     pyuff()
     names = dict.fromkeys(name for kind in kinds for name in FIELDS[kind])
-    held = arrays("uff", path, " ".join(map(str, kinds)), "type", *names)
-    sets: list[dict] = [{} for _ in range(int(held.pop("count")))]
-    for key, value in held.items():
+    values = arrays("uff", path, " ".join(map(str, kinds)), "type", *names)
+    sets: list[dict] = [{} for _ in range(int(values.pop("count")))]
+    for key, value in values.items():
         number, name = key.split()
         sets[int(number)][name] = value if value.ndim else value.item()
     return sets

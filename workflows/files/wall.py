@@ -36,8 +36,8 @@ def measured(wall: RomWall) -> WallFile:
     require_reader(path)
     if path.suffix != ".mtx" and wall.nodes:
         raise InvalidScene("wall.nodes names nodes of an Abaqus .mtx; drop it.")
-    found = path.stat()
-    return _measured(path, wall, (found.st_mtime_ns, found.st_size, found.st_ino))
+    status = path.stat()
+    return _measured(path, wall, (status.st_mtime_ns, status.st_size, status.st_ino))
 
 
 @lru_cache(maxsize=1)
@@ -57,15 +57,15 @@ def with_surface(wall: RomWall) -> RomWall:
     """The wall with the material struck that its file states; raises InvalidScene for another."""
     contact = loaded(wall).contact
     made_of = {key: getattr(contact, key) for key in ("young", "poisson", "curvatures")}
-    known = {key: own for key, own in made_of.items() if own is not None}
-    for key, own in known.items():
+    stated = {key: value for key, value in made_of.items() if value is not None}
+    for key, value in stated.items():
         given = getattr(wall, key)
-        if given is not None and given != own:
+        if given is not None and given != value:
             raise InvalidScene(
                 f"wall.{key} = {_shown(given)}, but wall.file was made of a surface with "
-                f"{_shown(own)}; drop wall.{key}, or take another file."
+                f"{_shown(value)}; drop wall.{key}, or take another file."
             )
-    return wall.model_copy(update=known)
+    return wall.model_copy(update=stated)
 
 
 def _shown(value: float | tuple[float, ...]) -> str:
@@ -87,12 +87,12 @@ def _read(path: Path, wall: RomWall) -> rom.ReducedModel:
 
 
 def _substructure(path: Path, wall: RomWall) -> rom.ReducedModel:
-    known = rom.substructure(path).coordinates
+    coordinates = rom.substructure(path).coordinates
     if not wall.nodes:
-        some = ", ".join(map(str, sorted({node for node, _ in known})[:6]))
+        first = ", ".join(map(str, sorted({node for node, _ in coordinates})[:6]))
         raise InvalidScene(
             f"wall.nodes is missing: {path} is an Abaqus substructure and does not say where the "
-            f"chain touches it; name those nodes of {some} ..., with wall.direction and weights."
+            f"chain touches it; name those nodes of {first} ..., with wall.direction and weights."
         )
     weights = wall.weights or (1.0,) * len(wall.nodes)
     if len(weights) != len(wall.nodes):

@@ -16,20 +16,21 @@ def writing_file(path: Path) -> Iterator[Path]:
     """A path beside to write to, renamed to the file once it is complete; its folder is made."""
     path.parent.mkdir(parents=True, exist_ok=True)
     clear_parts(path.parent)
-    part = path.with_name(f"{PART}{getpid()}-{path.stem[:40]}{path.suffix}")
+    draft = path.with_name(f"{PART}{getpid()}-{path.stem[:40]}{path.suffix}")
     try:
-        yield part
-        replace(part, path)
+        yield draft
+        replace(draft, path)
     finally:
-        part.unlink(missing_ok=True)
+        draft.unlink(missing_ok=True)
 
 
 def clear_parts(*folders: Path) -> None:
     """Remove what processes that are gone left half written."""
     for folder in folders:
-        for part in folder.glob(f"{PART}*"):
-            if (found := match(rf"{escape(PART)}(\d+)-", part.name)) and not runs(int(found[1])):
-                part.unlink(missing_ok=True)
+        for draft in folder.glob(f"{PART}*"):
+            writer = match(rf"{escape(PART)}(\d+)-", draft.name)
+            if writer and not runs(int(writer[1])):
+                draft.unlink(missing_ok=True)
 
 
 def runs(process: int) -> bool:
@@ -45,10 +46,10 @@ def runs(process: int) -> bool:
 
 def unfit(folder: Path) -> str | None:
     """Why nothing can be written into a folder that may have to be made."""
-    there = next(each for each in (folder, *folder.parents) if lexists(each))
-    if not isdir(there):
-        return f"{there} is no folder"
-    return None if access(there, W_OK) else f"{there} is read-only"
+    existing = next(path for path in (folder, *folder.parents) if lexists(path))
+    if not isdir(existing):
+        return f"{existing} is no folder"
+    return None if access(existing, W_OK) else f"{existing} is read-only"
 
 
 def digest(path: Path) -> str:
@@ -59,4 +60,4 @@ def digest(path: Path) -> str:
 
 def among(path: Path, others: Iterable[Path]) -> bool:
     """Whether the path leads to one of the other files."""
-    return exists(path) and any(exists(each) and path.samefile(each) for each in others)
+    return exists(path) and any(exists(file) and path.samefile(file) for file in others)
