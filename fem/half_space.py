@@ -75,6 +75,7 @@ def half_space_on_mesh(
     *,
     mirrors: Sequence[str] = (),
     within: float = np.inf,
+    options: HalfSpaceMesh = HalfSpaceMesh(),
 ) -> float:
     """Compliance [m/N] of a half-space at a patch, read and loaded by w, on the body's mesh.
 
@@ -84,7 +85,9 @@ def half_space_on_mesh(
     their place.
     Raises ValueError for a curved face of a material that is not isotropic.
     """
-    return half_spaces_on_mesh(model, face, [patch], material, mirrors=mirrors, within=within)[0]
+    return half_spaces_on_mesh(
+        model, face, [patch], material, mirrors=mirrors, within=within, options=options
+    )[0]
 
 
 def half_spaces_on_mesh(

@@ -97,7 +97,7 @@ def body_meshes(
 
 def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) -> None:
     """Raise InvalidGeometry where the rim of a disc, imprinted within the gap of an edge of its
-    face, has bent that edge: a plane side beside it is plane no longer."""
+    face, has bent that edge: the plane side that ends on it is plane no longer."""
     nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
     outer = mesh.facets[:, mesh.boundary_facets()]
     corners = mesh.p[:, outer[:, np.any(np.isin(outer, nodes), axis=0)]]

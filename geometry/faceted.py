@@ -18,7 +18,7 @@ from skfem import Basis, Mesh
 from geometry.facets import triangles
 from geometry.solids import Body, Face, Vector
 
-# an axis, a normal: what rounding leaves beside a global axis
+# of the components of an axis or a normal: smaller ones are the rounding of a global axis
 ROUNDING = 1e-9
 
 
@@ -186,7 +186,7 @@ def _cylinder(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Roun
         lambda x: radii(x) - radii(x).mean(), start, x_scale=[1, 1, size, size], xtol=1e-14
     ).x
     radius = radii(x).mean()
-    # points that go around less than a few degrees of a radius do not tell it from a plane
+    # on an arc of a tenth of its radius, 6 degrees, a cylinder is not to be told from a plane
     if not np.abs(radii(x) - radius).max() < FINDING.round * radius or radius > 10 * size:
         return None
     axis = w + x[0] * u + x[1] * v
@@ -201,7 +201,7 @@ def _circle(rho: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
 
 
 def _unit(axis: Vector) -> Vector:
-    """Of length 1, without the rounding beside a global axis."""
+    """Of length 1, components that are mere rounding set to 0."""
     axis = axis / np.linalg.norm(axis)
     axis[np.abs(axis) < ROUNDING] = 0.0
     return axis

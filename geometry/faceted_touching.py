@@ -16,7 +16,7 @@ from skfem import Basis
 
 from geometry.faceted import Skin, away
 from geometry.imprint import Disc, Patch, ThreadBand
-from geometry.solids import Body, Face, off_axis, parallel
+from geometry.solids import Body, off_axis, parallel
 from geometry.touching import (
     CLOSENESS,
     FaceContact,
@@ -102,12 +102,18 @@ def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -
         tags = np.column_stack([skins[a].tag[pairs.first], skins[b].tag[pairs.second]])
         for first, second in np.unique(tags, axis=0):
             mine = np.all(tags == (first, second), axis=1)
-            faces = bodies[a].face(first), bodies[b].face(second)
+            face, partner = bodies[a].face(first), bodies[b].face(second)
             area = float(pairs.area[mine].sum())
-            if not area > CLOSENESS.fraction * min(faces[0].area, faces[1].area):
+            if not area > CLOSENESS.fraction * min(face.area, partner.area):
                 continue
-            flush = area > (1 - CLOSENESS.fraction) * max(faces[0].area, faces[1].area)
-            distance = _mean_distance(*faces, pairs, mine)
+            flush = area > (1 - CLOSENESS.fraction) * max(face.area, partner.area)
+            # the mean distance, of cylinders that of their radii and axes
+            both_round = face.axis is not None and partner.axis is not None
+            if both_round and parallel(face.axis, partner.axis):
+                eccentricity = float(off_axis(partner.on_axis, face.on_axis, face.axis))
+                distance = eccentricity + abs(face.radius - partner.radius)
+            else:
+                distance = float(pairs.area[mine] @ pairs.gap[mine] / area)
             contacts.append(FaceContact((int(first), int(second)), area, distance, (), flush))
 
         overlap = _overlap(skins[a], skins[b], (a, b), gap)
@@ -185,15 +191,6 @@ def clipped_area(polygon: list, knife: list) -> float:
         polygon = clipped
     ends = zip(polygon, polygon[1:] + polygon[:1], strict=True)
     return abs(sum(x * v - y * u for (x, y), (u, v) in ends)) / 2
-
-
-def _mean_distance(first: Face, second: Face, pairs: FacetPairs, mine: NDArray[np.bool_]) -> float:
-    """Mean distance of two faces [m]; of cylinders that of their radii and axes."""
-    if first.axis is not None and second.axis is not None and parallel(first.axis, second.axis):
-        return float(off_axis(second.on_axis, first.on_axis, first.axis)) + abs(
-            first.radius - second.radius
-        )
-    return float(pairs.area[mine] @ pairs.gap[mine] / pairs.area[mine].sum())
 
 
 def _overlap(first: Skin, second: Skin, names: tuple[str, str], gap: float) -> Overlap | None:

@@ -45,7 +45,7 @@ class Disc(NamedTuple):
 
 
 class Share(NamedTuple):
-    """The part of a common face that is nearer to one bolt than to the others of it."""
+    """The part of a common face that is nearer to one bolt than to the other bolts on it."""
 
     on: Selected
     regions: tuple[int, ...]  # the common face in the CAD model
@@ -83,7 +83,7 @@ class Region(NamedTuple):
 def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) -> dict[str, Patch]:
     """The body's patches, discs with radii at which their rims of `around` edges can be meshed.
 
-    A rim that would leave a sliver beside an edge of its face, or beside a disc before it, or cut
+    A rim that would leave a sliver beside an edge of its face, or beside an earlier disc, or cut
     off less of one than an element, ends on it: `geometry.roundness.rimmed` restores the area.
     """
     occ, room = gmsh.model.occ, RIM_ROOM
@@ -136,7 +136,7 @@ def regions(
 ) -> dict[str, list[Region]]:
     """What to imprint on a body, by name: where it touches others "a|b", and its patches.
 
-    Raises InvalidGeometry for a patch that falls beside its faces.
+    Raises InvalidGeometry for a patch that does not lie on its faces.
     """
     occ = gmsh.model.occ
 
@@ -234,7 +234,9 @@ def imprinted(
         if len(volumes) != 1:
             raise ValueError(f"imprints would cut {body.name} into {len(volumes)} pieces.")
         (volume,) = volumes
-        surfaces = ([tag for dimension, tag in parts if dimension == 2] for parts in became[1:])
+        surfaces = (
+            [tag for dimension, tag in entities if dimension == 2] for entities in became[1:]
+        )
         split = dict(zip([*old, *tools], surfaces, strict=True))
         old, new = {tag: split[tag] for tag in old}, {tag: split[tag] for tag in tools}
 

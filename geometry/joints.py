@@ -19,8 +19,6 @@ from geometry.selectors import Selected, bodies_named, faces, touches
 from geometry.solids import Body, Vector
 from geometry.touching import TouchingPair
 
-UNKNOWN_WASHER = 1e-3  # m, the radius by which bolts without a washer of their own are kept apart
-
 
 class JointWords(NamedTuple):
     """A joint as its table gives it."""
@@ -53,7 +51,7 @@ class JointPlace(NamedTuple):
     faces: tuple[str, ...]  # "body:face" of either
     centre: Vector  # (3,) [m]
     axis: Vector  # (3,) of the bolt or hole
-    # of either side the face on the partner over whose footprint it is held, None is its own face
+    # of either side the partner's face over whose footprint it moves, None: over all of its own
     over: tuple[str | None, ...] = (None, None)
 
 
@@ -134,7 +132,8 @@ def _place_bolts(
             raise InvalidGeometry(
                 f'{joint.key} has points, but "{touch.name}" touch on no plane; tie them.'
             )
-        radius = UNKNOWN_WASHER if joint.washer is None else joint.washer
+        # bolts without a washer of their own are 2 mm apart at least
+        radius = 1e-3 if joint.washer is None else joint.washer
         for i, j in combinations(range(len(bolts)), 2):
             distance = np.linalg.norm(bolts[i].centre - bolts[j].centre)
             if distance < 2 * radius * (1 - 1e-9):
@@ -165,8 +164,8 @@ def _place_bolts(
             for name, selected in zip(names, on, strict=True):
                 result.patches[name] = Disc(selected, place.centre, place.axis, radius)
         else:
-            # nearer to this bolt than to the others of the face; a side on which it is not drawn
-            # is held over the footprint of the one on which it is
+            # nearer to this bolt than to the other bolts on the face; on a side where the share is
+            # not imprinted the mean is taken over the footprint of the side where it is
             others = [p.centre for p in places if p.faces == place.faces and p is not place]
             contacts = (c for touch in pairs for c in touch.contacts)
             regions = next(c.regions for c in contacts if c.faces == place.faces)

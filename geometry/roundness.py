@@ -43,7 +43,7 @@ class RoundFaces(NamedTuple):
 
 
 def full_cylinders(volume: int, gap: float) -> list[RoundFaces]:
-    """Cylinders of a body whose nodes may move out without leaving the faces beside them.
+    """Cylinders of a body whose nodes may move out without leaving the faces that they border on.
 
     A face that a partner imprinted may have the partner's surface, off by the gap [m], and point
     the opposite way.

@@ -111,10 +111,6 @@ def _signed_area(outline: NDArray[np.float64]) -> float:
     return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
 
 
-def _edges(outline: NDArray[np.float64]) -> list[tuple]:
-    return list(zip(outline, np.roll(outline, -1, axis=0), strict=True))
-
-
 def _check_plate(outline: NDArray[np.float64], holes: tuple[Hole, ...]) -> None:
     """Raises InvalidGeometry for an outline that cannot be extruded, and for holes that cannot be
     drilled into it."""
@@ -124,7 +120,7 @@ def _check_plate(outline: NDArray[np.float64], holes: tuple[Hole, ...]) -> None:
         )
     if not np.all(np.isfinite(outline)):
         raise InvalidGeometry(f"outline = {outline.tolist()} must be finite numbers.")
-    edges = _edges(outline)
+    edges = list(zip(outline, np.roll(outline, -1, axis=0), strict=True))
     n = len(edges)
     for i, j in combinations(range(n), 2):
         adjacent = (i + 1) % n == j or (j + 1) % n == i

@@ -49,14 +49,14 @@ class Struck(NamedTuple):
         return self.point + (abs(self.radius) / distance - 1) * self.away
 
 
-def nearest(faces: Sequence[Face], body: Body, near: Sequence[float]) -> Face:
+def nearest(faces: Sequence[Face], body: Body, point: Sequence[float]) -> Face:
     """The face nearest to a point (3,) [m]."""
-    return min(faces, key=lambda face: body.distance(near, face.tag))
+    return min(faces, key=lambda face: body.distance(point, face.tag))
 
 
-def struck_at(body: Body, faces: Sequence[Face], first: Face, near: Sequence[float]) -> Struck:
-    """The surface of a plane or round face, with those that go on in it, struck near a point; of a
-    round one the point is not moved onto it."""
+def struck_at(body: Body, faces: Sequence[Face], first: Face, point: Sequence[float]) -> Struck:
+    """The surface of a plane or round face, with those that go on in it, struck near a point (3,)
+    [m]; of a round one the point is not moved onto it."""
     from geometry.selectors import Selected  # loads gmsh
 
     # faces of one surface: a split cylinder or plane is struck as a whole
@@ -77,7 +77,7 @@ def struck_at(body: Body, faces: Sequence[Face], first: Face, near: Sequence[flo
     surface = Selected(body.name, tuple(tags))
 
     if first.normal is not None:
-        height = (first.centre - near) @ first.normal
-        return Struck(surface, near + height * first.normal, normal=first.normal)
+        height = (first.centre - point) @ first.normal
+        return Struck(surface, point + height * first.normal, normal=first.normal)
     radius = -first.radius if first.hollow else first.radius
-    return Struck(surface, np.array(near), first.on_axis, radius, first.axis)
+    return Struck(surface, np.array(point), first.on_axis, radius, first.axis)

@@ -2,8 +2,8 @@
 
 Two faces touch where they lie within `gap` of each other over an area: coplanar planes that look
 at each other, a pin in its bore, any two faces on one surface. The area is that of their common
-part, by OpenCASCADE's intersection with `gap` as its tolerance. Bodies that meet without a common
-area, overlap, or miss each other are told apart from those, with numbers.
+part, by OpenCASCADE's intersection with `gap` as its tolerance. Bodies that overlap, and bodies
+that nearly touch or meet along a line only, are reported with numbers: a user has to decide.
 """
 
 from collections.abc import Iterator, Mapping

@@ -59,9 +59,11 @@ def free_modes(
     C = None if C is None else symmetric(C, "C")
     supplied = None if selection.modes is None else known_modes(problem, *selection.modes)
 
-    # modes, the residual vector r beyond them, and the error that both leave
+    # modes phi, the residual vector r = K^-1 w - sum phi_j (phi_j^T w) / omega_j^2, and the error
+    # that both leave
     stated = None
     if selection.by_contact:
+        # those that matter most at the contact, among the Ritz pairs of its Krylov space
         pairs, r, stated, space = contact_modes(
             problem, w, retained_modes(problem, supplied), selection
         )
@@ -88,6 +90,7 @@ def free_modes(
         pairs, stated = _lowest_of(candidates, n_modes, None), errors[n_modes]
         r = residual_vector(M, pairs.phi, static)
     else:
+        # the lowest modes, by their number or a frequency; one static response serves r and error
         if supplied is not None:
             pairs = _lowest_of(supplied, n_modes, selection.cutoff_hz)
         elif n_modes is not None:
@@ -99,13 +102,16 @@ def free_modes(
         r = residual_vector(M, pairs.phi, static)
         if to_hz is not None:
             stated = _errors(problem, w, static, rigid, pairs, to_hz)[-1]
+
+    # a model that stands for the full one: modes of the contact bring theirs along
     if selection.finer_hz is not None and not selection.by_contact:
         retained, n_vectors = retained_modes(problem, None), len(pairs.omega)
         space = finer_space(problem, w, retained, selection.finer_hz, n_vectors).pairs
 
-    # T = [phi, r / |r|_M], with r^T K r / r^T M r for its omega^2. Of a structure whose modes are
-    # all here r is rounding and is left out; 1e-12 of the compliance of the modes instead of 1e-14
-    # left a load unbalanced by 2.7e-6 where a joint's stiff coordinates bore the rest
+    # T = [phi, r / |r|_M], r orthogonal to phi in K and M: diagonal matrices, r^T K r / r^T M r in
+    # place of an omega^2. Of a structure whose modes are all kept r is rounding and left out; 1e-12
+    # of their compliance instead of 1e-14 left a load unbalanced by 2.7e-6 where a joint's stiff
+    # coordinates bore the rest
     omega, phi = pairs
     elastic = omega > 0
     compliance = np.sum(((phi.T @ w)[elastic] / omega[elastic]) ** 2)
@@ -130,7 +136,7 @@ def free_modes(
         finer=None if selection.finer_hz is None else of_modes(*space, w, C),
     )
 
-    # diagonal by construction: whether that is T^T K T, and whether K u = w is solved, is measured
+    # measured, not trusted: K_r = T^T K T, M_r = T^T M T, and T K_r^-1 w_r solves K u = w
     require_faithful(reduced, K, M)
     require_static_response(reduced, K, M, w, _rigid_modes(problem, pairs))
     return reduced

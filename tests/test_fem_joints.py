@@ -31,7 +31,7 @@ from fem.joints import (
     rigid_sides,
     tie,
 )
-from fem.modes import Modes, _check
+from fem.modes import Modes, require_accurate
 from fem.trace import face_nodes
 from known_models import STEEL, at, stacked
 
@@ -181,8 +181,10 @@ def test_a_mode_that_rounding_has_turned_is_refused_with_what_to_do():
     turned = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
     found = Modes(np.sqrt(K.diagonal()), turned)
     with pytest.raises(ValueError, match=r"lost in the rounding of K .*stiffen the softest joints"):
-        _check(found, K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2))
-    _check(found._replace(phi=np.eye(2)), K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2))
+        require_accurate(found, K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2))
+    require_accurate(
+        found._replace(phi=np.eye(2)), K, csc_matrix(np.eye(2)), -((2 * np.pi * 5.0) ** 2)
+    )
 
 
 def turned_blocks(turn):

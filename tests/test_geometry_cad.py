@@ -31,8 +31,8 @@ SHAPES = {
 
 @pytest.fixture(scope="module")
 def bodies():
-    with model(SHAPES) as drawn:
-        return drawn.bodies
+    with model(SHAPES) as cad:
+        return cad.bodies
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -49,10 +49,10 @@ def test_a_turned_box_has_the_inertia_of_a_cuboid_in_its_axes(bodies):
     a, b, c = SHAPES["beam"].sides
     about = np.diag([b * b + c * c, a * a + c * c, a * a + b * b]) / 12 * a * b * c
     turn = Rotation.from_euler("xyz", SHAPES["beam"].turn, degrees=True).as_matrix()
-    found = bodies["beam"]
-    np.testing.assert_allclose(found.centroid, SHAPES["beam"].at, atol=1e-12)
-    assert found.extent == pytest.approx(np.linalg.norm(SHAPES["beam"].sides))
-    np.testing.assert_allclose(found.inertia, turn @ about @ turn.T, atol=1e-9 * about.max())
+    beam = bodies["beam"]
+    np.testing.assert_allclose(beam.centroid, SHAPES["beam"].at, atol=1e-12)
+    assert beam.extent == pytest.approx(np.linalg.norm(SHAPES["beam"].sides))
+    np.testing.assert_allclose(beam.inertia, turn @ about @ turn.T, atol=1e-9 * about.max())
 
 
 def test_normals_of_faces_point_out_of_the_body(bodies):

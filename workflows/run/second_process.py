@@ -12,9 +12,9 @@ concurrent.futures.ProcessPoolExecutor (spawn), one worker each, on two busy cor
     run killed, or terminated      ends with it    stays behind    stays behind
     script without a main guard    runs            runs            is refused
 
-Nor would a pool replace the list: of four stages handed to one worker three count as begun and
-cannot be taken back, and which stage has its inputs in the cache the second process itself has to
-see.
+Nor would a pool replace the list. Of four stages handed to one worker of loky three count as begun
+and cannot be taken back; and the second process has to look for itself which stage has its inputs
+in the cache by now.
 """
 
 import sys

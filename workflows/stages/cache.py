@@ -23,7 +23,7 @@ SUM = "output.sha256"
 
 
 class CheckedStore(FileSystemStoreBackend):
-    """A checksum beside each result; one that does not fit makes the result as good as absent."""
+    """A checksum beside each result; a result that does not fit its checksum is computed again."""
 
     def dump_item(self, call_id, item, *args, **kwargs):
         """Keep a result, then its checksum."""

@@ -6,10 +6,10 @@ thickness and bores bound too: of an error e = c h^p,
 
     e(2 h) - e(h) = (2^p - 1) e(h),    e(h) - e(h / 2^k) = (1 - 2^-kp) e(h).
 
-Where no mesh is markedly coarser, of a user's own mesh and of a small one, whose coarser fellow
-would tell nothing, every element is parted in eight instead, if that is affordable; of the smallest
-in 64 or 512, since a few elements miss more than half of the motion. Elements parted evenly leave
-the singular edges the order 1.
+Of a user's own mesh there is no coarser one, of some bodies none that is markedly coarser, and of a
+small mesh it would be too poor to compare with: there every element is split in eight instead, if
+that is affordable; of the smallest meshes in 64 or 512, since a few elements miss more than half of
+the motion. Elements that are split evenly converge with the order 1 at singular edges.
 
 Stresses are singular where a face ends on another; meshes refined there converge faster than the
 order 1 that singular edges leave on even ones, and slower than the 4 of smooth modes. With the

@@ -49,7 +49,7 @@ def require_start(scene: Scene) -> None:
 def impact(
     scene: Scene, start: Start, wall: dem.Wall | coupling.CoupledWall | None
 ) -> coupling.Impact:
-    """The coupled run to the error asked for, or at the step given."""
+    """The coupled run, to the error or at the step that the scene gives."""
     time, coupled = scene.time, isinstance(wall, coupling.CoupledWall)
     wanted = {"dt": time.dt} if time.dt is not None else {"error": time.error}
     if time.dt is None and not coupled:
@@ -73,7 +73,7 @@ class PrunedWall(NamedTuple):
 
 
 def pruning(scene: Scene, start: Start, whole_wall: dem.Wall) -> PrunedWall:
-    """The wall without the modes that do not matter at the error asked for."""
+    """The wall without the modes that change the velocities by less than the scene's error."""
     if isinstance(whole_wall, coupling.CoupledWall):
         raise ValueError("wall.prune needs a wall that is read where it is pushed; drop the key.")
     time = scene.time

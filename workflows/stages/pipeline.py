@@ -4,8 +4,8 @@
 
 A stage's key is what it reads of the scene, the keys of the stages it needs, the sources that its
 module reaches (`workflows.stages.sources`), our version and those of the libraries below. A
-stage whose result is kept never looks at the stages it needs: a new sphere touches nothing of the
-finite elements.
+stage whose result is kept never looks at the stages it needs: a new sphere leaves the finite
+elements alone.
 """
 
 from collections.abc import Callable
@@ -207,7 +207,7 @@ def couples(scene: Scene) -> bool:
 
 
 class Pipeline:
-    """A scene's results, computed or read from the cache when they are asked for."""
+    """A scene's results, each computed or read from the cache when it is first needed."""
 
     def __init__(
         self,

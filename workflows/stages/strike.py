@@ -27,18 +27,18 @@ class PatchRoom(NamedTuple):
     """Whether a patch lies on its face, as the CAD model has it."""
 
     n_rim: int = 16  # points of the rim that are looked at; not varied
-    # radii by which they may be off the face: less than that the patch on the mesh is to judge
-    beside: float = 0.02
+    # radii by which they may be off the face: what is nearer, the patch on the mesh decides
+    off_face: float = 0.02
 
 
 ROOM = PatchRoom()
 
 
-def struck(scene: Scene, bodies: Mapping[str, Body], picked: Selected) -> Struck:
+def struck(scene: Scene, bodies: Mapping[str, Body], selected: Selected) -> Struck:
     """The face of the CAD model that the scene strikes, of the faces that strike.on picks; raises
     InvalidScene for one that no Hertz law is known of, or whose point is not given."""
-    strike, body = scene.strike, bodies[picked.body]
-    faces = [body.face(tag) for tag in picked.tags]
+    strike, body = scene.strike, bodies[selected.body]
+    faces = [body.face(tag) for tag in selected.tags]
 
     # the point: from the middle of a plane face along the two global axes that span it, or on the
     # face that is nearest to a point in space
@@ -46,23 +46,23 @@ def struck(scene: Scene, bodies: Mapping[str, Body], picked: Selected) -> Struck
         lower = np.min([face.lower for face in faces], axis=0)
         upper = np.max([face.upper for face in faces], axis=0)
         point = (lower + upper) / 2 + np.array(strike.at) @ spanning(faces[0].normal)
-        hit = Struck(picked, point, normal=faces[0].normal)
+        hit = Struck(selected, point, normal=faces[0].normal)
     else:
-        near = strike.point or strike.selected_at
-        if near is None:
+        point = strike.point or strike.selected_at
+        if point is None:
             raise InvalidScene(
                 f"{scene.name}: strike.on = {strike.on!r} is no plane face, which has a middle; "
                 "say where it is struck, at = [x, y, z] in m."
             )
-        first = nearest(faces, body, near)
+        first = nearest(faces, body, point)
         if first.normal is None and first.kind not in ("cylinder", "sphere"):
             raise InvalidScene(
                 f"{scene.name}: strike.on = {strike.on!r} is a face of the kind {first.kind}; "
                 "strike a plane, a cylinder or a sphere."
             )
-        hit = struck_at(body, faces, first, near)
+        hit = struck_at(body, faces, first, point)
 
-    # of a round face the point is moved onto it, and the patch must be small beside the radius
+    # of a round face the point is moved onto it, and the patch must be small relative to the radius
     if hit.normal is None:
         if np.linalg.norm(hit.away) < 1e-9:
             raise InvalidScene(
@@ -81,8 +81,8 @@ def struck(scene: Scene, bodies: Mapping[str, Body], picked: Selected) -> Struck
     # of a plane one the patch must lie on it; its middle is left to the mesh: a scan starts from
     # there, of a face with a hole in its middle too
     rim = around(hit.point, hit.normal, strike.radius, ROOM.n_rim)
-    off = max(min(body.distance(point, tag) for tag in hit.face.tags) for point in rim)
-    if off > ROOM.beside * strike.radius and (strike.point or tuple(strike.at) != MIDDLE):
+    off = max(min(body.distance(p, tag) for tag in hit.face.tags) for p in rim)
+    if off > ROOM.off_face * strike.radius and (strike.point or tuple(strike.at) != MIDDLE):
         raise _off_face(scene, hit.point)
     return hit
 
@@ -142,8 +142,8 @@ def patch(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
     strike, face, at = scene.strike, mesh.struck, scene.strike.at
     name = f"{face.face.body}:{STRIKE}"
     if face.radius is not None:
-        near = face.point, face.centre, abs(face.radius), face.axis
-        at = fem.round_spot(model.structure, name, *near)
+        surface = face.centre, abs(face.radius), face.axis
+        at = fem.round_spot(model.structure, name, face.point, *surface)
     elif strike.point is not None:
         middle = fem.planar_spot(model.structure, name, MIDDLE)
         at = tuple(middle.axes @ (face.point - middle.point))

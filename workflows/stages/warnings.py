@@ -69,7 +69,7 @@ def of_chain(
 
 
 def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[str]:
-    """An ellipse on a curved face that is not small beside the sphere."""
+    """A contact ellipse on a curved face that is not small relative to the sphere."""
     if start.ellipse == coupling.PLANE:
         return
     peak, sphere = float(run.contact_force[:, -1].max()), float(start.chain.radius[-1])
@@ -121,7 +121,7 @@ def large_model_error(name: str, error: float) -> Iterator[str]:
 
 
 def beyond_the_horizon(scene: Scene) -> Iterator[str]:
-    """A run that goes on beyond the time up to which its velocities are held."""
+    """A run that goes on beyond the time up to which its velocities keep the error."""
     time = scene.time
     if time.dt is None and time.duration > time.horizon:
         yield (
