@@ -4,6 +4,7 @@ import csv
 import json
 import sys
 from contextlib import nullcontext
+from functools import partial
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 
 import dem
 from workflows.commands.app import main
-from workflows.evidence.accuracy import chain_length, curves, folder, parts, peers, runs
+from workflows.evidence.accuracy import chain_length, curves, folder, parts, peers, runs, time
 from workflows.evidence.accuracy.batch import population, step_of_median
 from workflows.evidence.accuracy.growth import growth_exponent, line
 from workflows.evidence.accuracy.problem_variants import lengthened, modal_wall
@@ -138,7 +139,9 @@ def test_the_first_call_does_not_count_as_warm():
     assert run.cold > 0.015 > run.warm
 
 
-def test_orders_of_the_schemes_are_stated(case):
+def test_orders_of_the_schemes_are_stated(case, monkeypatch):
+    """Also on a busy machine: no scheme stops at a slow run."""
+    monkeypatch.setattr(time, "scheme_rows", partial(scheme_rows, slow=np.inf))
     orders = orders_closed(case)
     for name, scheme in dem.SCHEMES.items():
         assert orders[name] == pytest.approx(scheme.order, abs=0.15), name
