@@ -25,8 +25,8 @@ A wall by hand has three things that are easily left out, each some percent of t
                              flat=dem.Flat(210e9, 0.3))
     row.mass[-1] += 0.134
     wall = coupling.wall.wall_of(reduced)
-    found = coupling.impact(row, wall, [0.31] + 16 * [0.0], duration=3e-3, error=1e-4)
-    found.trajectory.contact_force[:, -1].max()
+    result = coupling.impact(row, wall, [0.31] + 16 * [0.0], duration=3e-3, error=1e-4)
+    result.trajectory.contact_force[:, -1].max()
 
 `beadwave.impact(scene, rom=reduced)` does all of it.
 """

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.constraints import Overconstrained
-from fem.correlation import RIGID, Pairing, Target, effective_mass, pair
+from fem.correlation import RIGID, Target, effective_mass, pair
 from fem.factorisation import Factor
 from fem.mode_field import ModeField
 from fem.model import Model
-from fem.modes import Modes, modes
+from fem.modes import modes
 
 N_MODES = (30, 80)  # the second where the first do not reach all targets
 SHOWN = 12  # modes that are shown without targets
@@ -43,36 +43,35 @@ def assembly_modes(
     """The lowest modes, the targets among them; the factor is that of K, where it is held."""
     for n_modes in N_MODES:
         n = min(n_modes, model.K.shape[0] - 2)
-        found = modes(model.K, model.M, n, factor=factor)
-        paired = pair(model, found, targets)
+        solution = modes(model.K, model.M, n, factor=factor)
+        paired = pair(model, solution, targets)
         if np.all(paired.index >= 0):
             break
+
+    # shown are all up to the highest target, or the lowest elastic ones
+    last = paired.index.max(initial=-1) + 1
+    elastic = np.flatnonzero(solution.omega > RIGID * solution.omega.max())
+    index = np.arange(last) if last else elastic[:SHOWN]
+    target = np.zeros(len(solution.omega), dtype=int)
+    target[paired.index[paired.index >= 0]] = np.flatnonzero(paired.index >= 0) + 1
+    structure = model.structure
+    u = (model.T @ solution.phi[:, index]).astype(np.float32)
+    corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]
+    field = ModeField(
+        {body: basis.mesh for body, basis in structure.basis.items()},
+        index + 1,
+        solution.frequency_hz[index],
+        np.moveaxis(u[np.concatenate(corners)], 2, 0),
+        target[index],
+    )
     return AssemblyModes(
-        found.omega,
-        found.phi,
+        solution.omega,
+        solution.phi,
         paired.index,
         paired.score,
         model.M.shape[0],
-        effective_mass(model, found.phi),
-        _field(model, found, paired),
+        effective_mass(model, solution.phi),
+        field,
         load_factor=model.load_factor,
         overconstrained=model.overconstrained,
-    )
-
-
-def _field(model: Model, found: Modes, paired: Pairing) -> ModeField:
-    last = paired.index.max(initial=-1) + 1
-    index = np.flatnonzero(found.omega > RIGID * found.omega.max())[:SHOWN]
-    index = np.arange(last) if last else index
-    target = np.zeros(len(found.omega), dtype=int)
-    target[paired.index[paired.index >= 0]] = np.flatnonzero(paired.index >= 0) + 1
-    structure = model.structure
-    u = (model.T @ found.phi[:, index]).astype(np.float32)
-    corners = [structure.first[body] + b.nodal_dofs.T for body, b in structure.basis.items()]
-    return ModeField(
-        {body: basis.mesh for body, basis in structure.basis.items()},
-        index + 1,
-        found.frequency_hz[index],
-        np.moveaxis(u[np.concatenate(corners)], 2, 0),
-        target[index],
     )

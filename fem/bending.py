@@ -1,4 +1,4 @@
-"""What a beam and a plate of bending theory have in common: K, M, the strike, and how they look."""
+"""What a beam and a plate of bending theory have in common: K, M, the strike, the drawn body."""
 
 from typing import NamedTuple
 

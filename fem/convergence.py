@@ -1,28 +1,28 @@
-"""Values on finer and finer meshes extrapolated to elements of no size, f(h) = f_0 + c h^p."""
+"""Values on finer and finer meshes extrapolated to elements of size 0, f(h) = f_0 + c h^p."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-ORDERS = 1.0, 4.0  # of clamp lines with singular stress, of smooth modes by quadratic elements
-
 
 def extrapolated(
-    h: NDArray[np.float64], f: NDArray[np.float64]
+    h: NDArray[np.float64], f: NDArray[np.float64], *, orders: tuple[float, float] = (1.0, 4.0)
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """f_0 (m,) and p (m,) of f = f_0 + c h^p by every second of sizes h (k,), values f (k, m).
 
-    Takes the finest three of them, k >= 5. Where they give no order between those of a singular and
-    of a smooth mode, f_0 is the last value and p is nan.
+    Takes the finest three of them, k >= 5. Where they give no order within `orders`, that of clamp
+    lines with singular stress and that of smooth modes by quadratic elements, f_0 is the last value
+    and p is nan.
     """
     coarse, middle, fine = f[-5::2]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = (coarse - middle) / (middle - fine)
         order = np.log(ratio) / np.log(h[-3] / h[-1])
         limit = fine - (middle - fine) / (ratio - 1)
-    told = (order >= ORDERS[0]) & (order <= ORDERS[1])
-    return np.where(told, limit, fine), np.where(told, order, np.nan)
+    converges = (order >= orders[0]) & (order <= orders[1])
+    return np.where(converges, limit, fine), np.where(converges, order, np.nan)
 
 
 def off(hz: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Relative errors (k,); nan where the mesh itself stands for a limit that none determines."""
+    """Relative errors (k,) of the frequencies of a mesh; nan where they are the limit themselves,
+    since no order of convergence was found."""
     return np.where(hz == limit, np.nan, hz / limit - 1)

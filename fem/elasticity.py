@@ -28,8 +28,6 @@ from skfem import (
 
 from fem.materials import Material, Orthotropic
 
-AT_ONCE = 2000  # elements whose matrices are held at a time: some 100 MB
-
 
 class Structure(NamedTuple):
     """All bodies, unjoined and free: x, y, z of node after node, body after body."""
@@ -55,10 +53,10 @@ class Structure(NamedTuple):
         Raises ValueError for a face that the body does not have, or not a facet of.
         """
         body, _, name = face.partition(":")
-        known = self.basis[body].mesh.boundaries or {} if body in self.basis else {}
-        if not len(known.get(name, ())):
+        named = self.basis[body].mesh.boundaries or {} if body in self.basis else {}
+        if not len(named.get(name, ())):
             raise ValueError(f"the mesh has no facets named {face!r}; imprint that face on it.")
-        return body, known[name]
+        return body, named[name]
 
 
 # exact for elements with straight edges: gradients need order 2 in tetrahedra, masses 4; the
@@ -79,9 +77,21 @@ def assemble(
     missing = set(meshes) - set(materials)
     if missing:
         raise ValueError(f"no material for {sorted(missing)}; name one for every body.")
-    basis = {name: _places(name, mesh) for name, mesh in meshes.items()}
+    basis, K, M = {}, [], []
+    for name, mesh in meshes.items():
+        kind = next((kind for kind in ELEMENTS if isinstance(mesh, kind)), None)
+        if kind is None:
+            raise ValueError(
+                f"the mesh of {name} is a {type(mesh).__name__}; take MeshTet or MeshHex."
+            )
+        # where the dofs are, without the shape functions' values: 3 kB of every element
+        basis[name] = Basis(mesh, ElementVector(ELEMENTS[kind][0]), intorder=1)
+        basis[name].basis = []
+    for name, b in basis.items():
+        stiffness, mass = _matrices(b, materials[name])
+        K.append(stiffness)
+        M.append(mass)
     first = np.cumsum([0, *(b.N for b in basis.values())]).tolist()
-    K, M = zip(*(_matrices(name, b, materials[name]) for name, b in basis.items()), strict=True)
     return Structure(
         basis,
         dict(zip(basis, first, strict=False)),
@@ -106,45 +116,25 @@ def block_diagonal(blocks: Sequence[csr_matrix]) -> csr_matrix:
     )
 
 
-def _places(body: str, mesh: Mesh) -> Basis:
-    """Where a body's dofs are, without the shape functions' values: 3 kB of every element."""
-    basis = Basis(mesh, ElementVector(_quadratic(body, mesh)[0]), intorder=1)
-    basis.basis = []
-    return basis
-
-
-def _quadratic(body: str, mesh: Mesh) -> tuple[Element, int, int]:
-    for kind, choice in ELEMENTS.items():
-        if isinstance(mesh, kind):
-            return choice
-    raise ValueError(f"the mesh of {body} is a {type(mesh).__name__}; take MeshTet or MeshHex.")
-
-
-def _matrices(body: str, basis: Basis, material) -> tuple[csr_matrix, csr_matrix]:
-    element, *orders = _quadratic(body, basis.mesh)
-    C = material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)  # from (c, d) to (a, b)
+def _matrices(basis: Basis, material) -> tuple[csr_matrix, csr_matrix]:
+    """K and M (n, n) of a body."""
+    choice = next(choice for kind, choice in ELEMENTS.items() if isinstance(basis.mesh, kind))
+    element, order_K, order_M = choice
+    C = material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)
 
     def of(cells: NDArray[np.int64]) -> tuple[csr_matrix, csr_matrix]:
+        points_K = Basis(basis.mesh, element, intorder=order_K, elements=cells)
+        points_M = Basis(basis.mesh, element, intorder=order_M, elements=cells)
+        K, M = _element_stiffness(points_K, C), _element_mass(points_M, material.density)
         dofs = basis.element_dofs[:, cells]
-        stiff, heavy = (Basis(basis.mesh, element, intorder=n, elements=cells) for n in orders)
-        K, M = _stiffness(stiff, C), _mass(heavy, material.density)
         return scattered(K, dofs, basis.N), scattered(M, dofs, basis.N)
 
     return summed(np.arange(basis.nelems), of)
 
 
-def summed(
-    cells: NDArray[np.int64], of: Callable[[NDArray[np.int64]], tuple[csr_matrix, ...]]
-) -> tuple[csr_matrix, ...]:
-    """Matrices of elements, a share of them at a time; added in pairs, which copies the sum
-    log2(shares) times."""
-    if len(cells) <= AT_ONCE:
-        return of(cells)
-    first, second = (summed(half, of) for half in np.array_split(cells, 2))
-    return tuple(A + B for A, B in zip(first, second, strict=True))
-
-
-def _stiffness(basis: Basis, C: NDArray[np.float64]) -> NDArray[np.float64]:
+def _element_stiffness(basis: Basis, C: NDArray[np.float64]) -> NDArray[np.float64]:
+    """K_(ia)(jb) = C_acbd D_(ic)(jd) of elements, (n_elements, 3 n, 3 n); C (9, 9) from (c, d) to
+    (a, b)."""
     gradient = np.stack([phi[0].grad for phi in basis.basis])  # (i, c, cell, point)
     n, dim = gradient.shape[:2]
     G = gradient.transpose(2, 0, 1, 3).reshape(basis.nelems, n * dim, -1)
@@ -153,13 +143,29 @@ def _stiffness(basis: Basis, C: NDArray[np.float64]) -> NDArray[np.float64]:
     return K.reshape(-1, n, n, dim, dim).transpose(0, 1, 3, 2, 4).reshape(-1, n * dim, n * dim)
 
 
-def _mass(basis: Basis, density: float) -> NDArray[np.float64]:
+def _element_mass(basis: Basis, density: float) -> NDArray[np.float64]:
+    """int rho phi_i phi_j dV of elements, the same along x, y and z, (n_elements, 3 n, 3 n)."""
     phi = np.stack([np.broadcast_to(np.asarray(p[0]), basis.dx.shape) for p in basis.basis])
     P = phi.transpose(1, 0, 2)
     return np.kron((P * density * basis.dx[:, None]) @ P.transpose(0, 2, 1), np.eye(3))
 
 
+def summed(
+    cells: NDArray[np.int64],
+    of: Callable[[NDArray[np.int64]], tuple[csr_matrix, ...]],
+    *,
+    at_once: int = 2000,
+) -> tuple[csr_matrix, ...]:
+    """Matrices of elements, `at_once` of them at a time, which hold some 100 MB; added in pairs,
+    which copies the sum log2(shares) times."""
+    if len(cells) <= at_once:
+        return of(cells)
+    first, second = (summed(half, of, at_once=at_once) for half in np.array_split(cells, 2))
+    return tuple(A + B for A, B in zip(first, second, strict=True))
+
+
 def scattered(local: NDArray[np.float64], dofs: NDArray[np.int64], n: int) -> csr_matrix:
+    """The sum (n, n) of matrices of elements (k, m, m), on their dofs (m, k)."""
     rows = np.repeat(dofs.T[:, :, None], len(dofs), axis=2)
     columns = np.repeat(dofs.T[:, None, :], len(dofs), axis=1)
     return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n)).tocsr()

@@ -1,7 +1,7 @@
-"""The structure moved as one rigid body: its mass and centre, and whether something holds it back.
+"""The structure moved as one rigid body: its mass and centre, and whether anything resists it.
 
 A rigid motion R of all parts costs no energy, K R = 0, and every tie and joint follows it,
-u_slave = A R; what does not stands for a spring to the ground that nobody asked for. R^T M R holds
+u_slave = A R; one that does not acts as a spring to the ground that nobody modelled. R^T M R holds
 mass and first moments. Checks of NASA-STD-5002, annex on Craig-Bampton models.
 """
 
@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from fem.constraints import Constraint
 from fem.elasticity import Structure
 from fem.joints import rigid_motion
-
-MOST_BELOW = 2  # dofs of a table
-GROUNDED = 1e-5  # of the structure's size; what faces may miss each other by is a part of it
 
 
 class RigidBody(NamedTuple):
@@ -38,25 +35,31 @@ def rigid_body(structure: Structure) -> RigidBody:
 
 
 def require_free_joints(
-    structure: Structure, constraints: Sequence[Constraint], centres: NDArray[np.float64]
+    structure: Structure,
+    constraints: Sequence[Constraint],
+    centres: NDArray[np.float64],
+    *,
+    allowed: float = 1e-5,
 ) -> None:
-    """Raise ValueError where a tie or a joint does not follow a rigid motion.
+    """Raise ValueError where a tie or a joint does not follow a rigid motion, but for `allowed` of
+    the structure's size, which includes what faces may miss each other by.
 
     The dofs are U = [u, elongations (6 k), motions (6 k) about centres (k, 3), ...].
     """
     n = structure.n_dofs
     size = np.ptp(structure.points, axis=0).max()
-    U = np.zeros((n + 12 * len(centres) + MOST_BELOW, 6))
+    n_table = 2
+    U = np.zeros((n + 12 * len(centres) + n_table, 6))
     U[:n] = rigid_motion(structure.points, np.zeros(3))
     U[n + 6 * len(centres) :][: 6 * len(centres)] = motions_about(centres)
     for constraint in constraints:
         off = constraint.A @ U[: constraint.A.shape[1]] - U[constraint.slaves]
         worst = np.abs(off[constraint.slaves < n]).max(initial=0.0) / size
-        if worst > GROUNDED:
+        if worst > allowed:
             raise ValueError(
                 f"{constraint.name} restrains rigid-body motions, as springs to the ground would: "
                 f"it misses them by {worst:.1e} of the structure's size, allowed is "
-                f"{GROUNDED:.0e}; let its faces lie on each other."
+                f"{allowed:.0e}; let its faces lie on each other."
             )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 RESPONSE = 4  # UFF58's function type of a frequency response
-MOST = 1e60  # in size of a frequency or a response
+MOST = 1e60  # size of a frequency or a response, so that products are finite
 SYNTHETIC = "SYNTHETIC: computed, not measured"
 
 
@@ -24,9 +24,9 @@ class Responses(NamedTuple):
 
 
 def require_finite(test: Responses) -> Responses:
-    """The test; raises ValueError where products of its numbers are none."""
-    parts = (test.frequency_hz, test.H.real, test.H.imag)
-    largest = np.max([np.abs(part).max() for part in parts])
+    """The test; raises ValueError where products of its numbers would overflow."""
+    numbers = (test.frequency_hz, test.H.real, test.H.imag)
+    largest = np.max([np.abs(array).max() for array in numbers])
     if largest > MOST:
         raise ValueError(f"a number is {largest:.3g} in size, up to {MOST:g} is allowed")
     return test
@@ -59,15 +59,15 @@ def of_data_sets(sets: Sequence[dict]) -> Responses:
 
 def write_csv(path: Path, test: Responses) -> None:
     """Write as CSV, the title in the header line."""
-    parts = [part for h in test.H for part in (h.real, h.imag)]
-    names = [f"{part}_{i}" for i in range(1, len(test.H) + 1) for part in ("re", "im")]
+    columns = [column for h in test.H for column in (h.real, h.imag)]
+    names = [f"{name}_{i}" for i in range(1, len(test.H) + 1) for name in ("re", "im")]
     header = f"frequency_hz,{','.join(names)}  ({test.title})"
-    table = np.column_stack([test.frequency_hz, *parts])
+    table = np.column_stack([test.frequency_hz, *columns])
     np.savetxt(path, table, fmt="%.6g", delimiter=",", header=header, comments="")
 
 
 def data_set(test: Responses, i: int) -> dict:
-    """What data set 58 of a response, counted from 1, says in the words of pyuff."""
+    """Data set 58 of a response, counted from 1, with the keys of pyuff."""
     return {
         "func_type": RESPONSE, "rsp_node": i, "rsp_dir": 1, "ref_node": 1, "ref_dir": 1,
         "data": test.H[i - 1], "x": test.frequency_hz, "id1": test.title,

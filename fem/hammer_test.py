@@ -1,4 +1,4 @@
-"""A hammer test that is computed, and which mode each measured resonance is.
+"""A computed hammer test, and which mode each measured resonance is.
 
     H(omega) = -omega^2 sum_j read_j hit_j / (omega_j^2 - omega^2 + 2 i zeta_j omega_j omega)
 
@@ -11,8 +11,6 @@ from scipy.optimize import linear_sum_assignment
 
 from fem.model import Model
 from fem.trace import at_node
-
-FARTHEST = np.log(1.5)  # a measured mode and a mode of the model farther apart are no pair
 
 
 def corner_readings(model: Model, body: str) -> NDArray[np.float64]:
@@ -45,11 +43,13 @@ def with_noise(
     return H + size * (noise[0] + 1j * noise[1])
 
 
-def nearest_modes(found_hz: list[float], expected_hz: dict[int, float]) -> dict[int, int]:
-    """Which found resonance is which mode {position: mode}, nearest pairs, none used twice."""
+def nearest_modes(
+    measured_hz: list[float], expected_hz: dict[int, float], *, farthest: float = 1.5
+) -> dict[int, int]:
+    """Which measured resonance is which mode {position: mode}: nearest pairs, none used twice, none
+    whose frequencies differ by more than the factor `farthest`."""
     modes = list(expected_hz)
-    distance = np.abs(np.log(np.divide.outer(found_hz, [expected_hz[m] for m in modes])))
-    rows, columns = linear_sum_assignment(np.minimum(distance, 10 * FARTHEST))
-    return {
-        int(i): modes[j] for i, j in zip(rows, columns, strict=True) if distance[i, j] < FARTHEST
-    }
+    distance = np.abs(np.log(np.divide.outer(measured_hz, [expected_hz[m] for m in modes])))
+    limit = np.log(farthest)
+    rows, columns = linear_sum_assignment(np.minimum(distance, 10 * limit))
+    return {int(i): modes[j] for i, j in zip(rows, columns, strict=True) if distance[i, j] < limit}

@@ -17,10 +17,10 @@ def euler_bernoulli(
     length: float, section: Section, material: Material, position: float, n_modes: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """omega (n,) [rad/s], phi (n,) [kg^-1/2], and the compliance [m/N] of all further modes."""
-    k, line = np.arange(1, n_modes + 1) * np.pi / length, material.density * section.area
+    k, rho_A = np.arange(1, n_modes + 1) * np.pi / length, material.density * section.area
     EI = material.young * section.second_moment
-    omega = k**2 * np.sqrt(EI / line)
-    phi = np.sqrt(2 / (line * length)) * np.sin(k * position)
+    omega = k**2 * np.sqrt(EI / rho_A)
+    phi = np.sqrt(2 / (rho_A * length)) * np.sin(k * position)
     static = (position * (length - position)) ** 2 / (3 * EI * length)
     return omega, phi, float(static - np.sum((phi / omega) ** 2))
 
@@ -34,9 +34,9 @@ def lamb_hz(k: float, h: float, material: Material) -> float:
     c_l = np.sqrt(E * (1 - nu) / (rho * (1 + nu) * (1 - 2 * nu)))
     c_t = np.sqrt(E / (2 * rho * (1 + nu)))
 
-    def left(omega: float) -> float:
+    def dispersion(omega: float) -> float:
         a, b = np.sqrt(k**2 - omega**2 / np.array([c_l, c_t]) ** 2)
         return 4 * k**2 * a * b * np.tanh(b * h) - (k**2 + b**2) ** 2 * np.tanh(a * h)
 
     thin = k**2 * h * np.sqrt(E / (3 * rho * (1 - nu**2)))
-    return brentq(left, 0.5 * thin, thin, xtol=1e-9 * thin) / (2 * np.pi)
+    return brentq(dispersion, 0.5 * thin, thin, xtol=1e-9 * thin) / (2 * np.pi)

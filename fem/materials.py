@@ -33,9 +33,9 @@ class Material(NamedTuple):
     def elasticity(self) -> NDArray[np.float64]:
         """C (3, 3, 3, 3) [Pa]."""
         lam, mu = self.lame
-        one = np.eye(3)
-        shear = np.einsum("ab,cd->acbd", one, one) + np.einsum("ad,cb->acbd", one, one)
-        return lam * np.einsum("ac,bd->acbd", one, one) + mu * shear
+        unit = np.eye(3)
+        shear = np.einsum("ab,cd->acbd", unit, unit) + np.einsum("ad,cb->acbd", unit, unit)
+        return lam * np.einsum("ac,bd->acbd", unit, unit) + mu * shear
 
 
 class Orthotropic(NamedTuple):
@@ -45,12 +45,12 @@ class Orthotropic(NamedTuple):
     poisson: tuple[float, float, float]  # nu12, nu13, nu23: nu_ij / E_i = nu_ji / E_j
     shear: tuple[float, float, float]  # [Pa] G12, G13, G23
     density: float  # [kg/m^3]
-    axes: tuple[tuple[float, float, float], ...] = ((1, 0, 0), (0, 1, 0))  # of 1, and 2 beside it
+    axes: tuple[tuple[float, float, float], ...] = ((1, 0, 0), (0, 1, 0))  # 1; 2 in their plane
 
     @property
     def elasticity(self) -> NDArray[np.float64]:
-        """C (3, 3, 3, 3) [Pa] along x, y, z; raises ValueError where no solid can be so."""
-        C, normal = np.zeros((3, 3, 3, 3)), np.linalg.inv(self._compliance())
+        """C (3, 3, 3, 3) [Pa] along x, y, z; raises ValueError for moduli of no solid."""
+        C, normal = np.zeros((3, 3, 3, 3)), np.linalg.inv(self.compliance)
         for a in range(3):
             for b in range(3):
                 C[a, a, b, b] = normal[a, b]
@@ -62,18 +62,19 @@ class Orthotropic(NamedTuple):
     @property
     def frame(self) -> NDArray[np.float64]:
         """Rows (3, 3) along 1, 2, 3; raises ValueError for axes that span no plane."""
-        first, beside = np.array(self.axes[:2], dtype=float)
-        third = np.cross(first, beside)
+        first, second = np.array(self.axes[:2], dtype=float)
+        third = np.cross(first, second)
         lengths = np.linalg.norm(first), np.linalg.norm(third)
-        if not min(lengths) > 1e-6 * np.linalg.norm(beside) * max(lengths[0], 1e-300):
+        if not min(lengths) > 1e-6 * np.linalg.norm(second) * max(lengths[0], 1e-300):
             raise ValueError(
                 f"axes = {self.axes} of an orthotropic material must be two directions that differ."
             )
         first, third = first / lengths[0], third / lengths[1]
         return np.array([first, np.cross(third, first), third])
 
-    def _compliance(self) -> NDArray[np.float64]:
-        """Of the normal stresses, (3, 3) [1/Pa]."""
+    @property
+    def compliance(self) -> NDArray[np.float64]:
+        """S (3, 3) [1/Pa] of the normal stresses; raises ValueError for moduli of no solid."""
         S = np.diag(1 / np.array(self.young))
         for (a, b), nu in zip(PAIRS, self.poisson, strict=True):
             S[a, b] = S[b, a] = -nu / self.young[a]

@@ -1,7 +1,7 @@
 """Bodies that can still move rigidly: mechanisms of the joined and held assembly.
 
 Every body keeps its six rigid motions z, and every joint its elongation and motion; what the
-constraints and springs leave of U = Phi z is E z, and a z with E z = 0 moves bodies at no cost.
+constraints and springs resist of U = Phi z is E z, and a z with E z = 0 moves bodies at no cost.
 """
 
 from typing import NamedTuple
@@ -16,9 +16,6 @@ from fem.grounding import motions_about
 from fem.joints import rigid_motion
 from fem.model import Connections, constrained
 
-FREE = 1e-6  # of the stiffest motion: singular values below are none
-PART = 0.05  # of a mechanism's largest motion: a body that moves less stands still
-
 
 class Loose(NamedTuple):
     """A body that nothing keeps from moving."""
@@ -27,66 +24,64 @@ class Loose(NamedTuple):
     motions: tuple[str, ...]  # of "x", ..., "rz", about its middle
 
 
-def loose_bodies(structure: Structure, connections: Connections) -> list[Loose]:
+def loose_bodies(
+    structure: Structure,
+    connections: Connections,
+    *,
+    free: float = 1e-6,
+    moving: float = 0.05,
+) -> list[Loose]:
     """Bodies that can move rigidly, and how; of an assembly that nothing holds at all only those
-    that move beside the others.
+    that move relative to the others.
 
+    A motion is free whose singular value of E is below `free` of the largest; a body stands still
+    that moves less than `moving` of a mechanism's largest motion. Neither was varied.
     Raises ValueError as `joined` does.
     """
-    whole, parts = _rigid_coordinates(structure, connections)
-    E = _resistance(structure, connections, parts)
-    values, z = np.linalg.eigh((E.T @ E).toarray())
-    free = z[:, values <= FREE**2 * values[-1]]
-    if np.abs(E @ whole).max(initial=0.0) <= FREE * np.abs(whole).max() * np.sqrt(values[-1]):
-        free = _beside(free, whole)
-    return list(_told(structure, free))
+    n, k = structure.n_dofs, connections.stiffness
 
-
-def _rigid_coordinates(structure: Structure, connections: Connections):
-    """The assembly's six motions and Phi (n_total, m) of coordinates in metres."""
-    G, motion, sizes = [], [], []
+    # rigid motions G of each body in metres, turns times half its size; R is the assembly's own
+    G, R, sizes = [], [], []
     for body in structure.basis:
         points = structure.points[structure.dofs(body)[0::3] // 3]
         centre = (points.min(axis=0) + points.max(axis=0)) / 2
         sizes.append(np.ptp(points, axis=0).max() / 2)
         G.append(rigid_motion(points, centre) / _lengths(sizes[-1]))
-        motion.append(_lengths(sizes[-1])[:, None] * motions_about(centre[None]))
+        R.append(_lengths(sizes[-1])[:, None] * motions_about(centre[None]))
+
+    # Phi (n_total, m): these, elongations and motions of joints, and the table
     lengths = np.tile(_lengths(float(np.mean(sizes))), len(connections.joints))
     n_table = 2 if connections.table else 0
-    rest = [*(1 / lengths), *(1 / lengths), *[1.0] * n_table]
-    parts = block_diag([*map(csr_matrix, G), diags_array(rest)] if rest else G, format="csr")
+    others = [*(1 / lengths), *(1 / lengths), *[1.0] * n_table]
+    blocks = [*map(csr_matrix, G), diags_array(others)] if others else G
+    Phi = block_diag(blocks, format="csr")
     about = lengths[:, None] * motions_about(connections.centres)
-    sway = np.eye(6)[:n_table]
-    return np.vstack([*motion, 0 * about, about, sway]), parts
+    R = np.vstack([*R, 0 * about, about, np.eye(6)[:n_table]])
+
+    # E (rows, m): what constraints and springs have against these coordinates
+    n_total, constraints, _ = constrained(structure, connections)
+    violations = [(Phi[c.slaves] - c.A @ Phi) for c in constraints]
+    springs = n + np.flatnonzero((k > 0) & np.isfinite(k))
+    table = np.arange(n + 2 * len(k), n_total)
+    E = vstack([*violations, Phi[springs], Phi[table]]).tocsr()
+
+    # null space; without the assembly's own motions where nothing resists these
+    values, z = np.linalg.eigh((E.T @ E).toarray())
+    Z = z[:, values <= free**2 * values[-1]]
+    if np.abs(E @ R).max(initial=0.0) <= free * np.abs(R).max() * np.sqrt(values[-1]):
+        common = np.linalg.qr(R)[0]
+        U, s, _ = np.linalg.svd(Z - common @ (common.T @ Z), full_matrices=False)
+        Z = U[:, s > 0.5]
+
+    loose = []
+    for i, body in enumerate(structure.basis):
+        moved = np.linalg.norm(Z[6 * i : 6 * i + 6], axis=1) if Z.size else np.zeros(6)
+        directions = tuple(MOTIONS[j] for j in np.flatnonzero(moved > moving))
+        if directions:
+            loose.append(Loose(body, directions))
+    return loose
 
 
 def _lengths(size: float) -> NDArray[np.float64]:
     """What turns a shift and a turn into metres, (6,)."""
     return np.array([1.0, 1.0, 1.0, size, size, size])
-
-
-def _resistance(structure: Structure, connections: Connections, parts: csr_matrix) -> csr_matrix:
-    """E (rows, m): what constraints and springs have against the coordinates of `parts`."""
-    n, k = structure.n_dofs, connections.stiffness
-    n_total, constraints, _ = constrained(structure, connections)
-    asked = [(parts[c.slaves] - c.A @ parts) for c in constraints]
-    springs = n + np.flatnonzero((k > 0) & np.isfinite(k))
-    table = np.arange(n + 2 * len(k), n_total)
-    return vstack([*asked, parts[springs], parts[table]]).tocsr()
-
-
-def _beside(free: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The free motions without those of the assembly as a whole."""
-    common = np.linalg.qr(whole)[0]
-    left = free - common @ (common.T @ free)
-    U, s, _ = np.linalg.svd(left, full_matrices=False)
-    return U[:, s > 0.5]
-
-
-def _told(structure: Structure, free: NDArray[np.float64]):
-    """Each body's part in the mechanisms, given in directions."""
-    for i, body in enumerate(structure.basis):
-        moved = np.linalg.norm(free[6 * i : 6 * i + 6], axis=1) if free.size else np.zeros(6)
-        directions = tuple(MOTIONS[j] for j in np.flatnonzero(moved > PART))
-        if directions:
-            yield Loose(body, directions)

@@ -15,11 +15,11 @@ from fem.trace import face_nodes
 
 
 def mirrored(structure: Structure, held: Sequence[str], mirrors: Sequence[str]) -> Model:
-    """The whole body, held on the faces `held`; `mirrors` are planes normal to an axis."""
+    """The complete body, held on the faces `held`; `mirrors` are planes normal to an axis."""
     copies = 2 ** len(mirrors)
-    whole = structure._replace(K=copies * structure.K, M=copies * structure.M)
+    body = structure._replace(K=copies * structure.K, M=copies * structure.M)
     still = [Held(face, "xyz"[normal_axis(structure, face)]) for face in mirrors]
-    return joined(whole, Connections(held=[*map(Held, held), *still]))
+    return joined(body, Connections(held=[*map(Held, held), *still]))
 
 
 def normal_axis(structure: Structure, face: str) -> int:

@@ -24,8 +24,8 @@ class ModeField(NamedTuple):
     @property
     def names(self) -> list[str]:
         """What each mode is called in the file."""
-        every = zip(self.number, self.frequency_hz, self.target, strict=True)
-        return [f"mode {i}: {hz:.4g} Hz{f', {MEASURED} {t}' if t else ''}" for i, hz, t in every]
+        rows = zip(self.number, self.frequency_hz, self.target, strict=True)
+        return [f"mode {i}: {hz:.4g} Hz{f', {MEASURED} {t}' if t else ''}" for i, hz, t in rows]
 
 
 def write(path: Path, field: ModeField) -> None:
@@ -41,13 +41,13 @@ def write(path: Path, field: ModeField) -> None:
     blocks = [
         (c.type, n + c.data) for n, body in zip(first, bodies, strict=False) for c in body.cells
     ]
-    whole = Grid(
+    grid = Grid(
         np.concatenate([body.points for body in bodies]),
         blocks,
         dict(zip(field.names, field.displacement, strict=True)),
         {"body": [np.full(len(cells), i, np.int32) for i, (_, cells) in enumerate(blocks)]},
     )
-    whole.write(path, file_format="vtu")
+    grid.write(path, file_format="vtu")
     if field.names:
         raw = path.read_bytes()
         active = f'<PointData Vectors="{field.names[0]}">'.encode()

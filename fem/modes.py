@@ -11,11 +11,20 @@ from fem.factorisation import Factor, factorised
 from fem.multifrontal import Singular
 from fem.threads import one_thread
 
-ROUNDING = 200 * np.finfo(float).eps  # of K's largest eigenvalue: what it makes of a zero one
-CONVERGED = 1e-11  # of an eigenvalue's residual: rounding takes a sixth more solutions
-LOST = 1e-2  # of an eigenvalue beside the shift, or all of its rounding: the residual of a mode
-INVERSE_ITERATIONS = 3  # of each rigid motion
-SHIFT_HZ = 5.0
+SHIFT_HZ = 5.0  # of the shift: below the lowest elastic mode
+
+
+class ModeAccuracy(NamedTuple):
+    """What rounding leaves of modes, and how far they are solved for; values not varied."""
+
+    rounding: float = (
+        200 * np.finfo(float).eps
+    )  # of K's largest eigenvalue: what a zero one becomes
+    converged: float = 1e-11  # residual of an eigenvalue: rounding takes a sixth more solutions
+    lost: float = (
+        1e-2  # residual of a mode over its eigenvalue less the shift: refused from here on
+    )
+    inverse_iterations: int = 3  # of each rigid motion
 
 
 class Modes(NamedTuple):
@@ -26,7 +35,7 @@ class Modes(NamedTuple):
 
     @property
     def frequency_hz(self) -> NDArray[np.float64]:
-        """(k,)"""
+        """omega / 2 pi, (k,) [Hz]."""
         return self.omega / (2 * np.pi)
 
 
@@ -37,11 +46,21 @@ def held(K, M) -> Factor | None:
         factor = factorised(K)
     except Singular:
         return None
-    x = _lowest(np.empty((K.shape[0], 0)), M, factor, np.random.default_rng(1))
+    n_iterations = ModeAccuracy().inverse_iterations
+    no_motions = np.empty((K.shape[0], 0))
+    x = _lowest(no_motions, M, factor, np.random.default_rng(1), n_iterations)
     return factor if x @ (K @ x) > (2 * np.pi * SHIFT_HZ) ** 2 else None
 
 
-def modes(K, M, n_modes: int, *, shift_hz: float = SHIFT_HZ, factor: Factor | None = None) -> Modes:
+def modes(
+    K,
+    M,
+    n_modes: int,
+    *,
+    shift_hz: float = SHIFT_HZ,
+    factor: Factor | None = None,
+    accuracy: ModeAccuracy = ModeAccuracy(),
+) -> Modes:
     """The lowest modes of K phi = omega^2 M phi.
 
     With the factor of a K that is held (see `held`) nothing is factorised. Without one the shift
@@ -49,52 +68,81 @@ def modes(K, M, n_modes: int, *, shift_hz: float = SHIFT_HZ, factor: Factor | No
     motions, which would drown the elastic modes of a stiff part, are then found first and kept out
     of the rest. Raises ValueError when the modes are not M-orthonormal or leave a residual.
     """
-    sigma, R = 0.0, np.empty((K.shape[0], 0))
+    n, sigma, R = K.shape[0], 0.0, np.empty((K.shape[0], 0))
     if factor is None:
         sigma = -((2 * np.pi * shift_hz) ** 2)
         factor = factorised((K - sigma * M).tocsc())
-        R = _rigid_motions(K, M, factor, n_modes)
-    n, n_elastic = K.shape[0], n_modes - R.shape[1]
+
+        # rigid motions R (n, r), M-orthonormal: of no strain energy but by rounding
+        rng, rounding = np.random.default_rng(1), _rounded_zero(K, M, accuracy.rounding)
+        while R.shape[1] < n_modes:
+            x = _lowest(R, M, factor, rng, accuracy.inverse_iterations)
+            if x @ (K @ x) > rounding:
+                break
+            R = np.column_stack([R, x])
+
+    # elastic modes by shift-inverted Lanczos, orthogonal to R
+    n_elastic = n_modes - R.shape[1]
     eigenvalues, phi = np.zeros(0), np.empty((n, 0))
     if n_elastic:
         inverse = LinearOperator((n, n), matvec=lambda b: _deflated(R, M, factor, b))
         start = np.random.default_rng(0).standard_normal(n)
         with one_thread():
             eigenvalues, phi = eigsh(
-                K, n_elastic, M, sigma=sigma, OPinv=inverse, v0=start, tol=CONVERGED
+                K, n_elastic, M, sigma=sigma, OPinv=inverse, v0=start, tol=accuracy.converged
             )
+
+    # both together: Rayleigh-Ritz
     if R.shape[1]:
         V = np.hstack([R, phi])
         eigenvalues, Q = eigh(V.T @ (K @ V), V.T @ (M @ V))
         phi = V @ Q
     order = np.argsort(eigenvalues)
-    found = Modes(np.sqrt(np.maximum(eigenvalues[order], 0.0)), phi[:, order])
-    _check(found, K, M, sigma)
-    return found
+    solution = Modes(np.sqrt(np.maximum(eigenvalues[order], 0.0)), phi[:, order])
+    require_accurate(solution, K, M, sigma, accuracy)
+    return solution
 
 
-def _rigid_motions(K, M, factor: Factor, most: int) -> NDArray[np.float64]:
-    """Motions (n, r) of no strain energy but by rounding, M-orthonormal; no more than `most`."""
-    R, rng = np.empty((K.shape[0], 0)), np.random.default_rng(1)
-    rounding = _rounding(K, M)
-    while R.shape[1] < most:
-        x = _lowest(R, M, factor, rng)
-        if x @ (K @ x) > rounding:
-            break
-        R = np.column_stack([R, x])
-    return R
+def require_accurate(
+    modes: Modes, K, M, sigma: float, accuracy: ModeAccuracy = ModeAccuracy()
+) -> None:
+    """Raise ValueError for modes that are not M-orthonormal, or lost in the rounding of K."""
+    Mphi = M @ modes.phi
+    skew = np.abs(modes.phi.T @ Mphi - np.eye(len(modes.omega))).max()
+    if not skew < 1e-7:
+        raise ValueError(
+            f"the modes are not M-orthonormal (largest error {skew:.1e}); refine K, M."
+        )
+    residual = K @ modes.phi - Mphi * modes.omega**2
+    # the elongation of a joint moves a whole face: its row counts as that of a node
+    m = M.diagonal()
+    row = np.sqrt(np.minimum(1.0, np.quantile(m, 0.99) / np.maximum(m, np.finfo(float).tiny)))
+    # a free bolt of 30 g in elements of 1 mm: rounding leaves 1.3e-2 of a shift of 5 Hz
+    floor = _rounded_zero(K, M, accuracy.rounding) / accuracy.lost
+    eigenvalues = np.maximum(modes.omega**2 - sigma, floor)
+    scale = np.linalg.norm(row[:, None] * Mphi, axis=0) * eigenvalues
+    relative = np.linalg.norm(row[:, None] * residual, axis=0) / scale
+    i, worst = int(relative.argmax()), relative.max()
+    if not worst < accuracy.lost:
+        raise ValueError(
+            f"a mode near {modes.frequency_hz[i]:.2g} Hz is lost in the rounding of K (relative "
+            f"residual {worst:.1e}, allowed {accuracy.lost:g}): a part hangs on joints too soft "
+            "beside its own stiffness; stiffen the softest joints."
+        )
 
 
-def _rounding(K, M) -> float:
+def _rounded_zero(K, M, rounding: float) -> float:
     """What rounding makes of a zero eigenvalue [rad^2/s^2]."""
     k, m = K.diagonal(), M.diagonal()
-    return float(ROUNDING * np.quantile(k[m > 0] / m[m > 0], 0.99))
+    return float(rounding * np.quantile(k[m > 0] / m[m > 0], 0.99))
 
 
-def _lowest(R, M, factor: Factor, rng: np.random.Generator) -> NDArray[np.float64]:
+def _lowest(
+    R, M, factor: Factor, rng: np.random.Generator, n_iterations: int
+) -> NDArray[np.float64]:
     """Nearly the lowest motion (n,) beyond R, by inverse iteration; mass-normalised."""
     x = rng.standard_normal(M.shape[0])
-    for _ in range(INVERSE_ITERATIONS):
+    for _ in range(n_iterations):
         x = _deflated(R, M, factor, M @ x)
         x /= np.sqrt(x @ (M @ x))
     return x
@@ -106,27 +154,3 @@ def _deflated(R, M, factor: Factor, b: NDArray[np.float64]) -> NDArray[np.float6
         return factor.solve(b)
     u = factor.solve(b - M @ (R @ (R.T @ b)))
     return u - R @ (R.T @ (M @ u))
-
-
-def _check(found: Modes, K, M, sigma: float) -> None:
-    Mphi = M @ found.phi
-    skew = np.abs(found.phi.T @ Mphi - np.eye(len(found.omega))).max()
-    if not skew < 1e-7:
-        raise ValueError(
-            f"the modes are not M-orthonormal (largest error {skew:.1e}); refine K, M."
-        )
-    residual = K @ found.phi - Mphi * found.omega**2
-    # the elongation of a joint moves a whole face: its row counts as that of a node
-    m = M.diagonal()
-    row = np.sqrt(np.minimum(1.0, np.quantile(m, 0.99) / np.maximum(m, np.finfo(float).tiny)))
-    # a free bolt of 30 g in elements of 1 mm: rounding leaves 1.3e-2 of a shift of 5 Hz
-    least = _rounding(K, M) / LOST
-    scale = np.linalg.norm(row[:, None] * Mphi, axis=0) * np.maximum(found.omega**2 - sigma, least)
-    left = np.linalg.norm(row[:, None] * residual, axis=0) / scale
-    at, worst = int(left.argmax()), left.max()
-    if not worst < LOST:
-        raise ValueError(
-            f"a mode near {found.frequency_hz[at]:.2g} Hz is lost in the rounding of K (relative "
-            f"residual {worst:.1e}, allowed {LOST:g}): a part hangs on joints too soft beside its "
-            "own stiffness; stiffen the softest joints."
-        )

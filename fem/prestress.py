@@ -30,10 +30,6 @@ from fem.rods import Rod, tightened
 from fem.threads import one_thread
 from fem.trace import face_mean
 
-PRESSED = 1e-3  # of the buckling load: less is not told from nothing
-PLANE = 0.5  # length of the mean normal: of half a cylinder it is 0.64, of a bore 0
-CONVERGED, VECTORS = 1e-4, 40  # residual of 1 + mu: mu is off by the square of it
-
 
 class FaceForce(NamedTuple):
     """A force spread evenly over a face; without a direction into it, along its mean normal."""
@@ -65,8 +61,26 @@ def prestressed(model: Model, materials: Mapping[str, Material | Orthotropic], l
     Raises Buckled for a load beyond buckling, ValueError for a structure that floats.
     """
     structure, K, rods = model.structure, model.K, tightened(model.structure, load.rods)
+
+    # f + f_T (ndof,) [N]
+    f = np.zeros(structure.n_dofs)
+    for force in load.forces:
+        mean = face_mean(structure, force.face)
+        along = -mean.normal
+        if force.direction is not None:
+            along = np.asarray(force.direction, float)
+        elif np.linalg.norm(mean.normal) < 0.5:  # of half a cylinder it is 0.64, of a bore 0
+            raise ValueError(
+                f"the face {force.face!r} has no one normal; say the force's direction."
+            )
+        spread = np.zeros((len(structure.points), 3))
+        spread[mean.node] = np.outer(mean.share, force.force * along / np.linalg.norm(along))
+        f += spread.ravel()
+    for body, heat in load.heat.items():
+        f[structure.dofs(body)] += _thermal(structure.basis[body], materials[body], heat)
+
     factor = factorised(K)
-    u = model.T @ factor.solve(model.T.T @ (_forces(structure, materials, load) + rods.f))
+    u = model.T @ factor.solve(model.T.T @ (f + rods.f))
     bodies = [_geometric(structure, b, u, materials[b], load.heat.get(b)) for b in structure.basis]
     K_G = congruent(model.T, sum(bodies, rods.K_G))
     mu = buckling_share(K, K_G, factor)
@@ -78,39 +92,19 @@ def prestressed(model: Model, materials: Mapping[str, Material | Orthotropic], l
     return model._replace(K0=K_0.tocsc(), load_factor=mu)
 
 
-def buckling_share(K, K_G, factor) -> float:
-    """The largest mu of -K_G x = mu K x; 0 below PRESSED, where nothing presses."""
+def buckling_share(K, K_G, factor, *, smallest: float = 1e-3) -> float:
+    """The largest mu of -K_G x = mu K x; 0 below `smallest`, where nothing presses."""
     inverse = LinearOperator(K.shape, factor.solve)
     start = np.random.default_rng(0).standard_normal(K.shape[0])
-    # of 1 + mu: what only pulls has thousands of mu near 0, which no iteration tells apart
+    # of 1 + mu: what only pulls has thousands of mu near 0, which no iteration tells apart; mu is
+    # off by the square of the residual
     with one_thread():
-        found = eigsh(
-            K - K_G, 1, K, Minv=inverse, which="LA", v0=start, tol=CONVERGED, ncv=VECTORS,
+        largest = eigsh(
+            K - K_G, 1, K, Minv=inverse, which="LA", v0=start, tol=1e-4, ncv=40,
             return_eigenvectors=False,
         )  # fmt: skip
-    mu = float(found[0]) - 1
-    return mu if mu > PRESSED else 0.0
-
-
-def _forces(structure: Structure, materials, load: Load) -> NDArray[np.float64]:
-    """f (ndof,) [N]."""
-    f = np.zeros(structure.n_dofs)
-    for one in load.forces:
-        f += _spread(structure, one)
-    for body, heat in load.heat.items():
-        f[structure.dofs(body)] += _thermal(structure.basis[body], materials[body], heat)
-    return f
-
-
-def _spread(structure: Structure, one: FaceForce) -> NDArray[np.float64]:
-    """(ndof,) [N] on the nodes of its face."""
-    mean = face_mean(structure, one.face)
-    if one.direction is None and np.linalg.norm(mean.normal) < PLANE:
-        raise ValueError(f"the face {one.face!r} has no one normal; say the force's direction.")
-    along = -mean.normal if one.direction is None else np.asarray(one.direction, float)
-    f = np.zeros((len(structure.points), 3))
-    f[mean.node] = np.outer(mean.share, one.force * along / np.linalg.norm(along))
-    return f.ravel()
+    mu = float(largest[0]) - 1
+    return mu if mu > smallest else 0.0
 
 
 def _thermal(basis: Basis, material, heat: Heat) -> NDArray[np.float64]:
@@ -129,27 +123,24 @@ def _thermal(basis: Basis, material, heat: Heat) -> NDArray[np.float64]:
 def _geometric(
     structure: Structure, body: str, u: NDArray[np.float64], material, heat: Heat | None
 ) -> csr_matrix:
-    """K_G of a body on the dofs of the structure."""
+    """K_G of a body displaced by u (ndof,), on the dofs of the structure."""
     basis = structure.basis[body]
     first, n = structure.first[body], basis.N
     element, order, _ = ELEMENTS[type(basis.mesh)]
-    own = u[first : first + n].reshape(-1, 3)
+    u_body = u[first : first + n].reshape(-1, 3)
     C = material.elasticity
     free = np.zeros((3, 3)) if heat is None else heat.expansion * heat.temperature * np.eye(3)
 
     def of(cells: NDArray[np.int64]) -> tuple[csr_matrix]:
-        part = Basis(basis.mesh, element, intorder=order, elements=cells)
-        gradient = np.stack([phi[0].grad for phi in part.basis])  # (i, c, cell, point)
-        strain = np.einsum("ickq,ikb->bckq", gradient, own[part.element_dofs])
+        points = Basis(basis.mesh, element, intorder=order, elements=cells)
+        gradient = np.stack([phi[0].grad for phi in points.basis])  # (i, c, cell, point)
+        strain = np.einsum("ickq,ikb->bckq", gradient, u_body[points.element_dofs])
         strain -= free[:, :, None, None]
         stress = np.einsum("acbd,bdkq->ackq", C, strain)
-        pulled = np.einsum("cdkq,jdkq->jckq", stress * part.dx, gradient)
+        pulled = np.einsum("cdkq,jdkq->jckq", stress * points.dx, gradient)
         local = np.einsum("ickq,jckq->kij", gradient, pulled, optimize=True)
         return (scattered(np.kron(local, np.eye(3)), basis.element_dofs[:, cells], n),)
 
-    return _placed(*summed(np.arange(basis.nelems), of), first, structure.n_dofs)
-
-
-def _placed(A: csr_matrix, first: int, n: int) -> csr_matrix:
+    (A,) = summed(np.arange(basis.nelems), of)
     A = A.tocoo()
-    return csr_matrix((A.data, (A.row + first, A.col + first)), shape=(n, n))
+    return csr_matrix((A.data, (A.row + first, A.col + first)), shape=(structure.n_dofs,) * 2)

@@ -17,10 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, kron
 
 from fem.elasticity import Structure
-from fem.trace import FaceMean, face_mean
-
-MOST_NODES = 600  # of a face: all of them are coupled, 9 (2 n)^2 entries
-SHORTEST = 1e-6  # of the faces' own extent: nearer ones touch
+from fem.trace import face_mean
 
 
 class Rod(NamedTuple):
@@ -40,12 +37,32 @@ class Tightened(NamedTuple):
     K: csr_matrix  # (ndof, ndof) [N/m]
 
 
-def tightened(structure: Structure, rods: Sequence[Rod]) -> Tightened:
-    """Of all rods; raises ValueError for faces without a distance or with too many nodes."""
+def tightened(structure: Structure, rods: Sequence[Rod], *, most_nodes: int = 600) -> Tightened:
+    """Of all rods; raises ValueError for faces without a distance, or with more than `most_nodes`
+    nodes: all nodes of both faces are coupled, 9 (2 n)^2 entries."""
     n = structure.n_dofs
     f, K_G, K = np.zeros(n), csr_matrix((n, n)), csr_matrix((n, n))
     for rod in rods:
-        B, c = _stretch(structure, rod)
+        # C_i (3, ndof), the means of both faces, and c between their centres
+        C, centres = [], []
+        for face in (rod.first, rod.second):
+            mean = face_mean(structure, face)
+            if len(mean.share) > most_nodes:
+                raise ValueError(
+                    f"the face {face!r} has {len(mean.share)} nodes, allowed for a rod are "
+                    f"{most_nodes}; take a smaller face, as that of a washer, or a coarser mesh "
+                    "there."
+                )
+            row = csr_matrix((mean.share, mean.node, [0, len(mean.node)]), shape=(1, n // 3))
+            C.append(csr_matrix(kron(row, np.eye(3))))
+            centres.append(mean.centre)
+        B, c = C[1] - C[0], centres[1] - centres[0]
+        if np.linalg.norm(c) < 1e-6 * np.ptp(structure.points, axis=0).max():
+            raise ValueError(
+                f"the faces {rod.first!r} and {rod.second!r} have the same centre, so that a rod "
+                "between them has no length; name the faces under its head and under its nut."
+            )
+
         L = np.linalg.norm(c)
         t = c / L
         along = np.outer(t, t)
@@ -53,32 +70,3 @@ def tightened(structure: Structure, rods: Sequence[Rod]) -> Tightened:
         K_G = K_G + rod.tension / L * (B.T @ csr_matrix(np.eye(3) - along) @ B)
         K = K + rod.stiffness * (B.T @ csr_matrix(along) @ B)
     return Tightened(f, K_G, K)
-
-
-def _stretch(structure: Structure, rod: Rod) -> tuple[csr_matrix, NDArray[np.float64]]:
-    """B (3, ndof), and from the first face's centre to the second's (3,) [m]."""
-    one, other = (_small(structure, face) for face in (rod.first, rod.second))
-    c = other.centre - one.centre
-    if np.linalg.norm(c) < SHORTEST * np.ptp(structure.points, axis=0).max():
-        raise ValueError(
-            f"the faces {rod.first!r} and {rod.second!r} have the same centre, so that a rod "
-            "between them has no length; name the faces under its head and under its nut."
-        )
-    B = _reading(other, structure.n_dofs) - _reading(one, structure.n_dofs)
-    return B, c
-
-
-def _small(structure: Structure, face: str) -> FaceMean:
-    mean = face_mean(structure, face)
-    if len(mean.share) > MOST_NODES:
-        raise ValueError(
-            f"the face {face!r} has {len(mean.share)} nodes, allowed for a rod are {MOST_NODES}; "
-            "take a smaller face, as that of a washer, or a coarser mesh there."
-        )
-    return mean
-
-
-def _reading(mean: FaceMean, n: int) -> csr_matrix:
-    """C (3, n)."""
-    row = csr_matrix((mean.share, mean.node, [0, len(mean.node)]), shape=(1, n // 3))
-    return csr_matrix(kron(row, np.eye(3)))

@@ -29,13 +29,13 @@ class SharedSolutions:
     def once(self, key: bytes, computed):
         """What `computed` returns, from the store where it was computed before."""
         if key in self._known:
-            found, seconds = self._known[key]
+            result, seconds = self._known[key]
             self.saved += seconds
-            return found
+            return result
         started = process_time()
-        found = computed()
-        self._known[key] = found, process_time() - started
-        return found
+        result = computed()
+        self._known[key] = result, process_time() - started
+        return result
 
 
 class _Factor:
@@ -47,9 +47,9 @@ class _Factor:
         return self._shared.once(key, lambda: self._factor.solve(b)).copy(order="K")
 
 
-def _digest(*parts) -> bytes:
+def _digest(*arrays) -> bytes:
     digest = blake2b(digest_size=16)
-    for part in parts:
-        content = part if isinstance(part, bytes) else np.ascontiguousarray(part)
+    for array in arrays:
+        content = array if isinstance(array, bytes) else np.ascontiguousarray(array)
         digest.update(content)
     return digest.digest()

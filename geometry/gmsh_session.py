@@ -51,14 +51,14 @@ def failing(failure: str) -> Iterator[None]:
 @contextmanager
 def silent() -> Iterator[None]:
     """OpenCASCADE prints its transfers to the process's own output, past every option of gmsh."""
-    kept = os.dup(1)
+    output = os.dup(1)
     with open(os.devnull, "wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)
     try:
         yield
     finally:
-        os.dup2(kept, 1)
-        os.close(kept)
+        os.dup2(output, 1)
+        os.close(output)
 
 
 @contextmanager
@@ -77,11 +77,11 @@ def mesh_options(values: Mapping[str, float]) -> Iterator[None]:
 
 @contextmanager
 def _options(values: Mapping[str, float]) -> Iterator[None]:
-    before = {name: gmsh.option.getNumber(name) for name in values}
+    previous = {name: gmsh.option.getNumber(name) for name in values}
     for name, value in values.items():
         gmsh.option.setNumber(name, value)
     try:
         yield
     finally:
-        for name, value in before.items():
+        for name, value in previous.items():
             gmsh.option.setNumber(name, value)

@@ -172,18 +172,17 @@ def test_receptance_at_rest_is_the_static_compliance_and_peaks_at_a_mode(full):
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.02])
-@pytest.mark.parametrize(("most", "factors"), [(response.MOST, 1), (20, 2)])
+@pytest.mark.parametrize(("vectors", "factors"), [(response.KrylovSettings().vectors, 1), (20, 2)])
 def test_projected_receptance_is_the_direct_one_also_where_its_space_ends_too_early(
-    full, monkeypatch, loss, most, factors
+    full, monkeypatch, loss, vectors, factors
 ):
     w = contact_patch(full, "block:+x", (0.03, 0.0), 6e-3).w
     f = np.array([0.0, 400.0, 18e3])
-    monkeypatch.setattr(response, "WORTH_PROJECTING", len(w) + 1)
-    direct = receptance(full.K, full.M, w, f, loss_factor=loss)
-    made = []
-    monkeypatch.setattr(response, "WORTH_PROJECTING", len(w))
-    monkeypatch.setattr(response, "MOST", most)
-    monkeypatch.setattr(response, "factorised", lambda A: made.append(A) or factorised(A))
-    projected = receptance(full.K, full.M, w, f, loss_factor=loss)
+    too_small = response.KrylovSettings(smallest=len(w) + 1)
+    direct = receptance(full.K, full.M, w, f, loss_factor=loss, settings=too_small)
+    matrices = []
+    monkeypatch.setattr(response, "factorised", lambda A: matrices.append(A) or factorised(A))
+    settings = response.KrylovSettings(smallest=len(w), vectors=vectors)
+    projected = receptance(full.K, full.M, w, f, loss_factor=loss, settings=settings)
     assert np.abs(projected / direct - 1).max() < 1e-8
-    assert len(made) == factors
+    assert len(matrices) == factors

@@ -46,10 +46,10 @@ class Solved(NamedTuple):
     def compliance(self, w):
         return w @ self.factor.solve(w)
 
-    def of_patch(self, radius, weights="hertz"):
+    def of_patch(self, radius, weights="hertz", **options):
         """Of the whole block, and of the half-space on the same mesh."""
         patch = contact_patch(self.model, "block:+x", (0.0, 0.0), radius, weights=weights)
-        local = half_space_on_mesh(self.model, "block:+x", patch, STEEL)
+        local = half_space_on_mesh(self.model, "block:+x", patch, STEEL, **options)
         return self.compliance(patch.w), local
 
 
@@ -81,11 +81,10 @@ def test_of_a_large_body_the_elements_near_the_patch_are_enough(blocks, monkeypa
         return factorised(K)
 
     monkeypatch.setattr(half_space, "factorised", counting)
-    _, whole = solved.of_patch(1e-3)
-    monkeypatch.setattr(half_space, "LARGE", 1000)
-    _, near = solved.of_patch(1e-3)
+    _, full = solved.of_patch(1e-3)
+    _, local = solved.of_patch(1e-3, options=half_space.HalfSpaceMesh(large=1000))
     assert sizes[1] < 0.5 * sizes[0]
-    assert abs(near / whole - 1) < 2e-4  # 5e-6 on a mesh fine enough to make a body that large
+    assert abs(local / full - 1) < 2e-4  # 5e-6 on a mesh fine enough to make a body that large
 
 
 def test_the_meshed_half_space_approaches_the_exact_one(blocks):

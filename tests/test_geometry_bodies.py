@@ -8,12 +8,11 @@ from scipy.spatial.transform import Rotation
 from skfem import FacetBasis, MeshHex, MeshTet
 
 from geometry import InvalidGeometry, smallest_quality
-from geometry.body_mesh import body_meshes, facet_error
+from geometry.body_mesh import body_meshes, facet_error, foreseen_nodes
 from geometry.cad import model
-from geometry.foreseen import foreseen_nodes
 from geometry.imprint import Disc
 from geometry.selectors import Selected, bodies_named, faces, touches
-from geometry.shapes import Box, Cylinder, Hole, Plate
+from geometry.shapes import Box, Cylinder, Hole, Slab
 from geometry.sizes import Fine, Sizes, default_seed, default_seeds, size_of
 from geometry.touching import neighbours
 
@@ -38,32 +37,32 @@ def shapes():
     holes = tuple(Hole(2 * BORE, corner) for corner in CORNERS)
     bolts = {f"bolt-{i}": Cylinder(BORE, 0.05, **at(*c, 0)) for i, c in enumerate(CORNERS)}
     return bolts | {
-        "cover": Plate(RECTANGLE, 0.008, holes, **at(0, 0, 0)),
-        "base": Plate(RECTANGLE, 0.02, holes, **at(0, 0, -0.02)),
+        "cover": Slab(RECTANGLE, 0.008, holes, **at(0, 0, 0)),
+        "base": Slab(RECTANGLE, 0.02, holes, **at(0, 0, -0.02)),
         "block": Box((0.03, 0.03, 0.03), **at(0.1, 0.05, 0.023 + 5e-6)),
     }
 
 
 @pytest.fixture(scope="module", params=["tet", None], ids=["tet", "hex"])
 def meshed(shapes, request):
-    with model(shapes) as drawn:
-        pairs = neighbours(drawn.bodies, GAP).touching
-        upper = faces("cover@{:.9f},{:.9f},{:.9f}".format(*R @ [0.1, 0.01, 0.008]), drawn.bodies)
+    with model(shapes) as cad:
+        pairs = neighbours(cad.bodies, GAP).touching
+        upper = faces("cover@{:.9f},{:.9f},{:.9f}".format(*R @ [0.1, 0.01, 0.008]), cad.bodies)
         discs = {
             f"washer-{i}": Disc(upper, R @ [*corner, 0.008], R[:, 2], WASHER)
             for i, corner in enumerate(CORNERS)
         }
-        named = {"upper": upper, "bores": faces("cover:hole(8..9 mm)", drawn.bodies)}
+        named = {"upper": upper, "bores": faces("cover:hole(8..9 mm)", cad.bodies)}
         struck = Fine("block", R @ [0.1, 0.05, 0.038], 5e-4)
         order = {"sizes": Sizes(fine=[struck])} | {
             "named": named,
             "patches": discs,
             "element": request.param,
         }
-        meshes = body_meshes(drawn.bodies, pairs, gap=GAP, **order)
+        meshes = body_meshes(cad.bodies, pairs, gap=GAP, **order)
         kind = MeshTet if request.param == "tet" else MeshHex
         assert all(isinstance(mesh, kind) for mesh in meshes.values())
-        return drawn.bodies, meshes
+        return cad.bodies, meshes
 
 
 def test_meshes_enclose_the_volumes_of_their_bodies(meshed):
@@ -114,30 +113,30 @@ def test_elements_are_fine_at_a_fine_point_and_grow_away_from_it(meshed):
 
 
 def test_a_body_that_touches_none_is_meshed_like_any():
-    with model({"tube": Cylinder(0.05, 0.4, 0.045)}) as drawn:
-        held = {"end": faces("tube:-z", drawn.bodies)}
-        mesh = body_meshes(drawn.bodies, gap=GAP, named=held, sizes=Sizes({"tube": 0.01}))["tube"]
-        assert facet_error(mesh, drawn.bodies["tube"]) == pytest.approx(0, abs=1e-9)
+    with model({"tube": Cylinder(0.05, 0.4, 0.045)}) as cad:
+        held = {"end": faces("tube:-z", cad.bodies)}
+        mesh = body_meshes(cad.bodies, gap=GAP, named=held, sizes=Sizes({"tube": 0.01}))["tube"]
+        assert facet_error(mesh, cad.bodies["tube"]) == pytest.approx(0, abs=1e-9)
         assert area(mesh, "end") == pytest.approx(pi * (0.05**2 - 0.045**2), rel=1e-3)
         np.testing.assert_allclose(mesh.p[2, mesh.facets[:, mesh.boundaries["end"]]], -0.2)
 
 
 def test_a_disc_beside_its_faces_is_refused(shapes):
-    with model(shapes) as drawn:
-        on = Selected("block", tuple(f.tag for f in drawn.bodies["block"].faces))
+    with model(shapes) as cad:
+        on = Selected("block", tuple(f.tag for f in cad.bodies["block"].faces))
         beside = Disc(on, R @ [0.2, 0.0, 0.5], R[:, 2], 0.004)
         with pytest.raises(
             ValueError, match=r'"pad": a disc .* does not lie on the faces of block'
         ):
-            body_meshes({"block": drawn.bodies["block"]}, gap=GAP, patches={"pad": beside})
+            body_meshes({"block": cad.bodies["block"]}, gap=GAP, patches={"pad": beside})
 
 
 def hexahedra_of(shapes, **order):
     """Meshes of shapes that are all to be hexahedra, where they touch imprinted."""
-    with model(shapes) as drawn:
-        pairs = neighbours(drawn.bodies, GAP).touching
-        discs = {n: make(drawn.bodies) for n, make in order.pop("patches", {}).items()}
-        return body_meshes(drawn.bodies, pairs, gap=GAP, patches=discs, **order)
+    with model(shapes) as cad:
+        pairs = neighbours(cad.bodies, GAP).touching
+        discs = {n: make(cad.bodies) for n, make in order.pop("patches", {}).items()}
+        return body_meshes(cad.bodies, pairs, gap=GAP, patches=discs, **order)
 
 
 @pytest.mark.parametrize("turn", [(0, 0, 0), TURN])
@@ -166,10 +165,10 @@ def test_coarse_thick_bodies_are_fine_where_one_ends_on_the_other(side, seed, fi
     """There stresses are singular; not where both end together, nor at the default seed [mm]."""
     side, seed, finest = 1e-3 * side, 1e-3 * seed, 1e-3 * finest
     floor, tower = Box((0.1, 0.1, 0.05)), Box((side, side, 0.05), at=(0, 0, 0.05))
-    with model({"floor": floor, "tower": tower}) as drawn:
-        pairs = neighbours(drawn.bodies, GAP).touching
-        seeds = dict.fromkeys(drawn.bodies, seed)
-        meshes = body_meshes(drawn.bodies, pairs, gap=GAP, sizes=Sizes(seeds))
+    with model({"floor": floor, "tower": tower}) as cad:
+        pairs = neighbours(cad.bodies, GAP).touching
+        seeds = dict.fromkeys(cad.bodies, seed)
+        meshes = body_meshes(cad.bodies, pairs, gap=GAP, sizes=Sizes(seeds))
     for mesh in meshes.values():
         for x in mesh.p:
             steps = np.diff(np.unique(x.round(9)))
@@ -193,16 +192,14 @@ def test_a_tube_in_a_ring_is_polar_and_touches_over_its_length():
 def test_a_thin_body_is_fine_where_its_partner_ends_and_there_alone(element, hole):
     holes = (Hole(0.006, (0.08, 0.03)),) if hole else ()
     shapes = {
-        "sheet": Plate(((0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06)), 1e-3, holes),
+        "sheet": Slab(((0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06)), 1e-3, holes),
         "clamp": Box((0.03, 0.06, 0.03), at=(0.015, 0.03, -0.015)),
     }
     seed = 4e-3
-    with model(shapes) as drawn:
-        pairs = neighbours(drawn.bodies, GAP).touching
+    with model(shapes) as cad:
+        pairs = neighbours(cad.bodies, GAP).touching
         seeds = {"sheet": seed}
-        mesh = body_meshes(drawn.bodies, pairs, gap=GAP, sizes=Sizes(seeds), element=element)[
-            "sheet"
-        ]
+        mesh = body_meshes(cad.bodies, pairs, gap=GAP, sizes=Sizes(seeds), element=element)["sheet"]
     ends = mesh.p[:, mesh.edges]
     lower = np.all(ends[2] < 1e-9, axis=0)
     length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=0)
@@ -218,30 +215,33 @@ def test_a_thin_body_is_fine_where_its_partner_ends_and_there_alone(element, hol
 def test_nodes_are_foreseen_within_a_factor_of_two(element, finer):
     shapes = {
         "block": Box((0.06, 0.05, 0.04)),
-        "plate": Plate(RECTANGLE, 0.008, tuple(Hole(2 * BORE, corner) for corner in CORNERS)),
+        "plate": Slab(RECTANGLE, 0.008, tuple(Hole(2 * BORE, corner) for corner in CORNERS)),
         "pin": Cylinder(0.01, 0.16),
         "tube": Cylinder(0.05, 0.2, 0.04),
     }
-    with model(shapes) as drawn:
-        seeds = {name: finer * size_of(body).seed for name, body in drawn.bodies.items()}
-        meshes = body_meshes(drawn.bodies, gap=GAP, sizes=Sizes(seeds), element=element)
+    with model(shapes) as cad:
+        seeds = {name: finer * size_of(body).seed for name, body in cad.bodies.items()}
+        meshes = body_meshes(cad.bodies, gap=GAP, sizes=Sizes(seeds), element=element)
     for name, mesh in meshes.items():
-        size = size_of(drawn.bodies[name], seeds[name])
-        foreseen = foreseen_nodes(drawn.bodies[name], size, element)
+        size = size_of(cad.bodies[name], seeds[name])
+        foreseen = foreseen_nodes(cad.bodies[name], size, element)
         assert 0.5 < foreseen / (mesh.nvertices + mesh.nedges) < 2
 
 
 def test_a_seed_that_no_machine_solves_is_refused_before_meshing():
     with (
-        model({"block": Box((0.1, 0.1, 0.1))}) as drawn,
+        model({"block": Box((0.1, 0.1, 0.1))}) as cad,
         pytest.raises(InvalidGeometry, match=r"seed = 0\.0002 m .* take a seed above 0\.00092 m"),
     ):
-        body_meshes(drawn.bodies, gap=GAP, sizes=Sizes({"block": 2e-4}))
+        body_meshes(cad.bodies, gap=GAP, sizes=Sizes({"block": 2e-4}))
 
 
 def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_only():
     outline = ((0, 0), (0.1, 0), (0.1, 0.05), (0.05, 0.08), (0, 0.05))
-    shapes = {"pad": Plate(outline, 0.03), "leg": Box((0.02, 0.02, 0.1), at=(0.05, 0.03, -0.05))}
+    shapes = {
+        "pad": Slab(outline, 0.03),
+        "leg": Box((0.02, 0.02, 0.1), at=(0.05, 0.03, -0.05)),
+    }
     on_side = {"spot": lambda bodies: Disc(faces("pad:-y", bodies), SPOT, np.eye(3)[1], 0.008)}
     meshes = hexahedra_of(shapes, patches=on_side)
     assert isinstance(meshes["pad"], MeshTet) and isinstance(meshes["leg"], MeshHex)
@@ -253,7 +253,7 @@ def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_
 def test_a_disc_that_its_face_cuts_off_keeps_its_circle():
     place, radius = np.array([0.00625, 0.05, 0.01]), 0.0065
     discs = {"cut": lambda bodies: Disc(faces("pad:+z", bodies), place, np.eye(3)[2], radius)}
-    mesh = hexahedra_of({"pad": Plate(RECTANGLE, 0.01)}, patches=discs)["pad"]
+    mesh = hexahedra_of({"pad": Slab(RECTANGLE, 0.01)}, patches=discs)["pad"]
     nodes = mesh.p[:, np.unique(mesh.facets[:, mesh.boundaries["cut"]])]
     assert np.linalg.norm(nodes - place[:, None], axis=0).max() == pytest.approx(radius, rel=1e-9)
     off = place[0] / radius
@@ -283,14 +283,12 @@ def test_a_washer_up_to_the_edge_of_its_face_leaves_the_sides_plane(element, bey
     middle = {"one": [0.0, aside, 0.01]} | ({"other": [0, -aside, 0.01]} if aside > 1e-3 else {})
     if aside and aside < 1e-3:
         middle = {"one": [aside, 0.0, 0.01]}
-    with model({"bar": Box(sides, turn=TURN)}) as drawn:
-        on = faces("bar@{:.9f},{:.9f},{:.9f}".format(*R @ [0.0, 0.013, 0.01]), drawn.bodies)
+    with model({"bar": Box(sides, turn=TURN)}) as cad:
+        on = faces("bar@{:.9f},{:.9f},{:.9f}".format(*R @ [0.0, 0.013, 0.01]), cad.bodies)
         discs = {n: Disc(on, R @ centre, R[:, 2], radius) for n, centre in middle.items()}
         seeds = Sizes({"bar": 4e-3})
-        mesh = body_meshes(drawn.bodies, gap=GAP, sizes=seeds, patches=discs, element=element)[
-            "bar"
-        ]
-        assert facet_error(mesh, drawn.bodies["bar"]) == pytest.approx(0, abs=1e-9)
+        mesh = body_meshes(cad.bodies, gap=GAP, sizes=seeds, patches=discs, element=element)["bar"]
+        assert facet_error(mesh, cad.bodies["bar"]) == pytest.approx(0, abs=1e-9)
     assert off_the_sides(mesh, R, sides) < 1e-12
     assert smallest_quality(mesh) > 1e-4
     for name in discs:
@@ -300,20 +298,20 @@ def test_a_washer_up_to_the_edge_of_its_face_leaves_the_sides_plane(element, bey
 @pytest.mark.parametrize("radius", [3.88e-3, 3.93e-3, 3.97e-3])
 def test_elements_between_a_washer_and_an_edge_fill_the_body_once(radius):
     """A rim moved past the edge, and quadrilaterals folded in the gap, turn elements over."""
-    with model({"bar": Box((0.008, 0.03, 0.02))}) as drawn:
-        on = faces("bar:+z", drawn.bodies)
+    with model({"bar": Box((0.008, 0.03, 0.02))}) as cad:
+        on = faces("bar:+z", cad.bodies)
         disc = {"washer": Disc(on, np.array([0.0, 0.0, 0.01]), np.eye(3)[2], radius)}
         seeds = Sizes({"bar": 4e-3})
-        mesh = body_meshes(drawn.bodies, gap=GAP, sizes=seeds, patches=disc)["bar"]
-        assert facet_error(mesh, drawn.bodies["bar"]) == pytest.approx(0, abs=1e-9)
+        mesh = body_meshes(cad.bodies, gap=GAP, sizes=seeds, patches=disc)["bar"]
+        assert facet_error(mesh, cad.bodies["bar"]) == pytest.approx(0, abs=1e-9)
     corners = mesh.mapping().detDF(mesh.elem().doflocs[: mesh.t.shape[0]].T)
     assert np.ptp(np.sign(corners)) == 0
 
 
 def test_a_body_that_cannot_be_meshed_is_named():
     box = {"block": Box((0.1, 0.1, 0.1))}
-    with model(box) as drawn:
-        gone = drawn.bodies["block"]._replace(tag=99)
+    with model(box) as cad:
+        gone = cad.bodies["block"]._replace(tag=99)
         with pytest.raises(ValueError, match='"block" could not be meshed with elements of 0'):
             body_meshes({"block": gone}, gap=GAP, element="tet")
 
@@ -323,8 +321,8 @@ def test_a_side_touched_over_a_trapezium_makes_tetrahedra():
     slanted = ((0.02, 0), (0.08, 0), (0.06, 0.02), (0.04, 0.02))
     meshes = hexahedra_of(
         {
-            "pad": Plate(wide, 0.03),
-            "rib": Plate(slanted, 0.02, turn=(90, 0, 0)),
+            "pad": Slab(wide, 0.03),
+            "rib": Slab(slanted, 0.02, turn=(90, 0, 0)),
         }
     )
     assert isinstance(meshes["pad"], MeshTet) and isinstance(meshes["rib"], MeshHex)
@@ -344,12 +342,10 @@ PICKED = {
 
 @pytest.mark.parametrize("selector", PICKED)
 def test_selectors_pick_the_face_that_is_meant(selector):
-    with model({"ell": Plate(L_SHAPE, 0.05)}) as drawn:
-        picked = faces(selector, drawn.bodies)
+    with model({"ell": Slab(L_SHAPE, 0.05)}) as cad:
+        picked = faces(selector, cad.bodies)
         (tag,) = picked.tags
-        np.testing.assert_allclose(
-            drawn.bodies["ell"].face(tag).centre, PICKED[selector], atol=1e-9
-        )
+        np.testing.assert_allclose(cad.bodies["ell"].face(tag).centre, PICKED[selector], atol=1e-9)
 
 
 REFUSED = {
@@ -367,18 +363,21 @@ REFUSED = {
 
 @pytest.mark.parametrize("selector", REFUSED)
 def test_selectors_that_pick_nothing_or_cannot_choose_say_what_there_is(selector):
-    shapes = {"ell": Plate(L_SHAPE, 0.05), "tube": Cylinder(0.02, 0.1, 0.01, at=(0.3, 0, 0))}
+    shapes = {
+        "ell": Slab(L_SHAPE, 0.05),
+        "tube": Cylinder(0.02, 0.1, 0.01, at=(0.3, 0, 0)),
+    }
     with (
-        model(shapes) as drawn,
+        model(shapes) as cad,
         pytest.raises(InvalidGeometry, match=REFUSED[selector]),
     ):
-        faces(selector, drawn.bodies)
+        faces(selector, cad.bodies)
 
 
 def test_patterns_name_bodies_and_pairs(shapes):
-    with model(shapes) as drawn:
-        pairs = neighbours(drawn.bodies, GAP).touching
-        bodies = drawn.bodies
+    with model(shapes) as cad:
+        pairs = neighbours(cad.bodies, GAP).touching
+        bodies = cad.bodies
         assert len(bodies_named("bolt-*", bodies)) == 4
         assert len(touches("bolt-*|cover", bodies, pairs)) == 4
         assert [t.name for t in touches("block|cover", bodies, pairs)] == ["cover|block"]
@@ -388,9 +387,9 @@ def test_patterns_name_bodies_and_pairs(shapes):
 
 def test_small_bodies_have_elements_that_count_in_the_assembly():
     shapes = {"large": Box((0.3, 0.2, 0.1)), "small": Box((0.02, 0.02, 0.02), at=(0.0, 0.0, 0.06))}
-    with model(shapes) as drawn:
-        seeds = default_seeds(drawn.bodies)
-        alone = {name: default_seed(body) for name, body in drawn.bodies.items()}
+    with model(shapes) as cad:
+        seeds = default_seeds(cad.bodies)
+        alone = {name: default_seed(body) for name, body in cad.bodies.items()}
         assert seeds["large"] == alone["large"]
         diagonal = np.linalg.norm([0.3, 0.2, 0.12])
         assert abs(seeds["small"] / (diagonal / 60) - 1) < 1e-6 and seeds["small"] > alone["small"]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from geometry.cad import body_of, model
 from geometry.gmsh_session import session
 from geometry.holes import bores, concentric
-from geometry.shapes import Cylinder, Hole, Plate
+from geometry.shapes import Cylinder, Hole, Slab
 from geometry.touching import neighbours
 
 GAP = 1e-5
@@ -25,7 +25,7 @@ def at(*point):
 
 def plate(thickness, z, *holes):
     drilled = tuple(Hole(diameter, place) for diameter, place in holes)
-    return Plate(RECTANGLE, thickness, drilled, **at(0, 0, z))
+    return Slab(RECTANGLE, thickness, drilled, **at(0, 0, z))
 
 
 @pytest.fixture(scope="module")
@@ -36,15 +36,15 @@ def bolted():
         "base": plate(0.02, -0.02, (6.8e-3, (0.02, 0.02)), (9e-3, (0.181, 0.02))),
         "roll": Cylinder(0.01, 0.1, **at(0.1, 0.05, 0.4)),
     }
-    with model(shapes) as drawn:
-        return drawn.bodies, neighbours(drawn.bodies, GAP).touching
+    with model(shapes) as cad:
+        return cad.bodies, neighbours(cad.bodies, GAP).touching
 
 
 def test_bores_have_their_diameters_axes_and_ends(bolted):
     bodies, _ = bolted
-    found = sorted(bores(bodies["cover"]), key=lambda bore: bore.radius)
-    assert [bore.diameter for bore in found] == pytest.approx([8.5e-3, 9e-3, 0.02])
-    for bore, place in zip(found, [(0.02, 0.02), (0.18, 0.02), (0.1, 0.05)], strict=True):
+    by_radius = sorted(bores(bodies["cover"]), key=lambda bore: bore.radius)
+    assert [bore.diameter for bore in by_radius] == pytest.approx([8.5e-3, 9e-3, 0.02])
+    for bore, place in zip(by_radius, [(0.02, 0.02), (0.18, 0.02), (0.1, 0.05)], strict=True):
         ends = sorted(bore.ends.tolist(), key=lambda end: end @ R[:, 2])
         expected = [R @ [*place, 0], R @ [*place, 0.008]]
         np.testing.assert_allclose(ends, expected, atol=1e-9)

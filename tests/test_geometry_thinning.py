@@ -28,27 +28,27 @@ def area(points, faces):
 @pytest.mark.parametrize("kind", [MeshHex, MeshTet])
 def test_a_thin_plate_keeps_both_sides_its_corners_and_its_area(kind):
     points, faces = plate(kind)
-    found = thinned(points, faces, 600)
-    assert 200 < len(found.nodes) <= 600
-    left = points[found.nodes]
-    assert area(left, found.faces) == pytest.approx(area(points, faces), rel=0.02)
+    thin = thinned(points, faces, 600)
+    assert 200 < len(thin.nodes) <= 600
+    nodes = points[thin.nodes]
+    assert area(nodes, thin.faces) == pytest.approx(area(points, faces), rel=0.02)
     corners = np.array([[x, y, z] for x in (0, LONG) for y in (0, LONG) for z in (0, THICK)])
-    away = np.linalg.norm(left[:, None] - corners, axis=2).min(axis=0)
+    away = np.linalg.norm(nodes[:, None] - corners, axis=2).min(axis=0)
     assert away.max() < 1e-12
 
 
 def test_faces_have_three_corners_and_stand_once():
     points, faces = plate(MeshHex)
-    found = thinned(points, faces, 600).faces
-    assert min(len(set(face)) for face in found.tolist()) >= 3
-    assert len({tuple(sorted(face)) for face in found.tolist()}) == len(found)
-    again = np.array([len(set(face)) == 3 for face in found.tolist()])
-    assert (found[again, 2] == found[again, 3]).all()
+    thin = thinned(points, faces, 600).faces
+    assert min(len(set(face)) for face in thin.tolist()) >= 3
+    assert len({tuple(sorted(face)) for face in thin.tolist()}) == len(thin)
+    again = np.array([len(set(face)) == 3 for face in thin.tolist()])
+    assert (thin[again, 2] == thin[again, 3]).all()
 
 
 def test_bodies_that_touch_stay_apart():
     points, faces = plate(MeshHex)
     group = np.repeat([0, 1], len(points))
     twice = np.concatenate([points, points]), np.concatenate([faces, faces + len(points)])
-    found = thinned(*twice, 1200)
-    assert all(len(set(group[found.nodes[face]])) == 1 for face in found.faces)
+    thin = thinned(*twice, 1200)
+    assert all(len(set(group[thin.nodes[face]])) == 1 for face in thin.faces)

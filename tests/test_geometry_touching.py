@@ -12,8 +12,8 @@ from geometry import InvalidGeometry
 from geometry.body_mesh import body_meshes, facet_error
 from geometry.cad import body_of, model
 from geometry.gmsh_session import session
-from geometry.shapes import Box, Cylinder, Hole, Plate
-from geometry.touching import neighbours, require_apart, told
+from geometry.shapes import Box, Cylinder, Hole, Slab
+from geometry.touching import neighbours, require_apart
 
 GAP = 1e-5
 TURNS = [(0, 0, 0), (10, 20, 30), (90, 0, 45)]
@@ -27,9 +27,9 @@ def turned(shape, turn, *at, **more):
     return shape(**more, at=tuple(middle), turn=turn)
 
 
-def found(shapes, gap=GAP):
-    with model(shapes) as drawn:
-        return neighbours(drawn.bodies, gap), drawn.bodies
+def neighbours_of(shapes, gap=GAP):
+    with model(shapes) as cad:
+        return neighbours(cad.bodies, gap), cad.bodies
 
 
 @pytest.mark.parametrize("turn", TURNS)
@@ -37,31 +37,31 @@ def test_a_plate_on_four_bolts_touches_each_over_its_bore(turn):
     holes = tuple(Hole(8.5e-3, at) for at in CORNERS)
     plate = {"outline": RECTANGLE, "holes": holes}
     shapes = {
-        "cover": turned(Plate, turn, 0, 0, 0, thickness=0.008, **plate),
-        "base": turned(Plate, turn, 0, 0, -0.02, thickness=0.02, **plate),
+        "cover": turned(Slab, turn, 0, 0, 0, thickness=0.008, **plate),
+        "base": turned(Slab, turn, 0, 0, -0.02, thickness=0.02, **plate),
     }
     for i, at in enumerate(CORNERS):
         shapes[f"bolt-{i}"] = turned(Cylinder, turn, *at, 0, radius=4.25e-3, length=0.05)
-    near, bodies = found(shapes)
-    area = {touch.name: touch.area for touch in near.touching}
+    pairs, bodies = neighbours_of(shapes)
+    area = {touch.name: touch.area for touch in pairs.touching}
     around = 2 * pi * 4.25e-3
     expected = {"cover|base": 0.02 - 4 * pi * 4.25e-3**2}
     expected |= {f"cover|bolt-{i}": around * 0.008 for i in range(4)}
     expected |= {f"base|bolt-{i}": around * 0.02 for i in range(4)}
     assert area == pytest.approx(expected, rel=1e-6)
-    assert near.misses == near.overlaps == () == near.free(bodies)
+    assert pairs.misses == pairs.overlaps == () == pairs.free(bodies)
 
 
 @pytest.mark.parametrize(("clearance", "touching"), [(0, 1), (8e-6, 1), (3e-5, 0)])
 def test_a_pin_touches_its_bore_within_the_gap(clearance, touching):
-    bored = Plate(RECTANGLE, 0.02, (Hole(0.01, (0.1, 0.05)),))
+    bored = Slab(RECTANGLE, 0.02, (Hole(0.01, (0.1, 0.05)),))
     pin = Cylinder(0.005 - clearance, 0.05, at=(0.1, 0.05, 0.01))
-    near, _ = found({"plate": bored, "pin": pin})
-    assert len(near.touching) == touching and len(near.misses) == 1 - touching
-    for touch in near.touching:
+    pairs, _ = neighbours_of({"plate": bored, "pin": pin})
+    assert len(pairs.touching) == touching and len(pairs.misses) == 1 - touching
+    for touch in pairs.touching:
         assert touch.area == pytest.approx(2 * pi * 0.005 * 0.02, rel=2e-3)
         assert touch.gap == pytest.approx(clearance, abs=1e-12)
-    for miss in near.misses:
+    for miss in pairs.misses:
         assert miss.distance == pytest.approx(clearance, rel=1e-6)
 
 
@@ -71,42 +71,42 @@ def test_faces_touch_across_a_gap_over_their_common_part(turn):
         "lower": turned(Box, turn, 0, 0, 0, sides=(0.1, 0.1, 0.02)),
         "upper": turned(Box, turn, 0.04, 0.03, 0.02 + 8e-6, sides=(0.1, 0.1, 0.02)),
     }
-    near, _ = found(shapes)
-    (touch,) = near.touching
+    pairs, _ = neighbours_of(shapes)
+    (touch,) = pairs.touching
     assert touch.name == "lower|upper"
     assert touch.area == pytest.approx(0.06 * 0.07, rel=1e-6)
     assert touch.gap == pytest.approx(8e-6, rel=1e-6)
-    (miss,) = found(shapes, gap=1e-6)[0].misses
+    (miss,) = neighbours_of(shapes, gap=1e-6)[0].misses
     assert miss.distance == pytest.approx(8e-6, rel=1e-6)
 
 
 def test_bodies_that_overlap_or_lie_inside_each_other_are_refused():
-    near, _ = found({"a": Box((0.1,) * 3), "b": Box((0.1,) * 3, at=(0.09, 0, 0))})
+    pairs, _ = neighbours_of({"a": Box((0.1,) * 3), "b": Box((0.1,) * 3, at=(0.09, 0, 0))})
     with pytest.raises(InvalidGeometry, match=r'"a" and "b" overlap by 1e\+05 mm\^3'):
-        require_apart(near)
-    near, _ = found({"a": Box((0.1,) * 3), "core": Box((0.01,) * 3)})
+        require_apart(pairs)
+    pairs, _ = neighbours_of({"a": Box((0.1,) * 3), "core": Box((0.01,) * 3)})
     with pytest.raises(InvalidGeometry, match='"core" lies inside "a"'):
-        require_apart(near)
-    bored = Plate(RECTANGLE, 0.02, (Hole(0.01, (0.1, 0.05)),))
-    near, _ = found({"plate": bored, "pin": Cylinder(0.005, 0.01, at=(0.1, 0.05, 0.01))})
-    require_apart(near)
+        require_apart(pairs)
+    bored = Slab(RECTANGLE, 0.02, (Hole(0.01, (0.1, 0.05)),))
+    pairs, _ = neighbours_of({"plate": bored, "pin": Cylinder(0.005, 0.01, at=(0.1, 0.05, 0.01))})
+    require_apart(pairs)
 
 
-def test_near_misses_and_lines_are_told_in_a_sentence():
+def test_near_misses_and_lines_are_reported_in_a_sentence():
     cube = Box((0.1,) * 3)
-    near, _ = found({"a": cube, "b": Box((0.1,) * 3, at=(0.1003, 0, 0))})
-    assert '"a" and "b" miss each other by 0.3 mm' in told(near.misses[0])
-    near, _ = found({"a": cube, "b": Box((0.1,) * 3, at=(0.1, 0.1, 0))})
-    assert "along a line or at a point, near [0.05, 0.05, " in told(near.misses[0])
+    pairs, _ = neighbours_of({"a": cube, "b": Box((0.1,) * 3, at=(0.1003, 0, 0))})
+    assert '"a" and "b" miss each other by 0.3 mm' in pairs.misses[0].sentence
+    pairs, _ = neighbours_of({"a": cube, "b": Box((0.1,) * 3, at=(0.1, 0.1, 0))})
+    assert "along a line or at a point, near [0.05, 0.05, " in pairs.misses[0].sentence
 
 
-def test_edges_that_meet_are_no_contact_but_a_distance_of_nothing():
+def test_bodies_that_meet_at_an_edge_miss_each_other_by_zero():
     shapes = {"a": Box((0.1,) * 3), "b": Box((0.1,) * 3, at=(0.1, 0.1, 0))}
-    near, bodies = found(shapes)
-    (miss,) = near.misses
-    assert not near.touching and miss.distance == pytest.approx(0, abs=1e-9)
+    pairs, bodies = neighbours_of(shapes)
+    (miss,) = pairs.misses
+    assert not pairs.touching and miss.distance == pytest.approx(0, abs=1e-9)
     np.testing.assert_allclose(miss.at[:2], 0.05, atol=1e-6)
-    assert near.free(bodies) == ("a", "b")
+    assert pairs.free(bodies) == ("a", "b")
 
 
 def test_a_cylinder_on_a_plane_touches_along_a_line_only():
@@ -114,23 +114,25 @@ def test_a_cylinder_on_a_plane_touches_along_a_line_only():
         "floor": Box((0.2, 0.2, 0.02)),
         "roll": Cylinder(0.03, 0.1, at=(0, 0, 0.04), turn=(90, 0, 0)),
     }
-    near, _ = found(shapes)
-    assert not near.touching and not near.overlaps
-    assert near.misses[0].distance == pytest.approx(0, abs=1e-9)
+    pairs, _ = neighbours_of(shapes)
+    assert not pairs.touching and not pairs.overlaps
+    assert pairs.misses[0].distance == pytest.approx(0, abs=1e-9)
 
 
-def test_overlaps_are_told_with_their_volume():
+def test_overlaps_are_reported_with_their_volume():
     cube = Box((0.1,) * 3)
-    near, _ = found({"a": cube, "b": Box((0.1,) * 3, at=(0.09, 0, 0)), "c": Box((0.01,) * 3)})
-    volume = {overlap.bodies: (overlap.volume, overlap.inside) for overlap in near.overlaps}
+    pairs, _ = neighbours_of(
+        {"a": cube, "b": Box((0.1,) * 3, at=(0.09, 0, 0)), "c": Box((0.01,) * 3)}
+    )
+    volume = {overlap.bodies: (overlap.volume, overlap.inside) for overlap in pairs.overlaps}
     assert volume.keys() == {("a", "b"), ("a", "c")}
     assert volume["a", "b"] == (pytest.approx(0.01 * 0.1**2), None)
     assert volume["a", "c"] == (pytest.approx(1e-6), "c")
 
 
-def test_bodies_far_apart_are_not_told_of():
-    near, bodies = found({"a": Box((0.1,) * 3), "b": Box((0.1,) * 3, at=(0.2, 0, 0))})
-    assert near == ((), (), ()) and near.free(bodies) == ("a", "b")
+def test_bodies_far_apart_are_not_reported():
+    pairs, bodies = neighbours_of({"a": Box((0.1,) * 3), "b": Box((0.1,) * 3, at=(0.2, 0, 0))})
+    assert pairs == ((), (), ()) and pairs.free(bodies) == ("a", "b")
 
 
 def cut(solid, *tools):
@@ -198,12 +200,12 @@ def test_pairs_of_any_shape_touch_over_their_common_area_and_mesh_with_it(make):
         gmsh.model.occ.rotate([(3, tag) for tag in tags.values()], 0, 0, 0, 1, 2, 3, 0.4)
         gmsh.model.occ.synchronize()
         bodies = {name: body_of(name, tag) for name, tag in tags.items()}
-        near = neighbours(bodies, GAP)
-        require_apart(near)
-        (touch,) = near.touching
+        pairs = neighbours(bodies, GAP)
+        require_apart(pairs)
+        (touch,) = pairs.touching
         assert touch.area == pytest.approx(expected, rel=1e-6)
         assert len(touch.contacts) == n_faces
-        for name, mesh in body_meshes(bodies, near.touching, gap=GAP).items():
+        for name, mesh in body_meshes(bodies, pairs.touching, gap=GAP).items():
             basis = FacetBasis(mesh, mesh.elem(), facets=touch.name)
             assert basis.dx.sum() == pytest.approx(expected, rel=facets)
             assert abs(facet_error(mesh, bodies[name])) < facets

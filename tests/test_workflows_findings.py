@@ -13,7 +13,7 @@ import workflows.evidence
 from dem.waves.measures import exponent
 from workflows.evidence import catalogue, prose
 from workflows.evidence.accuracy import batch, peers, runs, time, wall_modes
-from workflows.evidence.accuracy.row import Row
+from workflows.evidence.accuracy.row import AccuracyRow
 from workflows.evidence.prose import rendered
 from workflows.files.scene import scene
 from workflows.report.tables import Table, as_csv, records, short, text
@@ -105,7 +105,8 @@ def few_peers(monkeypatch):
 def rows_of(*methods):
     """A quick run of each method to 1e-8, ours the quicker one."""
     return [
-        Row("", name, 0.0, 1e-8, 1e-3 * (1 + i), setting=1e-7) for i, name in enumerate(methods)
+        AccuracyRow("", name, 0.0, 1e-8, 1e-3 * (1 + i), setting=1e-7)
+        for i, name in enumerate(methods)
     ]
 
 
@@ -121,10 +122,16 @@ def test_the_study_of_schemes_says_orders_and_ratios(few_peers, monkeypatch):
 def test_the_study_of_wall_modes_says_what_a_mode_costs(few_peers, monkeypatch):
     monkeypatch.setattr(wall_modes, "MODES", (0, 1, 2, 3))
     monkeypatch.setattr(wall_modes, "COMPARED", 2)
-    runs = rows_of("rkn6", "odeint")
-    monkeypatch.setattr(wall_modes, "mode_rows", lambda case, step, k, schemes: [
-        row._replace(parameter=k, seconds=(k + 1) * row.seconds) for row in runs
-    ])  # fmt: skip
+    ours, theirs = rows_of("rkn6", "odeint")
+
+    def at(row, k):
+        return row._replace(parameter=k, seconds=(k + 1) * row.seconds)
+
+    monkeypatch.setattr(wall_modes, "scheme_row", lambda *case: at(ours, case[-1]))
+    monkeypatch.setattr(wall_modes, "scheme_rows", lambda *_, **__: ())
+    monkeypatch.setattr(
+        wall_modes, "peer_rows", lambda *_, parameter, **__: [at(theirs, parameter)]
+    )
     found = wall_modes.wall_modes(scene("rig-rigid", SHORT), lambda name: nullcontext())
     assert "no modes of its own" in found.sentences[0]
     assert "takes 1 ms with a rigid wall, and with modes 1 ms + 1e+03 µs" in found.sentences[-1]
@@ -132,9 +139,9 @@ def test_the_study_of_wall_modes_says_what_a_mode_costs(few_peers, monkeypatch):
 
 def test_the_study_of_populations_says_runs_a_second(monkeypatch):
     monkeypatch.setattr(batch, "POPULATION", 16)
-    many = SimpleNamespace(warm=16e-3, cold=1.0, result=SimpleNamespace(
-        dt=1e-6, energy_error=np.zeros(3), n_steps=800))  # fmt: skip
-    monkeypatch.setattr(batch, "timed", lambda *_, **__: many)
+    many = SimpleNamespace(dt=1e-6, energy_error=np.zeros(3), n_steps=800)
+    timed = runs.Timed(many, warm=16e-3, cold=1.0)
+    monkeypatch.setattr(batch, "timed", lambda *_, **__: timed)
     monkeypatch.setattr(batch, "step_of_median", lambda *_: (1e-6, 1e-4))
     found = batch.batch(scene("rig-rigid", SHORT), lambda name: nullcontext())
     assert found.sentences[0].startswith("1,000 runs a second (rkn6, ")

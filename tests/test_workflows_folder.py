@@ -15,8 +15,7 @@ import pytest
 import rom
 from command_line import beadwave
 from workflows.evidence.accuracy import folder as accuracy
-from workflows.evidence.accuracy.row import Row
-from workflows.evidence.accuracy.rows import table_of
+from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.files.output_file import OutputFile
 from workflows.files.own_folder import own_folder
 from workflows.files.run_folder import MARKER, RunFolder
@@ -661,7 +660,7 @@ def test_two_options_name_two_files(capsys):
 
 def test_studies_of_accuracy_stay_beside_each_other():
     def found(study, error, said):
-        return Finding((table_of((Row(study, "rkn6", 1e-6, error, 1e-4),)),), (said,))
+        return Finding((table_of((AccuracyRow(study, "rkn6", 1e-6, error, 1e-4),)),), (said,))
 
     folder = RunFolder(Path("acc"))
     first, again = (found("time", error, f"{error}") for error in (2e-7, 3e-7))

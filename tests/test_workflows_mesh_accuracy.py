@@ -1,13 +1,12 @@
 """Frequencies against the element size: the limit and the order where three meshes tell them."""
 
-from contextlib import nullcontext
-
 import numpy as np
 import pytest
 
 from fem.convergence import extrapolated
 from workflows.evidence.accuracy import mesh as study
 from workflows.files.scene import scene
+from workflows.stages.progress import quiet
 
 H = 8e-3 / np.sqrt(2) ** np.arange(5)
 
@@ -37,9 +36,9 @@ def test_neither_do_values_that_turn_or_stand_still():
 def test_a_mesh_that_stands_for_the_limit_has_no_error_of_its_own():
     limit = np.array([50.0, 100.0])
     np.testing.assert_allclose(study.off(np.array([50.5, 100.0]), limit), [0.01, np.nan])
-    solved = study.Solved("box", 1.0, 30, limit[::-1] * 2, (1.0, 1.0, 1.0), 0.5)
-    assert study._row(solved, limit).error == pytest.approx(3.0)
-    assert study._row(solved._replace(hz=limit), limit).error is None
+    solution = study.MeshSolution("box", 1.0, 30, limit[::-1] * 2, (1.0, 1.0, 1.0), 0.5)
+    assert study.row_of(solution, limit).error == pytest.approx(3.0)
+    assert study.row_of(solution._replace(hz=limit), limit).error is None
 
 
 def test_finer_meshes_are_softer_and_the_study_says_by_how_much(monkeypatch):
@@ -47,38 +46,38 @@ def test_finer_meshes_are_softer_and_the_study_says_by_how_much(monkeypatch):
     monkeypatch.setattr(study, "N_MODES", {"full-tie": 18})
     monkeypatch.setattr(study, "BLOCK", 60e-3)
     seeds = (24e-3, 17e-3, 12e-3, 8.5e-3, 6e-3)
-    found = study.mesh(scene("rig-rom", ()), lambda name: nullcontext(), seeds=seeds)
+    finding = study.mesh(scene("rig-rom", ()), quiet, seeds=seeds)
     # nan of a finest mesh that stands for the limit
-    errors = np.array([row.error for row in found.tables[0].rows], dtype=float)
-    assert [row.parameter for row in found.tables[0].rows] == list(seeds)
+    errors = np.array([row.error for row in finding.tables[0].rows], dtype=float)
+    assert [row.parameter for row in finding.tables[0].rows] == list(seeds)
     assert not np.any(np.diff(errors) > 1e-3) and errors[0] > 2 * errors[-2]
     assert (
-        found.sentences[0].startswith("full-tie: the four frequencies converge to 5")
-        and found.pictures[0].png
+        finding.sentences[0].startswith("full-tie: the four frequencies converge to 5")
+        and finding.pictures[0].png
     )
     assert any(
-        "the block's elements stay at 60 mm and leave modes" in words for words in found.sentences
+        "the block's elements stay at 60 mm and leave modes" in words for words in finding.sentences
     )
 
 
 def test_what_the_block_leaves_is_no_less_than_halving_its_elements_shows():
-    """Of an error c h^p with p above 1, halving shows 1 - 2^-p of it, and more is told."""
+    """Of an error c h^p with p above 1, halving shows 1 - 2^-p of it, and more is stated."""
     rig = scene("rig-full-tie", ())
-    watch = lambda name: nullcontext()  # noqa: E731
     coarse, usual, fine = (
-        study._watched(rig, "full-tie", 24e-3, block, watch).hz for block in (40e-3, 20e-3, 10e-3)
+        study.rig_solution(rig, "full-tie", 24e-3, block, quiet).hz
+        for block in (40e-3, 20e-3, 10e-3)
     )
-    left = study.left_by_the_block(usual, coarse)
-    assert (left >= (usual / fine - 1)[1:]).all()
+    stated = study.error_of_the_block(usual, coarse)
+    assert (stated >= (usual / fine - 1)[1:]).all()
 
 
 def test_bodies_of_a_scene_are_meshed_finer_and_finer_and_fall_towards_their_limit():
     """A cantilever's first four modes over mesh.scale; each coarser mesh is stiffer."""
     cantilever = scene("cantilever", ("mesh.scale=2",))
-    found = study.mesh(cantilever, lambda name: nullcontext())
-    _, table = found.tables
+    finding = study.mesh(cantilever, quiet)
+    _, table = finding.tables
     scale, dofs, hz = (np.array([row[i] for row in table.rows]) for i in (1, 2, slice(3, 7)))
     np.testing.assert_allclose(scale, [8, 5.66, 4, 2.82, 2])
     assert np.all(np.diff(dofs) > 0)
     assert np.all(np.diff(hz, axis=0) < 0)
-    assert "cantilever: the frequencies converge to" in found.sentences[0]
+    assert "cantilever: the frequencies converge to" in finding.sentences[0]

@@ -13,8 +13,7 @@ from command_line import COARSE_RIG
 from fem.shared_solutions import SharedSolutions
 from workflows.commands.app import main
 from workflows.evidence.accuracy import reduction as study
-from workflows.evidence.accuracy.row import Row
-from workflows.evidence.accuracy.rows import table_of
+from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.files.scene import scene
 from workflows.report import finding
 from workflows.report.tables import Table
@@ -52,10 +51,10 @@ def error(printed, method, n):
 @pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
 @pytest.mark.parametrize("measure", ["receptance to 8 kHz", "velocities"])
 def test_modes_and_the_residual_bring_the_error_down(printed, kind, measure):
-    whole = [error(printed, f"{kind} + residual: {measure}", n) for n in (4, 30)]
-    bare = error(printed, f"{kind}: {measure}", 30)
-    assert whole[1] < 0.2 * whole[0]
-    assert whole[1] < 0.05 * bare  # the static residual is not optional
+    few, many = (error(printed, f"{kind} + residual: {measure}", n) for n in (4, 30))
+    modes_alone = error(printed, f"{kind}: {measure}", 30)
+    assert many < 0.2 * few
+    assert many < 0.05 * modes_alone  # the static residual is not optional
 
 
 def test_free_modes_with_residual_answer_like_the_full_model(printed):
@@ -72,7 +71,7 @@ def test_the_study_leaves_rows_and_a_picture(printed):
 
 def test_the_reference_is_the_full_model_to_its_bound(printed):
     """Said of the direct solutions beside it; a wrong mass or weight would show in percents."""
-    (sentence,) = [one for one in printed[0]["findings"] if one.startswith("Errors are relative")]
+    (sentence,) = [s for s in printed[0]["findings"] if s.startswith("Errors are relative")]
     stated, off = (float(word) for word in re.findall(r"\d\.\de-\d\d", sentence))
     assert off < stated <= study.BOUND
 
@@ -81,11 +80,11 @@ def test_a_shared_solution_is_the_same_and_its_seconds_count_again():
     A = csc_matrix(np.diag([2.0, 4.0]) + 0.5)
     shared, b = SharedSolutions(), np.array([1.0, 3.0])
     first = shared(A).solve(b)
-    before = shared.saved
+    saved = shared.saved
     again = shared(A).solve(b)
     np.testing.assert_array_equal(first, again)
     np.testing.assert_allclose(A @ again, b, rtol=1e-14)
-    assert shared.saved > before == 0
+    assert shared.saved > saved == 0
     again[:] = 0  # what a caller does with it is no matter of the next
     np.testing.assert_array_equal(shared(A).solve(b), first)
 
@@ -98,14 +97,14 @@ def test_a_scene_with_dashpots_is_refused_not_compared_without_them():
 
 def test_a_person_reads_one_table_and_not_its_rows_again():
     """Ninety rows with mostly empty columns once stood before the table that says the same."""
-    row = Row("reduction", "free-modes: velocities", 10, 1e-4, 0.1)
-    own = Table("reduction", ("method", "modes"), (("free-modes", 10),))
-    told = finding.Finding((table_of((row,), printed=False), own), ("word " * 50,))
-    table, *sentences = finding.text(told).split("\n\n")
+    row = AccuracyRow("reduction", "free-modes: velocities", 10, 1e-4, 0.1)
+    table_of_study = Table("reduction", ("method", "modes"), (("free-modes", 10),))
+    reduction = finding.Finding((table_of((row,), printed=False), table_of_study), ("word " * 50,))
+    table, *sentences = finding.text(reduction).split("\n\n")
     assert table.splitlines() == ["method      modes", "free-modes     10"]
     assert max(map(len, sentences[0].splitlines())) <= 100
-    other = finding.Finding((table_of((row._replace(study="time", method="leapfrog"),)),))
-    for both in (finding.merged([other, told]), finding.merged([told, other])):
+    of_schemes = finding.Finding((table_of((row._replace(study="time", method="leapfrog"),)),))
+    for both in (finding.merged([of_schemes, reduction]), finding.merged([reduction, of_schemes])):
         assert "leapfrog" in finding.text(both)
         assert "free-modes: velocities" not in finding.text(both)
         assert len(both.tables[0].rows) == 2

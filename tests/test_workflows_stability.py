@@ -67,7 +67,7 @@ def test_no_case_fails(case):
 
 
 def test_a_million_steps_do_not_drift():
-    outcome = stability_steps._drift("verlet", 1e-3, 1_000_000)
+    outcome = stability_steps.energy_drift("verlet", 1e-3, 1_000_000)
     assert outcome.value < 1e-5
 
 
@@ -80,14 +80,14 @@ def test_cases_that_must_be_accurate_are_not_refused():
 def test_strain_is_that_of_one_hertz_contact():
     # K. L. Johnson, Contact Mechanics (1985), eqs. 4.22 and 4.24, steel on steel flat
     chain = dem.row_of_spheres(0.01, 7800.0, 210e9, 0.3, count=1, flat=dem.Flat(210e9, 0.3))
-    found = dem.strain(chain, 210e9, np.array([[0.0], [100.0]]), np.array([[0.5], [-2.0]]))
+    strain = dem.strain(chain, 210e9, np.array([[0.0], [100.0]]), np.array([[0.5], [-2.0]]))
     E_star = 210e9 / (2 * (1 - 0.09))
     a = (3 * 100.0 * 0.01 / (4 * E_star)) ** (1 / 3)
-    assert found.radius_ratio == pytest.approx(a / 0.01)
-    assert found.pressure == pytest.approx(1.5 * 100.0 / (np.pi * a**2))
-    assert found.yield_pressure == pytest.approx(1.6 * 2.1e9)
-    assert found.speed_ratio == pytest.approx(2.0 / (210e9 / 7800.0) ** 0.5)
-    assert dem.outside(found) == ()
+    assert strain.radius_ratio == pytest.approx(a / 0.01)
+    assert strain.pressure == pytest.approx(1.5 * 100.0 / (np.pi * a**2))
+    assert strain.yield_pressure == pytest.approx(1.6 * 2.1e9)
+    assert strain.speed_ratio == pytest.approx(2.0 / (210e9 / 7800.0) ** 0.5)
+    assert dem.outside(strain) == ()
 
 
 def test_a_run_outside_of_its_model_says_so():
@@ -98,8 +98,8 @@ def test_a_run_outside_of_its_model_says_so():
 
 def test_a_free_pair_that_never_touches_is_not_strained():
     chain = spheres_of(count=1, flat=None)
-    found = dem.strain(chain, 210e9, np.zeros((2, 0)), np.zeros((2, 1)))
-    assert dem.outside(found) == ()
+    strain = dem.strain(chain, 210e9, np.zeros((2, 0)), np.zeros((2, 1)))
+    assert dem.outside(strain) == ()
 
 
 def test_yielding_contacts_are_not_warned_of_pressure():
@@ -166,7 +166,7 @@ def test_unknown_case_is_bad_input(capsys, monkeypatch):
     [(1e14, ()), (0.0, ("preload.force=0.0", 'reduction.kind="free-modes"'))],
 )
 def test_stiff_and_floating_assemblies_are_marched_right(stiffness, changes):
-    from workflows.evidence.stability.assembly import _jointed
+    from workflows.evidence.stability.assembly import on_joints
 
-    outcome = _jointed(stiffness, *changes)
+    outcome = on_joints(stiffness, *changes)
     assert outcome.value < outcome.allowed

@@ -3,7 +3,6 @@
 import json
 import sys
 from ctypes import CDLL
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from workflows.commands.app import main
 from workflows.evidence import catalogue
 from workflows.evidence.verify import comparisons, honest_steps, lammps
 from workflows.evidence.verify.comparisons import (
-    Missing,
+    PeerMissing,
     compared,
     require_module,
     require_program,
@@ -98,9 +97,13 @@ def wrong_weights(monkeypatch):
 
 
 def wrong_shear(monkeypatch):
-    module = import_module("fem.beam")  # fem.beam is its function
-    right = module._stiffnesses
-    monkeypatch.setattr(module, "_stiffnesses", lambda *of: right(*of) * np.array([1 + 1e-6, 1.0]))
+    right = fem.beam
+
+    def wrong(length, section, *others, **forces):
+        stiffer = section._replace(shear_factor=section.shear_factor * (1 + 1e-6))
+        return right(length, stiffer, *others, **forces)
+
+    monkeypatch.setattr(fem, "beam", wrong)
 
 
 def wrong_axial_force(monkeypatch):
@@ -132,21 +135,23 @@ def test_an_error_on_purpose_is_outside(group, error, n_outside, monkeypatch):
 
 def test_stated_errors_of_steps_are_true_or_larger_where_forces_are_smooth():
     """0.69 at 5 % before yielding contacts were taken for what they are, 1.8 since."""
-    rows = honest_steps.points("steps", [*honest_steps._steps(("none", "hunt-crossley"))])
+    rows = honest_steps.points("steps", honest_steps.step_ratios(("none", "hunt-crossley")))
     assert len(rows) == 3
     assert all(row.difference <= row.allowed for row in rows), rows
 
 
 def test_two_sigma_bars_hold_the_truth_as_often_as_they_say():
     """Bars half or twice as long do not."""
-    off = np.array([honest_steps._fitted(seed) for seed in range(50)])
-    honest = [honest_steps._held(off / longer).difference == 0 for longer in (1.0, 0.5, 2.0)]
+    off = np.array([honest_steps.errors_in_bars(seed) for seed in range(50)])
+    honest = [
+        honest_steps.share_of_bars(off / longer).difference == 0 for longer in (1.0, 0.5, 2.0)
+    ]
     assert honest == [True, False, False]
 
 
 def test_the_difference_is_that_of_the_entries_that_differ_most():
-    found = pair([1.0, 2.5, 3.0], [1.0, 2.0, 4.0])
-    assert (found.ours, found.theirs, found.difference) == (3.0, 4.0, 0.25)
+    row = pair([1.0, 2.5, 3.0], [1.0, 2.0, 4.0])
+    assert (row.ours, row.theirs, row.difference) == (3.0, 4.0, 0.25)
     assert pair([1.0, 2.5], [1.0, 2.0], of=0.1).difference == pytest.approx(5.0)
     assert np.isnan(pair([1.0, np.nan], [1.0, 2.0]).difference)
 
@@ -179,7 +184,7 @@ def test_what_raises_has_failed_and_keeps_the_rows_before_it():
     ],
 )
 def test_a_program_that_is_not_there_is_skipped_with_what_installs_it(required, remedy):
-    with pytest.raises(Missing):
+    with pytest.raises(PeerMissing):
         required()
     row = row_of(required)
     assert row.verdict == "skipped" and remedy in row.source
@@ -254,8 +259,8 @@ def test_a_row_outside_ends_in_status_1_and_its_name(capsys, monkeypatch):
 
     monkeypatch.setattr(catalogue, "verify", off)
     assert command(monkeypatch) == 1
-    told = capsys.readouterr()
-    assert "x (outside)" in told.out and "1 rows are outside" in told.err
+    printed = capsys.readouterr()
+    assert "x (outside)" in printed.out and "1 rows are outside" in printed.err
 
 
 def test_groups_are_listed_and_an_unknown_one_is_bad_input(capsys, monkeypatch):

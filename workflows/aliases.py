@@ -18,8 +18,8 @@ ROOMS = ("geometry", "fem", "rom", "dem", "coupling", "workflows")
 # modules whose own name changed; CHANGELOG has the same map for readers
 MOVED_MODULES = {
     "coupling.collision": "workflows.evidence.thesis.collision",
-    "coupling.edge_series": "workflows.evidence.thesis.edge_series",
-    "coupling.energy_run": "workflows.evidence.thesis.energy_run",
+    "coupling.edge_series": "workflows.evidence.thesis.boundary_distance",
+    "coupling.energy_run": "workflows.evidence.thesis.schemes",
     "coupling.exudyn_scene": "workflows.evidence.verify.exudyn_scene",
     "coupling.formulas": "workflows.evidence.verify.formulas",
     "coupling.lammps_chain": "workflows.evidence.verify.lammps_chain",
@@ -35,10 +35,10 @@ MOVED_MODULES = {
     "coupling.verification.honesty": "workflows.evidence.verify.honest_steps",
     "coupling.verification.outcomes": "workflows.evidence.stability.outcomes",
     "coupling.wave_distance": "workflows.evidence.thesis.wave_distance",
-    "coupling.work_precision.parts": "workflows.evidence.accuracy.part_rows",
+    "coupling.work_precision.parts": "workflows.evidence.accuracy.parts",
     "coupling.work_precision.problems": "workflows.evidence.accuracy.problem_variants",
     "coupling.work_precision.rows": "workflows.evidence.accuracy.row",
-    "coupling.work_precision.sizes": "workflows.evidence.accuracy.size_rows",
+    "coupling.work_precision.sizes": "workflows.evidence.accuracy.chain_length",
     "rom.cbcheck": "workflows.evidence.verify.cbcheck",
     "workflows.api.doctor": "workflows.installation.doctor",
     "workflows.api.film": "workflows.run.api",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,14 +41,12 @@ def study(
     input.
     """
     from workflows.evidence import catalogue
-    from workflows.report import finding
 
     chosen = load_scene(catalogue.usual_scene(name) if scene is None else scene, changes)
-    folder = _folder(out, files_read(chosen, scene), overwrite, *finding.files(name))
-    found = catalogue.study(name, chosen, progress)
-    if folder:
-        finding.write(found, folder, study=name)
-    return found
+    return _written(
+        lambda: catalogue.study(name, chosen, progress),
+        name, out, overwrite, inputs=files_read(chosen, scene), study=name,
+    )  # fmt: skip
 
 
 def accuracy(
@@ -73,12 +71,12 @@ def accuracy(
     def scene_of(usual: str) -> Scene:
         return load_scene(usual if scene is None else scene, changes)
 
-    read = files_read(scene_of(DEFAULT), scene) if scene is not None else ()
-    folder = _folder(out, read, overwrite, *files.FILES)
-    found = catalogue.accuracy(stage, scene_of, progress)
+    inputs = files_read(scene_of(DEFAULT), scene) if scene is not None else ()
+    folder = _folder(out, inputs, overwrite, files.FILES)
+    findings = catalogue.accuracy(stage, scene_of, progress)
     if folder:
-        files.write(found, folder)
-    return finding.merged(found.values())
+        files.write(findings, folder)
+    return finding.merged(findings.values())
 
 
 def stability(
@@ -93,13 +91,10 @@ def stability(
     `cases` are of `studies("stability")`, all without any. `out` is a folder for the table.
     """
     from workflows.evidence import catalogue
-    from workflows.report import finding
 
-    folder = _folder(out, (), overwrite, *finding.files("stability"))
-    found = catalogue.stability(tuple(cases), progress)
-    if folder:
-        finding.write(found, folder)
-    return found
+    return _written(
+        lambda: catalogue.stability(tuple(cases), progress), "stability", out, overwrite
+    )
 
 
 def verify(
@@ -115,17 +110,32 @@ def verify(
     outside, failed or skipped; `out` is a folder for it.
     """
     from workflows.evidence import catalogue
+
+    return _written(lambda: catalogue.verify(tuple(groups), progress), "verify", out, overwrite)
+
+
+def _written(
+    compute: Callable[[], Finding],
+    name: str,
+    out: str | Path | None,
+    overwrite: bool,
+    *,
+    inputs: tuple[Path, ...] = (),
+    **about: str,
+) -> Finding:
+    """What `compute` returns, written into the folder `out` if there is one; a folder that may not
+    be written to is refused before anything is computed."""
     from workflows.report import finding
 
-    folder = _folder(out, (), overwrite, *finding.files("verify"))
-    found = catalogue.verify(tuple(groups), progress)
+    folder = _folder(out, inputs, overwrite, finding.files(name))
+    result = compute()
     if folder:
-        finding.write(found, folder)
-    return found
+        finding.write(result, folder, **about)
+    return result
 
 
 def _folder(
-    out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool, *files: str
+    out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool, files: tuple[str, ...]
 ) -> RunFolder | None:
     if out is None:
         return None

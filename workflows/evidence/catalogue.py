@@ -8,7 +8,7 @@ listing imports none of them.
 """
 
 import ast
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -24,10 +24,9 @@ RETURNED = {
     "stability": "Iterator[Trial]",
     "verify": "Iterator[Comparison]",
 }
-WIDTH = 20  # of a name in the listing
 
 
-class Entry(NamedTuple):
+class CatalogueEntry(NamedTuple):
     """Where a study is, and what it shows."""
 
     module: str
@@ -42,37 +41,34 @@ class Entry(NamedTuple):
         return getattr(self.loaded(), self.function)(*arguments)
 
 
-def catalogue(folder: str) -> dict[str, Entry]:
-    """The studies of a folder by name."""
-    return dict(
-        study
-        for file in sorted(Path(__file__).with_name(folder).glob("*.py"))
-        for study in _in_module(f"{__package__}.{folder}.{file.stem}", file, RETURNED[folder])
-    )
-
-
-def _in_module(module: str, file: Path, returned: str) -> Iterator[tuple[str, Entry]]:
-    for node in ast.parse(file.read_text(encoding="utf-8")).body:
-        if not isinstance(node, ast.FunctionDef) or node.name.startswith("_") or not node.returns:
-            continue
-        if ast.unparse(node.returns) == returned:
-            shows = (ast.get_docstring(node) or "").partition("\n")[0]
-            yield node.name.replace("_", "-"), Entry(module, node.name, shows)
+def catalogue(folder: str) -> dict[str, CatalogueEntry]:
+    """The studies of a folder by name, read from the source of its modules without an import."""
+    entries = {}
+    for file in sorted(Path(__file__).with_name(folder).glob("*.py")):
+        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+            if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
+                continue
+            if node.returns and ast.unparse(node.returns) == RETURNED[folder]:
+                module = f"{__package__}.{folder}.{file.stem}"
+                shows = (ast.get_docstring(node) or "").partition("\n")[0]
+                name = node.name.replace("_", "-")
+                entries[name] = CatalogueEntry(module, node.name, shows)
+    return entries
 
 
 def listing(folder: str) -> str:
-    """The studies of a folder, a line each."""
-    found = catalogue(folder).items()
-    return "\n".join(f"{name:{WIDTH}}{entry.shows}" for name, entry in found)
+    """The studies of a folder, a line each: the name in 20 columns, then what it shows."""
+    return "\n".join(f"{name:20}{entry.shows}" for name, entry in catalogue(folder).items())
 
 
-def chosen(folder: str, names: tuple[str, ...], option: str) -> dict[str, Entry]:
-    """Those of the names, all without any; raises InvalidScene for a name that is none."""
-    known = catalogue(folder)
+def chosen(folder: str, names: tuple[str, ...], option: str) -> dict[str, CatalogueEntry]:
+    """The studies of these names, all if there are none; raises InvalidScene for an unknown name,
+    which it says was given to `option`."""
+    entries = catalogue(folder)
     for name in names:
-        if name not in known:
-            raise InvalidScene(f"{option} {name!r} is not known; {nearest(name, known)}.")
-    return {name: known[name] for name in names} or known
+        if name not in entries:
+            raise InvalidScene(f"{option} {name!r} is not known; {nearest(name, entries)}.")
+    return {name: entries[name] for name in names} or entries
 
 
 def study(name: str, scene: Scene, progress: Progress) -> Finding:
@@ -87,11 +83,11 @@ def usual_scene(name: str) -> str | None:
 
 def accuracy(stage: str, scene: Callable[[str], Scene], progress: Progress) -> dict[str, Finding]:
     """The accuracy studies of a stage by name; `scene` gives the scene for a study's usual one."""
-    found = {}
+    findings = {}
     for name, entry in chosen("accuracy", () if stage == "all" else (stage,), "--stage").items():
         with progress(name):
-            found[name] = entry(scene(entry.loaded().SCENE), progress)
-    return found
+            findings[name] = entry(scene(entry.loaded().SCENE), progress)
+    return findings
 
 
 def stability(cases: tuple[str, ...], progress: Progress) -> Finding:

@@ -17,67 +17,63 @@ def rendered(module: str, **numbers: Any) -> tuple[str, ...]:
     return tuple(filter(None, paragraphs))
 
 
-@cache
+@cache  # a folder's templates are read once; jinja2 is imported by the first study that is run
 def _environment(folder: Path):
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only who runs a study pays
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
         loader=FileSystemLoader(folder), undefined=StrictUndefined, autoescape=False,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters |= {name: _scaled(factor) for name, factor in PREFIXES.items()}
+    for name, factor in PREFIXES.items():  # a number in a unit with an SI prefix
+        environment.filters[name] = lambda value, factor=factor: factor * value
     formats = (digits, places, power, signed, percent, listed, between, only_finite, verdict)
     environment.filters |= {function.__name__: function for function in formats}
     return environment
 
 
-def _scaled(factor: float):
-    """A number in a unit with an SI prefix."""
-    return lambda value: factor * value
-
-
 def digits(value: float, count: int = 6) -> str:
-    """So many significant ones."""
+    """With `count` significant digits."""
     return f"{value:.{count}g}"
 
 
 def places(value: float, count: int = 0) -> str:
-    """So many behind the point; no minus zero, a dash for no number."""
+    """With `count` digits behind the point; no minus zero, a dash for nan."""
     return "-" if isnan(value) else f"{round(value, count) + 0.0:.{count}f}"
 
 
 def power(value: float, count: int = 1) -> str:
-    """With a power of ten, so many places before it."""
+    """With a power of ten and `count` digits behind the point."""
     return f"{value:.{count}e}"
 
 
 def signed(value: float, count: int = 0) -> str:
-    """With its sign."""
+    """With its sign and `count` digits behind the point."""
     return f"{value:+.{count}f}"
 
 
 def percent(value: float, count: int = 0) -> str:
-    """A share in percent; a dash for no number."""
+    """A share in percent; a dash for nan."""
     return "-" if isnan(value) else f"{places(100 * value, count)} %"
 
 
 def listed(values: Iterable, word: str = "and") -> str:
-    """a, b and c."""
+    """a, b and c; `word` stands before the last."""
     *first, last = map(str, values)
     return f"{', '.join(first)} {word} {last}" if first else last
 
 
 def between(values: Iterable[float], count: int = 3) -> str:
-    """Least to largest; one number where they are equal in so many places."""
+    """Smallest to largest; one number where both are written alike."""
     low, high = places(min(values), count), places(max(values), count)
     return low if low == high else f"{low} to {high}"
 
 
 def only_finite(values: Iterable[float]) -> list[float]:
-    """Those that are numbers."""
+    """The values that are numbers, neither nan nor infinite."""
     return list(filter(isfinite, values))
 
 
 def verdict(holds: bool | None) -> str:
-    """On a statement; None where it cannot be judged."""
+    """Of a statement; None says that it cannot be judged."""
     return "cannot be judged" if holds is None else "holds" if holds else "does not hold"

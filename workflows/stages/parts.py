@@ -1,4 +1,4 @@
-"""What every assembly hands over, whether the thesis' rig or bodies of a scene."""
+"""What the mesh stage hands to the model, of the thesis' rig and of bodies of a scene alike."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ GMSH_NEEDS = (
 
 
 class Parts(NamedTuple):
-    """Bodies and how they are joined and held, but for the table below."""
+    """Bodies and how they are joined and held; a swaying table below is added by the model."""
 
     meshes: dict[str, Mesh]
     materials: dict[str, fem.Material | fem.Orthotropic]

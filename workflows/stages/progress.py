@@ -1,4 +1,4 @@
-"""Who is told which stage runs: the terminal's bars, or nobody."""
+"""Where a stage reports that it runs: at the terminal's bars, or nowhere."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -7,5 +7,5 @@ Progress = Callable[[str], AbstractContextManager]  # of the stage named, while 
 
 
 def quiet(stage: str) -> AbstractContextManager:
-    """Nobody is told."""
+    """Reports nothing."""
     return nullcontext()

@@ -194,7 +194,6 @@ def _holes(drawn: Drawing) -> list[SeenHole]:
 
 def _remarks(drawn: Drawing) -> list[str]:
     from geometry.holes import cut_holes
-    from geometry.touching import told
 
     free = drawn.near.free(drawn.bodies) if len(drawn.bodies) > 1 else ()
     remarks = [f'"{name}" touches no other body.' for name in free]
@@ -205,7 +204,7 @@ def _remarks(drawn: Drawing) -> list[str]:
                 f'"{body.name}" has a hole of {1e3 * hole.diameter:.5g} mm that an edge cuts, or a '
                 f"slot's end; {body.name}@{at} picks it, {body.name}:hole does not."
             )
-    return remarks + [told(miss) for miss in drawn.near.misses]
+    return remarks + [miss.sentence for miss in drawn.near.misses]
 
 
 def _starter(drawn: Drawing, source: Path) -> str | None:

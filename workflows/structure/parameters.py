@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import fem
-from fem.tuning import Parameter
+from fem.tuning import TuningParameter
 from workflows.scene import InvalidScene, Scene, nearest
 
 SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]
@@ -18,7 +18,7 @@ def known(scene: Scene) -> list[str]:
     return of_joints + [f"materials.{name}.{key}" for name in scene.materials for key in MATERIAL]
 
 
-def freed(scene: Scene, names: Sequence[str]) -> list[Parameter]:
+def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
     """What the names stand for, from the values that the scene has; raises InvalidScene."""
     if not names:
         raise InvalidScene(f"--free is missing; name what to vary of {', '.join(known(scene))}.")
@@ -30,15 +30,15 @@ def freed(scene: Scene, names: Sequence[str]) -> list[Parameter]:
     return [_parameter(scene, name) for name in names]
 
 
-def _parameter(scene: Scene, name: str) -> Parameter:
+def _parameter(scene: Scene, name: str) -> TuningParameter:
     table, _, spring = name.partition(".")
     if table == "materials":
         _require_one_modulus(scene, name)
-        return Parameter(name, (), *FACTOR, (), name.rpartition(".")[2], (1.0,))
+        return TuningParameter(name, (), *FACTOR, (), name.rpartition(".")[2], (1.0,))
     start, lower, upper = TURN if ".kr" in name else SHIFT
     value = now(scene, name)
     start = value if lower <= value <= upper else start
-    return Parameter(name, (spring,), start, lower, upper, before=(value,))
+    return TuningParameter(name, (spring,), start, lower, upper, before=(value,))
 
 
 def _require_one_modulus(scene: Scene, name: str) -> None:
@@ -46,7 +46,7 @@ def _require_one_modulus(scene: Scene, name: str) -> None:
         raise InvalidScene(f"--free {name} is of an orthotropic material, which is not tuned yet.")
 
 
-def on_bodies(scene: Scene, parameters: Sequence[Parameter], bodies: Sequence[str]):
+def on_bodies(scene: Scene, parameters: Sequence[TuningParameter], bodies: Sequence[str]):
     """The same with the bodies that each material's factor is on."""
     of = {p.name: p.name.split(".")[1] for p in parameters if not p.springs}
     made = {name: tuple(b for b in bodies if scene.material_name(b) == m) for name, m in of.items()}

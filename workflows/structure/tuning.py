@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 import fem
-from fem.tuning import Parameter, Tuning, determined, tune
+from fem.tuning import Tuning, TuningParameter, determined, tune
 from workflows.files.output_file import OutputFile
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
@@ -103,7 +103,7 @@ def tuned(
     return result, _report(scene, match, fit, full, undetermined)
 
 
-def _of_the_rig(scene: Scene, names: tuple[str, ...]) -> list[Parameter]:
+def _of_the_rig(scene: Scene, names: tuple[str, ...]) -> list[TuningParameter]:
     if scene.assembly.constraint != "wires":
         raise InvalidScene(
             f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
@@ -125,7 +125,7 @@ class Fit(NamedTuple):
 
 def _fitted(
     scene: Scene,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[TuningParameter],
     match: dict[int, float],
     progress: Progress,
     of_all: Tuning | None = None,
@@ -153,7 +153,7 @@ def _fitted(
     return _fitted(scene, subset, match, progress, of_all)
 
 
-def _require_joints(scene: Scene, parameters: list[Parameter]) -> None:
+def _require_joints(scene: Scene, parameters: list[TuningParameter]) -> None:
     """Raises InvalidScene for a spring of a joint that the assembly's parts do not have."""
     for p in parameters:
         for joint in {spring.split(".")[0] for spring in p.springs}:
@@ -188,7 +188,7 @@ def targets(match: str, measured_hz: tuple[float, ...] = HAMMER_TEST_HZ) -> dict
     return found
 
 
-def freed(names: tuple[str, ...]) -> list[Parameter]:
+def freed(names: tuple[str, ...]) -> list[TuningParameter]:
     """What the names stand for; raises InvalidScene for a stiffness that two of them set."""
     parameters, taken = [_parameter(name) for name in names], {}
     for name, p in zip(names, parameters, strict=True):
@@ -199,20 +199,20 @@ def freed(names: tuple[str, ...]) -> list[Parameter]:
     return parameters
 
 
-def _parameter(name: str) -> Parameter:
+def _parameter(name: str) -> TuningParameter:
     part, _, key = name.partition(".")
     if part == "block" and key in ("young", "density"):
-        return Parameter(name, (), *FACTOR, ("block",), key)
+        return TuningParameter(name, (), *FACTOR, ("block",), key)
     directions = TANGENTIAL if key == "kt" else (key,)
     if part not in JOINTS or not set(directions) <= set(fem.DIRECTIONS):
         raise InvalidScene(f"--free {name} is not known, {nearest(name, _known())}.")
     springs = tuple(f"{part}.{direction}" for direction in directions)
-    return Parameter(
+    return TuningParameter(
         name, springs, *STARTS.get(key, of_bodies.TURN if key.startswith("kr") else SHIFT)
     )
 
 
-def _from(scene: Scene, p: Parameter) -> Parameter:
+def _from(scene: Scene, p: TuningParameter) -> TuningParameter:
     """The same, from the value that the scene has where that is one to start from."""
     scale = 1.0 if p.springs else getattr(scene.assembly, p.of)
     before = tuple(value / scale for _, value in _now(scene, p))
@@ -220,7 +220,7 @@ def _from(scene: Scene, p: Parameter) -> Parameter:
     return p._replace(start=start, before=before)
 
 
-def _now(scene: Scene, p: Parameter) -> list[tuple[str, float]]:
+def _now(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
     """Keys of the scene that the parameter sets, each with its value."""
     if scene.is_general:
         return [(p.name, of_bodies.now(scene, p.name))]
@@ -236,7 +236,7 @@ def _known() -> list[str]:
     return [*of_joints, "block.young", "block.density"]
 
 
-def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
+def loosened(scene: Scene, parameters: list[TuningParameter]) -> Scene:
     """The scene with finite springs to vary, and of the block what is not to vary."""
     if scene.is_general:
         return at_values(scene, parameters, np.array([p.start for p in parameters]))
@@ -246,7 +246,7 @@ def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
     return at_values(bare, springs, np.array([p.start for p in springs]))
 
 
-def at_values(scene: Scene, parameters: list[Parameter], value) -> Scene:
+def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
     """The scene with the parameters at these values."""
     if scene.is_general:
         names = [p.name for p in parameters]
@@ -277,7 +277,9 @@ def _targeted(scene: Scene, match: dict[int, float]) -> Scene:
     return scene.but(targets=tuple(told))
 
 
-def _report(scene, match, fit: Fit, full: Pipeline, undetermined: list[Parameter]) -> TuningReport:
+def _report(
+    scene, match, fit: Fit, full: Pipeline, undetermined: list[TuningParameter]
+) -> TuningReport:
     found, confirmed = fit.found, full("modes").paired_hz
     names = [p.name for p in found.parameters]
     numbers = [str(i) for i in range(1, len(found.modes_hz) + 1)]
@@ -343,7 +345,7 @@ def _contradicted(match, fit: Fit, names: list[str]) -> list[str]:
 
 
 def _remarks(
-    scene, match, fitted, confirmed, found: Tuning, undetermined: list[Parameter]
+    scene, match, fitted, confirmed, found: Tuning, undetermined: list[TuningParameter]
 ) -> list[str]:
     remarks = []
     missed = {n: fitted[str(n)] / hz - 1 for n, hz in match.items()}

@@ -1,6 +1,7 @@
 """What work costs: seconds on the clock, and the most memory that the process held meanwhile."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from subprocess import DEVNULL, Popen
 from time import perf_counter, sleep
@@ -10,56 +11,49 @@ import numpy as np
 
 from workflows.evidence.accuracy.growth import growth_exponent
 
-PROCESS = "/proc/self"
-EVERY = 0.02  # s
-TELLING = 1.5  # largest over smallest size, from which on an exponent means something
-FORGET = "5"  # written to clear_refs it resets the peak
-
 
 class Cost(NamedTuple):
     """Of one piece of work; bytes None where the system does not tell."""
 
     seconds: float
-    bytes: float | None
+    bytes: float | None  # largest resident set
 
 
 def costed(call: Callable[[], Any]) -> tuple[Any, Cost]:
     """What a call returns, and what it took."""
-    _forget_peak()
+    with suppress(OSError):  # 5 resets the peak of the resident set, where Linux allows it
+        Path("/proc/self/clear_refs").write_text("5")
     started = perf_counter()
     result = call()
-    return result, Cost(perf_counter() - started, _peak())
+    return result, Cost(perf_counter() - started, _peak("self"))
 
 
 def cost_of_command(command: list[str], folder: Path) -> Cost | None:
-    """Of another program; None where it failed."""
-    started, held = perf_counter(), None
-    # the system's own figure of an ended process begins with what its parent held
+    """Of another program; None where it failed.
+
+    Its peak is read while it runs, every 20 ms: the system's own figure of an ended process begins
+    with what its parent held.
+    """
+    started, peak = perf_counter(), None
     with Popen(command, cwd=folder, stdout=DEVNULL, stderr=DEVNULL) as program:
         while program.poll() is None:
-            held = _peak(f"/proc/{program.pid}") or held
-            sleep(EVERY)
-    return None if program.returncode else Cost(perf_counter() - started, held)
+            peak = _peak(str(program.pid)) or peak
+            sleep(0.02)
+    return None if program.returncode else Cost(perf_counter() - started, peak)
 
 
-def _forget_peak() -> None:
+def _peak(process: str) -> float | None:
+    """VmHWM: the largest resident set [bytes] of a process since its peak was reset."""
     try:
-        Path(PROCESS, "clear_refs").write_text(FORGET)
-    except OSError:
-        return
-
-
-def _peak(process: str = PROCESS) -> float | None:
-    """VmHWM: the largest resident set since it was last forgotten."""
-    try:
-        lines = Path(process, "status").read_text().splitlines()
+        lines = Path("/proc", process, "status").read_text().splitlines()
     except OSError:
         return None
     return next((1024.0 * int(s.split()[1]) for s in lines if s.startswith("VmHWM:")), None)
 
 
 class CostGrowth(NamedTuple):
-    """Exponents of a stage's cost over the unknowns; nan or None where they are not told."""
+    """Exponents of a stage's cost over the unknowns; nan where the sizes are too alike to tell
+    them, None for the bytes where the system does not tell those."""
 
     stage: str
     seconds: float
@@ -67,12 +61,10 @@ class CostGrowth(NamedTuple):
 
 
 def cost_growth(stage: str, costs: dict[int, Cost]) -> CostGrowth:
-    """Of a stage's costs by the number of unknowns."""
+    """Exponents of a stage's costs by the number of unknowns."""
     dofs = list(costs)
-    if max(dofs) < TELLING * min(dofs):
+    if max(dofs) < 1.5 * min(dofs):  # an exponent over less would be that of the noise
         return CostGrowth(stage, np.nan, np.nan)
-    seconds, held = zip(*costs.values(), strict=True)
-    told = None not in held
-    return CostGrowth(
-        stage, growth_exponent(dofs, seconds), growth_exponent(dofs, held) if told else None
-    )
+    seconds, peaks = zip(*costs.values(), strict=True)
+    memory = None if None in peaks else growth_exponent(dofs, peaks)
+    return CostGrowth(stage, growth_exponent(dofs, seconds), memory)

@@ -3,8 +3,7 @@
 from json import dumps, loads
 
 from workflows.evidence.accuracy.machine import machine
-from workflows.evidence.accuracy.row import Row
-from workflows.evidence.accuracy.rows import table_of
+from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.files.run_folder import RunFolder
 from workflows.report import finding
 from workflows.report.finding import Finding
@@ -12,23 +11,20 @@ from workflows.report.finding import Finding
 FILES = (*finding.files("accuracy"), "machine.json")
 
 
-def write(found: dict[str, Finding], folder: RunFolder) -> None:
+def write(findings: dict[str, Finding], folder: RunFolder) -> None:
     """Tables and figures of the studies by name; those of other studies stay beside them."""
-    here = machine()._asdict()
+    about = machine()._asdict()
     with folder.held(*FILES):
-        records = _earlier(folder) | {
-            name: finding.record(one, machine=here) for name, one in found.items()
-        }
-        rows = tuple(Row(**row) for one in records.values() for row in one["rows"])
-        sentences = tuple(said for one in records.values() for said in one["findings"])
-        new = finding.merged(found.values())
-        every = new._replace(tables=(table_of(rows), *new.tables[1:]), sentences=sentences)
-        finding.write(every, folder, machine=here, studies=records)
-        folder.write("machine.json", dumps(here, indent=1) + "\n")
+        records = {}  # by study, of commands before this one and then of this one
+        if folder.ours("accuracy.json"):
+            text = (folder.path / "accuracy.json").read_text(encoding="utf-8")
+            records = loads(text)["studies"]
+        for name, study in findings.items():
+            records[name] = finding.record(study, machine=about)
 
-
-def _earlier(folder: RunFolder) -> dict[str, dict]:
-    """What other commands left in the folder, by study."""
-    if not folder.ours("accuracy.json"):
-        return {}
-    return loads((folder.path / "accuracy.json").read_text(encoding="utf-8"))["studies"]
+        rows = tuple(AccuracyRow(**row) for record in records.values() for row in record["rows"])
+        sentences = tuple(text for record in records.values() for text in record["findings"])
+        new = finding.merged(findings.values())
+        joined = new._replace(tables=(table_of(rows), *new.tables[1:]), sentences=sentences)
+        finding.write(joined, folder, machine=about, studies=records)
+        folder.write("machine.json", dumps(about, indent=1) + "\n")

@@ -16,27 +16,22 @@ class Machine(NamedTuple):
     cores: int
     system: str
     python: str
-    taken: str
+    taken: str  # UTC, to the second
     libraries: dict[str, str]
 
 
 def machine() -> Machine:
-    """This one."""
+    """This one; the processor by its model's name where the system tells it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    except OSError:
+        models = [platform.processor()] if platform.processor() else []
     return Machine(
-        processor=_processor(),
+        processor=models[0] if models else platform.machine(),
         cores=cpu_count() or 1,
         system=platform.platform(),
         python=platform.python_version(),
         taken=datetime.now(UTC).isoformat(timespec="seconds"),
         libraries=library_versions(("beadwave", *LIBRARIES, "scikit-sundae")),
     )
-
-
-def _processor() -> str:
-    """The model's name where the system tells it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()

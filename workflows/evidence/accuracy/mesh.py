@@ -4,7 +4,7 @@
 
 f_0 and the order p come from the finest mesh and those twice and four times as coarse, for numbers
 of elements jump between neighbours; the error of every mesh is taken against f_0. The elements of
-the block keep their size: one thing varies. What they leave is told beside, from a mesh with the
+the block keep their size: one thing varies. What they leave is stated beside, from a mesh with the
 block's elements twice as large and the order that singular stresses leave.
 """
 
@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Mesh
 
 import fem
 import geometry
@@ -22,8 +21,7 @@ from fem import assembly_modes
 from fem.convergence import extrapolated, off
 from fem.factorisation import has_pardiso
 from workflows.evidence.accuracy.mesh_of_bending import of_bending
-from workflows.evidence.accuracy.row import Row
-from workflows.evidence.accuracy.rows import table_of
+from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.prose import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
@@ -39,7 +37,6 @@ from workflows.stages.targets import targets
 SCENE = "rig-rom"
 SEEDS = (8e-3, 5.66e-3, 4e-3, 2.83e-3, 2e-3)  # [m] ratio sqrt 2
 FINER = (1.41e-3, 1e-3)  # [m] 190 000 and 350 000 unknowns, where a faster solver is installed
-SHEETS = "element size in the sheets [mm]"
 BLOCK = 8e-3  # [m] elements of the block
 BLOCK_ORDER = 1.0  # that singular edges leave at least
 STAGE_1 = {"parts": geometry.PARTS[:2], "fixing": "flat"}
@@ -49,8 +46,8 @@ FIRST = tuple(fem.Number(i) for i in range(1, 5))  # of a scene without targets
 TEMPLATE = str(Path(__file__).with_name("_mesh_of_bodies.md"))
 
 
-class Solved(NamedTuple):
-    """One mesh: what it found and what it cost."""
+class MeshSolution(NamedTuple):
+    """One mesh: its frequencies and what they cost."""
 
     name: str  # of the constraint, or of the scene
     size: float  # of the elements: [m], or mesh.scale
@@ -68,64 +65,85 @@ def mesh(scene: Scene, progress: Progress, *, seeds: tuple[float, ...] | None = 
     if scene.is_general:
         return _of_bodies(scene, progress)
     seeds = seeds or SEEDS + (FINER if has_pardiso() else ())
-    rows, lines, limits, error = [], [], {}, {}
+    rows, lines, limits, errors = [], [], {}, {}
     for constraint in N_MODES:
-        solved = [_watched(scene, constraint, seed, BLOCK, progress) for seed in seeds]
-        larger = _watched(scene, constraint, seeds[0], COARSER * BLOCK, progress)
-        f = np.array([s.hz for s in solved])
-        limit, order = extrapolated(np.array(seeds), f)
-        rows += [_row(s, limit) for s in solved]
-        lines += [_line(s._replace(size=1e3 * s.size), limit) for s in solved]
-        left = left_by_the_block(solved[0].hz, larger.hz)
-        limits[constraint] = limit.tolist(), order.tolist(), left.tolist()
-        error[constraint] = np.abs(f / limit - 1)
-    picture = Picture("mesh", _picture(SHEETS, 1e3 * np.array(seeds), error))
-    head = _columns("constraint", "seed_mm", 4)
-    tables = table_of(tuple(rows), printed=False), Table("mesh", head, tuple(lines))
+        solutions = [rig_solution(scene, constraint, seed, BLOCK, progress) for seed in seeds]
+        larger = rig_solution(scene, constraint, seeds[0], COARSER * BLOCK, progress)
+        hz = np.array([s.hz for s in solutions])
+        limit, order = extrapolated(np.array(seeds), hz)
+        rows += [row_of(s, limit) for s in solutions]
+        lines += [_line(s._replace(size=1e3 * s.size), limit) for s in solutions]
+        left_by_block = error_of_the_block(solutions[0].hz, larger.hz)
+        limits[constraint] = limit.tolist(), order.tolist(), left_by_block.tolist()
+        errors[constraint] = np.abs(hz / limit - 1)
+    picture = _picture("element size in the sheets [mm]", 1e3 * np.array(seeds), errors)
+    table = Table("mesh", _columns("constraint", "seed_mm", 4), tuple(lines))
     sentences = rendered(
         __file__, limits=limits, block=BLOCK, larger=COARSER * BLOCK, block_order=BLOCK_ORDER
     )
-    return Finding(tables, sentences, (picture,))
+    return Finding((table_of(tuple(rows), printed=False), table), sentences, (picture,))
 
 
-def _of_bodies(scene: Scene, progress: Progress) -> Finding:
-    """Of an assembly of bodies: its targets, or its first modes, over mesh.scale."""
-    scales, solved = scene.mesh.scale * np.array(SCALES), []
-    for scale in scales:
-        at_scale = scene.but(mesh={"scale": float(scale)})
-        with progress(f"mesh.scale {scale:.3g}"):
-            solved.append(_solved(at_scale, scene.name, scale, assembly_modes.N_MODES[0]))
-    f = np.array([s.hz for s in solved])
-    limit, order = extrapolated(scales, f)
-    rows = tuple(_row(s, limit) for s in solved)
-    table = Table(
-        "mesh", _columns("scene", "mesh.scale", len(limit)), tuple(_line(s, limit) for s in solved)
-    )
-    picture = _picture("mesh.scale", scales, {scene.name: np.abs(f / limit - 1)})
-    found = {
-        "limit": limit.tolist(),
-        "order": order.tolist(),
-        "error": off(f[-1], limit).tolist(),
-        "change": np.abs(f[-3] / f[-1] - 1).tolist(),
-    }
-    sentences = rendered(TEMPLATE, name=scene.name, **found)
-    return Finding((table_of(rows, printed=False), table), sentences, (Picture("mesh", picture),))
-
-
-def left_by_the_block(hz, larger_hz) -> NDArray[np.float64]:
-    """Relative error (3,) that the block's elements leave in modes 2 to 4 of hz (4,), from that
-    with larger ones; mode 1 bends the sheets alone."""
-    return (larger_hz / hz - 1)[1:] / (COARSER**BLOCK_ORDER - 1)
-
-
-def _watched(
+def rig_solution(
     scene: Scene, constraint: str, seed: float, block: float, progress: Progress
-) -> Solved:
+) -> MeshSolution:
+    """The rig's block and sheets alone, with elements of these sizes [m] in sheets and block."""
     plain = STAGE_1 | {"constraint": constraint} | dict.fromkeys(geometry.PARTS)
     sizes = {"seed": seed, "block_seed": block, "contact_seed": None}
     varied = scene.but(assembly=plain, mesh=sizes)
     with progress(f"{constraint} {1e3 * seed:g} mm"):
-        return _solved(varied, constraint, seed, N_MODES[constraint])
+        return solution(varied, constraint, seed, N_MODES[constraint])
+
+
+def error_of_the_block(hz, hz_larger) -> NDArray[np.float64]:
+    """Relative error (3,) that the block's elements leave in modes 2 to 4 of hz (4,) [Hz], from
+    that with elements COARSER times as large; mode 1 bends the sheets alone."""
+    return (hz_larger / hz - 1)[1:] / (COARSER**BLOCK_ORDER - 1)
+
+
+def _of_bodies(scene: Scene, progress: Progress) -> Finding:
+    """Of an assembly of bodies: its targets, or its first modes, over mesh.scale."""
+    scales, solutions = scene.mesh.scale * np.array(SCALES), []
+    for scale in scales:
+        scaled = scene.but(mesh={"scale": float(scale)})
+        with progress(f"mesh.scale {scale:.3g}"):
+            solutions.append(solution(scaled, scene.name, scale, assembly_modes.N_MODES[0]))
+    hz = np.array([s.hz for s in solutions])
+    limit, order = extrapolated(scales, hz)
+    rows = tuple(row_of(s, limit) for s in solutions)
+    lines = tuple(_line(s, limit) for s in solutions)
+    table = Table("mesh", _columns("scene", "mesh.scale", len(limit)), lines)
+    picture = _picture("mesh.scale", scales, {scene.name: np.abs(hz / limit - 1)})
+    sentences = rendered(
+        TEMPLATE, name=scene.name, limit=limit.tolist(), order=order.tolist(),
+        error=off(hz[-1], limit).tolist(), change=np.abs(hz[-3] / hz[-1] - 1).tolist(),
+    )  # fmt: skip
+    return Finding((table_of(rows, printed=False), table), sentences, (picture,))
+
+
+def solution(scene: Scene, name: str, size: float, n_modes: int) -> MeshSolution:
+    """Mesh, model and modes of a scene, paired with its targets, or else its first four modes."""
+    started = perf_counter()
+    mesh = stages.mesh(scene)
+    meshed = perf_counter()
+    model = stages.model(scene, mesh)
+    assembled = perf_counter()
+    modes = fem.modes(model.K, model.M, n_modes)
+    ended = perf_counter()
+    index = fem.pair(model, modes, targets(scene, model) or FIRST).index
+    hz = np.where(index >= 0, modes.frequency_hz[index], np.nan)
+    seconds = (meshed - started, assembled - meshed, ended - assembled)
+    quality = min(map(geometry.smallest_quality, mesh.meshes.values()))
+    return MeshSolution(name, size, model.M.shape[0], hz, seconds, quality)
+
+
+def row_of(solution: MeshSolution, limit: NDArray[np.float64]) -> AccuracyRow:
+    """The error of the first mode; None where this mesh itself stands for the limit."""
+    error = abs(float(off(solution.hz, limit)[0]))
+    return AccuracyRow(
+        "mesh", solution.name, float(solution.size), None if np.isnan(error) else error,
+        sum(solution.seconds),
+    )  # fmt: skip
 
 
 def _columns(name: str, size: str, n: int) -> tuple[str, ...]:
@@ -133,44 +151,21 @@ def _columns(name: str, size: str, n: int) -> tuple[str, ...]:
     return (name, size, "dofs", *f, *errors, "mesh_s", "assembly_s", "solution_s", "quality")
 
 
-def _row(solved: Solved, limit: NDArray[np.float64]) -> Row:
-    error = abs(float(off(solved.hz, limit)[0]))
-    known = None if np.isnan(error) else error
-    return Row("mesh", solved.name, float(solved.size), known, sum(solved.seconds))
+def _line(solution: MeshSolution, limit: NDArray[np.float64]) -> tuple:
+    """The numbers of `_columns`."""
+    percent = 100 * off(solution.hz, limit)
+    numbers = (*solution.hz, *percent, *solution.seconds, solution.quality)
+    return (solution.name, float(solution.size), solution.dofs, *map(float, numbers))
 
 
-def _line(solved: Solved, limit: NDArray[np.float64]) -> tuple:
-    percent = 100 * off(solved.hz, limit)
-    size = solved.name, float(solved.size), solved.dofs
-    return (*size, *map(float, (*solved.hz, *percent, *solved.seconds, solved.quality)))
-
-
-def _picture(size: str, sizes: NDArray[np.float64], error: dict[str, NDArray]) -> bytes:
-    """Relative errors (k, m) of the modes against the element sizes (k,)."""
-    sets = [
-        Panel(
-            name, size, "" if beside else "frequency error [%]",
-            [Line(None if beside else f"mode {i}", sizes, 100 * np.where(e > 0, e, np.nan), "o-")
-             for i, e in enumerate(values.T, 1)], "xy",
-        )
-        for beside, (name, values) in enumerate(error.items())
-    ]  # fmt: skip
-    return panels(sets, columns=len(sets), size=(8 / len(sets), 3.8), sharey=True)
-
-
-def _solved(scene: Scene, name: str, size: float, n_modes: int) -> Solved:
-    started = perf_counter()
-    mesh = stages.mesh(scene)
-    meshed = perf_counter()
-    model = stages.model(scene, mesh)
-    assembled = perf_counter()
-    found = fem.modes(model.K, model.M, n_modes)
-    ended = perf_counter()
-    index = fem.pair(model, found, targets(scene, model) or FIRST).index
-    hz = np.where(index >= 0, found.frequency_hz[index], np.nan)
-    seconds = (meshed - started, assembled - meshed, ended - assembled)
-    return Solved(name, size, model.M.shape[0], hz, seconds, _quality(mesh.meshes))
-
-
-def _quality(meshes: dict[str, Mesh]) -> float:
-    return min(map(geometry.smallest_quality, meshes.values()))
+def _picture(size: str, sizes: NDArray[np.float64], errors: dict[str, NDArray]) -> Picture:
+    """Relative errors (k, m) of the modes against the element sizes (k,), a panel by name."""
+    sets = []
+    for name, values in errors.items():
+        first = not sets
+        lines = [
+            Line(f"mode {i}" if first else None, sizes, 100 * np.where(e > 0, e, np.nan), "o-")
+            for i, e in enumerate(values.T, 1)
+        ]
+        sets.append(Panel(name, size, "frequency error [%]" if first else "", lines, "xy"))
+    return Picture("mesh", panels(sets, columns=len(sets), size=(8 / len(sets), 3.8), sharey=True))

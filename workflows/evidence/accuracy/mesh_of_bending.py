@@ -1,6 +1,6 @@
 """What the elements of a beam or a plate leave of error in its frequencies and in the waves.
 
-Elements are 2.8 to 0.5 times as long as those of a run, the finest ones stand for the limit. The
+Elements are 2.8 to 0.5 times as long as those of a run; the finest ones stand for the limit. The
 velocities are those of the observed spheres until the horizon, over the striker's speed; all meshes
 are reduced as the scene says, and marched with the same steps.
 """
@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
-from workflows.evidence.accuracy.row import Row
-from workflows.evidence.accuracy.rows import table_of
+from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.prose import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.plots import Line, Panel, panels
@@ -28,70 +27,66 @@ from workflows.stages.wall import wall_of
 
 TEMPLATE = str(Path(__file__).with_name("_mesh_of_bending.md"))
 FACTORS = (2.83, 2.0, 1.41, 1.0, bending.FINER, 0.5)  # of the elements' length
-USUAL = FACTORS.index(1.0)
-N_MODES = 4
-RIGID_HZ = 1.0
+N_MODES = 4  # elastic ones, above 1 Hz
 COLUMNS = (
     "scene", "elements", "dofs", *(f"f{i}_Hz" for i in range(1, N_MODES + 1)),
     *(f"error{i}_%" for i in range(1, N_MODES + 1)), "velocities_%", "seconds",
 )  # fmt: skip
 
 
-class Solved(NamedTuple):
-    """One mesh."""
+class BendingMeshSolution(NamedTuple):
+    """One mesh of a beam or a plate: its frequencies, its waves and what they cost."""
 
     factor: float  # of the elements' length
     dofs: int
     hz: NDArray[np.float64]  # (N_MODES,)
-    v: NDArray[np.float64]  # (k, m) [m/s]
+    v: NDArray[np.float64]  # (k, m) [m/s] of the observed spheres
     seconds: float  # of model and reduction
 
 
 def of_bending(scene: Scene, progress: Progress) -> tuple[tuple, tuple[str, ...], tuple]:
     """Tables, sentences and pictures."""
     run = pipeline_of(with_chain(scene), progress)
-    solved = [_solved(scene, run, factor, progress) for factor in FACTORS]
-    limit, speed = solved[-1], float(np.abs(run("start").velocity).max())
-    waves = [float(np.abs(s.v - limit.v).max() / speed) for s in solved[:-1]]
-    hz = [np.abs(s.hz / limit.hz - 1) for s in solved[:-1]]
+    solutions = []
+    for factor in FACTORS:
+        with progress(f"elements {factor:.3g} times as long"):
+            started = perf_counter()
+            model = bending.model(scene, factor)
+            reduced = bending.reduction(scene, model)
+            seconds = perf_counter() - started
+            v = velocities(scene, run("start"), wall_of(scene, reduced), run("impact"))
+            hz = fem.modes(model.K, model.M, N_MODES + 3).frequency_hz  # 3: rigid-body motions
+        hz = hz[hz > 1.0][:N_MODES]
+        solutions.append(BendingMeshSolution(factor, len(model.inertia), hz, v, seconds))
+
+    # errors beside the finest mesh: of the waves (k,), of the frequencies (k, N_MODES)
+    *coarser, finest = solutions
+    speed = float(np.abs(run("start").velocity).max())
+    waves = [float(np.abs(s.v - finest.v).max() / speed) for s in coarser]
+    hz = [np.abs(s.hz / finest.hz - 1) for s in coarser]
     rows = tuple(
-        Row("mesh", scene.name, s.factor, error, s.seconds)
-        for s, error in zip(solved, waves, strict=False)
+        AccuracyRow("mesh", scene.name, s.factor, error, s.seconds)
+        for s, error in zip(coarser, waves, strict=True)
     )
     lines = tuple(
         (scene.name, s.factor, s.dofs, *map(float, (*s.hz, *(100 * f), 100 * error, s.seconds)))
-        for s, f, error in zip(solved, hz, waves, strict=False)
+        for s, f, error in zip(coarser, hz, waves, strict=True)
     )
     tables = table_of(rows, printed=False), Table("mesh", COLUMNS, lines)
-    told = {
-        "second": bending.FINER,
-        "stated": run("mesh-error"),
-        "off": waves[USUAL],
-        "hz": hz[USUAL].tolist(),
-    }
-    sentences = rendered(TEMPLATE, name=scene.name, finest=FACTORS[-1], **told)
-    return tables, sentences, (Picture("mesh", _picture(hz, waves)),)
+    usual = FACTORS.index(1.0)
+    sentences = rendered(
+        TEMPLATE, name=scene.name, finest=FACTORS[-1], second=bending.FINER,
+        stated=run("mesh-error"), off=waves[usual], hz=hz[usual].tolist(),
+    )  # fmt: skip
 
-
-def _solved(scene: Scene, run, factor: float, progress: Progress) -> Solved:
-    with progress(f"elements {factor:.3g} times as long"):
-        started = perf_counter()
-        model = bending.model(scene, factor)
-        reduced = bending.reduction(scene, model)
-        seconds = perf_counter() - started
-        v = velocities(scene, run("start"), wall_of(scene, reduced), run("impact"))
-        hz = fem.modes(model.K, model.M, N_MODES + 3).frequency_hz
-    return Solved(factor, len(model.inertia), hz[hz > RIGID_HZ][:N_MODES], v, seconds)
-
-
-def _picture(hz: list[NDArray], waves: list[float]) -> bytes:
     size, x = "length of the elements over that of a run", FACTORS[:-1]
     modes = [
-        Line(f"mode {i}", x, 100 * values, "o-") for i, values in enumerate(np.transpose(hz), 1)
-    ]
+        Line(f"mode {i}", x, 100 * errors, "o-") for i, errors in enumerate(np.transpose(hz), 1)
+    ]  # fmt: skip
     spheres = [Line(None, x, 100 * np.array(waves), "o-")]
     sets = [
         Panel("frequencies", size, "error [%]", modes, "xy"),
         Panel("velocities of the observed spheres", size, "", spheres, "xy"),
     ]
-    return panels(sets, columns=2, size=(4, 3.8))
+    picture = panels(sets, columns=2, size=(4, 3.8))
+    return tables, sentences, (Picture("mesh", picture),)

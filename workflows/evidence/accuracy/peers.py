@@ -36,7 +36,7 @@ class Problem(NamedTuple):
     n_save: int
 
 
-class Solution(NamedTuple):
+class PeerSolution(NamedTuple):
     """Saved states and what they cost; steps is None where the integrator does not count them."""
 
     y: np.ndarray  # (k, 2 n + 2 n_modes), one more for a dashpot
@@ -44,15 +44,15 @@ class Solution(NamedTuple):
     evaluations: int
 
 
-class Equations(NamedTuple):
+class PeerEquations(NamedTuple):
     """The right-hand side's constants; the absent parts are None and not compiled."""
 
     spheres: np.ndarray  # (2, n) 1/m, A of the contact behind each sphere (0: none)
     modes: np.ndarray | None  # (3, n_modes) phi, omega^2, 2 zeta omega
-    residual: float | None
-    held: np.ndarray | None  # (3, n) stiffness and anchor of leaf springs, steady force
+    residual: float | None  # compliance in series with the last contact [m/N]
+    springs: np.ndarray | None  # (3, n) stiffness and anchor of leaf springs, steady force
     damping: tuple[np.ndarray, int] | None  # (n,) coefficient of each contact, law
-    mobility: float | None
+    mobility: float | None  # of the dashpot [m/(N s)]
 
 
 @njit(error_model="numpy", fastmath=True)
@@ -84,8 +84,8 @@ def damped(force, approach, gamma, law):
 
 
 @njit(error_model="numpy", fastmath=True)
-def rate_into(y, out, spheres, modes, residual, held, damping, mobility):
-    """Write y' to out."""
+def rate_into(y, out, spheres, modes, residual, springs, damping, mobility):
+    """Write y' to out; `wall` and `speed` are the displacement and velocity at the contact."""
     n = spheres.shape[1]
     wall = 0.0
     speed = 0.0
@@ -95,7 +95,7 @@ def rate_into(y, out, spheres, modes, residual, held, damping, mobility):
             speed += modes[0, j] * y[2 * n + modes.shape[1] + j]
     if mobility is not None:
         wall += y[y.size - 1]
-    before = 0.0
+    F_left = 0.0  # of the contact that pushes the sphere on
     for i in range(n):
         gap = y[i] - (y[i + 1] if i < n - 1 else wall)
         if residual is not None and i == n - 1:
@@ -106,57 +106,58 @@ def rate_into(y, out, spheres, modes, residual, held, damping, mobility):
             gamma, law = damping
             approach = y[n + i] - (y[n + i + 1] if i < n - 1 else speed)
             force = damped(force, approach, gamma[i], law)
-        total = before - force
-        if held is not None:
-            total += held[2, i] - held[0, i] * (y[i] - held[1, i])
+        total = F_left - force
+        if springs is not None:
+            total += springs[2, i] - springs[0, i] * (y[i] - springs[1, i])
         out[i] = y[n + i]
         out[n + i] = spheres[0, i] * total
-        before = force
+        F_left = force
+    # F_left is now the force at the wall
     if modes is not None:
         k = modes.shape[1]
         for j in range(k):
             q, p = y[2 * n + j], y[2 * n + k + j]
             out[2 * n + j] = p
-            out[2 * n + k + j] = modes[0, j] * before - modes[1, j] * q - modes[2, j] * p
+            out[2 * n + k + j] = modes[0, j] * F_left - modes[1, j] * q - modes[2, j] * p
     if mobility is not None:
-        out[y.size - 1] = mobility * before
+        out[y.size - 1] = mobility * F_left
 
 
 @njit(error_model="numpy")
-def rate(y, spheres, modes, residual, held, damping, mobility):
+def rate(y, spheres, modes, residual, springs, damping, mobility):
     """y' of y."""
     out = np.empty_like(y)
-    rate_into(y, out, spheres, modes, residual, held, damping, mobility)
+    rate_into(y, out, spheres, modes, residual, springs, damping, mobility)
     return out
 
 
-def equations(problem: Problem) -> Equations:
+def equations(problem: Problem) -> PeerEquations:
     """The constants of a problem."""
     chain, wall = problem.chain, problem.wall
     A = np.append(chain.A, np.zeros(chain.mass.size - chain.A.size))
-    modes = held = residual = damping = mobility = None
+    modes = springs = residual = damping = mobility = None
     if wall is not None and wall.omega.size:
         modes = np.array([wall.phi, wall.omega**2, 2 * wall.zeta * wall.omega])
     if wall is not None and wall.residual_compliance:
         residual = float(wall.residual_compliance)
     if np.any(chain.leaf_stiffness) or chain.steady.any():
-        held = np.array([*chain.springs, chain.steady])
+        springs = np.array([*chain.springs, chain.steady])
     if chain.dissipation != "none":
         gamma = np.append(chain.gamma, np.zeros(A.size - chain.A.size))
         damping = gamma, LAWS[chain.dissipation]
     if wall is not None and wall.mobility:
         mobility = float(wall.mobility)
-    return Equations(np.array([1 / chain.mass, A]), modes, residual, held, damping, mobility)
+    return PeerEquations(np.array([1 / chain.mass, A]), modes, residual, springs, damping, mobility)
 
 
 def initial_state(problem: Problem) -> np.ndarray:
     """y at rest in equilibrium, with the velocities v0."""
     static = dem.equilibrium(problem.chain, problem.wall)
-    dashpot = np.zeros(_dashpots(problem))
-    return np.concatenate([static.x, problem.v0, static.q, np.zeros_like(static.q), dashpot])
+    u_d = np.zeros(_n_dashpots(problem))
+    return np.concatenate([static.x, problem.v0, static.q, np.zeros_like(static.q), u_d])
 
 
-def _dashpots(problem: Problem) -> int:
+def _n_dashpots(problem: Problem) -> int:
     return int(problem.wall is not None and problem.wall.mobility > 0.0)
 
 
@@ -167,24 +168,24 @@ def magnitudes(problem: Problem) -> np.ndarray:
     reach = speed * time_scale(problem.chain.mass[0], problem.chain.A[0], speed)
     modal = np.sqrt(problem.chain.mass[0])
     sizes = [reach, speed, modal * reach, modal * speed, reach]
-    return np.repeat(sizes, [n, n, k, k, _dashpots(problem)])
+    return np.repeat(sizes, [n, n, k, k, _n_dashpots(problem)])
 
 
-def reference(problem: Problem) -> Solution:
+def reference(problem: Problem) -> PeerSolution:
     """DOP853 at the limit of its tolerances, its steps held far below the contacts' periods."""
     return adaptive("DOP853", steps=4000)(problem, 1e-16)
 
 
-Solver = Callable[[Problem, float], Solution]
+Solver = Callable[[Problem, float], PeerSolution]
 
 
 def adaptive(method: str, *, steps: int = 0) -> Solver:
-    """One of scipy's `solve_ivp` methods, as a function of the problem and the tolerance; at least
-    so many steps."""
+    """One of scipy's `solve_ivp` methods, as a function of the problem and the tolerance; it takes
+    at least `steps` steps."""
 
-    def solution(problem: Problem, tolerance: float) -> Solution:
+    def solve(problem: Problem, tolerance: float) -> PeerSolution:
         constants = equations(problem)
-        found = integrate.solve_ivp(
+        solution = integrate.solve_ivp(
             lambda t, y: rate(y, *constants),
             (0.0, problem.duration),
             initial_state(problem),
@@ -194,12 +195,12 @@ def adaptive(method: str, *, steps: int = 0) -> Solver:
             atol=tolerance * magnitudes(problem),
             max_step=problem.duration / steps if steps else np.inf,
         )
-        return Solution(found.y.T, None, found.nfev)
+        return PeerSolution(solution.y.T, None, solution.nfev)
 
-    return solution
+    return solve
 
 
-def odeint(problem: Problem, tolerance: float) -> Solution:
+def odeint(problem: Problem, tolerance: float) -> PeerSolution:
     """LSODA without an interpreter between its steps, scipy's `odeint`."""
     constants = equations(problem)
     y, report = integrate.odeint(
@@ -211,10 +212,10 @@ def odeint(problem: Problem, tolerance: float) -> Solution:
         mxstep=100_000,
         full_output=True,
     )
-    return Solution(y, int(report["nst"][-1]), int(report["nfe"][-1]))
+    return PeerSolution(y, int(report["nst"][-1]), int(report["nfe"][-1]))
 
 
-def compiled_dop853(problem: Problem, tolerance: float) -> Solution:
+def compiled_dop853(problem: Problem, tolerance: float) -> PeerSolution:
     """DOP853 without an interpreter between its steps, scipy's `ode`; it stops at every save."""
     constants, unit, calls = equations(problem), magnitudes(problem), [0]
 
@@ -226,13 +227,13 @@ def compiled_dop853(problem: Problem, tolerance: float) -> Solution:
     solver.set_integrator("dop853", rtol=tolerance, atol=tolerance, nsteps=100_000)
     solver.set_initial_value(initial_state(problem) / unit, 0.0)
     saved = [solver.y, *(solver.integrate(t) for t in _instants(problem)[1:])]
-    return Solution(np.array(saved) * unit, None, calls[0])
+    return PeerSolution(np.array(saved) * unit, None, calls[0])
 
 
 def cvode(method: str) -> Solver:
     """CVODE of SUNDIALS, where its wheel is installed."""
 
-    def solution(problem: Problem, tolerance: float) -> Solution:
+    def solve(problem: Problem, tolerance: float) -> PeerSolution:
         from sksundae.cvode import CVODE
 
         constants = equations(problem)
@@ -243,10 +244,10 @@ def cvode(method: str) -> Solver:
             atol=tolerance * magnitudes(problem),
             max_num_steps=100_000,
         )
-        found = solver.solve(_instants(problem), initial_state(problem))
-        return Solution(found.y, None, int(found.nfev))
+        solution = solver.solve(_instants(problem), initial_state(problem))
+        return PeerSolution(solution.y, None, int(solution.nfev))
 
-    return solution
+    return solve
 
 
 SCIPY: dict[str, Solver] = {
@@ -263,12 +264,12 @@ SUNDIALS: dict[str, Solver] = {"CVODE-Adams": cvode("Adams"), "CVODE-BDF": cvode
 
 
 def peers() -> dict[str, Solver]:
-    """All that are installed."""
+    """All solvers that are installed, by name."""
     return {**SCIPY, **SUNDIALS} if has_sundials() else SCIPY
 
 
 def has_sundials() -> bool:
-    """Whether the optional wheel of SUNDIALS is there."""
+    """Whether the optional wheel of SUNDIALS is installed."""
     return find_spec("sksundae") is not None
 
 
@@ -284,17 +285,23 @@ def energy_error(problem: Problem, y: np.ndarray) -> float | None:
 
 
 def energy(problem: Problem, y: np.ndarray) -> np.ndarray:
-    """(k,) [J] of saved states (k, size)."""
+    """(k,) [J] of saved states (k, size): kinetic, Hertz' 2/5 F delta, springs and modes, less the
+    work of steady forces."""
     chain, n = problem.chain, problem.v0.size
     constants = equations(problem)
     x, v, modal = y[:, :n], y[:, n : 2 * n], y[:, 2 * n :]
-    overlap = _overlaps(constants, x, modal)
+    k = modal.shape[1] // 2
+    wall = modal[:, :k] @ constants.modes[0] if constants.modes is not None else 0.0 * x[:, 0]
+    overlap = np.maximum(x - np.column_stack([x[:, 1:], wall]), 0.0)
+    if constants.residual is not None:
+        A = constants.spheres[1, -1]
+        overlap[:, -1] = [indentation(gap, A, constants.residual) for gap in overlap[:, -1]]
     force = constants.spheres[1] * overlap**1.5
     total = 0.5 * v**2 @ chain.mass + 0.4 * (force * overlap).sum(axis=1) - x @ chain.steady
     if constants.residual is not None:
         total += 0.5 * constants.residual * force[:, -1] ** 2
-    if constants.held is not None:
-        stiffness, anchor, _ = constants.held
+    if constants.springs is not None:
+        stiffness, anchor, _ = constants.springs
         total += 0.5 * (x - anchor) ** 2 @ stiffness
     if constants.modes is not None:
         q, p = np.split(modal, 2, axis=1)
@@ -302,15 +309,6 @@ def energy(problem: Problem, y: np.ndarray) -> np.ndarray:
     return total
 
 
-def _overlaps(constants: Equations, x: np.ndarray, modal: np.ndarray) -> np.ndarray:
-    k = modal.shape[1] // 2
-    wall = modal[:, :k] @ constants.modes[0] if constants.modes is not None else 0.0 * x[:, 0]
-    overlap = np.maximum(x - np.column_stack([x[:, 1:], wall]), 0.0)
-    if constants.residual is not None:
-        A = constants.spheres[1, -1]
-        overlap[:, -1] = [indentation(gap, A, constants.residual) for gap in overlap[:, -1]]
-    return overlap
-
-
 def _instants(problem: Problem) -> np.ndarray:
+    """The saves, with the start (n_save + 1,) [s]."""
     return np.linspace(0.0, problem.duration, problem.n_save + 1)

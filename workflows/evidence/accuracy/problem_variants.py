@@ -1,4 +1,4 @@
-"""Variants of a problem: pressed shut, lengthened, before a wall of more modes."""
+"""Variants of a problem: pressed shut, lengthened, before more wall modes, with one part more."""
 
 import numpy as np
 
@@ -10,45 +10,46 @@ SPACING, MASS = 400.0, 4.2  # [Hz], [kg] of the block in the synthetic wall
 
 
 def pressed(case: Problem) -> Problem:
-    """The case between a spring on the first sphere and a rigid wall, hit too softly to open."""
+    """The case between a spring on the first sphere and a rigid wall, hit too softly to open: the
+    spring presses as hard as the first collision would, and the velocities are a hundredth."""
     n = case.v0.size
-    scale = float(np.abs(case.v0).max())
-    peak = force_scale(case.chain.mass[0], case.chain.A[0], scale)
+    speed = float(np.abs(case.v0).max())
+    peak = force_scale(case.chain.mass[0], case.chain.A[0], speed)
     first = np.eye(n)[0]
     stiffness = 0.01 * peak ** (1 / 3) * case.chain.A[0] ** (2 / 3)
-    row = case.chain._replace(leaf_stiffness=stiffness * first, leaf_anchor=None, preload=0.0)
-    A = row.A if row.A.size == n else np.append(row.A, row.A[-1])
+    chain = case.chain._replace(leaf_stiffness=stiffness * first, leaf_anchor=None, preload=0.0)
+    A = chain.A if chain.A.size == n else np.append(chain.A, chain.A[-1])
     squeezed = n * (peak / A.min()) ** (2 / 3) + peak / stiffness
-    row = row._replace(A=A, leaf_anchor=squeezed * first)
-    return case._replace(chain=row, wall=dem.rigid_wall(), v0=0.01 * case.v0, n_save=10)
+    chain = chain._replace(A=A, leaf_anchor=squeezed * first)
+    return case._replace(chain=chain, wall=dem.rigid_wall(), v0=0.01 * case.v0, n_save=10)
 
 
 def lengthened(case: Problem, n: int) -> Problem:
     """The case with n spheres, the middle one repeated."""
-    chain, old = case.chain, case.v0.size
-    if n <= old:
+    chain, n_old = case.chain, case.v0.size
+    if n <= n_old:
         return case
-    spheres = np.r_[: old // 2, np.full(n - old, old // 2), old // 2 : old]
-    contacts = spheres[: chain.A.size - old] if chain.A.size < old else spheres
+    spheres = np.r_[: n_old // 2, np.full(n - n_old, n_old // 2), n_old // 2 : n_old]
+    contacts = spheres[: chain.A.size - n_old] if chain.A.size < n_old else spheres  # a free end
     per_sphere = {
         name: values[spheres]
         for name in ("mass", "radius", "leaf_stiffness", "leaf_anchor")
         if (values := getattr(chain, name)) is not None
     }
-    v0 = np.where(np.arange(n) < old, np.resize(case.v0, n), 0.0)
+    v0 = np.where(np.arange(n) < n_old, np.resize(case.v0, n), 0.0)
     return case._replace(chain=chain._replace(A=chain.A[contacts], **per_sphere), v0=v0)
 
 
 def modal_wall(wall: dem.Wall | None, count: int) -> dem.Wall:
     """The wall's own modes, continued at equal spacing by those of a free block."""
     wall = dem.rigid_wall() if wall is None else wall
-    own = min(count, wall.omega.size)
-    lowest = wall.omega[own - 1] + 2 * np.pi * SPACING if own else 2 * np.pi * 50.0
-    more = lowest + 2 * np.pi * SPACING * np.arange(count - own)
+    n_own = min(count, wall.omega.size)
+    lowest = wall.omega[n_own - 1] + 2 * np.pi * SPACING if n_own else 2 * np.pi * 50.0
+    more = lowest + 2 * np.pi * SPACING * np.arange(count - n_own)
     return wall._replace(
-        omega=np.append(wall.omega[:own], more),
-        zeta=np.append(wall.zeta[:own], np.zeros(count - own)),
-        phi=np.append(wall.phi[:own], np.full(count - own, np.sqrt(2.0 / MASS))),
+        omega=np.append(wall.omega[:n_own], more),
+        zeta=np.append(wall.zeta[:n_own], np.zeros(count - n_own)),
+        phi=np.append(wall.phi[:n_own], np.full(count - n_own, np.sqrt(2.0 / MASS))),
     )
 
 
@@ -76,6 +77,5 @@ def with_parts(case: Problem) -> dict[str, Problem]:
         "40 wall modes": modal_wall(None, 40),
         "dashpot wall": dem.dashpot_wall(1e4),
     }
-    return {name: case._replace(chain=one) for name, one in chains.items()} | {
-        name: case._replace(wall=one) for name, one in walls.items()
-    }
+    cases = {name: case._replace(chain=chain) for name, chain in chains.items()}
+    return cases | {name: case._replace(wall=wall) for name, wall in walls.items()}

@@ -1,4 +1,4 @@
-"""Chains to be measured: the scene's own, pressed shut, lengthened, before walls of more modes."""
+"""The scene's chain as a problem that our schemes and general-purpose integrators both take."""
 
 import numpy as np
 
@@ -9,11 +9,10 @@ from workflows.stages.chain import initial_velocity
 from workflows.stages.impact import require_start
 from workflows.stages.pipeline import Progress, pipeline_of
 
-N_SAVE = 100
-
 
 def problem(scene: Scene, progress: Progress) -> Problem:
-    """The scene's chain; raises InvalidScene for what the integrators cannot be given."""
+    """The scene's chain, with 100 saves; raises InvalidScene for what the integrators cannot be
+    given."""
     if scene.chain is None:
         raise InvalidScene(f"the scene {scene.name} has no [chain]; add one, or take rig-rigid.")
     if scene.contact.law != "hertz":
@@ -23,12 +22,12 @@ def problem(scene: Scene, progress: Progress) -> Problem:
         )
     require_start(scene)
     run = pipeline_of(scene, progress)
-    row, wall = run("start").chain, run("wall")
+    chain, wall = run("start").chain, run("wall")
     if not isinstance(wall, dem.Wall | None):
         raise InvalidScene(
             f"the scene {scene.name} has a wall whose modes its dampers couple, which no scheme of "
             "this study marches; leave out the dashpots of the joints."
         )
-    seen = scene.output.spheres or range(1, scene.chain.count + 1)
+    spheres = scene.output.spheres or range(1, scene.chain.count + 1)
     v0, duration = initial_velocity(scene), scene.time.duration
-    return Problem(row, wall, v0, duration, np.array(seen) - 1, N_SAVE)
+    return Problem(chain, wall, v0, duration, observed=np.array(spheres) - 1, n_save=100)

@@ -6,9 +6,9 @@
     speed.
 
 The full model's answer comes from a Krylov space of the whole structure, grown until its bound (see
-rom.contact_modes) is far below the errors that are told, and set beside solutions of the full model
-itself at a few frequencies. Seconds are those of the processor, of each reduction as if it were the
-only one (see shared_solutions).
+rom.contact_modes) is far below the errors that are stated. It is set beside solutions of the full
+model itself at a few frequencies. Seconds are those of the processor, of each reduction as if it
+were the only one (see shared_solutions).
 
 Modes are those that the contact moves most up to 50 kHz, or "lowest" in the order of their
 frequencies, as reduction.choice says. "+ residual" keeps the static response of all that is not a
@@ -16,32 +16,30 @@ mode: the residual-attachment vector of free modes, the constraint modes of Crai
 it a wall is its modes alone.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from itertools import pairwise, product
 from time import process_time
 from typing import NamedTuple
 
 import numpy as np
 
-import dem
 import fem
 import rom
 from fem.shared_solutions import SharedSolutions
 from workflows.evidence.accuracy.reduction_cost import (
     ERROR,
-    Contact,
+    FullModel,
     costs_of,
     marched,
-    reduced_to,
+    reduced_by,
     wall_of,
 )
-from workflows.evidence.accuracy.reduction_picture import CHOICES, KINDS, Case, method_name, picture
-from workflows.evidence.accuracy.row import Row
-from workflows.evidence.accuracy.rows import table_of
+from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.accuracy.runs import least_seconds
 from workflows.evidence.prose import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
+from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.stages.chain import initial_velocity, on_surface
@@ -49,31 +47,20 @@ from workflows.stages.pipeline import Progress, Stage, pipeline_of, tables_of
 from workflows.stages.reduction import contact_of
 
 SCENE = "rig-rom"
+KINDS = ("free-modes", "craig-bampton")
+CHOICES = ("contact", "lowest")
 COUNTS = (10, 20, 40, 80, 150)
 BANDS_HZ = (20e3, 50e3)
-N_FREQUENCIES = 1000  # of the highest band
 BOUND = 1e-6  # of the reference's error
-CHECKED = (0.013, 0.11, 0.37, 0.71, 0.97)  # of the highest band, solved directly
 FINER = 1e-2  # times the scene's error: the march must not show among the differences
-REPEATS = 3
 
 
-class Reduced(NamedTuple):
-    """A reduced model, how many modes were asked for and how they were chosen."""
-
-    choice: str
-    n_modes: int
-    model: rom.ReducedModel
-    seconds: float  # of the processor, as if it were the only one
-
-
-class Reference(NamedTuple):
-    """What stands for the full model: reduced, its stated error the bound; beside its solutions
-    at checked_hz (k,) it is off by `off`, relative rms."""
+class FullReference(NamedTuple):
+    """What stands for the full model: reduced, its stated error the bound."""
 
     reduced: rom.ReducedModel
-    checked_hz: tuple[float, ...]
-    off: float
+    checked_hz: tuple[float, ...]  # (k,) where it is set beside solutions of the full model
+    difference: float  # to those, relative rms
 
 
 REFERENCE = {
@@ -83,121 +70,37 @@ REFERENCE = {
 }
 
 
-def reference(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> Reference:
+def reference(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> FullReference:
     """The full model's answer at the contact up to the highest band."""
     to_hz = BANDS_HZ[-1]
-    asked = rom.Selection(error=BOUND, to_hz=to_hz, choice="contact")
-    whole = rom.free_modes(model.K, model.M, contact.w, asked, factorise=fem.factorised)
-    whole = whole._replace(T=None, contact=contact_of(scene, model, contact))
-    f = tuple(share * to_hz for share in CHECKED)
+    selection = rom.Selection(error=BOUND, to_hz=to_hz, choice="contact")
+    reduced = rom.free_modes(model.K, model.M, contact.w, selection, factorise=fem.factorised)
+    reduced = reduced._replace(T=None, contact=contact_of(scene, model, contact))
+    f = tuple(share * to_hz for share in (0.013, 0.11, 0.37, 0.71, 0.97))
     direct = fem.receptance(model.K, model.M, contact.w, np.array(f), loss_factor=rom.LOSS)
-    off = np.linalg.norm(rom.receptance(whole, None, f, loss=rom.LOSS) - direct)
-    return Reference(whole, f, float(off / np.linalg.norm(direct)))
+    difference = np.linalg.norm(rom.receptance(reduced, None, f, loss=rom.LOSS) - direct)
+    return FullReference(reduced, f, float(difference / np.linalg.norm(direct)))
 
 
-def reduction(scene: Scene, progress: Progress) -> Finding:
-    """Error and cost of a reduced wall against the number of its modes."""
-    _refuse(scene)
-    run = pipeline_of(scene, progress, REFERENCE)
-    model, patch = run("model"), run("contact")
-    known = contact_of(scene, model, patch)
-    scene = on_surface(scene, known)
-    contact = Contact(model.K, model.M, patch.w, known, SharedSolutions())
-    full = run("reference-response")
-    f = np.arange(1, N_FREQUENCIES + 1) / N_FREQUENCIES * BANDS_HZ[-1]
-    H = rom.receptance(full.reduced, None, f, loss=rom.LOSS)
-    with progress("reference march"):
-        finest = marched(scene, wall_of(scene, full.reduced), FINER)
-    models = tuple(_models(contact, progress))
-    cases = tuple(_cases(scene, models, f, H, finest, progress))
-    with progress("what it costs"):
-        largest = {
-            f"{one.n_modes} {one.choice} modes": one.model
-            for one in models
-            if (one.model.kind, one.n_modes) == (KINDS[0], COUNTS[-1])
-        }
-        costs = costs_of(scene, contact, run("modes"), largest, BANDS_HZ[0])
-    rows = tuple(row for case in cases for row in _rows(case))
-    sentences = rendered(
-        __file__, top=BANDS_HZ[-1], full=full, size=len(full.reduced.K), falls=_falls(cases),
-        costs=costs, asked=ERROR,
-    )  # fmt: skip
-    drawn = Picture("accuracy_reduction", picture(cases, BANDS_HZ))
-    return Finding((table_of(rows, printed=False), _table(cases)), sentences, (drawn,))
+class ReducedCase(NamedTuple):
+    """A reduced model, how many modes were asked for and how they were chosen."""
+
+    choice: str
+    n_modes: int
+    model: rom.ReducedModel
+    seconds: float  # of the processor, as if it were the only one
 
 
-def _refuse(scene: Scene) -> None:
-    if scene.assembly is None or scene.chain is None or not isinstance(scene.wall, RomWall):
-        raise InvalidScene(
-            f'the scene {scene.name} has no chain before an assembly with wall.kind = "rom"; '
-            "take rig-rom."
-        )
-    if any(table.dashpots for table in scene.springs.values()):
-        raise InvalidScene(
-            "joints have dashpots, which this study would leave out of the responses it compares; "
-            "set joints.head.cx .. joints.foot.crz to 0."
-        )
-    if scene.patch and scene.patch.weights == "thesis":
-        raise InvalidScene(
-            'patch.weights = "thesis" is read elsewhere than it is pushed, which no number of '
-            'modes corrects; take "hertz" or "area".'
-        )
+class ReductionCase(NamedTuple):
+    """One reduced wall: what it gets wrong and the seconds it takes."""
 
-
-def _models(contact: Contact, progress: Progress) -> Iterator[Reduced]:
-    for kind, choice, n in product(KINDS, CHOICES, COUNTS):
-        with progress(f"{kind} {choice} {n}"):
-            started = process_time() + contact.shared.saved
-            model = reduced_to(contact, kind, n, choice, BANDS_HZ[-1])
-            yield Reduced(choice, n, model, process_time() + contact.shared.saved - started)
-
-
-def _cases(
-    scene: Scene, models: tuple[Reduced, ...], f, full, finest: dem.Trajectory, progress: Progress
-) -> Iterator[Case]:
-    with progress("marches"):
-        for one in models:
-            for bare in (False, True)[: 2 if one.choice == CHOICES[0] else 1]:
-                yield _case(scene, one, bare, f, full, finest)
-
-
-def _case(scene: Scene, one: Reduced, bare: bool, f, full, finest) -> Case:
-    whole, n = one.model, one.n_modes
-    reduced = rom.modes_alone(whole, n) if bare else whole
-    error = rom.receptance(reduced, None, f, loss=rom.LOSS) - full
-    bands = [f <= band for band in BANDS_HZ]
-    # modes alone do not hold the half-space that only many of them add up to: none is taken out
-    wall = wall_of(scene, reduced, 0.0 if bare else None)
-    v = marched(scene, wall, FINER).v
-    observed = [sphere - 1 for sphere in scene.output.spheres] or slice(None)
-    speed = np.abs(initial_velocity(scene)).max()
-    return Case(
-        method=method_name(whole.kind, one.choice, bare),
-        n_modes=n,
-        reach=float(rom.modes_alone(whole, n).K[-1, -1] ** 0.5 / (2 * np.pi)),
-        receptance=tuple(float(np.linalg.norm(error[b]) / np.linalg.norm(full[b])) for b in bands),
-        velocities=float(np.abs(v - finest.v)[:, observed].max() / speed),
-        reduce=one.seconds,
-        march=least_seconds((lambda: marched(scene, wall, 1.0),), REPEATS)[0],
-    )
-
-
-def _rows(case: Case) -> Iterator[Row]:
-    for band, error in zip(BANDS_HZ, case.receptance, strict=True):
-        name = f"{case.method}: receptance to {band / 1e3:g} kHz"
-        yield Row("reduction", name, case.n_modes, error, case.reduce)
-    name = f"{case.method}: velocities"
-    yield Row("reduction", name, case.n_modes, case.velocities, case.march)
-
-
-def _table(cases: tuple[Case, ...]) -> Table:
-    bands = [f"to {band / 1e3:g} kHz" for band in BANDS_HZ]
-    head = ("method", "modes", "up to [kHz]", *bands, "velocities", "reduce [s]", "march [ms]")
-    rows = [
-        (c.method, c.n_modes, 1e-3 * c.reach, *c.receptance, c.velocities, c.reduce, 1e3 * c.march)
-        for c in cases
-    ]
-    return Table("reduction", head, tuple(rows))
+    method: str
+    n_modes: int
+    reach: float  # [Hz] of the highest mode
+    receptance: tuple[float, ...]  # relative rms error per band
+    velocities: float  # relative to the striker
+    reduce: float  # [s] of the processor
+    march: float  # [s] of the processor
 
 
 class Fall(NamedTuple):
@@ -213,7 +116,135 @@ class Fall(NamedTuple):
         return all(finer < coarser for coarser, finer in pairwise(self.error.values()))
 
 
-def _falls(cases: tuple[Case, ...]) -> Iterator[Fall]:
-    for method, band in product((method_name(kind, CHOICES[0], False) for kind in KINDS), (0, 1)):
-        errors = {c.n_modes: c.receptance[band] for c in cases if c.method == method}
-        yield Fall(method, BANDS_HZ[band], errors)
+def reduction(scene: Scene, progress: Progress) -> Finding:
+    """Error and cost of a reduced wall against the number of its modes."""
+    if scene.assembly is None or scene.chain is None or not isinstance(scene.wall, RomWall):
+        raise InvalidScene(
+            f'the scene {scene.name} has no chain before an assembly with wall.kind = "rom"; '
+            "take rig-rom."
+        )
+    if any(table.dashpots for table in scene.springs.values()):
+        raise InvalidScene(
+            "joints have dashpots, which this study would leave out of the responses it compares; "
+            "set joints.head.cx .. joints.foot.crz to 0."
+        )
+    if scene.patch and scene.patch.weights == "thesis":
+        raise InvalidScene(
+            'patch.weights = "thesis" is read elsewhere than it is pushed, which no number of '
+            'modes corrects; take "hertz" or "area".'
+        )
+    run = pipeline_of(scene, progress, REFERENCE)
+    model, patch = run("model"), run("contact")
+    contact = contact_of(scene, model, patch)
+    scene = on_surface(scene, contact)
+    full = FullModel(model.K, model.M, patch.w, contact, SharedSolutions())
+
+    # what the reduced walls are compared with: receptance H at a thousand frequencies, and a march
+    truth = run("reference-response")
+    f = np.arange(1, 1001) / 1000 * BANDS_HZ[-1]
+    H = rom.receptance(truth.reduced, None, f, loss=rom.LOSS)
+    with progress("reference march"):
+        finest = marched(scene, wall_of(scene, truth.reduced), FINER)
+
+    models = []
+    for kind, choice, n in product(KINDS, CHOICES, COUNTS):
+        with progress(f"{kind} {choice} {n}"):
+            to_hz = BANDS_HZ[-1] if choice == "contact" else None
+            selection = rom.Selection(n_modes=n, choice=choice, to_hz=to_hz)
+            started = process_time() + full.shared.saved
+            reduced = reduced_by(full, kind, selection, full.shared)
+            seconds = process_time() + full.shared.saved - started
+            models.append(ReducedCase(choice, n, reduced, seconds))
+
+    cases = []
+    observed = [sphere - 1 for sphere in scene.output.spheres] or slice(None)
+    speed = np.abs(initial_velocity(scene)).max()
+    with progress("marches"):
+        for choice, n, reduced, seconds in models:
+            for residual in (True, False) if choice == CHOICES[0] else (True,):
+                modes_alone = rom.modes_alone(reduced, n)
+                compared = reduced if residual else modes_alone
+                error = rom.receptance(compared, None, f, loss=rom.LOSS) - H
+                bands = [f <= band for band in BANDS_HZ]
+                # modes alone do not hold the half-space that only many of them add up to: none is
+                # taken out
+                wall = wall_of(scene, compared, None if residual else 0.0)
+                v = marched(scene, wall, FINER).v
+                cases.append(ReductionCase(
+                    method=method_name(reduced.kind, choice, residual),
+                    n_modes=n,
+                    reach=float(modes_alone.K[-1, -1] ** 0.5 / (2 * np.pi)),
+                    receptance=tuple(
+                        float(np.linalg.norm(error[b]) / np.linalg.norm(H[b])) for b in bands
+                    ),
+                    velocities=float(np.abs(v - finest.v)[:, observed].max() / speed),
+                    reduce=seconds,
+                    march=least_seconds((lambda wall=wall: marched(scene, wall, 1.0),), 3)[0],
+                ))  # fmt: skip
+
+    with progress("what it costs"):
+        largest = {
+            f"{n} {choice} modes": reduced
+            for choice, n, reduced, _ in models
+            if (reduced.kind, n) == (KINDS[0], COUNTS[-1])
+        }
+        costs = costs_of(scene, full, run("modes"), largest, BANDS_HZ[0])
+
+    rows = []
+    for c in cases:
+        for band, error in zip(BANDS_HZ, c.receptance, strict=True):
+            name = f"{c.method}: receptance to {band / 1e3:g} kHz"
+            rows.append(AccuracyRow("reduction", name, c.n_modes, error, c.reduce))
+        name = f"{c.method}: velocities"
+        rows.append(AccuracyRow("reduction", name, c.n_modes, c.velocities, c.march))
+    bands = [f"to {band / 1e3:g} kHz" for band in BANDS_HZ]
+    head = ("method", "modes", "up to [kHz]", *bands, "velocities", "reduce [s]", "march [ms]")
+    lines = [
+        (c.method, c.n_modes, 1e-3 * c.reach, *c.receptance, c.velocities, c.reduce, 1e3 * c.march)
+        for c in cases
+    ]
+    falls = []
+    for kind, (i, band) in product(KINDS, enumerate(BANDS_HZ)):
+        method = method_name(kind, CHOICES[0], True)
+        errors = {c.n_modes: c.receptance[i] for c in cases if c.method == method}
+        falls.append(Fall(method, band, errors))
+    sentences = rendered(
+        __file__, top=BANDS_HZ[-1], full=truth, size=len(truth.reduced.K), falls=falls,
+        costs=costs, asked=ERROR,
+    )  # fmt: skip
+    tables = table_of(tuple(rows), printed=False), Table("reduction", head, tuple(lines))
+    return Finding(tables, sentences, (Picture("accuracy_reduction", _picture(cases)),))
+
+
+def method_name(kind: str, choice: str, residual: bool) -> str:
+    """What the table calls a way to reduce."""
+    lowest = "" if choice == CHOICES[0] else f" {choice}"
+    return f"{kind}{lowest}{' + residual' if residual else ''}"
+
+
+def _picture(cases: list[ReductionCase]) -> bytes:
+    """PNG: errors and costs over the number of modes. A kind of reduction has a colour, a choice
+    of modes its dashes; they are named once, in the last panel."""
+
+    def lines(value: Callable[[ReductionCase], float], *, named: bool = False) -> list[Line]:
+        curves = []
+        styles = (("contact", True, "o-"), ("lowest", True, "o--"), ("contact", False, "o:"))
+        for (i, kind), (choice, residual, style) in product(enumerate(KINDS), styles):
+            method = method_name(kind, choice, residual)
+            same = [case for case in cases if case.method == method]
+            n_modes, values = np.array([c.n_modes for c in same]), np.array([*map(value, same)])
+            curves.append(Line(method if named else None, n_modes, values, style, i))
+        return curves
+
+    sets = []
+    for i, band in enumerate(BANDS_HZ):
+        receptance = lines(lambda c, i=i: c.receptance[i])
+        title = f"receptance to {band / 1e3:g} kHz"
+        sets.append(Panel(title, "modes", "relative error", receptance, "xy"))
+    velocities, title = lines(lambda c: c.velocities), "velocities of the observed spheres"
+    sets.append(Panel(title, "modes", "relative error", velocities, "xy"))
+    reduce = lines(lambda c: c.reduce)
+    sets.append(Panel("cost of the reduction", "modes", "seconds", reduce, "xy"))
+    march = lines(lambda c: 1e3 * c.march, named=True)
+    sets.append(Panel("cost of the time integration", "modes", "milliseconds", march, "xy"))
+    return panels(sets, columns=3, size=(4.6, 3.6), legend_apart=True)

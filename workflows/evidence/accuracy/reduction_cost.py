@@ -4,7 +4,6 @@ Seconds are those of the processor, the least of some repeats taken in turns: a 
 other work to do spoils them least so. BLAS runs on one thread.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -23,44 +22,36 @@ from workflows.stages.chain import chain, initial_velocity
 from workflows.stages.reduction import selection, targets_kept
 from workflows.stages.wall import damping
 
-KIND = "free-modes"
 ERROR = 1e-4  # of the reduction, and of the marches that are compared
-REPEATS = 15
 
 
-class Contact(NamedTuple):
+class FullModel(NamedTuple):
     """The full model as the reductions need it."""
 
     K: object
     M: object
     w: NDArray[np.float64]
-    known: rom.Contact
+    contact: rom.Contact
     shared: SharedSolutions
 
 
-def reduced_to(
-    contact: Contact, kind: str, n_modes: int, choice: str, to_hz: float
+def reduced_by(
+    full: FullModel, kind: str, selection: rom.Selection, factorise: rom.Factorise
 ) -> rom.ReducedModel:
-    """So many modes, those of the contact chosen up to to_hz [Hz]."""
-    to_hz = to_hz if choice == "contact" else None
-    asked = rom.Selection(n_modes=n_modes, choice=choice, to_hz=to_hz)
-    return _reduced(contact, kind, asked, contact.shared)
-
-
-def _reduced(
-    contact: Contact, kind: str, asked: rom.Selection, factorise: rom.Factorise
-) -> rom.ReducedModel:
-    matrices = (contact.K, contact.M, contact.w)
+    """The full model reduced by "free-modes" or "craig-bampton", without its T."""
     if kind == "free-modes":
-        reduced = rom.free_modes(*matrices, asked, factorise=factorise)
+        reduced = rom.free_modes(full.K, full.M, full.w, selection, factorise=factorise)
     else:
-        boundary = np.flatnonzero(contact.w)
-        reduced = rom.craig_bampton(*matrices, boundary, asked, factorise=factorise)
-    return reduced._replace(T=None, contact=contact.known)
+        boundary = np.flatnonzero(full.w)
+        reduced = rom.craig_bampton(
+            full.K, full.M, full.w, boundary, selection, factorise=factorise
+        )  # fmt: skip
+    return reduced._replace(T=None, contact=full.contact)
 
 
 def wall_of(scene: Scene, reduced: rom.ReducedModel, without: float | None = None) -> dem.Wall:
-    """The wall, the compliance `without` [m/N] taken out: the half-space's unless said."""
+    """The wall less the compliance `without` [m/N], that of the half-space if None: Hertz' law
+    holds it already."""
     local = reduced.contact.half_space if without is None else without
     return wall_from_reduced(reduced, half_space=local, damping=damping(scene.damping, reduced))
 
@@ -106,36 +97,43 @@ class Costs(NamedTuple):
 
 def costs_of(
     scene: Scene,
-    contact: Contact,
+    full: FullModel,
     modes: AssemblyModes,
     largest: dict[str, rom.ReducedModel],
     to_hz: float,
 ) -> Costs:
     """The scene's reduction against the eigen-solve; marches with the `largest` models, and with
     the modes that an error up to to_hz [Hz] keeps, against a rigid wall."""
-    few = rom.Selection(error=ERROR, choice="contact", to_hz=to_hz)
-    kept = _reduced(contact, KIND, few, contact.shared)
-    models = largest | {f"the modes of reduction.error = {ERROR:g}": kept}
-    return Costs(_solve_cost(scene, contact, modes), tuple(_march_costs(scene, models)))
+    to_error = rom.Selection(error=ERROR, choice="contact", to_hz=to_hz)
+    models = largest | {
+        f"the modes of reduction.error = {ERROR:g}": reduced_by(
+            full, "free-modes", to_error, full.shared
+        )
+    }
 
-
-def _solve_cost(scene: Scene, contact: Contact, modes: AssemblyModes) -> SolveCost:
-    n = scene.reduction.modes or 40
-    asked = selection(scene)
-    if asked.by_contact:
-        asked = asked._replace(modes=targets_kept(modes))
-    calls = (
-        lambda: fem.factorised(contact.K),
-        lambda: fem.modes(contact.K, contact.M, n),
-        lambda: _reduced(contact, scene.reduction.kind, asked, fem.factorised),
+    # each solution with a factorisation of its own
+    n_modes = scene.reduction.modes or 40
+    of_scene = selection(scene)
+    if of_scene.by_contact:
+        of_scene = of_scene._replace(modes=targets_kept(modes))
+    solutions = (
+        lambda: fem.factorised(full.K),
+        lambda: fem.modes(full.K, full.M, n_modes),
+        lambda: reduced_by(full, scene.reduction.kind, of_scene, fem.factorised),
     )
-    return SolveCost(n, *least_seconds(calls, 2))
+    solve = SolveCost(n_modes, *least_seconds(solutions, repeats=2))
 
-
-def _march_costs(scene: Scene, models: dict[str, rom.ReducedModel]) -> Iterator[MarchCost]:
-    at = scene.but(time={"error": ERROR})
-    walls = [wall_of(at, model) for model in models.values()]
-    runs = [lambda wall=wall: marched(at, wall, 1.0) for wall in (dem.rigid_wall(), *walls)]
-    rigid, *seconds = least_seconds(tuple(runs), REPEATS)
-    for name, wall, one in zip(models, walls, seconds, strict=True):
-        yield MarchCost(name, len(wall.omega), one, rigid)
+    march_scene = scene.but(time={"error": ERROR})
+    walls = {name: wall_of(march_scene, model) for name, model in models.items()}
+    rigid, *seconds = least_seconds(
+        tuple(
+            lambda wall=wall: marched(march_scene, wall, 1.0)
+            for wall in (dem.rigid_wall(), *walls.values())
+        ),
+        repeats=15,
+    )
+    marches = tuple(
+        MarchCost(name, len(wall.omega), march, rigid)
+        for (name, wall), march in zip(walls.items(), seconds, strict=True)
+    )
+    return Costs(solve, marches)

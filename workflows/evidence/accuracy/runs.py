@@ -14,61 +14,71 @@ import numpy as np
 import dem
 from workflows.evidence.accuracy import peers
 from workflows.evidence.accuracy.peers import Problem, Solver
-from workflows.evidence.accuracy.row import Row
+from workflows.evidence.accuracy.row import AccuracyRow
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 12))
-ASKED = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+ASKED = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # errors that march_to_error is given
 CONTROLLED = "march_to_error"
-SLOW = 0.5  # [s], beyond which a method's tolerance is not tightened further
+FIXED = "rkn6"  # the scheme that is run at one step for all sizes of a chain or a wall
 
 
 class Timed(NamedTuple):
-    """A result, the least time of some calls and that of the first."""
+    """A result, the smallest time of some calls and that of the first [s]."""
 
     result: Any
     warm: float
     cold: float
 
 
-class Reference(NamedTuple):
-    """Velocities of the observed spheres (k, n_observed) and how well two methods agree on them."""
+class ReferenceRun(NamedTuple):
+    """Velocities of the observed spheres, and how well two methods agree on them."""
 
-    v: np.ndarray
-    difference: float
-    other: str
-    one: str = "rkn6a"
+    v: np.ndarray  # (k, n_observed) [m/s], by `scheme`
+    difference: float  # largest difference of the two, over the largest initial speed
+    checked_by: str
+    scheme: str = "rkn6a"
 
 
 def timed(call: Callable[[], Any], *, budget: float = 0.1, repeats: int = 30) -> Timed:
     """Call once, which may compile, then again while the budget [s] lasts."""
-    result, cold = _clocked(call)
-    times: list[float] = []
-    while len(times) < repeats and sum(times) < budget:
-        times.append(_clocked(call)[1])
-    return Timed(result, min(times), cold)
-
-
-def _clocked(call: Callable[[], Any]) -> tuple[Any, float]:
     started = perf_counter()
     result = call()
-    return result, perf_counter() - started
+    cold = perf_counter() - started
+    warm: list[float] = []
+    while len(warm) < repeats and sum(warm) < budget:
+        started = perf_counter()
+        call()
+        warm.append(perf_counter() - started)
+    return Timed(result, min(warm), cold)
 
 
-def reference(problem: Problem, *, finer: float = 512.0, independent: bool = True) -> Reference:
-    """The finest march; its difference to DOP853, or to another splitting for very long chains."""
-    name, other = ("kahan-li8", "suzuki4") if lossy(problem) else ("rkn6a", "kahan-li8")
-    one = observed(problem, marched(problem, name, limit(problem, name) / finer).v)
-    if independent:
-        other, v = "DOP853", velocities(problem, peers.reference(problem).y)
-    else:
-        v = marched(problem, other, limit(problem, other) / finer).v
-    return Reference(one, relative_error(problem, v, one), other, name)
+def least_seconds(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
+    """Processor seconds of the quickest of some runs of every call, the calls in turns."""
+    best = [np.inf] * len(calls)
+    for _ in range(repeats):
+        for i, call in enumerate(calls):
+            started = process_time()
+            call()
+            best[i] = min(best[i], process_time() - started)
+    return best
 
 
-def lossy(problem: Problem) -> bool:
-    """Whether kicks depend on velocities, which schemes of Nystrom's kind lose their order to."""
+def reference(problem: Problem, *, finer: float = 512.0, independent: bool = True) -> ReferenceRun:
+    """A march with the stability limit over `finer` as step, and its difference to DOP853, or to
+    another splitting where DOP853 would take too long.
+
+    Kicks that depend on velocities (dampers, a dashpot) cost schemes of Nystrom's kind their order:
+    such problems take splittings that bear them.
+    """
     dashpot = problem.wall is not None and problem.wall.mobility > 0.0
-    return problem.chain.dissipation != "none" or dashpot
+    lossy = problem.chain.dissipation != "none" or dashpot
+    scheme, checked_by = ("kahan-li8", "suzuki4") if lossy else ("rkn6a", "kahan-li8")
+    truth = observed(problem, marched(problem, scheme, limit(problem, scheme) / finer).v)
+    if independent:
+        checked_by, v = "DOP853", velocities(problem, peers.reference(problem).y)
+    else:
+        v = marched(problem, checked_by, limit(problem, checked_by) / finer).v
+    return ReferenceRun(truth, relative_error(problem, v, truth), checked_by, scheme)
 
 
 def limit(problem: Problem, scheme: str) -> float:
@@ -109,116 +119,97 @@ def relative_error(problem: Problem, v: np.ndarray, truth: np.ndarray) -> float:
 def scheme_rows(
     study: str,
     problem: Problem,
-    truth: Reference,
+    truth: ReferenceRun,
     schemes: Iterable[str],
     *,
     parameter: float | None = None,
     halvings: int = 11,
     until: float = 1e-9,
-) -> Iterator[Row]:
-    """Each scheme with its stability limit halved again and again, until the error is reached.
+    slow: float = 0.1,
+) -> Iterator[AccuracyRow]:
+    """Each scheme with its stability limit halved again and again, until the error `until` is
+    reached or a run takes `slow` seconds.
 
-    Steps end at the saves, so that of the longest only one is tried.
+    Steps end at the saves: of those much longer than the time between two saves, which would all
+    be cut to it, none is tried.
     """
-    longest = problem.duration / problem.n_save
+    between_saves = problem.duration / problem.n_save
     for scheme in schemes:
         largest = limit(problem, scheme)
         for dt in (largest / 2.0**k for k in range(1, halvings)):
-            if dt > 2.0 * longest:
+            if dt > 2.0 * between_saves:
                 continue
             try:
                 row = scheme_row(study, problem, truth, scheme, dt, parameter)
             except dem.UnstableStep:
-                continue  # what it refuses has no error to show
+                continue  # a refused step has no error to show
             yield row
-            if row.error < until or row.seconds > 0.1:
+            if row.error < until or row.seconds > slow:
                 break
 
 
 def scheme_row(
     study: str,
     problem: Problem,
-    truth: Reference,
+    truth: ReferenceRun,
     scheme: str,
     dt: float,
     parameter: float | None = None,
-) -> Row:
+) -> AccuracyRow:
     """One scheme at one step."""
-    run = timed(lambda: marched(problem, scheme, dt))
-    found = run.result
-    return Row(
-        study, scheme, found.dt if parameter is None else parameter,
-        relative_error(problem, found.v, truth.v), run.warm, found.energy_error,
-        found.n_steps, found.n_steps * dem.SCHEMES[scheme].evaluations, run.cold, found.dt,
+    trajectory, warm, cold = timed(lambda: marched(problem, scheme, dt))
+    return AccuracyRow(
+        study, scheme, trajectory.dt if parameter is None else parameter,
+        relative_error(problem, trajectory.v, truth.v), warm, trajectory.energy_error,
+        trajectory.n_steps, trajectory.n_steps * dem.SCHEMES[scheme].evaluations, cold,
+        trajectory.dt,
     )  # fmt: skip
 
 
-def controlled_rows(study: str, problem: Problem, truth: Reference) -> Iterator[Row]:
-    """Error asked for instead of a step; the time holds the search for it."""
-    for asked in ASKED:
-        run = timed(lambda asked=asked: _controlled(problem, asked))
-        found, report = run.result
-        yield Row(
-            study, CONTROLLED, asked, relative_error(problem, found.v, truth.v), run.warm,
-            found.energy_error, found.n_steps, report.evaluations, run.cold, found.dt,
+def controlled_rows(study: str, problem: Problem, truth: ReferenceRun) -> Iterator[AccuracyRow]:
+    """An error is asked for instead of a step; the time holds the search for the step."""
+    for error in ASKED:
+        (trajectory, report), warm, cold = timed(
+            lambda error=error: dem.march_to_error(
+                problem.chain,
+                problem.wall,
+                problem.v0,
+                duration=problem.duration,
+                error=error,
+                observed=problem.observed,
+                n_save=problem.n_save,
+            )
+        )
+        yield AccuracyRow(
+            study, CONTROLLED, error, relative_error(problem, trajectory.v, truth.v), warm,
+            trajectory.energy_error, trajectory.n_steps, report.evaluations, cold, trajectory.dt,
         )  # fmt: skip
-
-
-def _controlled(problem: Problem, error: float) -> dem.Controlled:
-    return dem.march_to_error(
-        problem.chain,
-        problem.wall,
-        problem.v0,
-        duration=problem.duration,
-        error=error,
-        observed=problem.observed,
-        n_save=problem.n_save,
-    )
 
 
 def peer_rows(
     study: str,
     problem: Problem,
-    truth: Reference,
+    truth: ReferenceRun,
     solvers: dict[str, Solver],
     *,
     parameter: float | None = None,
     tolerances: tuple[float, ...] = TOLERANCES,
-) -> Iterator[Row]:
-    """Each solver over tolerances, up to the first that is slow or gives up on the way."""
+    slow: float = 0.5,
+) -> Iterator[AccuracyRow]:
+    """Each solver over tolerances, up to the first that takes `slow` seconds or gives up before
+    the end."""
     for name, solver in solvers.items():
         for tolerance in tolerances:
-            run = timed(lambda solver=solver, tolerance=tolerance: solver(problem, tolerance))
-            if len(run.result.y) <= problem.n_save:
+            solution, warm, cold = timed(
+                lambda solver=solver, tolerance=tolerance: solver(problem, tolerance)
+            )
+            if len(solution.y) <= problem.n_save:
                 break
-            yield _peer_row(study, problem, truth, name, tolerance, parameter, run)
-            if run.warm > SLOW:
+            yield AccuracyRow(
+                study, name, tolerance if parameter is None else parameter,
+                relative_error(problem, velocities(problem, solution.y), truth.v), warm,
+                peers.energy_error(problem, solution.y), solution.steps, solution.evaluations,
+                cold, tolerance,
+            )  # fmt: skip
+            if warm > slow:
                 break
-
-
-def _peer_row(
-    study: str,
-    problem: Problem,
-    truth: Reference,
-    name: str,
-    tolerance: float,
-    parameter: float | None,
-    run: Timed,
-) -> Row:
-    found = run.result
-    return Row(
-        study, name, tolerance if parameter is None else parameter,
-        relative_error(problem, velocities(problem, found.y), truth.v), run.warm,
-        peers.energy_error(problem, found.y), found.steps, found.evaluations, run.cold, tolerance,
-    )  # fmt: skip
-
-
-def least_seconds(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
-    """Processor seconds of the quickest of some runs of every call, the calls in turns."""
-    best = [np.inf] * len(calls)
-    for _ in range(repeats):
-        for i, call in enumerate(calls):
-            started = process_time()
-            call()
-            best[i] = min(best[i], process_time() - started)
-    return best

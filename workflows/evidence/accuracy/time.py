@@ -1,12 +1,16 @@
 """Every scheme over its step beside general-purpose integrators over their tolerance."""
 
+from collections.abc import Iterable
+
 import dem
 from workflows.evidence.accuracy import peers
 from workflows.evidence.accuracy.curves import picture
-from workflows.evidence.accuracy.orders import orders, orders_closed
+from workflows.evidence.accuracy.growth import growth_exponent
+from workflows.evidence.accuracy.peers import Problem
+from workflows.evidence.accuracy.problem_variants import pressed
 from workflows.evidence.accuracy.problems import problem
 from workflows.evidence.accuracy.ratios import ratios
-from workflows.evidence.accuracy.rows import table_of
+from workflows.evidence.accuracy.row import AccuracyRow, table_of
 from workflows.evidence.accuracy.runs import controlled_rows, peer_rows, reference, scheme_rows
 from workflows.evidence.prose import rendered
 from workflows.report.finding import Finding
@@ -30,3 +34,21 @@ def time(scene: Scene, progress: Progress) -> Finding:
         opening=orders(rows, 1e-8, last=4), ratios=ratios(rows), sundials=peers.has_sundials(),
     )  # fmt: skip
     return Finding((table_of(rows),), sentences, (picture("accuracy_time", rows, scene.name),))
+
+
+def orders_closed(case: Problem) -> dict[str, float]:
+    """Observed order of each scheme while all contacts are pressed shut."""
+    shut = pressed(case)
+    truth = reference(shut, independent=False)
+    return orders(scheme_rows("order", shut, truth, dem.SCHEMES, until=2e-9), 2e-9, last=2)
+
+
+def orders(rows: Iterable[AccuracyRow], floor: float, last: int) -> dict[str, float]:
+    """Observed order of each scheme: the slope of log error over log step of its `last` smallest
+    steps whose error stands above the floor of rounding; nan where fewer than two do."""
+    rows, slopes = tuple(rows), {}
+    for scheme in dem.SCHEMES:
+        clear = [row for row in rows if row.method == scheme and floor < row.error < 0.1][-last:]
+        steps, errors = [row.setting for row in clear], [row.error for row in clear]
+        slopes[scheme] = growth_exponent(steps, errors) if len(clear) > 1 else float("nan")
+    return slopes

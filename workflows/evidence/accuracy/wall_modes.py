@@ -1,13 +1,21 @@
 """The scene's chain before walls of more and more modes."""
 
+from workflows.evidence.accuracy import peers
 from workflows.evidence.accuracy.curves import DRAWN, over_size, picture
 from workflows.evidence.accuracy.growth import at_one_setting, growth
 from workflows.evidence.accuracy.problem_variants import MASS, SPACING, modal_wall
 from workflows.evidence.accuracy.problems import problem
 from workflows.evidence.accuracy.ratios import ratios
-from workflows.evidence.accuracy.rows import table_of
-from workflows.evidence.accuracy.runs import limit
-from workflows.evidence.accuracy.size_rows import FIXED, mode_rows
+from workflows.evidence.accuracy.row import table_of
+from workflows.evidence.accuracy.runs import (
+    CONTROLLED,
+    FIXED,
+    limit,
+    peer_rows,
+    reference,
+    scheme_row,
+    scheme_rows,
+)
 from workflows.evidence.prose import rendered
 from workflows.report.finding import Finding
 from workflows.scene import Scene
@@ -23,22 +31,30 @@ def wall_modes(scene: Scene, progress: Progress) -> Finding:
     """Run time against the number of modes of the wall."""
     with_wall(scene)
     case = problem(scene, progress)
-    cases = {k: case._replace(wall=modal_wall(case.wall, k)) for k in MODES}
-    step = limit(cases[0], FIXED) / 64.0
-    schemes = {COMPARED: DRAWN[:-1]}
-    rows = tuple(
-        row for k, one in cases.items() for row in mode_rows(one, step, k, schemes.get(k, ()))
-    )
+    dt = limit(case._replace(wall=modal_wall(case.wall, 0)), FIXED) / 64.0  # of the rigid wall
+    rows = []
+    for k in MODES:
+        modal_case = case._replace(wall=modal_wall(case.wall, k))
+        truth = reference(modal_case)
+        rows.append(scheme_row("wall-modes", modal_case, truth, FIXED, dt, k))
+        if k == COMPARED:
+            schemes = [name for name in DRAWN if name != CONTROLLED]
+            rows += scheme_rows("wall-modes", modal_case, truth, schemes, parameter=k)
+            rows += peer_rows("wall-modes", modal_case, truth, peers.peers(), parameter=k)
+            continue
+        dop853 = {"DOP853": peers.SCIPY["DOP853"]}
+        rows += peer_rows("wall-modes", modal_case, truth, dop853, parameter=k, tolerances=(1e-8,))
+    rows = tuple(rows)
     compared = tuple(row for row in rows if row.parameter == COMPARED)
-    where = f"{scene.name} with {COMPARED} wall modes"
+    title = f"{scene.name} with {COMPARED} wall modes"
     rigid, *more = at_one_setting(rows, FIXED)
     sentences = rendered(
         __file__, own=0 if case.wall is None else case.wall.omega.size, most=MODES[-1],
-        spacing=SPACING, mass=MASS, scene=where, ratios=ratios(compared), scheme=FIXED,
+        spacing=SPACING, mass=MASS, scene=title, ratios=ratios(compared), scheme=FIXED,
         rigid=rigid.seconds, growth=growth(more),
     )  # fmt: skip
-    drawn = (
-        picture("accuracy_wall_modes", compared, where),
+    pictures = (
+        picture("accuracy_wall_modes", compared, title),
         over_size("accuracy_mode_growth", rows, "wall modes"),
     )
-    return Finding((table_of(rows),), sentences, drawn)
+    return Finding((table_of(rows),), sentences, pictures)

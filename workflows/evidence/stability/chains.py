@@ -14,88 +14,83 @@ from workflows.evidence.stability.trials import Trial
 
 RIG = {"radius": 0.0127, "density": 7800.0, "young": 210e9, "poisson": 0.3}
 STEEL = dem.Flat(210e9, 0.3)
-SPEED, N = 0.31, 9
+SPEED, N = 0.31, 9  # m/s of the striker, spheres
 
 
 def spheres_of(**changes) -> dem.Chain:
     """The rig's spheres, nine unless a count or arrays are given, at a flat of steel."""
-    given = {**RIG, "flat": STEEL, **changes}
-    if not any(np.ndim(given[name]) for name in RIG):
-        given.setdefault("count", N)
-    return dem.row_of_spheres(**given)
+    options = {**RIG, "flat": STEEL, **changes}
+    if not any(np.ndim(options[name]) for name in RIG):
+        options.setdefault("count", N)
+    return dem.row_of_spheres(**options)
 
 
 def striker_velocity(n: int = N, speed: float = SPEED) -> np.ndarray:
-    """Velocities with only the striker moving."""
+    """Velocities (n,) with only the striker moving."""
     return speed * np.eye(1, n)[0]
 
 
-def _run(chain: dem.Chain, v0: np.ndarray, count: float = 30.0, **options) -> Outcome:
-    duration = collisions(chain, float(np.abs(v0).max()), count)
-    return settled(chain, dem.rigid_wall(), v0, duration, **options)
+def at_rigid_wall(
+    *,
+    speed: float = SPEED,
+    duration: float | None = None,
+    natural_times: float = 30.0,
+    n_save: int = 100,
+    **changes,
+) -> Outcome:
+    """Outcome of the rig's spheres with some changes at a rigid wall, for a duration [s] or as many
+    of the slowest contact's natural times."""
+    chain = spheres_of(**changes)
+    v0 = striker_velocity(chain.mass.size, speed)
+    if duration is None:
+        duration = collisions(chain, speed, natural_times)
+    young = changes.get("young", RIG["young"])
+    return settled(chain, dem.rigid_wall(), v0, duration, young=young, n_save=n_save)
 
 
 def young() -> Iterator[Trial]:
     """One modulus for all, 1 MPa to 1 TPa."""
     for E in 10.0 ** np.arange(6, 13):
-        yield Trial("young", E, partial(_material, E))
-
-
-def _material(E: float) -> Outcome:
-    return _run(spheres_of(young=E, flat=dem.Flat(E, 0.3)), striker_velocity(), young=E)
+        yield Trial("young", E, partial(at_rigid_wall, young=E, flat=dem.Flat(E, 0.3)))
 
 
 def unlike_materials() -> Iterator[Trial]:
     """Steel next to ever softer spheres."""
     for soft in 10.0 ** np.arange(6, 12):
         E = np.where(np.arange(N) % 2, soft, 210e9)
-        yield Trial("unlike-materials", soft, partial(_unlike, young=E))
+        yield Trial("unlike-materials", soft, partial(at_rigid_wall, young=E))
 
 
 def unlike_radii() -> Iterator[Trial]:
     """Every second sphere smaller, and a chain tapered a thousandfold."""
     for ratio in (0.3, 0.1, 1e-2, 1e-3):
         R = np.where(np.arange(N) % 2, ratio, 1.0) * RIG["radius"]
-        yield Trial("unlike-radii", ratio, partial(_unlike, radius=R))
+        yield Trial("unlike-radii", ratio, partial(at_rigid_wall, radius=R))
     R = RIG["radius"] * np.geomspace(1.0, 1e-3, N)
-    yield Trial("unlike-radii", "tapered to 0.001", partial(_unlike, radius=R, count=3.0))
-
-
-def _unlike(count: float = 30.0, **changes) -> Outcome:
-    young = changes.get("young", RIG["young"])
-    return _run(spheres_of(**changes), striker_velocity(), count, young=young)
+    run = partial(at_rigid_wall, radius=R, natural_times=3.0)
+    yield Trial("unlike-radii", "tapered to 0.001", run)
 
 
 def radius() -> Iterator[Trial]:
     """1 um to 1 m."""
     for R in 10.0 ** np.arange(-6, 1):
-        yield Trial("radius", R, partial(_unlike, radius=R))
+        yield Trial("radius", R, partial(at_rigid_wall, radius=R))
 
 
 def striker_speed() -> Iterator[Trial]:
     """1 um/s to 100 m/s."""
     for speed in 10.0 ** np.arange(-6, 3):
-        yield Trial("striker-speed", speed, partial(_speed, speed))
-
-
-def _speed(speed: float) -> Outcome:
-    return _run(spheres_of(), striker_velocity(speed=speed))
+        yield Trial("striker-speed", speed, partial(at_rigid_wall, speed=speed))
 
 
 def preload() -> Iterator[Trial]:
     """On the last sphere, and through all spheres by a spring on the first."""
     for force in (0.0, 1e-6, 1.0, 1e2, 1e4, 1e5):
-        yield Trial("preload", force, partial(_preloaded, force))
+        yield Trial("preload", force, partial(at_rigid_wall, preload=force, duration=1e-3))
         if force:
-            yield Trial("preload", f"{force:g} through all", partial(_squeezed, force))
-
-
-def _preloaded(force: float) -> Outcome:
-    return settled(spheres_of(preload=force), dem.rigid_wall(), striker_velocity(), 1e-3)
-
-
-def _squeezed(force: float) -> Outcome:
-    return settled(squeezed(force), dem.rigid_wall(), striker_velocity(), 1e-3)
+            chain, v0 = squeezed(force), striker_velocity()
+            run = partial(settled, chain, dem.rigid_wall(), v0, 1e-3)
+            yield Trial("preload", f"{force:g} through all", run)
 
 
 def squeezed(force: float) -> dem.Chain:
@@ -115,31 +110,22 @@ def _vanishing(force: float) -> Outcome:
     """Velocity difference to no force at all; a force p shifts it by about (p/F)^(2/3)."""
     wall, v0 = dem.rigid_wall(), striker_velocity()
     options = {"duration": 1e-3, "error": 1e-7, "n_save": 100}
-    one = dem.march_to_error(squeezed(force), wall, v0, **options).trajectory
-    none = dem.march_to_error(squeezed(0.0), wall, v0, **options).trajectory
-    shift = (force / one.contact_force.max()) ** (2 / 3)
-    return Outcome(float(np.abs(one.v - none.v).max()) / SPEED, 30 * shift + 1e-6)
+    pressed = dem.march_to_error(squeezed(force), wall, v0, **options).trajectory
+    free = dem.march_to_error(squeezed(0.0), wall, v0, **options).trajectory
+    shift = (force / pressed.contact_force.max()) ** (2 / 3)
+    return Outcome(float(np.abs(pressed.v - free.v).max()) / SPEED, 30 * shift + 1e-6)
 
 
 def dissipation() -> Iterator[Trial]:
     """Each law from none to far beyond critical."""
     for law in ("linear", "linear-clipped", "hunt-crossley"):
         for gamma in (0.0, 1e-3, 1.0, 1e2, 1e4, 1e6, 1e8, 1e12, 1e18):
-            yield Trial("dissipation", f"{law} {gamma:g}", partial(_damped, law, gamma))
-
-
-def _damped(law: str, gamma: float) -> Outcome:
-    chain = spheres_of(dissipation=law, gamma=gamma)
-    return settled(chain, dem.rigid_wall(), striker_velocity(), 5e-4)
+            run = partial(at_rigid_wall, dissipation=law, gamma=gamma, duration=5e-4)
+            yield Trial("dissipation", f"{law} {gamma:g}", run)
 
 
 def spheres() -> Iterator[Trial]:
     """2 to 100 000 of them."""
     for n in (2, 17, 100, 1000, 10_000, 100_000):
-        yield Trial("spheres", n, partial(_many, n))
-
-
-def _many(n: int) -> Outcome:
-    long = n > 1000
-    chain = spheres_of(count=n)
-    return settled(chain, dem.rigid_wall(), striker_velocity(n), 3e-4 if long else 1e-3, n_save=10)
+        duration = 3e-4 if n > 1000 else 1e-3
+        yield Trial("spheres", n, partial(at_rigid_wall, count=n, duration=duration, n_save=10))

@@ -8,13 +8,13 @@ import numpy as np
 import dem
 from dem.spheres import time_scale
 
-ERROR, STEEL = 1e-4, 210e9  # relative velocities, Pa
+STEEL = 210e9  # Pa
 
 
 class Outcome(NamedTuple):
     """The measured error of an answer, what it may be, and what the run warned of."""
 
-    value: float
+    value: float  # error of the velocities over the largest initial speed
     allowed: float
     warnings: tuple[str, ...] = ()
 
@@ -26,27 +26,32 @@ def settled(
     duration: float,
     *,
     young: float | np.ndarray = STEEL,
-    error: float = ERROR,
+    error: float = 1e-4,
     n_save: int = 100,
 ) -> Outcome:
-    """A run to an error, its true error against a finer one, and where it left the model."""
+    """A run to an error, its true error against a finer one, and where it left the model's range.
+
+    An energy error counts as a hundredth of it in the velocities, so that a hundred times `error`
+    is allowed. The search for the step is given 1e9 evaluations of all contacts and modes.
+    """
+    size = chain.mass.size + (0 if wall is None else wall.omega.size)
     run = dem.march_to_error(
         chain, wall, v0, duration=duration, error=error, n_save=n_save,
-        search=dem.StepSearch(
-            max_evaluations=1e9 / (chain.mass.size + (0 if wall is None else wall.omega.size))
-        ),
+        search=dem.StepSearch(max_evaluations=1e9 / size),
     ).trajectory  # fmt: skip
-    scale = float(np.abs(v0).max()) or 1.0
-    off = float(np.abs(finer(chain, wall, v0, run).v - run.v).max()) / scale
+    speed = float(np.abs(v0).max()) or 1.0
+    true = float(np.abs(finer(chain, wall, v0, run).v - run.v).max()) / speed
     warnings = dem.outside(dem.strain(chain, young, run.contact_force, run.v))
-    return Outcome(max(off, 1e-2 * run.energy_error), error, warnings)
+    return Outcome(max(true, 1e-2 * run.energy_error), error, warnings)
 
 
 def finer(
     chain: dem.Chain, wall: dem.Wall | None, v0: np.ndarray, run: dem.Trajectory
 ) -> dem.Trajectory:
-    """The same with a quarter of the step, by another scheme where one bears the damping; the
-    implicit ones, which alone average a force that jumps, with an eighth."""
+    """The same with a quarter of the step by another scheme, where one bears the damping.
+
+    The implicit schemes, which alone average a force that jumps, take an eighth of the step.
+    """
     march = partial(dem.march, chain, wall, v0, duration=run.t[-1], n_save=run.t.size - 1)
     if run.scheme.startswith("energy"):
         return march(scheme=run.scheme, dt=run.dt / 8)
@@ -56,7 +61,7 @@ def finer(
         return march(scheme=run.scheme, dt=run.dt / 4)
 
 
-def collisions(chain: dem.Chain, speed: float, count: float = 40.0) -> float:
+def collisions(chain: dem.Chain, speed: float, count: float) -> float:
     """Duration [s] of so many of the slowest contact's natural times."""
     n = chain.A.size
     return count * float(time_scale(chain.mass[:n], chain.A, speed).max())

@@ -17,52 +17,41 @@ from workflows.evidence.stability.outcomes import Outcome
 VERDICTS = ("accurate", "flagged", "refused", "failed")
 
 
-class Row(NamedTuple):
-    """A verdict; the value is None where there is no answer to measure."""
+class TrialRow(NamedTuple):
+    """A verdict; value and allowed are None where there is no answer to measure."""
 
     case: str
     parameter: float | str
     verdict: str
-    value: float | None
+    value: float | None  # measured error
     allowed: float | None
-    sentence: str
+    sentence: str  # the engine's refusal, the run's warnings, or what is wrong
     seconds: float
 
 
 class Trial(NamedTuple):
-    """A case at a parameter."""
+    """A case at a parameter, not yet run."""
 
     case: str
     parameter: float | str
     run: Callable[[], Outcome]
 
 
-class Verdict(NamedTuple):
-    """What a trial showed, the error and what it may be where there is one."""
-
-    verdict: str
-    value: float | None
-    allowed: float | None
-    sentence: str
-
-
-def judged(trial: Trial) -> Row:
+def judged(trial: Trial) -> TrialRow:
     """The verdict on a trial: ValueErrors are how the engine refuses, any other is a failure."""
     started = perf_counter()
-    verdict = _verdict(trial)
-    return Row(trial.case, trial.parameter, *verdict, perf_counter() - started)
-
-
-def _verdict(trial: Trial) -> Verdict:
+    value = allowed = None
     try:
         with np.errstate(all="ignore"):
-            outcome = trial.run()
+            value, allowed, warnings = trial.run()
     except ValueError as refusal:
-        return Verdict("refused", None, None, str(refusal))
+        verdict, sentence = "refused", str(refusal)
     except Exception as error:
-        return Verdict("failed", None, None, f"{type(error).__name__}: {error}")
-    if not outcome.value <= outcome.allowed:
-        return Verdict("failed", *outcome[:2], "the error is above what is allowed, unreported.")
-    return Verdict(
-        "flagged" if outcome.warnings else "accurate", *outcome[:2], " ".join(outcome.warnings)
-    )
+        verdict, sentence = "failed", f"{type(error).__name__}: {error}"
+    else:
+        if value <= allowed:  # False for nan
+            verdict, sentence = "flagged" if warnings else "accurate", " ".join(warnings)
+        else:
+            verdict, sentence = "failed", "the error is above what is allowed, unreported."
+    seconds = perf_counter() - started
+    return TrialRow(trial.case, trial.parameter, verdict, value, allowed, sentence, seconds)

@@ -22,7 +22,7 @@ NOT_STARTED = (126, 127)  # statuses of a program that the system cannot load
 VERDICTS = ("within", "outside", "failed", "skipped")
 
 
-class Missing(Exception):
+class PeerMissing(Exception):
     """An independent program is not installed or does not start; says how to install it."""
 
 
@@ -46,45 +46,48 @@ def compared(
     source: str,
     of: float | None = None,
 ) -> Comparison:
-    """The largest difference of arrays of one shape over `of`, without it over their largest."""
+    """The entries of two arrays that differ most, by |ours - theirs| / of; `of` is the largest of
+    theirs unless given. A nan differs more than any number."""
     a, b = np.broadcast_arrays(np.asarray(ours, float), np.asarray(theirs, float))
-    off = np.abs(a - b)
-    worst = np.unravel_index(np.argmax(np.where(np.isnan(off), np.inf, off)), off.shape)
+    distance = np.abs(a - b)
+    worst = np.unravel_index(
+        np.argmax(np.where(np.isnan(distance), np.inf, distance)), distance.shape
+    )
     scale = float(np.abs(b).max()) if of is None else of
-    difference = float(off[worst]) / scale
+    difference = float(distance[worst]) / scale
     return Comparison(quantity, float(a[worst]), float(b[worst]), difference, allowed, source)
 
 
 def require_program(name: str, package: str) -> None:
-    """Raises Missing if no such program is on the path or it does not start; `package` is
-    Debian's."""
+    """Raises PeerMissing if the program is not on the path or does not start; `package` is the
+    Debian package that installs it."""
     if which(name) is None:
-        raise Missing(f"{name} is not installed; apt-get install {package} adds it.")
-    found = run([name, "-v"], capture_output=True, text=True, check=False)
-    if found.returncode in NOT_STARTED:
-        why = _first_line(found.stderr)
-        remedy = f"apt-get install --reinstall {package} mends it."
-        raise Missing(f"{name} is installed and does not start ({why}); {remedy}")
+        raise PeerMissing(f"{name} is not installed; apt-get install {package} adds it.")
+    version = run([name, "-v"], capture_output=True, text=True, check=False)
+    if version.returncode in NOT_STARTED:
+        why = _first_line(version.stderr)
+        remedy = f"apt-get install --reinstall {package} repairs it."
+        raise PeerMissing(f"{name} is installed and does not start ({why}); {remedy}")
 
 
 def require_module(name: str, start: Callable[[], object] | None = None) -> None:
-    """Raises Missing if no such Python module of the extra `verify` is installed, or if `start`,
-    without it the import, does not find what the module needs."""
+    """Raises PeerMissing if a Python module of the extra `verify` is not installed, or if `start`
+    (the import, if None) does not find a library that the module needs."""
     if find_spec(name) is None:
-        raise Missing(f"{name} is not installed; ./install.sh verify adds it.")
+        raise PeerMissing(f"{name} is not installed; ./install.sh verify adds it.")
     try:
         (start or partial(import_module, name))()
     except (ImportError, OSError) as error:
         why = f"{name} is installed and does not start ({_first_line(str(error))})"
-        raise Missing(f"{why}; ./install.sh verify adds what it needs.") from error
+        raise PeerMissing(f"{why}; ./install.sh verify adds what it needs.") from error
 
 
-def _first_line(said: str) -> str:
-    return said.strip().partition("\n")[0]
+def _first_line(message: str) -> str:
+    return message.strip().partition("\n")[0]
 
 
-class Row(NamedTuple):
-    """A comparison, its verdict and what it took since the one before it."""
+class ComparisonRow(NamedTuple):
+    """A comparison, its verdict and the seconds since the row before it."""
 
     group: str
     quantity: str
@@ -97,22 +100,26 @@ class Row(NamedTuple):
     source: str
 
 
-def rows_of(group: str, comparisons: Callable[[], Iterator[Comparison]]) -> Iterator[Row]:
-    """The rows of a group, each computed when it is asked for; what ends it early is its last."""
+def rows_of(group: str, comparisons: Callable[[], Iterator[Comparison]]) -> Iterator[ComparisonRow]:
+    """The rows of a group, each computed when it is taken from the iterator.
+
+    A missing program ends the group with a row `skipped`, any other exception with a row `failed`
+    that holds its message.
+    """
     started = perf_counter()
 
-    def row(verdict: str, quantity: str, source: str, *numbers: float | None) -> Row:
+    def row(verdict: str, quantity: str, source: str, *numbers: float | None) -> ComparisonRow:
         nonlocal started
         since, started = started, perf_counter()
-        return Row(group, quantity, *numbers, started - since, verdict, source)
+        return ComparisonRow(group, quantity, *numbers, started - since, verdict, source)
 
-    nothing = (None,) * 4
+    no_numbers = (None,) * 4
     try:
         with np.errstate(all="ignore"):
             for quantity, *numbers, source in comparisons():
                 verdict = "within" if numbers[2] <= numbers[3] else "outside"
                 yield row(verdict, quantity, source, *numbers)
-    except Missing as missing:
-        yield row("skipped", "skipped", str(missing), *nothing)
+    except PeerMissing as missing:
+        yield row("skipped", "skipped", str(missing), *no_numbers)
     except Exception as error:
-        yield row("failed", "failed", f"{type(error).__name__}: {error}", *nothing)
+        yield row("failed", "failed", f"{type(error).__name__}: {error}", *no_numbers)

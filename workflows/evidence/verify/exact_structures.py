@@ -26,125 +26,111 @@ NODE = "a mesh of other elements, whose nodes take more or less"
 
 def structures() -> Iterator[Comparison]:
     """Rod, strip and block beside theory, a sphere on a beam, damping ratios."""
-    yield from _rod()
-    yield from _strip()
-    yield _sphere_on_a_beam()
-    yield from _block()
-    yield _rayleigh()
-
-
-def _rod() -> Iterator[Comparison]:
-    """Quadratic elements: the frequency's error falls with the fourth power of their length."""
+    # a rod without lateral contraction on rollers, held at one end: the frequency's error of
+    # quadratic elements falls with the fourth power of their length
     length, j = 0.5, np.arange(1, 4)
     exact = (2 * j - 1) / (4 * length) * np.sqrt(STEEL.young / STEEL.density)
-    found = np.array([_axial_hz(length, n)[:3] for n in (8, 16)])
-    yield compared("rod of 16 elements, three frequencies [Hz]", found[1], exact,
+    sides = {"-x": (0, 0.0), "-y": (1, 0.0), "+y": (1, 5e-3), "-z": (2, 0.0), "+z": (2, 5e-3)}
+    rollers = {side: side[1] for side in sides}
+    hz = []
+    for n in (8, 16):
+        lines = (np.linspace(0, length, n + 1), *[(0.0, 5e-3)] * 2)
+        hz.append(_natural_hz(lines, sides, STEEL._replace(poisson=0.0), rollers)[:3])
+    yield compared("rod of 16 elements, three frequencies [Hz]", hz[1], exact,
                    allowed=1e-4, source=ROD)  # fmt: skip
-    errors = found[:, 2] / exact[2] - 1
-    yield compared("rod, order of its third frequency", np.log2(errors[0] / errors[1]), 4.0,
+    coarse, fine = (f[2] / exact[2] - 1 for f in hz)
+    yield compared("rod, order of its third frequency", np.log2(coarse / fine), 4.0,
                    allowed=0.1, of=1.0, source=ROD)  # fmt: skip
 
-
-def _axial_hz(length: float, n: int) -> np.ndarray:
-    """Of a bar without lateral contraction on rollers, held at one end."""
-    lines = (np.linspace(0, length, n + 1), *[(0.0, 5e-3)] * 2)
-    sides = {"-x": (0, 0.0), "-y": (1, 0.0), "+y": (1, 5e-3), "-z": (2, 0.0), "+z": (2, 5e-3)}
-    held = [fem.Held(f"rod:{face}", face[1]) for face in sides]
-    return _natural_hz("rod", lines, sides, STEEL._replace(poisson=0.0), held)
-
-
-def _strip() -> Iterator[Comparison]:
-    """Bending in plane strain between ends that only move along: standing waves of Lamb's."""
-    length, height, n = 0.2, 0.02, np.arange(1, 4)
-    exact = np.array([lamb_hz(k, height / 2, STEEL) for k in n * np.pi / length])
-    found = np.array([_bending_hz(length, height, cells)[1:4] for cells in (8, 16)])
-    yield compared("strip of 16 x 2 elements, three frequencies [Hz]", found[1], exact,
+    # bending in plane strain between ends that only move along: standing waves of Lamb's
+    length, height = 0.2, 0.02
+    exact = np.array([lamb_hz(k, height / 2, STEEL) for k in np.arange(1, 4) * np.pi / length])
+    sides = {"-x": (0, 0.0), "+x": (0, length), "-y": (1, 0.0), "+y": (1, 0.01)}
+    rollers = {side: "z" if side[1] == "x" else "y" for side in sides}
+    hz = []
+    for n in (8, 16):
+        lines = (np.linspace(0, length, n + 1), [0, 0.01], np.linspace(0, height, n // 8 + 1))
+        hz.append(_natural_hz(lines, sides, STEEL, rollers)[1:4])
+    yield compared("strip of 16 x 2 elements, three frequencies [Hz]", hz[1], exact,
                    allowed=2e-3, source=LAMB)  # fmt: skip
-    errors = found[:, 2] / exact[2] - 1
-    yield compared("strip, order of its third frequency", np.log2(errors[0] / errors[1]), 4.0,
+    coarse, fine = (f[2] / exact[2] - 1 for f in hz)
+    yield compared("strip, order of its third frequency", np.log2(coarse / fine), 4.0,
                    allowed=0.3, of=1.0, source=LAMB)  # fmt: skip
 
-
-def _bending_hz(length: float, height: float, n: int) -> np.ndarray:
-    lines = (np.linspace(0, length, n + 1), [0, 0.01], np.linspace(0, height, n // 8 + 1))
-    sides = {"-x": (0, 0.0), "+x": (0, length), "-y": (1, 0.0), "+y": (1, 0.01)}
-    held = [fem.Held(f"strip:{face}", "z" if face[1] == "x" else "y") for face in sides]
-    return _natural_hz("strip", lines, sides, STEEL, held)
-
-
-def _natural_hz(name: str, lines, sides, material: fem.Material, held) -> np.ndarray:
-    """All natural frequencies of a bar of hexahedra whose `sides` (axis, place) have names."""
-    mesh = MeshHex.init_tensor(*(np.asarray(line, float) for line in lines)).with_boundaries({
-        side: lambda x, axis=axis, at=at: np.abs(x[axis] - at) < 1e-9
-        for side, (axis, at) in sides.items()
-    })  # fmt: skip
-    bar = fem.assemble({name: mesh}, {name: material})
-    model = fem.joined(bar, fem.Connections(held=held))
-    squared = eigh(model.K.toarray(), model.M.toarray(), eigvals_only=True)
-    return np.sqrt(np.abs(squared)) / (2 * np.pi)
-
-
-def _sphere_on_a_beam() -> Comparison:
     length, side = 0.1535, 0.01
     section = Section(side**2, side**4 / 12, 5 / 6, side, side)
     omega, phi, _ = euler_bernoulli(length, section, STEEL, length / 2, 39)
-    return sphere_on_modes("sphere on a hinged beam [V]", omega, phi)
+    yield sphere_on_modes("sphere on a hinged beam [V]", omega, phi)
 
-
-def _block() -> Iterator[Comparison]:
-    """Compliance under the patch, its half-space on the same mesh, and their difference."""
+    # a block: compliance under the patch, its half-space on the same mesh, and their difference
     seed = 4e-3
     across = [graded(-side / 2, side / 2, 0.0, seed, 12e-3) for side in SIDES[1:]]
-    model = _held_block(graded(0.0, SIDES[0], SIDES[0], seed, 12e-3), *across)
+    model = _clamped_block(graded(0.0, SIDES[0], SIDES[0], seed, 12e-3), *across)
     solver = factorised(model.K)
     for weights, pressure in (("hertz", "Hertz'"), ("area", "even")):
         patch = fem.contact_patch(model, "block:+x", (0.0, 0.0), 6.4e-3, weights=weights)
         local = fem.half_space_on_mesh(model, "block:+x", patch, STEEL)
-        name = f"struck block, {pressure} pressure, compliance less the half-space [m/N]"
-        whole = patch.w @ solver.solve(patch.w)
-        yield compared(name, whole - local, 9.13e-11, allowed=0.02, source=BLOCK)
+        compliance = patch.w @ solver.solve(patch.w)
+        yield compared(
+            f"struck block, {pressure} pressure, compliance less the half-space [m/N]",
+            compliance - local, 9.13e-11, allowed=0.02, source=BLOCK,
+        )  # fmt: skip
         if weights == "hertz":
-            name = "struck block, Hertz' pressure, whole compliance [m/N]"
-            yield compared(name, whole, 4.9756e-10, allowed=0.03, source=BLOCK)
-            name = "half-space under Hertz' pressure, on the block's mesh [m/N]"
-            yield compared(name, local, 4.0625e-10, allowed=0.03, source=JOHNSON)
+            yield compared("struck block, Hertz' pressure, whole compliance [m/N]",
+                           compliance, 4.9756e-10, allowed=0.03, source=BLOCK)  # fmt: skip
+            yield compared("half-space under Hertz' pressure, on the block's mesh [m/N]",
+                           local, 4.0625e-10, allowed=0.03, source=JOHNSON)  # fmt: skip
+
+    omega = 2 * np.pi * np.array([51.0, 269.0, 907.0, 8425.0])
+    ratios = damping_ratios(RayleighDamping(514.53, 1.72e-8), omega)
+    yield compared("Rayleigh damping of the thesis, four ratios", ratios,
+                   [0.80, 0.15, 0.045, 0.0053],
+                   allowed=5e-3, of=1.0, source="the thesis, (6.1)")  # fmt: skip
 
 
-def _held_block(*lines: np.ndarray) -> fem.Model:
-    """The steel block on these grid lines, held at -x."""
+def _natural_hz(
+    lines, sides: dict[str, tuple[int, float]], material: fem.Material, rollers: dict[str, str]
+) -> np.ndarray:
+    """All natural frequencies [Hz] of a bar of hexahedra on these grid lines.
+
+    `sides` names faces by axis and coordinate [m]; each is held in the directions of `rollers`.
+    """
+    mesh = MeshHex.init_tensor(*(np.asarray(line, float) for line in lines)).with_boundaries({
+        side: lambda x, axis=axis, at=at: np.abs(x[axis] - at) < 1e-9
+        for side, (axis, at) in sides.items()
+    })  # fmt: skip
+    bar = fem.assemble({"bar": mesh}, {"bar": material})
+    supports = [fem.Held(f"bar:{side}", directions) for side, directions in rollers.items()]
+    model = fem.joined(bar, fem.Connections(held=supports))
+    squared = eigh(model.K.toarray(), model.M.toarray(), eigvals_only=True)
+    return np.sqrt(np.abs(squared)) / (2 * np.pi)
+
+
+def contact_node() -> Iterator[Comparison]:
+    """A force at a node of the block sinks in like 1/h, by as much as suits the element."""
+    compliances = []  # [m/N] of the node at the contact
+    for h in (1.6e-3, 0.8e-3, 0.4e-3):
+        # grid lines from the contact outwards: two cubes of side h on each side, then larger ones
+        outward = [
+            np.append([0.0, h], graded(2 * h, end, 2 * h, 1.5 * h, 25e-3))
+            for end in (SIDES[0], SIDES[1] / 2, SIDES[2] / 2)
+        ]
+        across = [np.append(-line[:0:-1], line) for line in outward[1:]]
+        model = _clamped_block(SIDES[0] - outward[0][::-1], *across)
+        w = fem.node_patch(model, "block:+x", [(0.0, 0.0)]).w
+        compliances.append(w @ factorised(model.K).solve(w))
+    compliances = np.array(compliances)
+    yield compared("struck block, a node's compliance at 1.6, 0.8, 0.4 mm [m/N]", compliances,
+                   [7.5e-9, 1.39e-8, 2.89e-8], allowed=0.15, source=NODE)  # fmt: skip
+    yield compared("struck block, growth of it at half the element",
+                   compliances[1:] / compliances[:-1], 2.0,
+                   allowed=0.03, of=1.0, source=POINT)  # fmt: skip
+
+
+def _clamped_block(*lines: np.ndarray) -> fem.Model:
+    """The steel block on these grid lines, clamped at -x."""
     mesh = MeshHex.init_tensor(*lines).with_boundaries({
         "+x": lambda x: np.abs(x[0] - SIDES[0]) < 1e-9, "-x": lambda x: np.abs(x[0]) < 1e-9,
     })  # fmt: skip
     block = fem.assemble({"block": mesh}, {"block": STEEL})
     return fem.joined(block, fem.Connections(held=[fem.Held("block:-x")]))
-
-
-def contact_node() -> Iterator[Comparison]:
-    """A force at a node of the block sinks in like 1/h, by as much as suits the element."""
-    found = np.array([_at_node(h) for h in (1.6e-3, 0.8e-3, 0.4e-3)])
-    yield compared("struck block, a node's compliance at 1.6, 0.8, 0.4 mm [m/N]", found,
-                   [7.5e-9, 1.39e-8, 2.89e-8], allowed=0.15, source=NODE)  # fmt: skip
-    yield compared("struck block, growth of it at half the element", found[1:] / found[:-1], 2.0,
-                   allowed=0.03, of=1.0, source=POINT)  # fmt: skip
-
-
-def _at_node(h: float) -> float:
-    """[m/N] of the node at the contact, with two cubes of side h to each side of it."""
-    outward = [_cubes(h, side) for side in (SIDES[0], SIDES[1] / 2, SIDES[2] / 2)]
-    across = [np.append(-line[:0:-1], line) for line in outward[1:]]
-    model = _held_block(SIDES[0] - outward[0][::-1], *across)
-    w = fem.node_patch(model, "block:+x", [(0.0, 0.0)]).w
-    return w @ factorised(model.K).solve(w)
-
-
-def _cubes(h: float, end: float) -> np.ndarray:
-    """Grid lines from 0, two elements of h, then larger ones."""
-    return np.append([0.0, h], graded(2 * h, end, 2 * h, 1.5 * h, 25e-3))
-
-
-def _rayleigh() -> Comparison:
-    omega = 2 * np.pi * np.array([51.0, 269.0, 907.0, 8425.0])
-    found = damping_ratios(RayleighDamping(514.53, 1.72e-8), omega)
-    implied = [0.80, 0.15, 0.045, 0.0053]
-    return compared("Rayleigh damping of the thesis, four ratios", found, implied,
-                    allowed=5e-3, of=1.0, source="the thesis, (6.1)")  # fmt: skip

@@ -12,8 +12,7 @@ from scipy.linalg import null_space
 from dem import Chain
 from rom import ReducedModel
 
-SHARE = 1e-3  # of the mass at the contact
-DISCONTINUOUS = 1e3  # tolerance of its iterations on opening contacts; tighter ones never end
+OWN_SHARE = 1e-3  # of the body's mass at the contact, that the tied sphere takes
 
 
 def velocities(
@@ -25,111 +24,100 @@ def velocities(
     Raises ImportError without Exudyn, ValueError where its solver gives up.
     """
     import exudyn as exu
+    from exudyn.itemInterface import (
+        CoordinateConstraint,
+        MarkerNodeCoordinate,
+        MarkerNodeRigid,
+        NodeGenericData,
+        NodeGenericODE2,
+        ObjectContactSphereSphere,
+        ObjectGenericODE2,
+        SensorNode,
+    )
 
     container = exu.SystemContainer()
     system = container.AddSystem()
-    nodes = _spheres(exu, system, chain, v0)
-    markers = [_marker(system, node) for node in nodes]
-    markers.append(_wall(exu, system, body, chain))
+    n, R = chain.mass.size, float(chain.radius[0])
+
+    # spheres along x, centres two radii of the first apart: contacts know only overlaps
+    spheres = [
+        _sphere(system, 2 * R * i, float(m), R, float(v))
+        for i, (m, v) in enumerate(zip(chain.mass, v0, strict=True))
+    ]
+
+    # the reduced body in coordinates whose first is u_w = w^T q
+    S = np.column_stack([body.w / (body.w @ body.w), null_space(body.w[None])])
+    M, K = S.T @ body.M @ S, S.T @ body.K @ S
+    tied_mass = OWN_SHARE * M[0, 0]
+    M[0, 0] -= tied_mass
+    zeros = [0.0] * len(M)
+    modes = system.AddNode(
+        NodeGenericODE2(
+            numberOfODE2Coordinates=len(M), referenceCoordinates=zeros,
+            initialCoordinates=zeros, initialCoordinates_t=zeros,
+        )
+    )  # fmt: skip
+    system.AddObject(ObjectGenericODE2(nodeNumbers=[modes], massMatrix=M, stiffnessMatrix=K))
+
+    # the sphere that the last one touches, tied to the body's first coordinate
+    tied = _sphere(system, 2 * R * n, float(tied_mass), R, 0.0)
+    ends = [
+        system.AddMarker(MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
+        for node in (modes, tied)
+    ]
+    system.AddObject(CoordinateConstraint(markerNumbers=ends))
+
+    # contacts, F = A delta^(3/2)
+    markers = [
+        system.AddMarker(MarkerNodeRigid(nodeNumber=node)) for node in (*spheres, tied)
+    ]  # fmt: skip
     for i, A in enumerate(chain.A):
-        _contact(exu, system, markers[i : i + 2], float(A), float(chain.radius[0]))
-    kind = exu.OutputVariableType.Velocity
-    sensors = [_sensor(system, node, kind) for node in nodes]
+        history = system.AddNode(
+            NodeGenericData(numberOfDataCoordinates=4, initialCoordinates=[0.1, 0.0, 0.0, 0.0])
+        )
+        system.AddObject(
+            ObjectContactSphereSphere(
+                markerNumbers=markers[i : i + 2], nodeNumber=history, spheresRadii=[R, R],
+                contactStiffness=float(A), contactStiffnessExponent=1.5,
+            )
+        )  # fmt: skip
+
+    velocity = exu.OutputVariableType.Velocity
+    sensors = [
+        system.AddSensor(
+            SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=velocity)
+        )
+        for node in spheres
+    ]
     system.Assemble()
+
+    settings = exu.SimulationSettings()
+    time = settings.timeIntegration
+    time.endTime, time.numberOfSteps = duration, n_save * int(np.ceil(duration / dt / n_save))
+    time.verboseMode = 0
+    time.newton.useModifiedNewton = True
+    time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-8, 1e-12
+    time.discontinuous.iterationTolerance = 1e3  # of opening contacts; tighter ones never end
+    time.discontinuous.ignoreMaxIterations = True
+    settings.solutionSettings.sensorsWritePeriod = duration / n_save
+    settings.solutionSettings.writeSolutionToFile = False
     rule = exu.DynamicSolverType.TrapezoidalIndex2
-    if not system.SolveDynamic(_settings(exu, duration, dt, n_save), solverType=rule):
+    if not system.SolveDynamic(settings, solverType=rule):
         raise ValueError("Exudyn's solver gives up.")
     return np.column_stack([system.GetSensorStoredData(s)[1:, 1] for s in sensors])
 
 
-def _spheres(exu, system, chain: Chain, v0: NDArray[np.float64]) -> list:
-    """Rigid bodies along x, centres two radii of the first apart: contacts know only overlaps."""
+def _sphere(system, x: float, mass: float, radius: float, speed: float):
+    """The node of a rigid sphere at x [m] that moves along x."""
     from exudyn.itemInterface import NodeRigidBodyRxyz, ObjectRigidBody
 
-    R, found = float(chain.radius[0]), []
-    for i, (m, v) in enumerate(zip(chain.mass, v0, strict=True)):
-        at, speed = [2 * R * i, 0, 0, 0, 0, 0], [float(v), 0, 0, 0, 0, 0]
-        node = system.AddNode(
-            NodeRigidBodyRxyz(referenceCoordinates=at, initialVelocities=speed)
-        )  # fmt: skip
-        inertia = [0.4 * float(m) * R**2] * 3 + [0.0] * 3
-        system.AddObject(
-            ObjectRigidBody(physicsMass=float(m), physicsInertia=inertia, nodeNumber=node)
-        )  # fmt: skip
-        found.append(node)
-    return found
-
-
-def _marker(system, node):
-    from exudyn.itemInterface import MarkerNodeRigid
-
-    return system.AddMarker(MarkerNodeRigid(nodeNumber=node))
-
-
-def _wall(exu, system, body: ReducedModel, chain: Chain):
-    """The reduced body and the sphere that is tied to its contact; the marker of that sphere."""
-    from exudyn.itemInterface import (
-        CoordinateConstraint,
-        MarkerNodeCoordinate,
-        NodeGenericODE2,
-        ObjectGenericODE2,
-    )
-
-    S = np.column_stack([body.w / (body.w @ body.w), null_space(body.w[None])])
-    M, K = S.T @ body.M @ S, S.T @ body.K @ S
-    own = SHARE * M[0, 0]
-    M[0, 0] -= own
-    nothing = [0.0] * len(M)
-    states = {"referenceCoordinates": nothing, "initialCoordinates": nothing}
-    modes = system.AddNode(
-        NodeGenericODE2(
-            numberOfODE2Coordinates=len(M), initialCoordinates_t=nothing, **states
+    node = system.AddNode(
+        NodeRigidBodyRxyz(
+            referenceCoordinates=[x, 0, 0, 0, 0, 0], initialVelocities=[speed, 0, 0, 0, 0, 0]
         )
-    )  # fmt: skip
-    system.AddObject(ObjectGenericODE2(nodeNumbers=[modes], massMatrix=M, stiffnessMatrix=K))
-    n, R = chain.mass.size, float(chain.radius[0])
-    touched = chain._replace(mass=np.array([own]), radius=np.array([R]))
-    (node,) = _spheres(exu, system, touched, np.zeros(1))
-    system.SetNodeParameter(node, "referenceCoordinates", [2 * R * n, 0, 0, 0, 0, 0])
-    ends = [
-        system.AddMarker(MarkerNodeCoordinate(nodeNumber=one, coordinate=0))
-        for one in (modes, node)
-    ]
-    system.AddObject(CoordinateConstraint(markerNumbers=ends))
-    return _marker(system, node)
-
-
-def _contact(exu, system, markers: list, A: float, R: float) -> None:
-    from exudyn.itemInterface import NodeGenericData, ObjectContactSphereSphere
-
-    data = system.AddNode(
-        NodeGenericData(numberOfDataCoordinates=4, initialCoordinates=[0.1, 0.0, 0.0, 0.0])
     )
+    inertia = [0.4 * mass * radius**2] * 3 + [0.0] * 3
     system.AddObject(
-        ObjectContactSphereSphere(
-            markerNumbers=markers, nodeNumber=data, spheresRadii=[R, R], contactStiffness=A,
-            contactStiffnessExponent=1.5,
-        )
+        ObjectRigidBody(physicsMass=mass, physicsInertia=inertia, nodeNumber=node)
     )  # fmt: skip
-
-
-def _sensor(system, node, kind):
-    from exudyn.itemInterface import SensorNode
-
-    return system.AddSensor(
-        SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=kind)
-    )
-
-
-def _settings(exu, duration: float, dt: float, n_save: int):
-    found = exu.SimulationSettings()
-    time = found.timeIntegration
-    time.endTime, time.numberOfSteps = duration, n_save * int(np.ceil(duration / dt / n_save))
-    time.verboseMode = 0
-    time.newton.useModifiedNewton = True
-    time.discontinuous.iterationTolerance = DISCONTINUOUS
-    time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-8, 1e-12
-    time.discontinuous.ignoreMaxIterations = True
-    found.solutionSettings.sensorsWritePeriod = duration / n_save
-    found.solutionSettings.writeSolutionToFile = False
-    return found
+    return node

@@ -18,12 +18,14 @@ from scipy.optimize import brentq, root
 from dem import Chain, Wall
 
 RTOL = 1e-11
-AGAIN = 1.0 + 1e-9  # of the deepest overlap: beyond it, no rounding takes a turn for a new load
+# A contact loads again beyond this much of its deepest overlap: the rounding at the turn itself
+# must not count as a new load.
+AGAIN = 1.0 + 1e-9
 Array = NDArray[np.float64]
 
 
 class Motion(NamedTuple):
-    """At the instants asked for."""
+    """A chain's motion at the instants of the call."""
 
     v: Array  # (k, n) [m/s]
     force: Array  # (k, n_contacts) [N]
@@ -35,14 +37,15 @@ class Equations(NamedTuple):
     chain: Chain
     wall: Wall | None
 
-    def parts(self, y: Array) -> tuple[Array, ...]:
-        """x, v (n,), q, q' (n_modes,), u_d of a state."""
+    def unpacked(self, y: Array) -> tuple[Array, ...]:
+        """x, v (n,), q, q' (n_modes,) and u_d (1,), or (0,) without a wall, of a state y."""
         n, k = self.chain.mass.size, 0 if self.wall is None else self.wall.omega.size
         return tuple(np.split(y, np.cumsum([n, n, k, k])))
 
     def gaps(self, y: Array) -> tuple[Array, Array]:
-        """Approach of each contact and its rate, what a spring s takes of it included."""
-        x, v, q, p, u_d = self.parts(y)
+        """Approach of each contact (n_contacts,) [m] and its rate [m/s], without regard to the
+        residual compliance s, which takes a part of the last one."""
+        x, v, q, p, u_d = self.unpacked(y)
         if self.wall is None:
             return x[:-1] - x[1:], v[:-1] - v[1:]
         u = np.append(x[1:], self.wall.phi @ q + u_d[0])
@@ -55,15 +58,19 @@ class Equations(NamedTuple):
         if s and d[-1] > 0.0:
             gap, A, limit = d[-1], self.chain.A[-1], self.limits[-1]
 
-            def missing(delta: float) -> float:
+            def excess(delta: float) -> float:
                 return delta + s * float(elastic(delta, A, limit, deepest[-1])) - gap
 
-            high = gap if s > 0.0 else 2.0 * gap
-            d[-1] = brentq(missing, 0.0, high, xtol=1e-300, rtol=1e-15)
+            high = gap if s > 0.0 else 2.0 * gap  # a negative s makes delta larger than the gap
+            d[-1] = brentq(excess, 0.0, high, xtol=1e-300, rtol=1e-15)
         return d
 
     def forces(self, y: Array, deepest: Array) -> Array:
-        """F of every contact, with its damping."""
+        """F of every contact, with its damping.
+
+        Before a residual compliance s the last one's gap is delta + s (F + gamma delta'); to the
+        first order in gamma its force is F(delta_0) + gamma gap' / (1 + s dF/d delta)^2.
+        """
         chain, d, rate = self.chain, self.overlaps(y, deepest), self.gaps(y)[1]
         F = elastic(d, chain.A, self.limits, deepest)
         if chain.dissipation == "none":
@@ -80,22 +87,22 @@ class Equations(NamedTuple):
     @property
     def limits(self) -> Array:
         """Overlap of each contact at which it yields; inf for Hertz' law."""
-        given = self.chain.yield_overlap
-        return np.full(self.chain.A.size, np.inf) if given is None else np.asarray(given, float)
+        limits = self.chain.yield_overlap
+        return np.full(self.chain.A.size, np.inf) if limits is None else np.asarray(limits, float)
 
     def rate(self, y: Array, deepest: Array) -> Array:
-        """y'"""
+        """y' at a state y, the equations of the module's docstring."""
         chain, wall = self.chain, self.wall
-        x, v, q, p, u_d = self.parts(y)
+        x, v, q, p, u_d = self.unpacked(y)
         F = self.forces(y, deepest)
-        behind = F if wall is not None else np.append(F, 0.0)
+        F_behind = F if wall is not None else np.append(F, 0.0)  # of each sphere; none at the end
         k, anchor = chain.springs
-        total = np.append(0.0, behind[:-1]) - behind - k * (x - anchor)
+        total = np.append(0.0, F_behind[:-1]) - F_behind - k * (x - anchor)
         total[-1] += chain.preload
         if wall is None:
             return np.concatenate([v, total / chain.mass, u_d])
-        turn = wall.phi * F[-1] - 2.0 * wall.zeta * wall.omega * p - wall.omega**2 * q
-        return np.concatenate([v, total / chain.mass, p, turn, [wall.mobility * F[-1]]])
+        modal = wall.phi * F[-1] - 2.0 * wall.zeta * wall.omega * p - wall.omega**2 * q
+        return np.concatenate([v, total / chain.mass, p, modal, [wall.mobility * F[-1]]])
 
 
 def elastic(d: Array, A: Array, limit: Array, deepest: Array) -> Array:
@@ -135,30 +142,33 @@ def motion(chain: Chain, wall: Wall | None, v0: Array, t: Array, *, steps: int =
     equations = Equations(chain, wall)
     x, q = at_rest(chain, wall)
     y = np.concatenate([x, np.asarray(v0, float), q, 0.0 * q, [] if wall is None else [0.0]])
-    deepest, saved, forces, now = equations.limits.copy(), [], [], 0.0
-    loading = np.zeros(deepest.size, bool)
+    deepest, states, forces, now = equations.limits.copy(), [], [], 0.0
+    loading = np.zeros(deepest.size, bool)  # contacts that yield at present
     while now < t[-1]:
         phase = _phase(equations, y, deepest, loading, (now, t[-1]), t[-1] / steps)
-        inside = t[(t >= now) & ((t < phase.t[-1]) | (phase.t[-1] == t[-1]))]
-        states = phase.sol(inside).T if inside.size else np.empty((0, y.size))
-        saved += [*states]
-        forces += [equations.forces(s, _top(equations, s, deepest, loading)) for s in states]
+        saves = t[(t >= now) & ((t < phase.t[-1]) | (phase.t[-1] == t[-1]))]
+        y_saved = phase.sol(saves).T if saves.size else np.empty((0, y.size))
+        states += [*y_saved]
+        forces += [equations.forces(s, _deepest(equations, s, deepest, loading)) for s in y_saved]
+
+        # the next phase starts where a contact began to yield or turned back
         now, y = phase.t[-1], phase.y[:, -1]
-        deepest = _top(equations, y, deepest, loading)
+        deepest = _deepest(equations, y, deepest, loading)
         for i, times in enumerate(phase.t_events):
             loading[i] ^= bool(times.size)
-    return Motion(np.array(saved)[:, x.size : 2 * x.size], np.array(forces))
+    return Motion(np.array(states)[:, x.size : 2 * x.size], np.array(forces))
 
 
-def _top(equations: Equations, y: Array, deepest: Array, loading: Array) -> Array:
-    """The deepest overlaps, of loading contacts the present one."""
+def _deepest(equations: Equations, y: Array, deepest: Array, loading: Array) -> Array:
+    """The deepest overlaps so far, of loading contacts the present one."""
     if not loading.any():
         return deepest
     return np.where(loading, np.maximum(equations.overlaps(y, deepest), deepest), deepest)
 
 
 def _phase(equations, y, deepest, loading, span, longest):
-    """Up to where a contact begins to yield or ceases to; one event for each that may."""
+    """The solution up to where a contact begins to yield or turns back: the law of every contact
+    is smooth in between. One event for each contact that may yield."""
 
     def rate(_, y):
         return equations.rate(y, np.where(loading, 0.0, deepest))
@@ -172,16 +182,16 @@ def _phase(equations, y, deepest, loading, span, longest):
         passed.terminal, passed.direction = True, 1.0
         return passed
 
-    yields = np.flatnonzero(np.isfinite(equations.limits))
+    yielding = np.flatnonzero(np.isfinite(equations.limits))
     unit = np.maximum(np.abs(y), 1e-3 * np.abs(y).max())
-    found = solve_ivp(
-        rate, span, y, "DOP853", dense_output=True, events=[event(i) for i in yields] or None,
+    phase = solve_ivp(
+        rate, span, y, "DOP853", dense_output=True, events=[event(i) for i in yielding] or None,
         rtol=RTOL, atol=RTOL * 1e-3 * unit, max_step=longest,
     )  # fmt: skip
-    if not found.success:
-        raise ValueError(f"DOP853 gives up at {found.t[-1]:g} s: {found.message}")
-    found.t_events = found.t_events or []
-    return found
+    if not phase.success:
+        raise ValueError(f"DOP853 gives up at {phase.t[-1]:g} s: {phase.message}")
+    phase.t_events = phase.t_events or []
+    return phase
 
 
 def at_rest(chain: Chain, wall: Wall | None) -> tuple[Array, Array]:
@@ -195,18 +205,20 @@ def at_rest(chain: Chain, wall: Wall | None) -> tuple[Array, Array]:
     if load == 0.0:
         return np.zeros(n), 0.0 * modes
     s = 0.0 if wall is None else float(wall.residual_compliance + wall.phi @ modes)
+    # at rest the modes are springs: one residual compliance holds them all
     still = Equations(chain, None if wall is None else Wall(*[np.zeros(0)] * 3, s))
-    rest = np.zeros(n if wall is None else n + 1)
+    zeros = np.zeros(n if wall is None else n + 1)  # v, and u_d at a wall
     unit = (load / chain.A.min()) ** (2.0 / 3.0)
 
     def state(z: Array) -> Array:
-        return np.concatenate([z * unit, rest])
+        return np.concatenate([z * unit, zeros])
 
     def unbalanced(z: Array) -> Array:
         return still.rate(state(z), still.limits)[n : 2 * n] * chain.mass / load
 
-    found = root(unbalanced, np.arange(n, 0, -1.0), tol=1e-14)
-    if np.abs(found.fun).max() > 1e-10:
-        raise ValueError(f"the state of rest is off by {np.abs(found.fun).max():.1e} of its load.")
-    force = still.forces(state(found.x), still.limits)
-    return found.x * unit, modes * (force[-1] if wall is not None else 0.0)
+    solution = root(unbalanced, np.arange(n, 0, -1.0), tol=1e-14)
+    residual = np.abs(solution.fun).max()
+    if residual > 1e-10:
+        raise ValueError(f"the state of rest is off by {residual:.1e} of its load.")
+    force = still.forces(state(solution.x), still.limits)
+    return solution.x * unit, modes * (force[-1] if wall is not None else 0.0)

