@@ -26,7 +26,7 @@ from workflows.files.record import Channel, Recorded
 from workflows.fit.core.inspection.inversion import Inversion, inverted, profiled
 from workflows.fit.core.parametric_wall import Bounds
 from workflows.fit.inspection.inspect import InspectionRequest, inspected, problem
-from workflows.fit.inspection.numbers import own, shared
+from workflows.fit.inspection.numbers import per_record, shared
 from workflows.fit.inspection.structure import computed, structure
 from workflows.stages.chain import chain
 from workflows.stages.progress import quiet
@@ -48,7 +48,7 @@ def main(repeats: int) -> None:
     truth = np.array(list(TRUTH.values()))
     base = base_of("sensed-beam", TRUTH)
     parameters = shared(base, ",".join(TRUTH), BOUNDS)
-    of_each_record = own(base, EACH, len(SPEEDS))
+    of_each_record = per_record(base, EACH, len(SPEEDS))
     box = Bounds(*(np.array([getattr(p, end) for p in parameters]) for end in ("low", "high")))
     model = structure(base, (*TRUTH, "striker.velocity"), box, len(parameters), quiet)
     begin, clean = impacts(base, truth)

@@ -75,10 +75,10 @@ def test_repeats_are_moved_onto_each_other():
     v = [forward.velocities(np.zeros(0)) for forward in (
         ChainForward(rig()._replace(trigger=8e-5 + s), (), blank()) for s in late)]  # fmt: skip
     noisy = np.array(v) + 1e-3 * rng.standard_normal((4, *v[0].shape))
-    found = aligned(T, noisy, (0, 3))
-    np.testing.assert_allclose(np.diff(found.shift), np.diff(late), rtol=0, atol=1e-7)
-    np.testing.assert_allclose(found.signals.spread, 1e-3, rtol=0.1)
-    assert found.outliers == () and forward.signals.repeats == 1
+    result = aligned(T, noisy, (0, 3))
+    np.testing.assert_allclose(np.diff(result.shift), np.diff(late), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(result.signals.spread, 1e-3, rtol=0.1)
+    assert result.outliers == () and forward.signals.repeats == 1
 
 
 def test_a_repeat_unlike_the_others_is_left_out():
@@ -93,11 +93,11 @@ def test_bars_are_those_of_linear_least_squares_where_noise_is_white():
     rng = np.random.default_rng(1)
     J = rng.standard_normal((3000, 2, 3)).cumsum(axis=0) / 30
     parameters = [contact(i)._replace(scale=s) for i, s in enumerate((1.0, 0.1, 3.0))]
-    left = 0.2 * rng.standard_normal((3000, 2))
-    found = uncertainty(parameters, left, J, np.zeros(3, bool))
+    residual = 0.2 * rng.standard_normal((3000, 2))
+    result = uncertainty(parameters, residual, J, np.zeros(3, bool))
     flat = J.reshape(-1, 3)
     exact = 2 * 0.2 * np.sqrt(np.diag(np.linalg.inv(flat.T @ flat)))
-    np.testing.assert_allclose(found.two_sigma, exact, rtol=0.25)
+    np.testing.assert_allclose(result.two_sigma, exact, rtol=0.25)
 
 
 def test_bars_grow_with_the_correlation_of_the_noise():
@@ -111,18 +111,19 @@ def test_bars_grow_with_the_correlation_of_the_noise():
     draws = sosfilt(sos, rng.standard_normal((200, 2000)), axis=1)
     scatter = 2 * np.linalg.lstsq(flat, draws.T, rcond=None)[0].std(axis=1)
     bars = [
-        uncertainty(parameters, one[:, None], J, np.zeros(2, bool)).two_sigma for one in draws[:20]
+        uncertainty(parameters, draw[:, None], J, np.zeros(2, bool)).two_sigma
+        for draw in draws[:20]
     ]
     np.testing.assert_allclose(np.mean(bars, axis=0), scatter, rtol=0.25)
 
 
-def test_what_the_data_does_not_see_is_named():
+def test_undetermined_combinations_are_named():
     J = np.random.default_rng(3).standard_normal((500, 1, 3))
     J[:, :, 2] = J[:, :, 1]
-    left = 0.1 * np.random.default_rng(4).standard_normal((500, 1))
-    found = uncertainty([contact(i) for i in range(3)], left, J, np.zeros(3, bool))
-    assert np.isfinite(found.two_sigma[0]) and np.isinf(found.two_sigma[1:]).all()
-    worst = found.combinations[0]
+    residual = 0.1 * np.random.default_rng(4).standard_normal((500, 1))
+    result = uncertainty([contact(i) for i in range(3)], residual, J, np.zeros(3, bool))
+    assert np.isfinite(result.two_sigma[0]) and np.isinf(result.two_sigma[1:]).all()
+    worst = result.combinations[0]
     assert np.isinf(worst.two_sigma)
     assert worst.text([contact(i) for i in range(3)]) in (
         "0.71 contact 2 - 0.71 contact 3", "0.71 contact 3 - 0.71 contact 2",
@@ -135,11 +136,11 @@ def test_noise_of_one_record_shows_between_its_waves(noise):
     the tails of waves leave 2e-6 m/s. Where no sample is calm nothing is told."""
     forward = ChainForward(rig()._replace(trigger=1e-4), (), blank())
     rng, clean = np.random.default_rng(0), forward.velocities(np.zeros(0))
-    found = [
+    result = [
         noise_between_waves(T, clean + noise * rng.standard_normal(clean.shape), forward.time_scale)
         for _ in range(10)
     ]
-    assert np.mean(found) == pytest.approx(noise, rel=0.05)
+    assert np.mean(result) == pytest.approx(noise, rel=0.05)
     assert noise_between_waves(T, clean + 0.1 * rng.standard_normal(clean.shape), 1e-5) is None
 
 
@@ -151,10 +152,10 @@ def test_the_first_waves_end_before_the_second_reflection():
 
 def made(truth, hz, spheres, *, duration, count=N):
     """Data by the engine's own scheme, not by the model that is fitted."""
-    known = rig(hz)
-    chain = known.chain._replace(A=known.chain.A * truth)
+    reference = rig(hz)
+    chain = reference.chain._replace(A=reference.chain.A * truth)
     t = np.arange(0, duration, 1e-6)
-    run = dem.march(chain, known.wall, known.v0, duration=t[-1], dt=1e-7, n_save=len(t) - 1)
+    run = dem.march(chain, reference.wall, reference.v0, duration=t[-1], dt=1e-7, n_save=len(t) - 1)
     return Signals(t, run.v[:, spheres], tuple(spheres), np.full(len(spheres), np.nan))
 
 
@@ -165,10 +166,10 @@ def test_a_known_chain_is_found_again_without_noise():
     parameters = (*map(contact, range(N)), named("frequency", 900.0, 90.0))
     parameters = (*parameters[:-1], parameters[-1]._replace(low=50.0, high=5000.0))
     options = Options(scan=(200.0, 2000.0, 12), starts=2)
-    found = calibrate(rig(), parameters, signals, Filter(), options)
-    np.testing.assert_allclose(found.value[:N], truth, rtol=1e-3)
-    assert found.value[N] == pytest.approx(700.0, rel=1e-3)
-    assert not found.at_bound.any() and all(stage.converged for stage in found.stages)
+    result = calibrate(rig(), parameters, signals, Filter(), options)
+    np.testing.assert_allclose(result.value[:N], truth, rtol=1e-3)
+    assert result.value[N] == pytest.approx(700.0, rel=1e-3)
+    assert not result.at_bound.any() and all(stage.converged for stage in result.stages)
 
 
 def test_a_chain_that_leaves_more_than_the_noise_is_given_up_for_another_start(monkeypatch):
@@ -178,10 +179,10 @@ def test_a_chain_that_leaves_more_than_the_noise_is_given_up_for_another_start(m
 
     def astray(search, z):
         begins.append(z)
-        chain, left = first(search, z)
-        return (chain, 0.1) if len(begins) == 1 else (chain, left)
+        chain, residual = first(search, z)
+        return (chain, 0.1) if len(begins) == 1 else (chain, residual)
 
     monkeypatch.setattr(CoarseToFine, "chain_from_first_waves", astray)
-    found = calibrate(rig(), tuple(map(contact, range(N))), signals)
-    assert found.starts == 2 and not np.array_equal(*begins)
-    np.testing.assert_allclose(found.value, truth, rtol=1e-3)
+    result = calibrate(rig(), tuple(map(contact, range(N))), signals)
+    assert result.starts == 2 and not np.array_equal(*begins)
+    np.testing.assert_allclose(result.value, truth, rtol=1e-3)

@@ -71,16 +71,16 @@ def case(seed):
     y = shown(sensors, run, t - begin)
     noise = 10 ** rng.uniform(-3, -1) * np.abs(y).max(axis=0)
     y = y + noise * rng.standard_normal(y.shape)
-    known = quantity == "velocity" or rng.random() < 0.5
-    if not known:
+    is_signed = quantity == "velocity" or rng.random() < 0.5
+    if not is_signed:
         y = y * rng.choice([-1, 1], y.shape[1]) * 10 ** rng.uniform(-2, 2, y.shape[1])
     off = 2 ** rng.uniform([-0.3, -0.5, -1, -1, -0.4], [0.3, 0.5, 1, 1, 0.4])
-    other, time_scale = marched(
+    model_run, time_scale = marched(
         n, off[0] * young, off[1] * speed, off[4] * preload, (off[2] * hz, off[3] * mass),
         last=1.7 * run.t[-1], **spheres,
     )  # fmt: skip
-    model = shown(sensors, other, beyond(t) - t[0])
-    signed, forces = (np.full(y.shape[1], one) for one in (known, quantity == "force"))
+    model = shown(sensors, model_run, beyond(t) - t[0])
+    signed, forces = (np.full(y.shape[1], value) for value in (is_signed, quantity == "force"))
     return Case(t, y, model, time_scale, signed, forces, begin < 0)
 
 
@@ -90,23 +90,25 @@ def cases():
 
 
 def test_correct_records_are_never_refused(cases):
-    assert not [one.refusal() for one in cases if one.refusal()]
+    assert not [item.refusal() for item in cases if item.refusal()]
 
 
 def test_turned_columns_are_found_in_nine_of_ten_records_that_begin_before_the_wave(cases):
     """One column or all; 306 of 315 with other seeds."""
-    signed = [one for one in cases if one.signed.all() and not one.late]
-    said = [one.refusal(-one.y) for one in signed]
-    said += [one.refusal(one.y * np.append(-1.0, np.ones(one.y.shape[1] - 1))) for one in signed]
+    signed = [item for item in cases if item.signed.all() and not item.late]
+    said = [item.refusal(-item.y) for item in signed]
+    said += [
+        item.refusal(item.y * np.append(-1.0, np.ones(item.y.shape[1] - 1))) for item in signed
+    ]
     assert len(said) > 30
     assert np.mean(["wrong sign" in text for text in said]) > 0.8
 
 
 def test_swapped_columns_are_found_in_nine_of_ten_records_that_begin_before_the_wave(cases):
     said = [
-        one.refusal(one.y[:, [one.y.shape[1] - 1, *range(1, one.y.shape[1] - 1), 0]])
-        for one in cases
-        if one.y.shape[1] > 1 and not one.late
+        item.refusal(item.y[:, [item.y.shape[1] - 1, *range(1, item.y.shape[1] - 1), 0]])
+        for item in cases
+        if item.y.shape[1] > 1 and not item.late
     ]
     assert len(said) > 15
     assert np.mean(["swapped" in text for text in said]) > 0.8
@@ -114,19 +116,19 @@ def test_swapped_columns_are_found_in_nine_of_ten_records_that_begin_before_the_
 
 
 def test_noise_alone_and_a_record_without_a_wave_are_not_judged(cases):
-    for i, one in enumerate(cases[:10]):
+    for i, item in enumerate(cases[:10]):
         rng = np.random.default_rng(i)
-        assert not one.refusal(rng.standard_normal(one.y.shape))
-        assert not one.refusal(0.0 * one.y + 1e-3)
-        still = one._replace(t=one.t[:20], y=1e-3 * rng.standard_normal(one.y[:20].shape),
-                             model=one.model[:32])  # fmt: skip
+        assert not item.refusal(rng.standard_normal(item.y.shape))
+        assert not item.refusal(0.0 * item.y + 1e-3)
+        still = item._replace(t=item.t[:20], y=1e-3 * rng.standard_normal(item.y[:20].shape),
+                             model=item.model[:32])  # fmt: skip
         assert not still.refusal()
 
 
 def test_the_sentence_names_the_columns_and_what_to_do(cases):
-    one = next(c for c in cases if c.y.shape[1] == 3 and c.signed.all() and not c.late)
-    turned = one.refusal(one.y * [1.0, -1.0, 1.0])
+    item = next(c for c in cases if c.y.shape[1] == 3 and c.signed.all() and not c.late)
+    turned = item.refusal(item.y * [1.0, -1.0, 1.0])
     assert turned.startswith("column 1 has the wrong sign") and "turn the sign" in turned
-    swapped = one.refusal(one.y[:, [2, 1, 0]])
+    swapped = item.refusal(item.y[:, [2, 1, 0]])
     assert "columns column 0 and column 2 are swapped" in swapped
     assert "exchange their headings" in swapped

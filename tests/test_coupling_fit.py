@@ -67,7 +67,7 @@ def every_kind():
 # --- parameters ----------------------------------------------------------------------------------
 
 
-def test_coordinates_are_in_scales_and_lead_back():
+def test_coordinates_are_in_scales_and_invertible():
     """A step of one is a scale; of what goes by factors, the factor exp(scale / start)."""
     parameters = every_kind()
     theta = np.array([1.3 * p.start for p in parameters])
@@ -106,8 +106,8 @@ def test_a_rig_has_its_parameters_and_their_directions():
         h = 1e-5 * p.start * np.eye(len(parameters))[j]
         pairs = zip(numbers(theta + h), numbers(theta - h), strict=True)
         numeric = [(np.asarray(b) - a) / (2 * h[j]) for b, a in pairs]
-        for found, exact in zip(given, numeric, strict=True):
-            np.testing.assert_allclose(found.reshape(-1, 8)[:, j], exact, rtol=1e-7, atol=1e-9)
+        for result, exact in zip(given, numeric, strict=True):
+            np.testing.assert_allclose(result.reshape(-1, 8)[:, j], exact, rtol=1e-7, atol=1e-9)
 
 
 def test_a_chain_without_a_wall_has_no_directions_of_one():
@@ -161,15 +161,15 @@ def test_a_fit_of_a_linear_model_is_its_least_squares(kind):
     window[300:] = False
     start = coordinates(fit.parameters, [1.0, 1.0, 0.7])
     free = np.array([True, True, False])
-    found = fit.solved(start, free, window)
+    result = fit.solved(start, free, window)
     A, b = J[:300, 0], fit.data[:300, 0]
     exact = np.linalg.lstsq(A[:, :2], b - 0.7 * A[:, 2], rcond=None)[0]
     # the fit ends where its misfit falls by 1e-10: 1e-8 of parameters, as a misfit is flat there
-    np.testing.assert_allclose(values(fit.parameters, found.z), [*exact, 0.7], rtol=1e-7)
-    left = A @ values(fit.parameters, found.z) - b
-    assert found.misfit == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
-    assert found.converged and found.evaluations > 0
-    assert not fit.solved(start, free, window, most=1).converged
+    np.testing.assert_allclose(values(fit.parameters, result.z), [*exact, 0.7], rtol=1e-7)
+    residual = A @ values(fit.parameters, result.z) - b
+    assert result.misfit == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-9)
+    assert result.converged and result.evaluations > 0
+    assert not fit.solved(start, free, window, max_runs=1).converged
     none = fit.solved(start, np.zeros(3, bool), window)
     assert (none.misfit, none.evaluations, none.converged) == (fit.misfit(start, window), 0, True)
 
@@ -178,15 +178,15 @@ def test_a_fit_with_a_prior_is_held_by_weak_springs():
     """PRIOR of the fastest sphere per scale, over the rms of the window."""
     fit = a_fit(noise=0.1)
     start = coordinates(fit.parameters, [1.0, 1.0, 1.0])
-    found = fit.solved(start, np.ones(3, bool), EVERYTHING, prior=True)
+    result = fit.solved(start, np.ones(3, bool), EVERYTHING, prior=True)
     scales = np.array([p.scale for p in fit.parameters])
     spring = PRIOR * np.abs(fit.data).max() * np.sqrt(len(T))
     A = np.vstack([J[:, 0] * scales, spring * np.eye(3)])
     b = np.concatenate([fit.data[:, 0], spring * start])
     # the fit ends where its misfit falls by 1e-10, here 1e-9 from the solution
-    np.testing.assert_allclose(found.z, np.linalg.lstsq(A, b, rcond=None)[0], rtol=1e-8)
+    np.testing.assert_allclose(result.z, np.linalg.lstsq(A, b, rcond=None)[0], rtol=1e-8)
     free = fit.solved(start, np.ones(3, bool), EVERYTHING)
-    assert np.abs(found.z - free.z).max() > 1e-7
+    assert np.abs(result.z - free.z).max() > 1e-7
 
 
 def test_a_fit_begins_within_its_bounds():
@@ -194,17 +194,17 @@ def test_a_fit_begins_within_its_bounds():
     true = coordinates(fit.parameters, TRUTH)
     fit.low, fit.high = true - 3, true + 3
     for start in (fit.low, fit.low - 1, fit.high, fit.high + 1):
-        found = fit.solved(start, np.ones(3, bool), EVERYTHING)
-        np.testing.assert_allclose(found.z, true, rtol=1e-6)
+        result = fit.solved(start, np.ones(3, bool), EVERYTHING)
+        np.testing.assert_allclose(result.z, true, rtol=1e-6)
 
 
 def test_a_fit_ends_at_its_bounds():
     fit = a_fit()
     fit.high = coordinates(fit.parameters, [1.2, 60.0, 60.0])
-    found = fit.solved(coordinates(fit.parameters, [1.0, 1.0, 1.0]), np.ones(3, bool), EVERYTHING)
+    result = fit.solved(coordinates(fit.parameters, [1.0, 1.0, 1.0]), np.ones(3, bool), EVERYTHING)
     bounds = ([0.1] * 3, [1.2, 60, 60])
     exact = lsq_linear(J[:, 0], fit.data[:, 0], bounds).x
-    np.testing.assert_allclose(values(fit.parameters, found.z), exact, rtol=1e-4)
+    np.testing.assert_allclose(values(fit.parameters, result.z), exact, rtol=1e-4)
 
 
 def test_the_jacobian_is_that_of_the_residual():
@@ -218,7 +218,7 @@ def test_the_jacobian_is_that_of_the_residual():
     np.testing.assert_allclose(fit.jacobian(z, window), np.transpose(numeric), rtol=1e-7, atol=1e-9)
 
 
-def test_what_cannot_run_is_far_off():
+def test_an_impossible_run_has_a_huge_residual():
     fit = a_fit()
     z = coordinates(fit.parameters, [1.0, 55.0, 1.0])
     worst = IMPOSSIBLE * np.abs(fit.data).max()
@@ -237,7 +237,7 @@ def test_weights_are_one_over_the_noise_and_unit_in_the_rms():
     assert rms(np.array([3.0, -4.0])) == pytest.approx(np.sqrt(12.5)) and rms(np.zeros(0)) == 0.0
 
 
-def test_swaps_are_guessed_by_what_the_rest_cannot_follow():
+def test_swaps_are_ranked_by_their_residual_outside_the_span_of_the_jacobian():
     """Two contacts in each other's place, put back, leave nothing; the rest as far as linear."""
     fit = a_fit("contact")
     wrong = coordinates(fit.parameters, TRUTH[[1, 0, 2]])
@@ -247,17 +247,17 @@ def test_swaps_are_guessed_by_what_the_rest_cannot_follow():
     ((misfit, z),) = fit.swapped(wrong, free, EVERYTHING)
     np.testing.assert_allclose(z, true)
     assert misfit < 1e-12
-    found = fit.swapped(wrong, np.ones(3, bool), EVERYTHING)
-    assert [m for m, _ in found] == sorted(m for m, _ in found) and len(found) == 3
+    result = fit.swapped(wrong, np.ones(3, bool), EVERYTHING)
+    assert [m for m, _ in result] == sorted(m for m, _ in result) and len(result) == 3
     A = J[:, 0] * slopes(fit.parameters, values(fit.parameters, wrong))
-    for guess, other in found:
-        r = fit.residual(other, EVERYTHING)
-        left = r - A @ np.linalg.lstsq(A, r, rcond=None)[0]
-        assert guess == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-6, abs=1e-12)
-    near = true.copy()
-    near[1] = near[0] + 0.09
-    kept = {tuple(z) for _, z in fit.swapped(near, np.ones(3, bool), EVERYTHING)}
-    assert len(kept) == 2  # the two that are alike are not worth it
+    for guess, second in result:
+        r = fit.residual(second, EVERYTHING)
+        residual = r - A @ np.linalg.lstsq(A, r, rcond=None)[0]
+        assert guess == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-6, abs=1e-12)
+    nearby = true.copy()
+    nearby[1] = nearby[0] + 0.09
+    selected = {tuple(z) for _, z in fit.swapped(nearby, np.ones(3, bool), EVERYTHING)}
+    assert len(selected) == 2  # the two that are alike are not worth it
 
 
 def test_cycles_are_both_of_any_three_contacts_that_lie_close():
@@ -267,8 +267,8 @@ def test_cycles_are_both_of_any_three_contacts_that_lie_close():
     fit = a_fit("contact")
     z = coordinates(fit.parameters, TRUTH)
     turned = sorted(tuple(z[list(o)]) for o in ((1, 2, 0), (2, 0, 1)))
-    found = fit.swapped(z, np.ones(3, bool), EVERYTHING, cycles=True)
-    assert sorted(tuple(one) for _, one in found) == turned
+    result = fit.swapped(z, np.ones(3, bool), EVERYTHING, cycles=True)
+    assert sorted(tuple(item) for _, item in result) == turned
 
 
 # --- bars ----------------------------------------------------------------------------------------
@@ -296,12 +296,12 @@ def test_noise_along_a_fit_is_the_product_with_its_autocovariance():
     residual = sosfilt(laid.low_pass(0.1, 1.0)[0], rng.standard_normal((120, 2)), axis=0)
     exact = 0
     for i in range(2):
-        taken = np.sum(np.abs(np.fft.rfft(U[:, i], 240, axis=0)) ** 2, axis=1) / 120
-        exact = exact + U[:, i].T @ toeplitz(residual[:, i], taken) @ U[:, i]
+        absorbed = np.sum(np.abs(np.fft.rfft(U[:, i], 240, axis=0)) ** 2, axis=1) / 120
+        exact = exact + U[:, i].T @ toeplitz(residual[:, i], absorbed) @ U[:, i]
     np.testing.assert_allclose(noise_along(U, residual), exact, rtol=1e-10)
 
 
-def test_lags_end_ten_times_beyond_the_first_that_has_died():
+def test_lags_end_at_ten_correlation_lengths():
     r = np.r_[1.0, 0.5, 0.11, 0.09, np.zeros(96)]
     assert (
         lags_that_count(7 * r) == lags_that_count(0.01 * r) == 25
@@ -317,77 +317,77 @@ def test_the_covariance_of_a_fit_is_the_sandwich_of_its_jacobian(prior):
     rng = np.random.default_rng(5)
     parameters = parameters_of((0.3, 2.0, 1.0, 0.1))
     scale, J = np.array([p.scale for p in parameters]), rng.standard_normal((150, 2, 4))
-    left, held = rng.standard_normal((150, 2)), np.array([False, False, True, False])
-    known = np.diag([3.0, 0.0, 7.0, 50.0]) if prior else None
-    found = uncertainty(parameters, left, J, held, known)
-    A = (J * scale)[:, :, ~held]
+    residual, fixed = rng.standard_normal((150, 2)), np.array([False, False, True, False])
+    prior_information = np.diag([3.0, 0.0, 7.0, 50.0]) if prior else None
+    result = uncertainty(parameters, residual, J, fixed, prior_information)
+    A = (J * scale)[:, :, ~fixed]
     U, s, Vt = np.linalg.svd(A.reshape(-1, 3), full_matrices=False)
-    middle = noise_along(U.reshape(150, 2, 3), left)
+    middle = noise_along(U.reshape(150, 2, 3), residual)
     cov = (Vt.T / s) @ middle @ (Vt.T / s).T
     if prior:
-        cov = np.linalg.inv(np.linalg.inv(cov) + known[np.ix_(~held, ~held)])
-    whole = np.zeros((4, 4))
-    whole[np.ix_(~held, ~held)] = cov
-    np.testing.assert_allclose(found.covariance, whole * np.outer(scale, scale), rtol=1e-8)
-    np.testing.assert_allclose(found.two_sigma, 2 * np.sqrt(np.diag(whole)) * scale, rtol=1e-8)
-    np.testing.assert_allclose(found.singular, s, rtol=1e-10)
+        cov = np.linalg.inv(np.linalg.inv(cov) + prior_information[np.ix_(~fixed, ~fixed)])
+    full = np.zeros((4, 4))
+    full[np.ix_(~fixed, ~fixed)] = cov
+    np.testing.assert_allclose(result.covariance, full * np.outer(scale, scale), rtol=1e-8)
+    np.testing.assert_allclose(result.two_sigma, 2 * np.sqrt(np.diag(full)) * scale, rtol=1e-8)
+    np.testing.assert_allclose(result.singular, s, rtol=1e-10)
     sigma = np.sqrt(np.diag(cov))
-    free = np.ix_(~held, ~held)
-    np.testing.assert_allclose(found.correlation[free], cov / np.outer(sigma, sigma), rtol=1e-8)
-    assert not found.correlation[2].any()
-    bars = [c.two_sigma for c in found.combinations]
+    free = np.ix_(~fixed, ~fixed)
+    np.testing.assert_allclose(result.correlation[free], cov / np.outer(sigma, sigma), rtol=1e-8)
+    assert not result.correlation[2].any()
+    bars = [c.two_sigma for c in result.combinations]
     np.testing.assert_allclose(bars, 2 * np.sqrt(np.linalg.eigvalsh(cov)[::-1]), rtol=1e-7)
-    for one in found.combinations:
-        assert np.linalg.norm(one.direction) == pytest.approx(1.0) and one.direction[2] == 0
-        square = one.direction @ whole @ one.direction
-        assert 2 * np.sqrt(square) == pytest.approx(one.two_sigma, rel=1e-7)
+    for item in result.combinations:
+        assert np.linalg.norm(item.direction) == pytest.approx(1.0) and item.direction[2] == 0
+        square = item.direction @ full @ item.direction
+        assert 2 * np.sqrt(square) == pytest.approx(item.two_sigma, rel=1e-7)
 
 
-def test_what_data_do_not_tell_has_a_bar_without_end():
+def test_undetermined_parameters_have_infinite_bars():
     """Two numbers that act as their sum, in scales of 3 and 1, one alone, and one of no effect."""
     rng = np.random.default_rng(6)
     parameters, a = parameters_of((3.0, 1.0, 0.2, 0.1)), rng.standard_normal((80, 1))
     J = np.stack([a / 3.0, a, rng.standard_normal((80, 1)), 0 * a], axis=2)
-    found = uncertainty(parameters, rng.standard_normal((80, 1)), J, np.zeros(4, bool))
-    assert np.isinf(found.two_sigma).tolist() == [True, True, False, True]
-    *unseen, one, other = found.combinations[:4]
+    result = uncertainty(parameters, rng.standard_normal((80, 1)), J, np.zeros(4, bool))
+    assert np.isinf(result.two_sigma).tolist() == [True, True, False, True]
+    *unseen, first, second = result.combinations[:4]
     assert [c.two_sigma for c in unseen] == [np.inf, np.inf]
     plane = np.array([c.direction for c in unseen])
     exact = np.array([[0.5, -0.5, 0, 0], [-0.5, 0.5, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]])
     np.testing.assert_allclose(plane.T @ plane, exact, atol=1e-12)
-    assert 0 < other.two_sigma <= one.two_sigma < np.inf
-    assert np.abs(plane @ np.transpose([one.direction, other.direction])).max() < 1e-9
+    assert 0 < second.two_sigma <= first.two_sigma < np.inf
+    assert np.abs(plane @ np.transpose([first.direction, second.direction])).max() < 1e-9
 
 
-def test_bars_go_with_one_over_the_slopes_and_with_the_noise():
+def test_bars_scale_with_the_noise_and_inversely_with_the_jacobian():
     """However small both are; of no noise there are none."""
     rng = np.random.default_rng(8)
     parameters, J = parameters_of((3.0, 1.0)), rng.standard_normal((80, 1, 2))
-    left, none = rng.standard_normal((80, 1)), np.zeros(2, bool)
-    bars = uncertainty(parameters, left, J, none).two_sigma
+    residual, none = rng.standard_normal((80, 1)), np.zeros(2, bool)
+    bars = uncertainty(parameters, residual, J, none).two_sigma
     for slope, noise in ((1e-20, 1.0), (1.0, 1e-9), (1e9, 1e-9)):
-        found = uncertainty(parameters, noise * left, slope * J, none)
-        np.testing.assert_allclose(found.two_sigma * slope / noise, bars, rtol=1e-9)
-    still = uncertainty(parameters, 0 * left, J, none)
+        result = uncertainty(parameters, noise * residual, slope * J, none)
+        np.testing.assert_allclose(result.two_sigma * slope / noise, bars, rtol=1e-9)
+    still = uncertainty(parameters, 0 * residual, J, none)
     assert still.combinations == () and not still.two_sigma.any()
-    held = uncertainty(parameters, left, J, ~none)
-    assert held.combinations == () and not held.covariance.any() and not held.singular.size
-    assert not held.two_sigma.any()
+    fixed = uncertainty(parameters, residual, J, ~none)
+    assert fixed.combinations == () and not fixed.covariance.any() and not fixed.singular.size
+    assert not fixed.two_sigma.any()
 
 
 @pytest.mark.parametrize("k", [2, 3])
 def test_noise_of_a_few_samples_has_no_lags(k):
-    U, left = np.eye(k)[:, None, :1], np.arange(1.0, k + 1)[:, None]
-    power = np.abs(np.fft.rfft(left[:, 0], 2 * k)) ** 2
+    U, residual = np.eye(k)[:, None, :1], np.arange(1.0, k + 1)[:, None]
+    power = np.abs(np.fft.rfft(residual[:, 0], 2 * k)) ** 2
     r = np.fft.irfft(power / np.maximum(1 - 1 / k, 0.2), 2 * k) / k
-    assert noise_along(U, left)[0, 0] == pytest.approx(r[0], rel=1e-12)
+    assert noise_along(U, residual)[0, 0] == pytest.approx(r[0], rel=1e-12)
 
 
-def test_a_combination_is_told_by_its_largest_shares():
+def test_a_combination_is_named_by_its_largest_components():
     from workflows.fit.core.calibration.uncertainty import Combination
 
-    one = Combination(np.array([-0.6, 0.1, 0.5, 0.0, -0.3]), 1.0)
-    assert one.text(parameters_of((1,) * 5)) == "0.60 p0 - 0.50 p2 + 0.30 p4"
+    item = Combination(np.array([-0.6, 0.1, 0.5, 0.0, -0.3]), 1.0)
+    assert item.text(parameters_of((1,) * 5)) == "0.60 p0 - 0.50 p2 + 0.30 p4"
     flat = Combination(np.full(25, 0.2), 1.0)
     assert flat.text(parameters_of((1,) * 25)) == "0.20 p0"
     many = Combination(np.array([0.4, 0.41, 0.42, 0.43, 0.44]), 1.0)
@@ -416,17 +416,17 @@ def test_a_lag_is_found_to_a_fraction_of_a_sample(late):
 @pytest.mark.parametrize("lag", [-60, 0, 45])
 def test_a_lag_by_samples_is_the_best_correlation(lag):
     v = bumps(FINE)
-    found = laid.shift_to_a_sample(FINE, v, np.roll(v, lag, axis=0) + 5.0)
-    assert found == pytest.approx(lag * 1e-6, abs=1e-12)
+    result = laid.shift_to_a_sample(FINE, v, np.roll(v, lag, axis=0) + 5.0)
+    assert result == pytest.approx(lag * 1e-6, abs=1e-12)
 
 
 def test_repeats_are_averaged_where_they_lie_over_each_other():
     late = np.array([3.2e-6, -5.1e-6, 1.9e-6])
     v = np.array([bumps(FINE, s) for s in late])
-    found = aligned(FINE, v, (0, 1))
-    np.testing.assert_allclose(found.shift, late - late.mean(), atol=2e-9)
-    np.testing.assert_allclose(found.signals.v, bumps(FINE, late.mean()), atol=1e-4)
-    assert found.signals.repeats == 3 and found.outliers == ()
+    result = aligned(FINE, v, (0, 1))
+    np.testing.assert_allclose(result.shift, late - late.mean(), atol=2e-9)
+    np.testing.assert_allclose(result.signals.v, bumps(FINE, late.mean()), atol=1e-4)
+    assert result.signals.repeats == 3 and result.outliers == ()
     still = aligned(FINE, v, (0, 1), move=False)
     assert not still.shift.any()
     np.testing.assert_allclose(still.signals.v, v.mean(axis=0))
@@ -435,8 +435,8 @@ def test_repeats_are_averaged_where_they_lie_over_each_other():
     two = aligned(FINE, v[:2], (0, 1), move=False).signals
     np.testing.assert_allclose(two.v, v[:2].mean(axis=0))
     np.testing.assert_allclose(two.spread, rms_of(v[1] - v[0]) / np.sqrt(2))
-    one = aligned(FINE, v[:1], (0, 1))
-    assert np.isnan(one.signals.spread).all() and one.signals.repeats == len(one.shift) == 1
+    item = aligned(FINE, v[:1], (0, 1))
+    assert np.isnan(item.signals.spread).all() and item.signals.repeats == len(item.shift) == 1
 
 
 def rms_of(v):
@@ -447,15 +447,15 @@ def rms_of(v):
 def test_a_record_is_held_constant_beyond_its_ends(shift):
     """A line read later or earlier, as far as it goes."""
     line = 3.0 * FINE[:, None]
-    found = laid.shifted(FINE, line[None], np.array([shift]))[0]
+    result = laid.shifted(FINE, line[None], np.array([shift]))[0]
     exact = 3.0 * np.clip(FINE + shift, FINE[0], FINE[-1])
-    np.testing.assert_allclose(found[:, 0], exact, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(result[:, 0], exact, rtol=0, atol=1e-15)
 
 
 def test_repeats_that_are_all_unlike_are_all_kept():
     v = np.random.default_rng(0).standard_normal((3, 500, 1))
-    found = aligned(FINE[:500], v, (0,), move=False)
-    assert found.outliers == () and found.signals.repeats == 3
+    result = aligned(FINE[:500], v, (0,), move=False)
+    assert result.outliers == () and result.signals.repeats == 3
 
 
 def test_an_analogue_low_pass_of_order_four_is_later_by_its_delay():
@@ -477,8 +477,8 @@ def test_data_is_filtered_without_phase_and_the_model_as_the_instrument_does():
     t = np.arange(4000) * 1e-6
     wave = np.sin(2 * np.pi * 20e3 * t)[:, None] * np.ones(2)
     gain = 1 / (1 + (np.tan(np.pi * 0.02) / np.tan(np.pi * 0.03)) ** 8)
-    found = Filter(band=30e3).of_data(wave, 1e-6)
-    np.testing.assert_allclose(found[1000:3000], gain * wave[1000:3000], atol=1e-3)
+    result = Filter(band=30e3).of_data(wave, 1e-6)
+    np.testing.assert_allclose(result[1000:3000], gain * wave[1000:3000], atol=1e-3)
     filters = Filter(instrument=29e3)
     fine = filters.refinement(1e-5)
     assert fine == 3
@@ -520,32 +520,32 @@ def test_a_wave_has_passed_where_all_samples_of_a_pause_are_quiet(pause):
     assert laid.first_waves_end(t, v[:, None], pause)[0] == next(ends, t[-1])
 
 
-def test_where_more_than_half_of_the_repeats_are_unlike_all_are_kept():
-    rng, one = np.random.default_rng(0), bumps(FINE)
-    unlike = [one + 0.75 * one.std() * rng.standard_normal(one.shape) for _ in range(3)]
-    found = aligned(FINE, np.array([one, one, *unlike]), (0, 1), move=False)
-    assert found.outliers == ()
-    half = aligned(FINE, np.array([one, one, *unlike[:2]]), (0, 1), move=False)
+def test_all_repeats_are_averaged_where_more_than_half_are_unlike():
+    rng, item = np.random.default_rng(0), bumps(FINE)
+    unlike = [item + 0.75 * item.std() * rng.standard_normal(item.shape) for _ in range(3)]
+    result = aligned(FINE, np.array([item, item, *unlike]), (0, 1), move=False)
+    assert result.outliers == ()
+    half = aligned(FINE, np.array([item, item, *unlike[:2]]), (0, 1), move=False)
     assert half.outliers == (2, 3)
 
 
 def test_one_of_three_repeats_that_is_unlike_the_others_is_left_out():
     v = np.array([bumps(FINE)] * 3)
     v[1] *= -1
-    found = aligned(FINE, v, (0, 1), move=False)
-    assert found.outliers == (1,) and found.signals.repeats == 2
-    np.testing.assert_allclose(found.signals.v, v[0])
+    result = aligned(FINE, v, (0, 1), move=False)
+    assert result.outliers == (1,) and result.signals.repeats == 2
+    np.testing.assert_allclose(result.signals.v, v[0])
 
 
-def test_noise_between_waves_is_what_does_not_go_on():
+def test_noise_is_estimated_between_waves():
     rng = np.random.default_rng(1)
     t = np.arange(20000) * 1e-6
     clean = np.column_stack([np.exp(-(((t - 2e-3) / 3e-5) ** 2)), 0 * t + 0.3 * t])
     for noise in (1e-3, 4e-3):
         v = clean + noise * rng.standard_normal(clean.shape)
-        found = laid.noise_between_waves(t, v, 1e-5)
-        assert found == pytest.approx(noise, rel=0.05)
-        assert laid.noise_between_waves(t + 0.25, v, 1e-5) == found  # whatever the clock says
+        result = laid.noise_between_waves(t, v, 1e-5)
+        assert result == pytest.approx(noise, rel=0.05)
+        assert laid.noise_between_waves(t + 0.25, v, 1e-5) == result  # whatever the clock says
     assert laid.noise_between_waves(t[:30], clean[:30], 1e-5) is None
     single = Signals(t, v, (0, 1), np.full(2, np.nan))
     assert noise_of_mean(single, NO_FILTER, 1e-5) == laid.noise_between_waves(t, v, 1e-5)
@@ -587,18 +587,18 @@ def test_noise_is_read_where_six_half_scales_are_calm(q, seed):
     np.testing.assert_allclose(laid.calm_second_differences(v, q), exact, rtol=1e-12, atol=1e-15)
 
 
-def test_noise_is_told_from_twenty_half_scales_of_calm_on():
+def test_noise_is_estimated_from_twenty_calm_half_scales_on():
     q, dt = 4, 1e-6
-    told = {}
+    expected = {}
     for k in range(8 * q - 3, 60 * q):
         v = a_noisy_wave(k)[:, None]
-        found = laid.noise_between_waves(dt * np.arange(k), v, 2 * q * dt)
+        result = laid.noise_between_waves(dt * np.arange(k), v, 2 * q * dt)
         parts = laid.calm_second_differences(v[:, 0], q) if k > 8 * q else np.zeros(0)
-        told[len(parts)] = found is not None
-        if found is not None:
-            assert found / np.sqrt(np.mean(parts**2) / 6) == pytest.approx(1.0)
-    assert all(known == (size >= 20 * q) for size, known in told.items())
-    assert {20 * q - 1, 20 * q} <= told.keys()
+        expected[len(parts)] = result is not None
+        if result is not None:
+            assert result / np.sqrt(np.mean(parts**2) / 6) == pytest.approx(1.0)
+    assert all(has_noise == (size >= 20 * q) for size, has_noise in expected.items())
+    assert {20 * q - 1, 20 * q} <= expected.keys()
     many = np.zeros((8 * q + 1, 30)) + (np.arange(8 * q + 1) == 8 * q)[:, None]
     assert laid.noise_between_waves(dt * np.arange(8 * q), many[1:], 2 * q * dt) is None
     assert laid.noise_between_waves(dt * np.arange(8 * q + 1), many, 2 * q * dt) == 0.0
@@ -606,11 +606,12 @@ def test_noise_is_told_from_twenty_half_scales_of_calm_on():
     assert laid.noise_between_waves(t, v, 0.0) == laid.noise_between_waves(t, v, 2 * dt)
 
 
-def test_some_of_the_spheres():
-    whole = Signals(T, np.ones((400, 3)) * [1, 2, 3], (4, 6, 9), np.array([0.1, 0.2, 0.3]))
-    some = whole.only([2, 0])
-    assert some.spheres == (9, 4) and list(some.spread) == [0.3, 0.1] and some.names == ("10", "5")
-    assert list(some.v[0]) == [3, 1] and whole.names == ("5", "7", "10")
+def test_signals_of_a_subset_of_spheres():
+    full = Signals(T, np.ones((400, 3)) * [1, 2, 3], (4, 6, 9), np.array([0.1, 0.2, 0.3]))
+    subset = full.only([2, 0])
+    assert subset.spheres == (9, 4) and list(subset.spread) == [0.3, 0.1]
+    assert subset.names == ("10", "5")
+    assert list(subset.v[0]) == [3, 1] and full.names == ("5", "7", "10")
 
 
 # --- instruments ---------------------------------------------------------------------------------
@@ -621,47 +622,47 @@ def test_an_instrument_shows_a_slow_motion_in_its_time_and_a_fast_one_less():
     twin = Twin(before=1e-4)
     t = np.arange(8000) / (OVERSAMPLED * twin.sampling)
     v = np.column_stack([1 - np.cos(2 * np.pi * 2e3 * t), np.sin(2 * np.pi * 4e5 * t)])
-    seen = shown(v, v[0], twin, (0, 3))
-    late = seen.t - twin.before
+    observed = shown(v, v[0], twin, (0, 3))
+    late = observed.t - twin.before
     inside = (late > 2e-4) & (late < t[-1])
-    assert seen.t[0] < 1e-5 and len(seen.t) == 8000 + 400 and seen.spheres == (0, 3)
+    assert observed.t[0] < 1e-5 and len(observed.t) == 8000 + 400 and observed.spheres == (0, 3)
     at = late[inside] - (1 / (2 * np.pi * 1e5)) * laid.DELAY  # the instrument's own delay
-    np.testing.assert_allclose(seen.v[inside, 0], 1 - np.cos(2 * np.pi * 2e3 * at), atol=2e-3)
-    assert np.abs(seen.v[inside, 1]).max() < 1e-2 and not seen.v[:300].any()
+    np.testing.assert_allclose(observed.v[inside, 0], 1 - np.cos(2 * np.pi * 2e3 * at), atol=2e-3)
+    assert np.abs(observed.v[inside, 1]).max() < 1e-2 and not observed.v[:300].any()
 
 
 def test_a_steady_rise_is_shown_later_by_the_delay_of_the_low_pass_alone():
     """-B'(0) / B(0) of its poles: the sampled filter has less, the clock makes up for the rest."""
     twin = Twin(before=1e-4)
     rise = np.arange(8000.0)[:, None] / (OVERSAMPLED * twin.sampling)
-    seen = shown(rise, np.zeros(1), twin, (0,))
-    later = (seen.t - twin.before - seen.v[:, 0])[-2000:]
+    observed = shown(rise, np.zeros(1), twin, (0,))
+    later = (observed.t - twin.before - observed.v[:, 0])[-2000:]
     np.testing.assert_allclose(later * 2 * np.pi * twin.instrument / laid.DELAY, 1.0, rtol=1e-6)
 
 
 def test_repeats_differ_by_jitter_and_noise_of_the_size_asked_for():
     twin = Twin(repeats=6, jitter=3e-6, noise=2e-3)
     fine = np.arange(0, 4e-3, 1 / (OVERSAMPLED * twin.sampling))
-    made = Clean(fine, bumps(fine), (0, 1))
-    t, v = repeated(made, twin)
+    data = Clean(fine, bumps(fine), (0, 1))
+    t, v = repeated(data, twin)
     assert v.shape == (6, len(t), 2) and t[1] == pytest.approx(1e-6)
-    assert -1e-12 < made.t[-1] - t[-1] - 4 * twin.jitter < 2e-6  # no repeat ends before the record
+    assert -1e-12 < data.t[-1] - t[-1] - 4 * twin.jitter < 2e-6  # no repeat ends before the record
     quiet = v[:, 2000:]
     assert quiet.std() == pytest.approx(2e-3, rel=0.05)
-    late = [lag_of(t[:1000], one[:1000], bumps(t)[:1000]) for one in v]
+    late = [lag_of(t[:1000], item[:1000], bumps(t)[:1000]) for item in v]
     assert np.mean(late) == pytest.approx(0, abs=2e-7) and 1e-6 < np.std(late, ddof=1) < 6e-6
     power = np.mean(np.abs(np.fft.rfft(quiet[:, :1024, 0])) ** 2, axis=0)
     assert power[300:].mean() < 1e-2 * power[5:60].mean()  # nothing above 100 kHz
-    again = repeated(made, twin)[1]
+    again = repeated(data, twin)[1]
     np.testing.assert_array_equal(v, again)
-    assert not np.array_equal(repeated(made, twin, run=1)[1], v)
-    few = repeated(made, twin._replace(repeats=2, noise=0.0))
+    assert not np.array_equal(repeated(data, twin, run=1)[1], v)
+    few = repeated(data, twin._replace(repeats=2, noise=0.0))
     np.testing.assert_array_equal(few[0], t)
     assert few[1].shape == (2, len(t), 2) and not np.allclose(*few[1], atol=1e-3)
-    late = repeated(Clean(fine + 3e-6, made.v, (0, 1)), twin)
+    late = repeated(Clean(fine + 3e-6, data.v, (0, 1)), twin)
     np.testing.assert_array_equal(late[0], t)
     np.testing.assert_allclose(late[1][:, 3:], v[:, :-3], atol=1e-2)  # noise is where it was
-    still = repeated(made, twin._replace(repeats=1, noise=0.0))
+    still = repeated(data, twin._replace(repeats=1, noise=0.0))
     np.testing.assert_allclose(still[1][0], bumps(still[0]), atol=1e-6)
     assert len(still[0]) == len(fine[::OVERSAMPLED])
 
@@ -669,15 +670,15 @@ def test_repeats_differ_by_jitter_and_noise_of_the_size_asked_for():
 def test_the_clean_signals_of_a_rig_are_its_march_as_the_instrument_shows_it():
     """By sixteen steps to a sample of the oversampled record; four samples after the filter."""
     rig, twin = a_rig(), Twin(sampling=2e5, instrument=2e4)
-    found = clean_signals(rig.chain, rig.wall, rig.v0, twin, (1, 3), 2.9e-4)
+    result = clean_signals(rig.chain, rig.wall, rig.v0, twin, (1, 3), 2.9e-4)
     n = round(2.9e-4 * 8e5)
     fine = dem.march(
         rig.chain, rig.wall, rig.v0, duration=n / 8e5, dt=1 / 8e5 / 16, n_save=n
     )  # fmt: skip
     exact = shown(fine.v[:, [0, 2]], rig.v0[[0, 2]], twin, (1, 3))
-    np.testing.assert_array_equal(found.t, exact.t)
-    np.testing.assert_allclose(found.v, exact.v, rtol=0, atol=1e-6 * 0.3)
-    assert found.spheres == (1, 3) and np.ptp(found.v, axis=0).min() > 0.05
+    np.testing.assert_array_equal(result.t, exact.t)
+    np.testing.assert_allclose(result.v, exact.v, rtol=0, atol=1e-6 * 0.3)
+    assert result.spheres == (1, 3) and np.ptp(result.v, axis=0).min() > 0.05
 
 
 # --- the model -----------------------------------------------------------------------------------
@@ -696,27 +697,27 @@ def a_model(parameters=None, filters=NO_FILTER, record=RECORD, rig=None):
 def test_a_model_shows_the_march_from_its_trigger_on():
     model = a_model()
     at = rig_at(model.rig, model.parameters, model.start)
-    found = model.velocities(model.start)
+    result = model.velocities(model.start)
     assert at.trigger == model.touch == 2e-5
     assert a_model(()).touch == 1e-5
     run = dem.march(at.chain, at.wall, at.v0, duration=RECORD[-1], dt=1e-7, n_save=240)
     late = np.searchsorted(RECORD, 2e-5)
-    shown = np.array([np.interp(RECORD - 2e-5, run.t, run.v[:, i]) for i in (0, 2)]).T
-    np.testing.assert_allclose(found, shown, atol=1e-4)  # linear between saves
-    np.testing.assert_allclose(found[:late], at.v0[[0, 2]] * np.ones((late, 1)), atol=1e-12)
-    assert found.shape == (len(RECORD), 2) and np.ptp(found[:, 1]) > 0.01
-    np.testing.assert_allclose(model.velocities(model.start, 50), found[:50], atol=1e-6)
+    signals = np.array([np.interp(RECORD - 2e-5, run.t, run.v[:, i]) for i in (0, 2)]).T
+    np.testing.assert_allclose(result, signals, atol=1e-4)  # linear between saves
+    np.testing.assert_allclose(result[:late], at.v0[[0, 2]] * np.ones((late, 1)), atol=1e-12)
+    assert result.shape == (len(RECORD), 2) and np.ptp(result[:, 1]) > 0.01
+    np.testing.assert_allclose(model.velocities(model.start, 50), result[:50], atol=1e-6)
 
 
 @pytest.mark.parametrize("filters", [NO_FILTER, Filter(band=9e4)])
 def test_velocities_of_the_model_leave_it_no_misfit_behind_a_filter_of_both(filters):
     plain = a_model()
     v = plain.velocities(plain.start)
-    shown = a_model(filters=filters)
-    shown.signals = shown.signals._replace(v=v)
-    assert max(shown.misfits(plain.start).values()) < 1e-12
-    shown.signals = shown.signals._replace(v=v + [0.0, 1e-3])
-    np.testing.assert_allclose(list(shown.misfits(plain.start).values()), [0, 1e-3], atol=1e-12)
+    signals = a_model(filters=filters)
+    signals.signals = signals.signals._replace(v=v)
+    assert max(signals.misfits(plain.start).values()) < 1e-12
+    signals.signals = signals.signals._replace(v=v + [0.0, 1e-3])
+    np.testing.assert_allclose(list(signals.misfits(plain.start).values()), [0, 1e-3], atol=1e-12)
 
 
 @pytest.mark.parametrize("filters", [NO_FILTER, Filter(band=9e4), Filter(instrument=6e4)])
@@ -739,14 +740,14 @@ def test_a_model_is_the_same_on_a_clock_that_started_earlier(filters):
     late = [p._replace(low=p.low + 0.25) if p.kind == "trigger" else p for p in model.parameters]
     later = a_model(late, filters, RECORD + 0.25)
     theta = model.start + [0.25 * (p.kind == "trigger") for p in model.parameters]
-    one, other = (m.velocities_and_sensitivities(at) for m, at in
+    first, second = (m.velocities_and_sensitivities(at) for m, at in
                   ((model, model.start), (later, theta)))  # fmt: skip
     assert later.duration == pytest.approx(model.duration, rel=1e-9)
-    for these, those in zip(one, other, strict=True):
+    for these, those in zip(first, second, strict=True):
         size = np.abs(these).max(axis=(0, 1))
         assert np.quantile(np.abs(these - those), 0.98, axis=(0, 1)).max() < 1e-6 * size.max()
-    seen, own = later.misfits(theta), model.misfits(model.start)
-    np.testing.assert_allclose(list(seen.values()), list(own.values()), rtol=1e-6)
+    later_misfits, misfits = later.misfits(theta), model.misfits(model.start)
+    np.testing.assert_allclose(list(later_misfits.values()), list(misfits.values()), rtol=1e-6)
     for steps in (1.0, 3.0):
         wide = [m.coarser(steps).signals.t for m in (model, later)]
         np.testing.assert_allclose(wide[1] - 0.25, wide[0], atol=1e-12)
@@ -764,7 +765,7 @@ def test_a_record_goes_on_for_two_steps_after_the_first_touch(share, possible):
         a_model((), record=t, rig=rig)
 
 
-def testrefined_times_hold_the_given_ones_and_equal_steps_between():
+def test_refined_times_hold_the_given_ones_and_equal_steps_between():
     fine = refined(RECORD, 3)
     np.testing.assert_allclose(fine[::3], RECORD, rtol=1e-14)
     np.testing.assert_allclose(np.diff(fine), 2e-6 / 3, rtol=1e-9)
@@ -775,9 +776,9 @@ def test_an_instrument_delays_a_model_by_its_filter_and_its_lag():
     """Slow motion is later by DELAY / omega."""
     slow = a_rig()._replace(trigger=1e-5, v0=np.array([3e-3, 0.0, 0.0]))
     t = np.arange(0, 2e-3, 2e-6)
-    plain, shown = (a_model((), f, t, slow) for f in (NO_FILTER, Filter(instrument=3e4)))
+    plain, signals = (a_model((), f, t, slow) for f in (NO_FILTER, Filter(instrument=3e4)))
     none = np.zeros(0)
-    lag = lag_of(t, shown.velocities(none), plain.velocities(none))
+    lag = lag_of(t, signals.velocities(none), plain.velocities(none))
     assert lag == pytest.approx(laid.DELAY / (2 * np.pi * 3e4), rel=0.02)
 
 
@@ -793,9 +794,9 @@ def test_a_model_knows_its_scales_and_what_a_window_needs():
     windows[10:40, 1] = windows[5:31, 0] = True
     assert model.needed(windows) == 40
     assert a_model(filters=Filter(band=9e4)).needed(windows) == len(RECORD)
-    every = int(0.15 * model.time_scale / 2e-6)
+    stride = int(0.15 * model.time_scale / 2e-6)
     fine = a_model(record=np.arange(0, 2.4e-4, 2e-7)).coarser(2.0)
-    assert every <= 1 < fine.signals.t[1] / 2e-7 <= 0.15 * model.time_scale / 2e-7
+    assert stride <= 1 < fine.signals.t[1] / 2e-7 <= 0.15 * model.time_scale / 2e-7
     assert fine.dt == 2.0 * usual and fine.signals.v.shape == (len(fine.signals.t), 2)
     off = a_model().misfits(model.start)
     rms_of = np.sqrt(np.mean(model.velocities(model.start) ** 2, axis=0))

@@ -75,7 +75,7 @@ class Linear:
 def a_fit(gain=(-1, -1), noise=1.0, truth=TRUTH, factor=1.0):
     y = factor * Linear().signals(SOUGHT, truth, [Shot(T, T, T)] * 2)
     y = y + noise * NOISE * np.random.default_rng(1).standard_normal(y.shape)
-    return RecordFit(Linear(), SOUGHT, tuple(Shot(T, one, NOISE) for one in y), np.array(gain))
+    return RecordFit(Linear(), SOUGHT, tuple(Shot(T, item, NOISE) for item in y), np.array(gain))
 
 
 def whole_line(fit):
@@ -120,13 +120,13 @@ def test_steps_of_a_derivative_stay_within_the_bounds():
 
 def test_gains_are_least_squares_over_the_noise_of_all_sensors_that_share_one():
     fit = a_fit(gain=(0, 0), factor=0.2)
-    shown = fit.forward.signals(SOUGHT, TRUTH, fit.shots)
-    model, data = ((x / NOISE).ravel() for x in (shown, fit.data))
-    np.testing.assert_allclose(fit.gains(shown), np.full(2, model @ data / (model @ model)))
-    apart = fit._replace(gain=np.array([1, 0])).gains(shown)
-    each = np.sum(shown * fit.data, axis=(0, 1)) / np.sum(shown**2, axis=(0, 1))
-    np.testing.assert_allclose(apart, each)
-    np.testing.assert_allclose(fit._replace(gain=np.array([-1, 0])).gains(shown), [1.0, each[1]])
+    signals = fit.forward.signals(SOUGHT, TRUTH, fit.shots)
+    model, data = ((x / NOISE).ravel() for x in (signals, fit.data))
+    np.testing.assert_allclose(fit.gains(signals), np.full(2, model @ data / (model @ model)))
+    separate = fit._replace(gain=np.array([1, 0])).gains(signals)
+    row = np.sum(signals * fit.data, axis=(0, 1)) / np.sum(signals**2, axis=(0, 1))
+    np.testing.assert_allclose(separate, row)
+    np.testing.assert_allclose(fit._replace(gain=np.array([-1, 0])).gains(signals), [1.0, row[1]])
 
 
 @pytest.mark.parametrize("gain", [(-1, -1), (0, 0), (0, 1), (-1, 0)])
@@ -146,17 +146,17 @@ def test_a_fit_ends_at_the_least_squares_of_records_and_bounds():
         centre = (SOUGHT.centre if about is None else about) / SOUGHT.scale
         A, b = np.vstack([J, pull]), np.concatenate([-base, pull @ centre])
         exact = np.linalg.lstsq(A, b, rcond=None)[0] * SOUGHT.scale
-        found = fit.solved(SOUGHT.centre, about=about)
-        np.testing.assert_allclose(found.theta, exact, atol=1e-5 * SOUGHT.scale.min())
-        left = J @ (exact / SOUGHT.scale) + base
-        assert found.misfit == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
-        assert found.converged and fit.misfit(found.theta) == pytest.approx(found.misfit)
+        result = fit.solved(SOUGHT.centre, about=about)
+        np.testing.assert_allclose(result.theta, exact, atol=1e-5 * SOUGHT.scale.min())
+        residual = J @ (exact / SOUGHT.scale) + base
+        assert result.misfit == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-9)
+        assert result.converged and fit.misfit(result.theta) == pytest.approx(result.misfit)
 
 
 def test_a_fit_that_is_stopped_says_so():
     fit = a_fit(noise=30.0)
-    found = fit.solved(SOUGHT.centre, most=1)
-    assert (found.evaluations, found.converged) == (1, False)
+    result = fit.solved(SOUGHT.centre, max_runs=1)
+    assert (result.evaluations, result.converged) == (1, False)
 
 
 def test_a_fit_ends_at_its_bounds():
@@ -170,25 +170,25 @@ def test_a_fit_ends_at_its_bounds():
     b = np.concatenate([-base, sought.pull * sought.centre])
     bounds = [end / sought.scale for end in sought.ends()]
     exact = lsq_linear(A, b, bounds, tol=1e-14).x
-    found = fit.solved(np.array([1.0, 0.5, 0.3, 0.0, 0.3, 0.0])).theta / sought.scale
-    np.testing.assert_allclose(found[:2], [12.0, 15.0], rtol=1e-6)
-    np.testing.assert_allclose(found, exact, atol=1e-4)
+    result = fit.solved(np.array([1.0, 0.5, 0.3, 0.0, 0.3, 0.0])).theta / sought.scale
+    np.testing.assert_allclose(result[:2], [12.0, 15.0], rtol=1e-6)
+    np.testing.assert_allclose(result, exact, atol=1e-4)
 
 
 def test_numbers_of_other_records_stay_and_samples_can_be_left_out():
     fit = a_fit()
-    first = fit.of_shots([0], every=3)
+    first = fit.of_shots([0], stride=3)
     np.testing.assert_array_equal(first.shots[0].y, fit.shots[0].y[::3])
     np.testing.assert_array_equal(first.shots[0].t, T[::3])
     early = fit.of_shots([0]).until(70)
     assert early.data.shape == (1, 70, 2) and len(early.shots[0].t) == 70
     begin = SOUGHT.centre + 0.1 * SOUGHT.scale
-    found = early.solved(begin).theta
-    np.testing.assert_array_equal(found[4:], begin[4:])
-    assert (found[:4] != begin[:4]).all()
+    result = early.solved(begin).theta
+    np.testing.assert_array_equal(result[4:], begin[4:])
+    assert (result[:4] != begin[:4]).all()
 
 
-def test_what_cannot_run_is_far_off():
+def test_an_impossible_run_has_a_huge_residual():
     fit = a_fit()
     np.testing.assert_array_equal(fit.residual(TRUTH + [1.2, 0, 0, 0, 0, 0]), np.full(960, HUGE))
 
@@ -222,7 +222,7 @@ def test_bars_over_time_are_those_of_all_samples_so_far_and_of_the_bounds():
         np.testing.assert_allclose(covariance(slopes[:, :end], B), exact, rtol=1e-8, atol=1e-12)
 
 
-def test_a_number_is_felt_once_its_bar_alone_is_the_share_of_its_bounds():
+def test_a_number_is_felt_once_its_lone_bar_is_a_share_of_its_bounds():
     """2 / sqrt(sum of squares) = share width: squares of 4, 2 and 0 a sample."""
     slopes = np.zeros((2, 40, 1, 3))
     slopes[0, :, 0] = [-2.0, 1.0, 0.0]
@@ -236,8 +236,8 @@ def test_a_number_is_felt_once_its_bar_alone_is_the_share_of_its_bounds():
 
 def test_a_parabola_rises_as_its_matrix_says_and_its_bars_stay():
     fit = a_fit(noise=0.3)
-    found = inverted(fit, n_shared=2, begin=SOUGHT.centre)
-    theta, J = found.value, fit.jacobian(found.value)
+    result = inverted(fit, n_shared=2, begin=SOUGHT.centre)
+    theta, J = result.value, fit.jacobian(result.value)
     valley = Valley(fit, theta, J)
     H = whole_line(fit)[0].T @ whole_line(fit)[0] + whole_line(fit)[1] ** 2
     np.testing.assert_allclose(valley.parabola, H, rtol=1e-9, atol=1e-9 * H.max())
@@ -252,7 +252,7 @@ def test_a_parabola_rises_as_its_matrix_says_and_its_bars_stay():
             [room / 0.6 for room in rooms]
         )
     exact = np.linalg.inv(H) * np.outer(SOUGHT.scale, SOUGHT.scale)
-    bars = found.uncertainty._replace(covariance=exact)
+    bars = result.uncertainty._replace(covariance=exact)
     assert stretched(fit, theta, J, bars, 2)[1] == pytest.approx(1.0, abs=1e-6)
 
 
@@ -281,7 +281,7 @@ class Ground(NamedTuple):
         (2.0, 9.0, 1.0),
     ],
 )
-def test_a_bar_is_as_many_steps_as_the_ground_takes_to_rise_as_the_parabola_or_to_the_bounds(
+def test_a_bar_is_stretched_until_the_misfit_rises_as_the_parabola_or_to_the_bounds(
     slope, end, steps
 ):
     assert stretch_factor(Ground(slope, end), np.full(1, 0.5), 0) == pytest.approx(steps)
@@ -304,28 +304,28 @@ class Saturating(Linear):
         return super().signals(unknowns, self._bent(theta), shots)
 
     def jacobian(self, unknowns, theta, shots):
-        shown, slopes = super().jacobian(unknowns, theta, shots)
-        return shown, slopes * np.append(self._slope(theta), np.ones(5))
+        signals, slopes = super().jacobian(unknowns, theta, shots)
+        return signals, slopes * np.append(self._slope(theta), np.ones(5))
 
 
 @pytest.mark.parametrize("way", [1, -1])
-def test_a_bar_grows_where_a_number_saturates_to_where_the_misfit_is_that_of_a_parabola(way):
+def test_a_bar_of_a_saturating_number_ends_where_the_misfit_is_that_of_the_parabola(way):
     """Squares of 1 - exp(-t q) against those of q, the others following: q = 1 - exp(-t q)."""
     model, truth = Saturating(way), np.append(1.5 + 0.3 * way, TRUTH[1:])
     fit = a_fit(truth=model._bent(truth), noise=way)._replace(forward=model)
-    found = inverted(fit, n_shared=2, begin=truth)
-    J = fit.jacobian(found.value)
+    result = inverted(fit, n_shared=2, begin=truth)
+    J = fit.jacobian(result.value)
     H = J.T @ J + whole_line(fit)[1] ** 2
     cov = np.linalg.inv(H) * np.outer(SOUGHT.scale, SOUGHT.scale)
     two_sigma = 2 * np.sqrt(np.diag(cov))
-    plain = found.uncertainty._replace(covariance=cov, two_sigma=two_sigma)
-    longer, stretch = stretched(fit, found.value, J, plain, 2)
+    plain = result.uncertainty._replace(covariance=cov, two_sigma=two_sigma)
+    longer, stretch = stretched(fit, result.value, J, plain, 2)
     factors, q = longer.two_sigma / two_sigma, 4 * two_sigma[0]
     assert 0.4 < q < 0.7
     assert stretch / (-np.log(1 - q) / q) == pytest.approx(1.0, rel=0.02)
     np.testing.assert_allclose(factors, [stretch, *np.ones(5)], rtol=1e-3)
     np.testing.assert_allclose(2 * np.sqrt(np.diag(longer.covariance)), longer.two_sigma)
-    deepest = max(one.two_sigma for one in longer.combinations)
+    deepest = max(item.two_sigma for item in longer.combinations)
     sizes = np.linalg.eigvalsh(longer.covariance / np.outer(SOUGHT.scale, SOUGHT.scale))
     assert deepest == pytest.approx(2 * np.sqrt(sizes[-1]))
 
@@ -335,42 +335,42 @@ def test_a_bar_grows_where_a_number_saturates_to_where_the_misfit_is_that_of_a_p
 
 def test_an_answer_is_the_fit_with_its_gains_and_bars_in_order():
     fit = a_fit(gain=(0, 0), factor=0.2)
-    found = inverted(fit, n_shared=2, begin=SOUGHT.centre, gains=["gain"])
-    theta = found.value[:6]
+    result = inverted(fit, n_shared=2, begin=SOUGHT.centre, gains=["gain"])
+    theta = result.value[:6]
     np.testing.assert_allclose(theta, fit.solved(SOUGHT.centre).theta)
-    shown = fit.forward.signals(SOUGHT, theta, fit.shots)
-    gain = fit.gains(shown)[0]
-    assert found.value[6] == gain == found.parameters[6].start
-    assert found.parameters[6].scale == pytest.approx(0.1 * gain)
-    np.testing.assert_allclose(found.model, gain * shown)
-    left = (gain * shown - fit.data) / NOISE
-    np.testing.assert_allclose(found.misfit, np.sqrt(np.mean(left**2, axis=1)))
-    by_gain = (gain * shown)[..., None] / NOISE[:, None] * 0.1
+    signals = fit.forward.signals(SOUGHT, theta, fit.shots)
+    gain = fit.gains(signals)[0]
+    assert result.value[6] == gain == result.parameters[6].start
+    assert result.parameters[6].scale == pytest.approx(0.1 * gain)
+    np.testing.assert_allclose(result.model, gain * signals)
+    residual = (gain * signals - fit.data) / NOISE
+    np.testing.assert_allclose(result.misfit, np.sqrt(np.mean(residual**2, axis=1)))
+    by_gain = (gain * signals)[..., None] / NOISE[:, None] * 0.1
     by_numbers = gain * SHAPES * SOUGHT.scale / NOISE[:, None]
-    np.testing.assert_allclose(found.slopes, np.concatenate([by_numbers, by_gain], axis=-1))
-    scale = np.array([p.scale for p in found.parameters])
+    np.testing.assert_allclose(result.slopes, np.concatenate([by_numbers, by_gain], axis=-1))
+    scale = np.array([p.scale for p in result.parameters])
     exact = uncertainty(
-        found.parameters, sensors_side_by_side(left), sensors_side_by_side(found.slopes) / scale,
-        np.zeros(7, bool),
-        bounds_information(found.parameters),
+        result.parameters, sensors_side_by_side(residual),
+        sensors_side_by_side(result.slopes) / scale, np.zeros(7, bool),
+        bounds_information(result.parameters),
     )  # fmt: skip
-    np.testing.assert_allclose(found.uncertainty.two_sigma, exact.two_sigma, rtol=1e-6)
-    assert found.whole_misfit == pytest.approx(np.sqrt(np.mean(left**2)))
-    assert found.search.starts == len(found.search.ends) == 1
-    assert found.explained and found.step_error == 0.0 and not found.at_bound.any()
+    np.testing.assert_allclose(result.uncertainty.two_sigma, exact.two_sigma, rtol=1e-6)
+    assert result.whole_misfit == pytest.approx(np.sqrt(np.mean(residual**2)))
+    assert result.search.starts == len(result.search.ends) == 1
+    assert result.explained and result.step_error == 0.0 and not result.at_bound.any()
     with pytest.raises(CouplingError, match="4 samples do not determine 6 numbers"):
         inverted(fit.of_shots([0]).until(2), n_shared=2)
 
 
-def test_samples_of_all_records_and_sensors_stand_beside_each_other():
+def test_every_sensor_of_every_record_is_a_column():
     values = np.random.default_rng(0).standard_normal((2, 5, 3, 4))
-    found = sensors_side_by_side(values)
-    assert found.shape == (5, 6, 4)
-    np.testing.assert_array_equal(found[:, :3], values[0])
-    np.testing.assert_array_equal(found[:, 3:], values[1])
+    result = sensors_side_by_side(values)
+    assert result.shape == (5, 6, 4)
+    np.testing.assert_array_equal(result[:, :3], values[0])
+    np.testing.assert_array_equal(result[:, 3:], values[1])
 
 
-def test_memory_is_one_of_white_noise_and_more_of_what_goes_on():
+def test_memory_is_one_of_white_noise_and_that_of_an_autoregressive_process():
     """x_i = rho x_i-1 + e: half the variance of the steps is 1 - rho of its own."""
     e = np.random.default_rng(3).standard_normal((1, 40000, 1))
     assert memory(e) == pytest.approx(1.0, rel=0.02)
@@ -381,21 +381,21 @@ def test_memory_is_one_of_white_noise_and_more_of_what_goes_on():
     assert memory(np.ones((1, 9, 1))) == np.inf
 
 
-def test_parts_hold_all_that_is_left_of_every_record():
-    fit, left = a_fit(), np.random.default_rng(0).standard_normal((2, 240, 2))
-    parts = residual_parts(fit, left)
-    assert [part.record for part in parts] == [0] * 50 + [1] * 50
-    sizes = np.array([part.end - part.begin + 1 for part in parts])
+def test_residual_parts_cover_every_record():
+    fit, residual = a_fit(), np.random.default_rng(0).standard_normal((2, 240, 2))
+    parts = residual_parts(fit, residual)
+    assert [piece.record for piece in parts] == [0] * 50 + [1] * 50
+    sizes = np.array([piece.end - piece.begin + 1 for piece in parts])
     assert sizes.min() >= 4 and sizes.max() <= 5 and sizes.sum() == 480
-    squares = sum(size * part.misfit**2 for size, part in zip(sizes, parts, strict=True))
-    assert squares == pytest.approx(np.sum(left**2) / 2)
-    assert len(residual_parts(fit.until(7), left[:, :7])) == 14
+    squares = sum(size * piece.misfit**2 for size, piece in zip(sizes, parts, strict=True))
+    assert squares == pytest.approx(np.sum(residual**2) / 2)
+    assert len(residual_parts(fit.until(7), residual[:, :7])) == 14
 
 
 def test_bounds_are_met_within_a_millionth_of_their_distance():
     low, high = SOUGHT.ends()
-    for near, met in ((0.9e-6, True), (1.1e-6, False)):
-        for value in (low + near * (high - low), high - near * (high - low)):
+    for distance, met in ((0.9e-6, True), (1.1e-6, False)):
+        for value in (low + distance * (high - low), high - distance * (high - low)):
             assert (at_bound(SOUGHT.parameters, value) == met).all()
     endless = (SHARED[0]._replace(high=np.inf),)
     assert not at_bound(endless, np.array([0.5])).any()
@@ -412,19 +412,19 @@ def an_answer(value=0.0, misfit=1.0, memory=1.0, worst=1.0, n=5000):
 
 
 @pytest.mark.parametrize("memory", [0.5, 1.0, 9.0])
-def test_records_are_explained_where_the_whole_and_every_part_may_be_noise(memory):
+def test_records_are_explained_where_the_whole_residual_and_its_parts_may_be_noise(memory):
     """Squares of 1.15 and five deviations sqrt(2 memory / n) of n samples."""
     limits = [1.15 + 5 * np.sqrt(2 * max(memory, 1.0) / n) for n in (5000, 500)]
     for share, explained in ((0.999, True), (1.001, False)):
-        whole, part = np.sqrt(share * np.array(limits))
-        assert an_answer(misfit=whole, memory=memory).explained == explained
-        assert an_answer(worst=part, memory=memory).explained == explained
+        full, piece = np.sqrt(share * np.array(limits))
+        assert an_answer(misfit=full, memory=memory).explained == explained
+        assert an_answer(worst=piece, memory=memory).explained == explained
 
 
-def test_a_number_of_a_model_that_explains_nothing_is_not_called_told():
-    for misfit, told in ((1.0, "yes"), (2.0, "not explained")):
+def test_no_number_is_determined_by_a_model_that_does_not_explain_the_records():
+    for misfit, expected in ((1.0, "yes"), (2.0, "not explained")):
         judged = Judged(an_answer(misfit=misfit), (), None, 1, True, None, None, ("one",))
-        assert judged.told == [told]
+        assert judged.told == [expected]
         assert judged._replace(noise_known=False).told == ["yes"]
 
 
@@ -432,15 +432,15 @@ def test_a_number_of_a_model_that_explains_nothing_is_not_called_told():
 def test_rivals_leave_as_little_and_lie_farther_off_than_the_bars(misfit):
     best = an_answer(0.0, misfit)
     within, beyond = (misfit * np.sqrt(1 + share * 16.0 / 5000) for share in (0.999, 1.001))
-    near, far, lost = an_answer(0.099, misfit), an_answer(0.101, within), an_answer(0.3, beyond)
+    nearby, far, lost = an_answer(0.099, misfit), an_answer(0.101, within), an_answer(0.3, beyond)
     again = an_answer(0.15, misfit)
-    assert best.rivals([near, far, lost, again], 1) == (far,)
-    other = an_answer(0.202, misfit)
-    assert best.rivals([far, other], 1) == (far, other)
+    assert best.rivals([nearby, far, lost, again], 1) == (far,)
+    second = an_answer(0.202, misfit)
+    assert best.rivals([far, second], 1) == (far, second)
     assert best._replace(memory=2.0).rivals([lost], 1) == (lost,)
 
 
-def test_a_rise_is_the_least_of_what_goes_along_and_of_what_stays_behind_each_followed_once():
+def test_a_profile_is_the_least_of_two_starts_and_their_gauss_newton_steps():
     """x / 10 and 3 sin(y - g(x)), g = 2 x / (1 + 4 x^2): the valley bends back from y = 2 x."""
 
     def residual(theta):
@@ -455,9 +455,9 @@ def test_a_rise_is_the_least_of_what_goes_along_and_of_what_stays_behind_each_fo
     for x in (0.3, 1.0, -1.4):
         begins = np.array([[x, 2 * x], [x, 0.0]])
         followed = [b - [0, residual(b)[1] / 3] for b in begins]
-        least = [np.sum(residual(b) ** 2) for b in (*begins, *followed)]
-        stayed.append(np.argmin(least) % 2 == 1)
-        assert valley.rise(np.array([x, 2 * x]), 0) == pytest.approx(min(least), rel=1e-9)
+        smallest = [np.sum(residual(b) ** 2) for b in (*begins, *followed)]
+        stayed.append(np.argmin(smallest) % 2 == 1)
+        assert valley.rise(np.array([x, 2 * x]), 0) == pytest.approx(min(smallest), rel=1e-9)
     assert stayed == [False, True, True]
 
 
@@ -474,9 +474,9 @@ def test_triggers_are_set_so_that_first_waves_rise_together():
 
     shots = tuple(Shot(T, 0.1 * ramps(late), NOISE) for late in (33.5, 200.0))
     fit = RecordFit(Ramp(), SOUGHT, shots, np.array([0, 0]))
-    found = with_triggers(fit, SOUGHT.centre)
-    np.testing.assert_allclose(found[[3, 5]], [3.5, 60.0], atol=1e-9)  # 60 is a bound
-    np.testing.assert_array_equal(found[[0, 1, 2, 4]], SOUGHT.centre[[0, 1, 2, 4]])
+    result = with_triggers(fit, SOUGHT.centre)
+    np.testing.assert_allclose(result[[3, 5]], [3.5, 60.0], atol=1e-9)  # 60 is a bound
+    np.testing.assert_array_equal(result[[0, 1, 2, 4]], SOUGHT.centre[[0, 1, 2, 4]])
 
 
 def test_candidates_within_a_share_of_the_bounds_are_one():
@@ -491,33 +491,33 @@ def test_candidates_within_a_share_of_the_bounds_are_one():
     assert distinct(fit, ends, 2, 0.02) == ends[:1]
 
 
-def test_noise_is_met_in_the_whole_and_in_what_is_new():
-    left = np.ones((1, 1000, 2))
-    whole, new = (1.06 + 3 * np.sqrt(2 / n) for n in (2000, 400))
+def test_a_window_is_explained_where_the_whole_and_its_new_samples_are_noise():
+    residual = np.ones((1, 1000, 2))
+    full, new = (1.06 + 3 * np.sqrt(2 / n) for n in (2000, 400))
     for share, noise in ((0.999, True), (1.001, False)):
-        assert is_noise(left * np.sqrt(share * whole), 0) == noise
-        late = left.copy()
+        assert is_noise(residual * np.sqrt(share * full), 0) == noise
+        late = residual.copy()
         late[:, 800:] *= np.sqrt(share * new)
         assert is_noise(late, 800) == noise
 
 
-def test_what_a_window_leaves_open_is_drawn_and_held_within_narrower_bounds():
+def test_draws_and_narrower_bounds_follow_the_posterior_covariance():
     """(J^T J + B)^-1 of the first record: the second's own numbers stay."""
-    one = a_fit().of_shots([0]).until(100)
+    item = a_fit().of_shots([0]).until(100)
     J = (SHAPES[0, :100] * SOUGHT.scale / NOISE[:, None]).reshape(-1, 6)
     B = np.diag((SOUGHT.pull * SOUGHT.scale) ** 2)
-    spread = posterior_root(one, TRUTH)
+    spread = posterior_root(item, TRUTH)
     exact = np.linalg.inv((J.T @ J + B)[:4, :4]) * np.outer(SOUGHT.scale[:4], SOUGHT.scale[:4])
     np.testing.assert_allclose((spread @ spread.T)[:4, :4], exact, rtol=1e-6)
     assert not spread[4:].any()
-    kept = [Fitted(SOUGHT.centre, 1.0, 1, True), Fitted(TRUTH, 1.0, 1, True)]
-    low, high = narrower_bounds(one, kept, spread, 2)
+    selected = [Fitted(SOUGHT.centre, 1.0, 1, True), Fitted(TRUTH, 1.0, 1, True)]
+    low, high = narrower_bounds(item, selected, spread, 2)
     reach = np.maximum(4 * np.sqrt(np.diag(exact)[:2]), 0.005 * np.array([2.0, 4.0]))
     ends = np.sort([SOUGHT.centre[:2], TRUTH[:2]], axis=0) + [-reach, reach]
     np.testing.assert_allclose([low, high], ends)
-    wide = narrower_bounds(one, kept, 1e6 * spread, 2)
+    wide = narrower_bounds(item, selected, 1e6 * spread, 2)
     np.testing.assert_array_equal(wide, [end[:2] for end in SOUGHT.ends()])
-    thetas = np.array(with_draws(one, kept, spread, 2000, np.random.default_rng(0)))
+    thetas = np.array(with_draws(item, selected, spread, 2000, np.random.default_rng(0)))
     assert len(thetas) == 2000 and (thetas >= SOUGHT.ends()[0]).all()
     off = thetas[2:][np.arange(1998) % 2 == 0] - SOUGHT.centre
     np.testing.assert_allclose(off.std(axis=0)[:3], 1.5 * np.sqrt(np.diag(exact)[:3]), rtol=0.1)

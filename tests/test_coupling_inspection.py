@@ -49,11 +49,11 @@ STEP = 4 * dem.sensitivities.usual_step(*system([*TRUTH, SPEEDS.max()]))
 
 def sought(speeds=(0.3, 0.45)):
     """Unknowns of two records, each with a velocity and a trigger of its own."""
-    own = [[Parameter(f"velocity {i}", "own", v, 0.7 * v, 1.4 * v, 0.01)]
+    of_record = [[Parameter(f"velocity {i}", "own", v, 0.7 * v, 1.4 * v, 0.01)]
            for i, v in enumerate(speeds)]  # fmt: skip
     triggers = [Parameter(f"trigger {i}", "trigger", 0.0, -2e-4, 2e-4, 3e-6)
                 for i in range(len(speeds))]  # fmt: skip
-    return unknowns(SHARED, own, triggers)
+    return unknowns(SHARED, of_record, triggers)
 
 
 def measured(duration, gain=0.2, wall=hinged, seed=0, bits=8):
@@ -74,29 +74,29 @@ def problem(duration, **how):
 
 
 @pytest.fixture(scope="module")
-def found():
+def result():
     return inverted(problem(3.5e-3), n_shared=3, gains=["gain"])
 
 
-def test_thickness_modulus_and_axial_force_are_found_within_their_bars(found):
-    off = np.abs(found.value[:3] - TRUTH)
-    assert (off <= 1.5 * found.uncertainty.two_sigma[:3]).all()
+def test_thickness_modulus_and_axial_force_are_found_within_their_bars(result):
+    off = np.abs(result.value[:3] - TRUTH)
+    assert (off <= 1.5 * result.uncertainty.two_sigma[:3]).all()
     assert off[0] < 0.01 * TRUTH[0] and off[1] < 0.02 * TRUTH[1] and off[2] < 0.05
-    np.testing.assert_allclose(found.value[[3, 5]], SPEEDS, rtol=5e-3)
-    np.testing.assert_allclose(found.value[[4, 6]], TRIGGERS, atol=5e-7)
-    assert found.gains[0] / 0.2 == pytest.approx(1.0, abs=3e-3)
-    assert found.whole_misfit == pytest.approx(1.0, abs=0.05)
-    assert found.memory == pytest.approx(1.0, abs=0.1)
-    assert found.explained
-    assert not found.at_bound.any()
+    np.testing.assert_allclose(result.value[[3, 5]], SPEEDS, rtol=5e-3)
+    np.testing.assert_allclose(result.value[[4, 6]], TRIGGERS, atol=5e-7)
+    assert result.gains[0] / 0.2 == pytest.approx(1.0, abs=3e-3)
+    assert result.whole_misfit == pytest.approx(1.0, abs=0.05)
+    assert result.memory == pytest.approx(1.0, abs=0.1)
+    assert result.explained
+    assert not result.at_bound.any()
 
 
-def test_bars_of_white_noise_are_those_of_fisher_s_information(found):
-    B = bounds_information(found.parameters)
+def test_bars_of_white_noise_are_those_of_fisher_s_information(result):
+    B = bounds_information(result.parameters)
     ends = np.array([1200, 2500, 3500])
-    bars = bars_over_time(found.slopes, B, ends)
-    scale = np.array([p.scale for p in found.parameters])
-    np.testing.assert_allclose(bars[-1] * scale, found.uncertainty.two_sigma, rtol=0.3)
+    bars = bars_over_time(result.slopes, B, ends)
+    scale = np.array([p.scale for p in result.parameters])
+    np.testing.assert_allclose(bars[-1] * scale, result.uncertainty.two_sigma, rtol=0.3)
     assert (np.diff(bars, axis=0) <= 1e-9 * bars[0]).all()  # no record tells less for being longer
 
 
@@ -110,12 +110,12 @@ def test_the_first_reflected_wave_does_not_tell_the_axial_force():
     assert (np.abs(short.value[:2] - TRUTH[:2]) <= 1.5 * short.uncertainty.two_sigma[:2]).all()
 
 
-def test_waves_feel_a_number_from_the_time_on_that_the_model_says(found):
-    width = np.array([(p.high - p.low) / p.scale for p in found.parameters])
-    thickness, _, force = felt_from(found.slopes, width, 0.1)[:3]
+def test_waves_feel_a_number_from_the_time_on_that_the_model_says(result):
+    width = np.array([(p.high - p.low) / p.scale for p in result.parameters])
+    thickness, _, force = felt_from(result.slopes, width, 0.1)[:3]
     assert 400 < thickness < 900 < force < 3500  # the wave is back after 0.5 ms
-    end = found.slopes.shape[1]
-    assert (felt_from(found.slopes, np.full(len(width), 1e-9), 0.1) == end).all()
+    end = result.slopes.shape[1]
+    assert (felt_from(result.slopes, np.full(len(width), 1e-9), 0.1) == end).all()
 
 
 def test_a_number_that_no_wave_tells_stays_in_the_middle_of_its_bounds():
@@ -147,9 +147,9 @@ WIDE = (
 def problem_of(truth, shared, made=system, duration=3.5e-3):
     """One record of a structure with these numbers, all between wide bounds; 1 % of noise."""
     t = np.arange(0.0, duration, 2e-6)
-    own = Parameter("velocity", "own", 0.3, 0.15, 0.6, 0.01)
+    of_record = Parameter("velocity", "own", 0.3, 0.15, 0.6, 0.01)
     trigger = Parameter("trigger", "trigger", 0.0, -1e-4, 1e-4, 3e-6)
-    sought = unknowns(shared, [[own]], [trigger])
+    sought = unknowns(shared, [[of_record]], [trigger])
     y = StructureForward(made, SENSORS, STEP / 4).signals(
         sought, np.array([*truth, 0.306, 4e-6]), (Shot(t, np.zeros((len(t), 1)), np.ones(1)),)
     )[0]
@@ -162,9 +162,9 @@ def problem_of(truth, shared, made=system, duration=3.5e-3):
 )  # fmt: skip
 def test_structures_all_over_wide_bounds_are_found_by_windows_that_grow(truth):
     fit = problem_of(truth, WIDE)
-    found = profiled(fit, inverted(fit, n_shared=3, starts=12, seed=1, gains=["gain"]), 3)
-    off = np.abs(found.value[:3] - truth) / found.uncertainty.two_sigma[:3]
-    assert found.explained
+    result = profiled(fit, inverted(fit, n_shared=3, starts=12, seed=1, gains=["gain"]), 3)
+    off = np.abs(result.value[:3] - truth) / result.uncertainty.two_sigma[:3]
+    assert result.explained
     assert (off <= 1.5).all()
 
 
@@ -184,18 +184,18 @@ def test_a_valley_beside_the_answer_is_not_called_an_explanation():
     """Where the whole record is fitted at once, from the middle of the bounds."""
     fit = problem_of((0.0145, 52e9, 0.6), WIDE)
     middle = np.array([p.start for p in fit.unknowns.parameters])
-    found = inverted(fit, n_shared=3, begin=middle, gains=["gain"])
-    off = np.abs(found.value[:3] - (0.0145, 52e9, 0.6)) / found.uncertainty.two_sigma[:3]
+    result = inverted(fit, n_shared=3, begin=middle, gains=["gain"])
+    off = np.abs(result.value[:3] - (0.0145, 52e9, 0.6)) / result.uncertainty.two_sigma[:3]
     assert off.max() > 1.5
-    assert not found.explained
+    assert not result.explained
 
 
-def test_what_one_part_of_a_record_leaves_is_enough_to_doubt_the_whole(found):
-    parts = list(found.parts)
+def test_what_one_part_of_a_record_leaves_is_enough_to_doubt_the_whole(result):
+    parts = list(result.parts)
     assert len(parts) == 2 * 50 and parts[50].record == 1
     parts[60] = parts[60]._replace(misfit=1.6)
-    assert not found._replace(parts=tuple(parts)).explained
-    assert not found._replace(misfit=1.15 * found.misfit).explained
+    assert not result._replace(parts=tuple(parts)).explained
+    assert not result._replace(misfit=1.15 * result.misfit).explained
 
 
 def test_two_places_on_a_symmetric_beam_are_told_as_two_answers():
@@ -204,9 +204,9 @@ def test_two_places_on_a_symmetric_beam_are_told_as_two_answers():
     def struck_at(values):
         at, speed = values
         k = np.arange(1, 31) * np.pi / LENGTH
-        one = system(np.array([*TRUTH, speed]))
+        item = system(np.array([*TRUTH, speed]))
         phi = np.sqrt(2.0 / (DENSITY * WIDTH * TRUTH[0] * LENGTH)) * np.sin(k * at)
-        return one._replace(wall=one.wall._replace(phi=phi))
+        return item._replace(wall=item.wall._replace(phi=phi))
 
     place = (Parameter("position", "shared", 0.1, 0.06, 0.24, 0.004),)
     fit = problem_of((0.11,), place, struck_at)
@@ -231,18 +231,18 @@ def test_bars_are_as_long_as_the_misfit_says_where_a_number_saturates():
     number = (Parameter("a", "shared", 4.0, 1.0, 12.0, 0.1),)
     fit = problem_of((7.0,), number, saturated)
     begin = np.array([7.0, 0.306, 4e-6])
-    found = inverted(fit, n_shared=1, begin=begin, gains=["gain"])
-    q = found.uncertainty.two_sigma[0]
+    result = inverted(fit, n_shared=1, begin=begin, gains=["gain"])
+    q = result.uncertainty.two_sigma[0]
     assert 0.4 < q < 0.9
-    longer = profiled(fit, found, 1)
+    longer = profiled(fit, result, 1)
     assert longer.stretch == pytest.approx(-np.log(1.0 - q) / q, rel=0.06)
     assert longer.uncertainty.two_sigma[0] / q == pytest.approx(longer.stretch, rel=1e-6)
     deepest = longer.uncertainty.combinations[0]
-    assert deepest.two_sigma / found.uncertainty.combinations[0].two_sigma > 1.1
+    assert deepest.two_sigma / result.uncertainty.combinations[0].two_sigma > 1.1
 
 
-def test_bars_of_a_parabola_stay(found):
-    assert profiled(problem(3.5e-3), found, 3).stretch < 1.05
+def test_bars_of_a_parabola_stay(result):
+    assert profiled(problem(3.5e-3), result, 3).stretch < 1.05
 
 
 def test_derivatives_are_those_of_the_signals():
@@ -259,9 +259,9 @@ def test_derivatives_are_those_of_the_signals():
 
 def test_gains_that_are_known_are_kept():
     fit = problem(1.2e-3)
-    shown = np.array([shot.y for shot in fit.shots]) / 0.2
-    assert fit.gains(shown)[0] == pytest.approx(0.2, rel=1e-12)
-    assert fit._replace(gain=np.array([-1])).gains(shown)[0] == 1.0
+    signals = np.array([shot.y for shot in fit.shots]) / 0.2
+    assert fit.gains(signals)[0] == pytest.approx(0.2, rel=1e-12)
+    assert fit._replace(gain=np.array([-1])).gains(signals)[0] == 1.0
 
 
 def test_a_first_wave_rises_between_samples():
@@ -271,7 +271,7 @@ def test_a_first_wave_rises_between_samples():
 
 
 def test_too_few_samples_are_refused():
-    fit = problem(1.2e-3).of_shots([0], every=300)
+    fit = problem(1.2e-3).of_shots([0], stride=300)
     with pytest.raises(CouplingError, match="do not determine"):
         inverted(fit, n_shared=3, gains=["gain"])
 
@@ -292,10 +292,10 @@ def stepped(duration, wall=hinged):
 
 
 def test_records_without_noise_are_explained_down_to_their_steps():
-    found = inverted(stepped(2e-3), n_shared=3, begin=EVERYTHING)
-    assert found.explained
-    assert max(part.misfit for part in found.parts) > np.sqrt(3.0)  # no noise in as many samples
-    assert not found._replace(rounded=0.0).explained
+    result = inverted(stepped(2e-3), n_shared=3, begin=EVERYTHING)
+    assert result.explained
+    assert max(piece.misfit for piece in result.parts) > np.sqrt(3.0)  # no noise in as many samples
+    assert not result._replace(rounded=0.0).explained
     wrong = stepped(2e-3, lambda h, E, share: dem.one_dof_wall(400.0, 0.2, 0.01))
     assert not inverted(wrong, n_shared=3, begin=EVERYTHING).explained
 

@@ -58,15 +58,15 @@ def test_each_degree_is_missed_by_less_and_the_left_out_walls_say_so():
     true = hinged(SOMEWHERE).wall.omega[:8]
     errors = [np.abs(made(d)(SOMEWHERE).omega[:8] / true - 1).max() for d in (1, 2, 3)]
     assert missed[0] > 3 * missed[1] > 9 * missed[2] > 0
-    assert all(error < told < 100 * error for error, told in zip(errors, missed, strict=True))
+    assert all(e < expected < 100 * e for e, expected in zip(errors, missed, strict=True))
 
 
 def test_through_a_wall_the_error_is_of_second_order_there():
     coarse = made(1)
     moved = coarse.through(SOMEWHERE, hinged(SOMEWHERE))
     np.testing.assert_allclose(moved(SOMEWHERE).omega, hinged(SOMEWHERE).wall.omega, rtol=1e-12)
-    near = SOMEWHERE * [1.002, 1.0, 1.0]
-    errors = [np.abs(w(near).omega[:8] / hinged(near).wall.omega[:8] - 1).max()
+    nearby = SOMEWHERE * [1.002, 1.0, 1.0]
+    errors = [np.abs(w(nearby).omega[:8] / hinged(nearby).wall.omega[:8] - 1).max()
               for w in (coarse, moved)]  # fmt: skip
     assert errors[1] < 0.05 * errors[0]
 
@@ -117,18 +117,18 @@ def test_a_mode_that_some_walls_lack_moves_with_the_rest():
         wall, shapes = hinged(theta, 12 if theta[0] > 0.01 else 10)
         return Computed(wall, shapes)
 
-    found = made(of=lacking)
-    assert found.n_modes == 10
-    static = [np.sum(w.phi**2 / w.omega**2) for w in (found(SOMEWHERE), hinged(SOMEWHERE).wall)]
+    result = made(of=lacking)
+    assert result.n_modes == 10
+    static = [np.sum(w.phi**2 / w.omega**2) for w in (result(SOMEWHERE), hinged(SOMEWHERE).wall)]
     assert static[0] / static[1] == pytest.approx(1.0, rel=1e-3)
 
 
 def test_buckling_within_the_bounds_is_refused():
     box = Bounds(BOX.low, np.array([0.012, 84e9, 500.0]))
     numbers = design(box, 2)
-    found = parametric_wall(box, numbers, [hinged(theta) for theta in numbers], 2)
+    result = parametric_wall(box, numbers, [hinged(theta) for theta in numbers], 2)
     with pytest.raises(CouplingError, match="buckling"):
-        found(np.array([0.008, 60e9, -5000.0]))
+        result(np.array([0.008, 60e9, -5000.0]))
     with pytest.raises(CouplingError, match="narrow the bounds"):
         parametric_wall(box, numbers[:8], [hinged(theta) for theta in numbers[:8]], 2)
 
@@ -182,18 +182,19 @@ def test_what_polynomials_miss_is_what_walls_left_out_are_missed_by():
     numbers = design(BOX, 1)[::-1]  # the first wall says which modes there are
     walls = [hinged(theta, 3) for theta in numbers]
     walls = [Computed(with_rest(w.wall, None).wall, w.shapes) for w in walls]
-    found = parametric_wall(BOX, numbers, walls, 1)
+    result = parametric_wall(BOX, numbers, walls, 1)
     frequency, compliance, largest = [], [], []
-    for i, one in enumerate(walls):
-        said, true = dropped(numbers, walls, 1, i), one.wall
+    for i, item in enumerate(walls):
+        said, true = dropped(numbers, walls, 1, i), item.wall
         share = (true.phi[:3] / true.omega[:3]) ** 2
         frequency.append(0.5 * np.abs((said.omega[:3] / true.omega[:3]) ** 2 - 1.0))
         compliance.append(np.sum((said.phi[:3] / said.omega[:3]) ** 2) / share.sum() - 1.0)
         largest.append(share)
     heavy = np.mean(largest, axis=0) > 0.01 * np.mean(largest, axis=0).sum() / 4
-    assert heavy.any() and found.n_walls == len(walls) and found.n_modes == 4
-    assert found.missed.frequency == pytest.approx(np.max(frequency, axis=0)[heavy].max(), rel=1e-8)
-    assert found.missed.compliance == pytest.approx(np.abs(compliance).max(), rel=1e-8)
+    assert heavy.any() and result.n_walls == len(walls) and result.n_modes == 4
+    worst = np.max(frequency, axis=0)[heavy].max()
+    assert result.missed.frequency == pytest.approx(worst, rel=1e-8)
+    assert result.missed.compliance == pytest.approx(np.abs(compliance).max(), rel=1e-8)
 
 
 def test_a_wall_more_than_coefficients_is_enough():
@@ -208,18 +209,19 @@ def constant(squares, phi2, zeta, residual=0.3):
     """A parametric wall of these quantities everywhere."""
     numbers = np.linspace(-1.0, 1.0, 4)[:, None]
     wall = Wall(np.ones(len(squares)), np.ones(len(squares)), np.ones(len(squares)), 1.0)
-    made = parametric_wall(
+    data = parametric_wall(
         Bounds(np.array([-1.0]), np.array([1.0])), numbers, [Computed(wall)] * 4, 1
     )
     values = np.concatenate([squares, phi2, zeta, [residual]])
-    return made._replace(coefficients=np.outer([1.0, 0.0], values))
+    return data._replace(coefficients=np.outer([1.0, 0.0], values))
 
 
 def test_numbers_below_zero_are_none_and_stiffness_below_zero_is_refused():
     """Down to -1e-9 of the largest square of a frequency, whatever the unit of time."""
     for unit in (1e-12, 1.0, 1e12):
-        found = constant(unit * np.array([-0.9e-9, 0.01, 1.0]), [0.04, -1e-3, 0.25], [-0.1, 0.3, 0])
-        wall = found(np.zeros(1))
+        squares = unit * np.array([-0.9e-9, 0.01, 1.0])
+        result = constant(squares, [0.04, -1e-3, 0.25], [-0.1, 0.3, 0])
+        wall = result(np.zeros(1))
         np.testing.assert_allclose(wall.omega, np.sqrt(unit) * np.array([0, 0.1, 1]), rtol=1e-12)
         np.testing.assert_allclose(wall.phi, [0.2, 0.0, 0.5], rtol=1e-12)
         np.testing.assert_allclose(wall.zeta, [0.0, 0.3, 0.0], rtol=1e-12)
@@ -233,15 +235,15 @@ def test_a_wall_is_moved_by_the_same_everywhere():
     coarse, true = made(1), hinged(SOMEWHERE, 13)
     moved = coarse.through(SOMEWHERE, true)
     exact = selected_modes(true.wall, np.arange(11))
-    for part in ("omega", "phi", "zeta"):
+    for piece in ("omega", "phi", "zeta"):
         np.testing.assert_allclose(
-            np.abs(getattr(moved(SOMEWHERE), part)), np.abs(getattr(exact, part)), rtol=1e-9
+            np.abs(getattr(moved(SOMEWHERE), piece)), np.abs(getattr(exact, piece)), rtol=1e-9
         )
     assert moved(SOMEWHERE).residual_compliance / exact.residual_compliance == pytest.approx(1.0)
-    before = coarse(SOMEWHERE).omega ** 2
-    other = np.array([0.011, 70e9, -90.0])
-    shift = moved(other).omega ** 2 - coarse(other).omega ** 2
-    np.testing.assert_allclose(shift, exact.omega**2 - before, rtol=1e-6)
+    earlier = coarse(SOMEWHERE).omega ** 2
+    second = np.array([0.011, 70e9, -90.0])
+    shift = moved(second).omega ** 2 - coarse(second).omega ** 2
+    np.testing.assert_allclose(shift, exact.omega**2 - earlier, rtol=1e-6)
     assert (moved.degrees == coarse.degrees).all() and moved.missed == coarse.missed
 
 
@@ -251,11 +253,11 @@ def test_through_a_wall_with_fewer_modes_the_others_take_no_part():
     wall = coarse.through(SOMEWHERE, true)(SOMEWHERE)
     assert wall.omega.size == coarse.n_modes > true.wall.omega.size
     f = 2 * np.pi * np.geomspace(10.0, 2e4, 50)[:, None]
-    found, exact = (
+    result, exact = (
         (w.phi**2 / (w.omega**2 - f**2 + 2j * w.zeta * w.omega * f)).sum(axis=1)
         for w in (wall, true.wall)
     )  # fmt: skip
-    np.testing.assert_allclose(found, exact, rtol=1e-9)
+    np.testing.assert_allclose(result, exact, rtol=1e-9)
     assert wall.residual_compliance == pytest.approx(true.wall.residual_compliance)
 
 
@@ -268,11 +270,11 @@ def shaped(shapes, n=None):
 def test_modes_are_the_same_from_a_mac_of_a_fifth():
     e = np.eye(4)
     for much, same in ((2.0, 0), (2.01, -1)):  # 1 / (1 + 2^2)
-        other = shaped(e[:, [0]] + much * e[:, [1]])
-        np.testing.assert_array_equal(matched_modes(shaped(e[:, [0]]), other), [same])
-    one, turned = shaped(e[:, :3]), shaped(e[:, [2, 0, 3, 1]])
-    np.testing.assert_array_equal(matched_modes(one, turned), [1, 3, 0])
-    np.testing.assert_array_equal(matched_modes(turned, one), [2, 0, -1, 1])
+        second = shaped(e[:, [0]] + much * e[:, [1]])
+        np.testing.assert_array_equal(matched_modes(shaped(e[:, [0]]), second), [same])
+    first, turned = shaped(e[:, :3]), shaped(e[:, [2, 0, 3, 1]])
+    np.testing.assert_array_equal(matched_modes(first, turned), [1, 3, 0])
+    np.testing.assert_array_equal(matched_modes(turned, first), [2, 0, -1, 1])
 
 
 def test_the_order_counts_for_a_twentieth_of_a_mac():
@@ -285,9 +287,9 @@ def test_the_order_counts_for_a_twentieth_of_a_mac():
 
 def test_modes_without_shapes_to_compare_are_followed_by_their_order():
     e = np.eye(4)
-    one, other = shaped(e[:, :3]), shaped(e[:, [1, 0]])
-    for a, b in ((one._replace(shapes=None), other), (one, other._replace(shapes=None)),
-                 (one, other._replace(shapes=e[:3, [1, 0]]))):  # fmt: skip
+    first, second = shaped(e[:, :3]), shaped(e[:, [1, 0]])
+    for a, b in ((first._replace(shapes=None), second), (first, second._replace(shapes=None)),
+                 (first, second._replace(shapes=e[:3, [1, 0]]))):  # fmt: skip
         np.testing.assert_array_equal(matched_modes(a, b), [0, 1, -1])
 
 
@@ -310,9 +312,9 @@ def test_modes_of_a_billionth_of_the_largest_square_are_rigid(share, counts, uni
     """Squares of omega and phi of two modes; the first is missed by 2 % where it counts."""
     values = np.tile(np.array([share, 1.0, 2.0, 1.0]) * [unit, unit, 1, 1], (3, 1))
     said = values * [[1.04, 1.0, 1, 1], [1, 1.0, 1, 1], [1, 1.0, 1, 1]]
-    found = left_out_errors(values, said, 2)
-    assert found.frequency == pytest.approx(0.02 if counts else 0.0, abs=1e-12)
-    assert found.compliance == pytest.approx(1 - 1 / 1.04 if counts else 0.0, abs=1e-8)
+    result = left_out_errors(values, said, 2)
+    assert result.frequency == pytest.approx(0.02 if counts else 0.0, abs=1e-12)
+    assert result.compliance == pytest.approx(1 - 1 / 1.04 if counts else 0.0, abs=1e-8)
 
 
 def many_masses(n=6, rows=1300):
@@ -325,11 +327,11 @@ def many_masses(n=6, rows=1300):
 def test_a_wall_of_all_modes_gets_a_silent_oscillator_for_the_rest():
     reduced = many_masses()
     wall = wall_from_reduced(reduced, half_space=0.0)._replace(zeta=np.full(6, 0.1))
-    for found in (with_rest(wall, None), with_rest(wall, reduced)):
-        np.testing.assert_array_equal(found.wall.phi, [*wall.phi, 0.0])
-        np.testing.assert_array_equal(found.wall.zeta, [*wall.zeta, 0.0])
-        np.testing.assert_array_equal(found.wall.omega[:6], wall.omega)
-        assert found.wall.omega[6] > wall.omega[5]
+    for result in (with_rest(wall, None), with_rest(wall, reduced)):
+        np.testing.assert_array_equal(result.wall.phi, [*wall.phi, 0.0])
+        np.testing.assert_array_equal(result.wall.zeta, [*wall.zeta, 0.0])
+        np.testing.assert_array_equal(result.wall.omega[:6], wall.omega)
+        assert result.wall.omega[6] > wall.omega[5]
     assert with_rest(wall, None).shapes is None
     assert with_rest(wall, reduced._replace(surface=None)).shapes is None
 
@@ -337,11 +339,11 @@ def test_a_wall_of_all_modes_gets_a_silent_oscillator_for_the_rest():
 def test_a_wall_with_an_oscillator_for_the_rest_is_taken_as_it_is():
     """Shapes of its own modes, on every other row of 1300."""
     reduced = many_masses()
-    own = modal(reduced)
-    hz = (own.omega[3] + own.omega[4]) / (4 * np.pi)
+    modes = modal(reduced)
+    hz = (modes.omega[3] + modes.omega[4]) / (4 * np.pi)
     wall = wall_from_reduced(reduced, half_space=0.0, cutoff_hz=hz)
-    found = with_rest(wall, reduced)
-    assert found.wall is wall and len(wall.omega) == 5
-    np.testing.assert_allclose(found.shapes, reduced.surface.T[::2] @ own.vectors[:, :4])
+    result = with_rest(wall, reduced)
+    assert result.wall is wall and len(wall.omega) == 5
+    np.testing.assert_allclose(result.shapes, reduced.surface.T[::2] @ modes.vectors[:, :4])
     few = many_masses(rows=900)
-    np.testing.assert_allclose(with_rest(wall, few).shapes, few.surface.T @ own.vectors[:, :4])
+    np.testing.assert_allclose(with_rest(wall, few).shapes, few.surface.T @ modes.vectors[:, :4])

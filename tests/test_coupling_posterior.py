@@ -66,10 +66,10 @@ def test_quantiles_of_a_linear_model_are_the_bars(monkeypatch):
     quantile at two sigma is known to sqrt(0.023 * 0.977 / 1200) / 0.054 = 0.08 sigma; four times
     that is asked for."""
     forward, fit = fitted(monkeypatch)
-    found = posterior(forward, fit, seed=1)
-    assert found.long_enough and found.effective > 1200
+    result = posterior(forward, fit, seed=1)
+    assert result.long_enough and result.effective > 1200
     sigma = 0.5 * fit.uncertainty.two_sigma
-    off = (found.quantiles(tuple(SHARES)) - fit.value) / sigma
+    off = (result.quantiles(tuple(SHARES)) - fit.value) / sigma
     np.testing.assert_allclose(off, np.array([-2.0, 0.0, 2.0])[:, None] * np.ones(3), atol=0.32)
     white = 0.05 / np.sqrt(5) * np.sqrt(np.diag(np.linalg.inv(J[:, 0].T @ J[:, 0])))
     assert np.all(sigma[:2] > 1.5 * white[:2])
@@ -77,37 +77,37 @@ def test_quantiles_of_a_linear_model_are_the_bars(monkeypatch):
 
 def test_the_same_seed_gives_the_same_samples(monkeypatch):
     forward, fit = fitted(monkeypatch)
-    one, same, other = (posterior(forward, fit, seed=s).samples for s in (1, 1, 2))
-    np.testing.assert_array_equal(one, same)
-    assert not np.array_equal(one[:100], other[:100])
+    first, same, second = (posterior(forward, fit, seed=s).samples for s in (1, 1, 2))
+    np.testing.assert_array_equal(first, same)
+    assert not np.array_equal(first[:100], second[:100])
 
 
 def test_a_bound_cuts_the_posterior_off():
     """A Gaussian that bounds halve: its quantiles are those of |N(0, 1)|."""
-    found = sampled(
+    result = sampled(
         lambda y: -0.5 * float(y @ y) if np.all(y >= 0.0) else -np.inf,
         np.zeros(2), np.eye(2), (np.zeros(2), np.full(2, 9.0)), seed=0,
         options=Sampling(runs=10**6),
     )  # fmt: skip
     exact = norm.ppf(0.5 + 0.5 * np.array([0.25, 0.5, 0.977]))
-    assert found.long_enough and found.samples.min() >= 0.0
-    np.testing.assert_allclose(found.quantiles((0.25, 0.5, 0.977)).T, [exact] * 2, atol=0.3)
+    assert result.long_enough and result.samples.min() >= 0.0
+    np.testing.assert_allclose(result.quantiles((0.25, 0.5, 0.977)).T, [exact] * 2, atol=0.3)
 
 
 def test_a_chain_too_short_says_so():
     """Of a ridge that is bent, which no Gaussian follows, for 3000 model runs."""
-    found = sampled(
+    result = sampled(
         lambda y: -0.5 * float(y[0] ** 2 / 100 + 1e4 * (y[1] - y[0] ** 2) ** 2),
         np.zeros(2), np.eye(2), (-np.full(2, 1e3), np.full(2, 1e3)), seed=0,
         options=Sampling(runs=3000),
     )  # fmt: skip
-    assert not found.long_enough and found.model_runs <= 3000
+    assert not result.long_enough and result.model_runs <= 3000
 
 
 def test_walkers_are_two_more_than_twice_the_parameters_and_a_fifth_of_their_steps_is_left_out():
     p, bounds = 13, (np.full(13, -9.0), np.full(13, 9.0))
     for runs, steps in ((1, 100), (28 * 201, 200), (28 * 201 - 1, 100)):
-        found = sampled(
+        result = sampled(
             lambda y: -0.5 * float(y @ y),
             np.ones(p),
             0.5 * np.eye(p),
@@ -115,8 +115,8 @@ def test_walkers_are_two_more_than_twice_the_parameters_and_a_fifth_of_their_ste
             seed=0,
             options=Sampling(runs=runs),
         )
-        assert (found.walkers, found.kept, found.discarded) == (28, 0.8 * steps, 0.2 * steps)
-        assert found.model_runs == 28 * (steps + 1) and len(found.samples) == 28 * found.kept
+        assert (result.walkers, result.kept, result.discarded) == (28, 0.8 * steps, 0.2 * steps)
+        assert result.model_runs == 28 * (steps + 1) and len(result.samples) == 28 * result.kept
 
 
 def test_samples_keep_within_the_bounds_of_what_they_are_samples_of(monkeypatch):
@@ -127,10 +127,10 @@ def test_samples_keep_within_the_bounds_of_what_they_are_samples_of(monkeypatch)
         p._replace(low=low if i == 1 else -9.0) for i, p in enumerate(fit.parameters)
     )
     fit = fit._replace(parameters=parameters)
-    found = posterior(forward, fit, seed=2, options=Sampling(runs=8000))
-    assert low <= found.samples[:, 1].min() < low + 0.1 * (fit.value[1] - low)
-    assert found.samples[:, 1].max() > fit.value[1] + 2 * (fit.value[1] - low)
-    told = LogPosterior(forward, fit)
+    result = posterior(forward, fit, seed=2, options=Sampling(runs=8000))
+    assert low <= result.samples[:, 1].min() < low + 0.1 * (fit.value[1] - low)
+    assert result.samples[:, 1].max() > fit.value[1] + 2 * (fit.value[1] - low)
+    expected = LogPosterior(forward, fit)
     for i in (0, 7, 99):
-        exact = told.log_probability(found.samples[i])
-        assert found.log_probability[i] == pytest.approx(exact, rel=1e-9, abs=1e-9)
+        exact = expected.log_probability(result.samples[i])
+        assert result.log_probability[i] == pytest.approx(exact, rel=1e-9, abs=1e-9)

@@ -43,8 +43,8 @@ PARAMETERS = (
 
 
 def forward(parameters=PARAMETERS, channels=CHANNELS):
-    seen = Signals(T, np.zeros((T.size, 4)), (3, 5, 6, 7), np.full(4, np.nan), 1, channels)
-    return ChainForward(Rig(CHAIN, WALL, V0, trigger=TRIGGER), parameters, seen)
+    observed = Signals(T, np.zeros((T.size, 4)), (3, 5, 6, 7), np.full(4, np.nan), 1, channels)
+    return ChainForward(Rig(CHAIN, WALL, V0, trigger=TRIGGER), parameters, observed)
 
 
 def test_signals_are_those_of_the_usual_march():
@@ -53,8 +53,8 @@ def test_signals_are_those_of_the_usual_march():
         SENSORS, run.t, measured(SENSORS, run.t, run.x, run.v, run.contact_force),
         np.clip(T - TRIGGER, 0.0, None),
     )  # fmt: skip
-    found = forward().velocities(np.array([p.start for p in PARAMETERS]))
-    off = np.abs(found - usual).max(axis=0) / np.abs(usual).max(axis=0)
+    result = forward().velocities(np.array([p.start for p in PARAMETERS]))
+    off = np.abs(result - usual).max(axis=0) / np.abs(usual).max(axis=0)
     # steps of a fortieth of a contact's time; a rate is the slope of a spline
     assert (off < [2e-6, 5e-5, 1e-6, 4e-6]).all()
 
@@ -77,15 +77,15 @@ def test_their_derivatives_are_those_of_differences():
 
 def test_an_unknown_gain_is_found_beside_the_chain():
     truth = np.array([1.2, 0.28, 2.0, TRIGGER, 750.0, 6.5])
-    made = forward().velocities(truth)
-    seen = forward().signals._replace(v=made + 1e-5 * np.random.default_rng(0).standard_normal(
-        made.shape))  # fmt: skip
+    data = forward().velocities(truth)
+    observed = forward().signals._replace(v=data + 1e-5 * np.random.default_rng(0).standard_normal(
+        data.shape))  # fmt: skip
     free = tuple(p for p in PARAMETERS if p.name != "preload")
     rig = Rig(CHAIN, WALL, V0, trigger=TRIGGER)
-    found = calibrate(rig, free, seen, options=Options(starts=2, noise=1e-5))
-    known = np.delete(truth, 2)
-    assert np.abs(found.value / known - 1.0).max() < 2e-3
-    off = np.abs(found.value - known) / found.uncertainty.two_sigma
+    result = calibrate(rig, free, observed, options=Options(starts=2, noise=1e-5))
+    exact = np.delete(truth, 2)
+    assert np.abs(result.value / exact - 1.0).max() < 2e-3
+    off = np.abs(result.value - exact) / result.uncertainty.two_sigma
     assert (off < 2.0).all()
 
 
@@ -98,10 +98,10 @@ def test_forces_on_leaf_springs_are_refused():
 def test_the_impulse_of_the_first_wave_is_momentum_and_none_where_waves_overlap():
     run = dem.march_to_error(CHAIN, WALL, V0, duration=1e-3, error=1e-7, n_save=2000).trajectory
     force = measured([Sensor(3, "force")], run.t, run.x, run.v, run.contact_force)[:, 0]
-    found = incident_impulse(run.t, force)
-    gone = int(np.searchsorted(run.t, found.end))
+    result = incident_impulse(run.t, force)
+    gone = int(np.searchsorted(run.t, result.end))
     momentum = CHAIN.mass[0] * (0.5 * run.v[gone, 3] + run.v[gone, 4:].sum())
-    assert found.impulse == pytest.approx(momentum, rel=0.02)
+    assert result.impulse == pytest.approx(momentum, rel=0.02)
     overlapping = sum(np.exp(-(((T - at) / 50e-6) ** 2)) for at in (300e-6, 410e-6))
     assert incident_impulse(T, overlapping) is None
     assert incident_impulse(T, 0.0 * T) is None

@@ -57,8 +57,8 @@ class Bent:
 
 def a_fit(noise=0.2):
     model = Bent().velocities(ANSWER)
-    left = noise * np.convolve(RNG.standard_normal(2 * K + 4), np.ones(5) / 5, mode="valid")
-    data = model - left.reshape(K, M)
+    residual = noise * np.convolve(RNG.standard_normal(2 * K + 4), np.ones(5) / 5, mode="valid")
+    data = model - residual.reshape(K, M)
     parameters = [
         Parameter(f"p{i}", "damping", 0.0, -1.0, 1.0 + i, s, "", i) for i, s in enumerate(SCALE)
     ]
@@ -89,7 +89,7 @@ def test_the_log_probability_is_half_the_square_by_the_noise():
         assert target.log_probability(theta) / exact == pytest.approx(1.0, rel=1e-8)
 
 
-def test_beyond_the_bounds_and_where_nothing_runs_the_probability_is_none():
+def test_the_probability_is_zero_beyond_the_bounds_and_of_impossible_runs():
     target = LogPosterior(Bent(), a_fit())
     for i in range(3):
         for end in (-1.0, 1.0 + i):
@@ -99,7 +99,7 @@ def test_beyond_the_bounds_and_where_nothing_runs_the_probability_is_none():
             assert np.isfinite(target.log_probability(at)) == (end < 0)  # above 0.9 nothing runs
 
 
-def test_the_shape_of_a_target_is_the_gaussian_of_its_slopes_and_of_its_bounds():
+def test_the_covariance_is_that_of_the_jacobian_and_of_the_bounds():
     """The square of a flat law between bounds has a twelfth of their distance's."""
     fit = a_fit()
     target, (_, slopes, U, noise, _) = LogPosterior(Bent(), fit), weighting(fit)
@@ -112,18 +112,18 @@ def test_the_shape_of_a_target_is_the_gaussian_of_its_slopes_and_of_its_bounds()
     np.testing.assert_allclose(blind @ blind.T, np.diag([1, 36]) / 12, rtol=1e-12)
 
 
-def test_independent_proposals_are_students_and_tell_their_density():
+def test_independent_proposals_have_the_density_of_a_student_distribution():
     y = np.random.default_rng(0).standard_normal((40000, 3))
-    other, ratio = student_proposals(y, np.random.RandomState(1))
+    second, ratio = student_proposals(y, np.random.RandomState(1))
     law = multivariate_t(np.zeros(3), np.eye(3), df=FREEDOM)
-    np.testing.assert_allclose(ratio, law.logpdf(y) - law.logpdf(other), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(ratio, law.logpdf(y) - law.logpdf(second), rtol=1e-9, atol=1e-12)
     spread = FREEDOM / (FREEDOM - 2)
-    np.testing.assert_allclose(np.cov(other.T), spread * np.eye(3), atol=0.03)
-    size = np.mean(np.sum(other**2, axis=1) ** 2)  # of a Gaussian 15; t: 15 nu^2/(nu-2)(nu-4)
+    np.testing.assert_allclose(np.cov(second.T), spread * np.eye(3), atol=0.03)
+    size = np.mean(np.sum(second**2, axis=1) ** 2)  # of a Gaussian 15; t: 15 nu^2/(nu-2)(nu-4)
     assert size == pytest.approx(15 * FREEDOM**2 / (FREEDOM - 2) / (FREEDOM - 4), rel=0.05)
 
 
-def test_what_lies_outside_of_bounds_is_reflected_at_them():
+def test_walkers_outside_the_bounds_are_reflected_at_them():
     low, high = np.array([-1.0, 2.0]), np.array([1.0, 5.0])
     inside = np.array([[-0.5, 2.2], [0.9, 4.9]])
     np.testing.assert_allclose(reflected(inside, (low, high)), inside)
@@ -131,12 +131,12 @@ def test_what_lies_outside_of_bounds_is_reflected_at_them():
         np.testing.assert_allclose(reflected(moved, (low, high)), inside)
 
 
-def test_a_posterior_counts_its_samples_by_the_one_that_mixes_worst():
+def test_effective_samples_are_those_of_the_parameter_that_mixes_worst():
     samples = np.arange(20.0)[:, None] * [1.0, -2.0]
-    drawn = Posterior(samples, np.zeros(20), np.array([2.0, 4.0]), 200, 0, 6, 0.5, 0)
-    assert drawn.effective == 6 * 200 / 4 and drawn.long_enough
-    assert not drawn._replace(kept=199).long_enough
-    np.testing.assert_allclose(drawn.quantiles((0.0, 0.5)), [[0, -38], [9.5, -19]])
+    picture = Posterior(samples, np.zeros(20), np.array([2.0, 4.0]), 200, 0, 6, 0.5, 0)
+    assert picture.effective == 6 * 200 / 4 and picture.long_enough
+    assert not picture._replace(kept=199).long_enough
+    np.testing.assert_allclose(picture.quantiles((0.0, 0.5)), [[0, -38], [9.5, -19]])
 
 
 # --- the impulse of the first wave ---------------------------------------------------------------
@@ -153,7 +153,7 @@ def half_sines(*waves):
     return force
 
 
-def test_the_impulse_of_a_wave_is_its_area_up_to_where_it_has_gone():
+def test_the_impulse_of_a_wave_is_its_area_until_it_has_passed():
     """2 F w / pi of a half sine; a further wave and a faint one before it do not count."""
     alone = incident_impulse(T, half_sines((50, 150, 40.0)))
     assert alone.impulse == pytest.approx(2 / np.pi * 40.0 * 100e-6, rel=2e-3)
@@ -172,10 +172,10 @@ def test_waves_that_overlap_by_more_than_a_tenth_have_no_impulse(floor, told):
     """Between their crests the force does not fall below a floor; its least is the end then."""
     force = np.maximum(half_sines((50, 150, 40.0), (160, 260, 44.0)), floor)
     force[:50], force[155] = 0.0, floor - 0.05
-    found = incident_impulse(T, force)
-    assert (found is not None) == told
+    result = incident_impulse(T, force)
+    assert (result is not None) == told
     if told:
-        assert found.samples == 156
+        assert result.samples == 156
     assert incident_impulse(T, 0 * T) is None
 
 
@@ -204,12 +204,12 @@ def test_a_scan_tries_frequencies_by_factors_and_leaves_out_what_cannot_run():
     fit = SimpleNamespace(parameters=parameters, data=np.zeros((5, 2)), largest=2.0, misfit=misfit)
     z, scan = scanned(fit, np.array([7.0, 1.0]), 100.0, 800.0, 40)
     np.testing.assert_allclose(tried, np.geomspace(100, 800, 40), rtol=1e-12)
-    kept = np.array(tried) < 640
+    selected = np.array(tried) < 640
     assert scan.name == "f" and IMPOSSIBLE * 2.0 < 30.0
-    np.testing.assert_allclose(scan.value, np.array(tried)[kept])
-    assert len(z) == 3 and all(one[0] == 7.0 for one in z)
-    found = [np.exp(one[1] * 0.1) for one in z]
-    np.testing.assert_allclose(found, np.pi * 60 * np.array([1, 2, 3]), rtol=0.04)
+    np.testing.assert_allclose(scan.value, np.array(tried)[selected])
+    assert len(z) == 3 and all(item[0] == 7.0 for item in z)
+    result = [np.exp(item[1] * 0.1) for item in z]
+    np.testing.assert_allclose(result, np.pi * 60 * np.array([1, 2, 3]), rtol=0.04)
 
 
 # --- growing windows -----------------------------------------------------------------------------
@@ -221,7 +221,7 @@ class Scripted:
     def __init__(self, guesses=(), improves=0.5):
         self.guesses, self.improves, self.calls = list(guesses), improves, []
 
-    def solved(self, z, free, window, *, most, prior=False, tolerance):
+    def solved(self, z, free, window, *, max_runs, prior=False, tolerance):
         self.calls.append((float(z[0]), int(window.sum()), prior))
         return Solution(z, float(z[0]), 3, True)
 
@@ -256,13 +256,13 @@ def test_swaps_go_on_while_they_help_and_then_by_cycles_of_three():
     many = Scripted([0.5] * 9)
     windows(many).swapped(begin, None, np.ones(4), 0.9, rounds=1)
     assert len(many.calls) == 1 + SWAPS.tried
-    for improves, told in (
+    for improves, expected in (
         (1.01 * SWAPS.better, ["pairs", "cycles"]), (0.99 * SWAPS.better, ["pairs"] * SWAPS.rounds)
     ):  # fmt: skip
         fit = Scripted([0.5], improves)
         best, _ = windows(fit).swapped(begin, None, np.ones(4), 0.0)
-        assert [call[0] for call in fit.calls if call[0] in ("pairs", "cycles")] == told
-        assert best.misfit == pytest.approx(improves ** len(told))
+        assert [call[0] for call in fit.calls if call[0] in ("pairs", "cycles")] == expected
+        assert best.misfit == pytest.approx(improves ** len(expected))
     fit = Scripted([0.5])
     assert windows(fit, budget=0).swapped(begin, None, np.ones(4), 0.0) == (begin, 0)
     assert windows(fit).swapped(begin, None, np.ones(4), 1.0) == (begin, 0) and not fit.calls

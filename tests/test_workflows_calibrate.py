@@ -56,7 +56,7 @@ def data(clean):
 
 
 @pytest.fixture(scope="module")
-def found(rig, data):
+def result(rig, data):
     request = CalibrationRequest(instrument=SETTING.instrument, starts=2)
     return calibrated(rig, wall(rig), data, "data.csv", request)
 
@@ -77,41 +77,41 @@ def refused(rig, data, sentence, **request):
     assert "\n" not in str(error.value)
 
 
-def test_the_known_rig_is_found_through_the_instrument(rig, found):
+def test_the_known_rig_is_found_through_the_instrument(rig, result):
     """0.1 % is asked for. The instrument's filter is known to a few per mille of its delay."""
     truth = experiment.truth(rig, SETTING)
-    np.testing.assert_allclose(found.fit.value[:6], truth.contact, rtol=1e-3)
-    rows = {row.name: row for row in found.report.parameters}
+    np.testing.assert_allclose(result.fit.value[:6], truth.contact, rtol=1e-3)
+    rows = {row.name: row for row in result.report.parameters}
     assert rows["wall.frequency"].found == pytest.approx(700.0, rel=1e-3)
     assert rows["striker"].found == pytest.approx(0.31, rel=1e-3)
     assert rows["trigger"].found == pytest.approx(SETTING.before, abs=5e-8)
     assert all(row.identifiable == "yes" for row in rows.values())
 
 
-def test_the_scene_that_comes_out_is_marked_and_runs(tmp_path, found):
-    write(found, RunFolder(tmp_path))
+def test_the_scene_that_comes_out_is_marked_and_runs(tmp_path, result):
+    write(result, RunFolder(tmp_path))
     text = (tmp_path / "scene.toml").read_text()
     assert text.startswith(f"# {SYNTHETIC}\n# contact 1 = ") and "calibrated to data.csv" in text
     again = scene(str(tmp_path / "scene.toml"))
-    np.testing.assert_allclose(again.contact.stiffness_factor, found.fit.value[:6], rtol=1e-15)
-    assert again.wall.frequency == found.scene.wall.frequency != 900.0
-    done = CliRunner().invoke(cli.app, ["impact", str(tmp_path / "scene.toml"), "--json"])
-    assert done.exit_code == 0, done.output
+    np.testing.assert_allclose(again.contact.stiffness_factor, result.fit.value[:6], rtol=1e-15)
+    assert again.wall.frequency == result.scene.wall.frequency != 900.0
+    finished = CliRunner().invoke(cli.app, ["impact", str(tmp_path / "scene.toml"), "--json"])
+    assert finished.exit_code == 0, finished.output
 
 
-def test_everything_written_says_synthetic(tmp_path, found):
-    write(found, RunFolder(tmp_path))
+def test_everything_written_says_synthetic(tmp_path, result):
+    write(result, RunFolder(tmp_path))
     for name in ("scene.toml", "parameters.csv", "signals.csv"):
         assert (tmp_path / name).read_text().startswith(f"# {SYNTHETIC}"), name
     assert '"synthetic": true' in (tmp_path / "report.json").read_text()
-    assert found.report.text().startswith(SYNTHETIC)
+    assert result.report.text().startswith(SYNTHETIC)
     figures = {path.stem for path in (tmp_path / "figures").iterdir()}
     assert figures == {"signals", "parameters", "correlation", "scan"}
 
 
-def test_the_scan_has_its_least_misfit_at_the_wall_that_made_the_data(found):
+def test_the_scan_has_its_least_misfit_at_the_wall_that_made_the_data(result):
     """40 points a decade: neighbours are 6 % apart."""
-    hz, misfit = np.array(found.report.scan_hz), np.array(found.report.scan_misfit_m_s)
+    hz, misfit = np.array(result.report.scan_hz), np.array(result.report.scan_misfit_m_s)
     assert hz[misfit.argmin()] == pytest.approx(700.0, rel=0.07)
 
 
@@ -125,16 +125,16 @@ def test_a_sphere_held_out_is_predicted(rig, plain):
     assert report.held_out_m_s["1"] < 0.05 * report.start_misfit_m_s["4"]
 
 
-def test_a_sphere_held_out_that_is_missed_is_reported(found):
-    left = float(np.sqrt(np.mean(found.fit.misfit**2)))
-    assert not list(on_held_out({"2": 2.0 * left}, found.fit))
-    (sentence,) = on_held_out({"2": 2.0 * left, "3": 16.0 * left}, found.fit)
+def test_a_sphere_held_out_that_is_missed_is_reported(result):
+    residual = float(np.sqrt(np.mean(result.fit.misfit**2)))
+    assert not list(on_held_out({"2": 2.0 * residual}, result.fit))
+    (sentence,) = on_held_out({"2": 2.0 * residual, "3": 16.0 * residual}, result.fit)
     assert sentence.startswith("Sphere 3, held out") and "16 times" in sentence
 
 
-def test_a_misfit_like_the_noise_decides_only_where_enough_is_measured(found):
+def test_a_misfit_like_the_noise_decides_only_where_enough_is_measured(result):
     """Two signals of 17 contacts left a chain with contacts exchanged at the noise of 0.3 mm/s."""
-    many = [found.fit.parameters[0]] * 17
+    many = [result.fit.parameters[0]] * 17
     assert decisive(3e-4, 0.31, many, np.zeros((9, 3)))
     assert not decisive(3e-4, 0.31, many, np.zeros((9, 2)))
     assert not decisive(1e-3, 0.31, many, np.zeros((9, 3)))
@@ -158,19 +158,19 @@ def test_noise_that_may_hide_swapped_contacts_is_reported(rig, plain):
     )
     assert loud.report.noise_m_s == pytest.approx(5e-3, rel=0.1)
     assert loud.fit.same_starts >= 3 and low.fit.starts == 1
-    told = "swapped contacts may leave hardly more"
-    assert any(told in r for r in loud.report.remarks)
-    assert not any(told in r for r in low.report.remarks)
+    expected = "swapped contacts may leave hardly more"
+    assert any(expected in r for r in loud.report.remarks)
+    assert not any(expected in r for r in low.report.remarks)
 
 
 def test_noise_is_told_from_a_model_that_cannot_explain_the_data(rig, plain):
     noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4, jitter=1e-6))
     bent = noisy._replace(v=noisy.v * (1 + 0.05 * np.sin(2e4 * noisy.t)[:, None]))
     request = CalibrationRequest(instrument=SETTING.instrument, starts=1, free=FEW)
-    good, bad = (
+    valid, bad = (
         calibrated(rig, wall(rig), x, "data.csv", request).report.remarks for x in (noisy, bent)
     )
-    assert not any("does not explain" in remark for remark in good)
+    assert not any("does not explain" in remark for remark in valid)
     assert any("does not explain" in remark for remark in bad)
 
 
@@ -185,8 +185,8 @@ def test_bars_of_repeats_hold_the_truth(rig, plain):
     start = tuple(p._replace(start=float(x)) for p, x in pairs)
     known_rig = parameters.rig(rig, wall(rig), setting.before)
     inside = Repeats(known_rig, setting, None, plain, start).fitted(range(1, 25))
-    known = np.array([made_by.of(p, setting, rig) for p in start])
-    assert np.mean(np.abs(inside[:, 0] - known) <= inside[:, 1]) >= 0.8
+    true_values = np.array([made_by.of(p, setting, rig) for p in start])
+    assert np.mean(np.abs(inside[:, 0] - true_values) <= inside[:, 1]) >= 0.8
 
 
 def test_units_a_thousand_times_too_big_are_refused(rig, data):
@@ -205,9 +205,9 @@ def test_swapped_columns_are_refused(rig, data):
 
 
 def test_columns_beside_the_striker_are_told_by_the_order_of_their_waves(rig):
-    other = experiment.clean(small(output={"spheres": [2, 5]}), wall(rig), SETTING,
+    second = experiment.clean(small(output={"spheres": [2, 5]}), wall(rig), SETTING,
                              experiment.truth(rig, SETTING))  # fmt: skip
-    pair = experiment.measured(other, SETTING)
+    pair = experiment.measured(second, SETTING)
     refused(rig, pair._replace(v=pair.v[:, :, ::-1]), "sphere 2 and sphere 5 are swapped")
     refused(rig, pair._replace(v=-pair.v), "sphere 2 and sphere 5 have the wrong sign")
     late = pair._replace(t=pair.t[170:] - pair.t[170], v=pair.v[:, 170:])
@@ -239,8 +239,8 @@ def test_waves_beyond_the_range_and_offsets_are_reported(rig, plain, data):
     """A wave that is met as it is, with the noise of a laser or without, has no such plateau."""
     noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4))
     request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
-    for good in (noisy, data):
-        remarks = calibrated(rig, wall(rig), good, "", request).report.remarks
+    for valid in (noisy, data):
+        remarks = calibrated(rig, wall(rig), valid, "", request).report.remarks
         assert not any("beyond the instrument" in r or "at rest" in r for r in remarks)
     for bad, sentence in (
         (noisy._replace(v=np.minimum(noisy.v, [1.0, 0.15])), "Sphere 4 stays at 0.15 m/s"),
@@ -256,9 +256,9 @@ def test_a_record_may_begin_long_before_the_blow(rig, plain):
     v = np.concatenate([still, data.v], axis=1)
     early = data._replace(t=np.arange(v.shape[1]) * 1e-6, v=v)
     request = CalibrationRequest(free=FEW, instrument=SETTING.instrument, starts=1)
-    found = calibrated(rig, wall(rig), early, "", request)
-    assert found.report.trigger_s == pytest.approx(8e-4 + SETTING.before, abs=2e-7)
-    assert found.fit.value[-1] == pytest.approx(800.0, rel=1e-3)
+    result = calibrated(rig, wall(rig), early, "", request)
+    assert result.report.trigger_s == pytest.approx(8e-4 + SETTING.before, abs=2e-7)
+    assert result.fit.value[-1] == pytest.approx(800.0, rel=1e-3)
 
 
 def test_a_late_trigger_is_reported_and_undone(rig, data):
@@ -347,29 +347,29 @@ def test_a_folder_that_holds_the_scene_or_the_data_is_not_overwritten(tmp_path, 
     for source in (["rig-1dof", "signals.csv"], ["scene.toml", "other.csv"]):
         monkeypatch.chdir(tmp_path)
         (tmp_path / "other.csv").write_text(csv_text(data))
-        done = CliRunner().invoke(cli.app, ["calibrate", *source, "--out", "."])
-        assert isinstance(done.exception, InvalidScene)
-        assert "would overwrite" in str(done.exception)
+        finished = CliRunner().invoke(cli.app, ["calibrate", *source, "--out", "."])
+        assert isinstance(finished.exception, InvalidScene)
+        assert "would overwrite" in str(finished.exception)
 
 
 def test_noise_does_not_lead_beside_the_answer():
     """Of ten repeats with the noise of a laser. Which start explains the data depends on rounding;
     twenty parameters stay within five sigma all but once in 10^5."""
     thesis = scene("rig-1dof")
-    found, _ = experiment.twin_run(
+    result, _ = experiment.twin_run(
         thesis, wall(thesis), experiment.Twin(seed=6), CalibrationRequest()
     )
-    for row in found.report.parameters:
+    for row in result.report.parameters:
         assert abs(row.found - row.truth) <= 2.5 * row.two_sigma, row.name
-    assert any("noise alone leaves as much" in remark for remark in found.report.remarks)
+    assert any("noise alone leaves as much" in remark for remark in result.report.remarks)
 
 
 def test_three_lasers_give_seventeen_contacts_and_the_wall_without_noise():
     """0.1 % is asked for; the steps of model and data leave 1e-5."""
     thesis = scene("rig-1dof")
     setting = experiment.Twin(noise=0.0, repeats=1, seed=1)
-    found, _ = experiment.twin_run(thesis, wall(thesis), setting, CalibrationRequest())
-    rows = [row for row in found.report.parameters if row.name != "trigger"]
+    result, _ = experiment.twin_run(thesis, wall(thesis), setting, CalibrationRequest())
+    rows = [row for row in result.report.parameters if row.name != "trigger"]
     assert thesis.output.spheres == (1, 4, 14) and len(rows) == 19
     for row in rows:
         assert row.found == pytest.approx(row.truth, rel=1e-3), row.name

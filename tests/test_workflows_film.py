@@ -32,12 +32,12 @@ def test_a_film_shows_the_impact_frame_by_frame(folder):
         for i in (0, 5, 9):
             film.seek(i)
             pictures.append(np.asarray(film.convert("RGB"), dtype=float))
-    assert min(np.abs(one - other).max() for one, other in pairwise(pictures)) > 50
+    assert min(np.abs(second - first).max() for first, second in pairwise(pictures)) > 50
 
 
 def test_a_film_of_an_upright_chain_shows_it_whole(tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
-    changes = [f"--set={one}" for one in (*SMALL, "gravity={}", "chain.count=9")]
+    changes = [f"--set={change}" for change in (*SMALL, "gravity={}", "chain.count=9")]
     assert beadwave("run", "rig-rigid", f"--out={tmp_path / 'run'}", *changes) == 0
     assert beadwave("film", str(tmp_path / "run"), "--seconds=0.5") == 0
     with Image.open(tmp_path / "run" / "film.gif") as film:
@@ -49,26 +49,26 @@ def test_a_film_of_an_upright_chain_shows_it_whole(tmp_path, monkeypatch):
 
 def test_paraview_gets_the_displacements_of_the_trajectory(folder):
     assert beadwave("film", str(folder), "--pvd") == 0
-    listed = re.findall(
+    entries = re.findall(
         r'timestep="(\S+)" part="(\d)" file="(\S+)"', (folder / "film.pvd").read_text()
     )
     with np.load(folder / "trajectory.npz") as run:
         t, x, wall = run["t"], run["x"] - run["x"][0], run["wall_x"] - run["wall_x"][0]
-    assert float(listed[-1][0]) == pytest.approx(t[-1], rel=1e-6)
-    for time, part, name in listed[100:104]:
+    assert float(entries[-1][0]) == pytest.approx(t[-1], rel=1e-6)
+    for time, number, name in entries[100:104]:
         i = int(np.abs(t - float(time)).argmin())
         moved = meshio.read(folder / name).point_data["displacement"][:, 0]
-        wanted = x[i] if part == "1" else np.full(8, wall[i])
-        np.testing.assert_allclose(moved, wanted, atol=1e-6 * np.abs(x).max())
+        expected = x[i] if number == "1" else np.full(8, wall[i])
+        np.testing.assert_allclose(moved, expected, atol=1e-6 * np.abs(x).max())
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [(["--out=film.avi"], ".mp4 or .gif"), (["--out=../film.gif"], "names a file in DIR")],
 )
-def test_a_name_that_is_no_film_is_refused(folder, options, said, capsys):
+def test_a_name_that_is_no_film_is_refused(folder, options, message, capsys):
     assert beadwave("film", str(folder), *options) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_folder_without_a_run_has_no_film(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""What all studies share: they are found in their folder, and their templates say the numbers."""
+"""What all studies share: modules of their folder, templates that say the numbers."""
 
 import sys
 from contextlib import nullcontext
@@ -32,10 +32,10 @@ def {name}(scene, progress) -> {returns}:
 
 @pytest.mark.parametrize("folder", ["thesis", "accuracy"])
 def test_a_study_is_a_function_of_its_modules_name_with_a_template_beside_it(folder):
-    found = catalogue.catalogue(folder)
+    studies = catalogue.catalogue(folder)
     templates = {path.stem for path in (FOLDER / folder).glob("[!_]*.md")}
-    assert {entry.function for entry in found.values()} == templates
-    for name, entry in found.items():
+    assert {entry.function for entry in studies.values()} == templates
+    for name, entry in studies.items():
         assert entry.module.endswith(f".{entry.function}") and name == name.lower()
         assert entry.shows.endswith(".") and len(entry.shows) <= 100
 
@@ -113,10 +113,10 @@ def rows_of(*methods):
 def test_the_study_of_schemes_says_orders_and_ratios(few_peers, monkeypatch):
     monkeypatch.setattr(time, "scheme_rows", lambda *_, **__: iter(rows_of("rkn6")))
     monkeypatch.setattr(time, "peer_rows", lambda *_: iter(rows_of("rkn6", "odeint")[1:]))
-    found = time.time(scene("rig-rigid", SHORT), lambda name: nullcontext())
-    said = " ".join(found.sentences)
-    assert "the reference solution, rkn6a with a small step, differs from DOP853" in said
-    assert "rkn6 takes 1 ms, odeint 2 ms (2 times as long)" in said and "rkn6 -" in said
+    finding = time.time(scene("rig-rigid", SHORT), lambda name: nullcontext())
+    sentences = " ".join(finding.sentences)
+    assert "the reference solution, rkn6a with a small step, differs from DOP853" in sentences
+    assert "rkn6 takes 1 ms, odeint 2 ms (2 times as long)" in sentences and "rkn6 -" in sentences
 
 
 def test_the_study_of_wall_modes_says_what_a_mode_costs(few_peers, monkeypatch):
@@ -132,9 +132,9 @@ def test_the_study_of_wall_modes_says_what_a_mode_costs(few_peers, monkeypatch):
     monkeypatch.setattr(
         wall_modes, "peer_rows", lambda *_, parameter, **__: [at(theirs, parameter)]
     )
-    found = wall_modes.wall_modes(scene("rig-rigid", SHORT), lambda name: nullcontext())
-    assert "no modes of its own" in found.sentences[0]
-    assert "takes 1 ms with a rigid wall, and with modes 1 ms + 1e+03 µs" in found.sentences[-1]
+    finding = wall_modes.wall_modes(scene("rig-rigid", SHORT), lambda name: nullcontext())
+    assert "no modes of its own" in finding.sentences[0]
+    assert "takes 1 ms with a rigid wall, and with modes 1 ms + 1e+03 µs" in finding.sentences[-1]
 
 
 def test_the_study_of_populations_says_runs_a_second(monkeypatch):
@@ -143,5 +143,5 @@ def test_the_study_of_populations_says_runs_a_second(monkeypatch):
     timed = runs.Timed(many, warm=16e-3, cold=1.0)
     monkeypatch.setattr(batch, "timed", lambda *_, **__: timed)
     monkeypatch.setattr(batch, "step_of_median", lambda *_: (1e-6, 1e-4))
-    found = batch.batch(scene("rig-rigid", SHORT), lambda name: nullcontext())
-    assert found.sentences[0].startswith("1,000 runs a second (rkn6, ")
+    finding = batch.batch(scene("rig-rigid", SHORT), lambda name: nullcontext())
+    assert finding.sentences[0].startswith("1,000 runs a second (rkn6, ")

@@ -13,7 +13,7 @@ from workflows.files.record import Channel
 from workflows.files.scene import scene
 from workflows.fit.core.inspection.reading import noise_of, rounding
 from workflows.fit.core.parametric_wall import Bounds
-from workflows.fit.inspection.numbers import number, own, put, shared, usual_each
+from workflows.fit.inspection.numbers import number, per_record, put, shared, usual_each
 from workflows.fit.inspection.structure import VariedScene, structure
 from workflows.fit.records import recorded, sensor_of
 from workflows.scene import InvalidScene
@@ -52,8 +52,8 @@ def measured(folder, speeds=(0.31, 0.44), **changes):
     folder.mkdir(exist_ok=True)
     files = []
     for i, speed in enumerate(speeds):
-        told = {"striker.velocity": speed, "output.instrument.seed": i, **TRUTH, **changes}
-        true = scene(BEAM, told)
+        expected = {"striker.velocity": speed, "output.instrument.seed": i, **TRUTH, **changes}
+        true = scene(BEAM, expected)
         files.append(folder / f"drop{i}.csv")
         files[-1].write_text(csv_text(true, pipeline_of(true, _quiet)("record")))
     return files
@@ -69,7 +69,7 @@ def drops(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def found(drops, tmp_path_factory):
+def result(drops, tmp_path_factory):
     out = tmp_path_factory.mktemp("out") / "inspected"
     result = beadwave.inspect(
         BEAM, drops, find=FIND, bounds=BOUNDS, each="striker.velocity=0.3,0.45", out=out
@@ -77,8 +77,8 @@ def found(drops, tmp_path_factory):
     return result, out
 
 
-def test_thickness_modulus_and_axial_force_come_out_within_their_bars(found):
-    rows = {row.name: row for row in found[0].report.numbers}
+def test_thickness_modulus_and_axial_force_come_out_within_their_bars(result):
+    rows = {row.name: row for row in result[0].report.numbers}
     for key, share in (("beam.thickness", 0.01), ("beam.young", 0.02)):
         off = abs(rows[key].found - TRUTH[key])
         assert off <= 1.5 * rows[key].two_sigma and off < share * TRUTH[key]
@@ -86,18 +86,18 @@ def test_thickness_modulus_and_axial_force_come_out_within_their_bars(found):
     assert abs(force.found + 20e3) <= 1.5 * force.two_sigma < 0.05 * 44e3  # of buckling
     assert [row.told for row in rows.values()] == ["yes"] * 3
     assert [row.unit for row in rows.values()] == ["m", "Pa", "N"]
-    assert found[0].report.explained
+    assert result[0].report.explained
 
 
-def test_the_wall_between_others_is_checked_at_the_answer(found):
-    report, inner = found[0].report, found[0].found
+def test_the_wall_between_others_is_checked_at_the_answer(result):
+    report, inner = result[0].report, result[0].found
     assert report.walls > 10 and 0 < report.wall_missed < 0.5  # coefficients of degree 2
     assert inner.moved <= 0.05
     assert any("computed at the answer" in remark for remark in report.remarks)
 
 
-def test_the_folder_holds_the_scene_found_and_says_synthetic(found, drops):
-    result, out = found
+def test_the_folder_holds_the_scene_found_and_says_synthetic(result, drops):
+    result, out = result
     written = scene(out / "scene.toml")
     assert written.beam.thickness / result.report.numbers[0].found == pytest.approx(1, abs=1e-12)
     for name in ("scene.toml", "numbers.csv", "signals.csv"):
@@ -110,15 +110,15 @@ def test_the_folder_holds_the_scene_found_and_says_synthetic(found, drops):
     assert json.loads((out / "report.json").read_text())["synthetic"] is True
 
 
-def test_bars_shrink_with_the_records_length_and_the_force_is_told_last(found):
-    report = found[0].report
+def test_bars_shrink_with_the_records_length_and_the_force_is_told_last(result):
+    report = result[0].report
     t = np.array(report.record_length_s)
     width = {row.name: row.high - row.low for row in report.numbers}
-    told = {
+    expected = {
         name: t[np.argmax(np.array(bars) < 0.1 * width[name])]
         for name, bars in report.two_sigma_by_length.items()
     }
-    assert told["beam.thickness"] < 1.2e-3 < told["beam.axial_force"]
+    assert expected["beam.thickness"] < 1.2e-3 < expected["beam.axial_force"]
 
 
 def test_records_of_the_first_wave_alone_do_not_tell_the_axial_force(tmp_path):
@@ -177,13 +177,13 @@ def test_numbers_of_the_chain_need_no_other_wall(tmp_path, drops):
 
 def test_a_gain_that_the_scene_says_is_not_sought(drops):
     base = base_of(BEAM, {})
-    told, name = sensor_of(base.with_values({}), Channel(5, "force", True))
-    assert name == "bead" and told.gain == 1.0
+    expected, name = sensor_of(base.with_values({}), Channel(5, "force", True))
+    assert name == "bead" and expected.gain == 1.0
     loud = {**BEAM["output"], "sensors": [{"sphere": 5, "gain": 0.3}]}
-    told, name = sensor_of(scene({**BEAM, "output": loud}), Channel(5, "force", True))
-    assert name is None and told.gain == 0.3
-    told, name = sensor_of(base.with_values({}), Channel(5, "velocity", False))
-    assert name is None and told.quantity == "velocity"
+    expected, name = sensor_of(scene({**BEAM, "output": loud}), Channel(5, "force", True))
+    assert name is None and expected.gain == 0.3
+    expected, name = sensor_of(base.with_values({}), Channel(5, "velocity", False))
+    assert name is None and expected.quantity == "velocity"
 
 
 def test_values_put_into_a_scene_are_those_of_a_scene_read_anew():
@@ -194,8 +194,8 @@ def test_values_put_into_a_scene_are_those_of_a_scene_read_anew():
     assert put(base.with_values({}), keys, values).model_dump() == anew.model_dump()
     named = base_of("cantilever", {})
     material = "materials.aluminium.young"
-    other = put(named.with_values({}), (material,), np.array([65e9]))
-    assert number(other, material) == 65e9
+    second = put(named.with_values({}), (material,), np.array([65e9]))
+    assert number(second, material) == 65e9
     assert number(named.with_values({}), material) == 70e9
 
 
@@ -220,10 +220,10 @@ def test_a_force_a_thousand_times_off_is_refused(tmp_path):
 
 
 def test_a_record_knows_its_noise_from_what_lies_between_its_waves(drops):
-    one = recorded(drops[0])
-    rms, known = noise_of(one, 5e-5)
-    largest = np.abs(one.y).max()
-    assert known
+    item = recorded(drops[0])
+    rms, is_known = noise_of(item, 5e-5)
+    largest = np.abs(item.y).max()
+    assert is_known
     assert 0.009 < rms[0] / largest < 0.0125  # 1 %, and the steps of 8 bits
 
 
@@ -280,19 +280,19 @@ def test_columns_have_quantities_and_units_and_repeats_are_averaged(tmp_path):
         recorded(path)
     rows, head = rows[:, :3], head.rsplit(",", 1)[0]
     path.write_text("\n".join([head, *(",".join(map(repr, map(float, r))) for r in rows)]))
-    found = recorded(path)
-    assert found.channels == (Channel(9, "force", False),) and found.repeats == 2
-    np.testing.assert_allclose(found.y[:, 0], wave, atol=1e-6)
+    result = recorded(path)
+    assert result.channels == (Channel(9, "force", False),) and result.repeats == 2
+    np.testing.assert_allclose(result.y[:, 0], wave, atol=1e-6)
 
 
 def test_a_design_foresees_the_bars_of_an_inspection(drops, tmp_path):
-    one = beadwave.inspect(BEAM, drops[1], find=FIND, bounds=BOUNDS, each="striker.velocity=0.44")
+    item = beadwave.inspect(BEAM, drops[1], find=FIND, bounds=BOUNDS, each="striker.velocity=0.44")
     true = {**TRUTH, "striker.velocity": 0.44}
     foreseen = beadwave.design(BEAM, true, find=FIND, bounds=BOUNDS, out=tmp_path / "design")
     table = foreseen.tables[0]
     assert table.column("sphere") == tuple(range(2, 10))
-    assert one.report.explained
-    for row in one.report.numbers:
+    assert item.report.explained
+    for row in item.report.numbers:
         bar = table.column(f"{row.name} two sigma [{row.unit}]")[3]  # sphere 5
         assert 0.6 < bar / row.two_sigma < 1.5
     assert (tmp_path / "design" / "design.csv").is_file()
@@ -301,13 +301,15 @@ def test_a_design_foresees_the_bars_of_an_inspection(drops, tmp_path):
 
 def test_a_design_compares_chains_and_says_what_a_record_is_too_short_for():
     brief = {**TRUTH, "time.duration": 1.1e-3}
-    found = beadwave.design(BEAM, brief, find=FIND, bounds=BOUNDS, over=["chain.count=7,9"])
-    table = found.tables[0]
+    result = beadwave.design(BEAM, brief, find=FIND, bounds=BOUNDS, over=["chain.count=7,9"])
+    table = result.tables[0]
     assert table.column("chain.count") == (7,) * 6 + (9,) * 8
-    assert any("beam.axial_force is told by no sphere" in said for said in found.sentences)
-    assert any(said.startswith("beam.thickness is told best by sphere") for said in found.sentences)
-    seen = np.array(table.column("beam.thickness record [s]"))
-    assert (seen <= 1.1e-3).all() and seen.min() < 1.0e-3
+    assert any("beam.axial_force is told by no sphere" in said for said in result.sentences)
+    assert any(
+        said.startswith("beam.thickness is told best by sphere") for said in result.sentences
+    )
+    observed = np.array(table.column("beam.thickness record [s]"))
+    assert (observed <= 1.1e-3).all() and observed.min() < 1.0e-3
 
 
 def test_a_design_of_too_many_cases_is_refused():
@@ -359,10 +361,10 @@ def test_records_that_cannot_be_used_are_refused(drops, tmp_path, header, senten
 
 def test_numbers_of_a_record_start_where_they_are_told():
     base = base_of(BEAM, {})
-    first, second = own(base, "striker.velocity=300mm/s,0.45", 2)
+    first, second = per_record(base, "striker.velocity=300mm/s,0.45", 2)
     assert first[0].start == 0.3 and second[0].start == 0.45
-    assert own(base, usual_each(base.with_values({}), "beam.young"), 2)[1][0].start == 0.3
-    assert own(base, usual_each(base.with_values({}), "striker.velocity"), 2) == [[], []]
+    assert per_record(base, usual_each(base.with_values({}), "beam.young"), 2)[1][0].start == 0.3
+    assert per_record(base, usual_each(base.with_values({}), "striker.velocity"), 2) == [[], []]
     assert shared(base, "beam.young", None)[0].low == pytest.approx(49e9)
 
 
@@ -370,7 +372,7 @@ def test_the_command_prints_numbers_as_json_and_refuses_with_status_2(drops, tmp
     toml = tmp_path / "beam.toml"
     toml.write_text(tomli_w.dumps(BEAM))
     asked = ["inspect", toml, drops[0], "--find", "striker.velocity", "--json"]
-    changes = [part for key, value in TRUTH.items() for part in ("--set", f"{key}={value!r}")]
+    changes = [piece for key, value in TRUTH.items() for piece in ("--set", f"{key}={value!r}")]
     assert command(*asked, *changes) == 0
     row = json.loads(capsys.readouterr().out)["numbers"][0]
     assert abs(row["found"] - 0.31) <= 1.5 * row["two_sigma"]

@@ -6,6 +6,7 @@ Chromium comes from the system (install.sh takes it from apt), playwright drives
 import json
 import re
 import shutil
+from functools import partial
 from importlib import import_module
 from io import BytesIO
 from os import environ
@@ -20,12 +21,13 @@ import rom
 from command_line import COARSE_RIG, beadwave
 from coupling.surface_motion import wall_modes
 from workflows.files.scene import scene as load
-from workflows.report import page_data
+from workflows.report import report
+from workflows.report.first_screen import chain_words
 from workflows.report.numbers import si
-from workflows.report.page_data import upwards
-from workflows.report.page_rows import chain_words, scene_rows
+from workflows.report.page_data import PageLimits, page_data, upwards
+from workflows.report.page_rows import scene_rows
 from workflows.report.provenance import sources
-from workflows.report.report import _harmless
+from workflows.report.report import harmless_json
 from workflows.report.summary import Summary
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -111,8 +113,8 @@ def test_the_displacement_at_the_contact_is_that_of_the_trajectory(rig, opened):
     with np.load(rig / "trajectory.npz") as run:
         t, wall_x = run["t"], run["wall_x"] - run["wall_x"][0]
     instants = np.random.default_rng(0).uniform(0, t[-1], 50)
-    there = page.evaluate("ts => ts.map((t) => beadwave.view.atContact(t))", instants.tolist())
-    off = np.abs(np.array(there) - np.interp(instants, t, wall_x)).max()
+    computed = page.evaluate("ts => ts.map((t) => beadwave.view.atContact(t))", instants.tolist())
+    off = np.abs(np.array(computed) - np.interp(instants, t, wall_x)).max()
     assert off < 1e-3 * np.abs(wall_x).max()
 
 
@@ -127,28 +129,29 @@ def test_the_surface_moves_as_the_reduced_model_says(rig, opened):
     rng = np.random.default_rng(1)
     for node, i in rng.integers((u.shape[1], len(t)), size=(20, 2)):
         arguments = [int(node), float(t[i])]
-        there = page.evaluate("([node, t]) => beadwave.view.displacement(node, t)", arguments)
-        assert np.abs(np.array(there) - u[i, node]).max() < 2e-3 * np.abs(u).max()
+        computed = page.evaluate("([node, t]) => beadwave.view.displacement(node, t)", arguments)
+        assert np.abs(np.array(computed) - u[i, node]).max() < 2e-3 * np.abs(u).max()
 
 
 @needs_browser
 def test_a_large_surface_is_drawn_with_fewer_nodes(rig, opened, tmp_path, monkeypatch):
-    whole = len((rig / "report.html").read_text())
-    monkeypatch.setattr(page_data, "BYTES", 60_000)
+    full_size = len((rig / "report.html").read_text())
+    thinner = partial(page_data, limits=PageLimits(bytes=60_000))
+    monkeypatch.setattr(report, "page_data", thinner)
     folder = tmp_path / "thinned"
     shutil.copytree(rig, folder)
     assert beadwave("report", str(folder)) == 0
-    assert len((folder / "report.html").read_text()) < whole - 200_000
+    assert len((folder / "report.html").read_text()) < full_size - 200_000
     page = opened(folder)
     assert page.complaints == []
     assert "outer nodes" in page.locator("#impact .needs-view > .note").inner_text()
     with np.load(folder / "trajectory.npz") as run:
         t, wall_x = run["t"], run["wall_x"] - run["wall_x"][0]
-    there = page.evaluate("t => beadwave.view.atContact(t)", float(t[len(t) // 2]))
-    assert abs(there - wall_x[len(t) // 2]) < 1e-3 * np.abs(wall_x).max()
-    before = picture(page)
+    computed = page.evaluate("t => beadwave.view.atContact(t)", float(t[len(t) // 2]))
+    assert abs(computed - wall_x[len(t) // 2]) < 1e-3 * np.abs(wall_x).max()
+    at_start = picture(page)
     page.evaluate("beadwave.clock.seek(0.9 * beadwave.clock.duration)")
-    assert picture(page) != before
+    assert picture(page) != at_start
 
 
 def drawn(page):
@@ -173,20 +176,20 @@ def frames_drawn(page, n):
 @needs_browser
 def test_the_view_changes_with_the_play_head_the_mode_and_the_mouse(rig, opened):
     page = opened(rig)
-    shown = []
+    pictures = []
     for seconds in (0.2e-3, 1.2e-3):
         page.evaluate("t => beadwave.clock.seek(t)", seconds)
-        shown.append(picture(page))
+        pictures.append(picture(page))
     box = page.locator(".view canvas").bounding_box()
     page.mouse.move(box["x"] + 300, box["y"] + 200)
     page.mouse.down()
     page.mouse.move(box["x"] + 400, box["y"] + 230)
     page.mouse.up()
-    shown.append(picture(page))
+    pictures.append(picture(page))
     page.click("button[data-mode='1']")
     drawn(page)
-    shown.append(picture(page))
-    assert len(set(shown)) == 4
+    pictures.append(picture(page))
+    assert len(set(pictures)) == 4
 
 
 EDGES = """() => {
@@ -241,10 +244,10 @@ def test_one_core_draws_ten_frames_a_second_in_software(rig, opened):
     page.locator("#impact").scroll_into_view_if_needed()
     page.evaluate("beadwave.clock.play(true)")
     frames_drawn(page, 15)
-    before, start = processor_seconds(), page.evaluate("beadwave.clock.frames")
+    spent, start = processor_seconds(), page.evaluate("beadwave.clock.frames")
     frames_drawn(page, 30)
     frames = page.evaluate("beadwave.clock.frames") - start
-    assert frames > 0 and processor_seconds() - before < 0.1 * frames
+    assert frames > 0 and processor_seconds() - spent < 0.1 * frames
 
 
 @needs_browser
@@ -261,10 +264,10 @@ def test_a_page_leaves_time_for_sixty_frames_a_second(rig, opened):
 
     page.evaluate("beadwave.clock.play(true)")
     frames_drawn(page, 30)
-    before, start = spent(), page.evaluate("beadwave.clock.frames")
+    seconds, start = spent(), page.evaluate("beadwave.clock.frames")
     frames_drawn(page, 60)
     frames = page.evaluate("beadwave.clock.frames") - start
-    assert frames > 0 and 0.0 < spent() - before < frames / 60
+    assert frames > 0 and 0.0 < spent() - seconds < frames / 60
 
 
 @needs_browser
@@ -296,15 +299,15 @@ def test_without_webgl_the_still_pictures_stand_in(rig, browser, opened):
 
 @needs_browser
 @pytest.mark.parametrize("name", ["rig-rigid", "rig-half-space", "rig-1dof", "free-chain"])
-def test_a_wall_without_a_shape_is_stood_for(name, opened, tmp_path, monkeypatch):
+def test_a_slab_stands_for_a_wall_without_a_shape(name, opened, tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
     page = opened(run_of(name, SMALL, tmp_path / "out"))
     assert page.complaints == []
-    before = picture(page)
+    at_start = picture(page)
     page.evaluate("beadwave.clock.seek(0.9 * beadwave.clock.duration)")
-    assert picture(page) != before
-    told = page.locator("#impact .needs-view > .note").inner_text()
-    assert ("no wall" in told) if name == "free-chain" else ("stand" in told)
+    assert picture(page) != at_start
+    note = page.locator("#impact .needs-view > .note").inner_text()
+    assert ("no wall" in note) if name == "free-chain" else ("stand" in note)
 
 
 @needs_browser
@@ -315,8 +318,8 @@ def test_a_chain_stands_as_its_weight_says(inclination, upright, opened, tmp_pat
     page = opened(run_of("rig-rigid", changes, tmp_path / "out"))
     canvas = Image.open(BytesIO(page.locator(".view canvas").screenshot())).convert("RGB")
     pixels = np.asarray(canvas, int)[60:-40]  # without the words above and below
-    drawn = np.abs(pixels - pixels[0, 0]).max(axis=2) > 20
-    height, width = (np.ptp(np.nonzero(drawn)[axis]) for axis in (0, 1))
+    is_drawn = np.abs(pixels - pixels[0, 0]).max(axis=2) > 20
+    height, width = (np.ptp(np.nonzero(is_drawn)[axis]) for axis in (0, 1))
     assert (height > 2 * width) if upright else (width > 1.5 * height)
 
 
@@ -346,8 +349,8 @@ def test_signals_of_sensors_are_drawn_by_unit(opened, tmp_path, monkeypatch):
     assert head == '"time [s]","force 2 [N]","force 3 [N]"'
     table = np.loadtxt(tmp_path / "force.csv", delimiter=",", skiprows=1)
     rows = np.loadtxt(folder / "signals.csv", delimiter=",", skiprows=2)
-    every = round(table[1, 0] / rows[1, 0])
-    np.testing.assert_allclose(table, rows[::every, :3], rtol=1e-6, atol=1e-5)
+    step = round(table[1, 0] / rows[1, 0])
+    np.testing.assert_allclose(table, rows[::step, :3], rtol=1e-6, atol=1e-5)
 
 
 @needs_browser
@@ -370,7 +373,7 @@ def test_nothing_of_a_scene_runs_in_the_browser(opened, tmp_path, monkeypatch):
 
 
 def test_data_hold_no_end_of_a_script():
-    text = _harmless({"name": "</script>&\u2028"})
+    text = harmless_json({"name": "</script>&\u2028"})
     assert not set("<>&\u2028") & set(text)
     assert json.loads(text) == {"name": "</script>&\u2028"}
 
@@ -394,34 +397,34 @@ def test_paraview_warps_a_mode_unasked_and_finds_all_up_to_the_highest_target(ri
 
 
 def test_every_value_of_a_built_in_scene_says_where_it_is_from():
-    found = sources(load("rig-rom"), None, ())
-    assert found["chain.count"].kind == "thesis"
-    assert found["chain.radius"].kind == "inferred"
-    assert found["joints.head.ky"].kind == "inferred"
-    assert found["chain.young"].kind == "assumed"
-    assert found["mesh.seed"].kind == "chosen"
-    assert found["contact.stiffness_factor"].kind == "default"
+    kinds = sources(load("rig-rom"), None, ())
+    assert kinds["chain.count"].kind == "thesis"
+    assert kinds["chain.radius"].kind == "inferred"
+    assert kinds["joints.head.ky"].kind == "inferred"
+    assert kinds["chain.young"].kind == "assumed"
+    assert kinds["mesh.seed"].kind == "chosen"
+    assert kinds["contact.stiffness_factor"].kind == "default"
 
 
 def test_every_sensor_of_a_built_in_scene_says_where_its_values_are_from():
-    found = sources(load("upright"), "upright", ())
-    assert found["output.sensors.1.gain"].kind == "assumed"
-    assert "piezo" in found["output.sensors.1.gain"].note
-    said = chain_words(load("upright")).replace("\u00a0", " ")
-    assert "the first one falls 5 mm and strikes the row at 313 mm/s" in said
+    kinds = sources(load("upright"), "upright", ())
+    assert kinds["output.sensors.1.gain"].kind == "assumed"
+    assert "piezo" in kinds["output.sensors.1.gain"].note
+    words = chain_words(load("upright")).replace("\u00a0", " ")
+    assert "the first one falls 5 mm and strikes the row at 313 mm/s" in words
 
 
 def test_what_differs_from_a_built_in_scene_is_yours(tmp_path):
     change = ("chain.radius=0.02",)
-    found = sources(load("rig-rom", change), "rig-rom", change)
-    assert found["chain.radius"].kind == "yours"
-    assert found["chain.young"].kind == "assumed"
-    own = tmp_path / "own.toml"
-    own.write_text("chain = { count = 3, radius = 0.0127, density = 7800.0, young = 210e9, "
+    kinds = sources(load("rig-rom", change), "rig-rom", change)
+    assert kinds["chain.radius"].kind == "yours"
+    assert kinds["chain.young"].kind == "assumed"
+    scene_file = tmp_path / "own.toml"
+    scene_file.write_text("chain = { count = 3, radius = 0.0127, density = 7800.0, young = 210e9, "
                    "poisson = 0.3 }\nstriker = { velocity = 0.31 }\n")  # fmt: skip
-    found = sources(load(str(own)), str(own), ())
-    assert {found[f"chain.{key}"].kind for key in ("count", "radius")} == {"yours"}
-    assert found["time.duration"].kind == "default"
+    kinds = sources(load(str(scene_file)), str(scene_file), ())
+    assert {kinds[f"chain.{key}"].kind for key in ("count", "radius")} == {"yours"}
+    assert kinds["time.duration"].kind == "default"
 
 
 MINE = """# for the workshop
@@ -440,14 +443,14 @@ sphere = 3  # the last
 """
 
 
-def test_the_words_of_a_scene_stay_with_its_run(tmp_path, monkeypatch):
+def test_the_comments_of_a_scene_file_stay_with_its_run(tmp_path, monkeypatch):
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
-    own = tmp_path / "own.toml"
-    own.write_text(MINE)
+    scene_file = tmp_path / "own.toml"
+    scene_file.write_text(MINE)
     out, change = tmp_path / "out", "--set=time.duration=0.1e-3"
-    assert beadwave("impact", str(own), f"--out={out}", change) == 0
+    assert beadwave("impact", str(scene_file), f"--out={out}", change) == 0
     command, _, words = (out / "given.toml").read_text().partition("\n")
-    assert words == MINE and command == f"# the scene of: beadwave impact {own} {change}"
+    assert words == MINE and command == f"# the scene of: beadwave impact {scene_file} {change}"
     summary = Summary.model_validate_json((out / "summary.json").read_text())
     assert beadwave("impact", str(out / "scene.toml"), f"--out={out}") == 0
     assert (out / "given.toml").read_text().endswith(MINE), "a repeated run has lost them"
@@ -461,7 +464,7 @@ def test_the_words_of_a_scene_stay_with_its_run(tmp_path, monkeypatch):
 
 
 def test_numbers_bear_prefixes():
-    said = [si(1.738e5, "Hz"), si(3.02e-7, "s"), si(0.09999, "m"), si(0.0, "N"), si(None, "N")]
-    assert [text.replace("\u00a0", " ") for text in said] == [
+    texts = [si(1.738e5, "Hz"), si(3.02e-7, "s"), si(0.09999, "m"), si(0.0, "N"), si(None, "N")]
+    assert [text.replace("\u00a0", " ") for text in texts] == [
         "174 kHz", "302 ns", "100 mm", "0 N", "-"
     ]  # fmt: skip

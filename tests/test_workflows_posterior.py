@@ -43,34 +43,34 @@ def data(rig):
 
 
 @pytest.fixture(scope="module")
-def found(rig, data):
+def result(rig, data):
     request = CalibrationRequest(
         free="striker,wall.frequency", instrument=SETTING.instrument, starts=1
     )
     return calibrated(rig, wall(rig), data, "data.csv", request)
 
 
-def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, found):
+def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, result):
     """Two parameters that the data determines to 1e-3 are nearly Gaussian; 1200 samples leave
     0.04 of two sigma."""
     pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
-    sampled = with_posterior(found._replace(report=found.report.model_copy(deep=True)), 0)
+    sampled = with_posterior(result._replace(report=result.report.model_copy(deep=True)), 0)
     for row in sampled.report.parameters:
         ends = np.array([row.found - row.low, row.high - row.found])
         np.testing.assert_allclose(ends, row.two_sigma, rtol=0.16)
     assert "2.3 %" in sampled.report.text() and "effective samples" in sampled.report.remarks[-1]
     write(sampled, RunFolder(tmp_path))
-    held = np.load(tmp_path / "posterior.npz")
-    assert held["samples"].shape[1] == 2 and held["synthetic"]
+    fixed = np.load(tmp_path / "posterior.npz")
+    assert fixed["samples"].shape[1] == 2 and fixed["synthetic"]
     assert (tmp_path / "figures" / "posterior.png").stat().st_size > 10_000
 
 
-def test_a_posterior_of_too_few_samples_is_told_and_not_shown(tmp_path, found, monkeypatch):
+def test_a_posterior_of_too_few_samples_is_told_and_not_shown(tmp_path, result, monkeypatch):
     pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
     few = Sampling(enough=1e6, block=10, runs=300)
     monkeypatch.setitem(posterior.__kwdefaults__, "options", few)
     RunFolder(tmp_path).write("posterior.npz", b"of an earlier run")
-    short = with_posterior(found._replace(report=found.report.model_copy(deep=True)), 0)
+    short = with_posterior(result._replace(report=result.report.model_copy(deep=True)), 0)
     report = short.report
     assert report.remarks[-1].startswith("The posterior is not shown: 8 steps of 24 walkers")
     assert "2.3 %" not in report.text()

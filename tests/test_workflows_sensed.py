@@ -34,9 +34,9 @@ def made(sensors=SENSORS, **changes):
 
 
 def fitted(sensors, free="striker,trigger,wall.frequency", data="made/signals.csv", **changes):
-    own = SMALL | {"wall": WALL | {"frequency": 850.0}, "striker.velocity": 0.3}
-    own |= {"output.sensors": sensors} if sensors else {"output.sensors": SENSORS[:1]}
-    return beadwave.calibrate("upright", data, own | changes, free=free, starts=1)
+    settings = SMALL | {"wall": WALL | {"frequency": 850.0}, "striker.velocity": 0.3}
+    settings |= {"output.sensors": sensors} if sensors else {"output.sensors": SENSORS[:1]}
+    return beadwave.calibrate("upright", data, settings | changes, free=free, starts=1)
 
 
 def columns(record: Record, *named: tuple[int, str, float]):
@@ -48,35 +48,35 @@ def columns(record: Record, *named: tuple[int, str, float]):
 
 def test_an_unknown_gain_and_the_wall_are_found_from_a_voltage_and_a_velocity():
     made()
-    found = fitted([SENSORS[0] | {"gain": "piezo"}])
-    rows = {row.name: row for row in found.report.parameters}
+    result = fitted([SENSORS[0] | {"gain": "piezo"}])
+    rows = {row.name: row for row in result.report.parameters}
     truth = {"striker": 0.29, "wall.frequency": 900.0, "gain piezo": 5e-3}
     for name, value in truth.items():
         assert abs(rows[name].found - value) < rows[name].two_sigma, name
         assert rows[name].two_sigma < 0.01 * value
     assert rows["gain piezo"].unit == "V/N"
-    assert found.scene.output.sensors[0].gain == rows["gain piezo"].found
-    assert found.report.units["force 5"][0] == "V"
-    assert set(found.report.misfit_m_s) == {"force 5", "velocity 8"}
-    assert found.data["measured"].sizes == {"time": 1001, "sensor": 2}
+    assert result.scene.output.sensors[0].gain == rows["gain piezo"].found
+    assert result.report.units["force 5"][0] == "V"
+    assert set(result.report.misfit_m_s) == {"force 5", "velocity 8"}
+    assert result.data["measured"].sizes == {"time": 1001, "sensor": 2}
 
 
 def test_a_gain_of_the_wrong_sign_is_found_as_negative(tmp_path):
     record = made()
     (tmp_path / "turned.csv").write_text(columns(record, (0, "sphere 5 force [mV]", -1e3)))
-    found = fitted([SENSORS[0] | {"gain": "piezo"}], data="turned.csv")
-    assert found.scene.output.sensors[0].gain == pytest.approx(-5e-3, rel=5e-3)
+    result = fitted([SENSORS[0] | {"gain": "piezo"}], data="turned.csv")
+    assert result.scene.output.sensors[0].gain == pytest.approx(-5e-3, rel=5e-3)
 
 
 def test_units_of_time_force_and_voltage_are_converted(tmp_path):
     record = made()
     text = columns(record, (0, "sphere 5 force [mN]", 1e3 / 5e-3), (1, "sphere 8 [mm/s]", 1e3))
     (tmp_path / "other.csv").write_text(text)
-    other = measured(tmp_path / "other.csv")
-    assert np.abs(other.t - record.t).max() < 1e-12
-    assert np.abs(other.v[0, :, 0] * 5e-3 - record.v[0, :, 0]).max() < 1e-8
-    assert np.abs(other.v[0, :, 1] - record.v[0, :, 1]).max() < 1e-8
-    assert [c.quantity for c in other.channels] == ["force", "velocity"]
+    second = measured(tmp_path / "other.csv")
+    assert np.abs(second.t - record.t).max() < 1e-12
+    assert np.abs(second.v[0, :, 0] * 5e-3 - record.v[0, :, 0]).max() < 1e-8
+    assert np.abs(second.v[0, :, 1] - record.v[0, :, 1]).max() < 1e-8
+    assert [c.quantity for c in second.channels] == ["force", "velocity"]
     bare = columns(record, (0, "sphere 5 [N]", 200.0))
     (tmp_path / "bare.csv").write_text(bare)
     assert measured(tmp_path / "bare.csv").channels[0].quantity == "force"
@@ -85,11 +85,11 @@ def test_units_of_time_force_and_voltage_are_converted(tmp_path):
 def test_a_mat_file_holds_forces(tmp_path):
     record = made()
     force = 1e3 / 5e-3 * record.v[0][:, :1]
-    held = {"t": 1e3 * record.t, "y": force, "spheres": [5.0], "time_unit": "ms"}
-    savemat(tmp_path / "f.mat", held | {"quantity": "force", "unit": "mN"})
-    found = measured(tmp_path / "f.mat")
-    assert np.allclose(found.v[0] * 5e-3, record.v[0][:, :1], rtol=1e-12, atol=1e-15)
-    assert found.channels[0].name == "sphere 5 force" and not found.channels[0].in_volts
+    fixed = {"t": 1e3 * record.t, "y": force, "spheres": [5.0], "time_unit": "ms"}
+    savemat(tmp_path / "f.mat", fixed | {"quantity": "force", "unit": "mN"})
+    result = measured(tmp_path / "f.mat")
+    assert np.allclose(result.v[0] * 5e-3, record.v[0][:, :1], rtol=1e-12, atol=1e-15)
+    assert result.channels[0].name == "sphere 5 force" and not result.channels[0].in_volts
 
 
 REFUSED = {
@@ -118,12 +118,12 @@ def test_forces_of_spheres_on_leaf_springs_are_bad_input(tmp_path):
 
 def test_an_impulse_beside_the_strikers_momentum_is_told(tmp_path):
     record = made()
-    for factor, told in ((1.0, False), (1.15, True)):
+    for factor, expected in ((1.0, False), (1.15, True)):
         text = columns(record, (0, "sphere 5 force [N]", factor * 200.0))
         (tmp_path / "force.csv").write_text(text)
-        found = fitted(None, data="force.csv", **{"striker.velocity": 0.29})
-        said = [remark for remark in found.report.remarks if "carries an impulse" in remark]
-        assert bool(said) == told
+        result = fitted(None, data="force.csv", **{"striker.velocity": 0.29})
+        said = [remark for remark in result.report.remarks if "carries an impulse" in remark]
+        assert bool(said) == expected
     assert "+15 % off" in said[0]
 
 
@@ -136,8 +136,8 @@ def test_a_lasers_band_is_no_sensors(tmp_path):
 def test_sensors_of_one_amplifier_share_its_gain():
     gain = {"gain": "5 mV/N", "noise": 0.002}
     made([{"sphere": 4, **gain}, {"sphere": 7, **gain}])
-    own = [{"sphere": 4, "gain": "amplifier"}, {"sphere": 7, "gain": "amplifier"}]
-    rows = {row.name: row for row in fitted(own).report.parameters}
+    sensors = [{"sphere": 4, "gain": "amplifier"}, {"sphere": 7, "gain": "amplifier"}]
+    rows = {row.name: row for row in fitted(sensors).report.parameters}
     assert [name for name in rows if name.startswith("gain")] == ["gain amplifier"]
-    found = rows["gain amplifier"]
-    assert abs(found.found - 5e-3) < found.two_sigma < 1e-4 * 5
+    result = rows["gain amplifier"]
+    assert abs(result.found - 5e-3) < result.two_sigma < 1e-4 * 5

@@ -151,19 +151,19 @@ def test_a_signal_while_machine_code_is_made_is_no_error_of_the_compiler(tmp_pat
     """numba loses what is raised where it takes the code over, and then misses the code."""
     script = tmp_path / "losing.py"
     script.write_text(LOSING)
-    found = subprocess.run([sys.executable, "-P", script], capture_output=True, text=True)
-    assert found.returncode == 128 + SIGTERM, found.stderr
-    assert found.stderr.startswith("beadwave: terminated") and found.stderr.count("\n") == 1
+    result = subprocess.run([sys.executable, "-P", script], capture_output=True, text=True)
+    assert result.returncode == 128 + SIGTERM, result.stderr
+    assert result.stderr.startswith("beadwave: terminated") and result.stderr.count("\n") == 1
 
 
 def test_who_runs_it_deaf_to_a_signal_keeps_it_so():
     """nohup ignores SIGHUP, a shell SIGINT for what it runs in the background."""
     program = "from signal import *; signal(SIGHUP, SIG_IGN)\n" + PROGRAM
-    before = signal(SIGHUP, SIG_IGN)
+    earlier = signal(SIGHUP, SIG_IGN)
     try:
         status, _ = ended(SIGHUP, at_once, "scenes", program=program)
     finally:
-        signal(SIGHUP, before)
+        signal(SIGHUP, earlier)
     assert status == 0
 
 
@@ -205,6 +205,6 @@ def test_no_process_that_a_command_starts_imports_from_the_working_directory(tmp
     for name in NAMES:
         Path(f"{name}.py").write_text("raise SystemExit('imported')\n")
     command = [sys.executable, str(program)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.endswith("8\n") and "imported" not in done.stderr
+    finished = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.endswith("8\n") and "imported" not in finished.stderr

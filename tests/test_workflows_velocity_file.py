@@ -14,17 +14,17 @@ V = np.random.default_rng(0).normal(size=(2, 80, 3))
 KNOWN = Record(T, V, (1, 4, 14), SYNTHETIC)
 
 
-def same(found, *, atol=1e-9):
-    np.testing.assert_allclose(found.t, T, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(found.v, V, rtol=0, atol=atol)
-    assert found.spheres == (1, 4, 14)
+def same(result, *, atol=1e-9):
+    np.testing.assert_allclose(result.t, T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(result.v, V, rtol=0, atol=atol)
+    assert result.spheres == (1, 4, 14)
 
 
 def test_csv_gives_back_repeats_and_title(tmp_path):
     (tmp_path / "a.csv").write_text(csv_text(KNOWN))
-    found = record(tmp_path / "a.csv")
-    same(found, atol=1e-8)
-    assert found.title == SYNTHETIC
+    result = record(tmp_path / "a.csv")
+    same(result, atol=1e-8)
+    assert result.title == SYNTHETIC
 
 
 def test_csv_units_and_the_order_of_columns_do_not_matter(tmp_path):
@@ -32,13 +32,13 @@ def test_csv_units_and_the_order_of_columns_do_not_matter(tmp_path):
     pairs = zip(T, V[0], strict=True)
     rows = [f"{1e3 * t},{1e3 * v[2]},{v[0]},{1e6 * v[1]}" for t, v in pairs]
     (tmp_path / "a.csv").write_text("\n".join([head, *rows]))
-    found = record(tmp_path / "a.csv")
-    np.testing.assert_allclose(found.v[0], V[0], rtol=1e-12)
+    result = record(tmp_path / "a.csv")
+    np.testing.assert_allclose(result.v[0], V[0], rtol=1e-12)
 
 
 def test_mat_gives_back_repeats(tmp_path):
-    held = {"t": 1e6 * T, "v": 1e3 * V.transpose(1, 2, 0), "spheres": [1, 4, 14]}
-    savemat(tmp_path / "a.mat", held | {"time_unit": "us", "velocity_unit": "mm/s"})
+    fixed = {"t": 1e6 * T, "v": 1e3 * V.transpose(1, 2, 0), "spheres": [1, 4, 14]}
+    savemat(tmp_path / "a.mat", fixed | {"time_unit": "us", "velocity_unit": "mm/s"})
     same(record(tmp_path / "a.mat"))
 
 
@@ -47,13 +47,13 @@ def uff(path, signals, label="NONE", unit="m/s"):
     pyuff = pytest.importorskip("pyuff", reason="UFF58 is optional (the extra `identify`)")
     file = pyuff.UFF(str(path))
     for i, (node, v) in enumerate(signals):
-        one = pyuff.prepare_58(
+        item = pyuff.prepare_58(
             binary=0, func_type=1, rsp_node=node, rsp_dir=1, data=v, x=T, id1=SYNTHETIC,
             abscissa_spacing=1, abscissa_spec_data_type=17, ordinate_spec_data_type=11,
             ordinate_axis_units_lab=unit, abscissa_axis_units_lab="s", ref_node=0, ref_dir=0,
             orddenom_spec_data_type=0,
         )  # fmt: skip
-        file.write_sets(one | {"ordinate_axis_lab": label}, mode="add" if i else "overwrite")
+        file.write_sets(item | {"ordinate_axis_lab": label}, mode="add" if i else "overwrite")
 
 
 def test_uff_gives_back_repeats(tmp_path):
@@ -72,10 +72,10 @@ def test_a_universal_file_of_any_sensor_says_what_it_measures(
 ):
     path = tmp_path / "a.uff"
     uff(path, [(9, V[r, :, 0]) for r in range(2)], label, unit)
-    found = measured(path)
-    assert found.channels == (Channel(9, quantity, in_volts),)
-    np.testing.assert_allclose(found.v[:, :, 0], scale * V[:, :, 0], rtol=1e-4, atol=1e-5 * scale)
-    assert recorded(path).channels == found.channels and recorded(path).repeats == 2
+    result = measured(path)
+    assert result.channels == (Channel(9, quantity, in_volts),)
+    np.testing.assert_allclose(result.v[:, :, 0], scale * V[:, :, 0], rtol=1e-4, atol=1e-5 * scale)
+    assert recorded(path).channels == result.channels and recorded(path).repeats == 2
 
 
 def test_a_universal_file_of_velocities_is_no_signals_and_one_without_a_unit_is_refused(tmp_path):

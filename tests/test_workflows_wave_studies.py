@@ -13,7 +13,7 @@ from command_line import COARSE_RIG
 from workflows.evidence import catalogue
 from workflows.evidence.thesis import rig_walls, walls
 from workflows.evidence.thesis.energy import chain_alone
-from workflows.evidence.thesis.observed_run import Setup, observed
+from workflows.evidence.thesis.observed_run import RecordOptions, Setup, observed
 from workflows.evidence.thesis.plastic_contact import plastic_contact
 from workflows.evidence.thesis.sphere_mass import SphereMassOptions, sphere_mass
 from workflows.evidence.thesis.striker import StrikerOptions, striker
@@ -187,7 +187,10 @@ def test_equal_waves_are_no_distance_apart_and_distant_ones_sqrt_2(own_cache):
     named = {setup.name: setup for setup in setups}
     spheres = (1, 4, 14)
     names = ("half-space", "1-DOF 8425", "1-DOF 907", "ROM all four", "1-DOF 240")
-    runs = {name: rig_walls.impact_run(usual, named[name], spheres, 1e-3) for name in names}
+    runs = {
+        name: rig_walls.impact_run(usual, named[name], spheres, RecordOptions(error=1e-3))
+        for name in names
+    }
     plain, high, nine, rom, low = runs.values()
     assert overall(nine, nine, spheres) == 0.0
     for number in (1, 2, 3, 4):
@@ -212,7 +215,7 @@ def test_an_arm_without_mass_sends_no_second_wave_to_sphere_4():
     for table in (usual, light):
         run = observed(
             Setup("", chain(table), wall), initial_velocity(table), duration=3e-3,
-            spheres=(4,), error=1e-3,
+            spheres=(4,), options=RecordOptions(error=1e-3),
         )  # fmt: skip
         faster = [w.arrival.peak_velocity for w in run.reflected(4) if w.number > 1]
         second.append(-min(faster, default=0.0) / usual.striker.velocity)

@@ -46,8 +46,8 @@ class Calibration:
         fit, signals = self.found.fit, self.found.signals
         kinds = {"measured": fit.data, "start": fit.start, "found": fit.model}
         if signals.channels:
-            own, units = signals.channels, ", ".join(signals.channels.units)
-            over = {n: (("time", "sensor"), own.scale * y, units) for n, y in kinds.items()}
+            scale, units = signals.channels.scale, ", ".join(signals.channels.units)
+            over = {n: (("time", "sensor"), scale * y, units) for n, y in kinds.items()}
             return dataset(over, time=signals.t, sensor=list(signals.names))
         over = {name: (("time", "sphere"), v, "m/s") for name, v in kinds.items()}
         return dataset(over, time=signals.t, sphere=[n + 1 for n in signals.spheres])
@@ -59,8 +59,8 @@ class Calibration:
         return picture_named(drawn(self.found), name)
 
     def __repr__(self) -> str:
-        told = (self.report.text(), self.coverage.text() if self.coverage else "")
-        return "\n".join(filter(None, told))
+        texts = (self.report.text(), self.coverage.text() if self.coverage else "")
+        return "\n".join(filter(None, texts))
 
 
 def calibrate(
@@ -72,12 +72,12 @@ def calibrate(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-    **asked: Any,
+    **options: Any,
 ) -> Calibration:
     """Contact stiffnesses and wall parameters fitted to measured velocities (`beadwave calibrate`).
 
     `data` is .csv, .mat or .uff with units in its header; forces, their rates, displacements and
-    voltages as well, see `[[output.sensors]]` for bands and gains. asked, all optional:
+    voltages as well, see `[[output.sensors]]` for bands and gains. options, all optional:
 
     free        "contacts,striker,trigger,wall.frequency": what to vary
     bounds      "contacts=0.5:2"
@@ -90,24 +90,24 @@ def calibrate(
     `posterior` samples it (extra `posterior`). `out` gets scene, tables and pictures. Raises
     InvalidScene for bad input, and for data that cannot be what it says.
     """
-    _require_possible(posterior, asked)
+    _require_possible(posterior, options)
     file = Path(data)
     from workflows.fit.calibration.calibrate import calibrated
     from workflows.fit.calibration.folder import FILES, write
     from workflows.fit.records import measured as record
     from workflows.stages.pipeline import pipeline_of
 
-    chosen = with_chain(load_scene(scene, changes))
-    measured, request = record(file), _request(asked)
-    folder = _folder(out, (*files_read(chosen, scene), file), overwrite)
-    with _held(folder, FILES):
-        chosen, wall = _leaning(chosen, pipeline_of(chosen, progress))
+    start = with_chain(load_scene(scene, changes))
+    measured, request = record(file), _request(options)
+    folder = _folder(out, (*files_read(start, scene), file), overwrite)
+    with _renewed(folder, FILES):
+        start, wall = _with_wall(start, pipeline_of(start, progress))
         with progress("calibration"):
-            found = calibrated(chosen, wall, measured, file.name, request)
-        found = _sampled(found, posterior, request.seed, progress)
+            result = calibrated(start, wall, measured, file.name, request)
+        result = _sampled(result, posterior, request.seed, progress)
         if folder:
-            write(found, folder)
-    return Calibration(found.scene, found.report, found)
+            write(result, folder)
+    return Calibration(result.scene, result.report, result)
 
 
 def twin(
@@ -120,7 +120,7 @@ def twin(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-    **asked: Any,
+    **options: Any,
 ) -> Calibration:
     """A known rig makes SYNTHETIC data, and a calibration has to find it again (`beadwave twin`).
 
@@ -128,81 +128,82 @@ def twin(
              rig and its instrument; see workflows.fit.calibration.twin.Twin for units and defaults;
              measured are the spheres of output.spheres
     runs     repeats of the whole experiment, that count how often the bars hold the truth
-    asked    of the calibration, as in `calibrate`
+    options  of the calibration, as in `calibrate`
     """
-    _require_possible(posterior, asked)
+    _require_possible(posterior, options)
     from workflows.fit.calibration import twin as experiment
     from workflows.fit.calibration.folder import TWIN_FILES, write, write_data
     from workflows.stages.pipeline import pipeline_of
 
-    chosen = with_chain(load_scene(scene, changes))
-    setting, request = experiment.checked(experiment.Twin(**(rig or {}))), _request(asked)
-    folder = _folder(out, files_read(chosen, scene), overwrite)
-    covered = None
-    with _held(folder, TWIN_FILES):
-        chosen, wall = _leaning(chosen, pipeline_of(chosen, progress))
+    start = with_chain(load_scene(scene, changes))
+    setting, request = experiment.checked(experiment.Twin(**(rig or {}))), _request(options)
+    folder = _folder(out, files_read(start, scene), overwrite)
+    coverage = None
+    with _renewed(folder, TWIN_FILES):
+        start, wall = _with_wall(start, pipeline_of(start, progress))
         with progress("calibration"):
-            found, data = experiment.twin_run(chosen, wall, setting, request)
-        found = _sampled(found, posterior, setting.seed, progress)
+            result, data = experiment.twin_run(start, wall, setting, request)
+        result = _sampled(result, posterior, setting.seed, progress)
         if runs:
             with progress(f"{runs} repeats"):
-                covered = experiment.coverage(chosen, wall, setting, request, found, runs)
-            found.report.coverage = covered.model_dump()
+                coverage = experiment.coverage(start, wall, setting, request, result, runs)
+            result.report.coverage = coverage.model_dump()
         if folder:
-            write_data(folder, data, covered)
-            write(found, folder)
-    return Calibration(found.scene, found.report, found, covered)
+            write_data(folder, data, coverage)
+            write(result, folder)
+    return Calibration(result.scene, result.report, result, coverage)
 
 
-def _require_possible(posterior: bool, asked: dict[str, Any]) -> None:
+def _require_possible(posterior: bool, options: dict[str, Any]) -> None:
     """Raise InvalidScene for a posterior that cannot be sampled."""
     if not posterior:
         return
     from workflows.fit.calibration.posterior import require_sampler
 
     require_sampler()
-    if asked.get("two_stage"):
+    if options.get("two_stage"):
         raise InvalidScene(
             "--posterior is of all parameters and all waves together; leave out --two-stage."
         )
 
 
-def _request(asked: dict[str, Any]):
-    """What is asked for; raises InvalidScene for a word that is none."""
+def _request(options: dict[str, Any]):
+    """The options of a calibration; raises InvalidScene for a name that is none."""
     from workflows.fit.calibration.calibrate import CalibrationRequest
     from workflows.scene import nearest
 
-    for name in asked:
+    for name in options:
         if name not in CalibrationRequest._fields:
             raise InvalidScene(f"{name} is not known, {nearest(name, CalibrationRequest._fields)}.")
-    return CalibrationRequest(**asked)
+    return CalibrationRequest(**options)
 
 
-def _sampled(found: Calibrated, posterior: bool, seed: int, progress: Progress) -> Calibrated:
+def _sampled(result: Calibrated, posterior: bool, seed: int, progress: Progress) -> Calibrated:
+    """With samples of the posterior, where they are wanted."""
     if not posterior:
-        return found
+        return result
     from workflows.fit.calibration.posterior import with_posterior
 
     with progress("posterior"):
-        return with_posterior(found, seed)
+        return with_posterior(result, seed)
 
 
 def _folder(out: str | Path | None, inputs: tuple[Path, ...], overwrite: bool) -> RunFolder | None:
     return RunFolder(Path(out), inputs=inputs, overwrite=overwrite) if out else None
 
 
-def _leaning(scene: Scene, pipeline: Pipeline) -> tuple[Scene, Any]:
+def _with_wall(scene: Scene, pipeline: Pipeline) -> tuple[Scene, Any]:
     """The scene with the curvatures of the face that it strikes, and its wall."""
     from workflows.stages.chain import flat, on_surface
     from workflows.stages.pipeline import needs_structure
 
     flat(scene)  # refuses materials before anything is computed
     of_bodies = needs_structure(scene) and scene.is_general
-    known = pipeline("surface") if of_bodies else None
-    return on_surface(scene, known), pipeline("wall")
+    surface = pipeline("surface") if of_bodies else None
+    return on_surface(scene, surface), pipeline("wall")
 
 
-def _held(folder: RunFolder | None, files: tuple[str, ...]) -> AbstractContextManager:
+def _renewed(folder: RunFolder | None, files: tuple[str, ...]) -> AbstractContextManager:
     """The folder, where there is one, closed to others; what an earlier command left goes."""
     return folder.renewed(*files) if folder else nullcontext()
 
@@ -234,11 +235,11 @@ def inspect(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-    **asked: str | int | None,
+    **options: str | int | None,
 ) -> Inspection:
     """Numbers of the structure found from records of sensors on the chain (`beadwave inspect`).
 
-    `data` is a file or several, one for each impact. asked:
+    `data` is a file or several, one for each impact. options:
 
     find      "beam.thickness,beam.young": keys of the scene whose values are one number
     bounds    "beam.thickness=8mm:12mm"; 0.7 to 1.4 of the scene's value without
@@ -255,20 +256,17 @@ def inspect(
     from workflows.fit.records import recorded
     from workflows.sweep.cases import base_of
 
-    files = [Path(one) for one in ([data] if isinstance(data, str | Path) else data)]
+    files = [Path(file) for file in ([data] if isinstance(data, str | Path) else data)]
     base = base_of(scene, changes)
-    chosen = with_chain(base.with_values({}))
-    folder = None
-    if out:
-        inputs = (*files_read(chosen, scene), *files)
-        folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite)
-    with folder.renewed(*FILES) if folder else nullcontext():
+    start = with_chain(base.with_values({}))
+    folder = _folder(out, (*files_read(start, scene), *files), overwrite)
+    with _renewed(folder, FILES):
         records = called_apart(tuple(recorded(file) for file in files))
-        found = inspected(base, records, InspectionRequest(**asked), progress)
-        report = report_of(found, records)
+        result = inspected(base, records, InspectionRequest(**options), progress)
+        report = report_of(result, records)
         if folder:
-            write(found, report, folder)
-    return Inspection(found.scene, report, found)
+            write(result, report, folder)
+    return Inspection(result.scene, report, result)
 
 
 def design(
@@ -293,12 +291,11 @@ def design(
     from workflows.sweep.cases import base_of
 
     base = base_of(scene, changes)
-    chosen = with_chain(base.with_values({}))
-    folder = None
-    if out:
-        folder = RunFolder(Path(out), inputs=files_read(chosen, scene), overwrite=overwrite)
-        folder.require(*finding.files("design"))
-    found = designed(base, find, bounds, over, progress)
+    start = with_chain(base.with_values({}))
+    folder = _folder(out, files_read(start, scene), overwrite)
     if folder:
-        finding.write(found, folder, scene=chosen.name, find=find)
-    return found
+        folder.require(*finding.files("design"))
+    result = designed(base, find, bounds, over, progress)
+    if folder:
+        finding.write(result, folder, scene=start.name, find=find)
+    return result

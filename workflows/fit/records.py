@@ -16,6 +16,7 @@ from pathlib import Path
 from re import fullmatch, split
 
 import numpy as np
+from numpy.typing import NDArray
 
 from coupling.band import Band
 from coupling.sensors import Sensor
@@ -28,7 +29,7 @@ from workflows.fit.velocities import (
     csv_columns,
     laid_out,
     record,
-    told_of,
+    refused,
     uff_columns,
     variables,
 )
@@ -51,80 +52,80 @@ def usable() -> Iterator[None]:
 
 def recorded(path: Path) -> Recorded:
     """The signals of a file; raises InvalidScene where it holds none that can be used."""
-    t, channels, v, title = _channels(path)
-    laid = aligned(t, v, tuple(range(len(channels))))
-    if laid.outliers:
+    t, channels, y, title = _channels(path)
+    repeats = aligned(t, y, tuple(range(len(channels))))
+    if repeats.outliers:
         raise InvalidScene(
-            f"{path}: repeat {laid.outliers[0] + 1} is unlike the others; leave it out."
+            f"{path}: repeat {repeats.outliers[0] + 1} is unlike the others; leave it out."
         )
-    mean = laid.signals
+    mean = repeats.signals
     synthetic = SYNTHETIC in title
     return Recorded(t, mean.v, channels, mean.spread, mean.repeats, path.name, synthetic)
 
 
 def measured(path: Path) -> Record:
     """Velocities or signals of any sensors, all repeats; raises InvalidScene."""
-    if path.suffix.lower() not in ENDINGS and not _holds_channels(path):
+    is_uff = path.suffix.lower() in ENDINGS
+    if not is_uff and not _holds_sensors(path):
         return record(path)
     t, channels, y, title = _channels(path)
-    if path.suffix.lower() in ENDINGS and not any(map(_is_no_velocity, channels)):
-        return Record(t, y, tuple(c.sphere for c in channels), title)
-    return Record(t, y, tuple(c.sphere for c in channels), title, channels)
+    spheres = tuple(channel.sphere for channel in channels)
+    if is_uff and not any(map(_is_no_velocity, channels)):
+        return Record(t, y, spheres, title)
+    return Record(t, y, spheres, title, channels)
 
 
-def _channels(path: Path):
-    """t, channels, values (r, k, m) and title of a file; raises InvalidScene for a column that
-    shows nothing."""
-    t, channels, y, title = _read(path)
+def _channels(
+    path: Path,
+) -> tuple[NDArray[np.float64], tuple[Channel, ...], NDArray[np.float64], str]:
+    """t (k,) [s], channels, values (r, k, m) and title of a file; raises InvalidScene for a column
+    that never changes."""
+    suffix = path.suffix.lower()
+    if suffix in ENDINGS:
+        require_file(path, "give a record as .uff")
+        t, channels, y, title = laid_out(path, partial(uff_columns, column=_channel))
+    elif suffix == ".mat":
+        require_file(path, "give a record as .csv or .mat")
+        t, channels, y, title = laid_out(path, _mat_columns)
+    elif suffix == ".csv":
+        require_file(path, "give a record as .csv")
+        t, channels, y, title = laid_out(path, partial(csv_columns, column=_channel))
+    else:
+        raise InvalidScene(f"{path} must end in .csv.")
     for i, channel in enumerate(channels):
-        still = np.ptp(y[:, :, i], axis=1) == 0.0
-        if still.any():
+        is_still = np.ptp(y[:, :, i], axis=1) == 0.0
+        if is_still.any():
             raise InvalidScene(
-                f"{path}: {channel.name} is {y[still.argmax(), 0, i]:.3g} at every sample, no wave "
-                "is in it; leave the column out or record it again."
+                f"{path}: {channel.name} is {y[is_still.argmax(), 0, i]:.3g} at every sample, no "
+                "wave is in it; leave the column out or record it again."
             )
     return t, channels, y, title
 
 
-def _read(path: Path):
-    """t, channels, values (r, k, m) and title of a file."""
-    if path.suffix.lower() in ENDINGS:
-        require_file(path, "give a record as .uff")
-        return laid_out(path, partial(uff_columns, column=_column))
-    if _is_mat(path):
-        require_file(path, "give a record as .csv or .mat")
-        return laid_out(path, _mat_columns)
-    if path.suffix.lower() != ".csv":
-        raise InvalidScene(f"{path} must end in .csv.")
-    require_file(path, "give a record as .csv")
-    return laid_out(path, partial(csv_columns, column=_column))
-
-
-def _is_mat(path: Path) -> bool:
-    return path.suffix.lower() == ".mat"
-
-
-def _holds_channels(path: Path) -> bool:
-    """Whether a file that there is holds anything but velocities."""
+def _holds_sensors(path: Path) -> bool:
+    """Whether a CSV or .mat file that exists holds anything but velocities."""
     if not path.is_file() or path.suffix.lower() not in (".csv", ".mat"):
         return False
-    if _is_mat(path):
-        with told_of(path):
+    if path.suffix.lower() == ".mat":
+        with refused(path):
             return "quantity" in arrays("matlab", path, "quantity")
+
+    # a heading that names its quantity, or whose unit is none of a velocity
     lines = path.read_bytes()[:100_000].decode("utf-8", "replace").splitlines()
     header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-    return any(_is_channel(name.strip()) for name in split(r"[,;\t]", header))
-
-
-def _is_channel(name: str) -> bool:
-    found = fullmatch(HEADING, name)
-    if not found or found[2]:
-        return bool(found)
-    try:
-        channel, _ = _column(name)
-    except ValueError:
-        return False
-    return _is_no_velocity(channel)
+    for name in split(r"[,;\t]", header):
+        heading = fullmatch(HEADING, name.strip())
+        if not heading:
+            continue
+        if heading[2]:
+            return True
+        try:
+            channel, _ = _channel(name.strip())
+        except ValueError:
+            continue
+        if _is_no_velocity(channel):
+            return True
+    return False
 
 
 def _is_no_velocity(channel: Channel) -> bool:
@@ -132,46 +133,55 @@ def _is_no_velocity(channel: Channel) -> bool:
 
 
 def _mat_columns(path: Path) -> Found:
-    held = variables(path, ("t", "y", "spheres", "time_unit", "quantity", "unit"))
-    quantity, unit = text_of(held, "quantity"), text_of(held, "unit")
-    t, columns, title = of_mat(held, "y")
-    named = [(*_column(f"sphere {n} {quantity} [{unit}]"), y) for n, y in columns]
-    return Found(t, [(channel, scale * y) for channel, scale, y in named], title)
+    """Times and columns of a .mat file, all of one quantity and unit."""
+    fields = variables(path, ("t", "y", "spheres", "time_unit", "quantity", "unit"))
+    quantity, unit = text_of(fields, "quantity"), text_of(fields, "unit")
+    t, columns, title = of_mat(fields, "y")
+    in_si_units = []
+    for n, y in columns:
+        channel, factor = _channel(f"sphere {n} {quantity} [{unit}]")
+        in_si_units.append((channel, factor * y))
+    return Found(t, in_si_units, title)
 
 
-def _column(name: str) -> tuple[Channel, float]:
-    found = fullmatch(HEADING, name)
-    if not found or (found[2] or "velocity") not in KINDS:
+def _channel(name: str) -> tuple[Channel, float]:
+    """The channel of a heading, as "sphere 9 force [mN]", and the factor of its unit to SI; raises
+    ValueError. Without a quantity it is the first that has the unit, velocity before the others."""
+    heading = fullmatch(HEADING, name)
+    if not heading or (heading[2] or "velocity") not in KINDS:
         raise ValueError(
             f"a column is {name[:40]!r}, allowed is 'sphere 9 force [mN]', with its unit; the "
             f"quantity is one of {', '.join(KINDS)}"
         )
-    unit = found[3].strip()
-    for quantity in (found[2],) if found[2] else ("velocity", *KINDS):
+    sphere, unit = int(heading[1]), heading[3].strip()
+    for quantity in (heading[2],) if heading[2] else ("velocity", *KINDS):
         for in_volts, kind in enumerate((KINDS[quantity], VOLTAGE)):
             try:
-                return Channel(int(found[1]), quantity, bool(in_volts)), in_si(f"1 {unit}", kind)
+                return Channel(sphere, quantity, bool(in_volts)), in_si(f"1 {unit}", kind)
             except NoSuchQuantity:
                 continue
-    quantity = found[2] or "velocity"
+    quantity = heading[2] or "velocity"
     units = ", ".join((KINDS[quantity].unit, *KINDS[quantity].others, "V", "mV"))
     raise ValueError(f"the unit of {quantity} is {unit!r}, allowed are {units}")
 
 
 def sensor_of(scene: Scene, channel: Channel) -> tuple[Sensor, str | None]:
-    """What the model shows of a channel, and the name of its gain where nobody knows it."""
+    """The sensor of a channel, with band and gain of the scene's sensor of that sphere and
+    quantity; and the name of its gain where nobody knows it."""
     if not 1 <= channel.sphere <= scene.chain.count:
         raise InvalidScene(
             f"the data has sphere {channel.sphere}, allowed are 1 to chain.count = "
             f"{scene.chain.count}; correct its header or the scene."
         )
-    told = next(
-        (one for one in scene.output.sensors or ()
-         if (one.sphere, one.quantity) == (channel.sphere, channel.quantity)), None,
+    table = next(
+        (sensor for sensor in scene.output.sensors or ()
+         if (sensor.sphere, sensor.quantity) == (channel.sphere, channel.quantity)), None,
     )  # fmt: skip
-    band = Band(told.low_pass, told.high_pass, told.order) if told else Band()
-    gain = told.gain if told and channel.in_volts else None
-    plain = Sensor(channel.sphere - 1, channel.quantity, band=band)
+    band = Band(table.low_pass, table.high_pass, table.order) if table else Band()
+    sensor = Sensor(channel.sphere - 1, channel.quantity, band=band)
+    if not channel.in_volts:
+        return sensor, None
+    gain = table.gain if table else None
     if isinstance(gain, float):
-        return plain._replace(gain=gain), None
-    return plain, (gain or channel.name) if channel.in_volts else None
+        return sensor._replace(gain=gain), None
+    return sensor, gain or channel.name

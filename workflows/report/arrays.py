@@ -23,7 +23,6 @@ UNITS = {
     "wall_omega": "rad/s",
     "wall_phi": "kg^-0.5",
 }
-OF_MODES = ("wall_omega", "wall_phi")
 WORDS = {
     "x": "displacement towards the wall", "v": "velocity towards the wall",
     "contact_force": "force of sphere i on its neighbour or the wall, pushing",
@@ -34,40 +33,38 @@ WORDS = {
 
 def of_trajectory(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     """A trajectory over time [s], spheres and contacts numbered from 1; energies in J."""
-    k = len(arrays["t"])
-    over_time = {n: a for n, a in arrays.items() if n != "t" and a.shape[:1] == (k,) and a.ndim < 3}
-    found = {name: (*_dimensions(name, a), _about(name)) for name, a in over_time.items()}
-    found |= {n: ("mode", arrays[n], {"units": UNITS[n]}) for n in OF_MODES if n in arrays}
+    k, variables = len(arrays["t"]), {}
+    for name, values in arrays.items():
+        if name != "t" and values.shape[:1] == (k,) and values.ndim < 3:
+            dimensions = DIMENSIONS.get(name, ("time", f"{name}_column")[: values.ndim])
+            about = {"units": UNITS.get(name, "J")}
+            if name in WORDS:
+                about["long_name"] = WORDS[name]
+            variables[name] = (dimensions, values, about)
+    for name in ("wall_omega", "wall_phi"):
+        if name in arrays:
+            variables[name] = ("mode", arrays[name], {"units": UNITS[name]})
     numbered = {"sphere": arrays["x"].shape[1], "contact": arrays["contact_force"].shape[1]}
     coords = {name: np.arange(1, n + 1) for name, n in numbered.items()}
-    return xarray.Dataset(found, coords | {"time": ("time", arrays["t"], {"units": "s"})})
-
-
-def _dimensions(name: str, values: NDArray) -> tuple[tuple[str, ...], NDArray]:
-    return DIMENSIONS.get(name, ("time", f"{name}_column")[: values.ndim]), values
-
-
-def _about(name: str) -> dict[str, str]:
-    words = {"long_name": WORDS[name]} if name in WORDS else {}
-    return {"units": UNITS.get(name, "J"), **words}
+    return xarray.Dataset(variables, coords | {"time": ("time", arrays["t"], {"units": "s"})})
 
 
 def dataset(
     variables: Mapping[str, tuple[tuple[str, ...], NDArray, str]], **coords
 ) -> xarray.Dataset:
     """Variables as name: (dimensions, values, unit)."""
-    found = {name: (dims, a, {"units": unit}) for name, (dims, a, unit) in variables.items()}
-    return xarray.Dataset(found, coords)
+    with_units = {name: (dims, a, {"units": unit}) for name, (dims, a, unit) in variables.items()}
+    return xarray.Dataset(with_units, coords)
 
 
 def of_table(table: Table) -> xarray.Dataset:
-    """The columns of a table over its rows; what does not exist is nan."""
-    columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.columns)
-    named = zip(table.columns, columns, strict=True)
-    return xarray.Dataset({name: ("row", _column(values)) for name, values in named})
-
-
-def _column(values: tuple) -> NDArray:
-    if any(isinstance(value, str) for value in values):
-        return np.array([value if isinstance(value, str) else str(value) for value in values])
-    return np.array([np.nan if value is None else value for value in values])
+    """The columns of a table over its rows; what does not exist is nan, in words None."""
+    variables = {}
+    for i, name in enumerate(table.columns):
+        values = [row[i] for row in table.rows]
+        if any(isinstance(value, str) for value in values):
+            column = np.array([value if isinstance(value, str) else str(value) for value in values])
+        else:
+            column = np.array([np.nan if value is None else value for value in values])
+        variables[name] = ("row", column)
+    return xarray.Dataset(variables)

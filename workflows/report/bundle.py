@@ -19,20 +19,21 @@ def text(name: str) -> str:
 
 def bundled(first: str) -> str:
     """The module of this name, and all that it imports, as one script."""
-    return '"use strict";\n' + "\n".join(_function(name) for name in _ordered(first, {}))
+    functions = []
+    for name in _in_order(first, {}):
+        source = text(f"{name}.js")
+        exported = ", ".join(EXPORT.findall(source))
+        source = IMPORT.sub(r"const \1 = module_\2;\n", EXPORT.sub("", source))
+        functions.append(
+            f"const module_{name} = (() => {{\n{source}\nreturn {{ {exported} }};\n}})();"
+        )
+    return '"use strict";\n' + "\n".join(functions)
 
 
-def _ordered(name: str, seen: dict[str, None]) -> list[str]:
+def _in_order(name: str, modules: dict[str, None]) -> list[str]:
     """The modules that one imports, each before those that need it, and itself."""
-    for _, other in IMPORT.findall(text(f"{name}.js")):
-        if other not in seen:
-            _ordered(other, seen)
-    seen[name] = None
-    return list(seen)
-
-
-def _function(name: str) -> str:
-    source = text(f"{name}.js")
-    exported = ", ".join(EXPORT.findall(source))
-    source = IMPORT.sub(r"const \1 = module_\2;\n", EXPORT.sub("", source))
-    return f"const module_{name} = (() => {{\n{source}\nreturn {{ {exported} }};\n}})();"
+    for _, imported in IMPORT.findall(text(f"{name}.js")):
+        if imported not in modules:
+            _in_order(imported, modules)
+    modules[name] = None
+    return list(modules)

@@ -1,7 +1,7 @@
 """What a study leaves behind, tables, sentences and pictures: as text, as a record, as files."""
 
 from collections.abc import Iterable
-from itertools import chain, groupby
+from itertools import chain
 from json import dumps
 from textwrap import fill
 from typing import Any, NamedTuple
@@ -27,42 +27,45 @@ class Finding(NamedTuple):
         """A table by name, the study's own without one, as an xarray.Dataset over its rows."""
         from workflows.report.arrays import of_table
 
-        known = {table.name: table for table in self.tables}
-        if name is not None and name not in known:
-            raise InvalidScene(f"no table {name!r}; {nearest(name, known)}.")
-        return of_table(self.tables[0] if name is None else known[name])
+        by_name = {table.name: table for table in self.tables}
+        if name is not None and name not in by_name:
+            raise InvalidScene(f"no table {name!r}; {nearest(name, by_name)}.")
+        return of_table(self.tables[0] if name is None else by_name[name])
 
     def __repr__(self) -> str:
         return text(self)
 
 
-def merged(found: Iterable[Finding]) -> Finding:
+def merged(findings: Iterable[Finding]) -> Finding:
     """One finding of several; tables of the same name are joined, the first of all leads."""
-    every, sentences, pictures = (tuple(chain(*parts)) for parts in zip(*found, strict=True))
-    order = list(dict.fromkeys(table.name for table in every))
-    named = groupby(sorted(every, key=lambda table: order.index(table.name)), lambda t: t.name)
-    return Finding(tuple(_joined(list(same)) for _, same in named), sentences, pictures)
+    parts = zip(*findings, strict=True)
+    all_tables, sentences, pictures = (tuple(chain(*part)) for part in parts)
+    by_name: dict[str, list[Table]] = {}
+    for table in all_tables:
+        by_name.setdefault(table.name, []).append(table)
+
+    joined = []
+    for same in by_name.values():
+        rows = tuple(chain(*(table.rows for table in same)))
+        # printed lines of all, under the headings of the first
+        printed = [table.printed for table in same if table.printed]
+        lines = (*printed[0][:1], *chain(*(lines[1:] for lines in printed))) if printed else ()
+        joined.append(same[0]._replace(rows=rows, printed=lines))
+    return Finding(tuple(joined), sentences, pictures)
 
 
-def _joined(same: list[Table]) -> Table:
-    rows = tuple(chain(*(table.rows for table in same)))
-    printed = [table.printed for table in same if table.printed]
-    lines = (*printed[0][:1], *chain(*(lines[1:] for lines in printed))) if printed else ()
-    return same[0]._replace(rows=rows, printed=lines)
-
-
-def text(found: Finding) -> str:
+def text(finding: Finding) -> str:
     """Tables and sentences for a person."""
-    printed = [tables.text(table) for table in found.tables if table.printed != ()]
-    sentences = (fill(one, LINE, subsequent_indent="  ") for one in found.sentences)
+    printed = [tables.text(table) for table in finding.tables if table.printed != ()]
+    sentences = (fill(sentence, LINE, subsequent_indent="  ") for sentence in finding.sentences)
     return "\n".join([*("\n\n".join(printed), ""), *sentences] if printed else sentences)
 
 
-def record(found: Finding, **about: Any) -> dict[str, Any]:
-    """For machines: rows, findings and the tables beside, after what is said `about` it."""
-    own, *beside = found.tables
-    more = {table.name: tables.records(table) for table in beside}
-    return about | {"rows": tables.records(own), "findings": list(found.sentences)} | more
+def record(finding: Finding, **about: Any) -> dict[str, Any]:
+    """For machines: rows, findings and the other tables by name, behind what `about` says."""
+    main, *others = finding.tables
+    more = {table.name: tables.records(table) for table in others}
+    return about | {"rows": tables.records(main), "findings": list(finding.sentences)} | more
 
 
 def files(name: str) -> tuple[str, str]:
@@ -70,12 +73,12 @@ def files(name: str) -> tuple[str, str]:
     return f"{name}.csv", f"{name}.json"
 
 
-def write(found: Finding, folder: RunFolder, **about: Any) -> None:
-    """NAME.csv, NAME_BESIDE.csv of each table beside it, NAME.json and figures/ into a folder."""
-    own = found.tables[0].name
-    for table in found.tables:
-        name = own if table.name == own else f"{own}_{table.name}"
+def write(finding: Finding, folder: RunFolder, **about: Any) -> None:
+    """NAME.csv, NAME_OTHER.csv of each other table, NAME.json and figures/ into a folder."""
+    main = finding.tables[0].name
+    for table in finding.tables:
+        name = main if table.name == main else f"{main}_{table.name}"
         folder.write(f"{name}.csv", tables.as_csv(table))
-    content = dumps(record(found, **about), indent=1, allow_nan=False)
-    folder.write(f"{own}.json", content + "\n")
-    write_pictures(folder, found.pictures)
+    content = dumps(record(finding, **about), indent=1, allow_nan=False)
+    folder.write(f"{main}.json", content + "\n")
+    write_pictures(folder, finding.pictures)

@@ -19,8 +19,8 @@ def quantised(columns: ArrayLike, bits: str = "i2") -> dict[str, Any]:
 
 def whole(values: NDArray[np.integer]) -> dict[str, Any]:
     """Whole numbers (n, ...) >= 0 in as few bytes as they need."""
-    most = values.max(initial=0)
-    kind = next(kind for kind in ("u1", "u2", "u4") if most <= np.iinfo(kind).max)
+    largest = values.max(initial=0)
+    kind = next(kind for kind in ("u1", "u2", "u4") if largest <= np.iinfo(kind).max)
     return _packed(values.astype(f"<{kind}"), kind)
 
 

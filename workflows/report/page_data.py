@@ -7,7 +7,7 @@ u_w has all modes. Of a surface with more nodes than fit those are left that sho
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,6 @@ from workflows.report.packing import floats, quantised, whole
 from workflows.report.summary import Summary
 from workflows.scene import RomWall, Scene
 
-MOST_FRAMES = 3001  # instants that the page holds
-MOST_VALUES = 600_000  # of a chain's positions and velocities
-MOST_DRAWN = 300  # spheres, those next to the wall
-BYTES = 1_300_000  # of all shapes: in 8 bits where 16 take more, of fewer nodes where 8 do
 LEDGER = {
     "energy_kinetic": "spheres, kinetic",
     "energy_contact": "contacts",
@@ -35,25 +31,143 @@ LEDGER = {
 }
 
 
-def page_data(folder: Path, summary: Summary) -> dict[str, Any]:
+class PageLimits(NamedTuple):
+    """How much of a run the page holds, for a page of 3 MB at most."""
+
+    frames: int = 3001  # instants
+    values: int = 600_000  # of a chain's positions and velocities
+    spheres: int = 300  # those next to the wall
+    # of all shapes: in 8 bits where 16 take more, of fewer nodes where 8 do
+    bytes: int = 1_300_000
+
+
+def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits()) -> dict[str, Any]:
     """Everything that the page's scripts read, as JSON takes it."""
     scene = load(str(folder / "scene.toml"))
     run = arrays(folder / "trajectory.npz")
-    data: dict[str, Any] = {"scene": scene.name, "wall": wall_words(scene)}
+    data: dict[str, Any] = {
+        "scene": scene.name, "wall": None if scene.wall is None else scene.wall.kind
+    }  # fmt: skip
+
     if run:
-        data |= {
-            "chain": _chain(scene, run),
-            "curves": _curves(scene, run),
-            "waves": _waves(summary),
+        # positions and velocities of the spheres next to the wall, from the first drawn on
+        t, (k, n) = run["t"], run["x"].shape
+        first = max(0, n - limits.spheres)
+        step = max(1, -(-k // limits.frames), -(-k * (n - first) // limits.values))
+        data["chain"] = {
+            "first": first + 1,
+            "radius": np.broadcast_to(scene.chain.radius, n)[first:].tolist(),
+            "dt": float(step * (t[1] - t[0])),
+            "x": quantised(run["x"][::step, first:] - run["x"][0, first:]),
+            "v": quantised(run["v"][::step, first:]),
+            "wall_x": quantised(run["wall_x"][::step, None] - run["wall_x"][0]),
         }
+
+        # time histories: name, unit and values of each curve by plot
+        observed = scene.output.spheres or (1, n)
+        plots = {"velocity": [(f"sphere {s}", "m/s", run["v"][:, s - 1]) for s in observed]}
+        if scene.wall is not None:
+            plots["force"] = [("force at the wall", "N", run["contact_force"][:, -1])]
+            moved = run["wall_x"] - run["wall_x"][0]
+            plots["wall"] = [("displacement at the contact", "m", moved)] if moved.any() else []
+        plots["energy"] = [(words, "J", values) for words, values in ledger(run)]
+        data["curves"] = _sampled(t, plots, limits)
+
+        # waves that were followed, and those that pass the observed spheres
+        contact = summary.wall_contact
+        data["waves"] = {
+            "tracks": [track.model_dump() for track in contact.trains] if contact else [],
+            "marks": {
+                sphere: [arrival.model_dump() for arrival in waves.arrivals]
+                for sphere, waves in summary.waves.items()
+            },
+        }
+
+    # signals of the sensors behind their instants, a plot for each unit
     if scene.output.sensors and (file := folder / "signals.csv").is_file():
-        data["signals"] = _signals(scene, np.loadtxt(file, delimiter=",", skiprows=2, ndmin=2))
+        columns = np.loadtxt(file, delimiter=",", skiprows=2, ndmin=2).T
+        plots = {}
+        for sensor, y in zip(scene.output.sensors, columns[1:], strict=True):
+            plot = plots.setdefault(f"signals {sensor.unit}", [])
+            plot.append((sensor.label, sensor.unit, y))
+        data["signals"] = _sampled(columns[0], plots, limits)
+
     if reduced := reduced_model(folder, scene):
-        data["assembly"] = _assembly(reduced, scene, run, summary)
+        data["assembly"] = _moving_surface(reduced, scene, run, summary, limits)
     if response := arrays(folder / "response.npz"):
-        data["response"] = _response(response)
+        data["response"] = {
+            "frequency_hz": floats(response["frequency_hz"]),
+            "reduced": floats(np.abs(response["reduced"])),
+            "finer": floats(np.abs(response["finer"])),
+            "checked_hz": response["checked_hz"].tolist(),
+            "full": np.abs(response["full"]).tolist(),
+        }
     direction = reduced.contact.direction if reduced else (1.0, 0.0, 0.0)
     return data | {"direction": direction, "up": upwards(scene, direction)}
+
+
+def _sampled(t: NDArray[np.float64], plots: dict[str, list], limits: PageLimits) -> dict[str, Any]:
+    """Curves (name, unit, values at t) by plot, at as many instants as the page holds, in single
+    precision."""
+    step = max(1, -(-len(t) // limits.frames))
+    return {
+        "dt": float(step * (t[1] - t[0])),
+        "plots": {
+            plot: [
+                {"name": name, "unit": unit, "values": floats(values[::step])}
+                for name, unit, values in curves
+            ]
+            for plot, curves in plots.items()
+            if curves
+        },
+    }
+
+
+def _moving_surface(
+    reduced, scene: Scene, run: dict[str, NDArray], summary: Summary, limits: PageLimits
+) -> dict[str, Any]:
+    """The assembly's outer nodes X, the shapes phi_k of modes and wall, and the wall's q_k(t)."""
+    from coupling.surface_motion import Moved, shown_shapes
+
+    moved = None
+    if "wall_q" in run:
+        cutoff = getattr(scene.wall, "cutoff", None)
+        moved = Moved(run["wall_omega"], run["wall_phi"], run["wall_q"], cutoff)
+    shapes = shown_shapes(reduced, [mode.frequency_hz for mode in summary.modes], moved)
+    k, n = shapes.shape.shape[:2]
+
+    # as many nodes as fit in 8 bits a coordinate, in 16 where these fit as well
+    surface, point = reduced.surface, np.array(reduced.contact.point)
+    nodes, faces = np.arange(len(surface.points)), surface.faces
+    most_nodes = limits.bytes // (3 * max(k, 1))
+    if len(nodes) > most_nodes:
+        from geometry import thinned  # only a large surface pays for it
+
+        nodes, faces = thinned(surface.points, surface.faces, most_nodes)
+    bits = "i2" if 6 * k * len(nodes) <= limits.bytes else "i1"
+    body = np.zeros(n, int) if surface.body is None else surface.body
+    data = {
+        "n_nodes": n,
+        "points": quantised(surface.points[nodes] - point),
+        "faces": whole(faces),
+        "body": whole(body[nodes]),
+        "bodies": surface.bodies or ("assembly",),
+        "origin": point.tolist(),
+        "shapes": quantised(shapes.shape[:, nodes].reshape(k, -1).T, bits),
+        "of_mode": shapes.of_mode,
+        "of_wall": shapes.of_wall,
+    }
+    if moved is None:
+        return data
+
+    # the coordinates of the wall's modes over time, from rest
+    step = max(1, -(-len(run["t"]) // limits.frames))
+    return data | {
+        "phi": run["wall_phi"].tolist(),
+        "frequency_hz": (run["wall_omega"] / (2 * np.pi)).tolist(),
+        "q": quantised((run["wall_q"] - run["wall_q"][0])[::step]),
+        "dt": float(step * (run["t"][1] - run["t"][0])),
+    }
 
 
 def upwards(scene: Scene, direction: Sequence[float]) -> list[float]:
@@ -68,95 +182,25 @@ def upwards(scene: Scene, direction: Sequence[float]) -> list[float]:
     return (np.cos(angle) * level / np.linalg.norm(level) - np.sin(angle) * d).tolist()
 
 
-def arrays(path: Path) -> dict[str, NDArray]:
-    """The arrays of a file, none where there is no file."""
-    if not path.is_file():
-        return {}
-    with np.load(path) as file:
-        return {name: file[name] for name in file.files}
-
-
-def wall_words(scene: Scene) -> str | None:
-    """The kind of the wall; None for a free chain."""
-    return None if scene.wall is None else scene.wall.kind
-
-
-def _every(n: int, width: int) -> int:
-    """Take each so many of n instants of so many values."""
-    return max(1, -(-n // MOST_FRAMES), -(-n * width // MOST_VALUES))
-
-
-def _chain(scene: Scene, run: dict[str, NDArray]) -> dict[str, Any]:
-    """Positions and velocities of the spheres next to the wall, from the first drawn on."""
-    k, n = run["x"].shape
-    first = max(0, n - MOST_DRAWN)
-    every = _every(k, n - first)
-    radius = np.broadcast_to(scene.chain.radius, n)[first:]
-    return {
-        "first": first + 1,
-        "radius": radius.tolist(),
-        "dt": float(every * (run["t"][1] - run["t"][0])),
-        "x": quantised(run["x"][::every, first:] - run["x"][0, first:]),
-        "v": quantised(run["v"][::every, first:]),
-        "wall_x": quantised(run["wall_x"][::every, None] - run["wall_x"][0]),
-    }
-
-
-def _curves(scene: Scene, run: dict[str, NDArray]) -> dict[str, Any]:
-    """Time histories in single precision: name, unit and values of each curve by plot."""
-    n = run["v"].shape[1]
-    observed = scene.output.spheres or (1, n)
-    plots = {"velocity": [(f"sphere {s}", "m/s", run["v"][:, s - 1]) for s in observed]}
-    if scene.wall is not None:
-        plots["force"] = [("force at the wall", "N", run["contact_force"][:, -1])]
-        moved = run["wall_x"] - run["wall_x"][0]
-        plots["wall"] = [("displacement at the contact", "m", moved)] if moved.any() else []
-    plots["energy"] = [(words, "J", values) for words, values in ledger(run)]
-    return _sampled(run["t"], plots)
-
-
-def _signals(scene: Scene, rows: NDArray[np.float64]) -> dict[str, Any]:
-    """Those of the sensors (k, 1 + m) after their instants; a plot for each unit."""
-    plots: dict[str, list] = {}
-    for sensor, y in zip(scene.output.sensors, rows.T[1:], strict=True):
-        plots.setdefault(f"signals {sensor.unit}", []).append((sensor.label, sensor.unit, y))
-    return _sampled(rows[:, 0], plots)
-
-
-def _sampled(t: NDArray[np.float64], plots: dict[str, list]) -> dict[str, Any]:
-    """Curves (name, unit, values at t) by plot, at as many instants as the page holds."""
-    every = max(1, -(-len(t) // MOST_FRAMES))
-    return {
-        "dt": float(every * (t[1] - t[0])),
-        "plots": {
-            name: [{"name": w, "unit": u, "values": floats(v[::every])} for w, u, v in curves]
-            for name, curves in plots.items()
-            if curves
-        },
-    }
-
-
 def ledger(run: dict[str, NDArray]) -> list[tuple[str, NDArray]]:
     """Energies [J] by name, changes since the start but for the kinetic one, and their sum."""
-    found = []
+    changes = []
     for name, words in LEDGER.items():
         if name not in run:  # of a folder that an earlier version wrote
             continue
         sign = -1.0 if name.startswith("work") else 1.0
         change = sign * (run[name] - (0.0 if name == "energy_kinetic" else run[name][0]))
         if np.any(change):
-            found.append((words, change))
-    return [*found, ("sum", sum(values for _, values in found))]
+            changes.append((words, change))
+    return [*changes, ("sum", sum(values for _, values in changes))]
 
 
-def _waves(summary: Summary) -> dict[str, Any]:
-    contact = summary.wall_contact
-    tracks = [track.model_dump() for track in contact.trains] if contact else []
-    marks = {
-        sphere: [arrival.model_dump() for arrival in waves.arrivals]
-        for sphere, waves in summary.waves.items()
-    }
-    return {"tracks": tracks, "marks": marks}
+def arrays(path: Path) -> dict[str, NDArray]:
+    """The arrays of a file, none where there is no file."""
+    if not path.is_file():
+        return {}
+    with np.load(path) as file:
+        return {name: file[name] for name in file.files}
 
 
 def reduced_model(folder: Path, scene: Scene):
@@ -174,62 +218,3 @@ def reduced_model(folder: Path, scene: Scene):
     except rom.ReductionError:
         return None
     return reduced if reduced.surface is not None and reduced.contact.point else None
-
-
-def _assembly(reduced, scene: Scene, run: dict[str, NDArray], summary: Summary) -> dict[str, Any]:
-    from coupling.surface_motion import Moved, shown_shapes
-
-    surface, point = reduced.surface, np.array(reduced.contact.point)
-    moved = None
-    if "wall_q" in run:
-        cutoff = getattr(scene.wall, "cutoff", None)
-        moved = Moved(run["wall_omega"], run["wall_phi"], run["wall_q"], cutoff)
-    shapes = shown_shapes(reduced, [mode.frequency_hz for mode in summary.modes], moved)
-    k, n = shapes.shape.shape[:2]
-    body = np.zeros(n, int) if surface.body is None else surface.body
-    nodes, faces = _drawn(surface, BYTES // (3 * max(k, 1)))
-    kind = "i2" if 6 * k * len(nodes) <= BYTES else "i1"
-    return {
-        "n_nodes": n,
-        "points": quantised(surface.points[nodes] - point),
-        "faces": whole(faces),
-        "body": whole(body[nodes]),
-        "bodies": surface.bodies or ("assembly",),
-        "origin": point.tolist(),
-        "shapes": quantised(shapes.shape[:, nodes].reshape(k, -1).T, kind),
-        "of_mode": shapes.of_mode,
-        "of_wall": shapes.of_wall,
-        **_wall_motion(run),
-    }
-
-
-def _drawn(surface, most: int) -> tuple[NDArray, NDArray]:
-    """Nodes that the page draws, and the faces around them."""
-    if len(surface.points) <= most:
-        return np.arange(len(surface.points)), surface.faces
-    from geometry import thinned  # only a large surface pays for it
-
-    return thinned(surface.points, surface.faces, most)
-
-
-def _wall_motion(run: dict[str, NDArray]) -> dict[str, Any]:
-    """The coordinates of the wall's modes over time, from rest."""
-    if "wall_q" not in run:
-        return {}
-    every = max(1, -(-len(run["t"]) // MOST_FRAMES))
-    return {
-        "phi": run["wall_phi"].tolist(),
-        "frequency_hz": (run["wall_omega"] / (2 * np.pi)).tolist(),
-        "q": quantised((run["wall_q"] - run["wall_q"][0])[::every]),
-        "dt": float(every * (run["t"][1] - run["t"][0])),
-    }
-
-
-def _response(found: dict[str, NDArray]) -> dict[str, Any]:
-    return {
-        "frequency_hz": floats(found["frequency_hz"]),
-        "reduced": floats(np.abs(found["reduced"])),
-        "finer": floats(np.abs(found["finer"])),
-        "checked_hz": found["checked_hz"].tolist(),
-        "full": np.abs(found["full"]).tolist(),
-    }

@@ -23,12 +23,10 @@ from matplotlib.ticker import (
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# told apart by lightness as well, and where that is not enough by dashes and markers
+# they differ in lightness as well, and where that is not enough in dashes and markers
 COLOURS = ("#0b3c7d", "#e0522d", "#1b7f4b", "#e3a008", "#5b3a9e", "#2aa1b3", "#7f4f24", "#c2458f")
 DASHES = ("-", (0, (6, 2)), (0, (6, 2, 1.5, 2)), (0, (1.5, 1.5)), (0, (10, 3)))
 MARKERS = "os^Dv<>PX"
-FEW = 6  # values of a logarithmic axis that are ticks themselves
-PIXELS = 1500  # across a map over time: no more columns are drawn
 
 
 class Line(NamedTuple):
@@ -37,8 +35,9 @@ class Line(NamedTuple):
     name: str | None
     x: Array
     y: Array
-    style: str | tuple | None = None  # "-", "o-", "o", "x", dashes ...; None takes the next ones
-    colour: int | str | None = None  # of COLOURS, MARKERS and DASHES, or a name; None the next
+    style: str | tuple | None = None  # "-", "o-", "o", "x", dashes ...; None: the next of DASHES
+    # index into COLOURS, MARKERS and DASHES, or the name of a colour; None: the next ones
+    colour: int | str | None = None
     width: float = 1.3
 
 
@@ -74,7 +73,29 @@ def drawn(
     rows = -(-len(sets) // columns)
     figure, axes = subplots(rows, columns, (columns * size[0], rows * size[1]), **shared)
     for panel, axis in zip(sets, axes, strict=False):
-        _draw(panel, axis)
+        for i, line in enumerate(panel.lines):
+            place = line.colour if isinstance(line.colour, int) else i
+            named = line.colour if isinstance(line.colour, str) else None
+            axis.plot(
+                line.x, line.y, color=named or COLOURS[place % len(COLOURS)],
+                linewidth=line.width, markersize=4, label=line.name,
+                **_dashes_and_markers(line.style, place),
+            )  # fmt: skip
+        if "x" in panel.logarithmic:
+            axis.set_xscale("log")
+            log_ticks(axis.xaxis, (line.x for line in panel.lines), plain=True)
+        if "y" in panel.logarithmic:
+            axis.set_yscale("log")
+            log_ticks(axis.yaxis, (line.y for line in panel.lines), plain=False)
+        if panel.y_limits:
+            axis.set_ylim(*panel.y_limits)
+        axis.set_title(panel.title, fontsize=9, loc="left")
+        axis.set_xlabel(panel.x_label)
+        axis.set_ylabel(panel.y_label)
+        if any(line.name for line in panel.lines):
+            legend(axis, panel.legend)
+        frame(axis)
+
     for unused in axes[len(sets) :]:
         unused.set_axis_off()
     if legend_apart and len(sets) < len(axes):
@@ -92,31 +113,7 @@ def subplots(
     return figure, list(figure.subplots(rows, columns, squeeze=False, **shared).ravel())
 
 
-def _draw(panel: Panel, axis: Axes) -> None:
-    for i, line in enumerate(panel.lines):
-        place = line.colour if isinstance(line.colour, int) else i
-        named = line.colour if isinstance(line.colour, str) else None
-        axis.plot(
-            line.x, line.y, color=named or COLOURS[place % len(COLOURS)], linewidth=line.width,
-            markersize=4, label=line.name, **_look(line.style, place),
-        )  # fmt: skip
-    if "x" in panel.logarithmic:
-        axis.set_xscale("log")
-        log_ticks(axis.xaxis, (line.x for line in panel.lines), plain=True)
-    if "y" in panel.logarithmic:
-        axis.set_yscale("log")
-        log_ticks(axis.yaxis, (line.y for line in panel.lines), plain=False)
-    if panel.y_limits:
-        axis.set_ylim(*panel.y_limits)
-    axis.set_title(panel.title, fontsize=9, loc="left")
-    axis.set_xlabel(panel.x_label)
-    axis.set_ylabel(panel.y_label)
-    if any(line.name for line in panel.lines):
-        legend(axis, panel.legend)
-    frame(axis)
-
-
-def _look(style: str | tuple | None, place: int) -> dict:
+def _dashes_and_markers(style: str | tuple | None, place: int) -> dict:
     """Curves differ by colour, dashes and markers: also on paper without colour."""
     if style is None:
         return {"linestyle": DASHES[place % len(DASHES)]}
@@ -146,18 +143,19 @@ def frame(axis: Axes) -> None:
 
 
 def log_ticks(axis: Axis, values: Iterable[Array], *, plain: bool) -> None:
-    """Few values are ticks themselves; else 1, 2 and 5 in a wide span, more of them in a narrow
-    one; beyond, `plain` or powers."""
-    every = np.concatenate([np.ravel(some) for some in values])
-    every = np.unique(every[np.isfinite(every)])
-    span = every[-1] / every[0] if every.size and every[0] > 0 else np.inf
-    if plain and every.size <= FEW and span < 200:
-        axis.set_major_locator(FixedLocator(every))
+    """Up to six values are ticks themselves; else 1, 2 and 5 in a wide span, more of them in a
+    narrow one; beyond a factor of 200, `plain` numbers or powers."""
+    ticks = np.concatenate([np.ravel(array) for array in values])
+    ticks = np.unique(ticks[np.isfinite(ticks)])
+    span = ticks[-1] / ticks[0] if ticks.size and ticks[0] > 0 else np.inf
+    are_few = plain and ticks.size <= 6
+    if are_few and span < 200:
+        axis.set_major_locator(FixedLocator(ticks))
         axis.set_minor_locator(NullLocator())
     if plain or span < 200:
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("{x:g}" if span < 200 else NullFormatter())
-    if span < 200 and not (plain and every.size <= FEW):
+    if span < 200 and not are_few:
         axis.set_minor_locator(LogLocator(subs=(2, 5) if span >= 6 else (2, 3, 4, 6, 8)))
 
 
@@ -181,10 +179,10 @@ def heat_map(
     limits: tuple[float | None, float | None] = (None, None),
 ) -> None:
     """Values (r, c) as colours with names of rows and columns; numbers from `legible` on."""
-    shown = axis.imshow(values, cmap=cmap, aspect="auto", vmin=limits[0], vmax=limits[1])
+    image = axis.imshow(values, cmap=cmap, aspect="auto", vmin=limits[0], vmax=limits[1])
     for (i, j), value in np.ndenumerate(values):
         if value >= legible:
-            dark = np.mean(shown.cmap(shown.norm(value))[:3]) < 0.55
+            dark = np.mean(image.cmap(image.norm(value))[:3]) < 0.55
             axis.text(
                 j, i, f"{value:.2f}", ha="center", va="center", fontsize=8,
                 color="white" if dark else "black",
@@ -192,7 +190,20 @@ def heat_map(
     axis.set_yticks(range(len(names[0])), names[0], fontsize=8)
     axis.set_xticks(range(len(names[1])), names[1], fontsize=8)
     axis.spines[:].set_visible(False)
-    axis.figure.colorbar(shown, ax=axis, label=label, shrink=0.7)
+    axis.figure.colorbar(image, ax=axis, label=label, shrink=0.7)
+
+
+def correlation_map(axis: Axes, values: Array, names: Sequence[str]) -> None:
+    """Correlations (n, n) between -1, blue, and 1, red."""
+    heat_map(axis, values, (names, names), "correlation", cmap="RdBu_r", limits=(-1, 1))
+
+
+def residual_pairs(n: int, height: float) -> tuple[Figure, list[tuple[Axes, Axes]]]:
+    """A figure of n pairs of axes over one time: a record, and a third as high its residual below;
+    height [inch] of a pair."""
+    inches = (9, 1.2 + height * n)
+    figure, axes = subplots(2 * n, 1, inches, sharex=True, height_ratios=[3, 1] * n)
+    return figure, list(zip(axes[::2], axes[1::2], strict=True))
 
 
 def outlined_map(
@@ -200,9 +211,9 @@ def outlined_map(
 ) -> bytes:
     """PNG of values (r, c) as tiles between borders (r + 1,) and (c + 1,) to scale, with edges
     (m, 2, 2) drawn over them; names of the picture and of both axes."""
-    wide, high = np.ptp(edges.reshape(-1, 2), axis=0)
-    figure, (axis,) = subplots(1, 1, (7.5, np.clip(6 * high / wide + 1, 2.5, 9)))
-    shown = axis.pcolormesh(*borders, values.T, cmap="viridis")
+    width, height = np.ptp(edges.reshape(-1, 2), axis=0)
+    figure, (axis,) = subplots(1, 1, (7.5, np.clip(6 * height / width + 1, 2.5, 9)))
+    tiles = axis.pcolormesh(*borders, values.T, cmap="viridis")
     axis.add_collection(LineCollection(edges, colors="black", linewidths=1.2))
     axis.set_title(names[0], fontsize=9, loc="left")
     axis.set_xlabel(names[1])
@@ -210,22 +221,24 @@ def outlined_map(
     axis.set_aspect("equal")
     axis.autoscale_view()
     axis.spines[:].set_visible(False)
-    figure.colorbar(shown, ax=axis, label=label, shrink=0.8)
+    figure.colorbar(tiles, ax=axis, label=label, shrink=0.8)
     return png(figure)
 
 
 def space_time(axis: Axes, t: Array, v: Array) -> None:
-    """Velocity of every sphere v (k, n) [m/s] over time t (k,) [s], small ones seen as well."""
-    top, every, n = np.abs(v).max() or 1.0, max(1, len(t) // PIXELS), v.shape[1]
-    shown = axis.imshow(
-        v[::every].T, aspect="auto", cmap="RdBu_r", interpolation="nearest",
+    """Velocity of every sphere v (k, n) [m/s] over time t (k,) [s], linear below a twentieth of the
+    largest and logarithmic above: faint waves are visible as well."""
+    top, n = np.abs(v).max() or 1.0, v.shape[1]
+    step = max(1, len(t) // 1500)  # no more columns than pixels across the picture
+    image = axis.imshow(
+        v[::step].T, aspect="auto", cmap="RdBu_r", interpolation="nearest",
         norm=SymLogNorm(0.05 * top, vmin=-top, vmax=top),
         extent=(1e3 * t[0], 1e3 * t[-1], n + 0.5, 0.5),
     )  # fmt: skip
     axis.set_xlabel("time [ms]")
     axis.set_ylabel("sphere, 1 = striker, the wall below")
     axis.yaxis.set_major_locator(MaxNLocator(integer=True))
-    bar = axis.figure.colorbar(shown, label="velocity [m/s], towards the wall", shrink=0.9)
+    bar = axis.figure.colorbar(image, label="velocity [m/s], towards the wall", shrink=0.9)
     bar.ax.minorticks_off()
 
 

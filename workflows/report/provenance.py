@@ -40,29 +40,24 @@ UNKNOWN = Origin("", {})
 
 def origin(word: str, scene: Scene, source: Source, changes: Changes) -> Origin:
     """The command `word` for a scene by name or file, in Python no command."""
-    named = source is None or isinstance(source, str | Path)
-    options = [f"--set={_written(change)}" for change in each(changes)]
-    command = shlex.join(["beadwave", word, str(source or DEFAULT), *options]) if named else ""
-    text = f"# the scene of: {command}\n{scene_text(_name(source)).text}" if named else ""
+    command = text = ""
+    if source is None or isinstance(source, str | Path):
+        options = []
+        for change in each(changes):  # as --set takes them
+            if not isinstance(change, str):
+                key, value = change
+                change = f"{key}={_inline(value)}"
+            options.append(f"--set={change}")
+        command = shlex.join(["beadwave", word, str(source or DEFAULT), *options])
+        name = None if source is None else str(source)
+        text = f"# the scene of: {command}\n{scene_text(name).text}"
     return Origin(command, sources(scene, source, changes), text)
-
-
-def _name(source: Source) -> str | None:
-    return None if source is None else str(source)
-
-
-def _written(change: str | tuple[str, Any]) -> str:
-    """A change as --set takes it."""
-    if isinstance(change, str):
-        return change
-    key, value = change
-    return f"{key}={_inline(value)}"
 
 
 def _inline(value: Any) -> str:
     """A value of TOML on one line."""
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{key} = {_inline(one)}' for key, one in value.items())}}}"
+        return f"{{{', '.join(f'{key} = {_inline(item)}' for key, item in value.items())}}}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_inline, value))}]"
     return dumps(value) if isinstance(value, str | bool) else repr(value)
@@ -70,12 +65,34 @@ def _inline(value: Any) -> str:
 
 def sources(scene: Scene, source: Source, changes: Changes) -> dict[str, ValueSource]:
     """Dotted key to source for every value of the resolved scene."""
-    before = tables_of(source)
-    written = changed(before, each(changes))
-    given = flat({"name": scene.name, **written})
-    yours = _yours(source, flat(before), given)
-    reference = _reference(source, written)
-    values, marks = _marked(reference) if reference else ({}, {})
+    name = None
+    if source is None or isinstance(source, str | Path):
+        name = DEFAULT if source is None else str(source)
+    scenes = built_in()
+
+    # yours: values that were given, with the comments of your file on those that no change took
+    tables = tables_of(source)
+    written = changed(tables, each(changes))
+    unchanged, given = flat(tables), flat({"name": scene.name, **written})
+    is_file = source is not None and name is not None and name not in scenes
+    notes = comments(scene_text(name).text) if is_file else {}
+    yours = {}
+    for key, value in given.items():
+        note = notes.get(key, "") if unchanged.get(key) == value else ""
+        yours[key] = ValueSource(kind="yours", note=note)
+
+    # the built-in scene that this one is, or was copied from: its values, and the marks of those
+    # that it writes
+    values, marks = {}, {}
+    reference = next((key for key in (name, written.get("name")) if key in scenes), None)
+    if reference:
+        values = flat(load(reference).model_dump(exclude_none=True))
+        notes = comments(scenes[reference])
+        for key in flat(tomllib.loads(scenes[reference])):
+            mark = MARK.search(notes.get(key, ""))
+            kind = mark[1].lower() if mark else "chosen"
+            marks[key] = ValueSource(kind=kind, note=notes.get(key, ""))
+
     return {
         key: marks.get(key, BY_DEFAULT)
         if key in values and values[key] == value
@@ -84,73 +101,48 @@ def sources(scene: Scene, source: Source, changes: Changes) -> dict[str, ValueSo
     }
 
 
-def _yours(source: Source, before: dict[str, Any], given: dict[str, Any]) -> dict[str, ValueSource]:
-    """Values that were given, with the comments of the user's file on those that no change took."""
-    own = isinstance(source, str | Path) and str(source) not in built_in()
-    notes = _comments(scene_text(str(source)).text) if own else {}
-    kept = {key: notes.get(key, "") if before.get(key) == given[key] else "" for key in given}
-    return {key: ValueSource(kind="yours", note=note) for key, note in kept.items()}
-
-
 def flat(table: Any, path: str = "") -> dict[str, Any]:
     """Dotted keys to values; tables of a list by their name or number."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for key, value in table.items():
-        here = f"{path}.{key}" if path else key
-        several = value if isinstance(value, list | tuple) else ()
+        dotted = f"{path}.{key}" if path else key
+        items = value if isinstance(value, list | tuple) else ()
         if isinstance(value, dict):
-            found |= flat(value, here)
-        elif several and all(isinstance(one, dict) for one in several):
-            for i, one in enumerate(several, start=1):
-                found |= flat(one, f"{here}.{one.get('name', i)}")
+            values |= flat(value, dotted)
+        elif items and all(isinstance(item, dict) for item in items):
+            for i, item in enumerate(items, start=1):
+                values |= flat(item, f"{dotted}.{item.get('name', i)}")
         else:
-            found[here] = tuple(value) if isinstance(value, list) else value
-    return found
+            values[dotted] = tuple(value) if isinstance(value, list) else value
+    return values
 
 
-def _reference(source: Source, written: dict[str, Any]) -> str | None:
-    """The built-in scene that this one is, or was copied from."""
-    scenes = built_in()
-    own = DEFAULT if source is None else str(source) if isinstance(source, str | Path) else None
-    return next((one for one in (own, written.get("name")) if one in scenes), None)
-
-
-def _marked(name: str) -> tuple[dict[str, Any], dict[str, ValueSource]]:
-    """The values of a built-in scene, and the marks of those that it writes."""
-    text = built_in()[name]
-    written, notes = flat(tomllib.loads(text)), _comments(text)
-    marks = {key: _mark(notes.get(key, "")) for key in written}
-    return flat(load(name).model_dump(exclude_none=True)), marks
-
-
-def _mark(comment: str) -> ValueSource:
-    found = MARK.search(comment)
-    return ValueSource(kind=found[1].lower() if found else "chosen", note=comment)
-
-
-def _comments(text: str) -> dict[str, str]:
+def comments(text: str) -> dict[str, str]:
     """Dotted key to the comment behind it, over its lines; without a mark also that of its table,
     behind the table's name or on the lines before it, the first one whole, others its mark."""
     notes: dict[str, str] = {}
-    table, head, last, block = "", "", "", ""
-    number, seen = "", Counter()
+    table, table_note = "", ""  # the open table with its dot, what its values inherit
+    last, block = "", ""  # the key of the last value, the comment on the lines before this one
+    number, tables_of_name = "", Counter()  # of a table of a list, as long as it has no name
     for line in text.splitlines():
-        if found := HEADER.fullmatch(line.strip()):
-            seen[found[2]] += 1
-            number = f"{seen[found[2]]}." if found[1] == "[[" else ""
-            table, last = f"{found[2]}.{number}", ""
-            head = f"{block.removesuffix('.')}; {found[3] or ''}".strip("; ")
+        if header := HEADER.fullmatch(line.strip()):
+            brackets, name, note = header.groups()
+            tables_of_name[name] += 1
+            number = f"{tables_of_name[name]}." if brackets == "[[" else ""
+            table, last = f"{name}.{number}", ""
+            table_note = f"{block.removesuffix('.')}; {note or ''}".strip("; ")
         elif line.lstrip().startswith("#"):
             block = f"{block} {line.strip(' #')}".lstrip()
-            if last and line.startswith("  "):
+            if last and line.startswith("  "):  # a comment that goes on below its value
                 notes[last] += f" {line.strip(' #')}"
             continue
-        elif found := VALUE.match(line):
-            if number and (name := NAME.match(line)):
-                table, number = f"{table.removesuffix(number)}{name[1]}.", ""
-            last, own = table + found[1], found[2] or ""
-            if not MARK.search(own) and (mark := MARK.search(head)):
-                own, head = f"{own}; {head}".lstrip("; "), mark[1].lower()
-            notes[last] = own
+        elif value := VALUE.match(line):
+            key, note = value[1], value[2] or ""
+            if number and (named := NAME.match(line)):
+                table, number = f"{table.removesuffix(number)}{named[1]}.", ""
+            if not MARK.search(note) and (mark := MARK.search(table_note)):
+                note, table_note = f"{note}; {table_note}".lstrip("; "), mark[1].lower()
+            last = table + key
+            notes[last] = note
         block = ""
     return notes

@@ -21,7 +21,7 @@ from workflows.report import bundle, page_rows
 from workflows.report.numbers import difference, figures, grouped, percent, share_percent, si
 from workflows.report.page_data import page_data
 from workflows.report.summary import Summary
-from workflows.scene import InvalidScene, Scene
+from workflows.scene import InvalidScene
 from workflows.scene.named_files import unfit
 
 CAPTIONS = {
@@ -39,7 +39,6 @@ CAPTIONS = {
     "Grey: the outline at rest. Colours: displacement over its largest. Shapes are exaggerated: "
     "bodies part where the springs of a joint give way, and may seem to pass through each other.",
 }
-COLOURS = 128  # of a picture in the page
 
 
 def write_report(folder: RunFolder) -> Path:
@@ -48,21 +47,48 @@ def write_report(folder: RunFolder) -> Path:
 
 
 def page(folder: Path, summary: Summary) -> str:
-    """The page of a run folder."""
+    """The page of a run folder: `page/page.html.jinja` filled in, `first_screen.py` says what comes
+    first."""
     from jinja2 import Environment  # only who writes a page pays
+    from PIL import Image
+
+    try:
+        scene = load(str(folder / "scene.toml"))
+    except InvalidScene:  # it, or a file that it names, is gone
+        scene = None
+    scene_toml = folder / "scene.toml"
+    data = page_data(folder, summary)
+
+    # pictures in few colours, in the page itself
+    pictures = {}
+    for name in CAPTIONS:
+        path = folder / "figures" / f"{name}.png"
+        if path.is_file():
+            raw = BytesIO()
+            with Image.open(path) as picture:
+                few = picture.convert("RGB").quantize(128, Image.Quantize.FASTOCTREE)
+            few.save(raw, "PNG")
+            pictures[name] = b64encode(raw.getvalue()).decode()
+
+    # styles and scripts, and the digests by which the page allows them
+    scripts = [*map(bundle.text, ("vendor/ogl.min.js", "vendor/uplot.min.js"))]
+    scripts.append(bundle.bundled("main"))
+    styles = [*map(bundle.text, ("vendor/uplot.min.css", "style.css"))]
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     numbers: tuple[Callable, ...] = (si, percent, difference, figures, grouped, share_percent)
     environment.filters |= {filter.__name__: filter for filter in numbers}
-    scene, data = _scene(folder), page_data(folder, summary)
     return environment.from_string(bundle.text("page.html.jinja")).render(
         summary=summary,
         scene=scene,
-        scene_toml=_text(folder / "scene.toml"),
-        pictures=_pictures(folder),
+        scene_toml=scene_toml.read_text(encoding="utf-8") if scene_toml.is_file() else "",
+        pictures=pictures,
         captions=CAPTIONS,
-        data=Markup(_harmless(data)),
-        **_code(),
+        data=Markup(harmless_json(data)),
+        scripts=[*map(Markup, scripts)],
+        styles=[*map(Markup, styles)],
+        script_hashes=Markup("".join(map(_digest, scripts))),
+        style_hashes=Markup("".join(map(_digest, styles))),
         **page_rows.context(scene, summary, data),
     )
 
@@ -82,51 +108,12 @@ def require_summary(folder: Path) -> Summary:
         ) from None
 
 
-def _scene(folder: Path) -> Scene | None:
-    """The scene of the folder; None where it, or a file that it names, is gone."""
-    try:
-        return load(str(folder / "scene.toml"))
-    except InvalidScene:
-        return None
-
-
-def _text(path: Path) -> str:
-    return path.read_text(encoding="utf-8") if path.is_file() else ""
-
-
-def _harmless(data: dict[str, Any]) -> str:
+def harmless_json(data: dict[str, Any]) -> str:
     """JSON in which no browser finds the end of a script, whatever names hold."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.translate({ord(sign): f"\\u{ord(sign):04x}" for sign in "<>&\u2028\u2029"})
 
 
-def _code() -> dict[str, Any]:
-    """Styles and scripts of the page, and the digests by which it allows them."""
-    scripts = [*map(bundle.text, ("vendor/ogl.min.js", "vendor/uplot.min.js"))]
-    scripts.append(bundle.bundled("main"))
-    styles = [*map(bundle.text, ("vendor/uplot.min.css", "style.css"))]
-    return {
-        "scripts": [*map(Markup, scripts)],
-        "styles": [*map(Markup, styles)],
-        "script_hashes": Markup("".join(map(_digest, scripts))),
-        "style_hashes": Markup("".join(map(_digest, styles))),
-    }
-
-
 def _digest(content: str) -> str:
+    """A script or style as the page's security policy names it."""
     return f" 'sha256-{b64encode(sha256(content.encode()).digest()).decode()}'"
-
-
-def _pictures(folder: Path) -> dict[str, str]:
-    """Base64 of each figure that is there, in few colours."""
-    paths = {name: folder / "figures" / f"{name}.png" for name in CAPTIONS}
-    return {name: _small(path) for name, path in paths.items() if path.is_file()}
-
-
-def _small(path: Path) -> str:
-    from PIL import Image
-
-    raw = BytesIO()
-    with Image.open(path) as picture:
-        picture.convert("RGB").quantize(COLOURS, Image.Quantize.FASTOCTREE).save(raw, "PNG")
-    return b64encode(raw.getvalue()).decode()

@@ -14,10 +14,10 @@ class StageTime(BaseModel):
 class WaveArrival(BaseModel):
     """A wave passing an observed sphere; `alone` if it was measured, not taken out of others.
 
-    quality is 1 for a solitary wave and 0 for nothing like one: then time and velocity are those
-    that the wave's collisions at other spheres say. Without a name it belongs to no wave that was
-    followed through the chain, and has no quality. A wave that leaves its sphere moving, or is cut
-    by the record, has no width.
+    quality is 1 for a solitary wave and 0 for nothing like one: time and velocity then come from
+    the wave's collisions at other spheres. Without a name it belongs to no wave that was followed
+    through the chain, and has no quality. A wave that leaves its sphere moving, or is cut by the
+    record, has no width.
     """
 
     time_s: float
@@ -29,7 +29,8 @@ class WaveArrival(BaseModel):
 
 
 class SphereWaves(BaseModel):
-    """Waves at one sphere; between the incident and the first reflected one, what was asked for."""
+    """Waves at one sphere; between the incident and the first reflected one the time of flight, and
+    the ratio of their forces."""
 
     arrivals: tuple[WaveArrival, ...]
     tof_s: float | None
@@ -89,7 +90,7 @@ class ChainContact(BaseModel):
 
 
 class ErrorEstimate(BaseModel):
-    """Relative errors of the observed velocities; None where nothing estimated it."""
+    """Relative errors of the observed velocities by cause; None where nothing estimates one."""
 
     time: float | None = None
     reduction: float | None = None
@@ -97,7 +98,7 @@ class ErrorEstimate(BaseModel):
 
 
 class ReductionHealth(BaseModel):
-    """What the reduced model is like; see rom.Health.
+    """The reduced model in numbers; see rom.Health.
 
     effective_mass_captured: effective mass of the modes along the chain over the assembly's;
     half_space_compliance_m_per_N: contained in the Hertz law, and subtracted from the wall;
@@ -129,8 +130,8 @@ class ModeFound(BaseModel):
     """A computed mode, and the target that it is, if it is one.
 
     participation at the contact [kg^-1/2]; effective_mass: shares of the whole mass along x, y, z;
-    score: share of the mode's energy in the motion that tells the target; mac: with that mode of
-    stiff joints, where `modes` or `tune` has computed it before.
+    score: share of the mode's energy in the motion by which the target is recognised; mac: with
+    that mode of stiff joints, where `modes` or `tune` has computed it before.
     """
 
     number: int

@@ -7,15 +7,14 @@ from io import StringIO
 from math import isfinite, isnan
 from typing import Any, NamedTuple
 
-NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]\d+)?( %)?|-|nan|inf|")  # as a text with digits of its own
-MOST_DIGITS = 6  # that tell rows apart
+NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]\d+)?( %)?|-|nan|inf|")  # written as a text already
 LINE = 100  # characters of a printed sentence's lines
 
 
 class Table(NamedTuple):
     """Rows of numbers and words, kept as CSV and JSON; None is a value that does not exist.
 
-    `printed` replaces headings and rows where a person is to see others; empty prints nothing.
+    `printed` replaces headings and rows for a person; empty, nothing is printed.
     """
 
     name: str
@@ -36,16 +35,16 @@ def aligned_text(columns: tuple[str, ...], rows: Iterable[tuple]) -> str:
 def text(table: Table) -> str:
     """Aligned columns, numbers in three digits and flush right, a dash for what does not exist."""
     lines = (table.columns, *table.rows) if table.printed is None else table.printed
-    columns = [_aligned(column) for column in zip(*lines, strict=True)]
+    columns = []
+    for column in zip(*lines, strict=True):
+        cells = [short(value) for value in column]
+        width = max(map(len, cells))
+        values = column[1:]  # below the heading
+        if any(isinstance(value, str) and not NUMBER.fullmatch(value) for value in values):
+            columns.append([cell.ljust(width) for cell in cells])
+        else:
+            columns.append([cell.rjust(width) for cell in cells])
     return "\n".join("  ".join(cells).rstrip() for cells in zip(*columns, strict=True))
-
-
-def _aligned(column: tuple) -> list[str]:
-    """The cells of a column, heading first, as wide as the widest of them."""
-    cells = [short(value) for value in column]
-    width = max(map(len, cells))
-    words = any(isinstance(value, str) and not NUMBER.fullmatch(value) for value in column[1:])
-    return [cell.ljust(width) if words else cell.rjust(width) for cell in cells]
 
 
 def short(value: Any, n: int = 3) -> str:
@@ -60,24 +59,24 @@ def short(value: Any, n: int = 3) -> str:
     return f"{value:.{n}g}" if n == 3 else f"{value:#.{n}g}".removesuffix(".")
 
 
-def apart(values: Iterable[Any]) -> list[str]:
-    """Values in three digits, or in as many more, up to MOST_DIGITS, as tell them apart."""
+def apart(values: Iterable[Any], most_digits: int = 6) -> list[str]:
+    """Values in three digits, or in as many more as tell them apart, up to `most_digits`."""
     values = list(values)
-    finest = len({short(value, MOST_DIGITS) for value in values})
-    for n in range(3, MOST_DIGITS + 1):
-        found = [short(value, n) for value in values]
-        if len(set(found)) == finest:
-            return found
-    return found
+    n_different = len({short(value, most_digits) for value in values})
+    for n in range(3, most_digits + 1):
+        texts = [short(value, n) for value in values]
+        if len(set(texts)) == n_different:
+            break
+    return texts
 
 
 def as_csv(table: Table) -> str:
     """Comma-separated, nothing for what does not exist."""
-    written = StringIO(newline="")
-    writer = csv.writer(written, lineterminator="\n")
+    file = StringIO(newline="")
+    writer = csv.writer(file, lineterminator="\n")
     writer.writerow(table.columns)
     writer.writerows([None if value != value else value for value in row] for row in table.rows)
-    return written.getvalue()
+    return file.getvalue()
 
 
 def records(table: Table) -> list[dict[str, Any]]:

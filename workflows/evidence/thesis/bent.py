@@ -5,14 +5,12 @@ import numpy as np
 import coupling
 import dem
 from dem.waves.measures import WallContact
-from workflows.evidence.thesis.observed_run import ERROR, Observed, Setup, seen
+from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, seen
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.parts import with_chain
 from workflows.stages import bending
 from workflows.stages.chain import chain, initial_velocity
 from workflows.stages.wall import wall_of
-
-RECEPTANCE_ERROR = 1e-3  # of reduced beams and plates: studies compare theories, not reductions
 
 
 def require(scene: Scene, table: str) -> None:
@@ -23,8 +21,9 @@ def require(scene: Scene, table: str) -> None:
 
 
 def wall(scene: Scene) -> dem.Wall:
-    """The wall that the scene's beam or plate makes."""
-    exact = scene.but(reduction={"modes": None, "error": RECEPTANCE_ERROR})
+    """The wall that the scene's beam or plate makes, its receptance reduced to an error of 1e-3:
+    studies compare theories, not reductions."""
+    exact = scene.but(reduction={"modes": None, "error": 1e-3})
     return wall_of(exact, bending.reduction(exact, bending.model(exact)))
 
 
@@ -42,7 +41,7 @@ def run(scene: Scene, before_wall: dem.Wall) -> Observed:
     # in the last 0.3 of a run spheres move chaotically, and only the energy is controlled
     impact = coupling.impact(
         setup.chain, before_wall, initial_velocity(scene), duration=duration, n_save=8000,
-        error=ERROR, horizon=0.7 * duration,
+        error=RecordOptions().error, horizon=0.7 * duration,
     )  # fmt: skip
     return seen(setup, impact.trajectory, spheres=spheres)
 

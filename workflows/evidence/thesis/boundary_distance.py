@@ -15,7 +15,7 @@ import dem
 from coupling.plate import Plate, group_speed
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import plate_sizes, plates
-from workflows.evidence.thesis.collision import FAINTEST_ARR, Collision
+from workflows.evidence.thesis.collision import Collision, CollisionRun
 from workflows.evidence.thesis.plate_sizes import PlateSizes
 from workflows.evidence.thesis.requirements import FEWEST, require_chain
 from workflows.files.run_folder import Picture
@@ -25,7 +25,6 @@ from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages.pipeline import Progress
 
-CLOSE = 0.05  # of the ARR far from the edge: where the edge no longer matters
 FACTORS = {  # of the sizes of a plate's mesh, each varied alone
     "elements halved": {"seed": 0.5, "contact_seed": 0.5},
     "modes doubled": {"cutoff_hz": 2.0},
@@ -47,6 +46,7 @@ class BoundaryDistanceOptions(NamedTuple):
     checked: float = 4.0  # D/t at which mesh and modes are varied, and forces are drawn
     drawn: tuple[float, ...] = (0.4, 1.2, 2.0, 6.0)  # distances of these checks and forces
     factors: Mapping[str, Mapping[str, float]] = FACTORS
+    close: float = 0.05  # of the ARR far from the edge: within it the edge no longer matters
 
 
 class EdgeSeries(NamedTuple):
@@ -56,6 +56,7 @@ class EdgeSeries(NamedTuple):
     plate: Plate
     distance: NDArray[np.float64]  # (k,) [m]
     collisions: list[Collision]
+    close: float  # relative difference of ARR below which the edge no longer matters
 
     @property
     def arr(self) -> NDArray[np.float64]:
@@ -80,7 +81,7 @@ class EdgeSeries(NamedTuple):
     @property
     def over_far(self) -> NDArray[np.float64]:
         """ARR over that far away, or over what could just be seen, (k,)."""
-        return self.arr / max(self.far, FAINTEST_ARR)
+        return self.arr / max(self.far, CollisionRun().faintest_arr)
 
     @property
     def remaining(self) -> NDArray[np.float64]:
@@ -94,13 +95,13 @@ class EdgeSeries(NamedTuple):
 
     @property
     def critical(self) -> float:
-        """Distance [m] beyond which ARR stays within CLOSE of that far away."""
+        """Distance [m] beyond which ARR stays within `close` of that far away."""
         difference = np.abs(self.over_far - self.over_far[-1])
-        last = int(np.flatnonzero(difference > CLOSE).max(initial=-1))
+        last = int(np.flatnonzero(difference > self.close).max(initial=-1))
         if last < 0:
             return 0.0
         x, y = self.distance[last : last + 2], difference[last : last + 2]
-        return float(x[0] + (y[0] - CLOSE) / (y[0] - y[1]) * (x[1] - x[0]))
+        return float(x[0] + (y[0] - self.close) / (y[0] - y[1]) * (x[1] - x[0]))
 
     @property
     def half_way(self) -> float:
@@ -139,7 +140,8 @@ def boundary_distance(
     def struck(ratio: float, size: PlateSizes, diameters: tuple[float, ...]) -> EdgeSeries:
         plate, distance = plates.steel(scene, diameter / ratio), diameter * np.array(diameters)
         walls = plates.edge_walls(plate, size, distance)
-        return EdgeSeries(ratio, plate, distance, [plates.collision(scene, w) for w in walls])
+        collisions = [plates.collision(scene, wall) for wall in walls]
+        return EdgeSeries(ratio, plate, distance, collisions, options.close)
 
     series = []
     for ratio in options.ratios:
@@ -172,7 +174,7 @@ def boundary_distance(
         sphere=plates.observed_sphere(scene),
         deep=deep,
         found=series,
-        close=CLOSE,
+        close=options.close,
         higher=all(s.arr[0] > s.far for s in series),
         settled=all(s.critical < s.distance[-2] for s in series),
         echo=[s.reach(deep) for s in series],

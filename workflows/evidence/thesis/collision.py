@@ -16,17 +16,20 @@ from dem.waves import solitary
 from dem.waves.arrivals import crest, peaks
 from dem.waves.measures import CONTACT, ContactTime, contact_time, force_ratio
 
-FAINT = 0.02  # of the incident wave's velocity: below it there is no reflected one
-FAINTEST_ARR = FAINT**1.2
-
 
 class CollisionRun(NamedTuple):
-    """How a collision is marched."""
+    """How a collision is marched, and which reflected wave counts; not varied."""
 
     error: float = 1e-5  # of the velocities, relative to the striker's
     n_save: int = 6000  # instants of the record
     per_sphere: float = 4.0  # natural times: to the wall and slowly back past one sphere
     at_wall: float = 10.0  # natural times that the contact with the wall may take
+    faint: float = 0.02  # of the incident wave's velocity: below it there is no reflected one
+
+    @property
+    def faintest_arr(self) -> float:
+        """ARR of the faintest wave that counts."""
+        return self.faint**1.2
 
 
 class Collision(NamedTuple):
@@ -61,7 +64,7 @@ def collision(
     # the incident wave at the sphere, and the first crest away from the wall behind it
     v, arr = run.v[:, sphere - 1], 0.0
     incident = peaks(v, 0.5 * v.max())[0]
-    reflected = [k for k in peaks(-v, FAINT * v[incident]) if k > incident and v[k] < 0]
+    reflected = [k for k in peaks(-v, options.faint * v[incident]) if k > incident and v[k] < 0]
 
     # it belongs to this collision if it left the wall before the next one's wave could
     if reflected:

@@ -51,12 +51,12 @@ def damping(
 
     # one undamped wall in three couplings: force and reading are one, or a radius apart, or at
     # opposite sides of the block
-    beside = f"thesis, read {1e3 * radius:g} mm beside"
+    near_by = f"thesis, read {1e3 * radius:g} mm beside"
     opposite = ((-y, z - radius), (-y, z + radius))
     runs = []
     for name, wall_of in (
         ("one functional", lambda: one_functional(scene, body, schemes)),
-        (beside, lambda: of_the_thesis(body, schemes)),
+        (near_by, lambda: of_the_thesis(body, schemes)),
         ("thesis, read at the block's other side", lambda: of_the_thesis(body, schemes, opposite)),
     ):
         with progress(name):

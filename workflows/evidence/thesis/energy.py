@@ -16,7 +16,7 @@ import fem
 import geometry
 from dem.waves.measures import WaveEnergy, wave_energy
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import ERROR, N_SAVE, round_trip
+from workflows.evidence.thesis.observed_run import RecordOptions, round_trip
 from workflows.evidence.thesis.requirements import bare, require_chain, require_rig
 from workflows.evidence.thesis.schemes import (
     ROUNDING,
@@ -79,11 +79,11 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
         contact_seed=options.finer * scene.mesh.contact_seed,
     )  # fmt: skip
     structure = fem.assemble(geometry.by_body(cube), {"block": steel})
-    block = fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
-    rig = stages.model(scene, stages.mesh(scene))
+    block_model = fem.joined(structure, fem.Connections(held=[fem.Held("block:-x")]))
+    rig_model = stages.model(scene, stages.mesh(scene))
     bodies = {
-        "ROM half-space": StruckBody(block, (0.0, 0.0), scene.patch.radius),
-        "ROM assembly": StruckBody(rig, scene.patch.point, scene.patch.radius),
+        "ROM half-space": StruckBody(block_model, (0.0, 0.0), scene.patch.radius),
+        "ROM assembly": StruckBody(rig_model, scene.patch.point, scene.patch.radius),
     }
     walls = []
     for name, body in bodies.items():
@@ -183,9 +183,9 @@ def energy(scene: Scene, progress: Progress, options: EnergyOptions = EnergyOpti
 def chain_alone(scene: Scene) -> tuple[dem.Trajectory, WaveEnergy]:
     """The scene's spheres against a half-space of their own material, nothing that holds them."""
     row, v0 = bare(scene), initial_velocity(scene)
-    duration = round_trip(row, np.abs(v0).max())
+    duration, record = round_trip(row, np.abs(v0).max()), RecordOptions()
     run = coupling.impact(
-        row, dem.rigid_wall(), v0, duration=duration, error=ERROR, n_save=N_SAVE
+        row, dem.rigid_wall(), v0, duration=duration, error=record.error, n_save=record.n_save
     ).trajectory
     return run, wave_energy(run, row)
 

@@ -13,8 +13,14 @@ from dem.waves.labels import Label, labels
 from dem.waves.measures import WallContact, wall_contact
 from dem.waves.tracks import WaveTrack, wave_tracks
 
-ERROR = 1e-4  # of the velocities, relative to the striker's: what a march is asked for
-N_SAVE = 3000  # instants of a record
+
+class RecordOptions(NamedTuple):
+    """How a run is marched and saved, and which of its waves are followed; not varied."""
+
+    error: float = 1e-4  # of the velocities, relative
+    n_save: int = 3000  # instants of a record
+    faint: float = 0.03  # of the largest wave's velocity: waves above it are followed
+    visible: float = 0.0  # of the fastest sphere's at the start: what a wave moves a sphere by
 
 
 class Setup(NamedTuple):
@@ -89,18 +95,14 @@ def observed(
     *,
     duration: float,
     spheres: tuple[int, ...],
-    error: float = ERROR,
-    n_save: int = N_SAVE,
-    faint: float = 0.03,
-    visible: float = 0.0,
+    options: RecordOptions = RecordOptions(),
 ) -> Observed:
-    """Run its chain with velocities v0 (n,) for duration [s] and follow its waves, those of more
-    than `faint` times the largest one's velocity.
-
-    A sphere that a wave moves by less than `visible` times the largest of v0 does not see it.
-    """
-    run = impact(setup.chain, setup.wall, v0, duration=duration, error=error, n_save=n_save)
-    return seen(setup, run.trajectory, spheres=spheres, faint=faint, visible=visible)
+    """Run its chain with velocities v0 (n,) [m/s] for duration [s], follow its waves and name them
+    at the spheres."""
+    run = impact(
+        setup.chain, setup.wall, v0, duration=duration, error=options.error, n_save=options.n_save
+    )
+    return seen(setup, run.trajectory, spheres=spheres, options=options)
 
 
 def seen(
@@ -108,15 +110,14 @@ def seen(
     run: Trajectory,
     *,
     spheres: tuple[int, ...],
-    faint: float = 0.03,
-    visible: float = 0.0,
+    options: RecordOptions = RecordOptions(),
 ) -> Observed:
     """What a run shows; arguments as in `observed`."""
     name, row, _ = setup
-    tracks = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A, threshold=faint)
+    tracks = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A, threshold=options.faint)
 
     # waves by their names at each observed sphere, without those that hardly move it
-    threshold = visible * np.abs(run.v[0]).max()
+    threshold = options.visible * np.abs(run.v[0]).max()
     named = {
         sphere: tuple(
             label

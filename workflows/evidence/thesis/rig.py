@@ -11,17 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import Observed, Setup, observed
+from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup
 from workflows.evidence.thesis.records import record
 from workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
-from workflows.evidence.thesis.rig_walls import HALF_SPACE, RIGID, one_dof, rig_walls
+from workflows.evidence.thesis.rig_walls import HALF_SPACE, RIGID, impact_run, one_dof, rig_walls
 from workflows.evidence.thesis.wave_distance import DependenceLimits, separation, spread
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import panels
 from workflows.report.tables import Table
 from workflows.scene import HalfSpaceWall, LeafSprings, Preload, Scene
-from workflows.stages.chain import chain, contact_radius, initial_velocity, start
+from workflows.stages.chain import chain, contact_radius, start
 from workflows.stages.pipeline import Progress
 
 # what the thesis states, sections 6.1, 7.1 and 7.2: reflected waves by sphere within 3 ms, at
@@ -38,14 +38,15 @@ LEFT_OUT = (RIGID, one_dof(700))  # another surface, and a wall of a figure alon
 
 
 class RigOptions(NamedTuple):
-    """What the study varies, how it marches, and what it counts; none varied but where it says."""
+    """What the study varies beside `_variations`, how it marches, and what it counts."""
 
+    # [N] pull of an arm without mass, press of each leaf spring
     light_arms: tuple[tuple[float, float], ...] = tuple(
         (force, press) for force in (5.0, 15.0, 40.0, 80.0) for press in (0.0, 0.3, 1.0)
-    )  # [N] pull of an arm without mass, press of each leaf spring
-    error: float = 1e-3  # of the velocities: rows change by more, and there are hundreds of runs
-    n_save: int = 1500  # instants of a record
-    visible: float = 0.05  # of the striker's speed: what a sphere is said to see
+    )
+    # hundreds of runs, whose differences are larger than this error; a sphere sees waves of a
+    # twentieth of the striker's speed
+    record: RecordOptions = RecordOptions(error=1e-3, n_save=1500, visible=0.05)
     leaf_stiffness: float = 200.0  # [N/m] of leaf springs where a scene has none
     late: float = 100.0  # [us] the width of a wave of a third of the striker at sphere 14
     separate: float = 1.0  # widths between neighbouring crests
@@ -177,7 +178,7 @@ def rig(scene: Scene, progress: Progress, options: RigOptions = RigOptions()) ->
         n_changes=len(changed),
         held=sum(default.holding),
         best=max(changed, key=lambda case: sum(case.holding)),
-        visible=options.visible,
+        visible=options.record.visible,
         spheres=SPHERES,
         n_waves=NUMBERS[-1],
         main=MAIN,
@@ -237,10 +238,7 @@ def _impact_run(variation: Variation, standing: Setup, options: RigOptions) -> O
     if variation.wall_mass and standing.name.startswith("1-DOF"):
         wall = wall._replace(phi=np.full(1, variation.wall_mass**-0.5))
     row = chain(scene.but(wall=HalfSpaceWall(kind="half-space")))
-    return observed(
-        Setup(standing.name, row, wall), initial_velocity(scene), duration=scene.time.duration,
-        spheres=SPHERES, error=options.error, n_save=options.n_save, visible=options.visible,
-    )  # fmt: skip
+    return impact_run(scene, Setup(standing.name, row, wall), SPHERES, options.record)
 
 
 def verdicts(

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import dem
-from workflows.evidence.thesis.observed_run import Observed, Setup, observed
+from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, observed
 from workflows.files.scene import scene as built_in
 from workflows.scene import HalfSpaceWall, RigidWall, Scene
 from workflows.stages.chain import chain, initial_velocity
@@ -37,9 +37,12 @@ def rig_walls(scene: Scene, progress: Progress) -> Iterator[Setup]:
             yield Setup(name, plain, pipeline_of(reduced.but(**tables), progress)("wall"))
 
 
-def impact_run(scene: Scene, standing: Setup, spheres: tuple[int, ...], error: float) -> Observed:
+def impact_run(
+    scene: Scene,
+    standing: Setup,
+    spheres: tuple[int, ...],
+    options: RecordOptions = RecordOptions(),
+) -> Observed:
     """The chain against one of the walls, for the scene's duration."""
-    return observed(
-        standing, initial_velocity(scene), duration=scene.time.duration, spheres=spheres,
-        error=error,
-    )  # fmt: skip
+    v0, duration = initial_velocity(scene), scene.time.duration
+    return observed(standing, v0, duration=duration, spheres=spheres, options=options)

@@ -88,8 +88,8 @@ def one_functional(scene: Scene, body: StruckBody, options: SchemeOptions) -> de
     model = body.model
     patch = fem.contact_patch(model, STRUCK, body.point, body.radius)
     local = fem.half_space_on_mesh(model, STRUCK, patch, material(scene.assembly, "block"))
-    kept = rom.Selection(n_modes=options.n_modes)
-    reduced = rom.free_modes(model.K, model.M, patch.w, kept, factorise=fem.factorised)
+    selection = rom.Selection(n_modes=options.n_modes)
+    reduced = rom.free_modes(model.K, model.M, patch.w, selection, factorise=fem.factorised)
     return wall_from_reduced(reduced, half_space=local)
 
 
@@ -105,8 +105,10 @@ def of_the_thesis(
     force = fem.node_patch(model, STRUCK, [body.point]).w
     reading = fem.node_patch(model, STRUCK, spots).w
     boundary = np.flatnonzero(force + reading)
-    kept = rom.Selection(n_modes=options.n_modes)
-    reduced = rom.craig_bampton(model.K, model.M, force, boundary, kept, factorise=fem.factorised)
+    selection = rom.Selection(n_modes=options.n_modes)
+    reduced = rom.craig_bampton(
+        model.K, model.M, force, boundary, selection, factorise=fem.factorised
+    )
     reduced = reduced._replace(contact=rom.Contact(weights_read=reading @ reduced.T))
     return coupled_wall(reduced, half_space=0.0, damping=None, cutoff_hz=np.inf)
 

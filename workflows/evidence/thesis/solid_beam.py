@@ -46,7 +46,6 @@ class SolidBeamOptions(NamedTuple):
 class BeamByTheory(NamedTuple):
     """A beam by one theory at one thickness."""
 
-    thickness: float  # [m]
     theory: str
     hz: np.ndarray  # (N_MODES,)
     run: Observed
@@ -75,20 +74,20 @@ def solid_beam(
             thin, phi, residual = euler_bernoulli(
                 beam.length, bending.section(beam), steel, beam.position, 100
             )
-            solid, wall_of_solid = _solid_wall(hinged, steel, options)
+            solid_omega, wall_of_solid = _solid_wall(hinged, steel, options)
 
             # of the solid, which also twists and stretches, the modes nearest to Timoshenko's
-            nearest = np.abs(solid[:, None] - timoshenko[:N_MODES]).argmin(axis=0)
+            nearest = np.abs(solid_omega[:, None] - timoshenko[:N_MODES]).argmin(axis=0)
             theories = (
                 ("Timoshenko", timoshenko, bent.wall(hinged)),
                 ("Euler-Bernoulli", thin, dem.Wall(thin, np.zeros(len(thin)), phi, residual)),
-                ("solid", solid[nearest], wall_of_solid),
+                ("solid", solid_omega[nearest], wall_of_solid),
             )
             cases = []
             for theory, omega, wall in theories:
                 run = bent.run(hinged, wall._replace(zeta=np.zeros(len(wall.omega))))
-                cases.append(BeamByTheory(thickness, theory, omega[:N_MODES] / (2 * np.pi), run))
-        *theories, solid = cases
+                cases.append(BeamByTheory(theory, omega[:N_MODES] / (2 * np.pi), run))
+        solid = cases[-1]
 
         # how far both theories are from the solid
         of_solid = bent.tof_and_arr(solid.run.contact)

@@ -76,10 +76,10 @@ def compared(
 
     # slopes d ln y / d ln x at the scene's own value, between its neighbours: what an instrument
     # tells of it
-    own = int(np.argmin(np.abs(np.log(value / value[-1] * options.factors[-1]))))
+    usual = int(np.argmin(np.abs(np.log(value / value[-1] * options.factors[-1]))))
     x = np.log(value)
     slopes = [
-        float((y[own + 1] - y[own - 1]) / (x[own + 1] - x[own - 1]))
+        float((y[usual + 1] - y[usual - 1]) / (x[usual + 1] - x[usual - 1]))
         for y in (np.log(arr), np.log(tof))
     ]
 
@@ -88,13 +88,13 @@ def compared(
     first_same = len(same) - int(np.argmin(same[::-1])) if not same.all() else 0
     numbers = {
         "quantity": quantity,
-        "own": 1e3 * value[own],
+        "own": 1e3 * value[usual],
         "arr": arr,
         "tof": 1e6 * tof,
         "arr_known": options.arr_known,
         "tof_known": 1e6 * options.tof_known,
         "by_arr": options.arr_known / abs(slopes[0]) if slopes[0] else float("inf"),
-        "by_tof": options.tof_known / tof[own] / abs(slopes[1]) if slopes[1] else float("inf"),
+        "by_tof": options.tof_known / tof[usual] / abs(slopes[1]) if slopes[1] else float("inf"),
         "slopes": slopes,
         "same": options.unchanged,
         "unfelt": 1e3 * value[first_same] if first_same < len(value) - 1 else None,

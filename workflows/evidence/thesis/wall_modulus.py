@@ -16,7 +16,7 @@ import dem
 from dem.spheres import time_scale
 from dem.waves.measures import exponent
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import Observed, Setup, observed
+from workflows.evidence.thesis.observed_run import Observed, RecordOptions, Setup, observed
 from workflows.evidence.thesis.records import record
 from workflows.evidence.thesis.requirements import bare, last, require_chain
 from workflows.files.run_folder import Picture
@@ -65,6 +65,7 @@ def wall_modulus(
     spheres = require_chain(scene)
     v0 = initial_velocity(scene)
     speed = np.abs(v0).max()
+    followed = RecordOptions(faint=options.followed)
 
     # walls from the softest to the stiffest, each until the wave is back at the striker:
     # 2.6 natural times of a sphere in the chain, 12 of the last one at the wall
@@ -77,7 +78,7 @@ def wall_modulus(
             at_wall = time_scale(row.mass[-1], row.A[-1], speed)
             duration = 2.6 * len(row.mass) * in_chain + 12 * at_wall
             setup = Setup(f"{ratio:g}", row, dem.rigid_wall())
-            run = observed(setup, v0, duration=duration, spheres=spheres, faint=options.followed)
+            run = observed(setup, v0, duration=duration, spheres=spheres, options=followed)
             cases.append(WallModulusCase(ratio, young, run, run.largest(2), run.parted))
 
     gpa = {case.ratio: 1e-9 * case.young for case in cases}

@@ -10,7 +10,7 @@ from math import inf, isnan
 import numpy as np
 
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import ERROR, Observed
+from workflows.evidence.thesis.observed_run import Observed
 from workflows.evidence.thesis.records import record, wave_cells, wave_columns
 from workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
 from workflows.evidence.thesis.rig_walls import (
@@ -58,7 +58,7 @@ def walls(
     runs: dict[str, Observed] = {}
     for standing in rig_walls(scene, progress):
         with progress(standing.name):
-            runs[standing.name] = require_echo(scene, impact_run(scene, standing, spheres, ERROR))
+            runs[standing.name] = require_echo(scene, impact_run(scene, standing, spheres))
 
     # when each reflected wave is at a sphere and how fast; how far every two walls differ
     arrivals = tuple(

@@ -11,13 +11,14 @@ import numpy as np
 
 import coupling
 import dem
+import dem.spheres
 from workflows.files.record import Record
 from workflows.fit.calibration import parameters as free_parameters
-from workflows.fit.calibration.channels import scaled
 from workflows.fit.calibration.report import CalibrationReport, report_of
 from workflows.fit.core.calibration.calibration import CalibrationResult, calibrate
 from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.judgement import on_held_out
+from workflows.fit.core.calibration.parameters import Rig
 from workflows.fit.core.calibration.plausibility import (
     cut_off,
     filters_of,
@@ -27,7 +28,9 @@ from workflows.fit.core.calibration.plausibility import (
     require_samples,
     unlike_the_model,
 )
+from workflows.fit.core.calibration.scaling import Scaled, scaled
 from workflows.fit.core.calibration.search import Options
+from workflows.fit.core.calibration.sensed import Channels
 from workflows.fit.core.calibration.signals import (
     Filter,
     Signals,
@@ -36,29 +39,31 @@ from workflows.fit.core.calibration.signals import (
     noise_of_mean,
 )
 from workflows.fit.core.columns import beyond, require_columns
-from workflows.fit.records import usable
+from workflows.fit.records import sensor_of, usable
 from workflows.scene import InvalidScene, OneDofWall, Scene
+from workflows.scene.sensors import KINDS
+from workflows.scene.units import GAINS, VOLTAGE
 from workflows.stages.chain import initial_velocity
 
 if TYPE_CHECKING:
     from workflows.fit.core.calibration.posterior import Posterior
 
-SCANNED = (50.0, 2000.0, 60)  # [Hz]
+SCANNED = (50.0, 2000.0, 60)  # frequencies of a wall of one mass [Hz]: lowest, highest, points
 
 
 class CalibrationRequest(NamedTuple):
-    """What the user asked for beyond scene and data."""
+    """Options of a calibration beyond scene and data."""
 
-    free: str | None = None
-    bounds: str | None = None
+    free: str | None = None  # parameters, as in "contacts,striker"
+    bounds: str | None = None  # as in "contacts=0.5:2"
     trigger: str = "fit"  # "fit", "estimate", or the time of the first touch [s]
-    band: float | None = None
-    instrument: float | None = None
-    hold_out: tuple[int, ...] = ()
-    two_stage: bool = False
+    band: float | None = None  # [Hz] low-pass on data and model
+    instrument: float | None = None  # [Hz] low-pass that the data has passed
+    hold_out: tuple[int, ...] = ()  # spheres that are predicted, not fitted
+    two_stage: bool = False  # the chain stays as the first waves determine it
     starts: int = 12
     seed: int = 0
-    scan: tuple[float, float, int] | None = None
+    scan: tuple[float, float, int] | None = None  # of the wall's frequency [Hz]
 
 
 class Calibrated(NamedTuple):
@@ -72,6 +77,7 @@ class Calibrated(NamedTuple):
 
     @property
     def signals(self) -> Signals:
+        """The signals that were fitted."""
         return self.forward.signals
 
 
@@ -81,38 +87,79 @@ def calibrated(
 ) -> Calibrated:
     """The scene fitted to the record; raises InvalidScene for data or requests that cannot be."""
     began = perf_counter()
-    names, limits = _names(scene, request), free_parameters.bounds(request.bounds)
-    free_parameters.parameters(scene, names, 0.0, {})  # unknown names before any march
-    time_scale = _contact_time_scale(scene, wall)
+
+    # what is free: unknown names are refused before anything is marched
+    free = free_parameters.usual(scene) if request.free is None else request.free
+    names = tuple(name.strip() for name in free.split(","))
+    names = tuple(n for n in names if n != "trigger" or request.trigger == "fit")
+    limits = free_parameters.bounds(request.bounds)
+    free_parameters.parameters(scene, names, 0.0, {})
+
+    # the record: samples beside the time [s] within which the stiffest contact moves, then sizes
+    rig = free_parameters.rig(scene, wall, 0.0)
+    step = dem.sensitivities.usual_step(rig.chain, rig.wall, rig.v0)
+    time_scale = dem.sensitivities.STEPS_PER_TIME_SCALE * step
     require_samples(measured.t, time_scale)
-    start = scaled(scene, free_parameters.rig(scene, wall, 0.0), measured)
-    measured, doubts = start.record, start.remarks
-    if start.channels is None:
-        doubts = plausible(measured, initial_velocity(scene))
+    in_velocities = _in_velocities(scene, rig, measured)
+    measured, remarks = in_velocities.record, list(in_velocities.remarks)
+    channels = in_velocities.channels
+    if channels is None:
+        remarks += plausible(measured, initial_velocity(scene))
     elif request.instrument is not None:
         raise InvalidScene("--instrument is of lasers; say output.sensors' low_pass instead.")
-    remarks = [*doubts, *cut_off(measured, time_scale)]
-    used, held = _split(measured, request.hold_out)
-    raw = aligned(measured.t, measured.v, tuple(n - 1 for n in measured.spheres))
-    raw = raw._replace(signals=raw.signals._replace(channels=start.channels))
-    remarks += on_repeats(raw)
+    remarks += cut_off(measured, time_scale)
+
+    # spheres that are fitted and spheres that are held out
+    for n in request.hold_out:
+        if n not in measured.spheres:
+            raise InvalidScene(
+                f"--hold-out {n} is not in the data, it has spheres {list(measured.spheres)}; "
+                "name one of them."
+            )
+    held_out = [i for i, n in enumerate(measured.spheres) if n in request.hold_out]
+    fitted = [i for i, n in enumerate(measured.spheres) if n not in request.hold_out]
+    if not fitted:
+        raise InvalidScene("--hold-out leaves no sphere to fit to; hold out fewer.")
+
+    # the mean of the repeats, and the first touch on its clock
+    repeats = aligned(measured.t, measured.v, tuple(n - 1 for n in measured.spheres))
+    remarks += on_repeats(repeats)
+    all_signals = repeats.signals._replace(channels=channels)
     filters = filters_of(request.band, request.instrument, measured.t, time_scale)
     try:
-        trigger, more = _trigger(scene, wall, raw.signals, filters, request)
+        trigger, doubts = _first_touch(scene, wall, all_signals, filters, request)
     except coupling.CouplingError as error:
         raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
+    remarks += doubts
+
+    # the fit
     rig = free_parameters.rig(scene, wall, trigger)
-    parameters = (*free_parameters.parameters(scene, names, trigger, limits), *start.gains)
-    signals = raw.signals.only(used)
+    gains = in_velocities.gains
+    parameters = (*free_parameters.parameters(scene, names, trigger, limits), *gains)
+    signals = all_signals.only(fitted)
     noise = noise_of_mean(signals, filters, time_scale)
-    options = _options(request, parameters, _scan(scene, names, request), noise)
-    fit = _fitted(rig, parameters, signals, filters, options, source)
+    options = Options(
+        staged=any(not p.of_wall for p in parameters),
+        joint=not request.two_stage,
+        starts=request.starts,
+        seed=request.seed,
+        scan=_scanned_frequencies(scene, names, request),
+        noise=noise,
+    )
+    try:
+        fit = calibrate(rig, parameters, signals, filters, options)
+    except (dem.InvalidChain, dem.NoEquilibrium, coupling.CouplingError) as error:
+        raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
+
+    # the spheres held out are predicted, and all is reported
     forward = ChainForward(rig, fit.parameters, signals, filters)
-    others = ChainForward(rig, fit.parameters, raw.signals.only(held), filters) if held else None
-    left_out = others.misfits(fit.value) if others else {}
+    left_out = {}
+    if held_out:
+        others = ChainForward(rig, fit.parameters, all_signals.only(held_out), filters)
+        left_out = others.misfits(fit.value)
     report = report_of(scene, source, measured, fit, signals, noise, left_out)
     report.seconds = perf_counter() - began
-    report.remarks[:0] = [*remarks, *more, *on_held_out(left_out, fit)]
+    report.remarks[:0] = [*remarks, *on_held_out(left_out, fit)]
     if "trigger" not in names:
         report.remarks.append(f"The first touch was held at {1e6 * trigger:.5g} us of the record.")
     name = f"{scene.name}-calibrated"
@@ -120,76 +167,65 @@ def calibrated(
     return Calibrated(result, report, fit, forward)
 
 
-def _options(request: CalibrationRequest, parameters: tuple, scan, noise: float | None) -> Options:
-    return Options(
-        staged=any(not p.of_wall for p in parameters),
-        joint=not request.two_stage,
-        starts=request.starts,
-        seed=request.seed,
-        scan=scan,
-        noise=noise,
+def _in_velocities(scene: Scene, rig: Rig, record: Record) -> Scaled:
+    """The record of any sensors in velocities; raises UnusableRecord where a signal cannot be
+    one, InvalidScene where the scene does not have its sphere."""
+    if record.channels is None:
+        return Scaled(record, None, (), ())
+    sensors, gains = zip(*(sensor_of(scene, c) for c in record.channels), strict=True)
+    channels = Channels(
+        sensors,
+        np.ones(len(sensors)),
+        tuple(f"{c.quantity} {c.sphere}" for c in record.channels),
+        tuple(VOLTAGE.unit if c.in_volts else KINDS[c.quantity].unit for c in record.channels),
+        tuple(name and name.removeprefix("sphere ") for name in gains),
     )
+    masses = dem.spheres.mass(scene.chain.radius, scene.chain.density)
+    momentum = float(np.sum(masses * initial_velocity(scene)))
+    gain_units = {quantity: kind.unit for quantity, kind in GAINS.items()}
+    return scaled(rig, record, channels, gain_units, momentum)
 
 
-def _fitted(rig, parameters, signals, filters, options: Options, source: str) -> CalibrationResult:
-    """The fit; raises InvalidScene where there is none."""
-    try:
-        return calibrate(rig, parameters, signals, filters, options)
-    except (dem.InvalidChain, dem.NoEquilibrium, coupling.CouplingError) as error:
-        raise InvalidScene(f"{source}: {str(error).rstrip('.')}.") from None
-
-
-def _contact_time_scale(scene: Scene, wall: dem.Wall | None) -> float:
-    """Time [s] within which the stiffest contact moves."""
-    rig = free_parameters.rig(scene, wall, 0.0)
-    step = dem.sensitivities.usual_step(rig.chain, rig.wall, rig.v0)
-    return dem.sensitivities.STEPS_PER_TIME_SCALE * step
-
-
-def _names(scene: Scene, request: CalibrationRequest) -> tuple[str, ...]:
-    free = free_parameters.usual(scene) if request.free is None else request.free
-    names = tuple(n.strip() for n in free.split(","))
-    return tuple(n for n in names if n != "trigger" or request.trigger == "fit")
-
-
-def _split(measured: Record, hold_out: tuple[int, ...]) -> tuple[list[int], list[int]]:
-    for n in hold_out:
-        if n not in measured.spheres:
-            raise InvalidScene(
-                f"--hold-out {n} is not in the data, it has spheres {list(measured.spheres)}; "
-                "name one of them."
-            )
-    held = [i for i, n in enumerate(measured.spheres) if n in hold_out]
-    used = [i for i, n in enumerate(measured.spheres) if n not in hold_out]
-    if not used:
-        raise InvalidScene("--hold-out leaves no sphere to fit to; hold out fewer.")
-    return used, held
-
-
-def _trigger(
-    scene: Scene, wall, signals: Signals, filters: Filter, request: CalibrationRequest
+def _first_touch(
+    scene: Scene,
+    wall: dem.Wall | None,
+    signals: Signals,
+    filters: Filter,
+    request: CalibrationRequest,
 ) -> tuple[float, list[str]]:
-    """Time of the first touch on the data's clock, and what is doubtful about it."""
-    t0 = float(signals.t[0])
+    """Time [s] of the first touch on the data's clock, and what is doubtful about it; raises
+    UnusableRecord for columns that are swapped or turned."""
+    t0, dt = float(signals.t[0]), signals.t[1] - signals.t[0]
+    no_parameters = np.zeros(0)
     forward = ChainForward(free_parameters.rig(scene, wall, t0), (), signals, filters)
-    dt = signals.t[1] - signals.t[0]
+
+    # the columns beside a longer model: a record may begin late
     longer = ChainForward(forward.rig, (), signals._replace(t=beyond(signals.t)), filters)
     m, channels = len(signals.names), signals.channels
+    if channels:
+        names = list(signals.names)
+        signed = np.array([group is None for group in channels.groups])
+        forces = np.array([sensor.quantity == "force" for sensor in channels.sensors])
+    else:
+        names = [f"sphere {name}" for name in signals.names]
+        signed, forces = np.ones(m, bool), np.zeros(m, bool)
     require_columns(
-        signals.names if channels else [f"sphere {name}" for name in signals.names],
-        signals.t, signals.v, longer.velocities(np.zeros(0)), forward.time_scale,
-        signed=np.array([g is None for g in channels.groups] if channels else [True] * m),
-        forces=np.array([s.quantity == "force" for s in channels.sensors] if channels
-                        else [False] * m),
+        names, signals.t, signals.v, longer.velocities(no_parameters), forward.time_scale,
+        signed=signed, forces=forces,
     )  # fmt: skip
-    model = forward.velocities(np.zeros(0))
-    data = filters.of_data(signals.v, dt)
+
+    model, data = forward.velocities(no_parameters), filters.of_data(signals.v, dt)
     lag = lag_of(signals.t, data, model)
-    found = first_touch(request.trigger, t0 + lag, signals.t)
-    return found, list(unlike_the_model(signals, data, model, found - t0, dt, forward.time_scale))
+    touch = first_touch(request.trigger, t0 + lag, signals.t)
+    doubts = unlike_the_model(signals, data, model, touch - t0, dt, forward.time_scale)
+    return touch, list(doubts)
 
 
-def _scan(scene: Scene, names: tuple[str, ...], request: CalibrationRequest):
+def _scanned_frequencies(
+    scene: Scene, names: tuple[str, ...], request: CalibrationRequest
+) -> tuple[float, float, int] | None:
+    """Lowest, highest [Hz] and number of frequencies to scan; None without a wall of one mass whose
+    frequency is free."""
     if not isinstance(scene.wall, OneDofWall) or "wall.frequency" not in names:
         if request.scan:
             raise InvalidScene("--scan needs a 1dof wall with wall.frequency free; free it.")

@@ -1,7 +1,5 @@
 """Plots of a calibration: data against model, the misfit's scan, bars, what goes together."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from workflows.report.plots import (
@@ -17,65 +15,53 @@ from workflows.report.plots import (
 )
 from workflows.report.plots import legend as name_curves
 
-LEAST = 4  # determined parameters in the picture of a posterior
-WIDE = 5.0  # of a misfit: largest over least that needs a logarithmic axis
+CORNER = 4  # parameters in the picture of a posterior, the least determined ones
+WIDE = 5.0  # largest misfit of a scan over its least, from which on the axis is logarithmic
 
 
 def pictures(fit, t, report, posterior=None) -> dict[str, bytes]:
     """Name to PNG; t (k,) [s] of the signals."""
     face = "SYNTHETIC: computed, not measured" if report.synthetic else ""
-    found = {
-        "signals": signals(t, fit, _axes(report), face),
+    images = {
+        "signals": signals(t, fit, report, face),
         "parameters": parameters(report, face),
         "correlation": correlation(fit, face),
     }
     if report.scan_hz:
-        found["scan"] = scan(report, face)
+        images["scan"] = scan(report, face)
     if posterior is not None and posterior.long_enough:
-        found["posterior"] = corner(fit, posterior, report.parameters, face)
-    return found
+        images["posterior"] = corner(fit, posterior, report.parameters, face)
+    return images
 
 
-class PanelScale(NamedTuple):
-    """A panel's words, the unit for 1 m/s, and the same of the residual."""
-
-    words: str
-    scale: float
-    residual: str
-    residual_scale: float
-
-
-def _axes(report) -> tuple[PanelScale, ...]:
-    """Of each signal."""
-    return tuple(
-        PanelScale(f"{name}\n[{report.units[name][0]}]", report.units[name][1],
-             f"residual\n[{report.units[name][0]}]", report.units[name][1])
-        if name in report.units
-        else PanelScale(f"sphere {name}\nvelocity [m/s]", 1.0, "residual\n[mm/s]", 1e3)
-        for name in report.misfit_m_s
-    )  # fmt: skip
-
-
-def signals(t, fit, axes: tuple[PanelScale, ...], face: str) -> bytes:
-    """Data, the model that it started from and the one found, one panel per signal."""
-    n = len(axes)
+def signals(t, fit, report, face: str) -> bytes:
+    """Data, the model that it started from and the one found, two panels per signal."""
+    n = len(report.misfit_m_s)
     shared = {"sharex": True, "height_ratios": [3, 1] * n}
     figure, panels = subplots(2 * n, 1, (9, 1.2 + 2.3 * n), **shared)
-    for i, own in enumerate(axes):
+    for i, name in enumerate(report.misfit_m_s):
+        # a sensor in its unit, a velocity in m/s beside a residual in mm/s
+        words, residual_words = f"sphere {name}\nvelocity [m/s]", "residual\n[mm/s]"
+        scale, residual_scale = 1.0, 1e3
+        if name in report.units:
+            unit, scale = report.units[name]
+            residual_scale = scale
+            words, residual_words = f"{name}\n[{unit}]", f"residual\n[{unit}]"
+
         upper, lower = panels[2 * i], panels[2 * i + 1]
-        upper.plot(1e3 * t, own.scale * fit.data[:, i], color="0.55", linewidth=2.6, label="data")
-        start = own.scale * fit.start[:, i]
+        upper.plot(1e3 * t, scale * fit.data[:, i], color="0.55", linewidth=2.6, label="data")
+        start = scale * fit.start[:, i]
         upper.plot(1e3 * t, start, "--", color=COLOURS[1], linewidth=1, label="start")
-        model = own.scale * fit.model[:, i]
+        model = scale * fit.model[:, i]
         upper.plot(1e3 * t, model, color=COLOURS[0], linewidth=1.1, label="calibrated")
         upper.axvspan(
             1e3 * t[0], 1e3 * fit.first_waves[i], color=COLOURS[2], alpha=0.08, linewidth=0,
             label="first waves",
         )  # fmt: skip
-        upper.set_ylabel(own.words)
-        left = own.residual_scale * (fit.data[:, i] - fit.model[:, i])
-        lower.plot(1e3 * t, left, color="black", linewidth=0.6)
-        lower.set_ylabel(own.residual)
+        upper.set_ylabel(words)
+        residual = residual_scale * (fit.data[:, i] - fit.model[:, i])
+        lower.plot(1e3 * t, residual, color="black", linewidth=0.6)
+        lower.set_ylabel(residual_words)
         frame(upper)
         frame(lower)
     name_curves(panels[0], "above")
@@ -104,47 +90,41 @@ def parameters(report, face: str) -> bytes:
     """Contact factors with bars, and every parameter's bar relative to its size."""
     contacts = [r for r in report.parameters if r.name.startswith("contact ")]
     figure, panels = subplots(2 if contacts else 1, 1, (9, 6.2 if contacts else 3.4))
+
     if contacts:
-        _factors(panels[0], contacts)
-    _bars(panels[-1], report.parameters)
-    return png(figure, face)
+        panel, place = panels[0], [int(row.name.split()[1]) for row in contacts]
+        bars = [row.two_sigma or 0.0 for row in contacts]
+        panel.errorbar(
+            place, [row.found for row in contacts], bars, fmt="o", color=COLOURS[0], capsize=3,
+            markersize=4, linewidth=1.2, label="found, two sigma",
+        )  # fmt: skip
+        if any(row.truth is not None for row in contacts):
+            truth = [row.truth for row in contacts]
+            panel.plot(place, truth, "x", color=COLOURS[1], markersize=7, label="truth")
+        panel.axhline(1.0, color="0.5", linewidth=0.8, linestyle="--", label="start")
+        panel.set_xticks(place)
+        panel.set_xlabel("contact (the last one at the wall)")
+        panel.ticklabel_format(axis="y", useOffset=False)
+        panel.set_ylabel("stiffness over the scene's")
+        name_curves(panel, "above")
+        frame(panel)
 
-
-def _factors(panel, rows) -> None:
-    place = [int(row.name.split()[1]) for row in rows]
-    bars = [row.two_sigma or 0.0 for row in rows]
-    panel.errorbar(
-        place, [row.found for row in rows], bars, fmt="o", color=COLOURS[0], capsize=3,
-        markersize=4, linewidth=1.2, label="found, two sigma",
-    )  # fmt: skip
-    if any(row.truth is not None for row in rows):
-        truth = [row.truth for row in rows]
-        panel.plot(place, truth, "x", color=COLOURS[1], markersize=7, label="truth")
-    panel.axhline(1.0, color="0.5", linewidth=0.8, linestyle="--", label="start")
-    panel.set_xticks(place)
-    panel.set_xlabel("contact (the last one at the wall)")
-    panel.ticklabel_format(axis="y", useOffset=False)
-    panel.set_ylabel("stiffness over the scene's")
-    name_curves(panel, "above")
-    frame(panel)
-
-
-def _bars(panel, rows) -> None:
-    shown = [r for r in rows if r.two_sigma and r.name != "trigger" and r.found]
-    if not shown:
+    # the trigger is a time on a clock, without a size of its own
+    panel = panels[-1]
+    rows = [r for r in report.parameters if r.two_sigma and r.name != "trigger" and r.found]
+    if not rows:
         panel.text(0.5, 0.5, "no parameter has a bar", ha="center", transform=panel.transAxes)
-        return
-    share = [100 * r.two_sigma / abs(r.found) for r in shown]
-    colours = [COLOURS[2] if r.identifiable == "yes" else COLOURS[3] for r in shown]
-    panel.bar(range(len(shown)), share, color=colours)
+        return png(figure, face)
+    share = [100 * r.two_sigma / abs(r.found) for r in rows]
+    colours = [COLOURS[2] if r.identifiable == "yes" else COLOURS[3] for r in rows]
+    panel.bar(range(len(rows)), share, color=colours)
     panel.set_yscale("log")
     panel.set_ylim(min(share) / 1.5, max(share) * 1.2)
     log_ticks(panel.yaxis, [np.array(share)], plain=False)
-    panel.set_xticks(
-        range(len(shown)), [r.name for r in shown], rotation=60, ha="right", fontsize=8
-    )
+    panel.set_xticks(range(len(rows)), [r.name for r in rows], rotation=60, ha="right", fontsize=8)
     panel.set_ylabel("two sigma over value [%]")
     frame(panel)
+    return png(figure, face)
 
 
 def correlation(fit, face: str) -> bytes:
@@ -159,8 +139,8 @@ def correlation(fit, face: str) -> bytes:
     shares = {"width_ratios": (1, 2.2)}
     figure, (_, matrix) = drawn([panel], columns=2, size=(5, 5.4), **shares)
     matrix.set_axis_on()
-    found = fit.uncertainty.correlation
-    heat_map(matrix, found, (names, names), "correlation", cmap="RdBu_r", limits=(-1, 1))
+    r = fit.uncertainty.correlation
+    heat_map(matrix, r, (names, names), "correlation", cmap="RdBu_r", limits=(-1, 1))
     matrix.tick_params(labelsize=7)
     matrix.tick_params(axis="x", rotation=90)
     return png(figure, face)
@@ -169,12 +149,12 @@ def correlation(fit, face: str) -> bytes:
 def corner(fit, posterior, rows, face: str) -> bytes:
     """Marginals and pairs of the least determined parameters beside the Gaussian of the bars."""
     size = np.nan_to_num(fit.uncertainty.two_sigma / [p.scale for p in fit.parameters])
-    shown = np.sort(np.argsort(-size, kind="stable")[:LEAST])
-    n = len(shown)
+    chosen = np.sort(np.argsort(-size, kind="stable")[:CORNER])
+    n = len(chosen)
     figure, axes = subplots(n, n, (1.6 + 2.1 * n, 1.4 + 2.0 * n), sharex="col")
     panels = np.reshape(axes, (n, n))
-    for r, i in enumerate(shown):
-        for c, j in enumerate(shown):
+    for r, i in enumerate(chosen):
+        for c, j in enumerate(chosen):
             if c > r:
                 panels[r, c].set_axis_off()
             elif c == r:
@@ -198,13 +178,14 @@ def _labelled(row) -> str:
     return f"{row.name} [{unit}]" if unit else f"{row.name} [-]"
 
 
-def _in_its_unit(row) -> float:
-    """Times are shown in microseconds."""
+def _unit_factor(row) -> float:
+    """Times are plotted in microseconds."""
     return 1e6 if row.unit == "s" else 1.0
 
 
 def _marginal(panel, row, samples) -> None:
-    unit = _in_its_unit(row)
+    """Histogram of samples (s,), their quantiles, and the two-sigma bar of the fit."""
+    unit = _unit_factor(row)
     panel.hist(unit * samples, bins=40, density=True, color=COLOURS[0], alpha=0.35,
                label="posterior")  # fmt: skip
     for end in (row.low, row.high):
@@ -222,13 +203,14 @@ def _marginal(panel, row, samples) -> None:
 
 
 def _pair(panel, across, up, samples, covariance) -> None:
-    x, y = _in_its_unit(across), _in_its_unit(up)
+    """Histogram of samples (s, 2), and the two-sigma ellipse of the covariance (2, 2)."""
+    x, y = _unit_factor(across), _unit_factor(up)
     panel.hist2d(x * samples[:, 0], y * samples[:, 1], bins=30, cmap="Blues")
     values, vectors = np.linalg.eigh(covariance)
-    turn = np.linspace(0.0, 2.0 * np.pi, 100)
-    circle = np.array([np.cos(turn), np.sin(turn)])
-    ring = 2.0 * (vectors * np.sqrt(np.maximum(values, 0.0))) @ circle
-    panel.plot(x * (across.found + ring[0]), y * (up.found + ring[1]), "--", color=COLOURS[1],
+    angle = np.linspace(0.0, 2.0 * np.pi, 100)
+    circle = np.array([np.cos(angle), np.sin(angle)])
+    ellipse = 2.0 * (vectors * np.sqrt(np.maximum(values, 0.0))) @ circle
+    panel.plot(x * (across.found + ellipse[0]), y * (up.found + ellipse[1]), "--", color=COLOURS[1],
                linewidth=1)  # fmt: skip
     if across.truth is not None:
         panel.plot(x * across.truth, y * up.truth, "x", color="black", markersize=6)

@@ -17,33 +17,29 @@ def require_sampler() -> None:
         raise InvalidScene("--posterior needs emcee; ./install.sh posterior adds it.")
 
 
-def with_posterior(found: Calibrated, seed: int) -> Calibrated:
+def with_posterior(result: Calibrated, seed: int) -> Calibrated:
     """A calibration with samples of its posterior, and their quantiles in its report's rows."""
     from workflows.fit.core.calibration.posterior import posterior
 
     began = perf_counter()
-    drawn = posterior(found.forward, found.fit, seed=seed)
-    report = found.report
+    samples = posterior(result.forward, result.fit, seed=seed)
+    report, slowest = result.report, float(samples.autocorrelation.max())
     report.posterior = PosteriorSummary(
-        walkers=drawn.walkers,
-        steps=drawn.kept,
-        discarded=drawn.discarded,
-        autocorrelation_steps=_number(drawn.autocorrelation.max()),
-        effective_samples=drawn.effective,
-        acceptance=drawn.acceptance,
-        model_runs=drawn.model_runs,
+        walkers=samples.walkers,
+        steps=samples.kept,
+        discarded=samples.discarded,
+        autocorrelation_steps=slowest if np.isfinite(slowest) else None,
+        effective_samples=samples.effective,
+        acceptance=samples.acceptance,
+        model_runs=samples.model_runs,
         seed=seed,
-        long_enough=drawn.long_enough,
+        long_enough=samples.long_enough,
         seconds=perf_counter() - began,
     )
-    if drawn.long_enough:
-        low, median, high = drawn.quantiles(SHARES)
+    if samples.long_enough:
+        low, median, high = samples.quantiles(SHARES)
         for i, row in enumerate(report.parameters):
             row.low, row.median, row.high = float(low[i]), float(median[i]), float(high[i])
     seconds = report.posterior.seconds
-    report.remarks.append(on_posterior(drawn, found.fit, seed=seed, seconds=seconds))
-    return found._replace(posterior=drawn)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    report.remarks.append(on_posterior(samples, result.fit, seed=seed, seconds=seconds))
+    return result._replace(posterior=samples)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from workflows.files.record import SYNTHETIC
+from workflows.files.record import SYNTHETIC, Record
 from workflows.fit.core.calibration.calibration import CalibrationResult
 from workflows.fit.core.calibration.judgement import SHARES, combinations, identifiable, remarks
 from workflows.fit.core.calibration.signals import Signals
@@ -72,69 +72,103 @@ class CalibrationReport(BaseModel):
 
     def text(self) -> str:
         """A table, and sentences on lines that a terminal holds."""
-        spheres = [
-            f"{self._named(n):>16} misfit {self._shown(n, x)}, at the start "
-            f"{self._shown(n, self.start_misfit_m_s[n])}"
+        # a line per parameter; quantiles as what they are off the value found
+        sampled = any(row.low is not None for row in self.parameters)
+        has_truth = any(row.truth is not None for row in self.parameters)
+        head = ["parameter", "start", "found", "two sigma"]
+        head += ["2.3 %", "97.7 %"] if sampled else []
+        head += ["identifiable", "truth"] if has_truth else ["identifiable"]
+        cells = []
+        for row in self.parameters:
+            name = f"{row.name} [{row.unit}]" if row.unit else row.name
+            bar = None if row.two_sigma is None else f"{row.two_sigma:.2g}"
+            line = [name, f"{row.start:.5g}", f"{row.found:.6g}", bar]
+            if sampled:
+                line += [
+                    None if x is None else f"{x - row.found:+.2g}" for x in (row.low, row.high)
+                ]
+            line.append(row.identifiable)
+            if has_truth:
+                line.append(None if row.truth is None else f"{row.truth:.6g}")
+            cells.append(tuple(line))
+
+        def signal(name: str) -> str:
+            return name if name in self.units else f"sphere {name}"
+
+        def misfit(name: str, value: float) -> str:
+            """A misfit [m/s] in the signal's own unit."""
+            unit, scale = self.units.get(name, ("mm/s", 1e3))
+            return f"{scale * value:.4g} {unit}"
+
+        misfits = [
+            f"{signal(n):>16} misfit {misfit(n, x)}, at the start "
+            f"{misfit(n, self.start_misfit_m_s[n])}"
             for n, x in self.misfit_m_s.items()
         ]
-        held = [
-            f"{self._named(n):>16} misfit {self._shown(n, x)}, held out"
-            for n, x in self.held_out_m_s.items()
+        misfits += [
+            f"{signal(n):>16} misfit {misfit(n, x)}, held out" for n, x in self.held_out_m_s.items()
         ]
-        face = [SYNTHETIC] if self.synthetic else []
-        told = (fill(remark, LINE, subsequent_indent="  ") for remark in self.remarks)
-        cost = f"{sum(s['evaluations'] for s in self.stages)} model runs in {self.seconds:.2f} s"
-        table = _table(self.parameters)
-        return "\n".join([*face, table, "", *spheres, *held, "", cost, *told])
-
-    def _named(self, signal: str) -> str:
-        return signal if signal in self.units else f"sphere {signal}"
-
-    def _shown(self, signal: str, misfit: float) -> str:
-        """A misfit [m/s] in the signal's own unit."""
-        unit, scale = self.units.get(signal, ("mm/s", 1e3))
-        return f"{scale * misfit:.4g} {unit}"
+        runs = sum(stage["evaluations"] for stage in self.stages)
+        return "\n".join([
+            *([SYNTHETIC] if self.synthetic else []),
+            aligned_text(tuple(head), cells), "", *misfits, "",
+            f"{runs} model runs in {self.seconds:.2f} s",
+            *(fill(remark, LINE, subsequent_indent="  ") for remark in self.remarks),
+        ])  # fmt: skip
 
 
-def _table(rows: list[ParameterRow]) -> str:
-    """A line per parameter; quantiles are told as what they are off the value found."""
-    sampled, known = (any(getattr(row, x) is not None for row in rows) for x in ("low", "truth"))
-    quantiles, truth = ("2.3 %", "97.7 %") if sampled else (), ("truth",) if known else ()
-    head = ("parameter", "start", "found", "two sigma", *quantiles, "identifiable", *truth)
-    return aligned_text(head, (_cells(row, sampled, known) for row in rows))
-
-
-def _cells(row: ParameterRow, sampled: bool, known: bool) -> tuple:
-    name = f"{row.name} [{row.unit}]" if row.unit else row.name
-    low, high = (None if x is None else f"{x - row.found:+.2g}" for x in (row.low, row.high))
-    bar = None if row.two_sigma is None else f"{row.two_sigma:.2g}"
-    truth = None if row.truth is None else f"{row.truth:.6g}"
-    return (
-        name, f"{row.start:.5g}", f"{row.found:.6g}", bar,
-        *((low, high) if sampled else ()), row.identifiable, *((truth,) if known else ()),
-    )  # fmt: skip
-
-
-def report_of(scene, source, measured, fit, signals, noise, left_out) -> CalibrationReport:
-    """The report of a fit; `left_out` is the misfit [m/s] of spheres held out."""
+def report_of(
+    scene: Scene,
+    source: str,
+    measured: Record,
+    fit: CalibrationResult,
+    signals: Signals,
+    noise: float | None,
+    left_out: dict[str, float],
+) -> CalibrationReport:
+    """The report of a fit to a file `source`; noise is the rms of the mean signals and `left_out`
+    the misfit of spheres held out [m/s]."""
     names, channels = signals.names, signals.channels
     triggers = [x for p, x in zip(fit.parameters, fit.value, strict=True) if p.kind == "trigger"]
+    units = {}
+    if channels:
+        units = {
+            name: (unit, float(scale))
+            for name, unit, scale in zip(names, channels.units, channels.scale, strict=True)
+        }
+
+    # a parameter at its bound has no bar, nor has one that the data does not determine
+    rows = []
+    bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
+    for p, x, bar, at_bound in zip(fit.parameters, fit.value, bars, fit.at_bound, strict=True):
+        row = ParameterRow(
+            name=p.name,
+            unit=p.unit,
+            start=p.start,
+            found=float(x),
+            two_sigma=float(bar) if np.isfinite(bar) else None,
+            identifiable="at its bound" if at_bound else identifiable(p, x, bar),
+        )
+        rows.append(row)
+
+    sentences = list(remarks(fit, noise, signals))
+    if isinstance(scene.wall, OneDofWall):
+        kinds = {p.kind for p in fit.parameters}
+        if "frequency" in kinds and "mass" not in kinds:
+            sentences.append(
+                f"The wall's mass was held at the scene's {scene.wall.mass:g} kg: assumed."
+            )
     return CalibrationReport(
         scene=scene.name,
         data=source,
         title=measured.title,
         synthetic=SYNTHETIC.split(":")[0] in measured.title,
-        parameters=_rows(fit),
+        parameters=rows,
         misfit_m_s=dict(zip(names, map(float, fit.misfit), strict=True)),
         start_misfit_m_s=dict(zip(names, map(float, fit.start_misfit), strict=True)),
         held_out_m_s=left_out,
         noise_m_s=noise,
-        units={
-            name: (unit, float(scale))
-            for name, unit, scale in zip(names, channels.units, channels.scale, strict=True)
-        }
-        if channels
-        else {},
+        units=units,
         repeats=signals.repeats,
         trigger_s=float(triggers[0]) if triggers else 0.0,
         combinations=combinations(fit),
@@ -142,28 +176,5 @@ def report_of(scene, source, measured, fit, signals, noise, left_out) -> Calibra
         scan_hz=[] if fit.scan is None else list(map(float, fit.scan.value)),
         scan_misfit_m_s=[] if fit.scan is None else list(map(float, fit.scan.misfit)),
         seconds=0.0,
-        remarks=list(_remarks(scene, fit, noise, signals)),
+        remarks=sentences,
     )
-
-
-def _rows(fit: CalibrationResult) -> list[ParameterRow]:
-    bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
-    return [
-        ParameterRow(
-            name=p.name,
-            unit=p.unit,
-            start=p.start,
-            found=float(x),
-            two_sigma=float(bar) if np.isfinite(bar) else None,
-            identifiable="at its bound" if held else identifiable(p, x, bar),
-        )
-        for p, x, bar, held in zip(fit.parameters, fit.value, bars, fit.at_bound, strict=True)
-    ]
-
-
-def _remarks(scene: Scene, fit: CalibrationResult, noise: float | None, signals: Signals):
-    yield from remarks(fit, noise, signals)
-    if isinstance(scene.wall, OneDofWall):
-        held = {"frequency", "mass"} - {p.kind for p in fit.parameters}
-        if "mass" in held and "frequency" not in held:
-            yield f"The wall's mass was held at the scene's {scene.wall.mass:g} kg: assumed."

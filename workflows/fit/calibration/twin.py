@@ -29,7 +29,7 @@ from workflows.report.tables import LINE, aligned_text
 from workflows.scene import InvalidScene, OneDofWall, Scene
 from workflows.stages.chain import chain, initial_velocity
 
-SOUGHT = 0.9  # share of repeats inside their bars
+MET = 0.9  # share of repeats inside their two-sigma bars that is asked for
 
 
 class Truth(NamedTuple):
@@ -77,7 +77,7 @@ class Coverage(BaseModel):
         worst = min(self.share, key=self.share.get)
         verdict = (
             f"Within two sigma in {100 * self.pooled:.1f} % of all, at least "
-            f"{100 * self.share[worst]:.1f} % ({worst}); {100 * SOUGHT:.0f} % are asked for: "
+            f"{100 * self.share[worst]:.1f} % ({worst}); {100 * MET:.0f} % are asked for: "
             f"{'met' if self.met else 'not met'}."
         )
         head = f"{SYNTHETIC}; {self.runs} repeats of the experiment in {self.seconds:.1f} s"
@@ -110,50 +110,49 @@ def truth(scene: Scene, twin: Twin) -> Truth:
     return Truth(factors, twin.frequency if of_mass else None)
 
 
-def clean(scene: Scene, wall: dem.Wall | None, twin: Twin, made_by: Truth) -> Clean:
+def clean(scene: Scene, wall: dem.Wall | None, twin: Twin, true_rig: Truth) -> Clean:
     """The known rig marched and filtered by the instrument."""
     if not scene.output.spheres:
         raise InvalidScene("output.spheres is empty; name the spheres that are measured.")
-    if made_by.frequency is not None:
-        wall = wall._replace(omega=np.array([2 * np.pi * made_by.frequency]))
+    if true_rig.frequency is not None:
+        wall = wall._replace(omega=np.array([2 * np.pi * true_rig.frequency]))
     row, v0 = chain(scene), initial_velocity(scene)
-    row = row._replace(A=row.A * made_by.contact)
+    row = row._replace(A=row.A * true_rig.contact)
     return clean_signals(row, wall, v0, twin, scene.output.spheres, scene.time.duration)
 
 
-def measured(made: Clean, twin: Twin, run: int = 0) -> Record:
+def measured(signals: Clean, twin: Twin, run: int = 0) -> Record:
     """The record of one experiment: repeats with jitter of the trigger and noise."""
-    return Record(*repeated(made, twin, run), made.spheres, SYNTHETIC)
+    return Record(*repeated(signals, twin, run), signals.spheres, SYNTHETIC)
 
 
 def twin_run(
     scene: Scene, wall: dem.Wall | None, twin: Twin, request: CalibrationRequest
 ) -> tuple[Calibrated, Record]:
     """The experiment made and calibrated; the report holds the truth beside what was found."""
-    made_by = truth(scene, twin)
-    data = measured(clean(scene, wall, twin, made_by), twin)
+    true_rig = truth(scene, twin)
+    data = measured(clean(scene, wall, twin, true_rig), twin)
     request = request._replace(instrument=twin.instrument)
-    found = calibrated(scene, wall, data, "twin (synthetic)", request)
-    for row, p in zip(found.report.parameters, found.fit.parameters, strict=True):
-        row.truth = made_by.of(p, twin, scene)
-    found.report.remarks.insert(0, _told(twin, found))
-    return found, data
+    result = calibrated(scene, wall, data, "twin (synthetic)", request)
+    rows = result.report.parameters
+    for row, p in zip(rows, result.fit.parameters, strict=True):
+        row.truth = true_rig.of(p, twin, scene)
 
-
-def _told(twin: Twin, found: Calibrated) -> str:
-    contacts = [r for r in found.report.parameters if r.name.startswith("contact ")]
-    off = max((abs(r.found / r.truth - 1) for r in contacts), default=0.0)
-    inside = [
-        r.two_sigma is not None and abs(r.found - r.truth) <= r.two_sigma
-        for r in found.report.parameters
-    ]
-    return (
+    # the largest error of a contact, and how many parameters lie within their bars
+    contacts = [row for row in rows if row.name.startswith("contact ")]
+    error = max((abs(row.found / row.truth - 1) for row in contacts), default=0.0)
+    inside = sum(
+        row.two_sigma is not None and abs(row.found - row.truth) <= row.two_sigma for row in rows
+    )
+    result.report.remarks.insert(
+        0,
         f"Known rig: contacts scattered by {100 * twin.scatter:g} %, noise {1e3 * twin.noise:g} "
         f"mm/s rms below {twin.instrument / 1e3:g} kHz, {twin.sampling / 1e6:g} MHz, "
         f"{twin.repeats} repeats, trigger {1e6 * twin.jitter:g} us, seed {twin.seed}, all assumed. "
-        f"Contacts are found within {100 * off:.2g} %; {sum(inside)} of {len(inside)} parameters "
-        "lie within their bars."
+        f"Contacts are found within {100 * error:.2g} %; {inside} of {len(rows)} parameters lie "
+        "within their bars.",
     )
+    return result, data
 
 
 def coverage(
@@ -161,7 +160,7 @@ def coverage(
     wall: dem.Wall | None,
     twin: Twin,
     request: CalibrationRequest,
-    found: Calibrated,
+    result: Calibrated,
     runs: int,
 ) -> Coverage:
     """Shares of repeats of the experiment, each with its own noise, whose bars hold the truth.
@@ -169,21 +168,20 @@ def coverage(
     Each is fitted from what the first experiment found: the search is not repeated, its bars are.
     """
     began = perf_counter()
-    made_by = truth(scene, twin)
-    made = clean(scene, wall, twin, made_by)
-    known = np.array([made_by.of(p, twin, scene) for p in found.fit.parameters])
+    true_rig, fit = truth(scene, twin), result.fit
+    signals = clean(scene, wall, twin, true_rig)
+    true_values = np.array([true_rig.of(p, twin, scene) for p in fit.parameters])
     start = tuple(
-        p._replace(start=float(x))
-        for p, x in zip(found.fit.parameters, found.fit.value, strict=True)
+        p._replace(start=float(x)) for p, x in zip(fit.parameters, fit.value, strict=True)
     )
     rig = free_parameters.rig(scene, wall, twin.before)
-    inside = refitted(Repeats(rig, twin, request.band, made, start), runs)
-    hits = np.abs(inside[:, 0] - known) <= inside[:, 1]
+    fits = refitted(Repeats(rig, twin, request.band, signals, start), runs)
+    hits = np.abs(fits[:, 0] - true_values) <= fits[:, 1]
     share = {p.name: float(s) for p, s in zip(start, hits.mean(axis=0), strict=True)}
     return Coverage(
         runs=runs,
         seconds=perf_counter() - began,
         share=share,
         pooled=float(hits.mean()),
-        met=min(share.values()) >= SOUGHT,
+        met=min(share.values()) >= MET,
     )

@@ -25,12 +25,20 @@ from coupling.errors import CouplingError
 from dem import Wall
 from rom import ReducedModel, modal
 
-FOLLOWED = 0.2  # MAC of two walls' modes that are the same, at least
-IN_ORDER = 0.05  # MAC that the same place in the order counts for
-OVERSAMPLED = 1.6  # walls that are computed over coefficients of a polynomial
 FACTORS = 1.05  # high over low bound from which on a number varies by factors
-ROWS = 600  # points of a surface at which shapes are compared, about
 RIGID = 1e-9  # of the largest square of a frequency: a mode without stiffness
+
+
+class Interpolation(NamedTuple):
+    """How walls are computed and their modes followed; not varied systematically."""
+
+    oversampled: float = 1.6  # walls that are computed, over coefficients of a polynomial
+    followed: float = 0.2  # MAC of two walls' modes that are the same, at least
+    in_order: float = 0.05  # MAC that the same place in the order counts for
+    rows: int = 600  # points of a surface at which shapes are compared, about
+
+
+INTERPOLATION = Interpolation()
 
 
 class Computed(NamedTuple):
@@ -55,7 +63,7 @@ def with_rest(wall: Wall, reduced: ReducedModel | None) -> Computed:
     if modes is None or reduced.surface is None:
         return Computed(wall)
     T = reduced.surface.T.reshape(-1, reduced.surface.T.shape[-1])
-    return Computed(wall, T[:: max(1, len(T) // ROWS)] @ modes.vectors[:, :n_modes])
+    return Computed(wall, T[:: max(1, len(T) // INTERPOLATION.rows)] @ modes.vectors[:, :n_modes])
 
 
 class Bounds(NamedTuple):
@@ -143,7 +151,7 @@ class ParametricWall(NamedTuple):
 def design(box: Bounds, degree: int, seed: int = 0) -> NDArray[np.float64]:
     """(n, d) numbers at which to compute walls, the middle first; dense towards the bounds."""
     d = len(box.low)
-    n = int(np.ceil(OVERSAMPLED * comb(d + degree, degree)))
+    n = int(np.ceil(INTERPOLATION.oversampled * comb(d + degree, degree)))
     unit = qmc.Sobol(d, rng=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(n))))[:n]
     return box.at(np.vstack([np.zeros(d), np.cos(np.pi * unit)]))
 
@@ -198,9 +206,9 @@ def matched_modes(first: Computed, second: Computed) -> NDArray[np.int64]:
         order = np.arange(n)
         return np.where(order < m, order, -1)
     similarity = mac(first.shapes[:, :n], second.shapes[:, :m])
-    rows, columns = linear_sum_assignment(-similarity - IN_ORDER * np.eye(n, m))
+    rows, columns = linear_sum_assignment(-similarity - INTERPOLATION.in_order * np.eye(n, m))
     places = np.full(n, -1)
-    same = similarity[rows, columns] >= FOLLOWED
+    same = similarity[rows, columns] >= INTERPOLATION.followed
     places[rows[same]] = columns[same]
     return places
 

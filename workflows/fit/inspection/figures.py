@@ -1,4 +1,4 @@
-"""Pictures of an inspection: signals and what is left of them, bars, bars over records' length."""
+"""Pictures of an inspection: signals and residuals, bars, bars over the records' length."""
 
 import numpy as np
 
@@ -17,22 +17,22 @@ from workflows.report.plots import (
     subplots,
 )
 
-SHOWN = 6  # records in a picture of signals
+MOST_RECORDS = 6  # in a picture of signals
 
 
-def pictures(found: Inspected, report: InspectionReport) -> dict[str, bytes]:
+def pictures(result: Inspected, report: InspectionReport) -> dict[str, bytes]:
     """Name to PNG."""
     face = SYNTHETIC if report.synthetic else ""
     return {
-        "signals": signals(found, report, face),
+        "signals": signals(result, report, face),
         "numbers": numbers(report, face),
         "length": by_length(report, face),
     }
 
 
-def signals(found: Inspected, report: InspectionReport, face: str) -> bytes:
-    """Records and model, and what is left over the noise; a pair of panels per record."""
-    shots = found.fit.shots[:SHOWN]
+def signals(result: Inspected, report: InspectionReport, face: str) -> bytes:
+    """Records and model, and the residual over the noise; two panels per record."""
+    shots = result.fit.shots[:MOST_RECORDS]
     n = len(shots)
     figure, panels = subplots(2 * n, 1, (9, 1.2 + 2.1 * n), sharex=True, height_ratios=[3, 1] * n)
     for s, shot in enumerate(shots):
@@ -41,10 +41,10 @@ def signals(found: Inspected, report: InspectionReport, face: str) -> bytes:
             largest = np.abs(shot.y[:, i]).max()
             upper.plot(1e3 * shot.t, shot.y[:, i] / largest, color="0.6", linewidth=2.2,
                        label="record" if i == 0 else None)  # fmt: skip
-            upper.plot(1e3 * shot.t, found.inversion.model[s, :, i] / largest,
+            upper.plot(1e3 * shot.t, result.inversion.model[s, :, i] / largest,
                        color=COLOURS[i % len(COLOURS)], linewidth=1.0, label=name)  # fmt: skip
-            left = (found.inversion.model[s, :, i] - shot.y[:, i]) / shot.noise[i]
-            lower.plot(1e3 * shot.t, left, color=COLOURS[i % len(COLOURS)], linewidth=0.5)
+            residual = (result.inversion.model[s, :, i] - shot.y[:, i]) / shot.noise[i]
+            lower.plot(1e3 * shot.t, residual, color=COLOURS[i % len(COLOURS)], linewidth=0.5)
         upper.set_ylabel(f"{report.records[s][:18]}\nover largest")
         lower.set_ylabel("left\n/ noise")
         frame(upper)

@@ -12,38 +12,34 @@ from workflows.scene.toml import toml
 FILES = ("scene.toml", "report.json", "numbers.csv", "signals.csv")
 
 
-def write(found: Inspected, report: InspectionReport, folder: RunFolder) -> None:
+def write(result: Inspected, report: InspectionReport, folder: RunFolder) -> None:
     """scene.toml with what was found, report.json, numbers.csv, signals.csv and figures/."""
     face = f"# {SYNTHETIC}\n" if report.synthetic else ""
-    told = "".join(
+    comments = "".join(
         f"# {row.name} = {row.found:.6g} {row.unit} found, two sigma {row.two_sigma:.2g}\n"
         for row in report.numbers
     )
-    folder.write("scene.toml", face + told + toml(found.scene))
+    folder.write("scene.toml", face + comments + toml(result.scene))
     folder.write("report.json", report.model_dump_json(indent=1) + "\n")
-    folder.write("numbers.csv", face + _numbers(report))
-    folder.write("signals.csv", face + _signals(found, report))
-    write_pictures(folder, drawn(found, report))
-
-
-def drawn(found: Inspected, report: InspectionReport) -> tuple[Picture, ...]:
-    """Signals, numbers, and bars over the records' length."""
-    return tuple(Picture(name, png) for name, png in pictures(found, report).items())
-
-
-def _numbers(report: InspectionReport) -> str:
     rows = [
         f"{row.name},{row.unit},{row.found:.9g},{row.two_sigma:.4g},{row.told}"
         for row in (*report.numbers, *report.others)
     ]
-    return "\n".join(["number,unit,found,two_sigma,told", *rows, ""])
+    numbers = "\n".join(["number,unit,found,two_sigma,told", *rows, ""])
+    folder.write("numbers.csv", face + numbers)
 
-
-def _signals(found: Inspected, report: InspectionReport) -> str:
-    """Record and model of every sensor, record after record on its own clock."""
+    # record and model of every sensor, record after record on its own clock
     heads = [f"{what} {name}" for what in ("record of", "model of") for name in report.sensors]
     lines = [", ".join(["record", "time [s]", *heads])]
-    for i, (shot, model) in enumerate(zip(found.fit.shots, found.inversion.model, strict=True), 1):
+    for i, (shot, model) in enumerate(
+        zip(result.fit.shots, result.inversion.model, strict=True), 1
+    ):
         table = np.column_stack([shot.t, shot.y, model])
         lines += [",".join([str(i), *(f"{x:.7g}" for x in row)]) for row in table]
-    return "\n".join([*lines, ""])
+    folder.write("signals.csv", face + "\n".join([*lines, ""]))
+    write_pictures(folder, drawn(result, report))
+
+
+def drawn(result: Inspected, report: InspectionReport) -> tuple[Picture, ...]:
+    """Signals, numbers, and bars over the records' length."""
+    return tuple(Picture(name, png) for name, png in pictures(result, report).items())

@@ -8,9 +8,10 @@ import numpy as np
 import coupling
 import dem
 from workflows.files.record import Recorded
+from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.plausibility import require_samples
 from workflows.fit.core.columns import beyond, require_columns
-from workflows.fit.core.inspection.answer import Answer, answered
+from workflows.fit.core.inspection.answer import answered
 from workflows.fit.core.inspection.fitting import RecordFit
 from workflows.fit.core.inspection.forward import Shot, StructureForward, unknowns
 from workflows.fit.core.inspection.inversion import Inversion
@@ -29,29 +30,30 @@ from workflows.scene import InvalidScene, Scene
 from workflows.stages.pipeline import Progress
 from workflows.sweep.cases import Base
 
-STEPS = 4.0  # of the model, in usual ones: 1e-5 of the largest signal
+STEPS = 4.0  # of the model, in usual ones: leaves 1e-5 of the largest signal
+REFUSALS = (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium)  # of values of a scene
 
 
 class InspectionRequest(NamedTuple):
-    """What is asked for beside scene and records."""
+    """Options of an inspection beside scene and records."""
 
-    find: str
-    bounds: str | None = None
-    each: str | None = None
+    find: str  # keys of the scene, as in "beam.thickness,beam.young"
+    bounds: str | None = None  # as in "beam.thickness=8mm:12mm"
+    each: str | None = None  # numbers that every record has for itself
     starts: int = 12
     seed: int = 0
 
 
 class Inspected(NamedTuple):
-    """What came out, and the problem that was solved."""
+    """The answer, and the problem that was solved."""
 
     scene: Scene
     inversion: Inversion
     rivals: tuple[Inversion, ...]  # that the records do not tell from it
     fit: RecordFit
     structure: VariedScene
-    n_shared: int
-    moved: float | None
+    n_shared: int  # numbers of the structure, the first ones
+    moved: float | None  # bars by which the last computed wall moved the answer
     no_wall: str  # why none could be computed at the answer
     noise_known: bool
     seconds: float
@@ -61,77 +63,95 @@ class Inspected(NamedTuple):
 def inspected(
     base: Base, records: tuple[Recorded, ...], request: InspectionRequest, progress: Progress
 ) -> Inspected:
-    """The numbers asked for; raises InvalidScene for records or requests that cannot be."""
+    """The numbers to find; raises InvalidScene for records or requests that cannot be."""
     began = perf_counter()
     records = alike(records)
-    found = numbers.shared(base, request.find, request.bounds)
-    each = request.each or numbers.usual_each(base.with_values({}), request.find)
-    own = numbers.own(base, each, len(records))
-    numbers.require_possible(base, found)
-    keys = tuple(p.name for p in (*found, *own[0]))
+    scene = base.with_values({})
+
+    # numbers of the structure first, then those of each record
+    shared = numbers.shared(base, request.find, request.bounds)
+    each = request.each or numbers.usual_each(scene, request.find)
+    per_record = numbers.per_record(base, each, len(records))
+    numbers.require_possible(base, shared)
+    n = len(shared)
+    keys = tuple(p.name for p in (*shared, *per_record[0]))
     if twice := next((key for key in keys if keys.count(key) > 1), None):
         raise InvalidScene(f"{twice} is found for all records and for --each; name it once.")
-    box = Bounds(*(np.array([getattr(p, end) for p in found]) for end in ("low", "high")))
-    model = structure(base, keys, box, len(found), progress)
+
+    box = Bounds(*(np.array([getattr(p, end) for p in shared]) for end in ("low", "high")))
+    model = structure(base, keys, box, n, progress)
     with progress("inversion"):
-        fit, gains, known = problem(model, records, found, own)
-        (inversion, fit, moved, no_wall), rivals = _answered(fit, len(found), gains, request)
-    at = keys[: len(found)], inversion.value[: len(found)]
+        fit, gains, noise_known = problem(model, records, shared, per_record)
+        try:
+            answer, rivals = answered(fit, n, gains, starts=request.starts, seed=request.seed)
+        except REFUSALS as reason:
+            raise InvalidScene(f"{model.scene.name}: {str(reason).rstrip('.')}.") from None
+
     # where no wall can be computed, the numbers may contradict each other: they are shown unchecked
-    scene = numbers.put(base.with_values({}), *at) if no_wall else numbers.moved(base, *at)
-    seconds = perf_counter() - began
-    settled = fit.forward.system
+    values = answer.inversion.value[:n]
+    if answer.no_wall:
+        result = numbers.put(scene, keys[:n], values)
+    else:
+        result = numbers.scene_at(base, keys[:n], values)
     return Inspected(
-        scene, inversion, rivals, fit, settled, len(found), moved, no_wall, known, seconds
+        scene=result,
+        inversion=answer.inversion,
+        rivals=rivals,
+        fit=answer.fit,
+        structure=answer.fit.forward.system,
+        n_shared=n,
+        moved=answer.moved,
+        no_wall=answer.no_wall,
+        noise_known=noise_known,
+        seconds=perf_counter() - began,
     )
 
 
 @usable()
-def problem(model: VariedScene, records, found, own) -> tuple[RecordFit, tuple[str, ...], bool]:
-    """The least-squares problem, the names of its gains, whether the records tell their noise."""
+def problem(
+    model: VariedScene,
+    records: tuple[Recorded, ...],
+    shared: tuple[Parameter, ...],
+    per_record: list[list[Parameter]],
+) -> tuple[RecordFit, tuple[str, ...], bool]:
+    """The least-squares problem, the names of its gains, whether the records tell their noise;
+    raises InvalidScene for records that are not what the scene may show."""
     pairs = [sensor_of(model.scene, channel) for channel in records[0].channels]
+    sensors = tuple(sensor for sensor, _ in pairs)
     gains = tuple(dict.fromkeys(name for _, name in pairs if name))
-    group = np.array([gains.index(name) if name else -1 for _, name in pairs])
-    starts = [np.array([p.start for p in (*found, *record)]) for record in own]
-    dt, time_scale = _steps(model, starts)
-    within = model.within if model.between else None
-    forward = StructureForward(model, tuple(sensor for sensor, _ in pairs), dt, within)
-    triggers, shots, known = [], [], True
-    for i, (one, start) in enumerate(zip(records, starts, strict=True), 1):
-        require_samples(one.t, time_scale)
-        noise, told = noise_of(one, time_scale)
-        known = known and told
-        shots.append(Shot(one.t, one.y, noise, rounding(one.y)))
-        longer = forward.signals_of_run(start, beyond(one.t) - one.t[0])
-        shown = longer[: len(one.t)]
-        require_size(one, shown, group < 0)
-        names = [f"{channel.name} of {one.name}" for channel in one.channels]
-        forces = np.array([channel.quantity == "force" for channel in one.channels])
-        require_columns(names, one.t, one.y, longer, time_scale, signed=group < 0, forces=forces)
-        triggers.append(trigger_of(one, shown, f"trigger, record {i}"))
-    named = [
-        [p._replace(name=f"{p.name}, record {i}") for p in record]
-        for i, record in enumerate(own, 1)
-    ]
-    fit = RecordFit(forward, unknowns(found, named, triggers), tuple(shots), group)
-    return fit, tuple(f"gain {name}" for name in gains), known
+    gain_of_sensor = np.array([gains.index(name) if name else -1 for _, name in pairs])
+    gain_known = gain_of_sensor < 0
 
-
-def _steps(model: VariedScene, starts) -> tuple[float, float]:
-    """Step [s] of the model, and the time [s] within which its stiffest contact moves."""
+    # the step, and the time [s] within which the stiffest contact moves
+    starts = [np.array([p.start for p in (*shared, *of_record)]) for of_record in per_record]
     try:
-        usual = min(dem.sensitivities.usual_step(*model(values)) for values in starts)
-    except (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium) as reason:
+        step = min(dem.sensitivities.usual_step(*model(values)) for values in starts)
+    except REFUSALS as reason:
         raise InvalidScene(f"{model.scene.name}: {str(reason).rstrip('.')}.") from None
-    return STEPS * usual, dem.sensitivities.STEPS_PER_TIME_SCALE * usual
+    time_scale = dem.sensitivities.STEPS_PER_TIME_SCALE * step
+    within = model.within if model.between else None
+    forward = StructureForward(model, sensors, STEPS * step, within)
 
+    # each record beside the model at the start: samples, noise, sizes, columns, first touch
+    triggers, shots, noise_known = [], [], True
+    for i, (record, start) in enumerate(zip(records, starts, strict=True), 1):
+        require_samples(record.t, time_scale)
+        noise, is_known = noise_of(record, time_scale)
+        noise_known = noise_known and is_known
+        shots.append(Shot(record.t, record.y, noise, rounding(record.y)))
+        longer = forward.signals_of_run(start, beyond(record.t) - record.t[0])
+        signals = longer[: len(record.t)]
+        require_size(record, signals, gain_known)
+        names = [f"{channel.name} of {record.name}" for channel in record.channels]
+        forces = np.array([channel.quantity == "force" for channel in record.channels])
+        require_columns(
+            names, record.t, record.y, longer, time_scale, signed=gain_known, forces=forces
+        )
+        triggers.append(trigger_of(record, signals, f"trigger, record {i}"))
 
-def _answered(
-    fit: RecordFit, n_shared: int, gains: tuple[str, ...], request: InspectionRequest
-) -> tuple[Answer, tuple[Inversion, ...]]:
-    """The answer, and others that the records do not tell from it; raises InvalidScene."""
-    try:
-        return answered(fit, n_shared, gains, starts=request.starts, seed=request.seed)
-    except (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium) as reason:
-        name = fit.forward.system.scene.name
-        raise InvalidScene(f"{name}: {str(reason).rstrip('.')}.") from None
+    named = [
+        [p._replace(name=f"{p.name}, record {i}") for p in of_record]
+        for i, of_record in enumerate(per_record, 1)
+    ]
+    fit = RecordFit(forward, unknowns(shared, named, triggers), tuple(shots), gain_of_sensor)
+    return fit, tuple(f"gain {name}" for name in gains), noise_known

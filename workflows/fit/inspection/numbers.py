@@ -12,26 +12,35 @@ from workflows.scene.quantities import entries
 from workflows.scene.toml import changed
 from workflows.sweep.cases import Base
 
-USUAL = {SHARED: (0.7, 1.4), OWN: (0.5, 2.0)}  # of the scene's value
+USUAL_BOUNDS = {SHARED: (0.7, 1.4), OWN: (0.5, 2.0)}  # factors on the scene's value
 SCALE = 0.02  # of the bounds' distance: a change that counts as large
-MOST = 12  # numbers
+MOST_NUMBERS = 12
 SPEED = "striker.velocity"
 
 
 def shared(base: Base, find: str, bounds: str | None) -> tuple[Parameter, ...]:
     """The numbers to find, "a.b,c.d", within their bounds, "a.b=1mm:2mm"; raises InvalidScene."""
     keys = listed("--find", find)
-    limits = _bounds(base, bounds)
+    limits: dict[str, tuple[float, float]] = {}
+    for item in bounds.split(",") if bounds else ():
+        key, _, ends = (text.strip() for text in item.partition("="))
+        low_text, colon, high_text = ends.partition(":")
+        if not colon or key in limits:
+            raise InvalidScene(f"--bounds {item} is not key=low:high, once; write it so.")
+        low, high = base.number(key, low_text.strip()), base.number(key, high_text.strip())
+        if not (isfinite(low) and isfinite(high) and low < high):
+            raise InvalidScene(f"--bounds {item} must be finite and grow; turn or change them.")
+        limits[key] = low, high
     if unknown := next((key for key in limits if key not in keys), None):
         raise InvalidScene(
             f"--bounds {unknown} is not among the numbers to find; add it to --find."
         )
-    if len(keys) > MOST:
+    if len(keys) > MOST_NUMBERS:
         raise InvalidScene(
-            f"--find names {len(keys)} numbers, up to {MOST} are allowed; drop some."
+            f"--find names {len(keys)} numbers, up to {MOST_NUMBERS} are allowed; drop some."
         )
     scene = base.with_values({})
-    return tuple(_bounded(scene, key, number(scene, key), limits.get(key)) for key in keys)
+    return tuple(_bounded(scene, key, number(scene, key), SHARED, limits.get(key)) for key in keys)
 
 
 def listed(option: str, text: str) -> list[str]:
@@ -46,72 +55,65 @@ def listed(option: str, text: str) -> list[str]:
 
 def number(scene: Scene, key: str) -> float:
     """The value of a key; raises InvalidScene for a key that has none or no number."""
-    found: Any = scene
+    value: Any = scene
     for name in key.split("."):
-        found = _below(found, name)
-    if isinstance(found, bool) or not isinstance(found, int | float):
-        told = "has no value" if found is None else f"is {found!r}"
+        value = _entry(value, name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        reason = "has no value" if value is None else f"is {value!r}"
         raise InvalidScene(
-            f"{key} {told} in {scene.name}; name a key whose value is one number, as chain.young."
+            f"{key} {reason} in {scene.name}; name a key whose value is one number, as chain.young."
         )
-    if isinstance(found, int):
-        raise InvalidScene(f"{key} = {found} counts; name a key that varies smoothly.")
-    return found
+    if isinstance(value, int):
+        raise InvalidScene(f"{key} = {value} counts; name a key that varies smoothly.")
+    return value
 
 
-def _below(table: Any, name: str) -> Any:
+def _entry(table: Any, name: str) -> Any:
+    """An entry of a table, or a table of a list by its name; None where there is none."""
     if isinstance(table, tuple):
-        return next((one for one in table if getattr(one, "name", None) == name), None)
+        return next((item for item in table if getattr(item, "name", None) == name), None)
     return table.get(name) if isinstance(table, dict) else getattr(table, name, None)
 
 
-def _bounds(base: Base, text: str | None) -> dict[str, tuple[float, float]]:
-    found = {}
-    for item in text.split(",") if text else ():
-        key, _, limits = (part.strip() for part in item.partition("="))
-        low, colon, high = limits.partition(":")
-        if not colon or key in found:
-            raise InvalidScene(f"--bounds {item} is not key=low:high, once; write it so.")
-        pair = tuple(base.number(key, end.strip()) for end in (low, high))
-        if not (all(map(isfinite, pair)) and pair[0] < pair[1]):
-            raise InvalidScene(f"--bounds {item} must be finite and grow; turn or change them.")
-        found[key] = pair
-    return found
-
-
-def _bounded(scene: Scene, key: str, value: float, limits=None, kind=SHARED) -> Parameter:
-    if limits is None and value == 0.0:
+def _bounded(
+    scene: Scene, key: str, start: float, kind: str, limits: tuple[float, float] | None = None
+) -> Parameter:
+    """The number of a key within its bounds; raises InvalidScene where they do not hold its
+    start."""
+    if limits is None and start == 0.0:
         raise InvalidScene(
             f"{key} = 0 does not say how far it may go; add --bounds {key}=low:high."
         )
-    low, high = limits or sorted(factor * value for factor in USUAL[kind])
-    if not low <= value <= high:
+    low, high = limits or sorted(factor * start for factor in USUAL_BOUNDS[kind])
+    if not low <= start <= high:
         raise InvalidScene(
-            f"--bounds {key}={low:g}:{high:g} must hold the scene's value {value:g}; widen them or "
+            f"--bounds {key}={low:g}:{high:g} must hold the scene's value {start:g}; widen them or "
             "change the scene."
         )
-    unit = next((one.quantity.kind.unit for one in entries(scene) if one.key == key), "")
-    return Parameter(key, kind, value, low, high, SCALE * (high - low), unit)
+    unit = next((entry.quantity.kind.unit for entry in entries(scene) if entry.key == key), "")
+    return Parameter(key, kind, start, low, high, SCALE * (high - low), unit)
 
 
-def own(base: Base, each: str, n_records: int) -> list[list[Parameter]]:
+def per_record(base: Base, each: str, n_records: int) -> list[list[Parameter]]:
     """Numbers that every record has for itself, "key" or "key=v1,v2,..;key2", or "none"; by record.
 
     Raises InvalidScene.
     """
     scene = base.with_values({})
-    found: list[list[Parameter]] = [[] for _ in range(n_records)]
-    for item in filter(None, map(str.strip, () if each == "none" else each.split(";"))):
-        key, _, values = (part.strip() for part in item.partition("="))
-        told = [base.number(key, value.strip()) for value in values.split(",")] if values else []
-        if told and len(told) != n_records:
+    numbers: list[list[Parameter]] = [[] for _ in range(n_records)]
+    for item in () if each == "none" else each.split(";"):
+        if not item.strip():
+            continue
+        key, _, texts = (text.strip() for text in item.partition("="))
+        values = [base.number(key, text.strip()) for text in texts.split(",")] if texts else []
+        if values and len(values) != n_records:
             raise InvalidScene(
-                f"--each {key} has {len(told)} values for {n_records} records; give one for each."
+                f"--each {key} has {len(values)} values for {n_records} records; give one for each."
             )
-        for i, record in enumerate(found):
-            start = told[i] if told else number(scene, key)
-            record.append(_bounded(scene, key, start, None, OWN))
-    return found
+        for i, of_record in enumerate(numbers):
+            start = values[i] if values else number(scene, key)
+            of_record.append(_bounded(scene, key, start, OWN))
+    return numbers
 
 
 def usual_each(scene: Scene, find: str) -> str:
@@ -119,8 +121,8 @@ def usual_each(scene: Scene, find: str) -> str:
     return SPEED if scene.striker and SPEED not in listed("--find", find) else "none"
 
 
-def moved(base: Base, keys: tuple[str, ...], values: np.ndarray) -> Scene:
-    """The scene with numbers at these values, checked; raises InvalidScene."""
+def scene_at(base: Base, keys: tuple[str, ...], values: np.ndarray) -> Scene:
+    """The scene with its keys at these values (q,), checked; raises InvalidScene."""
     return base.with_values(dict(zip(keys, map(float, values), strict=True)))
 
 
@@ -131,24 +133,25 @@ def changed_base(base: Base, values: dict[str, Any]) -> Base:
 
 
 def put(scene: Scene, keys: tuple[str, ...], values: np.ndarray) -> Scene:
-    """The same, unchecked, of a scene whose bounds have been checked."""
+    """`scene_at`, unchecked and quicker, of a scene whose bounds have been checked."""
     tables: dict[str, Any] = {}
     for key, value in zip(keys, map(float, values), strict=True):
-        first, *rest = key.split(".")
-        tables[first] = _put(tables.get(first, getattr(scene, first)), rest, value)
+        first, *path = key.split(".")
+        tables[first] = _with_entry(tables.get(first, getattr(scene, first)), path, value)
     return scene.model_copy(update=tables)
 
 
-def _put(table: Any, path: list[str], value: float) -> Any:
+def _with_entry(table: Any, path: list[str], value: float) -> Any:
+    """The table with the value at a path of names below it."""
     if not path:
         return value
-    first, *rest = path
+    first, *path = path
     if isinstance(table, tuple):
-        return tuple(_put(t, rest, value) if t.name == first else t for t in table)
-    below = _put(_below(table, first), rest, value)
+        return tuple(_with_entry(t, path, value) if t.name == first else t for t in table)
+    entry = _with_entry(_entry(table, first), path, value)
     if isinstance(table, dict):
-        return {**table, first: below}
-    return table.model_copy(update={first: below})
+        return {**table, first: entry}
+    return table.model_copy(update={first: entry})
 
 
 def require_possible(base: Base, parameters: tuple[Parameter, ...]) -> None:

@@ -47,62 +47,69 @@ class InspectionReport(BaseModel):
 
     def text(self) -> str:
         """Two tables, and sentences on lines that a terminal holds."""
-        face = [SYNTHETIC] if self.synthetic else []
-        whole = float(np.sqrt(np.mean(np.square(self.misfit))))
-        verdict = (
-            f"The model leaves {whole:.3g} times the noise of {_counted(len(self.records))}; "
-            f"{self.seconds:.1f} s."
-        )
-        told = (fill(remark, LINE, subsequent_indent="  ") for remark in self.remarks)
-        return "\n".join(
-            [*face, _table(self.numbers, 5), "", _table(self.others, 3), "", verdict, *told]
-        )
-
-
-def _counted(n: int) -> str:
-    return f"{n} record{'s' * (n != 1)}"
+        n = len(self.records)
+        misfit = float(np.sqrt(np.mean(np.square(self.misfit))))
+        return "\n".join([
+            *([SYNTHETIC] if self.synthetic else []),
+            _table(self.numbers, 5), "", _table(self.others, 3), "",
+            f"The model leaves {misfit:.3g} times the noise of {n} record{'s' * (n != 1)}; "
+            f"{self.seconds:.1f} s.",
+            *(fill(remark, LINE, subsequent_indent="  ") for remark in self.remarks),
+        ])  # fmt: skip
 
 
 def _table(rows: list[NumberRow], n_columns: int) -> str:
+    """The first columns of a table of numbers."""
     columns = ("number", "found", "two sigma", "bounds", "told")[:n_columns]
-    cells = [_cells(row)[:n_columns] for row in rows]
+    cells = []
+    for row in rows:
+        name = f"{row.name} [{row.unit}]" if row.unit else row.name
+        bounds = "" if row.low is None else f"{row.low:.4g} to {row.high:.4g}"
+        line = (name, f"{row.found:.6g}", f"{row.two_sigma:.2g}", bounds, row.told)
+        cells.append(line[:n_columns])
     return text(Table("", columns, tuple(cells)))
 
 
-def _cells(row: NumberRow) -> tuple[str, ...]:
-    name = f"{row.name} [{row.unit}]" if row.unit else row.name
-    ends = "" if row.low is None else f"{row.low:.4g} to {row.high:.4g}"
-    return name, f"{row.found:.6g}", f"{row.two_sigma:.2g}", ends, row.told
-
-
-def report_of(found: Inspected, records: tuple[Recorded, ...]) -> InspectionReport:
+def report_of(result: Inspected, records: tuple[Recorded, ...]) -> InspectionReport:
     """Rows, bars over the records' length, and what there is to be said."""
-    inversion, n = found.inversion, found.n_shared
-    between = found.structure.between
-    names = tuple(one.name for one in records)
+    inversion, n = result.inversion, result.n_shared
+    between = result.structure.between
     judged = Judged(
         inversion,
-        found.rivals,
-        found.fit,
+        result.rivals,
+        result.fit,
         n,
-        found.noise_known,
+        result.noise_known,
         between,
-        found.moved,
-        names,
-        found.no_wall,
+        result.moved,
+        tuple(record.name for record in records),
+        result.no_wall,
     )
     t, bars = judged.bars_by_length()
-    rows = _rows(inversion, judged.told)
+
+    # gains have no upper bound: their rows show none
+    rows = [
+        NumberRow(
+            name=p.name, unit=p.unit, found=float(x), two_sigma=float(bar),
+            low=p.low if np.isfinite(p.high) else None,
+            high=p.high if np.isfinite(p.high) else None,
+            told=verdict,
+        )
+        for p, x, bar, verdict in zip(
+            inversion.parameters, inversion.value, inversion.uncertainty.two_sigma, judged.told,
+            strict=True,
+        )
+    ]  # fmt: skip
     return InspectionReport(
-        scene=found.scene.name,
-        records=list(names),
+        scene=result.scene.name,
+        records=list(judged.records),
         sensors=[channel.name for channel in records[0].channels],
-        synthetic=any(one.synthetic for one in records),
+        synthetic=any(record.synthetic for record in records),
         numbers=rows[:n],
         others=rows[n:],
         correlation=inversion.uncertainty.correlation[:n, :n].tolist(),
         misfit=inversion.misfit.tolist(),
-        noise=[shot.noise.tolist() for shot in found.fit.shots],
+        noise=[shot.noise.tolist() for shot in result.fit.shots],
         explained=judged.explained,
         record_length_s=t.tolist(),
         two_sigma_by_length={row.name: bars[:, i].tolist() for i, row in enumerate(rows[:n])},
@@ -110,21 +117,6 @@ def report_of(found: Inspected, records: tuple[Recorded, ...]) -> InspectionRepo
         wall_missed=between.missed.frequency if between else None,
         rivals=judged.rival_numbers,
         starts=inversion.search.starts,
-        seconds=found.seconds,
+        seconds=result.seconds,
         remarks=list(judged.remarks()),
-    )  # fmt: skip
-
-
-def _rows(inversion, of_each: list[str]) -> list[NumberRow]:
-    bars = inversion.uncertainty.two_sigma
-    return [
-        NumberRow(
-            name=p.name, unit=p.unit, found=float(x), two_sigma=float(bar),
-            low=p.low if np.isfinite(p.high) else None,
-            high=p.high if np.isfinite(p.high) else None,
-            told=told,
-        )
-        for p, x, bar, told in zip(
-            inversion.parameters, inversion.value, bars, of_each, strict=True
-        )
-    ]  # fmt: skip
+    )

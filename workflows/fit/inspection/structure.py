@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 import coupling
 import dem
-import rom
 from workflows.fit.core.inspection.forward import System
 from workflows.fit.core.parametric_wall import (
     Bounds,
@@ -21,7 +20,7 @@ from workflows.fit.core.parametric_wall import (
     parametric_wall,
     with_rest,
 )
-from workflows.fit.inspection.numbers import moved, number, put
+from workflows.fit.inspection.numbers import number, put, scene_at
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.stages.chain import chain as chain_of
 from workflows.stages.chain import initial_velocity, on_surface, simple_wall
@@ -29,60 +28,60 @@ from workflows.stages.chain import wall as wall_of
 from workflows.stages.pipeline import Pipeline, Progress, needs_structure, pipeline_of
 from workflows.sweep.cases import Base
 
-QUICK, SLOW = 3, 2  # degree of the polynomials between walls, of a beam and of bodies
-CHAINS = 16  # that are kept: many runs differ in the wall alone
-FAILURES = (InvalidScene, ValueError, ArithmeticError, np.linalg.LinAlgError)
+DEGREE_BEAM, DEGREE_BODIES = 3, 2  # of the polynomials between walls: beams are computed quickly
+CHAINS = 16  # chains that are cached: many runs differ in the wall alone
+FAILURES = (InvalidScene, ValueError, ArithmeticError, np.linalg.LinAlgError)  # of one wall
 
 
 class KeyedChains(NamedTuple):
-    """Chains of a scene by the values of the keys `of` that change them."""
+    """Chains of a scene by the values of those of its keys that change them."""
 
-    of: tuple[int, ...]
+    of: tuple[int, ...]  # places of these keys
     chain: Callable[..., dem.Chain]
 
 
 class VariedScene(NamedTuple):
-    """A scene whose keys take values (q,), `of_wall` those that its reduced wall follows."""
+    """A scene as a function of the values (q,) of its keys."""
 
     scene: Scene
     base: Base
     keys: tuple[str, ...]
     surface: Any  # rom.Contact, of bodies
     rows: KeyedChains | None  # where nothing else of the scene follows from the keys
-    of_wall: tuple[int, ...] = ()
-    between: ParametricWall | None = None
-    fixed: dem.Wall | None = None
+    of_wall: tuple[int, ...] = ()  # places of the keys that change the reduced wall
+    between: ParametricWall | None = None  # the reduced wall, where keys change it
+    fixed: dem.Wall | None = None  # the reduced wall, where none does
 
     def __call__(self, values: NDArray[np.float64]) -> System:
         """What is marched; raises CouplingError for values that no scene may have."""
         try:
             if self.rows is None:
-                scene = moved(self.base, self.keys, values)
+                scene = scene_at(self.base, self.keys, values)
                 chain = chain_of(on_surface(scene, self.surface))
             else:
                 scene = put(self.scene, self.keys, values)
                 chain = self.rows.chain(*(values[i] for i in self.rows.of))
-            return System(chain, self._wall(scene, values), initial_velocity(scene))
+            if self.between is not None:
+                wall = self.between(values[list(self.of_wall)])
+            else:
+                wall = self.fixed if isinstance(scene.wall, RomWall) else simple_wall(scene)
+            return System(chain, wall, initial_velocity(scene))
         except InvalidScene as reason:
             raise coupling.CouplingError(str(reason)) from None
 
     def of(self, scene: Scene, base: Base) -> "VariedScene":
         """The same walls behind the chain of another scene."""
-        rows = _rows(base, scene, self.keys, self.surface)
+        rows = _keyed_chains(base, scene, self.keys, self.surface)
         return self._replace(scene=scene, base=base, rows=rows)
-
-    def _wall(self, scene: Scene, values) -> dem.Wall | None:
-        if self.between is not None:
-            return self.between(values[list(self.of_wall)])
-        return self.fixed if isinstance(scene.wall, RomWall) else simple_wall(scene)
 
     def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "VariedScene":
         """The same with walls computed between narrower bounds (n,) of the first keys, where
         enough of them can be."""
-        chosen = list(self.of_wall)
-        keys = tuple(self.keys[i] for i in chosen)
+        places = list(self.of_wall)
+        keys = tuple(self.keys[i] for i in places)
         try:
-            between = _between(self.base, keys, Bounds(low[chosen], high[chosen]), SLOW)
+            box = Bounds(low[places], high[places])
+            between = _wall_between(self.base, keys, box, DEGREE_BODIES)
         except FAILURES:
             return self
         return self._replace(between=between)
@@ -90,18 +89,18 @@ class VariedScene(NamedTuple):
     def through(self, values: NDArray[np.float64]) -> "VariedScene":
         """The same with the wall that is computed at these values; raises CouplingError where none
         can be."""
-        there = values[list(self.of_wall)]
         try:
-            true = computed(moved(self.base, self.keys, values))
+            exact = computed(scene_at(self.base, self.keys, values))
         except FAILURES as reason:
             raise coupling.CouplingError(str(reason)) from None
-        return self._replace(between=self.between.through(there, true))
+        between = self.between.through(values[list(self.of_wall)], exact)
+        return self._replace(between=between)
 
 
 def structure(
     base: Base, keys: tuple[str, ...], box: Bounds, n_shared: int, progress: Progress
 ) -> VariedScene:
-    """The scene as a function of its keys, the first n_shared of them within the box.
+    """The scene as a function of its keys, the first n_shared of them within the bounds.
 
     Computes the walls between which others lie where keys change a reduced wall. Raises
     InvalidScene for walls that cannot follow.
@@ -110,60 +109,62 @@ def structure(
     pipeline = pipeline_of(scene, progress)
     of_bodies = needs_structure(scene) and scene.is_general
     surface = pipeline("surface") if of_bodies else None
-    plain = VariedScene(scene, base, keys, surface, _rows(base, scene, keys, surface))
+    rows = _keyed_chains(base, scene, keys, surface)
+    plain = VariedScene(scene, base, keys, surface, rows)
     if not isinstance(scene.wall, RomWall):
         return plain
-    of_wall = tuple(i for i, key in enumerate(keys) if _changes_wall(base, pipeline, key))
+
+    # a key changes the wall where it changes the name under which the wall is cached
+    of_wall = []
+    for i, key in enumerate(keys):
+        changed = base.with_values({key: _a_little_more(number(scene, key))})
+        if Pipeline(changed, Memory(None, verbose=0)).key("wall") != pipeline.key("wall"):
+            of_wall.append(i)
     if any(i >= n_shared for i in of_wall):
         raise InvalidScene(
             f"--each {keys[of_wall[-1]]} changes the structure, which all records share; find it."
         )
     if not of_wall:
-        return plain._replace(fixed=_required(scene, pipeline("wall")))
-    chosen = list(of_wall)
-    narrow = Bounds(box.low[chosen], box.high[chosen])
+        return plain._replace(fixed=_with_modes(scene, pipeline("wall")))
     with progress("walls"):
-        degree = SLOW if scene.bending is None else QUICK
-        between = _between(base, tuple(keys[i] for i in chosen), narrow, degree)
-    return plain._replace(of_wall=of_wall, between=between)
+        degree = DEGREE_BODIES if scene.bending is None else DEGREE_BEAM
+        wall_box = Bounds(box.low[of_wall], box.high[of_wall])
+        between = _wall_between(base, tuple(keys[i] for i in of_wall), wall_box, degree)
+    return plain._replace(of_wall=tuple(of_wall), between=between)
 
 
-def _rows(base: Base, scene: Scene, keys: tuple[str, ...], surface: Any) -> KeyedChains | None:
-    """None where other values of the scene follow from a key."""
-    if not all(_stands_alone(base, scene, key) for key in keys):
-        return None
+def _keyed_chains(
+    base: Base, scene: Scene, keys: tuple[str, ...], surface: Any
+) -> KeyedChains | None:
+    """None where other values of the scene follow from a key, as a velocity from a drop: a checked
+    scene differs then from one in which the value is merely replaced."""
+    for key in keys:
+        value = np.array([_a_little_more(number(scene, key))])
+        checked = scene_at(base, (key,), value)
+        if put(scene, (key,), value).but(unusual=checked.unusual) != checked:
+            return None
 
-    def chain(*values: float) -> dem.Chain:
+    # the keys that the chain depends on: it changes where their values do
+    def chain(names: tuple[str, ...], *values: float) -> dem.Chain:
         return chain_of(on_surface(put(scene, names, np.array(values)), surface))
 
-    names = keys
-    own = [number(scene, key) for key in keys]
-    usual, of = chain(*own), []
-    for i, value in enumerate(own):
-        other = chain(*own[:i], _other(value), *own[i + 1 :])
-        if not all(map(np.array_equal, usual, other)):
-            of.append(i)
-    names = tuple(keys[i] for i in of)
-    return KeyedChains(tuple(of), lru_cache(CHAINS)(chain))
+    values = [number(scene, key) for key in keys]
+    usual, of_chain = chain(keys, *values), []
+    for i, value in enumerate(values):
+        changed = chain(keys, *values[:i], _a_little_more(value), *values[i + 1 :])
+        if not all(map(np.array_equal, usual, changed)):
+            of_chain.append(i)
+    names = tuple(keys[i] for i in of_chain)
+    return KeyedChains(tuple(of_chain), lru_cache(CHAINS)(partial(chain, names)))
 
 
-def _other(value: float) -> float:
+def _a_little_more(value: float) -> float:
+    """A value that differs by more than rounding, and by nothing that a scene refuses."""
     return value * (1 + 1e-6) + 1e-12
 
 
-def _stands_alone(base: Base, scene: Scene, key: str) -> bool:
-    """Whether no other value of the scene follows from a key, as a velocity from a drop."""
-    other = np.array([_other(number(scene, key))])
-    anew = moved(base, (key,), other)
-    return put(scene, (key,), other).but(unusual=anew.unusual) == anew
-
-
-def _changes_wall(base: Base, pipeline: Pipeline, key: str) -> bool:
-    other = base.with_values({key: _other(number(pipeline.scene, key))})
-    return Pipeline(other, Memory(None, verbose=0)).key("wall") != pipeline.key("wall")
-
-
-def _required(scene: Scene, wall: dem.Wall | coupling.CoupledWall) -> dem.Wall:
+def _with_modes(scene: Scene, wall: dem.Wall | coupling.CoupledWall) -> dem.Wall:
+    """The wall; raises InvalidScene for one that is not a set of oscillators."""
     if isinstance(wall, coupling.CoupledWall):
         raise InvalidScene(
             f"{scene.name}: dashpots and thesis weights couple the wall's modes, which inspect "
@@ -172,13 +173,15 @@ def _required(scene: Scene, wall: dem.Wall | coupling.CoupledWall) -> dem.Wall:
     return wall
 
 
-def _between(base: Base, keys: tuple[str, ...], box: Bounds, degree: int) -> ParametricWall:
+def _wall_between(base: Base, keys: tuple[str, ...], box: Bounds, degree: int) -> ParametricWall:
+    """The wall between those computed within the bounds of its keys; raises InvalidScene where too
+    few can be."""
     middle, *others = design(box, degree)
-    numbers, walls = [middle], [computed(moved(base, keys, middle))]
-    for there in others:
+    numbers, walls = [middle], [computed(scene_at(base, keys, middle))]
+    for values in others:
         try:
-            walls.append(computed(moved(base, keys, there)))
-            numbers.append(there)
+            walls.append(computed(scene_at(base, keys, values)))
+            numbers.append(values)
         except FAILURES:  # buckled, or beyond what a table takes: others are enough
             continue
     try:
@@ -188,19 +191,14 @@ def _between(base: Base, keys: tuple[str, ...], box: Bounds, degree: int) -> Par
 
 
 def computed(scene: Scene) -> Computed:
-    """The scene's wall and the shapes of its modes; a structure of bodies is kept, beams are
+    """The scene's wall and the shapes of its modes; a structure of bodies is cached, beams are
     quicker computed anew."""
     if not needs_structure(scene):
-        return with_rest(_required(scene, wall_of(scene, None)), None)
-    reduced = _bent(scene) if scene.bending else _kept(scene)
-    return with_rest(_required(scene, wall_of(scene, reduced)), reduced)
+        reduced = None
+    elif scene.bending:
+        from workflows.stages import bending
 
-
-def _bent(scene: Scene) -> rom.ReducedModel:
-    from workflows.stages import bending
-
-    return bending.reduction(scene, bending.model(scene))
-
-
-def _kept(scene: Scene) -> rom.ReducedModel:
-    return pipeline_of(scene, lambda name: nullcontext())("reduction")
+        reduced = bending.reduction(scene, bending.model(scene))
+    else:
+        reduced = pipeline_of(scene, lambda name: nullcontext())("reduction")
+    return with_rest(_with_modes(scene, wall_of(scene, reduced)), reduced)

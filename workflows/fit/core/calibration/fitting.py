@@ -69,11 +69,11 @@ class WindowFit:
         free: np.ndarray,
         windows: np.ndarray,
         *,
-        most: int = 60,
+        max_runs: int = 60,
         prior: bool = False,
         tolerance: float = CONVERGED,
     ) -> Solution:
-        """The least misfit on the windows from z (p,) on, by `most` runs of the model at most;
+        """The least misfit on the windows from z (p,) on, by `max_runs` of the model at most;
         parameters that are not free stay. With a prior, a weak spring pulls each to its start."""
         if not free.any():
             return Solution(z, self.misfit(z, windows), 0, True)
@@ -96,7 +96,7 @@ class WindowFit:
         margin = 1e-9 * (high - low)
         solution = least_squares(
             residual, np.clip(start, low + margin, high - margin), jacobian, bounds=(low, high),
-            xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=most,
+            xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=max_runs,
         )  # fmt: skip
         misfit = rms(solution.fun[: windows.sum()])
         return Solution(full(solution.x), misfit, solution.nfev, solution.status > 0)

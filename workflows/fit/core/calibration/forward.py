@@ -73,8 +73,8 @@ class ChainForward:
     def coarser(self, steps: float) -> "ChainForward":
         """Larger steps, in usual ones, and fewer samples, for a search."""
         dt = self.signals.t[1] - self.signals.t[0]
-        every = max(1, int(SEARCH_SAMPLING * self.time_scale / dt))
-        thinned = self.signals._replace(t=self.signals.t[::every], v=self.signals.v[::every])
+        stride = max(1, int(SEARCH_SAMPLING * self.time_scale / dt))
+        thinned = self.signals._replace(t=self.signals.t[::stride], v=self.signals.v[::stride])
         return ChainForward(self.rig, self.parameters, thinned, self.filters, steps)
 
     def misfits(self, theta: np.ndarray) -> dict[str, float]:

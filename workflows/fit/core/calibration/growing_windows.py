@@ -49,7 +49,7 @@ class GrowingWindows:
         for i, window in enumerate(windows):
             # all but the last: contacts that no wave has reached are held by a weak spring
             prior = i < len(windows) - 1
-            step = self.fit.solved(z, free, window, most=8, prior=prior, tolerance=1e-4)
+            step = self.fit.solved(z, free, window, max_runs=8, prior=prior, tolerance=1e-4)
             enough = max(goal, self.enough(int(window.sum())))
             best, more = self.swapped(step, free, window, enough, prior=prior)
             runs += step.evaluations + more
@@ -79,7 +79,7 @@ class GrowingWindows:
             for guess, z in guesses[: self.swaps.tried]:
                 if guess > self.swaps.worse * best.misfit:
                     break
-                swap = self.fit.solved(z, free, window, most=8, prior=prior, tolerance=1e-4)
+                swap = self.fit.solved(z, free, window, max_runs=8, prior=prior, tolerance=1e-4)
                 more += swap.evaluations
                 trial = min(trial, swap, key=lambda solution: solution.misfit)
                 if trial.misfit < self.swaps.at_once * best.misfit:

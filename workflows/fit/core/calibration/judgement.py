@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,22 +16,32 @@ if TYPE_CHECKING:
     from workflows.fit.core.calibration.posterior import Posterior  # loads the sampler
 
 SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
-DIFFERENT = 0.1  # of two sigma, between a quantile and the end of the bar: worth a sentence
-IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one that may be 0
-WEAK = 0.5  # the same, up to which a parameter is weakly identified
-SUSPICIOUS = 1.05  # misfit over the noise that noise alone reaches once in a thousand records
-GUESSED = 1.1  # the same for noise that is estimated from one record
-EXPLAINED = 1.5  # misfit over the noise above which the model does not explain the data
-TOLD = 3  # combinations that the data cannot separate, named at most
-MISSED = 3.0  # misfit of a sphere held out, over that of the fitted ones, that is no prediction
-BLURRED = 0.2  # step error over the misfit: worth a sentence
+
+
+class FitLimits(NamedTuple):
+    """When a sentence is said of a calibration. None of these numbers has been varied
+    systematically."""
+
+    identified: float = 0.1  # two-sigma bar over the value, or over ten scales of one that may be 0
+    weak: float = 0.5  # the same, up to which a parameter is weakly identified
+    separated: float = 2.0  # two-sigma bar of a combination that the data determines, in scales
+    named: int = 3  # combinations that the data cannot separate, at most
+    suspicious: float = 1.05  # misfit over the noise that noise leaves once in a thousand records
+    guessed: float = 1.1  # the same for noise that is estimated from one record
+    explained: float = 1.5  # misfit over the noise above which the model does not explain the data
+    missed: float = 3.0  # misfit of a sphere held out, over that of the fitted: no prediction
+    blurred: float = 0.2  # step error over the misfit
+    different: float = 0.1  # between a quantile and the end of its bar, in two sigma
+
+
+LIMITS = FitLimits()
 
 
 def identifiable(p: Parameter, value: float, bar: float) -> str:
     """ "yes", "weakly" or "no" by a two-sigma bar beside the value."""
     size = p.scale if p.kind == "trigger" else max(abs(value), 10 * p.scale)
     share = bar / size
-    return "yes" if share <= IDENTIFIED else "weakly" if share <= WEAK else "no"
+    return "yes" if share <= LIMITS.identified else "weakly" if share <= LIMITS.weak else "no"
 
 
 def combinations(fit: CalibrationResult) -> list[str]:
@@ -52,15 +62,15 @@ def remarks(fit: CalibrationResult, noise: float | None, signals: Signals) -> It
 
     # what the data does not determine, or determines least
     directions = fit.uncertainty.combinations
-    undetermined = [c for c in directions if not c.two_sigma < 2.0]
-    for combination in undetermined[:TOLD]:
+    undetermined = [c for c in directions if not c.two_sigma < LIMITS.separated]
+    for combination in undetermined[: LIMITS.named]:
         yield (
             f"The data cannot separate: {combination.text(fit.parameters)} (two sigma "
             f"{combination.two_sigma:.2g} of their scales)."
         )
-    if len(undetermined) > TOLD:
+    if len(undetermined) > LIMITS.named:
         yield (
-            f"Nor can it separate {len(undetermined) - TOLD} more of {len(directions)} "
+            f"Nor can it separate {len(undetermined) - LIMITS.named} more of {len(directions)} "
             "combinations; free fewer parameters or measure further spheres."
         )
     if directions and not undetermined:
@@ -87,13 +97,13 @@ def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Ite
             f"The noise cannot be estimated from one record of so many waves: whether "
             f"{1e3 * misfit:.3g} mm/s is noise or a wrong chain remains open; measure repeats."
         )
-    elif misfit > EXPLAINED * noise:
+    elif misfit > LIMITS.explained * noise:
         yield (
             f"The misfit of {1e3 * misfit:.3g} mm/s is {misfit / noise:.2g} times the {of_mean}, "
             f"{1e3 * noise:.3g} mm/s: the model does not explain all of the data, and the bars "
             "hold only for what it leaves as if it were noise."
         )
-    elif misfit > (SUSPICIOUS if repeats > 1 else GUESSED) * noise:
+    elif misfit > (LIMITS.suspicious if repeats > 1 else LIMITS.guessed) * noise:
         yield (
             f"The misfit is {misfit / noise:.3g} times the {of_mean}: contacts that no laser "
             "stands between may be swapped, try more --starts or measure further spheres."
@@ -110,7 +120,7 @@ def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Ite
             f"leave hardly more, which the bars do not hold ({fit.same_starts} of {fit.starts} "
             "starts found this one): measure more repeats or spheres, or hold a sphere out."
         )
-    if fit.step_error > BLURRED * misfit:
+    if fit.step_error > LIMITS.blurred * misfit:
         yield (
             f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
             f"of {1e3 * misfit:.2g} mm/s: the bars do not hold it."
@@ -122,7 +132,7 @@ def on_held_out(left_out: dict[str, float], fit: CalibrationResult) -> Iterator[
     left_out: misfits [m/s] by the sphere's number."""
     fitted = float(np.sqrt(np.mean(fit.misfit**2)))
     for sphere, misfit in left_out.items():
-        if misfit > MISSED * fitted:
+        if misfit > LIMITS.missed * fitted:
             yield (
                 f"Sphere {sphere}, held out, is missed by {1e3 * misfit:.3g} mm/s, "
                 f"{misfit / fitted:.2g} times what the fitted ones leave: what was found does not "
@@ -149,7 +159,7 @@ def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, sec
     unlike = [
         p.name
         for p, bar, difference in zip(fit.parameters, bars, off, strict=True)
-        if not np.isfinite(bar) or difference > DIFFERENT * bar
+        if not np.isfinite(bar) or difference > LIMITS.different * bar
     ]
     verdict = (
         f"differ from their bars by more than a tenth of two sigma: {', '.join(unlike)}"

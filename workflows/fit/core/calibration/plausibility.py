@@ -1,26 +1,41 @@
 """What measured velocities must be like before a chain is fitted to them."""
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from workflows.files.record import Record, UnusableRecord
 from workflows.fit.core.calibration.signals import Aligned, Filter, Signals
 
-WRONG_UNITS = 20.0  # largest velocity over the striker's, or one over it: refused beyond
-DOUBTFUL_UNITS = 3.0  # the same: flagged beyond
-ARRIVED = 0.5  # of the largest velocity: a wave, or the striker on its way
-OFFSET = 0.02  # of the largest velocity: an offset of the instrument
-STILL = 0.05  # of the largest velocity: no wave has come by
-COARSEST = 0.5  # sampling interval over the contact time scale: refused above, flagged above half
-SHORTEST = 2.0  # record over the contact time scale: refused below
-LOWEST = 0.05  # cut-off of a low-pass times the contact time scale: refused below
-TRIGGERS = (-0.5, 1.0)  # of the record: where the first touch may be said to be
-FLAT = 0.15  # of a contact time scale, that no wave stays at its largest velocity
-LEAST_FLAT = 5  # samples, that noise does not repeat
-SAME_VALUE = 1e-6  # of the largest velocity: two samples are at the same value
-ALIKE = 0.5  # correlation with the start model: flagged below
-SHIFTED = 5e-6  # [s] between the triggers of repeats: worth a sentence
+
+class RecordLimits(NamedTuple):
+    """When a record is refused or flagged. Velocities are over the largest of the record, times
+    over the contact time scale; none of these numbers has been varied systematically."""
+
+    # sizes
+    wrong_units: float = 20.0  # largest velocity over the striker's, or one over it: refused beyond
+    doubtful_units: float = 3.0  # the same: flagged beyond
+    arrived: float = 0.5  # velocity of a wave, or of the striker on its way
+    offset: float = 0.02  # velocity at rest: an offset of the instrument
+    still: float = 0.05  # change of velocity: no wave has come by
+
+    # times
+    coarsest: float = 0.5  # sampling interval: refused above, flagged above half
+    shortest: float = 2.0  # record: refused below
+    lowest_cut_off: float = 0.05  # of a low-pass, times the time scale: refused below
+    triggers: tuple[float, float] = (-0.5, 1.0)  # of the record: where the first touch may be
+    shifted: float = 5e-6  # [s] between the triggers of repeats: worth a sentence
+
+    # velocities that stay at the end of an instrument's range
+    flat: float = 0.15  # time for which no wave stays at its largest velocity
+    least_flat: int = 5  # samples, that noise does not repeat
+    same_value: float = 1e-6  # difference of two samples at the same value
+
+    alike: float = 0.5  # correlation with the start model: flagged below
+
+
+LIMITS = RecordLimits()
 
 
 def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
@@ -37,15 +52,15 @@ def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
     speed, largest = np.abs(v0).max(), np.abs(record.v).max()
     ratio = largest / speed
     sizes = f"velocities reach {largest:.3g} m/s, the scene's striker {speed:g} m/s"
-    if not 1 / WRONG_UNITS < ratio < WRONG_UNITS:
+    if not 1 / LIMITS.wrong_units < ratio < LIMITS.wrong_units:
         raise UnusableRecord(f"{sizes}; correct the unit in the data's header or striker.velocity.")
-    if not 1 / DOUBTFUL_UNITS < ratio < DOUBTFUL_UNITS:
+    if not 1 / LIMITS.doubtful_units < ratio < LIMITS.doubtful_units:
         yield f"{sizes}: check units and striker.velocity."
 
     # sphere 1 is the striker, on its way to the wall
     mean = record.v.mean(axis=0)
     begin = mean[:5].mean(axis=0)
-    arrived = ARRIVED * np.abs(mean[:, 0]).max()
+    arrived = LIMITS.arrived * np.abs(mean[:, 0]).max()
     if record.spheres[0] == 1 and begin[0] < -arrived:
         raise UnusableRecord(
             f"sphere 1, the striker, starts at {begin[0]:.3g} m/s, away from the wall; velocities "
@@ -60,7 +75,7 @@ def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
     # every sphere has moved by the end of the record
     change = np.abs(mean - begin).max(axis=0)
     for n, moved in zip(record.spheres, change, strict=True):
-        if moved < STILL * np.abs(mean).max():
+        if moved < LIMITS.still * np.abs(mean).max():
             length = 1e3 * (record.t[-1] - record.t[0])
             raise UnusableRecord(
                 f"no wave comes by sphere {n} within the {length:.4g} ms of the record, its "
@@ -69,7 +84,7 @@ def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
             )
 
     for n, v in zip(record.spheres, begin, strict=True):
-        if v0[n - 1] == 0.0 and abs(v) > OFFSET * largest:
+        if v0[n - 1] == 0.0 and abs(v) > LIMITS.offset * largest:
             yield (
                 f"Sphere {n} begins at {v:.3g} m/s, the scene has it at rest: take the "
                 "instrument's offset off the data."
@@ -79,13 +94,14 @@ def plausible(record: Record, v0: np.ndarray) -> Iterator[str]:
 def require_samples(t: np.ndarray, time_scale: float) -> None:
     """Raise UnusableRecord where waves pass between two samples, or a record ends within one."""
     dt, length = t[1] - t[0], t[-1] - t[0]
-    if dt > COARSEST * time_scale:
+    if dt > LIMITS.coarsest * time_scale:
+        lowest_rate = 1 / (LIMITS.coarsest * time_scale)
         raise UnusableRecord(
             f"a sample every {1e6 * dt:.3g} us is too seldom for contacts that move within "
-            f"{1e6 * time_scale:.3g} us; measure with {1 / (COARSEST * time_scale):.3g} Hz or "
-            "more, or correct the unit of time."
+            f"{1e6 * time_scale:.3g} us; measure with {lowest_rate:.3g} Hz or more, or correct the "
+            "unit of time."
         )
-    if length < SHORTEST * time_scale:
+    if length < LIMITS.shortest * time_scale:
         raise UnusableRecord(
             f"the record lasts {1e6 * length:.3g} us, contacts move within {1e6 * time_scale:.3g} "
             "us; correct the unit of time or record longer."
@@ -94,14 +110,14 @@ def require_samples(t: np.ndarray, time_scale: float) -> None:
 
 def cut_off(record: Record, time_scale: float) -> Iterator[str]:
     """Sentences on spheres that stay at their largest velocity, as beyond a laser's range."""
-    longest = max(LEAST_FLAT, FLAT * time_scale / (record.t[1] - record.t[0]))
+    longest = max(LIMITS.least_flat, LIMITS.flat * time_scale / (record.t[1] - record.t[0]))
     for i, n in enumerate(record.spheres):
         largest = np.abs(record.v[:, :, i]).max()
         for sign in (1.0, -1.0):
             v = sign * record.v[:, :, i]
-            at_end = v > v.max() - SAME_VALUE * largest
+            at_end = v > v.max() - LIMITS.same_value * largest
             flat = max(map(_longest_run, at_end))
-            if v.max() > ARRIVED * largest and flat > longest:
+            if v.max() > LIMITS.arrived * largest and flat > longest:
                 yield (
                     f"Sphere {n} stays at {sign * v.max():.3g} m/s, the end of what it shows, for "
                     f"{flat} samples: beyond the instrument's range?"
@@ -135,12 +151,12 @@ def unlike_the_model(
     if lag < -2 * dt:
         early = 1e6 * -lag
         yield f"The first touch is {early:.3g} us before the record starts: the trigger came late."
-    if dt > 0.5 * COARSEST * time_scale:
+    if dt > 0.5 * LIMITS.coarsest * time_scale:
         yield f"A sample every {1e6 * dt:.3g} us is seldom for waves of {1e6 * time_scale:.3g} us."
     late = np.array([np.interp(t - lag, t, column) for column in model.T]).T
     for i, sphere in enumerate(signals.spheres):
         correlation = np.corrcoef(late[:, i], data[:, i])[0, 1]
-        if correlation < ALIKE:
+        if correlation < LIMITS.alike:
             yield (
                 f"Sphere {sphere + 1} does not look like the model it starts from (correlation "
                 f"{correlation:.2f}): check its column, sign and time base."
@@ -152,7 +168,7 @@ def on_repeats(raw: Aligned) -> Iterator[str]:
     for i in raw.outliers:
         yield f"Repeat {i + 1} is unlike the others and was left out."
     spread = np.ptp(np.delete(raw.shift, raw.outliers))
-    if spread > SHIFTED:
+    if spread > LIMITS.shifted:
         yield f"Repeats were shifted against each other by up to {1e6 * spread:.3g} us; undone."
 
 
@@ -160,7 +176,7 @@ def filters_of(
     band: float | None, instrument: float | None, t: np.ndarray, time_scale: float
 ) -> Filter:
     """Low-passes [Hz] of data and model; raises UnusableRecord for one that leaves nothing."""
-    nyquist, lowest = 0.5 / (t[1] - t[0]), LOWEST / time_scale
+    nyquist, lowest = 0.5 / (t[1] - t[0]), LIMITS.lowest_cut_off / time_scale
     for name, value in (("band", band), ("instrument", instrument)):
         highest = nyquist if name == "band" else 10 * nyquist
         if value is not None and not lowest < value < highest:
@@ -180,7 +196,7 @@ def first_touch(text: str, estimate: float, t: np.ndarray) -> float:
         trigger = float(text)
     except ValueError:
         trigger = np.nan
-    low, high = (t[0] + share * (t[-1] - t[0]) for share in TRIGGERS)
+    low, high = (t[0] + share * (t[-1] - t[0]) for share in LIMITS.triggers)
     if not low < trigger < high:
         raise UnusableRecord(
             f"--trigger {text!r} must be fit, estimate, or the time of the first touch between "

@@ -16,13 +16,20 @@ from workflows.fit.core.calibration.parameters import Parameter, Rig
 from workflows.fit.core.calibration.sensed import Channels, sensed
 from workflows.fit.core.calibration.signals import noise_between_waves
 
-WRONG = 20.0  # largest signal over the start model's, or one over it: refused beyond
-DOUBTFUL = 3.0  # the same: flagged beyond
-RISEN = 0.3  # of the largest value: the first excursion, which tells the sign
-REACH = 30.0  # of a gain: factor to its bounds
-SCALE = 0.1  # of a gain: a change that counts as large
-CUT = 0.02  # of an impulse: what lies beyond the end of its wave
-CORRELATED = 4.0  # samples over which noise is correlated
+
+class SignalLimits(NamedTuple):
+    """Numbers of the checks and of the unknown gains; not varied systematically."""
+
+    wrong: float = 20.0  # largest signal over the start model's, or one over it: refused beyond
+    doubtful: float = 3.0  # the same: flagged beyond
+    risen: float = 0.3  # of the largest value: the first excursion, which tells the sign
+    gain_reach: float = 30.0  # factor from a gain to its bounds
+    gain_scale: float = 0.1  # of a gain: a change that counts as large
+    cut: float = 0.02  # of an impulse: what lies beyond the end of its wave
+    correlated: float = 4.0  # samples over which noise is correlated
+
+
+LIMITS = SignalLimits()
 
 
 class Scaled(NamedTuple):
@@ -73,10 +80,10 @@ def scaled(
     for sensor, group, g in zip(sensors, bare.groups, gain, strict=True):
         if group and group not in gains:
             size, unit = abs(float(g)), gain_units[sensor.quantity]
-            gains[group] = Parameter(
-                f"gain {group}", "gain", size, size / REACH, size * REACH, SCALE * size, unit,
-                int(np.sign(g)),
-            )  # fmt: skip
+            low, high = size / LIMITS.gain_reach, size * LIMITS.gain_reach
+            step, sign = LIMITS.gain_scale * size, int(np.sign(g))
+            name = f"gain {group}"
+            gains[group] = Parameter(name, "gain", size, low, high, step, unit, sign)
     channels = bare._replace(sensors=sensors, scale=scale)
     in_velocities = record._replace(v=record.v / scale)
     return Scaled(in_velocities, channels, tuple(gains.values()), tuple(remarks))
@@ -84,7 +91,7 @@ def scaled(
 
 def _first_sign(y: np.ndarray) -> float:
     """Sign of the first excursion of a signal (k,)."""
-    return float(np.sign(y[(np.abs(y) > RISEN * np.abs(y).max()).argmax()]))
+    return float(np.sign(y[(np.abs(y) > LIMITS.risen * np.abs(y).max()).argmax()]))
 
 
 def _on_sizes(channels: Channels, data: np.ndarray, model: np.ndarray) -> Iterator[str]:
@@ -98,9 +105,9 @@ def _on_sizes(channels: Channels, data: np.ndarray, model: np.ndarray) -> Iterat
         sizes = (
             f"{label} reaches {largest:.3g} {unit}, the scene as it is {largest / ratio:.3g} {unit}"
         )
-        if not 1 / WRONG < ratio < WRONG:
+        if not 1 / LIMITS.wrong < ratio < LIMITS.wrong:
             raise UnusableRecord(f"{sizes}; correct the unit in the data's header, or the gain.")
-        if not 1 / DOUBTFUL < ratio < DOUBTFUL:
+        if not 1 / LIMITS.doubtful < ratio < LIMITS.doubtful:
             yield f"{sizes}: check units, gain and the striker's velocity."
 
 
@@ -123,8 +130,8 @@ def _on_impulses(
             noise = float(spread / np.sqrt(len(record.v)))
         else:
             noise = noise_between_waves(t, data[:, [i]], 50 * dt) or 0.0
-        two_sigma = 2.0 * noise * dt * float(np.sqrt(CORRELATED * wave.samples))
-        bar = np.hypot(CUT, two_sigma / abs(sensor.gain) / model_wave.impulse)
+        two_sigma = 2.0 * noise * dt * float(np.sqrt(LIMITS.correlated * wave.samples))
+        bar = np.hypot(LIMITS.cut, two_sigma / abs(sensor.gain) / model_wave.impulse)
         off = wave.impulse / model_wave.impulse - 1.0
         if abs(off) > bar:
             yield (

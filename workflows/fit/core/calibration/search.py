@@ -177,11 +177,11 @@ class CoarseToFine:
             chain, misfit = self.chain_from_first_waves(start)
             if misfit <= promising:
                 ends.append(self._end(chain, start))
-                least = min(end.misfit for end in ends)
+                best_misfit = min(end.misfit for end in ends)
 
                 # a misfit as small as the noise is enough, else other starts must find it too
-                same = sum(end.misfit <= tuning.same * least for end in ends)
-                confirmed = least <= explained and (sure or same >= tuning.alike)
+                same = sum(end.misfit <= tuning.same * best_misfit for end in ends)
+                confirmed = best_misfit <= explained and (sure or same >= tuning.alike)
             else:
                 given_up.append((misfit, chain, start, self.stages))
             if confirmed:
@@ -202,10 +202,12 @@ class CoarseToFine:
     def _settled(self, misfits: list[float]) -> bool:
         """Whether the least misfit [m/s] has come often enough; never so near the noise that a
         better one must exist."""
-        least = min(misfits, default=0.0)
-        if self.options.joint and least <= self.tuning.near_noise * self.noise:
+        best_misfit = min(misfits, default=0.0)
+        if self.options.joint and best_misfit <= self.tuning.near_noise * self.noise:
             return False
-        return sum(m <= self.tuning.alike_misfit * least for m in misfits) >= self.tuning.alike
+        return (
+            sum(m <= self.tuning.alike_misfit * best_misfit for m in misfits) >= self.tuning.alike
+        )
 
     def _end(self, chain: np.ndarray, start: np.ndarray) -> SearchEnd:
         """A start (p,) from its chain (p,) on to its end."""
@@ -250,7 +252,7 @@ class CoarseToFine:
             valleys, scan = scanned(self.coarse, begins[1], *self.options.scan)
             begins += valleys
         trials = [
-            self.coarse.solved(begin, self.of_wall, everything, most=8, tolerance=1e-3)
+            self.coarse.solved(begin, self.of_wall, everything, max_runs=8, tolerance=1e-3)
             for begin in begins
         ]
         z = min(trials, key=lambda solution: solution.misfit).z
@@ -263,7 +265,7 @@ class CoarseToFine:
         began = perf_counter()
         t = self.coarse.forward.signals.t[:, None]
         everything = np.ones_like(self.coarse.data, bool)
-        best = self.coarse.solved(z, self.every, everything, most=12, tolerance=1e-5)
+        best = self.coarse.solved(z, self.every, everything, max_runs=12, tolerance=1e-5)
         enough = self.enough(self.coarse.data.size, self.tuning.ended)
 
         # two rigs that differ by a swap may both leave no more than noise: the least is meant
@@ -287,7 +289,7 @@ class CoarseToFine:
 
     def _polished(self, name, z, free, windows, began) -> np.ndarray:
         """z (p,) of a fit with the fine model, noted as a stage."""
-        fit = self.fine.solved(z, free, windows, most=self.tuning.fine_runs)
+        fit = self.fine.solved(z, free, windows, max_runs=self.tuning.fine_runs)
         self._note(name, free, fit.misfit, fit.evaluations, began, fit.converged)
         return fit.z
 

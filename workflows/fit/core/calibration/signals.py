@@ -17,14 +17,25 @@ from workflows.fit.core.calibration.sensed import Channels
 ORDER = 4  # of both filters, Butterworth
 DELAY = 1.0 / np.sin(np.pi / 8.0)  # at low frequency, times the angular cut-off, of order 4
 
-# chosen, not varied systematically
-ROUNDS = 6  # of aligning the repeats to their mean
-CHANGES = 200  # of a record over which changes are taken: plateaus do not count for its place
-ALIKE = 0.9  # correlation with the median of all below which a repeat is left out
-PEAK = 0.1  # of the largest velocity: a reflected wave has arrived
-QUIET = 0.02  # of the largest acceleration: a wave has passed
-CALM = 0.05  # of the largest slope: no wave, noise included
-LEAST_QUIET = 20  # half contact time scales without waves, from which noise is estimated at least
+
+class Alignment(NamedTuple):
+    """How repeats are laid over each other; not varied systematically."""
+
+    rounds: int = 6  # of least-squares shifts to the mean
+    changes: int = 200  # of a record over which changes are taken: plateaus do not count
+    alike: float = 0.9  # correlation with the median of all below which a repeat is left out
+
+
+class WaveLimits(NamedTuple):
+    """What tells waves from calm; not varied systematically."""
+
+    peak: float = 0.1  # of the largest velocity: a reflected wave has arrived
+    quiet: float = 0.02  # of the largest acceleration: a wave has passed
+    calm: float = 0.05  # of the largest slope: no wave, noise included
+    least_quiet: int = 20  # half contact time scales without waves, that show the noise at least
+
+
+ALIGNMENT, WAVES = Alignment(), WaveLimits()
 
 
 class Signals(NamedTuple):
@@ -112,7 +123,7 @@ def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool =
     shift = np.zeros(n)
     if move:
         shift = np.array([shift_to_a_sample(t, v[0], repeat) for repeat in v])
-        for _ in range(ROUNDS):
+        for _ in range(ALIGNMENT.rounds):
             moved = shifted(t, v, shift)
             mean = moved.mean(axis=0)
             slope = np.gradient(mean, t, axis=0)
@@ -123,21 +134,21 @@ def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool =
     moved = shifted(t, v, shift)
     median = np.median(moved, axis=0).ravel()
     correlation = np.array([np.corrcoef(repeat.ravel(), median)[0, 1] for repeat in moved])
-    good = correlation >= ALIKE
-    if good.sum() < max(2, n / 2):
-        good = correlation > -2.0  # all but those that have none
-    shift -= shift[good].mean()
-    moved = shifted(t, v, shift)[good]
+    alike = correlation >= ALIGNMENT.alike
+    if alike.sum() < max(2, n / 2):
+        alike = correlation > -2.0  # all but those that have none
+    shift -= shift[alike].mean()
+    moved = shifted(t, v, shift)[alike]
     spread = moved.std(axis=0, ddof=1)
     spread = np.sqrt((spread**2).mean(axis=0))
     signals = Signals(t, moved.mean(axis=0), spheres, spread, len(moved))
-    return Aligned(signals, shift, tuple(int(i) for i in np.flatnonzero(~good)))
+    return Aligned(signals, shift, tuple(int(i) for i in np.flatnonzero(~alike)))
 
 
 def shift_to_a_sample(t: np.ndarray, reference: np.ndarray, v: np.ndarray) -> float:
     """Lag [s] of v (k, m) behind the reference (k, m), to a sample: where the cross-correlation of
-    their changes over k / CHANGES samples is largest."""
-    q = max(1, len(t) // CHANGES)
+    their changes over k / `changes` samples is largest."""
+    q = max(1, len(t) // ALIGNMENT.changes)
     v, reference = v[q:] - v[:-q], reference[q:] - reference[:-q]
     k = len(v)
     product = np.fft.rfft(v, 2 * k, axis=0) * np.conj(np.fft.rfft(reference, 2 * k, axis=0))
@@ -173,7 +184,7 @@ def noise_between_waves(t: np.ndarray, v: np.ndarray, time_scale: float) -> floa
     if len(t) <= 8 * q:
         return None
     differences = np.concatenate([calm_second_differences(column, q) for column in v.T])
-    if differences.size < LEAST_QUIET * q:
+    if differences.size < WAVES.least_quiet * q:
         return None
     return float(np.sqrt(np.mean(differences**2) / 6.0))
 
@@ -184,7 +195,7 @@ def calm_second_differences(v: np.ndarray, q: int) -> np.ndarray:
     smooth = np.convolve(v, np.ones(2 * q) / (2 * q), mode="same")
     smooth[:q], smooth[-q:] = v[: 2 * q].mean(), v[-2 * q :].mean()
     slope = np.abs(smooth[q:] - smooth[:-q])
-    calm = slope < CALM * slope.max()
+    calm = slope < WAVES.calm * slope.max()
     calm = np.convolve(calm, np.ones(5 * q), mode="valid") > 5 * q - 0.5
     difference = v[2 * q :] - 2.0 * v[q:-q] + v[: -2 * q]
     return difference[2 * q : 2 * q + len(calm)][calm]
@@ -193,18 +204,18 @@ def calm_second_differences(v: np.ndarray, q: int) -> np.ndarray:
 def first_waves_end(t: np.ndarray, v: np.ndarray, pause: float) -> np.ndarray:
     """(m,) times [s] at which the first reflected wave has passed each sphere, by a model v (k, m).
 
-    It arrives when the velocity first turns away from the wall by PEAK of the largest, and has
-    passed when the acceleration has stayed below QUIET of the largest for `pause` [s]; the end of
-    the record where it does not.
+    It arrives when the velocity first turns away from the wall by a share `WAVES.peak` of the
+    largest, and has passed when the acceleration has stayed below a share `WAVES.quiet` of the
+    largest for `pause` [s]; the end of the record where it does not.
     """
     ends = np.full(v.shape[1], float(t[-1]))
     width = max(1, round(pause / (t[1] - t[0])))
     for i, column in enumerate(v.T):
-        arrived = np.flatnonzero(column < -PEAK * np.abs(column).max())
+        arrived = np.flatnonzero(column < -WAVES.peak * np.abs(column).max())
         if not arrived.size:
             continue
         acceleration = np.abs(np.gradient(column, t))
-        quiet = (acceleration < QUIET * acceleration.max()).astype(float)
+        quiet = (acceleration < WAVES.quiet * acceleration.max()).astype(float)
         calm = np.convolve(quiet, np.ones(width), mode="valid") >= width - 0.5
         passed = np.flatnonzero(calm[arrived[0] :])
         if passed.size:

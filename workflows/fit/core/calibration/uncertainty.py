@@ -70,23 +70,23 @@ def uncertainty(
 
     # J = U s V^T, so H^-1 J^T R J H^-1 = (V / s) (U^T R U) (V / s)^T on what the data determines
     U, s, Vt = np.linalg.svd(J_free.reshape(residual.size, p), full_matrices=False)
-    seen = s > 1e-12 * s.max(initial=0.0)
-    U = U[:, seen].reshape(*residual.shape, -1)
-    root = Vt[seen].T / s[seen]
+    determined = s > 1e-12 * s.max(initial=0.0)
+    U = U[:, determined].reshape(*residual.shape, -1)
+    root = Vt[determined].T / s[determined]
     covariance = root @ noise_along(U, residual) @ root.T
     if prior is not None:
         information = np.linalg.pinv(covariance, hermitian=True) + prior[np.ix_(free, free)]
-        covariance, seen = np.linalg.pinv(information, hermitian=True), np.ones(p, bool)
+        covariance, determined = np.linalg.pinv(information, hermitian=True), np.ones(p, bool)
 
     full = np.zeros((len(scale), len(scale)))
     full[np.ix_(free, free)] = covariance
     two_sigma = 2.0 * np.sqrt(np.diag(full)) * scale
 
     # a parameter with any component along a direction that the data does not determine has no bar
-    blind = np.sqrt((Vt[~seen] ** 2).sum(axis=0)) > 1e-6
+    blind = np.sqrt((Vt[~determined] ** 2).sum(axis=0)) > 1e-6
     two_sigma[np.flatnonzero(free)[blind]] = np.inf
     in_units = full * np.outer(scale, scale)
-    return Uncertainty(in_units, two_sigma, s, combinations(full, Vt[~seen], free))
+    return Uncertainty(in_units, two_sigma, s, combinations(full, Vt[~determined], free))
 
 
 def noise_along(U: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -102,9 +102,9 @@ def noise_along(U: np.ndarray, residual: np.ndarray) -> np.ndarray:
     products = []
     for i in range(m):
         U_f = np.fft.rfft(U[:, i], size, axis=0)
-        taken = np.sum(np.abs(U_f) ** 2, axis=1) / k
+        absorbed = np.sum(np.abs(U_f) ** 2, axis=1) / k
         power = np.abs(np.fft.rfft(residual[:, i], size)) ** 2
-        power = power / np.maximum(1.0 - taken, LEAST_SPECTRUM)
+        power = power / np.maximum(1.0 - absorbed, LEAST_SPECTRUM)
 
         # autocovariance r at the lags that count, as an even sequence; its spectrum is that of R,
         # at least 0, which the cut at the last lag may violate

@@ -7,7 +7,7 @@ import numpy as np
 from workflows.fit.core.inspection.fitting import RecordFit
 from workflows.fit.core.inspection.forward import IMPOSSIBLE
 from workflows.fit.core.inspection.inversion import Inversion, inverted, profiled
-from workflows.fit.core.inspection.judgement import SETTLED
+from workflows.fit.core.inspection.judgement import LIMITS
 from workflows.fit.core.inspection.search import searched
 
 ROUNDS = 3  # of walls computed at the answer, at most
@@ -49,7 +49,7 @@ def answered(
             bars = again.uncertainty.two_sigma[:n_shared]
             moved = float((np.abs(again.value - inversion.value)[:n_shared] / bars).max())
             end_fit, inversion = fit_there, again
-            if moved <= SETTLED:
+            if moved <= LIMITS.settled:
                 break
         inversion = profiled(end_fit, inversion, n_shared)._replace(search=search)
         answers.append(Answer(inversion, end_fit, moved, no_wall))

@@ -66,10 +66,10 @@ class RecordFit(NamedTuple):
         q = np.clip(max(shares), LEAST_ROUNDING, 1.0)
         return float(2.0 * q * np.exp(-(np.pi**2) / 6.0 * (1.0 / q - 1.0)))
 
-    def of_shots(self, shots: Sequence[int], every: int = 1) -> "RecordFit":
-        """The same problem on these records, on every so many samples of them."""
+    def of_shots(self, shots: Sequence[int], stride: int = 1) -> "RecordFit":
+        """The same problem on these records, on every stride-th sample of them."""
         chosen = (self.shots[s] for s in shots)
-        thinned = tuple(shot._replace(t=shot.t[::every], y=shot.y[::every]) for shot in chosen)
+        thinned = tuple(shot._replace(t=shot.t[::stride], y=shot.y[::stride]) for shot in chosen)
         return self._replace(unknowns=self.unknowns.only(shots), shots=thinned)
 
     def until(self, n: int) -> "RecordFit":
@@ -120,13 +120,13 @@ class RecordFit(NamedTuple):
     def solved(
         self,
         theta: NDArray[np.float64],
-        most: int = 40,
+        max_runs: int = 40,
         tolerance: float = 1e-9,
         about: NDArray[np.float64] | None = None,
     ) -> Fitted:
         """The least misfit from theta (p,) on, over the numbers that the records depend on.
 
-        `most` runs of the model at most; ends where misfit or step fall by less than `tolerance`,
+        `max_runs` of the model at most; ends where misfit or step fall by less than `tolerance`,
         relative. What the records do not determine is drawn to `about` (p,) in place of the middle
         of the bounds.
         """
@@ -151,7 +151,7 @@ class RecordFit(NamedTuple):
             start[free] / scale[free],
             lambda x: np.vstack([self.jacobian(full(x))[:, free], pull]),
             bounds=(low[free] / scale[free], high[free] / scale[free]),
-            xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=most,
+            xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=max_runs,
         )  # fmt: skip
         misfit = rms(solution.fun[: self.data.size])
         return Fitted(full(solution.x), misfit, solution.nfev, solution.status > 0)

@@ -85,12 +85,14 @@ class Unknowns(NamedTuple):
 
 
 def unknowns(
-    shared: Sequence[Parameter], own: Sequence[Sequence[Parameter]], triggers: Sequence[Parameter]
+    shared: Sequence[Parameter],
+    per_record: Sequence[Sequence[Parameter]],
+    triggers: Sequence[Parameter],
 ) -> Unknowns:
     """Of S records: numbers that all share, then those of each record and its trigger."""
-    n, q = len(shared), len(own[0]) + 1  # q numbers of a record, the trigger last
+    n, q = len(shared), len(per_record[0]) + 1  # q numbers of a record, the trigger last
     parameters = list(shared)
-    for of_record, trigger in zip(own, triggers, strict=True):
+    for of_record, trigger in zip(per_record, triggers, strict=True):
         parameters += [*of_record, trigger]
     first = n + q * np.arange(len(triggers))  # place of each record's first number
     places = first[:, None] + np.arange(q - 1)

@@ -10,15 +10,24 @@ from workflows.fit.core.inspection.information import bars_over_time, bounds_inf
 from workflows.fit.core.inspection.inversion import Inversion, scales
 from workflows.fit.core.parametric_wall import ParametricWall
 
-TOLD = 0.1  # two-sigma bar over the bounds' distance up to which the records determine a number
-BARELY = 0.5  # the same, up to which they determine it weakly
-COLOURED = 1.3  # memory of a residual that is not white: worth a sentence
-STRETCHED = 1.05  # factor on a bar by the profile of the misfit: worth a sentence
-ALIKE = 0.9  # correlation of two numbers: worth a sentence
-SETTLED = 0.05  # of a bar: what a further wall computed at the answer may move
 AT_BOUND = "at its bound"
 UNEXPLAINED = "not explained"
 INSTANTS = 60  # record lengths for which bars are computed
+
+
+class InspectionLimits(NamedTuple):
+    """When a number is said to be told by the records, and when a sentence is worth saying. None
+    of these numbers has been varied systematically."""
+
+    told: float = 0.1  # two-sigma bar over the bounds' distance of a number that is determined
+    barely: float = 0.5  # the same, of one that is determined weakly
+    coloured: float = 1.3  # memory of a residual that is not white
+    stretched: float = 1.05  # factor on a bar by the profile of the misfit
+    alike: float = 0.9  # correlation of two numbers
+    settled: float = 0.05  # of a bar, that a further wall computed at the answer may move
+
+
+LIMITS = InspectionLimits()
 
 
 def told_of(inversion: Inversion) -> list[str]:
@@ -28,10 +37,12 @@ def told_of(inversion: Inversion) -> list[str]:
     for share, at_bound in zip(
         inversion.uncertainty.two_sigma / width, inversion.at_bound, strict=True
     ):
-        if at_bound and share < BARELY:
+        if at_bound and share < LIMITS.barely:
             verdicts.append(AT_BOUND)
         else:
-            verdicts.append("yes" if share <= TOLD else "weakly" if share <= BARELY else "no")
+            verdicts.append(
+                "yes" if share <= LIMITS.told else "weakly" if share <= LIMITS.barely else "no"
+            )
     return verdicts
 
 
@@ -115,7 +126,7 @@ class Judged(NamedTuple):
                 "or the search has missed it (give more --starts or narrower --bounds); do not "
                 "rely on what was found, nor on its bars."
             )
-        if inversion.memory > COLOURED:
+        if inversion.memory > LIMITS.coloured:
             yield (
                 "What is left goes on from sample to sample (its variance is "
                 f"{inversion.memory:.3g} times that of its differences): the bars count with that."
@@ -133,7 +144,7 @@ class Judged(NamedTuple):
             t = self.fit.shots[0].t
             length = 1e3 * (t[-1] - self._touch)
             width = np.array([p.high - p.low for p in inversion.parameters])
-            felt = felt_from(inversion.slopes, width / scales(inversion.parameters), TOLD)
+            felt = felt_from(inversion.slopes, width / scales(inversion.parameters), LIMITS.told)
             opening = f"The records do not tell {names[i]}: its bar is as long as its bounds"
             if felt[i] < len(t):
                 yield (
@@ -155,13 +166,13 @@ class Judged(NamedTuple):
         for i in range(n) if not undetermined else ():
             for j in range(i):
                 r = float(inversion.uncertainty.correlation[i, j])
-                if abs(r) > ALIKE:
+                if abs(r) > LIMITS.alike:
                     way = "together" if r > 0 else "one up and one down"
                     yield (
                         f"{names[j]} and {names[i]} move {way} at almost no cost (correlation "
                         f"{r:.2f}): each alone is known far worse than the two of them."
                     )
-        if inversion.stretch > STRETCHED:
+        if inversion.stretch > LIMITS.stretched:
             yield (
                 "The misfit rises more slowly than a parabola: bars are up to "
                 f"{inversion.stretch:.2g} times as long as its curvature says."
@@ -187,7 +198,7 @@ class Judged(NamedTuple):
                 f"mode. The one computed at the answer moved it by {self.moved:.2g} of its bars at "
                 "last."
             )
-            if self.moved > SETTLED:
+            if self.moved > LIMITS.settled:
                 yield (
                     "Walls between others are not good enough there for the bars: narrow --bounds."
                 )

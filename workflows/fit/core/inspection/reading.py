@@ -4,7 +4,7 @@ import numpy as np
 
 from workflows.files.record import Recorded, UnusableRecord
 from workflows.fit.core.calibration.parameters import Parameter
-from workflows.fit.core.calibration.plausibility import WRONG_UNITS
+from workflows.fit.core.calibration.plausibility import LIMITS
 from workflows.fit.core.calibration.signals import noise_between_waves
 from workflows.fit.core.inspection.search import rise
 
@@ -45,7 +45,7 @@ def require_size(record: Recorded, model: np.ndarray, gain_known: np.ndarray) ->
     for channel, peak, expected, is_known in zip(
         record.channels, peaks, model_peaks, gain_known, strict=True
     ):
-        if is_known and not expected / WRONG_UNITS < peak < expected * WRONG_UNITS:
+        if is_known and not expected / LIMITS.wrong_units < peak < expected * LIMITS.wrong_units:
             raise UnusableRecord(
                 f"{record.name}: {channel.name} reaches {peak:.3g}, the scene's model "
                 f"{expected:.3g} in SI units; correct the unit in the record's header, the gain or "

@@ -147,14 +147,14 @@ def along_record(
 ) -> SearchResult | None:
     """Candidates followed along one record in growing windows, then fitted to all records; None
     where they lose the record before its end, unless they are to go on `to_the_end`."""
-    one = _one_record(fit, record, options)
-    n_samples = one.data.shape[1]
-    trigger = one.unknowns.parameters[one.unknowns.trigger[0]].start
-    touch = int(np.searchsorted(one.shots[0].t, trigger))  # samples before the first touch
-    low, high = (end[:n_shared] for end in one.unknowns.ends())
+    record_fit = _one_record(fit, record, options)
+    n_samples = record_fit.data.shape[1]
+    trigger = record_fit.unknowns.parameters[record_fit.unknowns.trigger[0]].start
+    touch = int(np.searchsorted(record_fit.shots[0].t, trigger))  # samples before the first touch
+    low, high = (end[:n_shared] for end in record_fit.unknowns.ends())
 
     # structures all over their bounds, all else as it starts; the start itself is the first
-    start = np.array([p.start for p in one.unknowns.parameters])
+    start = np.array([p.start for p in record_fit.unknowns.parameters])
     draws = start[None]
     if starts > 1:
         power = min(options.log2_draws + n_shared - 1, options.most_log2_draws)
@@ -164,14 +164,14 @@ def along_record(
     possible, models = [], []
     for theta in draws:
         with suppress(*IMPOSSIBLE):
-            models.append(one.forward.signals(one.unknowns, theta, one.shots))
+            models.append(record_fit.forward.signals(record_fit.unknowns, theta, record_fit.shots))
             possible.append(theta)
 
     # the first window ends where the draws differ: before, no wave has felt the structure
-    weighted = one.gains(models[0]) * np.array(models) * one.weight
+    weighted = record_fit.gains(models[0]) * np.array(models) * record_fit.weight
     felt = np.cumsum(weighted.var(axis=0).sum(axis=(0, 2))) > options.felt**2
     n = int(felt.argmax()) + 1 if felt.any() else len(felt)
-    first_window = one.until(n)
+    first_window = record_fit.until(n)
     squares = [np.sum(first_window.off(model[:, :n]) ** 2) for model in models]
     thetas = [possible[i] for i in np.argsort(squares, kind="stable")[:starts]]
 
@@ -180,7 +180,7 @@ def along_record(
     n_explained, on_track = 0, False  # samples of the last window, and whether it was explained
     retries, narrowings = 0, options.narrowings if fit.forward.within else 0
     while True:
-        window, is_last = one.until(n), n == n_samples
+        window, is_last = record_fit.until(n), n == n_samples
 
         # candidates that explain the window need no fit, unless it is the last one
         explaining, others = [], []
@@ -208,7 +208,9 @@ def along_record(
         # even the best was lost: half of the new samples, from more draws of the last window
         too_long = n - n_explained > max(1, options.finest_growth * (n - touch))
         if on_track and not explained and too_long and retries < options.patience:
-            thetas = with_draws(one, candidates, root, options.more_draws * starts, rng, options)
+            thetas = with_draws(
+                record_fit, candidates, root, options.more_draws * starts, rng, options
+            )
             n, retries = n_explained + (n - n_explained) // 2, retries + 1
             continue
         if on_track and not explained and not to_the_end and not is_last:
@@ -219,13 +221,13 @@ def along_record(
         # what the window leaves open, and walls between narrower bounds where it is little
         candidates, on_track = ends, explained
         root = posterior_root(window, candidates[0].theta)
-        inner = narrower_bounds(one, candidates, root, n_shared, options)
+        inner = narrower_bounds(record_fit, candidates, root, n_shared, options)
         volume, volume_now = (float(np.prod(b[1] - b[0])) for b in (inner, box))
         if narrowings and volume < options.narrower * volume_now:
             box, narrowings = inner, narrowings - 1
             fit = fit._replace(forward=fit.forward.narrowed(*box))
-            one = _one_record(fit, record, options)
-        thetas = with_draws(one, candidates, root, starts, rng, options)
+            record_fit = _one_record(fit, record, options)
+        thetas = with_draws(record_fit, candidates, root, starts, rng, options)
         n_explained, n = n, min(n_samples, touch + int(np.ceil(options.growth * (n - touch))))
 
     # the best candidates to all records, with the triggers that the others need
@@ -237,9 +239,9 @@ def along_record(
 
 def _one_record(fit: RecordFit, record: int, options: CandidateSearch) -> RecordFit:
     """One record, thinned, and the model by longer time steps."""
-    every = max(1, len(fit.shots[0].t) // options.samples)
+    stride = max(1, len(fit.shots[0].t) // options.samples)
     forward = fit.forward.with_steps(options.step_factor)
-    return fit.of_shots([record], every)._replace(forward=forward)
+    return fit.of_shots([record], stride)._replace(forward=forward)
 
 
 def _refitted(window: RecordFit, end: Fitted, is_last: bool, options: CandidateSearch) -> Fitted:
@@ -249,7 +251,7 @@ def _refitted(window: RecordFit, end: Fitted, is_last: bool, options: CandidateS
     tolerance = options.fine if is_last else options.rough
     with suppress(*IMPOSSIBLE):
         if end.misfit < HUGE:
-            return window.solved(end.theta, most=steps, tolerance=tolerance, about=end.theta)
+            return window.solved(end.theta, max_runs=steps, tolerance=tolerance, about=end.theta)
     return end
 
 
@@ -261,8 +263,8 @@ def distinct(
     low, high = fit.unknowns.ends()
     chosen: list[Fitted] = []
     for end in ends:
-        apart = [np.abs((end.theta - c.theta) / (high - low))[:n_shared].max() for c in chosen]
-        if min(apart, default=1.0) > distance:
+        distances = [np.abs((end.theta - c.theta) / (high - low))[:n_shared].max() for c in chosen]
+        if min(distances, default=1.0) > distance:
             chosen.append(end)
     return chosen
 

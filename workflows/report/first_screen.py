@@ -1,0 +1,85 @@
+"""The first screen of the report page: what strikes what, how the wave answers, the few numbers
+beside it. Its frame is the section `answer` of `page/page.html.jinja`."""
+
+from pathlib import Path
+
+import numpy as np
+
+from workflows.report.numbers import NONE, digits, grouped, percent, si
+from workflows.report.rows import measured_modes, run_seconds
+from workflows.report.summary import Summary
+from workflows.scene import DashpotWall, HalfSpaceWall, OneDofWall, RigidWall, RomWall, Scene
+
+
+def chain_words(scene: Scene) -> str:
+    """The first sentence's beginning: what strikes what."""
+    chain = scene.chain
+    radii = np.unique(chain.radius)
+    size = " to ".join(si(2 * R, "m") for R in (radii[0], radii[-1])[: len(radii)])
+    row = f"{grouped(chain.count)} sphere{'s' if chain.count > 1 else ''} of {size} diameter"
+    if scene.striker is None:
+        return f"{row} start with velocities of their own{' and lean on' if scene.wall else ''}"
+    speed, drop = si(scene.striker.velocity, "m/s"), scene.striker.drop
+    leans = "" if scene.wall is None else ", and the last one leans on"
+    falls = f"falls {si(drop, 'm')} and " if drop else ""
+    return f"{row}: the first one {falls}strikes the row at {speed}{leans}"
+
+
+def wall_words(scene: Scene, summary: Summary) -> str:
+    """What the chain leans on, to the end of the sentence."""
+    match scene.wall:
+        case None:
+            return "with nothing behind it."
+        case RigidWall():
+            return "a rigid wall."
+        case HalfSpaceWall(young=E):
+            return f"a half-space (E = {si(E, 'Pa')})."
+        case OneDofWall(frequency=f, mass=m):
+            return f"a mass of {si(m, 'kg')} on a spring ({si(f, 'Hz')})."
+        case DashpotWall(plate_thickness=h) if h:
+            return f"an infinite plate {si(h, 'm')} thick."
+        case DashpotWall(coefficient=c):
+            return f"a dashpot of {si(c, 'N s/m')}."
+        case RomWall(file=file) if file:
+            return f"a reduced model of {summary.n_wall_modes} modes ({Path(file).name})."
+    mass = summary.reduction and summary.reduction.mass_kg
+    body = f"a {scene.struck_body}" if scene.bending else "an assembly"
+    return (
+        f"{body} of {si(mass, 'kg')} ({grouped(summary.dofs)} degrees of freedom, reduced to "
+        f"{summary.n_wall_modes} modes)."
+    )
+
+
+def waves_words(summary: Summary) -> str:
+    """The first wave at each observed sphere."""
+    passing = []
+    for sphere, waves in summary.waves.items():
+        if waves.arrivals:
+            wave = waves.arrivals[0]
+            velocity = si(wave.peak_velocity_m_s, "m/s")
+            passing.append(f"sphere {sphere} at {si(wave.time_s, 's')} with {velocity}")
+    if not passing:
+        return "No wave passes the observed spheres."
+    return f"The first wave passes {', '.join(passing)}."
+
+
+def facts(summary: Summary) -> list[tuple[str, str]]:
+    """The few numbers beside the answer."""
+    rows = []
+    if contact := summary.wall_contact:
+        speed_in, speed_back = contact.speed_in_m_s, contact.speed_back_m_s
+        speeds = si(speed_in, "m/s")
+        if speed_in and speed_back:
+            speeds = f"{digits(speed_in)}, {si(speed_back, 'm/s')}"
+        rows += [
+            ("time of flight TOF", si(contact.tof_s, "s")),
+            ("amplitude ratio ARR", percent(contact.arr_2_9)),
+            ("wave speed in, back", speeds),
+            ("peak force at the wall", si(summary.peak_wall_force_N, "N")),
+        ]
+    if summary.modes_hz:
+        rows.append(("measured modes, computed", measured_modes(summary)))
+    seconds = run_seconds(summary)
+    spent = f"{digits(seconds)} s" if seconds >= 0.01 else "none, results were kept"
+    rows.append(("computing time", spent))
+    return [(label, value) for label, value in rows if value not in (NONE, "")]
