@@ -30,7 +30,7 @@ from workflows.stages.impact import impact
 from workflows.sweep.cases import Base, base_of, checked, groups
 from workflows.sweep.core.design import Design
 from workflows.sweep.march import observed, rows
-from workflows.sweep.models import Prepared
+from workflows.sweep.models import SharedWall
 
 # Smallest and largest value of each key [SI]; of a population a part of that range.
 RANGES = {
@@ -140,7 +140,7 @@ def judged_sweep(name: str, values: dict, error: float | None = None) -> Judged:
     ratios, refused, in_vain, costs = [], 0, 0, []
     for group in groups(base, design, range(design.n_cases)):
         looked = checked(base, group)
-        for part in rows(looked, Prepared(), True):
+        for part in rows(looked, SharedWall(), True):
             if part.signals is None:
                 refused += len(part.cases)
                 continue
