@@ -17,7 +17,7 @@ from workflows.files.mesh import volumes_of
 from workflows.files.step import require_step
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.assembly import assembly
-from workflows.scene.bodies import GROUND, SHARE, THREAD, Body, Bolts, General, Solid
+from workflows.scene.bodies import GROUND, SHARE, THREAD, BodyTable, Bolts, General, Solid
 from workflows.scene.size import too_large_mesh
 from workflows.stages.parts import GMSH_NEEDS, STRIKE, Parts, Struck
 from workflows.stages.strike import around, struck
@@ -76,7 +76,7 @@ def shapes(scene: Scene) -> dict[str, Shape]:
     return {name: _shape(b) for name, b in (scene.bodies or {}).items() if b.drawn}
 
 
-def _shape(body: Body) -> Shape:
+def _shape(body: BodyTable) -> Shape:
     place = {key: getattr(body, key) for key in ("at", "turn") if getattr(body, key)}
     if body.box:
         return Box(body.box, **place)

@@ -8,7 +8,7 @@ from scipy.sparse import csr_matrix
 import fem
 from workflows.files.shapes import measured_shape
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.bodies import Target
+from workflows.scene.bodies import MeasuredMode
 from workflows.stages import rig
 
 FARTHEST = 0.05  # of the assembly's size: a measured point farther from its surface is misplaced
@@ -22,7 +22,7 @@ def targets(scene: Scene, model: fem.Model) -> tuple[fem.Target, ...]:
     return tuple(_target(scene, model, target) for target in scene.targets or ())
 
 
-def _target(scene: Scene, model: fem.Model, target: Target) -> fem.Target:
+def _target(scene: Scene, model: fem.Model, target: MeasuredMode) -> fem.Target:
     if target.number:
         return fem.Number(target.number)
     if target.shape:

@@ -28,7 +28,7 @@ from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import panels
 from workflows.report.tables import Table
-from workflows.scene import HalfSpaceWall, LeafSprings, Preload, Scene
+from workflows.scene import HalfSpaceWall, LeafSpringsTable, Preload, Scene
 from workflows.stages.chain import chain, initial_velocity
 from workflows.stages.pipeline import Progress
 
@@ -110,12 +110,12 @@ def _pressed(scene: Scene, stiffness: float, press: float) -> Scene:
     """Leaf springs that press with `press` [N] each; none where they press with nothing."""
     if not press:
         return scene.but(leaf_springs=None)
-    return scene.but(leaf_springs=LeafSprings(stiffness=stiffness, offset=press / stiffness))
+    return scene.but(leaf_springs=LeafSpringsTable(stiffness=stiffness, offset=press / stiffness))
 
 
 def _leaf_springs(scene: Scene) -> tuple[float, float]:
     """Largest stiffness [N/m] and press [N] of the scene's leaf springs, usual ones for none."""
-    leaf = scene.leaf_springs or LeafSprings()
+    leaf = scene.leaf_springs or LeafSpringsTable()
     stiffness = np.asarray(leaf.stiffness)
     return float(stiffness.max()) or STIFFNESS, float(np.max(stiffness * np.asarray(leaf.offset)))
 

@@ -7,7 +7,15 @@ import numpy as np
 import coupling
 import dem
 from workflows.fit.core.calibration.parameters import RATIOS, Parameter, Rig
-from workflows.scene import InvalidScene, ModalDamping, OneDofWall, Preload, RomWall, Scene, nearest
+from workflows.scene import (
+    InvalidScene,
+    ModalDampingTable,
+    OneDofWall,
+    Preload,
+    RomWall,
+    Scene,
+    nearest,
+)
 from workflows.stages.chain import chain, initial_velocity
 
 CONTACT = (0.2, 5.0, 0.1)  # factor on the scene's stiffness: low, high, scale
@@ -52,7 +60,7 @@ def _damping(scene: Scene, wall: dem.Wall | None) -> np.ndarray | None:
     """(d, k) derivative of the wall's ratios by each ratio of the scene."""
     if isinstance(scene.wall, OneDofWall):
         return np.ones((1, 1))
-    if not isinstance(scene.wall, RomWall) or not isinstance(scene.damping, ModalDamping):
+    if not isinstance(scene.wall, RomWall) or not isinstance(scene.damping, ModalDampingTable):
         return None
     from workflows.thesis import HAMMER_TEST_HZ
 
@@ -160,7 +168,7 @@ def _of_wall(scene: Scene, name: str) -> list[Parameter]:
         if name == "wall.damping":
             return [_ratio(name, wall.damping_ratio, 0)]
     if isinstance(wall, RomWall) and name == "wall.damping":
-        if not isinstance(scene.damping, ModalDamping):
+        if not isinstance(scene.damping, ModalDampingTable):
             raise InvalidScene(
                 f"--free {name} needs modal damping, found damping.kind = {scene.damping.kind!r}; "
                 "set damping.kind=modal."
