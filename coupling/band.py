@@ -15,9 +15,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, lfilter
 
-CUBIC = 3
-NEAR_0 = 1.0  # of phi's argument: below, the recurrence loses digits and the series has them
-
 
 class Band(NamedTuple):
     """What passes: below low_pass, above high_pass [Hz], None for no end; filters of `order`."""
@@ -29,29 +26,32 @@ class Band(NamedTuple):
 
 def filtered(band: Band, t: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """y (k, ...) at equal times t (k,) behind the band, at rest at y[0] before."""
-    if band.low_pass is None and band.high_pass is None:
+    # corner frequencies [rad/s]: below the first and above the last nothing passes
+    corners = [2 * np.pi * end for end in (band.high_pass, band.low_pass) if end is not None]
+    if not corners:
         return y
-    direct, residues, poles = _fractions(band)
+
+    # H(s) = d + sum r_i / (s - p_i), the poles of a Butterworth filter being simple; in units of
+    # the last corner, for products of numbers near 1
+    kind = "bandpass" if len(corners) == 2 else "lowpass" if band.low_pass else "highpass"
+    unit = corners[-1]
+    z, p, k = butter(
+        band.order, np.squeeze(np.array(corners) / unit), kind, analog=True, output="zpk"
+    )
+    distances = p[:, None] - p + np.eye(len(p))
+    residues = unit * (k * np.prod(p[:, None] - z, axis=1) / np.prod(distances, axis=1))
+    direct = k if len(z) == len(p) else 0.0
+
+    # y_i over each step of the cubic spline u, exactly; before the first one y_i = -u(0) / p_i
     h = t[1] - t[0]
     pieces = CubicSpline(t, y).c[::-1]  # (4, k - 1, ...) of powers 0 to 3
-    shown = direct * y
-    for r, p in zip(residues, poles, strict=True):
-        weights = [factorial(j) * h ** (j + 1) * phi(j + 1, p * h) for j in range(CUBIC + 1)]
-        pushed = np.tensordot(weights, pieces, 1)
-        answer = np.concatenate([[-y[0] / p], pushed])
-        shown = shown + (r * lfilter([1.0], [1.0, -np.exp(p * h)], answer, axis=0)).real
-    return shown
-
-
-def _fractions(band: Band) -> tuple[float, NDArray, NDArray]:
-    """d, r_i and p_i [rad/s] of a band; its poles are simple."""
-    ends = [2 * np.pi * end for end in (band.high_pass, band.low_pass) if end is not None]
-    kind = "bandpass" if len(ends) == 2 else "lowpass" if band.low_pass else "highpass"
-    unit = ends[-1]
-    z, p, k = butter(band.order, np.squeeze(np.array(ends) / unit), kind, analog=True, output="zpk")
-    apart = p[:, None] - p + np.eye(len(p))
-    residues = k * np.prod(p[:, None] - z, axis=1) / np.prod(apart, axis=1)
-    return (k if len(z) == len(p) else 0.0), unit * residues, unit * p
+    signal = direct * y
+    for r, pole in zip(residues, unit * p, strict=True):
+        weights = [factorial(j) * h ** (j + 1) * phi(j + 1, pole * h) for j in range(4)]
+        forcing = np.concatenate([[-y[0] / pole], np.tensordot(weights, pieces, 1)])
+        response = lfilter([1.0], [1.0, -np.exp(pole * h)], forcing, axis=0)
+        signal = signal + (r * response).real
+    return signal
 
 
 def phi(j: int, z: complex) -> complex:
@@ -60,9 +60,9 @@ def phi(j: int, z: complex) -> complex:
     >>> phi(1, 0.0), round(phi(2, 1.0), 12)
     (1.0, 0.718281828459)
     """
-    if abs(z) < NEAR_0:
+    if abs(z) < 1.0:  # the recurrence would lose digits, the series has them
         return sum(z**i / factorial(i + j) for i in range(20))
-    found = np.exp(z)
+    value = np.exp(z)
     for i in range(j):
-        found = (found - 1.0 / factorial(i)) / z
-    return found
+        value = (value - 1.0 / factorial(i)) / z
+    return value

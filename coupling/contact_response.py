@@ -10,7 +10,6 @@ from coupling.damping import Damping, damping_ratios
 
 BAND_HZ = (20.0, 20e3)
 CHECKED_HZ = (400.0, 2200.0, 9000.0, 18e3)  # between modes, where a wrong model shows
-N_FREQUENCIES = 1200
 
 
 class ContactResponse(NamedTuple):
@@ -29,14 +28,10 @@ def contact_response(
 ) -> ContactResponse:
     """The reduced model's response over BAND_HZ with its damping, and undamped at CHECKED_HZ,
     where the full model's is `full` (k,) [m/N]."""
-    checked, f = np.array(CHECKED_HZ), np.geomspace(*BAND_HZ, N_FREQUENCIES)
+    checked, f = np.array(CHECKED_HZ), np.geomspace(*BAND_HZ, 1200)
     undamped = rom.receptance(reduction._replace(C=None), None, checked).real
-    curve, finer = (_damped(one, law, f) for one in (reduction, reduction.finer))
-    return ContactResponse(f, curve, finer, checked, full, undamped)
-
-
-def _damped(
-    reduced: rom.ReducedModel, law: Damping | None, f: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    zeta = damping_ratios(law, rom.modal(reduced).omega)
-    return rom.receptance(reduced, None, f, zeta=zeta)
+    reduced, finer = (
+        rom.receptance(model, None, f, zeta=damping_ratios(law, rom.modal(model).omega))
+        for model in (reduction, reduction.finer)
+    )
+    return ContactResponse(f, reduced, finer, checked, full, undamped)

@@ -69,11 +69,17 @@ def damping_ratios(damping: Damping | None, omega: np.ndarray) -> np.ndarray:
     """
     if damping is None:
         return np.zeros_like(omega)
-    zeta = (
-        _rayleigh_ratios(damping, omega)
-        if isinstance(damping, RayleighDamping)
-        else _table_ratios(damping, omega)
-    )
+    if isinstance(damping, RayleighDamping):
+        alpha, beta = damping
+        if alpha and not omega.all():
+            raise CouplingError(
+                f"alpha={alpha:g} 1/s would damp the rigid-body motion of a free-floating wall; "
+                f"use modal ratios or alpha=0."
+            )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            zeta = np.where(omega > 0, alpha / (2 * omega) + beta * omega / 2, 0.0)
+    else:
+        zeta = _modal_ratios(damping, omega)
     if not (zeta >= 0).all():
         worst = int(np.argmin(zeta))
         raise CouplingError(
@@ -83,52 +89,31 @@ def damping_ratios(damping: Damping | None, omega: np.ndarray) -> np.ndarray:
     return np.where(omega > 0, zeta, 0.0)
 
 
-def _rayleigh_ratios(damping: RayleighDamping, omega: np.ndarray) -> np.ndarray:
-    alpha, beta = damping
-    if alpha and not omega.all():
-        raise CouplingError(
-            f"alpha={alpha:g} 1/s would damp the rigid-body motion of a free-floating wall; "
-            f"use modal ratios or alpha=0."
-        )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(omega > 0, alpha / (2 * omega) + beta * omega / 2, 0.0)
-
-
-def _table_ratios(damping: ModalDamping, omega: np.ndarray) -> np.ndarray:
+def _modal_ratios(damping: ModalDamping, omega: np.ndarray) -> np.ndarray:
+    """zeta (k,) at omega (k,): one for all, one each, or from the table over frequency."""
     ratio = np.atleast_1d(np.asarray(damping.ratio, dtype=float))
     if damping.frequency_hz is None:
-        return _one_for_all(ratio, omega)
-    table = _table(np.asarray(damping.frequency_hz, dtype=float), ratio)
-    if damping.pairing == "interpolate":
-        return np.interp(omega / (2 * np.pi), table, ratio)
-    if damping.pairing == "nearest":
-        return ratio[_nearest(table, omega)]
-    raise CouplingError(f"pairing is {damping.pairing!r}; it can be 'interpolate' or 'nearest'.")
+        if len(ratio) not in (1, len(omega)):
+            raise CouplingError(
+                f"{len(ratio)} damping ratios were given for {len(omega)} modes; give one, one "
+                f"each, or a table with frequency_hz."
+            )
+        return np.broadcast_to(ratio, omega.shape).copy()
 
-
-def _one_for_all(ratio: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    if len(ratio) not in (1, len(omega)):
+    table_hz = np.asarray(damping.frequency_hz, dtype=float)
+    if table_hz.shape != ratio.shape or not (np.diff(table_hz) > 0).all():
         raise CouplingError(
-            f"{len(ratio)} damping ratios were given for {len(omega)} modes; give one, one each, "
-            f"or a table with frequency_hz."
-        )
-    return np.broadcast_to(ratio, omega.shape).copy()
-
-
-def _table(frequency_hz: np.ndarray, ratio: np.ndarray) -> np.ndarray:
-    if frequency_hz.shape != ratio.shape or not (np.diff(frequency_hz) > 0).all():
-        raise CouplingError(
-            f"the damping table has {frequency_hz.size} frequencies and {ratio.size} ratios; it "
+            f"the damping table has {table_hz.size} frequencies and {ratio.size} ratios; it "
             f"wants as many of both, frequencies ascending."
         )
-    if frequency_hz[0] <= 0:
-        raise CouplingError(f"the damping table starts at {frequency_hz[0]:g} Hz; start above 0.")
-    return frequency_hz
-
-
-def _nearest(table: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    log = np.log(np.maximum(omega, 1e-300) / (2 * np.pi))
-    return np.abs(log[:, None] - np.log(table)).argmin(axis=1)
+    if table_hz[0] <= 0:
+        raise CouplingError(f"the damping table starts at {table_hz[0]:g} Hz; start above 0.")
+    if damping.pairing == "interpolate":
+        return np.interp(omega / (2 * np.pi), table_hz, ratio)
+    if damping.pairing == "nearest":
+        log = np.log(np.maximum(omega, 1e-300) / (2 * np.pi))
+        return ratio[np.abs(log[:, None] - np.log(table_hz)).argmin(axis=1)]
+    raise CouplingError(f"pairing is {damping.pairing!r}; it can be 'interpolate' or 'nearest'.")
 
 
 def matrix_ratios(D: np.ndarray | None, omega: np.ndarray) -> np.ndarray:
@@ -138,15 +123,15 @@ def matrix_ratios(D: np.ndarray | None, omega: np.ndarray) -> np.ndarray:
     """
     if D is None or not len(omega):
         return np.zeros(len(omega))
-    own = np.diag(D)
+    diagonal = np.diag(D)
     coupling = modal_coupling(D)
-    if coupling > UNCOUPLED or (own[omega == 0] > UNCOUPLED * own.max()).any():
+    if coupling > UNCOUPLED or (diagonal[omega == 0] > UNCOUPLED * diagonal.max()).any():
         raise CouplingError(
             f"the damping matrix C couples the wall's modes (by {coupling:.1e} of their own "
             f"damping, allowed {UNCOUPLED:g}), so damping ratios cannot stand for it; march it "
             f"with coupled_wall(), or leave C out of the reduction and give modal ratios."
         )
-    return own / (2 * np.where(omega > 0, omega, np.inf))
+    return diagonal / (2 * np.where(omega > 0, omega, np.inf))
 
 
 def couples_modes(D: np.ndarray | None) -> bool:
@@ -156,8 +141,8 @@ def couples_modes(D: np.ndarray | None) -> bool:
 
 def modal_coupling(D: np.ndarray) -> float:
     """Largest |D_jk| / sqrt(D_jj D_kk) off the diagonal of a modal damping matrix (k, k)."""
-    own, off = np.abs(np.diag(D)), np.abs(D - np.diag(np.diag(D)))
+    diagonal, off = np.abs(np.diag(D)), np.abs(D - np.diag(np.diag(D)))
     if not off.any():
         return 0.0
-    norm = np.sqrt(np.maximum(own, 1e-12 * np.abs(D).max()))
+    norm = np.sqrt(np.maximum(diagonal, 1e-12 * np.abs(D).max()))
     return float((off / np.outer(norm, norm)).max())

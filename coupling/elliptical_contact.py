@@ -15,9 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-ROUND = 1e-6  # of a ratio of radii: closer to 1 the ellipse is a circle
-SLIMMEST = 1 - 1e-9  # e^2 of the longest ellipse, some 10^4 times as long as wide
-
 
 class EllipticalContact(NamedTuple):
     """What the curvature of a struck surface makes of a sphere's Hertz contact."""
@@ -35,39 +32,37 @@ PLANE = EllipticalContact(1.0, 1.0, 1.0)
 
 
 def elliptical_contact(sphere_radius: float, curvatures: tuple[float, float]) -> EllipticalContact:
-    """Of a sphere's radius [m] and the surface's principal curvatures [1/m], < 0 where concave.
+    """The contact of a sphere of a radius [m] with a surface of principal curvatures [1/m], < 0
+    where concave.
 
     Raises ValueError for a surface that closes around the sphere.
     """
-    relative = sorted((1 / sphere_radius + curvature for curvature in curvatures), reverse=True)
-    if relative[-1] <= 0:
+    R_inverse = sorted((1 / sphere_radius + curvature for curvature in curvatures), reverse=True)
+    if R_inverse[-1] <= 0:
         raise ValueError(
             f"a sphere of radius {sphere_radius:g} m does not fit into a hollow of radius "
             f"{-1 / min(curvatures):g} m; take a smaller sphere or another face."
         )
-    mean = (relative[0] * relative[1]) ** -0.5 / sphere_radius
-    m, F1, F2 = _ellipse(relative[0] / relative[1])
+    R_e = (R_inverse[0] * R_inverse[1]) ** -0.5 / sphere_radius  # over the sphere's radius
+    ratio = R_inverse[0] / R_inverse[1]  # of the radii R'' / R', 1 of a circle
+
+    # m = e^2 of the ellipse, F1 and F2
+    if ratio < 1 + 1e-6:
+        m, F1, F2 = 0.0, 1.0, 1.0
+    else:
+        from scipy.optimize import brentq  # a third of a second that plane walls do not pay for
+        from scipy.special import ellipe, ellipk
+
+        def terms(m: float) -> tuple[float, float]:
+            """(a/b)^2 E - K and K - E."""
+            K, E = ellipk(m), ellipe(m)
+            return E / (1 - m) - K, K - E
+
+        # up to an ellipse some 10^4 times as long as wide
+        m = brentq(lambda m: np.log(terms(m)[0] / terms(m)[1] / ratio), 1e-7, 1 - 1e-9)
+        slender = np.sqrt(1 - m)  # b/a
+        F1 = (4 / (np.pi * m) * slender**1.5 * np.sqrt(np.prod(terms(m)))) ** (1 / 3)
+        F2 = 2 / np.pi * np.sqrt(slender) * ellipk(m) / F1
     return EllipticalContact(
-        float(mean**0.5 * F2**-1.5), float((1 - m) ** -0.5), float(mean ** (1 / 3) * F1)
+        float(R_e**0.5 * F2**-1.5), float((1 - m) ** -0.5), float(R_e ** (1 / 3) * F1)
     )
-
-
-def _ellipse(ratio: float) -> tuple[float, float, float]:
-    """e^2, F1 and F2 of relative radii R' / R'' = ratio >= 1."""
-    if ratio < 1 + ROUND:
-        return 0.0, 1.0, 1.0
-    from scipy.optimize import brentq  # a third of a second that plane walls do not pay for
-    from scipy.special import ellipk
-
-    m = brentq(lambda m: np.log(_parts(m)[0] / _parts(m)[1] / ratio), ROUND / 10, SLIMMEST)
-    slender = np.sqrt(1 - m)  # b/a
-    F1 = (4 / (np.pi * m) * slender**1.5 * np.sqrt(np.prod(_parts(m)))) ** (1 / 3)
-    return m, F1, 2 / np.pi * np.sqrt(slender) * ellipk(m) / F1
-
-
-def _parts(m: float) -> tuple[float, float]:
-    """(a/b)^2 E - K and K - E."""
-    from scipy.special import ellipe, ellipk
-
-    K, E = ellipk(m), ellipe(m)
-    return E / (1 - m) - K, K - E

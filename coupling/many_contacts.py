@@ -44,8 +44,8 @@ class Walls(NamedTuple):
     damping: Damping | None
 
     def all(self, n_beyond: int, lumped_above_hz: float = np.inf) -> Wall:
-        """Of all points as arrays, with so many oscillators of each beyond the common modes, those
-        above a frequency as one."""
+        """The walls of all points as arrays of one Wall, each with n_beyond oscillators beyond the
+        common modes, of which those above lumped_above_hz [Hz] are one."""
         contacts, half_space, damping = self
         return walls_of(
             contacts, n_beyond, half_space=half_space, damping=damping,

@@ -1,6 +1,5 @@
 """The coupled run: judge the chain and its wall, then march both."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 from numpy.typing import ArrayLike
@@ -20,9 +19,15 @@ from dem import (
     with_step_error,
 )
 
-CLOSED = 1e-2  # energy error over the error of the velocities
-HALVINGS = 5
-OPENING = 30.0  # longest stable steps, some ten impacts: an earlier horizon says nothing on a step
+
+class LongRun(NamedTuple):
+    """What a run does beyond its horizon."""
+
+    energy_error: float = 1e-2  # of the ledger, over the velocity error of the opening; not varied
+    halvings: int = 5  # of the step, to close the ledger; then the best of them is taken
+    # longest stable steps of an opening, some ten impacts: an earlier horizon says nothing of a
+    # step, and made tiny ones
+    opening: float = 30.0
 
 
 class Impact(NamedTuple):
@@ -71,37 +76,38 @@ def impact(
     elif dt is not None:
         trajectory = march(chain, wall, v0, dt=dt, **run)
         trajectory = with_step_error(chain, wall, v0, trajectory, state=run.get("state"))
+    elif horizon is None:
+        trajectory, report = march_to_error(chain, wall, v0, error=error, **run)
     else:
-        trajectory, report = _controlled(chain, wall, v0, error, horizon, run)
+        trajectory, report = _beyond_horizon(chain, wall, v0, error, horizon, run)
     return Impact(trajectory, judged, report, energy_gain(trajectory))
 
 
-def _controlled(
+def _beyond_horizon(
     chain: Chain,
     wall: Wall | None,
     v0: ArrayLike,
     error: float,
-    horizon: float | None,
+    horizon: float,
     run: dict,
+    long_run: LongRun = LongRun(),
 ) -> tuple[Trajectory, StepReport]:
-    if horizon is not None:
-        horizon = max(horizon, OPENING * stability_limit(chain, wall, v0))
-    if horizon is None or horizon >= run["duration"]:
+    """A run whose velocities are within error up to the horizon [s], and whose energy is beyond."""
+    duration, n_save = run["duration"], run["n_save"]
+    horizon = max(horizon, long_run.opening * stability_limit(chain, wall, v0))
+    if horizon >= duration:
         return march_to_error(chain, wall, v0, error=error, **run)
-    saves = max(1, round(run["n_save"] * horizon / run["duration"]))
-    first = run | {"duration": horizon, "n_save": saves}
-    opening, report = march_to_error(chain, wall, v0, error=error, **first)
-    rest = {"duration": run["duration"], "n_save": run["n_save"], "scheme": opening.scheme}
-    whole = _closed(lambda dt: march(chain, wall, v0, dt=dt, **rest), opening.dt, CLOSED * error)
-    return whole._replace(error_estimate=report.error_estimate), report
 
+    # the step by the opening alone
+    opening = run | {"duration": horizon, "n_save": max(1, round(n_save * horizon / duration))}
+    first, report = march_to_error(chain, wall, v0, error=error, **opening)
 
-def _closed(run: Callable[[float], Trajectory], dt: float, energy_error: float) -> Trajectory:
-    """The run with a step that keeps the ledger closed to energy_error, or the closest found."""
-    found = finer = run(dt)
-    for _ in range(HALVINGS):
-        if found.energy_error <= energy_error:
+    # halved until the energy of all of the run is closed; the last halving may be no better
+    options = {"duration": duration, "n_save": n_save, "scheme": first.scheme}
+    best = finest = march(chain, wall, v0, dt=first.dt, **options)
+    for _ in range(long_run.halvings):
+        if best.energy_error <= long_run.energy_error * error:
             break
-        finer = run(finer.dt / 2)
-        found = min(found, finer, key=lambda one: one.energy_error)
-    return found
+        finest = march(chain, wall, v0, dt=finest.dt / 2, **options)
+        best = min(best, finest, key=lambda trajectory: trajectory.energy_error)
+    return best._replace(error_estimate=report.error_estimate), report

@@ -17,11 +17,9 @@ from coupling.verdict import largest_monotone_force
 from dem import Chain, Trajectory, Wall
 from dem.spheres import hertz_overlap, hertz_stiffness
 
-FINE = 20000  # saved forces of the run that the costs are estimated from
-
 
 class LeftOut(NamedTuple):
-    """A mode left out: its place in the wall, frequency [Hz], "frozen" or "static", its cost in
+    """A mode left out: its index in the wall, frequency [Hz], "frozen" or "static", its cost in
     relative velocity."""
 
     mode: int
@@ -44,10 +42,10 @@ class Pruning(NamedTuple):
     @property
     def sentences(self) -> tuple[str, ...]:
         """One for each mode left out and one for all of them."""
-        kept = len(self.wall.omega)
+        n_left_out = len(self.left_out)
         return (
             *map(str, self.left_out),
-            f"{len(self.left_out)} of {kept + len(self.left_out)} wall modes left out; together "
+            f"{n_left_out} of {len(self.wall.omega) + n_left_out} wall modes left out; together "
             f"they change the velocities by {self.cost:.1e} of the striker's.",
         )
 
@@ -58,58 +56,64 @@ def prune(chain: Chain, wall: Wall, v0: ArrayLike, *, duration: float, error: fl
     Modes go in the order of their costs; the pruned wall is marched and modes come back until the
     measured change is below error. Costs about three runs: worth it before a series of them.
     """
-    whole = impact(chain, wall, v0, duration=duration, error=0.1 * error, n_save=FINE)
-    costs = mode_costs(chain, wall, whole.trajectory)
-    order = sorted(costs, key=lambda mode: mode.cost)
+    # marches ten times as exact as what is measured by them, their forces saved finely
+    options = {"duration": duration, "error": 0.1 * error, "n_save": 20000}
+    reference = impact(chain, wall, v0, **options)
+
+    # as many of the cheapest modes as cost the error together, if no costs cancel
+    order = sorted(mode_costs(chain, wall, reference.trajectory), key=lambda mode: mode.cost)
     total = np.cumsum([mode.cost for mode in order])
     n = int(np.searchsorted(total, error))
+
+    # measured by a second run, a fifth of the modes coming back after each that fails; where the
+    # contact would give way beside static modes no run is tried
     speed = np.abs(v0).max()
-    while True:
+    while n > 0:
         pruned = without(wall, order[:n])
         allowed = largest_monotone_force(pruned.residual_compliance, chain.A[-1])
-        if n == 0:
-            return Pruning(wall, (), 0.0)
-        if whole.verdict.predicted_peak_force < allowed:
-            run = impact(chain, pruned, v0, duration=duration, error=0.1 * error, n_save=FINE)
-            cost = np.abs(run.trajectory.v - whole.trajectory.v).max() / speed
+        if reference.verdict.predicted_peak_force < allowed:
+            run = impact(chain, pruned, v0, **options)
+            cost = np.abs(run.trajectory.v - reference.trajectory.v).max() / speed
             if cost <= error:
                 return Pruning(pruned, tuple(order[:n]), float(cost))
         n = int(0.8 * n)
+    return Pruning(wall, (), 0.0)
 
 
 def without(wall: Wall, left_out: ArrayLike) -> Wall:
     """The wall with modes left out; the static ones go into the residual compliance."""
-    static = [one.mode for one in left_out if one.how == "static"]
-    kept = np.setdiff1d(np.arange(len(wall.omega)), [one.mode for one in left_out])
+    static = [mode.mode for mode in left_out if mode.how == "static"]
+    moving = np.setdiff1d(np.arange(len(wall.omega)), [mode.mode for mode in left_out])
     softer = np.sum((wall.phi[static] / wall.omega[static]) ** 2)
     return wall._replace(
-        omega=wall.omega[kept],
-        zeta=wall.zeta[kept],
-        phi=wall.phi[kept],
+        omega=wall.omega[moving],
+        zeta=wall.zeta[moving],
+        phi=wall.phi[moving],
         residual_compliance=float(wall.residual_compliance + softer),
     )
 
 
 def mode_costs(chain: Chain, wall: Wall, run: Trajectory) -> tuple[LeftOut, ...]:
     """What leaving out each mode would cost, by the cheaper way, from the wall force of a run."""
+    # the velocity that a displacement held for a step makes, relative to the striker's
     F = run.contact_force[:, -1]
     h = run.t[1] - run.t[0]
     stiffness = hertz_stiffness(hertz_overlap(np.maximum(F, 0), chain.A[-1]), chain.A[-1])
     stiffness = stiffness / (1 + wall.residual_compliance * stiffness)
     momentum = chain.mass[-1] * np.abs(run.v[0]).max()
     slope = h * stiffness / momentum
-    return tuple(_cheaper_way(wall, j, F - F[0], slope, h) for j in range(len(wall.omega)))
 
-
-def _cheaper_way(wall: Wall, j: int, F: np.ndarray, slope: np.ndarray, h: float) -> LeftOut:
-    omega, phi = wall.omega[j], wall.phi[j]
-    u = phi**2 * oscillation(F, omega, wall.zeta[j], h)
-    missing = {"frozen": u}
-    if omega > 0:
-        missing["static"] = u - (phi / omega) ** 2 * F
-    cost = {how: float(np.abs(np.cumsum(slope * d)).max()) for how, d in missing.items()}
-    how = min(cost, key=cost.get)
-    return LeftOut(j, float(omega / (2 * np.pi)), how, cost[how])
+    costs = []
+    swing = F - F[0]  # the static part of the mode is in its state of rest
+    for j, (omega, phi) in enumerate(zip(wall.omega, wall.phi, strict=True)):
+        u = phi**2 * oscillation(swing, omega, wall.zeta[j], h)
+        missing = {"frozen": u}
+        if omega > 0:
+            missing["static"] = u - (phi / omega) ** 2 * swing
+        cost = {how: float(np.abs(np.cumsum(slope * d)).max()) for how, d in missing.items()}
+        how = min(cost, key=cost.get)
+        costs.append(LeftOut(j, float(omega / (2 * np.pi)), how, cost[how]))
+    return tuple(costs)
 
 
 def oscillation(F: np.ndarray, omega: float, zeta: float, h: float) -> np.ndarray:
@@ -119,12 +123,11 @@ def oscillation(F: np.ndarray, omega: float, zeta: float, h: float) -> np.ndarra
     if omega == 0:
         p = h * np.append(0, np.cumsum(F)[:-1])
         return np.append(0, np.cumsum(h * p + h**2 / 2 * F)[:-1])
+    # partial fractions of its two poles, kept apart where critical damping joins them
     root = np.emath.sqrt(1 - zeta**2)
-    pole = omega * (-zeta + 1j * root)
-    other = omega * (-zeta - 1j * root)
+    p1 = omega * (-zeta + 1j * root)
+    p2 = omega * (-zeta - 1j * root)
     if abs(root) < 1e-6:
-        pole, other = pole + 1e-6 * omega, other - 1e-6 * omega
-    first, second = (
-        lfilter([0, np.expm1(p * h) / p], [1, -np.exp(p * h)], F) for p in (pole, other)
-    )
-    return ((first - second) / (pole - other)).real
+        p1, p2 = p1 + 1e-6 * omega, p2 - 1e-6 * omega
+    first, second = (lfilter([0, np.expm1(p * h) / p], [1, -np.exp(p * h)], F) for p in (p1, p2))
+    return ((first - second) / (p1 - p2)).real

@@ -25,34 +25,29 @@ class Shares(NamedTuple):
 
 def lamb_integral(poisson: float) -> Shares:
     """I of a half-space; the surface wave takes 0.674 of it for nu = 1/4 (Miller and Pursey)."""
-    from scipy.integrate import quad  # loaded by who asks for radiated energy alone
-
-    g = np.sqrt((1 - 2 * poisson) / (2 * (1 - poisson)))
-    slow = quad(_below_longitudinal, 0, g, args=(g,))[0]
-    fast = quad(_below_shear, g, 1, args=(g,))[0]
-    return Shares(slow + fast, _surface(g))
-
-
-def _below_longitudinal(s: float, g: float) -> float:
-    a, b = np.sqrt(g**2 - s**2), np.sqrt(1 - s**2)
-    return s * a / ((2 * s**2 - 1) ** 2 + 4 * s**2 * a * b)
-
-
-def _below_shear(s: float, g: float) -> float:
-    a, b = np.sqrt(max(s**2 - g**2, 0.0)), np.sqrt(max(1 - s**2, 0.0))
-    return 4 * s**3 * a**2 * b / ((2 * s**2 - 1) ** 4 + 16 * s**4 * a**2 * b**2)
-
-
-def _surface(g: float) -> float:
+    from scipy.integrate import quad  # loaded for radiated energy alone
     from scipy.optimize import brentq
 
-    s = brentq(_rayleigh, 1 + 1e-12, 3, args=(g,), xtol=1e-14)
-    slope = (_rayleigh(s * (1 + 1e-6), g) - _rayleigh(s * (1 - 1e-6), g)) / (2e-6 * s)
-    return float(np.pi * s * np.sqrt(s**2 - g**2) / abs(slope))
+    g = np.sqrt((1 - 2 * poisson) / (2 * (1 - poisson)))
 
+    def below_longitudinal(s: float) -> float:
+        """-Im[s a / R] up to s = g, where a and b are imaginary."""
+        a, b = np.sqrt(g**2 - s**2), np.sqrt(1 - s**2)
+        return s * a / ((2 * s**2 - 1) ** 2 + 4 * s**2 * a * b)
 
-def _rayleigh(s: float, g: float) -> float:
-    return (2 * s**2 - 1) ** 2 - 4 * s**2 * np.sqrt((s**2 - g**2) * (s**2 - 1))
+    def below_shear(s: float) -> float:
+        """The same from g to 1, where a is real."""
+        a, b = np.sqrt(max(s**2 - g**2, 0.0)), np.sqrt(max(1 - s**2, 0.0))
+        return 4 * s**3 * a**2 * b / ((2 * s**2 - 1) ** 4 + 16 * s**4 * a**2 * b**2)
+
+    def rayleigh(s: float) -> float:
+        """R beyond s = 1, 0 at the slowness of Rayleigh's wave."""
+        return (2 * s**2 - 1) ** 2 - 4 * s**2 * np.sqrt((s**2 - g**2) * (s**2 - 1))
+
+    body = quad(below_longitudinal, 0, g)[0] + quad(below_shear, g, 1)[0]
+    s = brentq(rayleigh, 1 + 1e-12, 3, xtol=1e-14)
+    slope = (rayleigh(s * (1 + 1e-6)) - rayleigh(s * (1 - 1e-6))) / (2e-6 * s)
+    return Shares(body, float(np.pi * s * np.sqrt(s**2 - g**2) / abs(slope)))
 
 
 def radiated_energy(

@@ -14,20 +14,12 @@ def save_trajectory(path: Path, trajectory: Trajectory, wall: Wall | CoupledWall
 
 
 def arrays(trajectory: Trajectory, wall: Wall | CoupledWall | None) -> dict[str, np.ndarray]:
-    """What is saved of a run, by name."""
-    return _over_time(trajectory) | _wall_modes(trajectory, wall)
-
-
-def _over_time(trajectory: Trajectory) -> dict[str, np.ndarray]:
-    """The arrays of a trajectory over its saved times, by name."""
+    """What is saved of a run, by name: every array over the saved times, and frequencies and
+    participations of the modes whose coordinates are among them."""
     k = len(trajectory.t)
-    named = trajectory._asdict().items()
-    return {name: a for name, a in named if isinstance(a, np.ndarray) and len(a) == k and a.size}
-
-
-def _wall_modes(trajectory: Trajectory, wall: Wall | CoupledWall | None) -> dict[str, np.ndarray]:
-    """Frequencies and participations of the modes whose coordinates are saved."""
-    if not trajectory.wall_q.size:
-        return {}
-    read = wall.reading if isinstance(wall, CoupledWall) else wall.phi
-    return {"wall_omega": wall.omega, "wall_phi": read}
+    fields = trajectory._asdict().items()
+    saved = {name: a for name, a in fields if isinstance(a, np.ndarray) and len(a) == k and a.size}
+    if trajectory.wall_q.size:
+        reading = wall.reading if isinstance(wall, CoupledWall) else wall.phi
+        saved |= {"wall_omega": wall.omega, "wall_phi": reading}
+    return saved

@@ -1,8 +1,8 @@
 """Waves in the signal of a sensor: the named waves of its sphere, found again as the sensor shows
 them.
 
-A wave presses a bead on either way: forces have one sign, velocities turn with the way. What is
-searched is the force of a rate and the velocity of a displacement.
+A wave presses a bead whichever way it runs: forces have one sign, velocities that of its direction.
+What is searched is the force of a rate and the velocity of a displacement.
 """
 
 from collections.abc import Sequence
@@ -15,8 +15,13 @@ from numpy.typing import NDArray
 from coupling.sensors import Sensor
 from dem.waves.labels import Label
 
-TOP = 0.15  # widths to both sides of a crest, through which a parabola is laid
-EARLY, LATE = 0.7, 1.3  # widths of a wave around its time: a band delays what it shows
+
+class CrestSearch(NamedTuple):
+    """Where a wave's crest is sought, in widths of the wave; not varied."""
+
+    top: float = 0.15  # to both sides of the crest, through which a parabola is laid
+    early: float = 0.7  # before the wave's time
+    late: float = 1.3  # behind it: a band delays what it shows
 
 
 class SensedWave(NamedTuple):
@@ -29,47 +34,61 @@ class SensedWave(NamedTuple):
 
 
 def sensed_waves(
-    sensor: Sensor, t: NDArray[np.float64], y: NDArray[np.float64], named: Sequence[Label]
+    sensor: Sensor,
+    t: NDArray[np.float64],
+    y: NDArray[np.float64],
+    named: Sequence[Label],
+    search: CrestSearch = CrestSearch(),
 ) -> tuple[SensedWave, ...]:
-    """The waves named at the sensor's sphere that have a crest of their own in its signal (k,)."""
+    """The waves named at the sensor's sphere that have a crest of their own in its signal (k,).
+
+    A crest at the end of what is searched belongs to another wave, or to none.
+    """
     if not named:
         return ()
     times = [label.arrival.time for label in named]
-    between = [-np.inf, *(0.5 * (a + b) for a, b in pairwise(times)), np.inf]
-    shown = np.sign(sensor.gain) * y
-    each = (_crest(sensor.quantity, t, shown, one, ends) for one, ends in
-            zip(named, pairwise(between), strict=True))  # fmt: skip
-    return tuple(wave for wave in each if wave)
+    midways = [-np.inf, *(0.5 * (a + b) for a, b in pairwise(times)), np.inf]
+    dt, signal, waves = t[1] - t[0], np.sign(sensor.gain) * y, []
+    for label, (start, end) in zip(named, pairwise(midways), strict=True):
+        time, velocity, width, _ = label.arrival
+        if not np.isfinite(width):
+            continue
+
+        # one crest a wave, positive in either direction
+        reach = max(1, round(search.top * width / dt))  # samples
+        direction = 1.0 if sensor.quantity.startswith("force") else np.sign(velocity)
+        shape = direction * _force_or_velocity(sensor.quantity, t, signal, reach)
+
+        # the highest sample near the wave's time, no nearer to another wave's
+        low, high = max(time - search.early * width, start), min(time + search.late * width, end)
+        inside = np.flatnonzero((t > low) & (t < high))
+        if not len(inside):
+            continue
+        k = inside[shape[inside].argmax()]
+        if k - reach <= inside[0] or k + reach >= inside[-1] or shape[k] <= 0.0:
+            continue
+
+        # a parabola through the top, between samples and less of the noise
+        top = slice(k - reach, k + reach + 1)
+        a, b, c = np.polyfit(t[top] - t[k], shape[top], 2)
+        if a >= 0.0:
+            continue
+        crest, height = float(t[k] - 0.5 * b / a), float(direction * (c - 0.25 * b * b / a))
+        waves.append(SensedWave(label.name, crest, height))
+    return tuple(waves)
 
 
-def _crest(quantity, t, y, label, ends):
-    """The highest point near the wave's time, None where it lies at the end of what is searched."""
-    at, velocity, width, _ = label.arrival
-    if not np.isfinite(width):
-        return None
-    reach = max(1, round(TOP * width / (t[1] - t[0])))  # samples
-    way = 1.0 if quantity.startswith("force") else np.sign(velocity)
-    shown = way * _wave_like(quantity, t, y, reach)
-    early, late = max(at - EARLY * width, ends[0]), min(at + LATE * width, ends[1])
-    inside = np.flatnonzero((t > early) & (t < late))
-    k = inside[shown[inside].argmax()] if len(inside) else None
-    if k is None or k - reach <= inside[0] or k + reach >= inside[-1] or shown[k] <= 0.0:
-        return None
-    top = slice(k - reach, k + reach + 1)
-    a, b, c = np.polyfit(t[top] - t[k], shown[top], 2)
-    if a >= 0.0:
-        return None
-    return SensedWave(label.name, float(t[k] - 0.5 * b / a), float(way * (c - 0.25 * b * b / a)))
-
-
-def _wave_like(quantity, t, y, reach):
-    """The force of a rate, the velocity of a displacement over a few samples."""
+def _force_or_velocity(
+    quantity: str, t: NDArray[np.float64], y: NDArray[np.float64], reach: int
+) -> NDArray[np.float64]:
+    """What has one crest a wave (k,): the force of a rate by trapezoids, the velocity of a
+    displacement as its slope over `reach` samples to both sides."""
+    dt = t[1] - t[0]
     if quantity == "force-rate":
-        dt = t[1] - t[0]
         return np.concatenate([[0.0], np.cumsum(0.5 * dt * (y[1:] + y[:-1]))])
     if quantity == "displacement":
         ends = np.pad(y, reach, mode="edge")
-        return (ends[2 * reach :] - ends[: -2 * reach]) / (2 * reach * (t[1] - t[0]))
+        return (ends[2 * reach :] - ends[: -2 * reach]) / (2 * reach * dt)
     return y
 
 
@@ -77,7 +96,7 @@ def flight(waves: Sequence[SensedWave]) -> tuple[float | None, float | None]:
     """Time [s] from the incident to the first reflected wave and the ratio of their heights; None
     where the sensor does not show both."""
     by_name = {wave.name: wave for wave in waves}
-    one, two = (by_name.get(name) for name in ("incident", "reflected 1"))
-    if one is None or two is None:
+    incident, reflected = (by_name.get(name) for name in ("incident", "reflected 1"))
+    if incident is None or reflected is None:
         return None, None
-    return two.time - one.time, abs(two.height / one.height)
+    return reflected.time - incident.time, abs(reflected.height / incident.height)

@@ -34,16 +34,8 @@ def sensor_record(
     at = instants(run.t, sampling)
     quantities = measured(sensors, run.t, run.x, run.v, run.contact_force)
     y = recorded(sensors, signals(sensors, run.t, quantities, at), bits, seed)
-    each = zip(sensors, y.T, strict=True)
-    return SensorRecord(at, y, tuple(_waves(one, at, shown, run, tracks) for one, shown in each))
-
-
-def _waves(
-    sensor: Sensor,
-    t: NDArray[np.float64],
-    y: NDArray[np.float64],
-    run: dem.Trajectory,
-    tracks: Sequence[WaveTrack],
-) -> tuple[SensedWave, ...]:
-    named = labels(tracks, run.t, run.v[:, sensor.sphere], sensor.sphere + 1)
-    return sensed_waves(sensor, t, y, named)
+    waves = []
+    for sensor, signal in zip(sensors, y.T, strict=True):
+        named = labels(tracks, run.t, run.v[:, sensor.sphere], sensor.sphere + 1)
+        waves.append(sensed_waves(sensor, at, signal, named))
+    return SensorRecord(at, y, tuple(waves))

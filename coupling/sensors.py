@@ -42,18 +42,18 @@ def measured(
 ) -> NDArray[np.float64]:
     """(k, m, ...) the quantities of m sensors at the instants t (k,) of a run or of its
     derivatives: x, v (k, n, ...), contact_force (k, n or n - 1, ...)."""
-    each = [_quantity(sensor, t, x, v, contact_force) for sensor in sensors]
-    return np.stack(each, axis=1)
-
-
-def _quantity(sensor, t, x, v, contact_force):
-    i = sensor.sphere
-    if sensor.quantity == "velocity":
-        return v[:, i]
-    if sensor.quantity == "displacement":
-        return x[:, i] - x[0, i]
-    force = mean_force(contact_force, i)
-    return force if sensor.quantity == "force" else CubicSpline(t, force)(t, 1)
+    quantities = []
+    for sensor in sensors:
+        i = sensor.sphere
+        if sensor.quantity == "velocity":
+            quantities.append(v[:, i])
+        elif sensor.quantity == "displacement":
+            quantities.append(x[:, i] - x[0, i])
+        elif sensor.quantity == "force":
+            quantities.append(mean_force(contact_force, i))
+        else:  # the slope of a spline, as smooth as the force itself
+            quantities.append(CubicSpline(t, mean_force(contact_force, i))(t, 1))
+    return np.stack(quantities, axis=1)
 
 
 def mean_force(contact_force: NDArray[np.float64], sphere: int) -> NDArray[np.float64]:
@@ -78,29 +78,29 @@ def signals(
 ) -> NDArray[np.float64]:
     """(len(at), m, ...) what sensors show of their quantities (k, m, ...) at the times `at` [s]:
     behind their bands, times their gains; their time derivatives of an order above 0."""
-    each = [
+    columns = [
         sensor.gain * CubicSpline(t, filtered(sensor.band, t, quantities[:, i]))(at, order)
         for i, sensor in enumerate(sensors)
     ]
-    return np.stack(each, axis=1)
+    return np.stack(columns, axis=1)
 
 
 def recorded(
     sensors: Sequence[Sensor],
-    shown: NDArray[np.float64],
+    y: NDArray[np.float64],
     bits: int | None = None,
     seed: int | Sequence[int] = 0,
 ) -> NDArray[np.float64]:
-    """Signals (k, m) as a record of `bits` holds them, with the noise of the sensors."""
+    """Signals y (k, m) as a record of `bits` holds them, with the noise of the sensors."""
     rng = np.random.default_rng(seed)
-    largest = np.abs(shown).max(axis=0)
+    largest = np.abs(y).max(axis=0)
     rms = np.array([sensor.noise for sensor in sensors]) * largest
-    noisy = shown + rms * rng.standard_normal(shown.shape)
+    noisy = y + rms * rng.standard_normal(y.shape)
     if bits is None:
         return noisy
     fitting = np.abs(noisy).max(axis=0) / (1.0 - 2.0 ** (1 - bits))  # nothing is cut off
-    ends = zip(sensors, fitting, strict=True)
-    return quantised(noisy, bits, np.array([one.range or most for one, most in ends]))
+    ranges = [sensor.range or fit for sensor, fit in zip(sensors, fitting, strict=True)]
+    return quantised(noisy, bits, np.array(ranges))
 
 
 def quantised(

@@ -8,11 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coupling.wall import kept_modes, moving_modes, with_oscillator
+from coupling.wall import moving_mask, moving_modes, with_oscillator
 from rom import ModalWall, ReducedModel, modal
-
-LEFT_OUT = 1e-3  # of the largest displacement
-SAME = 1e-3  # relative difference of two frequencies of one mode
 
 
 class SurfaceModes(NamedTuple):
@@ -30,26 +27,28 @@ def wall_modes(
     if weights is not None and cutoff_hz is None:
         cutoff_hz = np.inf
     modes = modal(reduced)
-    kept = kept_modes(modes, reduced, cutoff_hz)
-    moving = with_oscillator(modes, kept) if weights is None else moving_modes(modes, kept)
+    mask = moving_mask(modes, reduced, cutoff_hz)
+    moving = with_oscillator(modes, mask) if weights is None else moving_modes(modes, mask)
     at_contact = moving.phi if weights is None else weights @ moving.vectors
-    apart = np.abs(moving.omega[:, None] - omega) / (omega + 1e-9 * omega.max(initial=1.0))
-    apart += 1e-3 * np.abs(at_contact[:, None] - phi) / np.abs(phi).max(initial=1e-300)
-    return _shapes(reduced, moving, apart.argmin(axis=0))
+    # the nearest in frequency, and of equal ones that of the participation
+    distance = np.abs(moving.omega[:, None] - omega) / (omega + 1e-9 * omega.max(initial=1.0))
+    distance += 1e-3 * np.abs(at_contact[:, None] - phi) / np.abs(phi).max(initial=1e-300)
+    return _surface_modes(reduced, moving, distance.argmin(axis=0))
 
 
 def structure_modes(reduced: ReducedModel, frequency_hz: np.ndarray) -> SurfaceModes:
-    """Shapes of the reduced structure's modes at these frequencies (k,); omega is nan where it has
-    none."""
+    """Shapes of the reduced structure's modes at these frequencies (k,), to a thousandth; omega is
+    nan where it has none."""
     modes, omega = modal(reduced), 2 * np.pi * np.asarray(frequency_hz)
-    apart = np.abs(modes.omega[:, None] - omega) / np.maximum(omega, 1e-300)
-    nearest = apart.argmin(axis=0) if len(omega) else np.zeros(0, int)
-    found = _shapes(reduced, modes, nearest)
-    missed = apart.min(axis=0, initial=np.inf) > SAME
-    return found._replace(omega=np.where(missed, np.nan, found.omega))
+    distance = np.abs(modes.omega[:, None] - omega) / np.maximum(omega, 1e-300)
+    nearest = distance.argmin(axis=0) if len(omega) else np.zeros(0, int)
+    shapes = _surface_modes(reduced, modes, nearest)
+    missed = distance.min(axis=0, initial=np.inf) > 1e-3
+    return shapes._replace(omega=np.where(missed, np.nan, shapes.omega))
 
 
-def _shapes(reduced: ReducedModel, modes: ModalWall, index: np.ndarray) -> SurfaceModes:
+def _surface_modes(reduced: ReducedModel, modes: ModalWall, index: np.ndarray) -> SurfaceModes:
+    """The modes of an index (k,) at the outer nodes."""
     flat = reduced.surface.T @ modes.vectors[:, index].astype(np.float32)
     return SurfaceModes(modes.omega[index], flat.T.reshape(len(index), -1, 3))
 
@@ -75,31 +74,30 @@ def shown_shapes(
     reduced: ReducedModel, frequency_hz: Sequence[float], moved: Moved | None
 ) -> Shapes:
     """Shapes of the wall's modes that show in a run, and of the modes listed that are none of
-    them; those that together move no node by more than LEFT_OUT are left out."""
-    shown = structure_modes(reduced, np.array(frequency_hz))
-    there = shown.omega > 0
+    them; those that together move no node by more than a thousandth of the largest displacement
+    are left out."""
+    listed = structure_modes(reduced, np.array(frequency_hz))
+    exists = listed.omega > 0
     if moved is None:
-        return Shapes(shown.shape[there], [], _numbered(there).tolist())
+        return Shapes(listed.shape[exists], [], _numbered(exists).tolist())
+
+    # wall modes: without the smallest that together stay below a thousandth, but for listed ones
     wall = wall_modes(reduced, moved.omega, moved.phi, cutoff_hz=moved.cutoff_hz)
-    same = np.isclose(shown.omega[:, None], wall.omega, rtol=1e-9, atol=0)
-    kept = _kept(wall.shape, moved.q - moved.q[0]) | same.any(axis=0)
-    alone, place = there & ~same.any(axis=1), _numbered(kept)
-    own = np.where(alone, kept.sum() + _numbered(alone), -1)
-    of_mode = np.where(same.any(axis=1), place[same.argmax(axis=1)], own)
-    shapes = np.concatenate([wall.shape[kept], shown.shape[alone]])
+    same = np.isclose(listed.omega[:, None], wall.omega, rtol=1e-9, atol=0)
+    largest = np.abs(moved.q - moved.q[0]).max(axis=0) * np.abs(wall.shape).max(axis=(1, 2))
+    order = np.argsort(largest)
+    visible = np.ones(len(largest), dtype=bool)
+    visible[order[np.cumsum(largest[order]) <= 1e-3 * largest.max(initial=0.0)]] = False
+    visible |= same.any(axis=0)
+
+    # then the listed modes that are none of the wall's
+    alone, place = exists & ~same.any(axis=1), _numbered(visible)
+    place_alone = np.where(alone, visible.sum() + _numbered(alone), -1)
+    of_mode = np.where(same.any(axis=1), place[same.argmax(axis=1)], place_alone)
+    shapes = np.concatenate([wall.shape[visible], listed.shape[alone]])
     return Shapes(shapes, place.tolist(), of_mode.tolist())
 
 
 def _numbered(mask: np.ndarray) -> np.ndarray:
     """0, 1, 2 ... where it is true, -1 elsewhere."""
     return np.where(mask, np.cumsum(mask) - 1, -1)
-
-
-def _kept(shape: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Mask (k,) of the modes without those that together move no node by more than LEFT_OUT of
-    the largest displacement."""
-    moved = np.abs(q).max(axis=0) * np.abs(shape).max(axis=(1, 2))
-    order = np.argsort(moved)
-    kept = np.ones(len(moved), dtype=bool)
-    kept[order[np.cumsum(moved[order]) <= LEFT_OUT * moved.max(initial=0.0)]] = False
-    return kept

@@ -18,9 +18,6 @@ from coupling.coupled_wall import CoupledWall
 from dem import Chain, Wall
 from dem.spheres import hertz_overlap, hertz_stiffness
 
-LARGE_STEP_ERROR = 0.01  # of a step that the user gives
-FALCON = 1.03  # peak force of a column of spheres over that of one sphere; 1.024 is the limit
-
 
 class Verdict(NamedTuple):
     """A judgement of a chain and its wall at given velocities.
@@ -48,38 +45,31 @@ def largest_monotone_force(residual: float, contact_coefficient: float) -> float
 
 
 def predicted_peak_force(chain: Chain, v0: ArrayLike, A: ArrayLike) -> np.ndarray:
-    """Largest forces [N] at contacts of coefficients A [N/m^1.5], steady forces included."""
+    """Largest forces [N] at contacts of coefficients A [N/m^1.5], steady forces included.
+
+    The smaller of that of one sphere with all of the difference in velocity, by Hertz times 1.03
+    (Falcon: a column of spheres reaches 1.024 of it), and that of one contact with all the energy.
+    """
     v0, mass, A = np.asarray(v0, dtype=float), np.asarray(chain.mass), np.asarray(A, dtype=float)
     swing = v0.max(initial=0.0) - v0.min(initial=0.0)
-    one = FALCON * A**0.4 * (1.25 * mass.max() * swing**2) ** 0.6
-    everything = A**0.4 * (1.25 * (mass @ v0**2)) ** 0.6
-    return np.minimum(one, everything) + np.abs(chain.steady).sum()
+    of_sphere = 1.03 * A**0.4 * (1.25 * mass.max() * swing**2) ** 0.6
+    of_energy = A**0.4 * (1.25 * (mass @ v0**2)) ** 0.6
+    return np.minimum(of_sphere, of_energy) + np.abs(chain.steady).sum()
 
 
 def verdict(chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike) -> Verdict:
     """Judge a chain of n spheres with velocities v0 (n,) [m/s] against a wall, None for no wall."""
+    n_modes = 0 if wall is None else len(wall.omega)
+
+    # the contact at its peak force: Hertz in series with s, which gives way beyond the limit
     A = float(np.max(chain.A, initial=0.0)) if wall is None else float(chain.A[-1])
     force = float(predicted_peak_force(chain, v0, A))
     s = 0.0 if wall is None else wall.residual_compliance
     hertz = float(hertz_stiffness(hertz_overlap(force, A), A)) if A else 0.0
     limit = largest_monotone_force(s, A)
     stiffness = hertz / (1 + s * hertz) if force < limit else np.inf
-    findings, passive = _findings(wall, s, force, limit)
-    omega = _kick_frequency(chain, wall, v0, stiffness)
-    sentences = _sentences(wall, force, stiffness, omega) + findings
-    return Verdict(
-        possible=bool(force < limit) and (passive or isinstance(wall, CoupledWall)),
-        passive=passive,
-        n_wall_modes=0 if wall is None else len(wall.omega),
-        predicted_peak_force=force,
-        findings=findings,
-        sentences=sentences,
-    )
 
-
-def _findings(
-    wall: Wall | CoupledWall | None, s: float, force: float, limit: float
-) -> tuple[tuple[str, ...], bool]:
+    # what forbids the run or makes it wrong
     findings = []
     if not force < limit:
         findings.append(
@@ -87,22 +77,66 @@ def _findings(
             f"{force:.3g} N, since the residual compliance is {s:.3g} m/N; lower the "
             f"cutoff frequency or load a larger patch."
         )
-    unsound = _energy_source(wall)
-    if unsound:
-        findings.append(unsound)
-    if wall is not None and len(wall.omega) and not np.any(_reading(wall)):
+    energy_source = _energy_source(wall)
+    if energy_source:
+        findings.append(energy_source)
+    if n_modes and not np.any(_reading(wall)):
         findings.append(
             "No wall mode has participation at the contact: the wall acts as rigid; check the "
             "patch."
         )
-    return tuple(findings), unsound is None
+
+    omega = _contact_frequency(chain, wall, v0, stiffness)
+    place = "between spheres" if wall is None else "at the wall"
+    sentences = [
+        f"Predicted peak force {place} {force:.3g} N, contact stiffness {1e-6 * stiffness:.3g} "
+        "MN/m.",
+        f"Highest frequency of the contacts {omega / 2e3 / np.pi:.3g} kHz.",
+    ]
+    if n_modes:
+        highest = np.max(wall.omega) / 2e3 / np.pi
+        sentences.append(
+            f"The wall has {n_modes} mode{'s' if n_modes > 1 else ''} up to {highest:.3g} kHz and "
+            f"a residual compliance of {1e9 * s:.3g} nm/N."
+        )
+    passive = energy_source is None
+    return Verdict(
+        possible=bool(force < limit) and (passive or isinstance(wall, CoupledWall)),
+        passive=passive,
+        n_wall_modes=n_modes,
+        predicted_peak_force=force,
+        findings=tuple(findings),
+        sentences=(*sentences, *findings),
+    )
+
+
+def _contact_frequency(
+    chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike, stiffness: float
+) -> float:
+    """Largest circular frequency [rad/s] of the contacts at their peak forces, k / reduced mass;
+    stiffness [N/m] is that of the last one at the wall.
+
+    Neighbours share a sphere: a Gershgorin bound of the symmetrised contact matrix.
+    """
+    inverse, A = 1 / np.asarray(chain.mass), np.asarray(chain.A)
+    between = A[: len(inverse) - 1]
+    overlap = hertz_overlap(predicted_peak_force(chain, v0, between), between)
+    k, pair = hertz_stiffness(overlap, between), inverse[:-1] + inverse[1:]
+    if wall is not None:
+        k = np.append(k, stiffness)
+        pair = np.append(pair, inverse[-1] + float(_reading(wall) @ _reading(wall)))
+    squared = k * pair
+    shared = np.sqrt(k[:-1] * k[1:]) * inverse[: len(k)][1:] if len(k) > 1 else np.zeros(0)
+    return float(np.sqrt(np.max(squared + np.append(shared, 0) + np.append(0, shared), initial=0)))
 
 
 def _reading(wall: Wall | CoupledWall) -> np.ndarray:
+    """Weights (k,) [kg^-1/2] by which the modes are read at the contact."""
     return wall.reading if isinstance(wall, CoupledWall) else wall.phi
 
 
 def _energy_source(wall: Wall | CoupledWall | None) -> str | None:
+    """Why a wall is not passive, in a sentence; None where it is."""
     if isinstance(wall, CoupledWall):
         if not wall.reciprocal:
             return (
@@ -120,44 +154,9 @@ def _energy_source(wall: Wall | CoupledWall | None) -> str | None:
     )
 
 
-def _kick_frequency(
-    chain: Chain, wall: Wall | CoupledWall | None, v0: ArrayLike, stiffness: float
-) -> float:
-    """Largest circular frequency [rad/s] of the contacts at their peak forces."""
-    inverse, A = 1 / np.asarray(chain.mass), np.asarray(chain.A)
-    between = A[: len(inverse) - 1]
-    overlap = hertz_overlap(predicted_peak_force(chain, v0, between), between)
-    k = hertz_stiffness(overlap, between)
-    k = np.append(k, [] if wall is None else stiffness)
-    last = 0.0 if wall is None else float(_reading(wall) @ _reading(wall))
-    pair = np.append(inverse[:-1] + inverse[1:], [] if wall is None else inverse[-1] + last)
-    squared = k * pair
-    # neighbours share a sphere: Gershgorin bound of the symmetrised contact matrix
-    shared = np.sqrt(k[:-1] * k[1:]) * inverse[: len(k)][1:] if len(k) > 1 else np.zeros(0)
-    return float(np.sqrt(np.max(squared + np.append(shared, 0) + np.append(0, shared), initial=0)))
-
-
-def _sentences(
-    wall: Wall | CoupledWall | None, force: float, stiffness: float, omega: float
-) -> tuple[str, ...]:
-    place = "between spheres" if wall is None else "at the wall"
-    lines = [
-        f"Predicted peak force {place} {force:.3g} N, contact stiffness {1e-6 * stiffness:.3g} "
-        "MN/m.",
-        f"Highest frequency of the contacts {omega / 2e3 / np.pi:.3g} kHz.",
-    ]
-    if wall is not None and len(wall.omega):
-        n, highest = len(wall.omega), np.max(wall.omega) / 2e3 / np.pi
-        lines.append(
-            f"The wall has {n} mode{'s' if n > 1 else ''} up to {highest:.3g} kHz and a residual "
-            f"compliance of {1e9 * wall.residual_compliance:.3g} nm/N."
-        )
-    return tuple(lines)
-
-
 def large_step_error(error: float | None) -> Iterator[str]:
-    """A step given by the user that leaves too much."""
-    if error is not None and error > LARGE_STEP_ERROR:
+    """A sentence on a step given by the user that leaves more than a hundredth."""
+    if error is not None and error > 0.01:
         yield (
             f"The step leaves an error of {error:.2g} in the velocities; take a smaller time.dt, "
             "or ask for time.error."

@@ -40,13 +40,14 @@ def wall_of(
     couples its modes. Arguments as in wall_from_reduced. Raises CouplingError.
     """
     modes = modal(reduced) if modes is None else modes
+    half_space = reduced.contact.half_space or 0.0
     read_elsewhere = reduced.contact.weights_read is not None
     if read_elsewhere and cutoff_hz is None:
         cutoff_hz = np.inf  # the thesis takes its matrices whole
-    coupled = read_elsewhere or couples_modes(modes.damping)
-    make = coupled_wall if coupled else wall_from_reduced
-    half_space = reduced.contact.half_space or 0.0
-    return make(reduced, half_space=half_space, damping=damping, cutoff_hz=cutoff_hz, modes=modes)
+    options = {"half_space": half_space, "damping": damping, "cutoff_hz": cutoff_hz, "modes": modes}
+    if read_elsewhere or couples_modes(modes.damping):
+        return coupled_wall(reduced, **options)
+    return wall_from_reduced(reduced, **options)
 
 
 def wall_from_reduced(
@@ -65,9 +66,16 @@ def wall_from_reduced(
     oscillator. damping adds to what C of the model gives. modes are those of `rom.modal(reduced)`,
     where they are known. Raises CouplingError.
     """
+    # modes below the cutoff move one by one, one oscillator stands for those above
     modes = modal(reduced) if modes is None else modes
-    moving = with_oscillator(modes, kept_modes(modes, reduced, cutoff_hz))
+    moving = with_oscillator(modes, moving_mask(modes, reduced, cutoff_hz))
+
+    # what they leave of the static compliance, the half-space taken out: Hertz' law of the contact
+    # holds it as well. A negative s is passive while the contact in series with it keeps a positive
+    # stiffness, see coupling.verdict
     residual = residual_compliance(reduced, modes, moving, half_space)
+
+    # ratios >= 0 of modes that C does not couple: the wall dissipates
     zeta = damping_ratios(damping, moving.omega) + matrix_ratios(moving.damping, moving.omega)
     return Wall(moving.omega, zeta, moving.phi, residual, 0.0)
 
@@ -85,29 +93,62 @@ def coupled_wall(
     Arguments as in wall_from_reduced. Raises CouplingError.
     """
     modes = modal(reduced) if modes is None else modes
-    kept = kept_modes(modes, reduced, cutoff_hz)
+    mask = moving_mask(modes, reduced, cutoff_hz)
     weights = reduced.contact.weights_read
-    moving = (with_oscillator if weights is None else moving_modes)(modes, kept)
-    reading = moving.phi if weights is None else weights @ moving.vectors
+    if weights is None:
+        moving, residual = with_oscillator(modes, mask), 0.0
+        reading = moving.phi
+    else:
+        # an oscillator stands for a compliance of one functional, not for that from force to
+        # reading: modes above the cutoff follow statically, by sum phi_j (weights v_j) / omega_j^2
+        moving = moving_modes(modes, mask)
+        reading = weights @ moving.vectors
+        static = ~mask & (modes.omega > 0)
+        cross = modes.phi[static] * (weights @ modes.vectors)[static]
+        residual = float(np.sum(cross / modes.omega[static] ** 2))
+
+    # D = diag(2 zeta omega) + V^T C V; an indefinite one feeds energy into the chain
     D = np.diag(2 * damping_ratios(damping, moving.omega) * moving.omega)
     if moving.damping is not None:
         D = D + moving.damping
     if is_indefinite(D):
         raise CouplingError("the wall's damping matrix is indefinite; it would generate energy.")
-    residual = 0.0 if weights is None else _cross_compliance(modes, ~kept, weights)
     return CoupledWall(moving.omega, D, moving.phi, reading, residual - half_space)
 
 
-def moving_modes(modes: ModalWall, kept: np.ndarray) -> ModalWall:
-    """The kept modes (r,) alone; all others follow the force at once."""
+def moving_mask(modes: ModalWall, reduced: ReducedModel, cutoff_hz: float | None) -> np.ndarray:
+    """Mask (r,) of the modes that move one by one: those below cutoff_hz, or where that is None
+    below the static shapes of the reduced model.
+
+    A residual vector or a constraint mode of the boundary would only cost step size as a mode.
+    """
+    inner = np.diag(reduced.K)[reduced.n_boundary :]
+    if cutoff_hz is None:
+        cutoff_hz = np.inf
+        if reduced.n_residual:
+            # below the first one whichever way the division by 2 pi rounds
+            cutoff_hz = modes.omega[-reduced.n_residual] / (2 * np.pi) * (1 - 1e-9)
+        elif reduced.kind == "craig-bampton" and len(inner):
+            # up to the highest fixed-interface mode
+            cutoff_hz = np.sqrt(inner.max()) / (2 * np.pi) * (1 + 1e-9)
+    return modes.omega < 2 * np.pi * cutoff_hz
+
+
+def moving_modes(modes: ModalWall, mask: np.ndarray) -> ModalWall:
+    """The modes of the mask (r,) alone; all others follow the force at once."""
     omega, phi, vectors, damping = modes
-    damping = None if damping is None else damping[np.ix_(kept, kept)]
-    return ModalWall(omega[kept], phi[kept], vectors[:, kept], damping)
+    damping = None if damping is None else damping[np.ix_(mask, mask)]
+    return ModalWall(omega[mask], phi[mask], vectors[:, mask], damping)
 
 
-def with_oscillator(modes: ModalWall, kept: np.ndarray) -> ModalWall:
-    """The kept modes (r,) and one that stands for the others."""
-    moving, rest = moving_modes(modes, kept), ~kept & (modes.omega > 0)
+def with_oscillator(modes: ModalWall, mask: np.ndarray) -> ModalWall:
+    """The modes of the mask (r,) and one oscillator that stands for the others.
+
+    Its shape is their static response, sum_j v_j phi_j / omega_j^2, so that its Rayleigh quotient
+    has their moments m_1 and m_2: omega_r^2 = m_1 / m_2, phi_r^2 = m_1^2 / m_2. Rigid-body modes
+    have no static response and move.
+    """
+    moving, rest = moving_modes(modes, mask), ~mask & (modes.omega > 0)
     if not modes.phi[rest].any():
         return moving
     shape = np.where(rest, modes.phi / np.where(rest, modes.omega, 1) ** 2, 0.0)
@@ -116,7 +157,7 @@ def with_oscillator(modes: ModalWall, kept: np.ndarray) -> ModalWall:
     if modes.damping is not None:
         coupled = modes.damping @ shape
         damping = np.block(
-            [[moving.damping, coupled[kept, None]], [coupled[kept], shape @ coupled]]
+            [[moving.damping, coupled[mask, None]], [coupled[mask], shape @ coupled]]
         )
     return ModalWall(
         np.append(moving.omega, np.sqrt(modes.omega**2 @ shape**2)),
@@ -126,50 +167,25 @@ def with_oscillator(modes: ModalWall, kept: np.ndarray) -> ModalWall:
     )
 
 
-def kept_modes(modes: ModalWall, reduced: ReducedModel, cutoff_hz: float | None) -> np.ndarray:
-    """Mask (r,) of the modes that move."""
-    if cutoff_hz is None:
-        cutoff_hz = own_cutoff_hz(modes, reduced)
-    return modes.omega < 2 * np.pi * cutoff_hz
-
-
-def own_cutoff_hz(modes: ModalWall, reduced: ReducedModel) -> float:
-    """Where the modes of a reduced model end [Hz] and its static shapes begin.
-
-    A residual vector or a constraint mode of the boundary would only cost step size as a mode.
-    """
-    if reduced.n_residual:
-        # below the first one whichever way the division by 2 pi rounds
-        return float(modes.omega[-reduced.n_residual] / (2 * np.pi) * (1 - 1e-9))
-    inner = np.diag(reduced.K)[reduced.n_boundary :]
-    if reduced.kind == "craig-bampton" and len(inner):
-        return float(np.sqrt(inner.max()) / (2 * np.pi) * (1 + 1e-9))
-    return np.inf
-
-
 def residual_compliance(
     reduced: ReducedModel, modes: ModalWall, moving: ModalWall, half_space: float
 ) -> float:
     """Static compliance s [m/N] of all that does not move, the half-space taken out.
 
+        s = w^T K^-1 w - sum_moving phi_j^2 / omega_j^2 - half_space
+
+    With an oscillator for the rest the first two differ by rounding alone, which counts as 0.
     Raises CouplingError if the modes do not add up to the static compliance of the model.
     """
     total = static_compliance(reduced, modes=modes)
-    added_up = modal_compliance(modes)
-    if abs(added_up - total) > 1e-6 * abs(total):
+    of_modes = modal_compliance(modes)
+    if abs(of_modes - total) > 1e-6 * abs(total):
         raise CouplingError(
-            f"the wall's modes add up to a static compliance of {added_up:.6g} m/N, its stiffness "
+            f"the wall's modes add up to a static compliance of {of_modes:.6g} m/N, its stiffness "
             f"matrix says {total:.6g}; the reduced model is too badly conditioned."
         )
     static = total - modal_compliance(moving)
     return (static if static > 1e-9 * total else 0.0) - half_space
-
-
-def _cross_compliance(modes: ModalWall, static: np.ndarray, weights: np.ndarray) -> float:
-    """Displacement read per force [m/N] in the modes that do not move."""
-    static = static & (modes.omega > 0)
-    force, reading = modes.phi[static], (weights @ modes.vectors)[static]
-    return float(np.sum(force * reading / modes.omega[static] ** 2))
 
 
 def damping_matrix(reduced: ReducedModel, damping: Damping | None) -> np.ndarray | None:

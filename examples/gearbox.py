@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from geometry.cad import write_step
-from geometry.shapes import Box, Cylinder, Hole, Plate
+from geometry.shapes import Box, Cylinder, Hole, Slab
 
 WIDE, DEEP = 0.2, 0.1  # m
 BASE = ((0, 0), (WIDE, 0), (WIDE, DEEP), (0, DEEP))
@@ -17,12 +17,12 @@ BEARING = (0.03, DEEP, 0.03)
 BOLTS = ((0.015, 0.015), (0.015, 0.085))
 
 SHAPES = {
-    "base": Plate(BASE, 0.012),
+    "base": Slab(BASE, 0.012),
     "bearing-left": Box(BEARING, at=(0.035, 0.05, 0.027)),
     "bearing-right": Box(BEARING, at=(0.12, 0.05, 0.027)),
     "shaft": Cylinder(0.008, 0.055, at=(0.0775, 0.05, 0.027), turn=(0.0, 90.0, 0.0)),
-    "column": Plate(COLUMN, 0.03, tuple(Hole(0.009, at) for at in BOLTS), at=(0.17, 0.0, 0.012)),
-    "cover": Plate(
+    "column": Slab(COLUMN, 0.03, tuple(Hole(0.009, at) for at in BOLTS), at=(0.17, 0.0, 0.012)),
+    "cover": Slab(
         BASE, 0.006, tuple(Hole(0.009, (0.17 + x, y)) for x, y in BOLTS), at=(0.0, 0.0, 0.042)
     ),
 }

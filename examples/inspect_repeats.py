@@ -24,8 +24,8 @@ import dem
 from coupling.sensors import Sensor, measured, recorded, signals
 from workflows.files.record import Channel, Recorded
 from workflows.fit.core.inspection.inversion import Inversion, inverted, profiled
-from workflows.fit.core.parametric_wall import Box
-from workflows.fit.inspection.inspect import Request, inspected, problem
+from workflows.fit.core.parametric_wall import Bounds
+from workflows.fit.inspection.inspect import InspectionRequest, inspected, problem
 from workflows.fit.inspection.numbers import own, shared
 from workflows.fit.inspection.structure import computed, structure
 from workflows.stages.chain import chain
@@ -36,34 +36,34 @@ TRUTH = {"beam.thickness": 12.4e-3, "beam.young": 72e9, "beam.axial_force": -20e
 BOUNDS = "beam.thickness=12.3mm:12.5mm,beam.young=70GPa:74GPa,beam.axial_force=-22kN:-18kN"
 SPEEDS = np.array([0.30, 0.35, 0.40, 0.45, 0.50])  # as `--each` has them, 3 % off
 SENSOR = Sensor(8, "force", gain=0.7, noise=0.01)
-SAMPLES, RATE, BITS = 8001, 2e6, 8
-EVERY = 20
-WIDE = "beam.thickness=9mm:15mm,beam.young=49GPa:98GPa,beam.axial_force=-35kN:5kN"
+SAMPLES, RATE, BITS = 8001, 2e6, 8  # instants, samples a second, bits of the instrument
+SHOWN_EVERY = 20
+WIDE_BOUNDS = "beam.thickness=9mm:15mm,beam.young=49GPa:98GPa,beam.axial_force=-35kN:5kN"
 EACH = "striker.velocity=" + ",".join(map(str, SPEEDS))
-PRESSED = 0.97  # of the buckling load, at most
+MOST_LOAD = 0.97  # of the buckling load
 
 
 def main(repeats: int) -> None:
     """Bars of one beam."""
     truth = np.array(list(TRUTH.values()))
     base = base_of("sensed-beam", TRUTH)
-    found = shared(base, ",".join(TRUTH), BOUNDS)
-    each = own(base, EACH, len(SPEEDS))
-    box = Box(*(np.array([getattr(p, end) for p in found]) for end in ("low", "high")))
-    model = structure(base, (*TRUTH, "striker.velocity"), box, len(found), quiet)
+    parameters = shared(base, ",".join(TRUTH), BOUNDS)
+    of_each_record = own(base, EACH, len(SPEEDS))
+    box = Bounds(*(np.array([getattr(p, end) for p in parameters]) for end in ("low", "high")))
+    model = structure(base, (*TRUTH, "striker.velocity"), box, len(parameters), quiet)
     begin, clean = impacts(base, truth)
-    started, answers = process_time(), []
+    start, answers = process_time(), []
     for i in range(repeats):
         records = tuple(with_noise(y, (99, i, k)) for k, y in enumerate(clean))
-        fit, gains, _ = problem(model, records, found, each)
-        answer = inverted(fit, begin=begin, n_shared=len(found), gains=gains)
-        answers.append(profiled(fit, answer, len(found)))
-        if (i + 1) % EVERY == 0 or i + 1 == repeats:
-            told(answers, truth, (process_time() - started) / (i + 1))
+        fit, gains, _ = problem(model, records, parameters, of_each_record)
+        answer = inverted(fit, begin=begin, n_shared=len(parameters), gains=gains)
+        answers.append(profiled(fit, answer, len(parameters)))
+        if (i + 1) % SHOWN_EVERY == 0 or i + 1 == repeats:
+            print_bars(answers, truth, (process_time() - start) / (i + 1))
 
 
 def impacts(base: Base, truth: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """All numbers as they truly are, and the five signals (SAMPLES, 1) before the instrument."""
+    """True values of all parameters, and the five signals (SAMPLES, 1) before the instrument."""
     rng = np.random.default_rng(5)
     late = rng.uniform(0, 2e-5, len(SPEEDS))
     speeds = SPEEDS * (1 + 0.03 * rng.uniform(-1, 1, len(SPEEDS)))
@@ -73,7 +73,7 @@ def impacts(base: Base, truth: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]
 
 def signals_of(base: Base, sensor: Sensor, speeds, late) -> list[np.ndarray]:
     """(SAMPLES, 1) [V] of each impact before the instrument, by short steps."""
-    scene, t, found = base.with_values({}), np.arange(SAMPLES) / RATE, []
+    scene, t, records = base.with_values({}), np.arange(SAMPLES) / RATE, []
     row, wall = chain(scene), computed(scene).wall
     for speed, begin in zip(speeds, late, strict=True):
         v0 = np.append(speed, np.zeros(len(row.mass) - 1))
@@ -81,29 +81,29 @@ def signals_of(base: Base, sensor: Sensor, speeds, late) -> list[np.ndarray]:
         n = int(np.ceil(t[-1] / dt))
         run = dem.march(row, wall, v0, duration=n * dt, dt=dt, n_save=n)
         force = measured([sensor], run.t, run.x, run.v, run.contact_force)
-        found.append(signals([sensor], run.t, force, np.clip(t - begin, 0, None)))
-    return found
+        records.append(signals([sensor], run.t, force, np.clip(t - begin, 0, None)))
+    return records
 
 
 def with_noise(y: np.ndarray, seed: tuple[int, ...]) -> Recorded:
-    """What the instrument makes of a signal."""
+    """Record of a signal by the instrument: noise, and its bits."""
     t, rows = np.arange(SAMPLES) / RATE, recorded([SENSOR], y, BITS, seed)
     channel = Channel(SENSOR.sphere + 1, SENSOR.quantity, True)
     return Recorded(t, rows, (channel,), np.full(1, np.nan), 1, f"record {seed[-1] + 1}", True)
 
 
-def told(answers: list[Inversion], truth: np.ndarray, seconds: float) -> None:
-    """A line for each number."""
-    value = np.array([one.value[:3] for one in answers])
-    z = (value - truth) / np.array([one.uncertainty.two_sigma[:3] / 2 for one in answers])
-    explained = np.mean([one.explained for one in answers])
+def print_bars(answers: list[Inversion], truth: np.ndarray, seconds: float) -> None:
+    """A line for each parameter: how often its bar holds the truth."""
+    value = np.array([answer.value[:3] for answer in answers])
+    z = (value - truth) / np.array([answer.uncertainty.two_sigma[:3] / 2 for answer in answers])
+    explained = np.mean([answer.explained for answer in answers])
     print(f"{len(answers)} repeats, {100 * explained:.3g} % explained, {seconds:.2f} s each")
     for i, name in enumerate(TRUTH):
-        off = 100 * np.abs(value[:, i] / truth[i] - 1).max()
-        held = 100 * np.mean(np.abs(z[:, i]) <= 2)
+        error = 100 * np.abs(value[:, i] / truth[i] - 1).max()
+        covered = 100 * np.mean(np.abs(z[:, i]) <= 2)
         print(
-            f"  {name:18} held {held:5.1f} %   mean {z[:, i].mean():+.2f}  deviation "
-            f"{z[:, i].std():.3f} sigma   largest error {off:.2g} %",
+            f"  {name:18} held {covered:5.1f} %   mean {z[:, i].mean():+.2f}  deviation "
+            f"{z[:, i].std():.3f} sigma   largest error {error:.2g} %",
             flush=True,
         )
 
@@ -111,34 +111,38 @@ def told(answers: list[Inversion], truth: np.ndarray, seconds: float) -> None:
 def beams(count: int) -> None:
     """The search on beams all over wide bounds."""
     rng, base = np.random.default_rng(0), base_of("sensed-beam", ())
-    limits = shared(base, ",".join(TRUTH), WIDE)
+    limits = shared(base, ",".join(TRUTH), WIDE_BOUNDS)
     low, high = (np.array([getattr(p, end) for p in limits]) for end in ("low", "high"))
     for i in range(count):
-        truth = drawn(rng, low, high)
-        own_base = base_of("sensed-beam", dict(zip(TRUTH, map(float, truth), strict=True)))
-        records, started = some_records(own_base, i), process_time()
-        found = inspected(base, records, Request(",".join(TRUTH), WIDE, EACH), quiet).inversion
-        seconds = process_time() - started
-        off = (found.value[:3] - truth) / (found.uncertainty.two_sigma[:3] / 2)
-        told = "explained" if found.explained else "NOT EXPLAINED"
-        print(f"beam {i}: {told}, off by {off.round(2)} sigma, {seconds:.1f} s", flush=True)
+        truth = random_beam(rng, low, high)
+        true_base = base_of("sensed-beam", dict(zip(TRUTH, map(float, truth), strict=True)))
+        records, start = random_records(true_base, i), process_time()
+        answer = inspected(
+            base, records, InspectionRequest(",".join(TRUTH), WIDE_BOUNDS, EACH), quiet
+        ).inversion
+        seconds = process_time() - start
+        deviations = (answer.value[:3] - truth) / (answer.uncertainty.two_sigma[:3] / 2)
+        verdict = "explained" if answer.explained else "NOT EXPLAINED"
+        print(
+            f"beam {i}: {verdict}, off by {deviations.round(2)} sigma, {seconds:.1f} s", flush=True
+        )
 
 
-def drawn(rng, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def random_beam(rng, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Thickness, modulus and axial force of a beam that does not buckle, 0.3 m by 0.04 m."""
     while True:
-        h, E, N = found = low + (high - low) * rng.random(3)
-        if -N < PRESSED * E * 0.04 * h**3 / 12 * np.pi**2 / 0.3**2:
-            return found
+        h, E, N = beam = low + (high - low) * rng.random(3)
+        if -N < MOST_LOAD * E * 0.04 * h**3 / 12 * np.pi**2 / 0.3**2:
+            return beam
 
 
-def some_records(base: Base, i: int) -> tuple[Recorded, ...]:
+def random_records(base: Base, i: int) -> tuple[Recorded, ...]:
     """Five impacts; gain, velocities and triggers are drawn."""
     rng = np.random.default_rng([7, i])
-    gain, drawn = rng.uniform(0.2, 2.0), []
+    gain, impacts = rng.uniform(0.2, 2.0), []
     for speed in SPEEDS:
-        drawn.append((speed * (1 + 0.03 * rng.uniform(-1, 1)), rng.uniform(0, 2e-5)))
-    clean = signals_of(base, SENSOR._replace(gain=gain), *zip(*drawn, strict=True))
+        impacts.append((speed * (1 + 0.03 * rng.uniform(-1, 1)), rng.uniform(0, 2e-5)))
+    clean = signals_of(base, SENSOR._replace(gain=gain), *zip(*impacts, strict=True))
     return tuple(with_noise(y, (i, k)) for k, y in enumerate(clean))
 
 

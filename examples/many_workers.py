@@ -33,11 +33,11 @@ from typing import NamedTuple
 from workflows.sweep.cluster import AHEAD
 
 MB = 1e-6
-MANY = 1000  # workers
-NOTHING = 1000  # tasks that compute nothing, at least
-EACH = 3  # waiting tasks for each worker
-FILES = 10  # that a process opens for each worker, and as many for itself
-LIGHT = {  # of what a worker does beside its tasks: shared by many it would be all that they do
+EXTRAPOLATED = 1000  # workers for which the length of a task is told
+EMPTY_TASKS = 1000  # at least, to time a task that computes nothing
+TASKS_EACH = 3  # waiting tasks for each worker
+FILES_EACH = 10  # files that a process opens for each worker, and as many for itself
+WITHOUT_MONITORS = {  # many workers in one process would do nothing but watch themselves
     "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
     "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "60s",
     "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__GIL__ENABLED": "False",
@@ -50,50 +50,53 @@ LIGHT = {  # of what a worker does beside its tasks: shared by many it would be 
 def main(counts: tuple[int, ...] = (10, 100)) -> None:
     print("workers  start s  ms a task  processor's ms  busy with 1 s  with longer tasks  MB each")
     for n in counts:
-        before, began = memory(), perf_counter()
-        with light(n) as client:
-            start = perf_counter() - began
-            each = MB * (memory() - before) / n
-            nothing = spent(client, 0.0, max(2 * n, NOTHING))
-            long = 1 + ceil(2 * n * nothing.clock)
+        memory_without, launch = memory(), perf_counter()
+        with waiting_workers(n) as client:
+            start = perf_counter() - launch
+            memory_each = MB * (memory() - memory_without) / n
+            empty = seconds_of_a_task(client, 0.0, max(2 * n, EMPTY_TASKS))
+            long = 1 + ceil(2 * n * empty.clock)
             busy = [busy_with(client, n, length) for length in (1, long)]
         print(
-            f"{n:7d} {start:8.1f} {1e3 * nothing.clock:10.2f} {1e3 * nothing.processor:15.2f} "
-            f"{busy[0]:14.0%} {busy[1]:9.0%} of {long:2d} s {each:9.2f}",
+            f"{n:7d} {start:8.1f} {1e3 * empty.clock:10.2f} {1e3 * empty.processor:15.2f} "
+            f"{busy[0]:14.0%} {busy[1]:9.0%} of {long:2d} s {memory_each:9.2f}",
             flush=True,
         )
-    print(f"{MANY} workers are busy with tasks of {MANY * nothing.processor:.1f} s or more")
-    print(f"a process that has marched chains takes {MB * of_a_worker():.0f} MB")
+    print(
+        f"{EXTRAPOLATED} workers are busy with tasks of "
+        f"{EXTRAPOLATED * empty.processor:.1f} s or more"
+    )
+    print(f"a process that has marched chains takes {MB * memory_of_a_worker():.0f} MB")
 
 
 def busy_with(client, n: int, length: int) -> float:
     """Share of their time that n workers are busy with tasks of a length [s]."""
-    return length / spent(client, length, EACH * n).clock / n
+    return length / seconds_of_a_task(client, length, TASKS_EACH * n).clock / n
 
 
 @contextmanager
-def light(n: int) -> Iterator:
+def waiting_workers(n: int) -> Iterator:
     """A client of so many workers that share a process."""
     from distributed import Client, LocalCluster
 
     require_files(n)
-    each = {"nthreads": 1, "memory_limit": 0, "dashboard": False}
-    spec = {str(i): {"cls": "distributed.Worker", "opts": each} for i in range(n)}
+    options = {"nthreads": 1, "memory_limit": 0, "dashboard": False}
+    spec = {str(i): {"cls": "distributed.Worker", "opts": options} for i in range(n)}
     with (
         TemporaryDirectory() as folder,
-        LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=60) as cluster,
+        LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0", silence_logs=60) as cluster,
         Client(cluster) as client,
     ):
-        where = f"{folder}/spec.json"
-        Path(where).write_text(dumps(spec))
-        words = ("distributed.cli.dask_spec", cluster.scheduler_address, "--spec-file", where)
+        path = f"{folder}/spec.json"
+        Path(path).write_text(dumps(spec))
+        words = ("distributed.cli.dask_spec", cluster.scheduler_address, "--spec-file", path)
         workers = subprocess.Popen(
             [sys.executable, "-m", *words],
-            env=os.environ | LIGHT | {"DASK_TEMPORARY_DIRECTORY": folder},
+            env=os.environ | WITHOUT_MONITORS | {"DASK_TEMPORARY_DIRECTORY": folder},
         )
         try:
             client.wait_for_workers(n)
-            spent(client, 0.0, n)
+            seconds_of_a_task(client, 0.0, n)
             yield client
         finally:
             workers.terminate()
@@ -102,45 +105,48 @@ def light(n: int) -> Iterator:
 
 def require_files(n: int) -> None:
     """As many open files as the system allows; ends where they are too few for n workers."""
-    most, needed = resource.getrlimit(resource.RLIMIT_NOFILE)[1], FILES * (n + 1)
-    if most != resource.RLIM_INFINITY and most < needed:
-        sys.exit(f"{n} workers open {needed} files, this system allows {most}; take fewer workers.")
-    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    allowed, needed = resource.getrlimit(resource.RLIMIT_NOFILE)[1], FILES_EACH * (n + 1)
+    if allowed != resource.RLIM_INFINITY and allowed < needed:
+        sys.exit(
+            f"{n} workers open {needed} files, this system allows {allowed}; take fewer workers."
+        )
+    resource.setrlimit(resource.RLIMIT_NOFILE, (allowed, allowed))
 
 
-class Spent(NamedTuple):
-    """Seconds of each task, all workers together."""
+class SecondsOfATask(NamedTuple):
+    """Seconds of a sweep of tasks over their number, all workers together."""
 
     clock: float
     processor: float  # of this process: scheduler and client
 
 
-def spent(client, length: float, tasks: int) -> Spent:
-    """On tasks that wait for a length [s], handed over as in a sweep."""
+def seconds_of_a_task(client, length: float, tasks: int) -> SecondsOfATask:
+    """Of tasks that wait for a length [s], handed over as a sweep does."""
     from distributed import as_completed
 
-    most, done, running = AHEAD * len(client.nthreads()), as_completed([]), 0
-    began = perf_counter(), process_time()
+    in_flight, finished, running = AHEAD * len(client.nthreads()), as_completed([]), 0
+    clock, processor = perf_counter(), process_time()
     for _ in range(tasks):
-        done.add(client.submit(sleep, length, pure=False))
+        finished.add(client.submit(sleep, length, pure=False))
         running += 1
-        if running >= most:
-            next(done).result()
+        if running >= in_flight:
+            next(finished).result()
             running -= 1
     for _ in range(running):
-        next(done).result()
-    return Spent((perf_counter() - began[0]) / tasks, (process_time() - began[1]) / tasks)
+        next(finished).result()
+    clock, processor = perf_counter() - clock, process_time() - processor
+    return SecondsOfATask(clock / tasks, processor / tasks)
 
 
 def memory() -> int:
-    """Of this process [bytes]."""
+    """Resident memory of this process [bytes]."""
     import psutil
 
     return psutil.Process().memory_info().rss
 
 
-def of_a_worker() -> int:
-    """Of a process of its own that has marched a chain [bytes]."""
+def memory_of_a_worker() -> int:
+    """Resident memory of a process of its own that has marched a chain [bytes]."""
     from distributed import Client, LocalCluster
 
     with (
@@ -167,10 +173,12 @@ def marched() -> int:
 
 
 def counts(words: list[str]) -> tuple[int, ...]:
-    """Numbers of workers; ends with a sentence for what is none."""
+    """Numbers of workers; ends with a sentence for a word that is not one."""
     for word in words:
         if not (word.isdecimal() and int(word) > 0):
-            print(f"{word!r} is no number of workers; give 10 100, for example.", file=sys.stderr)
+            print(
+                f"{word!r} is not a number of workers; give 10 100, for example.", file=sys.stderr
+            )
             sys.exit(2)
     return tuple(map(int, words)) or (10, 100)
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from geometry.cad import write_step
-from geometry.shapes import Box, Cylinder, Plate
+from geometry.shapes import Box, Cylinder, Slab
 
 LONG, WIDE = 0.3, 0.2  # m
 OUTLINE = ((0, 0), (LONG, 0), (LONG, WIDE), (0, WIDE))
@@ -16,10 +16,10 @@ CORNERS = ((0.03, 0.03), (0.27, 0.03), (0.03, 0.17), (0.27, 0.17))
 MIDDLE = (LONG / 2, WIDE / 2)
 
 SHAPES = {
-    "base": Plate(OUTLINE, 0.03),
+    "base": Slab(OUTLINE, 0.03),
     **{f"column-{i}": Cylinder(0.012, 0.18, at=(*at, 0.12)) for i, at in enumerate(CORNERS, 1)},
     **{f"foot-{i}": Box((0.04, 0.04, 0.02), at=(*at, -0.01)) for i, at in enumerate(CORNERS, 1)},
-    "top": Plate(OUTLINE, 0.025, at=(0, 0, 0.21)),
+    "top": Slab(OUTLINE, 0.025, at=(0, 0, 0.21)),
     "table": Box((0.1, 0.08, 0.02), at=(*MIDDLE, 0.04)),
     "block": Box((0.05, 0.05, 0.04), at=(*MIDDLE, 0.07)),
     "ram": Cylinder(0.02, 0.06, at=(*MIDDLE, 0.18)),

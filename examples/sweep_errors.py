@@ -60,21 +60,23 @@ POPULATIONS = (
 )
 LIKE = {"chain.young": (150e9, 250e9), "preload.force": (1.0, 50.0), "striker.velocity": (0.1, 1.0)}
 BATCH = 50  # rows of a sweep
-FINER, AGREED, REFERENCES = 8, 0.05, 4
-FLOOR = 1e-12  # true errors below are rounding
+REFINEMENT = 8  # steps of the first reference in one of the row
+AGREEMENT = 0.05  # of the stated error: difference of two references that may stand for the truth
+REFERENCES = 4  # tried, each by half the steps of the last
+ROUNDING = 1e-12  # true errors below it are rounding
 
 
-class Judged(NamedTuple):
-    """The rows of a population."""
+class Trial(NamedTuple):
+    """How the errors stated for rows of a population compare with the true ones."""
 
     n_rows: int
     refused: int
-    ratios: np.ndarray  # stated over true, of rows that are done and have a reference
-    in_vain: int  # done, where the row alone is refused
+    ratios: np.ndarray  # stated over true error of each row that is done and has a reference
+    in_vain: int  # rows that are done, while a run of that row alone is refused
     cost: float
 
     def line(self, name: str) -> str:
-        """Of the table."""
+        """Row of the table."""
         below = np.mean(np.append(self.ratios < 1.0, np.ones(self.in_vain)))
         least, median = np.min(self.ratios, initial=np.inf), np.median(self.ratios)
         return (
@@ -88,110 +90,116 @@ def main(n_rows: int = 1000, seed: int = 0) -> None:
         f"{'population':26} {'rows':>5} {'done':>5} {'refused':>7} {'below':>9} {'least':>6} "
         f"{'median':>6} {'in vain':>7} {'cost':>6}"
     )
-    each = -(-n_rows // len(POPULATIONS))
-    every = []
+    rows_each = -(-n_rows // len(POPULATIONS))
+    trials = []
     for i, population in enumerate(POPULATIONS):
-        every.append(judged(population, each, np.random.default_rng([seed, i])))
-        print(every[-1].line(population[0]), flush=True)
-    print(together_of(every).line("all"))
+        trials.append(population_trial(population, rows_each, np.random.default_rng([seed, i])))
+        print(trials[-1].line(population[0]), flush=True)
+    print(merged(trials).line("all"))
 
 
-def together_of(parts: list[Judged]) -> Judged:
+def merged(trials: list[Trial]) -> Trial:
     """Populations as one; the cost is their mean."""
-    n_rows, refused, ratios, in_vain, cost = zip(*parts, strict=True)
-    return Judged(
+    n_rows, refused, ratios, in_vain, cost = zip(*trials, strict=True)
+    return Trial(
         sum(n_rows), sum(refused), np.concatenate(ratios), sum(in_vain), float(np.mean(cost))
     )
 
 
-def judged(population: tuple, n_rows: int, rng: np.random.Generator) -> Judged:
+def population_trial(population: tuple, n_rows: int, rng: np.random.Generator) -> Trial:
     """Sweeps of BATCH rows, each over other keys and ranges."""
     _, name, keys, kind = population
-    parts = []
+    trials = []
     for first in range(0, n_rows, BATCH):
-        parts.append(judged_sweep(name, columns(keys, kind, min(BATCH, n_rows - first), rng)))
-    return together_of(parts)
+        trials.append(sweep_trial(name, columns(keys, kind, min(BATCH, n_rows - first), rng)))
+    return merged(trials)
 
 
 def columns(keys: tuple[str, ...], kind: str, n: int, rng: np.random.Generator) -> dict:
-    """(n,) values of one to three of the keys."""
+    """Values (n,) of one to three of the keys, drawn from the ranges above."""
     if kind == "like":
         return {key: rng.permutation(np.geomspace(*LIKE[key], n)) for key in keys}
-    some = rng.permutation(keys)[: rng.integers(1, 4)].tolist()
-    ends = {key: np.sort(np.exp(rng.uniform(*np.log(RANGES[key]), 2))) for key in some}
+    varied = rng.permutation(keys)[: rng.integers(1, 4)].tolist()
+    ends = {key: np.sort(np.exp(rng.uniform(*np.log(RANGES[key]), 2))) for key in varied}
     if kind == "sample":
-        return {key: rng.permutation(np.geomspace(*ends[key], n)) for key in some}
+        return {key: rng.permutation(np.geomspace(*ends[key], n)) for key in varied}
     if kind == "outlier":
         row = rng.integers(n)
         return {
             key: np.where(np.arange(n) == row, high, low * (1 + 1e-4 * np.arange(n)))
             for key, (low, high) in ends.items()
         }
-    side = int(np.ceil(n ** (1 / len(some))))
-    axes = np.meshgrid(*(np.geomspace(*ends[key], side) for key in some), indexing="ij")
-    return {key: axis.ravel()[:n] for key, axis in zip(some, axes, strict=True)}
+    side = int(np.ceil(n ** (1 / len(varied))))
+    axes = np.meshgrid(*(np.geomspace(*ends[key], side) for key in varied), indexing="ij")
+    return {key: axis.ravel()[:n] for key, axis in zip(varied, axes, strict=True)}
 
 
-def judged_sweep(name: str, values: dict, error: float | None = None) -> Judged:
+def sweep_trial(name: str, values: dict, error: float | None = None) -> Trial:
     """The rows of one sweep, each beside its references; values (n,) of every key."""
     changes = {"contact.dissipation": "hunt-crossley"} if "contact.coefficient" in values else {}
     base = base_of(name, tuple((changes | ({"time.error": error} if error else {})).items()))
     design = Design("cases", {key: tuple(map(float, column)) for key, column in values.items()})
     ratios, refused, in_vain, costs = [], 0, 0, []
     for group in groups(base, design, range(design.n_cases)):
-        looked = checked(base, group)
-        for part in rows(looked, SharedWall(), True):
-            if part.signals is None:
-                refused += len(part.cases)
+        cases = checked(base, group)
+        for done in rows(cases, SharedWall(), True):
+            if done.signals is None:
+                refused += len(done.cases)
                 continue
-            stated, dt = (np.array(part.columns[key]) for key in ("error_time", "dt_s"))
-            for case, v, own, h in zip(part.cases, part.signals["v"], stated, dt, strict=True):
-                true = true_error(base, design.case(case), v, own, h)
+            stated, dt = (np.array(done.columns[key]) for key in ("error_time", "dt_s"))
+            for case, v, error_of_row, h in zip(
+                done.cases, done.signals["v"], stated, dt, strict=True
+            ):
+                true = true_error(base, design.case(case), v, error_of_row, h)
                 if true is None:
                     in_vain += 1
                 else:
-                    ratios.append(own / max(true, FLOOR))
-            costs.append(cost(looked, part.cases, float(dt.min())))
-    return Judged(design.n_cases, refused, np.array(ratios), in_vain, float(np.mean(costs or [0])))
+                    ratios.append(error_of_row / max(true, ROUNDING))
+            costs.append(cost(cases, done.cases, float(dt.min())))
+    return Trial(design.n_cases, refused, np.array(ratios), in_vain, float(np.mean(costs or [0])))
 
 
 def true_error(base: Base, case: dict, v: np.ndarray, stated: float, dt: float) -> float | None:
-    """Of velocities v (k, watched spheres); None where no reference agrees with a finer one and
-    the run alone is refused."""
+    """Error of the velocities v (k, watched spheres) of a row, over its striker's speed.
+
+    None where no reference agrees with a finer one and the run alone is refused.
+    """
     scene = base.with_values(case)
-    begun, wall, speed = start(scene), simple_wall(scene), scene.striker.velocity
+    initial, wall, speed = start(scene), simple_wall(scene), scene.striker.velocity
     run = {"duration": scene.time.duration, "n_save": len(v) - 1}
-    before = None
+    coarser = None
     for i in range(REFERENCES):
-        exact = dem.march(begun.chain, wall, begun.velocity, dt=dt / FINER / 2**i, **run)
-        exact = exact.v[:, observed(scene)]
-        if before is not None and np.abs(exact - before).max() <= AGREED * stated * speed:
-            return float(np.abs(v - exact).max() / speed)
-        before = exact
+        reference = dem.march(
+            initial.chain, wall, initial.velocity, dt=dt / REFINEMENT / 2**i, **run
+        )
+        reference = reference.v[:, observed(scene)]
+        if coarser is not None and np.abs(reference - coarser).max() <= AGREEMENT * stated * speed:
+            return float(np.abs(v - reference).max() / speed)
+        coarser = reference
     try:
-        impact(scene, begun, wall)
+        impact(scene, initial, wall)
     except dem.UnstableStep:
         return None
-    return float(np.abs(v - before).max() / speed)
+    return float(np.abs(v - coarser).max() / speed)
 
 
-def cost(looked, cases: tuple[int, ...], dt: float) -> float:
+def cost(group_of_cases, cases: tuple[int, ...], dt: float) -> float:
     """Processor time of the marches of cases that are done over that of one by a step for all."""
-    scene, places = looked.scene, [looked.group.cases.index(case) for case in cases]
-    group = looked.group.take(places)
+    scene, group = group_of_cases.scene, group_of_cases.group
+    group = group.take([group.cases.index(case) for case in cases])
     chains = together(scene, {key: np.array(c) for key, c in group.columns.items()}, None)
     run = {
         "duration": scene.time.duration, "n_save": scene.output.samples - 1,
         "observed": observed(scene), "threads": 1,
     }  # fmt: skip
-    own = seconds(lambda: dem.march_batch(chains, error=scene.time.error, **run))
-    return own / seconds(lambda: dem.march_batch(chains, dt=dt, **run))
+    judged = seconds(lambda: dem.march_batch(chains, error=scene.time.error, **run))
+    return judged / seconds(lambda: dem.march_batch(chains, dt=dt, **run))
 
 
 def seconds(march: Callable[[], object]) -> float:
-    began = process_time()
+    start = process_time()
     march()
-    return process_time() - began
+    return process_time() - start
 
 
 if __name__ == "__main__":

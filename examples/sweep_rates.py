@@ -38,26 +38,26 @@ WALLS = {"chains alone": "rig-rigid", "mass on a spring": "rig-1dof", "reduced m
 
 def main(cases: int = 10_000, models: int = 8, idle: tuple[int, ...] = (10,)) -> None:
     for name, scene in WALLS.items():
-        seconds_of(scene, cases)  # compiles
-        rates = [cases / seconds_of(scene, cases, cores) for cores in (1, os.cpu_count())]
+        seconds_of_a_sweep(scene, cases)  # compiles
+        rates = [cases / seconds_of_a_sweep(scene, cases, cores) for cores in (1, os.cpu_count())]
         print(f"{name}: {rates[0]:,.0f} cases a second on one core, {rates[1]:,.0f} on all")
-    one, two = (seconds_on(n, models) for n in (1, 2))
+    one, two = (seconds_on_processes(n, models) for n in (1, 2))
     print(f"walls that differ: {one / models:.2f} s a wall, two processes do {one / two:.2f} times")
     for n in idle:
         print(f"{n} idle workers: {1e3 * seconds_of_a_task(n):.2f} ms a task")
 
 
-def seconds_of(scene, cases: int, cores: int | None = None) -> float:
-    """Of a sweep in this process, its table and pictures included."""
-    what = beadwave.Cases(RANGES, sample=f"lhs:{cases}")
+def seconds_of_a_sweep(scene, cases: int, cores: int | None = None) -> float:
+    """Seconds of a sweep in this process, its table and pictures included."""
+    sampled = beadwave.Cases(RANGES, sample=f"lhs:{cases}")
     with TemporaryDirectory() as folder, on_cores(cores):
-        began = perf_counter()
-        beadwave.sweep(scene, cases=what, out=f"{folder}/out")
-        return perf_counter() - began
+        start = perf_counter()
+        beadwave.sweep(scene, cases=sampled, out=f"{folder}/out")
+        return perf_counter() - start
 
 
-def seconds_on(n_workers: int, models: int) -> float:
-    """Of walls with meshes of their own, on processes that run already."""
+def seconds_on_processes(n_workers: int, models: int) -> float:
+    """Seconds of a sweep of walls with meshes of their own, on processes that run already."""
     from distributed import LocalCluster
 
     seeds = [0.01 * (1 - 0.01 * i) for i in range(models)]
@@ -65,17 +65,19 @@ def seconds_on(n_workers: int, models: int) -> float:
         TemporaryDirectory() as folder,
         LocalCluster(n_workers=n_workers, threads_per_worker=1, dashboard_address=None) as cluster,
     ):
-        on, last = cluster.scheduler_address, perf_counter()
+        # the first sweep lets every process import and compile; the second is timed
         for i, sizes in enumerate(([0.02 + 0.001 * j for j in range(n_workers)], seeds)):
             os.environ["BEADWAVE_CACHE_DIR"] = f"{folder}/cache-{i}"
-            last = perf_counter()
+            start = perf_counter()
             cases = {"bodies.block.seed": sizes}
-            beadwave.sweep(BLOCK, cases=cases, out=f"{folder}/out-{i}", on=on)
-        return perf_counter() - last
+            beadwave.sweep(
+                BLOCK, cases=cases, out=f"{folder}/out-{i}", on=cluster.scheduler_address
+            )
+        return perf_counter() - start
 
 
-def seconds_of_a_task(n_workers: int, each: int = 20) -> float:
-    """Of tasks that do nothing, four handed over to each worker: what bounds many workers."""
+def seconds_of_a_task(n_workers: int, tasks_each: int = 20) -> float:
+    """Seconds of a task that computes nothing: what bounds many workers."""
     from distributed import Client, LocalCluster
 
     with (
@@ -86,9 +88,9 @@ def seconds_of_a_task(n_workers: int, each: int = 20) -> float:
     ):
         client.wait_for_workers(n_workers)
         client.gather(client.map(str, range(n_workers), pure=False))
-        began = perf_counter()
-        client.gather(client.map(str, range(each * n_workers), pure=False))
-        return (perf_counter() - began) / (each * n_workers)
+        start = perf_counter()
+        client.gather(client.map(str, range(tasks_each * n_workers), pure=False))
+        return (perf_counter() - start) / (tasks_each * n_workers)
 
 
 @contextmanager
@@ -97,12 +99,12 @@ def on_cores(n: int | None) -> Iterator[None]:
     if n is None or not hasattr(os, "sched_setaffinity"):
         yield
         return
-    every = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, set(sorted(every)[:n]))
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, set(sorted(cores)[:n]))
     try:
         yield
     finally:
-        os.sched_setaffinity(0, every)
+        os.sched_setaffinity(0, cores)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
 
 from fem.anisotropic_half_space import indentation_modulus
-from fem.beam import ENDS, End, Section, beam, rectangle, section, tube
+from fem.beam import ENDS, BeamEnd, Section, beam, rectangle, section, tube
 from fem.bending import Bending, Buckled
 from fem.contact_patch import (
     ContactPatch,
@@ -31,7 +31,7 @@ from fem.contact_patch import (
     node_patch,
 )
 from fem.correlation import (
-    Motion,
+    BodyMotion,
     Number,
     Pairing,
     Shape,
@@ -50,7 +50,7 @@ from fem.joints import DIRECTIONS, Bushing, Joint, Side, Tie, normal_frame
 from fem.materials import Material, Orthotropic
 from fem.mechanisms import Loose, loose_bodies
 from fem.mirror import mirrored
-from fem.model import Connections, Held, Model, Table, joined
+from fem.model import Connections, Held, Model, SwayingTable, joined
 from fem.modes import Modes, held, modes
 from fem.plate import Sheet, TooLarge, mindlin_plate
 from fem.prestress import FaceForce, Heat, Load, prestressed
@@ -64,12 +64,13 @@ from fem.trace import face_edges, outer_nodes
 __all__ = [
     "DIRECTIONS",
     "ENDS",
+    "BeamEnd",
     "Bending",
+    "BodyMotion",
     "Buckled",
     "Bushing",
     "Connections",
     "ContactPatch",
-    "End",
     "FaceForce",
     "Factor",
     "Heat",
@@ -80,7 +81,6 @@ __all__ = [
     "Material",
     "Model",
     "Modes",
-    "Motion",
     "Number",
     "OnSurface",
     "Orthotropic",
@@ -93,7 +93,7 @@ __all__ = [
     "Side",
     "Spot",
     "Structure",
-    "Table",
+    "SwayingTable",
     "Target",
     "Tie",
     "TooLarge",

@@ -10,13 +10,15 @@ The contact is the node CONTACT: its displacement 1 is w^T u, so that a unit for
 patch as the chain does. A static step does so, and its answer is the compliance w^T K^-1 w.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from skfem import MeshHex
 
+from fem.deck import PRINT_CONTACT, Deck, Term, labels
 from fem.materials import Material, Orthotropic
 from fem.model import Model
 
@@ -26,8 +28,6 @@ ORDER = {
     "C3D10": list(range(10)),
 }
 TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]  # of a tetrahedron inside out, as scikit-fem may sort it
-LONGEST_LABEL = 60  # letters; CalculiX reads 80
-PER_LINE = 4  # terms of an equation
 
 
 def input_deck(
@@ -43,166 +43,77 @@ def input_deck(
     w (n,) adds the contact and, to a model that something holds, its static compliance; C (n, n)
     is that of `fem.dashpots`.
     """
-    lines = ["** second-order elements; all constraints as equations; SI units"]
-    for block in (_nodes, _elements, _supports, _equations, _springs, _table):
-        lines += block(model)
-    lines += [] if C is None else _dashpots(model, C.diagonal()[model.elongation])
-    lines += [] if w is None else _contact(model, w)
-    lines += _materials(materials)
-    lines += ["*STEP", "*FREQUENCY", f"{n_modes}", "*NODE FILE", "U", "*END STEP"]
-    if w is not None and _is_held(model):
-        lines += ["*STEP", "*STATIC", "*CLOAD", f"{_node_after(model)}, 1, 1.0"]
-        lines += ["*NODE PRINT, NSET=CONTACT", "U", "*END STEP"]
-    return "\n".join(lines) + "\n"
+    structure, T, n = model.structure, model.T, model.structure.n_dofs
+    deck = Deck("second-order elements; all constraints as equations; SI units")
 
+    # nodes of the mesh, and those that carry elongations and mean motions
+    deck.nodes(count(1), structure.points, "MESH")
+    joint_nodes = np.unique(model.free[model.free >= n] // 3)
+    if len(joint_nodes):
+        deck.nodes(joint_nodes + 1, np.zeros((len(joint_nodes), 3)), "JOINTS")
 
-def _is_held(model: Model) -> bool:
-    return model.sway is not None or bool(np.any(np.diff(model.T.indptr) == 0))
-
-
-def _node_after(model: Model) -> int:
-    """The first number that no node of mesh, joints and table has."""
-    return int(max(model.free.max(), model.structure.n_dofs - 1)) // 3 + 2
-
-
-def _nodes(model: Model) -> Iterator[str]:
-    yield "*NODE, NSET=MESH"
-    for i, x in enumerate(model.structure.points, start=1):
-        yield f"{i}, {x[0]:.13g}, {x[1]:.13g}, {x[2]:.13g}"  # 20 characters are read
-    if len(_joint_nodes(model)):
-        yield "*NODE, NSET=JOINTS"
-        yield from (f"{i + 1}, 0, 0, 0" for i in _joint_nodes(model))
-
-
-def _joint_nodes(model: Model) -> NDArray[np.int64]:
-    """Nodes (from 0) that carry elongations and mean motions instead of a place on the mesh."""
-    return np.unique(model.free[model.free >= model.structure.n_dofs] // 3)
-
-
-def _elements(model: Model) -> Iterator[str]:
-    last = 0
-    label = _labels(model.structure.basis)
-    for body, basis in model.structure.basis.items():
+    label = labels(structure.basis)
+    for body, basis in structure.basis.items():
         kind = "C3D20" if isinstance(basis.mesh, MeshHex) else "C3D10"
-        nodes = ((model.structure.first[body] + basis.element_dofs[0::3]) // 3 + 1)[ORDER[kind]]
+        nodes = ((structure.first[body] + basis.element_dofs[0::3]) // 3 + 1)[ORDER[kind]]
         if kind == "C3D10":
             inside_out = basis.mesh.orientation() < 0
             nodes[:, inside_out] = nodes[TURNED][:, inside_out]
-        yield f"*ELEMENT, TYPE={kind}, ELSET={label[body]}"
-        for number, cell in enumerate(nodes.T, start=last + 1):
-            yield from _wrapped([number, *cell])
-        last += basis.nelems
+        deck.elements(kind, label[body], nodes.T)
 
+    # empty rows of T are held; so is what stands on joint nodes and is not free
+    fixed = np.flatnonzero(np.diff(T.indptr) == 0)
+    of_joints = (3 * joint_nodes[:, None] + np.arange(3)).ravel()
+    held = [*fixed, *np.setdiff1d(of_joints, model.free)]
+    deck.boundary((dof // 3 + 1, dof % 3 + 1) for dof in held)
 
-def _n_elements(model: Model) -> int:
-    return sum(basis.nelems for basis in model.structure.basis.values())
-
-
-def _wrapped(numbers, per_line: int = 10) -> Iterator[str]:
-    for i in range(0, len(numbers), per_line):
-        more = "," if i + per_line < len(numbers) else ""
-        yield ", ".join(str(n) for n in numbers[i : i + per_line]) + more
-
-
-def _supports(model: Model) -> Iterator[str]:
-    held = np.flatnonzero(np.diff(model.T.indptr) == 0)
-    joints = (3 * _joint_nodes(model)[:, None] + np.arange(3)).ravel()
-    yield "*BOUNDARY"
-    for dof in [*held, *np.setdiff1d(joints, model.free)]:
-        yield f"{dof // 3 + 1}, {dof % 3 + 1}"
-
-
-def _equations(model: Model) -> Iterator[str]:
-    T, n = model.T, model.structure.n_dofs
+    # all other rows of slaves: 0 = -u_slave + sum T u
     is_free = np.isin(np.arange(n), model.free)
     for slave in np.flatnonzero(~is_free & (np.diff(T.indptr) > 0)):
         row = slice(T.indptr[slave], T.indptr[slave + 1])
         masters = model.free[T.indices[row]]
-        terms = [(slave, -1.0), *zip(masters, T.data[row], strict=True)]
-        yield "*EQUATION"
-        yield str(len(terms))
-        yield from _terms(terms)
+        deck.equation(_terms([slave, *masters], [-1.0, *T.data[row]]))
 
-
-def _terms(terms: list[tuple[int, float]]) -> Iterator[str]:
-    for i in range(0, len(terms), PER_LINE):
-        some = terms[i : i + PER_LINE]
-        yield ", ".join(f"{dof // 3 + 1}, {dof % 3 + 1}, {c:.12e}" for dof, c in some)
-
-
-def _springs(model: Model) -> Iterator[str]:
-    first = _n_elements(model) + 1
-    dofs = model.free[model.elongation]
-    for i, (dof, k) in enumerate(zip(dofs, model.stiffness, strict=True)):
+    # elongations on springs to the ground
+    last, dofs = deck.last_element, model.free[model.elongation]
+    for i, (dof, k) in enumerate(zip(dofs, model.stiffness, strict=True), start=1):
         if k > 0:
-            yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING{i + 1}"
-            yield f"{first + i}, {dof // 3 + 1}"
-            yield f"*SPRING, ELSET=SPRING{i + 1}"
-            yield f"{dof % 3 + 1}"
-            yield f"{k:.12e}"
+            deck.spring(f"SPRING{i}", [dof // 3 + 1], dof % 3 + 1, k, last + i)
+
+    # the table: one more node, on two springs
+    last += len(model.stiffness)
+    if model.sway is not None:
+        node = model.free[-1] // 3 + 1
+        for i in (1, 2):
+            direction = model.free[i - 3] % 3 + 1
+            deck.spring(f"SWAY{i}", [node], direction, model.sway.stiffness, last + i)
+        deck.mass("TABLE", node, model.sway.mass, last + 3)
+
+    # a dashpot acts between two nodes: each gets one to the ground, a metre away in its direction
+    last, contact = last + 3, int(max(model.free.max(), n - 1)) // 3 + 2
+    coefficients = [] if C is None else C.diagonal()[model.elongation]
+    for i, (dof, c) in enumerate(zip(dofs, coefficients, strict=False), start=1):
+        if c > 0:
+            deck.nodes([contact + i], [np.eye(3)[dof % 3]])
+            deck.boundary([(contact + i, 1, 3)])
+            deck.dashpot(f"DASHPOT{i}", [dof // 3 + 1, contact + i], c, last + i)
+
+    # w^T u as displacement 1 of the node CONTACT
+    if w is not None:
+        read = np.flatnonzero(w)
+        deck.nodes([contact], [(0, 0, 0)], "CONTACT")
+        deck.equation(_terms([3 * (contact - 1), *model.free[read]], [-1.0, *w[read]]))
+        deck.boundary([(contact, 2, 3)])
+
+    label = labels(materials)
+    for body, material in materials.items():
+        deck.material(label[body], material)
+    deck.step("*FREQUENCY", f"{n_modes}", "*NODE FILE", "U")
+    if w is not None and (model.sway is not None or len(fixed)):
+        deck.step("*STATIC", "*CLOAD", f"{contact}, 1, 1.0", *PRINT_CONTACT)
+    return deck.text()
 
 
-def _table(model: Model) -> Iterator[str]:
-    if model.sway is None:
-        return
-    node = model.free[-1] // 3 + 1
-    first = _n_elements(model) + len(model.stiffness) + 1
-    for i in (0, 1):
-        yield from (f"*ELEMENT, TYPE=SPRING1, ELSET=SWAY{i + 1}", f"{first + i}, {node}")
-        yield from (f"*SPRING, ELSET=SWAY{i + 1}", f"{model.free[i - 2] % 3 + 1}")
-        yield f"{model.sway.stiffness:.12e}"
-    yield from ("*ELEMENT, TYPE=MASS, ELSET=TABLE", f"{first + 2}, {node}")
-    yield from ("*MASS, ELSET=TABLE", f"{model.sway.mass:.12e}")
-
-
-def _dashpots(model: Model, c: NDArray[np.float64]) -> Iterator[str]:
-    """A dashpot acts between two nodes: each gets one to lean on, a metre away in its direction."""
-    ground = _node_after(model)
-    first = _n_elements(model) + len(model.stiffness) + 3
-    dofs = model.free[model.elongation]
-    for i, (dof, value) in enumerate(zip(dofs, c, strict=True), start=1):
-        if value > 0:
-            place = ", ".join("1" if axis == dof % 3 else "0" for axis in range(3))
-            yield from ("*NODE", f"{ground + i}, {place}")
-            yield from ("*BOUNDARY", f"{ground + i}, 1, 3")
-            yield f"*ELEMENT, TYPE=DASHPOTA, ELSET=DASHPOT{i}"
-            yield f"{first + i}, {dof // 3 + 1}, {ground + i}"
-            yield from (f"*DASHPOT, ELSET=DASHPOT{i}", "", f"{value:.12e}")
-
-
-def _contact(model: Model, w: NDArray[np.float64]) -> Iterator[str]:
-    """u = w^T u of the model as displacement 1 of a node of its own."""
-    node = _node_after(model)
-    read = np.flatnonzero(w)
-    yield from ("*NODE, NSET=CONTACT", f"{node}, 0, 0, 0", "*EQUATION", str(len(read) + 1))
-    yield from _terms([(3 * (node - 1), -1.0), *zip(model.free[read], w[read], strict=True)])
-    yield from ("*BOUNDARY", f"{node}, 2, 3")
-
-
-def _materials(materials: Mapping[str, Material | Orthotropic]) -> Iterator[str]:
-    label = _labels(materials)
-    for body, m in materials.items():
-        name, oriented = label[body], ""
-        yield f"*MATERIAL, NAME={name}"
-        if isinstance(m, Material):
-            yield from ("*ELASTIC", f"{m.young:.12g}, {m.poisson:.12g}")
-        else:
-            yield "*ELASTIC, TYPE=ENGINEERING CONSTANTS"
-            constants = [f"{x:.12g}" for x in (*m.young, *m.poisson, *m.shear)]
-            yield from (", ".join(constants[:8]), constants[8])
-            oriented = f", ORIENTATION=AXES_{name}"
-        yield from ("*DENSITY", f"{m.density:.12g}")
-        if oriented:
-            yield f"*ORIENTATION, NAME=AXES_{name}"
-            yield ", ".join(f"{x:.12g}" for x in m.frame[:2].ravel())
-        yield f"*SOLID SECTION, ELSET={name}, MATERIAL={name}{oriented}"
-
-
-def _labels(bodies: Iterable[str]) -> dict[str, str]:
-    """Names of bodies in letters that decks allow, told apart where they fall together."""
-    found: dict[str, str] = {}
-    for body in sorted(bodies):
-        kept = body.upper().replace("+", "_P_").replace("-", "_M_")
-        label = "".join(c if c.isalnum() and c.isascii() else "_" for c in kept)[:LONGEST_LABEL]
-        found[body] = f"{label}_{len(found)}" if label in found.values() else label
-    return found
+def _terms(dofs: Sequence[int], factors: Sequence[float]) -> list[Term]:
+    """Terms of an equation by dofs, counted from 0."""
+    return [(dof // 3 + 1, dof % 3 + 1, c) for dof, c in zip(dofs, factors, strict=True)]

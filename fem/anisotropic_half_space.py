@@ -30,31 +30,37 @@ from scipy.optimize import root
 from fem.materials import Material, Orthotropic
 from fem.spot import spanning
 
-TURNED = 128  # angles of omega in half a turn
-DIRECTIONS = 128  # of kappa in half a turn
-HEIGHTS, AROUND = 32, 96  # of the table of displacements, from the surface to the normal
-FINE = 100  # directions of kappa over the height of a point above the surface
-RIGHT = 1e-3  # of displacements between the entries of the table
+N_OMEGA = 128  # angles of omega in half a turn, over which S, H and L are means
+N_DIRECTIONS = 128  # of kappa in half a turn; periodic sums, whose errors fall exponentially
 
 Anisotropic = Material | Orthotropic
 
 
+class ForceTable(NamedTuple):
+    """How finely the field of a force is tabulated; values not varied."""
+
+    heights: int = 32  # elevations from the surface to the normal, less one
+    around: int = 96  # azimuths
+    fine: int = 100  # directions of kappa over the height of a point above the surface
+    accuracy: float = 1e-3  # of displacements between the entries of the table
+
+
 class HalfSpace(NamedTuple):
-    """A solid below a plane, and its answers to waves along (n,) directions in half a turn."""
+    """A solid below a plane, and its response to waves along (n,) directions in half a turn."""
 
     C: NDArray[np.float64]  # (3, 3, 3, 3) [Pa]
     axes: NDArray[np.float64]  # (3, 3) rows: two along the surface, the inward normal
     y: NDArray[np.float64]  # (n, 3) S L^-1 n [1/Pa]
-    answer: NDArray[np.float64]  # (n, 3) L^-1 n [1/Pa]
+    L_inverse_n: NDArray[np.float64]  # (n, 3) L^-1 n [1/Pa]
 
     @property
     def h(self) -> NDArray[np.float64]:
-        """(n,) [1/Pa]"""
-        return self.answer @ self.axes[2]
+        """n . L^-1 n in each direction, (n,) [1/Pa]."""
+        return self.L_inverse_n @ self.axes[2]
 
     def planes(self, angles: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Q, R and T (n, 3, 3) [Pa] of m = kappa at these angles, and the inward normal."""
-        kappa, n = _around(angles) @ self.axes[:2], self.axes[2]
+        kappa, n = _unit_vectors(angles) @ self.axes[:2], self.axes[2]
         along, down = np.tensordot(kappa, self.C, axes=(1, 1)), np.tensordot(n, self.C, axes=(0, 1))
         Q = np.einsum("nikl,nl->nik", along, kappa)
         return Q, along @ n, np.broadcast_to(down @ n, Q.shape)
@@ -64,13 +70,16 @@ def half_space(material: Anisotropic, inward: NDArray[np.float64]) -> HalfSpace:
     """Of a material below a plane of this inward unit normal (3,)."""
     axes = np.vstack([spanning(inward), inward])
     bare = HalfSpace(material.elasticity, axes, np.empty((0, 3)), np.empty((0, 3)))
-    omega = np.pi * np.arange(TURNED) / TURNED
-    planes = bare.planes(np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
+    omega = np.pi * np.arange(N_OMEGA) / N_OMEGA
+    planes = bare.planes(np.pi * np.arange(N_DIRECTIONS) / N_DIRECTIONS)
     Q, R, T = _turned(*(matrix[:, None] for matrix in planes), omega)
+
+    # Barnett and Lothe's S and -L, the means of N1 and N3 over omega
     N1 = -np.linalg.solve(T, np.swapaxes(R, -1, -2))
     L = (Q + R @ N1).mean(axis=1)
-    answer = np.linalg.solve(L, inward[:, None])
-    return bare._replace(y=(N1.mean(axis=1) @ answer)[..., 0], answer=answer[..., 0])
+    L_inverse_n = np.linalg.solve(L, inward[:, None])
+    y = N1.mean(axis=1) @ L_inverse_n
+    return bare._replace(y=y[..., 0], L_inverse_n=L_inverse_n[..., 0])
 
 
 class SurfaceForce(NamedTuple):
@@ -84,30 +93,55 @@ class SurfaceForce(NamedTuple):
     ) -> NDArray[np.float64]:
         """Displacements (n, 3) [m] at points (n, 3) by a force at `source` (3,) on the surface."""
         x, y, z = self.axes @ (points - source).T
-        beside = np.hypot(x, y)
-        where = np.arctan2(np.maximum(z, 0.0), beside), np.arctan2(y, x)
-        along = np.column_stack([one.ev(*where) for one in self.table])
-        return along / np.hypot(beside, z)[:, None]
+        r = np.hypot(x, y)
+        direction = np.arctan2(np.maximum(z, 0.0), r), np.arctan2(y, x)
+        along = np.column_stack([component.ev(*direction) for component in self.table])
+        return along / np.hypot(r, z)[:, None]
 
 
-def surface_force(material: Anisotropic, inward: NDArray[np.float64]) -> SurfaceForce:
+def surface_force(
+    material: Anisotropic, inward: NDArray[np.float64], options: ForceTable = ForceTable()
+) -> SurfaceForce:
     """The field of a unit force along the inward unit normal (3,) of a half-space.
 
     Raises ValueError for a solid whose moduli differ too much for the table.
     """
     solid = half_space(material, inward)
-    elevation = np.linspace(0.0, np.pi / 2, HEIGHTS + 1)
-    u = np.array([_displacements(solid, one) for one in elevation])
-    beside = np.cos(elevation)[:, None, None] * _around(_azimuth(AROUND))
-    up = np.broadcast_to(np.sin(elevation)[:, None, None], (*beside.shape[:2], 1))
-    points = np.concatenate([beside, up], axis=2).reshape(-1, 3) @ solid.axes
-    every_other = SurfaceForce(solid.axes, _splines(elevation[::2], u[::2, ::2]))
-    between = every_other(points, np.zeros(3)).reshape(u.shape)
+    elevation = np.linspace(0.0, np.pi / 2, options.heights + 1)
+    azimuth = _azimuths(options.around)
+    both = np.vstack([solid.y, -solid.y])  # over a full turn: S changes its sign with kappa
+
+    # R u (heights + 1, around, 3) [m^2/N], the integral over the waves
+    u = np.empty((len(elevation), options.around, 3))
+    for row, angle in zip(u, elevation, strict=True):
+        height = np.sin(angle)
+        per_azimuth = options.fine / options.around / max(height, 1 / options.heights)
+        n = options.around * int(np.ceil(per_azimuth))
+        # half-way beside the directions across, along which 1 / s has no end at the surface
+        kappa = _azimuths(n) + np.pi / n
+        s = np.cos(angle) * np.cos(kappa - azimuth[:, None])
+        rho, omega = np.hypot(s, height)[..., None], np.arctan2(height, s)
+        y = _interpolated(both, kappa)
+        _, R, T = _turned(*solid.planes(kappa), omega)
+        pushed = solid.axes[2] + (y[:, None] @ R)[..., 0, :]
+        turned = np.linalg.solve(T, pushed[..., None])[..., 0]  # N2 n - N1 y
+        waves = (np.cos(omega)[..., None] * y + np.sin(omega)[..., None] * turned) / rho
+        row[:] = waves.mean(axis=1)
+        if height == 0.0:
+            row += _interpolated(np.vstack([solid.L_inverse_n] * 2), azimuth + np.pi / 2)
+        row /= 2 * np.pi
+
+    # every second entry of the table gives those between to its accuracy
+    across = np.cos(elevation)[:, None, None] * _unit_vectors(azimuth)
+    up = np.broadcast_to(np.sin(elevation)[:, None, None], (*across.shape[:2], 1))
+    points = np.concatenate([across, up], axis=2).reshape(-1, 3) @ solid.axes
+    coarse = SurfaceForce(solid.axes, _splines(elevation[::2], u[::2, ::2]))
+    between = coarse(points, np.zeros(3)).reshape(u.shape)
     off = np.abs(between - u).max() / np.abs(u).max() / 2**4  # cubic: of order 4
-    if off > RIGHT:
+    if off > options.accuracy:
         raise ValueError(
-            f"the half-space of {material} is known to {off:.1g} only, allowed is {RIGHT:g}: "
-            "its moduli differ too much; strike a body of another material."
+            f"the half-space of {material} is known to {off:.1g} only, allowed is "
+            f"{options.accuracy:g}: its moduli differ too much; strike a body of another material."
         )
     return SurfaceForce(solid.axes, _splines(elevation, u))
 
@@ -119,28 +153,32 @@ def mean_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> float:
 
 def indentation_modulus(material: Anisotropic, inward: NDArray[np.float64]) -> float:
     """E* [Pa] of F = 4/3 E* sqrt(R) delta^(3/2) for a rigid sphere on a plane of this normal."""
-    weight = 2 * np.pi / DIRECTIONS * half_space(material, inward).h
-    kappa, twice = (_around(k * np.pi * np.arange(DIRECTIONS) / DIRECTIONS) for k in (1, 2))
+    weight = 2 * np.pi / N_DIRECTIONS * half_space(material, inward).h
+    angles = np.pi * np.arange(N_DIRECTIONS) / N_DIRECTIONS
+    kappa, twice = _unit_vectors(angles), _unit_vectors(2 * angles)
 
     def pressed(G: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        """Depth, and curvatures (2, 2), under c^2 = 1 + G_1 cos 2 phi + G_2 sin 2 phi."""
         c = np.sqrt(1 + twice @ G)
         return float((weight / c).sum()), (kappa.T * (weight / c**3)) @ kappa
 
-    def uneven(G: NDArray[np.float64]) -> NDArray[np.float64]:
+    def asphericity(G: NDArray[np.float64]) -> NDArray[np.float64]:
         _, bent = pressed(G)
         return np.array([bent[0, 0] - bent[1, 1], 2 * bent[0, 1]]) / np.trace(bent)
 
-    depth, bent = pressed(root(uneven, np.zeros(2), tol=1e-12).x)
+    depth, bent = pressed(root(asphericity, np.zeros(2), tol=1e-12).x)
     size = np.cbrt(3 / (16 * np.pi) * np.trace(bent))  # for F = R = 1
     return float(0.75 * (3 / (16 * np.pi) * depth / size) ** -1.5)
 
 
-def _around(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit_vectors(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 2)"""
     return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
-def _azimuth(number: int) -> NDArray[np.float64]:
-    return 2 * np.pi * np.arange(number) / number
+def _azimuths(n: int) -> NDArray[np.float64]:
+    """n equal angles around [rad]."""
+    return 2 * np.pi * np.arange(n) / n
 
 
 def _turned(Q, R, T, omega: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
@@ -154,34 +192,15 @@ def _turned(Q, R, T, omega: NDArray[np.float64]) -> tuple[NDArray[np.float64], .
     )
 
 
-def _displacements(solid: HalfSpace, elevation: float) -> NDArray[np.float64]:
-    """R u (AROUND, 3) [m^2/N] at an elevation above the surface, in directions all around."""
-    height = np.sin(elevation)
-    n = AROUND * int(np.ceil(FINE / AROUND / max(height, 1 / HEIGHTS)))
-    # half-way beside the directions across, along which 1 / s has no end at the surface
-    angles = _azimuth(n) + np.pi / n
-    s = np.cos(elevation) * np.cos(angles - _azimuth(AROUND)[:, None])
-    rho, omega = np.hypot(s, height)[..., None], np.arctan2(height, s)
-    y = _between(np.vstack([solid.y, -solid.y]), angles)
-    _, R, T = _turned(*solid.planes(angles), omega)
-    pushed = solid.axes[2] + (y[:, None] @ R)[..., 0, :]
-    turned = np.linalg.solve(T, pushed[..., None])[..., 0]  # N2 n - N1 y
-    waves = (np.cos(omega)[..., None] * y + np.sin(omega)[..., None] * turned) / rho
-    found = waves.mean(axis=1)
-    if height == 0.0:
-        found += _between(np.vstack([solid.answer] * 2), _azimuth(AROUND) + np.pi / 2)
-    return found / (2 * np.pi)
-
-
-def _between(values: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values (n, 3) at equal angles around, at other angles by their harmonics."""
+def _interpolated(values: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (n, 3) at equal angles around interpolated to other angles by their harmonics."""
     harmonics = np.fft.rfft(values, axis=0)[:-1] / len(values)
     harmonics[1:] *= 2
     return np.real(np.exp(1j * np.outer(angles, np.arange(len(harmonics)))) @ harmonics)
 
 
 def _splines(elevation: NDArray[np.float64], u: NDArray[np.float64]) -> tuple:
-    """One each of R u (n, k, 3) along x, y and z, over a turn about zero and a little more."""
+    """Splines of R u (n, k, 3) along x, y and z, over a turn about zero and a little more."""
     k = np.arange(-u.shape[1] // 2 - 3, u.shape[1] // 2 + 4)
     azimuth = 2 * np.pi / u.shape[1] * k
     around = u[:, k % u.shape[1]]

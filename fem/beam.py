@@ -19,20 +19,23 @@ Cedolin, Stability of Structures (2010), sec. 1.7. Shear factors: Hutchinson, J.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import block_array, csc_array, csr_matrix, diags_array
 from skfem import MeshHex
 
 from fem.bending import ACROSS, DOWN, Bending, Buckled, load_factor, vertex_by_vertex
 from fem.contact_patch import ContactPatch
-from fem.line import Line, divided, line, wave_length
+from fem.line import divided, line, wave_length
 from fem.materials import Material
 from fem.spot import Spot
 
-ORDER = 10  # of the elements
-RESOLVED_HZ = 40e3  # a wave of this frequency is as long as an element, and right to 1e-8
-FEWEST = 2  # elements to each side of the strike
-SLICES = 120  # along the beam as it is drawn
+
+class BeamMesh(NamedTuple):
+    """How finely a beam is divided; values not varied."""
+
+    order: int = 10  # of the elements
+    resolved_hz: float = 40e3  # a wave of this frequency is as long as an element, right to 1e-8
+    fewest: int = 2  # elements to either side of the strike
+    slices: int = 120  # of the beam as it is drawn
 
 
 class Section(NamedTuple):
@@ -45,14 +48,18 @@ class Section(NamedTuple):
     thickness: float  # [m] along the chain
 
 
-class End(NamedTuple):
-    """What holds an end: inf is rigid, 0 is free."""
+class BeamEnd(NamedTuple):
+    """Springs at an end: inf is rigid, 0 is free."""
 
     shift: float  # [N/m]
     turn: float  # [N m/rad]
 
 
-ENDS = {"hinged": End(np.inf, 0.0), "clamped": End(np.inf, np.inf), "free": End(0.0, 0.0)}
+ENDS = {
+    "hinged": BeamEnd(np.inf, 0.0),
+    "clamped": BeamEnd(np.inf, np.inf),
+    "free": BeamEnd(0.0, 0.0),
+}
 
 
 def rectangle(width: float, thickness: float, poisson: float) -> Section:
@@ -81,99 +88,77 @@ def beam(
     length: float,
     section: Section,
     material: Material,
-    ends: tuple[End, End],
+    ends: tuple[BeamEnd, BeamEnd],
     position: float,
     *,
     axial_force: float = 0.0,
     coarser: float = 1.0,
+    mesh: BeamMesh = BeamMesh(),
 ) -> Bending:
     """A beam of a length [m] struck at a position [m] from its first end.
 
     axial_force [N] is positive where it pulls; elements are `coarser` times as long as usual.
     Raises Buckled where the force presses more than the beam can bear.
     """
-    longest = coarser * _wave_length(section, material)
-    struck = _struck(
-        length, position, 0.5 * section.thickness * np.sqrt(max(material.poisson, 0.0))
+    rho, A, I = material.density, section.area, section.second_moment
+    kGA = section.shear_factor * material.lame[1] * A
+    EI = material.young * I
+
+    # the strike is the mean of two places h sqrt(nu) / 2 beside it; elements end there
+    aside = 0.5 * section.thickness * np.sqrt(max(material.poisson, 0.0))
+    aside = min(aside, position / 2, (length - position) / 2)
+    struck = [position - aside, position + aside] if aside else [position]
+    longest = coarser * wave_length(
+        2 * np.pi * mesh.resolved_hz, kGA, EI, *(rho * np.array([A, I]))
     )
-    along = line(divided(sorted({0.0, *struck, length}), longest, FEWEST), ORDER)
+    along = line(divided(sorted({0.0, *struck, length}), longest, mesh.fewest), mesh.order)
+
+    # all deflections w, then all turns theta
     _, mass, slope, mixed = along
-    kGA, EI = _stiffnesses(section, material)
-    held = _ends(along, length, ends)
     K = block_array([[kGA * slope, -kGA * mixed.T], [-kGA * mixed, EI * slope + kGA * mass]])
-    M = block_array([[section.area * mass, None], [None, section.second_moment * mass]])
+    M = block_array([[A * mass, None], [None, I * mass]])
     K_G = block_array([[slope, None], [None, 0 * mass]])
     inertia = M @ np.append(along.one, 0 * along.one)
-    free = np.flatnonzero(np.isfinite(held))
-    K, M, K_G = (csc_array(A.tocsc()[free][:, free]) for A in (K, material.density * M, K_G))
-    K.setdiag(K.diagonal() + held[free])
-    factor = _bearable(K, axial_force * K_G, axial_force) if axial_force < 0 else None
-    drawn, T = _drawn(along, length, section)
-    return Bending(
-        csc_array(K + axial_force * K_G) if axial_force else K,
-        M,
-        T[:, free],
-        drawn,
-        _patch([along.node(x) for x in struck], free, position, section),
-        material.density * inertia[free],
-        material.density * section.area * length,
-        load_factor=factor,
-    )
 
-
-def _wave_length(section: Section, material: Material) -> float:
-    """Of the wave that is resolved [m]."""
-    inertia = material.density * np.array([section.area, section.second_moment])
-    return wave_length(2 * np.pi * RESOLVED_HZ, *_stiffnesses(section, material), *inertia)
-
-
-def _stiffnesses(section: Section, material: Material) -> tuple[float, float]:
-    """kappa G A [N] and E I [N m^2]."""
-    shear = section.shear_factor * material.lame[1] * section.area
-    return shear, material.young * section.second_moment
-
-
-def _ends(along: Line, length: float, ends: tuple[End, End]) -> NDArray[np.float64]:
-    """Springs (2 n,) on the deflections, then on the turns; inf is held."""
+    # springs of both ends on the diagonal; what they hold rigidly is not free
     n = along.basis.N
     springs = np.zeros(2 * n)
     for x, end in zip((0.0, length), ends, strict=True):
         springs[[along.node(x), n + along.node(x)]] = end
-    return springs
+    free = np.flatnonzero(np.isfinite(springs))
+    K, M, K_G = (csc_array(form.tocsc()[free][:, free]) for form in (K, rho * M, K_G))
+    K.setdiag(K.diagonal() + springs[free])
 
+    factor = None
+    if axial_force < 0:
+        factor = load_factor(K, axial_force * K_G)
+        if factor >= 1:
+            raise Buckled(
+                f"a pressing force of {-axial_force:.6g} N is {factor:.4g} of the buckling load of "
+                f"{-axial_force / factor:.6g} N; take less"
+            )
 
-def _bearable(K: csc_array, K_G: csc_array, force: float) -> float:
-    """The pressing force over that which buckles the beam; raises Buckled."""
-    factor = load_factor(K, K_G)
-    if factor >= 1:
-        raise Buckled(
-            f"a pressing force of {-force:.6g} N is {factor:.4g} of the buckling load of "
-            f"{-force / factor:.6g} N; take less"
-        )
-    return factor
+    # a force on top, downwards
+    dofs = [along.node(x) for x in struck]
+    w = np.isin(free, dofs) / -len(dofs)
+    spot = Spot(np.array([position, 0.0, section.thickness / 2]), DOWN, ACROSS)
+    patch = ContactPatch(w, np.flatnonzero(w), w, spot, 0.0, "point")
 
-
-def _drawn(along: Line, length: float, section: Section) -> tuple[MeshHex, csr_matrix]:
-    """The beam as a box, and what each of its vertices does."""
-    x = np.linspace(0, length, SLICES + 1)
+    # drawn as a box whose vertices follow their section: u_x = -z theta, u_z = w
+    x = np.linspace(0, length, mesh.slices + 1)
     sides = [np.array([-0.5, 0.5]) * side for side in (section.width, section.thickness)]
     box = MeshHex.init_tensor(x, *sides)
     section_of = np.abs(box.p[0][:, None] - x).argmin(axis=1)
     P = along.at(x)[section_of]
     turned, zero = diags_array(-box.p[2]) @ P, csr_matrix(P.shape)
-    return box, vertex_by_vertex([[zero, turned], [zero, zero], [P, zero]])
-
-
-def _struck(length: float, position: float, aside: float) -> list[float]:
-    """Both places [m] whose mean is read, on the beam."""
-    aside = min(aside, position / 2, (length - position) / 2)
-    return [position - aside, position + aside] if aside else [position]
-
-
-def _patch(
-    dofs: list[int], free: NDArray[np.int64], position: float, section: Section
-) -> ContactPatch:
-    """A point on top, struck downwards."""
-    w = np.isin(free, dofs) / -len(dofs)
-    spot = Spot(np.array([position, 0.0, section.thickness / 2]), DOWN, ACROSS)
-    return ContactPatch(w, np.flatnonzero(w), w, spot, 0.0, "point")
+    T = vertex_by_vertex([[zero, turned], [zero, zero], [P, zero]])
+    return Bending(
+        csc_array(K + axial_force * K_G) if axial_force else K,
+        M,
+        T[:, free],
+        box,
+        patch,
+        rho * inertia[free],
+        rho * A * length,
+        load_factor=factor,
+    )

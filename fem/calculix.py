@@ -1,4 +1,4 @@
-"""CalculiX (Debian: calculix-ccx) on an input deck: an independent program's answers.
+"""CalculiX (Debian: calculix-ccx) on an input deck: results of an independent program.
 
 Its element C3D20 has the 27 Gauss points of the hexahedra here; its C3D10 integrates masses with 4
 points, exactly to order 2 only, so that frequencies of tetrahedra differ by up to 3e-4.
@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
-SECONDS = 600  # longest run
+from fem.deck import PRINT_CONTACT, Deck
+
 PROGRAM, PACKAGE = "ccx", "calculix-ccx"
-POINTS = 4  # of a response between two natural frequencies
 
 
-class Answer(NamedTuple):
-    """Of a deck that `fem.abaqus` wrote."""
+class DeckResults(NamedTuple):
+    """What CalculiX computes of a deck that `fem.abaqus` wrote."""
 
     frequency_hz: NDArray[np.float64]  # (n_modes,)
     compliance: float | None  # [m/N] at the contact, where the deck has one
@@ -33,10 +33,10 @@ class Matrices(NamedTuple):
     dof: NDArray[np.int64]  # (n,) 3 (node - 1) + direction, from 0
 
 
-def answer(deck: str) -> Answer:
+def answer(deck: str) -> DeckResults:
     """Frequencies and static compliance; raises ValueError where CalculiX gives none."""
     with TemporaryDirectory() as folder:
-        _solved(Path(folder), deck)
+        _run(Path(folder), deck)
         text = (Path(folder) / "deck.dat").read_text()
     rows = [line.split() for line in text.splitlines()]
     hz = [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()]
@@ -44,38 +44,24 @@ def answer(deck: str) -> Answer:
         raise ValueError("CalculiX found no frequencies in this deck.")
     printed = text.partition("set CONTACT")[2].split()
     compliance = float(printed[printed.index("time") + 3]) if printed else None
-    return Answer(np.array(hz), compliance)
+    return DeckResults(np.array(hz), compliance)
 
 
 def matrices(deck: str) -> Matrices:
     """K and M of a deck with a step *FREQUENCY; raises ValueError where CalculiX writes none."""
     with TemporaryDirectory() as folder:
-        stored = deck.replace("*FREQUENCY\n", "*FREQUENCY, SOLVER=MATRIXSTORAGE\n")
-        _solved(Path(folder), stored)
-        K, M = (_symmetric(Path(folder) / f"deck.{ending}") for ending in ("sti", "mas"))
+        _run(Path(folder), deck.replace("*FREQUENCY\n", "*FREQUENCY, SOLVER=MATRIXSTORAGE\n"))
+        full = []
+        for ending in ("sti", "mas"):
+            # rows "i j value" of one triangle
+            row, column, value = np.loadtxt(Path(folder) / f"deck.{ending}", unpack=True, ndmin=2)
+            i, j = row.astype(int) - 1, column.astype(int) - 1
+            off = i != j
+            both = np.append(i, j[off]), np.append(j, i[off])
+            full.append(coo_matrix((np.append(value, value[off]), both)).tocsr())
         names = (Path(folder) / "deck.dof").read_text().split()
     node, direction = np.array([name.split(".") for name in names], int).T
-    return Matrices(K, M, 3 * (node - 1) + direction - 1)
-
-
-def _solved(folder: Path, deck: str) -> None:
-    (folder / "deck.inp").write_text(deck)
-    done = run(
-        [PROGRAM, "deck"], cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False
-    )
-    said = [line for line in done.stdout.splitlines() if line.startswith(" *ERROR")]
-    if done.returncode not in (0, 201) or said:
-        why = said[0] if said else f"status {done.returncode}"
-        raise ValueError(f"CalculiX gives up on this deck: {why.strip()}")
-
-
-def _symmetric(path: Path) -> csr_matrix:
-    """From rows "i j value" of one triangle."""
-    row, column, value = np.loadtxt(path, unpack=True, ndmin=2)
-    i, j = row.astype(int) - 1, column.astype(int) - 1
-    off = i != j
-    whole = np.append(i, j[off]), np.append(j, i[off])
-    return coo_matrix((np.append(value, value[off]), whole)).tocsr()
+    return Matrices(*full, 3 * (node - 1) + direction - 1)
 
 
 def receptance(
@@ -85,15 +71,28 @@ def receptance(
     its first modes with a damping ratio, by *STEADY STATE DYNAMICS."""
     node = deck.partition("*CLOAD\n")[2].partition(",")[0]
     low, high = span_hz
-    steps = [
-        "*STEP", "*FREQUENCY, STORAGE=YES", f"{n_modes}", "*END STEP",
-        "*STEP", "*STEADY STATE DYNAMICS", f"{low}, {high}, {POINTS}, 1.",
-        "*MODAL DAMPING", f"1, {n_modes}, {zeta}", "*CLOAD", f"{node}, 1, 1.0",
-        "*NODE PRINT, NSET=CONTACT", "U", "*END STEP",
-    ]  # fmt: skip
+    between = 4  # points of the response between two natural frequencies
+    steps = Deck()
+    steps.step("*FREQUENCY, STORAGE=YES", f"{n_modes}")
+    steps.step(
+        "*STEADY STATE DYNAMICS", f"{low}, {high}, {between}, 1.",
+        "*MODAL DAMPING", f"1, {n_modes}, {zeta}", "*CLOAD", f"{node}, 1, 1.0", *PRINT_CONTACT,
+    )  # fmt: skip
     with TemporaryDirectory() as folder:
-        _solved(Path(folder), deck.partition("*STEP\n")[0] + "\n".join(steps) + "\n")
+        _run(Path(folder), deck.partition("*STEP\n")[0] + steps.text())
         text = (Path(folder) / "deck.dat").read_text()
     rows = [block.split() for block in text.split("set CONTACT and time")[1:]]
     f, u = np.array([[float(row[0]), float(row[2])] for row in rows]).T
     return f[::2], u[::2] + 1j * u[1::2]
+
+
+def _run(folder: Path, deck: str, *, seconds: float = 600.0) -> None:
+    """Run the deck in a folder; raises ValueError where CalculiX gives up on it."""
+    (folder / "deck.inp").write_text(deck)
+    ended = run(
+        [PROGRAM, "deck"], cwd=folder, capture_output=True, text=True, timeout=seconds, check=False
+    )
+    errors = [line for line in ended.stdout.splitlines() if line.startswith(" *ERROR")]
+    if ended.returncode not in (0, 201) or errors:
+        why = errors[0] if errors else f"status {ended.returncode}"
+        raise ValueError(f"CalculiX gives up on this deck: {why.strip()}")

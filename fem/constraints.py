@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix, eye_array
 
-DOUBLINGS = 10  # of the length of a chain of slaves that is followed
-
 
 class Constraint(NamedTuple):
     """U[slaves] = A @ U."""
@@ -23,7 +21,7 @@ class Constraint(NamedTuple):
     name: str  # what a user knows it by
 
 
-class Reduction(NamedTuple):
+class ConstraintReduction(NamedTuple):
     """U = T @ u over the dofs that stay free."""
 
     T: csr_matrix  # (n_total, n)
@@ -46,49 +44,49 @@ def fixed(slaves: NDArray[np.int64], n_total: int, name: str) -> Constraint:
 def claimed(
     n_total: int, constraints: Sequence[Constraint]
 ) -> tuple[list[Constraint], list[Overconstrained]]:
-    """The constraints without dofs that one before them holds, and what was so left out."""
-    owner, kept, twice = np.full(n_total, -1), [], []
+    """The constraints without the dofs that an earlier one holds, and what was left out of them."""
+    owner, reduced, overconstrained = np.full(n_total, -1), [], []
     for i, c in enumerate(constraints):
-        before = owner[c.slaves]
-        for j in np.unique(before[before >= 0]):
-            twice.append(Overconstrained(c.slaves[before == j], c.name, constraints[j].name))
-        new = before < 0
+        earlier = owner[c.slaves]
+        for j in np.unique(earlier[earlier >= 0]):
+            dofs = c.slaves[earlier == j]
+            overconstrained.append(Overconstrained(dofs, c.name, constraints[j].name))
+        new = earlier < 0
         owner[c.slaves[new]] = i
-        kept.append(c if new.all() else c._replace(slaves=c.slaves[new], A=c.A[new]))
-    return kept, twice
+        reduced.append(c if new.all() else c._replace(slaves=c.slaves[new], A=c.A[new]))
+    return reduced, overconstrained
 
 
-def eliminated(n_total: int, constraints: Sequence[Constraint]) -> Reduction:
-    """Free dofs when `constraints` hold.
+def eliminated(
+    n_total: int, constraints: Sequence[Constraint], *, n_doublings: int = 10
+) -> ConstraintReduction:
+    """Free dofs when `constraints` hold; chains of up to 2^n_doublings slaves are followed.
 
     Raises ValueError when a dof is slave twice or constraints form a circle.
     """
     slaves = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in constraints)])
     if len(np.unique(slaves)) != len(slaves):
         raise ValueError("a degree of freedom is the slave of two constraints; remove one.")
-    keep = np.ones(n_total, dtype=bool)
-    keep[slaves] = False
-    T = _step(n_total, constraints, keep)
-    for _ in range(DOUBLINGS):
-        if T[:, ~keep].nnz == 0:
-            return Reduction(T[:, keep].tocsr(), np.flatnonzero(keep))
+    free = np.ones(n_total, dtype=bool)
+    free[slaves] = False
+
+    # one step of all chains: the identity on free dofs, A on the rows of slaves
+    identity = eye_array(n_total, format="csr")
+    identity.data[:] = free
+    T = csr_matrix(identity)
+    for c in constraints:
+        shape = (n_total, len(c.slaves))
+        rows = csr_matrix((np.ones(len(c.slaves)), (c.slaves, np.arange(len(c.slaves)))), shape)
+        T = T + rows @ c.A
+    T.eliminate_zeros()
+
+    # T @ T takes twice as many steps, until no slave leans on another
+    for _ in range(n_doublings):
+        if T[:, ~free].nnz == 0:
+            return ConstraintReduction(T[:, free].tocsr(), np.flatnonzero(free))
         T = T @ T
         T.eliminate_zeros()
     raise ValueError("constraints form a circle: a face is the master of its own slaves.")
-
-
-def _step(n_total: int, constraints: Sequence[Constraint], keep) -> csr_matrix:
-    identity = eye_array(n_total, format="csr")
-    identity.data[:] = keep
-    S = csr_matrix(identity)
-    for c in constraints:
-        place = csr_matrix(
-            (np.ones(len(c.slaves)), (c.slaves, np.arange(len(c.slaves)))),
-            shape=(n_total, len(c.slaves)),
-        )
-        S = S + place @ c.A
-    S.eliminate_zeros()
-    return S
 
 
 def congruent(T: csr_matrix, A: csr_matrix) -> csc_matrix:

@@ -19,7 +19,7 @@ from fem.trace import OffFace, face_nodes, trace
 
 
 class ContactPatch(NamedTuple):
-    """What stands at the contact, on the free dofs of a model."""
+    """The contact functional on the free dofs of a model."""
 
     w: NDArray[np.float64]  # (n,) u_w = w @ u [1]
     boundary: NDArray[np.int64]  # free dofs of the recovery nodes, those that w reads
@@ -77,11 +77,15 @@ def contact_patch(
     try:
         P = trace(model.structure, face, spot.point + radius * disc @ spot.axes, gap=spot.gap)
     except OffFace:
+        place = f"{list(at)} m from the middle"
+        if isinstance(at, Spot):
+            place = f"{np.round(at.point, 6).tolist()} m"
         raise OffFace(
-            f"the contact patch at {_told(at)} with radius {radius} m leaves the face "
+            f"the contact patch at {place} with radius {radius} m leaves the face "
             f"{face!r}; move it or make it smaller."
         ) from None
-    return _patch(model, spot.inward @ _summed(P, share), spot, radius, weights)
+    mean = np.array([share @ P[axis::3] for axis in range(3)])  # (3, ndof) along x, y and z
+    return _patch(model, spot.inward @ mean, spot, radius, weights)
 
 
 def node_patch(model: Model, face: str, points: Sequence[tuple[float, float]]) -> ContactPatch:
@@ -91,11 +95,11 @@ def node_patch(model: Model, face: str, points: Sequence[tuple[float, float]]) -
     from their middle.
     """
     nodes = face_nodes(model.structure, face)
-    places = model.structure.points[nodes[:, 0] // 3]
+    positions = model.structure.points[nodes[:, 0] // 3]
     spots = [planar_spot(model.structure, face, at) for at in points]
-    nearest = [np.linalg.norm(places - spot.point, axis=1).argmin() for spot in spots]
-    middle = places[nearest].mean(axis=0)
-    radius = float(np.linalg.norm(places[nearest] - middle, axis=1).max())
+    nearest = [np.linalg.norm(positions - spot.point, axis=1).argmin() for spot in spots]
+    middle = positions[nearest].mean(axis=0)
+    radius = float(np.linalg.norm(positions[nearest] - middle, axis=1).max())
     on_mesh = np.zeros(model.structure.n_dofs)
     for node in nodes[nearest]:
         on_mesh[node] += spots[0].inward / len(nearest)
@@ -108,14 +112,3 @@ def _patch(model: Model, on_mesh, spot: Spot, radius: float, weights: str) -> Co
     dofs = (3 * nodes[:, None] + np.arange(3)).ravel()
     boundary = np.unique(csr_matrix(model.T[dofs]).indices)
     return ContactPatch(model.T.T @ on_mesh, boundary, on_mesh, spot, radius, weights)
-
-
-def _summed(P: csr_matrix, share: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weighted means (3, ndof) of displacements x, y and z that P reads at points."""
-    return np.array([share @ P[axis::3] for axis in range(3)])
-
-
-def _told(at: tuple[float, float] | Spot) -> str:
-    if isinstance(at, Spot):
-        return f"{np.round(at.point, 6).tolist()} m"
-    return f"{list(at)} m from the middle"

@@ -1,9 +1,9 @@
-"""Which mode is which: told by a body's motion, by number, or by measured shapes.
+"""Which mode is which: identified by a body's motion, by number, or by measured shapes.
 
-The order of frequencies does not tell modes: those of soft parts lie between those of stiff ones,
-and move with the joints. A mode is told by the share of its kinetic energy in a body's rigid
-motion ("x", "x+ry"), by the share of its strain energy in a body ("strain"), or by the modal
-assurance criterion with a measured shape.
+The order of frequencies does not identify modes: those of soft parts lie between those of stiff
+ones, and move with the joints. What does is the share of a mode's kinetic energy in a body's rigid
+motion ("x", "x+ry"), the share of its strain energy in a body ("strain"), or the modal assurance
+criterion with a measured shape.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,14 +17,13 @@ from fem.joints import rigid_motion
 from fem.model import Model
 from fem.modes import Modes
 
-LEAST_SHARE = 0.3  # a mode has a character from this share on
 RIGID = 1e-4  # below this share of the highest frequency a mode strains nothing but by rounding
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 STRAIN = "strain"
 
 
-class Motion(NamedTuple):
-    """A mode told by what a body does in it."""
+class BodyMotion(NamedTuple):
+    """A mode identified by what a body does in it."""
 
     body: str
     motion: str  # of MOTIONS, or several as "x+ry"; or STRAIN
@@ -35,7 +34,7 @@ class Motion(NamedTuple):
         if self.motion == STRAIN:
             return []
         try:
-            return [MOTIONS.index(one) for one in self.motion.split("+")]
+            return [MOTIONS.index(name) for name in self.motion.split("+")]
         except ValueError:
             raise ValueError(
                 f"motion = {self.motion!r} of {self.body} must be a sum of {', '.join(MOTIONS)}, "
@@ -44,13 +43,13 @@ class Motion(NamedTuple):
 
 
 class Number(NamedTuple):
-    """A mode told by its place among those that strain something, from 1."""
+    """A mode identified by its number, from 1, among those that strain something."""
 
     number: int
 
 
 class Shape(NamedTuple):
-    """A mode told by a measured shape."""
+    """A mode identified by a measured shape."""
 
     reading: NDArray[np.float64] | csr_matrix  # (m, n) reads a model where and how the test did
     shape: NDArray[np.complex128]  # (m,) measured
@@ -60,7 +59,7 @@ class Shape(NamedTuple):
         return Shape(self.reading @ V, self.shape)
 
 
-Target = Motion | Number | Shape
+Target = BodyMotion | Number | Shape
 
 
 class Pairing(NamedTuple):
@@ -90,40 +89,48 @@ def mac(phi: NDArray, psi: NDArray) -> NDArray[np.float64]:
 
 def pair(model: Model, modes: Modes, targets: Sequence[Target]) -> Pairing:
     """The targets among the modes of a model."""
-    bodies = {target.body for target in targets if isinstance(target, Motion)}
+    bodies = {target.body for target in targets if isinstance(target, BodyMotion)}
     forms = {body: body_forms(model, body, modes.phi) for body in bodies}
     by_mode = [t.within(modes.phi) if isinstance(t, Shape) else t for t in targets]
     return paired(forms, modes._replace(phi=np.eye(len(modes.omega))), by_mode)
 
 
-def paired(forms: Mapping[str, BodyForms], modes: Modes, targets: Sequence[Target]) -> Pairing:
+def paired(
+    forms: Mapping[str, BodyForms],
+    modes: Modes,
+    targets: Sequence[Target],
+    *,
+    smallest: float = 0.3,
+) -> Pairing:
     """The same by the forms of bodies, in the coordinates of the modes.
 
-    Of a motion it is the first mode whose share reaches `LEAST_SHARE` and half of the largest share
-    found; of a shape the mode of the largest MAC.
+    Of a motion it is the first mode whose share of the energy reaches half of the largest share; of
+    a shape the mode of the largest MAC. No mode fits whose share or MAC is below `smallest`.
     """
-    rows = [_character(forms, modes, target) for target in targets]
-    character = np.array(rows).reshape(len(targets), len(modes.omega))
-    enough = [1.0 if isinstance(target, Shape) else 0.5 for target in targets]
-    least = np.array(enough)[:, None] * character.max(axis=1, keepdims=True, initial=0.0)
-    eligible = character >= np.maximum(least, LEAST_SHARE)
+    elastic = modes.omega > RIGID * modes.omega.max()
+    character = np.zeros((len(targets), len(modes.omega)))
+    for i, target in enumerate(targets):
+        if isinstance(target, Number):
+            character[i] = elastic & (np.cumsum(elastic) == target.number)
+            continue
+        if isinstance(target, Shape):
+            character[i] = mac(target.reading @ modes.phi, target.shape[:, None])[:, 0]
+            continue
+        form, directions = forms[target.body], target.directions
+        if directions:
+            character[i] = ((form.rigid[directions] @ modes.phi) ** 2).sum(axis=0)
+            continue
+        # strain energy of the body over that of the mode, omega^2 / 2; rigid motions have neither
+        strain = np.sum(modes.phi * (form.K @ modes.phi), axis=0)
+        omega = np.where(elastic, modes.omega, 1.0)
+        character[i] = np.where(elastic, strain / omega**2, 0.0)
+
+    share = [1.0 if isinstance(target, Shape) else 0.5 for target in targets]
+    threshold = np.array(share)[:, None] * character.max(axis=1, keepdims=True, initial=0.0)
+    eligible = character >= np.maximum(threshold, smallest)
     index = np.where(eligible.any(axis=1), eligible.argmax(axis=1), -1)
     score = np.where(index >= 0, character[range(len(targets)), index], 0.0)
     return Pairing(index, score, character)
-
-
-def _character(forms: Mapping[str, BodyForms], modes: Modes, target: Target) -> NDArray[np.float64]:
-    """How much of a target every mode is, (k,)."""
-    elastic = modes.omega > RIGID * modes.omega.max()
-    if isinstance(target, Number):
-        return 1.0 * (elastic & (np.cumsum(elastic) == target.number))
-    if isinstance(target, Shape):
-        return mac(target.reading @ modes.phi, target.shape[:, None])[:, 0]
-    form, directions = forms[target.body], target.directions
-    if directions:
-        return ((form.rigid[directions] @ modes.phi) ** 2).sum(axis=0)
-    strain = np.sum(modes.phi * (form.K @ modes.phi), axis=0)
-    return np.where(elastic, strain / np.where(elastic, modes.omega, 1.0) ** 2, 0.0)
 
 
 def body_forms(model: Model, body: str, V: NDArray[np.float64]) -> BodyForms:
@@ -131,7 +138,9 @@ def body_forms(model: Model, body: str, V: NDArray[np.float64]) -> BodyForms:
     structure, dofs = model.structure, model.structure.dofs(body)
     u, K, M = model.T[dofs] @ V, structure.K[dofs][:, dofs], structure.M[dofs][:, dofs]
     nodes = structure.points[dofs[0::3] // 3]
-    R = rigid_motion(nodes, _centre_of_mass(nodes, M))
+    lumped = np.asarray(M.sum(axis=1)).ravel()[0::3]
+    centre_of_mass = lumped @ nodes / lumped.sum()
+    R = rigid_motion(nodes, centre_of_mass)
     R = R @ np.linalg.inv(np.linalg.cholesky(R.T @ (M @ R))).T
     return BodyForms(u.T @ (K @ u), u.T @ (M @ u), (M @ R).T @ u)
 
@@ -140,24 +149,19 @@ def target_mac(
     models: tuple[Model, Model], shapes: tuple[NDArray, NDArray], targets: Sequence[Target]
 ) -> NDArray[np.float64]:
     """MAC (k, n_targets) of shapes phi (n, k) of one model with psi (m, n_targets) of another on
-    the same mesh, one for each target: on the body that tells it, or on all bodies."""
+    the same mesh, one for each target: on the body that it names, or on all bodies."""
     phi, psi = (model.T @ shape for model, shape in zip(models, shapes, strict=True))
     structure = models[0].structure
     columns = []
     for j, target in enumerate(targets):
-        told = isinstance(target, Motion)
-        dofs = structure.dofs(target.body) if told else slice(None)
+        has_body = isinstance(target, BodyMotion)
+        dofs = structure.dofs(target.body) if has_body else slice(None)
         columns.append(mac(phi[dofs], psi[dofs, j : j + 1])[:, 0])
     return np.array(columns).reshape(len(targets), phi.shape[1]).T
 
 
-def _centre_of_mass(nodes, M) -> NDArray[np.float64]:
-    lumped = np.asarray(M.sum(axis=1)).ravel()[0::3]
-    return lumped @ nodes / lumped.sum()
-
-
 def effective_mass(model: Model, phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share (k, 3) of the whole mass that each mode (n, k) carries along x, y and z."""
+    """Share (k, 3) of the total mass that each mode (n, k) carries along x, y and z."""
     structure = model.structure
     R = rigid_motion(structure.points, np.zeros(3))[:, :3]
     inertia = structure.M @ R

@@ -1,11 +1,12 @@
 """Sparse factorisation of symmetric matrices.
 
-Small and thin ones are SuperLU's, whose minimum degree makes little fill there; solids, of which it
-makes much, are dissected, by PARDISO where it is installed (the `fast` extra), else by our own
-Cholesky. The work that minimum degree would make decides. What has no Cholesky factor, being
-indefinite or complex, is left to SuperLU.
+SuperLU factorises small matrices and those of thin bodies, where minimum degree makes little fill;
+solids, where it makes much, are dissected: by PARDISO where it is installed (the `fast` extra),
+else by our own Cholesky. The work that minimum degree would make decides. A matrix without a
+Cholesky factor, being indefinite or complex, is left to SuperLU.
 """
 
+from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
 from os import environ
@@ -19,12 +20,14 @@ from scipy.sparse import csc_matrix, triu
 from fem.grouping import grouped, minimum_degree, minimum_degree_work
 from fem.multifrontal import NEITHER, Cholesky, NotPositiveDefinite, Singular
 
-WORTH_PARDISO = 20_000  # unknowns
-WORTH_COUNTING = 5_000, 80_000  # unknowns; below SuperLU takes least, above dissection does
-# work of an unknown: SuperLU does 3 to 5e9 a second, our own takes 60 us an unknown at such sizes
+# unknowns from which on PARDISO is taken where it is installed
+WORTH_PARDISO = 20_000
+# unknowns: below SuperLU is fastest, above dissection, in between the work is counted
+WORTH_COUNTING = 5_000, 80_000
+# work of minimum degree per unknown from which on dissection is faster: SuperLU does 3 to 5e9
+# operations a second, our own takes 60 us an unknown at such sizes
 WORTH_DISSECTION = 250e3
 SYMMETRIC, SOLVE = -2, 33  # PARDISO's matrix type and phase
-RECOVERED = 1e-3  # of a known solution: a singular matrix loses it altogether
 
 
 class Factor(Protocol):
@@ -52,16 +55,39 @@ class Pardiso:
         return np.ascontiguousarray(x).reshape(b.shape)
 
 
-def factorised(A: csc_matrix) -> Factor:
+def factorised(A: csc_matrix, *, recovered: float = 1e-3) -> Factor:
     """Factor of a symmetric A, reusable for any number of right-hand sides.
 
-    Raises ValueError when A is singular or not finite.
+    Raises ValueError when A is singular or not finite: a random solution must be recovered to the
+    relative error `recovered`, of which a singular matrix loses everything.
     """
     if not np.all(np.isfinite(A.data)):
         raise ValueError("the matrix holds NaN or inf; check material and stiffnesses.")
-    if A.shape[0] >= WORTH_PARDISO and np.isrealobj(A.data) and has_pardiso():
-        return _checked(Pardiso(A), A)
-    return _checked(_dissected(A) or _superlu(A), A)
+    n, (few, many) = A.shape[0], WORTH_COUNTING
+    is_real = np.isrealobj(A.data)
+
+    factor: Factor | None = None
+    if n >= WORTH_PARDISO and is_real and has_pardiso():
+        factor = Pardiso(A)
+    elif n >= few and is_real:
+        groups = grouped(A)
+        if n >= many or minimum_degree_work(groups) >= WORTH_DISSECTION * n:
+            with suppress(NotPositiveDefinite):  # it has no Cholesky factor
+                factor = Cholesky(A, groups)
+    factor = factor or _superlu(A)
+
+    x = np.random.default_rng(0).standard_normal(n)
+    solution = factor.solve((A @ x).astype(A.dtype))
+    if not np.linalg.norm(solution - x) < recovered * np.linalg.norm(x):
+        raise Singular(NEITHER)
+    return factor
+
+
+def _superlu(A: csc_matrix) -> Factor:
+    try:
+        return minimum_degree(A)
+    except RuntimeError as error:
+        raise Singular(NEITHER) from error
 
 
 @cache
@@ -76,35 +102,3 @@ def _mkl() -> str:
     from pypardiso import PyPardisoSolver
 
     return PyPardisoSolver().libmkl._name
-
-
-def _dissected(A: csc_matrix) -> Factor | None:
-    """Cholesky's factor of a matrix that is worth it and positive definite, else None.
-
-    Raises Singular.
-    """
-    n, (few, many) = A.shape[0], WORTH_COUNTING
-    if n < few or np.iscomplexobj(A.data):
-        return None
-    groups = grouped(A)
-    if n < many and minimum_degree_work(groups) < WORTH_DISSECTION * n:
-        return None
-    try:
-        return Cholesky(A, groups)
-    except NotPositiveDefinite:
-        return None
-
-
-def _superlu(A: csc_matrix) -> Factor:
-    try:
-        return minimum_degree(A)
-    except RuntimeError as error:
-        raise Singular(NEITHER) from error
-
-
-def _checked(factor: Factor, A: csc_matrix) -> Factor:
-    known = np.random.default_rng(0).standard_normal(A.shape[0])
-    found = factor.solve((A @ known).astype(A.dtype))
-    if not np.linalg.norm(found - known) < RECOVERED * np.linalg.norm(known):
-        raise Singular(NEITHER)
-    return factor

@@ -1,7 +1,7 @@
-"""Unknowns that are eliminated together, and what minimum degree would make of their order.
+"""Unknowns that are eliminated together, and the work of their elimination by minimum degree.
 
 Successive unknowns that are coupled to the same ones, as x, y and z of a node are, are one vertex
-of a graph a third as large. Of that graph SuperLU finds the fill of its own order in a fraction of
+of a graph a third as large. SuperLU finds the fill of its own order on that graph in a fraction of
 the time that the matrix would take.
 """
 
@@ -11,10 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix, diags_array, eye_array
 from scipy.sparse.linalg import SuperLU, splu
-
-# of what two unknowns are coupled to, from which on they are one: those of a node share 0.8 and
-# more, less where a regular mesh makes exact zeros; those of neighbours up to 0.6
-ALIKE = 0.7
 
 
 class Groups(NamedTuple):
@@ -29,14 +25,19 @@ class Groups(NamedTuple):
         return np.bincount(self.group)
 
 
-def grouped(A: csc_matrix) -> Groups:
-    """The groups of a symmetric matrix."""
+def grouped(A: csc_matrix, *, alike: float = 0.7) -> Groups:
+    """The groups of a symmetric matrix.
+
+    Neighbours that share more than `alike` of the unknowns that either is coupled to are one group:
+    those of a node share 0.8 and more, less where a regular mesh makes exact zeros; those of
+    different nodes up to 0.6.
+    """
     n = A.shape[0]
     pattern = csr_matrix((np.ones(A.nnz, np.float32), A.indices, A.indptr), shape=A.shape)
     count = np.diff(A.indptr)
-    same = np.ravel(pattern[:-1].multiply(pattern[1:]).sum(axis=1))
-    alike = same > ALIKE * (count[:-1] + count[1:] - same)
-    group = np.append(0, np.cumsum(~alike))
+    common = np.ravel(pattern[:-1].multiply(pattern[1:]).sum(axis=1))
+    together = common > alike * (count[:-1] + count[1:] - common)
+    group = np.append(0, np.cumsum(~together))
     member = csr_matrix((np.ones(n, np.float32), (np.arange(n), group)))
     graph = member.T @ (pattern @ member)
     return Groups(csr_matrix(graph + eye_array(graph.shape[0], dtype=np.float32)), group)
@@ -45,8 +46,8 @@ def grouped(A: csc_matrix) -> Groups:
 def minimum_degree(A: csc_matrix) -> SuperLU:
     """A factor of SuperLU in the order of minimum degree on A + A^T, pivots from the diagonal.
 
-    3 to 12 times faster than its default on symmetric matrices. Raises RuntimeError for a singular
-    one.
+    3 to 12 times faster than SuperLU's default on symmetric matrices. Raises RuntimeError for a
+    singular matrix.
     """
     options = {"SymmetricMode": True}
     return splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
@@ -55,6 +56,7 @@ def minimum_degree(A: csc_matrix) -> SuperLU:
 def minimum_degree_work(groups: Groups) -> float:
     """Multiplications and additions of SuperLU's elimination, within a factor of 1.5."""
     graph = groups.graph
+    # any matrix of this pattern that can be factorised will do
     neighbours = np.diff(graph.indptr)
     laplacian = diags_array(neighbours + 1.0) - csr_matrix(
         (np.ones(graph.nnz), graph.indices, graph.indptr)

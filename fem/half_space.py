@@ -4,8 +4,9 @@ A body loaded over a patch contains the local compliance of a half-space, which 
 the contact holds already. Near the patch a mesh coarser than a fraction of its radius gets that
 part wrong, by the same amount in the body and in a half-space meshed alike. So the half-space is
 solved on the body's own mesh, with Boussinesq's exact displacements prescribed on every face but
-the struck one: taken off the body's compliance, it takes its discretisation error along. On a face
-of a radius of curvature R that is done within R/2 of the patch, whose plane the face leaves beyond.
+the struck one: subtracted from the body's compliance, it takes its discretisation error along. On a
+face of a radius of curvature R only elements within R/2 of the patch count, beyond which the face
+leaves the plane of the patch.
 Of an orthotropic solid the displacements are those of `fem.anisotropic_half_space`.
 
 Boussinesq's solution: Johnson, Contact Mechanics (1985), eq. 3.18, for a force P into the solid,
@@ -14,25 +15,29 @@ Boussinesq's solution: Johnson, Contact Mechanics (1985), eq. 3.18, for a force 
     u_z = (1 + nu) P / (2 pi E) (z^2 / R^3 + 2 (1 - nu) / R).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.anisotropic_half_space import surface_force
 from fem.contact_patch import ContactPatch, disc_quadrature
-from fem.elasticity import Structure
 from fem.factorisation import factorised
 from fem.materials import Material, Orthotropic
 from fem.mirror import normal_dofs
 from fem.model import Model
-from fem.spot import Spot
 
-Field = Callable[..., NDArray[np.float64]]  # of points (n, 3), sources (m, 3), their shares (m,)
-AT_ONCE = 128, 32  # points of a field, which stay in the cache; patches of a solution
-LARGE = 100_000  # dofs of a body, of which the elements near the patch will do
-REACH = 30  # radii of the patch: beyond, the mesh errs by 5e-6 of the half-space
-NEAR = 0.5  # of the smallest radius of curvature; 0.3 and 0.8 make a difference of 4e-4 of the rest
+
+class HalfSpaceMesh(NamedTuple):
+    """Which elements of the body the half-space is solved on, and how many fields at a time."""
+
+    large: int = 100_000  # dofs of a body from which on the elements near the patch will do
+    reach: float = 30.0  # radii of the patch, of a large body: the mesh errs by 5e-6 of it beyond
+    # of the smallest radius of curvature: 0.3 and 0.8 make a difference of 4e-4 of the compliance
+    # that is left
+    curved: float = 0.5
+    patches_at_once: int = 32  # for one solution
 
 
 def boussinesq(
@@ -41,15 +46,18 @@ def boussinesq(
     shares: NDArray[np.float64],
     inward: NDArray[np.float64],
     material: Material,
+    *,
+    at_once: int = 128,
 ) -> NDArray[np.float64]:
     """Displacements (n, 3) [m] at points (n, 3) by shares (m,) of a unit force at `sources` (m, 3)
-    on a plane whose unit normal into the solid is `inward` (3,), pushing that way.
+    on a plane whose unit normal into the solid is `inward` (3,), pushing that way; `at_once` points
+    at a time, whose distances stay in the cache.
     """
     E, nu = material.young, material.poisson
     frame = np.vstack([inward, np.linalg.svd(inward[None])[2][1:]])
     origin, u = (sources @ frame.T).T[:, None], np.empty((len(points), 3))
-    for first in range(0, len(points), AT_ONCE[0]):
-        at = slice(first, first + AT_ONCE[0])
+    for first in range(0, len(points), at_once):
+        at = slice(first, first + at_once)
         z, x, y = (points[at] @ frame.T).T[:, :, None] - origin
         inverse = 1 / np.sqrt(x * x + y * y + z * z)  # 1 / R
         c = z * inverse
@@ -87,90 +95,69 @@ def half_spaces_on_mesh(
     *,
     mirrors: Sequence[str] = (),
     within: float = np.inf,
+    options: HalfSpaceMesh = HalfSpaceMesh(),
 ) -> list[float]:
     """The same [m/N] at several patches of one face, for one factorisation."""
-    field = _point_force(face, patches[0].spot, material)
-    large = model.structure.basis[face.partition(":")[0]].N > LARGE
-    reach = [min(within, NEAR * min(map(abs, p.spot.radii))) for p in patches]
-    around = [
-        (p, min(r, REACH * p.radius) if large and p.radius else r)
-        for p, r in zip(patches, reach, strict=True)
-    ]
-    free, prescribed = _held_around(model.structure, face, around, mirrors)
-    K = model.structure.K[free]
-    factor = factorised(K[:, free].tocsc()) if len(free) else None
-    found = []
-    for first in range(0, len(patches), AT_ONCE[1]):
-        part = patches[first : first + AT_ONCE[1]]
-        w = np.column_stack([patch.on_mesh for patch in part])
-        u = np.column_stack([_far_field(model.structure, prescribed, p, field) for p in part])
-        compliance = (w[prescribed] * u).sum(axis=0)
-        if factor:
-            near = factor.solve(w[free] - K[:, prescribed] @ u)
-            compliance += (w[free] * near).sum(axis=0)
-        found += compliance.tolist()
-    return found
-
-
-def _held_around(
-    structure: Structure,
-    face: str,
-    near: Sequence[tuple[ContactPatch, float]],
-    mirrors: Sequence[str],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Dofs of the elements near any patch: those that are free, and those on the outside."""
-    body, struck = structure.facets(face)
-    basis, first = structure.basis[body], structure.first[body]
-    cells = np.unique(np.concatenate([_near(basis.mesh, *one) for one in near]))
-    ended = [structure.facets(mirror)[1] for mirror in mirrors]
-    prescribed = first + _other_faces(basis, [struck, *ended], cells)
-    still = [normal_dofs(structure, mirror) for mirror in mirrors]
-    dofs = first + np.unique(basis.element_dofs[:, cells])
-    return np.setdiff1d(dofs, np.concatenate([prescribed, *still])), prescribed
-
-
-def _near(mesh, patch: ContactPatch, within: float) -> NDArray[np.int64]:
-    """The cells whose middle is near the patch."""
-    middle = mesh.p[:, mesh.t].mean(axis=1)
-    return np.flatnonzero(np.abs(middle - patch.spot.point[:, None]).max(axis=0) <= within)
-
-
-def _other_faces(basis, ended: Sequence[NDArray[np.int64]], cells) -> NDArray[np.int64]:
-    """Dofs on the outside of the cells, but for what lies on the facets given alone."""
-    facets, sides = np.unique(basis.mesh.t2f[:, cells], return_counts=True)
-    others = np.setdiff1d(facets[sides == 1], np.concatenate(ended))
-    return np.unique(basis.get_dofs(others).all())
-
-
-def _point_force(face: str, spot: Spot, material: Material | Orthotropic) -> Field:
-    """Displacements by a unit force into a face; raises ValueError where they are not known."""
-    if isinstance(material, Material):
-        return lambda points, *loads: boussinesq(points, *loads, spot.inward, material)
-    if np.isfinite(spot.radii).any():
+    structure, spot = model.structure, patches[0].spot
+    if not isinstance(material, Material) and np.isfinite(spot.radii).any():
         raise ValueError(
             f"{face!r} is a curved face of an orthotropic material, for which the contact's law is "
             "not known here; strike a plane face."
         )
-    force = surface_force(material, spot.inward)
-    return lambda points, sources, shares: sum(
-        share * force(points, source) for source, share in zip(sources, shares, strict=True)
-    )
+    table = None if isinstance(material, Material) else surface_force(material, spot.inward)
 
+    # cells around any patch that are solved for: all, but where the exact field is good enough
+    body, struck = structure.facets(face)
+    basis, mesh, first = structure.basis[body], structure.basis[body].mesh, structure.first[body]
+    middle = mesh.p[:, mesh.t].mean(axis=1)
+    near_patches = []
+    for patch in patches:
+        reach = min(within, options.curved * min(map(abs, patch.spot.radii)))
+        if basis.N > options.large and patch.radius:
+            reach = min(reach, options.reach * patch.radius)
+        distance = np.abs(middle - patch.spot.point[:, None]).max(axis=0)
+        near_patches.append(np.flatnonzero(distance <= reach))
+    cells = np.unique(np.concatenate(near_patches))
 
-def _far_field(
-    structure: Structure, dofs, patch: ContactPatch, field: Field
-) -> NDArray[np.float64]:
-    """The exact displacement of each dof, by all points of the patch."""
-    nodes, node = np.unique(dofs // 3, return_inverse=True)
-    return field(structure.points[nodes], *_sources(structure, patch))[node, dofs % 3]
+    # their dofs: prescribed on their outside but for the struck face and mirrors, still normal to
+    # mirrors, else free
+    facets, n_sides = np.unique(mesh.t2f[:, cells], return_counts=True)
+    ends = [struck, *(structure.facets(mirror)[1] for mirror in mirrors)]
+    outside = np.setdiff1d(facets[n_sides == 1], np.concatenate(ends))
+    prescribed = first + np.unique(basis.get_dofs(outside).all())
+    still = [normal_dofs(structure, mirror) for mirror in mirrors]
+    dofs = first + np.unique(basis.element_dofs[:, cells])
+    free = np.setdiff1d(dofs, np.concatenate([prescribed, *still]))
+    nodes, node = np.unique(prescribed // 3, return_inverse=True)
+    points = structure.points[nodes]
 
+    K = structure.K[free]
+    factor = factorised(K[:, free].tocsc()) if len(free) else None
+    compliances = []
+    for start in range(0, len(patches), options.patches_at_once):
+        group = patches[start : start + options.patches_at_once]
+        w, u = np.column_stack([patch.on_mesh for patch in group]), []
+        for patch in group:
+            # the force on a patch as shares of it at points, and the exact displacements by these
+            if patch.weights == "nodes":
+                share = patch.on_mesh.reshape(-1, 3) @ patch.spot.inward
+                sources, share = structure.points[share > 0], share[share > 0]
+            else:
+                disc, share = disc_quadrature(patch.weights, 6, 18)
+                sources = patch.spot.point + patch.radius * disc @ patch.spot.axes
+            if table is None:
+                exact = boussinesq(points, sources, share, spot.inward, material)
+            else:
+                exact = sum(
+                    p * table(points, source) for source, p in zip(sources, share, strict=True)
+                )
+            u.append(exact[node, prescribed % 3])
+        u = np.column_stack(u)
 
-def _sources(
-    structure: Structure, patch: ContactPatch
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (n, 3) [m] and shares (n,) of the force on a patch."""
-    if patch.weights == "nodes":
-        share = patch.on_mesh.reshape(-1, 3) @ patch.spot.inward
-        return structure.points[share > 0], share[share > 0]
-    disc, share = disc_quadrature(patch.weights, 6, 18)
-    return patch.spot.point + patch.radius * disc @ patch.spot.axes, share
+        # w^T u, u prescribed and K u = w on the free dofs
+        compliance = (w[prescribed] * u).sum(axis=0)
+        if factor:
+            u_free = factor.solve(w[free] - K[:, prescribed] @ u)
+            compliance += (w[free] * u_free).sum(axis=0)
+        compliances += compliance.tolist()
+    return compliances

@@ -20,7 +20,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, qr
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, vstack
+from scipy.sparse import coo_matrix, csr_matrix, vstack
 from scipy.sparse.csgraph import connected_components
 
 from fem.constraints import Constraint
@@ -29,9 +29,6 @@ from fem.sagging import sagging
 from fem.trace import OffFace, face_nodes, face_quadrature, trace
 
 DIRECTIONS = ("kx", "ky", "kz", "krx", "kry", "krz")
-NOWHERE = np.empty(0, np.int64)
-LAST = 1e-4  # weight of dofs that follow a face only where all else of it is held
-ALONG = 0.9  # cosine: an axis nearer than this to another lies along it
 
 
 class Bushing(NamedTuple):
@@ -50,9 +47,9 @@ class Side(NamedTuple):
 
     face: str  # "body:face"
     coupling: Literal["rigid", "mean"] = "rigid"
-    over: str | None = None  # the mean is taken over the footprint of this face; None: its own
+    over: str | None = None  # face whose footprint the mean is taken over; None: its own
     within: float = np.inf  # [m] of the joint's centre: a washer's radius
-    gap: float = 0.0  # [m] by which that other face may miss this one
+    gap: float = 0.0  # [m] by which the footprint may miss this face
 
 
 class Joint(NamedTuple):
@@ -69,28 +66,28 @@ class Joint(NamedTuple):
 class Tie(NamedTuple):
     """Two faces in contact that stay together."""
 
-    slave: str  # lies on the other, and follows it: the finer mesh, or the smaller face
+    slave: str  # lies on the master and follows it: the finer mesh, or the smaller face
     master: str
     gap: float = 0.0  # [m] by which they may miss each other
 
 
 class _Coupling(NamedTuple):
-    """A side whose motion about the centre is B @ U[columns]."""
+    """A side of a joint, whose motion about the centre is B @ U[columns]."""
 
     side: Side
-    name: str
+    name: str  # of the joint
     centre: NDArray[np.float64]
     columns: NDArray[np.int64]
     B: NDArray[np.float64]  # (6, len(columns))
-    spare: NDArray[np.int64]  # of these, what may follow the face where all else of it is held
-    follows: bool = False  # all of these may: the joint's other side is a mean as well
+    spare: NDArray[np.int64]  # columns that may follow the face where all else of it is held
+    follows: bool = False  # whether all of them may: the joint's other side is a mean as well
 
 
 def normal_frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rows (3, 3): z along an axis (3,), x along the first global axis beside it."""
+    """Rows (3, 3): z along an axis (3,), x nearest to the first global axis 26 degrees off it."""
     z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
-    beside = np.eye(3)[np.flatnonzero(np.abs(z) < ALONG)[0]]
-    x = beside - (beside @ z) * z
+    first = np.eye(3)[np.flatnonzero(np.abs(z) < 0.9)[0]]
+    x = first - (first @ z) * z
     x /= np.linalg.norm(x)
     return np.array([x, np.cross(z, x), z])
 
@@ -122,71 +119,125 @@ def tie(structure: Structure, pair: Tie, n_total: int) -> Constraint:
     """
     dofs = face_nodes(structure, pair.slave)
     gap = pair.gap + sagging(structure, pair.slave) + sagging(structure, pair.master)
-    P = _on(structure, pair.master, pair.slave, _positions(structure, dofs), gap)
+    P = _trace_on(structure, pair.master, pair.slave, _positions(structure, dofs), gap)
     return Constraint(dofs.ravel(), widened(P, n_total), f"the tie {pair.slave} to {pair.master}")
 
 
 def rigid_sides(structure: Structure, joints: Sequence[Joint], n_total: int) -> list[Constraint]:
-    """The nodes of all rigid sides; a node between several follows their mean."""
-    held = [c for c in _couplings(structure, joints) if c.side.coupling == "rigid"]
-    nodes = [_nodes_within(structure, c) for c in held]
-    count = np.bincount(np.concatenate([NOWHERE, *(d[:, 0] for d in nodes)]), minlength=1)
-    slaves = np.unique(np.concatenate([NOWHERE, *(d.ravel() for d in nodes)]))
+    """u = G B U of the nodes of all rigid sides (RBE2); a node of several follows their mean.
+
+    Raises ValueError for a side of too few nodes.
+    """
+    couplings = [c for c in _couplings(structure, joints) if c.side.coupling == "rigid"]
+    if not couplings:
+        return []
+
+    # nodes (n, 3 dofs) of each side, within the washer's radius
+    nodes = []
+    for coupling in couplings:
+        dofs = face_nodes(structure, coupling.side.face)
+        radii = np.linalg.norm(_positions(structure, dofs) - coupling.centre, axis=1)
+        nodes.append(dofs[radii <= coupling.side.within * (1 + 1e-9)])
+    n_sides = np.bincount(np.concatenate([dofs[:, 0] for dofs in nodes]), minlength=1)
+    slaves = np.unique(np.concatenate([dofs.ravel() for dofs in nodes]))
+
     A = csr_matrix((len(slaves), n_total))
-    for coupling, dofs in zip(held, nodes, strict=True):
+    for coupling, dofs in zip(couplings, nodes, strict=True):
         G = rigid_motion(_positions(structure, dofs), coupling.centre)
         _require_spread(G, coupling)
-        G /= np.repeat(count[dofs[:, 0]], 3)[:, None]
+        G /= np.repeat(n_sides[dofs[:, 0]], 3)[:, None]
         rows = np.searchsorted(slaves, dofs.ravel())
-        A = A + _placed(rows, coupling.columns, G @ coupling.B, A.shape)
-    names = " and ".join(dict.fromkeys(c.name for c in held))
-    return [Constraint(slaves, A.tocsr(), f"joint {names}")] if held else []
+        A = A + _scattered(rows, coupling.columns, G @ coupling.B, A.shape)
+    names = " and ".join(dict.fromkeys(c.name for c in couplings))
+    return [Constraint(slaves, A.tocsr(), f"joint {names}")]
 
 
 def mean_sides(
-    structure: Structure, joints: Sequence[Joint], taken: NDArray[np.int64], n_total: int
-) -> Iterator[Constraint]:
-    """B U = C u of all mean sides, solved for six dofs of each, none of those `taken`; dofs of the
-    face keep the matrices sparse.
+    structure: Structure,
+    joints: Sequence[Joint],
+    claimed: NDArray[np.int64],
+    n_total: int,
+    *,
+    last: float = 1e-4,
+) -> list[Constraint]:
+    """B U = C u of all mean sides (RBE3), solved for six dofs of each, none of those `claimed` by
+    other constraints; dofs of the face keep the matrices sparse.
 
     Sides whose faces have dofs in common are solved for together. Of two mean sides of one joint
     the motion q of the second is written in dofs of its face, q = C u: to solve for six of these
     instead multiplies entries of K by the square of their number, 1e3 and more, and rigid motions
-    of a small body then drown in the rounding.
+    of a small body then drown in the rounding. `last` is the pivoting weight of dofs that follow a
+    face only where all else of it is held; not varied.
+    Raises ValueError where too few dofs of a face are unclaimed.
     """
-    held = [c for c in _couplings(structure, joints) if c.side.coupling == "mean"]
-    C = [_mean_motion(structure, coupling) for coupling in held]
-    if held:
-        reads = csr_matrix([np.bincount(c.indices, minlength=c.shape[1]) > 0 for c in C], dtype=int)
-        group = connected_components(reads @ reads.T, directed=False)[1]
-        for i in range(group.max() + 1):
-            here = np.flatnonzero(group == i)
-            if len(here) == 1 and held[here[0]].follows:
-                name = f"joint {held[here[0]].name}"
-                yield Constraint(held[here[0]].columns, widened(C[here[0]], n_total), name)
-                continue
-            rows = vstack([C[j] for j in here]).tocsc()
-            yield _solved(structure, [held[j] for j in here], rows, taken, n_total)
+    couplings = [c for c in _couplings(structure, joints) if c.side.coupling == "mean"]
+    if not couplings:
+        return []
+
+    # C (6, ndof) of each side: the face's mean motion over a footprint
+    C = []
+    for coupling in couplings:
+        side = coupling.side
+        footprint = side.over or side.face
+        points, weights = face_quadrature(structure, footprint)
+        inside = np.linalg.norm(points - coupling.centre, axis=1) <= side.within * (1 + 1e-9)
+        points, weights = points[inside], weights[inside]
+        _require_spread(rigid_motion(points, coupling.centre), coupling)
+        mean = csr_matrix(distributing(points, weights, coupling.centre))
+        mean = mean @ _trace_on(structure, side.face, footprint, points, side.gap)
+        mean.eliminate_zeros()
+        C.append(mean)
+
+    # groups of sides whose faces share dofs
+    reads = csr_matrix([np.bincount(c.indices, minlength=c.shape[1]) > 0 for c in C], dtype=int)
+    group = connected_components(reads @ reads.T, directed=False)[1]
+    constraints = []
+    for i in range(group.max() + 1):
+        members = np.flatnonzero(group == i)
+        sides = [couplings[j] for j in members]
+        name = "joint " + " and ".join(dict.fromkeys(c.name for c in sides))
+        if len(sides) == 1 and sides[0].follows:
+            q = sides[0].columns
+            constraints.append(Constraint(q, widened(C[members[0]], n_total), name))
+            continue
+
+        # A U = [C, -B] U = 0, rows of one unit: turns count as shifts at the distance of the
+        # face's size
+        rows = vstack([C[j] for j in members]).tocsc()
+        used = np.flatnonzero(np.diff(rows.indptr))
+        columns = np.concatenate([used, *(c.columns for c in sides)])
+        A = np.hstack([rows[:, used].toarray(), -block_diag(*(c.B for c in sides))])
+        size = np.ptp(structure.points[used // 3], axis=0).max()
+        A *= np.tile([1.0] * 3 + [size] * 3, len(sides))[:, None]
+
+        # the best-conditioned dofs become slaves: those of the faces where possible
+        spare = np.concatenate([c.spare for c in sides])
+        weight = np.where(np.isin(columns, spare), last, 1.0 * (columns < structure.n_dofs))
+        weight[np.isin(columns, claimed)] = 0.0
+        R, pivots = qr(A * weight, mode="r", pivoting=True)
+        diagonal = np.abs(np.diag(R))  # falling
+        if not diagonal[-1] > last**2 * diagonal[0]:
+            raise ValueError(f"{name}: what it holds to is held by supports or ties; remove one.")
+        slaves, masters = pivots[: len(A)], pivots[len(A) :]
+        solution = -np.linalg.solve(A[:, slaves], A[:, masters])
+        shape = (len(slaves), n_total)
+        equations = _scattered(np.arange(len(slaves)), columns[masters], solution, shape)
+        constraints.append(Constraint(columns[slaves], equations, name))
+    return constraints
 
 
 def _couplings(structure: Structure, joints: Sequence[Joint]) -> Iterator[_Coupling]:
+    """Both sides of every joint: q_first = q_second + R^T r, and q_second itself."""
     for i, joint in enumerate(joints):
         r = structure.n_dofs + 6 * i + np.arange(6)
         q = r + 6 * len(joints)
         turned = block_diag(joint.frame, joint.frame).T
-        moved = np.hstack([turned, np.eye(6)])
-        open_ones = r[np.array(joint.springs) == 0]
-        yield _Coupling(joint.first, joint.name, joint.centre, np.append(r, q), moved, open_ones)
+        both = np.hstack([turned, np.eye(6)])
+        free = r[np.array(joint.springs) == 0]
+        yield _Coupling(joint.first, joint.name, joint.centre, np.append(r, q), both, free)
         if joint.second:
-            both = joint.first.coupling == joint.second.coupling == "mean"
-            yield _Coupling(joint.second, joint.name, joint.centre, q, np.eye(6), q, both)
-
-
-def _nodes_within(structure: Structure, coupling: _Coupling) -> NDArray[np.int64]:
-    """Dofs (n, 3) of the nodes that a rigid side holds."""
-    dofs = face_nodes(structure, coupling.side.face)
-    away = np.linalg.norm(_positions(structure, dofs) - coupling.centre, axis=1)
-    return dofs[away <= coupling.side.within * (1 + 1e-9)]
+            means = joint.first.coupling == joint.second.coupling == "mean"
+            yield _Coupling(joint.second, joint.name, joint.centre, q, np.eye(6), q, means)
 
 
 def _require_spread(G: NDArray[np.float64], coupling: _Coupling) -> None:
@@ -201,61 +252,25 @@ def _require_spread(G: NDArray[np.float64], coupling: _Coupling) -> None:
         )
 
 
-def _mean_motion(structure: Structure, coupling: _Coupling) -> csr_matrix:
-    """C (6, ndof): the face's mean motion over a footprint."""
-    side = coupling.side
-    points, weights = face_quadrature(structure, side.over or side.face)
-    near = np.linalg.norm(points - coupling.centre, axis=1) <= side.within * (1 + 1e-9)
-    points, weights = points[near], weights[near]
-    _require_spread(rigid_motion(points, coupling.centre), coupling)
-    C = distributing(points, weights, coupling.centre)
-    found = csr_matrix(C) @ _on(structure, side.face, side.over or side.face, points, side.gap)
-    found.eliminate_zeros()
-    return found
-
-
-def _solved(
-    structure: Structure, held: list[_Coupling], C: csc_matrix, taken, n_total: int
-) -> Constraint:
-    """C u = B U for the best-conditioned dofs that are not taken, of the faces where possible."""
-    used = np.flatnonzero(np.diff(C.indptr))
-    columns = np.concatenate([used, *(c.columns for c in held)])
-    spare = np.concatenate([c.spare for c in held])
-    weight = np.where(np.isin(columns, spare), LAST, 1.0 * (columns < structure.n_dofs))
-    weight[np.isin(columns, taken)] = 0.0
-    A = np.hstack([C[:, used].toarray(), -block_diag(*(c.B for c in held))])
-    # rows of one unit: turns count as shifts at the distance of the face's size
-    size = np.ptp(structure.points[used // 3], axis=0).max()
-    A *= np.tile([1.0] * 3 + [size] * 3, len(held))[:, None]
-    R, pivots = qr(A * weight, mode="r", pivoting=True)
-    name = "joint " + " and ".join(dict.fromkeys(c.name for c in held))
-    free = np.abs(np.diag(R))  # falling
-    if not free[-1] > LAST**2 * free[0]:
-        raise ValueError(f"{name}: what it holds to is held by supports or ties; remove one.")
-    at, rest = pivots[: len(A)], pivots[len(A) :]
-    solved = -np.linalg.solve(A[:, at], A[:, rest])
-    shape = (len(at), n_total)
-    return Constraint(columns[at], _placed(np.arange(len(at)), columns[rest], solved, shape), name)
-
-
-def _on(
-    structure: Structure, face: str, footprint: str, points: NDArray[np.float64], gap: float = 0.0
+def _trace_on(
+    structure: Structure, face: str, footprint: str, points: NDArray[np.float64], gap: float
 ) -> csr_matrix:
     """The trace of a face at points of another; raises ValueError across a gap."""
     try:
         return trace(structure, face, points, gap=gap)
-    except OffFace as apart:
+    except OffFace as error:
         raise ValueError(
-            f"the face {footprint!r} does not lie on {face!r}, which it is joined to: {apart} Let "
+            f"the face {footprint!r} does not lie on {face!r}, which it is joined to: {error} Let "
             "them touch."
         ) from None
 
 
 def _positions(structure: Structure, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Points (n, 3) [m] of nodes by their dofs (n, 3)."""
     return structure.points[dofs[:, 0] // 3]
 
 
-def _placed(rows, columns, block, shape) -> csr_matrix:
+def _scattered(rows, columns, block, shape) -> csr_matrix:
     """A dense block at the given rows and columns of a sparse matrix; equal columns add up."""
     i, j = np.meshgrid(rows, columns, indexing="ij")
     return coo_matrix((block.ravel(), (i.ravel(), j.ravel())), shape=shape).tocsr()

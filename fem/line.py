@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 from skfem import Basis, BilinearForm, ElementLinePp, MeshLine
 
 
-class Line(NamedTuple):
+class LineElements(NamedTuple):
     """Shape functions N_i along a line and their integrals, all (n, n)."""
 
     basis: Basis
@@ -31,19 +31,20 @@ class Line(NamedTuple):
         return np.isin(np.arange(self.basis.N), self.basis.nodal_dofs).astype(float)
 
 
-def line(ends: NDArray[np.float64], order: int) -> Line:
-    """Elements between these places [m]."""
+def line(ends: NDArray[np.float64], order: int) -> LineElements:
+    """Elements of a polynomial order whose ends are at `ends` (m,) [m]."""
     basis = Basis(MeshLine(ends), ElementLinePp(order), intorder=2 * order)
-    return Line(basis, *(form.assemble(basis) for form in (_mass, _slope, _mixed)))
+    return LineElements(basis, *(form.assemble(basis) for form in (_mass, _slope, _mixed)))
 
 
-def divided(places: list[float], longest: float, fewest: int = 1) -> NDArray[np.float64]:
-    """Ends of elements [m] between ascending places, none longer than `longest`."""
-    pairs = pairwise(places)
-    parts = [
-        np.linspace(a, b, max(fewest, int(np.ceil((b - a) / longest))) + 1)[:-1] for a, b in pairs
-    ]
-    return np.append(np.concatenate(parts), places[-1])
+def divided(points: list[float], longest: float, fewest: int = 1) -> NDArray[np.float64]:
+    """Ends of elements [m]: all of the ascending points, and `fewest` elements or more between any
+    two of them, none longer than `longest` [m]."""
+    ends = []
+    for a, b in pairwise(points):
+        n_elements = max(fewest, int(np.ceil((b - a) / longest)))
+        ends.append(np.linspace(a, b, n_elements + 1)[:-1])
+    return np.append(np.concatenate(ends), points[-1])
 
 
 @BilinearForm
@@ -62,7 +63,11 @@ def _mixed(u, v, _):
 
 
 def wave_length(s: float, shear: float, bending: float, mass: float, inertia: float) -> float:
-    """Of the shorter wave [m] at s [rad/s]: (S k^2 - m s^2) (B k^2 + S - J s^2) = (S k)^2."""
+    """Length [m] of the shorter of Timoshenko's two waves at an angular frequency s [rad/s]:
+
+    (S k^2 - m s^2) (B k^2 + S - J s^2) = (S k)^2 for the shear and bending stiffness S and B, the
+    mass m and rotational inertia J per length, or per area of a plate.
+    """
     a, c = shear * bending, s**2 * mass * (s**2 * inertia - shear)
     b = s**2 * (inertia * shear + mass * bending)
     return float(2 * np.pi * np.sqrt(2 * a / (b + np.sqrt(b**2 - 4 * a * c))))

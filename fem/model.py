@@ -28,10 +28,10 @@ class Held(NamedTuple):
     directions: str = "xyz"
 
 
-class Table(NamedTuple):
-    """What the assembly stands on: a mass that sways along x and y with a frequency of its own."""
+class SwayingTable(NamedTuple):
+    """What the assembly stands on: a mass that sways along x and y."""
 
-    frequency_hz: float  # of table and assembly together, swaying as one
+    frequency_hz: float  # at which table and assembly sway as one
     mass: float  # [kg] of the table
 
 
@@ -48,7 +48,7 @@ class Connections(NamedTuple):
     ties: Sequence[Tie] = ()
     joints: Sequence[Joint] = ()
     held: Sequence[Held] = ()
-    table: Table | None = None
+    table: SwayingTable | None = None
 
     @property
     def stiffness(self) -> NDArray[np.float64]:
@@ -106,10 +106,28 @@ def joined(structure: Structure, connections: Connections) -> Model:
     few nodes, or where ties form a circle.
     """
     n, k = structure.n_dofs, connections.stiffness
-    n_total, constraints, twice = constrained(structure, connections)
+    n_total, constraints, overconstrained = constrained(structure, connections)
     reduction = eliminated(n_total, constraints)
-    sway = _sway(structure, connections.table)
-    K, M = _with_table(structure, sway, 2 * len(k))
+
+    # the table's springs carry the mass of the assembly as well: (2 pi f)^2 (m_table + m)
+    sway, table = None, connections.table
+    if table is not None:
+        along_x = np.zeros(n)
+        along_x[0::3] = 1.0
+        moving = table.mass + along_x @ structure.M @ along_x
+        sway = Sway(float((2 * np.pi * table.frequency_hz) ** 2 * moving), table.mass)
+
+    # K and M of all dofs U: nothing stands on elongations and mean motions yet
+    between = [0.0] * (2 * len(k))
+    K, M = structure.K, structure.M
+    if between or sway:
+        of_sway = ([sway.stiffness] * 2, [sway.mass] * 2) if sway else ([], [])
+        K, M = (
+            block_diagonal([A, csr_matrix(diags_array([*between, *diagonal]))])
+            for A, diagonal in zip((K, M), of_sway, strict=True)
+        )
+
+    # springs that are neither rigid nor on a dof that a constraint holds
     springs = np.flatnonzero((reduction.free >= n) & (reduction.free < n + len(k)))
     finite = reduction.free[springs] - n
     names = connections.spring
@@ -123,61 +141,40 @@ def joined(structure: Structure, connections: Connections) -> Model:
         k[finite],
         tuple(names[i] for i in finite),
         sway,
-        tuple(twice),
+        tuple(overconstrained),
     )
 
 
 def constrained(structure: Structure, connections: Connections) -> Constrained:
-    """All constraints; where two ask for a dof the ground comes first, then joints, then ties."""
-    n, k = structure.n_dofs, connections.stiffness
+    """All constraints; where two hold a dof the ground comes first, then joints, then ties."""
+    n, joints, k = structure.n_dofs, connections.joints, connections.stiffness
     n_table = 2 if connections.table else 0
     n_total = n + 2 * len(k) + n_table
-    ground = _grounded(structure, connections, n_total, n_table)
-    rigid = rigid_sides(structure, connections.joints, n_total)
+
+    # held faces, and the motions q of joints to the ground
+    first = n + 6 * len(joints)
+    to_ground = [i for i, joint in enumerate(joints) if joint.second is None]
+    dofs = [np.empty(0, int), *(first + 6 * i + np.arange(6) for i in to_ground)]
+    axes = [np.empty(0, int), *[np.arange(6)] * len(to_ground)]
+    for support in connections.held:
+        nodes = face_nodes(structure, support.face)
+        for axis in map("xyz".index, support.directions):
+            dofs.append(nodes[:, axis])
+            axes.append(np.full(len(nodes), axis))
+    slaves, unique = np.unique(np.concatenate(dofs), return_index=True)
+    axis = np.concatenate(axes)[unique]
+
+    # they stand still, but along x and y with the table, where there is one
+    moved = np.flatnonzero(axis < n_table)
+    on_table = (np.ones(len(moved)), (moved, n_total - n_table + axis[moved]))
+    A = csr_matrix(on_table, shape=(len(slaves), n_total))
+    ground = Constraint(slaves, A, "the supports")
+
+    # mean sides come last: they choose their slaves among the dofs that nothing else holds
+    rigid = rigid_sides(structure, joints, n_total)
     ties = [tie(structure, pair, n_total) for pair in connections.ties]
-    taken = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in (ground, *rigid, *ties))])
-    means = list(mean_sides(structure, connections.joints, taken, n_total))
+    slaves = np.concatenate([np.empty(0, np.int64), *(c.slaves for c in (ground, *rigid, *ties))])
+    means = mean_sides(structure, joints, slaves, n_total)
     require_free_joints(structure, [*rigid, *means, *ties], connections.centres)
     rigid_springs = fixed(n + np.flatnonzero(np.isinf(k)), n_total, "rigid springs")
     return Constrained(n_total, *claimed(n_total, [rigid_springs, ground, *rigid, *means, *ties]))
-
-
-def _grounded(
-    structure: Structure, connections: Connections, n_total: int, n_table: int
-) -> Constraint:
-    """Held faces and joints to the ground: still, or along x and y with the table."""
-    first = structure.n_dofs + 6 * len(connections.joints)
-    earthed = [i for i, joint in enumerate(connections.joints) if joint.second is None]
-    dofs = [first + 6 * i + np.arange(6) for i in earthed]
-    axes = [np.arange(6)] * len(earthed)
-    for held in connections.held:
-        nodes = face_nodes(structure, held.face)
-        for axis in map("xyz".index, held.directions):
-            dofs.append(nodes[:, axis])
-            axes.append(np.full(len(nodes), axis))
-    slaves, once = np.unique(np.concatenate([np.empty(0, int), *dofs]), return_index=True)
-    axis = np.concatenate([np.empty(0, int), *axes])[once]
-    moved = np.flatnonzero(axis < n_table)
-    place = (np.ones(len(moved)), (moved, n_total - n_table + axis[moved]))
-    return Constraint(slaves, csr_matrix(place, shape=(len(slaves), n_total)), "the supports")
-
-
-def _sway(structure: Structure, table: Table | None) -> Sway | None:
-    """The table's springs carry the assembly's mass as well."""
-    if table is None:
-        return None
-    along_x = np.zeros(structure.n_dofs)
-    along_x[0::3] = 1.0
-    moving = table.mass + along_x @ structure.M @ along_x
-    return Sway(float((2 * np.pi * table.frequency_hz) ** 2 * moving), table.mass)
-
-
-def _with_table(structure: Structure, sway: Sway | None, n_between: int):
-    """K and M of all dofs."""
-    stiffness, mass = ([], []) if sway is None else ([sway.stiffness] * 2, [sway.mass] * 2)
-    return [
-        block_diagonal([A, csr_matrix(diags_array([*[0.0] * n_between, *below]))])
-        if n_between + len(below)
-        else A
-        for A, below in ((structure.K, stiffness), (structure.M, mass))
-    ]

@@ -1,11 +1,12 @@
 """Nested dissection: an order of elimination that keeps factors of solids sparse.
 
 A separator, the thin set of vertices between two halves, is eliminated after both; each half is
-cut in the same way (George, SIAM J. Numer. Anal. 10 (1973) 345). A first cut is told by
+cut in the same way (George, SIAM J. Numer. Anal. 10 (1973) 345). A first cut follows from
 coordinates, which the graph itself gives: distances to a few landmarks, scaled to few dimensions
-(landmark MDS; de Silva and Tenenbaum, NIPS 15 (2003) 721). Along every axis the separator of every
-place is counted and the best taken. Of all separators near that one the least is what a largest
-flow from one half to the other fills (Menger; Sanders and Schulz, ESA 2011, LNCS 6942, 469).
+(landmark MDS; de Silva and Tenenbaum, NIPS 15 (2003) 721). Along every axis the separator at every
+position is counted and the best one is the first cut. Of all separators close to it the smallest is
+what a maximum flow from one half to the other fills (Menger; Sanders and Schulz, ESA 2011, LNCS
+6942, 469).
 """
 
 from typing import NamedTuple
@@ -15,16 +16,23 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-LANDMARKS = 24
-DIMENSIONS = 6  # bodies that are joined lie on top of each other in three
-SMOOTHINGS = 10  # of coordinates that are whole numbers of edges
-LARGE = 300  # vertices that are cut along every axis, to take the best cut
-WORTH_FLOW = 200  # vertices, of which a share on either side of a cut may be in the least separator
-NEAR = 0.08
-LEAST = 0.25  # share of the smaller half
-LEAF = 24  # vertices that are eliminated as one
-MIDDLE = 2  # beside halves 0 and 1
-UNBOUNDED = 2**30  # capacity
+MIDDLE = 2  # label of the separator, beside 0 and 1 of the halves
+UNBOUNDED = 2**30  # capacity of an edge that no minimum cut may contain
+
+
+class Dissection(NamedTuple):
+    """How a graph is cut; values not varied."""
+
+    landmarks: int = 24  # vertices to which distances are measured
+    dimensions: int = 6  # of the coordinates: bodies that are joined overlap in three
+    smoothings: int = 10  # of the coordinates, which are whole numbers of edges at first
+    all_axes: int = (
+        300  # vertices from which on a cut is tried along every axis, not only the first
+    )
+    worth_flow: int = 200  # vertices from which on the separator is made smallest by a flow
+    band: float = 0.08  # share of the vertices, on either side of a cut, that the flow may choose
+    smallest: float = 0.25  # share of the unknowns that either half has at least
+    leaf: int = 24  # vertices that are eliminated together without a further cut
 
 
 class Domain(NamedTuple):
@@ -34,18 +42,18 @@ class Domain(NamedTuple):
     children: tuple[int, ...]  # positions in the list of domains, all before this one
 
 
-class Part(NamedTuple):
-    """Vertices of a graph and what is between them."""
+class Subgraph(NamedTuple):
+    """Some vertices of a graph and the edges between them."""
 
-    vertices: NDArray[np.int64]  # (n,) in the whole graph
+    vertices: NDArray[np.int64]  # (n,) numbers in the graph itself
     graph: csr_matrix  # (n, n) symmetric, with its diagonal
     weight: NDArray[np.int64]  # (n,) unknowns of each
-    X: NDArray[np.float64]  # (n, DIMENSIONS)
+    X: NDArray[np.float64]  # (n, dimensions) coordinates
 
-    def only(self, chosen: NDArray[np.int64]) -> "Part":
-        """A part of this one."""
+    def only(self, chosen: NDArray[np.int64]) -> "Subgraph":
+        """A subgraph of this one."""
         graph = self.graph[chosen][:, chosen]
-        return Part(self.vertices[chosen], graph, self.weight[chosen], self.X[chosen])
+        return Subgraph(self.vertices[chosen], graph, self.weight[chosen], self.X[chosen])
 
 
 class Cut(NamedTuple):
@@ -55,158 +63,164 @@ class Cut(NamedTuple):
     score: float
 
 
-def nested_dissection(graph: csr_matrix, weight: NDArray[np.int64]) -> list[Domain]:
+def nested_dissection(
+    graph: csr_matrix, weight: NDArray[np.int64], options: Dissection = Dissection()
+) -> list[Domain]:
     """Domains of a symmetric graph (n, n) with its diagonal, children before their parents.
 
     weight (n,) are the unknowns that each vertex stands for.
     """
     domains: list[Domain] = []
-    whole = Part(np.arange(graph.shape[0]), graph, weight, _coordinates(graph))
-    _dissect(whole, domains)
+
+    def dissect(sub: Subgraph) -> int:
+        """Append the domains of a subgraph, and return the position of the last, their parent."""
+        if len(sub.vertices) <= options.leaf:
+            domains.append(Domain(sub.vertices, ()))
+            return len(domains) - 1
+
+        # a first cut across the axis, of the principal ones, that gives the smallest separator
+        X = sub.X - sub.X.mean(axis=0)
+        axes = np.linalg.eigh(X.T @ X)[1][:, ::-1].T
+        axes = axes if len(X) > options.all_axes else axes[:1]
+        cuts = (_swept_cut(sub, X @ axis, options.smallest) for axis in axes)
+        side = min(cuts, key=lambda cut: cut.score).side
+        if len(X) > options.worth_flow:
+            side = _least_separator(sub, side, options.band)
+
+        # the larger half first: what it leaves waits for less of the smaller one
+        halves = sorted((np.flatnonzero(side == half) for half in (0, 1)), key=len, reverse=True)
+        if not len(halves[1]):
+            domains.append(Domain(sub.vertices, ()))
+            return len(domains) - 1
+        children = tuple(dissect(sub.only(half)) for half in halves)
+        domains.append(Domain(sub.vertices[side == MIDDLE], children))
+        return len(domains) - 1
+
+    coordinates = _landmark_coordinates(graph, options)
+    dissect(Subgraph(np.arange(graph.shape[0]), graph, weight, coordinates))
     return domains
 
 
-def _dissect(part: Part, domains: list[Domain]) -> int:
-    """Append the domains of a part, and return the position of the last, their parent."""
-    children: tuple[int, ...] = ()
-    vertices = part.vertices
-    if len(vertices) > LEAF:
-        side = _cut(part)
-        # the larger half first: what it leaves waits for less of the other
-        halves = sorted((np.flatnonzero(side == half) for half in (0, 1)), key=len, reverse=True)
-        if len(halves[1]):
-            children = tuple(_dissect(part.only(half), domains) for half in halves)
-            vertices = vertices[side == MIDDLE]
-    domains.append(Domain(vertices, children))
-    return len(domains) - 1
+def _swept_cut(sub: Subgraph, along: NDArray[np.float64], smallest: float) -> Cut:
+    """The best cut across an axis, of those that leave this share of the unknowns in each half.
 
-
-def _cut(part: Part) -> NDArray[np.int8]:
-    """Sides (n,) of a part's vertices."""
-    X = part.X - part.X.mean(axis=0)
-    axes = np.linalg.eigh(X.T @ X)[1][:, ::-1].T
-    tried = axes if len(X) > LARGE else axes[:1]
-    side = min((_swept(part, X @ axis) for axis in tried), key=lambda cut: cut.score).side
-    return _narrowed(part, side) if len(X) > WORTH_FLOW else side
-
-
-def _swept(part: Part, along: NDArray[np.float64]) -> Cut:
-    """The best cut across an axis, of those that keep LEAST of a part in either half."""
-    n, graph, weight = len(along), part.graph, part.weight
+    along (n,) are the positions of the vertices on the axis, in whose order all n + 1 cuts are
+    counted, with the separator taken below the cut or above it.
+    """
+    n, graph, weight = len(along), sub.graph, sub.weight
     order = np.argsort(along, kind="stable")
-    place = np.empty(n, dtype=np.int64)
-    place[order] = np.arange(n)
-    last = np.maximum.reduceat(place[graph.indices], graph.indptr[:-1])
-    first = np.minimum.reduceat(place[graph.indices], graph.indptr[:-1])
-    before = np.append(0, np.cumsum(weight[order]))  # of a cut before place 0, 1, .. n
+    rank = np.empty(n, dtype=np.int64)
+    rank[order] = np.arange(n)
+    last = np.maximum.reduceat(rank[graph.indices], graph.indptr[:-1])
+    first = np.minimum.reduceat(rank[graph.indices], graph.indptr[:-1])
+    below_cut = np.append(0, np.cumsum(weight[order]))  # unknowns below the cut at rank 0, 1, .. n
+
+    def spanning(low: NDArray, high: NDArray) -> NDArray[np.int64]:
+        """Unknowns (n + 1,) with low < cut <= high at cuts 0, 1, .. n."""
+        change = np.bincount(low + 1, weight, n + 2) - np.bincount(high + 1, weight, n + 2)
+        return np.cumsum(change)[: n + 1].astype(np.int64)
+
     # a vertex is in the separator while the cut is between it and its farthest neighbour
-    below, above = _counted(place, last, weight), _counted(first, place, weight)
-    cuts = []
+    below, above, total = spanning(rank, last), spanning(first, rank), below_cut[-1]
+    scores = []
     for size, halves in (
-        (below, (before - below, before[-1] - before)),
-        (above, (before, before[-1] - before - above)),
+        (below, (below_cut - below, total - below_cut)),
+        (above, (below_cut, total - below_cut - above)),
     ):
-        least = np.minimum(*halves)
         score = (size + 1) / np.maximum(halves[0] * halves[1], 1)
-        cuts.append(np.where(least >= LEAST * (before[-1] - size), score, np.inf))
-    at = np.argmin(cuts)
-    taken_above, cut = divmod(int(at), n + 1)
-    side = (place >= cut).astype(np.int8)
-    crossing = (side == 1) & (first < cut) if taken_above else (side == 0) & (last >= cut)
+        is_even = np.minimum(*halves) >= smallest * (total - size)
+        scores.append(np.where(is_even, score, np.inf))
+    is_above, cut = divmod(int(np.argmin(scores)), n + 1)
+    side = (rank >= cut).astype(np.int8)
+    crossing = (side == 1) & (first < cut) if is_above else (side == 0) & (last >= cut)
     side[crossing] = MIDDLE
-    return Cut(side, np.min(cuts))
-
-
-def _counted(first: NDArray, last: NDArray, weight: NDArray) -> NDArray[np.int64]:
-    """Unknowns (n + 1,) with first < cut <= last at cuts 0, 1, .. n."""
-    n = len(first)
-    changes = np.bincount(first + 1, weight, n + 2) - np.bincount(last + 1, weight, n + 2)
-    return np.cumsum(changes)[: n + 1].astype(np.int64)
+    return Cut(side, np.min(scores))
 
 
 def edges(graph: csr_matrix, rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Both ends of all entries in some rows."""
     begin, count = graph.indptr[rows], np.diff(graph.indptr)[rows]
     first = np.concatenate([[0], np.cumsum(count)[:-1]]) if len(rows) else count
-    at = np.arange(count.sum()) + np.repeat(begin - first, count)
-    return np.repeat(rows, count), graph.indices[at]
+    position = np.arange(count.sum()) + np.repeat(begin - first, count)
+    return np.repeat(rows, count), graph.indices[position]
 
 
-def _narrowed(part: Part, side: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Sides with the least separator of all that lie near the one given."""
-    near = _around(part, side)
-    n, (start, end) = len(near), edges(part.graph, near)
+def _least_separator(sub: Subgraph, side: NDArray[np.int8], band: float) -> NDArray[np.int8]:
+    """Sides (n,) with the smallest separator of all within a band around the one given.
+
+    By Menger's theorem its unknowns are the maximum flow from half 0 to half 1 through vertices
+    that let through no more than their weight.
+    """
+    # the separator and layers of vertices on either side of it, a share `band` of all on each
+    in_band = side == MIDDLE
+    for half in (0, 1):
+        front, allowed = np.flatnonzero(side == MIDDLE), band * len(side)
+        while len(front) and allowed > 0:
+            front = np.unique(edges(sub.graph, front)[1])
+            front = front[(side[front] == half) & ~in_band[front]]
+            in_band[front] = True
+            allowed -= len(front)
+    vertices = np.flatnonzero(in_band)
+    n, (start, end) = len(vertices), edges(sub.graph, vertices)
     number = np.full(len(side), -1)
-    number[near] = np.arange(n)
-    ends = [np.unique(number[start[(number[end] < 0) & (side[end] == half)]]) for half in (0, 1)]
-    if min(map(len, ends)) == 0:
+    number[vertices] = np.arange(n)
+
+    # vertices of the band that touch what is left of either half
+    rims = [np.unique(number[start[(number[end] < 0) & (side[end] == half)]]) for half in (0, 1)]
+    if min(map(len, rims)) == 0:
         return side
+
+    # a vertex is a pipe of its weight, from number to n + number; source 2 n and sink 2 n + 1 are
+    # the halves
     inside = (number[end] >= 0) & (start != end)
-    # a vertex is a pipe of its weight, from number to n + number; the halves are 2 n and 2 n + 1
     pipes = np.concatenate(
         [
-            [np.arange(n), n + np.arange(n), part.weight[near]],
+            [np.arange(n), n + np.arange(n), sub.weight[vertices]],
             [n + number[start[inside]], number[end[inside]], np.full(inside.sum(), UNBOUNDED)],
-            [np.full(len(ends[0]), 2 * n), ends[0], np.full(len(ends[0]), UNBOUNDED)],
-            [n + ends[1], np.full(len(ends[1]), 2 * n + 1), np.full(len(ends[1]), UNBOUNDED)],
+            [np.full(len(rims[0]), 2 * n), rims[0], np.full(len(rims[0]), UNBOUNDED)],
+            [n + rims[1], np.full(len(rims[1]), 2 * n + 1), np.full(len(rims[1]), UNBOUNDED)],
         ],
         axis=1,
     )
-    reached = _filled(pipes, n)
-    found = np.where(reached[:n], np.where(reached[n:], 0, MIDDLE), 1)
+    rows, columns, capacity = pipes.astype(np.int32)
+    network = csr_matrix((capacity, (rows, columns)), shape=(2 * n + 2,) * 2)
+    residual = network - maximum_flow(network, 2 * n, 2 * n + 1).flow
+    residual.eliminate_zeros()
+
+    # the minimum cut runs through pipes whose beginning the source still reaches, but not their end
+    reached = np.zeros(2 * n + 2, dtype=bool)
+    reached[breadth_first_order(residual, 2 * n, return_predecessors=False)] = True
+    begins, ends = reached[:n], reached[n : 2 * n]
     narrowed = np.where(side == MIDDLE, 1, side)
-    narrowed[near] = found
+    narrowed[vertices] = np.where(begins, np.where(ends, 0, MIDDLE), 1)
     return narrowed
 
 
-def _filled(pipes: NDArray[np.int64], n: int) -> NDArray[np.bool_]:
-    """Ends (2 n,) of pipes that the source 2 n still reaches at the largest flow to 2 n + 1."""
-    rows, columns, capacity = pipes.astype(np.int32)
-    network = csr_matrix((capacity, (rows, columns)), shape=(2 * n + 2,) * 2)
-    left = network - maximum_flow(network, 2 * n, 2 * n + 1).flow
-    left.eliminate_zeros()
-    reached = np.zeros(2 * n + 2, dtype=bool)
-    reached[breadth_first_order(left, 2 * n, return_predecessors=False)] = True
-    return reached[: 2 * n]
+def _landmark_coordinates(graph: csr_matrix, options: Dissection) -> NDArray[np.float64]:
+    """X (n, dimensions) with distances like those along the graph's edges, by landmark MDS."""
+    # numbers of edges to landmarks, each the farthest from those before it
+    distances, start = [], int(_levels(graph, 0).argmax())
+    for _ in range(options.landmarks):
+        distances.append(_levels(graph, start))
+        start = int(np.min(distances, axis=0).argmax())
+    squared = np.array(distances, dtype=float) ** 2
 
-
-def _around(part: Part, side: NDArray[np.int8]) -> NDArray[np.int64]:
-    """The separator and layers of vertices on either side of it."""
-    found = side == MIDDLE
-    for half in (0, 1):
-        front, allowed = np.flatnonzero(side == MIDDLE), NEAR * len(side)
-        while len(front) and allowed > 0:
-            front = np.unique(edges(part.graph, front)[1])
-            front = front[(side[front] == half) & ~found[front]]
-            found[front] = True
-            allowed -= len(front)
-    return np.flatnonzero(found)
-
-
-def _coordinates(graph: csr_matrix) -> NDArray[np.float64]:
-    """X (n, DIMENSIONS) with distances like those along the graph's edges."""
-    squared = _landmark_distances(graph) ** 2
-    at = squared.argmin(axis=1)
-    between = squared[:, at]
+    # classical scaling of the landmarks; all others by their distances to these
+    landmarks = squared.argmin(axis=1)
+    between = squared[:, landmarks]
     mean = between.mean(axis=0)
     centred = -(between - mean - mean[:, None] + mean.mean()) / 2
     values, vectors = np.linalg.eigh(centred)
-    kept = slice(-1, -DIMENSIONS - 1, -1)
-    scaled = vectors[:, kept] / np.sqrt(np.maximum(values[kept], 1e-12 * max(values[-1], 1e-12)))
+    largest = slice(-1, -options.dimensions - 1, -1)
+    floor = 1e-12 * max(values[-1], 1e-12)
+    scaled = vectors[:, largest] / np.sqrt(np.maximum(values[largest], floor))
     X = -(squared - mean[:, None]).T @ scaled / 2
+
+    # each the mean of itself and its neighbours, several times over
     shares = diags_array(1 / np.maximum(np.diff(graph.indptr), 1)) @ graph
-    for _ in range(SMOOTHINGS):
+    for _ in range(options.smoothings):
         X = shares @ X
     return X
-
-
-def _landmark_distances(graph: csr_matrix) -> NDArray[np.float64]:
-    """Numbers of edges to landmarks (LANDMARKS, n), each the farthest from those before it."""
-    found, start = [], int(_levels(graph, 0).argmax())
-    for _ in range(LANDMARKS):
-        found.append(_levels(graph, start))
-        start = int(np.min(found, axis=0).argmax())
-    return np.array(found, dtype=float)
 
 
 def _levels(graph: csr_matrix, start: int) -> NDArray[np.int64]:
@@ -216,9 +230,11 @@ def _levels(graph: csr_matrix, start: int) -> NDArray[np.int64]:
     while len(front):
         level[front] = depth
         depth += 1
-        met = edges(graph, front)[1]
-        met = met[level[met] < 0]
-        level[met] = depth
-        front = np.flatnonzero(level == depth) if len(met) > len(level) // 50 else np.unique(met)
+        neighbours = edges(graph, front)[1]
+        neighbours = neighbours[level[neighbours] < 0]
+        level[neighbours] = depth
+        # a wide front is read off the levels, which needs no sorting
+        is_wide = len(neighbours) > len(level) // 50
+        front = np.flatnonzero(level == depth) if is_wide else np.unique(neighbours)
     level[level < 0] = 2 * depth
     return level

@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 from fem.elasticity import Structure
 from fem.sagging import area_vectors
 
-PLANE = 1e-6  # of a face's size: what a plane face may leave its plane by
-ROUNDING = 1e-9  # of a normal's length
-ROUND = 0.02  # of a radius: what corners of a mesh may leave a round face by
-FLAT = 0.1  # of the smallest radius of curvature: the largest patch that a half-space is under
+
+class SpotLimits(NamedTuple):
+    """What counts as plane, as round and as flat; values not varied."""
+
+    plane: float = 1e-6  # of a face's size: by which a plane face may leave its mean plane
+    round: float = 0.02  # of a radius: by which corners of a mesh may leave a round face
+    flat: float = 0.1  # of the smallest radius of curvature: the largest patch on a half-space
 
 
 class Spot(NamedTuple):
@@ -24,18 +27,25 @@ class Spot(NamedTuple):
     gap: float = 0.0  # [m] by which the mesh may miss the tangent plane under a patch
 
 
-def require_flat(radii: tuple[float, float], patch_radius: float) -> None:
-    """Raise ValueError for a patch that no half-space is under."""
+def require_flat(
+    radii: tuple[float, float], patch_radius: float, limits: SpotLimits = SpotLimits()
+) -> None:
+    """Raise ValueError for a patch too large for the half-space of the contact law."""
     smallest = min(map(abs, radii))
-    if patch_radius > FLAT * smallest:
+    if patch_radius > limits.flat * smallest:
         raise ValueError(
             f"a patch of radius {patch_radius:g} m on a face of curvature radius {smallest:g} "
-            f"m is {patch_radius / smallest:.2g} of it, allowed is {FLAT:g}: the local law of "
-            "a half-space does not hold; take a smaller patch."
+            f"m is {patch_radius / smallest:.2g} of it, allowed is {limits.flat:g}: the local law "
+            "of a half-space does not hold; take a smaller patch."
         )
 
 
-def planar_spot(structure: Structure, face: str, at: tuple[float, float]) -> Spot:
+def planar_spot(
+    structure: Structure,
+    face: str,
+    at: tuple[float, float],
+    limits: SpotLimits = SpotLimits(),
+) -> Spot:
     """The spot `at` [m] from the middle of a plane face along the two axes that span it.
 
     These are the two global axes farthest from the normal, in their order, laid into the plane.
@@ -43,18 +53,26 @@ def planar_spot(structure: Structure, face: str, at: tuple[float, float]) -> Spo
     """
     corners, middles = _facets(structure, face)
     points = corners.reshape(3, -1).T
-    normal, off = _plane(corners)
-    size = np.ptp(points, axis=0).max()
-    if off > PLANE * size:
+
+    # the mean normal; facets may turn either way round: all are brought to that of the largest
+    vectors = area_vectors(corners)
+    areas = np.linalg.norm(vectors, axis=1)
+    mean = (vectors * np.sign(vectors @ vectors[areas.argmax()])[:, None]).sum(axis=0)
+    normal = mean / np.linalg.norm(mean)
+    normal[np.abs(normal) < 1e-9] = 0.0  # else a contact along x would read y and z as well
+    normal /= np.linalg.norm(normal)
+    off, size = float(np.ptp(points @ normal)), np.ptp(points, axis=0).max()
+    if off > limits.plane * size:
         raise ValueError(
             f"the face {face!r} is not plane: it leaves its mean plane by {off:.2g} m of "
             f"{size:.2g} m; name a plane face, or a cylinder's or sphere's point and radii."
         )
+
     axes = spanning(normal)
     along = points @ axes.T
     middle = (along.min(axis=0) + along.max(axis=0)) / 2 + np.asarray(at, dtype=float)
     height = points.mean(axis=0) @ normal
-    side = np.sign(np.mean(middles @ normal) - height)
+    side = np.sign(np.mean(middles @ normal) - height)  # on which the body is
     return Spot(middle @ axes + height * normal, side * normal, axes)
 
 
@@ -65,6 +83,7 @@ def round_spot(
     centre: NDArray[np.float64],
     radius: float,
     axis: NDArray[np.float64] | None = None,
+    limits: SpotLimits = SpotLimits(),
 ) -> Spot:
     """The spot nearest to a point (3,) [m] on a cylinder of an axis (3,) through `centre` (3,) [m],
     or without one on a sphere around it.
@@ -72,27 +91,28 @@ def round_spot(
     Raises ValueError for a point on the axis, and where the mesh of the face is not as round.
     """
     corners, middles = _facets(structure, face)
-    away = _beside(np.asarray(near, dtype=float) - centre, axis)
-    if np.linalg.norm(away) < ROUNDING * radius:
+    point = np.asarray(near, dtype=float)
+    away = _across(point - centre, axis)
+    if np.linalg.norm(away) < 1e-9 * radius:
         raise ValueError(
             f"{list(near)} m lies in the middle of {face!r}: the struck side is not defined."
         )
     outward = away / np.linalg.norm(away)
-    rims = np.linalg.norm(_beside(corners.reshape(3, -1).T - centre, axis), axis=1)
-    if np.abs(rims / radius - 1).max() > ROUND:
+    rims = np.linalg.norm(_across(corners.reshape(3, -1).T - centre, axis), axis=1)
+    if np.abs(rims / radius - 1).max() > limits.round:
         raise ValueError(
             f"the face {face!r} is not of radius {radius:g} m about its middle: its mesh has "
             f"{rims.min():g} to {rims.max():g} m."
         )
-    depths = np.linalg.norm(_beside(middles - centre, axis), axis=1)
+    depths = np.linalg.norm(_across(middles - centre, axis), axis=1)
     convex = 1.0 if depths.mean() < rims.mean() else -1.0
-    point = np.asarray(near, dtype=float) - away + radius * outward
     along = spanning(outward) if axis is None else np.array([axis, np.cross(outward, axis)])
     along = along / np.linalg.norm(along, axis=1)[:, None]
     radii = (convex * radius if axis is None else np.inf, convex * radius)
+    # the sagitta of a facet, and by how much the face leaves its tangent plane under a patch
     facet = np.ptp(corners, axis=1).max()
-    gap = (facet**2 / 4 + (FLAT * radius) ** 2) / (2 * radius)
-    return Spot(point, -convex * outward, along, radii, gap)
+    gap = (facet**2 / 4 + (limits.flat * radius) ** 2) / (2 * radius)
+    return Spot(point - away + radius * outward, -convex * outward, along, radii, gap)
 
 
 def _facets(structure: Structure, face: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -103,12 +123,12 @@ def _facets(structure: Structure, face: str) -> tuple[NDArray[np.float64], NDArr
     return mesh.p[:, mesh.facets[:, facets]], mesh.p[:, cells].mean(axis=1).T
 
 
-def _beside(along: NDArray[np.float64], axis: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """What of vectors (..., 3) is normal to an axis, all of it without one."""
+def _across(vectors: NDArray[np.float64], axis: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """The components of vectors (..., 3) normal to an axis; all of them without an axis."""
     if axis is None:
-        return along
+        return vectors
     unit = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
-    return along - (along @ unit)[..., None] * unit
+    return vectors - (vectors @ unit)[..., None] * unit
 
 
 def spanning(normal: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -118,16 +138,3 @@ def spanning(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     first /= np.linalg.norm(first)
     across = np.cross(normal, first)
     return np.array([first, np.sign(across @ second) * across])
-
-
-def _plane(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Unit normal (3,) of facets (3, n_corners, n) taken together, and what they leave its plane
-    by [m]."""
-    vectors = area_vectors(corners)
-    areas = np.linalg.norm(vectors, axis=1)
-    # facets may turn either way round: all are brought to that of the largest
-    mean = (vectors * np.sign(vectors @ vectors[areas.argmax()])[:, None]).sum(axis=0)
-    normal = mean / np.linalg.norm(mean)
-    normal[np.abs(normal) < ROUNDING] = 0.0  # else a contact along x would read y and z as well
-    normal /= np.linalg.norm(normal)
-    return normal, float(np.ptp(corners.reshape(3, -1).T @ normal))

@@ -1,6 +1,6 @@
 """Points on named faces of a mesh: where they lie, and the displacements there.
 
-A face is told by its body and its name there, "body:face".
+A face is named by its body and its name there, "body:face".
 """
 
 from typing import NamedTuple
@@ -13,12 +13,9 @@ from skfem import Basis, FacetBasis
 from fem.elasticity import Structure
 from fem.sagging import area_vectors
 
-NEWTON_STEPS = 12  # boxes and straight tetrahedra need one
-MISS = 1e-5  # of a face's largest facet: a point this far off lies on it
-
 
 class OffFace(ValueError):
-    """A point does not lie on the face that it is looked for on."""
+    """A point does not lie on the face on which it is wanted."""
 
 
 def face_nodes(structure: Structure, face: str) -> NDArray[np.int64]:
@@ -28,8 +25,8 @@ def face_nodes(structure: Structure, face: str) -> NDArray[np.int64]:
     """
     body, facets = structure.facets(face)
     on_face = structure.basis[body].get_dofs(facets)
-    own = np.column_stack([on_face.all([f"u^{i}"]) for i in (1, 2, 3)])
-    return structure.first[body] + own
+    dofs = np.column_stack([on_face.all([f"u^{i}"]) for i in (1, 2, 3)])
+    return structure.first[body] + dofs
 
 
 class FaceMean(NamedTuple):
@@ -42,15 +39,18 @@ class FaceMean(NamedTuple):
 
 
 def face_mean(structure: Structure, face: str) -> FaceMean:
-    """Raises ValueError for a face that the mesh does not have, or not a facet of."""
+    """The mean over a face, by the shape functions of its nodes.
+
+    Raises ValueError for a face that the mesh does not have, or not a facet of.
+    """
     body, facets = structure.facets(face)
     basis = structure.basis[body]
     on_face = FacetBasis(basis.mesh, basis.elem.elem, facets=facets, intorder=4)
     area, share = on_face.dx.sum(), np.zeros(on_face.N)
     for dofs, phi in zip(on_face.element_dofs, on_face.basis, strict=True):
         np.add.at(share, dofs, (np.asarray(phi[0]) * on_face.dx).sum(axis=1))
-    own = np.flatnonzero(np.abs(share) > 1e-12 * area)
-    node, share = structure.first[body] // 3 + own, share[own] / area
+    nodes = np.flatnonzero(np.abs(share) > 1e-12 * area)
+    node, share = structure.first[body] // 3 + nodes, share[nodes] / area
     normal = (on_face.normals * on_face.dx).sum(axis=(1, 2)) / area
     return FaceMean(node, share, share @ structure.points[node], normal)
 
@@ -62,8 +62,8 @@ def face_edges(structure: Structure, face: str) -> NDArray[np.float64]:
     corners = mesh.facets[:, facets]
     n = len(corners)  # numbered around a facet
     edges = np.hstack([corners[[i, (i + 1) % n]] for i in range(n)])
-    own, times = np.unique(np.sort(edges, axis=0), axis=1, return_counts=True)
-    return mesh.p[:, own[:, times == 1]].transpose(2, 1, 0)
+    edges, n_facets = np.unique(np.sort(edges, axis=0), axis=1, return_counts=True)
+    return mesh.p[:, edges[:, n_facets == 1]].transpose(2, 1, 0)
 
 
 class OuterNodes(NamedTuple):
@@ -110,69 +110,77 @@ def trace(
     """P (3 n, ndof) with P @ u = the displacements at `points` (n, 3) of a face, point by point.
 
     Off the face, by up to `gap` [m], the field of the nearest element is continued, so that rigid
-    motions stay what they are. Raises OffFace when a point lies farther off.
+    motions stay what they are. Raises OffFace when a point lies farther off; 1e-5 of the facet's
+    size counts as on it.
     """
     body, facets = structure.facets(face)
     basis = structure.basis[body]
     mesh = basis.mesh
     corners = mesh.p[:, mesh.facets[:, facets]]
     size = np.ptp(corners, axis=1).max()
-    point, facet = _candidates(corners, points, max(1e-7 * size, gap))
+
+    # pairs (point, facet) where the point is in the facet's bounding box
+    tolerance = max(1e-7 * size, gap)
+    lower, upper = corners.min(axis=1) - tolerance, corners.max(axis=1) + tolerance
+    in_box = np.ones((len(points), len(facets)), dtype=bool)
+    for axis in range(3):
+        x = points[:, axis, None]
+        in_box &= (x >= lower[axis]) & (x <= upper[axis])
+    point, facet = np.nonzero(in_box)
+
+    # of each point the cell in which, or nearest to which, it lies: shape functions of the cell's
+    # corners are negative outside
     cells = mesh.f2t[0, facets[facet]]
     target = points[point].T[:, :, None]
     X = local_coordinates(basis.mapping, target, cells)
-    phi = _vertex_functions(mesh.elem(), X[:, :, 0])
-    outside = np.maximum(0.0, -phi.min(axis=0))
+    element = mesh.elem()
+    phi = [element.lbasis(X[:, :, 0], i)[0] for i in range(element.doflocs.shape[0])]
+    outside = np.maximum(0.0, -np.array(phi).min(axis=0))
     outside += np.linalg.norm((basis.mapping.F(X, tind=cells) - target)[:, :, 0], axis=0) / size
-    best = _least(point, outside, len(points))
-    near = corners[:, :, facet]
+    best = np.full(len(points), -1)
+    falling = np.argsort(outside, kind="stable")[::-1]
+    best[point[falling]] = falling  # the last written is the smallest
+
+    # how far each point lies from the nearest facet
+    candidates = corners[:, :, facet]
+    miss = 1e-5 * np.ptp(candidates, axis=1).max(axis=0)
     distance = np.full(len(points), np.inf)
-    np.minimum.at(distance, point, _distances(near, points[point].T) - MISS * _sizes(near))
+    np.minimum.at(distance, point, _facet_distances(candidates, points[point].T) - miss)
     if np.any(distance > gap):
-        bad = int(np.argmax(distance))
+        worst = int(np.argmax(distance))
         raise OffFace(
-            f"the point {np.round(points[bad], 6).tolist()} m does not lie on the face {face!r}."
+            f"the point {np.round(points[worst], 6).tolist()} m does not lie on the face {face!r}."
         )
+
     P = interpolation(basis, X[:, best, 0], cells[best])
     return csr_matrix(
         (P.data, P.indices + structure.first[body], P.indptr), (P.shape[0], structure.n_dofs)
     )
 
 
-def _distances(corners: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of points (3, n) to plane facets (3, 3 or 4, n), (n,) [m]."""
+def _facet_distances(
+    corners: NDArray[np.float64], points: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distances (n,) [m] of points (3, n) to plane facets (3, 3 or 4, n): to the plane where the
+    point lies above the facet, else to its rim."""
     along, to = np.roll(corners, -1, axis=1) - corners, points[:, None] - corners
     share = np.clip(np.sum(along * to, axis=0) / np.sum(along**2, axis=0), 0.0, 1.0)
     rim = np.linalg.norm(to - share * along, axis=0).min(axis=0)
     normal = area_vectors(corners).T
     normal = normal / np.linalg.norm(normal, axis=0)
-    left = np.sum(np.cross(along, to, axis=0) * normal[:, None], axis=0)
-    within = np.all(left >= 0.0, axis=0)
-    return np.where(within, np.abs(np.sum(to[:, 0] * normal, axis=0)), rim)
+    inward = np.sum(np.cross(along, to, axis=0) * normal[:, None], axis=0)
+    above = np.all(inward >= 0.0, axis=0)
+    return np.where(above, np.abs(np.sum(to[:, 0] * normal, axis=0)), rim)
 
 
-def _sizes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Longest extent of each facet along an axis, (n,) [m]."""
-    return np.ptp(corners, axis=1).max(axis=0)
-
-
-def _candidates(corners, points, tolerance: float):
-    """Pairs (point, facet) for which the point is in the facet's bounding box."""
-    lower, upper = corners.min(axis=1) - tolerance, corners.max(axis=1) + tolerance
-    inside = np.ones((len(points), corners.shape[2]), dtype=bool)
-    for axis in range(3):
-        x = points[:, axis, None]
-        inside &= (x >= lower[axis]) & (x <= upper[axis])
-    return np.nonzero(inside)
-
-
-def local_coordinates(mapping, x, cells) -> NDArray[np.float64]:
+def local_coordinates(mapping, x, cells, *, n_steps: int = 12) -> NDArray[np.float64]:
     """Local coordinates (3, n, 1) of points in cells, by Newton's method.
 
     scikit-fem's own inverse clips to the cell and gives up on a point a rounding error outside it.
+    Boxes and straight tetrahedra need one step.
     """
     X = np.full(x.shape, 0.5)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(n_steps):
         step = np.einsum("ijkl,jkl->ikl", mapping.invDF(X, cells), x - mapping.F(X, cells))
         X = np.clip(X + step, -0.5, 1.5)
         if np.abs(step).max(initial=0.0) < 1e-13:
@@ -180,22 +188,8 @@ def local_coordinates(mapping, x, cells) -> NDArray[np.float64]:
     return X
 
 
-def _vertex_functions(vertex_element, X) -> NDArray[np.float64]:
-    """Of the cell's corners (k, n) at local coordinates X (3, n): negative outside the cell."""
-    return np.array(
-        [vertex_element.lbasis(X, i)[0] for i in range(vertex_element.doflocs.shape[0])]
-    )
-
-
-def _least(group, value, n: int) -> NDArray[np.int64]:
-    """For each group 0..n-1 the position of its smallest value, -1 for an empty group."""
-    best = np.full(n, -1)
-    order = np.argsort(value, kind="stable")[::-1]
-    best[group[order]] = order
-    return best
-
-
 def interpolation(basis: Basis, X, cells) -> csr_matrix:
+    """P (3 n, n_dofs) reading the displacements at local coordinates X (3, n) of cells (n,)."""
     scalar = basis.elem.elem
     n_points, n_shapes = len(cells), basis.Nbfun // 3
     phi = np.array([np.broadcast_to(scalar.lbasis(X, i)[0], n_points) for i in range(n_shapes)])

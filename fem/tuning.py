@@ -26,16 +26,8 @@ from fem.factorisation import factorised
 from fem.model import Model
 from fem.modes import Modes, modes
 
-STIFF, SOFT = 1e10, 1e6  # [N/m] settings whose modes span the projection
-LEVER = 1e-4  # [m^2] turns per shifts: a rotational stiffness is one at about 10 mm
-UNFITTED = 3.0  # log-frequency distance charged for a mode that lost its shape
-N_STARTS = 12
-UNSEEN = 0.7  # of the uncertainty within the bounds: more is left where the data say nothing
-VAGUE = np.log(2.0)  # standard deviation of ln(value): not even known within a factor of two
-WORSE = 4.0  # rise of the sum of squares that one parameter explains: two standard deviations
 
-
-class Parameter(NamedTuple):
+class TuningParameter(NamedTuple):
     """Springs that share one stiffness, or a factor on the moduli or the density of bodies."""
 
     name: str
@@ -43,13 +35,13 @@ class Parameter(NamedTuple):
     start: float
     lower: float
     upper: float
-    bodies: tuple[str, ...] = ()  # that the factor is on
+    bodies: tuple[str, ...] = ()  # whose material the factor multiplies
     of: Literal["young", "density"] = "young"
     before: tuple[float, ...] = ()  # stiffness of each spring, inf where rigid; or the one factor
 
 
 class TuningBasis(NamedTuple):
-    """The assembly projected on m shapes, springs and bodies apart."""
+    """The assembly projected on m shapes; springs and bodies kept separate, for trial values."""
 
     K0: NDArray[np.float64]  # (m, m) joints open
     M: NDArray[np.float64]  # (m, m)
@@ -57,32 +49,64 @@ class TuningBasis(NamedTuple):
     spring: tuple[str, ...]  # (n_springs,) their names
     stiffness: NDArray[np.float64]  # (n_springs,) where no parameter sets it
     forms: dict[str, BodyForms]  # of every body, in the same coordinates
-    targets: tuple[Target, ...]  # how the modes to tune are told, 1, 2, ...
+    targets: tuple[Target, ...]  # what identifies the modes to tune, 1, 2, ...
 
 
 class Tuning(NamedTuple):
-    """The best fit found; nan stands for targets that no mode fits."""
+    """The best fit; nan stands for targets that no mode fits."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[TuningParameter, ...]
     value: NDArray[np.float64]  # (p,) stiffnesses [N/m, N m/rad] and factors
     modes_hz: NDArray[np.float64]  # (n_targets,) of the projection
     deviation: NDArray[np.float64]  # (p,) of ln(value) for the assumed frequency error
     uncertainty: NDArray[np.float64]  # (p,) the same over the largest that counts as determined
-    is_determined: bool  # whether the targets narrow every combination of the parameters
+    is_determined: bool  # whether the targets determine every combination of the parameters
     misfit: float  # sum of (ln(f / target) / frequency error)^2
     all_hz: NDArray[np.float64]  # every frequency up to that of the highest target
     evaluations: int
 
 
-def tuning_basis(model: Model, targets: Sequence[Target], *, n_modes: int = 24) -> TuningBasis:
+class BasisSettings(NamedTuple):
+    """Two stiffnesses of all joints, whose modes span the projection; values not varied."""
+
+    stiff: float = 1e10  # [N/m]
+    soft: float = 1e6  # [N/m] that of the attachment shapes as well
+    lever: float = 1e-4  # [m^2] a rotational stiffness is one of shifts at a distance of 10 mm
+    dependent: float = 1e-10  # of the largest eigenvalue of V^T M V: below, a shape is dropped
+
+
+class TuningSettings(NamedTuple):
+    """What a fit counts as lost, as determined and as needed; values not varied."""
+
+    unfitted: float = 3.0  # ln(f / target) charged for a mode that lost its shape: a factor of 20
+    unseen: float = 0.7  # deviation over that within the bounds: above, the data say nothing
+    vague: float = np.log(2.0)  # deviation of ln(value): not even known within a factor of two
+    worse: float = 4.0  # rise of the sum of squares that one parameter explains: two deviations
+
+
+def tuning_basis(
+    model: Model,
+    targets: Sequence[Target],
+    *,
+    n_modes: int = 24,
+    settings: BasisSettings = BasisSettings(),
+) -> TuningBasis:
     """Project a model of finite springs; takes two solves for modes and one for attachments."""
-    stiffness = np.where(_is_turn(model), LEVER, 1.0)
-    stiff, soft = (modes(_with(model, k * stiffness), model.M, n_modes) for k in (STIFF, SOFT))
-    K = _with(model, SOFT * stiffness)
+    is_turn = np.array([".kr" in name[-4:] for name in model.spring], dtype=bool)
+    unit_stiffness = np.where(is_turn, settings.lever, 1.0)
+
+    # modes at both ends of the range, and the static shape of every spring pulled alone
+    stiff, soft = (
+        modes(model._replace(stiffness=k * unit_stiffness).K, model.M, n_modes)
+        for k in (settings.stiff, settings.soft)
+    )
+    K = model._replace(stiffness=settings.soft * unit_stiffness).K
     pulls = np.zeros((K.shape[0], len(model.elongation)))
     pulls[model.elongation, range(len(model.elongation))] = 1.0
-    shapes = [stiff.phi, soft.phi, factorised(K).solve(pulls)]
-    V = _orthonormal(np.hstack(shapes), model.M)
+    attachments = factorised(K).solve(pulls)
+    shapes = np.hstack([stiff.phi, soft.phi, attachments])
+    V = _m_orthonormalised(shapes, model.M, settings.dependent)
+
     return TuningBasis(
         V.T @ (model.K0 @ V),
         np.eye(V.shape[1]),
@@ -94,24 +118,16 @@ def tuning_basis(model: Model, targets: Sequence[Target], *, n_modes: int = 24) 
     )
 
 
-def _with(model: Model, stiffness):
-    return model._replace(stiffness=stiffness).K
-
-
-def _is_turn(model: Model) -> NDArray[np.bool_]:
-    return np.array([".kr" in name[-4:] for name in model.spring], dtype=bool)
-
-
-def _orthonormal(V: NDArray[np.float64], M) -> NDArray[np.float64]:
-    """Columns that span V, M-orthonormal, nearly dependent ones dropped."""
+def _m_orthonormalised(V: NDArray[np.float64], M, dependent: float) -> NDArray[np.float64]:
+    """Columns that span V (n, m), M-orthonormal; nearly dependent ones dropped."""
     V = V / np.sqrt(np.sum(V * (M @ V), axis=0))
     values, rotation = np.linalg.eigh(V.T @ (M @ V))
-    kept = values > 1e-10 * values[-1]
-    return V @ (rotation[:, kept] / np.sqrt(values[kept]))
+    independent = values > dependent * values[-1]
+    return V @ (rotation[:, independent] / np.sqrt(values[independent]))
 
 
 def spectrum(
-    basis: TuningBasis, parameters: Sequence[Parameter], value: NDArray[np.float64]
+    basis: TuningBasis, parameters: Sequence[TuningParameter], value: NDArray[np.float64]
 ) -> Modes:
     """All modes of the projection at the given values (p,)."""
     k, K, M = basis.stiffness.copy(), basis.K0, basis.M
@@ -131,79 +147,117 @@ def spectrum(
 
 
 def sensitivity(
-    basis: TuningBasis, parameters: Sequence[Parameter], value: NDArray[np.float64], found: Modes
+    basis: TuningBasis,
+    parameters: Sequence[TuningParameter],
+    value: NDArray[np.float64],
+    computed: Modes,
 ) -> NDArray[np.float64]:
-    """d ln(omega) / d ln(value), (k, p), for the modes given."""
-    gradients = [_gradient(basis, p, found) for p in parameters]
-    return np.array(gradients).T * value / (2 * found.omega[:, None] ** 2)
-
-
-def _gradient(basis: TuningBasis, p: Parameter, found: Modes) -> NDArray[np.float64]:
-    """d omega^2 / d value, (k,)."""
-    stretch = basis.elongation[np.isin(basis.spring, p.springs)] @ found.phi
-    total = (stretch**2).sum(axis=0)
-    for form in (basis.forms[body] for body in p.bodies):
-        A, factor = (form.K, 1.0) if p.of == "young" else (form.M, -(found.omega**2))
-        total = total + factor * np.sum(found.phi * (A @ found.phi), axis=0)
-    return total
+    """d ln(omega) / d ln(value), (k, p), of k modes computed at the values (p,)."""
+    phi, gradients = computed.phi, []
+    for p in parameters:
+        # d omega^2 / d value, (k,): of all springs that share the value, then of the bodies
+        elongation = basis.elongation[np.isin(basis.spring, p.springs)] @ phi
+        gradient = (elongation**2).sum(axis=0)
+        for form in (basis.forms[body] for body in p.bodies):
+            A, factor = (form.K, 1.0) if p.of == "young" else (form.M, -(computed.omega**2))
+            gradient = gradient + factor * np.sum(phi * (A @ phi), axis=0)
+        gradients.append(gradient)
+    return np.array(gradients).T * value / (2 * computed.omega[:, None] ** 2)
 
 
 def tune(
     basis: TuningBasis,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[TuningParameter],
     target_hz: Mapping[int, float],
     *,
     frequency_error: float = 1e-3,
     regularisation: float = 1e-4,
-    n_starts: int = N_STARTS,
+    n_starts: int = 12,
     seed: int = 0,
+    settings: TuningSettings = TuningSettings(),
 ) -> Tuning:
     """Parameters that bring targets {1, 2, ...: Hz} of the basis to their frequencies.
 
-    Least squares in the logarithms, from the start values and from `n_starts - 1` random ones
-    within the bounds; a small pull towards the start values decides what the targets leave open.
-    `deviation` is the standard deviation of ln(value) for the relative `frequency_error`.
+    Least squares in x = ln(value), from the start values and from `n_starts - 1` random ones
+    within the bounds, of the residuals
+
+        ln(f_i(x) / target_i),    regularisation (x_j - x_j(start)).
+
+    The second, a weak pull, decides what the targets leave open. `deviation` is the standard
+    deviation of ln(value) for the relative `frequency_error`.
     """
-    problem = _Problem(basis, tuple(parameters), target_hz, regularisation)
-    starts = problem.starts(n_starts, seed) if parameters else []
-    fits = [_fit(problem, start) for start in starts]
-    x = min(fits, key=lambda fit: fit.cost).x if fits else np.zeros(0)
-    modes_there = spectrum(basis, parameters, np.exp(x))
-    index = paired(basis.forms, modes_there, basis.targets).index
-    lost = np.where(index < 0, np.nan, 1.0)
-    n = len(target_hz)
-    residual, J = (
-        problem.residual(x)[:n] / frequency_error,
-        problem.jacobian(x)[:n] / frequency_error,
+    start, lower, upper = (
+        np.log([getattr(p, key) for p in parameters]) for key in ("start", "lower", "upper")
     )
+    measured_hz = np.array(list(target_hz.values()))
+    n_targets = len(target_hz)
+
+    def matched(x: NDArray[np.float64]) -> tuple[Modes, NDArray[np.int64]]:
+        """Modes at exp(x), and which of them each target is, -1 where none."""
+        computed = spectrum(basis, parameters, np.exp(x))
+        index = paired(basis.forms, computed, basis.targets).index
+        return computed, index[[i - 1 for i in target_hz]]
+
+    def residual(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        computed, index = matched(x)
+        error = np.log(np.maximum(computed.frequency_hz[index], 1e-3) / measured_hz)
+        error = np.where(index < 0, settings.unfitted, error)
+        return np.concatenate([error, regularisation * (x - start)])
+
+    def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        computed, index = matched(x)
+        of_targets = Modes(computed.omega[index], computed.phi[:, index])
+        J = sensitivity(basis, parameters, np.exp(x), of_targets)
+        J[index < 0] = 0.0
+        return np.vstack([J, regularisation * np.eye(len(x))])
+
+    # modes swap places as joints stiffen, so the sum of squares has several minima: many starts
+    fits, x = [], np.zeros(0)
+    if parameters:
+        random = np.random.default_rng(seed).uniform(lower, upper, (n_starts - 1, len(lower)))
+        for x_0 in (np.clip(start, lower, upper), *random):
+            fits.append(
+                least_squares(
+                    residual, x_0, jacobian, bounds=(lower, upper),
+                    xtol=1e-10, ftol=1e-12, gtol=1e-12, max_nfev=60,
+                )
+            )  # fmt: skip
+        x = min(fits, key=lambda fit: fit.cost).x
 
     # covariance of ln(value) over the largest deviations that count as determined; where the data
-    # say nothing, the bounds do
-    prior = problem.prior
-    limit = np.minimum(UNSEEN * prior, VAGUE)
+    # say nothing, the bounds do: a value evenly likely within them
+    error, J = residual(x)[:n_targets] / frequency_error, jacobian(x)[:n_targets] / frequency_error
+    prior = np.subtract(upper, lower) / np.sqrt(12)
+    limit = np.minimum(settings.unseen * prior, settings.vague)
     covariance = np.linalg.inv(J.T @ J + np.diag(prior**-2.0)) / np.outer(limit, limit)
     uncertainty = np.sqrt(np.diag(covariance))
+
+    # every target, those too that were not fitted
+    computed = spectrum(basis, parameters, np.exp(x))
+    index = paired(basis.forms, computed, basis.targets).index
     return Tuning(
-        problem.parameters,
+        tuple(parameters),
         np.exp(x),
-        lost * modes_there.frequency_hz[index],
+        np.where(index < 0, np.nan, 1.0) * computed.frequency_hz[index],
         np.where(uncertainty > 1.0, np.inf, uncertainty * limit),
         uncertainty,
         bool(np.linalg.norm(covariance, 2) <= 1.0) if len(x) else True,
-        float(residual @ residual),
-        modes_there.frequency_hz[: index.max() + 1],
+        float(error @ error),
+        computed.frequency_hz[: index.max() + 1],
         sum(fit.nfev for fit in fits),
     )
 
 
 def determined(
     basis: TuningBasis,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[TuningParameter],
     target_hz: Mapping[int, float],
     fit: Tuning,
-) -> tuple[Parameter, ...]:
+    *,
+    settings: TuningSettings = TuningSettings(),
+) -> tuple[TuningParameter, ...]:
     """The parameters, of a fit of all of them, that the targets determine; none where they
-    determine none. The others are at the values they had before (`Parameter.before`).
+    determine none. The others are at the values they had before (`TuningParameter.before`).
 
     Backward elimination, one parameter at a time. A direction that was rigid, or stiffer than its
     bounds, stays so if the other parameters alone meet the targets as closely (likelihood ratio,
@@ -214,27 +268,28 @@ def determined(
     """
     while parameters:
         uncertainty = dict(zip([p.name for p in parameters], fit.uncertainty, strict=True))
-        least = sorted(parameters, key=lambda p: -uncertainty[p.name])
-        rigid = [p for p in least if p.springs and min(p.before) > p.upper]
-        elastic = [p for p in least if p not in rigid]
-        allowed = fit.misfit + WORSE * max(1.0, fit.misfit / len(target_hz))
+        by_uncertainty = sorted(parameters, key=lambda p: -uncertainty[p.name])
+        rigid = [p for p in by_uncertainty if p.springs and min(p.before) > p.upper]
+        elastic = [p for p in by_uncertainty if p not in rigid]
+        allowed = fit.misfit + settings.worse * max(1.0, fit.misfit / len(target_hz))
         refits = {}
-        for left_out in rigid if fit.is_determined else rigid + elastic:
-            rest = [p for p in parameters if p is not left_out]
-            fixed = at_before(basis, left_out)
-            refit = tune(fixed, rest, target_hz)
-            refits[left_out.name] = rest, fixed, refit
+        for dropped in rigid if fit.is_determined else rigid + elastic:
+            remaining = [p for p in parameters if p is not dropped]
+            reduced = at_before(basis, dropped)
+            refit = tune(reduced, remaining, target_hz, settings=settings)
+            refits[dropped.name] = remaining, reduced, refit
             if refit.misfit <= allowed:
                 break
         else:
+            # every one of these is needed to meet the targets
             if fit.is_determined:
                 break
-            left_out = least[0]
-        parameters, basis, fit = refits[left_out.name]
+            dropped = by_uncertainty[0]
+        parameters, basis, fit = refits[dropped.name]
     return tuple(parameters)
 
 
-def at_before(basis: TuningBasis, p: Parameter) -> TuningBasis:
+def at_before(basis: TuningBasis, p: TuningParameter) -> TuningBasis:
     """The basis with a parameter at the value it had before, rigid springs as constraints."""
     before = dict(zip(p.springs, p.before, strict=True)) if p.springs else {}
     stiffness = np.array(
@@ -246,10 +301,13 @@ def at_before(basis: TuningBasis, p: Parameter) -> TuningBasis:
             K0 = K0 + (p.before[0] - 1) * form.K
         else:
             M = M + (p.before[0] - 1) * form.M
+
+    # coordinates q = Z z in which the rigid springs do not elongate
     rigid = np.isinf(stiffness)
     constraint = basis.elongation[rigid]
     constraint = constraint / np.linalg.norm(constraint, axis=1, keepdims=True)
-    Z = _orthonormal(null_space(constraint) if rigid.any() else np.eye(len(M)), M)
+    Z = null_space(constraint) if rigid.any() else np.eye(len(M))
+    Z = _m_orthonormalised(Z, M, BasisSettings().dependent)
     return TuningBasis(
         Z.T @ K0 @ Z,
         np.eye(Z.shape[1]),
@@ -262,64 +320,3 @@ def at_before(basis: TuningBasis, p: Parameter) -> TuningBasis:
         },
         tuple(t.within(Z) if isinstance(t, Shape) else t for t in basis.targets),
     )
-
-
-def _fit(problem: "_Problem", start: NDArray[np.float64]):
-    return least_squares(
-        problem.residual,
-        start,
-        problem.jacobian,
-        bounds=problem.bounds,
-        xtol=1e-10,
-        ftol=1e-12,
-        gtol=1e-12,
-        max_nfev=60,
-    )
-
-
-class _Problem(NamedTuple):
-    """Residuals ln(f / target) and weak pulls ln(value / start), in x = ln(value)."""
-
-    basis: TuningBasis
-    parameters: tuple[Parameter, ...]
-    target_hz: Mapping[int, float]
-    regularisation: float
-
-    @property
-    def bounds(self):
-        return np.log([p.lower for p in self.parameters]), np.log(
-            [p.upper for p in self.parameters]
-        )
-
-    @property
-    def prior(self) -> NDArray[np.float64]:
-        """Standard deviation of ln(value) that is evenly likely within the bounds."""
-        return np.subtract(self.bounds[1], self.bounds[0]) / np.sqrt(12)
-
-    @property
-    def start(self) -> NDArray[np.float64]:
-        return np.log([p.start for p in self.parameters])
-
-    def starts(self, n: int, seed: int) -> list[NDArray[np.float64]]:
-        lower, upper = self.bounds
-        random = np.random.default_rng(seed).uniform(lower, upper, (n - 1, len(lower)))
-        return [np.clip(self.start, lower, upper), *random]
-
-    def residual(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        f, index, _ = self._matched(x)
-        targets = np.array(list(self.target_hz.values()))
-        error = np.where(index < 0, UNFITTED, np.log(np.maximum(f, 1e-3) / targets))
-        return np.concatenate([error, self.regularisation * (x - self.start)])
-
-    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        _, index, found = self._matched(x)
-        some = Modes(found.omega[index], found.phi[:, index])
-        J = sensitivity(self.basis, self.parameters, np.exp(x), some)
-        J[index < 0] = 0.0
-        return np.vstack([J, self.regularisation * np.eye(len(x))])
-
-    def _matched(self, x: NDArray[np.float64]):
-        found = spectrum(self.basis, self.parameters, np.exp(x))
-        index = paired(self.basis.forms, found, self.basis.targets).index
-        index = index[[i - 1 for i in self.target_hz]]
-        return found.frequency_hz[index], index, found

@@ -2,10 +2,13 @@
 
     boxes, interfaces      bodies of the thesis' rig (an `Assembly` of dimensions), and their faces
     hex_mesh, plate_mesh   hexahedra of the rig, and of a plate refined at a point
-    geometry.cad           STEP files in and out; geometry.prism, geometry.shapes: bodies drawn
-    geometry.body_mesh     bodies of any assembly meshed, faces that touch imprinted on each other
+    geometry.shapes        bodies to be drawn; geometry.cad: drawn, or read from STEP files
+    geometry.touching      which bodies touch, on which faces
+    geometry.joints        what words of a scene pick of them: faces, pairs, places of joints
+    geometry.body_mesh     bodies meshed, faces that touch imprinted on each other
+    geometry.own_mesh      the same of bodies that a mesh file holds, found on their facets
 
-A mesh is a `skfem.Mesh` with named boundaries, a face is told as "body:face". Raises
+A mesh is a `skfem.Mesh` with named boundaries, a face is called "body:face". Raises
 InvalidGeometry, one sentence, for dimensions that nobody can build.
 
 >>> float(boxes(Assembly())["block"].upper[0])  # m, half of its 131.5 mm along the chain
@@ -15,7 +18,7 @@ InvalidGeometry, one sentence, for dimensions that nobody can build.
 from geometry.assembly import (
     PARTS,
     Assembly,
-    Box,
+    Cuboid,
     Interface,
     InvalidGeometry,
     boxes,
@@ -24,10 +27,9 @@ from geometry.assembly import (
     provenance,
     volume,
 )
-from geometry.bodies import by_body
 from geometry.cell_groups import CellGroup
 from geometry.hex_mesh import hex_mesh
-from geometry.naming import named
+from geometry.naming import by_body, named
 from geometry.plate_mesh import Extent, plate_mesh
 from geometry.quality import smallest_quality
 from geometry.refined import refined
@@ -36,8 +38,8 @@ from geometry.thinning import thinned
 __all__ = [
     "PARTS",
     "Assembly",
-    "Box",
     "CellGroup",
+    "Cuboid",
     "Extent",
     "Interface",
     "InvalidGeometry",

@@ -85,7 +85,7 @@ class Assembly:
         _check(self)
 
 
-class Box(NamedTuple):
+class Cuboid(NamedTuple):
     """A cuboid body between two corners."""
 
     lower: NDArray[np.float64]  # (3,) [m]
@@ -108,21 +108,24 @@ def provenance(name: str) -> str:
     return f"{metadata['description']} ({metadata['provenance']})"
 
 
-def boxes(assembly: Assembly) -> dict[str, Box]:
+def boxes(assembly: Assembly) -> dict[str, Cuboid]:
     """The cuboid bodies that the assembly is built of, by name."""
     a = assembly
+    # sides, and z of the upper face: the sheets span what lies free between block and support
+    stacked = {"block": ((a.block_x, a.block_y, a.block_z), a.block_z)}
     top = -a.sheet_free_length
-    sizes = {
-        "sheets_support": (a.sheets_support_x, a.sheets_support_y, a.sheets_support_z),
-        "support": (a.support_x, a.support_y, a.support_z),
-        "plate": (a.plate_x, a.plate_y, a.plate_z),
-    }
-    built = {"block": _box((a.block_x, a.block_y, a.block_z), a.block_z)}
-    for name, size in sizes.items():
+    for name, sides in (
+        ("sheets_support", (a.sheets_support_x, a.sheets_support_y, a.sheets_support_z)),
+        ("support", (a.support_x, a.support_y, a.support_z)),
+        ("plate", (a.plate_x, a.plate_y, a.plate_z)),
+    ):
         if name in a.parts:
-            built[name] = _box(size, top)
-            top -= size[2]
-    return built
+            stacked[name] = sides, top
+            top -= sides[2]
+    return {
+        name: Cuboid(np.array([-x / 2, -y / 2, top - z]), np.array([x / 2, y / 2, top]))
+        for name, ((x, y, z), top) in stacked.items()
+    }
 
 
 def sheets(assembly: Assembly) -> dict[str, float]:
@@ -141,14 +144,34 @@ def screw_z(assembly: Assembly) -> dict[str, float]:
 def interfaces(assembly: Assembly) -> tuple[Interface, ...]:
     """All pairs of touching faces, from the block downwards."""
     a = assembly
-    joints = [
-        _bolted(a, sheet, joint, body)
-        for joint, body in (("head", "block"), ("foot", "sheets_support"))
-        if body in a.parts
-        for sheet in sheets(a)
-    ]
+    pairs = []
+
+    # sheets bolted to the block and to their support
+    numbers = range(1, len(a.screw_x) + 1)
+    for joint, body in (("head", "block"), ("foot", "sheets_support")):
+        for sheet in sheets(a) if body in a.parts else ():
+            y, z = SIDES[sheet] * a.block_y / 2, screw_z(a)[joint]
+            pairs.append(
+                Interface(
+                    f"{sheet}:{joint}",
+                    f"{body}:{sheet[-2:]}",
+                    tuple(f"{sheet}:{joint}-washer-{i}" for i in numbers),
+                    tuple(f"{sheet}:{joint}-share-{i}" for i in numbers),
+                    np.array([[x, y, z] for x in a.screw_x]),
+                )
+            )
+
+    # parts that stand on each other: the smaller face is the slave
     stack = [name for name in PARTS[2:] if name in a.parts]
-    return (*joints, *(_stacked(a, *pair) for pair in pairwise(stack)))
+    for upper, lower in pairwise(stack):
+        top, bottom = boxes(a)[upper], boxes(a)[lower]
+        inside = np.all(top.lower[:2] >= bottom.lower[:2]) and np.all(
+            top.upper[:2] <= bottom.upper[:2]
+        )
+        faces = (f"{upper}:-z", f"{lower}:+z")
+        slave, master = faces if inside else faces[::-1]
+        pairs.append(Interface(slave, master, (f"{slave}-screws",), (), np.empty((0, 3))))
+    return tuple(pairs)
 
 
 def held_faces(
@@ -190,32 +213,6 @@ def corner_squares(assembly: Assembly, body: str) -> dict[str, tuple[str, float,
     return {f"{face}-screws": (face, *span) for name, face in screwed if name == body}
 
 
-def _box(size, top: float) -> Box:
-    x, y, z = size
-    return Box(np.array([-x / 2, -y / 2, top - z]), np.array([x / 2, y / 2, top]))
-
-
-def _bolted(a: Assembly, sheet: str, joint: str, body: str) -> Interface:
-    side = sheet[-2:]
-    n = range(1, len(a.screw_x) + 1)
-    y, z = SIDES[sheet] * a.block_y / 2, screw_z(a)[joint]
-    return Interface(
-        f"{sheet}:{joint}",
-        f"{body}:{side}",
-        tuple(f"{sheet}:{joint}-washer-{i}" for i in n),
-        tuple(f"{sheet}:{joint}-share-{i}" for i in n),
-        np.array([[x, y, z] for x in a.screw_x]),
-    )
-
-
-def _stacked(a: Assembly, upper: str, lower: str) -> Interface:
-    top, bottom = boxes(a)[upper], boxes(a)[lower]
-    inside = np.all(top.lower[:2] >= bottom.lower[:2]) and np.all(top.upper[:2] <= bottom.upper[:2])
-    faces = (f"{upper}:-z", f"{lower}:+z")
-    slave, master = faces if inside else faces[::-1]
-    return Interface(slave, master, (f"{slave}-screws",), (), np.empty((0, 3)))
-
-
 def washer_z_range(assembly: Assembly, joint: str) -> tuple[float, float]:
     """The strip of sheet on the body that a joint holds to, lower and upper z [m]."""
     a = assembly
@@ -233,15 +230,7 @@ def screw_cells(assembly: Assembly) -> list[tuple[float, float]]:
 
 
 def _check(a: Assembly) -> None:
-    _check_numbers(a)
-    _check_parts(a.parts)
-    if "sheets" in a.parts:
-        _check_screws(a)
-        _check_contacts(a)
-    _check_stack(a)
-
-
-def _check_numbers(a: Assembly) -> None:
+    """Raises InvalidGeometry, with the numbers that do not fit together, for what cannot stand."""
     for f in fields(a):
         value = getattr(a, f.name)
         if f.name not in ("parts", "screw_x") and not (isfinite(value) and value > 0):
@@ -250,52 +239,14 @@ def _check_numbers(a: Assembly) -> None:
         raise InvalidGeometry(
             f"screw_x = {list(a.screw_x)} must list finite positions, at least one, ascending."
         )
-
-
-def _check_parts(parts: tuple[str, ...]) -> None:
-    if parts != PARTS[: len(parts)] or not parts:
+    if a.parts != PARTS[: len(a.parts)] or not a.parts:
         raise InvalidGeometry(
-            f"parts = {list(parts)} must be the first of {list(PARTS)}: each stands on the next."
+            f"parts = {list(a.parts)} must be the first of {list(PARTS)}: each stands on the next."
         )
+    if "sheets" in a.parts:
+        _check_sheets(a)
 
-
-def _check_screws(a: Assembly) -> None:
-    if a.hole_radius >= a.washer_radius:
-        raise InvalidGeometry(
-            f"hole_radius = {a.hole_radius} m must be below washer_radius = {a.washer_radius} m."
-        )
-    for joint, z in screw_z(a).items():
-        lower, upper = washer_z_range(a, joint)
-        if z - a.washer_radius <= lower or z + a.washer_radius >= upper:
-            raise InvalidGeometry(
-                f"{joint}_screw_z puts a washer at z = {z:.6g} m +- {a.washer_radius} m not in "
-                f"the overlap [{lower:.6g}, {upper:.6g}] m; move it or widen {joint}_overlap."
-            )
-    for x, (lower, upper) in zip(a.screw_x, screw_cells(a), strict=True):
-        if x - a.washer_radius <= lower or x + a.washer_radius >= upper:
-            raise InvalidGeometry(
-                f"screw_x = {x} m with washer_radius = {a.washer_radius} m does not fit its part "
-                f"[{lower:.6g}, {upper:.6g}] m of the sheet (sheet_width = {a.sheet_width} m)."
-            )
-
-
-def _check_contacts(a: Assembly) -> None:
-    limits = [("sheet_width", a.sheet_width, "block_x", a.block_x)]
-    limits += [("head_overlap", a.head_overlap, "block_z", a.block_z)]
-    if "sheets_support" in a.parts:
-        limits += [("sheet_width", a.sheet_width, "sheets_support_x", a.sheets_support_x)]
-        limits += [("foot_overlap", a.foot_overlap, "sheets_support_z", a.sheets_support_z)]
-        if abs(a.sheets_support_y - a.block_y) > 1e-9:
-            raise InvalidGeometry(
-                f"sheets_support_y = {a.sheets_support_y} m must equal block_y = {a.block_y} m: "
-                "the flat sheets touch both."
-            )
-    for name, value, limit_name, limit in limits:
-        if value > limit:
-            raise InvalidGeometry(f"{name} = {value} m must not exceed {limit_name} = {limit} m.")
-
-
-def _check_stack(a: Assembly) -> None:
+    # parts that stand on each other
     for pair in pairwise(name for name in PARTS[2:] if name in a.parts):
         spans = [(boxes(a)[name].upper - boxes(a)[name].lower)[:2] for name in pair]
         if np.any(spans[0] < spans[1]) and np.any(spans[0] > spans[1]):
@@ -303,10 +254,8 @@ def _check_stack(a: Assembly) -> None:
                 f"{pair[0]} ({spans[0][0]} x {spans[0][1]} m) and {pair[1]} ({spans[1][0]} x "
                 f"{spans[1][1]} m) overhang each other; one of the faces must contain the other."
             )
-    _check_squares(a)
 
-
-def _check_squares(a: Assembly) -> None:
+    # squares at their corners: under the screws between them, under the plate
     near = a.stack_inset - a.stack_washer / 2
     far = a.stack_inset + a.stack_washer / 2
     sides = [(b.upper - b.lower)[:2].min() for name, b in boxes(a).items() if name in PARTS[2:4]]
@@ -328,6 +277,42 @@ def _check_squares(a: Assembly) -> None:
             f"bolt_inset = {a.bolt_inset} m with bolt_washer = {a.bolt_washer} m puts the bolts' "
             f"washers off a plate of {a.plate_x} x {a.plate_y} m."
         )
+
+
+def _check_sheets(a: Assembly) -> None:
+    """Raises InvalidGeometry for washers that do not fit the sheets, and for sheets that reach past
+    what they are bolted to."""
+    if a.hole_radius >= a.washer_radius:
+        raise InvalidGeometry(
+            f"hole_radius = {a.hole_radius} m must be below washer_radius = {a.washer_radius} m."
+        )
+    for joint, z in screw_z(a).items():
+        lower, upper = washer_z_range(a, joint)
+        if z - a.washer_radius <= lower or z + a.washer_radius >= upper:
+            raise InvalidGeometry(
+                f"{joint}_screw_z puts a washer at z = {z:.6g} m +- {a.washer_radius} m not in "
+                f"the overlap [{lower:.6g}, {upper:.6g}] m; move it or widen {joint}_overlap."
+            )
+    for x, (lower, upper) in zip(a.screw_x, screw_cells(a), strict=True):
+        if x - a.washer_radius <= lower or x + a.washer_radius >= upper:
+            raise InvalidGeometry(
+                f"screw_x = {x} m with washer_radius = {a.washer_radius} m does not fit its part "
+                f"[{lower:.6g}, {upper:.6g}] m of the sheet (sheet_width = {a.sheet_width} m)."
+            )
+
+    limits = [("sheet_width", a.sheet_width, "block_x", a.block_x)]
+    limits += [("head_overlap", a.head_overlap, "block_z", a.block_z)]
+    if "sheets_support" in a.parts:
+        limits += [("sheet_width", a.sheet_width, "sheets_support_x", a.sheets_support_x)]
+        limits += [("foot_overlap", a.foot_overlap, "sheets_support_z", a.sheets_support_z)]
+        if abs(a.sheets_support_y - a.block_y) > 1e-9:
+            raise InvalidGeometry(
+                f"sheets_support_y = {a.sheets_support_y} m must equal block_y = {a.block_y} m: "
+                "the flat sheets touch both."
+            )
+    for name, value, limit_name, limit in limits:
+        if value > limit:
+            raise InvalidGeometry(f"{name} = {value} m must not exceed {limit_name} = {limit} m.")
 
 
 def volume(assembly: Assembly) -> float:

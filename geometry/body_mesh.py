@@ -4,33 +4,54 @@ Hexahedra for boxes, extruded outlines and tubes, tetrahedra for all else. Eleme
 seed, less where it is bent or thin, and grow away from fine points. Nodes on full cylinders are
 moved out so that the facets enclose the cylinder's volume: chords alone make holes and pins too
 small by 2 pi^2 / (3 n^2) for n edges around.
+
+How many nodes a mesh will have is foreseen: of quadratic elements of the size s in a body of the
+volume V and the thickness t = 2 V / area,
+
+    n = V / s^3 (inner + outer s / t) + the finer elements around its cylinders
 """
 
 from collections.abc import Mapping, Sequence
+from math import log, pi
+from typing import NamedTuple
 
+import gmsh
 import numpy as np
-from skfem import Basis, Mesh
+from numpy.typing import NDArray
+from skfem import Basis, Mesh, MeshTet
 
 from geometry.assembly import InvalidGeometry
-from geometry.foreseen import require_few
-from geometry.gmsh_session import failing
+from geometry.facets import facets_of
+from geometry.gmsh_session import EDGES_AROUND, failing
 from geometry.hexahedra import hexahedra
-from geometry.imprint import MERGED, Disc, Patch, fitted, regions
-from geometry.roundness import rimmed
+from geometry.imprint import RIM_ROOM, Disc, Patch, Region, fitted, imprinted, regions
+from geometry.roundness import enclosing, full_cylinders, rimmed
 from geometry.selectors import Selected
-from geometry.sizes import Sizes
+from geometry.sizes import GROWTH, Size, Sizes, mesh_visible
 from geometry.solids import Body
-from geometry.tetrahedra import tetrahedra
-from geometry.touching import Touch
+from geometry.touching import TouchingPair
 
+TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's element types
+
+
+class NodeCount(NamedTuple):
+    """Factors of the number of nodes, measured on bodies of six kinds, at element sizes from a
+    third to all of the default seed."""
+
+    inner: Mapping[str, float] = {"hex": 3.9, "tet": 5.5}
+    outer: Mapping[str, float] = {"hex": 4.0, "tet": 8.5}
+    on_pin: float = 11.0  # nodes of tetrahedra over area / s^2, of an outer cylinder
+    on_hole: float = 20.0  # the same of a bore
+    most: float = 5e6  # nodes of a body: what no machine at hand solves
+
+
+COUNT = NodeCount()
 DEFAULT = Sizes()
-BENT = 1e-8  # m, of a node off the plane that it belongs to
-STEEP = 0.9  # cosine between normals of a bent facet and of its plane
 
 
 def body_meshes(
     bodies: Mapping[str, Body],
-    touching: Sequence[Touch] = (),
+    touching: Sequence[TouchingPair] = (),
     *,
     gap: float,
     sizes: Sizes = DEFAULT,
@@ -46,21 +67,30 @@ def body_meshes(
     mesh.
     """
     for body in bodies.values():
-        require_few(body, sizes.of(body))
+        size = sizes.of(body)
+        n = foreseen_nodes(body, size, "hex")
+        if n > COUNT.most:
+            coarse = size.seed * (n / COUNT.most) ** (1 / 3)
+            raise InvalidGeometry(
+                f'"{body.name}" with seed = {size.seed:.3g} m would have some {n:.1e} nodes, more '
+                f"than {COUNT.most:.0e}; take a seed above {coarse:.2g} m."
+            )
     meshes = {}
     for name, body in bodies.items():
         size = sizes.of(body)
         with failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'):
-            drawn = fitted(body, patches or {}, gap, size.around)
-            wanted = regions(body, touching, drawn, gap)
-            order = (body, wanted, named or {}, size, gap)
+            fitting = fitted(body, patches or {}, gap, size.around)
+            imprints = regions(body, touching, fitting, gap)
+            order = (body, imprints, named or {}, size, gap)
             mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
-        discs = {key: disc for key, disc in drawn.items() if isinstance(disc, Disc)}
+
+        # discs have their area again, which the polygon of their rim and its fitting took
+        discs = {key: disc for key, disc in fitting.items() if isinstance(disc, Disc)}
         for key, disc in discs.items():
             _require_edges(mesh, key, disc, body, gap)
         for key, disc in discs.items():
-            beside = [other for other in discs if other != key]
-            mesh = rimmed(mesh, key, patches[key], disc.radius, size.around, beside)
+            neighbours = [rim for rim in discs if rim != key]
+            mesh = rimmed(mesh, key, patches[key], disc.radius, size.around, neighbours)
         meshes[name] = mesh
     return meshes
 
@@ -73,24 +103,79 @@ def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) ->
     corners = mesh.p[:, outer[:, np.any(np.isin(outer, nodes), axis=0)]]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
     across /= np.linalg.norm(across, axis=0)
+
+    # how far the facets at the disc are off the plane that they are nearly parallel to, 26 degrees
     planes = [face for face in body.faces if face.normal is not None]
     off = np.array(
         [
             np.where(
-                np.abs(face.normal @ across) > STEEP,
+                np.abs(face.normal @ across) > 0.9,
                 np.abs(np.tensordot(face.normal, corners, 1) - face.normal @ face.centre).max(0),
                 np.inf,
             )
             for face in planes
         ]
     ).min(axis=0)
-    if np.any((off > BENT) & (off < MERGED * gap)):
+    # above rounding, and below the distance at which an intersection makes edges one
+    if np.any((off > 1e-8) & (off < RIM_ROOM.merged * gap)):
         raise InvalidGeometry(
             f'"{name}": a washer of radius {disc.radius:.6g} m at '
             f"{np.round(disc.centre, 6).tolist()} m ends within {gap:g} m, the gap that faces may "
             f"touch across, of several edges of its face of {body.name}; make the washer 5 % "
             "larger or smaller."
         )
+
+
+def tetrahedra(
+    body: Body,
+    wanted: Mapping[str, Sequence[Region]],
+    named: Mapping[str, Selected],
+    size: Size,
+    gap: float,
+) -> MeshTet:
+    """The body in straight tetrahedra, with its boundaries."""
+    split = imprinted(body, wanted, named, gap)
+    mesh_visible([(3, split.tag)], size)
+    tags, points, _ = gmsh.model.mesh.getNodes()
+    _, cells = gmsh.model.mesh.getElementsByType(TETRAHEDRON, split.tag)
+    used, cells = np.unique(cells, return_inverse=True)
+    row = np.argsort(tags)
+    p = points.reshape(-1, 3)[row[np.searchsorted(tags, used, sorter=row)]]
+
+    def corners(faces: Sequence[int]) -> NDArray[np.int64]:
+        """(n, 3) node numbers of the triangles on faces."""
+        nodes = [gmsh.model.mesh.getElementsByType(TRIANGLE, tag)[1] for tag in faces]
+        return np.searchsorted(used, np.concatenate([*nodes, []])).reshape(-1, 3)
+
+    cylinders = full_cylinders(split.tag, gap)
+    round_faces = [face.tag for cylinder in cylinders for face in cylinder.faces]
+    p = enclosing(p, {tag: corners([tag]) for tag in round_faces}, cylinders)
+    t = cells.reshape(-1, 4).T
+    mesh = MeshTet(np.ascontiguousarray(p.T), np.ascontiguousarray(t))
+    return mesh.with_boundaries(
+        {name: facets_of(mesh, corners(faces)) for name, faces in split.faces.items()}
+    )
+
+
+def foreseen_nodes(body: Body, size: Size, element: str) -> float:
+    """Nodes of "hex" or "tet" within a factor of 2, without what imprints and fine points add."""
+    seed, thickness = size.seed, 2 * body.volume / body.area
+    n = body.volume / seed**3 * (COUNT.inner[element] + COUNT.outer[element] * seed / thickness)
+    around = 0.0
+    for face in (face for face in body.faces if face.axis is not None):
+        on_circle = 2 * pi * face.radius / EDGES_AROUND  # size of elements there
+        if element == "tet":
+            factor = COUNT.on_hole if face.hollow else COUNT.on_pin
+            around += max(0.0, factor * face.area * (1 / on_circle**2 - 1 / seed**2))
+        elif on_circle < seed:
+            # rings of quadrilaterals that grow from the cylinder's size to the seed, in layers
+            length = face.along[1] - face.along[0]
+            edges = EDGES_AROUND * face.area / (2 * pi * face.radius * length)
+            rings = 1 - on_circle / seed + log(seed / on_circle) / GROWTH.grading
+            if not face.hollow:  # inside a pin there is no room for more
+                rings = min(rings, EDGES_AROUND / (4 * pi))
+            around += edges * rings * (4 * max(1, round(length / seed)) + 3)
+    return n + around
 
 
 def facet_error(mesh: Mesh, body: Body) -> float:

@@ -18,11 +18,21 @@ from skfem import Basis, Mesh
 from geometry.facets import triangles
 from geometry.solids import Body, Face, Vector
 
-SMOOTH = np.cos(np.radians(40))  # between normals of facets on one curved face
-FLAT = 1 - 1e-9  # cosine between those of one plane
-STRAIGHT = 1e-6  # between normals of facets of a plane face
-ROUND = 1e-3  # of a radius, by which corners may miss their cylinder or sphere
-WIDE = 4.0  # times the usual strip of a curved face: a plane that it runs into
+# an axis, a normal: what rounding leaves beside a global axis
+ROUNDING = 1e-9
+
+
+class FaceFinding(NamedTuple):
+    """What counts as one face, as a plane, as round; none of the values was varied."""
+
+    smooth: float = np.cos(np.radians(40))  # between normals of neighbours on one curved face
+    flat: float = 1 - 1e-9  # cosine between those of one plane
+    straight: float = 1e-6  # largest spread of the normals' components of a plane face
+    round: float = 1e-3  # of a radius, by which corners may miss their cylinder or sphere
+    strip: float = 4.0  # areas of a curved face's usual strip: a larger one is a plane beside it
+
+
+FINDING = FaceFinding()
 
 
 class Skin(NamedTuple):
@@ -37,27 +47,27 @@ class Skin(NamedTuple):
 
     @property
     def middle(self) -> NDArray[np.float64]:
-        """(n, 3) [m]"""
+        """Mean of each facet's corners, (n, 3) [m]."""
         return self.corners.mean(axis=1)
 
     @property
     def size(self) -> NDArray[np.float64]:
-        """(n,) the longest extent of each along an axis [m]."""
+        """The longest extent of each facet along a global axis, (n,) [m]."""
         return np.ptp(self.corners, axis=1).max(axis=1)
 
     @property
     def triangles(self) -> NDArray[np.float64]:
-        """(m, 3, 3) their corners, quadrilaterals halved [m]."""
+        """Corners (m, 3, 3) of the facets as triangles, quadrilaterals halved [m]."""
         n = self.corners.shape[1]
-        each = np.arange(self.corners.shape[0] * n).reshape(-1, n)
-        return self.corners.reshape(-1, 3)[triangles(each) if n == 4 else each]
+        facets = np.arange(self.corners.shape[0] * n).reshape(-1, n)
+        return self.corners.reshape(-1, 3)[triangles(facets) if n == 4 else facets]
 
     @property
     def flat(self) -> NDArray[np.bool_]:
-        """(n,) whether the face of each is a plane."""
+        """Whether the face of each facet is a plane, (n,)."""
         _, face = np.unique(self.tag, return_inverse=True)
         spread = [np.ptp(self.normal[face == i], axis=0).max() for i in range(face.max() + 1)]
-        return np.array(spread)[face] < STRAIGHT
+        return np.array(spread)[face] < FINDING.straight
 
     def on(self, tags) -> "Skin":
         """The facets of some faces alone."""
@@ -70,25 +80,187 @@ def skins(
 ) -> dict[str, Skin]:
     """The outside of every body, its faces numbered from 1 on through all; surfaces with a name,
     facets by body and name, are faces of their own."""
-    found, last = {}, 0
+    outsides, last_tag = {}, 0
     for name, mesh in meshes.items():
-        skin = _outside(mesh)
-        own = np.zeros(len(skin.number), dtype=np.int64)
+        number = mesh.boundary_facets()
+        corners = mesh.p[:, mesh.facets[:, number]].transpose(2, 1, 0)
+        n = corners.shape[1]
+        # area vectors from the diagonals, of a triangle from two sides; turned out of the element
+        across = np.cross(corners[:, 2] - corners[:, 0], corners[:, n - 1] - corners[:, 1]) / 2
+        behind = mesh.p[:, mesh.t[:, mesh.f2t[0, number]]].mean(axis=1).T
+        inward = np.sum(across * (corners.mean(axis=1) - behind), axis=1) < 0
+        across[inward] *= -1
+        corners[inward] = corners[inward][:, ::-1]
+        area = np.linalg.norm(across, axis=1)
+        normal = across / area[:, None]
+        skin = Skin(mesh, number, corners, normal, area, np.zeros_like(number))
+
+        surface = np.zeros(len(number), dtype=np.int64)
         for i, facets in enumerate(named.get(name, {}).values(), start=1):
-            own[np.isin(skin.number, facets)] = i
-        found[name] = skin._replace(tag=last + 1 + _faces(skin, own))
-        last = int(found[name].tag.max())
-    return found
+            surface[np.isin(number, facets)] = i
+        outsides[name] = skin._replace(tag=last_tag + 1 + _faces(skin, surface))
+        last_tag = int(outsides[name].tag.max())
+    return outsides
+
+
+def _faces(skin: Skin, surface: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Which face (0, 1, ...) each facet belongs to, (n,); facets of different named surfaces (n,)
+    are never on one face."""
+    # pairs of facets that have an edge in common
+    nodes = skin.mesh.facets[:, skin.number]
+    edges = np.sort(np.stack([nodes, np.roll(nodes, -1, axis=0)]), axis=0).reshape(2, -1)
+    _, edge = np.unique(edges, axis=1, return_inverse=True)
+    order = np.argsort(edge.ravel(), kind="stable")
+    repeats = np.flatnonzero(np.diff(edge.ravel()[order]) == 0)
+    facet = np.tile(np.arange(nodes.shape[1]), len(nodes))
+    first, second = facet[order[repeats]], facet[order[repeats + 1]]
+
+    def connected(joined: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Number of each facet's group (n,), where these pairs (m,) are joined."""
+        pairs = (np.ones(joined.sum()), (first[joined], second[joined]))
+        graph = coo_matrix(pairs, shape=(len(surface), len(surface)))
+        return connected_components(graph, directed=False)[1]
+
+    cosine = np.sum(skin.normal[first] * skin.normal[second], axis=1)
+    alike = surface[first] == surface[second]
+    smooth = connected(alike & (cosine > FINDING.smooth))
+    strip = connected(alike & (cosine > FINDING.flat))
+
+    # a smooth group that is neither plane nor round may be a fillet and the planes it runs into:
+    # of its flat strips those much larger than usual are taken out as planes
+    face = smooth.copy()
+    for group in range(smooth.max() + 1):
+        mine = np.flatnonzero(smooth == group)
+        strips, number = np.unique(strip[mine], return_inverse=True)
+        if len(strips) > 1 and _curved(skin, mine) is None:
+            area = np.bincount(number, skin.area[mine])
+            plane = area[number] > FINDING.strip * np.median(area)
+            face[mine[plane]] = smooth.max() + 1 + strip[mine[plane]]
+    # what a plane taken out has cut in two is two faces
+    return connected(alike & (face[first] == face[second]))
+
+
+class RoundSurface(NamedTuple):
+    """A cylinder or a sphere."""
+
+    kind: str
+    centre: Vector  # (3,) [m], of a cylinder on its axis
+    radius: float  # m
+    axis: Vector | None = None  # (3,) of a cylinder
+
+
+def _curved(skin: Skin, mine: NDArray[np.int64]) -> RoundSurface | None:
+    """The cylinder or sphere that facets lie on, None where they lie on neither."""
+    points = np.unique(skin.corners[mine].reshape(-1, 3), axis=0)
+    # cylinders first: a single row of facets around one lies on a sphere as well
+    cylinder = _cylinder(points, skin.normal[mine] * skin.area[mine, None])
+    if cylinder:
+        return cylinder
+    middle = points.mean(axis=0)
+    centre, radius = _circle(points - middle)
+    off = np.linalg.norm(points - middle - centre, axis=1)
+    if len(points) < 5 or np.abs(off - radius).max() > FINDING.round * radius:
+        return None
+    return RoundSurface("sphere", middle + centre, radius)
+
+
+def _cylinder(points: NDArray[np.float64], normals: NDArray[np.float64]) -> RoundSurface | None:
+    """The cylinder of least squares of the radii of points (n, 3), None where some are off it;
+    normals (m, 3) weighted by area."""
+    # the axis is the direction that the normals have least of
+    _, s, directions = np.linalg.svd(normals, full_matrices=False)
+    if s[1] < 1e-6 * s[0]:
+        return None
+    middle, (u, v, w) = points.mean(axis=0), directions
+
+    def radii(x):
+        """Of the points about an axis w + x0 u + x1 v through the middle + x2 u + x3 v."""
+        axis = w + x[0] * u + x[1] * v
+        axis = axis / np.linalg.norm(axis)
+        return np.linalg.norm(np.cross(points - middle - x[2] * u - x[3] * v, axis), axis=1)
+
+    size = np.ptp(points, axis=0).max()
+    rho = (points - middle) @ np.array([u, v]).T
+    start = np.array([0.0, 0.0, *_circle(rho)[0]])
+    x = least_squares(
+        lambda x: radii(x) - radii(x).mean(), start, x_scale=[1, 1, size, size], xtol=1e-14
+    ).x
+    radius = radii(x).mean()
+    # points that go around less than a few degrees of a radius do not tell it from a plane
+    if not np.abs(radii(x) - radius).max() < FINDING.round * radius or radius > 10 * size:
+        return None
+    axis = w + x[0] * u + x[1] * v
+    return RoundSurface("cylinder", middle + x[2] * u + x[3] * v, radius, _unit(axis))
+
+
+def _circle(rho: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Centre c and radius of the circle or sphere nearest to points rho (n, 2 or 3), linear in the
+    unknowns c and d = r^2 - c^2: rho^2 = 2 c rho + d."""
+    (*c, d), *_ = np.linalg.lstsq(np.column_stack([2 * rho, np.ones(len(rho))]), (rho**2).sum(1))
+    return np.array(c), float(np.sqrt(max(d + np.dot(c, c), 0.0)))
+
+
+def _unit(axis: Vector) -> Vector:
+    """Of length 1, without the rounding beside a global axis."""
+    axis = axis / np.linalg.norm(axis)
+    axis[np.abs(axis) < ROUNDING] = 0.0
+    return axis
 
 
 def bodies(
-    found: Mapping[str, Skin], named: Mapping[str, Mapping[str, NDArray[np.int64]]]
+    outsides: Mapping[str, Skin], named: Mapping[str, Mapping[str, NDArray[np.int64]]]
 ) -> dict[str, Body]:
     """What the meshes hold, in the terms of a CAD model."""
-    return {
-        name: _body(i, name, skin, named.get(name, {}))
-        for i, (name, skin) in enumerate(found.items(), start=1)
-    }
+    described = {}
+    for number, (name, skin) in enumerate(outsides.items(), start=1):
+        basis = Basis(skin.mesh, skin.mesh.elem(), intorder=3)
+        x, dx = np.array(basis.global_coordinates()).reshape(3, -1), basis.dx.ravel()
+        volume = float(dx.sum())
+        centroid = x @ dx / volume
+        r = x - centroid[:, None]
+        inertia = (r**2).sum(axis=0) @ dx * np.eye(3) - (r * dx) @ r.T
+        points = skin.corners.reshape(-1, 3)
+        faces = tuple(_face(skin, tag, named.get(name, {})) for tag in np.unique(skin.tag))
+        box = points.min(axis=0), points.max(axis=0)
+        described[name] = Body(
+            name, number, volume, centroid, inertia, *box, faces, partial(distance, skin)
+        )
+    return described
+
+
+def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
+    """The facets of one face as a plane, a cylinder, a sphere or "other"."""
+    mine = np.flatnonzero(skin.tag == tag)
+    area, normals = skin.area[mine], skin.normal[mine]
+    points = skin.corners[mine].reshape(-1, 3)
+    mean = _unit(area @ normals) if np.linalg.norm(area @ normals) > 0 else np.eye(3)[0]
+    # all against their mean: looser than between two neighbours
+    is_plane = bool(np.all(normals @ mean > FINDING.flat - 1e-7))
+    curved = None if is_plane else _curved(skin, mine)
+    label = (n for n, facets in named.items() if np.isin(skin.number[mine], facets).all())
+    face = Face(
+        tag=int(tag),
+        kind="plane" if is_plane else curved.kind if curved else "other",
+        area=float(area.sum()),
+        centre=area @ skin.middle[mine] / area.sum(),
+        normal=mean if is_plane else None,
+        axis=curved.axis if curved else None,
+        on_axis=curved.centre if curved and curved.axis is not None else None,
+        radius=curved.radius if curved else None,
+        hollow=False,
+        along=(0.0, 0.0),
+        lower=points.min(axis=0),
+        upper=points.max(axis=0),
+        name=next(label, ""),
+    )
+    if curved is None:
+        return face
+    outward = skin.middle[mine] - curved.centre
+    if curved.axis is not None:
+        heights = (points - curved.centre) @ curved.axis
+        face = face._replace(along=(float(heights.min()), float(heights.max())))
+        outward = outward - np.outer(outward @ curved.axis, curved.axis)
+    return face._replace(hollow=bool(np.sum(normals * outward) < 0))
 
 
 def distance(skin: Skin, point, tag: int) -> float:
@@ -102,162 +274,8 @@ def away(point: Vector, corners: NDArray[np.float64]) -> NDArray[np.float64]:
     off = point - corners
     normal = np.cross(ahead[:, 0], ahead[:, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    # above the triangle the distance is that of its plane, else that of the nearest side
     inside = np.all(np.sum(np.cross(ahead, off) * normal[:, None], axis=2) >= 0, axis=1)
     along = np.sum(off * ahead, axis=2) / np.sum(ahead**2, axis=2)
     edges = np.linalg.norm(off - np.clip(along, 0, 1)[..., None] * ahead, axis=2).min(axis=1)
     return np.where(inside, np.abs(np.sum(off[:, 0] * normal, axis=1)), edges)
-
-
-def _outside(mesh: Mesh) -> Skin:
-    number = mesh.boundary_facets()
-    corners = mesh.p[:, mesh.facets[:, number]].transpose(2, 1, 0)
-    n = corners.shape[1]
-    across = np.cross(corners[:, 2] - corners[:, 0], corners[:, n - 1] - corners[:, 1]) / 2
-    behind = mesh.p[:, mesh.t[:, mesh.f2t[0, number]]].mean(axis=1).T
-    inward = np.sum(across * (corners.mean(axis=1) - behind), axis=1) < 0
-    across[inward] *= -1
-    corners[inward] = corners[inward][:, ::-1]
-    area = np.linalg.norm(across, axis=1)
-    return Skin(mesh, number, corners, across / area[:, None], area, np.zeros_like(number))
-
-
-def _faces(skin: Skin, own: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Which face (0, 1, ...) each facet belongs to."""
-    one, other = _neighbours(skin)
-    cosine = np.sum(skin.normal[one] * skin.normal[other], axis=1)
-    same = own[one] == own[other]
-    smooth = _groups(one, other, same & (cosine > SMOOTH), len(own))
-    flat = _groups(one, other, same & (cosine > FLAT), len(own))
-    parts = smooth.copy()
-    for face in range(smooth.max() + 1):
-        mine = np.flatnonzero(smooth == face)
-        strips, area = np.unique(flat[mine], return_inverse=True)
-        if len(strips) > 1 and _curved(skin, mine) is None:
-            total = np.bincount(area, skin.area[mine])
-            plane = total[area] > WIDE * np.median(total)
-            parts[mine[plane]] = smooth.max() + 1 + flat[mine[plane]]
-    return _groups(one, other, same & (parts[one] == parts[other]), len(own))
-
-
-def _neighbours(skin: Skin) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs of facets that have an edge in common."""
-    nodes = skin.mesh.facets[:, skin.number]
-    edges = np.sort(np.stack([nodes, np.roll(nodes, -1, axis=0)]), axis=0).reshape(2, -1)
-    _, edge = np.unique(edges, axis=1, return_inverse=True)
-    order = np.argsort(edge.ravel(), kind="stable")
-    met = np.flatnonzero(np.diff(edge.ravel()[order]) == 0)
-    facet = np.tile(np.arange(nodes.shape[1]), len(nodes))
-    return facet[order[met]], facet[order[met + 1]]
-
-
-def _groups(one, other, joined: NDArray[np.bool_], n: int) -> NDArray[np.int64]:
-    pairs = (np.ones(joined.sum()), (one[joined], other[joined]))
-    return connected_components(coo_matrix(pairs, shape=(n, n)), directed=False)[1]
-
-
-class _Round(NamedTuple):
-    kind: str
-    centre: Vector
-    radius: float
-    axis: Vector | None = None
-
-
-def _curved(skin: Skin, mine: NDArray[np.int64]) -> _Round | None:
-    """The cylinder or sphere that facets lie on, None where they lie on neither."""
-    points = np.unique(skin.corners[mine].reshape(-1, 3), axis=0)
-    # cylinders first: a single row of facets around one lies on a sphere as well
-    cylinder = _cylinder(points, skin.normal[mine] * skin.area[mine, None])
-    return cylinder or _sphere(points)
-
-
-def _sphere(points: NDArray[np.float64]) -> _Round | None:
-    middle = points.mean(axis=0)
-    centre, radius = _fitted(points - middle)
-    off = np.linalg.norm(points - middle - centre, axis=1)
-    if len(points) < 5 or np.abs(off - radius).max() > ROUND * radius:
-        return None
-    return _Round("sphere", middle + centre, radius)
-
-
-def _fitted(rho: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Centre and radius of the circle or sphere nearest to points: rho^2 = 2 c rho + d."""
-    (*c, d), *_ = np.linalg.lstsq(np.column_stack([2 * rho, np.ones(len(rho))]), (rho**2).sum(1))
-    return np.array(c), float(np.sqrt(max(d + np.dot(c, c), 0.0)))
-
-
-def _cylinder(points: NDArray[np.float64], normals: NDArray[np.float64]) -> _Round | None:
-    _, s, directions = np.linalg.svd(normals, full_matrices=False)
-    if s[1] < 1e-6 * s[0]:
-        return None
-    middle, (u, v, w) = points.mean(axis=0), directions
-
-    def rims(x):
-        axis = w + x[0] * u + x[1] * v
-        axis = axis / np.linalg.norm(axis)
-        return np.linalg.norm(np.cross(points - middle - x[2] * u - x[3] * v, axis), axis=1)
-
-    size = np.ptp(points, axis=0).max()
-    rho = (points - middle) @ np.array([u, v]).T
-    start = np.array([0.0, 0.0, *_fitted(rho)[0]])
-    found = least_squares(
-        lambda x: rims(x) - rims(x).mean(), start, x_scale=[1, 1, size, size], xtol=1e-14
-    ).x
-    radius = rims(found).mean()
-    if not np.abs(rims(found) - radius).max() < ROUND * radius or radius > 10 * size:
-        return None
-    axis = w + found[0] * u + found[1] * v
-    return _Round("cylinder", middle + found[2] * u + found[3] * v, radius, _unit(axis))
-
-
-def _unit(axis: Vector) -> Vector:
-    """Of length 1, without the rounding beside a global axis."""
-    axis = axis / np.linalg.norm(axis)
-    axis[np.abs(axis) < 1e-9] = 0.0
-    return axis
-
-
-def _body(number: int, name: str, skin: Skin, named: Mapping[str, NDArray[np.int64]]) -> Body:
-    basis = Basis(skin.mesh, skin.mesh.elem(), intorder=3)
-    x, dx = np.array(basis.global_coordinates()).reshape(3, -1), basis.dx.ravel()
-    volume = float(dx.sum())
-    centroid = x @ dx / volume
-    r = x - centroid[:, None]
-    inertia = (r**2).sum(axis=0) @ dx * np.eye(3) - (r * dx) @ r.T
-    points = skin.corners.reshape(-1, 3)
-    faces = tuple(_face(skin, tag, named) for tag in np.unique(skin.tag))
-    box = points.min(axis=0), points.max(axis=0)
-    measured = partial(distance, skin)
-    return Body(name, number, volume, centroid, inertia, *box, faces, measured)
-
-
-def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
-    mine = np.flatnonzero(skin.tag == tag)
-    area, normals = skin.area[mine], skin.normal[mine]
-    points = skin.corners[mine].reshape(-1, 3)
-    mean = _unit(area @ normals) if np.linalg.norm(area @ normals) > 0 else np.eye(3)[0]
-    flat = bool(np.all(normals @ mean > FLAT - 1e-7))
-    curved = None if flat else _curved(skin, mine)
-    label = (n for n, facets in named.items() if np.isin(skin.number[mine], facets).all())
-    found = Face(
-        tag=int(tag),
-        kind="plane" if flat else curved.kind if curved else "other",
-        area=float(area.sum()),
-        centre=area @ skin.middle[mine] / area.sum(),
-        normal=mean if flat else None,
-        axis=curved.axis if curved else None,
-        on_axis=curved.centre if curved and curved.axis is not None else None,
-        radius=curved.radius if curved else None,
-        hollow=False,
-        along=(0.0, 0.0),
-        lower=points.min(axis=0),
-        upper=points.max(axis=0),
-        name=next(label, ""),
-    )
-    if curved is None:
-        return found
-    outward = skin.middle[mine] - curved.centre
-    if curved.axis is not None:
-        heights = (points - curved.centre) @ curved.axis
-        found = found._replace(along=(float(heights.min()), float(heights.max())))
-        outward = outward - np.outer(outward @ curved.axis, curved.axis)
-    return found._replace(hollow=bool(np.sum(normals * outward) < 0))

@@ -29,29 +29,24 @@ def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
         raise InvalidGeometry("it does not begin with $MeshFormat")
     if END not in content:
         raise InvalidGeometry("it is cut off before $EndElements")
+    groups: dict = defaultdict(list)
     with session("gmsh could not read it"):
         gmsh.merge(str(path))
-        return _points_and_groups()
-
-
-def _points_and_groups() -> tuple[NDArray[np.float64], list[CellGroup]]:
-    tags, points, _ = gmsh.model.mesh.getNodes()
-    number = np.full(int(tags.max(initial=0)) + 1, -1)
-    number[tags.astype(np.int64)] = np.arange(len(tags))
-    found: dict = defaultdict(list)
-    for dimension in (2, 3):
-        for _, group in gmsh.model.getPhysicalGroups(dimension):
-            name = gmsh.model.getPhysicalName(dimension, group)
-            for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, group):
-                for corners in _corners(dimension, entity):
-                    found[name, dimension, corners.shape[1]].append(number[corners])
-    cells = {key: np.concatenate(parts) for key, parts in found.items()}
+        tags, points, _ = gmsh.model.mesh.getNodes()
+        number = np.full(int(tags.max(initial=0)) + 1, -1)
+        number[tags.astype(np.int64)] = np.arange(len(tags))
+        entities = (
+            (dimension, gmsh.model.getPhysicalName(dimension, group), entity)
+            for dimension in (2, 3)
+            for _, group in gmsh.model.getPhysicalGroups(dimension)
+            for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, group)
+        )
+        for dimension, name, entity in entities:
+            kinds, _, nodes = gmsh.model.mesh.getElements(dimension, entity)
+            for kind, flat in zip(kinds, nodes, strict=True):
+                *_, n_nodes, _, n_corners = gmsh.model.mesh.getElementProperties(kind)
+                corners = flat.astype(np.int64).reshape(-1, n_nodes)[:, :n_corners]
+                groups[name, dimension, n_corners].append(number[corners])
+    cells = {key: np.concatenate(corners) for key, corners in groups.items()}
     named = [CellGroup(name, dimension, c) for (name, dimension, _), c in cells.items() if name]
     return points.reshape(-1, 3), named
-
-
-def _corners(dimension: int, entity: int):
-    kinds, _, nodes = gmsh.model.mesh.getElements(dimension, entity)
-    for kind, flat in zip(kinds, nodes, strict=True):
-        *_, n_nodes, _, n_corners = gmsh.model.mesh.getElementProperties(kind)
-        yield flat.astype(np.int64).reshape(-1, n_nodes)[:, :n_corners]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Coordinates = NDArray[np.float64]
-GROWTH = 1.7  # of neighbouring elements away from a contact
+GROWTH = 1.7  # of neighbouring elements away from a contact; not varied
 
 
 class Stop(NamedTuple):
@@ -66,16 +66,16 @@ class _Side(NamedTuple):
 
     def cells(self, d):
         """Cells within the distance d."""
-        near = min(d, self.grown)
-        growing = log1p(self.slope * near / self.size) / self.slope if near > 0 else 0.0
-        return growing + (d - near) / self.most
+        graded = min(d, self.grown)
+        growing = log1p(self.slope * graded / self.size) / self.slope if graded > 0 else 0.0
+        return growing + (d - graded) / self.most
 
     def distance(self, cells):
-        """Its inverse, of an array."""
+        """Inverse of `cells`, of an array."""
         n = self.cells(self.grown)
-        near = np.minimum(cells, n)
-        growing = self.size * np.expm1(self.slope * near) / self.slope if self.slope else 0.0
-        return growing + (cells - near) * self.most
+        graded = np.minimum(cells, n)
+        growing = self.size * np.expm1(self.slope * graded) / self.slope if self.slope else 0.0
+        return growing + (cells - graded) * self.most
 
 
 class _Stretch(NamedTuple):
@@ -87,15 +87,17 @@ class _Stretch(NamedTuple):
     upper: _Side
 
     @classmethod
-    def between(cls, one: Stop, other: Stop, most: float) -> "_Stretch":
-        length = other.at - one.at
-        s, t = min(one.size, most), min(other.size, most)
-        slopes = one.slope + other.slope
-        meeting = (t - s + other.slope * length) / slopes if slopes else length / 2
+    def between(cls, first: Stop, second: Stop, most: float) -> "_Stretch":
+        """Of elements up to the size `most`; where those of both ends are as large, they meet:
+        s + b x = t + c (length - x)."""
+        length = second.at - first.at
+        s, t = min(first.size, most), min(second.size, most)
+        slopes = first.slope + second.slope
+        meeting = (t - s + second.slope * length) / slopes if slopes else length / 2
         meeting = min(max(meeting, 0.0), length)
-        lower = _Side(s, one.slope, most, meeting)
-        upper = _Side(t, other.slope, most, length - meeting)
-        return cls(one.at, other.at, lower, upper)
+        lower = _Side(s, first.slope, most, meeting)
+        upper = _Side(t, second.slope, most, length - meeting)
+        return cls(first.at, second.at, lower, upper)
 
     @property
     def shares(self) -> tuple[float, float]:

@@ -1,32 +1,118 @@
-"""Hexahedra of a body that is an extrusion: quadrilaterals of its base, in layers.
+"""Hexahedra of a body that is one outline, extruded: a box, a plate with holes, a tube.
 
-Layers end where a part of a side that a partner touches ends.
+top    =======          a body is one when all its faces are two caps, equal planes across an
+sides  |  ||  |         axis, and sides along it, planes or cylinders; its volume is then the
+base   =======          area of a cap times the height
+
+Everything imprinted on its caps and sides is drawn on the base, which is meshed in quadrilaterals:
+
+    rectangles that carry only rectangles     a grid
+    rings                                     a polar grid
+    any other                                 gmsh's triangles joined, and split once more
+
+Copies of them stand above each other in layers, which end where a part of a side that a partner
+touches ends.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+from math import pi
 from typing import NamedTuple
 
+import gmsh
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshHex
 
 from geometry.cad import distance
 from geometry.facets import facets_of, triangles
+from geometry.gmsh_session import boolean_tolerance, failing, mesh_options
 from geometry.hex_mesh import EXTRUDED
 from geometry.imprint import Region
-from geometry.prism import Imprints, Prism, SidePatch, imprints, prisms
-from geometry.quads import Flat, flat_mesh, spaced
 from geometry.roundness import enclosing, full_cylinders
 from geometry.selectors import Selected
-from geometry.sizes import Size, size_at
-from geometry.solids import SAME, Body, Face, off_axis
+from geometry.sizes import Size, mesh_visible, size_at
+from geometry.solids import SAME, Body, Face, Vector, off_axis, parallel
+
+TRIANGLE, QUADRILATERAL = 2, 3  # gmsh's element types
+# gmsh's algorithms for triangles (frontal for quadrilaterals, frontal, Delaunay) and for joining
+# them (full-quad, by blossom, or simple and split), the best first; full-quad halves all lines and
+# gives up on one of a single element, which smaller elements avoid
+JOINED = (
+    {"Algorithm": 8, "RecombinationAlgorithm": 2},
+    {"Algorithm": 8, "RecombinationAlgorithm": 2, "MeshSizeFactor": 0.7},
+    {"Algorithm": 8, "RecombinationAlgorithm": 2, "MeshSizeFactor": 0.5},
+    {"Algorithm": 6, "RecombinationAlgorithm": 2},
+    {"Algorithm": 5, "RecombinationAlgorithm": 3},
+    {"RecombinationAlgorithm": 1, "SubdivisionAlgorithm": 1, "MeshSizeFactor": 2},
+)
+
+
+class ExtrusionLimits(NamedTuple):
+    """What counts as an extrusion, and as a fair quadrilateral; none was varied."""
+
+    exact: float = 1e-9  # relative, of areas times height and of the volume
+    upright: float = 1e-6  # of a side's normal along the axis
+    filled: float = 1e-6  # relative, of the area of a rectangle and of what should fill it
+    square: float = 0.15  # sine of the sharpest corner, less is left to tetrahedra
+
+
+LIMITS = ExtrusionLimits()
+
+
+class Prism(NamedTuple):
+    """A body as an extrusion."""
+
+    axis: Vector  # from base to top
+    height: float  # m
+    base: tuple[Face, ...]
+    top: tuple[Face, ...]
+    sides: tuple[Face, ...]
+
+    def heights(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of points (..., 3) above the base [m]."""
+        return (points - self.base[0].centre) @ self.axis
+
+    def foot(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (..., 3) moved along the axis onto the base."""
+        return points - self.heights(points)[..., None] * self.axis
+
+
+class SidePatch(NamedTuple):
+    """A part of a side between two heights and two lines along the axis."""
+
+    region: Region
+    lower: float  # m
+    upper: float
+    feet: NDArray[np.float64]  # (n, 3) where those lines stand on the base
+
+
+class Imprints(NamedTuple):
+    """What must show in the mesh of a prism."""
+
+    base: dict[int, Region]  # by tag, on the base or the top
+    sides: dict[int, SidePatch]
+
+    @property
+    def sharp(self) -> list[SidePatch]:
+        """Parts of sides with a singular rim."""
+        return [patch for patch in self.sides.values() if patch.region.sharp]
+
+
+class BaseMesh(NamedTuple):
+    """A mesh of the base; `parts` are the quadrilaterals of caps and imprints, by their tags."""
+
+    p: NDArray[np.float64]  # (n, 3) on the base [m]
+    quads: NDArray[np.int64]  # (m, 4)
+    parts: dict[int, NDArray[np.int64]]
 
 
 class Layers(NamedTuple):
     """A base and its copies above each other; node i of layer k has the number i + k n."""
 
     prism: Prism
-    flat: Flat
+    base: BaseMesh
     edges: NDArray[np.int64]  # (m, 2) around the base
     under: NDArray[np.int64]  # (m,) tag of the side that stands on each
     heights: NDArray[np.float64]  # (k,) [m]
@@ -34,19 +120,19 @@ class Layers(NamedTuple):
     def cap(self, part: int, on: int) -> NDArray[np.int64]:
         """Corners (., 4) of a part of the face `on`, base or top."""
         below = any(face.tag == on for face in self.prism.base)
-        top = 0 if below else (len(self.heights) - 1) * len(self.flat.p)
-        return self.flat.quads[self.flat.parts[part]] + top
+        top = 0 if below else (len(self.heights) - 1) * len(self.base.p)
+        return self.base.quads[self.base.parts[part]] + top
 
     def wall(self, edges: NDArray[np.int64], lower: float, upper: float) -> NDArray[np.int64]:
         """Corners (., 4) above edges, from one height to another."""
         middle = (self.heights[1:] + self.heights[:-1]) / 2
         layers = np.flatnonzero((middle > lower) & (middle < upper))
-        low = (edges[None] + layers[:, None, None] * len(self.flat.p)).reshape(-1, 2)
-        return np.concatenate([low, low[:, ::-1] + len(self.flat.p)], axis=1)
+        low = (edges[None] + layers[:, None, None] * len(self.base.p)).reshape(-1, 2)
+        return np.concatenate([low, low[:, ::-1] + len(self.base.p)], axis=1)
 
     def face(self, tag: int) -> NDArray[np.int64]:
         """Corners (., 4) of a whole face."""
-        if tag in self.flat.parts:
+        if tag in self.base.parts:
             return self.cap(tag, tag)
         return self.wall(self.edges[self.under == tag], 0, self.prism.height)
 
@@ -54,8 +140,8 @@ class Layers(NamedTuple):
         """Corners (., 4) of a part of a side, given to within the gap."""
         side = next(face for face in self.prism.sides if face.tag == patch.region.on)
         edges = self.edges[self.under == side.tag]
-        between = (patch.lower + patch.upper) / 2 * self.prism.axis
-        middle = _on(side, self.flat.p[edges].mean(axis=1)) + between
+        half_way_up = (patch.lower + patch.upper) / 2 * self.prism.axis
+        middle = _onto(side, self.base.p[edges].mean(axis=1)) + half_way_up
         inside = [distance(point, patch.region.tag) < SAME + 2 * gap for point in middle]
         return self.wall(edges[np.array(inside, dtype=bool)], patch.lower, patch.upper)
 
@@ -71,81 +157,90 @@ def hexahedra(
 
     The same boundaries as of tetrahedra; the regions are left for those.
     """
+    # the lowest extrusion that can show all imprints, its base meshed
     for prism in prisms(body):
         marks = imprints(prism, wanted)
-        flat = flat_mesh(prism, marks, _below(prism, size), gap) if marks else None
-        if flat is not None:
-            layers = _layers(prism, marks, flat, size)
-            corners = _corners(layers, marks, wanted, gap)
-            corners |= {
-                name: np.concatenate([layers.face(tag) for tag in picked.tags])
-                for name, picked in named.items()
-                if picked.body == body.name
-            }
-            return _mesh(body, layers, corners, gap)
-    return None
+        if marks is None:
+            continue
+        feet = (f._replace(point=prism.foot(f.point)) for f in size.fine)
+        base = base_mesh(prism, marks, size._replace(fine=tuple(feet)), gap)
+        if base is not None:
+            break
+    else:
+        return None
 
+    # anticlockwise seen against the axis, so that all hexahedra are right-handed
+    p, quads = base.p, base.quads.copy()
+    diagonals = p[quads[:, 2]] - p[quads[:, 0]], p[quads[:, 3]] - p[quads[:, 1]]
+    turned = np.cross(*diagonals) @ prism.axis < 0
+    quads[turned] = quads[turned][:, ::-1]
+    base = base._replace(quads=quads)
 
-def _below(prism: Prism, size: Size) -> Size:
-    fine = (f._replace(point=prism.foot(f.point)) for f in size.fine)
-    return size._replace(fine=tuple(fine))
-
-
-def _layers(prism: Prism, marks: Imprints, flat: Flat, size: Size) -> Layers:
+    # heights of the layers: stops where imprints on sides end, smaller elements where stresses are
+    # singular
     stops = [end for patch in marks.sides.values() for end in (patch.lower, patch.upper)]
+    sharp: list[float] = []
+    if not size.edge:
+        sharp += [end for patch in marks.sharp for end in (patch.lower, patch.upper)]
+        below = {face.tag for face in prism.base}
+        on_caps = (region for region in marks.base.values() if region.sharp)
+        sharp += [0.0 if region.on in below else prism.height for region in on_caps]
     foot = prism.base[0].centre @ prism.axis
-    edges = [] if size.edge else [*_sharp_heights(prism, marks)]
     heights = spaced(
         [0.0, prism.height, *stops],
-        lambda z: size_at(size, z + foot, prism.axis, np.add(foot, edges)),
+        lambda z: size_at(size, z + foot, prism.axis, np.add(foot, sharp)),
     )
-    flat = _anticlockwise(flat, prism)
-    sides = np.sort(flat.quads[:, [[0, 1], [1, 2], [2, 3], [3, 0]]].reshape(-1, 2))
-    edges, count = np.unique(sides, axis=0, return_counts=True)
+
+    # edges around the base belong to one quadrilateral; on each stands the side whose surface its
+    # ends are nearest to, of sides in one plane or on one cylinder the nearest face
+    edges = np.sort(quads[:, [[0, 1], [1, 2], [2, 3], [3, 0]]].reshape(-1, 2))
+    edges, count = np.unique(edges, axis=0, return_counts=True)
     rim = edges[count == 1]
-    return Layers(prism, flat, rim, _standing(prism, flat.p[rim]), heights)
-
-
-def _sharp_heights(prism: Prism, marks: Imprints) -> Iterator[float]:
-    """Where stresses are singular, above the base."""
-    for patch in marks.sharp:
-        yield from (patch.lower, patch.upper)
-    below = {face.tag for face in prism.base}
-    for region in marks.base.values():
-        if region.sharp:
-            yield 0.0 if region.on in below else prism.height
-
-
-def _anticlockwise(flat: Flat, prism: Prism) -> Flat:
-    """Seen against the axis, so that all hexahedra are right-handed."""
-    p, q = flat.p, flat.quads.copy()
-    diagonals = p[q[:, 2]] - p[q[:, 0]], p[q[:, 3]] - p[q[:, 1]]
-    turned = np.cross(*diagonals) @ prism.axis < 0
-    q[turned] = q[turned][:, ::-1]
-    return flat._replace(quads=q)
-
-
-def _standing(prism: Prism, ends: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Tag of the side that stands on each edge (m, 2, 3)."""
-    off = np.array([_off(side, ends).max(axis=1) for side in prism.sides])
-    tags = np.array([side.tag for side in prism.sides])
-    under = tags[np.argmin(off, axis=0)]
-    # of sides in one plane, or on one cylinder, the nearest
+    ends = p[rim]  # (m, 2, 3)
+    surface_distances = []
+    for side in prism.sides:
+        if side.normal is not None:
+            off = np.abs((ends - side.centre) @ side.normal)
+        else:
+            off = np.abs(off_axis(ends, side.on_axis, side.axis) - side.radius)
+        surface_distances.append(off.max(axis=1))
+    off = np.array(surface_distances)
+    under = np.array([side.tag for side in prism.sides])[np.argmin(off, axis=0)]
     for i in np.flatnonzero(np.sum(off < 2 * SAME, axis=0) > 1):
         middle = ends[i].mean(axis=0)[None] + prism.height / 2 * prism.axis
-        near = [side for side, away in zip(prism.sides, off[:, i], strict=True) if away < 2 * SAME]
-        under[i] = min(near, key=lambda side, p=middle: distance(_on(side, p)[0], side.tag)).tag
-    return under
+        rivals = [side for side, d in zip(prism.sides, off[:, i], strict=True) if d < 2 * SAME]
+        distances = [distance(_onto(side, middle)[0], side.tag) for side in rivals]
+        under[i] = rivals[int(np.argmin(distances))].tag
+    layers = Layers(prism, base, rim, under, heights)
+
+    # what the imprints and the named faces are in the mesh
+    corners = {}
+    for name, regions in wanted.items():
+        facets = [
+            layers.patch(marks.sides[region.tag], gap)
+            if region.tag in marks.sides
+            else layers.cap(region.tag, region.on)
+            for region in regions
+        ]
+        corners[name] = np.unique(np.concatenate(facets), axis=0)
+    for name, selected in named.items():
+        if selected.body == body.name:
+            corners[name] = np.concatenate([layers.face(tag) for tag in selected.tags])
+
+    # the copies of the base, nodes on cylinders moved out to keep the cylinders' volume
+    n = len(p)
+    points = (p + heights[:, None, None] * prism.axis).reshape(-1, 3)
+    cylinders = full_cylinders(body.tag, gap)
+    tags = [face.tag for cylinder in cylinders for face in cylinder.faces]
+    points = enclosing(points, {tag: triangles(layers.face(tag)) for tag in tags}, cylinders)
+    quads = quads + np.arange(len(heights) - 1)[:, None, None] * n
+    quads = quads.reshape(-1, 4).T
+    t = np.concatenate([quads, quads + n])[EXTRUDED]
+    mesh = MeshHex(np.ascontiguousarray(points.T), np.ascontiguousarray(t))
+    return mesh.with_boundaries({name: facets_of(mesh, quad) for name, quad in corners.items()})
 
 
-def _off(side: Face, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance of points (..., 3) from the surface of a side."""
-    if side.normal is not None:
-        return np.abs((points - side.centre) @ side.normal)
-    return np.abs(off_axis(points, side.on_axis, side.axis) - side.radius)
-
-
-def _on(side: Face, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _onto(side: Face, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points (n, 3) of chords moved onto the side."""
     if side.axis is None:
         return points
@@ -154,33 +249,260 @@ def _on(side: Face, points: NDArray[np.float64]) -> NDArray[np.float64]:
     return points + (side.radius / np.linalg.norm(rho, axis=1, keepdims=True) - 1) * rho
 
 
-def _corners(
-    layers: Layers, marks: Imprints, wanted: Mapping[str, Sequence[Region]], gap: float
-) -> dict[str, NDArray[np.int64]]:
-    found = {}
-    for name, regions in wanted.items():
-        parts = [
-            layers.patch(marks.sides[region.tag], gap)
-            if region.tag in marks.sides
-            else layers.cap(region.tag, region.on)
-            for region in regions
+def prisms(body: Body) -> Iterator[Prism]:
+    """Every way to see a body as an extrusion, the lowest first."""
+    extrusions = []
+    normals = [face.normal for face in body.faces if face.normal is not None]
+    for i, axis in enumerate(normals):
+        if any(parallel(axis, earlier) for earlier in normals[:i]):
+            continue
+        caps = [f for f in body.faces if f.normal is not None and parallel(f.normal, axis)]
+        sides = tuple(f for f in body.faces if not any(f is cap for cap in caps))
+        top = tuple(f for f in caps if f.normal @ axis > 0)
+        base = tuple(f for f in caps if f.normal @ axis < 0)
+        upright = all(
+            abs(f.normal @ axis) < LIMITS.upright
+            if f.normal is not None
+            else f.axis is not None and parallel(f.axis, axis)
+            for f in sides
+        )
+        if not (top and base and upright):
+            continue
+
+        # two planes of the area volume / height, and sides that reach from one to the other all
+        # along: their corners lie at either end
+        levels = [[f.centre @ axis for f in faces] for faces in (base, top)]
+        height = levels[1][0] - levels[0][0]
+        if not max(np.ptp(levels[0]), np.ptp(levels[1])) < SAME:
+            continue
+        areas = [sum(f.area for f in faces) for faces in (base, top)]
+        volumes = [areas[1] * height, areas[0] * height]
+        if not np.allclose(volumes, body.volume, rtol=LIMITS.exact, atol=0):
+            continue
+        corners = [
+            [gmsh.model.getValue(0, tag, []) @ axis for tag in corners_of(f.tag)] for f in sides
         ]
-        found[name] = np.unique(np.concatenate(parts), axis=0)
-    return found
+        if all(np.ptp(h) > height - SAME and np.all(_at_either_end(h)) for h in corners):
+            extrusions.append(Prism(axis, height, base, top, sides))
+    yield from sorted(extrusions, key=lambda prism: prism.height)
 
 
-def _mesh(body: Body, layers: Layers, corners: dict, gap: float) -> MeshHex:
-    n = len(layers.flat.p)
-    p = layers.flat.p + layers.heights[:, None, None] * layers.prism.axis
-    p = _enclosing(p.reshape(-1, 3), body, layers, gap)
-    quads = layers.flat.quads + np.arange(len(layers.heights) - 1)[:, None, None] * n
-    quads = quads.reshape(-1, 4).T
-    t = np.concatenate([quads, quads + n])[EXTRUDED]
-    mesh = MeshHex(np.ascontiguousarray(p.T), np.ascontiguousarray(t))
-    return mesh.with_boundaries({name: facets_of(mesh, found) for name, found in corners.items()})
+def _at_either_end(values: Sequence[float]) -> NDArray[np.bool_]:
+    """Which values (n,) are the lowest or the highest of them."""
+    lowest, highest = min(values), max(values)
+    off = np.minimum(np.abs(np.subtract(values, lowest)), np.abs(np.subtract(values, highest)))
+    return off < SAME
 
 
-def _enclosing(p, body: Body, layers: Layers, gap: float) -> NDArray[np.float64]:
-    cylinders = full_cylinders(body.tag, gap)
-    tags = [face.tag for cylinder in cylinders for face in cylinder.faces]
-    return enclosing(p, {tag: triangles(layers.face(tag)) for tag in tags}, cylinders)
+def corners_of(face: int) -> list[int]:
+    """Tags of the points at the corners of a face."""
+    points = gmsh.model.getBoundary([(2, face)], combined=False, oriented=False, recursive=True)
+    return [tag for dimension, tag in points if dimension == 0]
+
+
+def imprints(prism: Prism, wanted: Mapping[str, Sequence[Region]]) -> Imprints | None:
+    """The regions as an extrusion shows them; None when a part on a side is not bounded by two
+    heights and by lines along the axis."""
+    caps = {face.tag for face in prism.base + prism.top}
+    base, sides = {}, {}
+    for region in (region for regions in wanted.values() for region in regions):
+        if region.on in caps:
+            base[region.tag] = region
+            continue
+        levels, feet = [], []
+        for _, curve in gmsh.model.getBoundary([(2, region.tag)], oriented=False):
+            (start,), (end,) = gmsh.model.getParametrizationBounds(1, curve)
+            points = gmsh.model.getValue(1, curve, np.linspace(start, end, 5)).reshape(-1, 3)
+            heights, on_base = prism.heights(points), prism.foot(points)
+            if np.ptp(heights) < SAME:
+                levels.append(heights[0])
+            elif np.ptp(on_base, axis=0).max() < SAME:
+                feet.append(on_base[0])
+            else:
+                return None
+        if len(levels) < 2 or not np.all(_at_either_end(levels)):
+            return None
+        sides[region.tag] = SidePatch(region, min(levels), max(levels), np.reshape(feet, (-1, 3)))
+    return Imprints(base, sides)
+
+
+def base_mesh(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh | None:
+    """The base meshed in quadrilaterals; None when gmsh leaves a triangle."""
+    return (
+        _grid(prism, marks, size) or _ring(prism, marks, size) or _joined(prism, marks, size, gap)
+    )
+
+
+def spaced(stops: Sequence[float], size: Callable[[NDArray], NDArray]) -> NDArray[np.float64]:
+    """Points from the first to the last stop through all of them, as far from each other as `size`
+    says: between two stops they divide the integral of 1 / size evenly."""
+    ordered = np.unique(np.round(stops, 9))
+    points = [ordered[:1]]
+    for lower, upper in pairwise(ordered):
+        x = np.linspace(lower, upper, 1001)
+        density = 1 / size(x)
+        cells = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(x))])
+        n = max(1, round(cells[-1]))
+        points.append(np.interp(np.linspace(0, cells[-1], n + 1)[1:], cells, x))
+    return np.concatenate(points)
+
+
+def _grid(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
+    """Of a rectangle on which all imprints are rectangles along its sides."""
+    normals = [face.normal for face in prism.sides]
+    if len(prism.base) + len(prism.top) + len(normals) != 6 or any(n is None for n in normals):
+        return None
+    u = normals[0]
+    v = np.cross(prism.axis, u)
+    if not all(parallel(n, u) or parallel(n, v) for n in normals):
+        return None
+
+    # from where to where the imprints go along u and v, if they fill that
+    boxes = {}
+    for tag in marks.base:
+        corners = np.array([gmsh.model.getValue(0, corner, []) for corner in corners_of(tag)])
+        spans = tuple((float((corners @ a).min()), float((corners @ a).max())) for a in (u, v))
+        filled = np.prod([upper - lower for lower, upper in spans])
+        area = gmsh.model.occ.getMass(2, tag)
+        if not (len(corners) and abs(filled - area) < LIMITS.filled * area):
+            return None
+        boxes[tag] = spans
+
+    # grid lines through the ends of the base and of all imprints, closer to those that are singular
+    feet = np.concatenate(
+        [np.reshape(patch.feet, (-1, 3)) for patch in marks.sides.values()]
+        + [np.array([gmsh.model.getValue(0, tag, []) for tag in corners_of(prism.base[0].tag)])]
+    )
+    lines = []
+    for i, axis in enumerate((u, v)):
+        stops = [*(feet @ axis), *(end for box in boxes.values() for end in box[i])]
+        if size.edge:
+            edges = [end for end in stops if min(stops) + SAME < end < max(stops) - SAME]
+        else:
+            edges = [end for tag, box in boxes.items() if marks.base[tag].sharp for end in box[i]]
+            edges += [end for patch in marks.sharp for end in patch.feet @ axis]
+        lines.append(spaced(stops, partial(size_at, size, axis=axis, edges=edges)))
+    x, y = np.meshgrid(*lines, indexing="ij")
+    off = (prism.base[0].centre @ prism.axis) * prism.axis
+    p = off + x.reshape(-1, 1) * u + y.reshape(-1, 1) * v
+    quads = _structured(*x.shape)
+
+    middle = p[quads].mean(axis=1) @ np.array([u, v]).T
+    parts = {}
+    for tag, box in boxes.items():
+        lower, upper = np.transpose(box)
+        parts[tag] = np.flatnonzero(np.all((middle > lower) & (middle < upper), axis=1))
+    return BaseMesh(p, quads, parts | _caps(prism, len(quads)))
+
+
+def _caps(prism: Prism, n: int) -> dict[int, NDArray[np.int64]]:
+    """All n quadrilaterals, as the parts that the base and the top are."""
+    return {face.tag: np.arange(n) for face in (*prism.base, *prism.top)}
+
+
+def _structured(rows: int, columns: int) -> NDArray[np.int64]:
+    """Quadrilaterals (., 4) of a grid of points, numbered along the columns first."""
+    ix = np.arange(rows * columns).reshape(rows, columns)
+    return np.stack(
+        [ix[:-1, :-1].ravel(), ix[1:, :-1].ravel(), ix[1:, 1:].ravel(), ix[:-1, 1:].ravel()], axis=1
+    )
+
+
+def _ring(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
+    """Polar, from bore to outer radius; only where imprints cover a whole cap or part of a side."""
+    if len(prism.base) + len(prism.top) != 2 or len(prism.sides) != 2:
+        return None
+    a, b = prism.sides
+    if a.axis is None or b.axis is None or a.hollow == b.hollow or size.fine:
+        return None
+    covered = [gmsh.model.occ.getMass(2, tag) for tag in marks.base]
+    if not np.allclose(covered, prism.base[0].area, rtol=LIMITS.filled, atol=0):
+        return None
+
+    inner, outer = sorted(prism.sides, key=lambda face: face.radius)
+    centre = prism.foot(outer.on_axis)
+    u = np.cross(prism.axis, np.eye(3)[np.argmin(abs(prism.axis))])
+    u = u / np.linalg.norm(u)
+    v = np.cross(prism.axis, u)
+    feet = [patch.feet - centre for patch in marks.sides.values()]
+    angles = [np.arctan2(f @ v, f @ u) % (2 * pi) for f in feet]
+    stops = np.concatenate([*angles, [0.0, 2 * pi]])
+    step = min(size.seed / outer.radius, 2 * pi / size.around)
+    angle = spaced(stops, lambda x: np.full_like(x, step))[:-1]
+    radius = spaced([inner.radius, outer.radius], lambda x: np.full_like(x, size.seed))
+    r, phi = np.meshgrid(radius, angle, indexing="ij")
+    r, phi = r.reshape(-1, 1), phi.reshape(-1, 1)
+    p = centre + r * (np.cos(phi) * u + np.sin(phi) * v)
+
+    # the last column is the first again
+    ix = np.arange(len(p)).reshape(len(radius), len(angle))
+    ix = np.column_stack([ix, ix[:, 0]])
+    quads = ix.ravel()[_structured(*ix.shape)]
+    parts = {tag: np.arange(len(quads)) for tag in marks.base}
+    return BaseMesh(p, quads, parts | _caps(prism, len(quads)))
+
+
+def _joined(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh | None:
+    """By gmsh, of the base with all imprints fused into it: by the first of its algorithms that
+    leaves no triangle, no overlap and no sharp corner."""
+    occ, mesh = gmsh.model.occ, gmsh.model.mesh
+
+    # copies of caps and imprints, moved along the axis onto the base, and the feet of side patches
+    tags = [face.tag for face in prism.base + prism.top] + list(marks.base)
+    copies = []
+    for tag in tags:
+        ((_, copy),) = occ.copy([(2, tag)])
+        height = prism.heights(np.array(occ.getCenterOfMass(2, copy)))
+        occ.translate([(2, copy)], *(-height * prism.axis))
+        copies.append(copy)
+    n = len(prism.base)
+    feet = [point for patch in marks.sides.values() for point in patch.feet]
+    points = [(0, occ.addPoint(*point)) for point in feet]
+    with boolean_tolerance(2 * gap):
+        _, became = occ.fragment(
+            [(2, t) for t in copies[:n]], [(2, t) for t in copies[n:]] + points
+        )
+    occ.synchronize()
+    pieces = {
+        tag: [t for d, t in entities if d == 2] for tag, entities in zip(tags, became, strict=False)
+    }
+    visible = sorted({t for surfaces in pieces.values() for t in surfaces})
+
+    for options in JOINED:
+        try:
+            with failing("no quadrilaterals"), mesh_options({"RecombineAll": 1, **options}):
+                mesh_visible([(2, tag) for tag in visible], size)
+        except ValueError:
+            continue
+        if any(len(mesh.getElementsByType(TRIANGLE, tag)[0]) for tag in visible):
+            continue
+        nodes = [mesh.getElementsByType(QUADRILATERAL, tag)[1].reshape(-1, 4) for tag in visible]
+        first = np.cumsum([0, *map(len, nodes)])
+        of = {tag: np.arange(*first[i : i + 2]) for i, tag in enumerate(visible)}
+        node_tags, coordinates, _ = mesh.getNodes()
+        used, quads = np.unique(np.concatenate(nodes), return_inverse=True)
+        row = np.argsort(node_tags)
+        p = coordinates.reshape(-1, 3)[row[np.searchsorted(node_tags, used, sorter=row)]]
+        quads = quads.reshape(-1, 4)
+
+        # joined in a narrow gap some quadrilaterals lie over others, the other way round
+        overlapping = False
+        for tag in visible:
+            a, b, c, d = (p[corner] for corner in quads[of[tag]].T)
+            area = np.cross(c - a, d - b)
+            overlapping |= bool(np.any(area @ area.sum(axis=0) <= 0))
+        if overlapping:
+            continue
+
+        # sine of the sharpest or bluntest corner, negative in an element turned inside out
+        corners = p[quads]
+        ahead = np.roll(corners, -1, axis=1) - corners
+        behind = np.roll(corners, 1, axis=1) - corners
+        area = np.cross(ahead, behind)
+        upright = area.sum(axis=1, keepdims=True)
+        sine = np.sum(area * upright, axis=2) / np.linalg.norm(upright, axis=2)
+        lengths = np.linalg.norm(ahead, axis=2) * np.linalg.norm(behind, axis=2)
+        if float((sine / lengths).min()) > LIMITS.square:
+            parts = {tag: np.concatenate([of[t] for t in ts]) for tag, ts in pieces.items()}
+            return BaseMesh(p, quads, parts)
+    return None

@@ -1,10 +1,14 @@
 """Lines drawn on a body's faces before it is meshed: outlines of partners, washers, shares.
 
 A surface that lies on the body splits the faces under it, so that elements end on its rim. Which
-faces of the split body a face or an imprint became is what OpenCASCADE's general fuse tells.
+faces of the split body a face or an imprint became, OpenCASCADE's general fuse returns.
+
+    fitted        radii that can be meshed
+    regions       surfaces to imprint
+    imprinted     the body, its faces split along them
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import pi
 from typing import NamedTuple
 
@@ -13,15 +17,22 @@ import numpy as np
 
 from geometry.assembly import InvalidGeometry
 from geometry.gmsh_session import boolean_tolerance
-from geometry.holes import Concentric
 from geometry.selectors import Selected
 from geometry.solids import SAME, Body, Face, Vector
-from geometry.touching import Touch
+from geometry.touching import TouchingPair
 
-SLIVER = 1 / 6  # of r step^2: twice what a rim is moved out by for its area
-CHORD = 1 / 32  # of r step^2: cuts off half an element, 2 sqrt(2 r d) = r step / 2
-MERGED = 4  # times the gap: an intersection makes edges closer than twice the gap one
-MOST = 1 / 4  # of a radius, however large the gap
+
+class RimRoom(NamedTuple):
+    """How near to an edge of its face, or to another rim, the rim of a disc may be drawn."""
+
+    sliver: float = 1 / 6  # of r step^2: twice what a rim is moved out by for its area
+    chord: float = 1 / 32  # of r step^2: cuts off half an element, 2 sqrt(2 r d) = r step / 2
+    # times the gap: an intersection makes edges closer than twice the gap one
+    merged: float = 4
+    most: float = 1 / 4  # of a radius, however large the gap
+
+
+RIM_ROOM = RimRoom()
 
 
 class Disc(NamedTuple):
@@ -42,7 +53,7 @@ class Share(NamedTuple):
     others: Sequence[Vector]
 
 
-class Band(NamedTuple):
+class ThreadBand(NamedTuple):
     """The part of a cylinder's faces between two planes across its axis: of a thread."""
 
     on: Selected
@@ -51,16 +62,7 @@ class Band(NamedTuple):
     length: float  # m
 
 
-Patch = Disc | Share | Band
-
-
-def share_of(
-    place: Concentric, places: Sequence[Concentric], pairs: Sequence[Touch]
-) -> Callable[[Selected], Share]:
-    """Makes a bolt's share of a face: nearer to it than to the others of the touching pairs."""
-    others = [p.centre for p in places if p.faces == place.faces and p is not place]
-    regions = next(c.regions for t in pairs for c in t.contacts if c.faces == place.faces)
-    return lambda on: Share(on, regions, place.centre, others)
+Patch = Disc | Share | ThreadBand
 
 
 class Imprinted(NamedTuple):
@@ -84,66 +86,133 @@ def fitted(body: Body, patches: Mapping[str, Patch], gap: float, around: float) 
     A rim that would leave a sliver beside an edge of its face, or beside a disc before it, or cut
     off less of one than an element, ends on it: `geometry.roundness.rimmed` restores the area.
     """
-    drawn: dict[str, Patch] = {}
+    occ, room = gmsh.model.occ, RIM_ROOM
+    fitting: dict[str, Patch] = {}
     for name, patch in patches.items():
         if patch.on.body != body.name:
             continue
-        if isinstance(patch, Disc):
-            before = [d for d in drawn.values() if isinstance(d, Disc) and d.on == patch.on]
-            apart = [float(np.linalg.norm(patch.centre - d.centre)) - d.radius for d in before]
-            ends = np.array([*_radii_to_edges(patch), *apart])
-            r, step = patch.radius, 2 * pi / around
-            inside, outside = (
-                min(max(part * r * step**2, MERGED * gap), MOST * r) for part in (SLIVER, CHORD)
-            )
-            near = ends[(ends > r - outside) & (ends < r + inside)]
-            if len(near):
-                r = near[np.argmin(abs(near - r))]
-                merged = ends[abs(ends - r) < MERGED * gap]
-                apart = np.ptp(merged) > SAME  # then the rim would bend one edge to the other
-                patch = patch._replace(radius=float(merged.min() - MERGED * gap if apart else r))
-        drawn[name] = patch
-    return drawn
+        if not isinstance(patch, Disc):
+            fitting[name] = patch
+            continue
 
+        # radii at which the circle touches an edge of its faces, passes through a corner, goes
+        # around a hole that lies in it, or touches a disc before it
+        radii: list[float] = []
+        centre = occ.addPoint(*patch.centre)
+        faces = [(2, tag) for tag in patch.on.tags]
+        for _, curve in gmsh.model.getBoundary(faces, oriented=False):
+            start, end = gmsh.model.getParametrizationBounds(1, curve)
+            points = gmsh.model.getValue(1, curve, np.linspace(*start, *end, 201)).reshape(-1, 3)
+            distance = np.linalg.norm(points - patch.centre, axis=1)
+            if np.ptp(distance) > SAME:  # else the rim of a hole in the middle of the disc
+                radii.append(occ.getDistance(0, centre, 1, curve)[0])
+                if np.linalg.norm(points[0] - points[-1]) > SAME:
+                    radii += distance[[0, -1]].tolist()
+                if gmsh.model.getType(1, curve) == "Circle":
+                    radii.append(float(distance.max()))
+        occ.remove([(0, centre)])
+        discs = [d for d in fitting.values() if isinstance(d, Disc) and d.on == patch.on]
+        radii += [float(np.linalg.norm(patch.centre - d.centre)) - d.radius for d in discs]
 
-def _radii_to_edges(disc: Disc) -> Iterator[float]:
-    """Radii [m] at which a circle touches an edge of its faces, or passes through a corner."""
-    occ, faces = gmsh.model.occ, [(2, tag) for tag in disc.on.tags]
-    centre = occ.addPoint(*disc.centre)
-    for _, curve in gmsh.model.getBoundary(faces, oriented=False):
-        first, last = gmsh.model.getParametrizationBounds(1, curve)
-        points = gmsh.model.getValue(1, curve, np.linspace(*first, *last, 201)).reshape(-1, 3)
-        away = np.linalg.norm(points - disc.centre, axis=1)
-        if np.ptp(away) > SAME:  # else the rim of a hole in the middle of the disc
-            yield occ.getDistance(0, centre, 1, curve)[0]
-            if np.linalg.norm(points[0] - points[-1]) > SAME:
-                yield from away[[0, -1]]
-            if gmsh.model.getType(1, curve) == "Circle":  # a hole that lies in the disc
-                yield away.max()
-    occ.remove([(0, centre)])
+        # the nearest of them, where it is too near
+        ends, r, step = np.array(radii), patch.radius, 2 * pi / around
+        inside, outside = (
+            min(max(share * r * step**2, room.merged * gap), room.most * r)
+            for share in (room.sliver, room.chord)
+        )
+        too_near = ends[(ends > r - outside) & (ends < r + inside)]
+        if len(too_near):
+            r = too_near[np.argmin(abs(too_near - r))]
+            merged = ends[abs(ends - r) < room.merged * gap]
+            if np.ptp(merged) > SAME:  # the rim would bend one edge to the other
+                r = merged.min() - room.merged * gap
+            patch = patch._replace(radius=float(r))
+        fitting[name] = patch
+    return fitting
 
 
 def regions(
-    body: Body, touching: Sequence[Touch], patches: Mapping[str, Patch], gap: float
+    body: Body, touching: Sequence[TouchingPair], patches: Mapping[str, Patch], gap: float
 ) -> dict[str, list[Region]]:
     """What to imprint on a body, by name: where it touches others "a|b", and its patches.
 
-    Raises ValueError for a patch that falls beside its faces.
+    Raises InvalidGeometry for a patch that falls beside its faces.
     """
-    found = {t.name: list(_touched(body, t)) for t in touching if body.name in t.bodies}
+    occ = gmsh.model.occ
+
+    def copied(surfaces: Sequence[int], face: Face) -> list[tuple[int, int]]:
+        """Copies of common surfaces, those of a plane moved onto the body's own across the gap."""
+        copies = occ.copy([(2, tag) for tag in surfaces])
+        for _, tag in copies if face.normal is not None else ():
+            off = (face.centre - occ.getCenterOfMass(2, tag)) @ face.normal
+            occ.translate([(2, tag)], *(off * face.normal))
+        return copies
+
+    imprints: dict[str, list[Region]] = {}
+    for touch in (touch for touch in touching if body.name in touch.bodies):
+        side = touch.bodies.index(body.name)
+        imprints[touch.name] = [
+            Region(tag, face.tag, sharp=not contact.flush)
+            for contact in touch.contacts
+            for face in [body.face(contact.faces[side])]
+            for _, tag in copied(contact.regions, face)
+        ]
+
     for name, patch in patches.items():
-        if patch.on.body == body.name:
-            match patch:
-                case Share():
-                    parts = _nearest(body, patch)
-                case Band():
-                    parts = _between(body, patch)
-                case Disc():
-                    parts = _on_faces(patch, gap)
-            found[name] = list(parts)
-            _require_some(name, patch, found[name])
-    gmsh.model.occ.synchronize()
-    return found
+        if patch.on.body != body.name:
+            continue
+        lying: list[Region] = []
+        match patch:
+            case Share():
+                # the common face on this side of the lines half-way to the other bolts
+                what = "bolt's share"
+                face = body.face(patch.on.tags[0])
+                surfaces = copied(patch.regions, face)
+                for other_bolt in patch.others:
+                    if surfaces:
+                        half_plane = _half_plane(
+                            face, patch.centre, other_bolt, reach=4 * body.extent
+                        )
+                        surfaces, _ = occ.intersect(surfaces, [(2, half_plane)])
+                lying = [Region(tag, face.tag) for dimension, tag in surfaces if dimension == 2]
+            case ThreadBand():
+                # the cylinder's faces inside a slab across its axis, wide enough to hold them
+                what = "thread"
+                foot = patch.centre - patch.length / 2 * patch.axis
+                for face_tag in patch.on.tags:
+                    slab = occ.addCylinder(
+                        *foot, *(patch.length * patch.axis), 4 * body.face(face_tag).radius
+                    )
+                    common, _ = occ.intersect(occ.copy([(2, face_tag)]), [(3, slab)])
+                    lying += [Region(tag, face_tag) for dimension, tag in common if dimension == 2]
+            case Disc():
+                what = f"disc of radius {patch.radius:.6g} m"
+                for face_tag in patch.on.tags:
+                    radii = patch.radius, patch.radius
+                    disc = occ.addDisk(*patch.centre, *radii, zAxis=list(patch.normal))
+                    with boolean_tolerance(2 * gap):
+                        common, _ = occ.intersect([(2, disc)], occ.copy([(2, face_tag)]))
+                    lying += [Region(tag, face_tag) for dimension, tag in common if dimension == 2]
+        if not lying:
+            raise InvalidGeometry(
+                f'"{name}": a {what} at {np.round(patch.centre, 6).tolist()} m does not lie on the '
+                f"faces of {patch.on.body} it belongs to; move the point."
+            )
+        imprints[name] = lying
+    occ.synchronize()
+    return imprints
+
+
+def _half_plane(face: Face, centre: Vector, partner: Vector, reach: float) -> int:
+    """A rectangle in the plane of a face, from half-way between two points on to the first."""
+    occ = gmsh.model.occ
+    away = (partner - centre) / np.linalg.norm(partner - centre)
+    along, middle = reach * np.cross(face.normal, away), (centre + partner) / 2
+    middle = middle + ((face.centre - middle) @ face.normal) * face.normal
+    ends = middle + along, middle - along
+    corners = [occ.addPoint(*p) for p in (*ends, ends[1] - reach * away, ends[0] - reach * away)]
+    lines = [occ.addLine(*pair) for pair in zip(corners, corners[1:] + corners[:1], strict=True)]
+    return occ.addPlaneSurface([occ.addCurveLoop(lines)])
 
 
 def imprinted(
@@ -153,121 +222,43 @@ def imprinted(
 
     Raises ValueError when an imprint would cut the body.
     """
-    picked = {name: s.tags for name, s in named.items() if s.body == body.name}
-    tags = {name: [region.tag for region in parts] for name, parts in wanted.items()}
-    tag, old, new = _split(body, [tag for parts in tags.values() for tag in parts], gap)
-    found = {name: flat(old[tag] for tag in parts) for name, parts in picked.items()}
-    return Imprinted(tag, found | {n: flat(new[tag] for tag in parts) for n, parts in tags.items()})
+    occ = gmsh.model.occ
+    volume, old = body.tag, {face.tag: [face.tag] for face in body.faces}
+    tools = [region.tag for imprint in wanted.values() for region in imprint]
+    new: dict[int, list[int]] = {}
+    if tools:
+        with boolean_tolerance(2 * gap):
+            pieces, became = occ.fragment([(3, body.tag)], [(2, tag) for tag in [*old, *tools]])
+        occ.synchronize()
+        volumes = sorted({tag for dimension, tag in pieces if dimension == 3})
+        if len(volumes) != 1:
+            raise ValueError(f"imprints would cut {body.name} into {len(volumes)} pieces.")
+        (volume,) = volumes
+        surfaces = ([tag for dimension, tag in parts if dimension == 2] for parts in became[1:])
+        split = dict(zip([*old, *tools], surfaces, strict=True))
+        old, new = {tag: split[tag] for tag in old}, {tag: split[tag] for tag in tools}
+
+        # gmsh gives faces that stayed whole new tags and forgets them: found by area and centre
+        followed = {tag for tags in old.values() for tag in tags}
+        boundary = gmsh.model.getBoundary([(3, volume)], oriented=False)
+        forgotten = [tag for _, tag in boundary if tag not in followed]
+        centres = np.array([occ.getCenterOfMass(2, tag) for tag in forgotten]).reshape(-1, 3)
+        areas = np.array([occ.getMass(2, tag) for tag in forgotten])
+        for face in (face for face in body.faces if not old[face.tag]):
+            mismatch = np.linalg.norm(centres - face.centre, axis=1)
+            mismatch += abs(areas - face.area) / np.sqrt(face.area)
+            old[face.tag] = [forgotten[int(np.argmin(mismatch))]]
+
+    faces = {
+        name: flat(old[tag] for tag in selected.tags)
+        for name, selected in named.items()
+        if selected.body == body.name
+    }
+    for name, imprint in wanted.items():
+        faces[name] = flat(new[region.tag] for region in imprint)
+    return Imprinted(volume, faces)
 
 
 def flat(lists: Iterable[Sequence[int]]) -> tuple[int, ...]:
     """All of several lists, each once."""
     return tuple(dict.fromkeys(tag for tags in lists for tag in tags))
-
-
-def _touched(body: Body, touch: Touch) -> Iterator[Region]:
-    """The common regions, those of planes moved onto the body's own face across the gap."""
-    side = touch.bodies.index(body.name)
-    for contact in touch.contacts:
-        face = body.face(contact.faces[side])
-        for tag in _copied(contact.regions, face):
-            yield Region(tag, face.tag, sharp=not contact.flush)
-
-
-def _copied(regions: Sequence[int], face: Face) -> Iterator[int]:
-    occ = gmsh.model.occ
-    for _, tag in occ.copy([(2, tag) for tag in regions]):
-        if face.normal is not None:
-            off = (face.centre - occ.getCenterOfMass(2, tag)) @ face.normal
-            occ.translate([(2, tag)], *(off * face.normal))
-        yield tag
-
-
-def _nearest(body: Body, share: Share) -> Iterator[Region]:
-    """The common face on this side of the lines half-way to the other bolts."""
-    face = body.face(share.on.tags[0])
-    parts = [(2, tag) for tag in _copied(share.regions, face)]
-    for other in share.others:
-        if parts:
-            half = _half_plane(face, share.centre, other, reach=4 * body.extent)
-            parts, _ = gmsh.model.occ.intersect(parts, [(2, half)])
-    return (Region(tag, face.tag) for dimension, tag in parts if dimension == 2)
-
-
-def _half_plane(face: Face, centre: Vector, other: Vector, reach: float) -> int:
-    """A rectangle in the plane of a face, from half-way between two points on to the first."""
-    occ = gmsh.model.occ
-    away = (other - centre) / np.linalg.norm(other - centre)
-    along, middle = reach * np.cross(face.normal, away), (centre + other) / 2
-    middle = middle + ((face.centre - middle) @ face.normal) * face.normal
-    ends = middle + along, middle - along
-    corners = [occ.addPoint(*p) for p in (*ends, ends[1] - reach * away, ends[0] - reach * away)]
-    lines = [occ.addLine(*pair) for pair in zip(corners, corners[1:] + corners[:1], strict=True)]
-    return occ.addPlaneSurface([occ.addCurveLoop(lines)])
-
-
-def _on_faces(disc: Disc, gap: float) -> Iterator[Region]:
-    """The parts of a disc that lie on the faces it is meant for."""
-    occ = gmsh.model.occ
-    for face in disc.on.tags:
-        drawn = occ.addDisk(*disc.centre, disc.radius, disc.radius, zAxis=list(disc.normal))
-        with boolean_tolerance(2 * gap):
-            common, _ = occ.intersect([(2, drawn)], occ.copy([(2, face)]))
-        yield from (Region(tag, face) for dimension, tag in common if dimension == 2)
-
-
-def _between(body: Body, band: Band) -> Iterator[Region]:
-    """The parts of a band's faces."""
-    occ = gmsh.model.occ
-    for tag in band.on.tags:
-        reach = 4 * body.face(tag).radius
-        foot, along = band.centre - band.length / 2 * band.axis, band.length * band.axis
-        slab = occ.addCylinder(*foot, *along, reach)
-        common, _ = occ.intersect(occ.copy([(2, tag)]), [(3, slab)])
-        yield from (Region(part, tag) for dimension, part in common if dimension == 2)
-
-
-def _require_some(name: str, patch: Patch, parts: list[Region]) -> None:
-    if not parts:
-        words = {
-            Disc: f"disc of radius {getattr(patch, 'radius', 0.0):.6g} m",
-            Share: "bolt's share",
-            Band: "thread",
-        }
-        raise InvalidGeometry(
-            f'"{name}": a {words[type(patch)]} at {np.round(patch.centre, 6).tolist()} m does not '
-            f"lie on the faces of {patch.on.body} it belongs to; move the point."
-        )
-
-
-def _split(body: Body, tools: list[int], gap: float):
-    """The new volume, and for every old face and tool the new faces."""
-    tags = [face.tag for face in body.faces]
-    if not tools:
-        return body.tag, {tag: [tag] for tag in tags}, {}
-    with boolean_tolerance(2 * gap):
-        out, became = gmsh.model.occ.fragment([(3, body.tag)], [(2, tag) for tag in tags + tools])
-    gmsh.model.occ.synchronize()
-    volumes = sorted({tag for dimension, tag in out if dimension == 3})
-    if len(volumes) != 1:
-        raise ValueError(f"imprints would cut {body.name} into {len(volumes)} pieces.")
-    parts = ([tag for dimension, tag in new if dimension == 2] for new in became[1:])
-    split = dict(zip(tags + tools, parts, strict=True))
-    old = _with_unsplit(body, {tag: split[tag] for tag in tags}, volumes[0])
-    return volumes[0], old, {tag: split[tag] for tag in tools}
-
-
-def _with_unsplit(body: Body, split: dict[int, list[int]], volume: int) -> dict[int, list[int]]:
-    """gmsh gives faces that stayed whole new tags and forgets them: found by area and centre."""
-    occ = gmsh.model.occ
-    known = {tag for tags in split.values() for tag in tags}
-    boundary = gmsh.model.getBoundary([(3, volume)], oriented=False)
-    rest = [tag for _, tag in boundary if tag not in known]
-    centres = np.array([occ.getCenterOfMass(2, tag) for tag in rest]).reshape(-1, 3)
-    areas = np.array([occ.getMass(2, tag) for tag in rest])
-    for face in body.faces:
-        if not split[face.tag]:
-            off = np.linalg.norm(centres - face.centre, axis=1)
-            off += abs(areas - face.area) / np.sqrt(face.area)
-            split[face.tag] = [rest[int(np.argmin(off))]]
-    return split

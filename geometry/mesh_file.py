@@ -4,7 +4,6 @@ Of what meshio reads, sets of cells carry the names (Abaqus, CalculiX, ...), or 
 scikit-fem writes.
 """
 
-from collections.abc import Iterator
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -29,25 +28,22 @@ def cell_groups(path: Path) -> tuple[NDArray[np.float64], list[CellGroup]]:
 
         return by_gmsh(path)
     with redirect_stdout(StringIO()):
-        whole = meshio.read(path)
-    if any(name.startswith("skfem:") for name in whole.cell_data):
-        mesh = from_meshio(whole)
-        return mesh.p.T, list(_tagged(mesh))
-    return np.asarray(whole.points, float), list(_in_sets(whole))
+        file = meshio.read(path)
 
+    # what scikit-fem wrote: tags, its own order of corners
+    if any(name.startswith("skfem:") for name in file.cell_data):
+        mesh = from_meshio(file)
+        t = mesh.t if len(mesh.t) == 4 else mesh.t[HEX_MAPPING[:8]]
+        groups = [CellGroup(n, 3, t[:, cells].T) for n, cells in (mesh.subdomains or {}).items()]
+        for name, facets in (mesh.boundaries or {}).items():
+            groups.append(CellGroup(name, 2, mesh.facets[:, facets].T))
+        return mesh.p.T, groups
 
-def _in_sets(whole: meshio.Mesh) -> Iterator[CellGroup]:
-    for name, members in whole.cell_sets.items():
-        for block, chosen in zip(whole.cells, members, strict=True):
+    groups = []
+    for name, members in file.cell_sets.items():
+        for block, chosen in zip(file.cells, members, strict=True):
             kind = next((k for k in CORNERS if block.type.startswith(k)), None)
             if kind and chosen is not None and len(chosen):
                 n_corners, dimension = CORNERS[kind]
-                yield CellGroup(name, dimension, block.data[chosen][:, :n_corners])
-
-
-def _tagged(mesh) -> Iterator[CellGroup]:
-    t = mesh.t if len(mesh.t) == 4 else mesh.t[HEX_MAPPING[:8]]
-    for name, cells in (mesh.subdomains or {}).items():
-        yield CellGroup(name, 3, t[:, cells].T)
-    for name, facets in (mesh.boundaries or {}).items():
-        yield CellGroup(name, 2, mesh.facets[:, facets].T)
+                groups.append(CellGroup(name, dimension, block.data[chosen][:, :n_corners]))
+    return np.asarray(file.points, float), groups

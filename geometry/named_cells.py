@@ -30,49 +30,50 @@ class NamedCells(NamedTuple):
     groups: list[CellGroup]
 
 
-def rig_mesh(found: NamedCells, assembly: Assembly, faces: set[str]) -> Mesh:
+def rig_mesh(cells: NamedCells, assembly: Assembly, faces: set[str]) -> Mesh:
     """The rig's mesh, edges straight; raises InvalidGeometry where it cannot stand for ours."""
     wanted = sorted(bodies(assembly))
-    volumes = {g.name for g in found.groups if g.dimension == 3}
-    _require(found, "volume", set(wanted), volumes)
-    solid = _solid(found, {name: _cells(found, name) for name in wanted})
-    placed = named(solid.mesh, assembly, solid.body)
-    placed = placed.with_boundaries(_facets(solid, found.groups))
-    _require(found, "surface", faces, {n for n, f in placed.boundaries.items() if len(f)})
-    return placed
+    names = {g.name for g in cells.groups if g.dimension == 3}
+    _require(cells, "volume", set(wanted), names)
+    solid = _solid(cells, {name: _corners(cells, name) for name in wanted})
+    mesh = named(solid.mesh, assembly, solid.body)
+    mesh = mesh.with_boundaries(_facets(solid, cells.groups))
+    _require(cells, "surface", faces, {n for n, f in mesh.boundaries.items() if len(f)})
+    return mesh
 
 
-def volumes(found: NamedCells) -> dict[str, Mesh]:
+def volumes(cells: NamedCells) -> dict[str, Mesh]:
     """Every named volume as a mesh of its own, with the named surfaces on its outside; raises
     InvalidGeometry where there is none."""
-    names = dict.fromkeys(g.name for g in found.groups if g.dimension == 3)
-    cells = {name: _cells(found, name) for name in names}
-    if not cells:
+    names = dict.fromkeys(g.name for g in cells.groups if g.dimension == 3)
+    corners = {name: _corners(cells, name) for name in names}
+    if not corners:
         raise InvalidGeometry(
-            f"{found.source} has no named volumes; name each body, in gmsh as a physical volume, "
+            f"{cells.source} has no named volumes; name each body, in gmsh as a physical volume, "
             "elsewhere as a set of cells."
         )
     for kind in KINDS:
-        of_kind = [t for t in cells.values() if t.shape[1] == kind]
-        _require_once(found, np.concatenate([np.empty((0, kind), np.int64), *of_kind]))
-    solids = {name: _solid(found, {name: t}) for name, t in cells.items()}
-    return {
-        name: solid.mesh.with_boundaries(_facets(solid, found.groups))
-        for name, solid in solids.items()
-    }
+        of_kind = [t for t in corners.values() if t.shape[1] == kind]
+        _require_once(cells, np.concatenate([np.empty((0, kind), np.int64), *of_kind]))
+    meshes = {}
+    for name, t in corners.items():
+        solid = _solid(cells, {name: t})
+        meshes[name] = solid.mesh.with_boundaries(_facets(solid, cells.groups))
+    return meshes
 
 
-def _cells(found: NamedCells, body: str) -> NDArray[np.int64]:
-    """Corners of a body's cells; raises InvalidGeometry for other cells than we compute with."""
-    own = [g for g in found.groups if (g.name, g.dimension) == (body, 3)]
-    kinds = sorted({g.corners.shape[1] for g in own})
+def _corners(cells: NamedCells, body: str) -> NDArray[np.int64]:
+    """Corners (n, 4 or 8) of a body's cells; raises InvalidGeometry for other cells than we compute
+    with."""
+    groups = [g for g in cells.groups if (g.name, g.dimension) == (body, 3)]
+    kinds = sorted({g.corners.shape[1] for g in groups})
     if len(kinds) > 1 or kinds[0] not in KINDS:
-        told = " and ".join(CELLS.get(kind, f"cells of {kind} corners") for kind in kinds)
+        mixture = " and ".join(CELLS.get(kind, f"cells of {kind} corners") for kind in kinds)
         raise InvalidGeometry(
-            f"the mesh {found.source!r} fills the volume {body!r} with {told}; give tetrahedra "
+            f"the mesh {cells.source!r} fills the volume {body!r} with {mixture}; give tetrahedra "
             "alone or hexahedra alone."
         )
-    return np.concatenate([g.corners for g in own])
+    return np.concatenate([g.corners for g in groups])
 
 
 class _Solid(NamedTuple):
@@ -83,46 +84,50 @@ class _Solid(NamedTuple):
     number: NDArray[np.int64]  # (n_points,) -1 of points that no body uses
 
 
-def _solid(found: NamedCells, cells: dict[str, NDArray[np.int64]]) -> _Solid:
-    kinds = {t.shape[1]: name for name, t in cells.items()}
+def _solid(cells: NamedCells, corners: dict[str, NDArray[np.int64]]) -> _Solid:
+    """One mesh of all these bodies; raises InvalidGeometry for both kinds of cells, and for cells
+    that are in two bodies."""
+    kinds = {t.shape[1]: name for name, t in corners.items()}
     if len(kinds) > 1:
-        told = " and ".join(f"{name!r} with {CELLS[kind]}" for kind, name in kinds.items())
+        mixture = " and ".join(f"{name!r} with {CELLS[kind]}" for kind, name in kinds.items())
         raise InvalidGeometry(
-            f"the mesh {found.source!r} fills {told}; mesh all volumes with one of the two."
+            f"the mesh {cells.source!r} fills {mixture}; mesh all volumes with one of the two."
         )
     (n_corners,) = kinds
-    used, t = np.unique(np.concatenate(list(cells.values())), return_inverse=True)
+    used, t = np.unique(np.concatenate(list(corners.values())), return_inverse=True)
     t = t.reshape(-1, n_corners)
-    _require_once(found, t)
+    _require_once(cells, t)
     order = INV_HEX_MAPPING[:8] if n_corners == 8 else slice(None)
-    mesh = KINDS[n_corners](*map(np.ascontiguousarray, (found.points[used].T, t.T[order])))
-    ends = np.cumsum([0, *map(len, cells.values())])
-    number = np.full(len(found.points), -1)
+    mesh = KINDS[n_corners](*map(np.ascontiguousarray, (cells.points[used].T, t.T[order])))
+    ends = np.cumsum([0, *map(len, corners.values())])
+    number = np.full(len(cells.points), -1)
     number[used] = np.arange(len(used))
-    return _Solid(mesh, {n: np.arange(*ends[i : i + 2]) for i, n in enumerate(cells)}, number)
+    return _Solid(mesh, {n: np.arange(*ends[i : i + 2]) for i, n in enumerate(corners)}, number)
 
 
-def _require_once(found: NamedCells, t: NDArray[np.int64]) -> None:
+def _require_once(cells: NamedCells, t: NDArray[np.int64]) -> None:
     """Raise InvalidGeometry where volumes overlap: their mass would count twice."""
     twice = len(t) - len(np.unique(np.sort(t, axis=1), axis=0))
     if twice:
         raise InvalidGeometry(
-            f"the mesh {found.source!r} has {twice} cells in two volumes; put each in one."
+            f"the mesh {cells.source!r} has {twice} cells in two volumes; put each in one."
         )
 
 
 def _facets(solid: _Solid, groups: list[CellGroup]) -> dict[str, NDArray[np.int64]]:
     """Facets on the boundary of the mesh, by the name of the surface that they belong to."""
     outer = solid.mesh.boundary_facets()
-    own = np.sort(solid.mesh.facets[:, outer], axis=0).T
-    found: dict[str, NDArray[np.int64]] = {}
+    corners_of_outer = np.sort(solid.mesh.facets[:, outer], axis=0).T
+    n = len(corners_of_outer)
+    facets: dict[str, NDArray[np.int64]] = {}
     for name, dimension, corners in groups:
-        if dimension == 2 and corners.shape[1] == own.shape[1]:
-            asked = np.sort(solid.number[corners], axis=1)
-            _, row = np.unique(np.concatenate([own, asked]), axis=0, return_inverse=True)
-            met = outer[np.isin(row[: len(own)], row[len(own) :])]
-            found[name] = np.union1d(found.get(name, met), met)
-    return {name: facets for name, facets in found.items() if len(facets)}
+        if dimension == 2 and corners.shape[1] == corners_of_outer.shape[1]:
+            in_mesh = np.sort(solid.number[corners], axis=1)
+            both = np.concatenate([corners_of_outer, in_mesh])
+            _, row = np.unique(both, axis=0, return_inverse=True)
+            common = outer[np.isin(row[:n], row[n:])]
+            facets[name] = np.union1d(facets.get(name, common), common)
+    return {name: numbers for name, numbers in facets.items() if len(numbers)}
 
 
 def bodies(assembly: Assembly) -> set[str]:
@@ -137,12 +142,13 @@ def faces(touching: tuple[Interface, ...], held: tuple[str, ...], struck: str) -
     return {*joined, *held, struck}
 
 
-def _require(found: NamedCells, what: str, wanted: set[str], known: set[str]) -> None:
-    missing = sorted(wanted - known)
+def _require(cells: NamedCells, what: str, wanted: set[str], names: set[str]) -> None:
+    """Raise InvalidGeometry where the mesh lacks a volume or a surface of these names."""
+    missing = sorted(wanted - names)
     if missing:
-        near = get_close_matches(missing[0], known, n=1, cutoff=0.6)
-        hint = f"the nearest known is {near[0]!r}" if near else f"known are {', '.join(known)}"
+        close = get_close_matches(missing[0], names, n=1, cutoff=0.6)
+        hint = f"the nearest known is {close[0]!r}" if close else f"known are {', '.join(names)}"
         raise InvalidGeometry(
-            f"the mesh {found.source!r} has no {what} named {missing[0]!r} "
-            f"({len(missing)} of {len(wanted)} are missing), {hint if known else 'it has none'}."
+            f"the mesh {cells.source!r} has no {what} named {missing[0]!r} "
+            f"({len(missing)} of {len(wanted)} are missing), {hint if names else 'it has none'}."
         )

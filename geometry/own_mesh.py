@@ -1,53 +1,68 @@
 """Bodies of a mesh that the user brings, and the faces of it that the scene names."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from re import sub
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from skfem import Mesh
 
-LEFT = 0.1  # of a common area, the most that may lie on facets which reach past it
+from geometry.solids import Body
+
+if TYPE_CHECKING:  # these load gmsh
+    from geometry.faceted import Skin
+    from geometry.faceted_touching import Meeting
+    from geometry.imprint import Patch
+    from geometry.selectors import Selected
+    from geometry.touching import TouchingPair
 
 
 class OwnMesh(NamedTuple):
     """What is in the file, and where its bodies touch; see `geometry.faceted`."""
 
-    skins: dict
-    bodies: dict
-    meeting: tuple  # geometry.faceted_touching.Meeting
+    skins: dict[str, Skin]
+    bodies: dict[str, Body]
+    meeting: Meeting
 
-    def marked(self, named: Mapping, patches: Mapping, tied: Sequence) -> dict[str, Mesh]:
+    def marked(
+        self,
+        named: Mapping[str, Selected],
+        patches: Mapping[str, Patch],
+        tied: Sequence[tuple[TouchingPair, str]],
+    ) -> dict[str, Mesh]:
         """The meshes with faces, washers and ties (each with the body that follows) as boundaries;
         raises ValueError where no facets show them."""
-        found: dict[str, dict] = {name: {} for name in self.skins}
-        for name, picked in named.items():
-            found[picked.body][name] = self.skins[picked.body].on(picked.tags).number
+        boundaries: dict[str, dict] = {name: {} for name in self.skins}
+        for name, selected in named.items():
+            boundaries[selected.body][name] = self.skins[selected.body].on(selected.tags).number
         for name, patch in patches.items():
             body = patch.on.body
-            found[body][name] = self.meeting.under(patch, self.skins[body])
-            if not len(found[body][name]):
+            facets = self.meeting.under(patch, self.skins[body])
+            if not len(facets):
                 raise ValueError(
                     f'"{name}": no facet of {body} has its middle under the washer or in the '
                     f"thread at {np.round(patch.centre, 6).tolist()} m; take a larger one or a "
                     "finer mesh."
                 )
-        for touch, follows in tied:
+            boundaries[body][name] = facets
+        for touch, follower in tied:
+            # the body that follows is tied by facets that lie wholly on its partner
             for body in touch.bodies:
-                whole = body == follows
-                facets = self.meeting.facets(touch.name, body, self.skins[body], whole=whole)
-                found[body][touch.name] = facets
-            self._require_followed(touch, follows, found[follows][touch.name])
-        return {n: skin.mesh.with_boundaries(found[n]) for n, skin in self.skins.items()}
-
-    def _require_followed(self, touch, body: str, facets) -> None:
-        skin = self.skins[body]
-        area = skin.area[np.isin(skin.number, facets)].sum()
-        if area < (1 - LEFT) * touch.area:
-            raise ValueError(
-                f'"{touch.name}": of {1e6 * touch.area:.4g} mm^2 in common only {1e6 * area:.4g} '
-                f'are whole facets of "{body}"; let its mesh end where the other body does.'
-            )
+                boundaries[body][touch.name] = self.meeting.facets(
+                    touch.name, body, self.skins[body], whole=body == follower
+                )
+            skin = self.skins[follower]
+            area = skin.area[np.isin(skin.number, boundaries[follower][touch.name])].sum()
+            # at most a tenth of the common area may lie on facets which reach past it
+            if area < (1 - 0.1) * touch.area:
+                raise ValueError(
+                    f'"{touch.name}": of {1e6 * touch.area:.4g} mm^2 in common only '
+                    f'{1e6 * area:.4g} are whole facets of "{follower}"; let its mesh end where '
+                    "the other body does."
+                )
+        return {n: skin.mesh.with_boundaries(boundaries[n]) for n, skin in self.skins.items()}
 
 
 def own_mesh(volumes: Mapping[str, Mesh], gap: float) -> OwnMesh:
@@ -57,6 +72,6 @@ def own_mesh(volumes: Mapping[str, Mesh], gap: float) -> OwnMesh:
 
     meshes = {sub(r"[^\w.+-]+", "-", name): mesh for name, mesh in volumes.items()}
     named = {name: mesh.boundaries or {} for name, mesh in meshes.items()}
-    outside = skins(meshes, named)
-    found = bodies(outside, named)
-    return OwnMesh(outside, found, meeting(outside, found, gap))
+    outsides = skins(meshes, named)
+    solids = bodies(outsides, named)
+    return OwnMesh(outsides, solids, meeting(outsides, solids, gap))

@@ -9,13 +9,9 @@ x / |________________________| y   body "plate", faces "plate:-x" .. "plate:+z"
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshHex
 
 from geometry.grid_lines import graded
-
-LAYERS = 2  # of elements through the thickness, at least
-ON_EDGE = 1e-9  # m
 
 
 class Extent(NamedTuple):
@@ -38,29 +34,24 @@ def plate_mesh(
     Elements have `contact_seed` [m] at the struck face, at z = 0 and from one to the other of
     `struck_y` [m], and grow to `seed` away from there.
     """
+    # along y even elements over what is struck, growing to either side of it
+    (lower, upper), (start, end) = extent.y, struck_y
+    below = graded(lower, start, start, contact_seed, seed)[:-1]
+    even = np.linspace(start, end, round((end - start) / contact_seed) + 1)
+    above = graded(end, upper, end, contact_seed, seed)[1:]
     lines = (
-        graded(-thickness, 0.0, 0.0, contact_seed, min(seed, thickness / LAYERS)),
-        _fine_between(extent.y, struck_y, contact_seed, seed),
+        # at least two layers of elements through the thickness
+        graded(-thickness, 0.0, 0.0, contact_seed, min(seed, thickness / 2)),
+        np.concatenate([below, even, above]),
         graded(*extent.z, 0.0, contact_seed, seed),
     )
     mesh = MeshHex.init_tensor(*lines)
-    faces = {
-        f"plate:{sign}{letter}": _facets_at(mesh, axis, lines[axis][end])
-        for axis, letter in enumerate("xyz")
-        for sign, end in (("-", 0), ("+", -1))
-    }
+    faces = {}
+    for axis, letter in enumerate("xyz"):
+        for sign, side in (("-", 0), ("+", -1)):
+            level = lines[axis][side]
+            faces[f"plate:{sign}{letter}"] = mesh.facets_satisfying(
+                lambda x, axis=axis, level=level: np.abs(x[axis] - level) < 1e-9,
+                boundaries_only=True,
+            )
     return mesh.with_subdomains({"plate": np.arange(mesh.nelements)}).with_boundaries(faces)
-
-
-def _fine_between(
-    edges: tuple[float, float], struck: tuple[float, float], fine: float, coarse: float
-) -> NDArray[np.float64]:
-    (lower, upper), (first, last) = edges, struck
-    before = graded(lower, first, first, fine, coarse)[:-1]
-    between = np.linspace(first, last, round((last - first) / fine) + 1)
-    after = graded(last, upper, last, fine, coarse)[1:]
-    return np.concatenate([before, between, after])
-
-
-def _facets_at(mesh: MeshHex, axis: int, value: float) -> NDArray[np.int32]:
-    return mesh.facets_satisfying(lambda x: np.abs(x[axis] - value) < ON_EDGE, boundaries_only=True)

@@ -6,26 +6,21 @@ P. Knupp, SIAM J. Sci. Comput. 23 (2001) 193.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh, MeshTet
 
 
 def smallest_quality(mesh: Mesh) -> float:
     """The worst corner of a mesh of tetrahedra or hexahedra."""
-    edges = _tet_edges(mesh) if isinstance(mesh, MeshTet) else _hex_edges(mesh)
+    # edges (corners, elements, 3, 3) from each corner to its neighbours, all the same way round
+    if isinstance(mesh, MeshTet):
+        p = mesh.p.T[mesh.t]
+        around = [(0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (3, 2, 1, 0)]
+        edges = np.array([np.stack([p[j] - p[i] for j in ends], axis=1) for i, *ends in around])
+        regular = np.sqrt(2)
+    else:
+        # the derivatives of the mapping at each corner
+        J = mesh.mapping().DF(np.ascontiguousarray(mesh.elem().doflocs.T))
+        edges = J.transpose(3, 2, 1, 0)
+        regular = 1.0
     volume = np.linalg.det(edges) / np.prod(np.linalg.norm(edges, axis=-1), axis=-1)
-    whole = np.sqrt(2) if isinstance(mesh, MeshTet) else 1.0
-    return float(whole * (np.sign(np.sum(volume)) * volume).min())
-
-
-def _tet_edges(mesh: Mesh) -> NDArray[np.float64]:
-    """(corners, elements, 3, 3): from each corner to the others, all the same way round."""
-    p = mesh.p.T[mesh.t]
-    around = [(0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (3, 2, 1, 0)]
-    return np.array([np.stack([p[j] - p[i] for j in others], axis=1) for i, *others in around])
-
-
-def _hex_edges(mesh: Mesh) -> NDArray[np.float64]:
-    """(corners, elements, 3, 3): the derivatives of the mapping at each corner."""
-    J = mesh.mapping().DF(np.ascontiguousarray(mesh.elem().doflocs.T))
-    return J.transpose(3, 2, 1, 0)
+    return float(regular * (np.sign(np.sum(volume)) * volume).min())

@@ -7,7 +7,6 @@ functions of the first mesh are among those of the second where elements are par
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh
 
 from geometry.facets import facets_of
@@ -17,28 +16,26 @@ def refined(mesh: Mesh, times: int = 1) -> Mesh:
     """Tetrahedra or hexahedra half as large, each of the old facets in four, `times` over."""
     if times == 0:
         return mesh
-    fine, named = replace(mesh, _boundaries=None).refined(), mesh.boundaries or {}
-    quarters = {name: facets_of(fine, _parts(mesh, at)) for name, at in named.items()}
-    return refined(fine.with_boundaries(quarters), times - 1)
+    fine = replace(mesh, _boundaries=None).refined()
 
-
-def _parts(mesh: Mesh, facets: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Corners (4 n, 3 or 4) of the facets' quarters, by the numbers of the refined mesh."""
-    corners = mesh.facets[:, facets]
-    middles = _middles(mesh, corners, np.roll(corners, -1, axis=0))
-    before = np.roll(middles, 1, axis=0)
-    if len(corners) == 3:
-        outer = np.stack([corners, middles, before], axis=-1)
-        return np.concatenate([outer.reshape(-1, 3), middles.T])
-    heart = np.broadcast_to(mesh.nvertices + mesh.nedges + facets, corners.shape)
-    return np.stack([corners, middles, heart, before], axis=-1).reshape(-1, 4)
-
-
-def _middles(mesh: Mesh, one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers of the vertices half-way between two of an edge."""
+    # the refined mesh numbers the middles of edges behind the vertices, by the edges' numbers
     n = mesh.nvertices
-    keys = np.sort(mesh.edges, axis=0).astype(np.int64)
-    keys = keys[0] * n + keys[1]
+    ends = np.sort(mesh.edges, axis=0).astype(np.int64)
+    keys = ends[0] * n + ends[1]
     order = np.argsort(keys)
-    wanted = np.minimum(one, other).astype(np.int64) * n + np.maximum(one, other)
-    return n + order[np.searchsorted(keys, wanted, sorter=order)]
+    boundaries = {}
+    for name, facets in (mesh.boundaries or {}).items():
+        corners = mesh.facets[:, facets]
+        following = np.roll(corners, -1, axis=0)
+        wanted = np.minimum(corners, following).astype(np.int64) * n
+        wanted += np.maximum(corners, following)
+        middles = n + order[np.searchsorted(keys, wanted, sorter=order)]
+        previous = np.roll(middles, 1, axis=0)
+        if len(corners) == 3:
+            outer = np.stack([corners, middles, previous], axis=-1)
+            quarters = np.concatenate([outer.reshape(-1, 3), middles.T])
+        else:
+            heart = np.broadcast_to(n + mesh.nedges + facets, corners.shape)
+            quarters = np.stack([corners, middles, heart, previous], axis=-1).reshape(-1, 4)
+        boundaries[name] = facets_of(fine, quarters)
+    return refined(fine.with_boundaries(boundaries), times - 1)

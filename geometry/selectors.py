@@ -7,11 +7,11 @@
     body:#name         the face of this name in the CAD; #name where one body has it
     a|b                where two bodies touch
 
-A body's name may hold *, for any letters, where several are asked for.
+A body's name may hold *, for any letters, where a key takes several.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from typing import NamedTuple
@@ -20,13 +20,14 @@ import numpy as np
 
 from geometry.assembly import InvalidGeometry
 from geometry.holes import bores
-from geometry.solids import ALIGNED, SAME, Body, Face, described
-from geometry.touching import Touch
+from geometry.solids import ALIGNED, SAME, Body, described
+from geometry.touching import TouchingPair
 
+# "hole", "cylinder(12 mm)" or "hole(6..7 mm)"
 ROUND = re.compile(
     r"(hole|cylinder)(?:\((?P<from>\d+(?:\.\d+)?)(?:\.\.(?P<to>\d+(?:\.\d+)?))? mm\))?"
 )
-POINT = re.compile(r"(.+)@([^,@]+),([^,@]+),([^,@]+)")
+POINT = re.compile(r"(.+)@([^,@]+),([^,@]+),([^,@]+)")  # "body@x,y,z"
 
 
 class Selected(NamedTuple):
@@ -36,28 +37,38 @@ class Selected(NamedTuple):
     tags: tuple[int, ...]
 
 
-def bodies_named(pattern: str, bodies: Mapping[str, Body]) -> list[str]:
+def bodies_named(pattern: str, bodies: Iterable[str]) -> list[str]:
     """Names that a pattern with * fits; raises InvalidGeometry when there is none."""
-    found = [name for name in bodies if fnmatchcase(name, _literal(pattern))]
-    if not found:
-        near = get_close_matches(pattern, bodies, 1)
-        hint = f', perhaps "{near[0]}"' if near else ""
+    bodies = list(bodies)
+    # only * has a meaning, [ and ? are letters
+    literal = pattern.replace("[", "[[]").replace("?", "[?]")
+    names = [name for name in bodies if fnmatchcase(name, literal)]
+    if not names:
+        close = get_close_matches(pattern, bodies, 1)
+        hint = f', perhaps "{close[0]}"' if close else ""
         raise InvalidGeometry(f'no body is called "{pattern}"{hint}; there are {_listed(bodies)}.')
-    return found
+    return names
 
 
-def touches(pattern: str, bodies: Mapping[str, Body], found: Sequence[Touch]) -> list[Touch]:
+def touches(
+    pattern: str, bodies: Mapping[str, Body], touching: Sequence[TouchingPair]
+) -> list[TouchingPair]:
     """The touching pairs that "a|b" fits, either way round; raises InvalidGeometry for none."""
     sides = pattern.split("|")
     if len(sides) != 2:
         raise InvalidGeometry(f'"{pattern}" must name two bodies, "a|b".')
-    one, other = (set(bodies_named(side.strip(), bodies)) for side in sides)
-    picked = [t for t in found if _between(t.bodies, one, other)]
-    if not picked:
+    first, second = (set(bodies_named(side.strip(), bodies)) for side in sides)
+    pairs = [
+        touch
+        for touch in touching
+        for a, b in [touch.bodies]
+        if (a in first and b in second) or (b in first and a in second)
+    ]
+    if not pairs:
         raise InvalidGeometry(
-            f'"{pattern}" do not touch; touching pairs are {_listed(t.name for t in found)}.'
+            f'"{pattern}" do not touch; touching pairs are {_listed(t.name for t in touching)}.'
         )
-    return picked
+    return pairs
 
 
 def faces(selector: str, bodies: Mapping[str, Body]) -> Selected:
@@ -65,130 +76,114 @@ def faces(selector: str, bodies: Mapping[str, Body]) -> Selected:
 
     Raises InvalidGeometry, with what there is, for one that picks nothing or cannot choose.
     """
+    # "#name": of the one body that has a face of this name
+    if selector.startswith("#") and not POINT.fullmatch(selector):
+        name = selector[1:]
+        owners = [b for b in bodies.values() if any(f.name == name for f in b.faces)]
+        if len(owners) > 1:
+            raise InvalidGeometry(
+                f'"{selector}" names faces of {_listed(b.name for b in owners)}; write '
+                f'"{owners[0].name}:#{name}".'
+            )
+        if not owners:
+            raise _no_name(selector, bodies)
+        return Selected(owners[0].name, _with_name(owners[0], selector, name))
+
+    # "body@x,y,z" or "body:what"
     point = POINT.fullmatch(selector)
+    pattern, _, what = selector.partition(":")
+    names = bodies_named((point[1] if point else pattern).strip(), bodies)
+    if len(names) > 1:
+        raise InvalidGeometry(
+            f'"{selector}" fits {_listed(names)}; it must pick faces of one body, name it.'
+        )
+    body = bodies[names[0]]
     if point:
-        body = _one_body(point[1], selector, bodies)
-        return Selected(body.name, _nearest(body, selector, _numbers(selector, point.groups()[1:])))
-    if selector.startswith("#"):
-        owners = [b for b in bodies.values() if any(f.name == selector[1:] for f in b.faces)]
-        body = owners[0] if len(owners) == 1 else None
-        if body is None:
-            raise InvalidGeometry(_no_name(selector, selector[1:], bodies, owners))
-        return Selected(body.name, _called(body, selector, selector[1:]))
-    name, _, what = selector.partition(":")
-    body = _one_body(name, selector, bodies)
-    return Selected(body.name, _of_body(body, selector, what))
+        tags = _nearest(body, selector, point.groups()[1:])
+    elif re.fullmatch("[+-][xyz]", what):
+        tags = _outermost(body, selector, what)
+    elif what.startswith("#"):
+        tags = _with_name(body, selector, what[1:])
+    elif round_faces := ROUND.fullmatch(what):
+        tags = _round(body, selector, round_faces)
+    else:
+        raise InvalidGeometry(
+            f'"{selector}" picks no face; write "{body.name}:+x" (or -x, +y, ...), '
+            f'"{body.name}@x,y,z", "{body.name}:hole", "{body.name}:hole(6..7 mm)" or '
+            f'"{body.name}:cylinder".'
+        )
+    return Selected(body.name, tags)
 
 
-def _of_body(body: Body, selector: str, what: str) -> tuple[int, ...]:
-    if re.fullmatch("[+-][xyz]", what):
-        return _outermost(body, selector, what)
-    if what.startswith("#"):
-        return _called(body, selector, what[1:])
-    round_faces = ROUND.fullmatch(what)
-    if round_faces:
-        return _round(body, selector, round_faces)
-    raise InvalidGeometry(
-        f'"{selector}" picks no face; write "{body.name}:+x" (or -x, +y, ...), '
-        f'"{body.name}@x,y,z", "{body.name}:hole", "{body.name}:hole(6..7 mm)" or '
-        f'"{body.name}:cylinder".'
-    )
+def _nearest(body: Body, selector: str, words: Sequence[str]) -> tuple[int, ...]:
+    """The face nearest to a point, of a bore or shank all its faces."""
+    point = []
+    for word in words:
+        try:
+            point.append(float(word))
+        except ValueError:
+            point.append(np.nan)
+        if not np.isfinite(point[-1]):
+            raise InvalidGeometry(f'"{selector}" holds "{word}" where a finite number belongs.')
+
+    distances = {face.tag: body.distance(point, face.tag) for face in body.faces}
+    first = body.face(min(distances, key=lambda tag: distances[tag]))
+    cylinders = [bore.tags for hollow in (True, False) for bore in bores(body, hollow=hollow)]
+    tags = next((tags for tags in cylinders if first.tag in tags), (first.tag,))
+    equal = [f for f in body.faces if distances[f.tag] < distances[first.tag] + SAME]
+    rivals = [f for f in equal if f.tag not in tags]
+    if rivals:
+        raise InvalidGeometry(
+            f'"{selector}" is as near to {described(first)} as to {described(rivals[0])}; '
+            "move the point into the middle of the face that is meant."
+        )
+    return tags
 
 
 def _outermost(body: Body, selector: str, what: str) -> tuple[int, ...]:
+    """All faces in the outermost plane that looks along "+x", "-y", ..."""
     direction = np.eye(3)["xyz".index(what[1])] * (1 if what[0] == "+" else -1)
-    flat = [f for f in body.faces if f.normal is not None and f.normal @ direction > 1 - ALIGNED]
-    if not flat:
+    planes = [f for f in body.faces if f.normal is not None and f.normal @ direction > 1 - ALIGNED]
+    if not planes:
+        n = 6  # faces that the message lists
+        faces = "; ".join(described(face) for face in body.faces[:n])
+        more = f" and {len(body.faces) - n} more faces" if len(body.faces) > n else ""
         raise InvalidGeometry(
             f'"{selector}" finds no planar face that looks along {what}; {body.name} has '
-            f"{_some(body.faces)}."
+            f"{faces}{more}."
         )
-    outermost = max(f.centre @ direction for f in flat)
-    return tuple(f.tag for f in flat if f.centre @ direction > outermost - SAME)
-
-
-def _nearest(body: Body, selector: str, point) -> tuple[int, ...]:
-    away = {face.tag: body.distance(point, face.tag) for face in body.faces}
-    first = body.face(min(away, key=lambda tag: away[tag]))
-    tied = [f for f in body.faces if away[f.tag] < away[first.tag] + SAME]
-    round_about = [bore.tags for hollow in (True, False) for bore in bores(body, hollow=hollow)]
-    whole = next((tags for tags in round_about if first.tag in tags), (first.tag,))
-    others = [f for f in tied if f.tag not in whole]
-    if others:
-        raise InvalidGeometry(
-            f'"{selector}" is as near to {described(first)} as to {described(others[0])}; '
-            "move the point into the middle of the face that is meant."
-        )
-    return whole
+    outermost = max(f.centre @ direction for f in planes)
+    return tuple(f.tag for f in planes if f.centre @ direction > outermost - SAME)
 
 
 def _round(body: Body, selector: str, match: re.Match) -> tuple[int, ...]:
-    there = bores(body, hollow=match[1] == "hole")
+    """Bores or outer cylinders, of the diameters that the selector gives in mm."""
+    cylinders = bores(body, hollow=match[1] == "hole")
     low, high = match["from"] or 0.0, match["to"] or match["from"] or np.inf
     low, high = 1e-3 * float(low) - SAME, 1e-3 * float(high) + SAME
-    found = [bore for bore in there if low <= bore.diameter <= high]
-    if not found:
-        have = sorted({f"{1e3 * bore.diameter:.6g}" for bore in there}, key=float)
+    fitting = [bore for bore in cylinders if low <= bore.diameter <= high]
+    if not fitting:
+        diameters = sorted({f"{1e3 * bore.diameter:.6g}" for bore in cylinders}, key=float)
         what = "holes" if match[1] == "hole" else "outer cylinders"
-        sizes = f"{what} of diameter {', '.join(have)} mm" if have else f"no {what}"
+        sizes = f"{what} of diameter {', '.join(diameters)} mm" if diameters else f"no {what}"
         raise InvalidGeometry(f'"{selector}" finds nothing; {body.name} has {sizes}.')
-    return tuple(tag for bore in found for tag in bore.tags)
+    return tuple(tag for bore in fitting for tag in bore.tags)
 
 
-def _called(body: Body, selector: str, name: str) -> tuple[int, ...]:
-    found = tuple(f.tag for f in body.faces if f.name == name)
-    if not found:
-        raise InvalidGeometry(_no_name(selector, name, {body.name: body}, []))
-    return found
+def _with_name(body: Body, selector: str, name: str) -> tuple[int, ...]:
+    """All faces of this name in the CAD."""
+    tags = tuple(f.tag for f in body.faces if f.name == name)
+    if not tags:
+        raise _no_name(selector, {body.name: body})
+    return tags
 
 
-def _no_name(selector: str, name: str, bodies: Mapping[str, Body], owners: list[Body]) -> str:
-    if owners:
-        return (
-            f'"{selector}" names faces of {_listed(b.name for b in owners)}; write '
-            f'"{owners[0].name}:#{name}".'
-        )
+def _no_name(selector: str, bodies: Mapping[str, Body]) -> InvalidGeometry:
     names = sorted({f.name for b in bodies.values() for f in b.faces if f.name})
-    return f'"{selector}" finds no face of this name; the CAD names {_listed(names) or "none"}.'
+    return InvalidGeometry(
+        f'"{selector}" finds no face of this name; the CAD names {_listed(names) or "none"}.'
+    )
 
 
-def _one_body(name: str, selector: str, bodies: Mapping[str, Body]) -> Body:
-    found = bodies_named(name.strip(), bodies)
-    if len(found) > 1:
-        raise InvalidGeometry(
-            f'"{selector}" fits {_listed(found)}; it must pick faces of one body, name it.'
-        )
-    return bodies[found[0]]
-
-
-def _between(pair: tuple[str, str], one: set[str], other: set[str]) -> bool:
-    a, b = pair
-    return (a in one and b in other) or (b in one and a in other)
-
-
-def _numbers(selector: str, words: Sequence[str]) -> list[float]:
-    return [_number(selector, word) for word in words]
-
-
-def _number(selector: str, word: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise InvalidGeometry(f'"{selector}" holds "{word}" where a finite number belongs.')
-    return value
-
-
-def _literal(pattern: str) -> str:
-    """Only * has a meaning, [ and ? are letters."""
-    return pattern.replace("[", "[[]").replace("?", "[?]")
-
-
-def _listed(names) -> str:
+def _listed(names: Iterable[str]) -> str:
     return ", ".join(f'"{name}"' for name in names)
-
-
-def _some(found: Sequence[Face], n: int = 6) -> str:
-    more = f" and {len(found) - n} more faces" if len(found) > n else ""
-    return "; ".join(described(face) for face in found[:n]) + more

@@ -4,11 +4,12 @@ Each is drawn in axes of its own, turned about them, then moved: turn = (a, b, c
 by a about the global x, then by b about y, then by c about z.
 
     Box        middle at the origin
-    Plate      outline in the plane x-y at z = 0, thickness along z
+    Slab       outline in the plane x-y at z = 0, thickness along z
     Cylinder   axis along z, middle at the origin
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 from math import isfinite, pi
 
 import numpy as np
@@ -32,7 +33,7 @@ class Box:
     def __post_init__(self) -> None:
         for letter, side in zip("xyz", self.sides, strict=True):
             _positive(f"box, side along {letter}", side)
-        _placed(self)
+        _require_place(self)
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Hole:
 
 
 @dataclass(frozen=True)
-class Plate:
+class Slab:
     """An outline of straight edges [m], extruded; raises InvalidGeometry for one that crosses
     itself, for a thickness of zero, and for holes that meet the edge or each other."""
 
@@ -56,9 +57,8 @@ class Plate:
 
     def __post_init__(self) -> None:
         _positive("thickness", self.thickness)
-        _placed(self)
-        _check_outline(np.array(self.outline, dtype=float))
-        _check_holes(np.array(self.outline, dtype=float), self.holes)
+        _require_place(self)
+        _check_plate(np.array(self.outline, dtype=float), self.holes)
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Cylinder:
     def __post_init__(self) -> None:
         _positive("radius", self.radius)
         _positive("length", self.length)
-        _placed(self)
+        _require_place(self)
         if not 0 <= self.bore < self.radius:
             raise InvalidGeometry(
                 f"bore = {self.bore} m, a radius, must lie between 0 and the tube's "
@@ -82,7 +82,7 @@ class Cylinder:
             )
 
 
-Shape = Box | Plate | Cylinder
+Shape = Box | Slab | Cylinder
 
 
 def volume(shape: Shape) -> float:
@@ -100,7 +100,7 @@ def _positive(name: str, value: float) -> None:
         raise InvalidGeometry(f"{name} = {value} m must be a positive finite length.")
 
 
-def _placed(shape: Shape) -> None:
+def _require_place(shape: Shape) -> None:
     for name, values in (("at", shape.at), ("turn", shape.turn)):
         if len(values) != 3 or not np.all(np.isfinite(values)):
             raise InvalidGeometry(f"{name} = {list(values)} must be three finite numbers.")
@@ -115,7 +115,9 @@ def _edges(outline: NDArray[np.float64]) -> list[tuple]:
     return list(zip(outline, np.roll(outline, -1, axis=0), strict=True))
 
 
-def _check_outline(outline: NDArray[np.float64]) -> None:
+def _check_plate(outline: NDArray[np.float64], holes: tuple[Hole, ...]) -> None:
+    """Raises InvalidGeometry for an outline that cannot be extruded, and for holes that cannot be
+    drilled into it."""
     if outline.ndim != 2 or outline.shape[1] != 2 or len(outline) < 3:
         raise InvalidGeometry(
             f"outline = {outline.tolist()} must list at least three points [x, y]."
@@ -123,35 +125,39 @@ def _check_outline(outline: NDArray[np.float64]) -> None:
     if not np.all(np.isfinite(outline)):
         raise InvalidGeometry(f"outline = {outline.tolist()} must be finite numbers.")
     edges = _edges(outline)
-    for i, (a, b) in enumerate(edges):
-        for j in range(i + 1, len(edges)):
-            if (i + 1) % len(edges) == j or (j + 1) % len(edges) == i:
-                continue
-            if _distance_of_edges((a, b), edges[j]) == 0:
-                raise InvalidGeometry(
-                    f"outline crosses or touches itself: its edges {i + 1} and {j + 1} meet; "
-                    "list its corners once around."
-                )
+    n = len(edges)
+    for i, j in combinations(range(n), 2):
+        adjacent = (i + 1) % n == j or (j + 1) % n == i
+        if not adjacent and _distance_of_edges(edges[i], edges[j]) == 0:
+            raise InvalidGeometry(
+                f"outline crosses or touches itself: its edges {i + 1} and {j + 1} meet; "
+                "list its corners once around."
+            )
     if _signed_area(outline) == 0 or min(np.linalg.norm(b - a) for a, b in edges) == 0:
         raise InvalidGeometry(f"outline = {outline.tolist()} has an edge of no length or no area.")
 
-
-def _check_holes(outline: NDArray[np.float64], holes: tuple[Hole, ...]) -> None:
     for i, hole in enumerate(holes):
         _positive("hole's diameter", hole.diameter)
         centre, radius = np.array(hole.at, dtype=float), hole.diameter / 2
-        to_edge = min(_distance(centre, *edge) for edge in _edges(outline))
-        if not _inside(outline, centre) or to_edge <= radius:
+        to_edge = min(_distance(centre, *edge) for edge in edges)
+        # inside: a ray along x crosses the outline an odd number of times
+        crossings = [
+            (a[1] > centre[1]) != (b[1] > centre[1])
+            and centre[0] < a[0] + (centre[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
+            for a, b in edges
+        ]
+        if sum(crossings) % 2 != 1 or to_edge <= radius:
             raise InvalidGeometry(
                 f"hole of {hole.diameter} m at {list(hole.at)} is not inside the outline: its "
                 f"centre must lie inside, more than {radius} m from every edge."
             )
-        for other in holes[:i]:
-            apart = float(np.linalg.norm(centre - other.at))
-            if apart <= radius + other.diameter / 2:
+        for earlier in holes[:i]:
+            distance = float(np.linalg.norm(centre - earlier.at))
+            if distance <= radius + earlier.diameter / 2:
                 raise InvalidGeometry(
-                    f"holes at {list(other.at)} and {list(hole.at)} overlap: their centres are "
-                    f"{apart:.6g} m apart, which must exceed {radius + other.diameter / 2:.6g} m."
+                    f"holes at {list(earlier.at)} and {list(hole.at)} overlap: their centres are "
+                    f"{distance:.6g} m apart, which must exceed "
+                    f"{radius + earlier.diameter / 2:.6g} m."
                 )
 
 
@@ -162,23 +168,14 @@ def _distance(point, a, b) -> float:
     return float(np.linalg.norm(point - a - s * along))
 
 
-def _distance_of_edges(one, other) -> float:
+def _distance_of_edges(first: tuple, second: tuple) -> float:
     """0 where they cross, else of the nearest end."""
-    (a, b), (c, d) = one, other
-    if _side(a, b, c) * _side(a, b, d) < 0 and _side(c, d, a) * _side(c, d, b) < 0:
+    (a, b), (c, d) = first, second
+
+    def side(a, b, point) -> float:
+        """> 0 to the left of the line from a to b."""
+        return (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])
+
+    if side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0:
         return 0.0
     return min(_distance(c, a, b), _distance(d, a, b), _distance(a, c, d), _distance(b, c, d))
-
-
-def _side(a, b, point) -> float:
-    return (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])
-
-
-def _inside(outline: NDArray[np.float64], point) -> bool:
-    """Whether a ray along x crosses the outline an odd number of times."""
-    crossed = [
-        (a[1] > point[1]) != (b[1] > point[1])
-        and point[0] < a[0] + (point[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
-        for a, b in _edges(outline)
-    ]
-    return sum(crossed) % 2 == 1

@@ -1,20 +1,31 @@
 """How many nodes a mesh of the assembly will have, from its dimensions and seeds alone.
 
 Boxes of hexahedra are counted line by line; sheets, and tetrahedra, by the volume that an element
-of the seed fills, with factors measured on meshes from half to twice the default seeds.
+of the seed fills.
 """
 
+from collections.abc import Mapping
 from math import log, prod
+from typing import NamedTuple
 
 from geometry.assembly import Assembly, boxes, screw_cells, sheets
 from geometry.grid_lines import n_cells
 from geometry.hex_mesh import box_stops
 
-SHEET = {"hex": 15.0, "tet": 11.0}  # nodes over area / seed^2
-TET = 13.0  # nodes over volume / seed^3
-REFINED = 650.0  # nodes of tetrahedra over the logarithm of the block's seed over the contact's
-AROUND = {"hex": 300.0, "tet": 1500.0}  # nodes around a screw, however large the seed
-IMPRINTED = 500.0  # nodes of tetrahedra around the squares on a part below, as large
+
+class RigCount(NamedTuple):
+    """Factors of the number of nodes, measured on meshes from half to twice the default seeds."""
+
+    sheet: Mapping[str, float] = {"hex": 15.0, "tet": 11.0}  # nodes over area / seed^2
+    # nodes around a screw, however large the seed
+    screw: Mapping[str, float] = {"hex": 300.0, "tet": 1500.0}
+    tet: float = 13.0  # nodes over volume / seed^3
+    # nodes of tetrahedra over the logarithm of the block's seed over the contact's
+    refined: float = 650.0
+    imprinted: float = 500.0  # nodes of tetrahedra around the squares on a part below, as large
+
+
+COUNT = RigCount()
 
 
 def n_nodes(
@@ -30,24 +41,22 @@ def n_nodes(
 ) -> dict[str, float]:
     """Nodes of quadratic elements by body, for "hex" within a tenth, for "tet" a third."""
     a = assembly
-    found = {}
+    nodes = {}
     for name, box in boxes(a).items():
         size = block_seed if name == "block" else support_seed
         fine = contact_seed if name == "block" else None
         if element == "tet":
-            found[name] = TET * prod(box.upper - box.lower) / size**3
-            found[name] += REFINED * log(max(1.0, size / fine)) if fine else IMPRINTED
-        else:
-            stops = box_stops(
-                a, name, size, contact_seed=fine, contact_point=contact_point, glued=glued
-            )
-            found[name] = _serendipity([n_cells(along, size) for along in stops])
+            nodes[name] = COUNT.tet * prod(box.upper - box.lower) / size**3
+            nodes[name] += COUNT.refined * log(max(1.0, size / fine)) if fine else COUNT.imprinted
+            continue
+        stops = box_stops(
+            a, name, size, contact_seed=fine, contact_point=contact_point, glued=glued
+        )
+        # corners and edges of a grid of so many cells
+        n = [n_cells(along, size) for along in stops]
+        corners = prod(k + 1 for k in n)
+        nodes[name] = corners * (1 + sum(k / (k + 1) for k in n))
     length = a.head_overlap + a.sheet_free_length + a.foot_overlap
-    flat = SHEET[element] * length * a.sheet_width / seed**2
-    return found | {name: flat + 2 * len(screw_cells(a)) * AROUND[element] for name in sheets(a)}
-
-
-def _serendipity(n) -> float:
-    """Corners and edges of a grid of n (3,) cells."""
-    corners = prod(k + 1 for k in n)
-    return corners * (1 + sum(k / (k + 1) for k in n))
+    flat = COUNT.sheet[element] * length * a.sheet_width / seed**2
+    n_screws = 2 * len(screw_cells(a))
+    return nodes | {name: flat + n_screws * COUNT.screw[element] for name in sheets(a)}

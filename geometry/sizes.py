@@ -11,17 +11,32 @@ from numpy.typing import NDArray
 from geometry.gmsh_session import EDGES_AROUND, mesh_options
 from geometry.solids import Body, Vector, parallel
 
-GRADING = 0.35  # growth of the element size per distance from a fine point
-STEEP = 0.7  # the same from a line
-# at a singular edge of a thick body of more than twice the default seed the first element has 1/8
-# of it, or 1/2 of the default, and each next one three times as much: h(d) = first log(3) / 2 +
-# log(3) d; at the default seed the edges leave less than the rest
-SHARP, SHARPEST, SHARPLY, COARSE = 1 / 8, 1 / 2, log(3), 2.0
-ACROSS, LAYERS = 20, 1 / 2  # elements along a body's diagonal, and through a thin one, at least
-ACROSS_ALL = 60  # elements along an assembly's diagonal that are fine enough for its small bodies
-EDGE = 4  # of the seed, the finest where a partner ends
-THIN = 1.5  # of the thickness: a body with a larger seed is thin
-SAMPLED = 200  # points of a line that distances are taken from
+
+class Growth(NamedTuple):
+    """How the element size follows from a body's shape, and how it grows away from fine places."""
+
+    grading: float = 0.35  # growth of the element size per distance from a point or a circle
+    steep: float = 0.7  # the same from a line on which a partner ends
+    # at a singular edge of a thick body of more than `coarse` times the default seed the first
+    # element has `sharp` of it, or `sharpest` of the default, and each next one exp(sharply) times
+    # as much: h(d) = first log(3) / 2 + log(3) d; at the default seed the edges leave less than the
+    # rest
+    sharp: float = 1 / 8
+    sharpest: float = 1 / 2
+    sharply: float = log(3)
+    coarse: float = 2.0
+    # elements along a body's diagonal, and through a thin one, at least: the first six modes of a
+    # free beam, plate, tube and block lie within 0.5 % (hexahedra) and 0.8 % (tetrahedra) of those
+    # on meshes twice as fine
+    across: float = 20
+    layers: float = 1 / 2
+    across_all: float = 60  # elements along an assembly's diagonal: small bodies need no finer ones
+    edge: float = 4  # of the seed, the finest where a partner ends
+    thin: float = 1.5  # of the thickness: a body with a larger seed is thin
+    sampled: int = 200  # points of a line that distances are taken from
+
+
+GROWTH = Growth()
 
 
 class Fine(NamedTuple):
@@ -66,29 +81,26 @@ def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) ->
     A body bends sharply where a partner that holds it ends, over a length of its thickness: there
     elements of a thin one are as small.
     """
-    seed = seed or default_seed(body)
-    edge = max(_thickness(body), seed / EDGE)
-    mine = tuple(f for f in fine if f.body == body.name)
     usual = default_seed(body)
-    sharp = max(SHARP * seed, SHARPEST * usual) if seed > COARSE * usual else None
-    return Size(seed, mine, edge if THIN * edge <= seed else None, sharp)
+    seed = seed or usual
+    edge = max(_thickness(body), seed / GROWTH.edge)
+    mine = tuple(f for f in fine if f.body == body.name)
+    thick = seed > GROWTH.coarse * usual
+    sharp = max(GROWTH.sharp * seed, GROWTH.sharpest * usual) if thick else None
+    return Size(seed, mine, edge if GROWTH.thin * edge <= seed else None, sharp)
 
 
 def default_seeds(bodies: Mapping[str, Body]) -> dict[str, float]:
     """Of every body of an assembly: small ones, which bend and stretch above all modes of the
     whole, have elements of a size that counts in the whole."""
     corners = [corner for body in bodies.values() for corner in (body.lower, body.upper)]
-    least = float(np.linalg.norm(np.ptp(corners, axis=0))) / ACROSS_ALL
-    return {name: default_seed(body, least) for name, body in bodies.items()}
+    smallest = float(np.linalg.norm(np.ptp(corners, axis=0))) / GROWTH.across_all
+    return {name: default_seed(body, smallest) for name, body in bodies.items()}
 
 
-def default_seed(body: Body, least: float = 0.0) -> float:
-    """Element size from a body's extent, `least` or more, less for a thin one [m].
-
-    The first six modes of a free beam, plate, tube and block lie within 0.5 % (hexahedra) and
-    0.8 % (tetrahedra) of those on meshes twice as fine.
-    """
-    return min(max(body.extent / ACROSS, least), _thickness(body) / LAYERS)
+def default_seed(body: Body, smallest: float = 0.0) -> float:
+    """Element size from a body's extent, `smallest` or more, less for a thin one [m]."""
+    return min(max(body.extent / GROWTH.across, smallest), _thickness(body) / GROWTH.layers)
 
 
 def _thickness(body: Body) -> float:
@@ -99,23 +111,67 @@ def size_at(
     size: Size, x: NDArray[np.float64], axis: Vector, edges: Sequence[float] = ()
 ) -> NDArray[np.float64]:
     """Sizes along a line of an axis, at its coordinates x [m], partners ending at `edges`."""
-    grown = [f.size + GRADING * np.abs(x - f.point @ axis) for f in size.fine]
+    grown = [f.size + GROWTH.grading * np.abs(x - f.point @ axis) for f in size.fine]
     if size.edge:
-        grown += [size.edge + STEEP * np.abs(x - edge) for edge in edges]
+        grown += [size.edge + GROWTH.steep * np.abs(x - edge) for edge in edges]
     elif size.sharp:
-        grown += [SHARPLY * (size.sharp / 2 + np.abs(x - edge)) for edge in edges]
+        grown += [GROWTH.sharply * (size.sharp / 2 + np.abs(x - edge)) for edge in edges]
     return np.minimum.reduce([np.full_like(x, size.seed), *grown])
 
 
 def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
-    """Lines, faces and volumes meshed of these entities alone; all others left out."""
+    """Lines, faces and volumes meshed of these entities alone, all others left out; sizes grow away
+    from fine points, from where partners end, and from circles."""
+    field = gmsh.model.mesh.field
     gmsh.model.mesh.clear()
     gmsh.model.setVisibility(gmsh.model.getEntities(), 0)
     gmsh.model.setVisibility(entities, 1, recursive=True)
     dimension = entities[0][0]
     solid = dimension == 3
-    faces = gmsh.model.getBoundary(entities, oriented=False) if solid else entities
-    _refine(size, [tag for _, tag in faces])
+    boundary = gmsh.model.getBoundary(entities, oriented=False) if solid else entities
+    faces = [tag for _, tag in boundary]
+    for tag in field.list():
+        field.remove(tag)
+    curves = sorted({tag for face in faces for tag in gmsh.model.getAdjacencies(2, face)[1]})
+    kind = {tag: gmsh.model.getType(1, tag) for tag in curves}
+
+    # straight lines between parts of one plane: there a partner ends
+    lines = []
+    if size.edge:
+        planes = {tag for tag in faces if gmsh.model.getType(2, tag) == "Plane"}
+        for tag in (tag for tag in curves if kind[tag] == "Line"):
+            sides = [face for face in gmsh.model.getAdjacencies(1, tag)[0] if face in planes]
+            normals = [gmsh.model.getEntityProperties(2, face)[1][:3] for face in sides]
+            if len(normals) == 2 and parallel(*normals):
+                lines.append(tag)
+
+    # on circles elements of a size that goes around them so many times
+    on_circle = {}
+    for tag in (tag for tag in curves if kind[tag] == "Circle"):
+        start, _ = gmsh.model.getParametrizationBounds(1, tag)
+        radius = 1 / gmsh.model.getCurvature(1, tag, start)[0]
+        on_circle[tag] = 2 * pi * radius / size.around
+
+    # the least of all sizes that grow from such a place up to the seed
+    fields = []
+    for fine in (fine for fine in size.fine if fine.size < size.seed):
+        ball = dict(zip(("XCenter", "YCenter", "ZCenter"), fine.point, strict=True))
+        ball |= {"Radius": fine.size, "Thickness": (size.seed - fine.size) / GROWTH.grading}
+        fields.append(_field("Ball", ball | {"VIn": fine.size, "VOut": size.seed}))
+    sources = [(lines, size.edge, GROWTH.steep)] if lines else []
+    for finest in sorted({round(s, 9) for s in on_circle.values() if s < size.seed}):
+        circles = [tag for tag, s in on_circle.items() if round(s, 9) == finest]
+        sources.append((circles, finest, GROWTH.grading))
+    for tags, finest, growth in sources:
+        distance = _field("Distance", {"Sampling": GROWTH.sampled})
+        field.setNumbers(distance, "CurvesList", tags)
+        growing = {"DistMin": 0.0, "DistMax": (size.seed - finest) / growth}
+        sizes = {"InField": distance, "SizeMin": finest, "SizeMax": size.seed}
+        fields.append(_field("Threshold", growing | sizes))
+    smallest = field.add("Min")
+    field.setNumbers(smallest, "FieldsList", fields)
+    field.setAsBackgroundMesh(smallest)
+
     # faces by the fields alone: between two fine lines they would all be fine
     options = {
         "MeshOnlyVisible": 1, "MeshSizeMax": size.seed, "MeshSizeExtendFromBoundary": -3,
@@ -125,59 +181,8 @@ def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
         gmsh.model.mesh.generate(dimension)
 
 
-def _refine(size: Size, faces: Sequence[int]) -> None:
-    """Sizes that grow away from fine points, from where partners end, and from circles."""
-    field = gmsh.model.mesh.field
-    for tag in field.list():
-        field.remove(tag)
-    curves = sorted({tag for face in faces for tag in gmsh.model.getAdjacencies(2, face)[1]})
-    lines = _ends_inside(curves, faces) if size.edge else []
-    around = {tag: 2 * pi * _radius(tag) / size.around for tag in curves if _is("Circle", tag)}
-    fields = [_ball(f, size.seed) for f in size.fine if f.size < size.seed]
-    fields += [_from(lines, size.edge, size.seed, STEEP)] if lines else []
-    for fine in sorted({round(s, 9) for s in around.values() if s < size.seed}):
-        circles = [tag for tag, s in around.items() if round(s, 9) == fine]
-        fields.append(_from(circles, fine, size.seed, GRADING))
-    least = field.add("Min")
-    field.setNumbers(least, "FieldsList", fields)
-    field.setAsBackgroundMesh(least)
-
-
-def _ends_inside(curves: Sequence[int], faces: Sequence[int]) -> list[int]:
-    """Straight lines between parts of one plane: there a partner ends."""
-    flat = {tag for tag in faces if gmsh.model.getType(2, tag) == "Plane"}
-    return [c for c in curves if _is("Line", c) and _in_plane(c, flat)]
-
-
-def _in_plane(curve: int, flat: set[int]) -> bool:
-    beside = [tag for tag in gmsh.model.getAdjacencies(1, curve)[0] if tag in flat]
-    normals = [gmsh.model.getEntityProperties(2, tag)[1][:3] for tag in beside]
-    return len(normals) == 2 and parallel(*normals)
-
-
-def _is(kind: str, curve: int) -> bool:
-    return gmsh.model.getType(1, curve) == kind
-
-
-def _radius(circle: int) -> float:
-    first, _ = gmsh.model.getParametrizationBounds(1, circle)
-    return 1 / gmsh.model.getCurvature(1, circle, first)[0]
-
-
-def _ball(fine: Fine, coarse: float) -> int:
-    middle = dict(zip(("XCenter", "YCenter", "ZCenter"), fine.point, strict=True))
-    growing = {"Radius": fine.size, "Thickness": (coarse - fine.size) / GRADING}
-    return _field("Ball", middle | growing | {"VIn": fine.size, "VOut": coarse})
-
-
-def _from(curves: Sequence[int], fine: float, coarse: float, growth: float) -> int:
-    away = _field("Distance", {"Sampling": SAMPLED})
-    gmsh.model.mesh.field.setNumbers(away, "CurvesList", curves)
-    growing = {"DistMin": 0.0, "DistMax": (coarse - fine) / growth}
-    return _field("Threshold", growing | {"InField": away, "SizeMin": fine, "SizeMax": coarse})
-
-
 def _field(kind: str, numbers: Mapping[str, float]) -> int:
+    """Tag of a field of gmsh with these options."""
     tag = gmsh.model.mesh.field.add(kind)
     for name, value in numbers.items():
         gmsh.model.mesh.field.setNumber(tag, name, value)

@@ -17,8 +17,15 @@ SAME = 1e-6  # m, lengths and places closer than this count as equal
 Vector = NDArray[np.float64]  # (3,)
 
 
-LARGEST = 30.0  # m, of an assembly: a thousand times as much is in other units
-UNLIKE = 500  # an assembly over its middle face: no units change that, a point far off does
+class AssemblySize(NamedTuple):
+    """How large an assembly may be before its file is suspected."""
+
+    largest: float = 30.0  # m: a thousand times as much is in other units
+    # an assembly over its median face: no units change that, a point far off does
+    unlike: float = 500
+
+
+ASSEMBLY_SIZE = AssemblySize()
 
 
 class Face(NamedTuple):
@@ -91,19 +98,19 @@ def described(face: Face) -> str:
 
 
 def require_size(bodies: Mapping[str, Body]) -> None:
-    """Raise InvalidGeometry for an assembly in other units than its file says, or torn apart by
-    a damaged one."""
+    """Raise InvalidGeometry for an assembly in other units than its file says, or with a point far
+    off in a damaged one."""
     sides = np.max([b.upper for b in bodies.values()], axis=0)
     sides = sides - np.min([b.lower for b in bodies.values()], axis=0)
-    if sides.max() > LARGEST:
+    if sides.max() > ASSEMBLY_SIZE.largest:
         size = " x ".join(f"{side:.4g}" for side in sides)
         usual = np.median([np.max(f.upper - f.lower) for b in bodies.values() for f in b.faces])
-        if sides.max() > UNLIKE * usual:
+        if sides.max() > ASSEMBLY_SIZE.unlike * usual:
             raise InvalidGeometry(
                 f"the assembly is {size} m, while half of its faces are smaller than {usual:.3g} m:"
                 " its file is damaged; export it again."
             )
         raise InvalidGeometry(
-            f"the assembly is {size} m, allowed are {LARGEST:g} m: its file is in other units than "
-            "it says, or a mesh not in metres; write it anew."
+            f"the assembly is {size} m, allowed are {ASSEMBLY_SIZE.largest:g} m: its file is in "
+            "other units than it says, or a mesh not in metres; write it anew."
         )

@@ -70,22 +70,21 @@ def face_names(path: Path) -> list[list[str]]:
         return []
     entities = {number: (kind, inside) for number, kind, inside in ENTITY.findall(text)}
     solids = [inside for kind, inside in entities.values() if kind in SOLIDS]
-    return [[_name(face) for face in _faces(inside, entities)] for inside in solids]
+    names = []
+    for solid in solids:
+        faces = [face.lstrip()[1:].partition("'")[0] for face in _faces(solid, entities)]
+        names.append(["" if name == "NONE" else name for name in faces])
+    return names
 
 
 def _faces(inside: str, entities: dict[str, tuple[str, str]]) -> Iterator[str]:
     """Of a solid, a shell or an oriented shell, in their order."""
     for number in REFERENCE.findall(inside):
-        kind, own = entities.get(number, ("", ""))
+        kind, content = entities.get(number, ("", ""))
         if kind == "ADVANCED_FACE":
-            yield own
+            yield content
         elif kind.endswith("CLOSED_SHELL"):
-            yield from _faces(own, entities)
-
-
-def _name(face: str) -> str:
-    name = face.lstrip()[1:].partition("'")[0]
-    return "" if name == "NONE" else name
+            yield from _faces(content, entities)
 
 
 def name_solids(path: Path, names: list[str]) -> None:

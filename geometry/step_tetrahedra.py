@@ -5,7 +5,7 @@ match. Elements are as small as `seed` at the rims of the imprints and grow away
 """
 
 from collections.abc import Mapping
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ TETRAHEDRON, TRIANGLE = 11, 9  # gmsh's types of second order
 ORDER = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]  # of Abaqus' C3D10 among gmsh's nodes
 
 
-class Sizes(NamedTuple):
+class ElementSizes(NamedTuple):
     """Of elements [m]."""
 
     inside: Mapping[str, float]  # by body
@@ -28,7 +28,7 @@ class Sizes(NamedTuple):
     growth: float = 0.5  # per distance from there
 
 
-class Disc(NamedTuple):
+class StepPatch(NamedTuple):
     """A round spot to imprint on a plane face of a body."""
 
     body: str
@@ -43,109 +43,88 @@ class Tetrahedra(NamedTuple):
     points: NDArray[np.float64]  # (n, 3) [m]
     cells: dict[str, NDArray[np.int64]]  # (m, 10) by body, in the order of Abaqus' C3D10
     touching: dict[tuple[str, str], NDArray[np.int64]]  # (k, 6) on the first body, at the second
-    disc: NDArray[np.int64]  # (k, 6)
+    disc: NDArray[np.int64]  # (k, 6) of the patch
 
 
-def step_tetrahedra(step: Path, sizes: Sizes, disc: Disc) -> Tetrahedra:
+def step_tetrahedra(step: Path, sizes: ElementSizes, patch: StepPatch) -> Tetrahedra:
     """The solids that `sizes` names; all others only leave their imprint on them.
 
     Raises ValueError where gmsh cannot read or mesh the file.
     """
     with session(f"gmsh could not mesh {step}"):
-        bodies = _solids(step)
-        tools = {pair: _common(bodies, *pair) for pair in combinations(bodies, 2)}
+        occ, mesh = gmsh.model.occ, gmsh.model.mesh
+        with silent():
+            entities = occ.importShapes(str(step))
+        occ.synchronize()
+        bodies = {gmsh.model.getEntityName(*solid).split("/")[-1]: solid[1] for solid in entities}
+
+        # faces that lie on both bodies of a pair; of copies, since an intersection does not return
+        # a face that was there
+        common = {}
+        for pair in combinations(bodies, 2):
+            sides = (gmsh.model.getBoundary([(3, bodies[b])], oriented=False) for b in pair)
+            copies = (map(occ.copy, ([a], [b])) for a, b in product(*sides))
+            common[pair] = [tag for a, b in copies for tag in occ.intersect(a, b)[0] if tag[0] == 2]
+
+        # each body's faces cut along those of its neighbours, and along the patch, named ""
         faces: dict[tuple[str, str], list[int]] = {}
         for body in sizes.inside:
-            beside = {o: tools[p] for p in tools if body in p for o in p if o != body}
-            round_one = {"": _drawn(disc)} if body == disc.body else {}
-            bodies[body], imprints = _imprinted(bodies[body], beside | round_one)
-            faces |= {(body, other): found for other, found in imprints.items() if found}
-        gmsh.model.occ.remove([(3, bodies[b]) for b in bodies if b not in sizes.inside], True)
-        gmsh.model.occ.synchronize()
-        _sized(bodies, sizes, faces)
-        return _meshed({body: bodies[body] for body in sizes.inside}, faces)
+            tools = {b: common[pair] for pair in common if body in pair for b in pair if b != body}
+            if body == patch.body:
+                radii = patch.radius, patch.radius
+                tools[""] = [(2, occ.addDisk(*patch.centre, *radii, zAxis=list(patch.normal)))]
+            copies = {name: occ.copy(surfaces) for name, surfaces in tools.items() if surfaces}
+            if not copies:
+                continue
+            cutting = [surface for surfaces in copies.values() for surface in surfaces]
+            _, became = occ.fragment([(3, bodies[body])], cutting)
+            bodies[body] = became[0][0][1]
+            pieces = iter(became[1:])
+            for name, surfaces in copies.items():
+                tags = [tag for _ in surfaces for _, tag in next(pieces)]
+                if tags:
+                    faces[body, name] = tags
+        occ.remove([(3, bodies[b]) for b in bodies if b not in sizes.inside], True)
+        occ.synchronize()
 
+        # element sizes: the least of each body's own and of what grows from the rims
+        fields = []
+        for (_, partner), tags in faces.items():
+            edges = gmsh.model.getBoundary([(2, t) for t in tags], combined=False, oriented=False)
+            rim = _field("Distance", CurvesList=sorted({tag for _, tag in edges}), Sampling=200)
+            at_rim = sizes.rim if partner else sizes.disc
+            fields.append(_field("MathEval", F=f"{at_rim} + {sizes.growth} * F{rim}"))
+        for body, size in sizes.inside.items():
+            fields.append(_field("Constant", VolumesList=[bodies[body]], VIn=size, VOut=1e22))
+        mesh.field.setAsBackgroundMesh(_field("Min", FieldsList=fields))
+        for name in ("ExtendFromBoundary", "FromPoints"):
+            gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
 
-def _solids(step: Path) -> dict[str, int]:
-    with silent():
-        read = gmsh.model.occ.importShapes(str(step))
-    gmsh.model.occ.synchronize()
-    return {gmsh.model.getEntityName(*solid).split("/")[-1]: solid[1] for solid in read}
+        mesh.generate(3)
+        mesh.setOrder(2)
+        tags, points, _ = mesh.getNodes()
+        number = np.zeros(int(tags.max()) + 1, np.int64)
+        number[tags.astype(np.int64)] = np.arange(len(tags))
 
+        def elements(kind: int, entity: int, n: int) -> NDArray[np.int64]:
+            """Nodes (., n) of an entity's elements of one of gmsh's types."""
+            return number[mesh.getElementsByType(kind, entity)[1].astype(int)].reshape(-1, n)
 
-def _common(bodies: Mapping[str, int], one: str, other: str) -> list[tuple[int, int]]:
-    """Faces that lie on both; of copies, since gmsh does not tell of a face that was there."""
-    ours, theirs = (gmsh.model.getBoundary([(3, bodies[b])], oriented=False) for b in (one, other))
-    pairs = (map(gmsh.model.occ.copy, ([a], [b])) for a in ours for b in theirs)
-    return [tag for a, b in pairs for tag in gmsh.model.occ.intersect(a, b)[0] if tag[0] == 2]
-
-
-def _drawn(disc: Disc) -> list[tuple[int, int]]:
-    r = disc.radius
-    return [(2, gmsh.model.occ.addDisk(*disc.centre, r, r, zAxis=list(disc.normal)))]
-
-
-def _imprinted(
-    solid: int, tools: Mapping[str, list[tuple[int, int]]]
-) -> tuple[int, dict[str, list[int]]]:
-    """The solid with its faces cut along those of the tools, and the pieces on each."""
-    copies = {name: gmsh.model.occ.copy(faces) for name, faces in tools.items() if faces}
-    flat = [face for faces in copies.values() for face in faces]
-    if not flat:
-        return solid, {}
-    _, became = gmsh.model.occ.fragment([(3, solid)], flat)
-    pieces = iter(became[1:])
-    lying = {
-        name: [tag for _ in faces for _, tag in next(pieces)] for name, faces in copies.items()
-    }
-    return became[0][0][1], lying
-
-
-def _sized(
-    bodies: Mapping[str, int], sizes: Sizes, faces: Mapping[tuple[str, str], list[int]]
-) -> None:
-    """The least of each body's own size and of what grows from the rims."""
-    parts = []
-    for (_, other), found in faces.items():
-        from_rim = _field("Distance", CurvesList=_rims(found), Sampling=200)
-        least = sizes.rim if other else sizes.disc
-        parts.append(_field("MathEval", F=f"{least} + {sizes.growth} * F{from_rim}"))
-    for body, size in sizes.inside.items():
-        parts.append(_field("Constant", VolumesList=[bodies[body]], VIn=size, VOut=1e22))
-    gmsh.model.mesh.field.setAsBackgroundMesh(_field("Min", FieldsList=parts))
-    for name in ("ExtendFromBoundary", "FromPoints"):
-        gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
-
-
-def _rims(faces: list[int]) -> list[int]:
-    edges = gmsh.model.getBoundary([(2, face) for face in faces], combined=False, oriented=False)
-    return sorted({tag for _, tag in edges})
+        cells = {b: elements(TETRAHEDRON, bodies[b], 10)[:, ORDER] for b in sizes.inside}
+        lying = {
+            pair: np.concatenate([elements(TRIANGLE, tag, 6) for tag in tags])
+            for pair, tags in faces.items()
+        }
+        disc = next(triangles for (_, partner), triangles in lying.items() if not partner)
+        touching = {pair: triangles for pair, triangles in lying.items() if pair[1]}
+        return Tetrahedra(points.reshape(-1, 3), cells, touching, disc)
 
 
 def _field(kind: str, **options) -> int:
+    """Tag of a field of gmsh with these options."""
     field = gmsh.model.mesh.field
     tag = field.add(kind)
     for name, value in options.items():
         write = {str: field.setString, list: field.setNumbers}.get(type(value), field.setNumber)
         write(tag, name, value)
     return tag
-
-
-def _meshed(bodies: Mapping[str, int], faces: Mapping[tuple[str, str], list[int]]) -> Tetrahedra:
-    gmsh.model.mesh.generate(3)
-    gmsh.model.mesh.setOrder(2)
-    tags, points, _ = gmsh.model.mesh.getNodes()
-    number = np.zeros(int(tags.max()) + 1, np.int64)
-    number[tags.astype(np.int64)] = np.arange(len(tags))
-
-    def elements(kind: int, entity: int, n: int) -> NDArray[np.int64]:
-        return number[gmsh.model.mesh.getElementsByType(kind, entity)[1].astype(int)].reshape(-1, n)
-
-    cells = {name: elements(TETRAHEDRON, tag, 10)[:, ORDER] for name, tag in bodies.items()}
-    lying = {
-        pair: np.concatenate([elements(TRIANGLE, tag, 6) for tag in found])
-        for pair, found in faces.items()
-    }
-    disc = next(found for (_, other), found in lying.items() if not other)
-    touching = {pair: found for pair, found in lying.items() if pair[1]}
-    return Tetrahedra(points.reshape(-1, 3), cells, touching, disc)

@@ -1,19 +1,24 @@
 """The face of a body that is struck at a point: a plane, a cylinder or a sphere."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry.solids import SAME, Body, Face, off_axis, parallel
 
+if TYPE_CHECKING:  # loads gmsh
+    from geometry.selectors import Selected
+
 
 class Struck(NamedTuple):
     """The face that the chain leans on, and the point struck; of a round one its middle, radius and
     axis."""
 
-    face: tuple  # geometry.selectors.Selected
+    face: Selected
     point: NDArray[np.float64]  # (3,) [m]
     centre: NDArray[np.float64] | None = None  # (3,) [m] on a cylinder's axis, or a sphere's
     radius: float | None = None  # [m] < 0 of a hollow
@@ -23,8 +28,8 @@ class Struck(NamedTuple):
     @property
     def radii(self) -> tuple[float, float]:
         """Principal radii of curvature [m]."""
-        one = np.inf if self.radius is None else self.radius
-        return (one if self.axis is None else np.inf, one)
+        radius = np.inf if self.radius is None else self.radius
+        return (radius if self.axis is None else np.inf, radius)
 
     @property
     def away(self) -> NDArray[np.float64]:
@@ -40,8 +45,8 @@ class Struck(NamedTuple):
     @property
     def foot(self) -> NDArray[np.float64]:
         """The point moved onto a round surface."""
-        beside = np.linalg.norm(self.away)
-        return self.point + (abs(self.radius) / beside - 1) * self.away
+        distance = np.linalg.norm(self.away)
+        return self.point + (abs(self.radius) / distance - 1) * self.away
 
 
 def nearest(faces: Sequence[Face], body: Body, near: Sequence[float]) -> Face:
@@ -54,23 +59,25 @@ def struck_at(body: Body, faces: Sequence[Face], first: Face, near: Sequence[flo
     round one the point is not moved onto it."""
     from geometry.selectors import Selected  # loads gmsh
 
-    own = Selected(body.name, tuple(f.tag for f in faces if _one_surface(first, f)))
+    # faces of one surface: a split cylinder or plane is struck as a whole
+    tags = []
+    for face in (face for face in faces if face.kind == first.kind):
+        if first.normal is not None:
+            level = abs((first.centre - face.centre) @ first.normal)
+            if parallel(first.normal, face.normal) and level < SAME:
+                tags.append(face.tag)
+            continue
+        off = face.on_axis - first.on_axis
+        if first.axis is not None:
+            if not parallel(first.axis, face.axis):
+                continue
+            off = off_axis(face.on_axis, first.on_axis, first.axis)
+        if max(np.linalg.norm(off), abs(first.radius - face.radius)) < SAME:
+            tags.append(face.tag)
+    surface = Selected(body.name, tuple(tags))
+
     if first.normal is not None:
-        off = (first.centre - near) @ first.normal
-        return Struck(own, near + off * first.normal, normal=first.normal)
+        height = (first.centre - near) @ first.normal
+        return Struck(surface, near + height * first.normal, normal=first.normal)
     radius = -first.radius if first.hollow else first.radius
-    return Struck(own, np.array(near), first.on_axis, radius, first.axis)
-
-
-def _one_surface(one: Face, other: Face) -> bool:
-    if one.kind != other.kind:
-        return False
-    if one.normal is not None:
-        return (
-            parallel(one.normal, other.normal)
-            and abs((one.centre - other.centre) @ one.normal) < SAME
-        )
-    apart = other.on_axis - one.on_axis
-    beside = off_axis(other.on_axis, one.on_axis, one.axis) if one.axis is not None else apart
-    turned = one.axis is not None and not parallel(one.axis, other.axis)
-    return not turned and max(np.linalg.norm(beside), abs(one.radius - other.radius)) < SAME
+    return Struck(surface, np.array(near), first.on_axis, radius, first.axis)

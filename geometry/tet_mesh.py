@@ -6,7 +6,6 @@ the pads on the plate; the block is refined towards the contact.
 
 import gmsh
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTet
 
 from geometry.assembly import (
@@ -20,9 +19,9 @@ from geometry.assembly import (
 )
 from geometry.gmsh_session import EDGES_AROUND, mesh_options, session
 from geometry.naming import named
+from geometry.sizes import GROWTH
 
 TETRAHEDRON = 4  # gmsh's element type
-CONTACT_GRADING = 0.35  # growth of the element size per distance from the contact
 
 
 def tet_mesh(
@@ -41,105 +40,47 @@ def tet_mesh(
     Raises ValueError when gmsh cannot mesh a part.
     """
     a = assembly
+    occ = gmsh.model.occ
     with session(), mesh_options({"MeshSizeFromCurvature": EDGES_AROUND / coarser}):
-        sizes = {"block": block_seed}
-        volumes = _bodies(a)
-        gmsh.model.occ.synchronize()
+        volumes: dict[str, list[int]] = {}  # by body, in as many pieces as its imprints make
+
+        # boxes, the squares at their corners imprinted
+        for name, box in boxes(a).items():
+            volume = (3, occ.addBox(*box.lower, *(box.upper - box.lower)))
+            squares = []
+            for face, near, far in corner_squares(a, name).values():
+                z = (box.lower if face == "-z" else box.upper)[2]
+                for x in (box.lower[0] + near, box.upper[0] - far):
+                    for y in (box.lower[1] + near, box.upper[1] - far):
+                        squares.append((2, occ.addRectangle(x, y, z, far - near, far - near)))
+            pieces = occ.fragment([volume], squares)[0] if squares else [volume]
+            volumes[name] = [tag for dimension, tag in pieces if dimension == 3]
+        for name, y in sheets(a).items():
+            volumes[name] = _sheet(a, y)
+        occ.synchronize()
+
+        # element sizes at the corners of the bodies, and fine + grading * distance to the contact,
+        # nowhere larger than there
         for name, tags in volumes.items():
-            _sized(tags, seed if name in sheets(a) else sizes.get(name, support_seed))
+            size = seed if name in sheets(a) else support_seed
+            size = block_seed if name == "block" else size
+            solids = [(3, tag) for tag in tags]
+            points = gmsh.model.getBoundary(solids, combined=False, oriented=False, recursive=True)
+            gmsh.model.mesh.setSize(points, size)
         if contact_seed is not None:
-            _refined(a, contact_point, contact_seed, block_seed)
-        return _meshed(assembly, volumes)
+            x, y, z = a.block_x / 2, contact_point[0], a.block_z / 2 + contact_point[1]
+            distance = f"sqrt((x-({x}))^2+(y-({y}))^2+(z-({z}))^2)"
+            field = gmsh.model.mesh.field
+            tag = field.add("MathEval")
+            field.setString(tag, "F", f"{contact_seed} + {GROWTH.grading} * {distance}")
+            field.setAsBackgroundMesh(tag)
 
-
-def _bodies(a: Assembly) -> dict[str, list[int]]:
-    """Volumes of every body in the current gmsh model."""
-    solid = {name: _box(a, name) for name in boxes(a)}
-    return solid | {name: _sheet(a, y) for name, y in sheets(a).items()}
-
-
-def _box(a: Assembly, name: str) -> list[int]:
-    box = boxes(a)[name]
-    volume = (3, gmsh.model.occ.addBox(*box.lower, *(box.upper - box.lower)))
-    squares = [(2, _square(*s)) for s in _squares(a, name, box)]
-    if not squares:
-        return [volume[1]]
-    return [tag for dim, tag in gmsh.model.occ.fragment([volume], squares)[0] if dim == 3]
-
-
-def _squares(a: Assembly, name: str, box) -> list[tuple[float, float, float, float]]:
-    """Lower corner x, y, z and side of every square to imprint on a part."""
-    found = []
-    for face, near, far in corner_squares(a, name).values():
-        z = (box.lower if face == "-z" else box.upper)[2]
-        x = (box.lower[0] + near, box.upper[0] - far)
-        y = (box.lower[1] + near, box.upper[1] - far)
-        found += [(i, j, z, far - near) for i in x for j in y]
-    return found
-
-
-def _square(x: float, y: float, z: float, side: float) -> int:
-    return gmsh.model.occ.addRectangle(x, y, z, side, side)
-
-
-def _sheet(a: Assembly, y: float) -> list[int]:
-    """A sheet drawn in its plane, all lines imprinted, and extruded away from the block."""
-    outlines, washers, holes = [], [], []
-    width = a.sheet_width
-    free = (-width / 2, -a.sheet_free_length, width, a.sheet_free_length)
-    outlines.append(_rectangle(*free, y))
-    for joint in ("head", "foot"):
-        lower, upper = washer_z_range(a, joint)
-        for x, (left, right) in zip(a.screw_x, screw_cells(a), strict=True):
-            outlines.append(_rectangle(left, lower, right - left, upper - lower, y))
-            washers.append(_disc(x, screw_z(a)[joint], a.washer_radius, y))
-            holes.append(_disc(x, screw_z(a)[joint], a.hole_radius, y))
-    occ = gmsh.model.occ
-    flat = occ.fragment(outlines, washers)[0]
-    flat = occ.cut(flat, holes)[0]
-    # one layer, meshed by extrusion: free tetrahedra would be slivers in so thin a sheet
-    solid = occ.extrude(flat, 0, np.sign(y) * a.sheet_thickness, 0, numElements=[1])
-    return [tag for dim, tag in solid if dim == 3]
-
-
-def _rectangle(x: float, z: float, dx: float, dz: float, y: float) -> tuple[int, int]:
-    occ = gmsh.model.occ
-    tag = occ.addRectangle(x, z, 0, dx, dz)
-    return _stood_up(tag, y)
-
-
-def _disc(x: float, z: float, radius: float, y: float) -> tuple[int, int]:
-    return _stood_up(gmsh.model.occ.addDisk(x, z, 0, radius, radius), y)
-
-
-def _stood_up(tag: int, y: float) -> tuple[int, int]:
-    """From the plane x-y drawn in, to the plane x-z at height y."""
-    entity = (2, tag)
-    gmsh.model.occ.rotate([entity], 0, 0, 0, 1, 0, 0, np.pi / 2)
-    gmsh.model.occ.translate([entity], 0, y, 0)
-    return entity
-
-
-def _sized(volumes: list[int], size: float) -> None:
-    solids = [(3, tag) for tag in volumes]
-    points = gmsh.model.getBoundary(solids, combined=False, oriented=False, recursive=True)
-    gmsh.model.mesh.setSize(points, size)
-
-
-def _refined(a: Assembly, point, fine: float, coarse: float) -> None:
-    """Element size fine + grading * distance to the contact, nowhere larger than elsewhere set."""
-    x, y, z = a.block_x / 2, point[0], a.block_z / 2 + point[1]
-    distance = f"sqrt((x-({x}))^2+(y-({y}))^2+(z-({z}))^2)"
-    field = gmsh.model.mesh.field
-    tag = field.add("MathEval")
-    field.setString(tag, "F", f"{fine} + {CONTACT_GRADING} * {distance}")
-    field.setAsBackgroundMesh(tag)
-
-
-def _meshed(assembly: Assembly, volumes: dict[str, list[int]]) -> MeshTet:
-    gmsh.model.mesh.generate(3)
-    tags, points, _ = gmsh.model.mesh.getNodes()
-    t = {name: np.concatenate([_cells(tag) for tag in v]) for name, v in volumes.items()}
+        gmsh.model.mesh.generate(3)
+        tags, points, _ = gmsh.model.mesh.getNodes()
+        t = {}
+        for name, pieces in volumes.items():
+            nodes = [gmsh.model.mesh.getElementsByType(TETRAHEDRON, tag)[1] for tag in pieces]
+            t[name] = np.concatenate(nodes).astype(np.int64).reshape(-1, 4)
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     number[tags.astype(np.int64)] = np.arange(len(tags))
     cells = number[np.concatenate(list(t.values()))]
@@ -151,6 +92,32 @@ def _meshed(assembly: Assembly, volumes: dict[str, list[int]]) -> MeshTet:
     return named(mesh, assembly, body)
 
 
-def _cells(volume: int) -> NDArray[np.int64]:
-    _, nodes = gmsh.model.mesh.getElementsByType(TETRAHEDRON, volume)
-    return nodes.astype(np.int64).reshape(-1, 4)
+def _sheet(a: Assembly, y: float) -> list[int]:
+    """A sheet drawn in its plane, all lines imprinted, and extruded away from the block."""
+    occ = gmsh.model.occ
+
+    def stood_up(tag: int) -> tuple[int, int]:
+        """From the plane x-y drawn in, to the plane x-z at height y."""
+        occ.rotate([(2, tag)], 0, 0, 0, 1, 0, 0, np.pi / 2)
+        occ.translate([(2, tag)], 0, y, 0)
+        return 2, tag
+
+    width, free = a.sheet_width, a.sheet_free_length
+    outlines, washers, holes = (
+        [stood_up(occ.addRectangle(-width / 2, -free, 0, width, free))],
+        [],
+        [],
+    )
+    for joint in ("head", "foot"):
+        lower, upper = washer_z_range(a, joint)
+        z = screw_z(a)[joint]
+        for x, (left, right) in zip(a.screw_x, screw_cells(a), strict=True):
+            rectangle = occ.addRectangle(left, lower, 0, right - left, upper - lower)
+            outlines.append(stood_up(rectangle))
+            washers.append(stood_up(occ.addDisk(x, z, 0, a.washer_radius, a.washer_radius)))
+            holes.append(stood_up(occ.addDisk(x, z, 0, a.hole_radius, a.hole_radius)))
+    flat = occ.fragment(outlines, washers)[0]
+    flat = occ.cut(flat, holes)[0]
+    # one layer, meshed by extrusion: free tetrahedra would be slivers in so thin a sheet
+    solid = occ.extrude(flat, 0, np.sign(y) * a.sheet_thickness, 0, numElements=[1])
+    return [tag for dimension, tag in solid if dimension == 3]

@@ -7,7 +7,7 @@ area, overlap, or miss each other are told apart from those, with numbers.
 """
 
 from collections.abc import Iterator, Mapping
-from itertools import combinations
+from itertools import combinations, product
 from typing import NamedTuple
 
 import gmsh
@@ -17,11 +17,20 @@ from geometry.assembly import InvalidGeometry
 from geometry.gmsh_session import boolean_tolerance, failing
 from geometry.solids import ALIGNED, SAME, Body, Face, off_axis, parallel
 
-NEAR = 1e-3  # m, bodies closer than this that do not touch are told
-FRACTION = 1e-6  # of the smaller face: a common area below is none
+
+class Closeness(NamedTuple):
+    """From where on bodies touch, or nearly touch."""
+
+    near: float = 1e-3  # m, bodies closer than this that do not touch are reported; not varied
+    # of the smaller face: a smaller common area is the rounding of an intersection, and faces whose
+    # areas differ by less end together; not varied
+    fraction: float = 1e-6
 
 
-class Contact(NamedTuple):
+CLOSENESS = Closeness()
+
+
+class FaceContact(NamedTuple):
     """Two faces that touch."""
 
     faces: tuple[int, int]  # tags
@@ -31,11 +40,11 @@ class Contact(NamedTuple):
     flush: bool  # both faces end where the other does
 
 
-class Touch(NamedTuple):
+class TouchingPair(NamedTuple):
     """Two bodies that touch."""
 
     bodies: tuple[str, str]
-    contacts: tuple[Contact, ...]
+    contacts: tuple[FaceContact, ...]
 
     @property
     def name(self) -> str:
@@ -50,7 +59,7 @@ class Touch(NamedTuple):
         return max(contact.gap for contact in self.contacts)
 
     def covers(self, body: str) -> Iterator[tuple[str, int]]:
-        """Faces (body, tag) of the other body that touch one of this body."""
+        """Faces (body, tag) of the partner that touch one of this body."""
         if body in self.bodies:
             i = 1 - self.bodies.index(body)
             yield from ((self.bodies[i], contact.faces[i]) for contact in self.contacts)
@@ -63,6 +72,21 @@ class NearMiss(NamedTuple):
     distance: float  # m
     at: np.ndarray  # (3,) [m], where they are closest
 
+    @property
+    def sentence(self) -> str:
+        """What a user is to know of it."""
+        a, b = self.bodies
+        at = "[{:.4g}, {:.4g}, {:.4g}] m".format(*(self.at.round(9) + 0.0))
+        if self.distance < SAME:
+            return (
+                f'"{a}" and "{b}" meet along a line or at a point, near {at}, and touch over no '
+                "area: nothing can be tied there."
+            )
+        return (
+            f'"{a}" and "{b}" miss each other by {1e3 * self.distance:.4g} mm, near {at}; '
+            "faces closer than gap touch."
+        )
+
 
 class Overlap(NamedTuple):
     """Two bodies of which one fills part of the other."""
@@ -73,12 +97,14 @@ class Overlap(NamedTuple):
 
 
 class Neighbours(NamedTuple):
-    touching: tuple[Touch, ...]
+    """All pairs of bodies that touch, nearly touch, or overlap."""
+
+    touching: tuple[TouchingPair, ...]
     misses: tuple[NearMiss, ...]
     overlaps: tuple[Overlap, ...]
 
     def free(self, bodies: Mapping[str, Body]) -> tuple[str, ...]:
-        """Bodies that touch no other."""
+        """Bodies that touch none."""
         touched = {name for touch in self.touching for name in touch.bodies}
         return tuple(name for name in bodies if name not in touched)
 
@@ -93,9 +119,9 @@ class Neighbours(NamedTuple):
         )
 
 
-def require_apart(found: Neighbours) -> None:
+def require_apart(neighbours: Neighbours) -> None:
     """Raises InvalidGeometry for bodies that overlap, with the volume and what to do."""
-    for overlap in found.overlaps:
+    for overlap in neighbours.overlaps:
         a, b = overlap.bodies
         if overlap.inside:
             outer = b if overlap.inside == a else a
@@ -109,97 +135,76 @@ def require_apart(found: Neighbours) -> None:
         )
 
 
-def told(miss: NearMiss) -> str:
-    """A pair that nearly touches, in a sentence."""
-    a, b = miss.bodies
-    at = "[{:.4g}, {:.4g}, {:.4g}] m".format(*(miss.at.round(9) + 0.0))
-    if miss.distance < SAME:
-        return (
-            f'"{a}" and "{b}" meet along a line or at a point, near {at}, and touch over no area: '
-            "nothing can be tied there."
-        )
-    return (
-        f'"{a}" and "{b}" miss each other by {1e3 * miss.distance:.4g} mm, near {at}; '
-        "faces closer than gap touch."
-    )
-
-
-def neighbours(bodies: Mapping[str, Body], gap: float) -> Neighbours:
-    """Every pair of bodies nearer than NEAR; to call in the ``with model(...)`` of the bodies."""
+def neighbours(
+    bodies: Mapping[str, Body], gap: float, closeness: Closeness = CLOSENESS
+) -> Neighbours:
+    """Every pair of bodies that touch across at most `gap` [m], overlap, or nearly touch; to call
+    in the ``with model(...)`` of the bodies."""
+    occ = gmsh.model.occ
     touching, misses, overlaps = [], [], []
     for a, b in combinations(bodies.values(), 2):
-        if not _boxes_meet(a, b, NEAR + gap):
+        if not _boxes_meet(a, b, closeness.near + gap):
             continue
         with failing(f'"{a.name}" and "{b.name}" could not be intersected'):
-            contacts, overlap = tuple(_contacts(a, b, gap)), _overlap(a, b, gap)
-            if overlap:
-                overlaps.append(overlap)
+            contacts = tuple(_contacts(a, b, gap, closeness))
+
+            # the volume that both fill; a shell no thicker than the gap is none
+            volume = 0.0
+            if _boxes_meet(a, b, -gap):
+                keep = {"removeObject": False, "removeTool": False}
+                common, _ = occ.intersect([(3, a.tag)], [(3, b.tag)], **keep)
+                volume = sum(occ.getMass(*entity) for entity in common if entity[0] == 3)
+                occ.remove(common, recursive=True)
+            overlapping = volume > gap * min(a.area, b.area)
+
+            if overlapping:
+                inner = [body.name for body in (a, b) if volume > (1 - 1e-6) * body.volume]
+                overlaps.append(Overlap((a.name, b.name), volume, inner[0] if inner else None))
             if contacts:
-                touching.append(Touch((a.name, b.name), contacts))
-            elif not overlap:
-                misses += [m for m in [_miss(a, b)] if m.distance <= NEAR]
+                touching.append(TouchingPair((a.name, b.name), contacts))
+            elif not overlapping:
+                distance, *points = occ.getDistance(3, a.tag, 3, b.tag)
+                if distance <= closeness.near:
+                    at = np.mean(np.reshape(points, (2, 3)), axis=0)
+                    misses.append(NearMiss((a.name, b.name), distance, at))
     return Neighbours(tuple(touching), tuple(misses), tuple(overlaps))
+
+
+def _contacts(a: Body, b: Body, gap: float, closeness: Closeness) -> Iterator[FaceContact]:
+    """Pairs of faces with an area in common, by OpenCASCADE's intersection of copies of them."""
+    occ = gmsh.model.occ
+    for first, second in product(a.faces, b.faces):
+        distance = facing_distance(first, second) if _boxes_meet(first, second, gap) else None
+        if distance is None or distance > gap:
+            continue
+        copies = [occ.copy([(2, face.tag)]) for face in (first, second)]
+        with boolean_tolerance(2 * gap):
+            common, _ = occ.intersect(*copies)
+        regions = tuple(tag for dimension, tag in common if dimension == 2)
+        area = sum(occ.getMass(2, tag) for tag in regions)
+        if area > closeness.fraction * min(first.area, second.area):
+            flush = area > (1 - closeness.fraction) * max(first.area, second.area)
+            yield FaceContact((first.tag, second.tag), area, distance, regions, flush)
+
+
+def facing_distance(first: Face, second: Face) -> float | None:
+    """Distance of two faces that look at each other [m], None of two that cannot touch flush.
+
+    0 where only their intersection can say whether they are one surface.
+    """
+    if first.kind != second.kind:
+        return 0.0 if "other" in (first.kind, second.kind) else None
+    if first.normal is not None:
+        if first.normal @ second.normal > ALIGNED - 1:
+            return None
+        return abs(float((second.centre - first.centre) @ first.normal))
+    if first.axis is not None:
+        if not parallel(first.axis, second.axis):
+            return None
+        eccentricity = off_axis(second.on_axis, first.on_axis, first.axis)
+        return eccentricity + abs(first.radius - second.radius)
+    return 0.0
 
 
 def _boxes_meet(a: Body | Face, b: Body | Face, within: float) -> bool:
     return bool(np.all(a.lower - within <= b.upper) and np.all(b.lower - within <= a.upper))
-
-
-def _contacts(a: Body, b: Body, gap: float) -> Iterator[Contact]:
-    for one in a.faces:
-        for other in b.faces:
-            distance = _apart(one, other) if _boxes_meet(one, other, gap) else None
-            if distance is None or distance > gap:
-                continue
-            regions = _common(one, other, gap)
-            area = sum(gmsh.model.occ.getMass(2, tag) for tag in regions)
-            if area > FRACTION * min(one.area, other.area):
-                flush = area > (1 - FRACTION) * max(one.area, other.area)
-                yield Contact((one.tag, other.tag), area, distance, regions, flush)
-
-
-def _apart(one: Face, other: Face) -> float | None:
-    """Distance of two faces that look at each other, None of two that cannot touch flush.
-
-    0 where whether they are one surface is for their intersection to say.
-    """
-    if one.kind != other.kind:
-        return 0.0 if "other" in (one.kind, other.kind) else None
-    if one.normal is not None:
-        if one.normal @ other.normal > ALIGNED - 1:
-            return None
-        return abs(float((other.centre - one.centre) @ one.normal))
-    if one.axis is not None:
-        if not parallel(one.axis, other.axis):
-            return None
-        eccentric = off_axis(other.on_axis, one.on_axis, one.axis)
-        return eccentric + abs(one.radius - other.radius)
-    return 0.0
-
-
-def _common(one: Face, other: Face, gap: float) -> tuple[int, ...]:
-    occ = gmsh.model.occ
-    copies = [occ.copy([(2, face.tag)]) for face in (one, other)]
-    with boolean_tolerance(2 * gap):
-        shared, _ = occ.intersect(*copies)
-    return tuple(tag for dimension, tag in shared if dimension == 2)
-
-
-def _overlap(a: Body, b: Body, gap: float) -> Overlap | None:
-    """The volume that both fill; a shell no thicker than the gap is none."""
-    if not _boxes_meet(a, b, -gap):
-        return None
-    occ = gmsh.model.occ
-    keep = {"removeObject": False, "removeTool": False}
-    shared, _ = occ.intersect([(3, a.tag)], [(3, b.tag)], **keep)
-    volume = sum(occ.getMass(*entity) for entity in shared if entity[0] == 3)
-    occ.remove(shared, recursive=True)
-    if volume <= gap * min(a.area, b.area):
-        return None
-    whole = [body.name for body in (a, b) if volume > (1 - 1e-6) * body.volume]
-    return Overlap((a.name, b.name), volume, whole[0] if whole else None)
-
-
-def _miss(a: Body, b: Body) -> NearMiss:
-    distance, *points = gmsh.model.occ.getDistance(3, a.tag, 3, b.tag)
-    return NearMiss((a.name, b.name), distance, np.mean(np.reshape(points, (2, 3)), axis=0))

@@ -2,7 +2,7 @@
 
     free_modes       (K, M, w, Selection(n_modes=40)): free modes + the residual vector K^-1 w
     craig_bampton    (K, M, w, boundary, Selection(...)): boundary dofs + fixed-interface modes
-    Face             (pencil, modes, W): modes for many contacts, what each has beyond them
+    many_contacts    (pencil, modes, W): modes for many contacts, what each has beyond them
     full_order       the unreduced structure as a ReducedModel, up to 5000 unknowns
     modal            ModalWall: omega (k,) [rad/s], phi (k,) = w @ mode [kg^-1/2]
     receptance       w^T (K - omega^2 M + i omega C)^-1 w [m/N] at frequencies [Hz]
@@ -21,7 +21,7 @@ patch on a half-space: it is still in K, and `coupling.wall.wall_of` takes it of
 
 from rom.craig_bampton import craig_bampton
 from rom.exchange import load_h5, load_mat, load_npz, save_full, save_h5, save_mat, save_npz
-from rom.factorisation import Factor, Factorise, ReductionError, superlu
+from rom.factorisation import Factorise, ReductionError, Solver, superlu
 from rom.free_modes import free_modes
 from rom.health import (
     EffectiveMass,
@@ -31,7 +31,7 @@ from rom.health import (
     health,
     is_indefinite,
 )
-from rom.many_contacts import Face, ManyContacts
+from rom.many_contacts import ManyContacts, many_contacts
 from rom.reduced_model import (
     Contact,
     MassProperties,
@@ -53,8 +53,6 @@ __all__ = [
     "LOSS",
     "Contact",
     "EffectiveMass",
-    "Face",
-    "Factor",
     "Factorise",
     "Health",
     "ManyContacts",
@@ -63,6 +61,7 @@ __all__ = [
     "ReducedModel",
     "ReductionError",
     "Selection",
+    "Solver",
     "Substructure",
     "Surface",
     "craig_bampton",
@@ -76,6 +75,7 @@ __all__ = [
     "load_mat",
     "load_mtx",
     "load_npz",
+    "many_contacts",
     "modal",
     "modal_compliance",
     "modes_alone",

@@ -23,13 +23,13 @@ class Field(NamedTuple):
     rule: str = "it must hold one number, leave it out"
 
 
-SOME = "it must hold numbers, leave it out"
+ANY = "it must hold numbers, leave it out"
 THREE = "it must hold three numbers, leave it out"
 CONTACT = {
     "half_space": Field(
         "half_space_compliance_m_per_N", 1, lambda s: s >= 0, "a compliance is one number >= 0"
     ),
-    "weights_read": Field("reading_weights", None, rule=SOME),
+    "weights_read": Field("reading_weights", None, rule=ANY),
     "young": Field("surface_young_Pa", 1, lambda E: E > 0, "a modulus is one number > 0"),
     "poisson": Field(
         "surface_poisson",
@@ -40,7 +40,7 @@ CONTACT = {
     "curvatures": Field(
         "surface_curvatures_per_m", 2, rule="it must hold two numbers, leave it out"
     ),
-    "modes_hz": Field("hammer_modes_hz", None, rule=SOME),
+    "modes_hz": Field("hammer_modes_hz", None, rule=ANY),
     "point": Field("contact_point_m", 3, rule=THREE),
     "direction": Field("contact_direction", 3, rule=THREE),
 }
@@ -54,23 +54,24 @@ MASS = {
 
 def known_fields(reduced: ReducedModel) -> dict[str, np.ndarray]:
     """The numbers that are known, by their names in a file."""
-    parts = ((reduced.contact, CONTACT), (reduced.mass, MASS))
-    found = {f.name: getattr(part, name) for part, fields in parts for name, f in fields.items()}
-    return {name: np.asarray(value) for name, value in found.items() if value is not None}
+    numbers = {}
+    for properties, fields in ((reduced.contact, CONTACT), (reduced.mass, MASS)):
+        numbers |= {field.name: getattr(properties, name) for name, field in fields.items()}
+    return {name: np.asarray(value) for name, value in numbers.items() if value is not None}
 
 
 def contact(content: Mapping[str, object], r: int, path: str | Path) -> Contact:
     """What a file says of the contact; raises ReductionError where it cannot be that."""
-    found = Contact(**{name: _value(content, field, path) for name, field in CONTACT.items()})
-    if found.weights_read is None:
-        return found
-    if len(found.weights_read) > r:
-        n = len(found.weights_read)
+    fields = Contact(**{name: _value(content, field, path) for name, field in CONTACT.items()})
+    if fields.weights_read is None:
+        return fields
+    n = len(fields.weights_read)
+    if n > r:
         raise ReductionError(f"{path}: reading_weights has {n} values for {r} coordinates.")
     # notes held those of the boundary alone
     weights = np.zeros(r)
-    weights[: len(found.weights_read)] = found.weights_read
-    return found._replace(weights_read=weights)
+    weights[:n] = fields.weights_read
+    return fields._replace(weights_read=weights)
 
 
 def mass_properties(content: Mapping[str, object], path: str | Path) -> MassProperties:
@@ -81,19 +82,17 @@ def mass_properties(content: Mapping[str, object], path: str | Path) -> MassProp
 def _value(
     content: Mapping[str, object], field: Field, path: str | Path
 ) -> float | tuple[float, ...] | None:
+    """The number or numbers of a field, None where the file has none; raises ReductionError."""
     if field.name not in content:
         return None
-    values = _numbers(content[field.name])
-    counted = len(values) == field.count if field.count else len(values) > 0
-    if not (counted and np.isfinite(values).all() and field.allowed(values).all()):
-        raise ReductionError(f"{path}: {field.name} is {content[field.name]!r}; {field.rule}.")
-    return float(values[0]) if field.count == 1 else tuple(values.tolist())
-
-
-def _numbers(given: object) -> np.ndarray:
-    """The numbers of an array, or of a note's words; one that is none stands for all others."""
+    # an array, or the words of a note; what is no number becomes nan, which no field allows
+    given = content[field.name]
     values = np.ravel(given.split() if isinstance(given, str) else given)
     try:
-        return values.astype(float) if values.dtype.kind in "fiuU" else np.array([np.nan])
+        values = values.astype(float) if values.dtype.kind in "fiuU" else np.array([np.nan])
     except ValueError:
-        return np.array([np.nan])
+        values = np.array([np.nan])
+    counted = len(values) == field.count if field.count else len(values) > 0
+    if not (counted and np.isfinite(values).all() and field.allowed(values).all()):
+        raise ReductionError(f"{path}: {field.name} is {given!r}; {field.rule}.")
+    return float(values[0]) if field.count == 1 else tuple(values.tolist())

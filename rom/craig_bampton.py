@@ -4,7 +4,8 @@
         [ Psi     phi  ]
     K_r = diag(K_bb + K_bi Psi, omega^2),   M_r = T^T M T
 
-The static response to forces on the boundary is exact without any mode.
+The static response to forces on the boundary is exact without any mode: what a residual vector does
+for free modes, the constraint modes do here.
 Craig and Bampton, AIAA Journal 6 (1968) 1313.
 """
 
@@ -13,21 +14,20 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from rom.contact_modes import finer_space, static_shapes
-from rom.factorisation import Factor, Factorise, superlu, symmetric
+from rom.contact_modes import contact_modes, finer_space, static_shapes
+from rom.factorisation import Factorise, Solver, superlu, symmetric
 from rom.fixed_interface import (
     FixedInterface,
     fixed_interface,
-    interior,
-    modes_inside,
-    none_of,
+    interior_pencil,
+    ritz_pairs,
     whole_pencil,
 )
 from rom.health import require_faithful
-from rom.lanczos import EigenPairs, lowest_modes, modes_below
+from rom.lanczos import EigenPairs, known_modes, lowest_modes, modes_below, no_modes
 from rom.reduced_model import ReducedModel, contact_functional, modal, of_modes
 from rom.selection import Selection, require_selection
-from rom.tall import gram
+from rom.tall import gram, shares
 from rom.truncation import LOSS, first_cutoff_hz, frequencies, rms, size
 
 
@@ -36,13 +36,13 @@ def craig_bampton(
     M: ArrayLike | sp.sparray,
     w: ArrayLike,
     boundary: ArrayLike,
-    asked: Selection,
+    selection: Selection,
     *,
     C: ArrayLike | sp.sparray | None = None,
     factorise: Factorise = superlu,
-    factor: Factor | None = None,
+    factor: Solver | None = None,
 ) -> ReducedModel:
-    """Reduce K, M (n, n) to the dofs in boundary (b,) and the fixed-interface modes asked for.
+    """Reduce K, M (n, n) to the dofs in boundary (b,) and the fixed-interface modes selected.
 
     w (n,) may only load the boundary. One factorisation of K_ii, which a held boundary makes
     positive definite even where K floats, serves constraint modes and fixed-interface modes;
@@ -53,85 +53,104 @@ def craig_bampton(
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     w = contact_functional(w, K.shape[0])
-    require_selection(asked)
+    require_selection(selection)
+    n_modes, error, to_hz = selection.n_modes, selection.error, selection.to_hz
+
+    # constraint modes: unit motion of the boundary, carried statically inside, K_ii Psi = -K_ib
     fixed = fixed_interface(K, M, w, boundary, factorise, factor)
+    b, i, Psi = fixed.boundary, fixed.interior, fixed.psi
     C = None if C is None else symmetric(C, "C")
-    if asked.by_contact:
-        pairs, stated, space = modes_inside(fixed, asked)
-        reduced = _projected(fixed, C, pairs)
-        shapes = static_shapes(modal(reduced).omega, pairs.omega.max(initial=0.0), asked.to_hz)
-        reduced = reduced._replace(error=stated, n_residual=shapes)
+
+    if selection.by_contact:
+        # free modes that the contact moves, those handed in among them: phi_i - Psi phi_b is what
+        # they do inside, and Ritz pairs of K_ii and M_ii make fixed-interface modes of that
+        problem, modes = whole_pencil(fixed), selection.modes
+        retained = no_modes(len(w)) if modes is None else known_modes(problem, *modes)
+        free, _, stated, space = contact_modes(problem, w, retained, selection)
+        phi = free.phi
+        for c in shares(phi.shape[1]):
+            phi[:, c] -= Psi @ phi[b, c]
+        pairs = ritz_pairs(K, M, phi)
+        reduced = projected(fixed, C, pairs)
+
+        # the error is no larger than that of the free modes with a residual vector: constraint
+        # modes and these hold every one of those vectors
+        n_static = static_shapes(modal(reduced).omega, pairs.omega.max(initial=0.0), to_hz)
+        reduced = reduced._replace(error=stated, n_residual=n_static)
     else:
-        reduced = _lowest(fixed, C, asked)
-        space = _finer(fixed, len(reduced.w), asked.finer_hz)
-    finer = None if asked.finer_hz is None else of_modes(*space, w, C)
+        # fixed-interface modes, K_ii phi = M_ii phi omega^2: the lowest; with an error, those up
+        # to a cutoff that rises until the error is met
+        inside = interior_pencil(fixed)
+        cutoff_hz = selection.cutoff_hz if error is None else first_cutoff_hz(error, to_hz)
+        while True:
+            if n_modes is None:
+                pairs = modes_below(inside, cutoff_hz)
+            else:
+                pairs = lowest_modes(inside, n_modes)
+            phi = np.zeros((len(w), len(pairs.omega)))
+            phi[i] = pairs.phi
+            reduced = projected(fixed, C, EigenPairs(pairs.omega, phi))
+            if to_hz is not None:
+                reduced = reduced._replace(error=truncation_error(fixed, reduced, phi, to_hz))
+            if error is None or reduced.error <= error:
+                break
+            cutoff_hz *= 1.4
+        if selection.finer_hz is not None:
+            problem, finer_hz = whole_pencil(fixed), selection.finer_hz
+            space = finer_space(problem, w, no_modes(len(w)), finer_hz, len(reduced.w)).pairs
+
+    # T^T K T = K_r and T^T M T = M_r on a random vector, both definite, or the sentence says why
+    finer = None if selection.finer_hz is None else of_modes(*space, w, C)
     reduced = reduced._replace(finer=finer)
     require_faithful(reduced, K, M)
     return reduced
 
 
-def _finer(fixed: FixedInterface, n_modes: int, finer_hz: float | None) -> EigenPairs | None:
-    if finer_hz is None:
-        return None
-    return finer_space(whole_pencil(fixed), fixed.w, none_of(fixed), finer_hz, n_modes).pairs
+def projected(fixed: FixedInterface, C: sp.csc_array | None, pairs: EigenPairs) -> ReducedModel:
+    """K, M, C and w on T = [[1, 0], [Psi, phi]], phi (n, k) the fixed-interface modes.
 
-
-def _lowest(fixed: FixedInterface, C: sp.csc_array | None, asked: Selection) -> ReducedModel:
-    """The lowest fixed-interface modes, as many as the error asks for."""
-    error, to_hz, cutoff = asked.error, asked.to_hz, asked.cutoff_hz
-    if error is not None:
-        cutoff = first_cutoff_hz(error, to_hz)
-    inside = interior(fixed)
-    while True:
-        if asked.n_modes is None:
-            pairs = modes_below(inside, cutoff)
-        else:
-            pairs = lowest_modes(inside, asked.n_modes)
-        phi = np.zeros((len(fixed.w), len(pairs.omega)))
-        phi[fixed.part.interior] = pairs.phi
-        reduced = _projected(fixed, C, EigenPairs(pairs.omega, phi))
-        if to_hz is not None:
-            reduced = reduced._replace(error=_error(fixed, reduced, phi, to_hz))
-        if error is None or reduced.error <= error:
-            return reduced
-        cutoff *= 1.4
-
-
-def _projected(fixed: FixedInterface, C: sp.csc_array | None, pairs: EigenPairs) -> ReducedModel:
-    omega, b = pairs.omega, len(fixed.part.boundary)
+    Block by block where a block is known: the product T^T K T would lose log10(cond K) digits.
+    """
+    b, omega = fixed.boundary, pairs.omega
     T = np.column_stack([fixed.psi, pairs.phi])
     M = _symmetrised(gram(T, fixed.M))
-    M[b:, b:] = np.eye(len(omega))
+    M[len(b) :, len(b) :] = np.eye(len(omega))
     return ReducedModel(
         K=block_diag(_symmetrised(fixed.condensed), np.diag(omega**2)),
         M=M,
         C=None if C is None else _symmetrised(T.T @ (C @ T)),
-        w=np.append(fixed.w[fixed.part.boundary], np.zeros(len(omega))),
+        w=np.append(fixed.w[b], np.zeros(len(omega))),
         T=T,
         kind="craig-bampton",
-        n_boundary=b,
+        n_boundary=len(b),
         notes={},
     )
 
 
-def _error(fixed: FixedInterface, reduced: ReducedModel, phi: np.ndarray, to_hz: float) -> float:
+def truncation_error(
+    fixed: FixedInterface, reduced: ReducedModel, phi: np.ndarray, to_hz: float
+) -> float:
     """Relative rms error of the receptance up to to_hz that the modes left out, j > k, make.
 
     With L_j = phi_j^T (M_ii Psi + M_ib) and the boundary moving by q_b (b,) it is
     s^4 sum (L_j q_b)^2 / (omega_j^2 - s^2) <= s^4 q_b^T G q_b / (1 - s^2 / omega_{k+1}^2) with
-    G = sum L_j^T L_j / omega_j^2, what K_ii^-1 has beyond the modes phi (n, k) that were kept.
+    G = sum L_j^T L_j / omega_j^2, what K_ii^-1 has beyond the modes phi (n, k) of the model.
+    Infinite while these end below to_hz.
     """
     b = reduced.n_boundary
     squared = np.diag(reduced.K)[b:]
-    if len(squared) == len(fixed.part.interior):
+    if len(squared) == len(fixed.interior):
         return 0.0
     highest = np.sqrt(squared.max(initial=0.0))
     if highest <= 2 * np.pi * to_hz:
         return np.inf
+
+    # G, projected on both sides: the difference of the two sums alone would lose digits
     inertia, L = fixed.M @ fixed.psi, reduced.M[b:, :b]
-    # projected on both sides: the difference of the two sums alone would lose digits
     beyond = fixed.clamped.solve(inertia) - phi @ (L / squared[:, None])
     G = (inertia - fixed.M @ (phi @ L)).T @ beyond
+
+    # q_b under a unit force at the contact; omega_k, which is known, for omega_{k+1} above it
     wall, s = modal(reduced), 2 * np.pi * frequencies(to_hz)
     moved = wall.phi / (wall.omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)
     q = moved @ wall.vectors[:b].T

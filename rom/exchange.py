@@ -8,6 +8,9 @@ of the contact and the mass stands as numbers under the names of rom.contact_fie
 T_surface, surface_points and surface_faces (nodes counted from 1) give the outer nodes back,
 coordinates names each q, about says what the names are and in which units. C_damping is what a
 scene's [damping] makes beside C; it is written for others and not read back.
+
+To write: `_fields` of the model -> np.savez, savemat or h5py. To read: load -> a mapping of arrays
+by name -> `_model`, which checks every one of them, since a file may come from anywhere.
 """
 
 import json
@@ -15,7 +18,6 @@ import zlib
 from collections.abc import Callable, Mapping
 from math import prod
 from pathlib import Path
-from typing import IO, BinaryIO
 from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import numpy as np
@@ -29,7 +31,6 @@ from rom.contact_fields import contact, known_fields, mass_properties
 from rom.factorisation import ReductionError, require_symmetric
 from rom.reduced_model import ReducedModel, Surface, contact_functional
 
-ARRAYS = ("K", "M", "C", "w", "T")
 ABOUT = """\
 M q'' + (C + C_damping) q' + K q = w F, contact displacement u_w = w' q, SI units:
 K [N/m], M [kg], C and C_damping [N s/m] where q is a displacement [m], else by the scale of q;
@@ -38,7 +39,6 @@ all. Outer nodes: u = T_surface q [m], rows x, y, z of node 1, then of node 2, .
 (m x 3) [m]; surface_faces count nodes from 1, surface_body numbers the body of each node by
 surface_bodies. C, C_damping and T_surface stand where known."""
 BROKEN = (OSError, ValueError, TypeError, KeyError, EOFError, BadZipFile, MatReadError, zlib.error)
-MOST_BYTES = 4e9  # of an archive: K, M and C of 13 000 coordinates
 
 
 def save_npz(
@@ -57,32 +57,26 @@ def load_npz(path: str | Path, *, w: ArrayLike | None = None) -> ReducedModel:
     return _model(_readable(path, "npz", lambda: _archive(path)), path, w)
 
 
-def _archive(path: str | Path) -> dict[str, np.ndarray]:
+def _archive(path: str | Path, most_bytes: float = 4e9) -> dict[str, np.ndarray]:
+    """The arrays of an .npz by name; raises ValueError where an array's header promises other bytes
+    than there are, or all of them too many: K, M and C of 13 000 coordinates are 4 GB."""
     with open(path, "rb") as file:
         if not is_zipfile(file):
             raise BadZipFile("it is no whole zip archive")
-        _require_room(file)
-    with np.load(path, allow_pickle=False) as archive:
-        return dict(archive)
-
-
-def _require_room(file: BinaryIO) -> None:
-    """Raise ValueError where an array's header promises other bytes than there are, or too many."""
-    with ZipFile(file) as archive:
-        total = sum(entry.file_size for entry in archive.infolist())
-        if total > MOST_BYTES:
-            raise ValueError(f"it unpacks to {total / 1e9:.3g} GB, allowed are {MOST_BYTES / 1e9}")
-        for entry in archive.infolist():
-            with archive.open(entry) as member:
-                shape, dtype = _header(member)
-                if prod(shape) * dtype.itemsize != entry.file_size - member.tell():
-                    raise ValueError(f"{entry.filename} does not hold the {shape} that it says")
-
-
-def _header(member: IO[bytes]) -> tuple[tuple[int, ...], np.dtype]:
-    read = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
-    shape, _, dtype = read[read_magic(member)](member)
-    return shape, dtype
+        with ZipFile(file) as archive:
+            total = sum(entry.file_size for entry in archive.infolist())
+            if total > most_bytes:
+                raise ValueError(
+                    f"it unpacks to {total / 1e9:.3g} GB, allowed are {most_bytes / 1e9}"
+                )
+            header = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
+            for entry in archive.infolist():
+                with archive.open(entry) as member:
+                    shape, _, dtype = header[read_magic(member)](member)
+                    if prod(shape) * dtype.itemsize != entry.file_size - member.tell():
+                        raise ValueError(f"{entry.filename} does not hold the {shape} that it says")
+    with np.load(path, allow_pickle=False) as arrays:
+        return dict(arrays)
 
 
 def save_mat(
@@ -138,48 +132,41 @@ def save_full(path: str | Path, matrices: Mapping[str, sp.sparray | np.ndarray])
         with open(path, "wb") as file:
             savemat(file, dict(matrices), oned_as="column", do_compression=True)
         return
-    parts: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {}
     for name, A in matrices.items():
-        parts |= _by_columns(name, A) if sp.issparse(A) else {name: A}
+        if not sp.issparse(A):
+            arrays[name] = A
+            continue
+        A = sp.csc_array(A)
+        arrays |= {f"{name}_data": A.data, f"{name}_indices": A.indices}
+        arrays |= {f"{name}_indptr": A.indptr, f"{name}_shape": np.array(A.shape)}
     with open(path, "wb") as file:
-        np.savez_compressed(file, **parts)
-
-
-def _by_columns(name: str, A: sp.sparray) -> dict[str, np.ndarray]:
-    A = sp.csc_array(A)
-    parts = {"data": A.data, "indices": A.indices, "indptr": A.indptr, "shape": np.array(A.shape)}
-    return {f"{name}_{part}": value for part, value in parts.items()}
+        np.savez_compressed(file, **arrays)
 
 
 def _fields(reduced: ReducedModel, C_damping: ArrayLike | None) -> dict[str, object]:
-    arrays = {name: getattr(reduced, name) for name in ARRAYS} | {"C_damping": C_damping}
-    if reduced.surface:
-        arrays |= {
-            "T_surface": reduced.surface.T,
-            "surface_points": reduced.surface.points,
-            "surface_faces": reduced.surface.faces + 1,
-        }
-    if reduced.surface and reduced.surface.body is not None:
-        arrays |= {
-            "surface_body": reduced.surface.body + 1,
-            "surface_bodies": np.array(reduced.surface.bodies),
-        }
-    return (
-        {name: A for name, A in arrays.items() if A is not None}
-        | {
-            "kind": reduced.kind,
-            "n_boundary": reduced.n_boundary,
-            "n_residual": reduced.n_residual,
-            "provenance": json.dumps(reduced.notes),
-            "about": ABOUT,
-        }
-        | known_fields(reduced)
-        | ({} if reduced.error is None else {"error": reduced.error})
-        | ({"coordinates": np.array(reduced.coordinates)} if reduced.coordinates else {})
-    )
+    """What is written of a model, by its name in the file; what is not known is left out."""
+    fields = {name: getattr(reduced, name) for name in ("K", "M", "C", "w", "T")}
+    fields["C_damping"] = C_damping
+    surface = reduced.surface
+    if surface:  # nodes and bodies are counted from 1
+        fields["T_surface"] = surface.T
+        fields["surface_points"], fields["surface_faces"] = surface.points, surface.faces + 1
+        if surface.body is not None:
+            fields["surface_body"] = surface.body + 1
+            fields["surface_bodies"] = np.array(surface.bodies)
+    fields["kind"] = reduced.kind
+    fields["n_boundary"], fields["n_residual"] = reduced.n_boundary, reduced.n_residual
+    fields["provenance"], fields["about"] = json.dumps(reduced.notes), ABOUT
+    fields |= known_fields(reduced)
+    fields["error"] = reduced.error
+    if reduced.coordinates:
+        fields["coordinates"] = np.array(reduced.coordinates)
+    return {name: value for name, value in fields.items() if value is not None}
 
 
 def _readable(path: str | Path, format_name: str, read: Callable):
+    """What read() gives; raises FileNotFoundError, or ReductionError with why it cannot."""
     try:
         return read()
     except FileNotFoundError:
@@ -195,8 +182,12 @@ def _readable(path: str | Path, format_name: str, read: Callable):
 
 
 def _model(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) -> ReducedModel:
+    """The model of what a file holds by name, w (r,) instead of the file's where it is given.
+
+    Raises ReductionError whatever a file holds that is no reduced model.
+    """
     try:
-        return _consistent(_read(content, path, w), path)
+        return _read(content, path, w)
     except ReductionError:
         raise
     except (ValueError, TypeError, IndexError, OverflowError) as error:
@@ -208,89 +199,65 @@ def _model(content: Mapping[str, object], path: str | Path, w: ArrayLike | None)
 
 
 def _read(content: Mapping[str, object], path: str | Path, w: ArrayLike | None) -> ReducedModel:
-    matrices = {name: _matrix(content, name, path) for name in ("K", "M", "C")}
+    """The model field by field; errors of numpy and json on content that is none go through."""
+    # K, M, C: real, dense, symmetric
+    matrices: dict[str, np.ndarray | None] = {"K": None, "M": None, "C": None}
+    for name in matrices:
+        if name not in content:
+            continue
+        A = _dense(content[name])
+        if A.dtype.kind not in "fiu" or A.ndim != 2 or A.size == 0:
+            raise ReductionError(f"{path}: {name} is not a real matrix (shape {A.shape}).")
+        matrices[name] = np.array(A, dtype=float)
+        require_symmetric(matrices[name], f"{path}: {name}")
     for name in ("K", "M"):
         if matrices[name] is None:
             raise ReductionError(
                 f"{path} holds no matrix named {name}; it has {sorted(content) or 'nothing'}."
             )
+
+    # w, a row, a column or sparse
     r = len(matrices["K"])
     w = content.get("w") if w is None else w
     if w is None:
         raise ReductionError(f"{path} holds no w; pass the {r} weights of the contact.")
-    notes = _notes(content, path)
-    known = dict(content) | {name: note for name, note in notes.items() if name not in content}
-    return ReducedModel(
+    w = np.ravel(_dense(w))
+    if np.iscomplexobj(w):
+        raise ReductionError(f"{path}: w is complex; the weights of a contact are real.")
+
+    notes = json.loads(_text(content, "provenance", "{}"))
+    if not isinstance(notes, dict):
+        raise ReductionError(f"{path}: provenance is {notes!r}; it must be a JSON object of notes.")
+    notes = {name: note if isinstance(note, str) else str(note) for name, note in notes.items()}
+    # fields of the contact once stood among the notes
+    fields = dict(content) | {name: note for name, note in notes.items() if name not in content}
+
+    # the way back to the outer nodes, whose nodes and bodies a file counts from 1
+    surface = None
+    names = ("surface_points", "surface_faces", "T_surface")
+    if all(name in content for name in names):
+        points, faces, T_surface = (np.asarray(content[name]) for name in names)
+        surface = Surface(points, faces - 1, T_surface)
+        if "surface_body" in content:
+            bodies = tuple(map(_word, np.ravel(content.get("surface_bodies", ()))))
+            surface = surface._replace(body=np.ravel(content["surface_body"]) - 1, bodies=bodies)
+    T = content.get("T")
+    reduced = ReducedModel(
         **matrices,
-        w=contact_functional(_real(w, path), r),
-        T=_basis(content),
+        w=contact_functional(w.astype(float), r),
+        T=None if T is None else np.array(_dense(T), dtype=float),
         kind=_text(content, "kind", "imported"),
         n_boundary=int(np.ravel(content.get("n_boundary", 0))[0]),
         notes=notes,
         n_residual=int(np.ravel(content.get("n_residual", 0))[0]),
         error=float(np.ravel(content["error"])[0]) if "error" in content else None,
         coordinates=tuple(map(_word, np.ravel(content.get("coordinates", ())))),
-        surface=_surface(content),
-        contact=contact(known, r, path),
-        mass=mass_properties(known, path),
+        surface=surface,
+        contact=contact(fields, r, path),
+        mass=mass_properties(fields, path),
     )
 
-
-def _matrix(content: Mapping[str, object], name: str, path: str | Path) -> np.ndarray | None:
-    if name not in content:
-        return None
-    A = content[name]
-    dense = A.toarray() if sp.issparse(A) else np.asarray(A)
-    if dense.dtype.kind not in "fiu" or dense.ndim != 2 or dense.size == 0:
-        raise ReductionError(f"{path}: {name} is not a real matrix (shape {dense.shape}).")
-    dense = np.array(dense, dtype=float)
-    require_symmetric(dense, f"{path}: {name}")
-    return dense
-
-
-def _real(w: object, path: str | Path) -> np.ndarray:
-    values = np.ravel(w.toarray() if sp.issparse(w) else w)
-    if np.iscomplexobj(values):
-        raise ReductionError(f"{path}: w is complex; the weights of a contact are real.")
-    return values.astype(float)
-
-
-def _notes(content: Mapping[str, object], path: str | Path) -> dict[str, str]:
-    notes = json.loads(_text(content, "provenance", "{}"))
-    if not isinstance(notes, dict):
-        raise ReductionError(f"{path}: provenance is {notes!r}; it must be a JSON object of notes.")
-    return {name: note if isinstance(note, str) else str(note) for name, note in notes.items()}
-
-
-def _basis(content: Mapping[str, object]) -> np.ndarray | None:
-    T = content.get("T")
-    return None if T is None else np.array(T.toarray() if sp.issparse(T) else T, dtype=float)
-
-
-def _surface(content: Mapping[str, object]) -> Surface | None:
-    names = ("surface_points", "surface_faces", "T_surface")
-    if any(name not in content for name in names):
-        return None
-    points, faces, T = (np.asarray(content[name]) for name in names)
-    if "surface_body" not in content:
-        return Surface(points, faces - 1, T)
-    bodies = tuple(map(_word, np.ravel(content.get("surface_bodies", ()))))
-    return Surface(points, faces - 1, T, np.ravel(content["surface_body"]) - 1, bodies)
-
-
-def _text(content: Mapping[str, object], name: str, default: str) -> str:
-    return _word(np.ravel(content.get(name, default))[0])
-
-
-def _word(text: object) -> str:
-    """A string, also one as bytes (HDF5) or in a cell of its own (MATLAB)."""
-    if isinstance(text, np.ndarray):
-        text = np.ravel(text)[0]
-    return text.decode() if isinstance(text, bytes) else str(text)
-
-
-def _consistent(reduced: ReducedModel, path: str | Path) -> ReducedModel:
-    r = len(reduced.w)
+    # sizes that must agree with K (r, r)
     for name in ("M", "C"):
         A = getattr(reduced, name)
         if A is not None and A.shape != (r, r):
@@ -300,8 +267,24 @@ def _consistent(reduced: ReducedModel, path: str | Path) -> ReducedModel:
             raise ReductionError(
                 f"{path}: {name} is {getattr(reduced, name)}; it must be from 0 to {r}."
             )
-    recovered = {"T": reduced.T, "T_surface": reduced.surface and reduced.surface.T}
-    for name, T in recovered.items():
+    for name, T in (("T", reduced.T), ("T_surface", reduced.surface and reduced.surface.T)):
         if T is not None and T.shape[1] != r:
             raise ReductionError(f"{path}: {name} has {T.shape[1]} columns, K is {r} x {r}.")
     return reduced
+
+
+def _dense(A: object) -> np.ndarray:
+    """A as a dense array; MATLAB keeps sparse ones as such."""
+    return A.toarray() if sp.issparse(A) else np.asarray(A)
+
+
+def _text(content: Mapping[str, object], name: str, default: str) -> str:
+    """The text under a name, the default where there is none."""
+    return _word(np.ravel(content.get(name, default))[0])
+
+
+def _word(text: object) -> str:
+    """A string, also one as bytes (HDF5) or in a cell of its own (MATLAB)."""
+    if isinstance(text, np.ndarray):
+        text = np.ravel(text)[0]
+    return text.decode() if isinstance(text, bytes) else str(text)

@@ -7,19 +7,12 @@ would be noise.
 import numpy as np
 import scipy.sparse as sp
 
-from rom.factorisation import (
-    Factor,
-    Factorise,
-    Pencil,
-    ReductionError,
-    frequency_scale,
-    noise,
-)
-from rom.lanczos import past_rigid_modes
+from rom.factorisation import Factorise, Pencil, ReductionError, frequency_scale, noise
+from rom.lanczos import LanczosOptions, past_rigid_modes
 
-# of a first elastic mode that only chooses the shift; beside rigid modes of a stiff body, whose
-# theta are 1e6 times as large, rounding leaves no more
-ROUGHLY = 1e-3
+# a first elastic mode that only chooses the shift. Beside rigid modes of a stiff body, whose theta
+# are 1e6 times as large, rounding leaves no more digits, and asking for them takes 40 s for 1 s
+ROUGHLY = LanczosOptions(converged=1e-3)
 
 
 def pencil(
@@ -28,42 +21,24 @@ def pencil(
     """Factor of K, or of K - shift M where K floats freely and so has none.
 
     ``shift`` [rad^2/s^2] is negative, of the order of -(omega_1 / 10)^2; without it a floating K
-    gets one from its own first elastic mode.
+    gets one from its own first elastic mode. Raises ReductionError where it has none.
     """
     if shift is not None:
         return Pencil(K, M, factorise(sp.csc_array(K - shift * M)), shift)
-    anchored = _anchored(K, M, factorise)
-    return anchored if anchored is not None else _floating(K, M, factorise)
 
-
-def _anchored(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil | None:
+    # K as it is; a factorisation of a singular matrix fails, or answers with noise
     try:
-        factor = factorise(K)
+        unshifted = Pencil(K, M, factorise(K))
     except (RuntimeError, ArithmeticError, ValueError, np.linalg.LinAlgError):
-        return None
-    held = Pencil(K, M, factor)
-    return held if is_held(held) else None
+        unshifted = None
+    if unshifted is not None and is_held(unshifted):
+        return unshifted
 
-
-def is_held(problem: Pencil) -> bool:
-    """Whether the lowest eigenvalue of a K that was factorised as it is stands above rounding."""
-    return _lowest_quotient(*problem[:3]) > noise(problem.K, problem.M)
-
-
-def _lowest_quotient(K: sp.csc_array, M: sp.csc_array, factor: Factor) -> float:
-    x = np.random.default_rng(0).standard_normal(K.shape[0])
-    for _ in range(3):
-        x = factor.solve(M @ x)
-        if not np.isfinite(x).all() or not x.any():
-            return 0.0
-        x /= np.linalg.norm(x)
-    return float(x @ (K @ x) / (x @ (M @ x)))
-
-
-def _floating(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil:
+    # a guess of the shift finds the first elastic mode, which says whether it was near enough:
+    # too small a shift drowns all modes beside the rigid ones, too large a one slows the search
     guess = -1e-9 * frequency_scale(K, M)
     trial = Pencil(K, M, factorise(sp.csc_array(K - guess * M)), guess)
-    omega = past_rigid_modes(trial, tolerance=ROUGHLY).omega
+    omega = past_rigid_modes(trial, options=ROUGHLY).omega
     if not omega.any():
         raise ReductionError(
             f"K has at least {len(omega)} rigid-body modes and no elastic one could be found; "
@@ -73,3 +48,16 @@ def _floating(K: sp.csc_array, M: sp.csc_array, factorise: Factorise) -> Pencil:
     if 1e-2 < sigma / guess < 1e2:
         return trial
     return Pencil(K, M, factorise(sp.csc_array(K - sigma * M)), sigma)
+
+
+def is_held(problem: Pencil) -> bool:
+    """Whether the lowest eigenvalue of a K that was factorised as it is stands above rounding."""
+    K, M, factor, _ = problem
+    # inverse iteration: its Rayleigh quotient is the lowest omega^2 from above
+    x = np.random.default_rng(0).standard_normal(K.shape[0])
+    for _ in range(3):
+        x = factor.solve(M @ x)
+        if not np.isfinite(x).all() or not x.any():
+            return False
+        x /= np.linalg.norm(x)
+    return bool(x @ (K @ x) / (x @ (M @ x)) > noise(K, M))

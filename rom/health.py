@@ -1,7 +1,7 @@
 """What a reduced model must still be true of: symmetry, definiteness, statics, mass.
 
 The require_ functions raise ReductionError with one sentence; health() measures a finished model,
-own or foreign, and only reports. After the checks of Craig and Kurdila (2006) and the
+made here or elsewhere, and only reports. After the checks of Craig and Kurdila (2006) and the
 Craig-Bampton model checks of NASA-STD-5002 (effective mass).
 """
 
@@ -15,8 +15,6 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from rom.factorisation import EPS, ReductionError, frequency_scale
 from rom.reduced_model import ModalWall, ReducedModel, modal, modal_compliance
-
-LARGE = 600  # coordinates, above which all eigenvalues take a second
 
 
 class Health(NamedTuple):
@@ -54,35 +52,37 @@ class EffectiveMass(NamedTuple):
 
 def health(reduced: ReducedModel) -> Health:
     """Measure a reduced model without the matrices it came from; see Health."""
-    asymmetry = max(_asymmetry(A) for A in (reduced.K, reduced.M, reduced.C) if A is not None)
-    lightest, heaviest = _extremes(_unit_diagonal(reduced.M))
     findings = []
+    asymmetry = max(_asymmetry(A) for A in (reduced.K, reduced.M, reduced.C) if A is not None)
     if asymmetry > 1e-9:
         findings.append(f"the matrices are not symmetric (relative difference {asymmetry:.1e}).")
+
+    # M positive definite, on a unit diagonal; without that there are no modes
+    lightest, heaviest = _extremes(_unit_diagonal(reduced.M))
     lowest = lightest / max(heaviest, np.finfo(float).tiny)
     if lowest < len(reduced.w) * EPS:
         findings.append(f"M is not positive definite (lowest eigenvalue {lightest:.1e} of 1).")
         return Health(asymmetry, lowest, tuple(findings))
     softest, stiffest = _extremes(_unit_diagonal(reduced.K))
     stiffness = softest / stiffest if stiffest > 0 else 0.0
-    found = Health(asymmetry, lowest, tuple(findings), stiffness)
+
     try:
-        return _with_modes(found, reduced, modal(reduced))
+        wall = modal(reduced)
+        held_hz = fixed_interface_hz(reduced)
     except ReductionError as indefinite:
-        return found._replace(findings=(*findings, str(indefinite)))
-
-
-def _with_modes(found: Health, reduced: ReducedModel, wall: ModalWall) -> Health:
-    D, findings = wall.damping, found.findings
-    if D is not None and is_indefinite(D):
-        findings += ("C is indefinite; the damping would feed energy into the wall.",)
+        return Health(asymmetry, lowest, (*findings, str(indefinite)), stiffness)
+    if wall.damping is not None and is_indefinite(wall.damping):
+        findings.append("C is indefinite; the damping would feed energy into the wall.")
     moved = np.abs(wall.phi) > 1e-9 * np.abs(wall.phi).max()
-    return found._replace(
-        findings=findings,
+    return Health(
+        asymmetry,
+        lowest,
+        tuple(findings),
+        stiffness,
         n_rigid=int(np.count_nonzero(wall.omega == 0)),
         static_compliance=modal_compliance(wall),
         participation=float(moved.mean()),
-        fixed_interface_hz=fixed_interface_hz(reduced),
+        fixed_interface_hz=held_hz,
         modes=wall,
     )
 
@@ -108,8 +108,8 @@ def fixed_interface_hz(reduced: ReducedModel) -> tuple[float, ...]:
 
 
 def _extremes(A: np.ndarray) -> tuple[float, float]:
-    """The lowest and the highest eigenvalue; of a large definite A by Lanczos."""
-    if len(A) >= LARGE:
+    """The lowest and the highest eigenvalue; of a large definite A by Lanczos, to a thousandth."""
+    if len(A) >= 600:  # coordinates, above which all eigenvalues take a second
         try:
             factor = cho_factor(A)
         except np.linalg.LinAlgError:
@@ -117,21 +117,20 @@ def _extremes(A: np.ndarray) -> tuple[float, float]:
         else:
             inverse = LinearOperator(A.shape, matvec=lambda b: cho_solve(factor, b))
             start = np.random.default_rng(0).standard_normal(len(A))
-            ends = [_largest(operator, start) for operator in (inverse, A)]
-            return 1 / ends[0], ends[1]
-    found = np.linalg.eigvalsh(A)
-    return float(found[0]), float(found[-1])
-
-
-def _largest(A: np.ndarray | LinearOperator, start: np.ndarray) -> float:
-    return float(eigsh(A, 1, which="LM", v0=start, tol=1e-3, return_eigenvectors=False)[0])
+            options = {"which": "LM", "v0": start, "tol": 1e-3, "return_eigenvectors": False}
+            of_inverse, highest = (float(eigsh(B, 1, **options)[0]) for B in (inverse, A))
+            return 1 / of_inverse, highest
+    eigenvalues = np.linalg.eigvalsh(A)
+    return float(eigenvalues[0]), float(eigenvalues[-1])
 
 
 def _asymmetry(A: np.ndarray) -> float:
+    """Largest |a_ij - a_ji| over the largest |a_ij|."""
     return float(np.abs(A - A.T).max() / max(np.abs(A).max(), np.finfo(float).tiny))
 
 
 def _unit_diagonal(A: np.ndarray) -> np.ndarray:
+    """A scaled to 1 on its diagonal, so that eigenvalues tell rank and not units."""
     diagonal = np.abs(np.diag(A))
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     return (A + A.T) / 2 * np.outer(scale, scale)
@@ -176,6 +175,7 @@ def require_static_response(
 
 
 def _relative(difference: np.ndarray, reference: np.ndarray) -> float:
+    """|difference| over |reference|."""
     return float(np.linalg.norm(difference) / np.linalg.norm(reference))
 
 
@@ -192,6 +192,6 @@ def effective_mass(
         raise ReductionError("a model without its basis T has no effective mass.")
     e, wall = np.asarray(direction, dtype=float), modal(reduced)
     inertia = sp.csc_array(M) @ e
-    on_model = inertia if onto is None else onto.T @ inertia
-    participation = wall.vectors.T @ (reduced.T.T @ on_model)
+    on_field = inertia if onto is None else onto.T @ inertia
+    participation = wall.vectors.T @ (reduced.T.T @ on_field)
     return EffectiveMass(wall.omega, participation**2, float(e @ inertia))

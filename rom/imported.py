@@ -5,6 +5,7 @@ half-space larger than what holds it.
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,101 +13,103 @@ from rom.factorisation import ReductionError
 from rom.health import Health, health
 from rom.reduced_model import ModalWall, ReducedModel, modal_compliance
 
-MOST_COORDINATES = 4000  # whose modes take half a minute, with the cube of their number
-MOST = 1e40  # in size of K, M, C, w: rigid springs of any code, with room for products
-FEW_DIGITS = -1e-5  # of the largest eigenvalue: what rounding makes of a wall that floats
-
-COMPLIANCE = (1e-13, 0.1)  # [m/N] a block of steel to a ruler, held at one end
-LOWEST_HZ = (0.1, 50e3)
-HIGHEST_HZ = (50.0, 1e9)  # of several: a chain's waves last a tenth of a millisecond
 RIGID = 6  # motions of a body without stiffness
-SOFT = 1 / 100  # of the next frequency: nothing bolted sways as slowly as that beside it
 
 
-def sound(reduced: ReducedModel) -> Health:
+class Limits(NamedTuple):
+    """Up to where a model is taken as a wall."""
+
+    n_coordinates: int = 4000  # whose modes take half a minute, with the cube of their number
+    size: float = 1e40  # of K, M, C, w: rigid springs of any code, with room for products
+    # lowest eigenvalue of K over the largest, that rounding makes of a wall that floats
+    few_digits: float = -1e-5
+
+
+class Usual(NamedTuple):
+    """Ranges of solid walls: outside of them other units or loose parts are likely."""
+
+    compliance: tuple[float, float] = (1e-13, 0.1)  # [m/N] a block of steel to a ruler, clamped
+    lowest_hz: tuple[float, float] = (0.1, 50e3)
+    # of several modes: waves of a chain last a tenth of a millisecond
+    highest_hz: tuple[float, float] = (50.0, 1e9)
+    softest: float = 1 / 100  # of the next frequency: nothing bolted sways as slowly as that
+
+
+def sound(reduced: ReducedModel, limits: Limits = Limits()) -> Health:
     """The health of a model that can be a wall; raises ReductionError for any other, in a sentence
     without its subject."""
-    if len(reduced.w) > MOST_COORDINATES:
+    if len(reduced.w) > limits.n_coordinates:
         raise ReductionError(
-            f"has {len(reduced.w)} coordinates, allowed are {MOST_COORDINATES}; reduce it further."
+            f"has {len(reduced.w)} coordinates, allowed are {limits.n_coordinates}; reduce it "
+            "further."
         )
-    for finding in _overflowing(reduced):
-        raise ReductionError(f"cannot be used as a wall: {finding}")
-    found = health(reduced)
-    for finding in _unsound(found):
-        raise ReductionError(f"cannot be used as a wall: {finding}")
-    return found
 
-
-def _overflowing(reduced: ReducedModel):
-    """Numbers whose products are none any more; found before anything is computed with them."""
+    # numbers whose products overflow, before anything is computed with them
     for name in ("K", "M", "C", "w"):
         A = getattr(reduced, name)
-        if A is not None and np.abs(A).max() > MOST:
-            yield f"{name} holds {np.abs(A).max():.3g}, allowed is up to {MOST:g}; write it in SI."
+        if A is not None and np.abs(A).max() > limits.size:
+            raise ReductionError(
+                f"cannot be used as a wall: {name} holds {np.abs(A).max():.3g}, allowed is up to "
+                f"{limits.size:g}; write it in SI."
+            )
+
+    measures = health(reduced)
+    if measures.findings:
+        floats = limits.few_digits < measures.lowest_stiffness < 0
+        hint = " A wall that floats, written with few digits, looks so: write K with 16."
+        raise ReductionError(
+            f"cannot be used as a wall: {measures.findings[0]}{hint if floats else ''}"
+        )
+    return measures
 
 
-def _unsound(health: Health):
-    hint = " A wall that floats, written with few digits, looks so: write K with 16."
-    rounding = FEW_DIGITS < health.lowest_stiffness < 0
-    yield from (finding + hint * bool(rounding) for finding in health.findings)
+def unusual(
+    reduced: ReducedModel, modes: ModalWall, name: str, usual: Usual = Usual()
+) -> Iterator[str]:
+    """Sentences on what can be run, but was probably meant otherwise, of a model by its name.
 
-
-def unusual(reduced: ReducedModel, modes: ModalWall, name: str) -> Iterator[str]:
-    """Sentences on what can be run, but was probably meant otherwise, of a model by its name."""
+    modes are those of `modal(reduced)`.
+    """
+    omega, hz = modes.omega, modes.omega[modes.omega > 0] / (2 * np.pi)
     compliance = modal_compliance(modes)
-    yield from _no_average(reduced, name)
-    yield from _other_units(modes, compliance, name)
-    yield from _loose(modes, name)
-    yield from _hardly_held(modes, name)
-    yield from _too_large_half_space(modes, compliance, reduced.contact.half_space or 0.0, name)
 
-
-def _no_average(reduced: ReducedModel, name: str):
+    # weights that are no average. Their sign is no matter, the force enters through it as well;
+    # modal coordinates are no displacements
     total = float(reduced.w.sum())
-    modal = not np.any(reduced.K - np.diag(np.diag(reduced.K)))
-    # its sign is no matter: the force enters through it as well
-    if reduced.kind != "imported" or modal or abs(abs(total) - 1) < 1e-6:
-        return
-    yield (
-        f"The weights w of {name} sum to {total:.6g}, not to 1: they read {total:.6g} m where "
-        "all its points move by 1 m. That is right for coordinates other than displacements only."
-    )
+    in_modes = not np.any(reduced.K - np.diag(np.diag(reduced.K)))
+    if reduced.kind == "imported" and not in_modes and not abs(abs(total) - 1) < 1e-6:
+        yield (
+            f"The weights w of {name} sum to {total:.6g}, not to 1: they read {total:.6g} m where "
+            "all its points move by 1 m. That is right for coordinates other than displacements "
+            "only."
+        )
 
-
-def _other_units(modes: ModalWall, compliance: float, name: str):
-    elastic = modes.omega[modes.omega > 0]
-    lowest = elastic[0] / (2 * np.pi) if len(elastic) else None
-    highest = elastic[-1] / (2 * np.pi) if len(elastic) > 1 else None
+    # other units than SI
     measures = (
-        ("static compliance at the contact", compliance or None, COMPLIANCE, "m/N"),
-        ("lowest elastic mode", lowest, LOWEST_HZ, "Hz"),
-        ("highest mode", highest, HIGHEST_HZ, "Hz"),
+        ("static compliance at the contact", compliance or None, usual.compliance, "m/N"),
+        ("lowest elastic mode", hz[0] if len(hz) else None, usual.lowest_hz, "Hz"),
+        ("highest mode", hz[-1] if len(hz) > 1 else None, usual.highest_hz, "Hz"),
     )
-    for what, value, (least, most), unit in measures:
-        if value is not None and not least < value < most:
+    for what, value, (low, high), unit in measures:
+        if value is not None and not low < value < high:
             yield (
-                f"The {what} of {name} is {value:.3g} {unit}, far from {least:g} to {most:g} "
+                f"The {what} of {name} is {value:.3g} {unit}, far from {low:g} to {high:g} "
                 f"{unit} of solid walls; K is taken in N/m, M in kg, both in SI."
             )
 
-
-def _loose(modes: ModalWall, name: str):
-    n, rigid = len(modes.omega), int(np.count_nonzero(modes.omega == 0))
-    if rigid == n > 1:
+    # loose parts
+    n, n_rigid = len(omega), int(np.count_nonzero(omega == 0))
+    if n_rigid == n > 1:
         yield f"K of {name} is zero: its {n} coordinates are loose masses."
-    elif rigid > RIGID:
+    elif n_rigid > RIGID:
         yield (
-            f"{rigid} of the {n} modes of {name} have no stiffness, a body that floats has "
+            f"{n_rigid} of the {n} modes of {name} have no stiffness, a body that floats has "
             f"{RIGID}: parts of it are loose."
         )
 
-
-def _hardly_held(modes: ModalWall, name: str):
-    """A K of few digits holds a wall that floats by springs that are rounding."""
-    hz = modes.omega[modes.omega > 0] / (2 * np.pi)
+    # a K of few digits holds a wall that floats by springs that are rounding
     steps = hz[:RIGID][: len(hz) - 1] / hz[1:][:RIGID]
-    if len(steps) and steps.min() < SOFT:
+    if len(steps) and steps.min() < usual.softest:
         slow = int(steps.argmin())
         yield (
             f"{name} has {slow + 1} modes up to {hz[slow]:.3g} Hz, the next is at "
@@ -114,11 +117,11 @@ def _hardly_held(modes: ModalWall, name: str):
             "so. Write 16 digits, or take it as held that softly."
         )
 
-
-def _too_large_half_space(modes: ModalWall, whole: float, local: float, name: str):
-    if modes.omega.all() and local > whole:
+    # more half-space than wall
+    half_space = reduced.contact.half_space or 0.0
+    if omega.all() and half_space > compliance:
         yield (
-            f"The half-space taken off is {local:.3g} m/N, more than the {whole:.3g} m/N of all of "
-            f"{name}: the compliance left for the structure is negative. Is wall.half_space that "
-            "of its patch?"
+            f"The half-space taken off is {half_space:.3g} m/N, more than the {compliance:.3g} m/N "
+            f"of all of {name}: the compliance left for the structure is negative. Is "
+            "wall.half_space that of its patch?"
         )

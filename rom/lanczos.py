@@ -1,7 +1,12 @@
-"""Modes by shift and invert: K phi = omega^2 M phi from a factor of K - sigma M, by block Lanczos.
+"""Modes K phi = omega^2 M phi by block Lanczos on the shifted inverse, fully reorthogonalised.
 
-The lowest ones, as many as a number, a frequency or a test of one's own asks for, checked
-mass-orthonormal. Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228.
+    A = (K - sigma M)^-1 M,   A phi = theta phi,   theta = 1 / (omega^2 - sigma)
+    A Q_j = [Q_1 .. Q_j] h_j + Q_j+1 R_j,   Q^T M Q = 1,   H = Q^T M A Q
+
+The lowest modes have the largest |theta|, and these converge first. With H s = theta s the Ritz
+vector Q s misses by |R_j s_j|, s_j its rows of the last block. The lowest modes come as many as a
+number, a frequency or the caller's test asks for, checked mass-orthonormal.
+Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228.
 """
 
 from collections.abc import Callable
@@ -16,12 +21,17 @@ from scipy.linalg import eigh
 
 from rom.factorisation import Pencil, ReductionError, noise
 
-DENSE = 400  # up to this many dofs LAPACK is faster than Lanczos
-BLOCK = 8  # vectors of a Lanczos block
-MOST_RIGID = 32  # modes without stiffness that are looked past for an elastic one
-CHECK = 4  # blocks between two looks at convergence
-CONVERGED = 1e-10  # of theta = 1 / (omega^2 - sigma), its residual
 Enough = Callable[[np.ndarray, Callable[[], np.ndarray]], bool]
+
+
+class LanczosOptions(NamedTuple):
+    """How modes are sought."""
+
+    dense: int = 400  # dofs up to which all modes by LAPACK are faster than a few by Lanczos
+    block: int = 8  # right-hand sides a solution: eight together cost a third of eight alone
+    check: int = 4  # blocks between two looks at convergence, each an eigenproblem of H
+    converged: float = 1e-10  # residual of A phi = theta phi over theta
+    most_rigid: int = 32  # modes without stiffness that are looked past for an elastic one
 
 
 class EigenPairs(NamedTuple):
@@ -31,7 +41,14 @@ class EigenPairs(NamedTuple):
     phi: np.ndarray
 
 
-def lowest_modes(problem: Pencil, n_modes: int, *, tolerance: float = CONVERGED) -> EigenPairs:
+def no_modes(n: int) -> EigenPairs:
+    """No modes at all of a structure of n degrees of freedom."""
+    return EigenPairs(np.zeros(0), np.zeros((n, 0)))
+
+
+def lowest_modes(
+    problem: Pencil, n_modes: int, *, options: LanczosOptions = LanczosOptions()
+) -> EigenPairs:
     """The n_modes lowest modes of a pencil, checked mass-orthonormal.
 
     Raises ReductionError if fewer exist, M is not positive on them, or K is indefinite.
@@ -42,21 +59,24 @@ def lowest_modes(problem: Pencil, n_modes: int, *, tolerance: float = CONVERGED)
             f"{n_modes} modes were asked of {n} degrees of freedom; take at most {n}."
         )
     if n_modes == 0:
-        return EigenPairs(np.zeros(0), np.zeros((n, 0)))
-    omega, phi = modes_until(problem, lambda omega, _: len(omega) >= n_modes, tolerance)
+        return no_modes(n)
+    omega, phi = modes_until(problem, lambda omega, _: len(omega) >= n_modes, options)
     return EigenPairs(omega[:n_modes], phi[:, :n_modes])
 
 
-def past_rigid_modes(problem: Pencil, *, tolerance: float = CONVERGED) -> EigenPairs:
-    """The lowest modes, so many that one of them is elastic, or MOST_RIGID: six of a body that
-    floats are not, and one more for each motion that a joint leaves free."""
-    n_modes = min(BLOCK, problem.K.shape[0])
+def past_rigid_modes(problem: Pencil, *, options: LanczosOptions = LanczosOptions()) -> EigenPairs:
+    """The lowest modes, so many that one of them is elastic, or `most_rigid`.
+
+    Six modes of a body that floats are rigid, and one more for each motion that a joint leaves
+    free: their number is not known before.
+    """
+    n = problem.K.shape[0]
+    n_modes = min(options.block, n)
     while True:
-        pairs = lowest_modes(problem, n_modes, tolerance=tolerance)
-        most = min(MOST_RIGID, problem.K.shape[0])
-        if pairs.omega.any() or n_modes == most:
+        pairs = lowest_modes(problem, n_modes, options=options)
+        if pairs.omega.any() or n_modes == min(options.most_rigid, n):
             return pairs
-        n_modes = min(2 * n_modes, most)
+        n_modes = min(2 * n_modes, options.most_rigid, n)
 
 
 def modes_below(problem: Pencil, cutoff_hz: float) -> EigenPairs:
@@ -67,63 +87,84 @@ def modes_below(problem: Pencil, cutoff_hz: float) -> EigenPairs:
     return EigenPairs(omega[:below], phi[:, :below])
 
 
-def modes_until(problem: Pencil, enough: Enough, tolerance: float = CONVERGED) -> EigenPairs:
+def modes_until(
+    problem: Pencil, enough: Enough, options: LanczosOptions = LanczosOptions()
+) -> EigenPairs:
     """The lowest modes, as many as it takes until enough(omega, shapes) holds, or all there are.
 
-    shapes() gives the mode shapes (n, k), for the price of one product.
+    shapes() gives the mode shapes (n, k), for the price of one product. Raises ReductionError
+    where M is not positive on the modes, they are not orthonormal in M, or K is indefinite.
     """
     K, M = problem.K, problem.M
-    phi = _dense_vectors(K, M) if K.shape[0] <= DENSE else _lanczos(problem, enough, tolerance)
+    if K.shape[0] <= options.dense:
+        try:
+            phi = eigh(K.toarray(), M.toarray())[1]
+        except np.linalg.LinAlgError:
+            raise ReductionError(
+                "M is not positive definite; every degree of freedom needs mass."
+            ) from None
+    else:
+        phi = block_lanczos(problem, enough, options)
     phi = _mass_normalised(phi, M)
+
+    # Rayleigh quotients: theta of a shifted inverse would lose the digits of omega^2 << |sigma|
     squared = np.einsum("ij,ij->j", phi, K @ phi)
     order = np.argsort(squared)
-    return EigenPairs(_circular_frequency(squared[order], noise(K, M)), phi[:, order])
-
-
-def _dense_vectors(K: sp.csc_array, M: sp.csc_array) -> np.ndarray:
-    try:
-        return eigh(K.toarray(), M.toarray())[1]
-    except np.linalg.LinAlgError:
+    squared, rounding = squared[order], noise(K, M)
+    if squared[0] < -rounding:
         raise ReductionError(
-            "M is not positive definite; every degree of freedom needs mass."
-        ) from None
+            f"K is indefinite: an eigenvalue is {squared[0]:.3g} rad^2/s^2; "
+            f"a stiffness matrix has none below zero."
+        )
+    omega = np.sqrt(np.where(squared > rounding, squared, 0.0))
+    return EigenPairs(omega, phi[:, order])
 
 
-def _lanczos(problem: Pencil, enough: Enough, tolerance: float) -> np.ndarray:
-    # block Lanczos on (K - sigma M)^-1 M, fully reorthogonalised in M: a block of right-hand sides
-    # costs a third of as many single ones, and twins among the modes cannot be missed
-    M, factor = problem.M, problem.factor
-    start = np.random.default_rng(1).standard_normal((M.shape[0], BLOCK))
-    block = _orthonormal(factor.solve(start), M)
-    if block.shape[1] < BLOCK:  # rigid motions drown the rest: let it come with the second block
-        block = _orthonormal(start, M)
+def block_lanczos(
+    problem: Pencil, enough: Enough, options: LanczosOptions = LanczosOptions()
+) -> np.ndarray:
+    """Shapes (n, k) of the converged modes, the lowest first, once enough(omega, shapes) holds.
+
+    Blocks instead of single vectors, so that twins among the modes cannot be missed.
+    """
+    M, factor, sigma = problem.M, problem.factor, problem.sigma
+
+    # one solution takes the stiff half of the random start away before anything is built on it
+    start = np.random.default_rng(1).standard_normal((M.shape[0], options.block))
+    block = _m_orthonormalised(factor.solve(start), M)
+    if block.shape[1] < options.block:
+        # rigid motions drown all others in rounding: those come with the second block
+        block = _m_orthonormalised(start, M)
     Q, H = block, np.zeros(2 * block.shape[1:])
     for step in count(1):
+        # W = A Q_j without what the basis holds already. Projected on all of Q, not on the last
+        # two blocks as in exact arithmetic, or converged modes would come back as ghosts; and
+        # twice, since the first time leaves rounding of the size of W
         W = factor.solve(np.asfortranarray(M @ block))
         norm = np.sqrt(np.einsum("ij,ij->j", W, M @ W).max())
-        h = _projected_out(W, Q[:, : len(H)], M)
+        basis, h = Q[:, : len(H)], 0.0
+        for _ in range(2):
+            projection = basis.T @ (M @ W)
+            W -= basis @ projection
+            h = h + projection
         last = slice(len(H) - block.shape[1], None)
         H[:, last], H[last, :] = h, h.T
-        block = _orthonormal(W, M, norm)
+        block = _m_orthonormalised(W, M, norm)
+
+        # converged Ritz pairs, from the largest |theta| to the first that is not converged
         exhausted = block.shape[1] == 0
-        if exhausted or step % CHECK == 0:
+        if exhausted or step % options.check == 0:
             R = block.T @ (M @ W)
-            pairs = _converged(H, R, last, problem.sigma, tolerance)
-            shapes = partial(np.matmul, Q[:, : len(H)], pairs.phi)
-            if exhausted or enough(pairs.omega, shapes):
+            theta, S = eigh((H + H.T) / 2)
+            order = np.argsort(-np.abs(theta))
+            theta, S = theta[order], S[:, order]
+            residual = np.linalg.norm(R @ S[last], axis=0)
+            n = int(np.argmax(np.append(residual > options.converged * np.abs(theta), True)))
+            shapes = partial(np.matmul, basis, S[:, :n])
+            if exhausted or enough(np.sqrt(np.maximum(sigma + 1 / theta[:n], 0)), shapes):
                 return shapes()
         Q = with_columns(Q, len(H), block)
         H = np.pad(H, (0, block.shape[1]))
-
-
-def _projected_out(W: np.ndarray, Q: np.ndarray, M: sp.csc_array) -> np.ndarray:
-    """Take Q out of W, in place, twice; the coefficients come back."""
-    total = 0.0
-    for _ in range(2):
-        h = Q.T @ (M @ W)
-        W -= Q @ h
-        total = total + h
-    return total
 
 
 def with_columns(Q: np.ndarray, used: int, block: np.ndarray) -> np.ndarray:
@@ -137,31 +178,24 @@ def with_columns(Q: np.ndarray, used: int, block: np.ndarray) -> np.ndarray:
     return Q
 
 
-def _converged(
-    H: np.ndarray, R: np.ndarray, last: slice, sigma: float, tolerance: float
-) -> EigenPairs:
-    """Converged Ritz pairs of the projected inverse H; phi are coefficients in the basis."""
-    theta, S = eigh((H + H.T) / 2)
-    order = np.argsort(-np.abs(theta))
-    theta, S = theta[order], S[:, order]
-    residual = np.linalg.norm(R @ S[last], axis=0)
-    n = int(np.argmax(np.append(residual > tolerance * np.abs(theta), True)))
-    return EigenPairs(np.sqrt(np.maximum(sigma + 1 / theta[:n], 0)), S[:, :n])
+def _m_orthonormalised(W: np.ndarray, M: sp.csc_array, norm: float = 0.0) -> np.ndarray:
+    """A basis (n, j) of the columns of W with W^T M W = 1, j their rank.
 
-
-def _orthonormal(W: np.ndarray, M: sp.csc_array, norm: float = 0.0) -> np.ndarray:
-    # directions at the rounding of what W was before the projection, norm, are none
+    `norm` is the size of W before a projection: directions at the rounding of that are none.
+    """
     for _ in range(2):
         gram = W.T @ (M @ W)
         scale = np.sqrt(np.maximum(np.diag(gram), (1e-13 * norm) ** 2 + np.finfo(float).tiny))
         size, U = eigh(gram / np.outer(scale, scale))
-        kept = size > 1e-12
-        kept &= np.diag(U.T @ gram @ U) > (1e-13 * norm) ** 2
-        W, norm = W @ (U[:, kept] / scale[:, None] / np.sqrt(size[kept])), 0.0
+        independent = size > 1e-12
+        independent &= np.diag(U.T @ gram @ U) > (1e-13 * norm) ** 2
+        turn = U[:, independent] / scale[:, None] / np.sqrt(size[independent])
+        W, norm = W @ turn, 0.0
     return W
 
 
 def _mass_normalised(phi: np.ndarray, M: sp.csc_array) -> np.ndarray:
+    """phi (n, k) with phi_j^T M phi_j = 1; raises ReductionError unless phi^T M phi = 1 then."""
     gram = phi.T @ (M @ phi)
     mass = np.diag(gram)
     if not (mass > 0).all():
@@ -182,12 +216,3 @@ def known_modes(problem: Pencil, omega: ArrayLike, phi: ArrayLike) -> EigenPairs
     rounding = noise(problem.K, problem.M)
     omega = np.sqrt(np.where(squared > rounding, squared, 0.0))
     return EigenPairs(omega, _mass_normalised(np.asarray(phi, dtype=float), problem.M))
-
-
-def _circular_frequency(squared: np.ndarray, rounding: float) -> np.ndarray:
-    if squared[0] < -rounding:
-        raise ReductionError(
-            f"K is indefinite: an eigenvalue is {squared[0]:.3g} rad^2/s^2; "
-            f"a stiffness matrix has none below zero."
-        )
-    return np.sqrt(np.where(squared > rounding, squared, 0.0))

@@ -20,33 +20,33 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from rom.contact_modes import EXHAUSTED
-from rom.factorisation import Pencil, static_response
+from rom.contact_modes import KrylovOptions
+from rom.factorisation import Pencil
 from rom.lanczos import EigenPairs
+from rom.residual_vector import attachment_modes
 from rom.tall import shares
 
-CONTACTS = 64  # solved at once
-NOTHING = 1e-12  # of the static response
+NOTHING = 1e-12  # of the static response: rounding
 
 
 class Oscillators(NamedTuple):
-    """Of p contacts, n each."""
+    """Oscillators of p contacts, n each."""
 
     omega: np.ndarray  # (p, n) [rad/s]
     phi: np.ndarray  # (p, n) [kg^-1/2]; 0 where a contact moves nothing more
 
     def lumped(self, above_hz: float) -> "Oscillators":
-        """Those above a frequency as one with their static response and moment of inertia, in the
-        first place above it; those behind do not move. They would cost steps."""
+        """The same with those above above_hz [Hz], which would cost steps, as one of their static
+        response and moment of inertia; it stands first among them, the others do not move."""
         omega, phi = self.omega.copy(), self.phi.copy()
         high = omega > 2 * np.pi * above_hz
         first, second = (np.where(high, phi**2 / omega**i, 0.0).sum(axis=1) for i in (2, 4))
         rows = np.flatnonzero(first > 0)
-        place = high.argmax(axis=1)[rows]
+        column = high.argmax(axis=1)[rows]
         phi[high] = 0.0
-        one = np.sqrt(first[rows] / second[rows])
+        lumped = np.sqrt(first[rows] / second[rows])
         omega = np.where(high, 2 * np.pi * above_hz, omega)
-        omega[rows, place], phi[rows, place] = one, one * np.sqrt(first[rows])
+        omega[rows, column], phi[rows, column] = lumped, lumped * np.sqrt(first[rows])
         return Oscillators(omega, phi)
 
 
@@ -60,36 +60,31 @@ class ManyContacts(NamedTuple):
     beta: np.ndarray  # (p, n - 1) [s^2] beside it
 
     def beyond(self, n: int) -> Oscillators:
-        """Those of the first n vectors: (omega, phi) with phi_j^2 / omega_j^2 of the sum static."""
+        """Ritz pairs of the first n vectors, with sum phi_j^2 / omega_j^2 = static."""
         i = np.arange(n)
         H = np.zeros((len(self.static), n, n))
         H[:, i, i] = self.alpha[:, :n]
         H[:, i[1:], i[:-1]] = H[:, i[:-1], i[1:]] = self.beta[:, : n - 1]
         inverse_squared, U = np.linalg.eigh(H)
-        # a vector of rounding alone may leave one of 0 or below, that no force moves
+        # a vector of rounding alone may leave one of 0 or below, which no force moves
         floor = NOTHING * inverse_squared[:, -1:]
         omega = 1 / np.sqrt(np.maximum(inverse_squared[:, ::-1], floor))
         return Oscillators(omega, omega * U[:, 0, ::-1] * np.sqrt(self.static)[:, None])
 
 
-class Face:
+def many_contacts(
+    problem: Pencil, modes: EigenPairs, W: ArrayLike, n_vectors: int = 1
+) -> ManyContacts:
     """Contact functionals W (n, p) on a structure, by its pencil K, M (n, n) and its lowest modes.
 
-    contacts has all of them, each with a space of n_vectors beyond the modes, a solution apiece.
-    Raises ReductionError.
+    Each contact has a space of n_vectors beyond the modes, a solution apiece; 64 contacts are
+    solved at once. Raises ReductionError.
     """
-
-    def __init__(
-        self, problem: Pencil, modes: EigenPairs, W: ArrayLike, n_vectors: int = 1
-    ) -> None:
-        W = sp.csc_array(W)
-        phi = W.T @ modes.phi
-        spaces = [
-            _spaces(problem, W[:, at], modes, phi[at], n_vectors)
-            for at in shares(len(phi), CONTACTS)
-        ]
-        static, alpha, beta = np.concatenate(spaces, axis=1)
-        self.contacts = ManyContacts(modes.omega, phi, static[:, 0], alpha, beta[:, :-1])
+    W = sp.csc_array(W)
+    phi = W.T @ modes.phi
+    spaces = [_spaces(problem, W[:, c], modes, phi[c], n_vectors) for c in shares(len(phi), 64)]
+    static, alpha, beta = np.concatenate(spaces, axis=1)
+    return ManyContacts(modes.omega, phi, static[:, 0], alpha, beta[:, :-1])
 
 
 def _spaces(
@@ -101,14 +96,15 @@ def _spaces(
     shapes, omega, rigid = modes.phi[:, elastic], modes.omega[elastic], modes.phi[:, ~elastic]
 
     # what the modes leave of the static response; projected, since solver and modes leave rounding
-    v = _static(problem, W.toarray(order="F"), rigid)
+    v = attachment_modes(problem, W.toarray(order="F"), rigid)
     v -= shapes @ (phi[:, elastic] / omega**2).T
     v -= shapes @ (shapes.T @ (problem.M @ v))
     static = (W * v).sum(axis=0)
     of_modes = ((phi[:, elastic] / omega) ** 2).sum(axis=1)
     static[static <= NOTHING * of_modes] = 0.0  # rounding, where the modes hold all that can move
 
-    # of a contact whose space is exhausted v is 0 from there on, and its oscillators do not move
+    # Lanczos in K, three terms, all contacts of the share at once; of a contact whose space is
+    # exhausted v is 0 from then on, and its oscillators do not move
     alpha = np.full((n_vectors, W.shape[1]), omega.max(initial=1.0) ** -2)
     beta = np.zeros_like(alpha)
     length, previous = np.sqrt(static), np.zeros_like(v)
@@ -119,18 +115,11 @@ def _spaces(
         alpha[j, moved] = np.einsum("ij,ij->j", v, inertia)[moved]
         if j + 1 == n_vectors:
             break
-        x = _static(problem, inertia, rigid)
+        x = attachment_modes(problem, inertia, rigid)
         x -= shapes @ (shapes.T @ (problem.M @ x))
-        before = np.sqrt(np.maximum(np.einsum("ij,ij->j", x, inertia), 0.0))
+        unprojected = np.sqrt(np.maximum(np.einsum("ij,ij->j", x, inertia), 0.0))
         x -= alpha[j] * v + (beta[j - 1] * previous if j else 0.0)
         length = np.sqrt(np.maximum(np.einsum("ij,ij->j", x, problem.K @ x), 0.0))
-        length[length <= EXHAUSTED * before] = 0.0
+        length[length <= KrylovOptions().exhausted * unprojected] = 0.0
         beta[j], previous, v = length, v, x
     return np.array([np.broadcast_to(static, alpha.shape), alpha, beta]).transpose(0, 2, 1)
-
-
-def _static(problem: Pencil, loads: np.ndarray, rigid: np.ndarray) -> np.ndarray:
-    """Static responses (n, m) to loads (n, m)."""
-    if problem.sigma == 0:
-        return problem.factor.solve(loads)
-    return np.column_stack([static_response(problem, load, rigid) for load in loads.T])

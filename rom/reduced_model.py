@@ -158,8 +158,13 @@ def modal(reduced: ReducedModel) -> ModalWall:
 
     Raises ReductionError if M is not positive definite or K is indefinite.
     """
-    _require_positive_mass(reduced.M)
-    omega, V = _held_modes(reduced.K, reduced.M) or _floating_modes(reduced.K, reduced.M)
+    K, M = reduced.K, reduced.M
+    mass = np.diag(M)
+    if not (mass > 0).all():
+        raise ReductionError(
+            f"the reduced mass matrix has a diagonal value of {mass.min():.3g}; all must be > 0."
+        )
+    omega, V = _held_modes(K, M) or _floating_modes(K, M)
     damping = None if reduced.C is None else V.T @ reduced.C @ V
     return ModalWall(omega, reduced.w @ V, V, damping)
 
@@ -173,23 +178,23 @@ def modes_alone(reduced: ReducedModel, n: int) -> ReducedModel:
     )  # fmt: skip
 
 
-def _require_positive_mass(M: np.ndarray) -> None:
-    mass = np.diag(M)
-    if not (mass > 0).all():
-        raise ReductionError(
-            f"the reduced mass matrix has a diagonal value of {mass.min():.3g}; all must be > 0."
-        )
-
-
 def _held_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    # M v = v / omega^2 K keeps the lowest modes to rounding, K v = omega^2 M v the highest
+    """omega (r,) ascending and mass-normalised V (r, r) by M v = v / omega^2 K; None where K is
+    singular to rounding.
+
+    That way round the lowest modes are right to rounding, by K v = omega^2 M v the highest.
+    """
     stiffness = np.diag(K)
     if not (stiffness > 0).all():
         return None
+    # a unit diagonal: coordinates of other units, or of stiff springs, cost no digits
     scale = 1 / np.sqrt(stiffness)
     scaled = K * np.outer(scale, scale)
     try:
-        if _is_singular(scaled):
+        # LAPACK's estimate of the condition, at a fraction of what the modes take
+        norm = float(np.abs(scaled).sum(axis=0).max())
+        reciprocal_condition, _ = dpocon(cholesky(scaled), norm)
+        if reciprocal_condition < EPS:
             return None
         inverse_squared, V = eigh(M * np.outer(scale, scale), scaled)
     except np.linalg.LinAlgError:
@@ -200,14 +205,9 @@ def _held_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray] |
     return 1 / np.sqrt(inverse_squared[::-1]), V[:, ::-1]
 
 
-def _is_singular(K: np.ndarray) -> bool:
-    """Whether K is singular to rounding, at a fraction of what its modes take."""
-    norm = float(np.abs(K).sum(axis=0).max())
-    reciprocal_condition, _ = dpocon(cholesky(K), norm)
-    return reciprocal_condition < EPS
-
-
 def _floating_modes(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """omega (r,) ascending and mass-normalised V (r, r) by K v = omega^2 M v, what is zero but for
+    rounding set to zero; raises ReductionError where M is not positive or K is indefinite."""
     try:
         squared, V = eigh(K, M)
     except np.linalg.LinAlgError:
@@ -259,7 +259,11 @@ def receptance(
     resonances, or with some damping in both.
     """
     wall = modal(reduced)
-    out = wall.phi if w_out is None else _reading(reduced, w_out) @ wall.vectors
+    out = wall.phi
+    if w_out is not None:
+        row = np.asarray(w_out, dtype=float)
+        row = row if reduced.T is None else row @ reduced.T
+        out = contact_functional(row, len(reduced.w)) @ wall.vectors
     s = 2j * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=float))
     stiffness = wall.omega**2 * (1 + 1j * loss) + 2 * np.outer(s, zeta * wall.omega)
     if wall.damping is None:
@@ -270,9 +274,3 @@ def receptance(
             for k, si in zip(stiffness, s, strict=True)
         ]
     )
-
-
-def _reading(reduced: ReducedModel, w_out: ArrayLike) -> np.ndarray:
-    w_out = np.asarray(w_out, dtype=float)
-    row = w_out if reduced.T is None else w_out @ reduced.T
-    return contact_functional(row, len(reduced.w))

@@ -38,13 +38,22 @@ def load_mtx(path: str | Path, w: ArrayLike | Mapping[tuple[int, int], float]) -
 
     Raises FileNotFoundError, or ReductionError with what is missing.
     """
-    made = substructure(path)
-    weights = _by_name(w, made.coordinates, path) if isinstance(w, Mapping) else w
+    matrices = substructure(path)
+    weights = w
+    if isinstance(w, Mapping):
+        coordinates = matrices.coordinates
+        unknown = [name for name in w if name not in coordinates]
+        if unknown:
+            raise ReductionError(
+                f"{path} has no coordinate (node, dof) = {unknown[0]}; it has "
+                f"{', '.join(map(str, coordinates[:6])) or 'no list of them'} ..."
+            )
+        weights = np.array([w.get(name, 0.0) for name in coordinates])
     return ReducedModel(
-        K=made.K,
-        M=made.M,
-        C=made.C,
-        w=contact_functional(weights, len(made.K)),
+        K=matrices.K,
+        M=matrices.M,
+        C=matrices.C,
+        w=contact_functional(weights, len(matrices.K)),
         T=None,
         kind="imported",
         n_boundary=0,
@@ -53,9 +62,29 @@ def load_mtx(path: str | Path, w: ArrayLike | Mapping[tuple[int, int], float]) -
 
 
 def substructure(path: str | Path) -> Substructure:
-    """The matrices of a substructure's .mtx and what their rows are."""
-    head, sections = _sections(Path(path).read_text(encoding="latin-1"))
-    matrices = {kind: _from_triangle(text, kind, path) for kind, text in sections.items()}
+    """The matrices of a substructure's .mtx and what their rows are.
+
+    Raises FileNotFoundError, or ReductionError with what is missing.
+    """
+    # the head, then the numbers of each matrix by its type, up to the next keyword
+    text = Path(path).read_text(encoding="latin-1")
+    head, *sections = re.split(r"(?im)^\s*\*MATRIX\s*,\s*TYPE\s*=\s*([A-Z ]+?)\s*$", text)
+    kinds = [kind.upper() for kind in sections[::2]]
+    bodies = [re.split(r"(?m)^\s*\*", body)[0] for body in sections[1::2]]
+
+    # lower triangles row by row; those of a kind that stands twice count once
+    matrices = {}
+    for kind, body in dict(zip(kinds, bodies, strict=True)).items():
+        values = np.array(_numbers(body))
+        r = int((np.sqrt(8 * len(values) + 1) - 1) / 2)
+        if not r or r * (r + 1) // 2 != len(values):
+            raise ReductionError(
+                f"{path}: {kind} has {len(values)} numbers, which fill no lower triangle; "
+                f"unsymmetric or cut off?"
+            )
+        A = np.zeros((r, r))
+        A[np.tril_indices(r)] = values
+        matrices[kind] = A + np.tril(A, -1).T
     for kind in ("STIFFNESS", "MASS"):
         if kind not in matrices:
             raise ReductionError(
@@ -70,40 +99,14 @@ def substructure(path: str | Path) -> Substructure:
     return Substructure(K, M, C, _coordinates(head, len(K)))
 
 
-def _sections(text: str) -> tuple[str, dict[str, str]]:
-    """What stands before the first matrix, and the numbers of each matrix by its type."""
-    parts = re.split(r"(?im)^\s*\*MATRIX\s*,\s*TYPE\s*=\s*([A-Z ]+?)\s*$", text)
-    kinds = [kind.upper() for kind in parts[1::2]]
-    bodies = [re.split(r"(?m)^\s*\*", body)[0] for body in parts[2::2]]
-    return parts[0], dict(zip(kinds, bodies, strict=True))
-
-
-def _numbers(text: str) -> list[float]:
-    return [float(word.upper().replace("D", "E")) for word in NUMBER.findall(text)]
-
-
-def _integers(text: str) -> list[int]:
-    """Whole numbers; what is too large to be one is left out, so that the list does not fit."""
-    return [int(n) for n in _numbers(text) if np.isfinite(n)]
-
-
-def _from_triangle(text: str, kind: str, path: str | Path) -> np.ndarray:
-    values = np.array(_numbers(text))
-    r = int((np.sqrt(8 * len(values) + 1) - 1) / 2)
-    if not r or r * (r + 1) // 2 != len(values):
-        raise ReductionError(
-            f"{path}: {kind} has {len(values)} numbers, which fill no lower triangle; unsymmetric "
-            f"or cut off?"
-        )
-    A = np.zeros((r, r))
-    A[np.tril_indices(r)] = values
-    return A + np.tril(A, -1).T
-
-
 def _coordinates(head: str, r: int) -> tuple[tuple[int, int], ...]:
-    nodes = _integers(_node_lines(head))
+    """(node, dof) of every coordinate by the lines before the matrices; none where these do not
+    name r of them."""
+    comments = re.search(r"(?im)^\*\*\s*ELEMENT NODES\s*$((?:\n\s*\*\*.*)+)", head)
+    nodes = _integers(comments.group(1)) if comments else []
     lines = [line for line in head.splitlines() if line.strip() and not line.lstrip()[0] == "*"]
     rows = [_integers(line) for line in lines]
+    # the first line holds for node 1 on; another begins with the position from which it holds
     changes = {1: rows[0]} | {row[0]: row[1:] for row in rows[1:]} if rows else {}
     coordinates, dofs = [], []
     for position, node in enumerate(nodes, start=1):
@@ -112,20 +115,11 @@ def _coordinates(head: str, r: int) -> tuple[tuple[int, int], ...]:
     return tuple(coordinates) if len(coordinates) == r else ()
 
 
-def _node_lines(head: str) -> str:
-    found = re.search(r"(?im)^\*\*\s*ELEMENT NODES\s*$((?:\n\s*\*\*.*)+)", head)
-    return found.group(1) if found else ""
+def _integers(text: str) -> list[int]:
+    """Whole numbers; what is too large to be one is left out, so that the list does not fit."""
+    return [int(n) for n in _numbers(text) if np.isfinite(n)]
 
 
-def _by_name(
-    w: Mapping[tuple[int, int], float],
-    coordinates: tuple[tuple[int, int], ...],
-    path: str | Path,
-) -> np.ndarray:
-    unknown = [name for name in w if name not in coordinates]
-    if unknown:
-        raise ReductionError(
-            f"{path} has no coordinate (node, dof) = {unknown[0]}; it has "
-            f"{', '.join(map(str, coordinates[:6])) or 'no list of them'} ..."
-        )
-    return np.array([w.get(name, 0.0) for name in coordinates])
+def _numbers(text: str) -> list[float]:
+    """The numbers of a text, Fortran's exponents D among them."""
+    return [float(word.upper().replace("D", "E")) for word in NUMBER.findall(text)]

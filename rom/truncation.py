@@ -19,13 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-GRID = 400  # frequencies at which the error is averaged
-LOSS = 0.01  # factor of the stiffness: half of it is the damping ratio of a mode
-COMBS = 8  # of the grid
+LOSS = 0.01  # loss factor of the stiffness: half of it is the damping ratio of a mode
 
 
-def frequencies(to_hz: float, n: int = GRID) -> np.ndarray:
-    """(n,) [Hz], evenly up to to_hz."""
+def frequencies(to_hz: float, n: int = 400) -> np.ndarray:
+    """Frequencies at which an error is averaged, (n,) [Hz], evenly up to to_hz."""
     return to_hz * np.arange(1, n + 1) / n
 
 
@@ -52,26 +50,26 @@ def tail_errors(omega: np.ndarray, phi: np.ndarray, tail: Moments, to_hz: float)
     ]
     following = np.append(omega, omega.max(initial=0.0))
     scale = size(tail.first + receptances(omega, phi, s).sum(axis=1))
-    missing = np.array([_missing(*parts, s) for parts in zip(*beyond, following, strict=True)])
-    return np.where(beyond[0] < 1e-12 * beyond[0][0], 0.0, missing / scale)
-
-
-def _missing(first: float, second: float, third: float, following: float, s: np.ndarray) -> float:
-    if following <= s[-1] or first <= 0:
-        return np.inf
-    remainder = max(third - second**2 / first, 0.0)
-    return remainder * rms(s**4 / (1 - (s / following) ** 2) ** 3)
+    missing = []
+    for first, second, third, next_omega in zip(*beyond, following, strict=True):
+        if next_omega <= s[-1] or first <= 0:
+            missing.append(np.inf)
+            continue
+        remainder = max(third - second**2 / first, 0.0)
+        missing.append(remainder * rms(s**4 / (1 - (s / next_omega) ** 2) ** 3))
+    return np.where(beyond[0] < 1e-12 * beyond[0][0], 0.0, np.array(missing) / scale)
 
 
 def receptances(omega: np.ndarray, phi: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """H (len(s), k) [m/N] of every mode, with the loss factor of a stated error."""
+    """H (len(s), k) [m/N] of each mode at s [rad/s], with the loss factor of a stated error."""
     return phi**2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)
 
 
 def size(H: np.ndarray) -> float:
-    """Rms of a receptance that errors are relative to: the least of the grid's combs, since a grid
-    that meets a peak sees that alone and would call any error small."""
-    return min(rms(H[i::COMBS]) for i in range(COMBS))
+    """Root mean square of a receptance that errors are relative to: the smallest among eight combs
+    of its frequencies, since a grid that meets a peak sees that alone and would call any error
+    small."""
+    return min(rms(H[i::8]) for i in range(8))
 
 
 def rms(values: np.ndarray) -> float:
@@ -80,8 +78,8 @@ def rms(values: np.ndarray) -> float:
 
 
 def first_cutoff_hz(error: float, to_hz: float) -> float:
-    """Where the search for the cutoff of an error begins: near the end of it for a solid, too low
-    for parts on joints.
+    """Cutoff [Hz] with which the search for that of an error begins: near the last one for a solid,
+    too low for parts on joints.
 
     A rig on elements of 12 mm still misses 8e-3 up to 9 kHz with all modes to 1.3 times that, and
     2.6e-3 with those to 2.8 times: the error itself has to be computed and ends the search.

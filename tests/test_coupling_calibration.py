@@ -6,9 +6,9 @@ from scipy.signal import butter, sosfilt
 
 import dem
 from workflows.fit.core.calibration.calibration import calibrate
-from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.parameters import Parameter, Rig
-from workflows.fit.core.calibration.search import Options, Search
+from workflows.fit.core.calibration.search import CoarseToFine, Options
 from workflows.fit.core.calibration.signals import (
     Filter,
     Signals,
@@ -55,7 +55,7 @@ def test_derivatives_hold_through_trigger_and_filters():
     """Central differences of order 4 over 1e-4 of a scale: 1e-16 / 1e-4 of rounding, and what a
     contact that opens has in its second derivative; 1e-6 is asked for."""
     filters = Filter(band=120e3, instrument=80e3)
-    forward = Forward(rig(), EVERY, blank(), filters)
+    forward = ChainForward(rig(), EVERY, blank(), filters)
     theta = forward.start
     _, exact = forward.velocities_and_sensitivities(theta)
     for j, p in enumerate(EVERY):
@@ -71,9 +71,9 @@ def test_derivatives_hold_through_trigger_and_filters():
 def test_repeats_are_moved_onto_each_other():
     """Noise of 1e-3 m/s on slopes of 4e3 m/s^2 over 200 samples leaves 20 ns each."""
     rng, late = np.random.default_rng(0), np.array([0.0, 7.3e-6, -12.1e-6, 2.4e-6])
-    forward = Forward(rig(), (), blank(), Filter())
+    forward = ChainForward(rig(), (), blank(), Filter())
     v = [forward.velocities(np.zeros(0)) for forward in (
-        Forward(rig()._replace(trigger=8e-5 + s), (), blank()) for s in late)]  # fmt: skip
+        ChainForward(rig()._replace(trigger=8e-5 + s), (), blank()) for s in late)]  # fmt: skip
     noisy = np.array(v) + 1e-3 * rng.standard_normal((4, *v[0].shape))
     found = aligned(T, noisy, (0, 3))
     np.testing.assert_allclose(np.diff(found.shift), np.diff(late), rtol=0, atol=1e-7)
@@ -82,7 +82,7 @@ def test_repeats_are_moved_onto_each_other():
 
 
 def test_a_repeat_unlike_the_others_is_left_out():
-    forward = Forward(rig(), (), blank())
+    forward = ChainForward(rig(), (), blank())
     v = np.array([forward.velocities(np.zeros(0))] * 4)
     v[2] = -v[2]
     assert aligned(T, v, (0, 3), move=False).outliers == (2,)
@@ -133,7 +133,7 @@ def test_what_the_data_does_not_see_is_named():
 def test_noise_of_one_record_shows_between_its_waves(noise):
     """Some 390 calm samples of two spheres, each noise of its own: 4 % of ten records are 1 %, and
     the tails of waves leave 2e-6 m/s. Where no sample is calm nothing is told."""
-    forward = Forward(rig()._replace(trigger=1e-4), (), blank())
+    forward = ChainForward(rig()._replace(trigger=1e-4), (), blank())
     rng, clean = np.random.default_rng(0), forward.velocities(np.zeros(0))
     found = [
         noise_between_waves(T, clean + noise * rng.standard_normal(clean.shape), forward.time_scale)
@@ -144,7 +144,7 @@ def test_noise_of_one_record_shows_between_its_waves(noise):
 
 
 def test_the_first_waves_end_before_the_second_reflection():
-    forward = Forward(rig(), (), blank((0, 2)))
+    forward = ChainForward(rig(), (), blank((0, 2)))
     ends = first_waves_end(T, forward.velocities(np.zeros(0)), 1e-5)
     assert 3e-4 < ends[1] < ends[0] < 6e-4
 
@@ -174,14 +174,14 @@ def test_a_known_chain_is_found_again_without_noise():
 def test_a_chain_that_leaves_more_than_the_noise_is_given_up_for_another_start(monkeypatch):
     truth = np.random.default_rng(5).uniform(0.9, 1.1, N)
     signals = made(truth, 900.0, [0, 3], duration=6e-4)
-    first, begins = Search._first, []
+    first, begins = CoarseToFine.chain_from_first_waves, []
 
     def astray(search, z):
         begins.append(z)
         chain, left = first(search, z)
         return (chain, 0.1) if len(begins) == 1 else (chain, left)
 
-    monkeypatch.setattr(Search, "_first", astray)
+    monkeypatch.setattr(CoarseToFine, "chain_from_first_waves", astray)
     found = calibrate(rig(), tuple(map(contact, range(N))), signals)
     assert found.starts == 2 and not np.array_equal(*begins)
     np.testing.assert_allclose(found.value, truth, rtol=1e-3)

@@ -29,17 +29,17 @@ def test_elliptical_contacts_are_those_of_the_potentials(axes):
     flat, curved, delta, P = pressed(axes, 1.0)
     sphere = 1 / flat
     curvature = curved - flat
-    found = elliptical_contact(sphere, (0.0, curvature))
-    assert found.axes == pytest.approx(axes, rel=1e-6)
+    result = elliptical_contact(sphere, (0.0, curvature))
+    assert result.axes == pytest.approx(axes, rel=1e-6)
     plane = 4 / 3 * np.sqrt(sphere) * delta**1.5
-    assert found.stiffness == pytest.approx(P / plane, rel=1e-6)
-    assert found.size == pytest.approx(np.sqrt(axes) / np.cbrt(0.75 * P * sphere), rel=1e-6)
-    assert found.longest(1.0) == pytest.approx(axes / np.cbrt(0.75 * P * sphere), rel=1e-6)
+    assert result.stiffness == pytest.approx(P / plane, rel=1e-6)
+    assert result.size == pytest.approx(np.sqrt(axes) / np.cbrt(0.75 * P * sphere), rel=1e-6)
+    assert result.longest(1.0) == pytest.approx(axes / np.cbrt(0.75 * P * sphere), rel=1e-6)
 
 
 def test_on_a_sphere_the_radius_is_that_of_both_and_in_a_hollow_it_must_fit():
-    found = elliptical_contact(0.01, (1 / 0.03, 1 / 0.03))
-    assert found == (pytest.approx(np.sqrt(0.75)), 1.0, pytest.approx(np.cbrt(0.75)))
+    result = elliptical_contact(0.01, (1 / 0.03, 1 / 0.03))
+    assert result == (pytest.approx(np.sqrt(0.75)), 1.0, pytest.approx(np.cbrt(0.75)))
     assert elliptical_contact(0.01, (0.0, -50.0)).stiffness > 1.0
     with pytest.raises(ValueError, match=r"does not fit into a hollow of radius 0\.01 m"):
         elliptical_contact(0.01, (0.0, -100.0))
@@ -54,5 +54,5 @@ def test_a_flat_and_a_wide_cylinder_are_planes_and_a_seat_as_wide_as_the_sphere_
         wide = elliptical_contact(0.01, (0.0, 1 / radius))
         assert wide.stiffness == pytest.approx(1 - 0.01 / radius / 4, abs=1e-9)
     for seat in (0.02, 0.011, 0.0101):
-        found = elliptical_contact(0.01, (-1 / seat, -1 / seat))
-        assert found.stiffness == pytest.approx((1 - 0.01 / seat) ** -0.5, rel=1e-9)
+        result = elliptical_contact(0.01, (-1 / seat, -1 / seat))
+        assert result.stiffness == pytest.approx((1 - 0.01 / seat) ** -0.5, rel=1e-9)

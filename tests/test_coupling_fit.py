@@ -15,12 +15,12 @@ from workflows.fit.core.calibration.fitting import (
     CLOSE,
     IMPOSSIBLE,
     PRIOR,
-    Fit,
-    _cycles,
+    WindowFit,
     rms,
+    three_cycles,
     weights,
 )
-from workflows.fit.core.calibration.forward import NO_FILTER, Forward, _refined
+from workflows.fit.core.calibration.forward import NO_FILTER, ChainForward, refined
 from workflows.fit.core.calibration.instrument import (
     OVERSAMPLED,
     Clean,
@@ -39,7 +39,7 @@ from workflows.fit.core.calibration.parameters import (
     values,
 )
 from workflows.fit.core.calibration.signals import Filter, Signals, aligned, lag_of, noise_of_mean
-from workflows.fit.core.calibration.uncertainty import _cut, noise_along, uncertainty
+from workflows.fit.core.calibration.uncertainty import lags_that_count, noise_along, uncertainty
 
 KINDS = (
     "contact", "preload", "dissipation", "striker", "trigger", "frequency", "mass", "damping",
@@ -124,7 +124,7 @@ def test_a_damping_ratio_ends_at_zero():
 # --- fits ----------------------------------------------------------------------------------------
 
 
-class Linear(Forward):
+class Linear(ChainForward):
     """J theta instead of a chain; impossible beyond 50."""
 
     def __init__(self, signals, kind="damping"):
@@ -148,7 +148,7 @@ TRUTH = np.array([1.5, 2.0, 0.7])
 def a_fit(kind="damping", spread=(np.nan,), noise=0.0):
     v = np.repeat(J @ TRUTH, len(spread), axis=1)
     v += noise * np.random.default_rng(2).standard_normal(v.shape)
-    return Fit(Linear(Signals(T, v, (0,) * len(spread), np.array(spread)), kind))
+    return WindowFit(Linear(Signals(T, v, (0,) * len(spread), np.array(spread)), kind))
 
 
 EVERYTHING = np.ones((len(T), 1), bool)
@@ -263,7 +263,7 @@ def test_swaps_are_guessed_by_what_the_rest_cannot_follow():
 def test_cycles_are_both_of_any_three_contacts_that_lie_close():
     contacts = [0, 1, 3, 4, 9]
     close = {c for c in permutations(contacts, 3) if c[0] == min(c) and max(c) - min(c) <= CLOSE}
-    assert set(_cycles(contacts)) == close and len(close) == 8
+    assert set(three_cycles(contacts)) == close and len(close) == 8
     fit = a_fit("contact")
     z = coordinates(fit.parameters, TRUTH)
     turned = sorted(tuple(z[list(o)]) for o in ((1, 2, 0), (2, 0, 1)))
@@ -283,7 +283,7 @@ def toeplitz(residual, taken):
     k = len(residual)
     power = np.abs(np.fft.rfft(residual, 2 * k)) ** 2 / np.clip(1 - taken, 0.2, 1)
     r = np.fft.irfft(power, 2 * k)[:k] / k
-    lags = _cut(r)
+    lags = lags_that_count(r)
     i = np.abs(np.subtract.outer(np.arange(k), np.arange(k)))
     spectrum = np.fft.rfft(np.r_[r[: lags + 1], np.zeros(2 * k - 2 * lags - 1), r[lags:0:-1]]).real
     kernel = np.fft.irfft(np.maximum(spectrum, 0), 2 * k)
@@ -293,7 +293,7 @@ def toeplitz(residual, taken):
 def test_noise_along_a_fit_is_the_product_with_its_autocovariance():
     rng = np.random.default_rng(3)
     U = np.linalg.qr(rng.standard_normal((240, 3)).cumsum(axis=0))[0].reshape(120, 2, 3)
-    residual = sosfilt(laid._low_pass(0.1, 1.0)[0], rng.standard_normal((120, 2)), axis=0)
+    residual = sosfilt(laid.low_pass(0.1, 1.0)[0], rng.standard_normal((120, 2)), axis=0)
     exact = 0
     for i in range(2):
         taken = np.sum(np.abs(np.fft.rfft(U[:, i], 240, axis=0)) ** 2, axis=1) / 120
@@ -303,8 +303,11 @@ def test_noise_along_a_fit_is_the_product_with_its_autocovariance():
 
 def test_lags_end_ten_times_beyond_the_first_that_has_died():
     r = np.r_[1.0, 0.5, 0.11, 0.09, np.zeros(96)]
-    assert _cut(7 * r) == _cut(0.01 * r) == 25 and _cut(np.r_[r, np.zeros(100)]) == 30
-    assert _cut(np.ones(100)) == 25 and _cut(np.r_[1.0, np.zeros(99)]) == 10
+    assert (
+        lags_that_count(7 * r) == lags_that_count(0.01 * r) == 25
+        and lags_that_count(np.r_[r, np.zeros(100)]) == 30
+    )
+    assert lags_that_count(np.ones(100)) == 25 and lags_that_count(np.r_[1.0, np.zeros(99)]) == 10
 
 
 @pytest.mark.parametrize("prior", [False, True])
@@ -413,7 +416,7 @@ def test_a_lag_is_found_to_a_fraction_of_a_sample(late):
 @pytest.mark.parametrize("lag", [-60, 0, 45])
 def test_a_lag_by_samples_is_the_best_correlation(lag):
     v = bumps(FINE)
-    found = laid._coarse_shift(FINE, v, np.roll(v, lag, axis=0) + 5.0)
+    found = laid.shift_to_a_sample(FINE, v, np.roll(v, lag, axis=0) + 5.0)
     assert found == pytest.approx(lag * 1e-6, abs=1e-12)
 
 
@@ -444,7 +447,7 @@ def rms_of(v):
 def test_a_record_is_held_constant_beyond_its_ends(shift):
     """A line read later or earlier, as far as it goes."""
     line = 3.0 * FINE[:, None]
-    found = laid._moved(FINE, line[None], np.array([shift]))[0]
+    found = laid.shifted(FINE, line[None], np.array([shift]))[0]
     exact = 3.0 * np.clip(FINE + shift, FINE[0], FINE[-1])
     np.testing.assert_allclose(found[:, 0], exact, rtol=0, atol=1e-15)
 
@@ -459,7 +462,7 @@ def test_an_analogue_low_pass_of_order_four_is_later_by_its_delay():
     """At low frequency the phase of H(s) = 1 / B(s / omega) is -DELAY s / omega; the digital filter
     has less, lag() is the rest."""
     filters, dt = Filter(instrument=50e3), 1e-6
-    sos = laid._low_pass(50e3, filters.refinement(dt) / dt)[0]
+    sos = laid.low_pass(50e3, filters.refinement(dt) / dt)[0]
     f = 100.0
     digital = -np.angle(freqz_sos(sos, [f], fs=filters.refinement(dt) / dt)[1][0]) / (2 * np.pi * f)
     s = 1j * f / 50e3
@@ -480,7 +483,7 @@ def test_data_is_filtered_without_phase_and_the_model_as_the_instrument_does():
     fine = filters.refinement(1e-5)
     assert fine == 3
     model = np.sin(2 * np.pi * 8e3 * np.arange(1200) * 1e-5 / 3)[:, None]
-    H = freqz_sos(laid._low_pass(29e3, 3e5)[0], [8e3], fs=3e5)[1][0]
+    H = freqz_sos(laid.low_pass(29e3, 3e5)[0], [8e3], fs=3e5)[1][0]
     exact = np.imag(H * np.exp(2j * np.pi * 8e3 * np.arange(400) * 1e-5))
     np.testing.assert_allclose(filters.of_model(model, 1e-5)[100:, 0], exact[100:], atol=1e-6)
     steady = np.full((90, 2), 0.7)
@@ -581,7 +584,7 @@ def test_noise_is_read_where_six_half_scales_are_calm(q, seed):
     middles = [i + 3 * q for i in range(k - 6 * q + 1) if calm[i : i + 5 * q].all()]
     exact = [v[i + q] - 2 * v[i] + v[i - q] for i in middles]
     assert 20 < len(exact) < k - 6 * q
-    np.testing.assert_allclose(laid._noise_parts(v, q), exact, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(laid.calm_second_differences(v, q), exact, rtol=1e-12, atol=1e-15)
 
 
 def test_noise_is_told_from_twenty_half_scales_of_calm_on():
@@ -590,7 +593,7 @@ def test_noise_is_told_from_twenty_half_scales_of_calm_on():
     for k in range(8 * q - 3, 60 * q):
         v = a_noisy_wave(k)[:, None]
         found = laid.noise_between_waves(dt * np.arange(k), v, 2 * q * dt)
-        parts = laid._noise_parts(v[:, 0], q) if k > 8 * q else np.zeros(0)
+        parts = laid.calm_second_differences(v[:, 0], q) if k > 8 * q else np.zeros(0)
         told[len(parts)] = found is not None
         if found is not None:
             assert found / np.sqrt(np.mean(parts**2) / 6) == pytest.approx(1.0)
@@ -685,7 +688,7 @@ RECORD = np.arange(0, 2.4e-4, 2e-6)
 def a_model(parameters=None, filters=NO_FILTER, record=RECORD, rig=None):
     blank = Signals(record, np.zeros((len(record), 2)), (0, 2), np.full(2, np.nan))
     parameters = every_kind()[:1] + every_kind()[3:6] if parameters is None else parameters
-    return Forward(
+    return ChainForward(
         a_rig()._replace(trigger=1e-5) if rig is None else rig, parameters, blank, filters
     )
 
@@ -761,11 +764,11 @@ def test_a_record_goes_on_for_two_steps_after_the_first_touch(share, possible):
         a_model((), record=t, rig=rig)
 
 
-def test_refined_times_hold_the_given_ones_and_equal_steps_between():
-    fine = _refined(RECORD, 3)
+def testrefined_times_hold_the_given_ones_and_equal_steps_between():
+    fine = refined(RECORD, 3)
     np.testing.assert_allclose(fine[::3], RECORD, rtol=1e-14)
     np.testing.assert_allclose(np.diff(fine), 2e-6 / 3, rtol=1e-9)
-    assert _refined(RECORD, 1) is RECORD
+    assert refined(RECORD, 1) is RECORD
 
 
 def test_an_instrument_delays_a_model_by_its_filter_and_its_lag():

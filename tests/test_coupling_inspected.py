@@ -10,8 +10,8 @@ from scipy.optimize import lsq_linear
 from coupling.errors import CouplingError
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.uncertainty import uncertainty
-from workflows.fit.core.inspection.fitting import HUGE, Fit, Fitted
-from workflows.fit.core.inspection.forward import Forward, Shot, _durations, unknowns
+from workflows.fit.core.inspection.fitting import HUGE, Fitted, RecordFit
+from workflows.fit.core.inspection.forward import Shot, StructureForward, durations, unknowns
 from workflows.fit.core.inspection.information import (
     bars_over_time,
     bounds_information,
@@ -20,21 +20,21 @@ from workflows.fit.core.inspection.information import (
 )
 from workflows.fit.core.inspection.inversion import (
     Inversion,
-    Part,
-    _at_bound,
-    _columns,
-    _memory,
-    _parts,
+    RecordPart,
+    at_bound,
     inverted,
+    memory,
+    residual_parts,
+    sensors_side_by_side,
 )
 from workflows.fit.core.inspection.judgement import Judged
-from workflows.fit.core.inspection.profile import Valley, _factor, stretched
+from workflows.fit.core.inspection.profile import Valley, stretch_factor, stretched
 from workflows.fit.core.inspection.search import (
-    _distinct,
-    _filled,
-    _inner,
-    _noise,
-    _spread,
+    distinct,
+    is_noise,
+    narrower_bounds,
+    posterior_root,
+    with_draws,
     with_triggers,
 )
 
@@ -75,7 +75,7 @@ class Linear:
 def a_fit(gain=(-1, -1), noise=1.0, truth=TRUTH, factor=1.0):
     y = factor * Linear().signals(SOUGHT, truth, [Shot(T, T, T)] * 2)
     y = y + noise * NOISE * np.random.default_rng(1).standard_normal(y.shape)
-    return Fit(Linear(), SOUGHT, tuple(Shot(T, one, NOISE) for one in y), np.array(gain))
+    return RecordFit(Linear(), SOUGHT, tuple(Shot(T, one, NOISE) for one in y), np.array(gain))
 
 
 def whole_line(fit):
@@ -101,17 +101,17 @@ def test_numbers_of_all_records_come_first_then_those_of_each_with_its_trigger()
 
 def test_a_run_lasts_to_the_end_of_its_record_from_the_earliest_trigger_on():
     shots = [Shot(T, T, T), Shot(T[:101], T, T)]
-    assert _durations(SOUGHT, shots).tolist() == [239.0 + 40.0, 100.0 + 40.0]
+    assert durations(SOUGHT, shots).tolist() == [239.0 + 40.0, 100.0 + 40.0]
     late = SOUGHT._replace(parameters=tuple(p._replace(low=100.0) for p in SOUGHT.parameters))
     with pytest.raises(CouplingError, match="ends before the first touch"):
-        _durations(late, shots)
+        durations(late, shots)
 
 
 def test_steps_of_a_derivative_stay_within_the_bounds():
     low, high = SOUGHT.ends()
-    forward = Forward(None, (), 1.0)
-    np.testing.assert_allclose(forward._steps(SOUGHT, low), 1e-5 * SOUGHT.scale)
-    np.testing.assert_allclose(forward._steps(SOUGHT, high), -1e-5 * SOUGHT.scale)
+    forward = StructureForward(None, (), 1.0)
+    np.testing.assert_allclose(forward.difference_steps(SOUGHT, low), 1e-5 * SOUGHT.scale)
+    np.testing.assert_allclose(forward.difference_steps(SOUGHT, high), -1e-5 * SOUGHT.scale)
     assert forward.with_steps(3.0).dt == 3.0
 
 
@@ -284,7 +284,7 @@ class Ground(NamedTuple):
 def test_a_bar_is_as_many_steps_as_the_ground_takes_to_rise_as_the_parabola_or_to_the_bounds(
     slope, end, steps
 ):
-    assert _factor(Ground(slope, end), np.full(1, 0.5), 0) == pytest.approx(steps)
+    assert stretch_factor(Ground(slope, end), np.full(1, 0.5), 0) == pytest.approx(steps)
 
 
 class Saturating(Linear):
@@ -350,7 +350,8 @@ def test_an_answer_is_the_fit_with_its_gains_and_bars_in_order():
     np.testing.assert_allclose(found.slopes, np.concatenate([by_numbers, by_gain], axis=-1))
     scale = np.array([p.scale for p in found.parameters])
     exact = uncertainty(
-        found.parameters, _columns(left), _columns(found.slopes) / scale, np.zeros(7, bool),
+        found.parameters, sensors_side_by_side(left), sensors_side_by_side(found.slopes) / scale,
+        np.zeros(7, bool),
         bounds_information(found.parameters),
     )  # fmt: skip
     np.testing.assert_allclose(found.uncertainty.two_sigma, exact.two_sigma, rtol=1e-6)
@@ -363,7 +364,7 @@ def test_an_answer_is_the_fit_with_its_gains_and_bars_in_order():
 
 def test_samples_of_all_records_and_sensors_stand_beside_each_other():
     values = np.random.default_rng(0).standard_normal((2, 5, 3, 4))
-    found = _columns(values)
+    found = sensors_side_by_side(values)
     assert found.shape == (5, 6, 4)
     np.testing.assert_array_equal(found[:, :3], values[0])
     np.testing.assert_array_equal(found[:, 3:], values[1])
@@ -372,38 +373,38 @@ def test_samples_of_all_records_and_sensors_stand_beside_each_other():
 def test_memory_is_one_of_white_noise_and_more_of_what_goes_on():
     """x_i = rho x_i-1 + e: half the variance of the steps is 1 - rho of its own."""
     e = np.random.default_rng(3).standard_normal((1, 40000, 1))
-    assert _memory(e) == pytest.approx(1.0, rel=0.02)
+    assert memory(e) == pytest.approx(1.0, rel=0.02)
     x = np.zeros_like(e)
     for i in range(1, 40000):
         x[0, i] = 0.8 * x[0, i - 1] + e[0, i]
-    assert _memory(x) == pytest.approx(1 / (1 - 0.8), rel=0.05)
-    assert _memory(np.ones((1, 9, 1))) == np.inf
+    assert memory(x) == pytest.approx(1 / (1 - 0.8), rel=0.05)
+    assert memory(np.ones((1, 9, 1))) == np.inf
 
 
 def test_parts_hold_all_that_is_left_of_every_record():
     fit, left = a_fit(), np.random.default_rng(0).standard_normal((2, 240, 2))
-    parts = _parts(fit, left)
+    parts = residual_parts(fit, left)
     assert [part.record for part in parts] == [0] * 50 + [1] * 50
     sizes = np.array([part.end - part.begin + 1 for part in parts])
     assert sizes.min() >= 4 and sizes.max() <= 5 and sizes.sum() == 480
     squares = sum(size * part.misfit**2 for size, part in zip(sizes, parts, strict=True))
     assert squares == pytest.approx(np.sum(left**2) / 2)
-    assert len(_parts(fit.until(7), left[:, :7])) == 14
+    assert len(residual_parts(fit.until(7), left[:, :7])) == 14
 
 
 def test_bounds_are_met_within_a_millionth_of_their_distance():
     low, high = SOUGHT.ends()
     for near, met in ((0.9e-6, True), (1.1e-6, False)):
         for value in (low + near * (high - low), high - near * (high - low)):
-            assert (_at_bound(SOUGHT.parameters, value) == met).all()
+            assert (at_bound(SOUGHT.parameters, value) == met).all()
     endless = (SHARED[0]._replace(high=np.inf),)
-    assert not _at_bound(endless, np.array([0.5])).any()
+    assert not at_bound(endless, np.array([0.5])).any()
 
 
 def an_answer(value=0.0, misfit=1.0, memory=1.0, worst=1.0, n=5000):
     bars = uncertainty(SHARED[:1], np.ones((3, 1)), np.ones((3, 1, 1)), np.zeros(1, bool))
     bars = bars._replace(two_sigma=np.array([0.1]))
-    parts = (Part(0, 0.0, 1.0, worst), *[Part(0, 0.0, 1.0, 1.0)] * 9)
+    parts = (RecordPart(0, 0.0, 1.0, worst), *[RecordPart(0, 0.0, 1.0, 1.0)] * 9)
     return Inversion(
         SHARED[:1], np.array([value]), np.zeros(1, bool), bars, np.ones(1), np.zeros((1, n, 1)),
         np.full((1, 1), misfit), np.zeros((1, n, 1, 1)), memory, parts, 0.0, None,
@@ -472,7 +473,7 @@ def test_triggers_are_set_so_that_first_waves_rise_together():
             return np.array([ramps(30.0 + theta[i]) for i in unknowns.trigger])
 
     shots = tuple(Shot(T, 0.1 * ramps(late), NOISE) for late in (33.5, 200.0))
-    fit = Fit(Ramp(), SOUGHT, shots, np.array([0, 0]))
+    fit = RecordFit(Ramp(), SOUGHT, shots, np.array([0, 0]))
     found = with_triggers(fit, SOUGHT.centre)
     np.testing.assert_allclose(found[[3, 5]], [3.5, 60.0], atol=1e-9)  # 60 is a bound
     np.testing.assert_array_equal(found[[0, 1, 2, 4]], SOUGHT.centre[[0, 1, 2, 4]])
@@ -485,19 +486,19 @@ def test_candidates_within_a_share_of_the_bounds_are_one():
         return Fitted(SOUGHT.centre + np.append(shares * width, np.zeros(4)), 1.0, 1, True)
 
     ends = [at(0.0, 0.0), at(0.0049, -0.0049), at(0.0, 0.0051), at(0.0051, 0.0051)]
-    assert _distinct(fit, ends, 2) == [ends[0], ends[2], ends[3]]
-    assert _distinct(fit, ends, 1) == [ends[0], ends[3]]
-    assert _distinct(fit, ends, 2, 0.02) == ends[:1]
+    assert distinct(fit, ends, 2) == [ends[0], ends[2], ends[3]]
+    assert distinct(fit, ends, 1) == [ends[0], ends[3]]
+    assert distinct(fit, ends, 2, 0.02) == ends[:1]
 
 
 def test_noise_is_met_in_the_whole_and_in_what_is_new():
     left = np.ones((1, 1000, 2))
     whole, new = (1.06 + 3 * np.sqrt(2 / n) for n in (2000, 400))
     for share, noise in ((0.999, True), (1.001, False)):
-        assert _noise(left * np.sqrt(share * whole), 0) == noise
+        assert is_noise(left * np.sqrt(share * whole), 0) == noise
         late = left.copy()
         late[:, 800:] *= np.sqrt(share * new)
-        assert _noise(late, 800) == noise
+        assert is_noise(late, 800) == noise
 
 
 def test_what_a_window_leaves_open_is_drawn_and_held_within_narrower_bounds():
@@ -505,18 +506,18 @@ def test_what_a_window_leaves_open_is_drawn_and_held_within_narrower_bounds():
     one = a_fit().of_shots([0]).until(100)
     J = (SHAPES[0, :100] * SOUGHT.scale / NOISE[:, None]).reshape(-1, 6)
     B = np.diag((SOUGHT.pull * SOUGHT.scale) ** 2)
-    spread = _spread(one, TRUTH)
+    spread = posterior_root(one, TRUTH)
     exact = np.linalg.inv((J.T @ J + B)[:4, :4]) * np.outer(SOUGHT.scale[:4], SOUGHT.scale[:4])
     np.testing.assert_allclose((spread @ spread.T)[:4, :4], exact, rtol=1e-6)
     assert not spread[4:].any()
     kept = [Fitted(SOUGHT.centre, 1.0, 1, True), Fitted(TRUTH, 1.0, 1, True)]
-    low, high = _inner(one, kept, spread, 2)
+    low, high = narrower_bounds(one, kept, spread, 2)
     reach = np.maximum(4 * np.sqrt(np.diag(exact)[:2]), 0.005 * np.array([2.0, 4.0]))
     ends = np.sort([SOUGHT.centre[:2], TRUTH[:2]], axis=0) + [-reach, reach]
     np.testing.assert_allclose([low, high], ends)
-    wide = _inner(one, kept, 1e6 * spread, 2)
+    wide = narrower_bounds(one, kept, 1e6 * spread, 2)
     np.testing.assert_array_equal(wide, [end[:2] for end in SOUGHT.ends()])
-    thetas = np.array(_filled(one, kept, spread, 2000, np.random.default_rng(0)))
+    thetas = np.array(with_draws(one, kept, spread, 2000, np.random.default_rng(0)))
     assert len(thetas) == 2000 and (thetas >= SOUGHT.ends()[0]).all()
     off = thetas[2:][np.arange(1998) % 2 == 0] - SOUGHT.centre
     np.testing.assert_allclose(off.std(axis=0)[:3], 1.5 * np.sqrt(np.diag(exact)[:3]), rtol=0.1)

@@ -7,8 +7,8 @@ import dem
 from coupling import CouplingError
 from coupling.sensors import Sensor, recorded
 from workflows.fit.core.calibration.parameters import Parameter
-from workflows.fit.core.inspection.fitting import Fit
-from workflows.fit.core.inspection.forward import Forward, Shot, System, unknowns
+from workflows.fit.core.inspection.fitting import RecordFit
+from workflows.fit.core.inspection.forward import Shot, StructureForward, System, unknowns
 from workflows.fit.core.inspection.information import bars_over_time, bounds_information, felt_from
 from workflows.fit.core.inspection.inversion import inverted, profiled
 from workflows.fit.core.inspection.search import rise, searched
@@ -60,7 +60,7 @@ def measured(duration, gain=0.2, wall=hinged, seed=0, bits=8):
     """Two records at 1 MHz, by a march of finer steps: noise of 1 %, 8 bits."""
     t = np.arange(0.0, duration, 1e-6)
     blank = tuple(Shot(t, np.zeros((len(t), 1)), np.ones(1)) for _ in SPEEDS)
-    true = Forward(lambda values: system(values, wall), SENSORS, STEP / 4)
+    true = StructureForward(lambda values: system(values, wall), SENSORS, STEP / 4)
     theta = EVERYTHING
     for i, y in enumerate(gain * true.signals(sought(), theta, blank)):
         noisy = recorded(SENSORS, y, bits, [seed, i])
@@ -70,7 +70,7 @@ def measured(duration, gain=0.2, wall=hinged, seed=0, bits=8):
 
 def problem(duration, **how):
     shots = tuple(measured(duration, **how))
-    return Fit(Forward(system, SENSORS, STEP), sought(), shots, np.array([0]))
+    return RecordFit(StructureForward(system, SENSORS, STEP), sought(), shots, np.array([0]))
 
 
 @pytest.fixture(scope="module")
@@ -150,11 +150,11 @@ def problem_of(truth, shared, made=system, duration=3.5e-3):
     own = Parameter("velocity", "own", 0.3, 0.15, 0.6, 0.01)
     trigger = Parameter("trigger", "trigger", 0.0, -1e-4, 1e-4, 3e-6)
     sought = unknowns(shared, [[own]], [trigger])
-    y = Forward(made, SENSORS, STEP / 4).signals(
+    y = StructureForward(made, SENSORS, STEP / 4).signals(
         sought, np.array([*truth, 0.306, 4e-6]), (Shot(t, np.zeros((len(t), 1)), np.ones(1)),)
     )[0]
     shot = Shot(t, recorded(SENSORS, y, 8, 1), np.array([0.0102 * np.abs(y).max()]))
-    return Fit(Forward(made, SENSORS, STEP), sought, (shot,), np.array([0]))
+    return RecordFit(StructureForward(made, SENSORS, STEP), sought, (shot,), np.array([0]))
 
 
 @pytest.mark.parametrize(
@@ -280,13 +280,15 @@ def stepped(duration, wall=hinged):
     """Two noiseless records of a sphere's velocity in 8 bits; it stands still between waves."""
     sensors, t = (Sensor(8, "velocity"),), np.arange(0.0, duration, 1e-6)
     blank = tuple(Shot(t, np.zeros((len(t), 1)), np.ones(1)) for _ in SPEEDS)
-    true = Forward(lambda values: system(values, wall), sensors, STEP / 4)
+    true = StructureForward(lambda values: system(values, wall), sensors, STEP / 4)
     shots = []
     for y in true.signals(sought(), EVERYTHING, blank):
         rounded = recorded(sensors, y, 8)
         rms = np.diff(np.unique(rounded)).min() / np.sqrt(12.0)
         shots.append(Shot(t, rounded, np.array([rms]), np.array([rms])))
-    return Fit(Forward(system, sensors, STEP), sought(), tuple(shots), np.array([-1]))
+    return RecordFit(
+        StructureForward(system, sensors, STEP), sought(), tuple(shots), np.array([-1])
+    )
 
 
 def test_records_without_noise_are_explained_down_to_their_steps():
@@ -307,7 +309,9 @@ def test_rounding_a_signal_that_stands_still_leaves_what_the_noise_before_it_say
     worst = np.max((still - np.round(still)) ** 2 @ density / density.sum())
     rms = np.sqrt(sigma**2 + 1.0 / 12.0)
     shot = Shot(np.arange(2.0), np.zeros((2, 1)), np.array([rms]), np.array([1.0 / np.sqrt(12.0)]))
-    fit = Fit(Forward(system, SENSORS, STEP), sought(SPEEDS[:1]), (shot,), np.array([0]))
+    fit = RecordFit(
+        StructureForward(system, SENSORS, STEP), sought(SPEEDS[:1]), (shot,), np.array([0])
+    )
     bound = (1.0 + fit.rounded) * rms**2 - sigma**2
     assert worst <= bound * (1 + 1e-6)
     assert worst >= 0.8 * bound

@@ -8,15 +8,15 @@ from coupling.wall import wall_from_reduced
 from dem import Wall
 from rom import Surface, full_order, modal
 from workflows.fit.core.parametric_wall import (
-    Box,
+    Bounds,
     Computed,
-    _gathered,
-    _matched,
-    _missed,
-    _nearest,
     design,
+    left_out_errors,
     mac,
+    matched_modes,
+    nearest_modes,
     parametric_wall,
+    selected_modes,
     with_rest,
 )
 
@@ -36,7 +36,7 @@ def hinged(theta, n=12):
     return Computed(wall, np.sin(np.outer(X, k)))
 
 
-BOX = Box(np.array([0.008, 60e9, -500.0]), np.array([0.012, 84e9, 0.0]))
+BOX = Bounds(np.array([0.008, 60e9, -500.0]), np.array([0.012, 84e9, 0.0]))
 SOMEWHERE = np.array([0.0093, 81e9, -420.0])
 
 
@@ -124,7 +124,7 @@ def test_a_mode_that_some_walls_lack_moves_with_the_rest():
 
 
 def test_buckling_within_the_bounds_is_refused():
-    box = Box(BOX.low, np.array([0.012, 84e9, 500.0]))
+    box = Bounds(BOX.low, np.array([0.012, 84e9, 500.0]))
     numbers = design(box, 2)
     found = parametric_wall(box, numbers, [hinged(theta) for theta in numbers], 2)
     with pytest.raises(CouplingError, match="buckling"):
@@ -144,7 +144,7 @@ def test_mac_is_one_for_the_same_shape_and_zero_for_another():
 def test_a_box_is_bent_where_a_number_varies_by_factors_above_a_twentieth():
     """Halfway is the geometric mean there, else the arithmetic one; both ends are -1 and 1."""
     low, high = np.array([1.0, 1.0, 0.0, -4.0, 0.25]), np.array([1.06, 1.04, 8.0, -1.0, 16.0])
-    box = Box(low, high)
+    box = Bounds(low, high)
     middle = [np.sqrt(1.06), 1.02, 4.0, -2.5, 2.0]
     np.testing.assert_allclose(box.at(np.zeros(5)), middle, rtol=1e-14)
     fifth = [1.06**0.6, 1.024, 4.8, -2.2, 0.25 * 64**0.6]
@@ -156,20 +156,20 @@ def test_a_box_is_bent_where_a_number_varies_by_factors_above_a_twentieth():
 
 def test_numbers_of_large_size_are_no_factors():
     """2.1e11 and 2.15e11 lie within a twentieth: the middle is the arithmetic one."""
-    box = Box(np.array([2.1e11]), np.array([2.15e11]))
+    box = Bounds(np.array([2.1e11]), np.array([2.15e11]))
     assert box.at(np.zeros(1))[0] == pytest.approx(2.125e11, rel=1e-12)
 
 
 @pytest.mark.parametrize(("d", "degree", "n"), [(3, 3, 32), (2, 3, 16), (1, 9, 16)])
 def test_walls_are_computed_evenly_in_the_angle_to_the_bounds(d, degree, n):
     """1.6 a coefficient beside the middle; by each number, one in each n-th of a half turn."""
-    box = Box(np.full(d, -3.0), np.full(d, 5.0))
+    box = Bounds(np.full(d, -3.0), np.full(d, 5.0))
     numbers = design(box, degree)
     np.testing.assert_array_equal(numbers[0], np.ones(d))
     assert numbers.shape == (n + 1, d)
     angle = np.arccos(box.unit(numbers[1:])) / np.pi
     np.testing.assert_array_equal(np.sort(np.floor(angle * n), axis=0), np.outer(range(n), [1] * d))
-    assert len(design(Box(np.zeros(2), np.ones(2)), 2)) == 11  # 6 coefficients
+    assert len(design(Bounds(np.zeros(2), np.ones(2)), 2)) == 11  # 6 coefficients
 
 
 def dropped(numbers, walls, degree, i):
@@ -208,7 +208,9 @@ def constant(squares, phi2, zeta, residual=0.3):
     """A parametric wall of these quantities everywhere."""
     numbers = np.linspace(-1.0, 1.0, 4)[:, None]
     wall = Wall(np.ones(len(squares)), np.ones(len(squares)), np.ones(len(squares)), 1.0)
-    made = parametric_wall(Box(np.array([-1.0]), np.array([1.0])), numbers, [Computed(wall)] * 4, 1)
+    made = parametric_wall(
+        Bounds(np.array([-1.0]), np.array([1.0])), numbers, [Computed(wall)] * 4, 1
+    )
     values = np.concatenate([squares, phi2, zeta, [residual]])
     return made._replace(coefficients=np.outer([1.0, 0.0], values))
 
@@ -230,7 +232,7 @@ def test_a_wall_is_moved_by_the_same_everywhere():
     """Through a wall with a mode more, in another order: what is not ours is in the last."""
     coarse, true = made(1), hinged(SOMEWHERE, 13)
     moved = coarse.through(SOMEWHERE, true)
-    exact = _gathered(true.wall, np.arange(11))
+    exact = selected_modes(true.wall, np.arange(11))
     for part in ("omega", "phi", "zeta"):
         np.testing.assert_allclose(
             np.abs(getattr(moved(SOMEWHERE), part)), np.abs(getattr(exact, part)), rtol=1e-9
@@ -267,10 +269,10 @@ def test_modes_are_the_same_from_a_mac_of_a_fifth():
     e = np.eye(4)
     for much, same in ((2.0, 0), (2.01, -1)):  # 1 / (1 + 2^2)
         other = shaped(e[:, [0]] + much * e[:, [1]])
-        np.testing.assert_array_equal(_matched(shaped(e[:, [0]]), other), [same])
+        np.testing.assert_array_equal(matched_modes(shaped(e[:, [0]]), other), [same])
     one, turned = shaped(e[:, :3]), shaped(e[:, [2, 0, 3, 1]])
-    np.testing.assert_array_equal(_matched(one, turned), [1, 3, 0])
-    np.testing.assert_array_equal(_matched(turned, one), [2, 0, -1, 1])
+    np.testing.assert_array_equal(matched_modes(one, turned), [1, 3, 0])
+    np.testing.assert_array_equal(matched_modes(turned, one), [2, 0, -1, 1])
 
 
 def test_the_order_counts_for_a_twentieth_of_a_mac():
@@ -278,7 +280,7 @@ def test_the_order_counts_for_a_twentieth_of_a_mac():
     for share, places in ((0.52, [0, 1]), (0.53, [1, 0])):  # 2 share - 1 beside 0.05
         c, s = np.sqrt(1 - share), np.sqrt(share)
         turned = shaped(np.array([[c, -s], [s, c]]))
-        np.testing.assert_array_equal(_matched(shaped(np.eye(2)), turned), places)
+        np.testing.assert_array_equal(matched_modes(shaped(np.eye(2)), turned), places)
 
 
 def test_modes_without_shapes_to_compare_are_followed_by_their_order():
@@ -286,7 +288,7 @@ def test_modes_without_shapes_to_compare_are_followed_by_their_order():
     one, other = shaped(e[:, :3]), shaped(e[:, [1, 0]])
     for a, b in ((one._replace(shapes=None), other), (one, other._replace(shapes=None)),
                  (one, other._replace(shapes=e[:3, [1, 0]]))):  # fmt: skip
-        np.testing.assert_array_equal(_matched(a, b), [0, 1, -1])
+        np.testing.assert_array_equal(matched_modes(a, b), [0, 1, -1])
 
 
 def test_the_mac_of_a_shape_that_does_not_move_is_none():
@@ -297,9 +299,9 @@ def test_the_mac_of_a_shape_that_does_not_move_is_none():
 def test_modes_nearest_in_octaves_are_the_same():
     mine = Wall(np.array([2.0, 9.0, 40.0, 7.0]), *np.zeros((2, 4)))
     given = Wall(np.array([50.0, 0.0, 8.0, 4.4, 1.0, 9.0]), *np.zeros((2, 6)))
-    np.testing.assert_array_equal(_nearest(mine, given, 3), [[0, 1, 2], [4, 2, 0]])
+    np.testing.assert_array_equal(nearest_modes(mine, given, 3), [[0, 1, 2], [4, 2, 0]])
     few = Wall(np.array([9.0, 2.1, 30.0]), *np.zeros((2, 3)))
-    np.testing.assert_array_equal(_nearest(mine, few, 3), [[0, 1], [1, 0]])
+    np.testing.assert_array_equal(nearest_modes(mine, few, 3), [[0, 1], [1, 0]])
 
 
 @pytest.mark.parametrize(("share", "counts"), [(0.9e-9, False), (1.1e-9, True)])
@@ -308,7 +310,7 @@ def test_modes_of_a_billionth_of_the_largest_square_are_rigid(share, counts, uni
     """Squares of omega and phi of two modes; the first is missed by 2 % where it counts."""
     values = np.tile(np.array([share, 1.0, 2.0, 1.0]) * [unit, unit, 1, 1], (3, 1))
     said = values * [[1.04, 1.0, 1, 1], [1, 1.0, 1, 1], [1, 1.0, 1, 1]]
-    found = _missed(values, said, 2)
+    found = left_out_errors(values, said, 2)
     assert found.frequency == pytest.approx(0.02 if counts else 0.0, abs=1e-12)
     assert found.compliance == pytest.approx(1 - 1 / 1.04 if counts else 0.0, abs=1e-8)
 

@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import norm
 
 from workflows.fit.core.calibration.calibration import calibrate
-from workflows.fit.core.calibration.forward import NO_FILTER, Forward
+from workflows.fit.core.calibration.forward import NO_FILTER, ChainForward
 from workflows.fit.core.calibration.parameters import Parameter, Rig
-from workflows.fit.core.calibration.posterior import Target, posterior, sampled
+from workflows.fit.core.calibration.posterior import LogPosterior, Sampling, posterior, sampled
 from workflows.fit.core.calibration.search import Options
 from workflows.fit.core.calibration.signals import Signals
 
@@ -19,7 +19,7 @@ TRUTH = np.array([0.5, -0.3, 0.1])
 SHARES = norm.cdf([-2.0, 0.0, 2.0])
 
 
-class Linear(Forward):
+class Linear(ChainForward):
     """J theta instead of a chain."""
 
     def __init__(self, parameters, signals):
@@ -54,7 +54,9 @@ def fitted(monkeypatch, *, low=-10.0):
     signals = Signals(T, v, (0,), np.array([np.nan]))
     parameters = [Parameter(f"p{i}", "damping", 0.0, low, 10.0, 0.1, "", i) for i in range(3)]
     forward = Linear(parameters, signals)
-    monkeypatch.setattr("workflows.fit.core.calibration.calibration.Forward", lambda *_: forward)
+    monkeypatch.setattr(
+        "workflows.fit.core.calibration.calibration.ChainForward", lambda *_: forward
+    )
     options = Options(staged=False, starts=1)
     return forward, calibrate(forward.rig, parameters, signals, options=options)
 
@@ -84,7 +86,8 @@ def test_a_bound_cuts_the_posterior_off():
     """A Gaussian that bounds halve: its quantiles are those of |N(0, 1)|."""
     found = sampled(
         lambda y: -0.5 * float(y @ y) if np.all(y >= 0.0) else -np.inf,
-        np.zeros(2), np.eye(2), (np.zeros(2), np.full(2, 9.0)), seed=0, most=10**6,
+        np.zeros(2), np.eye(2), (np.zeros(2), np.full(2, 9.0)), seed=0,
+        options=Sampling(runs=10**6),
     )  # fmt: skip
     exact = norm.ppf(0.5 + 0.5 * np.array([0.25, 0.5, 0.977]))
     assert found.long_enough and found.samples.min() >= 0.0
@@ -95,7 +98,8 @@ def test_a_chain_too_short_says_so():
     """Of a ridge that is bent, which no Gaussian follows, for 3000 model runs."""
     found = sampled(
         lambda y: -0.5 * float(y[0] ** 2 / 100 + 1e4 * (y[1] - y[0] ** 2) ** 2),
-        np.zeros(2), np.eye(2), (-np.full(2, 1e3), np.full(2, 1e3)), seed=0, most=3000,
+        np.zeros(2), np.eye(2), (-np.full(2, 1e3), np.full(2, 1e3)), seed=0,
+        options=Sampling(runs=3000),
     )  # fmt: skip
     assert not found.long_enough and found.model_runs <= 3000
 
@@ -104,7 +108,12 @@ def test_walkers_are_two_more_than_twice_the_parameters_and_a_fifth_of_their_ste
     p, bounds = 13, (np.full(13, -9.0), np.full(13, 9.0))
     for runs, steps in ((1, 100), (28 * 201, 200), (28 * 201 - 1, 100)):
         found = sampled(
-            lambda y: -0.5 * float(y @ y), np.ones(p), 0.5 * np.eye(p), bounds, seed=0, most=runs
+            lambda y: -0.5 * float(y @ y),
+            np.ones(p),
+            0.5 * np.eye(p),
+            bounds,
+            seed=0,
+            options=Sampling(runs=runs),
         )
         assert (found.walkers, found.kept, found.discarded) == (28, 0.8 * steps, 0.2 * steps)
         assert found.model_runs == 28 * (steps + 1) and len(found.samples) == 28 * found.kept
@@ -118,10 +127,10 @@ def test_samples_keep_within_the_bounds_of_what_they_are_samples_of(monkeypatch)
         p._replace(low=low if i == 1 else -9.0) for i, p in enumerate(fit.parameters)
     )
     fit = fit._replace(parameters=parameters)
-    found = posterior(forward, fit, seed=2, most=8000)
+    found = posterior(forward, fit, seed=2, options=Sampling(runs=8000))
     assert low <= found.samples[:, 1].min() < low + 0.1 * (fit.value[1] - low)
     assert found.samples[:, 1].max() > fit.value[1] + 2 * (fit.value[1] - low)
-    told = Target(forward, fit)
+    told = LogPosterior(forward, fit)
     for i in (0, 7, 99):
         exact = told.log_probability(found.samples[i])
         assert found.log_probability[i] == pytest.approx(exact, rel=1e-9, abs=1e-9)

@@ -20,8 +20,8 @@ def test_lambs_integral_is_that_below_the_real_slownesses(poisson):
         return -(s * a / ((2 * s**2 - 1) ** 2 - 4 * s**2 * a * b) * ds).imag
 
     exact = quad(along, 0, 3, epsabs=1e-11, limit=400)[0]
-    found = lamb_integral(poisson)
-    assert sum(found) == pytest.approx(exact, rel=1e-6)
+    result = lamb_integral(poisson)
+    assert sum(result) == pytest.approx(exact, rel=1e-6)
 
 
 @pytest.mark.parametrize("poisson", RATIOS)
@@ -48,5 +48,5 @@ def test_a_gaussian_pulse_radiates_by_the_square_of_its_rate():
     mu = young / (2 * (1 + poisson))
     square = np.sqrt(np.pi / 2) * F**2 / tau
     exact = sum(lamb_integral(poisson)) / (2 * np.pi * mu * np.sqrt(mu / density)) * square
-    found = radiated_energy(t + 1.0, F * np.exp(-((t / tau) ** 2)), young, poisson, density)
-    assert found == pytest.approx(exact, rel=1e-4)
+    result = radiated_energy(t + 1.0, F * np.exp(-((t / tau) ** 2)), young, poisson, density)
+    assert result == pytest.approx(exact, rel=1e-4)

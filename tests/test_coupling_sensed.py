@@ -8,7 +8,7 @@ from coupling.band import Band
 from coupling.errors import CouplingError
 from coupling.sensors import Sensor, measured, signals
 from workflows.fit.core.calibration.calibration import calibrate
-from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.impulse import incident_impulse
 from workflows.fit.core.calibration.parameters import Parameter, Rig
 from workflows.fit.core.calibration.search import Options
@@ -44,7 +44,7 @@ PARAMETERS = (
 
 def forward(parameters=PARAMETERS, channels=CHANNELS):
     seen = Signals(T, np.zeros((T.size, 4)), (3, 5, 6, 7), np.full(4, np.nan), 1, channels)
-    return Forward(Rig(CHAIN, WALL, V0, trigger=TRIGGER), parameters, seen)
+    return ChainForward(Rig(CHAIN, WALL, V0, trigger=TRIGGER), parameters, seen)
 
 
 def test_signals_are_those_of_the_usual_march():
@@ -92,7 +92,7 @@ def test_an_unknown_gain_is_found_beside_the_chain():
 def test_forces_on_leaf_springs_are_refused():
     sprung = CHAIN._replace(leaf_stiffness=np.full(N, 10.0), n_falling=0)
     with pytest.raises(CouplingError, match="no forces are fitted"):
-        Forward(Rig(sprung, WALL, V0), (), forward().signals)
+        ChainForward(Rig(sprung, WALL, V0), (), forward().signals)
 
 
 def test_the_impulse_of_the_first_wave_is_momentum_and_none_where_waves_overlap():

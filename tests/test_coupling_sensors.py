@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, freqs
 
 from coupling.band import Band, filtered
-from coupling.sensed_waves import _wave_like, flight, sensed_waves
+from coupling.sensed_waves import _force_or_velocity, flight, sensed_waves
 from coupling.sensors import (
     Sensor,
     instants,
@@ -33,22 +33,22 @@ BANDS = {
 def run():
     chain = row_of_spheres(0.0095, 7800.0, 193e9, 0.3, count=COUNT)
     v0 = SPEED * (np.arange(COUNT) == 0)
-    found = march_to_error(chain, rigid_wall(), v0, duration=1.6e-3, error=1e-6, n_save=3200)
-    return chain, found.trajectory
+    result = march_to_error(chain, rigid_wall(), v0, duration=1.6e-3, error=1e-6, n_save=3200)
+    return chain, result.trajectory
 
 
 @pytest.mark.parametrize("kind", BANDS)
 def test_a_sine_passes_as_the_analogue_filter_says(kind):
     band, f = BANDS[kind], 10e3
     t = np.arange(20001) * 1e-6
-    seen = filtered(band, t, np.sin(2 * np.pi * f * t))
+    noted = filtered(band, t, np.sin(2 * np.pi * f * t))
     ends = 2 * np.pi * np.array([end for end in (band.high_pass, band.low_pass) if end])
     b, a = butter(band.order, ends if len(ends) == 2 else ends[0], kind, analog=True)
     H = freqs(b, a, [2 * np.pi * f])[1][0]
     late = t > 15e-3  # what the start has left is gone by exp(-45)
     steady = (H * np.exp(2j * np.pi * f * t)).imag
     # a spline through 100 samples a period is off by (2 pi / 100)^4 / 384 = 4e-8
-    assert np.abs(seen - steady)[late].max() < 2e-7
+    assert np.abs(noted - steady)[late].max() < 2e-7
 
 
 def test_a_band_is_at_rest_before_the_signal():
@@ -69,15 +69,15 @@ def test_the_impulse_of_a_bead_is_the_momentum_ahead_of_its_middle(run):
     assert impulse == pytest.approx(momentum, rel=1e-4)
 
 
-def test_a_force_rate_is_the_slope_of_the_force_and_a_displacement_that_of_nothing(run):
+def test_a_force_rate_is_the_slope_of_the_force_and_the_velocity_that_of_the_displacement(run):
     t, x, v, F = run[1][:4]
     rate, way, speed = (Sensor(BEAD, q) for q in ("force-rate", "displacement", "velocity"))
-    found = measured((rate, way, speed), t, x + 1e-3, v, F)  # wherever it rests
-    assert found[0, 1] == 0.0
+    result = measured((rate, way, speed), t, x + 1e-3, v, F)  # wherever it rests
+    assert result[0, 1] == 0.0
     inside = slice(2, -2)
     slope = np.gradient(mean_force(F, BEAD), t)
-    assert np.abs(found[:, 0] - slope)[inside].max() < 5e-3 * np.abs(slope).max()
-    assert np.abs(np.gradient(found[:, 1], t) - found[:, 2])[inside].max() < 1e-4 * SPEED
+    assert np.abs(result[:, 0] - slope)[inside].max() < 5e-3 * np.abs(slope).max()
+    assert np.abs(np.gradient(result[:, 1], t) - result[:, 2])[inside].max() < 1e-4 * SPEED
 
 
 def test_signals_are_linear_in_the_run(run):
@@ -87,13 +87,13 @@ def test_signals_are_linear_in_the_run(run):
     rng = np.random.default_rng(0)
     other = tuple(part * rng.uniform(0.5, 1.5, part.shape[1:]) for part in (x, v, F))
 
-    def seen(*parts):
+    def noted(*parts):
         return signals(sensors, t, measured(sensors, t, *parts), at)
 
-    both = seen(*(a + 2.0 * b for a, b in zip((x, v, F), other, strict=True)))
-    assert np.abs(both - seen(x, v, F) - 2.0 * seen(*other)).max() < 1e-12 * np.abs(both).max()
-    stacked = seen(*(np.stack([a, b], axis=-1) for a, b in zip((x, v, F), other, strict=True)))
-    assert np.abs(stacked[..., 1] - seen(*other)).max() < 1e-12 * np.abs(stacked).max()
+    both = noted(*(a + 2.0 * b for a, b in zip((x, v, F), other, strict=True)))
+    assert np.abs(both - noted(x, v, F) - 2.0 * noted(*other)).max() < 1e-12 * np.abs(both).max()
+    stacked = noted(*(np.stack([a, b], axis=-1) for a, b in zip((x, v, F), other, strict=True)))
+    assert np.abs(stacked[..., 1] - noted(*other)).max() < 1e-12 * np.abs(stacked).max()
     assert at.size == 3201 and stacked.shape == (3201, 2, 2)
 
 
@@ -159,56 +159,58 @@ def test_a_wave_is_the_top_of_the_parabola_through_it(quantity, late, gain):
     """Time and height are exact where the crest is a parabola; forces press on either way."""
     heights = np.abs(HEIGHTS) if quantity == "force" else HEIGHTS
     shown = gain * parabolas(np.array(TIMES) + late, heights)
-    found = sensed_waves(Sensor(0, quantity, gain), AT, shown, named())
-    assert [wave.name for wave in found] == ["incident", "reflected 1", "incident 2"]
-    for wave, time, height in zip(found, TIMES, heights, strict=True):
+    result = sensed_waves(Sensor(0, quantity, gain), AT, shown, named())
+    assert [wave.name for wave in result] == ["incident", "reflected 1", "incident 2"]
+    for wave, time, height in zip(result, TIMES, heights, strict=True):
         assert wave.time == pytest.approx(time + late, abs=1e-12)
         assert wave.height == pytest.approx(abs(gain) * height, rel=1e-9)
-    tof, arr = flight(found)
-    assert (tof, arr) == (found[1].time - found[0].time, pytest.approx(0.7, rel=1e-9))
-    assert flight(found[:1]) == flight(found[1:]) == flight(()) == (None, None)
+    tof, arr = flight(result)
+    assert (tof, arr) == (result[1].time - result[0].time, pytest.approx(0.7, rel=1e-9))
+    assert flight(result[:1]) == flight(result[1:]) == flight(()) == (None, None)
 
 
 def test_a_force_is_summed_from_its_rate_and_a_velocity_is_the_slope_of_a_displacement():
     """By trapezoids, and over as many samples as a crest has to both sides: 6 of 40."""
     force = parabolas(heights=np.abs(HEIGHTS))
     rate = np.gradient(force, STEP)
-    found = sensed_waves(Sensor(0, "force-rate"), AT, rate, named())
+    result = sensed_waves(Sensor(0, "force-rate"), AT, rate, named())
     mean = np.r_[0, np.cumsum((rate[1:] + rate[:-1]) / 2) * STEP]
     # sums of 500 terms of at most one: 500 eps
-    np.testing.assert_allclose(_wave_like("force-rate", AT, rate, 6), mean, rtol=1e-12, atol=1e-13)
-    for wave, time, height in zip(found, TIMES, np.abs(HEIGHTS), strict=True):
+    np.testing.assert_allclose(
+        _force_or_velocity("force-rate", AT, rate, 6), mean, rtol=1e-12, atol=1e-13
+    )
+    for wave, time, height in zip(result, TIMES, np.abs(HEIGHTS), strict=True):
         assert wave.time == pytest.approx(time, abs=2e-7)
         assert wave.height == pytest.approx(height, rel=5e-3)
     way = np.r_[0, np.cumsum(parabolas())] * STEP
-    slopes = _wave_like("displacement", AT, way[:-1], 6)
+    slopes = _force_or_velocity("displacement", AT, way[:-1], 6)
     inside = (way[12:-1] - way[:-13]) / (12 * STEP)
     np.testing.assert_allclose(slopes[6:-6], inside, rtol=1e-12)
     first = [(way[i + 6] - way[0]) / (12 * STEP) for i in range(6)]
     np.testing.assert_allclose(slopes[:6], first, rtol=1e-12, atol=1e-12)
-    found = sensed_waves(Sensor(0, "displacement"), AT, way[:-1], named())
-    assert [np.sign(wave.height) for wave in found] == [1, -1, 1]
-    assert found[0].time == pytest.approx(TIMES[0] + STEP / 2, abs=3e-7)
+    result = sensed_waves(Sensor(0, "displacement"), AT, way[:-1], named())
+    assert [np.sign(wave.height) for wave in result] == [1, -1, 1]
+    assert result[0].time == pytest.approx(TIMES[0] + STEP / 2, abs=3e-7)
 
 
 def test_a_wave_is_sought_within_its_own_time_alone():
     """From 0.7 widths before to 1.3 after; not at the ends of that, nor nearer to another wave."""
     sensor = Sensor(0, "force")
 
-    def found(at, times=TIMES[:1], half=20e-6, **others):
-        seen = sensed_waves(sensor, AT, parabolas((at,), (1.0,), half), named(times, **others))
-        return [wave.name for wave in seen]
+    def result(at, times=TIMES[:1], half=20e-6, **others):
+        noted = sensed_waves(sensor, AT, parabolas((at,), (1.0,), half), named(times, **others))
+        return [wave.name for wave in noted]
 
     reach = 6e-6  # samples of the parabola must lie inside
     early, late = TIMES[0] - 0.7 * WIDTH + reach, TIMES[0] + 1.3 * WIDTH - reach
     for inside, outside in ((early + 2e-6, early - 2e-6), (late - 2e-6, late + 2e-6)):
-        assert found(inside) == ["incident"] and found(outside) == []
+        assert result(inside) == ["incident"] and result(outside) == []
     close = (TIMES[0], TIMES[0] + 0.8 * WIDTH)
     border = TIMES[0] + 0.4 * WIDTH
-    assert found(border - reach - 2e-6, close, half=9e-6) == ["incident"]
-    assert found(border + reach + 2e-6, close, half=9e-6) == ["reflected 1"]
-    assert found(TIMES[0], (TIMES[0] - 2e-7, TIMES[0], TIMES[0] + 2e-7), half=9e-6) == []
-    assert found(TIMES[0], width=np.nan) == [] and found(TIMES[0], ()) == []
+    assert result(border - reach - 2e-6, close, half=9e-6) == ["incident"]
+    assert result(border + reach + 2e-6, close, half=9e-6) == ["reflected 1"]
+    assert result(TIMES[0], (TIMES[0] - 2e-7, TIMES[0], TIMES[0] + 2e-7), half=9e-6) == []
+    assert result(TIMES[0], width=np.nan) == [] and result(TIMES[0], ()) == []
     assert sensed_waves(sensor, AT, np.zeros(500), named()) == ()
     assert sensed_waves(sensor, AT, -parabolas(heights=np.abs(HEIGHTS)) - 1e-3, named()) == ()
 
@@ -216,44 +218,44 @@ def test_a_wave_is_sought_within_its_own_time_alone():
 WHOLE = np.arange(200.0)  # [s]: the limits of a wave of 20 s are whole numbers
 
 
-def whole(seen, quantity="force", at=100.0, width=20.0, gain=1.0):
+def complete(noted, quantity="force", at=100.0, width=20.0, gain=1.0):
     label = Label("", 1, "incident", Arrival(at, 1.0, width), True)
-    return sensed_waves(Sensor(0, quantity, gain), WHOLE, seen, [label])
+    return sensed_waves(Sensor(0, quantity, gain), WHOLE, noted, [label])
 
 
 @pytest.mark.parametrize(("crest", "shown"), [(90, False), (91, True), (121, True), (122, False)])
 def test_a_crest_and_what_lies_3_samples_beside_it_must_lie_within_the_limits(crest, shown):
     """From 0.7 widths before to 1.3 after, limits excluded, nor may the first and last be used."""
-    found = whole(np.maximum(1 - ((WHOLE - crest) / 9) ** 2, 0.0))
-    assert [wave.time for wave in found] == [pytest.approx(crest)] * shown
-    assert [wave.height for wave in found] == [pytest.approx(1.0)] * shown
+    result = complete(np.maximum(1 - ((WHOLE - crest) / 9) ** 2, 0.0))
+    assert [wave.time for wave in result] == [pytest.approx(crest)] * shown
+    assert [wave.height for wave in result] == [pytest.approx(1.0)] * shown
 
 
 def test_the_parabola_is_that_of_least_squares_through_3_samples_to_both_sides():
     """Of a crest that is none, in seconds: sum of y, y u and y u^2 over -3 <= u <= 3."""
     u = np.arange(-3, 4)
-    seen = np.exp(-(((WHOLE - 101.1) / 4) ** 2)) * (1 + 0.03 * (WHOLE - 100))
-    y = seen[101 + u]
-    assert seen.argmax() == 101
+    noted = np.exp(-(((WHOLE - 101.1) / 4) ** 2)) * (1 + 0.03 * (WHOLE - 100))
+    y = noted[101 + u]
+    assert noted.argmax() == 101
     a = (y @ u**2 - 4 * y.sum()) / 84  # of a u^2 + b u + c
     b, c = y @ u / 28, (7 * y.sum() - y @ u**2) / 21
-    (found,) = whole(-2.5 * seen, gain=-1.0)
-    assert found.time == pytest.approx(101 - b / (2 * a), rel=1e-9)
-    assert found.height == pytest.approx(2.5 * (c - b**2 / (4 * a)), rel=1e-9)
+    (result,) = complete(-2.5 * noted, gain=-1.0)
+    assert result.time == pytest.approx(101 - b / (2 * a), rel=1e-9)
+    assert result.height == pytest.approx(2.5 * (c - b**2 / (4 * a)), rel=1e-9)
 
 
 def test_a_narrow_wave_has_a_sample_to_both_sides():
-    seen = np.maximum(1 - ((WHOLE - 100) / 3) ** 2, 0.0)
-    (found,) = whole(seen, width=3.0)
-    assert (found.time, found.height) == (pytest.approx(100.0), pytest.approx(1.0))
+    noted = np.maximum(1 - ((WHOLE - 100) / 3) ** 2, 0.0)
+    (result,) = complete(noted, width=3.0)
+    assert (result.time, result.height) == (pytest.approx(100.0), pytest.approx(1.0))
 
 
 def test_what_presses_nowhere_or_is_hollow_is_no_crest():
     bump = np.maximum(1 - ((WHOLE - 100) / 9) ** 2, 0.0)
-    assert whole(bump - 1.0) == () and len(whole(bump - 0.9)) == 1
+    assert complete(bump - 1.0) == () and len(complete(bump - 0.9)) == 1
     hollow = 0.001 * (WHOLE - 100) ** 2 * (np.abs(WHOLE - 100) < 4)
     hollow[100] = 0.02  # above its 0.009 at the ends, and all of it opens upwards
-    assert whole(hollow) == ()
+    assert complete(hollow) == ()
 
 
 # --- instruments ---------------------------------------------------------------------------------
@@ -271,23 +273,23 @@ def test_sensors_measure_what_their_spheres_do_from_the_first_instant():
     x, v, F = np.random.default_rng(4).uniform(1.0, 2.0, (3, 5, 4))
     force = ((F[:, 1] + F[:, 2]) - (F[0, 1] + F[0, 2])) / 2
     kinds = (("displacement", 3), ("velocity", 1), ("force", 2), ("force-rate", 2))
-    found = measured([Sensor(i, kind, 7.0) for kind, i in kinds], t, x, v, F)
+    result = measured([Sensor(i, kind, 7.0) for kind, i in kinds], t, x, v, F)
     slope = CubicSpline(t, force).derivative()(t)
     exact = np.column_stack([x[:, 3] - x[0, 3], v[:, 1], force, slope])
-    np.testing.assert_allclose(found, exact, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(result, exact, rtol=1e-12, atol=1e-14)
 
 
 def test_instants_are_as_many_as_a_run_holds():
     for end, count in ((1.0, 11), (0.9999, 10), (1.0001, 11)):
         t = 5.0 + np.linspace(0, end, 7)
-        found = instants(t, 10.0)
-        np.testing.assert_allclose(found, 5.0 + 0.1 * np.arange(count), rtol=1e-14)
+        result = instants(t, 10.0)
+        np.testing.assert_allclose(result, 5.0 + 0.1 * np.arange(count), rtol=1e-14)
 
 
 def test_bits_reach_from_minus_the_range_to_one_step_below_it():
     y = np.array([[-9.0, -1.0, 0.26, 0.24, 0.9, 9.0]]).T
-    found = quantised(y, 3, np.array([1.0]))
-    np.testing.assert_allclose(found[:, 0], [-1.0, -1.0, 0.25, 0.25, 0.75, 0.75])
+    result = quantised(y, 3, np.array([1.0]))
+    np.testing.assert_allclose(result[:, 0], [-1.0, -1.0, 0.25, 0.25, 0.75, 0.75])
     assert not quantised(0 * y, 3, np.zeros(1)).any()
     sensors = (Sensor(0, "force", range=2.0), Sensor(1, "force"))
     both = recorded(sensors, np.hstack([y, y]) / 9.0, bits=3)

@@ -10,23 +10,20 @@ from scipy.stats import multivariate_t
 from dem import InvalidChain
 from workflows.fit.core.calibration.fitting import Solution
 from workflows.fit.core.calibration.growing_windows import (
-    BETTER,
-    ROUNDS,
-    TRIED,
-    WORSE,
+    SWAPS,
     GrowingWindows,
 )
 from workflows.fit.core.calibration.impulse import incident_impulse
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.posterior import (
     FREEDOM,
+    LogPosterior,
     Posterior,
-    Target,
-    _independent,
-    _inside,
-    _square_root,
+    covariance_root,
+    reflected,
+    student_proposals,
 )
-from workflows.fit.core.calibration.scan import IMPOSSIBLE, _minima, scanned
+from workflows.fit.core.calibration.scan import IMPOSSIBLE, local_minima, scanned
 from workflows.fit.core.calibration.uncertainty import noise_along
 
 K, M = 60, 2
@@ -82,7 +79,7 @@ def weighting(fit):
 def test_the_log_probability_is_half_the_square_by_the_noise():
     """-1/2 r^T W r above that at the answer; by longer steps only the change from there counts."""
     fit = a_fit()
-    target, (weight, *_, W) = Target(Bent(), fit), weighting(fit)
+    target, (weight, *_, W) = LogPosterior(Bent(), fit), weighting(fit)
     at_answer = ((fit.model - fit.data) * weight).ravel()
     assert target.log_probability(ANSWER) == pytest.approx(0.0, abs=1e-9)
     for theta in ANSWER + 0.3 * RNG.standard_normal((6, 3)) * [0.3, 0.5, 0.3]:
@@ -93,7 +90,7 @@ def test_the_log_probability_is_half_the_square_by_the_noise():
 
 
 def test_beyond_the_bounds_and_where_nothing_runs_the_probability_is_none():
-    target = Target(Bent(), a_fit())
+    target = LogPosterior(Bent(), a_fit())
     for i in range(3):
         for end in (-1.0, 1.0 + i):
             at = np.where(np.arange(3) == i, end, 0.0)
@@ -105,19 +102,19 @@ def test_beyond_the_bounds_and_where_nothing_runs_the_probability_is_none():
 def test_the_shape_of_a_target_is_the_gaussian_of_its_slopes_and_of_its_bounds():
     """The square of a flat law between bounds has a twelfth of their distance's."""
     fit = a_fit()
-    target, (_, slopes, U, noise, _) = Target(Bent(), fit), weighting(fit)
+    target, (_, slopes, U, noise, _) = LogPosterior(Bent(), fit), weighting(fit)
     by_scale = slopes.T @ U
     reach = np.array([2.0, 3.0, 4.0]) / SCALE
     precision = by_scale @ np.linalg.inv(noise) @ by_scale.T + np.diag(12 / reach**2)
     exact = np.linalg.inv(precision) * np.outer(SCALE, SCALE)
     np.testing.assert_allclose(target.shape @ target.shape.T, exact, rtol=1e-8)
-    blind = _square_root(np.zeros((2, 2)), np.eye(2), np.array([1.0, 6.0]))
+    blind = covariance_root(np.zeros((2, 2)), np.eye(2), np.array([1.0, 6.0]))
     np.testing.assert_allclose(blind @ blind.T, np.diag([1, 36]) / 12, rtol=1e-12)
 
 
 def test_independent_proposals_are_students_and_tell_their_density():
     y = np.random.default_rng(0).standard_normal((40000, 3))
-    other, ratio = _independent(y, np.random.RandomState(1))
+    other, ratio = student_proposals(y, np.random.RandomState(1))
     law = multivariate_t(np.zeros(3), np.eye(3), df=FREEDOM)
     np.testing.assert_allclose(ratio, law.logpdf(y) - law.logpdf(other), rtol=1e-9, atol=1e-12)
     spread = FREEDOM / (FREEDOM - 2)
@@ -129,9 +126,9 @@ def test_independent_proposals_are_students_and_tell_their_density():
 def test_what_lies_outside_of_bounds_is_reflected_at_them():
     low, high = np.array([-1.0, 2.0]), np.array([1.0, 5.0])
     inside = np.array([[-0.5, 2.2], [0.9, 4.9]])
-    np.testing.assert_allclose(_inside(inside, (low, high)), inside)
+    np.testing.assert_allclose(reflected(inside, (low, high)), inside)
     for moved in (2 * low - inside, 2 * high - inside, inside + 2 * (high - low)):
-        np.testing.assert_allclose(_inside(moved, (low, high)), inside)
+        np.testing.assert_allclose(reflected(moved, (low, high)), inside)
 
 
 def test_a_posterior_counts_its_samples_by_the_one_that_mixes_worst():
@@ -187,8 +184,8 @@ def test_waves_that_overlap_by_more_than_a_tenth_have_no_impulse(floor, told):
 
 def test_valleys_of_a_scan_are_its_local_minima_the_least_first():
     misfit = np.array([3.0, 4, 2, 2, 5, 1, 6, 5])
-    assert _minima(misfit).tolist() == [5, 2, 3, 0, 7]
-    assert _minima(np.array([1.0])).tolist() == [0]
+    assert local_minima(misfit).tolist() == [5, 2, 3, 0, 7]
+    assert local_minima(np.array([1.0])).tolist() == [0]
 
 
 def test_a_scan_tries_frequencies_by_factors_and_leaves_out_what_cannot_run():
@@ -248,8 +245,8 @@ def test_windows_grow_with_a_prior_on_all_but_the_last():
 
 
 def test_swaps_go_on_while_they_help_and_then_by_cycles_of_three():
-    """The best TRIED that are guessed below WORSE of the misfit, each fitted once."""
-    guesses = [0.5] * 3 + [0.99 * WORSE] + [1.01 * WORSE] * 5
+    """The best SWAPS.tried that are guessed below SWAPS.worse of the misfit, each fitted once."""
+    guesses = [0.5] * 3 + [0.99 * SWAPS.worse] + [1.01 * SWAPS.worse] * 5
     fit, begin = Scripted(guesses), Solution(np.array([1.0]), 1.0, 1, True)
     search = windows(fit)
     best, spent = search.swapped(best=begin, free=None, window=np.ones(4), enough=0.3)
@@ -258,9 +255,9 @@ def test_swaps_go_on_while_they_help_and_then_by_cycles_of_three():
     assert kinds == [("pairs", 1.0), ("pairs", 0.5)]
     many = Scripted([0.5] * 9)
     windows(many).swapped(begin, None, np.ones(4), 0.9, rounds=1)
-    assert len(many.calls) == 1 + TRIED
+    assert len(many.calls) == 1 + SWAPS.tried
     for improves, told in (
-        (1.01 * BETTER, ["pairs", "cycles"]), (0.99 * BETTER, ["pairs"] * ROUNDS)
+        (1.01 * SWAPS.better, ["pairs", "cycles"]), (0.99 * SWAPS.better, ["pairs"] * SWAPS.rounds)
     ):  # fmt: skip
         fit = Scripted([0.5], improves)
         best, _ = windows(fit).swapped(begin, None, np.ones(4), 0.0)

@@ -23,7 +23,7 @@ from coupling import (
 from coupling.wall import (
     coupled_wall,
     damping_matrix,
-    kept_modes,
+    moving_mask,
     moving_modes,
     residual_compliance,
     wall_from_reduced,
@@ -42,9 +42,9 @@ bar = partial(steel_bar, 1.6e-3)  # m^2
 
 def spring_wall(reduced, half_space=0.0, cutoff_hz=None):
     """The wall whose other modes are a massless spring, not an oscillator."""
-    own = modal(reduced)
-    moving = moving_modes(own, kept_modes(own, reduced, cutoff_hz))
-    s = residual_compliance(reduced, own, moving, half_space)
+    modes = modal(reduced)
+    moving = moving_modes(modes, moving_mask(modes, reduced, cutoff_hz))
+    s = residual_compliance(reduced, modes, moving, half_space)
     return dem.Wall(moving.omega, np.zeros(len(moving.omega)), moving.phi, s)
 
 
@@ -107,7 +107,7 @@ def test_moving_modes_residual_and_half_space_add_up_to_the_static_compliance(
 
 def test_all_beyond_the_cutoff_is_one_oscillator_or_a_spring():
     reduced = free_modes(*bar(), Selection(n_modes=12))
-    own = modal(reduced)
+    modes = modal(reduced)
     for cutoff_hz, n_modes in ((None, 12), (20e3, 4), (1.0, 0), (1e9, 13)):
         wall = wall_from_reduced(reduced, half_space=0, cutoff_hz=cutoff_hz)
         spring = spring_wall(reduced, cutoff_hz=cutoff_hz)
@@ -115,19 +115,19 @@ def test_all_beyond_the_cutoff_is_one_oscillator_or_a_spring():
         assert len(wall.omega) == min(n_modes + 1, 13)
         assert wall.residual_compliance == 0
         for moment in (2, 4):
-            beyond = np.sum(own.phi[n_modes:] ** 2 / own.omega[n_modes:] ** moment)
+            beyond = np.sum(modes.phi[n_modes:] ** 2 / modes.omega[n_modes:] ** moment)
             theirs = np.sum(wall.phi[n_modes:] ** 2 / wall.omega[n_modes:] ** moment)
             assert theirs == pytest.approx(beyond, rel=1e-9, abs=0.0)
         assert spring.residual_compliance == pytest.approx(
-            np.sum((own.phi[n_modes:] / own.omega[n_modes:]) ** 2), rel=1e-9, abs=1e-20
+            np.sum((modes.phi[n_modes:] / modes.omega[n_modes:]) ** 2), rel=1e-9, abs=1e-20
         )
 
 
 def test_an_oscillator_for_the_rest_answers_far_better_than_a_spring():
     exact, reduced = full_order(*bar()), free_modes(*bar(), Selection(n_modes=12))
     omega = HZ * np.linspace(100, 20e3, 77)
-    own = modal(exact)
-    right = own.phi**2 @ (1 / (own.omega[:, None] ** 2 - omega**2))
+    modes = modal(exact)
+    right = modes.phi**2 @ (1 / (modes.omega[:, None] ** 2 - omega**2))
     error = {}
     walls = {"oscillator": wall_from_reduced(reduced, half_space=0), "spring": spring_wall(reduced)}
     for remainder, wall in walls.items():

@@ -16,7 +16,7 @@ from fem import (
     Model,
     Orthotropic,
     Side,
-    Table,
+    SwayingTable,
     assemble,
     contact_patch,
     dashpots,
@@ -113,7 +113,7 @@ def test_a_table_dashpots_and_the_contact_are_in_the_deck():
     assembly = Assembly()
     mesh = hex_mesh(assembly, seed=20e-3, block_seed=50e-3, support_seed=60e-3)
     steel = {body: Material(210e9, 0.3, 7850.0) for body in mesh.subdomains}
-    model = bolted(assemble(by_body(mesh), steel), assembly, Table(6.5, 1000.0))
+    model = bolted(assemble(by_body(mesh), steel), assembly, SwayingTable(6.5, 1000.0))
     w = contact_patch(model, "block:+x", (0.03, 0.0), 2e-3).w
     C = dashpots(model, {"head.ky": 100.0, "head.kry": 3.0})
     theirs = answer(input_deck(model, steel, w=w, C=C))

@@ -5,10 +5,10 @@ import pytest
 from skfem import MeshHex, MeshTet
 
 from fem import (
+    BodyMotion,
     Connections,
     Held,
     Material,
-    Motion,
     Number,
     Shape,
     Tie,
@@ -53,7 +53,7 @@ def found(model):
 
 
 def test_a_beam_with_a_mass_bends_flat_then_upright_then_twists(model, found):
-    targets = [Motion("cube", m) for m in ("z+ry", "y+rz", "rx", "x")]
+    targets = [BodyMotion("cube", m) for m in ("z+ry", "y+rz", "rx", "x")]
     pairing = pair(model, found, targets)
     np.testing.assert_array_equal(pairing.index[:3], [0, 1, 2])
     assert pairing.index[3] > 3 and np.all(pairing.score > 0.5)
@@ -61,7 +61,9 @@ def test_a_beam_with_a_mass_bends_flat_then_upright_then_twists(model, found):
 
 
 def test_strain_is_where_the_soft_body_is(model, found):
-    of_bar, of_cube = pair(model, found, [Motion(b, "strain") for b in ("bar", "cube")]).character
+    of_bar, of_cube = pair(
+        model, found, [BodyMotion(b, "strain") for b in ("bar", "cube")]
+    ).character
     np.testing.assert_allclose(of_bar + of_cube, 1.0, rtol=1e-6)
     assert of_bar[0] > 0.99
 
@@ -91,7 +93,7 @@ def test_a_measured_shape_is_paired_by_its_mac(model, found):
 
 
 def test_target_mac_is_one_for_the_mode_itself_on_the_body_that_tells_it(model, found):
-    targets = [Motion("cube", "z"), Number(3)]
+    targets = [BodyMotion("cube", "z"), Number(3)]
     shapes = found.phi[:, [0, 2]]
     table = target_mac((model, model), (found.phi, -2 * shapes), targets)
     assert table.shape == (8, 2)
@@ -101,7 +103,7 @@ def test_target_mac_is_one_for_the_mode_itself_on_the_body_that_tells_it(model, 
 
 def test_a_motion_of_no_direction_is_refused():
     with pytest.raises(ValueError, match="motion = 'x-ry' of cube must be a sum of x, y, z"):
-        assert Motion("cube", "x-ry").directions
+        assert BodyMotion("cube", "x-ry").directions
 
 
 def test_outer_nodes_hold_triangles_beside_quadrilaterals(model):

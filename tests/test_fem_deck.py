@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from skfem import MeshHex
 
-from fem import Bushing, Connections, Material, Table, assemble, contact_patch, dashpots, joined
+from fem import (
+    Bushing,
+    Connections,
+    Material,
+    SwayingTable,
+    assemble,
+    contact_patch,
+    dashpots,
+    joined,
+)
 from fem.abaqus import input_deck
 from geometry import Assembly, by_body, held_faces, hex_mesh, interfaces
 from workflows.stages.rig import wires
@@ -19,7 +28,7 @@ def model():
     bushings = {"head": Bushing(ky=6.6e5, kry=100.0), "foot": Bushing()}
     structure = assemble(by_body(mesh), steel(mesh.subdomains))
     how = wires(interfaces(parts), held_faces(parts), bushings)
-    return joined(structure, how._replace(table=Table(6.5, 1000.0)))
+    return joined(structure, how._replace(table=SwayingTable(6.5, 1000.0)))
 
 
 def steel(bodies):

@@ -6,8 +6,8 @@ import pytest
 from fem import Bushing, Material, assemble, joined, modes, pair
 from fem.correlation import BodyForms, Number
 from fem.tuning import (
-    Parameter,
     TuningBasis,
+    TuningParameter,
     at_before,
     determined,
     sensitivity,
@@ -19,11 +19,13 @@ from geometry import Assembly, by_body, held_faces, hex_mesh, interfaces
 from workflows.stages.rig import TARGETS, wires
 
 STEEL = Material(210e9, 0.3, 7850.0)
-KY = Parameter("head.ky", ("head.ky",), 1e6, 1e4, 1e12)
-KZ = Parameter("head.kz", ("head.kz",), 3e7, 1e5, 1e12)
-KRY = Parameter("head.kry", ("head.kry",), 1e2, 1e-1, 1e8)
-BLOCK = [Parameter(name, (), 1.0, 0.85, 1.15, ("block",), name) for name in ("young", "density")]
-TANGENTIAL = Parameter("head.kt", ("head.kz", "head.kx"), 1e8, 1e5, 1e12)
+KY = TuningParameter("head.ky", ("head.ky",), 1e6, 1e4, 1e12)
+KZ = TuningParameter("head.kz", ("head.kz",), 3e7, 1e5, 1e12)
+KRY = TuningParameter("head.kry", ("head.kry",), 1e2, 1e-1, 1e8)
+BLOCK = [
+    TuningParameter(name, (), 1.0, 0.85, 1.15, ("block",), name) for name in ("young", "density")
+]
+TANGENTIAL = TuningParameter("head.kt", ("head.kz", "head.kx"), 1e8, 1e5, 1e12)
 
 
 def model(head, block=STEEL):
@@ -95,8 +97,8 @@ def small_basis(*, stiffness=(0.0, 0.0)):
 
 def parameter(name, before=np.inf):
     if name in ("young", "density"):
-        return Parameter(name, (), 1.0, 0.5, 2.0, ("body",), name, (before,))
-    return Parameter(name, (f"joint.{name}",), 1e7, 1e4, 1e12, before=(before,))
+        return TuningParameter(name, (), 1.0, 0.5, 2.0, ("body",), name, (before,))
+    return TuningParameter(name, (f"joint.{name}",), 1e7, 1e4, 1e12, before=(before,))
 
 
 def targets_at(parameters, value, n):

@@ -8,12 +8,11 @@ from scipy.spatial.transform import Rotation
 from skfem import FacetBasis, MeshHex, MeshTet
 
 from geometry import InvalidGeometry, smallest_quality
-from geometry.body_mesh import body_meshes, facet_error
+from geometry.body_mesh import body_meshes, facet_error, foreseen_nodes
 from geometry.cad import model
-from geometry.foreseen import foreseen_nodes
 from geometry.imprint import Disc
 from geometry.selectors import Selected, bodies_named, faces, touches
-from geometry.shapes import Box, Cylinder, Hole, Plate
+from geometry.shapes import Box, Cylinder, Hole, Slab
 from geometry.sizes import Fine, Sizes, default_seed, default_seeds, size_of
 from geometry.touching import neighbours
 
@@ -38,8 +37,8 @@ def shapes():
     holes = tuple(Hole(2 * BORE, corner) for corner in CORNERS)
     bolts = {f"bolt-{i}": Cylinder(BORE, 0.05, **at(*c, 0)) for i, c in enumerate(CORNERS)}
     return bolts | {
-        "cover": Plate(RECTANGLE, 0.008, holes, **at(0, 0, 0)),
-        "base": Plate(RECTANGLE, 0.02, holes, **at(0, 0, -0.02)),
+        "cover": Slab(RECTANGLE, 0.008, holes, **at(0, 0, 0)),
+        "base": Slab(RECTANGLE, 0.02, holes, **at(0, 0, -0.02)),
         "block": Box((0.03, 0.03, 0.03), **at(0.1, 0.05, 0.023 + 5e-6)),
     }
 
@@ -193,7 +192,7 @@ def test_a_tube_in_a_ring_is_polar_and_touches_over_its_length():
 def test_a_thin_body_is_fine_where_its_partner_ends_and_there_alone(element, hole):
     holes = (Hole(0.006, (0.08, 0.03)),) if hole else ()
     shapes = {
-        "sheet": Plate(((0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06)), 1e-3, holes),
+        "sheet": Slab(((0, 0), (0.1, 0), (0.1, 0.06), (0, 0.06)), 1e-3, holes),
         "clamp": Box((0.03, 0.06, 0.03), at=(0.015, 0.03, -0.015)),
     }
     seed = 4e-3
@@ -218,7 +217,7 @@ def test_a_thin_body_is_fine_where_its_partner_ends_and_there_alone(element, hol
 def test_nodes_are_foreseen_within_a_factor_of_two(element, finer):
     shapes = {
         "block": Box((0.06, 0.05, 0.04)),
-        "plate": Plate(RECTANGLE, 0.008, tuple(Hole(2 * BORE, corner) for corner in CORNERS)),
+        "plate": Slab(RECTANGLE, 0.008, tuple(Hole(2 * BORE, corner) for corner in CORNERS)),
         "pin": Cylinder(0.01, 0.16),
         "tube": Cylinder(0.05, 0.2, 0.04),
     }
@@ -241,7 +240,10 @@ def test_a_seed_that_no_machine_solves_is_refused_before_meshing():
 
 def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_only():
     outline = ((0, 0), (0.1, 0), (0.1, 0.05), (0.05, 0.08), (0, 0.05))
-    shapes = {"pad": Plate(outline, 0.03), "leg": Box((0.02, 0.02, 0.1), at=(0.05, 0.03, -0.05))}
+    shapes = {
+        "pad": Slab(outline, 0.03),
+        "leg": Box((0.02, 0.02, 0.1), at=(0.05, 0.03, -0.05)),
+    }
     on_side = {"spot": lambda bodies: Disc(faces("pad:-y", bodies), SPOT, np.eye(3)[1], 0.008)}
     meshes = hexahedra_of(shapes, patches=on_side)
     assert isinstance(meshes["pad"], MeshTet) and isinstance(meshes["leg"], MeshHex)
@@ -253,7 +255,7 @@ def test_a_disc_on_a_side_that_cannot_be_extruded_makes_tetrahedra_of_that_body_
 def test_a_disc_that_its_face_cuts_off_keeps_its_circle():
     place, radius = np.array([0.00625, 0.05, 0.01]), 0.0065
     discs = {"cut": lambda bodies: Disc(faces("pad:+z", bodies), place, np.eye(3)[2], radius)}
-    mesh = hexahedra_of({"pad": Plate(RECTANGLE, 0.01)}, patches=discs)["pad"]
+    mesh = hexahedra_of({"pad": Slab(RECTANGLE, 0.01)}, patches=discs)["pad"]
     nodes = mesh.p[:, np.unique(mesh.facets[:, mesh.boundaries["cut"]])]
     assert np.linalg.norm(nodes - place[:, None], axis=0).max() == pytest.approx(radius, rel=1e-9)
     off = place[0] / radius
@@ -323,8 +325,8 @@ def test_a_side_touched_over_a_trapezium_makes_tetrahedra():
     slanted = ((0.02, 0), (0.08, 0), (0.06, 0.02), (0.04, 0.02))
     meshes = hexahedra_of(
         {
-            "pad": Plate(wide, 0.03),
-            "rib": Plate(slanted, 0.02, turn=(90, 0, 0)),
+            "pad": Slab(wide, 0.03),
+            "rib": Slab(slanted, 0.02, turn=(90, 0, 0)),
         }
     )
     assert isinstance(meshes["pad"], MeshTet) and isinstance(meshes["rib"], MeshHex)
@@ -344,7 +346,7 @@ PICKED = {
 
 @pytest.mark.parametrize("selector", PICKED)
 def test_selectors_pick_the_face_that_is_meant(selector):
-    with model({"ell": Plate(L_SHAPE, 0.05)}) as drawn:
+    with model({"ell": Slab(L_SHAPE, 0.05)}) as drawn:
         picked = faces(selector, drawn.bodies)
         (tag,) = picked.tags
         np.testing.assert_allclose(
@@ -367,7 +369,10 @@ REFUSED = {
 
 @pytest.mark.parametrize("selector", REFUSED)
 def test_selectors_that_pick_nothing_or_cannot_choose_say_what_there_is(selector):
-    shapes = {"ell": Plate(L_SHAPE, 0.05), "tube": Cylinder(0.02, 0.1, 0.01, at=(0.3, 0, 0))}
+    shapes = {
+        "ell": Slab(L_SHAPE, 0.05),
+        "tube": Cylinder(0.02, 0.1, 0.01, at=(0.3, 0, 0)),
+    }
     with (
         model(shapes) as drawn,
         pytest.raises(InvalidGeometry, match=REFUSED[selector]),

@@ -15,7 +15,7 @@ from geometry.cad import body_of, model, write_step
 from geometry.gmsh_session import session, silent
 from geometry.rig import shapes as rig_shapes
 from geometry.selectors import faces
-from geometry.shapes import Box, Cylinder, Hole, Plate, volume
+from geometry.shapes import Box, Cylinder, Hole, Slab, volume
 from geometry.touching import neighbours
 
 HOLES = tuple(Hole(8.5e-3, at) for at in ((0.02, 0.02), (0.18, 0.02), (0.18, 0.08), (0.02, 0.08)))
@@ -23,8 +23,8 @@ RECTANGLE = ((0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1))
 ELL = ((0, 0), (0, 0.1), (0.03, 0.1), (0.03, 0.02), (0.08, 0.02), (0.08, 0))  # clockwise
 SHAPES = {
     "beam": Box((0.3, 0.04, 0.005), at=(0.1, 0.2, 0.3), turn=(10, 20, 30)),
-    "cover": Plate(RECTANGLE, 0.008, HOLES, turn=(0, 90, 0)),
-    "angle": Plate(ELL, 0.05, at=(1.0, 0, 0)),
+    "cover": Slab(RECTANGLE, 0.008, HOLES, turn=(0, 90, 0)),
+    "angle": Slab(ELL, 0.05, at=(1.0, 0, 0)),
     "tube": Cylinder(0.05, 0.4, 0.045, turn=(90, 0, 0)),
 }
 
@@ -200,13 +200,19 @@ def test_files_without_bodies_are_refused_in_a_sentence(tmp_path, content, says,
         (lambda: Box((0.1, 0.0, 0.1)), "side along y = 0.0 m"),
         (lambda: Box((0.1, 0.1, 0.1), at=(0, float("nan"), 0)), "at = .* three finite"),
         (lambda: Cylinder(0.05, 0.4, 0.05), "bore = 0.05 m"),
-        (lambda: Plate(RECTANGLE, 0.0), "thickness = 0.0 m"),
-        (lambda: Plate(RECTANGLE[:2], 0.01), "at least three points"),
-        (lambda: Plate(((0, 0), (1, 1), (1, 0), (0, 1)), 0.01), "edges 1 and 3 meet"),
-        (lambda: Plate(RECTANGLE, 0.01, (Hole(0.01, (0.004, 0.05)),)), "not inside the outline"),
-        (lambda: Plate(RECTANGLE, 0.01, (Hole(0.01, (0.3, 0.05)),)), "not inside the outline"),
+        (lambda: Slab(RECTANGLE, 0.0), "thickness = 0.0 m"),
+        (lambda: Slab(RECTANGLE[:2], 0.01), "at least three points"),
+        (lambda: Slab(((0, 0), (1, 1), (1, 0), (0, 1)), 0.01), "edges 1 and 3 meet"),
         (
-            lambda: Plate(RECTANGLE, 0.01, (Hole(0.01, (0.1, 0.05)), Hole(0.01, (0.105, 0.05)))),
+            lambda: Slab(RECTANGLE, 0.01, (Hole(0.01, (0.004, 0.05)),)),
+            "not inside the outline",
+        ),
+        (
+            lambda: Slab(RECTANGLE, 0.01, (Hole(0.01, (0.3, 0.05)),)),
+            "not inside the outline",
+        ),
+        (
+            lambda: Slab(RECTANGLE, 0.01, (Hole(0.01, (0.1, 0.05)), Hole(0.01, (0.105, 0.05)))),
             "which must exceed 0.01 m",
         ),
     ],

@@ -13,7 +13,7 @@ from geometry.faceted import bodies, skins
 from geometry.faceted_touching import meeting
 from geometry.holes import bores
 from geometry.selectors import faces
-from geometry.shapes import Cylinder, Hole, Plate
+from geometry.shapes import Cylinder, Hole, Slab
 from geometry.sizes import Sizes
 
 GAP = 1e-5
@@ -77,7 +77,7 @@ def test_bodies_that_overlap_are_told_with_their_volume():
 def pinned(request):
     """A pin in the hole of a plate with a rounded hole more, meshed apart."""
     outline = ((0, 0), (0.1, 0), (0.1, 0.05), (0, 0.05))
-    plate = Plate(outline, 0.01, (Hole(0.012, (0.03, 0.02)), Hole(0.007, (0.08, 0.02))))
+    plate = Slab(outline, 0.01, (Hole(0.012, (0.03, 0.02)), Hole(0.007, (0.08, 0.02))))
     shapes = {"plate": plate, "pin": Cylinder(0.006, 0.03, at=(0.03, 0.02, 0.005))}
     with model(shapes) as drawn:
         return body_meshes(drawn.bodies, gap=GAP, sizes=Sizes({"pin": 3e-3}), element=request.param)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from geometry.cad import body_of, model
 from geometry.gmsh_session import session
 from geometry.holes import bores, concentric
-from geometry.shapes import Cylinder, Hole, Plate
+from geometry.shapes import Cylinder, Hole, Slab
 from geometry.touching import neighbours
 
 GAP = 1e-5
@@ -25,7 +25,7 @@ def at(*point):
 
 def plate(thickness, z, *holes):
     drilled = tuple(Hole(diameter, place) for diameter, place in holes)
-    return Plate(RECTANGLE, thickness, drilled, **at(0, 0, z))
+    return Slab(RECTANGLE, thickness, drilled, **at(0, 0, z))
 
 
 @pytest.fixture(scope="module")

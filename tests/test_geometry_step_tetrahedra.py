@@ -11,13 +11,13 @@ from fem.calculix import answer
 from fem.calculix_tied import Screw, tied_deck
 from geometry.cad import write_step
 from geometry.shapes import Box, Cylinder
-from geometry.step_tetrahedra import Disc, Sizes, step_tetrahedra
+from geometry.step_tetrahedra import ElementSizes, StepPatch, step_tetrahedra
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 HALF, SLENDER, LOWER, UPPER = 0.03, 0.01, 0.05, 0.12  # m
 RADIUS = 4e-3  # m
 IN = np.array([0.0, 0.0, -1.0])
-SIZES = Sizes({"lower": 15e-3, "upper": 8e-3}, rim=3e-3, disc=1.5e-3)
+SIZES = ElementSizes({"lower": 15e-3, "upper": 8e-3}, rim=3e-3, disc=1.5e-3)
 
 
 def meshed(folder, upper):
@@ -28,7 +28,7 @@ def meshed(folder, upper):
         "upper": upper,
     }
     write_step(shapes, folder / "blocks.step")
-    top = Disc("upper", np.array([0.0, 0.0, UPPER]), -IN, RADIUS)
+    top = StepPatch("upper", np.array([0.0, 0.0, UPPER]), -IN, RADIUS)
     return step_tetrahedra(folder / "blocks.step", SIZES, top)
 
 

@@ -12,8 +12,8 @@ from geometry import InvalidGeometry
 from geometry.body_mesh import body_meshes, facet_error
 from geometry.cad import body_of, model
 from geometry.gmsh_session import session
-from geometry.shapes import Box, Cylinder, Hole, Plate
-from geometry.touching import neighbours, require_apart, told
+from geometry.shapes import Box, Cylinder, Hole, Slab
+from geometry.touching import neighbours, require_apart
 
 GAP = 1e-5
 TURNS = [(0, 0, 0), (10, 20, 30), (90, 0, 45)]
@@ -37,8 +37,8 @@ def test_a_plate_on_four_bolts_touches_each_over_its_bore(turn):
     holes = tuple(Hole(8.5e-3, at) for at in CORNERS)
     plate = {"outline": RECTANGLE, "holes": holes}
     shapes = {
-        "cover": turned(Plate, turn, 0, 0, 0, thickness=0.008, **plate),
-        "base": turned(Plate, turn, 0, 0, -0.02, thickness=0.02, **plate),
+        "cover": turned(Slab, turn, 0, 0, 0, thickness=0.008, **plate),
+        "base": turned(Slab, turn, 0, 0, -0.02, thickness=0.02, **plate),
     }
     for i, at in enumerate(CORNERS):
         shapes[f"bolt-{i}"] = turned(Cylinder, turn, *at, 0, radius=4.25e-3, length=0.05)
@@ -54,7 +54,7 @@ def test_a_plate_on_four_bolts_touches_each_over_its_bore(turn):
 
 @pytest.mark.parametrize(("clearance", "touching"), [(0, 1), (8e-6, 1), (3e-5, 0)])
 def test_a_pin_touches_its_bore_within_the_gap(clearance, touching):
-    bored = Plate(RECTANGLE, 0.02, (Hole(0.01, (0.1, 0.05)),))
+    bored = Slab(RECTANGLE, 0.02, (Hole(0.01, (0.1, 0.05)),))
     pin = Cylinder(0.005 - clearance, 0.05, at=(0.1, 0.05, 0.01))
     near, _ = found({"plate": bored, "pin": pin})
     assert len(near.touching) == touching and len(near.misses) == 1 - touching
@@ -87,7 +87,7 @@ def test_bodies_that_overlap_or_lie_inside_each_other_are_refused():
     near, _ = found({"a": Box((0.1,) * 3), "core": Box((0.01,) * 3)})
     with pytest.raises(InvalidGeometry, match='"core" lies inside "a"'):
         require_apart(near)
-    bored = Plate(RECTANGLE, 0.02, (Hole(0.01, (0.1, 0.05)),))
+    bored = Slab(RECTANGLE, 0.02, (Hole(0.01, (0.1, 0.05)),))
     near, _ = found({"plate": bored, "pin": Cylinder(0.005, 0.01, at=(0.1, 0.05, 0.01))})
     require_apart(near)
 
@@ -95,9 +95,9 @@ def test_bodies_that_overlap_or_lie_inside_each_other_are_refused():
 def test_near_misses_and_lines_are_told_in_a_sentence():
     cube = Box((0.1,) * 3)
     near, _ = found({"a": cube, "b": Box((0.1,) * 3, at=(0.1003, 0, 0))})
-    assert '"a" and "b" miss each other by 0.3 mm' in told(near.misses[0])
+    assert '"a" and "b" miss each other by 0.3 mm' in near.misses[0].sentence
     near, _ = found({"a": cube, "b": Box((0.1,) * 3, at=(0.1, 0.1, 0))})
-    assert "along a line or at a point, near [0.05, 0.05, " in told(near.misses[0])
+    assert "along a line or at a point, near [0.05, 0.05, " in near.misses[0].sentence
 
 
 def test_edges_that_meet_are_no_contact_but_a_distance_of_nothing():

@@ -49,18 +49,18 @@ def test_the_extreme_eigenvalues_of_a_large_wall_are_those_of_the_chain_it_is():
     """K of n equal masses and springs between two walls: 2 - 2 cos(pi j / (n + 1)), j = 1 .. n."""
     n = 700
     K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
-    found = health(full_order(K, np.eye(n), np.eye(n)[0]))
+    result = health(full_order(K, np.eye(n), np.eye(n)[0]))
     ends = 2 - 2 * np.cos(np.pi * np.array([1, n]) / (n + 1))
-    assert found.lowest_stiffness == pytest.approx(ends[0] / ends[1], rel=2e-3)
-    assert found.lowest_mass == pytest.approx(1.0)
+    assert result.lowest_stiffness == pytest.approx(ends[0] / ends[1], rel=2e-3)
+    assert result.lowest_mass == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("k", "least"), [(3.0e8, 1.0), (0.0, 0.0), (-3.0e8, 0.0)])
 def test_one_mass_on_one_spring_has_one_stiffness_which_is_none_where_it_holds_nothing(k, least):
     one = full_order([[1.0]], [[MASS]], [1.0])._replace(K=np.array([[k]]))
-    found = health(one)
-    assert (found.lowest_mass, found.lowest_stiffness) == (1.0, least)
-    assert found.n_rigid == (k == 0)
+    result = health(one)
+    assert (result.lowest_mass, result.lowest_stiffness) == (1.0, least)
+    assert result.n_rigid == (k == 0)
 
 
 def test_a_coordinate_without_mass_of_its_own_is_measured_as_it_stands():

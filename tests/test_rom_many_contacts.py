@@ -8,7 +8,7 @@ from coupling import ModalDamping
 from coupling.many_contacts import walls_of
 from coupling.wall import wall_from_reduced
 from known_models import steel_bar
-from rom import Face, full_order, modal, receptance, superlu
+from rom import full_order, many_contacts, modal, receptance, superlu
 from rom.factorisation import symmetric
 from rom.floating import pencil
 from rom.lanczos import modes_below
@@ -28,50 +28,49 @@ def structure(held, n=450):
 
 def face(K, M, W, cutoff_hz, n_vectors=1):
     problem = pencil(symmetric(K, "K"), symmetric(M, "M"), superlu)
-    return Face(problem, modes_below(problem, cutoff_hz), W, n_vectors)
+    return many_contacts(problem, modes_below(problem, cutoff_hz), W, n_vectors)
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "floating"])
 def test_each_wall_is_that_of_the_full_model_with_the_same_modes(held):
     K, M, W = structure(held)
     half_space = np.array([1e-10, 2e-10, 0.0])
-    found = walls_of(
-        face(K, M, W, cutoff_hz=CUTOFF).contacts, 1, half_space=half_space, damping=DAMPING
-    )
+    result = walls_of(face(K, M, W, cutoff_hz=CUTOFF), 1, half_space=half_space, damping=DAMPING)
     for i in range(3):
-        own = wall_from_reduced(
+        wall_i = wall_from_reduced(
             full_order(K, M, W[:, [i]].toarray().ravel()), half_space=half_space[i],
             damping=DAMPING, cutoff_hz=CUTOFF,
         )  # fmt: skip
-        assert len(own.omega) == found.omega.shape[1] > 4
-        scale = own.omega.max()
-        assert np.abs(found.omega[i] - own.omega).max() < 1e-7 * scale
-        assert np.abs(found.phi[i] ** 2 - own.phi**2).max() < 1e-7 * (own.phi**2).max()
-        assert np.array_equal(found.zeta[i] > 0, own.omega > 1e-6 * scale)
-        assert found.residual_compliance[i] == -half_space[i]
+        assert len(wall_i.omega) == result.omega.shape[1] > 4
+        scale = wall_i.omega.max()
+        assert np.abs(result.omega[i] - wall_i.omega).max() < 1e-7 * scale
+        assert np.abs(result.phi[i] ** 2 - wall_i.phi**2).max() < 1e-7 * (wall_i.phi**2).max()
+        assert np.array_equal(result.zeta[i] > 0, wall_i.omega > 1e-6 * scale)
+        assert result.residual_compliance[i] == -half_space[i]
         # the full model says the same but for rounding of what the modes leave
-        assert abs(own.residual_compliance + half_space[i]) < 1e-7 * (own.phi[-1] / scale) ** 2
+        rounding = 1e-7 * (wall_i.phi[-1] / scale) ** 2
+        assert abs(wall_i.residual_compliance + half_space[i]) < rounding
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["held", "floating"])
 def test_n_oscillators_have_two_n_moments_of_all_modes_beyond(held):
     K, M, W = structure(held)
-    contacts = face(K, M, W, cutoff_hz=CUTOFF, n_vectors=5).contacts
+    contacts = face(K, M, W, cutoff_hz=CUTOFF, n_vectors=5)
     for i in range(3):
-        whole = modal(full_order(K, M, W[:, [i]].toarray().ravel()))
-        far = whole.omega > 2 * np.pi * CUTOFF
+        exact = modal(full_order(K, M, W[:, [i]].toarray().ravel()))
+        far = exact.omega > 2 * np.pi * CUTOFF
         for n in (1, 2, 5):
             beyond = contacts.beyond(n)
             assert beyond.omega.shape == (3, n) and (np.diff(beyond.omega[i]) > 0).all()
             for m in range(1, 2 * n + 1):
                 full = (
-                    whole.phi[far] ** 2 * (2 * np.pi * CUTOFF / whole.omega[far]) ** (2 * m)
+                    exact.phi[far] ** 2 * (2 * np.pi * CUTOFF / exact.omega[far]) ** (2 * m)
                 ).sum()
                 ours = (
                     beyond.phi[i] ** 2 * (2 * np.pi * CUTOFF / beyond.omega[i]) ** (2 * m)
                 ).sum()
                 assert abs(ours / full - 1) < 1e-6
-        assert beyond.omega[i, 0] > 0.999 * whole.omega[far].min()  # a Ritz value, from above
+        assert beyond.omega[i, 0] > 0.999 * exact.omega[far].min()  # a Ritz value, from above
 
 
 def test_enough_oscillators_stand_for_the_full_model():
@@ -79,7 +78,7 @@ def test_enough_oscillators_stand_for_the_full_model():
     hz = np.linspace(100.0, 20e3, 50)
     s = 2 * np.pi * hz[:, None]
     full = receptance(full_order(K, M, W[:, [1]].toarray().ravel()), None, hz, loss=0.02)
-    contacts = face(K, M, W, cutoff_hz=5e3, n_vectors=12).contacts
+    contacts = face(K, M, W, cutoff_hz=5e3, n_vectors=12)
     missed = []
     for n in (1, 4, 12):
         wall = walls_of(contacts, n, half_space=np.zeros(3))
@@ -91,7 +90,7 @@ def test_enough_oscillators_stand_for_the_full_model():
 def test_a_contact_with_nothing_beyond_the_modes_has_oscillators_that_do_not_move():
     K, M, _ = steel_bar(1.6e-3, n=6)
     W = sp.csc_array(np.eye(6)[:, [2, 5]])
-    contacts = face(K, M, W, cutoff_hz=1e9, n_vectors=3).contacts
+    contacts = face(K, M, W, cutoff_hz=1e9, n_vectors=3)
     assert len(contacts.omega) == 6
     wall = walls_of(contacts, 3, half_space=np.zeros(2))
     assert np.isfinite(wall.omega).all() and (wall.omega > 0).all()
@@ -104,13 +103,13 @@ def test_a_contact_with_nothing_beyond_the_modes_has_oscillators_that_do_not_mov
         cutoff_hz=float(np.sort(contacts.omega)[3] + contacts.omega[4]) / 4 / np.pi,
         n_vectors=4,
     )
-    beyond = two_left.contacts.beyond(4)
+    beyond = two_left.beyond(4)
     assert ((beyond.phi**2 / beyond.omega**2 > 1e-12 * static[:, None]).sum(axis=1) <= 2).all()
 
 
 def test_lumped_oscillators_keep_static_response_and_moment_of_inertia():
     K, M, W = structure(True)
-    beyond = face(K, M, W, cutoff_hz=5e3, n_vectors=8).contacts.beyond(8)
+    beyond = face(K, M, W, cutoff_hz=5e3, n_vectors=8).beyond(8)
     limit = 40e3
     lumped = beyond.lumped(limit)
     high = beyond.omega > 2 * np.pi * limit

@@ -23,7 +23,7 @@ from rom import (
     tall,
 )
 from rom.contact_modes import (
-    REACH,
+    KrylovOptions,
     _bound,
     _ranked,
     _residual_errors,
@@ -32,20 +32,20 @@ from rom.contact_modes import (
     krylov_space,
     static_shapes,
 )
-from rom.factorisation import Pencil, frequency_scale, noise, solutions, static_response, symmetric
-from rom.fixed_interface import _require_constraint_modes, fixed_interface, whole_pencil
+from rom.factorisation import Pencil, frequency_scale, noise, solutions, symmetric
+from rom.fixed_interface import fixed_interface, whole_pencil
 from rom.floating import is_held, pencil
-from rom.free_modes import _beyond
 from rom.health import fixed_interface_hz, require_faithful, require_static_response
 from rom.lanczos import (
-    MOST_RIGID,
-    EigenPairs,
+    LanczosOptions,
     known_modes,
     lowest_modes,
     modes_below,
     modes_until,
+    no_modes,
     with_columns,
 )
+from rom.residual_vector import residual_vector, static_response
 from rom.truncation import Moments, frequencies, rms, size, tail_errors
 
 N = 12
@@ -119,9 +119,9 @@ def test_inertia_relief_by_a_shifted_factor_is_the_sum_over_elastic_modes(sigma)
     K, M = structure(held=False)
     omega, phi = exact_modes(K, M)
     problem = Pencil(K, M, superlu(K - sigma * M), sigma)
-    found = static_response(problem, W, phi[:, :1])
+    result = static_response(problem, W, phi[:, :1])
     exact = phi[:, 1:] @ (phi[:, 1:].T @ W / omega[1:] ** 2)
-    np.testing.assert_allclose(found, exact, atol=1e-10 * np.abs(exact).max())
+    np.testing.assert_allclose(result, exact, atol=1e-10 * np.abs(exact).max())
     K, M = structure()
     plain = Pencil(K, M, superlu(K - sigma * M), sigma)
     held = static_response(plain, W, np.zeros((N, 0)))
@@ -142,8 +142,8 @@ def test_a_pencil_is_shifted_where_it_floats_and_as_asked():
     np.testing.assert_allclose((K - free.sigma * M) @ free.factor.solve(W), W, atol=1e-10)
 
 
-@pytest.mark.parametrize(("link", "made"), [(1e-6, 2), (1e-3, 3), (1.0, 3)])
-def test_a_shift_of_a_billionth_of_the_scale_serves_where_the_first_mode_lies_near(link, made):
+@pytest.mark.parametrize(("link", "n_factors"), [(1e-6, 2), (1e-3, 3), (1.0, 3)])
+def test_a_shift_of_a_billionth_of_the_scale_serves_where_the_first_mode_lies_near(link, n_factors):
     """Of two stiff chains on a soft link; K itself is tried before, the right shift after it."""
     K, M = (A.tolil() for A in structure(held=False))
     K[5:7, 5:7] += (link - 1) * -K[5, 6] * np.array([[1, -1], [-1, 1]])
@@ -153,13 +153,13 @@ def test_a_shift_of_a_billionth_of_the_scale_serves_where_the_first_mode_lies_ne
         factors.append(A)
         return superlu(A)
 
-    found = pencil(K, M, counted)
-    assert len(factors) == made
-    if made == 2:
-        assert found.sigma / (-1e-9 * frequency_scale(K, M)) == pytest.approx(1.0, rel=1e-12)
+    result = pencil(K, M, counted)
+    assert len(factors) == n_factors
+    if n_factors == 2:
+        assert result.sigma / (-1e-9 * frequency_scale(K, M)) == pytest.approx(1.0, rel=1e-12)
     W = np.linspace(1, -1, N)
-    u = found.factor.solve(W)
-    np.testing.assert_allclose(K @ u - found.sigma * (M @ u), W, atol=1e-4)
+    u = result.factor.solve(W)
+    np.testing.assert_allclose(K @ u - result.sigma * (M @ u), W, atol=1e-4)
 
 
 @pytest.mark.parametrize("n_chains", [6, 8, 20])
@@ -168,8 +168,9 @@ def test_the_first_elastic_mode_is_looked_for_behind_all_rigid_ones(n_chains):
     K, M = (sp.block_diag([A] * n_chains, format="csc") for A in structure(held=False))
     first = exact_modes(*structure(held=False))[0][1]
     assert 1e-2 < -pencil(K, M, superlu).sigma / (first / 10) ** 2 < 1e2
-    more = [sp.block_diag([A] * MOST_RIGID, format="csc") for A in structure(held=False)]
-    with pytest.raises(ReductionError, match=f"at least {MOST_RIGID} rigid-body modes"):
+    n_rigid = LanczosOptions().most_rigid
+    more = [sp.block_diag([A] * n_rigid, format="csc") for A in structure(held=False)]
+    with pytest.raises(ReductionError, match=f"at least {n_rigid} rigid-body modes"):
         pencil(*more, superlu)
 
 
@@ -200,12 +201,12 @@ def test_lowest_modes_are_those_of_dense_algebra(n):
     K, M = structure(n=n)
     omega, phi = exact_modes(K, M)
     problem = pencil(K, M, superlu)
-    for found, k in ((lowest_modes(problem, 9), 9), (modes_below(problem, omega[13] / 6.3), 13)):
-        assert len(found.omega) == (9 if k == 9 else np.sum(omega < 2 * np.pi * omega[13] / 6.3))
-        k = len(found.omega)
-        np.testing.assert_allclose(found.omega, omega[:k], rtol=1e-9)
-        np.testing.assert_allclose(found.phi.T @ (M @ found.phi), np.eye(k), atol=1e-10)
-        alike = np.abs(np.einsum("ij,ij->j", found.phi, M @ phi[:, :k]))
+    for result, k in ((lowest_modes(problem, 9), 9), (modes_below(problem, omega[13] / 6.3), 13)):
+        assert len(result.omega) == (9 if k == 9 else np.sum(omega < 2 * np.pi * omega[13] / 6.3))
+        k = len(result.omega)
+        np.testing.assert_allclose(result.omega, omega[:k], rtol=1e-9)
+        np.testing.assert_allclose(result.phi.T @ (M @ result.phi), np.eye(k), atol=1e-10)
+        alike = np.abs(np.einsum("ij,ij->j", result.phi, M @ phi[:, :k]))
         np.testing.assert_allclose(alike, 1.0, rtol=1e-8)
     assert lowest_modes(problem, 0).phi.shape == (n, 0)
     with pytest.raises(ReductionError, match=f"{n + 1} modes were asked"):
@@ -215,27 +216,27 @@ def test_lowest_modes_are_those_of_dense_algebra(n):
 def test_a_search_is_shown_converged_modes_from_the_lowest_on():
     K, M = structure(n=500)
     omega, phi = exact_modes(K, M)
-    seen = []
+    counts = []
 
-    def enough(found, shapes):
-        k = len(found)
-        np.testing.assert_allclose(found, omega[:k], rtol=1e-8)
+    def enough(result, shapes):
+        k = len(result)
+        np.testing.assert_allclose(result, omega[:k], rtol=1e-8)
         alike = np.abs(np.einsum("ij,ij->j", shapes(), M @ phi[:, :k]))
         np.testing.assert_allclose(alike / np.linalg.norm(shapes().T @ (M @ phi), axis=1), 1.0)
-        seen.append(k)
+        counts.append(k)
         return k >= 40
 
     modes_until(pencil(K, M, superlu), enough)
-    assert seen == sorted(seen) and 40 <= seen[-1] < 80
+    assert counts == sorted(counts) and 40 <= counts[-1] < 80
 
 
 def test_modes_found_elsewhere_are_normalised_and_their_rounding_is_rigid():
     K, M = structure(held=False)
     omega, phi = exact_modes(K, M)
     omega[0] = 0.5 * np.sqrt(noise(K, M))
-    found = known_modes(pencil(K, M, superlu), omega[:3], 2.0 * phi[:, :3])
-    np.testing.assert_allclose(found.omega, [0.0, *omega[1:3]], rtol=1e-14)
-    np.testing.assert_allclose(found.phi, phi[:, :3], rtol=1e-12, atol=1e-14)
+    result = known_modes(pencil(K, M, superlu), omega[:3], 2.0 * phi[:, :3])
+    np.testing.assert_allclose(result.omega, [0.0, *omega[1:3]], rtol=1e-14)
+    np.testing.assert_allclose(result.phi, phi[:, :3], rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize(("share", "fine"), [(0.9e-7, True), (1.1e-7, False)])
@@ -260,9 +261,9 @@ def test_columns_are_appended_and_room_is_doubled():
     Q[:, :2] = 1.0
     more = with_columns(Q, 2, np.full((4, 1), 2.0))
     assert more is Q
-    most = with_columns(Q, 3, np.full((4, 2), 3.0))
-    assert most.shape == (4, 10)
-    np.testing.assert_array_equal(most[0, :5], [1, 1, 2, 3, 3])
+    widened = with_columns(Q, 3, np.full((4, 2), 3.0))
+    assert widened.shape == (4, 10)
+    np.testing.assert_array_equal(widened[0, :5], [1, 1, 2, 3, 3])
 
 
 def test_products_of_tall_matrices_are_those_of_all_rows_at_once(monkeypatch):
@@ -275,9 +276,9 @@ def test_products_of_tall_matrices_are_those_of_all_rows_at_once(monkeypatch):
     assert tall.squares(V[:, :0], A).shape == (0,)
     U = np.random.default_rng(1).standard_normal((V.shape[1], 5))
     product = V @ U
-    found = tall.turned(V, U)
-    np.testing.assert_allclose(found, product, rtol=1e-12, atol=1e-12)
-    assert found.shape == (40, 5) and np.shares_memory(found, V)
+    result = tall.turned(V, U)
+    np.testing.assert_allclose(result, product, rtol=1e-12, atol=1e-12)
+    assert result.shape == (40, 5) and np.shares_memory(result, V)
 
 
 # --- modes that the contact moves ----------------------------------------------------------------
@@ -288,7 +289,7 @@ def test_a_krylov_space_keeps_its_bound_and_the_static_response(n_vectors):
     K, M = structure(n=60)
     w = np.r_[np.zeros(58), 0.4, 0.6]
     to_hz = 6.0
-    space = krylov_space(pencil(K, M, superlu), w, EigenPairs(np.zeros(0), np.zeros((60, 0))),
+    space = krylov_space(pencil(K, M, superlu), w, no_modes(60),
                          1e-2, to_hz, n_vectors)  # fmt: skip
     omega, phi = space.pairs
     np.testing.assert_allclose(phi.T @ (M @ phi), np.eye(len(omega)), atol=1e-10)
@@ -297,17 +298,17 @@ def test_a_krylov_space_keeps_its_bound_and_the_static_response(n_vectors):
     assert np.sum((phi.T @ w / omega) ** 2) == pytest.approx(static, rel=1e-9)
     hz = frequencies(to_hz)
     exact, s = responses(K, M, w, hz), 2 * np.pi * hz[:, None]
-    found = ((phi.T @ w) ** 2 / (omega**2 * (1 + 1j * LOSS) - s**2)).sum(axis=1)
-    true = rms(found - exact) / size(exact)
+    result = ((phi.T @ w) ** 2 / (omega**2 * (1 + 1j * LOSS) - s**2)).sum(axis=1)
+    true = rms(result - exact) / size(exact)
     assert true <= space.bound <= 1e-2
 
 
-def test_a_space_ends_at_the_most_vectors_with_the_error_that_they_leave(monkeypatch):
-    monkeypatch.setattr("rom.contact_modes.LARGEST", 10)
+def test_a_space_ends_at_its_largest_number_of_vectors_with_the_error_that_they_leave():
     K, M = structure(n=60)
-    w, none = np.r_[np.zeros(58), 0.4, 0.6], EigenPairs(np.zeros(0), np.zeros((60, 0)))
+    w, none = np.r_[np.zeros(58), 0.4, 0.6], no_modes(60)
     with pytest.raises(ReductionError, match=r"^10 vectors leave an error of up to .* up to 6 Hz"):
-        krylov_space(pencil(K, M, superlu), w, none, 1e-12, 6.0)
+        krylov_space(pencil(K, M, superlu), w, none, 1e-12, 6.0,
+                     options=KrylovOptions(largest=10))  # fmt: skip
 
 
 def test_the_bound_of_a_space_is_what_its_last_vector_leaves():
@@ -326,9 +327,9 @@ def test_chosen_modes_are_those_that_matter_and_state_what_is_left():
     """The error stated is the space's bound and what one oscillator for the rest leaves."""
     K, M = structure(n=60)
     w, to_hz = np.r_[np.zeros(58), 0.4, 0.6], 6.0
-    none = EigenPairs(np.zeros(0), np.zeros((60, 0)))
-    asked = Selection(n_modes=9, to_hz=to_hz, choice="contact")
-    chosen = contact_modes(pencil(K, M, superlu), w, none, asked)
+    none = no_modes(60)
+    selection = Selection(n_modes=9, to_hz=to_hz, choice="contact")
+    chosen = contact_modes(pencil(K, M, superlu), w, none, selection)
     (omega, phi), residual = chosen.pairs, chosen.residual
     assert len(omega) == 9 and (np.diff(omega) > 0).all()
     beyond = np.linalg.solve(K.toarray(), w) - phi @ (phi.T @ w / omega**2)
@@ -337,8 +338,8 @@ def test_chosen_modes_are_those_that_matter_and_state_what_is_left():
     exact, s = responses(K, M, w, hz), 2 * np.pi * hz
     m1, m2 = w @ residual, residual @ (M @ residual)
     one = (m1**2 / m2) / (m1 / m2 * (1 + 1j * LOSS) - s**2)
-    own = ((phi.T @ w) ** 2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)).sum(axis=1)
-    true = rms(own + one - exact) / size(exact)
+    of_modes = ((phi.T @ w) ** 2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)).sum(axis=1)
+    true = rms(of_modes + one - exact) / size(exact)
     assert 0.5 * chosen.error < true < 1.01 * chosen.error
     fewer = contact_modes(
         pencil(K, M, superlu), w, none, Selection(error=3 * true, to_hz=to_hz, choice="contact")
@@ -346,7 +347,7 @@ def test_chosen_modes_are_those_that_matter_and_state_what_is_left():
     assert len(fewer.pairs.omega) <= 9 and fewer.error <= 3 * true
     with pytest.raises(ReductionError, match="cannot hold the 3"):
         contact_modes(pencil(K, M, superlu), w, lowest_modes(pencil(K, M, superlu), 3),
-                      asked._replace(n_modes=2))  # fmt: skip
+                      selection._replace(n_modes=2))  # fmt: skip
 
 
 def test_a_space_has_one_vector_more_than_modes_are_asked_for_beside_the_known_ones():
@@ -355,8 +356,8 @@ def test_a_space_has_one_vector_more_than_modes_are_asked_for_beside_the_known_o
     w, problem = np.r_[np.zeros(58), 0.4, 0.6], pencil(K, M, superlu)
     known = lowest_modes(problem, 3)
     for n_modes, n_vectors in ((11, 10), (12, 10), (13, 15)):
-        asked = Selection(n_modes=n_modes, to_hz=0.5, choice="contact")
-        chosen = contact_modes(problem, w, known, asked)
+        selection = Selection(n_modes=n_modes, to_hz=0.5, choice="contact")
+        chosen = contact_modes(problem, w, known, selection)
         assert (len(chosen.pairs.omega), len(chosen.space.omega)) == (n_modes, 3 + n_vectors)
 
 
@@ -364,8 +365,8 @@ def test_the_modes_to_keep_may_be_all_that_are_asked_for():
     K, M = structure(n=60)
     w, problem = np.r_[np.zeros(58), 0.4, 0.6], pencil(K, M, superlu)
     known = lowest_modes(problem, 3)
-    asked = Selection(n_modes=3, to_hz=0.5, choice="contact")
-    np.testing.assert_allclose(contact_modes(problem, w, known, asked).pairs.omega, known.omega)
+    selection = Selection(n_modes=3, to_hz=0.5, choice="contact")
+    np.testing.assert_allclose(contact_modes(problem, w, known, selection).pairs.omega, known.omega)
 
 
 def test_a_space_of_a_structure_whose_modes_are_all_known_is_these_without_an_error():
@@ -383,8 +384,8 @@ def test_modes_are_ranked_by_what_an_oscillator_with_their_moments_misses():
     H = phi**2 / (omega**2 * (1 + 1j * LOSS) - s**2)
     order = _ranked(omega, phi, 0, 10.0)
     np.testing.assert_array_equal(order, np.argsort(-np.linalg.norm((s / omega) ** 4 * H, axis=0)))
-    kept = _ranked(omega, phi, 2, 10.0)
-    np.testing.assert_array_equal(kept, [0, 1, *(i for i in order if i > 1)])
+    ranked = _ranked(omega, phi, 2, 10.0)
+    np.testing.assert_array_equal(ranked, [0, 1, *(i for i in order if i > 1)])
 
 
 def test_the_error_of_a_choice_is_what_one_oscillator_for_the_rest_misses():
@@ -407,7 +408,7 @@ def test_the_error_of_a_choice_is_what_one_oscillator_for_the_rest_misses():
 
 def test_static_shapes_are_above_the_highest_chosen_or_far_above_the_band():
     omega = 2 * np.pi * np.array([1.0, 10.0, 24.9, 25.1, 80.0])
-    assert REACH == 2.5
+    assert KrylovOptions().reach == 2.5
     assert static_shapes(omega, np.inf, 10.0) == 2
     assert static_shapes(omega, omega[1], 10.0) == 3
     assert static_shapes(omega, omega[-1], 1e3) == 1
@@ -417,24 +418,24 @@ def test_static_shapes_are_above_the_highest_chosen_or_far_above_the_band():
 def test_modes_handed_in_are_cut_at_the_frequency_asked_for(cutoff):
     K, M = structure()
     omega, phi = exact_modes(K, M)
-    asked = Selection(modes=(omega[:8], phi[:, :8]), cutoff_hz=cutoff * omega[5] / (2 * np.pi))
-    kept = 5 if cutoff < 1 else 6
-    np.testing.assert_allclose(np.diag(free_modes(K, M, W, asked).K)[:-1], omega[:kept] ** 2)
+    selection = Selection(modes=(omega[:8], phi[:, :8]), cutoff_hz=cutoff * omega[5] / (2 * np.pi))
+    n_below = 5 if cutoff < 1 else 6
+    np.testing.assert_allclose(np.diag(free_modes(K, M, W, selection).K)[:-1], omega[:n_below] ** 2)
 
 
 def test_of_all_modes_of_a_structure_nothing_is_left():
     K, M = structure()
-    none = EigenPairs(np.zeros(0), np.zeros((N, 0)))
-    asked = Selection(n_modes=N, to_hz=6.0, choice="contact")
-    chosen = contact_modes(pencil(K, M, superlu), W, none, asked)
+    none = no_modes(N)
+    selection = Selection(n_modes=N, to_hz=6.0, choice="contact")
+    chosen = contact_modes(pencil(K, M, superlu), W, none, selection)
     assert chosen.error < 1e-9 and not chosen.residual.any()
 
 
 def test_a_space_for_the_full_model_has_twenty_vectors_more_than_modes_are_kept():
     K, M = structure(n=60)
-    w, none = np.r_[np.zeros(58), 0.4, 0.6], EigenPairs(np.zeros(0), np.zeros((60, 0)))
-    found = finer_space(pencil(K, M, superlu), w, none, 0.1, n_vectors=10)
-    assert 30 <= len(found.pairs.omega) < 40
+    w, none = np.r_[np.zeros(58), 0.4, 0.6], no_modes(60)
+    result = finer_space(pencil(K, M, superlu), w, none, 0.1, n_vectors=10)
+    assert 30 <= len(result.pairs.omega) < 40
 
 
 def test_a_static_response_that_misses_its_load_is_noticed():
@@ -474,8 +475,8 @@ def test_a_reduced_matrix_that_is_not_the_projected_one_is_noticed_from_a_millio
 def test_modes_inside_come_with_rising_frequencies():
     K, M = structure(n=60)
     w = np.r_[np.zeros(58), 0.4, 0.6]
-    asked = Selection(n_modes=9, to_hz=6.0, choice="contact")
-    squared = np.diag(craig_bampton(K, M, w, [58, 59], asked).K)[2:]
+    selection = Selection(n_modes=9, to_hz=6.0, choice="contact")
+    squared = np.diag(craig_bampton(K, M, w, [58, 59], selection).K)[2:]
     assert len(squared) > 5 and (np.diff(squared) > 0).all()
 
 
@@ -483,7 +484,7 @@ def test_one_static_shape_stands_for_the_rest_of_modes_chosen_within_the_band():
     K, M = structure(n=60)
     w, to_hz = np.r_[np.zeros(58), 0.4, 0.6], 6.0
     reduced = free_modes(K, M, w, Selection(n_modes=9, to_hz=to_hz, choice="contact"))
-    assert modal(reduced).omega[-2] < REACH * 2 * np.pi * to_hz
+    assert modal(reduced).omega[-2] < 2.5 * 2 * np.pi * to_hz
     assert reduced.n_residual == 1
 
 
@@ -523,7 +524,7 @@ def test_what_modes_leave_of_a_static_response_is_orthogonal_to_them_to_its_own_
     K, M = structure()
     _, phi = exact_modes(K, M)
     rest = phi[:, -1]
-    beyond = _beyond(M, phi[:, :-1], phi[:, :-1] @ np.linspace(1, 2, N - 1) + 1e-9 * rest)
+    beyond = residual_vector(M, phi[:, :-1], phi[:, :-1] @ np.linspace(1, 2, N - 1) + 1e-9 * rest)
     # 1e-9 of eps is 2e-25; 1e-25 is left
     np.testing.assert_allclose(phi[:, :-1].T @ (M @ beyond), 0.0, atol=1e-24)
     np.testing.assert_allclose(beyond, 1e-9 * rest, rtol=1e-5)
@@ -609,13 +610,16 @@ def test_the_error_of_held_modes_is_the_sum_over_those_left_out(n_modes):
 
 @pytest.mark.parametrize(("off", "fine"), [(0.9e-8, True), (1.1e-8, False)])
 def test_constraint_modes_are_refused_whose_forces_inside_pass_1e_8(off, fine):
-    K, M = structure()
-    fixed = fixed_interface(K, M, W, [10, 11], superlu)
-    worse = fixed.psi.copy()
-    worse[:10] *= 1 + off
+    class Inexact:
+        def __init__(self, A):
+            self.factor = superlu(A)
+
+        def solve(self, b):
+            return (1 + off) * self.factor.solve(b)
+
     refused = contextlib.nullcontext() if fine else pytest.raises(ReductionError, match=r"1\.1e-08")
     with refused:
-        _require_constraint_modes(fixed._replace(psi=worse))
+        fixed_interface(*structure(), W, [10, 11], Inexact)
 
 
 @pytest.mark.parametrize(
@@ -647,10 +651,10 @@ def test_the_factor_inside_serves_the_whole():
     np.testing.assert_array_equal(fixed.psi[10:], [[0, 1], [1, 0]])
     schur = np.linalg.inv(np.linalg.inv(K.toarray())[np.ix_([11, 10], [11, 10])])
     np.testing.assert_allclose(fixed.condensed, schur, rtol=1e-9)
-    whole = whole_pencil(fixed)
-    np.testing.assert_allclose(whole.factor.solve(W), np.linalg.solve(K.toarray(), W), rtol=1e-9)
+    problem = whole_pencil(fixed)
+    np.testing.assert_allclose(problem.factor.solve(W), np.linalg.solve(K.toarray(), W), rtol=1e-9)
     block = np.random.default_rng(0).standard_normal((N, 3))
-    np.testing.assert_allclose(K @ whole.factor.solve(block), block, atol=1e-10)
+    np.testing.assert_allclose(K @ problem.factor.solve(block), block, atol=1e-10)
 
 
 def test_a_held_structure_is_reduced_without_a_copy_of_its_stiffness():
@@ -662,12 +666,12 @@ def test_a_held_structure_is_reduced_without_a_copy_of_its_stiffness():
     K, M = sp.csc_array(A + A.T), sp.eye_array(n).tocsc()
     w = np.zeros(n)
     w[:4] = 0.25
-    asked, factor = Selection(n_modes=8, choice="contact", to_hz=0.03), superlu(K)
+    selection, factor = Selection(n_modes=8, choice="contact", to_hz=0.03), superlu(K)
     tracemalloc.start()
-    craig_bampton(K, M, w, np.arange(4), asked, factor=factor)
-    _, most = tracemalloc.get_traced_memory()
+    craig_bampton(K, M, w, np.arange(4), selection, factor=factor)
+    _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert most < 0.8 * (K.data.nbytes + K.indices.nbytes)
+    assert peak < 0.8 * (K.data.nbytes + K.indices.nbytes)
 
 
 def test_a_boundary_may_be_a_mask():
@@ -683,22 +687,22 @@ def test_a_boundary_may_be_a_mask():
 
 def test_health_of_a_model_is_in_its_own_numbers():
     K, M = structure(held=False)
-    found = health(full_order(K, M, W))
-    assert (found.n_rigid, found.findings, found.asymmetry) == (1, (), 0.0)
+    result = health(full_order(K, M, W))
+    assert (result.n_rigid, result.findings, result.asymmetry) == (1, (), 0.0)
     d = np.sqrt(K.diagonal())
     ends = np.linalg.eigvalsh(K.toarray() / np.outer(d, d))[[0, -1]]
-    assert found.lowest_mass == pytest.approx(1.0)
-    assert found.lowest_stiffness == pytest.approx(ends[0] / ends[1], abs=1e-14)
+    assert result.lowest_mass == pytest.approx(1.0)
+    assert result.lowest_stiffness == pytest.approx(ends[0] / ends[1], abs=1e-14)
     omega, phi = exact_modes(K, M)
     exact = np.sum((W @ phi[:, 1:] / omega[1:]) ** 2)
-    assert found.static_compliance == pytest.approx(exact, rel=1e-9)
+    assert result.static_compliance == pytest.approx(exact, rel=1e-9)
     still = full_order(sp.block_diag([K, K]), sp.block_diag([M, M]), np.append(W, 0 * W))
     assert health(still).participation == 0.5
     for by, findings in ((0.9e-9, 0), (1.1e-9, 1)):
         skew = full_order(K, M, W)._replace(K=K.toarray() + by * abs(K).max() * np.eye(N, k=1))
         assert abs(health(skew).asymmetry / by - 1) < 1e-6
-        told = health(skew).findings
-        assert len(told) == findings and all("not symmetric" in one for one in told)
+        sentences = health(skew).findings
+        assert len(sentences) == findings and all("not symmetric" in one for one in sentences)
 
 
 def test_damping_is_indefinite_below_rounding_of_zero():
@@ -731,11 +735,11 @@ def test_effective_masses_are_squared_momenta_and_sum_to_the_mass():
     K, M = structure()
     e = np.linspace(1, 2, N)
     reduced = full_order(K, M, W)
-    found = effective_mass(reduced, M, e)
+    result = effective_mass(reduced, M, e)
     omega, phi = exact_modes(K, M)
-    np.testing.assert_allclose(found.mass, (phi.T @ (M @ e)) ** 2, rtol=1e-8)
-    np.testing.assert_allclose(found.omega, omega, rtol=1e-9)
-    assert found.captured == pytest.approx(1.0)
+    np.testing.assert_allclose(result.mass, (phi.T @ (M @ e)) ** 2, rtol=1e-8)
+    np.testing.assert_allclose(result.omega, omega, rtol=1e-9)
+    assert result.captured == pytest.approx(1.0)
     small = effective_mass(free_modes(K, M, W, Selection(n_modes=3)), M, e)
     assert small.captured == pytest.approx(small.mass.sum() / (e @ (M @ e)))
 

@@ -72,8 +72,8 @@ def test_modal_ratios_and_a_loss_factor_damp_as_their_matrices_do(C):
     MV = M @ wall.vectors
     matrix = MV @ np.diag(2 * zeta * wall.omega) @ MV.T
     exact = [W @ one @ W for one in dynamic_flexibility(K, M, matrix, 0.02)]
-    found = receptance(reduced, None, HZ, zeta=zeta, loss=0.02)
-    np.testing.assert_allclose(found, exact, rtol=1e-9, atol=0)
+    result = receptance(reduced, None, HZ, zeta=zeta, loss=0.02)
+    np.testing.assert_allclose(result, exact, rtol=1e-9, atol=0)
 
 
 @pytest.mark.filterwarnings("error")
@@ -108,8 +108,8 @@ def test_the_static_compliance_is_that_of_the_stiffness_and_of_all_modes():
     K, M = structure()
     reduced = full_order(K, M, W)
     exact = W @ np.linalg.solve(K, W)
-    for found in (static_compliance(reduced), modal_compliance(modal(reduced))):
-        assert abs(found / exact - 1) < 1e-12
+    for result in (static_compliance(reduced), modal_compliance(modal(reduced))):
+        assert abs(result / exact - 1) < 1e-12
     assert abs(receptance(reduced, None, 0.0)[0] / exact - 1) < 1e-12
 
 
@@ -145,8 +145,8 @@ def test_modes_in_any_order_make_one_model_with_the_highest_static():
 def test_a_full_model_is_the_matrices_with_every_coordinate_its_own():
     K, M = structure()
     reduced = full_order(K, M, W, C=dashpots())
-    for kept, given in zip(reduced[:5], (K, M, dashpots(), W, np.eye(N)), strict=True):
-        np.testing.assert_array_equal(kept, given)
+    for actual, given in zip(reduced[:5], (K, M, dashpots(), W, np.eye(N)), strict=True):
+        np.testing.assert_array_equal(actual, given)
     assert (reduced.n_boundary, reduced.n_residual) == (0, 0)
 
 
@@ -196,6 +196,6 @@ def test_modes_handed_in_are_found_once_among_those_of_the_contact(held, n_known
     and what rounding leaves when no direction is left is no further mode."""
     wall = modal(full_order(*structure(held), W))
     given = (wall.omega[:n_known], wall.vectors[:, :n_known])
-    asked = Selection(n_modes=N, to_hz=1.0, choice="contact", modes=given)
-    found = modal(free_modes(*structure(held), W, asked)).omega
-    np.testing.assert_allclose(found, wall.omega, rtol=1e-7, atol=0)
+    selection = Selection(n_modes=N, to_hz=1.0, choice="contact", modes=given)
+    result = modal(free_modes(*structure(held), W, selection)).omega
+    np.testing.assert_allclose(result, wall.omega, rtol=1e-7, atol=0)

@@ -209,16 +209,16 @@ def test_damping_is_projected_like_mass_and_stiffness():
 
 
 def test_a_factorisation_can_be_handed_in_and_is_made_once():
-    made = []
+    shapes = []
 
     def counting(A):
-        made.append(A.shape)
+        shapes.append(A.shape)
         return superlu(A)
 
     K, M = spring_chain(N)
     free_modes(K, M, end_patch(N), Selection(n_modes=5), factorise=counting)
     craig_bampton(K, M, end_patch(N), end_boundary(N), Selection(n_modes=5), factorise=counting)
-    assert made == [(N, N), (N - 5, N - 5)]
+    assert shapes == [(N, N), (N - 5, N - 5)]
 
 
 @pytest.mark.parametrize("choice", ["lowest", "contact"])
@@ -226,17 +226,17 @@ def test_a_factorisation_can_be_handed_in_and_is_made_once():
 def test_the_factor_of_a_held_structure_serves_both_reductions(kind, choice):
     K, M = spring_chain(N)
     w, to_hz = end_patch(N), 2000.0
-    asked = Selection(n_modes=20, to_hz=to_hz, choice=choice)
+    selection = Selection(n_modes=20, to_hz=to_hz, choice=choice)
     place = () if kind == "free-modes" else (end_boundary(N),)
     reduction = free_modes if kind == "free-modes" else craig_bampton
 
     def never(A):
         raise AssertionError("factorised again")
 
-    own = reduction(K, M, w, *place, asked)
-    shared = reduction(K, M, w, *place, asked, factorise=never, factor=superlu(K))
+    separate = reduction(K, M, w, *place, selection)
+    shared = reduction(K, M, w, *place, selection, factorise=never, factor=superlu(K))
     f = np.linspace(1.0, to_hz, 20)
-    answers = [receptance(one, None, f, loss=0.01) for one in (own, shared)]
+    answers = [receptance(one, None, f, loss=0.01) for one in (separate, shared)]
     np.testing.assert_allclose(answers[1] / answers[0], 1.0, rtol=0, atol=1e-10)
 
 
@@ -393,9 +393,9 @@ def test_craig_bampton_asked_for_an_error_keeps_it(error):
 def test_craig_bampton_asked_for_an_error_goes_1_4_times_too_high_at_most(error):
     """The fixed-interface modes of that share of the cutoff would not have done."""
     K, M = spring_chain(300)
-    asked = Selection(error=error, to_hz=4000.0)
-    hz = fixed_interface_hz(held_at_the_end(K, M, end_patch(300), asked))
-    fewer = asked._replace(error=None, cutoff_hz=hz[-1] / 1.401)
+    selection = Selection(error=error, to_hz=4000.0)
+    hz = fixed_interface_hz(held_at_the_end(K, M, end_patch(300), selection))
+    fewer = selection._replace(error=None, cutoff_hz=hz[-1] / 1.401)
     assert held_at_the_end(K, M, end_patch(300), fewer).error > error
 
 
@@ -431,17 +431,17 @@ def known_pairs(K, M, n_modes):
 def frame(n=500, weak=1e-9, seed=3):
     """A held chain of n masses, and beside it n that the contact at its end moves only weakly."""
     K, M = spring_chain(n)
-    beside = sp.diags_array(np.linspace(1e-5, 1e-3, n) * STIFFNESS)
+    soft = sp.diags_array(np.linspace(1e-5, 1e-3, n) * STIFFNESS)
     link = weak * STIFFNESS * sp.eye_array(n)
-    both = sp.block_array([[K + link, -link], [-link, beside + link]])
+    both = sp.block_array([[K + link, -link], [-link, soft + link]])
     return both.tocsc(), sp.block_diag([M, M], format="csc")
 
 
-def contact_reduced(kind, K, M, w, **asked):
-    asked = Selection(choice="contact", **asked)
+def contact_reduced(kind, K, M, w, **selection):
+    selection = Selection(choice="contact", **selection)
     if kind == "free-modes":
-        return free_modes(K, M, w, asked)
-    return craig_bampton(K, M, w, np.flatnonzero(w), asked)
+        return free_modes(K, M, w, selection)
+    return craig_bampton(K, M, w, np.flatnonzero(w), selection)
 
 
 @KINDS
@@ -481,13 +481,13 @@ def test_a_slow_structure_is_reduced_as_a_quick_one(kind, choice, slower):
     omega, phi = (values[..., [0, 40]] for values in known_pairs(K, M, 41))
     reduce = {"free-modes": free_modes, "craig-bampton": held_at_the_end}[kind]
 
-    def found(c):
-        asked = Selection(cutoff_hz=4000.0 / c)
+    def result(c):
+        selection = Selection(cutoff_hz=4000.0 / c)
         if choice == "contact":
-            asked = Selection(n_modes=12, to_hz=2e3 / c, choice=choice, modes=(omega / c, phi))
-        return reduce(K / c**2, M, end_patch(N), asked)
+            selection = Selection(n_modes=12, to_hz=2e3 / c, choice=choice, modes=(omega / c, phi))
+        return reduce(K / c**2, M, end_patch(N), selection)
 
-    slow, quick = found(slower), found(1.0)
+    slow, quick = result(slower), result(1.0)
     np.testing.assert_allclose(modal(slow).omega * slower, modal(quick).omega, rtol=1e-7)
     assert slow.n_residual == quick.n_residual
     assert slow.error is quick.error is None or abs(slow.error / quick.error - 1) < 1e-6
@@ -497,9 +497,9 @@ def test_a_slow_structure_is_reduced_as_a_quick_one(kind, choice, slower):
 @pytest.mark.parametrize("to_hz", [1e-3, 1e3])
 def test_a_model_without_modes_states_no_finite_error(kind, to_hz):
     """Nothing says how low the first one lies that was left out."""
-    asked = Selection(n_modes=0, to_hz=to_hz)
+    selection = Selection(n_modes=0, to_hz=to_hz)
     reduce = {"free-modes": free_modes, "craig-bampton": held_at_the_end}[kind]
-    assert reduce(*spring_chain(300), end_patch(300), asked).error == np.inf
+    assert reduce(*spring_chain(300), end_patch(300), selection).error == np.inf
 
 
 @KINDS
@@ -535,13 +535,13 @@ def test_the_error_of_contact_modes_at_growing_loads_falls_with_every_mode(kind)
 
 def test_modes_to_keep_stay_among_those_of_the_contact():
     K, M = spring_chain(N)
-    every = modal(full_order(K, M, end_patch(N)))
-    kept = (every.omega[[0, 40]], every.vectors[:, [0, 40]])
+    full = modal(full_order(K, M, end_patch(N)))
+    retained = (full.omega[[0, 40]], full.vectors[:, [0, 40]])
     for kind in ("free-modes", "craig-bampton"):
-        reduced = contact_reduced(kind, K, M, end_patch(N), n_modes=10, to_hz=2e3, modes=kept)
-        found = modal(reduced).omega
-        for omega in kept[0]:
-            assert np.abs(found / omega - 1).min() < 1e-8
+        reduced = contact_reduced(kind, K, M, end_patch(N), n_modes=10, to_hz=2e3, modes=retained)
+        result = modal(reduced).omega
+        for omega in retained[0]:
+            assert np.abs(result / omega - 1).min() < 1e-8
 
 
 def test_a_floating_chain_keeps_its_rigid_motion_among_contact_modes():
@@ -555,7 +555,7 @@ def test_a_floating_chain_keeps_its_rigid_motion_among_contact_modes():
         )
 
 
-def test_what_a_choice_needs_is_asked_for():
+def test_a_choice_by_contact_without_a_frequency_is_refused():
     K, M = spring_chain(N)
     with pytest.raises(ReductionError, match="needs n_modes or error, and to_hz"):
         free_modes(K, M, end_patch(N), Selection(n_modes=4, choice="contact"))
@@ -576,16 +576,16 @@ def test_the_difference_to_the_finer_model_is_the_true_error(kind, choice, n_mod
     K, M = spring_chain(300)
     w, frequency = end_patch(300), np.linspace(10, 4000, 100)
     reduce = {"free-modes": free_modes, "craig-bampton": held_at_the_end}[kind]
-    asked = Selection(n_modes=n_modes, choice=choice, to_hz=4e3, finer_hz=4e3)
-    reduced = reduce(K, M, w, asked)
+    selection = Selection(n_modes=n_modes, choice=choice, to_hz=4e3, finer_hz=4e3)
+    reduced = reduce(K, M, w, selection)
     exact = exact_receptance(K, M, w, frequency)
-    found, finer = (receptance(m, None, frequency, loss=0.01) for m in (reduced, reduced.finer))
-    true, told = np.linalg.norm(found - exact), np.linalg.norm(found - finer)
-    assert told == pytest.approx(true, rel=1e-2, abs=1e-7 * np.linalg.norm(exact))
+    result, finer = (receptance(m, None, frequency, loss=0.01) for m in (reduced, reduced.finer))
+    true, stated = np.linalg.norm(result - exact), np.linalg.norm(result - finer)
+    assert stated == pytest.approx(true, rel=1e-2, abs=1e-7 * np.linalg.norm(exact))
 
 
-def held_at_the_end(K, M, w, asked):
-    return craig_bampton(K, M, w, np.flatnonzero(w), asked)
+def held_at_the_end(K, M, w, selection):
+    return craig_bampton(K, M, w, np.flatnonzero(w), selection)
 
 
 @pytest.mark.parametrize("held", [True, False])

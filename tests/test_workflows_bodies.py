@@ -15,7 +15,7 @@ from command_line import beadwave
 from fem import Material
 from geometry.cad import write_step
 from geometry.gmsh_session import session, silent
-from geometry.shapes import Box, Hole, Plate
+from geometry.shapes import Box, Hole, Slab
 from workflows.files.scene import scene
 from workflows.scene import InvalidScene
 from workflows.scene.toml import resolved, toml
@@ -98,7 +98,7 @@ def test_bolted_plates_run_from_words_to_waves(capsys):
 
 SLABS = {
     "base": Box((0.06, 0.04, 0.01), at=(0.03, 0.02, 0.005)),
-    "lid": Plate(((0, 0), (0.06, 0), (0.06, 0.04), (0, 0.04)), 0.004, (Hole(0.008, (0.05, 0.02)),),
+    "lid": Slab(((0, 0), (0.06, 0), (0.06, 0.04), (0, 0.04)), 0.004, (Hole(0.008, (0.05, 0.02)),),
                  at=(0.0, 0.0, 0.01)),
 }  # fmt: skip
 

@@ -13,7 +13,7 @@ from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
 from workflows.fit.calibration import parameters
 from workflows.fit.calibration import twin as experiment
-from workflows.fit.calibration.calibrate import Request, calibrated
+from workflows.fit.calibration.calibrate import CalibrationRequest, calibrated
 from workflows.fit.calibration.folder import write
 from workflows.fit.core.calibration.coverage import Repeats
 from workflows.fit.core.calibration.judgement import on_held_out
@@ -57,7 +57,7 @@ def data(clean):
 
 @pytest.fixture(scope="module")
 def found(rig, data):
-    request = Request(instrument=SETTING.instrument, starts=2)
+    request = CalibrationRequest(instrument=SETTING.instrument, starts=2)
     return calibrated(rig, wall(rig), data, "data.csv", request)
 
 
@@ -73,7 +73,7 @@ FEW = "contact.3,striker,trigger,wall.frequency"
 
 def refused(rig, data, sentence, **request):
     with pytest.raises(InvalidScene, match=sentence) as error:
-        calibrated(rig, wall(rig), data, "data.csv", Request(**request))
+        calibrated(rig, wall(rig), data, "data.csv", CalibrationRequest(**request))
     assert "\n" not in str(error.value)
 
 
@@ -119,7 +119,7 @@ def test_a_sphere_held_out_is_predicted(rig, plain):
     """What the model leaves at the sphere it has not seen is what it leaves at the other, times a
     factor of the geometry; without a fit it is 100 times more."""
     data = experiment.measured(plain, SETTING)
-    request = Request(instrument=SETTING.instrument, hold_out=(1,), free=FEW)
+    request = CalibrationRequest(instrument=SETTING.instrument, hold_out=(1,), free=FEW)
     report = calibrated(rig, wall(rig), data, "data.csv", request).report
     assert set(report.misfit_m_s) == {"4"}
     assert report.held_out_m_s["1"] < 0.05 * report.start_misfit_m_s["4"]
@@ -142,7 +142,7 @@ def test_a_misfit_like_the_noise_decides_only_where_enough_is_measured(found):
 
 def test_two_stages_leave_the_chain_as_the_first_waves_gave_it(rig, plain):
     data = experiment.measured(plain, SETTING)
-    request = Request(instrument=SETTING.instrument, two_stage=True, starts=1, free=FEW)
+    request = CalibrationRequest(instrument=SETTING.instrument, two_stage=True, starts=1, free=FEW)
     stages = calibrated(rig, wall(rig), data, "data.csv", request).report.stages
     assert [stage["name"] for stage in stages] == ["chain, first waves", "wall, all waves"]
     assert stages[1]["parameters"] == ("wall.frequency",)
@@ -151,7 +151,7 @@ def test_two_stages_leave_the_chain_as_the_first_waves_gave_it(rig, plain):
 def test_noise_that_may_hide_swapped_contacts_is_reported(rig, plain):
     """Three starts must end alike at five times the noise of a laser; at that of ten repeats one
     is enough."""
-    request = Request(instrument=SETTING.instrument, free=FEW)
+    request = CalibrationRequest(instrument=SETTING.instrument, free=FEW)
     loud, low = (
         calibrated(rig, wall(rig), experiment.measured(plain, s), "", request)
         for s in (SETTING._replace(noise=5e-3), SETTING._replace(noise=1e-3, repeats=10))
@@ -166,7 +166,7 @@ def test_noise_that_may_hide_swapped_contacts_is_reported(rig, plain):
 def test_noise_is_told_from_a_model_that_cannot_explain_the_data(rig, plain):
     noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4, jitter=1e-6))
     bent = noisy._replace(v=noisy.v * (1 + 0.05 * np.sin(2e4 * noisy.t)[:, None]))
-    request = Request(instrument=SETTING.instrument, starts=1, free=FEW)
+    request = CalibrationRequest(instrument=SETTING.instrument, starts=1, free=FEW)
     good, bad = (
         calibrated(rig, wall(rig), x, "data.csv", request).report.remarks for x in (noisy, bent)
     )
@@ -178,7 +178,7 @@ def test_bars_of_repeats_hold_the_truth(rig, plain):
     """95 % of 96 values lie inside; below 80 % has a chance of 1e-3 even where the four parameters
     of a repeat fall together."""
     setting, made_by = SETTING._replace(noise=1e-3, repeats=4), experiment.Truth(np.ones(6), 800.0)
-    request = Request(instrument=setting.instrument, starts=1, free=FEW)
+    request = CalibrationRequest(instrument=setting.instrument, starts=1, free=FEW)
     data = experiment.measured(plain, setting)
     first = calibrated(rig, wall(rig), data, "data.csv", request)
     pairs = zip(first.fit.parameters, first.fit.value, strict=True)
@@ -211,7 +211,7 @@ def test_columns_beside_the_striker_are_told_by_the_order_of_their_waves(rig):
     refused(rig, pair._replace(v=pair.v[:, :, ::-1]), "sphere 2 and sphere 5 are swapped")
     refused(rig, pair._replace(v=-pair.v), "sphere 2 and sphere 5 have the wrong sign")
     late = pair._replace(t=pair.t[170:] - pair.t[170], v=pair.v[:, 170:])
-    request = Request(free="trigger", instrument=SETTING.instrument)
+    request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
     assert calibrated(rig, wall(rig), late, "", request).report.parameters[0].name == "trigger"
 
 
@@ -238,7 +238,7 @@ def test_a_sphere_that_no_wave_reaches_is_refused(rig, data):
 def test_waves_beyond_the_range_and_offsets_are_reported(rig, plain, data):
     """A wave that is met as it is, with the noise of a laser or without, has no such plateau."""
     noisy = experiment.measured(plain, SETTING._replace(noise=1e-3, repeats=4))
-    request = Request(free="trigger", instrument=SETTING.instrument)
+    request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
     for good in (noisy, data):
         remarks = calibrated(rig, wall(rig), good, "", request).report.remarks
         assert not any("beyond the instrument" in r or "at rest" in r for r in remarks)
@@ -255,7 +255,7 @@ def test_a_record_may_begin_long_before_the_blow(rig, plain):
     still = np.repeat(data.v[:, :1], 800, axis=1)
     v = np.concatenate([still, data.v], axis=1)
     early = data._replace(t=np.arange(v.shape[1]) * 1e-6, v=v)
-    request = Request(free=FEW, instrument=SETTING.instrument, starts=1)
+    request = CalibrationRequest(free=FEW, instrument=SETTING.instrument, starts=1)
     found = calibrated(rig, wall(rig), early, "", request)
     assert found.report.trigger_s == pytest.approx(8e-4 + SETTING.before, abs=2e-7)
     assert found.fit.value[-1] == pytest.approx(800.0, rel=1e-3)
@@ -263,7 +263,7 @@ def test_a_record_may_begin_long_before_the_blow(rig, plain):
 
 def test_a_late_trigger_is_reported_and_undone(rig, data):
     late = data._replace(t=data.t[45:] - data.t[45], v=data.v[:, 45:])
-    request = Request(free="trigger", instrument=SETTING.instrument)
+    request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
     report = calibrated(rig, wall(rig), late, "data.csv", request).report
     assert any("the trigger came late" in remark for remark in report.remarks)
     trigger = report.parameters[0].found
@@ -276,14 +276,14 @@ def test_a_record_that_begins_after_the_blow_is_refused(rig, data):
 
 def test_repeats_with_shifted_triggers_are_reported_and_undone(rig, clean):
     shifted = experiment.measured(clean, SETTING._replace(repeats=5, jitter=1e-5))
-    request = Request(free="trigger", instrument=SETTING.instrument)
+    request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
     report = calibrated(rig, wall(rig), shifted, "data.csv", request).report
     assert any("shifted against each other" in remark for remark in report.remarks)
 
 
 def test_a_column_of_another_sphere_is_flagged(rig, data):
     wrong = data._replace(spheres=(1, 6))
-    request = Request(free="trigger", instrument=SETTING.instrument)
+    request = CalibrationRequest(free="trigger", instrument=SETTING.instrument)
     remarks = calibrated(rig, wall(rig), wrong, "data.csv", request).report.remarks
     assert any("Sphere 6 does not look like the model" in remark for remark in remarks)
 
@@ -356,7 +356,9 @@ def test_noise_does_not_lead_beside_the_answer():
     """Of ten repeats with the noise of a laser. Which start explains the data depends on rounding;
     twenty parameters stay within five sigma all but once in 10^5."""
     thesis = scene("rig-1dof")
-    found, _ = experiment.twin_run(thesis, wall(thesis), experiment.Twin(seed=6), Request())
+    found, _ = experiment.twin_run(
+        thesis, wall(thesis), experiment.Twin(seed=6), CalibrationRequest()
+    )
     for row in found.report.parameters:
         assert abs(row.found - row.truth) <= 2.5 * row.two_sigma, row.name
     assert any("noise alone leaves as much" in remark for remark in found.report.remarks)
@@ -366,7 +368,7 @@ def test_three_lasers_give_seventeen_contacts_and_the_wall_without_noise():
     """0.1 % is asked for; the steps of model and data leave 1e-5."""
     thesis = scene("rig-1dof")
     setting = experiment.Twin(noise=0.0, repeats=1, seed=1)
-    found, _ = experiment.twin_run(thesis, wall(thesis), setting, Request())
+    found, _ = experiment.twin_run(thesis, wall(thesis), setting, CalibrationRequest())
     rows = [row for row in found.report.parameters if row.name != "trigger"]
     assert thesis.output.spheres == (1, 4, 14) and len(rows) == 19
     for row in rows:

@@ -12,9 +12,9 @@ from command_line import beadwave as command
 from workflows.files.record import Channel
 from workflows.files.scene import scene
 from workflows.fit.core.inspection.reading import noise_of, rounding
-from workflows.fit.core.parametric_wall import Box
+from workflows.fit.core.parametric_wall import Bounds
 from workflows.fit.inspection.numbers import number, own, put, shared, usual_each
-from workflows.fit.inspection.structure import Structure, structure
+from workflows.fit.inspection.structure import VariedScene, structure
 from workflows.fit.records import recorded, sensor_of
 from workflows.scene import InvalidScene
 from workflows.stages.pipeline import pipeline_of
@@ -43,8 +43,8 @@ BEAM = {
 TRUTH = {"beam.thickness": 0.0124, "beam.young": 72e9, "beam.axial_force": -20e3}
 BOUNDS = "beam.thickness=9mm:15mm,beam.axial_force=-30kN:5kN"
 FIND = ",".join(TRUTH)
-THROUGH = Structure.through
-NO_BOX = Box(np.zeros(0), np.zeros(0))
+THROUGH = VariedScene.through
+NO_BOX = Bounds(np.zeros(0), np.zeros(0))
 
 
 def measured(folder, speeds=(0.31, 0.44), **changes):
@@ -146,7 +146,7 @@ def test_an_answer_without_a_wall_is_shown_and_not_explained(drops, monkeypatch)
     def none(scene):
         raise InvalidScene("beam.axial_force: it buckles.")
 
-    monkeypatch.setattr(Structure, "through", lambda one, values: _through(one, values, none))
+    monkeypatch.setattr(VariedScene, "through", lambda one, values: _through(one, values, none))
     result = beadwave.inspect(BEAM, drops[:1], TRUTH, find="beam.thickness", starts=2)
     assert not result.report.explained
     assert [row.told for row in result.report.numbers] == ["not explained"]

@@ -8,10 +8,10 @@ from workflows.files.record import csv_text
 from workflows.files.run_folder import RunFolder
 from workflows.fit.calibration import posterior as calibration_posterior
 from workflows.fit.calibration import twin as experiment
-from workflows.fit.calibration.calibrate import Request, calibrated
+from workflows.fit.calibration.calibrate import CalibrationRequest, calibrated
 from workflows.fit.calibration.folder import write
 from workflows.fit.calibration.posterior import with_posterior
-from workflows.fit.core.calibration.posterior import posterior
+from workflows.fit.core.calibration.posterior import Sampling, posterior
 from workflows.scene.toml import resolved
 from workflows.stages.chain import wall
 
@@ -44,7 +44,9 @@ def data(rig):
 
 @pytest.fixture(scope="module")
 def found(rig, data):
-    request = Request(free="striker,wall.frequency", instrument=SETTING.instrument, starts=1)
+    request = CalibrationRequest(
+        free="striker,wall.frequency", instrument=SETTING.instrument, starts=1
+    )
     return calibrated(rig, wall(rig), data, "data.csv", request)
 
 
@@ -65,9 +67,8 @@ def test_samples_of_a_chain_have_the_quantiles_of_its_bars(tmp_path, found):
 
 def test_a_posterior_of_too_few_samples_is_told_and_not_shown(tmp_path, found, monkeypatch):
     pytest.importorskip("emcee", reason="the posterior is optional (the extra `posterior`)")
-    monkeypatch.setattr("workflows.fit.core.calibration.posterior.ENOUGH", 1e6)
-    monkeypatch.setattr("workflows.fit.core.calibration.posterior.BLOCK", 10)
-    monkeypatch.setitem(posterior.__kwdefaults__, "most", 300)
+    few = Sampling(enough=1e6, block=10, runs=300)
+    monkeypatch.setitem(posterior.__kwdefaults__, "options", few)
     RunFolder(tmp_path).write("posterior.npz", b"of an earlier run")
     short = with_posterior(found._replace(report=found.report.model_copy(deep=True)), 0)
     report = short.report

@@ -288,8 +288,10 @@ def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanne
     assert len(parts) == 2 and not list(out.glob("cases.parquet"))
     rows = scan.Rows
     monkeypatch.setattr(scan, "Rows", lambda *of: marched.extend(of[0]) or rows(*of))
-    solved, reduced, own, modes = [], [], rom.Face, face.modes
-    monkeypatch.setattr(rom, "Face", lambda *of: reduced.append(of[2].shape[1]) or own(*of))
+    solved, reduced, own, modes = [], [], rom.many_contacts, face.modes
+    monkeypatch.setattr(
+        rom, "many_contacts", lambda *of: reduced.append(of[2].shape[1]) or own(*of)
+    )
     monkeypatch.setattr(face, "modes", lambda *of: solved.append(of) or modes(*of))
     told = []
     result = beadwave.scan(

@@ -204,7 +204,7 @@ BLOCK = BAR.replace("cylinder = { radius = 0.03, length = 0.08 }", "box = [0.06,
     ],
 )
 def test_a_strike_beside_its_face_is_refused_before_anything_is_meshed(text, changes, monkeypatch):
-    monkeypatch.setattr("workflows.stages.bodies._meshes", None)
+    monkeypatch.setattr("geometry.body_mesh.body_meshes", None)
     write_cut("cut.step", hollow=False)
     with pytest.raises(InvalidScene, match="leaves that face; move it") as refused:
         pipeline(text, *changes)("mesh")

@@ -9,23 +9,32 @@ import pytest
 from command_line import COARSE_RIG
 from workflows.commands.app import main
 from workflows.evidence import catalogue
-from workflows.evidence.thesis import damping, energy, schemes, singularity
+from workflows.evidence.thesis.damping import DampingOptions, damping
+from workflows.evidence.thesis.energy import EnergyOptions, energy
+from workflows.evidence.thesis.schemes import SchemeOptions
+from workflows.evidence.thesis.singularity import SingularityOptions, singularity
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
 from workflows.report import finding
 from workflows.scene import InvalidScene
 
 
+def quiet(stage):
+    return nullcontext()
+
+
+SCHEMES = SchemeOptions(n_modes=20, error=1e-5)
+STUDIES = {
+    "singularity": (singularity, SingularityOptions(seeds=(4e-3, 2e-3))),
+    "energy": (energy, EnergyOptions(duration=1e-3, finer=1.0, schemes=SCHEMES)),
+    "damping": (damping, DampingOptions(duration=1e-3, schemes=SCHEMES)),
+}
+
+
 @cache
-def found(name):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(singularity, "SEEDS", (4e-3, 2e-3))
-        patch.setattr(energy, "FINER", 1.0)
-        patch.setattr(energy, "DURATION", 1e-3)
-        patch.setattr(damping, "DURATION", 1e-3)
-        patch.setattr(schemes, "N_MODES", 20)
-        patch.setattr(schemes, "ERROR", 1e-5)
-        return catalogue.study(name, scene("rig-rom", COARSE_RIG), lambda name: nullcontext())
+def study(name):
+    function, options = STUDIES[name]
+    return function(scene("rig-rom", COARSE_RIG), quiet, options)
 
 
 def column(finding, name):
@@ -34,7 +43,7 @@ def column(finding, name):
 
 def test_a_node_sinks_in_like_1_over_h_and_the_structure_does_not_care():
     """Issue's bound for the node 1.8 per halving; for what the patch leaves 1 %, measured 1e-4."""
-    sunk = found("singularity")
+    sunk = study("singularity")
     assert all(growth > 1.8 for growth in column(sunk, "growth")[1:])
     for name in ("structure_by_patch", "structure_by_node"):
         own = column(sunk, name)
@@ -44,7 +53,7 @@ def test_a_node_sinks_in_like_1_over_h_and_the_structure_does_not_care():
 
 
 def test_only_the_scheme_of_the_thesis_makes_energy():
-    made = found("energy")
+    made = study("energy")
     bump = dict(zip(column(made, "wall"), column(made, "bump"), strict=True))
     assert bump["half-space"] < 1e-9
     for wall in ("ROM half-space", "ROM assembly"):
@@ -56,7 +65,7 @@ def test_only_the_scheme_of_the_thesis_makes_energy():
 
 def test_the_rayleigh_damping_of_the_thesis_is_80_percent_at_51_hz():
     """references: 80 %, 15 %, 4.5 %, 0.53 %."""
-    rows = dict(found("damping").tables[0].rows)
+    rows = dict(study("damping").tables[0].rows)
     ratios = [value for name, value in rows.items() if "Rayleigh" in name]
     np.testing.assert_allclose(ratios, [0.80, 0.15, 0.045, 0.0053], rtol=0.02)
     gains = [value for name, value in rows.items() if "largest gain" in name]
@@ -64,7 +73,7 @@ def test_the_rayleigh_damping_of_the_thesis_is_80_percent_at_51_hz():
 
 
 def test_a_study_writes_table_and_picture(tmp_path):
-    sunk = found("singularity")
+    sunk = study("singularity")
     finding.write(sunk, RunFolder(tmp_path))
     lines = (tmp_path / "singularity.csv").read_text().splitlines()
     assert len(lines) == 1 + len(sunk.tables[0].rows) and lines[0].startswith("seed_mm,")
@@ -78,4 +87,4 @@ def test_studies_are_listed_and_an_unknown_one_is_refused(monkeypatch, capsys):
     assert not end.value.code
     assert all(name in capsys.readouterr().out for name in ("singularity",))
     with pytest.raises(InvalidScene, match="singularity"):
-        catalogue.study("singular", scene("rig-rom", COARSE_RIG), lambda name: nullcontext())
+        catalogue.study("singular", scene("rig-rom", COARSE_RIG), quiet)

@@ -3,7 +3,6 @@
 import json
 import sys
 from ctypes import CDLL
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -98,9 +97,13 @@ def wrong_weights(monkeypatch):
 
 
 def wrong_shear(monkeypatch):
-    module = import_module("fem.beam")  # fem.beam is its function
-    right = module._stiffnesses
-    monkeypatch.setattr(module, "_stiffnesses", lambda *of: right(*of) * np.array([1 + 1e-6, 1.0]))
+    right = fem.beam
+
+    def wrong(length, section, *others, **forces):
+        stiffer = section._replace(shear_factor=section.shear_factor * (1 + 1e-6))
+        return right(length, stiffer, *others, **forces)
+
+    monkeypatch.setattr(fem, "beam", wrong)
 
 
 def wrong_axial_force(monkeypatch):

@@ -5,6 +5,7 @@ import re
 import tomllib
 from base64 import b85decode
 from contextlib import nullcontext
+from functools import partial
 from zipfile import ZipFile
 from zlib import decompress
 
@@ -14,6 +15,7 @@ from joblib import Memory
 from scipy.linalg import eigh
 
 import rom
+from rom.imported import Limits, sound
 from workflows.commands.app import main
 from workflows.files.scene import scene
 from workflows.files.wall import loaded
@@ -235,7 +237,8 @@ def test_a_run_solves_for_the_modes_of_a_file_once(tmp_path, monkeypatch, ground
 
 
 def test_a_wall_of_too_many_coordinates_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("rom.imported.MOST_COORDINATES", 5)
+    small = partial(sound, limits=Limits(n_coordinates=5))
+    monkeypatch.setattr("workflows.files.wall.sound", small)
     with pytest.raises(InvalidScene, match="has 6 coordinates, allowed are 5; reduce it further"):
         refused(tmp_path, "large.npz")
 

@@ -11,9 +11,18 @@ from matplotlib.image import imread
 import dem
 from command_line import COARSE_RIG
 from workflows.evidence import catalogue
-from workflows.evidence.thesis import rig, rig_walls, sphere_mass, striker, wall_modulus, walls
+from workflows.evidence.thesis import rig_walls, walls
 from workflows.evidence.thesis.energy import chain_alone
 from workflows.evidence.thesis.observed_run import Setup, observed
+from workflows.evidence.thesis.plastic_contact import plastic_contact
+from workflows.evidence.thesis.sphere_mass import SphereMassOptions, sphere_mass
+from workflows.evidence.thesis.striker import StrikerOptions, striker
+from workflows.evidence.thesis.wall_modulus import (
+    WallModulusCase,
+    WallModulusOptions,
+    critical,
+    wall_modulus,
+)
 from workflows.evidence.thesis.wave_distance import distance, overall
 from workflows.files.run_folder import RunFolder
 from workflows.files.scene import scene
@@ -23,22 +32,23 @@ from workflows.report.tables import Table
 from workflows.scene import InvalidScene
 from workflows.stages.chain import chain, initial_velocity
 
-COARSE = (
-    *COARSE_RIG,
-    "reduction.modes=20",
-)  # fmt: skip
+COARSE = (*COARSE_RIG, "reduction.modes=20")
+
+
+def quiet(stage):
+    return nullcontext()
 
 
 @cache
-def found(name, usual="rig-rigid"):
-    with pytest.MonkeyPatch.context() as patch:
-        ratios = np.array([0.01, 0.03, 0.2, 0.37, 0.41, 0.45, 0.949, 9.0])
-        patch.setattr(wall_modulus, "RATIOS", ratios)
-        patch.setattr(sphere_mass, "BETWEEN", (0.013, 0.07, 0.5))
-        patch.setattr(striker, "SPEEDS", (0.1, 0.31, 1.0))
-        patch.setattr(striker, "RATIOS", (0.5, 1.0, 5.0))
-        patch.setattr(rig_walls, "ROMS", {"ROM 269": "rig-rom-269", "ROM 907": "rig-rom-907"})
-        return catalogue.study(name, scene(usual), lambda name: nullcontext())
+def wall_modulus_study():
+    """From a wall far softer than the spheres to one far stiffer."""
+    ratios = np.array([0.01, 0.03, 0.2, 0.37, 0.41, 0.45, 0.949, 9.0])
+    return wall_modulus(scene("rig-rigid"), quiet, WallModulusOptions(ratios=ratios))
+
+
+@cache
+def plastic_contact_study(usual="rig-rigid"):
+    return plastic_contact(scene(usual), quiet)
 
 
 def column(finding, name):
@@ -47,7 +57,7 @@ def column(finding, name):
 
 def test_secondary_waves_appear_below_the_critical_modulus():
     """references.md, section 4: they fade out at 0.39 to 0.47, stiff walls leave about 3 %."""
-    finding = found("wall-modulus")
+    finding = wall_modulus_study()
     second = dict(
         zip(column(finding, "E*_w/E*_s"), column(finding, "second_over_striker"), strict=True)
     )
@@ -62,7 +72,8 @@ def test_secondary_waves_appear_below_the_critical_modulus():
 
 def test_contact_time_follows_the_contact_not_the_mass_alone():
     """Exact scaling of the equations: 2/5 by density, 1/3 by radius; 2/3 and 3/5 of the force."""
-    finding = found("sphere-mass")
+    masses = SphereMassOptions(masses=(0.013, 0.07, 0.5))
+    finding = sphere_mass(scene("rig-rigid"), quiet, masses)
     by, mass = np.array(column(finding, "by")), np.array(column(finding, "mass_kg"))
     for name, powers in (
         ("contact_us", (1 / 3, 2 / 5)),
@@ -81,7 +92,8 @@ def test_contact_time_follows_the_contact_not_the_mass_alone():
 
 def test_a_heavy_striker_sends_a_train_whose_leader_has_the_published_share():
     """references.md, section 2; the march and the cut behind the leader leave 1e-5."""
-    finding = found("striker")
+    options = StrikerOptions(speeds=(0.1, 0.31, 1.0), mass_ratios=(0.5, 1.0, 5.0))
+    finding = striker(scene("rig-rigid"), quiet, options)
     for share, reference in zip(
         column(finding, "leader_share"), column(finding, "reference"), strict=True
     ):
@@ -93,7 +105,7 @@ def test_a_heavy_striker_sends_a_train_whose_leader_has_the_published_share():
 
 
 def test_a_yielding_contact_is_softer_and_the_factor_three_stiffer():
-    finding = found("plastic-contact")
+    finding = plastic_contact_study()
     force, restitution, lost = (
         column(finding, name) for name in ("force_N", "restitution", "lost_%")
     )
@@ -114,8 +126,9 @@ def test_pressure_is_larger_between_spheres_than_at_a_wall_of_their_steel():
         run = observed(Setup(name, row, dem.rigid_wall()), v0, duration=1e-3, spheres=(4,))
         p = run.pressures
         assert p[-1] / p[8] == pytest.approx(ratio ** (1 / 3), rel=1e-3)
-    said = found("plastic-contact", "rig-half-space").sentences[0]
-    assert said.count("largest between spheres") == 1 and said.count("largest at the wall") == 1
+    sentence = plastic_contact_study("rig-half-space").sentences[0]
+    assert sentence.count("largest between spheres") == 1
+    assert sentence.count("largest at the wall") == 1
 
 
 def test_a_wave_is_five_ninths_motion_and_all_but_elastic_at_the_wall():
@@ -138,7 +151,7 @@ def standing():
     usual = scene("rig-rom", COARSE)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rig_walls, "ROMS", {"ROM all four": "rig-rom"})
-        return usual, tuple(rig_walls.rig_walls(usual, lambda name: nullcontext()))
+        return usual, tuple(rig_walls.rig_walls(usual, quiet))
 
 
 def test_walls_are_judged_by_the_wave_that_tells_them_apart(own_cache, monkeypatch, tmp_path):
@@ -146,22 +159,23 @@ def test_walls_are_judged_by_the_wave_that_tells_them_apart(own_cache, monkeypat
 
     Without a fourth wave, or with a wall left out, nothing is judged; without any, it is refused.
     """
-    usual, found = standing()
-    monkeypatch.setattr(walls, "rig_walls", lambda scene, progress: iter(found))
-    finding = catalogue.study("walls", usual, lambda name: nullcontext())
-    assert len(finding.tables[0].rows) == 3 * len(found)
-    assert len(finding.tables[1].rows) == len(found) * (len(found) - 1) / 2
-    said = " ".join(finding.sentences)
-    assert 'The half-space answers like the 1-DOF wall at 8425 Hz": holds' in said
-    assert 'ROM 269 behaves like the 1-DOF wall at 700 Hz": cannot be judged' in said
+    usual, setups = standing()
+    n_walls = len(setups)
+    monkeypatch.setattr(walls, "rig_walls", lambda scene, progress: iter(setups))
+    finding = catalogue.study("walls", usual, quiet)
+    assert len(finding.tables[0].rows) == 3 * n_walls
+    assert len(finding.tables[1].rows) == n_walls * (n_walls - 1) / 2
+    sentences = " ".join(finding.sentences)
+    assert 'The half-space answers like the 1-DOF wall at 8425 Hz": holds' in sentences
+    assert 'ROM 269 behaves like the 1-DOF wall at 700 Hz": cannot be judged' in sentences
     write(finding, RunFolder(tmp_path))
     assert (tmp_path / "walls_distances.csv").is_file()
-    for drawing in ("_records", "_distances"):
-        monkeypatch.setattr(walls, drawing, lambda runs, *more: b"")
-    cut = catalogue.study("walls", lasting(usual, 2e-3), lambda name: nullcontext())
+    for drawing in ("panels", "matrix"):
+        monkeypatch.setattr(walls, drawing, lambda *_, **__: b"")
+    cut = catalogue.study("walls", lasting(usual, 2e-3), quiet)
     assert "cannot be judged, half-space sends no fourth wave" in " ".join(cut.sentences)
     with pytest.raises(InvalidScene, match=r"time\.duration = 0\.0001 s ends before"):
-        catalogue.study("walls", lasting(usual, 1e-4), lambda name: nullcontext())
+        catalogue.study("walls", lasting(usual, 1e-4), quiet)
 
 
 def lasting(scene, duration):
@@ -169,8 +183,8 @@ def lasting(scene, duration):
 
 
 def test_equal_waves_are_no_distance_apart_and_distant_ones_sqrt_2(own_cache):
-    usual, found = standing()
-    named = {w.name: w for w in found}
+    usual, setups = standing()
+    named = {setup.name: setup for setup in setups}
     spheres = (1, 4, 14)
     names = ("half-space", "1-DOF 8425", "1-DOF 907", "ROM all four", "1-DOF 240")
     runs = {name: rig_walls.impact_run(usual, named[name], spheres, 1e-3) for name in names}
@@ -197,7 +211,7 @@ def test_an_arm_without_mass_sends_no_second_wave_to_sphere_4():
     second = []
     for table in (usual, light):
         run = observed(
-            Setup("", rig.chain(table), wall), rig.initial_velocity(table), duration=3e-3,
+            Setup("", chain(table), wall), initial_velocity(table), duration=3e-3,
             spheres=(4,), error=1e-3,
         )  # fmt: skip
         faster = [w.arrival.peak_velocity for w in run.reflected(4) if w.number > 1]
@@ -206,7 +220,7 @@ def test_an_arm_without_mass_sends_no_second_wave_to_sphere_4():
 
 
 def test_the_arm_moves_with_the_last_sphere():
-    heavy, light = (rig.chain(scene(name)) for name in ("rig-1dof", "rig-rigid"))
+    heavy, light = (chain(scene(name)) for name in ("rig-1dof", "rig-rigid"))
     assert heavy.mass[-1] - light.mass[-1] == pytest.approx(0.134)
     assert heavy.mass[:-1] == pytest.approx(light.mass[:-1])
 
@@ -215,24 +229,24 @@ def test_a_chain_too_short_for_a_study_is_refused():
     with pytest.raises(InvalidScene, match=r"chain\.count = 5"):
         catalogue.study(
             "striker", scene("rig-rigid", ("chain.count=5", "output.spheres=[1]")),
-            lambda name: nullcontext(),
+            quiet,
         )  # fmt: skip
 
 
 def test_a_study_without_a_wave_to_measure_is_refused():
     """The striker sees no incident wave."""
     with pytest.raises(InvalidScene, match=r"output\.spheres = \[1\]"):
-        catalogue.study(
-            "sphere-mass", scene("rig-rigid", ("output.spheres=[1]",)), lambda name: nullcontext()
-        )
+        catalogue.study("sphere-mass", scene("rig-rigid", ("output.spheres=[1]",)), quiet)
 
 
 def test_the_soft_walls_wave_fades_though_a_stiff_walls_wave_follows():
     """In long chains the faint wave of stiff walls starts before the ratio 0.5."""
-    cases = [wall_modulus.Case(r, 0.0, None, s, 0.0)
-             for r, s in ((0.1, 0.2), (0.4, 0.004), (0.47, 0.006), (1.0, 0.03))]  # fmt: skip
-    assert wall_modulus.critical(cases) == (0.1, 0.4)
-    assert wall_modulus.critical([cases[0], cases[3]]) is None
+    cases = [
+        WallModulusCase(ratio, 0.0, None, second, 0.0)
+        for ratio, second in ((0.1, 0.2), (0.4, 0.004), (0.47, 0.006), (1.0, 0.03))
+    ]
+    assert critical(cases, faded=0.005) == (0.1, 0.4)
+    assert critical([cases[0], cases[3]], faded=0.005) is None
 
 
 def test_curves_differ_on_paper_without_colour():

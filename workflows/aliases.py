@@ -18,8 +18,8 @@ ROOMS = ("geometry", "fem", "rom", "dem", "coupling", "workflows")
 # modules whose own name changed; CHANGELOG has the same map for readers
 MOVED_MODULES = {
     "coupling.collision": "workflows.evidence.thesis.collision",
-    "coupling.edge_series": "workflows.evidence.thesis.edge_series",
-    "coupling.energy_run": "workflows.evidence.thesis.energy_run",
+    "coupling.edge_series": "workflows.evidence.thesis.boundary_distance",
+    "coupling.energy_run": "workflows.evidence.thesis.schemes",
     "coupling.exudyn_scene": "workflows.evidence.verify.exudyn_scene",
     "coupling.formulas": "workflows.evidence.verify.formulas",
     "coupling.lammps_chain": "workflows.evidence.verify.lammps_chain",

@@ -169,13 +169,13 @@ def _require_possible(posterior: bool, asked: dict[str, Any]) -> None:
 
 def _request(asked: dict[str, Any]):
     """What is asked for; raises InvalidScene for a word that is none."""
-    from workflows.fit.calibration.calibrate import Request
+    from workflows.fit.calibration.calibrate import CalibrationRequest
     from workflows.scene import nearest
 
     for name in asked:
-        if name not in Request._fields:
-            raise InvalidScene(f"{name} is not known, {nearest(name, Request._fields)}.")
-    return Request(**asked)
+        if name not in CalibrationRequest._fields:
+            raise InvalidScene(f"{name} is not known, {nearest(name, CalibrationRequest._fields)}.")
+    return CalibrationRequest(**asked)
 
 
 def _sampled(found: Calibrated, posterior: bool, seed: int, progress: Progress) -> Calibrated:
@@ -250,7 +250,7 @@ def inspect(
     """
     from workflows.fit.core.inspection.reading import called_apart
     from workflows.fit.inspection.folder import FILES, write
-    from workflows.fit.inspection.inspect import Request, inspected
+    from workflows.fit.inspection.inspect import InspectionRequest, inspected
     from workflows.fit.inspection.report import report_of
     from workflows.fit.records import recorded
     from workflows.sweep.cases import base_of
@@ -264,7 +264,7 @@ def inspect(
         folder = RunFolder(Path(out), inputs=inputs, overwrite=overwrite)
     with folder.renewed(*FILES) if folder else nullcontext():
         records = called_apart(tuple(recorded(file) for file in files))
-        found = inspected(base, records, Request(**asked), progress)
+        found = inspected(base, records, InspectionRequest(**asked), progress)
         report = report_of(found, records)
         if folder:
             write(found, report, folder)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
 from os import environ, sched_getaffinity
-from pathlib import Path
 from platform import machine, python_version
 from shutil import which
 from typing import NamedTuple
@@ -40,7 +39,7 @@ class Absent(NamedTuple):
     remedy: str
 
 
-class Health(BaseModel):
+class Installation(BaseModel):
     """What `doctor` found; `missing` is empty where everything is there."""
 
     python: str
@@ -57,91 +56,58 @@ class Health(BaseModel):
     def text(self) -> str:
         """Aligned lines, what is missing last."""
         free = self.memory_free_bytes
-        set_ones = ", ".join(f"{name} = {value}" for name, value in self.threads.items())
+        threads = ", ".join(f"{name} = {value}" for name, value in self.threads.items())
         lines = [
             ("Python", f"{self.python}, {self.machine}"),
             *self.installed.items(),
-            ("cores", f"{self.cores}{', ' + set_ones if set_ones else ''}"),
+            ("cores", f"{self.cores}{', ' + threads if threads else ''}"),
             ("free memory", "unknown" if free is None else f"{free / 1e9:.1f} GB"),
             ("results kept in", f"{self.cache}, {self.cache_bytes / 1e6:.0f} MB"),
             ("", f"not used, it {self.cache_fault}" if self.cache_fault else "in use"),
         ]
-        told = [f"{name:>16}  {value}" for name, value in lines]
-        absent = [
-            f"missing: {one.name}: {one.costs}; {one.remedy} adds it." for one in self.missing
-        ]
-        return "\n".join([*told, "", *(absent or ["Nothing is missing."])])
+        rows = [f"{name:>16}  {value}" for name, value in lines]
+        missing = [f"missing: {name}: {costs}; {remedy} adds it." for name, costs, remedy in
+                   self.missing]  # fmt: skip
+        return "\n".join([*rows, "", *(missing or ["Nothing is missing."])])
 
     def __repr__(self) -> str:
         return self.text()
 
 
-def doctor() -> Health:
+def doctor() -> Installation:
     """What is installed, what is missing and what that costs (`beadwave doctor`)."""
     from workflows.files.cache_folder import cache_folder
+    from workflows.scene.memory import free_memory
     from workflows.stages.cache import fault
     from workflows.stages.pipeline import LIBRARIES as NEEDED
     from workflows.stages.pipeline import library_versions
 
+    # extras that are not installed, libraries that the loader does not find, programs
+    missing = []
+    for name, (extra, costs) in MISSING.items():
+        try:
+            version(name)
+        except PackageNotFoundError:
+            missing.append(Absent(name, costs, f"./install.sh {extra}"))
+    for name, package, costs in missing_libraries():
+        unknown = f"the package that apt-file search {name} names"
+        missing.append(Absent(name, costs, f"apt-get install {package}" if package else unknown))
+    for name, (package, costs) in PROGRAMS.items():
+        if which(name) is None:
+            missing.append(Absent(name, costs, f"apt-get install {package}"))
+
     names = ("beadwave", *NEEDED, "matplotlib", "pyvista", "xarray", *MISSING)
-    folder = cache_folder()
-    return Health(
+    folder, free = cache_folder(), free_memory()
+    files = (file for file in folder.rglob("*") if file.is_file())
+    return Installation(
         python=python_version(),
         machine=machine(),
         installed=library_versions(names),
-        missing=[*_absent_extras(), *_absent_libraries(), *_absent_programs()],
+        missing=missing,
         cache=str(folder),
-        cache_bytes=_size(folder),
+        cache_bytes=sum(file.stat().st_size for file in files),
         cache_fault=fault(),
         cores=len(sched_getaffinity(0)),
         threads={name: environ[name] for name in THREADS if name in environ},
-        memory_free_bytes=_free(),
+        memory_free_bytes=int(free) if isfinite(free) else None,
     )
-
-
-def _absent_extras() -> list[Absent]:
-    return [
-        Absent(name, costs, f"./install.sh {extra}")
-        for name, (extra, costs) in MISSING.items()
-        if not _installed(name)
-    ]
-
-
-def _installed(name: str) -> bool:
-    try:
-        version(name)
-    except PackageNotFoundError:
-        return False
-    return True
-
-
-def _absent_libraries() -> list[Absent]:
-    return [
-        Absent(
-            name,
-            costs,
-            f"apt-get install {package}"
-            if package
-            else f"the package that apt-file search {name} names",
-        )
-        for name, package, costs in missing_libraries()
-    ]
-
-
-def _absent_programs() -> list[Absent]:
-    return [
-        Absent(name, costs, f"apt-get install {package}")
-        for name, (package, costs) in PROGRAMS.items()
-        if which(name) is None
-    ]
-
-
-def _size(folder: Path) -> int:
-    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
-
-
-def _free() -> int | None:
-    from workflows.scene.memory import free_memory
-
-    free = free_memory()
-    return int(free) if isfinite(free) else None

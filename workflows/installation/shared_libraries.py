@@ -51,7 +51,7 @@ UNUSED = (  # by parts that their programs do without
 )  # fmt: skip
 
 
-class Missing(NamedTuple):
+class MissingLibrary(NamedTuple):
     """A shared library that is not there."""
 
     name: str
@@ -97,11 +97,11 @@ def linked(path: Path) -> Linked | None:
                  if tag in (DT_RPATH, DT_RUNPATH) and names]  # fmt: skip
     origin = str(path.parent)
     folders = (folder for line in paths for folder in line.split(":") if folder)
-    whole = (f.replace("${ORIGIN}", origin).replace("$ORIGIN", origin) for f in folders)
-    return Linked(tuple(needed), tuple(whole))
+    absolute = (f.replace("${ORIGIN}", origin).replace("$ORIGIN", origin) for f in folders)
+    return Linked(tuple(needed), tuple(absolute))
 
 
-def missing_libraries(folders: list[str] | None = None) -> list[Missing]:
+def missing_libraries(folders: list[str] | None = None) -> list[MissingLibrary]:
     """What the loader does not find of what wheels ask for; without folders, those of sys.path."""
     files = {
         wheel.metadata["Name"]: [Path(wheel.locate_file(file)) for file in wheel.files or ()]
@@ -119,11 +119,15 @@ def missing_libraries(folders: list[str] | None = None) -> list[Missing]:
             except (OSError, struct.error):
                 continue
             for name in elf.needed if elf else ():
-                beside = any(Path(folder, name).exists() for folder in elf.folders)
-                if not beside and name not in in_wheels and name not in UNUSED:
+                in_rpath = any(Path(folder, name).exists() for folder in elf.folders)
+                if not in_rpath and name not in in_wheels and name not in UNUSED:
                     users.setdefault(name, wheel)
     unknown = {name: (None, f"programs of {wheel} cannot start") for name, wheel in users.items()}
-    return [Missing(name, *LIBRARIES.get(name, unknown[name])) for name in users if not loads(name)]
+    return [
+        MissingLibrary(name, *LIBRARIES.get(name, unknown[name]))
+        for name in users
+        if not loads(name)
+    ]
 
 
 def loads(library: str) -> bool:
@@ -136,11 +140,9 @@ def loads(library: str) -> bool:
 
 
 if __name__ == "__main__":
-    for one in missing_libraries():
-        if one.package:
-            print(one.package)
+    for name, package, costs in missing_libraries():
+        if package:
+            print(package)
         else:
-            print(
-                f"{one.name} is missing, {one.costs}; apt-file search {one.name} names its package",
-                file=sys.stderr,
-            )
+            hint = f"{name} is missing, {costs}; apt-file search {name} names its package"
+            print(hint, file=sys.stderr)

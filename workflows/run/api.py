@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     import xarray
 
     from rom import ReducedModel
-    from workflows.stages.pipeline import Pipeline
 
 
 def scene(source: Source = None, changes: Changes = ()) -> Scene:
@@ -128,8 +127,8 @@ def run(
 
     path, notes = place(out, RUNS, chosen.name, toml(chosen))
     folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
-    asked = origin("run", chosen, scene, changes)
-    summary = run_stages(pipeline_of(chosen, progress), folder, origin=asked)
+    command = origin("run", chosen, scene, changes)
+    summary = run_stages(pipeline_of(chosen, progress), folder, origin=command)
     return _in_folder(chosen, summary, path, notes)
 
 
@@ -151,6 +150,7 @@ def impact(
     wall = () if rom is None else (("wall", {"kind": "rom", "file": str(_file_of(rom))}),)
     changes = (*wall, *each(changes))
     chosen = with_chain(load_scene(scene, changes))
+    from coupling.saved_run import arrays
     from workflows.run.run import impact as run_impact
     from workflows.stages.pipeline import pipeline_of
 
@@ -159,7 +159,11 @@ def impact(
     folder = RunFolder(path, inputs=inputs, overwrite=overwrite) if path else None
     pipeline = pipeline_of(chosen, progress)
     summary = run_impact(pipeline, folder, origin=origin("impact", chosen, scene, changes))
-    return _in_memory(pipeline, summary, path, notes)
+
+    def read() -> dict[str, NDArray]:
+        return arrays(pipeline("impact").trajectory, pipeline("wall"))
+
+    return Run(chosen, summary, path, notes, read, lambda: pipeline("figures"))
 
 
 def load(folder: str | Path) -> Run:
@@ -173,31 +177,22 @@ def load(folder: str | Path) -> Run:
 
 
 def _in_folder(scene: Scene, summary: Summary, path: Path, notes: tuple[str, ...]) -> Run:
-    return Run(scene, summary, path, notes, lambda: _read(path), lambda: _drawn(path))
-
-
-def _read(path: Path) -> dict[str, NDArray]:
-    file = path / "trajectory.npz"
-    if not file.is_file():
-        return {}
-    with np.load(file) as arrays:
-        return dict(arrays)
-
-
-def _drawn(path: Path) -> Iterable[Picture]:
-    from workflows.report.report import CAPTIONS
-
-    files = ((name, path / "figures" / f"{name}.png") for name in CAPTIONS)
-    return (Picture(name, file.read_bytes()) for name, file in files if file.is_file())
-
-
-def _in_memory(pipeline: Pipeline, summary: Summary, path: Path | None, notes) -> Run:
-    from coupling.saved_run import arrays
+    """A run whose arrays and pictures are read from its folder when they are asked for."""
 
     def read() -> dict[str, NDArray]:
-        return arrays(pipeline("impact").trajectory, pipeline("wall"))
+        file = path / "trajectory.npz"
+        if not file.is_file():
+            return {}
+        with np.load(file) as arrays:
+            return dict(arrays)
 
-    return Run(pipeline.scene, summary, path, notes, read, lambda: pipeline("figures"))
+    def draw() -> Iterable[Picture]:
+        from workflows.report.report import CAPTIONS
+
+        files = ((name, path / "figures" / f"{name}.png") for name in CAPTIONS)
+        return (Picture(name, file.read_bytes()) for name, file in files if file.is_file())
+
+    return Run(scene, summary, path, notes, read, draw)
 
 
 def _file_of(rom: str | Path | ReducedModel) -> Path:
@@ -209,7 +204,8 @@ def _file_of(rom: str | Path | ReducedModel) -> Path:
     from workflows.files.whole_file import writing_file
     from workflows.stages.cache import fault
 
-    content = sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in _matrices(rom)))
+    matrices = (A for A in (rom.K, rom.M, rom.C, rom.w) if A is not None)
+    content = sha256(b"".join(np.ascontiguousarray(A).tobytes() for A in matrices))
     content.update(repr(rom.contact).encode())
     folder = Path(mkdtemp()) if fault() else cache_folder() / "walls"
     path = folder / f"{content.hexdigest()[:32]}.npz"
@@ -217,10 +213,6 @@ def _file_of(rom: str | Path | ReducedModel) -> Path:
         with writing_file(path) as part:
             save_npz(part, rom._replace(T=None, surface=None))
     return path
-
-
-def _matrices(rom: ReducedModel) -> tuple[NDArray, ...]:
-    return tuple(A for A in (rom.K, rom.M, rom.C, rom.w) if A is not None)
 
 
 def film(
@@ -249,6 +241,6 @@ def film(
         raise InvalidScene(f"--pvd writes film.pvd; leave out --out {out}.")
     name = out or ("film.mp4" if find_spec("imageio_ffmpeg") else "film.gif")
     require_name(name)
-    held = RunFolder(path, overwrite=overwrite).held("film.pvd" if pvd else name)
-    with held as open_folder, progress("film"):
+    run_folder = RunFolder(path, overwrite=overwrite)
+    with run_folder.held("film.pvd" if pvd else name) as open_folder, progress("film"):
         return list(paraview(open_folder) if pvd else draw(open_folder, name, seconds=seconds))

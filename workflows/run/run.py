@@ -1,6 +1,5 @@
 """A run: the stages a scene needs, and what each leaves in the run folder as it ends."""
 
-from collections.abc import Iterator
 from contextlib import nullcontext
 from datetime import datetime
 from platform import python_version
@@ -39,18 +38,43 @@ FILES = (
 
 def run(pipeline: Pipeline, folder: RunFolder, *, origin: Origin = UNKNOWN) -> Summary:
     """Fill the run folder with all that the scene gives."""
-    scene = pipeline.scene
+    scene, structure = pipeline.scene, needs_structure(pipeline.scene)
     if scene.chain and not pipeline.kept("impact"):
         require_start(scene)
     with folder.run(toml(scene), FILES) as folder:
         _write_given(folder, origin)
-        with two_processes(pipeline, RUN) if needs_structure(scene) else nullcontext():
-            unrendered = _write_assembly(pipeline, folder) if needs_structure(scene) else ()
+        with two_processes(pipeline, RUN) if structure else nullcontext():
+            # the assembly: modes, reduced model, response and pictures, each as soon as it is there
+            unrendered: tuple[str, ...] = ()
+            if structure:
+                from fem import mode_field
+                from workflows.stages.pictures import NoPicture
+                from workflows.stages.response import save_response
+                from workflows.stages.wall import save
+
+                with folder.writing("modes.vtu") as path:
+                    mode_field.write(path, pipeline("modes").field)
+                for name in ("rom.npz", "rom.mat"):
+                    with folder.writing(name) as path:
+                        save(path, pipeline("reduction"), scene.damping)
+                with folder.writing("response.npz") as path:
+                    save_response(path, pipeline("response").found)
+                write_pictures(folder, (pipeline("response").picture,))
+                if scene.measured_hz:
+                    pipeline("mac")
+                try:
+                    write_pictures(folder, pipeline("pictures"))
+                except NoPicture as missing:  # the run stands without them
+                    unrendered = (str(missing),)
+
+            # the chain: the impact, its figures, what its sensors record
             if scene.chain:
                 _write_trajectory(pipeline, folder)
                 write_pictures(folder, pipeline("figures"))
                 if scene.output.sensors:
                     write_pictures(folder, (pipeline("signals"),))
+
+            # the errors of its models, the waves, the warnings
             summary = summary_of(pipeline, unrendered, origin)
         folder.write("summary.json", summary.text())
         write_report(folder)
@@ -73,41 +97,18 @@ def impact(pipeline: Pipeline, folder: RunFolder | None, *, origin: Origin = UNK
 
 
 def _write_given(folder: RunFolder, origin: Origin) -> None:
-    """The scene in the user's words; scene.toml is what they amount to, and a run of it keeps
-    them."""
+    """The scene in the user's words, given.toml. scene.toml is what they amount to: a run of that
+    file leaves the words of the run before."""
     given, scene = folder.base.path / "given.toml", folder.base.path / "scene.toml"
     words = origin.text.partition("\n")[2]
-    kept = given.is_file() and scene.is_file() and scene.read_text("utf-8") == words
-    text = given.read_text("utf-8") if kept else origin.text
+    of_this_scene = given.is_file() and scene.is_file() and scene.read_text("utf-8") == words
+    text = given.read_text("utf-8") if of_this_scene else origin.text
     if text:
         folder.write(given.name, text)
 
 
-def _write_assembly(pipeline: Pipeline, folder: RunFolder) -> tuple[str, ...]:
-    """Modes, reduced model and pictures, each as soon as it is there; a warning without them."""
-    from fem import mode_field
-    from workflows.stages.pictures import NoPicture
-    from workflows.stages.response import save_response
-    from workflows.stages.wall import save
-
-    with folder.writing("modes.vtu") as path:
-        mode_field.write(path, pipeline("modes").field)
-    for name in ("rom.npz", "rom.mat"):
-        with folder.writing(name) as path:
-            save(path, pipeline("reduction"), pipeline.scene.damping)
-    with folder.writing("response.npz") as path:
-        save_response(path, pipeline("response").found)
-    write_pictures(folder, (pipeline("response").picture,))
-    if pipeline.scene.measured_hz:
-        pipeline("mac")
-    try:
-        write_pictures(folder, pipeline("pictures"))
-    except NoPicture as missing:
-        return (str(missing),)
-    return ()
-
-
 def _write_trajectory(pipeline: Pipeline, folder: RunFolder) -> None:
+    """The impact's arrays, and what sensors record of them."""
     trajectory = pipeline("impact").trajectory
     with folder.writing("trajectory.npz") as path:
         save_trajectory(path, trajectory, pipeline("wall"))
@@ -117,19 +118,72 @@ def _write_trajectory(pipeline: Pipeline, folder: RunFolder) -> None:
         folder.write("signals.csv", csv_text(pipeline.scene, pipeline("record")))
 
 
-def summary_of(pipeline: Pipeline, told: tuple[str, ...] = (), origin: Origin = UNKNOWN) -> Summary:
+def summary_of(
+    pipeline: Pipeline, warned: tuple[str, ...] = (), origin: Origin = UNKNOWN
+) -> Summary:
     """The numbers of a run; a stage that the run did not need is left at its absence."""
-    scene, found = pipeline.scene, {}
-    told = [*told, *(() if pipeline.keeps else warnings.results_not_kept())]
+    scene, structure, numbers = pipeline.scene, needs_structure(pipeline.scene), {}
+    sentences = [*warned, *(() if pipeline.keeps else warnings.results_not_kept())]
+
     if scene.chain:
-        errors, doubts = _errors(pipeline)
-        found |= _chain_numbers(pipeline) | {"error_estimate": errors}
-        needed = [pipeline(name) for name in ("start", "impact", "waves")]
-        told += [*doubts, *warnings.of_chain(scene, *needed)]
-    found |= _model_numbers(pipeline)
-    if needs_structure(scene):
-        told += found["reduction"].findings
-        told += warnings.overconstrained(pipeline("modes").overconstrained)
+        # errors: of the time step, and by a second model each of reduction and mesh
+        errors = {"time": pipeline("impact").trajectory.error_estimate}
+        doubts: list[str] = []
+        estimated = structure and not isinstance(pipeline("wall"), CoupledWall)
+        for name in ("reduction", "mesh") if estimated else ():
+            try:
+                errors[name] = pipeline(f"{name}-error")
+                doubts += warnings.large_model_error(name, errors[name])
+            except ValueError as reason:  # the run stands without it
+                doubts.append(f"The error of the {name} could not be estimated: {reason}")
+
+        # the march and its waves
+        wall, waves, (run, verdict, *_) = pipeline("wall"), pipeline("waves"), pipeline("impact")
+        start = pipeline("start")
+        numbers |= {
+            "n_wall_modes": 0 if wall is None else len(wall.omega),
+            "dt_s": run.dt,
+            "n_steps": run.n_steps,
+            "energy_error": run.energy_error,
+            "error_estimate": ErrorEstimate(**errors),
+            "verdict": (*verdict.sentences, *dem.yielding(start.chain, run)),
+            "waves": {str(s): sphere_waves(waves, run.t, run.v[:, s - 1], s) for s in waves.labels},
+            "wall_contact": chain_contact(scene, waves),
+        }
+        if scene.output.sensors:
+            from workflows.stages.signals import sensor_waves
+
+            numbers["sensors"] = sensor_waves(scene, pipeline("record"))
+
+        # the contact at the wall
+        if wall is not None:
+            if getattr(scene.wall, "prune", False):
+                numbers["wall_modes_left_out"] = pipeline("pruning").sentences
+            peak = float(run.contact_force[:, -1].max())
+            radius = start.ellipse.size * contact_radius(scene, start, peak)
+            numbers |= {"peak_wall_force_N": peak, "contact_radius_m": radius}
+        chain_warnings = warnings.of_chain(scene, start, pipeline("impact"), waves)
+        sentences += [*doubts, *chain_warnings]
+
+    # the assembly, or a wall from a file
+    if structure:
+        from workflows.stages.health import modes_found, reduction_health
+
+        modes, health = pipeline("modes"), reduction_health(pipeline("reduction"))
+        numbers |= {
+            "modes_hz": modes.paired_hz,
+            "modes": modes_found(pipeline),
+            "dofs": modes.n_dofs,
+            "load_factor": modes.load_factor,
+            "reduction": health,
+        }
+        sentences += [*health.findings, *warnings.overconstrained(modes.overconstrained)]
+    elif getattr(scene.wall, "file", None):
+        from workflows.files.wall import measured
+        from workflows.stages.health import reduction_health
+
+        numbers["reduction"] = reduction_health(*measured(scene.wall))
+
     return Summary(
         scene=scene.name,
         command=origin.command,
@@ -137,73 +191,7 @@ def summary_of(pipeline: Pipeline, told: tuple[str, ...] = (), origin: Origin = 
         sources=origin.sources,
         seconds=pipeline.elapsed,
         stages=tuple(StageTime(**report._asdict()) for report in pipeline.reports),
-        warnings=tuple(told),
+        warnings=tuple(sentences),
         versions={"python": python_version(), **library_versions(("beadwave", *LIBRARIES))},
-        **found,
+        **numbers,
     )
-
-
-def _chain_numbers(pipeline: Pipeline) -> dict:
-    scene, wall, found = pipeline.scene, pipeline("wall"), pipeline("waves")
-    run, verdict, *_ = pipeline("impact")
-    begun = pipeline("start")
-    numbers = {
-        "n_wall_modes": 0 if wall is None else len(wall.omega),
-        "dt_s": run.dt,
-        "n_steps": run.n_steps,
-        "energy_error": run.energy_error,
-        "verdict": (*verdict.sentences, *dem.yielding(begun.chain, run)),
-        "waves": {str(s): sphere_waves(found, run.t, run.v[:, s - 1], s) for s in found.labels},
-        "wall_contact": chain_contact(scene, found),
-    }
-    if scene.output.sensors:
-        from workflows.stages.signals import sensor_waves
-
-        numbers["sensors"] = sensor_waves(scene, pipeline("record"))
-    if wall is None:
-        return numbers
-    if getattr(scene.wall, "prune", False):
-        numbers["wall_modes_left_out"] = pipeline("pruning").sentences
-    peak = float(run.contact_force[:, -1].max())
-    radius = begun.ellipse.size * contact_radius(scene, begun, peak)
-    return numbers | {"peak_wall_force_N": peak, "contact_radius_m": radius}
-
-
-def _errors(pipeline: Pipeline) -> tuple[ErrorEstimate, list[str]]:
-    """The estimates, and warnings of those that are large or that could not be made."""
-    found, told = {"time": pipeline("impact").trajectory.error_estimate}, []
-    for name in _estimated(pipeline):
-        try:
-            found[name] = pipeline(f"{name}-error")
-            told += warnings.large_model_error(name, found[name])
-        except ValueError as reason:  # the run stands without it
-            told.append(f"The error of the {name} could not be estimated: {reason}")
-    return ErrorEstimate(**found), told
-
-
-def _estimated(pipeline: Pipeline) -> Iterator[str]:
-    """Models whose error a second one tells."""
-    if needs_structure(pipeline.scene) and not isinstance(pipeline("wall"), CoupledWall):
-        yield from ("reduction", "mesh")
-
-
-def _model_numbers(pipeline: Pipeline) -> dict:
-    """The assembly's part of the summary, or that of a wall from a file."""
-    scene = pipeline.scene
-    if needs_structure(scene):
-        from workflows.stages.health import modes_found, reduction_health
-
-        modes, health = pipeline("modes"), reduction_health(pipeline("reduction"))
-        return {
-            "modes_hz": modes.paired_hz,
-            "modes": modes_found(pipeline),
-            "dofs": modes.n_dofs,
-            "load_factor": modes.load_factor,
-            "reduction": health,
-        }
-    if getattr(scene.wall, "file", None):
-        from workflows.files.wall import measured
-        from workflows.stages.health import reduction_health
-
-        return {"reduction": reduction_health(*measured(scene.wall))}
-    return {}

@@ -27,53 +27,55 @@ def mesh(scene: Scene, coarser: float = 1.0) -> Parts:
     `coarser` times as large as the scene has them, but for those of a user."""
     if scene.is_general:
         return bodies.parts(scene, coarser)
-    meshes = geometry.by_body(_whole(scene, coarser))
-    return Parts(meshes, materials(scene.assembly, meshes), _connections(scene))
+    table, m, dimensions = scene.assembly, scene.mesh, assembly(scene.assembly)
+    touching, held = geometry.interfaces(dimensions), held_faces(table)
 
-
-def _whole(scene: Scene, coarser: float) -> Mesh:
-    m = scene.mesh
+    # the rig as one mesh: the user's own, or ours
     if m.file:
-        parts = assembly(scene.assembly)
-        named = faces(geometry.interfaces(parts), held_faces(scene.assembly), STRUCK)
-        own = mesh_of(Path(m.file), parts, named)
-        for sentence in too_large_mesh(scene, f"mesh.file = {m.file!r}", nodes(own)):
+        whole = mesh_of(Path(m.file), dimensions, faces(touching, held, STRUCK))
+        for sentence in too_large_mesh(scene, f"mesh.file = {m.file!r}", nodes(whole)):
             raise InvalidScene(sentence)
-        return own
-    parts = assembly(scene.assembly)
-    seeds = {name: getattr(m, f"{name}seed") for name in ("", "block_", "support_", "contact_")}
-    sizes = {f"{name}seed": size and coarser * size for name, size in seeds.items()}
-    sizes["contact_point"] = scene.patch.point
-    if m.element == "tet":
-        return _tet_mesher()(parts, **sizes, coarser=coarser)
-    return geometry.hex_mesh(parts, **sizes, glued=scene.assembly.constraint == "full-tie")
+    else:
+        seeds = {name: getattr(m, f"{name}seed") for name in ("", "block_", "support_", "contact_")}
+        sizes = {f"{name}seed": size and coarser * size for name, size in seeds.items()}
+        sizes["contact_point"] = scene.patch.point
+        if m.element == "tet":
+            try:
+                from geometry.tet_mesh import tet_mesh  # loads gmsh, and that its shared libraries
+            except OSError as missing:
+                raise ValueError(
+                    f"gmsh cannot start ({missing}); install its shared libraries (Debian: "
+                    f'{GMSH_NEEDS}), or mesh with mesh.element = "hex".'
+                ) from None
+            whole = tet_mesh(dimensions, **sizes, coarser=coarser)
+        else:
+            whole = geometry.hex_mesh(dimensions, **sizes, glued=table.constraint == "full-tie")
+    meshes = geometry.by_body(whole)
+
+    match table.constraint:
+        case "full-tie":
+            connections = rig.full_tie(touching, held)
+        case "screw-tie":
+            connections = rig.screw_tie(touching, held)
+        case _:
+            connections = rig.wires(touching, held, bushings(scene.springs))
+    return Parts(meshes, materials(table, meshes), connections)
 
 
 def nodes(mesh: Mesh) -> dict[str, float]:
     """Corners and middles of edges, by body as the cells are shared out."""
-    each = (mesh.nvertices + mesh.nedges) / mesh.nelements
-    return {body: each * len(cells) for body, cells in mesh.subdomains.items()}
-
-
-def _tet_mesher():
-    try:
-        from geometry.tet_mesh import tet_mesh  # loads gmsh, and that its shared libraries
-    except OSError as missing:
-        raise ValueError(
-            f"gmsh cannot start ({missing}); install its shared libraries (Debian: {GMSH_NEEDS}), "
-            'or mesh with mesh.element = "hex".'
-        ) from None
-    return tet_mesh
+    per_cell = (mesh.nvertices + mesh.nedges) / mesh.nelements
+    return {body: per_cell * len(cells) for body, cells in mesh.subdomains.items()}
 
 
 def model(scene: Scene, mesh: Parts) -> fem.Model:
     """The parts assembled, joined and held; raises InvalidScene for bodies that nothing keeps."""
     structure = fem.assemble(mesh.meshes, mesh.materials)
-    below = scene.table and fem.Table(scene.table.frequency, scene.table.mass)
-    how = mesh.connections._replace(table=below)
+    below = scene.table and fem.SwayingTable(scene.table.frequency, scene.table.mass)
+    connections = mesh.connections._replace(table=below)
     if scene.is_general:
-        _require_kept(scene, structure, how)
-    joined = fem.joined(structure, how)
+        _require_kept(scene, structure, connections)
+    joined = fem.joined(structure, connections)
     if mesh.load is None:
         return joined
     try:
@@ -82,10 +84,10 @@ def model(scene: Scene, mesh: Parts) -> fem.Model:
         raise InvalidScene(f"{scene.name}: loads: {str(why).rstrip('.')}.") from None
 
 
-def _require_kept(scene: Scene, structure: fem.Structure, how: fem.Connections) -> None:
+def _require_kept(scene: Scene, structure: fem.Structure, connections: fem.Connections) -> None:
     """Raise InvalidScene for a body that can move; an assembly that floats may move in the
     directions too that its joints leave free, k = 0."""
-    loose = fem.loose_bodies(structure, how)
+    loose = fem.loose_bodies(structure, connections)
     if not loose:
         return
     body, motions = loose[0]
@@ -96,11 +98,12 @@ def _require_kept(scene: Scene, structure: fem.Structure, how: fem.Connections) 
         for key in fem.DIRECTIONS
     }
     free = [key for key, value in k.items() if value == 0]
+    # would it be kept if those directions were stiff? then k = 0 is what lets it go
     closed = [
         joint._replace(springs=fem.Bushing(*(value or np.inf for value in joint.springs)))
-        for joint in how.joints
+        for joint in connections.joints
     ]
-    if not free or fem.loose_bodies(structure, how._replace(joints=closed)):
+    if not free or fem.loose_bodies(structure, connections._replace(joints=closed)):
         raise InvalidScene(
             f"{moves}nothing keeps; tie it, bolt it, or hold a face of it. An assembly that floats "
             "says assembly.held = []."
@@ -112,17 +115,6 @@ def _require_kept(scene: Scene, structure: fem.Structure, how: fem.Connections) 
         )
 
 
-def _connections(scene: Scene) -> fem.Connections:
-    table = scene.assembly
-    touching, held = geometry.interfaces(assembly(table)), held_faces(table)
-    match table.constraint:
-        case "full-tie":
-            return rig.full_tie(touching, held)
-        case "screw-tie":
-            return rig.screw_tie(touching, held)
-    return rig.wires(touching, held, bushings(scene.springs))
-
-
 def held_faces(table) -> tuple[str, ...]:
     """Faces that stand on the ground, or on the table."""
     under_washers = table.constraint == "screw-tie"
@@ -130,8 +122,10 @@ def held_faces(table) -> tuple[str, ...]:
 
 
 def materials(table, names) -> dict[str, fem.Material]:
-    """What each body is made of: the assembly's material where its own table says nothing."""
-    return {body: material(table, _part(body)) for body in names}
+    """What each body is made of: the assembly's material where its own table says nothing; both
+    sheets are one part."""
+    parts = {body: "sheets" if body.startswith(("sheet-", "sheet+")) else body for body in names}
+    return {body: material(table, part) for body, part in parts.items()}
 
 
 def material(table, part: str) -> fem.Material:
@@ -146,17 +140,12 @@ def solid(scene: Scene, body: str) -> fem.Material | fem.Orthotropic:
     return bodies.material(made_of) if scene.is_general else fem.Material(**made_of.model_dump())
 
 
-def _part(body: str) -> str:
-    return "sheets" if body.startswith("sheet-") or body.startswith("sheet+") else body
-
-
 def bushings(tables: Mapping[str, JointStiffnesses]) -> dict[str, fem.Bushing]:
     """Screw stiffnesses by joint."""
-    return {joint: _bushing(table) for joint, table in tables.items()}
-
-
-def _bushing(stiffness: JointStiffnesses) -> fem.Bushing:
-    return fem.Bushing(**{key: getattr(stiffness, key) for key in fem.DIRECTIONS})
+    return {
+        joint: fem.Bushing(**{key: getattr(table, key) for key in fem.DIRECTIONS})
+        for joint, table in tables.items()
+    }
 
 
 def dashpots(scene: Scene, model: fem.Model):
@@ -179,7 +168,11 @@ def modes(scene: Scene, model: fem.Model, factor: fem.Factor | None = None) -> A
 def contact(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
     """The patch that loads and reads the body struck; of the thesis' scheme the node it loads."""
     if scene.is_general:
-        _require_struck(scene)
+        if scene.strike is None:
+            raise InvalidScene(
+                f"{scene.name}: [strike] is missing, which says where the chain touches; add "
+                'on = "body:+x".'
+            )
         return strike.patch(scene, mesh, model)
     patch = scene.patch
     if patch.weights == "thesis":
@@ -187,14 +180,6 @@ def contact(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
     if patch.nodes:
         return fem.node_patch(model, STRUCK, patch.nodes)
     return fem.contact_patch(model, STRUCK, patch.point, patch.radius, weights=patch.weights)
-
-
-def _require_struck(scene: Scene) -> None:
-    if scene.strike is None:
-        raise InvalidScene(
-            f"{scene.name}: [strike] is missing, which says where the chain touches; add "
-            'on = "body:+x".'
-        )
 
 
 def participation(

@@ -30,9 +30,9 @@ class CheckedStore(FileSystemStoreBackend):
         super().dump_item(call_id, item, *args, **kwargs)
         folder = Path(self.location, *call_id)
         with suppress(OSError):  # a disk that is full keeps no result either
-            part = folder / f"{SUM}.part"
-            part.write_text(_digest(folder / "output.pkl"), encoding="utf-8")
-            replace(part, folder / SUM)
+            unfinished = folder / f"{SUM}.part"
+            unfinished.write_text(_digest(folder / "output.pkl"), encoding="utf-8")
+            replace(unfinished, folder / SUM)
 
     def load_item(self, call_id, *args, **kwargs):
         """The result; raises ValueError, upon which it is computed again, where it is damaged."""

@@ -31,19 +31,19 @@ class Start(NamedTuple):
 
 
 def start(scene: Scene, surface: Any = None) -> Start:
-    """The chain and its velocities before the impact, on a face that is known (rom.Contact)."""
+    """The chain and its velocities before the impact, on the face struck (rom.Contact), if any."""
     scene = on_surface(scene, surface)
     return Start(chain(scene), initial_velocity(scene), ellipse(scene), flat(scene))
 
 
-def on_surface(scene: Scene, known: Any) -> Scene:
-    """The scene with a wall of the curvatures, and of the modulus and Poisson's ratio, that are
-    known of the face struck (rom.Contact or None)."""
-    own = {key: getattr(known, key, None) for key in ("young", "poisson", "curvatures")}
-    made_of = {key: value for key, value in own.items() if value is not None}
-    if not made_of:
+def on_surface(scene: Scene, surface: Any) -> Scene:
+    """The scene with a wall of the curvatures, and of the modulus and Poisson's ratio, that the
+    face struck has (rom.Contact or None)."""
+    values = {key: getattr(surface, key, None) for key in ("young", "poisson", "curvatures")}
+    update = {key: value for key, value in values.items() if value is not None}
+    if not update:
         return scene
-    return scene.model_copy(update={"wall": scene.wall.model_copy(update=made_of)})
+    return scene.model_copy(update={"wall": scene.wall.model_copy(update=update)})
 
 
 def ellipse(scene: Scene) -> coupling.EllipticalContact:
@@ -77,8 +77,8 @@ def together(scene: Scene, columns: dict[str, np.ndarray], wall: Any) -> dem.Cha
     wall of their own, or all behind the one that is given. Raises dem.InvalidChain."""
     for key, values in columns.items():
         table, name = key.split(".")
-        own = getattr(scene, table).model_copy(update={name: np.asarray(values, float)[:, None]})
-        scene = scene.model_copy(update={table: own})
+        varied = {name: np.asarray(values, float)[:, None]}
+        scene = scene.model_copy(update={table: getattr(scene, table).model_copy(update=varied)})
     row, v0 = chain(scene), initial_velocity(scene)
     # a key may matter to no chain, as the coefficient of a contact without dissipation
     n_chains = max(map(len, columns.values()), default=1)
@@ -139,7 +139,7 @@ def n_falling(scene: Scene) -> int:
 
 
 def initial_velocity(scene: Scene) -> np.ndarray:
-    """(n,) [m/s]"""
+    """Velocity of each sphere at the start, (n,) [m/s]."""
     if scene.chain.initial_velocity is not None:
         return np.array(scene.chain.initial_velocity)
     velocity = np.asarray(scene.striker.velocity, float)
@@ -151,13 +151,13 @@ def initial_velocity(scene: Scene) -> np.ndarray:
 def flat(scene: Scene) -> dem.Flat | None:
     """The wall's material at the contact, infinitely stiff of a rigid wall; None without a wall.
 
-    Raises InvalidScene for an orthotropic one, unless `on_surface` has told its modulus.
+    Raises InvalidScene for an orthotropic one, unless `on_surface` has set its modulus.
     """
     wall = scene.wall
     if wall is None or isinstance(wall, RigidWall):
         return wall and dem.RIGID
-    told = None not in (wall.young, wall.poisson)
-    if isinstance(wall, RomWall) and wall.file is None and not told:
+    given = None not in (wall.young, wall.poisson)
+    if isinstance(wall, RomWall) and wall.file is None and not given:
         wall = scene.struck_material
     if isinstance(wall.young, tuple):
         raise InvalidScene(
@@ -193,13 +193,13 @@ def simple_wall(scene: Scene) -> dem.Wall | None:
     return dem.rigid_wall()
 
 
-def contact_radius(scene: Scene, begun: Start, force: float) -> float:
+def contact_radius(scene: Scene, start: Start, force: float) -> float:
     """Radius of the contact at a plane wall [m]."""
-    row, own = begun.chain, scene.chain
+    row, table = start.chain, scene.chain
     if row.yield_overlap is not None:
         return float(
             spheres.yielded_radius(force, row.radius[-1], row.A[-1], row.yield_overlap[-1])
         )
-    E, nu = (np.atleast_1d(value)[-1] for value in (own.young, own.poisson))
-    E_star = spheres.contact_modulus(E, nu, *begun.flat)
+    E, nu = (np.atleast_1d(value)[-1] for value in (table.young, table.poisson))
+    E_star = spheres.contact_modulus(E, nu, *start.flat)
     return float(spheres.contact_radius(force, row.radius[-1], E_star))

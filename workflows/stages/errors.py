@@ -19,6 +19,7 @@ stop at the scene's horizon, beyond which spheres move chaotically and any two r
 """
 
 from math import log
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,12 +37,23 @@ from workflows.stages.reduction import TO_HZ, SecondModel, contact_of
 from workflows.stages.wall import wall_of
 
 COARSER = 2.0  # times the element size
-ORDER, EVEN_ORDER = 1.5, 1.0  # of the mesh's error, and of a mesh whose elements are parted
-FEWER = 1.5  # times the elements of a body in a mesh that is markedly coarser
-UNSEEN = 0.3  # share of the elements, at most, in bodies whose mesh is hardly coarser
-SMALL, AFFORDED = 1.6e4, 6e4  # unknowns of a finer mesh: a second, and as many as a run takes
+ORDER = 1.5  # of the mesh's error; see above for what the errors stated are with it
 MARGIN = 1.25  # of a difference, for what the finer model itself misses
 SHORTER = 8  # times the step for the finer model, whose highest modes move faster than any kept
+
+
+class SecondMeshChoice(NamedTuple):
+    """Whether a run is compared with a coarser or a finer mesh; none of the values was varied."""
+
+    even_order: float = 1.0  # of the error of a mesh whose elements are parted evenly
+    fewer: float = 1.5  # times the elements of a body in a mesh that is markedly coarser
+    # share of the elements, at most, in bodies whose mesh is hardly coarser
+    unseen: float = 0.3
+    small: float = 1.6e4  # unknowns of a finer mesh that takes a second
+    afforded: float = 6e4  # and as many as take as long as a run
+
+
+CHOICE = SecondMeshChoice()
 
 
 def reduction_error(
@@ -60,31 +72,32 @@ def other_mesh(scene: Scene, mesh: Parts) -> tuple[Parts, float]:
     Raises ValueError for one that cannot be made coarser and is too large to be made finer.
     """
     n = 3 * sum(mesh.nodes.values())
-    if 8 * n > SMALL and scene.own_mesh is None:
+    if 8 * n > CHOICE.small and scene.own_mesh is None:
         coarse = stages.mesh(scene, COARSER)
-        if _is_coarser(mesh, coarse):
+        # markedly coarser: nearly all elements are in bodies that have fewer there
+        n_cells = {name: body.nelements for name, body in mesh.meshes.items()}
+        hardly_coarser = [
+            n_cells[name]
+            for name, body in coarse.meshes.items()
+            if n_cells[name] < CHOICE.fewer * body.nelements
+        ]
+        if sum(hardly_coarser) <= CHOICE.unseen * sum(n_cells.values()):
             return coarse, 1 / (COARSER**ORDER - 1)
-    if 8 * n > AFFORDED:
+    if 8 * n > CHOICE.afforded:
         finer = "one of your own" if scene.own_mesh else "--set mesh.scale=0.5"
         raise ValueError(
             f"its elements cannot be made larger, and halved they would have {8 * n:.1e} "
-            f"unknowns, allowed are {AFFORDED:.0e}; compare with a run on a finer mesh, {finer}."
+            f"unknowns, allowed are {CHOICE.afforded:.0e}; compare with a run on a finer mesh, "
+            f"{finer}."
         )
-    times = max(1, int(log(SMALL / n, 8)))
-    meshes = {name: geometry.refined(one, times) for name, one in mesh.meshes.items()}
-    return mesh._replace(meshes=meshes), 1 / (1 - 2 ** (-times * EVEN_ORDER))
-
-
-def _is_coarser(mesh: Parts, coarse: Parts) -> bool:
-    """Whether nearly all elements are in bodies that have markedly fewer in the second mesh."""
-    n = {name: one.nelements for name, one in mesh.meshes.items()}
-    stuck = [n[name] for name, one in coarse.meshes.items() if n[name] < FEWER * one.nelements]
-    return sum(stuck) <= UNSEEN * sum(n.values())
+    times = max(1, int(log(CHOICE.small / n, 8)))
+    meshes = {name: geometry.refined(body, times) for name, body in mesh.meshes.items()}
+    return mesh._replace(meshes=meshes), 1 / (1 - 2 ** (-times * CHOICE.even_order))
 
 
 def second_mesh(scene: Scene, mesh: Parts) -> SecondModel:
     """The assembly on another mesh, reduced the quickest way; raises ValueError where none is."""
-    parts, left = other_mesh(scene, mesh)
+    parts, error_share = other_mesh(scene, mesh)
     model = stages.model(scene, parts)
     contact = stages.contact(scene, parts, model)
     reduced = rom.free_modes(
@@ -94,8 +107,9 @@ def second_mesh(scene: Scene, mesh: Parts) -> SecondModel:
         rom.Selection(n_modes=N_MODES[0], choice="contact", to_hz=TO_HZ),
         factorise=fem.factorised,
     )
-    known = contact_of(scene, model, contact)
-    return SecondModel(reduced._replace(T=None, contact=known), left)
+    return SecondModel(
+        reduced._replace(T=None, contact=contact_of(scene, model, contact)), error_share
+    )
 
 
 def mesh_error(scene: Scene, start: Start, second: SecondModel, impact: coupling.Impact) -> float:
@@ -108,9 +122,8 @@ def _difference(
 ) -> float:
     """Largest velocity difference of the observed spheres up to the horizon over the largest
     initial speed."""
-    other = velocities(scene, start, wall, impact, dt=dt)
-    spheres = observed(scene)
-    difference = np.abs(other - impact.trajectory.v[: len(other), spheres])
+    v = velocities(scene, start, wall, impact, dt=dt)
+    difference = np.abs(v - impact.trajectory.v[: len(v), observed(scene)])
     return float(difference.max() / np.abs(start.velocity).max())
 
 
@@ -120,8 +133,8 @@ def velocities(
     """Of the observed spheres at the impact's instants up to the horizon (k, m) [m/s], before
     another wall, by its steps or by dt [s]."""
     t = impact.trajectory.t
-    held = max(1, int(np.searchsorted(t, scene.time.horizon, "right")) - 1)
-    march = {"duration": float(t[held]), "dt": dt or impact.trajectory.dt, "n_save": held}
+    n = max(1, int(np.searchsorted(t, scene.time.horizon, "right")) - 1)
+    march = {"duration": float(t[n]), "dt": dt or impact.trajectory.dt, "n_save": n}
     return dem.march(start.chain, wall, start.velocity, **march).v[:, observed(scene)]
 
 

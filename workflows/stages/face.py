@@ -27,10 +27,19 @@ from workflows.stages.reduction import TO_HZ
 from workflows.stages.wall import damping_law
 from workflows.thesis import HAMMER_TEST_HZ
 
-RINGS = 8, 24  # of a patch's quadrature: the half-space takes what they leave along
-# Times the frequency that errors hold to: on a 4 mm plate, 2 cost as much as 300 solutions more and
-# save 7 at every point.
-HIGHER = 2.0
+
+class ScanOptions(NamedTuple):
+    """Of the patches and modes of a face that is struck at many points."""
+
+    # of a patch's quadrature, along the radius and around: the half-space takes what they leave
+    n_radial: int = 8
+    n_around: int = 24
+    # times the frequency that errors hold to, up to which all points share modes: on a 4 mm plate,
+    # 2 cost as much as 300 solutions more and save 7 at every point
+    higher: float = 2.0
+
+
+SCAN = ScanOptions()
 AXES = "xyz"
 
 
@@ -58,7 +67,18 @@ class StruckFace:
     """
 
     def __init__(self, scene: Scene, mesh: Parts | None = None) -> None:
-        _require_points_alike(scene)
+        patch = scene.patch
+        if patch is not None and (patch.weights == "thesis" or patch.nodes):
+            key = "patch.nodes" if patch.nodes else 'patch.weights = "thesis"'
+            raise InvalidScene(
+                f'{key} is bound to nodes of the mesh; a scan takes patch.weights "hertz" or '
+                '"area".'
+            )
+        loose = [f"joints.{name}" for name, table in scene.springs.items() if table.dashpots]
+        if loose:
+            raise InvalidScene(
+                f"{loose[0]} has dashpots, which couple the wall's modes; set them to 0 for a scan."
+            )
         self.scene, self.name, self._mesh = scene, struck(scene), mesh
         self.pipeline: Pipeline = pipeline_of(scene, lambda name: nullcontext(), FURTHER)
 
@@ -87,12 +107,11 @@ class StruckFace:
     def placed(self, points: NDArray[np.float64]) -> Placed:
         """Patches at points (p, 2) [m] from the middle."""
         table, patches, refused = self.patch, {}, {}
-        n_radial, n_around = RINGS
         for i, at in enumerate(points.tolist()):
             try:
                 patches[i] = fem.contact_patch(
                     self.model, self.name, tuple(at), table.radius, weights=table.weights,
-                    n_radial=n_radial, n_around=n_around,
+                    n_radial=SCAN.n_radial, n_around=SCAN.n_around,
                 )  # fmt: skip
             except OffFace:
                 refused[i] = f"the patch of radius {table.radius:g} m leaves the face at {at} m."
@@ -109,14 +128,14 @@ class StruckFace:
         local = fem.half_spaces_on_mesh(model, self.name, patches, steel)
         basis = self._basis
         with fem.one_thread():
-            contacts = rom.Face(*basis, W, n_beyond).contacts
+            contacts = rom.many_contacts(*basis, W, n_beyond)
         return Walls(contacts, np.array(local), self._damping())
 
     def second(self) -> tuple["StruckFace", float]:
         """The same on another mesh, and how much of the difference to it is the error of this one;
         raises ValueError where there is none."""
-        mesh, left = other_mesh(self.scene, self.pipeline("mesh"))
-        return StruckFace(self.scene, mesh), left
+        mesh, error_share = other_mesh(self.scene, self.pipeline("mesh"))
+        return StruckFace(self.scene, mesh), error_share
 
     @property
     def patch(self) -> Any:
@@ -150,7 +169,7 @@ def pencil(scene: Scene, model: fem.Model) -> Pencil:
 
 def modes(scene: Scene, problem: Pencil) -> EigenPairs:
     """Those that all points of a face share."""
-    return modes_below(problem, HIGHER * to_hz(scene))
+    return modes_below(problem, SCAN.higher * to_hz(scene))
 
 
 def to_hz(scene: Scene) -> float:
@@ -163,17 +182,3 @@ FURTHER = {
     "pencil": Stage(".face:pencil", tables_of(), ("model",), kept=False, listed=False),
     "face-modes": Stage(".face:modes", to_hz, ("pencil",)),
 }
-
-
-def _require_points_alike(scene: Scene) -> None:
-    patch = scene.patch
-    if patch is not None and (patch.weights == "thesis" or patch.nodes):
-        key = "patch.nodes" if patch.nodes else 'patch.weights = "thesis"'
-        raise InvalidScene(
-            f'{key} is bound to nodes of the mesh; a scan takes patch.weights "hertz" or "area".'
-        )
-    loose = [f"joints.{name}" for name, table in scene.springs.items() if table.dashpots]
-    if loose:
-        raise InvalidScene(
-            f"{loose[0]} has dashpots, which couple the wall's modes; set them to 0 for a scan."
-        )

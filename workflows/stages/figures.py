@@ -32,30 +32,33 @@ def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, 
 def velocities(run, observed: Iterable[int], named: dict[int, tuple[Label, ...]]) -> bytes:
     """Velocities of the observed spheres, one panel each, the waves marked by their names."""
     t = 1e3 * run.t
-    sets = [
+    panels = [
         Panel("", "", f"sphere {sphere}\nvelocity [m/s]",
               [Line(None, t, run.v[:, sphere - 1], "-", i, 1.2)])
         for i, sphere in enumerate(observed)
     ]  # fmt: skip
     marks = [
-        [Mark(_name(one), one.arrival.time, one.arrival.peak_velocity) for one in labels]
+        [Mark(_name(wave), wave.arrival.time, wave.arrival.peak_velocity) for wave in labels]
         for labels in (named.get(sphere, ()) for sphere in observed)
     ]
-    return _marked(sets, marks, sharey=True)
+    return _with_marks(panels, marks, sharey=True)
 
 
-def signals(scene: Scene, found: "SensorRecord") -> Picture:
+def signals(scene: Scene, record: "SensorRecord") -> Picture:
     """What the sensors record, one panel each, the waves marked by their names."""
-    t, sensors = found.t, scene.output.sensors
-    sets = [
-        Panel("", "", f"{one.label}\n[{one.unit}]", [Line(None, 1e3 * t, y, "-", i, 1.2)])
-        for i, (one, y) in enumerate(zip(sensors, found.y.T, strict=True))
-    ]
-    marks = [
-        [Mark(_short(one.name), one.time, float(np.interp(one.time, t, y))) for one in waves]
-        for waves, y in zip(found.waves, found.y.T, strict=True)
-    ]
-    return Picture("signals", _marked(sets, marks))
+    t = record.t
+    panels, marks = [], []
+    columns = zip(scene.output.sensors, record.y.T, record.waves, strict=True)
+    for i, (sensor, y, waves) in enumerate(columns):
+        curve = Line(None, 1e3 * t, y, "-", i, 1.2)
+        panels.append(Panel("", "", f"{sensor.label}\n[{sensor.unit}]", [curve]))
+        of_sensor = []
+        for wave in waves:
+            # "incident 2" is i2 and "reflected 1" is 1, as at the spheres
+            short = wave.name.replace("incident", "i").replace("i ", "i").replace("reflected ", "")
+            of_sensor.append(Mark(short, wave.time, float(np.interp(wave.time, t, y))))
+        marks.append(of_sensor)
+    return Picture("signals", _with_marks(panels, marks))
 
 
 class Mark(NamedTuple):
@@ -66,13 +69,13 @@ class Mark(NamedTuple):
     height: float
 
 
-def _marked(sets: list[Panel], marks: list[list[Mark]], *, sharey: bool = False) -> bytes:
+def _with_marks(panels: list[Panel], marks: list[list[Mark]], *, sharey: bool = False) -> bytes:
     """Panels over one time, with marks on each."""
-    size = (8, 1.7 + 1 / len(sets))
-    figure, axes = plots.drawn(sets, size=size, sharex=True, sharey=sharey)
-    for axis, found in zip(axes, marks, strict=True):
+    size = (8, 1.7 + 1 / len(panels))
+    figure, axes = plots.drawn(panels, size=size, sharex=True, sharey=sharey)
+    for axis, of_panel in zip(axes, marks, strict=True):
         axis.margins(x=0.01, y=0.15)
-        for mark in found:
+        for mark in of_panel:
             up = 1 if mark.height > 0 else -1
             axis.annotate(
                 mark.name, (1e3 * mark.time, mark.height), (0, 3 * up), fontsize=8, ha="center",
@@ -80,11 +83,6 @@ def _marked(sets: list[Panel], marks: list[list[Mark]], *, sharey: bool = False)
             )  # fmt: skip
     axes[-1].set_xlabel("time [ms]")
     return plots.png(figure)
-
-
-def _short(name: str) -> str:
-    """As `_name`, of a wave's name in words."""
-    return name.replace("incident", "i").replace("i ", "i").replace("reflected ", "")
 
 
 def _name(wave: Label | WaveTrack) -> str:
@@ -104,10 +102,10 @@ def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
         places = [pulse.contact + 0.5 for pulse in track.pulses]
         times = [1e3 * pulse.time for pulse in track.pulses]
         axis.plot(times, places, color="black", linewidth=0.8, linestyle=(0, (3, 2)))
-        left = times[-1] > late
+        at_end = times[-1] > late
         axis.annotate(
-            _name(track), (times[-1], places[-1]), (-4 if left else 4, 0), fontsize=8, va="center",
-            textcoords="offset points", ha="right" if left else "left",
+            _name(track), (times[-1], places[-1]), (-4 if at_end else 4, 0), fontsize=8,
+            va="center", textcoords="offset points", ha="right" if at_end else "left",
             bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "linewidth": 0},
         )  # fmt: skip
     axis.set(xlim=limits[0], ylim=limits[1])
@@ -117,14 +115,14 @@ def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
 def energies(run) -> bytes:
     """The ledger over time, changes since the start, and how far it is from closing."""
     t = 1e3 * run.t
-    *parts, (_, total) = ledger(run._asdict())
-    lines = [Line(words, t, 1e3 * E, None, i, 1.2) for i, (words, E) in enumerate(parts)]
+    *terms, (_, total) = ledger(run._asdict())
+    lines = [Line(words, t, 1e3 * E, None, i, 1.2) for i, (words, E) in enumerate(terms)]
     lines.append(Line("sum", t, 1e3 * total, "--", "black", 1.0))
     gap = (run.energy_total - run.energy_total[0]) / max(run.energy_kinetic[0], 1e-300)
     power = int(np.floor(np.log10(np.abs(gap).max(initial=0.0) or 1.0)))
     closure = f"closure error\n[1e{power} of the\nstriker's]"
-    sets = [
+    panels = [
         Panel("", "", "energy [mJ]", lines, legend="above"),
         Panel("", "time [ms]", closure, [Line(None, t, gap / 10.0**power, "-", "black", 0.9)]),
     ]
-    return plots.panels(sets, size=(8, 2.8), sharex=True, height_ratios=(3, 1))
+    return plots.panels(panels, size=(8, 2.8), sharex=True, height_ratios=(3, 1))

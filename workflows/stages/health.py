@@ -1,4 +1,4 @@
-"""The health of a reduced model, of an assembly or from a file, as the summary tells it."""
+"""The health of a reduced model, of an assembly or from a file, as the summary has it."""
 
 import numpy as np
 
@@ -8,30 +8,30 @@ from workflows.scene import Scene
 from workflows.stages.pipeline import Pipeline
 from workflows.thesis import HAMMER_TEST
 
-LISTED = 4  # fixed-interface frequencies
 
-
-def reduction_health(reduced: rom.ReducedModel, found: rom.Health | None = None) -> ReductionHealth:
-    """The health of a reduced model as the summary tells it, measured unless it is known."""
-    found, mass = found or rom.health(reduced), reduced.mass
+def reduction_health(
+    reduced: rom.ReducedModel, health: rom.Health | None = None
+) -> ReductionHealth:
+    """The health of a reduced model as the summary has it, measured unless it is given."""
+    health, mass = health or rom.health(reduced), reduced.mass
     return ReductionHealth(
         kind=reduced.kind,
         coordinates=len(reduced.w),
-        static_compliance_m_per_N=found.static_compliance,
+        static_compliance_m_per_N=health.static_compliance,
         half_space_compliance_m_per_N=reduced.contact.half_space or 0.0,
         effective_mass_captured=mass.captured,
         mass_kg=mass.mass,
         centre_m=mass.centre or (),
         grounding=mass.grounding,
-        fixed_interface_hz=found.fixed_interface_hz[:LISTED],
-        asymmetry=found.asymmetry,
-        lowest_mass=found.lowest_mass,
-        lowest_stiffness=found.lowest_stiffness,
-        rigid_modes=found.n_rigid,
-        moved_by_the_contact=found.participation,
+        fixed_interface_hz=health.fixed_interface_hz[:4],  # the lowest
+        asymmetry=health.asymmetry,
+        lowest_mass=health.lowest_mass,
+        lowest_stiffness=health.lowest_stiffness,
+        rigid_modes=health.n_rigid,
+        moved_by_the_contact=health.participation,
         receptance_error=reduced.error,
         receptance_loss_factor=None if reduced.error is None else rom.LOSS,
-        findings=found.findings,
+        findings=health.findings,
     )
 
 
@@ -41,7 +41,7 @@ def modes_found(pipeline: Pipeline) -> tuple[ModeFound, ...]:
     struck = not scene.is_general or scene.strike is not None
     at_contact = pipeline("participation") if struck else [None] * len(modes.omega)
     mac = pipeline("mac") if len(modes.index) and pipeline.kept("mac") else None
-    found = []
+    listed = []
     for number, target in zip(modes.field.number, modes.field.target, strict=True):
         j = number - 1
         mode = ModeFound(
@@ -50,23 +50,20 @@ def modes_found(pipeline: Pipeline) -> tuple[ModeFound, ...]:
             participation=at_contact[j],
             effective_mass=tuple(modes.effective_mass[j]),
         )
-        paired = _paired(scene, target, modes.score, None if mac is None else mac[j])
-        found.append(mode.model_copy(update=paired))
-    return tuple(found)
-
-
-def _paired(scene: Scene, target: int, score, mac) -> dict:
-    """What is known of a mode that is a target, counted from 1; nothing of one that is none."""
-    if not target:
-        return {}
-    known = mac is not None and np.isfinite(mac[target - 1])
-    return {
-        "target": int(target),
-        "target_hz": scene.measured_hz[target - 1],
-        "shape": shape_names(scene)[target - 1],
-        "score": float(score[target - 1]),
-        "mac": float(mac[target - 1]) if known else None,
-    }
+        if target:
+            # counted from 1; a target that stiff joints do not show has no MAC
+            i = target - 1
+            mode = mode.model_copy(
+                update={
+                    "target": int(target),
+                    "target_hz": scene.measured_hz[i],
+                    "shape": shape_names(scene)[i],
+                    "score": float(modes.score[i]),
+                    "mac": None if mac is None or not np.isfinite(mac[j, i]) else float(mac[j, i]),
+                }
+            )
+        listed.append(mode)
+    return tuple(listed)
 
 
 def shape_names(scene: Scene) -> tuple[str | None, ...]:

@@ -10,39 +10,34 @@ from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.stages.chain import Start, start, wall
 
 PRUNED_AT = 1e-4  # error of the velocities where the scene gives a step instead
-MOST_WORK = 1e10  # steps of spheres, minutes to an hour
+MOST_WORK = 1e10  # steps times spheres, minutes to an hour
 
 
 def require_start(scene: Scene) -> None:
     """Raise InvalidScene where the chain has no state of rest, the step no meaning or the run no
     end; of walls that are yet to be reduced where they float under a steady force."""
     if isinstance(scene.wall, RomWall):
-        _require_support(scene)
+        springs, preload = scene.leaf_springs, scene.preload
+        offset = springs.offset if springs and np.max(springs.stiffness) else 0.0
+        pressing = {
+            "preload.force": preload.force if preload else 0.0,
+            "leaf_springs.offset": offset,
+        }
+        for key, value in pressing.items():
+            if scene.wall.file is None and scene.floats and np.max(value) > 0:
+                raise InvalidScene(
+                    f"{scene.name}: {key} = {value} acts on an assembly without supports; set it "
+                    "to 0, or hold the assembly."
+                )
         return
-    begun, leant_on = start(scene), wall(scene)
+
+    first, leant_on = start(scene), wall(scene)
     try:
-        dem.require_march(begun.chain, leant_on, begun.velocity, dt=scene.time.dt)
-        _require_end(scene, dem.stability_limit(begun.chain, leant_on, begun.velocity))
+        dem.require_march(first.chain, leant_on, first.velocity, dt=scene.time.dt)
+        longest = dem.stability_limit(first.chain, leant_on, first.velocity)
     except (dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep) as error:
         raise InvalidScene(f"{scene.name}: {str(error).rstrip('.')}.") from None
-
-
-def _require_support(scene: Scene) -> None:
-    springs, preload = scene.leaf_springs, scene.preload
-    pressing = {
-        "preload.force": preload.force if preload else 0.0,
-        "leaf_springs.offset": springs.offset if springs and np.max(springs.stiffness) else 0.0,
-    }
-    for key, value in pressing.items():
-        if scene.wall.file is None and scene.floats and np.max(value) > 0:
-            raise InvalidScene(
-                f"{scene.name}: {key} = {value} acts on an assembly without supports; set it "
-                "to 0, or hold the assembly."
-            )
-
-
-def _require_end(scene: Scene, longest: float) -> None:
-    """The same where steps as long [s] as they may be make more work than days hold."""
+    # steps as long as they may be
     steps, n = scene.time.duration / longest, scene.chain.count
     if steps * n > MOST_WORK:
         raise InvalidScene(
@@ -61,17 +56,17 @@ def impact(
         wanted["observed"] = [sphere - 1 for sphere in scene.output.spheres] or None
         wanted["horizon"] = time.horizon
     run = {"duration": time.duration, "n_save": scene.output.samples - 1}
-    found = coupling.impact(start.chain, wall, start.velocity, **run, **wanted)
+    result = coupling.impact(start.chain, wall, start.velocity, **run, **wanted)
     if not coupled:
-        return found
+        return result
     estimated = coupling.with_coupled_error(
-        start.chain, wall, start.velocity, found.trajectory, error=time.error
+        start.chain, wall, start.velocity, result.trajectory, error=time.error
     )
-    return found._replace(trajectory=estimated)
+    return result._replace(trajectory=estimated)
 
 
 class PrunedWall(NamedTuple):
-    """A wall of fewer modes, and what was left out in sentences."""
+    """A wall of fewer modes, and what it lacks in sentences."""
 
     wall: dem.Wall
     sentences: tuple[str, ...]
@@ -83,12 +78,12 @@ def pruning(scene: Scene, start: Start, whole_wall: dem.Wall) -> PrunedWall:
         raise ValueError("wall.prune needs a wall that is read where it is pushed; drop the key.")
     time = scene.time
     error = PRUNED_AT if time.error is None else time.error
-    found = coupling.prune(
+    pruned = coupling.prune(
         start.chain, whole_wall, start.velocity, duration=time.duration, error=error
     )
-    return PrunedWall(found.wall, found.sentences)
+    return PrunedWall(pruned.wall, pruned.sentences)
 
 
 def pruned_wall(scene: Scene, pruning: PrunedWall) -> dem.Wall:
-    """What is left of the wall."""
+    """The wall without those modes."""
     return pruning.wall

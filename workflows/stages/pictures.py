@@ -33,24 +33,23 @@ def picture_of(meshes: dict[str, Mesh]) -> Picture:
 
 
 def _rendered(modes: field_file.ModeField, strike: Sequence[float] = ()) -> tuple[Picture, ...]:
+    """The pictures of a field, drawn in a process of its own: a broken graphics library may end
+    it."""
     with TemporaryDirectory() as folder:
         field = Path(folder) / "modes.vtu"
         field_file.write(field, modes)
         images = [Path(folder) / "assembly.png", Path(folder) / "modes.png"]
         point = ",".join(f"{number:.9g}" for number in strike)
-        _render([str(field), ",".join(modes.meshes), point, *map(str, images)])
+        arguments = [str(field), ",".join(modes.meshes), point, *map(str, images)]
+        try:
+            process = child("workflows.report.render", *arguments, seconds=TIME_LIMIT)
+        except TimeoutError:
+            raise NoPicture(
+                f"assembly and modes were not rendered within {TIME_LIMIT} s; the rest is complete."
+            ) from None
+        if process.returncode != 0:
+            raise NoPicture(
+                "assembly and modes could not be rendered, the rest is complete; install an "
+                "off-screen GL library (Debian: apt-get install libgl1 libosmesa6) and run again."
+            )
         return tuple(Picture(image.stem, image.read_bytes()) for image in images)
-
-
-def _render(arguments: list[str]) -> None:
-    try:
-        done = child("workflows.report.render", *arguments, seconds=TIME_LIMIT)
-    except TimeoutError:
-        raise NoPicture(
-            f"assembly and modes were not rendered within {TIME_LIMIT} s; the rest is complete."
-        ) from None
-    if done.returncode != 0:
-        raise NoPicture(
-            "assembly and modes could not be rendered, the rest is complete; install an "
-            "off-screen GL library (Debian: apt-get install libgl1 libosmesa6) and run again."
-        )

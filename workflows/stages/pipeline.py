@@ -64,9 +64,9 @@ def tables_of(*tables: str) -> Callable[[Scene], Any]:
 
 def _plain(table: Any) -> Any:
     if isinstance(table, tuple):
-        return [_plain(one) for one in table]
+        return [_plain(entry) for entry in table]
     if isinstance(table, dict):
-        return {name: _plain(one) for name, one in table.items()}
+        return {name: _plain(entry) for name, entry in table.items()}
     return table.model_dump() if hasattr(table, "model_dump") else table
 
 
@@ -99,7 +99,7 @@ def _dimensions(scene: Scene) -> Any:
 
 
 def content(path: str | Path | None) -> str | None:
-    """What tells the content of a file from another; None where there is none."""
+    """A digest of a file's content; None where there is none."""
     if path is None or not Path(path).is_file():
         return None
     return sha256(Path(path).read_bytes()).hexdigest()
@@ -244,27 +244,25 @@ class Pipeline:
                 self._results.pop(name, None)
 
     def _timed(self, name: str) -> Any:
-        before, started = self._spent, perf_counter()
-        elsewhere = self._awaited(name)
+        """The result of a stage, with a report of the seconds that it took without those that it
+        needs, here or in the second process."""
+        spent, started = self._spent, perf_counter()
+        elsewhere = None
+        if self.beside is not None and self.beside.has(name):
+            with self._progress(name):
+                elsewhere = self.beside.seconds(name, self._meanwhile)
         kept = self._stages[name].kept
         result = self._kept(name, self.key(name), self) if kept else self.compute(name)
-        seconds = perf_counter() - started - (self._spent - before)
+        seconds = perf_counter() - started - (self._spent - spent)
         if self._stages[name].listed:
             self._spent += seconds
-            here = name in self._computed
-            spent = seconds if here or elsewhere is None else elsewhere
-            self.reports.append(StageReport(name, spent, not here and elsewhere is None))
+            computed = name in self._computed
+            reported = seconds if computed or elsewhere is None else elsewhere
+            self.reports.append(StageReport(name, reported, not computed and elsewhere is None))
         return result
 
-    def _awaited(self, name: str) -> float | None:
-        """Seconds that a second process took for the stage, once it is done there."""
-        if self.beside is None or not self.beside.has(name):
-            return None
-        with self._progress(name):
-            return self.beside.seconds(name, self._meanwhile)
-
     def _meanwhile(self) -> bool:
-        """Compute a stage that nobody has begun; False where there is none."""
+        """Compute a stage that neither process computes yet; False where there is none."""
         name = self.beside.taken()
         if name is not None:
             with suppress(Exception):  # raised again where the stage is needed
@@ -291,8 +289,8 @@ class Pipeline:
         """Run a stage on the results it needs."""
         stage = self._stages[name]
         needed = [self(need) for need in stage.needs]
-        for other in stage.after:
-            self(other)
+        for earlier in stage.after:
+            self(earlier)
         function = stage.function.split(":")[1]
         self._computed.add(name)
         with self._progress(name):
@@ -301,12 +299,10 @@ class Pipeline:
     def key(self, name: str) -> str:
         """Changes with everything that the stage's result depends on."""
         if name not in self._keys:
-            self._keys[name] = self._key(self._stages[name], name)
+            stage = self._stages[name]
+            inputs = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
+            self._keys[name] = digest([*inputs, *program(stage.module)])
         return self._keys[name]
-
-    def _key(self, stage: Stage, name: str) -> str:
-        parts = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
-        return digest([*parts, *program(stage.module)])
 
 
 def pipeline_of(
@@ -331,14 +327,14 @@ def every_stage() -> list[str]:
     return sorted({stage.module for stages in tables for stage in stages.values()})
 
 
-def digest(parts: Any) -> str:
-    """A key of all that JSON or a text can say of these parts."""
-    return sha256(dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+def digest(inputs: Any) -> str:
+    """A key of all that JSON or a text can say of these inputs."""
+    return sha256(dumps(inputs, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def library_versions(names: tuple[str, ...]) -> dict[str, str]:
     """Installed versions by distribution; those that are absent are left out."""
-    return {name: found for name in names if (found := _version(name))}
+    return {name: number for name in names if (number := _version(name))}
 
 
 @cache

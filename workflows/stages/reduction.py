@@ -14,10 +14,19 @@ from workflows.stages.assembly import dashpots, solid, struck
 from workflows.stages.strike import surface_of
 
 TO_HZ = 20e3  # up to which an error of the reduction holds, unless the scene says
-MOST_VALUES = 1.5e8  # of the constraint modes: 1.2 GB, some minutes
-HELD_HZ = 0.1  # below, a wall floats for all that a chain notices
-OPEN = 1.0  # [N/m] of a joint that holds nothing
 NOTHING = np.empty(0, np.int64)
+
+
+class ReductionLimits(NamedTuple):
+    """What a reduction refuses or explains."""
+
+    most_values: float = 1.5e8  # of the constraint modes: 1.2 GB, some minutes
+    # Hz of the lowest mode: below, a wall floats for all that a chain notices; not varied
+    floating: float = 0.1
+    open: float = 1.0  # [N/m] of a joint's spring that holds nothing; not varied
+
+
+LIMITS = ReductionLimits()
 
 
 class SecondModel(NamedTuple):
@@ -53,60 +62,66 @@ def reduction(
 
     The factor is that of K, where it is held. `keep` are further dofs that stay as they are.
     """
-    w_reading = reading(scene, model)
-    _require_other_nodes(scene, contact, w_reading)
-    try:
-        with fem.one_thread():
-            reduced = _reduced(scene, model, contact, modes, w_reading, keep, factor)
-    except rom.ReductionError:
-        _require_held(scene, modes)
-        raise
-    known = contact_of(scene, model, contact)._replace(
-        weights_read=None if w_reading is None else w_reading @ reduced.T,
-        modes_hz=tuple(modes.paired_hz.values()) or None,
-        point=tuple(contact.spot.point.tolist()),
-        direction=tuple(contact.spot.inward.tolist()),
-    )
-    boundary = boundary_of(contact, w_reading, dashpots(scene, model), keep)
-    outer = fem.outer_nodes(model.structure)
-    T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
-    return reduced._replace(
-        T=None,
-        notes={"patch_weights": contact.weights, "patch_radius_m": repr(contact.radius)},
-        surface=rom.Surface(outer.points, outer.faces, T, outer.body, tuple(model.structure.basis)),
-        coordinates=names(model, boundary, reduced),
-        contact=known,
-        mass=mass_properties(model, reduced, contact.spot.inward),
-        finer=reduced.finer._replace(contact=known._replace(weights_read=None)),
-    )
-
-
-def _require_other_nodes(scene: Scene, contact: fem.ContactPatch, w_reading) -> None:
-    """Raise ValueError where the thesis' scheme would read the node that it pushes."""
-    aside = w_reading is not None and not scene.patch.nodes
-    if aside and np.array_equal(w_reading, contact.w):
+    # the thesis' scheme reads the wall elsewhere than it pushes
+    w_reading, C = reading(scene, model), dashpots(scene, model)
+    if w_reading is not None and not scene.patch.nodes and np.array_equal(w_reading, contact.w):
         raise ValueError(
             f'patch.weights = "thesis" would read the node that it pushes: patch.radius = '
             f"{scene.patch.radius} m ends nearer to it than to the next, with mesh.contact_seed = "
             f"{scene.mesh.contact_seed} m; raise the radius or refine the mesh."
         )
+    boundary = boundary_of(contact, w_reading, C, keep)
 
-
-def _reduced(
-    scene: Scene, model: fem.Model, contact: fem.ContactPatch, modes: AssemblyModes, w_reading,
-    keep: NDArray[np.int64], factor: fem.Factor | None,
-) -> rom.ReducedModel:  # fmt: skip
-    asked, solver = selection(scene), {"factorise": fem.factorised, "factor": factor}
-    C = dashpots(scene, model)
-    ready = targets_kept(modes) if asked.by_contact else None
-    if scene.reduction.kind == "craig-bampton":
-        boundary = boundary_of(contact, w_reading, C, keep)
-        _require_room(contact, len(boundary), len(contact.w))
-        asked, matrices = asked._replace(modes=ready), (model.K, model.M, contact.w, boundary)
-        return rom.craig_bampton(*matrices, asked, C=C, **solver)
     # modes that are there are kept in any case, which those that the contact chooses among are not
-    asked = asked._replace(modes=ready if asked.by_contact else ready or _ready(scene, modes))
-    return rom.free_modes(model.K, model.M, contact.w, asked, C=C, **solver)
+    selected = selection(scene)
+    ready = targets_kept(modes) if selected.by_contact else None
+    craig_bampton = scene.reduction.kind == "craig-bampton"
+    if not craig_bampton and not selected.by_contact:
+        ready = _enough_modes(scene, modes)
+    selected = selected._replace(modes=ready)
+    if craig_bampton and len(boundary) * len(contact.w) > LIMITS.most_values:
+        gigabytes = 8e-9 * len(boundary) * len(contact.w)
+        raise ValueError(
+            f"the patch of radius = {contact.radius:g} m holds {len(boundary)} nodes of the mesh, "
+            f"whose constraint modes of {len(contact.w)} unknowns would take "
+            f"{gigabytes:.1f} GB, allowed are {8e-9 * LIMITS.most_values:.1f}; take a larger "
+            'seed, a smaller patch, or reduction.kind = "free-modes".'
+        )
+    matrices, solver = (model.K, model.M, contact.w), {"factorise": fem.factorised}
+    try:
+        with fem.one_thread():
+            if craig_bampton:
+                reduced = rom.craig_bampton(
+                    *matrices, boundary, selected, C=C, factor=factor, **solver
+                )
+            else:
+                reduced = rom.free_modes(*matrices, selected, C=C, factor=factor, **solver)
+    except rom.ReductionError:
+        _require_held(scene, modes)
+        raise
+
+    # what it carries: the contact's law, the way back to the outer nodes, names, masses
+    struck_surface = contact_of(scene, model, contact)._replace(
+        weights_read=None if w_reading is None else w_reading @ reduced.T,
+        modes_hz=tuple(modes.paired_hz.values()) or None,
+        point=tuple(contact.spot.point.tolist()),
+        direction=tuple(contact.spot.inward.tolist()),
+    )
+    outer = fem.outer_nodes(model.structure)
+    T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
+    body = fem.rigid_body(model.structure)
+    centre = tuple((np.round(body.centre, 9) + 0.0).tolist())  # no rounding, no minus zero
+    captured = mass_captured(model, reduced, contact.spot.inward)
+    finer = reduced.finer._replace(contact=struck_surface._replace(weights_read=None))
+    return reduced._replace(
+        T=None,
+        notes={"patch_weights": contact.weights, "patch_radius_m": repr(contact.radius)},
+        surface=rom.Surface(outer.points, outer.faces, T, outer.body, tuple(model.structure.basis)),
+        coordinates=names(model, boundary, reduced),
+        contact=struck_surface,
+        mass=rom.MassProperties(body.mass, centre, body.grounding, captured),
+        finer=finer,
+    )
 
 
 def boundary_of(
@@ -123,60 +138,37 @@ def names(
     model: fem.Model, boundary: NDArray[np.int64], reduced: rom.ReducedModel
 ) -> tuple[str, ...]:
     """What each coordinate is: displacements of the boundary, then amplitudes of shapes."""
-    kept = [_place(model, dof) for dof in model.free[boundary[: reduced.n_boundary]]]
-    shapes = range(1, len(reduced.w) - reduced.n_boundary + 1)
-    return (*kept, *(f"amplitude of shape {j}" for j in shapes))
-
-
-def _place(model: fem.Model, dof: int) -> str:
-    if dof >= model.structure.n_dofs:
-        return "elongation of a joint"
-    x, y, z = model.structure.points[dof // 3]
-    return f"u_{'xyz'[dof % 3]} at x = {x:.6g}, y = {y:.6g}, z = {z:.6g} m"
-
-
-def _require_room(contact: fem.ContactPatch, n_boundary: int, n: int) -> None:
-    """Raise ValueError where constraint modes (n, n_boundary) would not fit into memory."""
-    if n_boundary * n > MOST_VALUES:
-        raise ValueError(
-            f"the patch of radius = {contact.radius:g} m holds {n_boundary} nodes of the mesh, "
-            f"whose constraint modes of {n} unknowns would take "
-            f"{8e-9 * n_boundary * n:.1f} GB, allowed are {8e-9 * MOST_VALUES:.1f}; take a larger "
-            'seed, a smaller patch, or reduction.kind = "free-modes".'
-        )
+    coordinates = []
+    for dof in model.free[boundary[: reduced.n_boundary]]:
+        if dof >= model.structure.n_dofs:
+            coordinates.append("elongation of a joint")
+            continue
+        x, y, z = model.structure.points[dof // 3]
+        coordinates.append(f"u_{'xyz'[dof % 3]} at x = {x:.6g}, y = {y:.6g}, z = {z:.6g} m")
+    n_shapes = len(reduced.w) - reduced.n_boundary
+    return (*coordinates, *(f"amplitude of shape {j}" for j in range(1, n_shapes + 1)))
 
 
 def _require_held(scene: Scene, modes: AssemblyModes) -> None:
     """Raise ValueError with the keys to change where a reduction failed on parts that nothing
     holds."""
     lowest = modes.omega.min() / (2 * np.pi)
-    if lowest > HELD_HZ:
+    if lowest > LIMITS.floating:
         return
     springs = scene.springs.items()
     open_joints = [
         f"joints.{joint}.{key} = {k:g}"
         for joint, table in springs
         for key in fem.DIRECTIONS
-        if (k := getattr(table, key)) < OPEN
+        if (k := getattr(table, key)) < LIMITS.open
     ]
     key = "held" if scene.is_general else "parts"
     given = list(getattr(scene.assembly, key) or ())
     loose = ", ".join(open_joints) or f"assembly.{key} = {given}"
     raise ValueError(
-        f"the assembly, or a part of it, is not held: its lowest mode is below {HELD_HZ:g} Hz, "
-        f"with {loose}. Constraint modes need what is held; hold it, or take reduction.kind = "
-        '"free-modes".'
-    )
-
-
-def mass_properties(
-    model: fem.Model, reduced: rom.ReducedModel, along: NDArray[np.float64]
-) -> rom.MassProperties:
-    """Of the parts, and the share of their mass that the reduced model carries along the chain."""
-    body = fem.rigid_body(model.structure)
-    centre = tuple((np.round(body.centre, 9) + 0.0).tolist())  # no rounding, no minus zero
-    return rom.MassProperties(
-        body.mass, centre, body.grounding, mass_captured(model, reduced, along)
+        "the assembly, or a part of it, is not held: its lowest mode is below "
+        f"{LIMITS.floating:g} Hz, with {loose}. Constraint modes need what is held; hold it, or "
+        'take reduction.kind = "free-modes".'
     )
 
 
@@ -201,13 +193,13 @@ def targets_kept(
     return modes.omega[index], modes.phi[:, index]
 
 
-def _ready(
+def _enough_modes(
     scene: Scene, modes: AssemblyModes
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """The modes that are there, where they are enough."""
-    table, found = scene.reduction, len(modes.omega)
+    """The modes that were computed, where they are as many as the reduction takes."""
+    table, n_modes = scene.reduction, len(modes.omega)
     below = table.cutoff is not None and 2 * np.pi * table.cutoff < modes.omega[-1]
-    enough = below or (table.modes is not None and table.modes <= found)
+    enough = below or (table.modes is not None and table.modes <= n_modes)
     return (modes.omega, modes.phi) if enough else None
 
 
@@ -217,8 +209,8 @@ def reading(scene: Scene, model: fem.Model) -> NDArray[np.float64] | None:
     if patch is None or patch.weights != "thesis":
         return None
     y, z = patch.point
-    beside = ((y - patch.radius, z), (y + patch.radius, z))
-    return fem.node_patch(model, struck(scene), patch.nodes or beside).w
+    either_side = ((y - patch.radius, z), (y + patch.radius, z))
+    return fem.node_patch(model, struck(scene), patch.nodes or either_side).w
 
 
 def mass_captured(model: fem.Model, reduced: rom.ReducedModel, along: NDArray[np.float64]) -> float:

@@ -30,17 +30,17 @@ def full_response(scene: Scene, model: fem.Model, contact: fem.ContactPatch) -> 
 def response(scene: Scene, full: NDArray[np.float64], reduction: rom.ReducedModel) -> Response:
     """The reduced model's response with the run's damping, and undamped where it is checked."""
     law = damping(scene.damping, reduction)
-    found = contact_response(reduction, full, law)
+    curves = contact_response(reduction, full, law)
     lines = [
-        Line("reduced model", found.frequency_hz, np.abs(found.reduced), "-"),
-        Line("finer reduced model", found.frequency_hz, np.abs(found.finer), (0, (2, 3))),
-        Line("full model, undamped", found.checked_hz, np.abs(full), "s"),
+        Line("reduced model", curves.frequency_hz, np.abs(curves.reduced), "-"),
+        Line("finer reduced model", curves.frequency_hz, np.abs(curves.finer), (0, (2, 3))),
+        Line("full model, undamped", curves.checked_hz, np.abs(full), "s"),
     ]
     title = "undamped" if law is None and reduction.C is None else "with the damping of the run"
     panel = Panel(title, "frequency [Hz]", "receptance |u_w / F| [m/N]", lines, "xy")
-    return Response(found, Picture("frequency_response", panels([panel], size=(8, 4.2))))
+    return Response(curves, Picture("frequency_response", panels([panel], size=(8, 4.2))))
 
 
-def save_response(path: Path, found: ContactResponse) -> None:
+def save_response(path: Path, curves: ContactResponse) -> None:
     """Write the arrays of a response."""
-    np.savez_compressed(path, **found._asdict())
+    np.savez_compressed(path, **curves._asdict())

@@ -1,18 +1,19 @@
-"""The thesis' rig in the words of `fem`: what joins its parts, what holds and tells its modes.
+"""The thesis' rig in the words of `fem`: what joins its parts, what holds it, and the motions that
+its modes are recognised by.
 
 full tie:  every touching face follows its neighbour
 screw tie: bolted faces follow their neighbour only under the washers
 wires:     bolted faces are screws of six stiffnesses each, the rest is tied
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import fem
 from geometry import Interface
 from workflows.thesis import HAMMER_TEST
 
 STRUCK = "block:+x"  # the face that the chain leans on
-TARGETS = tuple(fem.Motion(HAMMER_TEST["body"], motion) for motion in HAMMER_TEST["motion"])
+TARGETS = tuple(fem.BodyMotion(HAMMER_TEST["body"], motion) for motion in HAMMER_TEST["motion"])
 
 
 def full_tie(touching: Sequence[Interface], held: Sequence[str]) -> fem.Connections:
@@ -33,15 +34,11 @@ def wires(
 ) -> fem.Connections:
     """Bolted faces are held by screws, `bushings` by joint; the other faces are tied."""
     plain = full_tie([t for t in touching if not len(t.halves)], held)
-    return plain._replace(joints=[*_screws(touching, bushings)])
-
-
-def _screws(
-    touching: Sequence[Interface], bushings: Mapping[str, fem.Bushing]
-) -> Iterator[fem.Joint]:
-    """Of each screw a rigid share of the sheet, and the mean motion of what is under it."""
+    # of each screw a rigid share of the sheet, and the mean motion of what is under it
+    screws = []
     for t in touching:
         name = t.slave.split(":")[1]
         for share, centre in zip(t.halves, t.centres, strict=True):
             under = fem.Side(t.master, "mean", over=share)
-            yield fem.Joint(name, fem.Side(share), under, centre, bushings[name])
+            screws.append(fem.Joint(name, fem.Side(share), under, centre, bushings[name]))
+    return plain._replace(joints=screws)

@@ -17,45 +17,45 @@ def sensors(scene: Scene) -> tuple[Sensor, ...]:
     """The scene's sensors; a gain that is not known is 1 V per unit."""
     return tuple(
         Sensor(
-            one.sphere - 1,
-            one.quantity,
-            one.gain if isinstance(one.gain, float) else 1.0,
-            Band(one.low_pass, one.high_pass, one.order),
-            one.noise,
-            one.range,
+            sensor.sphere - 1,
+            sensor.quantity,
+            sensor.gain if isinstance(sensor.gain, float) else 1.0,
+            Band(sensor.low_pass, sensor.high_pass, sensor.order),
+            sensor.noise,
+            sensor.range,
         )
-        for one in scene.output.sensors or ()
+        for sensor in scene.output.sensors or ()
     )
 
 
 def record(scene: Scene, impact: Impact, waves: ChainWaves) -> SensorRecord:
     """What the sensors record of the run."""
     instrument = scene.output.instrument or Instrument()
-    taken = instrument.model_dump(include={"sampling", "bits", "seed"})
-    return sensor_record(sensors(scene), impact.trajectory, waves.tracks, **taken)
+    settings = instrument.model_dump(include={"sampling", "bits", "seed"})
+    return sensor_record(sensors(scene), impact.trajectory, waves.tracks, **settings)
 
 
-def csv_text(scene: Scene, found: SensorRecord) -> str:
+def csv_text(scene: Scene, record: SensorRecord) -> str:
     """The record with a column for each sensor, as `calibrate` reads it."""
     names = [f"sphere {s.sphere} {s.quantity} [{s.unit}]" for s in scene.output.sensors]
-    rows = np.column_stack([found.t, found.y])
+    rows = np.column_stack([record.t, record.y])
     lines = [",".join([f"{row[0]:.9g}", *(f"{x:.9g}" for x in row[1:])]) for row in rows]
     return "\n".join([f"# {SYNTHETIC}", ", ".join(["time [s]", *names]), *lines, ""])
 
 
-def sensor_waves(scene: Scene, found: SensorRecord) -> dict[str, SensorWaves]:
-    """Largest value, time of flight and amplitude ratio of every sensor."""
-    told = {}
-    for i, one in enumerate(scene.output.sensors):
-        tof, arr = flight(found.waves[i])
-        told[one.label] = SensorWaves(
-            unit=one.unit,
-            largest=float(np.abs(found.y[:, i]).max()),
+def sensor_waves(scene: Scene, record: SensorRecord) -> dict[str, SensorWaves]:
+    """Largest value, time of flight and amplitude ratio of every sensor, by its label."""
+    measured = {}
+    for i, sensor in enumerate(scene.output.sensors):
+        tof, arr = flight(record.waves[i])
+        measured[sensor.label] = SensorWaves(
+            unit=sensor.unit,
+            largest=float(np.abs(record.y[:, i]).max()),
             arrivals=tuple(
                 SensedArrival(name=wave.name, time_s=wave.time, height=wave.height)
-                for wave in found.waves[i]
+                for wave in record.waves[i]
             ),
             tof_s=tof,
             arr=arr,
         )
-    return told
+    return measured

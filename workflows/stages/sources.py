@@ -23,23 +23,23 @@ DATA = re.compile(r'"([\w.-]+\.(?:toml|json|csv))"')
 @cache
 def fingerprint(*roots: str) -> str:
     """A digest of every source and data file that these modules run or read."""
-    read = sha256()
+    content = sha256()
     for name in sorted(modules(*roots)):
         for path in files(name):
-            read.update(f"{name} {path.name}\n".encode() + path.read_bytes())
-    return read.hexdigest()
+            content.update(f"{name} {path.name}\n".encode() + path.read_bytes())
+    return content.hexdigest()
 
 
 def modules(*roots: str) -> set[str]:
     """These modules and all of ours that they import, and those that these import."""
-    found: set[str] = set()
-    ahead = [*roots]
-    while ahead:
-        name = ahead.pop()
-        if name not in found:
-            found.add(name)
-            ahead += imported(name)
-    return found
+    reached: set[str] = set()
+    to_read = [*roots]
+    while to_read:
+        name = to_read.pop()
+        if name not in reached:
+            reached.add(name)
+            to_read += imported(name)
+    return reached
 
 
 @cache
@@ -60,8 +60,8 @@ def files(module: str) -> list[Path]:
 
 
 def _words(names: str) -> list[str]:
-    parts = (part.split() for part in names.strip("()").split(","))
-    return [part[0] for part in parts if part]
+    words = (word.split() for word in names.strip("()").split(","))
+    return [word[0] for word in words if word]
 
 
 @cache

@@ -1,6 +1,9 @@
 """Where the chain touches an assembly of bodies: a point of a plane, a cylinder or a sphere."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,37 +16,74 @@ from geometry.struck import Struck, nearest, struck_at
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.parts import STRIKE, Parts
 
-FLAT = (0.0, 0.0)
-RIM = 16  # points around a patch that are looked at
-BESIDE = 0.02  # radii off the face that the patch on the mesh is to judge
+if TYPE_CHECKING:  # these load gmsh
+    from geometry.selectors import Selected
+    from geometry.solids import Body
+
+MIDDLE = (0.0, 0.0)  # of a plane face
 
 
-def struck(scene: Scene, bodies: Mapping) -> Struck:
-    """The face of the CAD model that the scene strikes; raises InvalidScene for one that no Hertz
-    law is known of, or whose point is not told."""
-    from geometry.selectors import faces
+class PatchRoom(NamedTuple):
+    """Whether a patch lies on its face, as the CAD model has it."""
 
-    picked = faces(scene.strike.on, bodies)
-    found = [bodies[picked.body].face(tag) for tag in picked.tags]
-    if scene.strike.point is None and all(face.normal is not None for face in found):
-        middle = _from_the_middle(found, scene.strike.at)
-        return _on_face(scene, bodies, Struck(picked, middle, normal=found[0].normal))
-    near = scene.strike.point or scene.strike.selected_at
-    if near is None:
-        raise InvalidScene(
-            f"{scene.name}: strike.on = {scene.strike.on!r} is no plane face, which has a middle; "
-            "say where it is struck, at = [x, y, z] in m."
-        )
-    body = bodies[picked.body]
-    first = nearest(found, body, near)
-    if first.normal is None:
-        _require_round(scene, first)
-    hit = struck_at(body, found, first, near)
-    if hit.normal is not None:
-        return _on_face(scene, bodies, hit)
-    hit = _on_round_face(scene, hit)
-    if min(body.distance(hit.point, tag) for tag in hit.face.tags) > scene.strike.radius:
-        raise _beside(scene, hit.point)
+    n_rim: int = 16  # points of the rim that are looked at; not varied
+    # radii by which they may be off the face: less than that the patch on the mesh is to judge
+    beside: float = 0.02
+
+
+ROOM = PatchRoom()
+
+
+def struck(scene: Scene, bodies: Mapping[str, Body], picked: Selected) -> Struck:
+    """The face of the CAD model that the scene strikes, of the faces that strike.on picks; raises
+    InvalidScene for one that no Hertz law is known of, or whose point is not given."""
+    strike, body = scene.strike, bodies[picked.body]
+    faces = [body.face(tag) for tag in picked.tags]
+
+    # the point: from the middle of a plane face along the two global axes that span it, or on the
+    # face that is nearest to a point in space
+    if strike.point is None and all(face.normal is not None for face in faces):
+        lower = np.min([face.lower for face in faces], axis=0)
+        upper = np.max([face.upper for face in faces], axis=0)
+        point = (lower + upper) / 2 + np.array(strike.at) @ spanning(faces[0].normal)
+        hit = Struck(picked, point, normal=faces[0].normal)
+    else:
+        near = strike.point or strike.selected_at
+        if near is None:
+            raise InvalidScene(
+                f"{scene.name}: strike.on = {strike.on!r} is no plane face, which has a middle; "
+                "say where it is struck, at = [x, y, z] in m."
+            )
+        first = nearest(faces, body, near)
+        if first.normal is None and first.kind not in ("cylinder", "sphere"):
+            raise InvalidScene(
+                f"{scene.name}: strike.on = {strike.on!r} is a face of the kind {first.kind}; "
+                "strike a plane, a cylinder or a sphere."
+            )
+        hit = struck_at(body, faces, first, near)
+
+    # of a round face the point is moved onto it, and the patch must be small beside the radius
+    if hit.normal is None:
+        if np.linalg.norm(hit.away) < 1e-9:
+            raise InvalidScene(
+                f"{scene.name}: strike: {hit.point.tolist()} m lies in the middle of "
+                f"{strike.on!r}: the struck side is not defined; move the point."
+            )
+        try:
+            require_flat(hit.radii, strike.radius)
+        except ValueError as error:
+            raise InvalidScene(f"{scene.name}: strike.radius: {error}") from None
+        hit = hit._replace(point=hit.foot)
+        if min(body.distance(hit.point, tag) for tag in hit.face.tags) > strike.radius:
+            raise _off_face(scene, hit.point)
+        return hit
+
+    # of a plane one the patch must lie on it; its middle is left to the mesh: a scan starts from
+    # there, of a face with a hole in its middle too
+    rim = around(hit.point, hit.normal, strike.radius, ROOM.n_rim)
+    off = max(min(body.distance(point, tag) for tag in hit.face.tags) for point in rim)
+    if off > ROOM.beside * strike.radius and (strike.point or tuple(strike.at) != MIDDLE):
+        raise _off_face(scene, hit.point)
     return hit
 
 
@@ -56,54 +96,13 @@ def around(
     return point + radius * np.vstack([np.zeros(3), rim])
 
 
-def _on_face(scene: Scene, bodies: Mapping, found: Struck) -> Struck:
-    """What is struck of a plane face; raises InvalidScene where the patch lies beside it. The
-    middle is left to the mesh: a scan has it, of a face with a hole there too."""
-    strike, away = scene.strike, bodies[found.face.body].distance
-    points = around(found.point, found.normal, strike.radius, RIM)
-    far = max(min(away(point, tag) for tag in found.face.tags) for point in points)
-    if far > BESIDE * strike.radius and (strike.point or tuple(strike.at) != FLAT):
-        raise _beside(scene, found.point)
-    return found
-
-
-def _beside(scene: Scene, point: NDArray[np.float64]) -> InvalidScene:
+def _off_face(scene: Scene, point: NDArray[np.float64]) -> InvalidScene:
     strike = scene.strike
     return InvalidScene(
         f"{scene.name}: strike.on = {strike.on!r}: the patch of radius {strike.radius:g} m at "
         f"{np.round(point, 6).tolist()} m leaves that face; move it by strike.at, or take a "
         "smaller strike.radius."
     )
-
-
-def _on_round_face(scene: Scene, found: Struck) -> Struck:
-    """The point moved onto the face; raises InvalidScene where none is nearest, or the patch is
-    large beside the radius."""
-    if np.linalg.norm(found.away) < 1e-9:
-        raise InvalidScene(
-            f"{scene.name}: strike: {found.point.tolist()} m lies in the middle of "
-            f"{scene.strike.on!r}: the struck side is not defined; move the point."
-        )
-    try:
-        require_flat(found.radii, scene.strike.radius)
-    except ValueError as error:
-        raise InvalidScene(f"{scene.name}: strike.radius: {error}") from None
-    return found._replace(point=found.foot)
-
-
-def _from_the_middle(found: list, at: tuple[float, ...]) -> NDArray[np.float64]:
-    lower = np.min([face.lower for face in found], axis=0)
-    upper = np.max([face.upper for face in found], axis=0)
-    return (lower + upper) / 2 + np.array(at) @ spanning(found[0].normal)
-
-
-def _require_round(scene: Scene, face) -> None:
-    """Raise InvalidScene for a face that is neither a plane nor round."""
-    if face.kind not in ("cylinder", "sphere"):
-        raise InvalidScene(
-            f"{scene.name}: strike.on = {scene.strike.on!r} is a face of the kind {face.kind}; "
-            "strike a plane, a cylinder or a sphere."
-        )
 
 
 def surface(scene: Scene, mesh: Parts) -> rom.Contact | None:
@@ -117,10 +116,10 @@ def surface(scene: Scene, mesh: Parts) -> rom.Contact | None:
             f"{scene.name}: strike.on = {scene.strike.on!r} is a curved face of an orthotropic "
             "material, for which the contact's law is not known here; strike a plane face."
         )
-    known = surface_of(made_of, mesh.struck.normal, mesh.struck.radii)
-    return (
-        known if isinstance(made_of, fem.Orthotropic) else rom.Contact(curvatures=known.curvatures)
-    )
+    contact = surface_of(made_of, mesh.struck.normal, mesh.struck.radii)
+    if isinstance(made_of, fem.Orthotropic):
+        return contact
+    return rom.Contact(curvatures=contact.curvatures)
 
 
 def surface_of(
@@ -146,11 +145,11 @@ def patch(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
         near = face.point, face.centre, abs(face.radius), face.axis
         at = fem.round_spot(model.structure, name, *near)
     elif strike.point is not None:
-        middle = fem.planar_spot(model.structure, name, FLAT)
+        middle = fem.planar_spot(model.structure, name, MIDDLE)
         at = tuple(middle.axes @ (face.point - middle.point))
     try:
         return fem.contact_patch(model, name, at, strike.radius, weights=strike.weights)
     except OffFace:
-        raise _beside(scene, face.point) from None
+        raise _off_face(scene, face.point) from None
     except ValueError as error:
         raise InvalidScene(f"{scene.name}: strike: {str(error).rstrip('.')}.") from None

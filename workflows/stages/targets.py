@@ -8,26 +8,25 @@ from scipy.sparse import csr_matrix
 import fem
 from workflows.files.shapes import measured_shape
 from workflows.scene import InvalidScene, Scene
-from workflows.scene.bodies import MeasuredMode
 from workflows.stages import rig
 
 FARTHEST = 0.05  # of the assembly's size: a measured point farther from its surface is misplaced
 
 
 def targets(scene: Scene, model: fem.Model) -> tuple[fem.Target, ...]:
-    """How the measured modes of the scene are told; raises InvalidScene for shapes that are not of
-    this assembly."""
+    """What the measured modes of the scene are recognised by; raises InvalidScene for shapes that
+    are not of this assembly."""
     if not scene.is_general:
         return rig.TARGETS
-    return tuple(_target(scene, model, target) for target in scene.targets or ())
-
-
-def _target(scene: Scene, model: fem.Model, target: MeasuredMode) -> fem.Target:
-    if target.number:
-        return fem.Number(target.number)
-    if target.shape:
-        return shape(scene, model, target.shape, target.hz)
-    return fem.Motion(target.body, target.motion)
+    recognised: list[fem.Target] = []
+    for target in scene.targets or ():
+        if target.number:
+            recognised.append(fem.Number(target.number))
+        elif target.shape:
+            recognised.append(shape(scene, model, target.shape, target.hz))
+        else:
+            recognised.append(fem.BodyMotion(target.body, target.motion))
+    return tuple(recognised)
 
 
 def shape(scene: Scene, model: fem.Model, file: str | Path, hz: float) -> fem.Shape:

@@ -18,8 +18,8 @@ def wall_of(scene: Scene, reduction: rom.ReducedModel | None) -> dem.Wall | coup
     if reduction is None:
         reduced, health = measured(scene.wall)
         modes = health.modes
-    held = damping(scene.damping, reduced)
-    return reduced_walls.wall_of(reduced, damping=held, cutoff_hz=scene.wall.cutoff, modes=modes)
+    law, cutoff = damping(scene.damping, reduced), scene.wall.cutoff
+    return reduced_walls.wall_of(reduced, damping=law, cutoff_hz=cutoff, modes=modes)
 
 
 def damping(table: Damping, reduced: rom.ReducedModel) -> coupling.Damping | None:

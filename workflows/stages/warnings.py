@@ -1,4 +1,4 @@
-"""Warnings of a run: what can be run, but is to be trusted in part or was probably meant otherwise.
+"""Warnings of a run: what can be run, but is to be trusted in part or was probably not meant so.
 
 Each function yields sentences on the one thing that its name says.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import ceil, isnan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,17 +27,26 @@ from workflows.stages.chain import Start, contact_radius
 if TYPE_CHECKING:  # a run without a reduced model does not load finite elements
     from fem.constraints import Overconstrained
 
-LARGE = 0.1  # error of the velocities, over the striker's
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
     "mesh": "take smaller elements (the seeds of [mesh], or mesh.scale)",
 }
-THIN = 0.65  # k h up to which Zener's plate takes the energy of a solid one within a tenth
 
-TRUSTED = 0.7  # quality below which a wave's numbers are not to be believed
-UNEQUAL = 1.25  # ratio of masses from which on waves are not those of equal spheres
-PRESSED = 0.05  # of the striker's energy, still elastic when the record ends
-PER_WAVE = 5  # samples that show a crest
+
+class Thresholds(NamedTuple):
+    """From where on a run is warned of; chosen, not varied."""
+
+    model_error: float = 0.1  # error of the velocities, over the striker's
+    # k h up to which Zener's plate takes the energy of a solid one within a tenth, as the study
+    # wall-thickness shows
+    slender: float = 0.65
+    quality: float = 0.7  # of a wave, below which its numbers are not to be believed
+    unequal: float = 1.25  # ratio of masses from which on waves are not those of equal spheres
+    pressed: float = 0.05  # of the striker's energy, still elastic when the record ends
+    per_wave: int = 5  # samples that show a crest
+
+
+AT = Thresholds()
 
 
 def of_chain(
@@ -75,9 +84,9 @@ def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[st
 
 def overconstrained(twice: Sequence[Overconstrained]) -> Iterator[str]:
     """Nodes that two constraints ask for: the first holds them."""
-    for slaves, dropped, kept in twice:
+    for slaves, face, holder in twice:
         yield (
-            f"{len(set(slaves // 3))} nodes of {dropped} are held by {kept} as well, which alone "
+            f"{len(set(slaves // 3))} nodes of {face} are held by {holder} as well, which alone "
             "holds them; let the two faces end apart, or drop one of the two."
         )
 
@@ -92,7 +101,7 @@ def results_not_kept() -> Iterator[str]:
 
 
 def judged(impact: coupling.Impact) -> Iterator[str]:
-    """What the verdict found, and the energy that a wall made that is not passive."""
+    """Findings of the verdict, and the energy that a wall made that is not passive."""
     yield from impact.verdict.findings
     gain = impact.energy_gain
     if not impact.verdict.passive:
@@ -104,7 +113,7 @@ def judged(impact: coupling.Impact) -> Iterator[str]:
 
 def large_model_error(name: str, error: float) -> Iterator[str]:
     """A reduction or a mesh whose error shows in the velocities."""
-    if error > LARGE:
+    if error > AT.model_error:
         yield (
             f"The error of the {name} is about {100 * error:.0f} % of the striker's speed: "
             f"{CURES[name]}."
@@ -140,10 +149,10 @@ def thick_plate(scene: Scene, run: dem.Trajectory) -> Iterator[str]:
     plate = coupling.Plate(wall.young, wall.poisson, wall.density, wall.plate_thickness)
     seconds = contact_time(run.t, run.contact_force[:, -1]).seconds
     slender = coupling.slenderness(plate, seconds) if 0 < seconds < np.inf else 0.0
-    if slender >= THIN:
+    if slender >= AT.slender:
         yield (
             f"The plate is thick relative to its bending waves (k h = {slender:.2f}, thin is below "
-            f"{THIN:g}); a solid one absorbs over 10 % more energy, see beadwave study "
+            f"{AT.slender:g}); a solid one absorbs over 10 % more energy, see beadwave study "
             "wall-thickness."
         )
 
@@ -152,7 +161,7 @@ def unequal_spheres(start: Start) -> Iterator[str]:
     """Masses that differ, save the striker's and that of what is fixed to the last sphere."""
     mass = start.chain.mass[1:-1]
     spread = float(mass.max() / mass.min()) if mass.size else 1.0
-    if spread >= UNEQUAL:
+    if spread >= AT.unequal:
         yield (
             f"The spheres' masses differ by a factor of {spread:.3g}: waves are followed and named "
             "by the solitary wave of equal spheres, which does not apply here; names, "
@@ -160,35 +169,35 @@ def unequal_spheres(start: Start) -> Iterator[str]:
         )
 
 
-def overlapping_waves(found: ChainWaves) -> Iterator[str]:
+def overlapping_waves(waves: ChainWaves) -> Iterator[str]:
     """Waves of a quality too low to be trusted."""
-    named = [label.arrival for labels in found.labels.values() for label in labels]
-    poor = sum(wave.quality < TRUSTED for wave in named)
+    named = [label.arrival for labels in waves.labels.values() for label in labels]
+    poor = sum(wave.quality < AT.quality for wave in named)
     if not poor:
         return
     has, it, its = ("has", "it overlaps", "its") if poor == 1 else ("have", "they overlap", "their")
     yield (
-        f"{poor} of {len(named)} waves at the observed spheres {has} a quality below {TRUSTED:g}: "
-        f"{it} with others too much to be separated, or the spheres differ; do not rely on {its} "
-        f"velocit{'y' if poor == 1 else 'ies'}."
+        f"{poor} of {len(named)} waves at the observed spheres {has} a quality below "
+        f"{AT.quality:g}: {it} with others too much to be separated, or the spheres differ; do not "
+        f"rely on {its} velocit{'y' if poor == 1 else 'ies'}."
     )
 
 
 def short_record(
-    scene: Scene, start: Start, found: ChainWaves, run: dem.Trajectory
+    scene: Scene, start: Start, waves: ChainWaves, run: dem.Trajectory
 ) -> Iterator[str]:
     """What the end of the record cuts off, or its samples do not show."""
-    if found.contact is None:
+    if waves.contact is None:
         return
     ends = f"time.duration = {scene.time.duration:g} s ends"
     pressed = run.energy_contact[-1] - run.energy_contact[0]
     share = float(pressed / run.energy_kinetic[0]) if run.energy_kinetic[0] else 0.0
-    if isnan(found.contact.contact_time.seconds):
-        before = (
+    if isnan(waves.contact.contact_time.seconds):
+        too_early = (
             f"{ends} before a wave is at the wall: nothing is measured there; take a longer one."
         )
-        yield from coarse_samples(scene, start) or (before,)
-    elif share >= PRESSED:
+        yield from coarse_samples(scene, start) or (too_early,)
+    elif share >= AT.pressed:
         yield (
             f"{ends} while contacts hold {100 * share:.0f} % of the striker's energy more than at "
             "rest: the velocity sum ratio and the restitution are not those of spheres that "
@@ -206,25 +215,21 @@ def coarse_samples(scene: Scene, start: Start) -> tuple[str, ...]:
     return (
         f"output.samples = {scene.output.samples} leaves {spacing:.2g} s between samples, in which "
         f"waves of {width:.2g} s pass unseen: nothing is measured at the wall; take at least "
-        f"{ceil(PER_WAVE * scene.time.duration / width)}.",
+        f"{ceil(AT.per_wave * scene.time.duration / width)}.",
     )
 
 
 def unusual_wall_file(wall: RomWall) -> Iterator[str]:
     """A material that nobody gave, weights that are no average, other units than N/m and kg, loose
-    parts, a wall that was to float, a half-space larger than what holds it."""
+    bodies, a wall that was to float, a half-space larger than what holds it."""
     from rom.imported import unusual
     from workflows.files.wall import measured
 
     reduced, health = measured(wall)
-    yield from _unsaid_material(wall)
-    yield from unusual(reduced, health.modes, "wall.file")
-
-
-def _unsaid_material(wall: RomWall):
-    unsaid = [f"wall.{key}" for key in ("young", "poisson") if getattr(wall, key) is None]
-    if unsaid:
+    missing = [f"wall.{key}" for key in ("young", "poisson") if getattr(wall, key) is None]
+    if missing:
         yield (
-            f"Neither the scene nor wall.file says {' and '.join(unsaid)} of the surface that is "
+            f"Neither the scene nor wall.file says {' and '.join(missing)} of the surface that is "
             "struck: that of steel is assumed."
         )
+    yield from unusual(reduced, health.modes, "wall.file")

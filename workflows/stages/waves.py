@@ -1,13 +1,11 @@
 """The waves of a run as a stage: followed through the chain, named, and measured at the wall."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from coupling import Impact
 from dem.waves.arrivals import Arrival, arrivals, passage
 from dem.waves.chain_waves import ChainWaves, chain_waves
 from dem.waves.measures import track_speed
-from dem.waves.tracks import WaveTrack
 from workflows.report.summary import ChainContact, SphereWaves, TrackedWave, WaveArrival
 from workflows.scene import Scene
 from workflows.stages.chain import Start
@@ -20,15 +18,14 @@ def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
     )
 
 
-def sphere_waves(found: ChainWaves, t, v, sphere: int) -> SphereWaves:
+def sphere_waves(waves: ChainWaves, t, v, sphere: int) -> SphereWaves:
     """The waves at a sphere with record v (k,); unnamed where the chain is too short for tracks."""
-    named = found.labels[sphere]
-    passed = passage(t, v)
-    listed = [_arrival(label.arrival, label.name, label.alone) for label in named]
+    labels, pair = waves.labels[sphere], passage(t, v)
+    listed = [_arrival(label.arrival, label.name, label.alone) for label in labels]
     return SphereWaves(
         arrivals=tuple(listed or [_arrival(wave) for wave in arrivals(t, v)]),
-        tof_s=passed and passed.tof,
-        arr=passed and passed.arr,
+        tof_s=pair and pair.tof,
+        arr=pair and pair.arr,
     )
 
 
@@ -43,12 +40,26 @@ def _arrival(wave: Arrival, name: str | None = None, alone: bool = True) -> Wave
     )
 
 
-def chain_contact(scene: Scene, found: ChainWaves) -> ChainContact | None:
+def chain_contact(scene: Scene, waves: ChainWaves) -> ChainContact | None:
     """The impact at the wall in the terms of the thesis' section 2.2.1."""
-    wall = found.contact
+    wall = waves.contact
     if wall is None:
         return None
     radius = np.broadcast_to(scene.chain.radius, scene.chain.count)
+    trains = []
+    for track in waves.tracks:
+        first, last = track.pulses[0], track.pulses[-1]
+        trains.append(
+            TrackedWave(
+                name=track.name,
+                from_contact=first.contact,
+                to_contact=last.contact,
+                start_s=first.time,
+                end_s=last.time,
+                speed_m_s=track_speed(track, radius),
+                peak_force_N=max(pulse.force for pulse in track.pulses),
+            )
+        )
     return ChainContact(
         contact_time_s=wall.contact_time.seconds,
         threshold_N=wall.contact_time.threshold,
@@ -60,18 +71,5 @@ def chain_contact(scene: Scene, found: ChainWaves) -> ChainContact | None:
         arr_2_9=wall.arr,
         velocity_sum_ratio_2_8=wall.velocity_sum_ratio,
         energy_restitution=wall.energy_restitution,
-        trains=tuple(_track(track, radius) for track in found.tracks),
-    )
-
-
-def _track(track: WaveTrack, radius: NDArray[np.float64]) -> TrackedWave:
-    first, last = track.pulses[0], track.pulses[-1]
-    return TrackedWave(
-        name=track.name,
-        from_contact=first.contact,
-        to_contact=last.contact,
-        start_s=first.time,
-        end_s=last.time,
-        speed_m_s=track_speed(track, radius),
-        peak_force_N=max(pulse.force for pulse in track.pulses),
+        trains=tuple(trains),
     )

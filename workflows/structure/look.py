@@ -203,7 +203,6 @@ def _remarks(geometry: Drawing) -> list[str]:
     """Bodies that touch none, holes that no name picks, faces that miss each other, in
     sentences."""
     from geometry.holes import cut_holes
-    from geometry.touching import told
 
     free = geometry.near.free(geometry.bodies) if len(geometry.bodies) > 1 else ()
     remarks = [f'"{name}" touches no other body.' for name in free]
@@ -214,7 +213,7 @@ def _remarks(geometry: Drawing) -> list[str]:
                 f'"{body.name}" has a hole of {1e3 * hole.diameter:.5g} mm that an edge cuts, or a '
                 f"slot's end; {body.name}@{at} picks it, {body.name}:hole does not."
             )
-    return remarks + [told(miss) for miss in geometry.near.misses]
+    return remarks + [miss.sentence for miss in geometry.near.misses]
 
 
 def _starter(geometry: Drawing, source: Path) -> str | None:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import fem
-from fem.tuning import Parameter
+from fem.tuning import TuningParameter
 from workflows.scene import InvalidScene, Scene, nearest
 
 SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]
@@ -18,7 +18,7 @@ def known(scene: Scene) -> list[str]:
     return of_joints + [f"materials.{name}.{key}" for name in scene.materials for key in MATERIAL]
 
 
-def freed(scene: Scene, names: Sequence[str]) -> list[Parameter]:
+def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
     """Parameters by name, started from the values that the scene has; raises InvalidScene."""
     if not names:
         raise InvalidScene(f"--free is missing; name what to vary of {', '.join(known(scene))}.")
@@ -35,20 +35,20 @@ def freed(scene: Scene, names: Sequence[str]) -> list[Parameter]:
                 raise InvalidScene(
                     f"--free {name} is of an orthotropic material, which is not tuned yet."
                 )
-            parameters.append(Parameter(name, (), *FACTOR, (), key, (1.0,)))
+            parameters.append(TuningParameter(name, (), *FACTOR, (), key, (1.0,)))
             continue
         start, lower, upper = TURN if key.startswith("kr") else SHIFT
         value = scene_value(scene, name)
         start = value if lower <= value <= upper else start
         parameters.append(
-            Parameter(name, (f"{entry}.{key}",), start, lower, upper, before=(value,))
+            TuningParameter(name, (f"{entry}.{key}",), start, lower, upper, before=(value,))
         )
     return parameters
 
 
 def on_bodies(
-    scene: Scene, parameters: Sequence[Parameter], bodies: Sequence[str]
-) -> list[Parameter]:
+    scene: Scene, parameters: Sequence[TuningParameter], bodies: Sequence[str]
+) -> list[TuningParameter]:
     """The same, a material's factor with the bodies of this material."""
     with_bodies = []
     for p in parameters:

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 import fem
-from fem.tuning import Parameter, Tuning, determined, tune
+from fem.tuning import Tuning, TuningParameter, determined, tune
 from workflows.files.output_file import OutputFile
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
@@ -178,7 +178,7 @@ def _remarks(
     fit: Tuning,
     of_all: Tuning,
     unchanged: dict[str, float],
-    candidates: Sequence[Parameter],
+    candidates: Sequence[TuningParameter],
     confirmed: dict[str, float],
     mac: dict[str, float],
 ) -> list[str]:
@@ -262,14 +262,14 @@ def targets(match: str, measured_hz: tuple[float, ...] = HAMMER_TEST_HZ) -> dict
     return wanted
 
 
-def freed(names: tuple[str, ...]) -> list[Parameter]:
+def freed(names: tuple[str, ...]) -> list[TuningParameter]:
     """Parameters of the rig by name: "head.ky", "foot.kt" (both tangential directions) or
     "block.young". Raises InvalidScene for other names and for a stiffness that two of them set."""
     parameters = []
     for name in names:
         part, _, key = name.partition(".")
         if part == "block" and key in ("young", "density"):
-            parameters.append(Parameter(name, (), *FACTOR, ("block",), key))
+            parameters.append(TuningParameter(name, (), *FACTOR, ("block",), key))
             continue
         directions = TANGENTIAL if key == "kt" else (key,)
         if part not in JOINTS or not set(directions) <= set(fem.DIRECTIONS):
@@ -278,7 +278,7 @@ def freed(names: tuple[str, ...]) -> list[Parameter]:
             raise InvalidScene(f"--free {name} is not known, {nearest(name, names_known)}.")
         springs = tuple(f"{part}.{direction}" for direction in directions)
         bounds = STARTS.get(key, of_bodies.TURN if key.startswith("kr") else SHIFT)
-        parameters.append(Parameter(name, springs, *bounds))
+        parameters.append(TuningParameter(name, springs, *bounds))
 
     set_by: dict[str, str] = {}
     for name, p in zip(names, parameters, strict=True):
@@ -289,7 +289,7 @@ def freed(names: tuple[str, ...]) -> list[Parameter]:
     return parameters
 
 
-def started_from(scene: Scene, p: Parameter) -> Parameter:
+def started_from(scene: Scene, p: TuningParameter) -> TuningParameter:
     """The same, from the value that the scene has where that lies between the bounds."""
     scale = 1.0 if p.springs else getattr(scene.assembly, p.of)
     before = tuple(value / scale for _, value in scene_values(scene, p))
@@ -297,7 +297,7 @@ def started_from(scene: Scene, p: Parameter) -> Parameter:
     return p._replace(start=start, before=before)
 
 
-def scene_values(scene: Scene, p: Parameter) -> list[tuple[str, float]]:
+def scene_values(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
     """Keys of the scene that the parameter sets, each with its value."""
     if scene.is_general:
         return [(p.name, of_bodies.scene_value(scene, p.name))]
@@ -308,7 +308,7 @@ def scene_values(scene: Scene, p: Parameter) -> list[tuple[str, float]]:
     return [(p.name, getattr(scene.assembly, p.of) if of_block is None else of_block)]
 
 
-def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
+def loosened(scene: Scene, parameters: list[TuningParameter]) -> Scene:
     """The scene with finite springs where they vary, and with a block that keeps only the values
     that do not vary."""
     if scene.is_general:
@@ -319,7 +319,7 @@ def loosened(scene: Scene, parameters: list[Parameter]) -> Scene:
     return at_values(bare, springs, np.array([p.start for p in springs]))
 
 
-def at_values(scene: Scene, parameters: list[Parameter], value) -> Scene:
+def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
     """The scene with the parameters at these values."""
     if scene.is_general:
         names = [p.name for p in parameters]

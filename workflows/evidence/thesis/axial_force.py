@@ -10,7 +10,7 @@ from typing import NamedTuple
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import bent
 from workflows.evidence.thesis.observed_run import Observed
-from workflows.evidence.thesis.wave_distance import NOTICED, felt
+from workflows.evidence.thesis.wave_distance import felt
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
@@ -20,12 +20,18 @@ from workflows.stages import bending
 from workflows.stages.pipeline import Progress
 
 SCENE = "slender-beam"
-SHARES = (0.9, 0.5, 0.0, -0.3, -0.6, -0.8, -0.9)  # of the buckling load, < 0 presses
-SMALL = -1e-6  # of E A: presses a beam that does not notice it, for the buckling load
 COLUMNS = ("share", "force_N", "first_mode_hz", "tof_us", "arr", "first_wave", "later", "later_ms")
 
 
-class Case(NamedTuple):
+class AxialForceOptions(NamedTuple):
+    """What the study varies, and what it tells apart."""
+
+    # of the buckling load, 0 among them; < 0 presses
+    shares: tuple[float, ...] = (0.9, 0.5, 0.0, -0.3, -0.6, -0.8, -0.9)
+    noticed: float = 0.01  # of the striker's velocity: a difference; not varied
+
+
+class AxialLoad(NamedTuple):
     """A share of the buckling load, the force, the first mode and the run."""
 
     share: float
@@ -34,54 +40,53 @@ class Case(NamedTuple):
     run: Observed
 
 
-def axial_force(scene: Scene, progress: Progress) -> Finding:
+def axial_force(
+    scene: Scene, progress: Progress, options: AxialForceOptions = AxialForceOptions()
+) -> Finding:
     """What axial force up to 0.9 of buckling does to the first reflected wave and to later ones."""
     bent.require(scene, "beam")
-    load, cases = buckling_load(scene), []
-    for share in SHARES:
-        with progress(f"{share:g} of the buckling load"):
-            cases.append(_case(scene, share, share * load))
-    free = cases[SHARES.index(0.0)].run
-    seen = [felt(free, case.run) for case in cases]
-    rows = tuple(
-        (c.share, c.force, c.first_mode, 1e6 * c.run.contact.tof, c.run.contact.arr, f.first,
-         f.later, 1e3 * f.at)
-        for c, f in zip(cases, seen, strict=True)
-    )  # fmt: skip
-    numbers = {
-        "load": load,
-        "first": max(f.first for f in seen),
-        "later": max(f.later for f in seen),
-        "at": min((1e3 * f.at for f in seen if f.at == f.at), default=None),
-        "noticed": NOTICED,
-        "tof": [1e6 * (c.run.contact.tof - free.contact.tof) for c in cases],
-        "arr": [c.run.contact.arr / free.contact.arr - 1 for c in cases],
-        "hz": [cases[-1].first_mode, cases[SHARES.index(0.0)].first_mode],
-    }
-    picture = Picture("study_axial_force", _picture(cases))
-    found = rendered(__file__, **numbers)
-    return Finding((Table("axial-force", COLUMNS, rows),), found, (picture,))
-
-
-def buckling_load(scene: Scene) -> float:
-    """[N]; raises InvalidScene for a beam that can move as a rigid body."""
     if scene.beam.floats:
         raise InvalidScene(f"the beam of {scene.name} can move as a rigid body; hold an end.")
-    small = SMALL * scene.beam.young * bending.section(scene.beam).area
+
+    # the buckling load [N], from a pressure so small that the beam does not notice it
+    small = -1e-6 * scene.beam.young * bending.section(scene.beam).area
     pressed = scene.but(beam={"axial_force": small})
-    return -small / bending.model(pressed).load_factor
+    buckling_load = -small / bending.model(pressed).load_factor
 
+    cases = []
+    for share in options.shares:
+        with progress(f"{share:g} of the buckling load"):
+            force = share * buckling_load
+            loaded = scene.but(beam={"axial_force": force})
+            run = bent.run(loaded, bent.wall(loaded))
+            cases.append(AxialLoad(share, force, bent.first_mode(loaded), run))
+    free = cases[options.shares.index(0.0)]
 
-def _case(scene: Scene, share: float, force: float) -> Case:
-    loaded = scene.but(beam={"axial_force": force})
-    return Case(share, force, bent.first_mode(loaded), bent.run(loaded, bent.wall(loaded)))
+    # velocity differences to the beam without a force
+    differences = [felt(free.run, case.run, options.noticed) for case in cases]
+    rows = tuple(
+        (c.share, c.force, c.first_mode, 1e6 * c.run.contact.tof, c.run.contact.arr, d.first,
+         d.later, 1e3 * d.at)
+        for c, d in zip(cases, differences, strict=True)
+    )  # fmt: skip
+    contact = free.run.contact
+    sentences = rendered(
+        __file__,
+        load=buckling_load,
+        first=max(d.first for d in differences),
+        later=max(d.later for d in differences),
+        at=min((1e3 * d.at for d in differences if d.at == d.at), default=None),  # nan: never
+        noticed=options.noticed,
+        tof=[1e6 * (case.run.contact.tof - contact.tof) for case in cases],
+        arr=[case.run.contact.arr / contact.arr - 1 for case in cases],
+        hz=[cases[-1].first_mode, free.first_mode],
+    )
 
-
-def _picture(cases: list[Case]) -> bytes:
-    sphere = max(cases[0].run.labels)
+    sphere = max(free.run.labels)
     lines = [
         Line(f"{c.share:g} of buckling", c.run.milliseconds, c.run.velocity(sphere), "-", i, 1.0)
         for i, c in enumerate(cases)
     ]
-    title = f"sphere {sphere}"
-    return panels([Panel(title, "time [ms]", "velocity [m/s]", lines)], size=(8, 4))
+    figure = [Panel(f"sphere {sphere}", "time [ms]", "velocity [m/s]", lines)]
+    picture = Picture("study_axial_force", panels(figure, size=(8, 4)))
+    return Finding((Table("axial-force", COLUMNS, rows),), sentences, (picture,))

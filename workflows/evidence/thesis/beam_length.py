@@ -2,7 +2,7 @@
 
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import bent
-from workflows.evidence.thesis.structures import FACTORS, compared
+from workflows.evidence.thesis.structures import StructuresOptions, compared
 from workflows.report.finding import Finding
 from workflows.scene import Scene
 from workflows.stages.pipeline import Progress
@@ -10,12 +10,14 @@ from workflows.stages.pipeline import Progress
 SCENE = "beam"
 
 
-def beam_length(scene: Scene, progress: Progress) -> Finding:
+def beam_length(
+    scene: Scene, progress: Progress, options: StructuresOptions = StructuresOptions()
+) -> Finding:
     """Time of flight and amplitude ratio over the length of a beam, struck at the same share."""
     bent.require(scene, "beam")
     share = scene.beam.position / scene.beam.length
-    lengths = FACTORS[FACTORS * scene.beam.length > 2 * (scene.beam.thickness or 0.0)]
-    lengths = lengths * scene.beam.length
+    lengths = options.factors * scene.beam.length
+    lengths = lengths[lengths > 2 * (scene.beam.thickness or 0.0)]  # shorter is no beam
     scenes = [scene.but(beam={"length": x, "position": share * x}) for x in lengths]
-    found = compared("beam-length", "length", scenes, lengths, progress)
-    return Finding((found.table,), rendered(__file__, **found.numbers), (found.picture,))
+    result = compared("beam-length", "length", scenes, lengths, progress, options)
+    return Finding((result.table,), rendered(__file__, **result.numbers), (result.picture,))

@@ -4,17 +4,19 @@ Near the edge the plate is stiff and little energy leaves. Away from it the bend
 come back from the edge only after the contact. Thesis, section 2.2.2.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 import coupling
 import dem
+from coupling.plate import Plate, group_speed
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import plate_sizes, plates
-from workflows.evidence.thesis.collision import Collision
-from workflows.evidence.thesis.edge_series import CLOSE, Series
-from workflows.evidence.thesis.plate_sizes import Sizes
+from workflows.evidence.thesis.collision import FAINTEST_ARR, Collision
+from workflows.evidence.thesis.plate_sizes import PlateSizes
 from workflows.evidence.thesis.requirements import FEWEST, require_chain
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
@@ -23,84 +25,93 @@ from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages.pipeline import Progress
 
-RATIOS = (1.0, 2.0, 4.0, 6.0)  # D/t
-DIAMETERS = (0.2, 0.4, 0.6, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.2, 4.0, 5.0, 6.0)  # distances
-CHECKED = 4.0  # D/t at which mesh and modes are varied
-SHOWN = (0.4, 1.2, 2.0, 6.0)  # distances whose forces are drawn and whose ARR is checked
-
-VARIED = {"elements halved": plate_sizes.refined, "modes doubled": plate_sizes.with_more_modes}
+CLOSE = 0.05  # of the ARR far from the edge: where the edge no longer matters
+FACTORS = {  # of the sizes of a plate's mesh, each varied alone
+    "elements halved": {"seed": 0.5, "contact_seed": 0.5},
+    "modes doubled": {"cutoff_hz": 2.0},
+}
 COLUMNS = (
     "d_over_t", "distance_mm", "arr", "arr_over_far", "energy_lost_percent", "contact_time_us",
     "peak_force_N",
 )  # fmt: skip
 
 
-def boundary_distance(scene: Scene, progress: Progress) -> Finding:
-    """Reflected waves from plates struck near their clamped edge (thesis, section 2.2.2)."""
-    require_chain(scene, FEWEST)
-    with progress("half-space"):
-        deep = plates.collision(scene, dem.rigid_wall())
-    found = []
-    for ratio in RATIOS:
-        with progress(f"plate, D/t = {ratio:g}"):
-            found.append(_series(scene, ratio, _size(scene, ratio, deep)))
-    base, checks = _size(scene, CHECKED, deep), []
-    for name, varied in VARIED.items():
-        with progress(f"D/t = {CHECKED:g}, {name}"):
-            checks.append((name, _series(scene, CHECKED, varied(base), SHOWN)))
-    rows = tuple(row for series in found for row in _rows(series))
-    drawn = Picture("study_boundary_distance", _picture(scene, deep, found))
-    changes = [_change(name, _at(found, CHECKED), series) for name, series in checks]
-    numbers = _numbers(scene, deep, found)
-    sentences = rendered(__file__, checked=CHECKED, changes=changes, **numbers)
-    return Finding((Table("boundary-distance", COLUMNS, rows),), sentences, (drawn,))
+class BoundaryDistanceOptions(NamedTuple):
+    """What the study varies, and what it draws."""
+
+    ratios: tuple[float, ...] = (1.0, 2.0, 4.0, 6.0)  # D/t
+    # distances from the edge over the last sphere's diameter, ascending
+    diameters: tuple[float, ...] = (
+        0.2, 0.4, 0.6, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.2, 4.0, 5.0, 6.0,
+    )  # fmt: skip
+    checked: float = 4.0  # D/t at which mesh and modes are varied, and forces are drawn
+    drawn: tuple[float, ...] = (0.4, 1.2, 2.0, 6.0)  # distances of these checks and forces
+    factors: Mapping[str, Mapping[str, float]] = FACTORS
 
 
-def _size(scene: Scene, ratio: float, deep: Collision) -> Sizes:
-    plate = plates.steel(scene, plates.diameter(scene) / ratio)
-    until = plates.collision(scene, coupling.infinite_plate(plate)).contact.seconds
-    size = plate_sizes.sizes(plate, deep.contact.seconds, until)
-    # fine elements run all along the line of contacts
-    nearest = DIAMETERS[0] * plates.diameter(scene)
-    return size._replace(contact_seed=nearest, patch=min(size.patch, nearest / 2))
+class EdgeSeries(NamedTuple):
+    """Collisions with one plate at growing distances from its clamped edge."""
+
+    ratio: float  # D/t
+    plate: Plate
+    distance: NDArray[np.float64]  # (k,) [m]
+    collisions: list[Collision]
+
+    @property
+    def arr(self) -> NDArray[np.float64]:
+        """ARR at each distance, (k,)."""
+        return np.array([collision.arr for collision in self.collisions])
+
+    @property
+    def far(self) -> float:
+        """ARR at the largest distance."""
+        return self.collisions[-1].arr
+
+    @property
+    def edge(self) -> float:
+        """ARR at the smallest distance."""
+        return self.collisions[0].arr
+
+    @property
+    def edge_over_far(self) -> float:
+        """ARR at the smallest distance over that at the largest."""
+        return float(self.over_far[0])
+
+    @property
+    def over_far(self) -> NDArray[np.float64]:
+        """ARR over that far away, or over what could just be seen, (k,)."""
+        return self.arr / max(self.far, FAINTEST_ARR)
+
+    @property
+    def remaining(self) -> NDArray[np.float64]:
+        """What is left of the edge's effect on ARR, (k,), 1 at the edge."""
+        return (self.arr - self.far) / (self.arr[0] - self.far)
+
+    def reach(self, half_space: Collision) -> float:
+        """Half the way [m] that bending waves make while a contact with a half-space lasts."""
+        seconds = half_space.contact.seconds
+        return group_speed(self.plate, np.pi / seconds) * seconds / 2
+
+    @property
+    def critical(self) -> float:
+        """Distance [m] beyond which ARR stays within CLOSE of that far away."""
+        difference = np.abs(self.over_far - self.over_far[-1])
+        last = int(np.flatnonzero(difference > CLOSE).max(initial=-1))
+        if last < 0:
+            return 0.0
+        x, y = self.distance[last : last + 2], difference[last : last + 2]
+        return float(x[0] + (y[0] - CLOSE) / (y[0] - y[1]) * (x[1] - x[0]))
+
+    @property
+    def half_way(self) -> float:
+        """Distance [m] at which ARR has fallen half of its way from the edge to far away."""
+        middle = (self.arr[0] + self.far) / 2
+        beyond = int((self.arr < middle).argmax())
+        x, y = self.distance[beyond - 1 : beyond + 1], self.arr[beyond - 1 : beyond + 1]
+        return float(x[0] + (y[0] - middle) / (y[0] - y[1]) * (x[1] - x[0]))
 
 
-def _series(
-    scene: Scene, ratio: float, size: Sizes, diameters: tuple[float, ...] | None = None
-) -> Series:
-    plate = plates.steel(scene, plates.diameter(scene) / ratio)
-    distance = plates.diameter(scene) * np.array(diameters or DIAMETERS)
-    walls = plates.edge_walls(plate, size, distance)
-    return Series(ratio, plate, distance, [plates.collision(scene, wall) for wall in walls])
-
-
-def _rows(series: Series):
-    for distance, one, over in zip(
-        series.distance, series.collisions, series.over_far, strict=True
-    ):
-        yield (
-            series.ratio, 1e3 * distance, one.arr, over, 100 * one.lost,
-            1e6 * one.contact.seconds, one.peak_force,
-        )  # fmt: skip
-
-
-def _numbers(scene: Scene, deep: Collision, found: list[Series]) -> dict[str, Any]:
-    return {
-        "sphere": plates.observed_sphere(scene),
-        "deep": deep,
-        "found": found,
-        "close": CLOSE,
-        "higher": all(series.arr[0] > series.far for series in found),
-        "settled": all(series.critical < series.distance[-2] for series in found),
-        "echo": [series.reach(deep) for series in found],
-    }
-
-
-def _at(found: list[Series], ratio: float) -> Series:
-    return next(series for series in found if series.ratio == ratio)
-
-
-class Change(NamedTuple):
+class EdgeChange(NamedTuple):
     """Largest change of ARR at some distances [m] when a series is varied."""
 
     varied: str
@@ -108,45 +119,91 @@ class Change(NamedTuple):
     distance: list[float]
 
 
-def _change(name: str, base: Series, other: Series) -> Change:
-    at = [DIAMETERS.index(value) for value in SHOWN]
-    return Change(name, float(np.abs(other.arr - base.arr[at]).max()), other.distance.tolist())
+def boundary_distance(
+    scene: Scene, progress: Progress, options: BoundaryDistanceOptions = BoundaryDistanceOptions()
+) -> Finding:
+    """Reflected waves from plates struck near their clamped edge (thesis, section 2.2.2)."""
+    require_chain(scene, FEWEST)
+    diameter, checked = plates.diameter(scene), options.checked
+    with progress("half-space"):
+        deep = plates.collision(scene, dem.rigid_wall())
 
+    def size_of(plate: Plate) -> PlateSizes:
+        # no wave is back before the end of the contact with the infinite plate; fine elements run
+        # all along the line of contacts, and the patch does not reach the edge
+        until = plates.collision(scene, coupling.infinite_plate(plate)).contact.seconds
+        size = plate_sizes.sizes(plate, deep.contact.seconds, until)
+        nearest = options.diameters[0] * diameter
+        return size._replace(contact_seed=nearest, patch=min(size.patch, nearest / 2))
 
-def _picture(scene: Scene, deep: Collision, found: list[Series]) -> bytes:
-    x = "distance from the clamped edge [mm]"
-    ends = np.array([0.0, 1e3 * found[0].distance[-1]])
-    arr = [Line(f"D/t = {s.ratio:g}", 1e3 * s.distance, s.arr, "o-") for s in found]
-    arr.append(Line("half-space", ends, np.full(2, deep.arr), "--", 5))
-    lost = [
-        Line(f"D/t = {s.ratio:g}", 1e3 * s.distance, [100 * b.lost for b in s.collisions], "o-")
-        for s in found
-    ]
-    scaled = [
-        Line(f"D/t = {s.ratio:g}", s.distance / s.reach(deep), s.remaining, "o-") for s in found
-    ]
-    return panels(
-        [
-            Panel("amplitude ratio (v_back / v_in)^(6/5)", x, "ARR", arr),
-            Panel("energy absorbed by the plate", x, "% of the striker's", lost),
-            Panel(
-                "remaining effect of the edge", "distance / reach of the bending waves",
-                "(ARR - far) / (edge - far)", scaled,
-            ),
-            _forces(scene, _at(found, CHECKED)),
-        ],
-        columns=2,
-        size=(5.6, 3.4),
-    )  # fmt: skip
+    def struck(ratio: float, size: PlateSizes, diameters: tuple[float, ...]) -> EdgeSeries:
+        plate, distance = plates.steel(scene, diameter / ratio), diameter * np.array(diameters)
+        walls = plates.edge_walls(plate, size, distance)
+        return EdgeSeries(ratio, plate, distance, [plates.collision(scene, w) for w in walls])
 
+    series = []
+    for ratio in options.ratios:
+        with progress(f"plate, D/t = {ratio:g}"):
+            size = size_of(plates.steel(scene, diameter / ratio))
+            series.append(struck(ratio, size, options.diameters))
 
-def _forces(scene: Scene, series: Series) -> Panel:
-    near = [DIAMETERS.index(value) for value in SHOWN]
-    lines = [
-        Line(
-            f"{1e3 * series.distance[i]:.0f} mm", 1e3 * series.collisions[i].trajectory.t,
-            series.collisions[i].trajectory.contact_force[:, -1],
+    # one of them again with mesh and modes varied, at a few distances
+    base = next(plate for plate in series if plate.ratio == checked)
+    at = [options.diameters.index(value) for value in options.drawn]
+    size, changes = size_of(base.plate), []
+    for name, factors in options.factors.items():
+        with progress(f"D/t = {checked:g}, {name}"):
+            varied = struck(checked, size.scaled(**factors), options.drawn)
+        largest = float(np.abs(varied.arr - base.arr[at]).max())
+        changes.append(EdgeChange(name, largest, varied.distance.tolist()))
+
+    rows = tuple(
+        (
+            s.ratio, 1e3 * distance, collision.arr, over_far, 100 * collision.lost,
+            1e6 * collision.contact.seconds, collision.peak_force,
         )
-        for i in near
+        for s in series
+        for distance, collision, over_far in zip(s.distance, s.collisions, s.over_far, strict=True)
+    )  # fmt: skip
+    sentences = rendered(
+        __file__,
+        checked=checked,
+        changes=changes,
+        sphere=plates.observed_sphere(scene),
+        deep=deep,
+        found=series,
+        close=CLOSE,
+        higher=all(s.arr[0] > s.far for s in series),
+        settled=all(s.critical < s.distance[-2] for s in series),
+        echo=[s.reach(deep) for s in series],
+    )
+
+    # over the distance: ARR beside that of a half-space, the energy that leaves
+    names = [f"D/t = {s.ratio:g}" for s in series]
+    arr, lost, remaining = [], [], []
+    for name, s in zip(names, series, strict=True):
+        arr.append(Line(name, 1e3 * s.distance, s.arr, "o-"))
+        percent = [100 * collision.lost for collision in s.collisions]
+        lost.append(Line(name, 1e3 * s.distance, percent, "o-"))
+        remaining.append(Line(name, s.distance / s.reach(deep), s.remaining, "o-"))
+    ends = np.array([0.0, 1e3 * series[0].distance[-1]])
+    arr.append(Line("half-space", ends, np.full(2, deep.arr), "--", 5))
+
+    forces = []
+    for i in at:
+        run = base.collisions[i].trajectory
+        name = f"{1e3 * base.distance[i]:.0f} mm"
+        forces.append(Line(name, 1e3 * run.t, run.contact_force[:, -1]))
+
+    x = "distance from the clamped edge [mm]"
+    figure = [
+        Panel("amplitude ratio (v_back / v_in)^(6/5)", x, "ARR", arr),
+        Panel("energy absorbed by the plate", x, "% of the striker's", lost),
+        Panel(
+            "remaining effect of the edge", "distance / reach of the bending waves",
+            "(ARR - far) / (edge - far)", remaining,
+        ),
+        Panel(f"force at the plate, D/t = {base.ratio:g}", "time [ms]", "force [N]", forces),
     ]  # fmt: skip
-    return Panel(f"force at the plate, D/t = {series.ratio:g}", "time [ms]", "force [N]", lines)
+    picture = Picture("study_boundary_distance", panels(figure, columns=2, size=(5.6, 3.4)))
+    return Finding((Table("boundary-distance", COLUMNS, rows),), sentences, (picture,))

@@ -5,14 +5,21 @@ oscillations and met with damping. With one functional for both nothing grows an
 needed to say so. Thesis, figures 6.5 and 6.6, equation 6.1.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 import coupling
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.energy_run import EnergyRun
 from workflows.evidence.thesis.requirements import require_rig
-from workflows.evidence.thesis.schemes import Body, impact_run, of_the_thesis
-from workflows.evidence.thesis.schemes import ours as with_one_functional
+from workflows.evidence.thesis.schemes import (
+    ROUNDING,
+    SchemeOptions,
+    StruckBody,
+    impact_run,
+    of_the_thesis,
+    one_functional,
+)
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
@@ -22,88 +29,89 @@ from workflows.stages import assembly as stages
 from workflows.stages.pipeline import Progress
 from workflows.thesis import HAMMER_TEST_HZ, THESIS
 
-DURATION = 12e-3  # [s]
 RAYLEIGH = coupling.RayleighDamping(**THESIS["rayleigh"])  # section 6.2
-FAR = "thesis, read at the block's other side"
-BAND_HZ = (10.0, 5e4)
 
 
-def damping(scene: Scene, progress: Progress) -> Finding:
+class DampingOptions(NamedTuple):
+    """How long the study runs, and what it draws; not varied."""
+
+    duration: float = 12e-3  # [s] of repeated impacts, in which a growth shows
+    band_hz: tuple[float, float] = (10.0, 5e4)  # of the curve over frequency
+    schemes: SchemeOptions = SchemeOptions()
+
+
+def damping(
+    scene: Scene, progress: Progress, options: DampingOptions = DampingOptions()
+) -> Finding:
     """An undamped wall, and its Rayleigh damping over frequency (thesis, figures 6.5, 6.6)."""
     require_rig(scene)
-    runs = tuple(_runs(scene, progress))
-    zeta = coupling.damping_ratios(RAYLEIGH, 2 * np.pi * np.array(HAMMER_TEST_HZ))
+    model = stages.model(scene, stages.mesh(scene))
+    body, schemes = StruckBody(model, scene.patch.point, scene.patch.radius), options.schemes
+    (y, z), radius = body.point, body.radius
+
+    # one undamped wall in three couplings: force and reading are one, or a radius apart, or at
+    # opposite sides of the block
+    beside = f"thesis, read {1e3 * radius:g} mm beside"
+    opposite = ((-y, z - radius), (-y, z + radius))
+    runs = []
+    for name, wall_of in (
+        ("one functional", lambda: one_functional(scene, body, schemes)),
+        (beside, lambda: of_the_thesis(body, schemes)),
+        ("thesis, read at the block's other side", lambda: of_the_thesis(body, schemes, opposite)),
+    ):
+        with progress(name):
+            runs.append(impact_run(scene, name, wall_of(), options.duration, schemes))
+
+    # zeta = (alpha / omega + beta omega) / 2 at the measured modes
+    tested = np.array(HAMMER_TEST_HZ)
+    zeta = coupling.damping_ratios(RAYLEIGH, 2 * np.pi * tested)
     rows = (
         *((f"undamped, {r.name}: largest gain of energy", r.gain.largest) for r in runs),
         *((f"undamped, {r.name}: gain at the end", r.gain.final) for r in runs),
         *(
-            (f"Rayleigh ratio at {hz:g} Hz", float(z))
-            for hz, z in zip(HAMMER_TEST_HZ, zeta, strict=True)
+            (f"Rayleigh ratio at {hz:g} Hz", float(ratio))
+            for hz, ratio in zip(HAMMER_TEST_HZ, zeta, strict=True)
         ),
     )
-    picture = Picture("study_damping", _picture(runs))
-    table = Table("damping", ("quantity", "value"), rows)
     ours, *others = runs
     sentences = rendered(
         __file__, ours=ours, grown=ours.growth, others=[(run, run.growth) for run in others],
-        most=max(1.5 * ours.gain.largest, 1e-9), duration=DURATION,
+        most=max(1.5 * ours.gain.largest, ROUNDING), duration=options.duration,
         rayleigh=RAYLEIGH, ratio=zeta[0], frequency=HAMMER_TEST_HZ[0],
     )  # fmt: skip
-    return Finding((table,), sentences, (picture,))
 
+    # figure 6.5: velocities of the last sphere and of the wall, each run with the same limits
+    figure = []
+    fastest = 1.1 * max(np.abs(run.trajectory.v[:, -1]).max() for run in runs)
+    for run in runs:
+        lines = [
+            Line("last sphere", run.milliseconds, run.trajectory.v[:, -1], "-", width=0.8),
+            Line("wall, where read", run.milliseconds, run.trajectory.wall_v, "-", width=0.8),
+        ]
+        title, limits = f"undamped, {run.name} (figure 6.5)", (-fastest, fastest)
+        figure.append(Panel(title, "time [ms]", "velocity [m/s]", lines, y_limits=limits))
 
-def _runs(scene: Scene, progress: Progress):
-    model = stages.model(scene, stages.mesh(scene))
-    body = Body(model, scene.patch.point, scene.patch.radius)
-    (y, z), aside = body.point, body.radius
-    beside = f"thesis, read {1e3 * body.radius:g} mm beside"
-    with progress("one functional"):
-        yield impact_run(scene, "one functional", with_one_functional(scene, body), DURATION)
-    with progress(beside):
-        yield impact_run(scene, beside, of_the_thesis(body), DURATION)
-    with progress(FAR):
-        wall = of_the_thesis(body, ((-y, z - aside), (-y, z + aside)))
-        yield impact_run(scene, FAR, wall, DURATION)
-
-
-def _picture(runs: tuple[EnergyRun, ...]) -> bytes:
-    speed = 1.1 * max(np.abs(run.trajectory.v[:, -1]).max() for run in runs)
-    moving = [
-        Panel(
-            f"undamped, {run.name} (figure 6.5)", "time [ms]", "velocity [m/s]",
-            [Line("last sphere", run.milliseconds, run.trajectory.v[:, -1], "-", width=0.8),
-             Line("wall, where read", run.milliseconds, run.trajectory.wall_v, "-", width=0.8)],
-            y_limits=(-speed, speed),
-        )
-        for run in runs
-    ]  # fmt: skip
-    return panels([*moving, _gains(runs), _log_gains(runs), _rayleigh()], columns=2, size=(5.6, 3))
-
-
-def _gains(runs: tuple[EnergyRun, ...]) -> Panel:
-    lines = [Line(r.name, r.milliseconds, 100 * (r.total - r.total[0]), width=1.0) for r in runs]
-    return Panel("energy generated", "time [ms]", "energy [% of the striker's]", lines)
-
-
-def _log_gains(runs: tuple[EnergyRun, ...]) -> Panel:
-    lines = [
-        Line(r.name, r.milliseconds, np.maximum(np.abs(r.total - r.total[0]), 1e-16), width=1.0)
-        for r in runs
+    # energy that each run makes
+    gains = [(run.name, run.milliseconds, run.total - run.total[0]) for run in runs]
+    percent = [Line(name, t, 100 * gain, width=1.0) for name, t, gain in gains]
+    sizes = [Line(name, t, np.maximum(np.abs(gain), 1e-16), width=1.0) for name, t, gain in gains]
+    label, logarithmic = "energy [% of the striker's]", "the same, logarithmic"
+    figure += [
+        Panel("energy generated", "time [ms]", label, percent),
+        Panel(logarithmic, "time [ms]", "energy [of the striker's]", sizes, "y"),
     ]
-    return Panel("the same, logarithmic", "time [ms]", "energy [of the striker's]", lines, "y")
 
-
-def _rayleigh() -> Panel:
-    f = np.geomspace(*BAND_HZ, 400)
-    tested = np.array(HAMMER_TEST_HZ)
-    at = coupling.damping_ratios(RAYLEIGH, 2 * np.pi * tested)
+    # figure 6.6: the thesis' damping over frequency, 100 % is critical
+    f = np.geomspace(*options.band_hz, 400)
     curve = coupling.damping_ratios(RAYLEIGH, 2 * np.pi * f)
+    name = f"alpha = {RAYLEIGH.alpha:g} 1/s, beta = {RAYLEIGH.beta:g} s"
     lines = [
-        Line(f"alpha = {RAYLEIGH.alpha:g} 1/s, beta = {RAYLEIGH.beta:g} s", f, 100 * curve),
-        Line("modes of the hammer test", tested, 100 * at, "o"),
+        Line(name, f, 100 * curve),
+        Line("modes of the hammer test", tested, 100 * zeta, "o"),
         Line("no oscillation above", f, np.full_like(f, 100.0), "--"),
     ]
-    return Panel(
-        "Rayleigh damping of the thesis (figure 6.6)", "frequency [Hz]", "damping ratio [%]",
-        lines, "xy",
-    )  # fmt: skip
+    title = "Rayleigh damping of the thesis (figure 6.6)"
+    figure.append(Panel(title, "frequency [Hz]", "damping ratio [%]", lines, "xy"))
+
+    picture = Picture("study_damping", panels(figure, columns=2, size=(5.6, 3)))
+    return Finding((Table("damping", ("quantity", "value"), rows),), sentences, (picture,))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fem
-from fem.tuning import Parameter, Tuning, TuningBasis, spectrum, tune
+from fem.tuning import spectrum, tune
 from workflows.evidence.prose import rendered
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
@@ -23,13 +23,19 @@ from workflows.stages.pipeline import Progress, pipeline_of
 from workflows.structure.tuning import at_values, freed, loosened, shape_mac
 from workflows.thesis import HAMMER_TEST_HZ
 
-WANTED = {i: HAMMER_TEST_HZ[i - 1] for i in (1, 2, 3)}
-TANGENTIAL = np.geomspace(1e6, 1e10, 33)  # [N/m]
-LOOSE = 100.0  # [N m/rad]
+TARGETS = {i: HAMMER_TEST_HZ[i - 1] for i in (1, 2, 3)}  # [Hz] by mode
+LOOSE = 100.0  # [N m/rad] a turn of the head joints that hardly resists
 COLUMNS = (
     "free at the head joints", *(f"f{i} [Hz]" for i in range(1, 5)), "miss of 1-3 [%]",
     "MAC of 2",
 )  # fmt: skip
+
+
+class JointsOptions(NamedTuple):
+    """What the study varies."""
+
+    # [N/m] tangential stiffnesses along a curve
+    tangential: NDArray[np.float64] = np.geomspace(1e6, 1e10, 33)
 
 
 class Freedom(NamedTuple):
@@ -54,61 +60,6 @@ FREEDOMS = (
 BEST = 3  # of these: the fewest freedoms with a stiffness for the vertical direction and a turn
 
 
-def joints(scene: Scene, progress: Progress) -> Finding:
-    """The conflict of modes 2 and 3, and joint stiffnesses that resolve it (thesis, table 5.3)."""
-    with_assembly(scene)
-    fits, macs, curves = [], [], {}
-    for freedom in FREEDOMS:
-        loose, free = _loose(scene, freedom)
-        basis = pipeline_of(loose, progress)("tuning-basis")
-        fits.append(tune(basis, free, WANTED))
-        full = pipeline_of(at_values(loose, free, fits[-1].value), progress)
-        macs.append(shape_mac(full)["2"])
-        if "head.kt" in freedom.free:
-            curves[freedom] = _curve(basis, free)
-    rows = tuple(map(_row, FREEDOMS, fits, macs))
-    sentences = rendered(
-        __file__, wanted=WANTED, conflicts=[_conflict(*curve) for curve in curves.items()],
-        best=macs[BEST], miss=_miss(fits[BEST]), further=_between_2_and_3(fits[BEST]),
-    )  # fmt: skip
-    picture = Picture("study_joints", _picture(curves, fits[-1]))
-    return Finding((Table("joints", COLUMNS, rows),), sentences, (picture,))
-
-
-def _row(freedom: Freedom, fit: Tuning, mac: float) -> tuple:
-    return freedom.name, *fit.modes_hz.tolist(), _miss(fit), mac
-
-
-def _between_2_and_3(fit: Tuning) -> list[float]:
-    """Frequencies [Hz] of modes of other shapes."""
-    _, second, third, _ = fit.modes_hz
-    return [float(f) for f in fit.all_hz if second < f < third]
-
-
-def _loose(scene: Scene, freedom: Freedom) -> tuple[Scene, list[Parameter]]:
-    bare = Joints(head=JointStiffnesses(kry=freedom.turn))
-    free, varied = freed(freedom.free), scene.but(assembly={"constraint": "wires"}, joints=bare)
-    return loosened(varied, free), free
-
-
-def _miss(fit: Tuning) -> float:
-    wanted = np.array(list(WANTED.values()))
-    return float(100 * np.abs(fit.modes_hz[:3] / wanted - 1).max())
-
-
-def _curve(basis: TuningBasis, free: list[Parameter]) -> NDArray[np.float64]:
-    """Modes 2 and 3 [Hz] while mode 1 is met, (k, 2), over the tangential stiffness."""
-    normal, tangential = free
-    points = []
-    for k in TANGENTIAL:
-        fixed = tangential._replace(start=k, lower=0.999 * k, upper=1.001 * k)
-        met = tune(basis, [normal, fixed], {1: WANTED[1]}, n_starts=2)
-        found = spectrum(basis, free, met.value)
-        index = fem.correlation.paired(basis.forms, found, basis.targets).index
-        points.append(found.frequency_hz[index[1:3]])
-    return np.array(points)
-
-
 class Conflict(NamedTuple):
     """Where a curve puts one of modes 2 and 3 [Hz] when the other one is met."""
 
@@ -117,17 +68,66 @@ class Conflict(NamedTuple):
     second: float
 
 
-def _conflict(freedom: Freedom, hz: NDArray[np.float64]) -> Conflict:
-    third = np.interp(WANTED[2], hz[:, 0], hz[:, 1])
-    second = np.interp(WANTED[3], hz[:, 1], hz[:, 0])
-    return Conflict(bool(np.isinf(freedom.turn)), float(third), float(second))
+def joints(scene: Scene, progress: Progress, options: JointsOptions = JointsOptions()) -> Finding:
+    """The conflict of modes 2 and 3, and joint stiffnesses that resolve it (thesis, table 5.3)."""
+    with_assembly(scene)
+    targets_hz = np.array(list(TARGETS.values()))
 
+    fits, misses, macs, curves = [], [], [], {}
+    for freedom in FREEDOMS:
+        # modes 1 to 3 fitted on a basis of shapes; the full model at these stiffnesses judges
+        turning = Joints(head=JointStiffnesses(kry=freedom.turn))
+        varied = scene.but(assembly={"constraint": "wires"}, joints=turning)
+        parameters = freed(freedom.free)
+        loose = loosened(varied, parameters)
+        basis = pipeline_of(loose, progress)("tuning-basis")
+        fit = tune(basis, parameters, TARGETS)
+        fits.append(fit)
+        misses.append(float(100 * np.abs(fit.modes_hz[:3] / targets_hz - 1).max()))
+        full = pipeline_of(at_values(loose, parameters, fit.value), progress)
+        macs.append(shape_mac(full)["2"])
+        if "head.kt" not in freedom.free:
+            continue
 
-def _picture(curves: dict[Freedom, NDArray[np.float64]], best: Tuning) -> bytes:
-    lines = [Line(freedom.name, *hz.T, colour=i) for i, (freedom, hz) in enumerate(curves.items())]
-    lines += [
-        Line("hammer test", np.array([WANTED[2]]), np.array([WANTED[3]]), "s", 7),
-        Line("all freedoms", best.modes_hz[1:2], best.modes_hz[2:3], "x", 2),
+        # modes 2 and 3 over the tangential stiffness, the normal one fitted to mode 1
+        normal, tangential = parameters
+        points = []
+        for k in options.tangential:
+            fixed = tangential._replace(start=k, lower=0.999 * k, upper=1.001 * k)
+            met = tune(basis, [normal, fixed], {1: TARGETS[1]}, n_starts=2)
+            modes = spectrum(basis, parameters, met.value)
+            index = fem.correlation.paired(basis.forms, modes, basis.targets).index
+            points.append(modes.frequency_hz[index[1:3]])
+        curves[freedom] = np.array(points)
+
+    rows = tuple(
+        (freedom.name, *fit.modes_hz.tolist(), miss, mac)
+        for freedom, fit, miss, mac in zip(FREEDOMS, fits, misses, macs, strict=True)
+    )
+    conflicts = [
+        Conflict(
+            rigid=bool(np.isinf(freedom.turn)),
+            third=float(np.interp(TARGETS[2], hz[:, 0], hz[:, 1])),
+            second=float(np.interp(TARGETS[3], hz[:, 1], hz[:, 0])),
+        )
+        for freedom, hz in curves.items()
     ]
-    title = "settings that meet mode 1"
-    return panels([Panel(title, "mode 2 [Hz]", "mode 3 [Hz]", lines)], size=(7, 4.5))
+
+    # modes of other shapes between 2 and 3 are what the best fit pays
+    best = fits[BEST]
+    _, second, third, _ = best.modes_hz
+    further = [float(f) for f in best.all_hz if second < f < third]
+    sentences = rendered(
+        __file__, wanted=TARGETS, conflicts=conflicts, best=macs[BEST], miss=misses[BEST],
+        further=further,
+    )  # fmt: skip
+
+    lines = [Line(freedom.name, *hz.T, colour=i) for i, (freedom, hz) in enumerate(curves.items())]
+    free_hz = fits[-1].modes_hz
+    lines += [
+        Line("hammer test", np.array([TARGETS[2]]), np.array([TARGETS[3]]), "s", 7),
+        Line("all freedoms", free_hz[1:2], free_hz[2:3], "x", 2),
+    ]
+    figure = [Panel("settings that meet mode 1", "mode 2 [Hz]", "mode 3 [Hz]", lines)]
+    picture = Picture("study_joints", panels(figure, size=(7, 4.5)))
+    return Finding((Table("joints", COLUMNS, rows),), sentences, (picture,))

@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from coupling.march import impact
 from dem.chain import Chain, Wall
-from dem.spheres import max_pressure, modulus_of_contact, radii_of_contacts
+from dem.spheres import max_pressure, modulus_of_contact, radii_of_contacts, time_scale
 from dem.trajectory import Trajectory
 from dem.waves.labels import Label, labels
 from dem.waves.measures import WallContact, wall_contact
 from dem.waves.tracks import WaveTrack, wave_tracks
 
-ERROR = 1e-4  # of the velocities
-N_SAVE = 3000
+ERROR = 1e-4  # of the velocities, relative to the striker's: what a march is asked for
+N_SAVE = 3000  # instants of a record
 
 
 class Setup(NamedTuple):
@@ -37,10 +37,11 @@ class Observed(NamedTuple):
 
     @property
     def milliseconds(self) -> NDArray[np.float64]:
+        """Times of the record, (k,) [ms]."""
         return 1e3 * self.trajectory.t
 
     def velocity(self, sphere: int) -> NDArray[np.float64]:
-        """(k,) [m/s]"""
+        """Velocity of a sphere over time, (k,) [m/s], positive towards the wall."""
         return self.trajectory.v[:, sphere - 1]
 
     def wave(self, sphere: int, kind: str, number: int) -> Label | None:
@@ -76,6 +77,12 @@ class Observed(NamedTuple):
         return max_pressure(self.trajectory.contact_force.max(axis=0), R, modulus)
 
 
+def round_trip(chain: Chain, speed: float) -> float:
+    """Time [s] in which a wave that a striker of this speed [m/s] sends through a chain of equal
+    spheres is back at the striker: 2.8 natural times a sphere, contact with the wall included."""
+    return 2.8 * len(chain.mass) * time_scale(chain.mass[0], chain.A[0], speed)
+
+
 def observed(
     setup: Setup,
     v0: NDArray[np.float64],
@@ -106,12 +113,18 @@ def seen(
 ) -> Observed:
     """What a run shows; arguments as in `observed`."""
     name, row, _ = setup
-    found = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A, threshold=faint)
-    least = visible * np.abs(run.v[0]).max()
-    named = {s: _seen(labels(found, run.t, run.v[:, s - 1], s), least) for s in spheres}
-    contact = wall_contact(run.t, run.v, run.contact_force, row, found)
-    return Observed(name, row, run, found, named, contact)
+    tracks = wave_tracks(run.t, run.v, run.contact_force, row.mass, row.A, threshold=faint)
 
+    # waves by their names at each observed sphere, without those that hardly move it
+    threshold = visible * np.abs(run.v[0]).max()
+    named = {
+        sphere: tuple(
+            label
+            for label in labels(tracks, run.t, run.v[:, sphere - 1], sphere)
+            if abs(label.arrival.peak_velocity) >= threshold
+        )
+        for sphere in spheres
+    }
 
-def _seen(named: tuple[Label, ...], least: float) -> tuple[Label, ...]:
-    return tuple(label for label in named if abs(label.arrival.peak_velocity) >= least)
+    contact = wall_contact(run.t, run.v, run.contact_force, row, tracks)
+    return Observed(name, row, run, tracks, named, contact)

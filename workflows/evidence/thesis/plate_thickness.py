@@ -2,7 +2,7 @@
 
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import bent
-from workflows.evidence.thesis.structures import FACTORS, compared
+from workflows.evidence.thesis.structures import StructuresOptions, compared
 from workflows.report.finding import Finding
 from workflows.scene import Scene
 from workflows.stages.pipeline import Progress
@@ -10,10 +10,12 @@ from workflows.stages.pipeline import Progress
 SCENE = "plate"
 
 
-def plate_thickness(scene: Scene, progress: Progress) -> Finding:
+def plate_thickness(
+    scene: Scene, progress: Progress, options: StructuresOptions = StructuresOptions()
+) -> Finding:
     """Time of flight and amplitude ratio over the thickness of a plate."""
     bent.require(scene, "plate")
-    values = FACTORS * scene.plate.thickness
+    values = options.factors * scene.plate.thickness
     scenes = [scene.but(plate={"thickness": value}) for value in values]
-    found = compared("plate-thickness", "thickness", scenes, values, progress)
-    return Finding((found.table,), rendered(__file__, **found.numbers), (found.picture,))
+    result = compared("plate-thickness", "thickness", scenes, values, progress, options)
+    return Finding((result.table,), rendered(__file__, **result.numbers), (result.picture,))

@@ -16,13 +16,12 @@ from coupling.plate import Plate
 from coupling.wall import wall_from_reduced
 from workflows.evidence.thesis import collision as collisions
 from workflows.evidence.thesis.collision import Collision
-from workflows.evidence.thesis.plate_sizes import Sizes
+from workflows.evidence.thesis.plate_sizes import PlateSizes
 from workflows.evidence.thesis.requirements import bare, last
 from workflows.scene import Scene
 from workflows.stages.chain import initial_velocity
 
 STRUCK = "plate:+x"
-NEAR = 12  # elements at the contact in which its half-space is solved; leaves 5e-6 of it
 
 
 def observed_sphere(scene: Scene) -> int:
@@ -53,7 +52,7 @@ def rebound(scene: Scene, wall: dem.Wall) -> float:
     return collisions.restitution(bare(scene), wall, speed)
 
 
-def middle_wall(plate: Plate, size: Sizes) -> dem.Wall:
+def middle_wall(plate: Plate, size: PlateSizes) -> dem.Wall:
     """The plate struck in its middle, held at its edges; a quarter is meshed."""
     reach = (0.0, size.reach)
     mesh = geometry.plate_mesh(
@@ -64,13 +63,12 @@ def middle_wall(plate: Plate, size: Sizes) -> dem.Wall:
     model = fem.mirrored(_structure(mesh, plate), ("plate:+y", "plate:+z"), mirrors)
     corner = (-size.reach / 2, -size.reach / 2)
     patch = fem.contact_patch(model, STRUCK, corner, size.patch, mirrors="yz")
-    reduced = rom.free_modes(
-        model.K, model.M, patch.w, rom.Selection(cutoff_hz=size.cutoff_hz), factorise=fem.factorised
-    )
+    moving = rom.Selection(cutoff_hz=size.cutoff_hz)
+    reduced = rom.free_modes(model.K, model.M, patch.w, moving, factorise=fem.factorised)
     return _wall(model, plate, patch, mirrors, reduced)
 
 
-def edge_walls(plate: Plate, size: Sizes, distances: Sequence[float]) -> Iterator[dem.Wall]:
+def edge_walls(plate: Plate, size: PlateSizes, distances: Sequence[float]) -> Iterator[dem.Wall]:
     """The plate struck at distances [m] from a clamped edge, the others held out of reach.
 
     A half is meshed, fine along the line of contacts, so that its modes are found once.
@@ -81,30 +79,30 @@ def edge_walls(plate: Plate, size: Sizes, distances: Sequence[float]) -> Iterato
         seed=size.seed, contact_seed=size.contact_seed, struck_y=(0.0, max(distances)),
     )  # fmt: skip
     mirrors = ("plate:-z",)
-    held = ("plate:-y", "plate:+y", "plate:+z")
-    model = fem.mirrored(_structure(mesh, plate), held, mirrors)
+    edges = ("plate:-y", "plate:+y", "plate:+z")
+    model = fem.mirrored(_structure(mesh, plate), edges, mirrors)
     factor, modes = fem.factorised(model.K), None
     for distance in distances:
         at = (distance - far / 2, -size.reach / 2)
         patch = fem.contact_patch(model, STRUCK, at, size.patch, mirrors="z")
-        asked = rom.Selection(cutoff_hz=size.cutoff_hz if modes is None else None, modes=modes)
-        reduced = rom.free_modes(model.K, model.M, patch.w, asked, factorise=lambda A: factor)
-        modes = modes or _modes(reduced)
-        near = NEAR * size.contact_seed
-        yield _wall(model, plate, patch, mirrors, reduced, within=near)
+        moving = rom.Selection(cutoff_hz=size.cutoff_hz if modes is None else None, modes=modes)
+        reduced = rom.free_modes(model.K, model.M, patch.w, moving, factorise=lambda A: factor)
+        if modes is None:
+            free = slice(0, len(reduced.w) - reduced.n_residual)
+            modes = np.sqrt(np.diag(reduced.K)[free]), reduced.T[:, free]
+
+        # the half-space under the patch is solved in 12 elements around it, which leaves 5e-6 of it
+        yield _wall(model, plate, patch, mirrors, reduced, within=12 * size.contact_seed)
 
 
 def _structure(mesh, plate: Plate) -> fem.Structure:
+    """Stiffness and mass of a mesh of the plate."""
     meshes = geometry.by_body(mesh)
     return fem.assemble(meshes, {"plate": fem.Material(plate.young, plate.poisson, plate.density)})
 
 
-def _modes(reduced: rom.ReducedModel) -> tuple[np.ndarray, np.ndarray]:
-    kept = slice(0, len(reduced.w) - reduced.n_residual)
-    return np.sqrt(np.diag(reduced.K)[kept]), reduced.T[:, kept]
-
-
 def _wall(model, plate: Plate, patch, mirrors, reduced, *, within=np.inf) -> dem.Wall:
+    """The reduced plate without the half-space under its patch, which Hertz' law holds already."""
     material = fem.Material(plate.young, plate.poisson, plate.density)
     local = fem.half_space_on_mesh(model, STRUCK, patch, material, mirrors=mirrors, within=within)
     return wall_from_reduced(reduced, half_space=local)

@@ -6,7 +6,7 @@ on all walls of `rig_walls`.
 """
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,35 +14,50 @@ from workflows.evidence.prose import rendered
 from workflows.evidence.thesis.observed_run import Observed, Setup, observed
 from workflows.evidence.thesis.records import record
 from workflows.evidence.thesis.requirements import require_chain, require_echo, require_rig
-from workflows.evidence.thesis.rig_statements import SEEN, Verdict, verdicts
-from workflows.evidence.thesis.rig_walls import (
-    HALF_SPACE,
-    RIGID,
-    SLIGHT,
-    UNMOVED,
-    one_dof,
-    rig_walls,
-)
-from workflows.evidence.thesis.wave_distance import spread
+from workflows.evidence.thesis.rig_walls import HALF_SPACE, RIGID, one_dof, rig_walls
+from workflows.evidence.thesis.wave_distance import DependenceLimits, separation, spread
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import panels
 from workflows.report.tables import Table
 from workflows.scene import HalfSpaceWall, LeafSpringsTable, Preload, Scene
-from workflows.stages.chain import chain, initial_velocity
+from workflows.stages.chain import chain, contact_radius, initial_velocity, start
 from workflows.stages.pipeline import Progress
 
+# what the thesis states, sections 6.1, 7.1 and 7.2: reflected waves by sphere within 3 ms, at
+# which spheres waves are separate, the radius of the contact "near 0.3 mm"
+WAVES_SEEN = {1: (1,), 4: (1, 2, 3), 14: (1, 2, 3, 4)}
+SEPARATE_AT = (4, 14)
+NEAR_0_3_MM = (0.25e-3, 0.4e-3)  # m
+
+SPHERES = tuple(WAVES_SEEN)
+COUNTS = tuple(map(len, WAVES_SEEN.values()))  # of reflected waves at these spheres
+NUMBERS = (1, 2, 3, 4)  # of reflected waves
 MAIN = "ROM all four"
 LEFT_OUT = (RIGID, one_dof(700))  # another surface, and a wall of a figure alone
-ERROR = 1e-3  # of the velocities
-N_SAVE = 1500
-VISIBLE = 0.05  # of the striker's speed: what a sphere is said to see
-SPHERES = tuple(SEEN)
-WANTED = tuple(map(len, SEEN.values()))  # numbers of reflected waves at them
-NUMBERS = (1, 2, 3, 4)
-STIFFNESS = 200.0  # N/m, of leaf springs where a scene has none
-WIDE = 100.0  # us, a wave of a third of the striker at sphere 14
-LIGHT_ARM = [(force, press) for force in (5.0, 15.0, 40.0, 80.0) for press in (0.0, 0.3, 1.0)]
+
+
+class RigOptions(NamedTuple):
+    """What the study varies, how it marches, and what it counts; none varied but where it says."""
+
+    light_arms: tuple[tuple[float, float], ...] = tuple(
+        (force, press) for force in (5.0, 15.0, 40.0, 80.0) for press in (0.0, 0.3, 1.0)
+    )  # [N] pull of an arm without mass, press of each leaf spring
+    error: float = 1e-3  # of the velocities: rows change by more, and there are hundreds of runs
+    n_save: int = 1500  # instants of a record
+    visible: float = 0.05  # of the striker's speed: what a sphere is said to see
+    leaf_stiffness: float = 200.0  # [N/m] of leaf springs where a scene has none
+    late: float = 100.0  # [us] the width of a wave of a third of the striker at sphere 14
+    separate: float = 1.0  # widths between neighbouring crests
+    limits: DependenceLimits = DependenceLimits()
+
+
+class StatementVerdict(NamedTuple):
+    """A statement, whether it holds, and the number that says so."""
+
+    statement: str
+    holds: bool
+    number: str
 
 
 class Variation(NamedTuple):
@@ -54,39 +69,135 @@ class Variation(NamedTuple):
     wall_mass: float | None = None  # [kg] of the one-mass walls
 
 
-class Case(NamedTuple):
-    """What a variation shows."""
+class RigVariation(NamedTuple):
+    """What a variation shows on each wall by name."""
 
     variation: Variation
     runs: dict[str, Observed]
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[StatementVerdict, ...]
+
+    @property
+    def holding(self) -> list[bool]:
+        """Which of the statements hold."""
+        return [verdict.holds for verdict in self.verdicts]
 
 
-def rig(scene: Scene, progress: Progress) -> Finding:
+class LightArms(NamedTuple):
+    """What an arm without mass shows, whatever pulls and presses: numbers of reflected waves by
+    sphere, and the distance of second waves before different walls."""
+
+    n_walls: int
+    seen: list[tuple[int, ...]]  # of every chain and wall
+    second: list[float]  # of the chains with a second wave
+    limits: DependenceLimits
+
+    @property
+    def n_as_wanted(self) -> int:
+        """Of the chains and walls, that show what the thesis sees."""
+        return self.seen.count(COUNTS)
+
+    @property
+    def most(self) -> tuple[int, ...]:
+        """The most waves, at the second sphere first."""
+        return max(self.seen, key=lambda counts: (counts == COUNTS, counts[1], counts[2]))
+
+    @property
+    def n_slight(self) -> int:
+        """Of the chains, with second waves that depend slightly on the wall."""
+        return sum(self.limits.unmoved <= value < self.limits.slight for value in self.second)
+
+
+def rig(scene: Scene, progress: Progress, options: RigOptions = RigOptions()) -> Finding:
     """What the thesis says of its experiment, against each unknown of the rig (section 7.2)."""
     require_rig(scene)
     require_chain(scene)
-    walls = [w for w in rig_walls(scene, progress) if w.name not in LEFT_OUT]
+    walls = [wall for wall in rig_walls(scene, progress) if wall.name not in LEFT_OUT]
+
+    # the default, then one unknown after the other, each on all walls
+    cases = []
     with progress("variations"):
-        default, *changed = _variations(scene)
-        default = _case(default, walls)
-        require_echo(scene, default.runs[MAIN])
-        others = [_case(variation, walls) for variation in changed]
+        for variation in _variations(scene, options):
+            runs = {wall.name: _impact_run(variation, wall, options) for wall in walls}
+            if not cases:
+                require_echo(scene, runs[MAIN])
+            cases.append(RigVariation(variation, runs, verdicts(variation.scene, runs, options)))
+    default, *changed = cases
+
+    # an arm without mass: the waves that come back, and whether they depend on the wall
+    tried = [wall for wall in walls if wall.name in (MAIN, HALF_SPACE, one_dof(240))]
+    counts, second = [], []
     with progress("arm without mass"):
-        light = _light_arms(scene, walls)
+        for force, press in options.light_arms:
+            pressed = _pressed(scene, options.leaf_stiffness, press)
+            light = pressed.but(preload=Preload(force=force, mass=0.0))
+            runs = [_impact_run(Variation("", 0.0, light), wall, options) for wall in tried]
+            counts += [tuple(len(run.reflected(sphere)) for sphere in SPHERES) for run in runs]
+            second.append(spread(runs, 2, SPHERES[1:]))
+    second = [value for value in second if not np.isnan(value)]
+    light_arms = LightArms(len(tried), counts, second, options.limits)
+
+    # a row per variation: waves and statements counted, and by how much each reflected wave at
+    # the outermost sphere is later [us] and higher [%], on a wall that the variation changes
+    rows = []
+    for case in cases:
+        wall = one_dof(907) if case.variation.wall_mass else MAIN
+        times, peaks = [], []
+        for k in NUMBERS:
+            wave, changed_wave = (
+                of.runs[wall].wave(SPHERES[-1], "reflected", k) for of in (default, case)
+            )
+            if wave is None or changed_wave is None:
+                times.append(None)
+                peaks.append(None)
+                continue
+            a, b = wave.arrival, changed_wave.arrival
+            # to tenths, runs hold no more; + 0.0 leaves no minus zero
+            times.append(round(1e6 * (b.time - a.time), 1) + 0.0)
+            peaks.append(round(100 * (b.peak_velocity / a.peak_velocity - 1), 1) + 0.0)
+        waves = "/".join(str(len(case.runs[MAIN].reflected(sphere))) for sphere in SPHERES)
+        score = f"{sum(case.holding)}/{len(case.verdicts)}"
+        value = None if case is default else case.variation.value
+        rows.append((case.variation.unknown, value, waves, score, *times, *peaks))
     columns = (
         "unknown", "value", "seen", "hold",
         *(f"t{k}_us" for k in NUMBERS), *(f"v{k}_%" for k in NUMBERS),
     )  # fmt: skip
-    rows = tuple(_row(case, default) for case in (default, *others))
-    pictures = (Picture("study_rig", _picture(default)),)
-    sentences = rendered(__file__, **_numbers(default, others, light))
-    return Finding((Table("rig", columns, rows),), sentences, pictures)
+    table = Table("rig", columns, tuple(rows))
+
+    stiffness, press = _leaf_springs(scene, options.leaf_stiffness)
+    sentences = rendered(
+        __file__,
+        arm=scene.preload or Preload(),
+        stiffness=stiffness,
+        press=press,
+        dissipation=float(np.max(scene.contact.coefficient)),
+        radius=float(np.max(scene.chain.radius)),
+        verdicts=default.verdicts,
+        kept=[sum(holds) for holds in zip(*(case.holding for case in changed), strict=True)],
+        n_changes=len(changed),
+        held=sum(default.holding),
+        best=max(changed, key=lambda case: sum(case.holding)),
+        visible=options.visible,
+        spheres=SPHERES,
+        n_waves=NUMBERS[-1],
+        main=MAIN,
+        one_mass=one_dof(907),
+        wide=options.late,
+        light=light_arms,
+        wanted=COUNTS,
+        n_arms=len(options.light_arms),
+    )
+
+    drawn_runs = [default.runs[name] for name in (MAIN, HALF_SPACE, one_dof(907), one_dof(240))]
+    figure = [record(f"sphere {s}", drawn_runs, s) for s in SPHERES]
+    return Finding((table,), sentences, (Picture("study_rig", panels(figure, size=(8, 2.6))),))
 
 
-def _variations(scene: Scene) -> Iterator[Variation]:
+def _variations(scene: Scene, options: RigOptions) -> Iterator[Variation]:
+    """The scene itself, then with one unknown changed at a time."""
     yield Variation("default", 0.0, scene)
-    arm, (stiffness, press_now) = scene.preload or Preload(), _leaf_springs(scene)
+    arm = scene.preload or Preload()
+    stiffness, press_now = _leaf_springs(scene, options.leaf_stiffness)
     for mass in (0.0, 0.034, 0.067, 0.1, 0.17):
         yield Variation("arm's mass [kg]", mass, scene.but(preload=arm.but(mass=mass)))
     for force in (5.0, 10.0, 25.0, 50.0):
@@ -113,129 +224,61 @@ def _pressed(scene: Scene, stiffness: float, press: float) -> Scene:
     return scene.but(leaf_springs=LeafSpringsTable(stiffness=stiffness, offset=press / stiffness))
 
 
-def _leaf_springs(scene: Scene) -> tuple[float, float]:
-    """Largest stiffness [N/m] and press [N] of the scene's leaf springs, usual ones for none."""
+def _leaf_springs(scene: Scene, usual: float) -> tuple[float, float]:
+    """Largest stiffness [N/m], `usual` for none, and press [N] of the scene's leaf springs."""
     leaf = scene.leaf_springs or LeafSpringsTable()
     stiffness = np.asarray(leaf.stiffness)
-    return float(stiffness.max()) or STIFFNESS, float(np.max(stiffness * np.asarray(leaf.offset)))
+    return float(stiffness.max()) or usual, float(np.max(stiffness * np.asarray(leaf.offset)))
 
 
-def _case(variation: Variation, walls: list[Setup]) -> Case:
-    runs = {wall.name: _impact_run(variation, wall) for wall in walls}
-    return Case(variation, runs, verdicts(variation.scene, runs, MAIN))
-
-
-def _impact_run(variation: Variation, standing: Setup) -> Observed:
+def _impact_run(variation: Variation, standing: Setup, options: RigOptions) -> Observed:
+    """The variation's chain before one of the walls, whose mass it may change."""
     scene, wall = variation.scene, standing.wall
     if variation.wall_mass and standing.name.startswith("1-DOF"):
         wall = wall._replace(phi=np.full(1, variation.wall_mass**-0.5))
     row = chain(scene.but(wall=HalfSpaceWall(kind="half-space")))
     return observed(
         Setup(standing.name, row, wall), initial_velocity(scene), duration=scene.time.duration,
-        spheres=SPHERES, error=ERROR, n_save=N_SAVE, visible=VISIBLE,
+        spheres=SPHERES, error=options.error, n_save=options.n_save, visible=options.visible,
     )  # fmt: skip
 
 
-def _row(case: Case, default: Case) -> tuple:
-    seen = "/".join(str(len(case.runs[MAIN].reflected(sphere))) for sphere in SPHERES)
-    held = sum(verdict.holds for verdict in case.verdicts)
-    value = None if case is default else case.variation.value
-    score = f"{held}/{len(case.verdicts)}"
-    return case.variation.unknown, value, seen, score, *_shifts(case, default)
+def verdicts(
+    scene: Scene, runs: dict[str, Observed], options: RigOptions = RigOptions()
+) -> tuple[StatementVerdict, ...]:
+    """The statements on the wall MAIN, and those on all walls with the same surface."""
+    run, judged = runs[MAIN], []
 
+    peak_force = float(run.trajectory.contact_force[:, -1].max())
+    radius = contact_radius(scene, start(scene), peak_force)
+    holds = NEAR_0_3_MM[0] <= radius <= NEAR_0_3_MM[1]
+    statement = "the contact's radius is near 0.3 mm"
+    judged.append(StatementVerdict(statement, holds, f"{1e3 * radius:.3f} mm"))
 
-def _shifts(case: Case, default: Case) -> tuple[float | None, ...]:
-    """Of the reflected waves at the outermost sphere: later by [us], higher by [%]."""
-    one, other = ([run.wave(SPHERES[-1], "reflected", k) for k in NUMBERS]
-                  for run in (default.runs[_main(case)], case.runs[_main(case)]))  # fmt: skip
-    pairs = [
-        None if a is None or b is None else (a.arrival, b.arrival)
-        for a, b in zip(one, other, strict=True)
-    ]
-    times = [pair and _tenths(1e6 * (pair[1].time - pair[0].time)) for pair in pairs]
-    peaks = [
-        pair and _tenths(100 * (pair[1].peak_velocity / pair[0].peak_velocity - 1))
-        for pair in pairs
-    ]
-    return (*times, *peaks)
+    # reflected waves at each observed sphere
+    for sphere, stated in WAVES_SEEN.items():
+        numbers = tuple(label.number for label in run.reflected(sphere))
+        named, plural = ", ".join(map(str, stated)), "s" * (len(stated) > 1)
+        statement = f"sphere {sphere} sees the reflected wave{plural} {named}"
+        sees = f"sees {', '.join(map(str, numbers)) or 'none'}"
+        judged.append(StatementVerdict(statement, numbers == stated, sees))
 
+    widths = separation(run, SEPARATE_AT)
+    statement = "waves are apart at spheres 4 and 14"
+    judged.append(StatementVerdict(statement, widths >= options.separate, f"{widths:.2f} widths"))
 
-def _tenths(value: float) -> float:
-    """Runs hold no more; no minus zero."""
-    return round(value, 1) + 0.0
-
-
-def _main(case: Case) -> str:
-    """The wall whose waves are compared: one that the variation changes."""
-    return one_dof(907) if case.variation.wall_mass else MAIN
-
-
-class LightArms(NamedTuple):
-    """What an arm without mass shows, whatever pulls and presses: numbers of reflected waves by
-    sphere, and the distance of second waves before different walls."""
-
-    n_walls: int
-    seen: list[tuple[int, ...]]  # of every chain and wall
-    second: list[float]  # of the chains with a second wave
-
-    @property
-    def n_as_wanted(self) -> int:
-        """Of the chains and walls, that show what the thesis sees."""
-        return self.seen.count(WANTED)
-
-    @property
-    def most(self) -> tuple[int, ...]:
-        """The most waves, at the second sphere first."""
-        return max(self.seen, key=lambda found: (found == WANTED, found[1], found[2]))
-
-    @property
-    def n_slight(self) -> int:
-        """Of the chains, with second waves that depend slightly on the wall."""
-        return sum(UNMOVED <= value < SLIGHT for value in self.second)
-
-
-def _light_arms(scene: Scene, walls: list[Setup]) -> LightArms:
-    tried = [wall for wall in walls if wall.name in (MAIN, HALF_SPACE, one_dof(240))]
-    seen, differ = [], []
-    for force, press in LIGHT_ARM:
-        pressed = _pressed(scene, STIFFNESS, press)
-        light = pressed.but(preload=Preload(force=force, mass=0.0))
-        runs = [_impact_run(Variation("", 0.0, light), wall) for wall in tried]
-        seen += [tuple(len(run.reflected(sphere)) for sphere in SPHERES) for run in runs]
-        differ.append(spread(runs, 2, SPHERES[1:]))
-    return LightArms(len(tried), seen, [value for value in differ if not np.isnan(value)])
-
-
-def _numbers(default: Case, others: list[Case], light: LightArms) -> dict[str, Any]:
-    scene = default.variation.scene
-    stiffness, press = _leaf_springs(scene)
-    return {
-        "arm": scene.preload or Preload(),
-        "stiffness": stiffness,
-        "press": press,
-        "dissipation": float(np.max(scene.contact.coefficient)),
-        "radius": float(np.max(scene.chain.radius)),
-        "verdicts": default.verdicts,
-        "kept": [sum(held) for held in zip(*map(_held, others), strict=True)],
-        "n_changes": len(others),
-        "held": sum(_held(default)),
-        "best": max(others, key=lambda case: sum(_held(case))),
-        "visible": VISIBLE,
-        "spheres": SPHERES,
-        "n_waves": NUMBERS[-1],
-        "main": MAIN,
-        "one_mass": one_dof(907),
-        "wide": WIDE,
-        "light": light,
-        "wanted": WANTED,
-        "n_arms": len(LIGHT_ARM),
-    }
-
-
-def _held(case: Case) -> list[bool]:
-    return [verdict.holds for verdict in case.verdicts]
-
-
-def _picture(default: Case) -> bytes:
-    shown = [default.runs[name] for name in (MAIN, HALF_SPACE, one_dof(907), one_dof(240))]
-    return panels([record(f"sphere {s}", shown, s) for s in SPHERES], size=(8, 2.6))
+    # distances of the k-th reflected waves of any two walls; nan, where no wall sends one, is
+    # neither below nor above a limit
+    same_surface = [run for name, run in runs.items() if name != RIGID]
+    first, second, third, fourth = (spread(same_surface, k, SEPARATE_AT) for k in NUMBERS)
+    unmoved, slight, strong = options.limits
+    for words, holds, value in (
+        ("first reflected wave does not depend", first < unmoved, first),
+        ("second reflected wave depends slightly", unmoved <= second < slight, second),
+        ("third reflected wave depends strongly", third > strong, third),
+        ("fourth reflected wave depends strongly", fourth > strong, fourth),
+    ):
+        number = "no wall sends it" if np.isnan(value) else f"distance {value:.3f}"
+        statement = f"the {words} on the wall at spheres 4 and 14"
+        judged.append(StatementVerdict(statement, holds, number))
+    return tuple(judged)

@@ -11,10 +11,9 @@ from workflows.stages.pipeline import Progress, pipeline_of
 
 ONE_DOF_HZ = (269.0, 907.0, 8425.0, 700.0, 240.0)  # thesis, sections 7.2 and 7.3
 ROMS = {"ROM 269": "rig-rom-269", "ROM 907": "rig-rom-907", "ROM all four": "rig-rom"}
+SHARED = ("mesh", "patch", "reduction")  # tables that reduced walls take from the user's scene
 HALF_SPACE, RIGID = "half-space", "rigid"
-N_WAVES = 4  # reflected ones that the thesis speaks of
-UNMOVED = 0.1  # distance below which a wave does not depend on its wall
-SLIGHT = STRONG = 0.5  # below it does slightly, above strongly
+N_WAVES = 4  # reflected waves that the thesis speaks of
 
 
 def one_dof(hz: float) -> str:
@@ -30,16 +29,12 @@ def rig_walls(scene: Scene, progress: Progress) -> Iterator[Setup]:
     mass = built_in("rig-1dof").wall
     for hz in ONE_DOF_HZ:
         yield Setup(one_dof(hz), plain, dem.one_dof_wall(hz, mass.mass, mass.damping_ratio))
-    for name, known in ROMS.items():
+    for name, scene_name in ROMS.items():
+        # a built-in scene with the mesh, patch and reduction of this one
+        reduced = built_in(scene_name)
+        tables = {key: getattr(scene, key) or getattr(reduced, key) for key in SHARED}
         with progress(name):
-            yield Setup(name, plain, pipeline_of(_meshed_as(scene, known), progress)("wall"))
-
-
-def _meshed_as(scene: Scene, name: str) -> Scene:
-    """A built-in scene with the mesh, patch and reduction of this one."""
-    known = built_in(name)
-    same = ("mesh", "patch", "reduction")
-    return known.but(**{key: getattr(scene, key) or getattr(known, key) for key in same})
+            yield Setup(name, plain, pipeline_of(reduced.but(**tables), progress)("wall"))
 
 
 def impact_run(scene: Scene, standing: Setup, spheres: tuple[int, ...], error: float) -> Observed:

@@ -1,30 +1,38 @@
 """The same wall coupled in two ways: one functional for force and reading, or the thesis' two.
 
-Ours loads and reads a patch. The thesis pushes at the contact node and reads two others' mean.
+Ours loads and reads a patch. The thesis pushes at the contact node and reads two others' mean: the
+wall receives other work than the sphere delivers, and the energy of the run tells.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 import coupling
 import dem
 import fem
 import rom
+from coupling.coupled_march import EnergyGain
 from coupling.wall import coupled_wall, wall_from_reduced
-from workflows.evidence.thesis.energy_run import EnergyRun
 from workflows.scene import Scene
 from workflows.stages.assembly import material
 from workflows.stages.chain import chain, initial_velocity
 from workflows.stages.rig import STRUCK
 
-N_MODES = 40
-N_SAVE = 2000
-HORIZON = 2e-3  # [s] for which the error of the velocities is held
-ERROR = 1e-6  # of a step of the coupled march
+ROUNDING = 1e-9  # of the striker's energy: what is smaller is the march's own error
 
 
-class Body(NamedTuple):
+class SchemeOptions(NamedTuple):
+    """How both schemes reduce the wall and march; not varied."""
+
+    n_modes: int = 40
+    n_save: int = 2000  # instants of a record
+    error: float = 1e-6  # of the velocities, and of a step of the coupled march
+    horizon: float = 2e-3  # [s] for which that error holds; spheres move chaotically later
+
+
+class StruckBody(NamedTuple):
     """A body to be struck."""
 
     model: fem.Model
@@ -32,52 +40,89 @@ class Body(NamedTuple):
     radius: float  # [m] of the patch, and of the recovery points' distance
 
 
-def ours(scene: Scene, body: Body, *, damping: coupling.Damping | None = None) -> dem.Wall:
-    """One functional, free modes and a residual, the half-space taken out."""
-    patch = fem.contact_patch(body.model, STRUCK, body.point, body.radius)
-    local = fem.half_space_on_mesh(body.model, STRUCK, patch, material(scene.assembly, "block"))
-    reduced = rom.free_modes(
-        body.model.K,
-        body.model.M,
-        patch.w,
-        rom.Selection(n_modes=N_MODES),
-        factorise=fem.factorised,
-    )
-    return wall_from_reduced(reduced, half_space=local, damping=damping)
+class EnergyRun(NamedTuple):
+    """A coupled run by its energy: the ledger over the striker's, with and without the wall."""
+
+    name: str
+    trajectory: dem.Trajectory
+    gain: EnergyGain
+
+    @property
+    def milliseconds(self) -> NDArray[np.float64]:
+        """Times of the record, (k,) [ms]."""
+        return 1e3 * self.trajectory.t
+
+    @property
+    def total(self) -> NDArray[np.float64]:
+        """The whole ledger over the striker's energy, (k,), 1 at the start."""
+        return 1 + self.change(self.trajectory.energy_total)
+
+    @property
+    def without_wall(self) -> NDArray[np.float64]:
+        """The ledger without the wall's part over the striker's energy, (k,), 1 at the start."""
+        run = self.trajectory
+        wall = run.energy_wall + run.energy_residual + run.dissipated_wall
+        return 1 + self.change(run.energy_total - wall)
+
+    def change(self, energy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Change of a part of the ledger since the start over the striker's energy, (k,)."""
+        return (energy - energy[0]) / self.trajectory.energy_kinetic[0]
+
+    @property
+    def missing(self) -> float:
+        """Largest gap of the ledger without the wall's part, over the striker's energy."""
+        return float((1 - self.without_wall).max())
+
+    @property
+    def growth(self) -> float:
+        """Rms velocity of the wall in the last third of the time after the first touch over that in
+        the first."""
+        v = self.trajectory.wall_v[self.trajectory.contact_force[:, -1].argmax() :]
+        first, _, last = (np.sqrt(np.mean(third**2)) for third in np.array_split(v, 3))
+        return float(last / first)
+
+
+def one_functional(scene: Scene, body: StruckBody, options: SchemeOptions) -> dem.Wall:
+    """The wall that is loaded and read over a patch: free modes and a residual, the half-space
+    taken out, which Hertz' law holds already."""
+    model = body.model
+    patch = fem.contact_patch(model, STRUCK, body.point, body.radius)
+    local = fem.half_space_on_mesh(model, STRUCK, patch, material(scene.assembly, "block"))
+    kept = rom.Selection(n_modes=options.n_modes)
+    reduced = rom.free_modes(model.K, model.M, patch.w, kept, factorise=fem.factorised)
+    return wall_from_reduced(reduced, half_space=local)
 
 
 def of_the_thesis(
-    body: Body,
+    body: StruckBody,
+    options: SchemeOptions,
     recovery: tuple[tuple[float, float], ...] | None = None,
-    *,
-    damping: coupling.Damping | None = None,
 ) -> coupling.CoupledWall:
-    """Force at the contact node, reading at two others; the reduced matrices taken whole."""
-    y, z = body.point
+    """Force at the contact node, reading at two others, a radius to either side unless `recovery`
+    says where; the reduced matrices taken whole."""
+    model, (y, z) = body.model, body.point
     spots = recovery or ((y - body.radius, z), (y + body.radius, z))
-    force = fem.node_patch(body.model, STRUCK, [body.point]).w
-    reading = fem.node_patch(body.model, STRUCK, spots).w
+    force = fem.node_patch(model, STRUCK, [body.point]).w
+    reading = fem.node_patch(model, STRUCK, spots).w
     boundary = np.flatnonzero(force + reading)
-    reduced = rom.craig_bampton(
-        body.model.K,
-        body.model.M,
-        force,
-        boundary,
-        rom.Selection(n_modes=N_MODES),
-        factorise=fem.factorised,
-    )
+    kept = rom.Selection(n_modes=options.n_modes)
+    reduced = rom.craig_bampton(model.K, model.M, force, boundary, kept, factorise=fem.factorised)
     reduced = reduced._replace(contact=rom.Contact(weights_read=reading @ reduced.T))
-    return coupled_wall(reduced, half_space=0.0, damping=damping, cutoff_hz=np.inf)
+    return coupled_wall(reduced, half_space=0.0, damping=None, cutoff_hz=np.inf)
 
 
 def impact_run(
-    scene: Scene, name: str, wall: dem.Wall | coupling.CoupledWall, duration: float
+    scene: Scene,
+    name: str,
+    wall: dem.Wall | coupling.CoupledWall,
+    duration: float,
+    options: SchemeOptions,
 ) -> EnergyRun:
     """The scene's chain against a wall for duration [s]."""
     # over many impacts spheres move chaotically: no step holds an error of velocities for long
-    held = {"horizon": min(duration, HORIZON)} if isinstance(wall, dem.Wall) else {}
+    horizon = {"horizon": min(duration, options.horizon)} if isinstance(wall, dem.Wall) else {}
     run = coupling.impact(
-        chain(scene), wall, initial_velocity(scene), duration=duration, error=ERROR,
-        n_save=N_SAVE, **held,
+        chain(scene), wall, initial_velocity(scene), duration=duration, error=options.error,
+        n_save=options.n_save, **horizon,
     )  # fmt: skip
     return EnergyRun(name, run.trajectory, run.energy_gain)

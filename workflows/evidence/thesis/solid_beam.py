@@ -27,26 +27,34 @@ from workflows.stages import bending
 from workflows.stages.pipeline import Progress
 
 SCENE = "beam"
-FACTORS = (1.0, 2.0, 3.0)  # of the thickness
-LAYERS, LONG = 4, 4.0  # elements through the thickness; how long they are over how high
-PATCH = 0.15  # of the thickness, its radius, and up to
-LARGEST_PATCH = 2e-3  # m
-CUTOFF_HZ = 60e3
-CHECKED = 5  # modes
+N_MODES = 5  # that the table and the sentences compare
 STRUCK = "plate:+x"
 COLUMNS = ("mm", "theory", "first_hz", "fifth_hz", "contact_us", "tof_us", "arr", "off_solid")
 
 
-class Case(NamedTuple):
+class SolidBeamOptions(NamedTuple):
+    """What the study varies, and the solid's mesh, which is not varied."""
+
+    factors: tuple[float, ...] = (1.0, 2.0, 3.0)  # of the scene's thickness
+    layers: int = 4  # elements through the thickness
+    slenderness: float = 4.0  # of an element: how long over how high
+    patch: float = 0.15  # of the thickness, radius of the patch, and up to
+    largest_patch: float = 2e-3  # [m]
+    cutoff_hz: float = 60e3  # up to which the solid's modes move one by one
+
+
+class BeamByTheory(NamedTuple):
     """A beam by one theory at one thickness."""
 
     thickness: float  # [m]
     theory: str
-    hz: np.ndarray  # (CHECKED,)
+    hz: np.ndarray  # (N_MODES,)
     run: Observed
 
 
-def solid_beam(scene: Scene, progress: Progress) -> Finding:
+def solid_beam(
+    scene: Scene, progress: Progress, options: SolidBeamOptions = SolidBeamOptions()
+) -> Finding:
     """Waves of a beam by Timoshenko's and Euler-Bernoulli's theory beside those of the solid."""
     bent.require(scene, "beam")
     if scene.beam.thickness is None or scene.beam.axial_force:
@@ -54,101 +62,89 @@ def solid_beam(scene: Scene, progress: Progress) -> Finding:
             f"the scene {scene.name} has a beam that is not rectangular or under a force; give "
             "width, thickness and axial_force = 0."
         )
-    cases = []
-    for factor in FACTORS:
+
+    rows, figure, worst = [], [], []
+    for factor in options.factors:
         thickness = factor * scene.beam.thickness
-        one = scene.but(beam={"thickness": thickness, "left": "hinged", "right": "hinged"})
+        hinged = scene.but(beam={"thickness": thickness, "left": "hinged", "right": "hinged"})
+        beam = hinged.beam
+        steel = fem.Material(beam.young, beam.poisson, beam.density)
         with progress(f"thickness {1e3 * thickness:.3g} mm"):
-            cases.append(tuple(_cases(one)))
-    rows = tuple(_row(case, same[-1]) for same in cases for case in same)
-    picture = Picture("study_solid_beam", _picture(cases))
-    sentences = rendered(__file__, worst=_worst(cases))
-    return Finding((Table("solid-beam", COLUMNS, rows),), sentences, (picture,))
+            # Timoshenko's beam is the scene's own, Euler and Bernoulli's has 100 modes
+            timoshenko = bending.modes(hinged, bending.model(hinged)).omega
+            thin, phi, residual = euler_bernoulli(
+                beam.length, bending.section(beam), steel, beam.position, 100
+            )
+            solid, wall_of_solid = _solid_wall(hinged, steel, options)
 
+            # of the solid, which also twists and stretches, the modes nearest to Timoshenko's
+            nearest = np.abs(solid[:, None] - timoshenko[:N_MODES]).argmin(axis=0)
+            theories = (
+                ("Timoshenko", timoshenko, bent.wall(hinged)),
+                ("Euler-Bernoulli", thin, dem.Wall(thin, np.zeros(len(thin)), phi, residual)),
+                ("solid", solid[nearest], wall_of_solid),
+            )
+            cases = []
+            for theory, omega, wall in theories:
+                run = bent.run(hinged, wall._replace(zeta=np.zeros(len(wall.omega))))
+                cases.append(BeamByTheory(thickness, theory, omega[:N_MODES] / (2 * np.pi), run))
+        *theories, solid = cases
 
-def _cases(scene: Scene):
-    """By Timoshenko, by Euler and Bernoulli, and last as a solid."""
-    table = scene.beam
-    steel = fem.Material(table.young, table.poisson, table.density)
-    modes = bending.modes(scene, bending.model(scene)).omega
-    yield _case(scene, "Timoshenko", modes, bent.wall(scene))
-    section = bending.section(table)
-    omega, phi, rest = euler_bernoulli(table.length, section, steel, table.position, 100)
-    thin = dem.Wall(omega, np.zeros(len(omega)), phi, rest)
-    yield _case(scene, "Euler-Bernoulli", omega, thin)
-    moved, wall = _solid(scene, steel)
-    nearest = np.abs(moved[:, None] - modes[:CHECKED]).argmin(axis=0)
-    yield _case(scene, "solid", moved[nearest], wall)
+        # how far both theories are from the solid
+        of_solid = bent.tof_and_arr(solid.run.contact)
+        off = {"mm": 1e3 * thickness, "tof": [], "arr": [], "hz": []}
+        for case in cases:
+            tof, arr = bent.tof_and_arr(case.run.contact)
+            waves = float("nan")
+            if case is not solid:
+                waves = distance(case.run, solid.run, 1, tuple(case.run.labels))
+                off["tof"].append(1e6 * (tof - of_solid[0]))
+                off["arr"].append(arr / of_solid[1] - 1)
+                off["hz"].append(np.abs(case.hz / solid.hz - 1).max())
+            rows.append((
+                1e3 * thickness, case.theory, case.hz[0], case.hz[-1],
+                1e6 * case.run.contact.contact_time.seconds, 1e6 * tof, arr, waves,
+            ))  # fmt: skip
+        worst.append(off)
 
-
-def _case(scene: Scene, theory: str, omega: np.ndarray, wall: dem.Wall) -> Case:
-    undamped = wall._replace(zeta=np.zeros(len(wall.omega)))
-    return Case(scene.beam.thickness, theory, omega[:CHECKED] / (2 * np.pi),
-                bent.run(scene, undamped))  # fmt: skip
-
-
-def _solid(scene: Scene, steel: fem.Material) -> tuple[np.ndarray, dem.Wall]:
-    """Bending modes [rad/s] that the contact moves, and the wall."""
-    table = scene.beam
-    patch_radius = min(LARGEST_PATCH, PATCH * table.thickness)
-    mesh = geometry.plate_mesh(
-        table.thickness,
-        geometry.Extent((-table.position, table.length - table.position), (0.0, table.width / 2)),
-        seed=LONG * table.thickness / LAYERS, contact_seed=patch_radius,
-    )  # fmt: skip
-    structure = fem.assemble(geometry.by_body(mesh), {"plate": steel})
-    whole = structure._replace(K=2 * structure.K, M=2 * structure.M)
-    held = [fem.Held("plate:-z", "z"), fem.Held("plate:-y", "x"), fem.Held("plate:+y", "x")]
-    model = fem.joined(whole, fem.Connections(held=held))
-    middle = (table.position - table.length / 2, -table.width / 4)
-    patch = fem.contact_patch(model, STRUCK, middle, patch_radius, mirrors="z")
-    local = fem.half_space_on_mesh(model, STRUCK, patch, steel, mirrors=("plate:-z",))
-    asked = rom.Selection(cutoff_hz=CUTOFF_HZ)
-    reduced = rom.free_modes(model.K, model.M, patch.w, asked, factorise=fem.factorised)
-    found = rom.modal(reduced)
-    moved = (found.omega > 0) & (np.abs(found.phi) > 1e-3 * np.abs(found.phi).max())
-    return found.omega[moved], wall_from_reduced(reduced, half_space=local)
-
-
-def _row(case: Case, solid: Case) -> tuple:
-    seen = case.run.contact
-    nan = float("nan")
-    off = distance(case.run, solid.run, 1, tuple(case.run.labels)) if case is not solid else nan
-    tof, arr = (nan if x is None else x for x in (seen.tof, seen.arr))
-    return (
-        1e3 * case.thickness, case.theory, case.hz[0], case.hz[-1],
-        1e6 * seen.contact_time.seconds, 1e6 * tof, arr, off,
-    )  # fmt: skip
-
-
-def _worst(cases: list[tuple[Case, ...]]) -> list[dict]:
-    """By thickness, how far both theories are from the solid."""
-    return [
-        {
-            "mm": 1e3 * same[-1].thickness,
-            "tof": [_off(case, same[-1], "tof", False) for case in same[:2]],
-            "arr": [_off(case, same[-1], "arr", True) for case in same[:2]],
-            "hz": [np.abs(case.hz / same[-1].hz - 1).max() for case in same[:2]],
-        }
-        for same in cases
-    ]
-
-
-def _off(case: Case, solid: Case, name: str, relative: bool) -> float:
-    one, other = (getattr(c.run.contact, name) for c in (case, solid))
-    if one is None or other is None:
-        return float("nan")
-    return one / other - 1 if relative else 1e6 * (one - other)
-
-
-def _picture(cases: list[tuple[Case, ...]]) -> bytes:
-    sets = []
-    for same in cases:
-        sphere = max(same[0].run.labels)
+        sphere = max(solid.run.labels)
         lines = [
             Line(case.theory, case.run.milliseconds, case.run.velocity(sphere), style, i, 1.2)
-            for i, (case, style) in enumerate(zip(same, ("-", ":", "--"), strict=True))
+            for i, (case, style) in enumerate(zip(cases, ("-", ":", "--"), strict=True))
         ]
-        title = f"{1e3 * same[0].thickness:.3g} mm thick, sphere {sphere}"
-        sets.append(Panel(title, "time [ms]", "velocity [m/s]", lines))
-    return panels(sets, columns=3, size=(4.4, 3.2))
+        title = f"{1e3 * thickness:.3g} mm thick, sphere {sphere}"
+        figure.append(Panel(title, "time [ms]", "velocity [m/s]", lines))
+
+    picture = Picture("study_solid_beam", panels(figure, columns=3, size=(4.4, 3.2)))
+    sentences = rendered(__file__, worst=worst)
+    return Finding((Table("solid-beam", COLUMNS, tuple(rows)),), sentences, (picture,))
+
+
+def _solid_wall(
+    scene: Scene, steel: fem.Material, options: SolidBeamOptions
+) -> tuple[np.ndarray, dem.Wall]:
+    """Frequencies [rad/s] of the modes that the contact moves, and the wall, of the solid beam.
+
+    Half of the width is meshed, K and M are doubled; hinges hold the ends' height.
+    """
+    beam = scene.beam
+    patch_radius = min(options.largest_patch, options.patch * beam.thickness)
+    mesh = geometry.plate_mesh(
+        beam.thickness,
+        geometry.Extent((-beam.position, beam.length - beam.position), (0.0, beam.width / 2)),
+        seed=options.slenderness * beam.thickness / options.layers, contact_seed=patch_radius,
+    )  # fmt: skip
+    half = fem.assemble(geometry.by_body(mesh), {"plate": steel})
+    structure = half._replace(K=2 * half.K, M=2 * half.M)
+    mirror = fem.Held("plate:-z", "z")
+    hinges = [fem.Held("plate:-y", "x"), fem.Held("plate:+y", "x")]
+    model = fem.joined(structure, fem.Connections(held=[mirror, *hinges]))
+
+    middle = (beam.position - beam.length / 2, -beam.width / 4)
+    patch = fem.contact_patch(model, STRUCK, middle, patch_radius, mirrors="z")
+    local = fem.half_space_on_mesh(model, STRUCK, patch, steel, mirrors=("plate:-z",))
+    moving = rom.Selection(cutoff_hz=options.cutoff_hz)
+    reduced = rom.free_modes(model.K, model.M, patch.w, moving, factorise=fem.factorised)
+    modes = rom.modal(reduced)
+    moved = (modes.omega > 0) & (np.abs(modes.phi) > 1e-3 * np.abs(modes.phi).max())
+    return modes.omega[moved], wall_from_reduced(reduced, half_space=local)

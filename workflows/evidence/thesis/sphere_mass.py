@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 import dem
-from dem.spheres import time_scale
 from dem.waves.measures import exponent
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.observed_run import Observed, Setup, observed
+from workflows.evidence.thesis.observed_run import Observed, Setup, observed, round_trip
 from workflows.evidence.thesis.requirements import bare, last, require_chain
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
@@ -23,13 +22,18 @@ from workflows.scene import InvalidScene, Scene
 from workflows.stages.chain import initial_velocity
 from workflows.stages.pipeline import Progress
 
-MASSES = (0.013, 0.07, 0.5)  # kg, thesis, figure 2.9
-BETWEEN = (0.013, 0.03, 0.07, 0.2, 0.5)
-BY = ("radius", "density")
+FIGURE_2_9 = (0.013, 0.07, 0.5)  # [kg] masses of the thesis' figure
+CHANGED = ("radius", "density")  # what reaches a mass
 
 
-class Measures(NamedTuple):
-    """What a chain shows of its spheres' mass."""
+class SphereMassOptions(NamedTuple):
+    """What the study varies."""
+
+    masses: tuple[float, ...] = (0.013, 0.03, 0.07, 0.2, 0.5)  # [kg] figure 2.9's, two between
+
+
+class MassMeasures(NamedTuple):
+    """What a chain shows of its spheres' mass; over several masses, the exponents of these."""
 
     contact_us: float
     speed_m_s: float
@@ -39,88 +43,83 @@ class Measures(NamedTuple):
     arr: float
 
 
-class Case(NamedTuple):
+class MassCase(NamedTuple):
     """Spheres of one mass."""
 
-    by: str  # what was changed to get there
+    by: str  # what was changed to get there, one of CHANGED
     mass: float  # [kg]
     run: Observed
-    measures: Measures
+    measures: MassMeasures
 
 
-def sphere_mass(scene: Scene, progress: Progress) -> Finding:
+def sphere_mass(
+    scene: Scene, progress: Progress, options: SphereMassOptions = SphereMassOptions()
+) -> Finding:
     """Waves of lighter and heavier spheres, by size and by density (thesis, figure 2.9)."""
     spheres = require_chain(scene)
     if max(spheres) == 1:
         raise InvalidScene("output.spheres = [1] sees no incident wave; add another sphere.")
+    sphere, v0 = max(spheres), initial_velocity(scene)
+
+    # chains of spheres like the scene's last one but for their mass, m ~ R^3 and m ~ rho
+    cases = []
     with progress("chains"):
-        cases = [_case(scene, mass, by, spheres) for by in BY for mass in BETWEEN]
+        for by in CHANGED:
+            for mass in options.masses:
+                keys = ("radius", "density", "young", "poisson")
+                material = {key: last(getattr(scene.chain, key)) for key in keys}
+                factor = mass / dem.spheres.mass(material["radius"], material["density"])
+                material[by] *= factor ** (1 / 3) if by == "radius" else factor
+                row = bare(scene.but(chain=material))
+                setup = Setup(f"{mass:g} kg", row, dem.rigid_wall())
+                duration = round_trip(row, np.abs(v0).max())
+                run = observed(setup, v0, duration=duration, spheres=spheres)
+                measures = MassMeasures(
+                    contact_us=1e6 * run.contact.contact_time.seconds,
+                    speed_m_s=run.contact.speed_in,
+                    spheres_per_ms=1e-3 * run.contact.speed_in / (2 * row.radius[0]),
+                    peak_velocity_m_s=run.wave(sphere, "incident", 1).arrival.peak_velocity,
+                    peak_force_N=float(run.trajectory.contact_force[:, -1].max()),
+                    arr=run.contact.arr,
+                )
+                cases.append(MassCase(by, mass, run, measures))
+
+    # exponents p of measure ~ m^p
+    powers = {}
+    for by in CHANGED:
+        columns = zip(*(case.measures for case in cases if case.by == by), strict=True)
+        powers[by] = MassMeasures(*(exponent(options.masses, column) for column in columns))
+
     rows = tuple((case.by, case.mass, *case.measures) for case in cases)
-    striker = cases[0].run.trajectory.v[0].max()
+    table = Table("sphere-mass", ("by", "mass_kg", *MassMeasures._fields), rows)
+    striker_speed = cases[0].run.trajectory.v[0].max()
     sentences = rendered(
-        __file__, power={by: _powers(cases, by) for by in BY}, sphere=max(spheres),
-        peaks=[case.measures.peak_velocity_m_s / striker for case in cases],
+        __file__, power=powers, sphere=sphere,
+        peaks=[case.measures.peak_velocity_m_s / striker_speed for case in cases],
         arr=[case.measures.arr for case in cases], contact=cases[0].run.contact,
     )  # fmt: skip
-    table = Table("sphere-mass", ("by", "mass_kg", *Measures._fields), rows)
-    return Finding((table,), sentences, (Picture("study_sphere_mass", _picture(cases, spheres)),))
 
+    # velocities of the observed spheres, a panel for each mass of figure 2.9
+    figure = []
+    for case in cases:
+        if case.by == "radius" and case.mass in FIGURE_2_9:
+            run, R = case.run, case.run.chain.radius[0]
+            title = f"{case.mass:g} kg, R = {1e3 * R:.1f} mm (figure 2.9)"
+            lines = [Line(f"sphere {s}", run.milliseconds, run.velocity(s)) for s in spheres]
+            figure.append(Panel(title, "time [ms]", "velocity [m/s]", lines))
 
-def _case(scene: Scene, mass: float, by: str, spheres: tuple[int, ...]) -> Case:
-    """A chain of spheres like the scene's last one, but for their mass."""
-    keys = ("radius", "density", "young", "poisson")
-    changed = {key: last(getattr(scene.chain, key)) for key in keys}
-    factor = mass / dem.spheres.mass(changed["radius"], changed["density"])
-    changed[by] *= factor ** (1 / 3) if by == "radius" else factor
-    row = bare(scene.but(chain=changed))
-    v0 = initial_velocity(scene)
-    duration = 2.8 * len(v0) * time_scale(row.mass[0], row.A[0], np.abs(v0).max())
-    setup = Setup(f"{mass:g} kg", row, dem.rigid_wall())
-    run = observed(setup, v0, duration=duration, spheres=spheres)
-    return Case(by, mass, run, _measures(run, max(spheres)))
+    # power laws over the mass
+    for name, unit, measure in (
+        ("contact time", "µs", "contact_us"),
+        ("speed", "m/s", "speed_m_s"),
+        ("peak force at the wall", "N", "peak_force_N"),
+    ):
+        lines = []
+        for by in CHANGED:
+            points = [(c.mass, getattr(c.measures, measure)) for c in cases if c.by == by]
+            power = round(getattr(powers[by], measure), 2) + 0.0
+            lines.append(Line(f"by {by}, power {power:+.2f}", *np.transpose(points), "o-"))
+        figure.append(Panel(name, "mass of a sphere [kg]", f"{name} [{unit}]", lines, "xy"))
 
-
-def _measures(run: Observed, sphere: int) -> Measures:
-    return Measures(
-        contact_us=1e6 * run.contact.contact_time.seconds,
-        speed_m_s=run.contact.speed_in,
-        spheres_per_ms=1e-3 * run.contact.speed_in / (2 * run.chain.radius[0]),
-        peak_velocity_m_s=run.wave(sphere, "incident", 1).arrival.peak_velocity,
-        peak_force_N=float(run.trajectory.contact_force[:, -1].max()),
-        arr=run.contact.arr,
-    )
-
-
-def _powers(cases: list[Case], by: str) -> Measures:
-    """Exponents of the measures over the mass."""
-    chosen = [case for case in cases if case.by == by]
-    mass = [case.mass for case in chosen]
-    columns = zip(*(case.measures for case in chosen), strict=True)
-    return Measures(*(exponent(mass, column) for column in columns))
-
-
-def _picture(cases: list[Case], spheres: tuple[int, ...]) -> bytes:
-    shown = [case for case in cases if case.by == "radius" and case.mass in MASSES]
-    records = [
-        Panel(
-            f"{case.mass:g} kg, R = {1e3 * case.run.chain.radius[0]:.1f} mm (figure 2.9)",
-            "time [ms]", "velocity [m/s]",
-            [Line(f"sphere {s}", case.run.milliseconds, case.run.velocity(s)) for s in spheres],
-        )
-        for case in shown
-    ]  # fmt: skip
-    laws = [
-        _law(cases, "contact time", "µs", "contact_us"),
-        _law(cases, "speed", "m/s", "speed_m_s"),
-        _law(cases, "peak force at the wall", "N", "peak_force_N"),
-    ]
-    return panels([*records, *laws], columns=3, size=(4.4, 3))
-
-
-def _law(cases: list[Case], name: str, unit: str, measure: str) -> Panel:
-    lines = []
-    for by in BY:
-        points = [(c.mass, getattr(c.measures, measure)) for c in cases if c.by == by]
-        power = round(getattr(_powers(cases, by), measure), 2) + 0.0
-        lines.append(Line(f"by {by}, power {power:+.2f}", *np.transpose(points), "o-"))
-    return Panel(name, "mass of a sphere [kg]", f"{name} [{unit}]", lines, "xy")
+    picture = Picture("study_sphere_mass", panels(figure, columns=3, size=(4.4, 3)))
+    return Finding((table,), sentences, (picture,))

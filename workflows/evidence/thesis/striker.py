@@ -13,10 +13,9 @@ import numpy as np
 
 import dem
 from dem.spheres import time_scale
-from dem.waves.measures import exponent
+from dem.waves.measures import exponent, leading_share
 from workflows.evidence.prose import rendered
-from workflows.evidence.thesis.collision import HeavyStriker, heavy_striker
-from workflows.evidence.thesis.observed_run import Observed, Setup, observed
+from workflows.evidence.thesis.observed_run import Setup, observed, round_trip
 from workflows.evidence.thesis.records import record
 from workflows.evidence.thesis.requirements import bare, require_chain
 from workflows.files.run_folder import Picture
@@ -27,93 +26,115 @@ from workflows.scene import Scene
 from workflows.stages.chain import initial_velocity
 from workflows.stages.pipeline import Progress
 
-SPEEDS = (0.05, 0.1, 0.31, 1.0, 2.0)  # m/s, the thesis' in the middle
-RATIOS = (0.5, 1.0, 2.0, 5.0, 10.0)  # of the striker's mass to a sphere's
-LENGTH = 60  # spheres that let a train spread out
+# share of the energy in the leading wave by the striker's mass over a sphere's, published
 REFERENCE = {0.5: 0.86492, 1.0: 0.99366, 2.0: 0.96120, 5.0: 0.71353, 10.0: 0.48407}
 
 
-class Measures(NamedTuple):
-    """What a chain shows of its striker's speed."""
+class StrikerOptions(NamedTuple):
+    """What the study varies."""
+
+    speeds: tuple[float, ...] = (0.05, 0.1, 0.31, 1.0, 2.0)  # [m/s] the thesis' in the middle
+    mass_ratios: tuple[float, ...] = (0.5, 1.0, 2.0, 5.0, 10.0)  # keys of REFERENCE, 1 among them
+    n_spheres: int = 60  # of the free chain that lets a train spread out; not varied
+
+
+class SpeedMeasures(NamedTuple):
+    """What a chain shows of its striker's speed; over several speeds, the exponents of these."""
 
     contact_us: float
     speed_m_s: float
-    peak_force_N: float
+    peak_force_N: float  # in the middle of the chain
 
 
-def striker(scene: Scene, progress: Progress) -> Finding:
+class HeavyStriker(NamedTuple):
+    """A striker of another mass before a long free chain."""
+
+    ratio: float  # of its mass to a sphere's
+    trajectory: dem.Trajectory
+    share: float  # of the energy, in the leading wave
+    recoil: float  # its velocity at the end over that at the start
+
+
+def striker(
+    scene: Scene, progress: Progress, options: StrikerOptions = StrikerOptions()
+) -> Finding:
     """Scaling laws of the striker's speed, wave trains of its mass (thesis, section 2.2.1)."""
     spheres = require_chain(scene)
+    speeds, ratios = np.array(options.speeds), np.array(options.mass_ratios)
+
+    # the scene's chain, without preload, struck at each speed
+    runs, measures = [], []
     with progress("speeds"):
-        runs = [_at(scene, speed, spheres) for speed in SPEEDS]
+        row = bare(scene)
+        for speed in options.speeds:
+            v0 = np.eye(len(row.mass))[0] * speed
+            setup = Setup(f"{speed:g} m/s", row, dem.rigid_wall())
+            run = observed(setup, v0, duration=round_trip(row, speed), spheres=spheres)
+            force = run.trajectory.contact_force[:, : len(row.mass) - 1]
+            middle = float(force[:, force.shape[1] // 2].max())
+            contact_us = 1e6 * run.contact.contact_time.seconds
+            runs.append(run)
+            measures.append(SpeedMeasures(contact_us, run.contact.speed_in, middle))
+    columns = SpeedMeasures(*zip(*measures, strict=True))
+    powers = SpeedMeasures(*(exponent(speeds, values) for values in columns))
+
+    # a long free chain of equal spheres behind strikers of each mass, for 55 natural times
+    heavy = []
     with progress("masses"):
-        heavy = [_of_mass(scene, ratio) for ratio in RATIOS]
-    measures = [_measures(run) for run in runs]
-    powers = Measures(*(exponent(SPEEDS, values) for values in zip(*measures, strict=True)))
+        material = (scene.chain.radius, scene.chain.density, scene.chain.young, scene.chain.poisson)
+        of_first = (float(np.atleast_1d(value)[0]) for value in material)
+        chain = dem.row_of_spheres(*of_first, count=options.n_spheres, flat=None)
+        speed = float(np.abs(initial_velocity(scene)).max())
+        unit = time_scale(chain.mass[1], chain.A[0], speed)
+        for ratio in options.mass_ratios:
+            mass = chain.mass.copy()
+            mass[0] *= ratio
+            struck = chain._replace(mass=mass)
+            v0 = np.eye(len(mass))[0] * speed
+            run = dem.march(struck, None, v0, duration=55 * unit, dt=0.05 * unit, n_save=1100)
+            share, recoil = leading_share(run, struck), float(run.v[-1, 0] / speed)
+            heavy.append(HeavyStriker(ratio, run, share, recoil))
+
     rows = (
-        *((f"{v:g} m/s", *found, None, None) for v, found in zip(SPEEDS, measures, strict=True)),
+        *((f"{v:g} m/s", *m, None, None) for v, m in zip(options.speeds, measures, strict=True)),
         *((f"mass x {h.ratio:g}", None, None, None, h.share, REFERENCE[h.ratio]) for h in heavy),
     )
-    table = Table("striker", ("striker", *Measures._fields, "leader_share", "reference"), rows)
+    table = Table("striker", ("striker", *SpeedMeasures._fields, "leader_share", "reference"), rows)
     sentences = rendered(
-        __file__, power=powers, slowest=SPEEDS[0], fastest=SPEEDS[-1],
-        contact=[found.contact_us for found in measures],
-        off=max(abs(h.share - REFERENCE[h.ratio]) for h in heavy),
+        __file__, power=powers, slowest=options.speeds[0], fastest=options.speeds[-1],
+        contact=columns.contact_us, off=max(abs(h.share - REFERENCE[h.ratio]) for h in heavy),
         light=heavy[0], equal=next(h for h in heavy if h.ratio == 1.0), heavy=heavy[-1],
     )  # fmt: skip
-    picture = Picture("study_striker", _picture(runs, powers, heavy, spheres))
-    return Finding((table,), sentences, (picture,))
 
-
-def _at(scene: Scene, speed: float, spheres: tuple[int, ...]) -> Observed:
-    row = bare(scene)
-    v0 = np.eye(len(row.mass))[0] * speed
-    duration = 2.8 * len(v0) * time_scale(row.mass[0], row.A[0], speed)
-    setup = Setup(f"{speed:g} m/s", row, dem.rigid_wall())
-    return observed(setup, v0, duration=duration, spheres=spheres)
-
-
-def _measures(run: Observed) -> Measures:
-    force = run.trajectory.contact_force[:, : len(run.chain.mass) - 1]
-    middle = float(force[:, force.shape[1] // 2].max())
-    return Measures(1e6 * run.contact.contact_time.seconds, run.contact.speed_in, middle)
-
-
-def _of_mass(scene: Scene, ratio: float) -> HeavyStriker:
-    row = scene.chain
-    first = (float(np.atleast_1d(v)[0]) for v in (row.radius, row.density, row.young, row.poisson))
-    chain = dem.row_of_spheres(*first, count=LENGTH, flat=None)
-    return heavy_striker(chain, ratio, float(np.abs(initial_velocity(scene)).max()))
-
-
-def _picture(
-    runs: list[Observed], powers: Measures, heavy: list[HeavyStriker], spheres: tuple[int, ...]
-) -> bytes:
+    # records at the outermost sphere, and the power laws
     sphere = max(spheres)
-    values = zip(*map(_measures, runs), strict=True)
     names = ("contact time [µs]", "speed [m/s]", "force [N]")
-    scaled = [
-        Line(f"{name}, power {power:+.2f}", np.array(SPEEDS), column, "o-")
-        for name, power, column in zip(names, powers, values, strict=True)
+    laws = [
+        Line(f"{name}, power {power:+.2f}", speeds, values, "o-")
+        for name, power, values in zip(names, powers, columns, strict=True)
     ]
-    ratio = np.array(RATIOS)
-    share = np.array([h.share for h in heavy])
-    known = np.array([REFERENCE[r] for r in RATIOS])
-    return panels(
-        [
-            record(f"sphere {sphere}", runs[2:], sphere),
-            Panel("scaling with the striker's speed", "striker's speed [m/s]", "value", scaled,
-                  "xy"),
-            Panel(f"{LENGTH} free spheres, at the end", "sphere", "velocity over the striker's",
-                  [_profile(h) for h in heavy]),
-            Panel("leading wave", "striker's mass over a sphere's", "share of the energy",
-                  [Line("this run", ratio, share, "o-"), Line("reference", ratio, known, "x", 1)],
-                  "x"),
-        ],
-        columns=2, size=(5.4, 3.2),
-    )  # fmt: skip
+    scaling = "scaling with the striker's speed"
+    figure = [
+        record(f"sphere {sphere}", runs[2:], sphere),
+        Panel(scaling, "striker's speed [m/s]", "value", laws, "xy"),
+    ]
 
+    # trains: velocities along the chain at the end, and the leader's share beside the published
+    numbers = np.arange(1, options.n_spheres + 1.0)
+    profiles = [
+        Line(f"mass x {h.ratio:g}", numbers, h.trajectory.v[-1] / np.abs(h.trajectory.v[0]).max())
+        for h in heavy
+    ]
+    shares = [
+        Line("this run", ratios, np.array([h.share for h in heavy]), "o-"),
+        Line("reference", ratios, np.array([REFERENCE[ratio] for ratio in ratios]), "x", 1),
+    ]
+    title = f"{options.n_spheres} free spheres, at the end"
+    mass, share = "striker's mass over a sphere's", "share of the energy"
+    figure += [
+        Panel(title, "sphere", "velocity over the striker's", profiles),
+        Panel("leading wave", mass, share, shares, "x"),
+    ]
 
-def _profile(h: HeavyStriker) -> Line:
-    v = h.trajectory.v[-1] / np.abs(h.trajectory.v[0]).max()
-    return Line(f"mass x {h.ratio:g}", np.arange(1, len(v) + 1.0), v)
+    picture = Picture("study_striker", panels(figure, columns=2, size=(5.4, 3.2)))
+    return Finding((table,), sentences, (picture,))

@@ -5,7 +5,8 @@ returns within the contact. What a plate takes is carried along it by bending wa
 here have those, and the solid one the way through the thickness as well. Thesis, section 2.2.2.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,29 +15,22 @@ import dem
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import plate_sizes, plates
 from workflows.evidence.thesis.collision import Collision
-from workflows.evidence.thesis.plate_sizes import Sizes
+from workflows.evidence.thesis.plate_sizes import PlateSizeRules
 from workflows.evidence.thesis.requirements import FEWEST, require_chain
-from workflows.evidence.thesis.thickness_figure import picture
 from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
+from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table
 from workflows.scene import Scene
 from workflows.stages.pipeline import Progress
 
-RATIOS = (0.125, 0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)  # D/t
-N_CURVE = 49  # of thicknesses on Zener's curve
-CHECKED = 4.0  # D/t at which mesh, modes, size of the plate and patch are varied
-NEGLIGIBLE = 5.0  # D/t of the thesis, after its reference [8]
+NEGLIGIBLE = 5.0  # D/t from which the thesis, after its reference [8], sees no reflected wave
 DEEP_LOSS = 0.05  # of the energy, thesis: what a wall thicker than c T_c takes
-CLOSE = 0.1  # difference of the energies lost up to which Zener's plate is said to hold
-FAINT = 0.05  # ARR that nobody would look for
-REBOUNDS = 6.0  # D/t up to which one sphere rebounds at more than a tenth of its speed
-
-VARIED = {
-    "elements halved": plate_sizes.refined,
-    "modes doubled": plate_sizes.with_more_modes,
-    "1.5 times as wide": plate_sizes.widened,
-    "patch halved": plate_sizes.with_half_the_patch,
+FACTORS = {  # of the sizes of a plate's mesh, each varied alone
+    "elements halved": {"seed": 0.5, "contact_seed": 0.5},
+    "modes doubled": {"cutoff_hz": 2.0},
+    "1.5 times as wide": {"reach": 1.5},
+    "patch halved": {"patch": 0.5},
 }
 COLUMNS = (
     "model", "d_over_t", "t_mm", "k_h", "restitution", "arr", "lost_%", "contact_us",
@@ -44,7 +38,20 @@ COLUMNS = (
 )  # fmt: skip
 
 
-class Answer(NamedTuple):
+class WallThicknessOptions(NamedTuple):
+    """What the study varies, and what it tells apart."""
+
+    ratios: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)  # D/t
+    n_curve: int = 49  # thicknesses on Zener's curve
+    checked: float = 4.0  # D/t at which mesh, modes, size of the plate and patch are varied
+    factors: Mapping[str, Mapping[str, float]] = FACTORS
+    drawn: tuple[float, ...] = (0.25, 2.0, 4.0, 6.0)  # D/t whose velocities are
+    close: float = 0.1  # difference of the energies lost up to which Zener's plate holds
+    faint: float = 0.05  # ARR that nobody would look for
+    rebounds: float = 6.0  # D/t up to which one sphere rebounds at more than a tenth of its speed
+
+
+class PlateImpact(NamedTuple):
     """One plate by one model."""
 
     ratio: float  # D/t
@@ -52,133 +59,157 @@ class Answer(NamedTuple):
     collision: Collision  # of the chain
 
 
-class Results(NamedTuple):
-    """All that is computed."""
-
-    half_space: Collision
-    radiated: float  # share of the striker's energy that leaves into a half-space
-    curve: list[Answer]  # Zener's
-    thin: list[Answer]  # Zener's, at the thicknesses of the solid ones
-    solid: list[Answer]
-    checks: list[tuple[str, Answer]]
-
-
-def wall_thickness(scene: Scene, progress: Progress) -> Finding:
+def wall_thickness(
+    scene: Scene, progress: Progress, options: WallThicknessOptions = WallThicknessOptions()
+) -> Finding:
     """Reflected waves from plates of any thickness, thin and solid (thesis, section 2.2.2)."""
     require_chain(scene, FEWEST)
+    sphere, diameter = plates.observed_sphere(scene), plates.diameter(scene)
+    ratios, checked = options.ratios, options.checked
+
+    def plate_of(ratio: float) -> coupling.Plate:
+        return plates.steel(scene, diameter / ratio)
+
+    def impact(ratio: float, wall: dem.Wall) -> PlateImpact:
+        return PlateImpact(ratio, plates.rebound(scene, wall), plates.collision(scene, wall))
+
+    def zener(ratio: float) -> PlateImpact:
+        return impact(ratio, coupling.infinite_plate(plate_of(ratio)))
+
+    # half-space, Zener's plates on a fine curve and at the thicknesses of the solid ones
     with progress("half-space and infinite plates"):
         deep = plates.collision(scene, dem.rigid_wall())
-        curve = [_zener(scene, r) for r in np.geomspace(RATIOS[0], RATIOS[-1], N_CURVE)]
-        thin = [_zener(scene, ratio) for ratio in RATIOS]
-    size = {z.ratio: _size(scene, z, deep) for z in thin}
-    solid, checks = [], []
-    for ratio in RATIOS:
-        with progress(f"solid plate, D/t = {ratio:g}"):
-            solid.append(_solid(scene, ratio, size[ratio]))
-    for name, varied in VARIED.items():
-        with progress(f"D/t = {CHECKED:g}, {name}"):
-            checks.append((name, _solid(scene, CHECKED, varied(size[CHECKED]))))
-    found = Results(deep, _radiated(scene, deep), curve, thin, solid, checks)
-    sentences = rendered(__file__, **_numbers(scene, found, size[CHECKED]))
-    drawn = Picture(
-        "study_wall_thickness", picture(found, NEGLIGIBLE, plates.observed_sphere(scene))
-    )
-    return Finding((Table("wall-thickness", COLUMNS, _rows(scene, found)),), sentences, (drawn,))
+        curve = [zener(ratio) for ratio in np.geomspace(ratios[0], ratios[-1], options.n_curve)]
+        thin = [zener(ratio) for ratio in ratios]
 
-
-def _plate(scene: Scene, ratio: float) -> coupling.Plate:
-    return plates.steel(scene, plates.diameter(scene) / ratio)
-
-
-def _zener(scene: Scene, ratio: float) -> Answer:
-    wall = coupling.infinite_plate(_plate(scene, ratio))
-    return Answer(ratio, plates.rebound(scene, wall), plates.collision(scene, wall))
-
-
-def _solid(scene: Scene, ratio: float, size: Sizes) -> Answer:
-    wall = plates.middle_wall(_plate(scene, ratio), size)
-    return Answer(ratio, plates.rebound(scene, wall), plates.collision(scene, wall))
-
-
-def _size(scene: Scene, zener: Answer, deep: Collision) -> Sizes:
-    rise, until = deep.contact.seconds, zener.collision.contact.seconds
-    return plate_sizes.sizes(_plate(scene, zener.ratio), rise, until)
-
-
-def _radiated(scene: Scene, deep: Collision) -> float:
-    flat, run = plates.steel(scene, 1.0), deep.trajectory
-    force = run.contact_force[:, -1]
-    energy = coupling.radiated_energy(run.t, force, flat.young, flat.poisson, flat.density)
-    return energy / float(run.energy_kinetic[0])
-
-
-def _rows(scene: Scene, found: Results) -> tuple[tuple, ...]:
-    rows = [("half-space", None, None, None, 1.0, *_of_chain(found.half_space))]
-    for thin, solid in zip(found.thin, found.solid, strict=True):
-        rows.append(_row(scene, "infinite (Zener)", thin))
-        rows.append(_row(scene, "solid", solid))
-    rows += [_row(scene, f"solid, {name}", answer) for name, answer in found.checks]
-    return tuple(rows)
-
-
-def _row(scene: Scene, model: str, answer: Answer) -> tuple:
-    plate = _plate(scene, answer.ratio)
-    slender = coupling.slenderness(plate, answer.collision.contact.seconds)
-    return (
-        model, answer.ratio, 1e3 * plate.thickness, slender,
-        answer.restitution, *_of_chain(answer.collision),
-    )  # fmt: skip
-
-
-def _of_chain(found: Collision) -> tuple[float, ...]:
-    lost = 100 * round(found.lost, 8) + 0.0  # what an elastic run loses is the march's error
-    return found.arr, lost, 1e6 * found.contact.seconds, found.peak_force
-
-
-def _numbers(scene: Scene, found: Results, size: Sizes) -> dict[str, Any]:
-    flat, deep = plates.steel(scene, 1.0), found.half_space
-    both = list(zip(found.thin, found.solid, strict=True))
-    close = [s.ratio for z, s in both if abs(s.collision.lost / z.collision.lost - 1) < CLOSE]
-    omega = plate_sizes.CARRIED * np.pi / deep.contact.seconds
-    striker = np.abs(deep.trajectory.v[0]).max()
-    half_way = np.sqrt(flat.young / flat.density) * deep.contact.seconds / 2
-    return {
-        "sphere": plates.observed_sphere(scene),
-        "rebounds": REBOUNDS,
-        "worst": max(
-            abs(s.restitution / z.restitution - 1) for z, s in both if s.ratio <= REBOUNDS
-        ),
-        "thickest": both[0],
-        "thinnest": both[-1],
-        "close": CLOSE,
-        "close_from": min(close, default=None),
-        "radiated": found.radiated,
-        "carried_hz": omega / (2 * np.pi),
-        "speed": coupling.group_speed(_plate(scene, CHECKED), omega),
-        "reach": size.reach,
-        "half_way": half_way,
-        "n_within": sum(plates.diameter(scene) / ratio <= half_way for ratio in RATIOS),
-        "n_plates": len(RATIOS),
-        "deep_loss": DEEP_LOSS,
-        "striker": striker,
-        "fast": striker * (DEEP_LOSS / found.radiated) ** (5 / 3),
-        "two": _at(found.solid, 2.0).collision,
-        "negligible": NEGLIGIBLE,
-        "five": _at(found.solid, NEGLIGIBLE).collision,
-        "faint": FAINT,
-        "faint_from": _faint(found),
-        "deep": deep,
-        "checked": _at(found.solid, CHECKED),
-        "checks": found.checks,
+    # solid plates, so large that no wave is back before the end of the contact with Zener's plate;
+    # one of them with mesh, modes, size and patch varied
+    sizes = {
+        z.ratio: plate_sizes.sizes(
+            plate_of(z.ratio), deep.contact.seconds, z.collision.contact.seconds
+        )
+        for z in thin
     }
+    solid, checks = [], []
+    for ratio in ratios:
+        with progress(f"solid plate, D/t = {ratio:g}"):
+            solid.append(impact(ratio, plates.middle_wall(plate_of(ratio), sizes[ratio])))
+    for name, factors in options.factors.items():
+        with progress(f"D/t = {checked:g}, {name}"):
+            wall = plates.middle_wall(plate_of(checked), sizes[checked].scaled(**factors))
+            checks.append((name, impact(checked, wall)))
 
+    # share of the striker's energy that the same force radiates into a half-space
+    flat, run = plates.steel(scene, 1.0), deep.trajectory
+    radiated = coupling.radiated_energy(
+        run.t, run.contact_force[:, -1], flat.young, flat.poisson, flat.density
+    ) / float(run.energy_kinetic[0])
 
-def _at(answers: list[Answer], ratio: float) -> Answer:
-    return next(answer for answer in answers if answer.ratio == ratio)
+    def of_chain(collision: Collision) -> tuple[float, ...]:
+        # what an elastic run loses is the march's error: no more than 8 digits, no minus zero
+        lost = 100 * round(collision.lost, 8) + 0.0
+        return collision.arr, lost, 1e6 * collision.contact.seconds, collision.peak_force
 
+    pairs = list(zip(thin, solid, strict=True))
+    models = [model for z, s in pairs for model in (("infinite (Zener)", z), ("solid", s))]
+    models += [(f"solid, {name}", plate) for name, plate in checks]
+    rows = [("half-space", None, None, None, 1.0, *of_chain(deep))]
+    for model, impacted in models:
+        plate, collision = plate_of(impacted.ratio), impacted.collision
+        k_h = coupling.slenderness(plate, collision.contact.seconds)
+        rows.append(
+            (model, impacted.ratio, 1e3 * plate.thickness, k_h, impacted.restitution,
+             *of_chain(collision))
+        )  # fmt: skip
+    table = Table("wall-thickness", COLUMNS, tuple(rows))
 
-def _faint(found: Results) -> float:
-    """D/t at which ARR falls below FAINT on Zener's curve."""
-    ratio = np.array([z.ratio for z in found.curve])
-    arr = np.array([z.collision.arr for z in found.curve])
-    return float(np.interp(-FAINT, -arr, ratio))
+    by_ratio = {plate.ratio: plate for plate in solid}
+    agreeing = [
+        s.ratio for z, s in pairs if abs(s.collision.lost / z.collision.lost - 1) < options.close
+    ]
+    rebounds = [
+        abs(s.restitution / z.restitution - 1) for z, s in pairs if s.ratio <= options.rebounds
+    ]
+    omega = PlateSizeRules().carried * np.pi / deep.contact.seconds
+    half_way = np.sqrt(flat.young / flat.density) * deep.contact.seconds / 2
+    striker_speed = np.abs(run.v[0]).max()
+    curve_ratio = np.array([z.ratio for z in curve])
+    curve_arr = np.array([z.collision.arr for z in curve])
+    sentences = rendered(
+        __file__,
+        sphere=sphere,
+        rebounds=options.rebounds,
+        worst=max(rebounds),
+        thickest=pairs[0],
+        thinnest=pairs[-1],
+        close=options.close,
+        close_from=min(agreeing, default=None),
+        radiated=radiated,
+        carried_hz=omega / (2 * np.pi),
+        speed=coupling.group_speed(plate_of(checked), omega),
+        reach=sizes[checked].reach,
+        half_way=half_way,
+        n_within=sum(diameter / ratio <= half_way for ratio in ratios),
+        n_plates=len(ratios),
+        deep_loss=DEEP_LOSS,
+        striker=striker_speed,
+        fast=striker_speed * (DEEP_LOSS / radiated) ** (5 / 3),  # radiated ~ V^(3/5)
+        two=by_ratio[2.0].collision,
+        negligible=NEGLIGIBLE,
+        five=by_ratio[NEGLIGIBLE].collision,
+        faint=options.faint,
+        faint_from=float(np.interp(-options.faint, -curve_arr, curve_ratio)),  # ARR falls with D/t
+        deep=deep,
+        checked=by_ratio[checked],
+        checks=checks,
+    )
+
+    # over D/t: Zener's curve and the solid plates beside levels of a half-space and of the thesis
+    def level(name: str, value: float, style: str = "--", colour: int = 2) -> Line:
+        return Line(name, curve_ratio[[0, -1]], np.full(2, value), style, colour)
+
+    def over_thickness(title: str, label: str, value, *others: Line, axes: str = "x") -> Panel:
+        of_curve, of_solid = (np.array([value(p) for p in model]) for model in (curve, solid))
+        lines = [
+            Line("infinite plate (Zener)", curve_ratio, of_curve, colour=0),
+            Line("solid plate, finite elements", np.array(ratios), of_solid, "o", 1),
+            *others,
+        ]
+        return Panel(title, "sphere diameter over thickness, D/t", label, lines, axes)
+
+    from_here = np.full(2, NEGLIGIBLE), np.array([0, 1.0])
+    figure = [
+        over_thickness(
+            "amplitude ratio (v_back / v_in)^(6/5)", "ARR", lambda p: p.collision.arr,
+            level("half-space", deep.arr),
+            Line("thesis: negligible from here", *from_here, ":", 4),
+        ),
+        over_thickness(
+            "energy absorbed by the wall", "% of the striker's", lambda p: 100 * p.collision.lost,
+            level("half-space, radiated waves", 100 * radiated),
+            level("thesis: walls thicker than c T_c", 100 * DEEP_LOSS, ":", 4),
+            axes="xy",
+        ),
+        over_thickness(
+            "one sphere alone", "restitution", lambda p: p.restitution, level("half-space", 1.0)
+        ),
+        over_thickness(
+            "contact time of the last sphere", "T_c [µs]",
+            lambda p: 1e6 * p.collision.contact.seconds,
+            level("half-space", 1e6 * deep.contact.seconds),
+        ),
+    ]  # fmt: skip
+
+    # records of some solid plates
+    forces, velocities = [], []
+    for s in solid:
+        if s.ratio in options.drawn:
+            name, run = f"D/t = {s.ratio:g}", s.collision.trajectory
+            forces.append(Line(name, 1e3 * run.t, run.contact_force[:, -1]))
+            velocities.append(Line(name, 1e3 * run.t, run.v[:, sphere - 1]))
+    title = "force at solid plates; later collisions are echoes from the edges"
+    figure.append(Panel(title, "time [ms]", "force [N]", forces))
+    figure.append(Panel(f"sphere {sphere}, the same", "time [ms]", "velocity [m/s]", velocities))
+
+    picture = Picture("study_wall_thickness", panels(figure, columns=2, size=(5.6, 3.4)))
+    return Finding((table,), sentences, (picture,))

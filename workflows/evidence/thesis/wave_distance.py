@@ -19,18 +19,16 @@ from dem.waves.labels import Label
 from dem.waves.solitary import WIDTH, speed
 from workflows.evidence.thesis.observed_run import Observed
 
-NOTICED = 0.01  # of the striker's velocity: a difference
 
-
-def distance(one: Observed, other: Observed, number: int, spheres: tuple[int, ...]) -> float:
+def distance(a: Observed, b: Observed, number: int, spheres: tuple[int, ...]) -> float:
     """D_k of the reflected wave `number`; nan where neither run has it."""
-    apart = energy = 0.0
+    difference = energy = 0.0
     for sphere in spheres:
-        window = _window(one, sphere, number) | _window(other, sphere, number)
-        v, u = one.velocity(sphere)[window], other.velocity(sphere)[window]
-        apart += np.sum((v - u) ** 2)
+        window = _window(a, sphere, number) | _window(b, sphere, number)
+        v, u = a.velocity(sphere)[window], b.velocity(sphere)[window]
+        difference += np.sum((v - u) ** 2)
         energy += 0.5 * np.sum(v**2 + u**2)
-    return float(np.sqrt(apart / energy)) if energy else np.nan
+    return float(np.sqrt(difference / energy)) if energy else np.nan
 
 
 def _window(run: Observed, sphere: int, number: int) -> NDArray[np.bool_]:
@@ -42,35 +40,34 @@ def _window(run: Observed, sphere: int, number: int) -> NDArray[np.bool_]:
     return np.abs(t - label.arrival.time) < 0.5 * width
 
 
-def overall(one: Observed, other: Observed, spheres: tuple[int, ...]) -> float:
-    """The same over all that comes back, from the wall's first touch on."""
-    back = one.trajectory.t > one.contact.contact_time.start
-    v, u = (
-        np.concatenate([run.velocity(sphere)[back] for sphere in spheres]) for run in (one, other)
-    )
+def overall(a: Observed, b: Observed, spheres: tuple[int, ...]) -> float:
+    """The same over all that comes back, from the wall's first touch in run a on."""
+    back = a.trajectory.t > a.contact.contact_time.start
+    v, u = (np.concatenate([run.velocity(sphere)[back] for sphere in spheres]) for run in (a, b))
     return float(np.sqrt(np.sum((v - u) ** 2) / (0.5 * np.sum(v**2 + u**2))))
 
 
 def spread(runs: list[Observed], number: int, spheres: tuple[int, ...]) -> float:
-    """Largest D_k between any two of the runs."""
-    found = [distance(a, b, number, spheres) for a, b in combinations(runs, 2)]
-    return float(np.nanmax(found)) if np.isfinite(found).any() else np.nan
+    """Largest D_k between any two of the runs; nan where none has the wave."""
+    distances = [distance(a, b, number, spheres) for a, b in combinations(runs, 2)]
+    return float(np.nanmax(distances)) if np.isfinite(distances).any() else np.nan
 
 
 def separation(run: Observed, spheres: tuple[int, ...]) -> float:
-    """Smallest distance of neighbouring reflected waves at these spheres, in widths."""
+    """Smallest distance of neighbouring reflected waves at these spheres, in widths; 0 where no
+    sphere has two."""
+
+    def guess(label: Label) -> Guess:
+        wave = label.arrival
+        width = wave.width if wave.width == wave.width else 0.0
+        return Guess(wave.time, wave.peak_velocity, width or 1e-4)  # s, of a wave without a width
+
     gaps = [
-        apart(_guess(one), _guess(other))
+        apart(guess(earlier), guess(later))
         for sphere in spheres
-        for one, other in zip(run.reflected(sphere), run.reflected(sphere)[1:], strict=False)
+        for earlier, later in zip(run.reflected(sphere), run.reflected(sphere)[1:], strict=False)
     ]
     return min(gaps, default=0.0)
-
-
-def _guess(label: Label) -> Guess:
-    wave = label.arrival
-    width = wave.width if wave.width == wave.width else 0.0
-    return Guess(wave.time, wave.peak_velocity, width or 1e-4)
 
 
 class Similarity(NamedTuple):
@@ -89,9 +86,9 @@ class Similarity(NamedTuple):
     @property
     def nearest(self) -> str:
         """The one-mass wall whose fourth wave comes nearest to that of `one`."""
-        at = self.times[self.one]
-        others = (name for name in self.times if name != self.one)
-        return min(others, key=lambda name: abs(at - self.times[name]))
+        arrival = self.times[self.one]
+        masses = (name for name in self.times if name != self.one)
+        return min(masses, key=lambda name: abs(arrival - self.times[name]))
 
     @property
     def ranked(self) -> list[str]:
@@ -100,29 +97,37 @@ class Similarity(NamedTuple):
 
     @property
     def chooses(self) -> bool:
-        """Whether the distance tells the first of them from the second."""
+        """Whether the distance tells the first of them from the second: it is less than half."""
         first, second, *_ = self.ranked
         return self.distance[first] < 0.5 * self.distance[second]
 
 
 def similarity(
     runs: Mapping[str, Observed],
-    one: str,
-    other: str,
+    wall: str,
+    mass: str,
     *,
     masses: Sequence[str],
     number: int,
     spheres: tuple[int, ...],
 ) -> Similarity:
-    """Of the one-mass walls named `masses` to `one`, by the reflected wave `number` at the last of
-    the spheres."""
+    """Of the one-mass walls named `masses`, `mass` among them, to `wall`, by the reflected wave
+    `number` at the last of the spheres."""
     masses = [name for name in masses if name in runs]
-    there = [name for name in (one, *masses) if name in runs]
-    found = {name: runs[name].wave(spheres[-1], "reflected", number) for name in there}
-    times = {name: label.arrival.time for name, label in found.items() if label}
-    compared = [name for name in masses if name in times and one in times]
-    apart = {name: overall(runs[one], runs[name], spheres) for name in compared}
-    return Similarity(one, other, times, apart)
+    names = [name for name in (wall, *masses) if name in runs]
+    waves = {name: runs[name].wave(spheres[-1], "reflected", number) for name in names}
+    times = {name: label.arrival.time for name, label in waves.items() if label}
+    compared = [name for name in masses if name in times and wall in times]
+    distances = {name: overall(runs[wall], runs[name], spheres) for name in compared}
+    return Similarity(wall, mass, times, distances)
+
+
+class DependenceLimits(NamedTuple):
+    """Distances of the waves before two walls by which the thesis' words are judged; not varied."""
+
+    unmoved: float = 0.1  # below it a wave does not depend on its wall
+    slight: float = 0.5  # below it a wave depends slightly on it
+    strong: float = 0.5  # above it a wave depends strongly on it
 
 
 class Dependence(NamedTuple):
@@ -133,9 +138,11 @@ class Dependence(NamedTuple):
 
 
 def dependence(runs: list[Observed], number: int, spheres: tuple[int, ...]) -> Dependence:
-    found = {sphere: spread(runs, number, (sphere,)) for sphere in spheres}
-    seen = {sphere: value for sphere, value in found.items() if not isnan(value)}
-    return Dependence(None if isnan(far := spread(runs, number, spheres)) else far, seen)
+    """How much the reflected wave `number` depends on the wall, at all spheres and at each."""
+    at_all = spread(runs, number, spheres)
+    spreads = {sphere: spread(runs, number, (sphere,)) for sphere in spheres}
+    by_sphere = {sphere: value for sphere, value in spreads.items() if not isnan(value)}
+    return Dependence(None if isnan(at_all) else at_all, by_sphere)
 
 
 class Felt(NamedTuple):
@@ -146,21 +153,23 @@ class Felt(NamedTuple):
     at: float  # [s] where the later ones first exceed the threshold, nan where they do not
 
 
-def felt(free: Observed, other: Observed) -> Felt:
-    """How far two runs differ at the observed spheres, before and after the first wave's end."""
-    t, v0, largest = free.trajectory.t, np.abs(free.trajectory.v[0]).max(), []
+def felt(free: Observed, loaded: Observed, noticed: float) -> Felt:
+    """How far two runs differ at the observed spheres before and after the first reflected wave's
+    end; a difference is noticed above this share of the striker's velocity."""
+    t, v0 = free.trajectory.t, np.abs(free.trajectory.v[0]).max()
+    first, later = [], []
     for sphere in free.labels:
-        off = np.abs(other.velocity(sphere) - free.velocity(sphere)) / v0
-        largest.append((off, t <= _end_of_first(free, sphere)))
-    later = np.max([np.where(first, 0.0, off) for off, first in largest], axis=0)
-    at = float(t[np.argmax(later > NOTICED)]) if later.max() > NOTICED else float("nan")
-    return Felt(max(float(off[first].max()) for off, first in largest), float(later.max()), at)
+        # the wave's end: its width behind its crest, the contact's end without one
+        wave = free.wave(sphere, "reflected", 1)
+        end = free.contact.contact_time.end
+        if wave is not None:
+            passing = abs(speed(wave.arrival.peak_velocity, free.chain.mass[0], free.chain.A[0]))
+            end = float(wave.arrival.time + WIDTH / passing)
 
+        difference = np.abs(loaded.velocity(sphere) - free.velocity(sphere)) / v0
+        first.append(float(difference[t <= end].max()))
+        later.append(np.where(t <= end, 0.0, difference))
 
-def _end_of_first(run: Observed, sphere: int) -> float:
-    """[s] when the first reflected wave has passed a sphere, the contact's end without one."""
-    wave = run.wave(sphere, "reflected", 1)
-    if wave is None:
-        return run.contact.contact_time.end
-    passing = abs(speed(wave.arrival.peak_velocity, run.chain.mass[0], run.chain.A[0]))
-    return float(wave.arrival.time + WIDTH / passing)
+    largest = np.max(later, axis=0)
+    at = float(t[np.argmax(largest > noticed)]) if largest.max() > noticed else float("nan")
+    return Felt(max(first), float(largest.max()), at)

@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import fem
-from fem.beam import ENDS, End, Section
+from fem.beam import ENDS, BeamEnd, Section
 from workflows.evidence.verify.comparisons import Comparison, compared
 
 LENGTH, STRUCK = 0.5, 0.19  # m
@@ -29,7 +29,7 @@ N_MODES = 6
 TIMOSHENKO = "Timoshenko's frequency equation, Phil. Mag. 41 (1921) 744"
 TRANSFER = "zeros of the determinant of Timoshenko's equations, by the matrix exponential"
 ENGESSER = "F. Engesser, Zentralbl. Bauverw. 11 (1891) 483"
-SPRINGS = End(3e7, 2e4), End(8e6, 0.0)  # N/m, N m/rad
+SPRINGS = BeamEnd(3e7, 2e4), BeamEnd(8e6, 0.0)  # N/m, N m/rad
 
 
 def beams() -> Iterator[Comparison]:
@@ -50,7 +50,7 @@ def beams() -> Iterator[Comparison]:
                            _buckling(section, k), allowed=1e-8, source=ENGESSER)  # fmt: skip
 
 
-def _exact(name: str, section: Section, ends: tuple[End, End], force: float) -> Comparison:
+def _exact(name: str, section: Section, ends: tuple[BeamEnd, BeamEnd], force: float) -> Comparison:
     found = _hz(section, ends, force)
     exact = np.array([_zero(hz, section, ends, force) for hz in found])
     return _worst(name, found, exact, TRANSFER)
@@ -63,11 +63,11 @@ def _worst(name: str, ours: np.ndarray, theirs: np.ndarray, source: str) -> Comp
                     allowed=1e-8, source=source)  # fmt: skip
 
 
-def _beam(section: Section, ends: tuple[End, End], force: float) -> fem.Bending:
+def _beam(section: Section, ends: tuple[BeamEnd, BeamEnd], force: float) -> fem.Bending:
     return fem.beam(LENGTH, section, STEEL, ends, STRUCK, axial_force=force)
 
 
-def _hz(section: Section, ends: tuple[End, End], force: float) -> np.ndarray:
+def _hz(section: Section, ends: tuple[BeamEnd, BeamEnd], force: float) -> np.ndarray:
     beam = _beam(section, ends, force)
     return fem.modes(beam.K, beam.M, N_MODES).frequency_hz
 
@@ -97,12 +97,12 @@ def _hinged_hz(section: Section, force: float) -> np.ndarray:
     return np.sqrt(s[:N_MODES]) / (2 * np.pi)
 
 
-def _zero(hz: float, section: Section, ends: tuple[End, End], force: float) -> float:
+def _zero(hz: float, section: Section, ends: tuple[BeamEnd, BeamEnd], force: float) -> float:
     """The zero of the determinant next to a frequency [Hz]; nan where it has none within 1 %."""
     S, B = _stiffnesses(section)
     m, J = STEEL.density * np.array([section.area, section.second_moment])
 
-    def free_of(end: End, outward: float) -> np.ndarray:
+    def free_of(end: BeamEnd, outward: float) -> np.ndarray:
         """(2, 4) rows that are zero on y: outward V + k w = 0 and outward B + k theta = 0, or
         w = 0, theta = 0 where a spring is rigid."""
         rows = np.zeros((2, 4))

@@ -17,7 +17,7 @@ from fem import factorised, modes
 from fem.calculix_tied import Screw, tied_deck
 from geometry.assembly import screw_cells
 from geometry.cad import write_step
-from geometry.step_tetrahedra import Disc, Sizes, Tetrahedra, step_tetrahedra
+from geometry.step_tetrahedra import ElementSizes, StepPatch, Tetrahedra, step_tetrahedra
 from workflows.evidence.verify.comparisons import Comparison, require_program
 from workflows.files.scene import scene
 from workflows.scene import Scene
@@ -80,9 +80,9 @@ def _theirs(pipeline: Pipeline, scale: float) -> np.ndarray:
     """The same by elements of `scale` times the size, of a disc under even pressure."""
     rig, inward = pipeline.scene, pipeline("contact").spot.inward
     b, materials = rig.patch.radius, pipeline("mesh").materials
-    disc = Disc(STRUCK, pipeline("contact").spot.point, -inward, b)
+    disc = StepPatch(STRUCK, pipeline("contact").spot.point, -inward, b)
     inside = {body: scale * size for body, size in INSIDE.items()}
-    mesh = _meshed(rig, Sizes(inside, scale * RIM, scale * ROUND_DISC), disc)
+    mesh = _meshed(rig, ElementSizes(inside, scale * RIM, scale * ROUND_DISC), disc)
     found = program.answer(_deck(rig, mesh, materials, inward))
     m = materials[STRUCK]
     half_space = 16 * (1 - m.poisson**2) / (3 * np.pi**2 * m.young * b)
@@ -117,7 +117,7 @@ def _screws(rig: Scene, points: np.ndarray, pairs) -> Iterator[Screw]:
             yield Screw(share, under, inside, centre, np.minimum(springs, RIGID))
 
 
-def _meshed(rig: Scene, sizes: Sizes, disc: Disc) -> Tetrahedra:
+def _meshed(rig: Scene, sizes: ElementSizes, disc: StepPatch) -> Tetrahedra:
     with TemporaryDirectory() as folder:
         step = Path(folder) / "rig.step"
         parts = (*rig.assembly.parts, GROUND)

@@ -18,7 +18,7 @@ from rom.truncation import frequencies
 from workflows.evidence.verify.comparisons import Comparison
 from workflows.evidence.verify.random_scenes import LAWS, WALLS, scene
 from workflows.fit.core.calibration.calibration import calibrate
-from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.parameters import Parameter, Rig
 from workflows.fit.core.calibration.search import Options
 from workflows.fit.core.calibration.signals import Signals
@@ -128,7 +128,7 @@ def _fitted(seed: int) -> NDArray[np.float64]:
     truth = rng.uniform([0.7, 0.9, 0.8], [1.3, 1.1, 1.25]) * [1.0, speed, mass]
     t = 2e-6 * np.arange(500)
     record = Signals(t, np.zeros((500, 2)), (0, n // 2), np.full(2, np.nan))
-    v = Forward(rig, sought, record).velocities(truth)
+    v = ChainForward(rig, sought, record).velocities(truth)
     v = v + speed * 10 ** rng.uniform(-3.0, -1.5) * rng.standard_normal(v.shape)
     found = calibrate(rig, sought, record._replace(v=v), options=Options(starts=1))
     return (found.value - truth) / found.uncertainty.two_sigma

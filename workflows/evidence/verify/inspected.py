@@ -22,7 +22,7 @@ from scipy.linalg import eigh
 
 from workflows.evidence.verify.comparisons import Comparison, compared
 from workflows.files.record import Channel, Recorded
-from workflows.fit.inspection.inspect import Request
+from workflows.fit.inspection.inspect import InspectionRequest
 from workflows.fit.inspection.inspect import inspected as inspection
 from workflows.scene import Scene
 from workflows.sweep.cases import base_of
@@ -75,7 +75,7 @@ def _found(scene: dict, truth: dict[str, float]) -> Iterator[tuple[str, float, f
     """Of each number its name, what is found, its two-sigma bar, and what made the record."""
     base = base_of(SCENE | scene, ())
     record = _record(base.with_values(truth))
-    request = Request(",".join(truth), starts=4)
+    request = InspectionRequest(",".join(truth), starts=4)
     answer = inspection(base, (record,), request, lambda stage: nullcontext()).inversion
     bars = answer.uncertainty.two_sigma
     for i, (key, true) in enumerate(truth.items()):  # trigger and velocity come behind them

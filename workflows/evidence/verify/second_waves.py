@@ -5,7 +5,7 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from workflows.evidence.thesis.wall_modulus import FADED, PUBLISHED, wall_modulus
+from workflows.evidence.thesis.wall_modulus import PUBLISHED, WallModulusOptions, wall_modulus
 from workflows.evidence.verify.comparisons import Comparison, compared
 from workflows.evidence.verify.published import EXACT
 from workflows.files.scene import scene
@@ -19,7 +19,7 @@ def second_waves() -> Iterator[Comparison]:
     ratio, second = (np.array(table.column(c)) for c in ("E*_w/E*_s", "second_over_striker"))
     low, high = PUBLISHED
     yield compared("second reflected wave fades out at E*_w/E*_s",
-                   ratio[np.argmax(second <= FADED)], (low + high) / 2,
+                   ratio[np.argmax(second <= WallModulusOptions().faded)], (low + high) / 2,
                    allowed=(high - low) / 2, of=1.0, source=YANG)  # fmt: skip
     yield compared("second reflected wave of walls stiffer than the spheres [V]",
                    second[ratio > 1], 0.03, allowed=0.01, of=1.0, source=EXACT)  # fmt: skip

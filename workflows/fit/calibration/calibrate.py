@@ -15,8 +15,8 @@ from workflows.files.record import Record
 from workflows.fit.calibration import parameters as free_parameters
 from workflows.fit.calibration.channels import scaled
 from workflows.fit.calibration.report import CalibrationReport, report_of
-from workflows.fit.core.calibration.calibration import Calibration, calibrate
-from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.calibration import CalibrationResult, calibrate
+from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.judgement import on_held_out
 from workflows.fit.core.calibration.plausibility import (
     cut_off,
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 SCANNED = (50.0, 2000.0, 60)  # [Hz]
 
 
-class Request(NamedTuple):
+class CalibrationRequest(NamedTuple):
     """What the user asked for beyond scene and data."""
 
     free: str | None = None
@@ -66,8 +66,8 @@ class Calibrated(NamedTuple):
 
     scene: Scene
     report: CalibrationReport
-    fit: Calibration
-    forward: Forward
+    fit: CalibrationResult
+    forward: ChainForward
     posterior: "Posterior | None" = None
 
     @property
@@ -77,7 +77,7 @@ class Calibrated(NamedTuple):
 
 @usable()
 def calibrated(
-    scene: Scene, wall: dem.Wall | None, measured: Record, source: str, request: Request
+    scene: Scene, wall: dem.Wall | None, measured: Record, source: str, request: CalibrationRequest
 ) -> Calibrated:
     """The scene fitted to the record; raises InvalidScene for data or requests that cannot be."""
     began = perf_counter()
@@ -107,8 +107,8 @@ def calibrated(
     noise = noise_of_mean(signals, filters, time_scale)
     options = _options(request, parameters, _scan(scene, names, request), noise)
     fit = _fitted(rig, parameters, signals, filters, options, source)
-    forward = Forward(rig, fit.parameters, signals, filters)
-    others = Forward(rig, fit.parameters, raw.signals.only(held), filters) if held else None
+    forward = ChainForward(rig, fit.parameters, signals, filters)
+    others = ChainForward(rig, fit.parameters, raw.signals.only(held), filters) if held else None
     left_out = others.misfits(fit.value) if others else {}
     report = report_of(scene, source, measured, fit, signals, noise, left_out)
     report.seconds = perf_counter() - began
@@ -120,7 +120,7 @@ def calibrated(
     return Calibrated(result, report, fit, forward)
 
 
-def _options(request: Request, parameters: tuple, scan, noise: float | None) -> Options:
+def _options(request: CalibrationRequest, parameters: tuple, scan, noise: float | None) -> Options:
     return Options(
         staged=any(not p.of_wall for p in parameters),
         joint=not request.two_stage,
@@ -131,7 +131,7 @@ def _options(request: Request, parameters: tuple, scan, noise: float | None) -> 
     )
 
 
-def _fitted(rig, parameters, signals, filters, options: Options, source: str) -> Calibration:
+def _fitted(rig, parameters, signals, filters, options: Options, source: str) -> CalibrationResult:
     """The fit; raises InvalidScene where there is none."""
     try:
         return calibrate(rig, parameters, signals, filters, options)
@@ -146,7 +146,7 @@ def _contact_time_scale(scene: Scene, wall: dem.Wall | None) -> float:
     return dem.sensitivities.STEPS_PER_TIME_SCALE * step
 
 
-def _names(scene: Scene, request: Request) -> tuple[str, ...]:
+def _names(scene: Scene, request: CalibrationRequest) -> tuple[str, ...]:
     free = free_parameters.usual(scene) if request.free is None else request.free
     names = tuple(n.strip() for n in free.split(","))
     return tuple(n for n in names if n != "trigger" or request.trigger == "fit")
@@ -167,13 +167,13 @@ def _split(measured: Record, hold_out: tuple[int, ...]) -> tuple[list[int], list
 
 
 def _trigger(
-    scene: Scene, wall, signals: Signals, filters: Filter, request: Request
+    scene: Scene, wall, signals: Signals, filters: Filter, request: CalibrationRequest
 ) -> tuple[float, list[str]]:
     """Time of the first touch on the data's clock, and what is doubtful about it."""
     t0 = float(signals.t[0])
-    forward = Forward(free_parameters.rig(scene, wall, t0), (), signals, filters)
+    forward = ChainForward(free_parameters.rig(scene, wall, t0), (), signals, filters)
     dt = signals.t[1] - signals.t[0]
-    longer = Forward(forward.rig, (), signals._replace(t=beyond(signals.t)), filters)
+    longer = ChainForward(forward.rig, (), signals._replace(t=beyond(signals.t)), filters)
     m, channels = len(signals.names), signals.channels
     require_columns(
         signals.names if channels else [f"sphere {name}" for name in signals.names],
@@ -189,7 +189,7 @@ def _trigger(
     return found, list(unlike_the_model(signals, data, model, found - t0, dt, forward.time_scale))
 
 
-def _scan(scene: Scene, names: tuple[str, ...], request: Request):
+def _scan(scene: Scene, names: tuple[str, ...], request: CalibrationRequest):
     if not isinstance(scene.wall, OneDofWall) or "wall.frequency" not in names:
         if request.scan:
             raise InvalidScene("--scan needs a 1dof wall with wall.frequency free; free it.")

@@ -36,7 +36,7 @@ def pictures(fit, t, report, posterior=None) -> dict[str, bytes]:
     return found
 
 
-class Axis(NamedTuple):
+class PanelScale(NamedTuple):
     """A panel's words, the unit for 1 m/s, and the same of the residual."""
 
     words: str
@@ -45,18 +45,18 @@ class Axis(NamedTuple):
     residual_scale: float
 
 
-def _axes(report) -> tuple[Axis, ...]:
+def _axes(report) -> tuple[PanelScale, ...]:
     """Of each signal."""
     return tuple(
-        Axis(f"{name}\n[{report.units[name][0]}]", report.units[name][1],
+        PanelScale(f"{name}\n[{report.units[name][0]}]", report.units[name][1],
              f"residual\n[{report.units[name][0]}]", report.units[name][1])
         if name in report.units
-        else Axis(f"sphere {name}\nvelocity [m/s]", 1.0, "residual\n[mm/s]", 1e3)
+        else PanelScale(f"sphere {name}\nvelocity [m/s]", 1.0, "residual\n[mm/s]", 1e3)
         for name in report.misfit_m_s
     )  # fmt: skip
 
 
-def signals(t, fit, axes: tuple[Axis, ...], face: str) -> bytes:
+def signals(t, fit, axes: tuple[PanelScale, ...], face: str) -> bytes:
     """Data, the model that it started from and the one found, one panel per signal."""
     n = len(axes)
     shared = {"sharex": True, "height_ratios": [3, 1] * n}

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from workflows.files.record import SYNTHETIC
-from workflows.fit.core.calibration.calibration import Calibration
+from workflows.fit.core.calibration.calibration import CalibrationResult
 from workflows.fit.core.calibration.judgement import SHARES, combinations, identifiable, remarks
 from workflows.fit.core.calibration.signals import Signals
 from workflows.report.tables import LINE, aligned_text
@@ -146,7 +146,7 @@ def report_of(scene, source, measured, fit, signals, noise, left_out) -> Calibra
     )
 
 
-def _rows(fit: Calibration) -> list[ParameterRow]:
+def _rows(fit: CalibrationResult) -> list[ParameterRow]:
     bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
     return [
         ParameterRow(
@@ -161,7 +161,7 @@ def _rows(fit: Calibration) -> list[ParameterRow]:
     ]
 
 
-def _remarks(scene: Scene, fit: Calibration, noise: float | None, signals: Signals):
+def _remarks(scene: Scene, fit: CalibrationResult, noise: float | None, signals: Signals):
     yield from remarks(fit, noise, signals)
     if isinstance(scene.wall, OneDofWall):
         held = {"frequency", "mass"} - {p.kind for p in fit.parameters}

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 import dem
 from workflows.files.record import SYNTHETIC, Record
 from workflows.fit.calibration import parameters as free_parameters
-from workflows.fit.calibration.calibrate import Calibrated, Request, calibrated
+from workflows.fit.calibration.calibrate import Calibrated, CalibrationRequest, calibrated
 from workflows.fit.core.calibration.coverage import Repeats, refitted
 from workflows.fit.core.calibration.instrument import (
     OVERSAMPLED,
@@ -127,7 +127,7 @@ def measured(made: Clean, twin: Twin, run: int = 0) -> Record:
 
 
 def twin_run(
-    scene: Scene, wall: dem.Wall | None, twin: Twin, request: Request
+    scene: Scene, wall: dem.Wall | None, twin: Twin, request: CalibrationRequest
 ) -> tuple[Calibrated, Record]:
     """The experiment made and calibrated; the report holds the truth beside what was found."""
     made_by = truth(scene, twin)
@@ -157,7 +157,12 @@ def _told(twin: Twin, found: Calibrated) -> str:
 
 
 def coverage(
-    scene: Scene, wall: dem.Wall | None, twin: Twin, request: Request, found: Calibrated, runs: int
+    scene: Scene,
+    wall: dem.Wall | None,
+    twin: Twin,
+    request: CalibrationRequest,
+    found: Calibrated,
+    runs: int,
 ) -> Coverage:
     """Shares of repeats of the experiment, each with its own noise, whose bars hold the truth.
 

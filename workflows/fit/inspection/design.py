@@ -15,13 +15,13 @@ from coupling.sensors import Sensor
 from workflows.files.run_folder import Picture
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.inspection.foreseen import foreseen, trigger
-from workflows.fit.core.inspection.forward import Forward, unknowns
+from workflows.fit.core.inspection.forward import StructureForward, unknowns
 from workflows.fit.core.inspection.judgement import BARELY, TOLD
 from workflows.fit.core.inspection.reading import USUAL_NOISE
-from workflows.fit.core.parametric_wall import Box
+from workflows.fit.core.parametric_wall import Bounds
 from workflows.fit.inspection import numbers
 from workflows.fit.inspection.inspect import STEPS
-from workflows.fit.inspection.structure import Structure, structure
+from workflows.fit.inspection.structure import VariedScene, structure
 from workflows.report.finding import Finding
 from workflows.report.plots import Line, Panel, panels
 from workflows.report.tables import Table, short
@@ -34,7 +34,7 @@ NEAR = 0.01  # of the bounds' distance: where walls are computed to either side 
 MOST_CASES = 200
 
 
-class Case(NamedTuple):
+class CandidateChain(NamedTuple):
     """One chain: the spheres that may be watched, and what each would tell."""
 
     values: dict[str, Any]
@@ -57,14 +57,14 @@ def designed(
     if len(values) > MOST_CASES:
         raise InvalidScene(f"--over makes {len(values)} cases, up to {MOST_CASES} are looked at.")
     with progress("design"):
-        known: dict[str, Structure] = {}
+        known: dict[str, VariedScene] = {}
         cases = [_case(base, case, found, known) for case in values]
     return _finding(found, cases)
 
 
 def _case(
-    base: Base, values: dict[str, Any], found: tuple[Parameter, ...], known: dict[str, Structure]
-) -> Case:
+    base: Base, values: dict[str, Any], found: tuple[Parameter, ...], known: dict[str, VariedScene]
+) -> CandidateChain:
     """One case; walls that several share are computed once."""
     base = numbers.changed_base(base, values)
     scene = base.with_values({})
@@ -75,12 +75,12 @@ def _case(
     wall = Pipeline(scene, Memory(None, verbose=0)).key("wall")
     try:
         if wall not in known:
-            box = Box(*(np.array([getattr(p, end) for p in here]) for end in ("low", "high")))
+            box = Bounds(*(np.array([getattr(p, end) for p in here]) for end in ("low", "high")))
             model = structure(base, keys, box, len(found), lambda name: nullcontext())
             known[wall] = model.through(theta) if model.between else model
         model = known[wall].of(scene, base)
         spheres = tuple(range(2, scene.chain.count + 1))
-        blank = Case(values, spheres, *np.zeros((2, len(spheres), len(found))))
+        blank = CandidateChain(values, spheres, *np.zeros((2, len(spheres), len(found))))
         return _told(scene, blank, model, theta, found, own)
     except (coupling.CouplingError, dem.InvalidChain, dem.NoEquilibrium) as reason:
         raise InvalidScene(f"{scene.name}: {str(reason).rstrip('.')}.") from None
@@ -92,12 +92,14 @@ def _near(p: Parameter, value: float) -> Parameter:
     return p._replace(start=value, low=value - reach, high=value + reach)
 
 
-def _told(scene: Scene, case: Case, model: Structure, theta, found, own) -> Case:
+def _told(
+    scene: Scene, case: CandidateChain, model: VariedScene, theta, found, own
+) -> CandidateChain:
     """A case with its bars."""
     sensors, noise, unknown = _sensors(scene, case.spheres)
     sampling = (scene.output.instrument or Instrument()).sampling
     t = np.arange(int(scene.time.duration * sampling)) / sampling
-    forward = Forward(model, sensors, STEPS * dem.sensitivities.usual_step(*model(theta)))
+    forward = StructureForward(model, sensors, STEPS * dem.sensitivities.usual_step(*model(theta)))
     sought = unknowns(found, own, [trigger()])
     told = foreseen(forward, sought, theta, t, noise=noise, unknown_gain=unknown)
     bars, needed = (one[:, : len(found)] for one in told)
@@ -117,7 +119,7 @@ def _sensors(scene: Scene, spheres) -> tuple[tuple[Sensor, ...], float, bool]:
     return sensors, noise, isinstance(told.gain, str)
 
 
-def _finding(found: tuple[Parameter, ...], cases: list[Case]) -> Finding:
+def _finding(found: tuple[Parameter, ...], cases: list[CandidateChain]) -> Finding:
     names = [p.name for p in found]
     units = [f"{p.name} two sigma [{p.unit}]" if p.unit else f"{p.name} two sigma" for p in found]
     lengths = [f"{p.name} record [s]" for p in found]
@@ -137,7 +139,7 @@ def _finding(found: tuple[Parameter, ...], cases: list[Case]) -> Finding:
     return Finding((table,), tuple(_sentences(found, names, cases)), (picture,))
 
 
-def _best(found, case: Case) -> Iterator[tuple]:
+def _best(found, case: CandidateChain) -> Iterator[tuple]:
     for i, p in enumerate(found):
         best, worst = int(case.bars[:, i].argmin()), int(case.bars[:, i].argmax())
         yield (
@@ -147,7 +149,7 @@ def _best(found, case: Case) -> Iterator[tuple]:
         )  # fmt: skip
 
 
-def _sentences(found, names, cases: list[Case]) -> Iterator[str]:
+def _sentences(found, names, cases: list[CandidateChain]) -> Iterator[str]:
     for i, p in enumerate(found):
         best = min(cases, key=lambda case: case.bars[:, i].min())
         sphere = int(best.bars[:, i].argmin())
@@ -177,7 +179,7 @@ def _where(values: dict[str, Any]) -> str:
     return f" with {told}" if told else ""
 
 
-def _panel(p: Parameter, i: int, cases: list[Case]) -> Panel:
+def _panel(p: Parameter, i: int, cases: list[CandidateChain]) -> Panel:
     lines = [
         Line(_where(case.values).removeprefix(" with ") or None, np.array(case.spheres, float),
              case.bars[:, i] / (p.high - p.low), "o-")

@@ -11,8 +11,8 @@ from workflows.files.record import Recorded
 from workflows.fit.core.calibration.plausibility import require_samples
 from workflows.fit.core.columns import beyond, require_columns
 from workflows.fit.core.inspection.answer import Answer, answered
-from workflows.fit.core.inspection.fitting import Fit
-from workflows.fit.core.inspection.forward import Forward, Shot, unknowns
+from workflows.fit.core.inspection.fitting import RecordFit
+from workflows.fit.core.inspection.forward import Shot, StructureForward, unknowns
 from workflows.fit.core.inspection.inversion import Inversion
 from workflows.fit.core.inspection.reading import (
     alike,
@@ -21,9 +21,9 @@ from workflows.fit.core.inspection.reading import (
     rounding,
     trigger_of,
 )
-from workflows.fit.core.parametric_wall import Box
+from workflows.fit.core.parametric_wall import Bounds
 from workflows.fit.inspection import numbers
-from workflows.fit.inspection.structure import Structure, structure
+from workflows.fit.inspection.structure import VariedScene, structure
 from workflows.fit.records import sensor_of, usable
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.pipeline import Progress
@@ -32,7 +32,7 @@ from workflows.sweep.cases import Base
 STEPS = 4.0  # of the model, in usual ones: 1e-5 of the largest signal
 
 
-class Request(NamedTuple):
+class InspectionRequest(NamedTuple):
     """What is asked for beside scene and records."""
 
     find: str
@@ -48,8 +48,8 @@ class Inspected(NamedTuple):
     scene: Scene
     inversion: Inversion
     rivals: tuple[Inversion, ...]  # that the records do not tell from it
-    fit: Fit
-    structure: Structure
+    fit: RecordFit
+    structure: VariedScene
     n_shared: int
     moved: float | None
     no_wall: str  # why none could be computed at the answer
@@ -59,7 +59,7 @@ class Inspected(NamedTuple):
 
 @usable()
 def inspected(
-    base: Base, records: tuple[Recorded, ...], request: Request, progress: Progress
+    base: Base, records: tuple[Recorded, ...], request: InspectionRequest, progress: Progress
 ) -> Inspected:
     """The numbers asked for; raises InvalidScene for records or requests that cannot be."""
     began = perf_counter()
@@ -71,7 +71,7 @@ def inspected(
     keys = tuple(p.name for p in (*found, *own[0]))
     if twice := next((key for key in keys if keys.count(key) > 1), None):
         raise InvalidScene(f"{twice} is found for all records and for --each; name it once.")
-    box = Box(*(np.array([getattr(p, end) for p in found]) for end in ("low", "high")))
+    box = Bounds(*(np.array([getattr(p, end) for p in found]) for end in ("low", "high")))
     model = structure(base, keys, box, len(found), progress)
     with progress("inversion"):
         fit, gains, known = problem(model, records, found, own)
@@ -87,7 +87,7 @@ def inspected(
 
 
 @usable()
-def problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...], bool]:
+def problem(model: VariedScene, records, found, own) -> tuple[RecordFit, tuple[str, ...], bool]:
     """The least-squares problem, the names of its gains, whether the records tell their noise."""
     pairs = [sensor_of(model.scene, channel) for channel in records[0].channels]
     gains = tuple(dict.fromkeys(name for _, name in pairs if name))
@@ -95,14 +95,14 @@ def problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...]
     starts = [np.array([p.start for p in (*found, *record)]) for record in own]
     dt, time_scale = _steps(model, starts)
     within = model.within if model.between else None
-    forward = Forward(model, tuple(sensor for sensor, _ in pairs), dt, within)
+    forward = StructureForward(model, tuple(sensor for sensor, _ in pairs), dt, within)
     triggers, shots, known = [], [], True
     for i, (one, start) in enumerate(zip(records, starts, strict=True), 1):
         require_samples(one.t, time_scale)
         noise, told = noise_of(one, time_scale)
         known = known and told
         shots.append(Shot(one.t, one.y, noise, rounding(one.y)))
-        longer = forward.shown(start, beyond(one.t) - one.t[0])
+        longer = forward.signals_of_run(start, beyond(one.t) - one.t[0])
         shown = longer[: len(one.t)]
         require_size(one, shown, group < 0)
         names = [f"{channel.name} of {one.name}" for channel in one.channels]
@@ -113,11 +113,11 @@ def problem(model: Structure, records, found, own) -> tuple[Fit, tuple[str, ...]
         [p._replace(name=f"{p.name}, record {i}") for p in record]
         for i, record in enumerate(own, 1)
     ]
-    fit = Fit(forward, unknowns(found, named, triggers), tuple(shots), group)
+    fit = RecordFit(forward, unknowns(found, named, triggers), tuple(shots), group)
     return fit, tuple(f"gain {name}" for name in gains), known
 
 
-def _steps(model: Structure, starts) -> tuple[float, float]:
+def _steps(model: VariedScene, starts) -> tuple[float, float]:
     """Step [s] of the model, and the time [s] within which its stiffest contact moves."""
     try:
         usual = min(dem.sensitivities.usual_step(*model(values)) for values in starts)
@@ -127,7 +127,7 @@ def _steps(model: Structure, starts) -> tuple[float, float]:
 
 
 def _answered(
-    fit: Fit, n_shared: int, gains: tuple[str, ...], request: Request
+    fit: RecordFit, n_shared: int, gains: tuple[str, ...], request: InspectionRequest
 ) -> tuple[Answer, tuple[Inversion, ...]]:
     """The answer, and others that the records do not tell from it; raises InvalidScene."""
     try:

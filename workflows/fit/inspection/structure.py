@@ -14,7 +14,7 @@ import dem
 import rom
 from workflows.fit.core.inspection.forward import System
 from workflows.fit.core.parametric_wall import (
-    Box,
+    Bounds,
     Computed,
     ParametricWall,
     design,
@@ -34,21 +34,21 @@ CHAINS = 16  # that are kept: many runs differ in the wall alone
 FAILURES = (InvalidScene, ValueError, ArithmeticError, np.linalg.LinAlgError)
 
 
-class Rows(NamedTuple):
+class KeyedChains(NamedTuple):
     """Chains of a scene by the values of the keys `of` that change them."""
 
     of: tuple[int, ...]
     chain: Callable[..., dem.Chain]
 
 
-class Structure(NamedTuple):
+class VariedScene(NamedTuple):
     """A scene whose keys take values (q,), `of_wall` those that its reduced wall follows."""
 
     scene: Scene
     base: Base
     keys: tuple[str, ...]
     surface: Any  # rom.Contact, of bodies
-    rows: Rows | None  # where nothing else of the scene follows from the keys
+    rows: KeyedChains | None  # where nothing else of the scene follows from the keys
     of_wall: tuple[int, ...] = ()
     between: ParametricWall | None = None
     fixed: dem.Wall | None = None
@@ -66,7 +66,7 @@ class Structure(NamedTuple):
         except InvalidScene as reason:
             raise coupling.CouplingError(str(reason)) from None
 
-    def of(self, scene: Scene, base: Base) -> "Structure":
+    def of(self, scene: Scene, base: Base) -> "VariedScene":
         """The same walls behind the chain of another scene."""
         rows = _rows(base, scene, self.keys, self.surface)
         return self._replace(scene=scene, base=base, rows=rows)
@@ -76,18 +76,18 @@ class Structure(NamedTuple):
             return self.between(values[list(self.of_wall)])
         return self.fixed if isinstance(scene.wall, RomWall) else simple_wall(scene)
 
-    def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "Structure":
+    def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "VariedScene":
         """The same with walls computed between narrower bounds (n,) of the first keys, where
         enough of them can be."""
         chosen = list(self.of_wall)
         keys = tuple(self.keys[i] for i in chosen)
         try:
-            between = _between(self.base, keys, Box(low[chosen], high[chosen]), SLOW)
+            between = _between(self.base, keys, Bounds(low[chosen], high[chosen]), SLOW)
         except FAILURES:
             return self
         return self._replace(between=between)
 
-    def through(self, values: NDArray[np.float64]) -> "Structure":
+    def through(self, values: NDArray[np.float64]) -> "VariedScene":
         """The same with the wall that is computed at these values; raises CouplingError where none
         can be."""
         there = values[list(self.of_wall)]
@@ -99,8 +99,8 @@ class Structure(NamedTuple):
 
 
 def structure(
-    base: Base, keys: tuple[str, ...], box: Box, n_shared: int, progress: Progress
-) -> Structure:
+    base: Base, keys: tuple[str, ...], box: Bounds, n_shared: int, progress: Progress
+) -> VariedScene:
     """The scene as a function of its keys, the first n_shared of them within the box.
 
     Computes the walls between which others lie where keys change a reduced wall. Raises
@@ -110,7 +110,7 @@ def structure(
     pipeline = pipeline_of(scene, progress)
     of_bodies = needs_structure(scene) and scene.is_general
     surface = pipeline("surface") if of_bodies else None
-    plain = Structure(scene, base, keys, surface, _rows(base, scene, keys, surface))
+    plain = VariedScene(scene, base, keys, surface, _rows(base, scene, keys, surface))
     if not isinstance(scene.wall, RomWall):
         return plain
     of_wall = tuple(i for i, key in enumerate(keys) if _changes_wall(base, pipeline, key))
@@ -121,14 +121,14 @@ def structure(
     if not of_wall:
         return plain._replace(fixed=_required(scene, pipeline("wall")))
     chosen = list(of_wall)
-    narrow = Box(box.low[chosen], box.high[chosen])
+    narrow = Bounds(box.low[chosen], box.high[chosen])
     with progress("walls"):
         degree = SLOW if scene.bending is None else QUICK
         between = _between(base, tuple(keys[i] for i in chosen), narrow, degree)
     return plain._replace(of_wall=of_wall, between=between)
 
 
-def _rows(base: Base, scene: Scene, keys: tuple[str, ...], surface: Any) -> Rows | None:
+def _rows(base: Base, scene: Scene, keys: tuple[str, ...], surface: Any) -> KeyedChains | None:
     """None where other values of the scene follow from a key."""
     if not all(_stands_alone(base, scene, key) for key in keys):
         return None
@@ -144,7 +144,7 @@ def _rows(base: Base, scene: Scene, keys: tuple[str, ...], surface: Any) -> Rows
         if not all(map(np.array_equal, usual, other)):
             of.append(i)
     names = tuple(keys[i] for i in of)
-    return Rows(tuple(of), lru_cache(CHAINS)(chain))
+    return KeyedChains(tuple(of), lru_cache(CHAINS)(chain))
 
 
 def _other(value: float) -> float:
@@ -172,7 +172,7 @@ def _required(scene: Scene, wall: dem.Wall | coupling.CoupledWall) -> dem.Wall:
     return wall
 
 
-def _between(base: Base, keys: tuple[str, ...], box: Box, degree: int) -> ParametricWall:
+def _between(base: Base, keys: tuple[str, ...], box: Bounds, degree: int) -> ParametricWall:
     middle, *others = design(box, degree)
     numbers, walls = [middle], [computed(moved(base, keys, middle))]
     for there in others:

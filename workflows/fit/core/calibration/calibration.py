@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from coupling.errors import CouplingError
-from workflows.fit.core.calibration.fitting import Fit
-from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.fitting import WindowFit
+from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.parameters import Parameter, Rig, coordinates, values
 from workflows.fit.core.calibration.scan import Scan
-from workflows.fit.core.calibration.search import Options, Search, Stage
+from workflows.fit.core.calibration.search import CoarseToFine, FitStage, Options
 from workflows.fit.core.calibration.signals import Filter, Signals
 from workflows.fit.core.calibration.uncertainty import Uncertainty, uncertainty
 
@@ -24,23 +24,23 @@ NO_FILTER = Filter()
 USUAL = Options()
 
 
-class Calibration(NamedTuple):
-    """What was found. Misfits are rms [m/s] of each sphere over all samples."""
+class CalibrationResult(NamedTuple):
+    """The parameters of least misfit. Misfits are rms [m/s] of each sphere over all samples."""
 
     parameters: tuple[Parameter, ...]
-    value: np.ndarray  # (p,)
+    value: np.ndarray  # (p,) in SI units
     at_bound: np.ndarray  # (p,) bool
     uncertainty: Uncertainty
-    data: np.ndarray  # (k, m) as it was fitted, filtered
-    model: np.ndarray  # (k, m) with what was found
-    start: np.ndarray  # (k, m) with what it started from
+    data: np.ndarray  # (k, m) [m/s] as it was fitted, filtered
+    model: np.ndarray  # (k, m) [m/s] at `value`
+    start: np.ndarray  # (k, m) [m/s] at what the parameters start from
     misfit: np.ndarray  # (m,)
     start_misfit: np.ndarray  # (m,)
     first_waves: np.ndarray  # (m,) [s] where the first windows end
     step_error: float  # [m/s] of the model: largest change with half the step
     same_starts: int  # how many starts of those tried found the same
     starts: int
-    stages: tuple[Stage, ...]
+    stages: tuple[FitStage, ...]
     scan: Scan | None
 
 
@@ -50,7 +50,7 @@ def calibrate(
     signals: Signals,
     filters: Filter = NO_FILTER,
     options: Options = USUAL,
-) -> Calibration:
+) -> CalibrationResult:
     """Parameters fitted to signals; raises CouplingError where there is nothing to fit.
 
     The filters are applied to the signals here.
@@ -58,38 +58,33 @@ def calibrate(
     v = filters.of_data(signals.v, signals.t[1] - signals.t[0])
     if v.size <= len(parameters):
         raise CouplingError(f"{v.size} samples do not determine {len(parameters)} parameters.")
-    forward = Forward(rig, parameters, signals._replace(v=v), filters)
-    fit = Fit(forward)
-    search = Search(fit, options)
-    theta = values(fit.parameters, search.found(coordinates(fit.parameters, forward.start)))
+    forward = ChainForward(rig, parameters, signals._replace(v=v), filters)
+    fit = WindowFit(forward)
+    search = CoarseToFine(fit, options)
+    z = search.solution(coordinates(fit.parameters, forward.start))
+    theta = values(fit.parameters, z)
     model, dv = forward.velocities_and_sensitivities(theta)
-    begun = forward.velocities(forward.start)
-    held = _at_bound(fit.parameters, theta)
-    weighted = fit.weights[:, None]
-    return Calibration(
-        fit.parameters,
-        theta,
-        held,
-        uncertainty(fit.parameters, (model - v) * fit.weights, dv * weighted, held),
-        v,
-        model,
-        begun,
-        _rms_of_columns(model - v),
-        _rms_of_columns(begun - v),
-        search.first_waves,
-        float(np.abs(forward.with_steps(0.5).velocities(theta) - model).max()),
-        search.same_starts,
-        search.starts,
-        tuple(search.stages),
-        search.scan,
+    start = forward.velocities(forward.start)
+
+    # parameters at a bound are fixed there: the covariance is that of the others
+    low, high = (np.array([getattr(p, b) for p in fit.parameters]) for b in ("low", "high"))
+    margin = 1e-6 * (high - low)
+    at_bound = (theta - low <= margin) | (high - theta <= margin)
+    residual, J = (model - v) * fit.weights, dv * fit.weights[:, None]
+    return CalibrationResult(
+        parameters=fit.parameters,
+        value=theta,
+        at_bound=at_bound,
+        uncertainty=uncertainty(fit.parameters, residual, J, at_bound),
+        data=v,
+        model=model,
+        start=start,
+        misfit=np.sqrt(np.mean((model - v) ** 2, axis=0)),
+        start_misfit=np.sqrt(np.mean((start - v) ** 2, axis=0)),
+        first_waves=search.first_waves,
+        step_error=float(np.abs(forward.with_steps(0.5).velocities(theta) - model).max()),
+        same_starts=search.same_starts,
+        starts=search.starts,
+        stages=tuple(search.stages),
+        scan=search.scan,
     )
-
-
-def _at_bound(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
-    low, high = (np.array([getattr(p, b) for p in parameters]) for b in ("low", "high"))
-    near = 1e-6 * (high - low)
-    return (theta - low <= near) | (high - theta <= near)
-
-
-def _rms_of_columns(residual: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.mean(residual**2, axis=0))

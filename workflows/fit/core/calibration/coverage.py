@@ -17,37 +17,38 @@ from workflows.fit.core.calibration.signals import Filter, aligned
 
 
 class Repeats(NamedTuple):
-    """What all repeats share: the rig fitted, what the instrument saw of the known one."""
+    """What all repeats share: the rig fitted, what the instrument shows of the known one."""
 
     rig: Rig
     twin: Twin
     band: float | None  # [Hz] low-pass of data and model
-    made: Clean
+    clean: Clean
     start: tuple[Parameter, ...]
 
     def fitted(self, runs: Sequence[int]) -> np.ndarray:
-        """(runs, 2, p): what was found and its two-sigma bar, each with noise of its own."""
-        filters, found = Filter(self.band, self.twin.instrument), []
+        """(runs, 2, p): values and their two-sigma bars, each run with noise of its own."""
+        filters, rows = Filter(self.band, self.twin.instrument), []
         for run in runs:
-            t, v = repeated(self.made, self.twin, run)
-            laid = aligned(t, v, tuple(n - 1 for n in self.made.spheres))
-            fit = calibrate(self.rig, self.start, laid.signals, filters, Options(local=True))
-            found.append([fit.value, fit.uncertainty.two_sigma])
-        return np.array(found)
+            t, v = repeated(self.clean, self.twin, run)
+            signals = aligned(t, v, tuple(n - 1 for n in self.clean.spheres)).signals
+            fit = calibrate(self.rig, self.start, signals, filters, Options(local=True))
+            rows.append([fit.value, fit.uncertainty.two_sigma])
+        return np.array(rows)
 
 
 def refitted(repeats: Repeats, runs: int) -> np.ndarray:
-    """`Repeats.fitted` of the runs after the first, in two processes, which end with this one's
-    interruption."""
-    parts = [range(1 + part, 1 + runs, 2) for part in range(2)]
+    """`Repeats.fitted` of the runs after the first, (runs, 2, p), in two processes, which end with
+    this one's interruption."""
+    halves = [range(1 + first, 1 + runs, 2) for first in range(2)]
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        unblocked = pthread_sigmask(SIG_BLOCK, {SIGINT})  # inherited: Ctrl-C is this one's to tell
+        # what is blocked is inherited: Ctrl-C reaches this process alone, which ends the others
+        unblocked = pthread_sigmask(SIG_BLOCK, {SIGINT})
         try:
-            found = pool.map(partial(Repeats.fitted, repeats), parts)
+            results = pool.map(partial(Repeats.fitted, repeats), halves)
         finally:
             pthread_sigmask(SIG_SETMASK, unblocked)
         try:
-            return np.vstack([part for part in found if len(part)])
+            return np.vstack([rows for rows in results if len(rows)])
         except BaseException:
             for process in active_children():
                 process.terminate()

@@ -11,10 +11,10 @@ from workflows.fit.core.calibration.sensed import require_summable, sensed, with
 from workflows.fit.core.calibration.signals import Filter, Signals
 
 NO_FILTER = Filter()
-SEARCHED = 0.15  # time between the samples of a search, in time scales of the stiffest contact
+SEARCH_SAMPLING = 0.15  # time between samples of a search, over that of the stiffest contact
 
 
-class Forward:
+class ChainForward:
     """Model velocities at the times of the signals, as a function of theta (p,)."""
 
     def __init__(
@@ -40,14 +40,14 @@ class Forward:
             raise CouplingError("the record ends before the first touch; check the trigger.")
 
     def velocities(self, theta: np.ndarray, first: int | None = None) -> np.ndarray:
-        """(k, m) [m/s], or only the first samples of them."""
-        return self._seen(theta, False, first)[0]
+        """(k, m) [m/s] at theta (p,), or only the `first` samples of them."""
+        return self._march(theta, False, first)[0]
 
     def velocities_and_sensitivities(
         self, theta: np.ndarray, first: int | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(k, m) and their derivatives (k, m, p)."""
-        return self._seen(theta, True, first)
+        """(k, m) [m/s] and their derivatives by theta (k, m, p)."""
+        return self._march(theta, True, first)
 
     @property
     def touch(self) -> float:
@@ -61,28 +61,33 @@ class Forward:
         k = len(windows)
         return k if self.filters.band else k - int(windows.any(axis=1)[::-1].argmax())
 
-    def with_steps(self, steps: float) -> "Forward":
+    def with_steps(self, steps: float) -> "ChainForward":
         """The same model with other steps, in usual ones."""
-        return Forward(self.rig, self.parameters, self.signals, self.filters, steps)
+        return ChainForward(self.rig, self.parameters, self.signals, self.filters, steps)
 
-    def of_velocities(self) -> "Forward":
+    def of_velocities(self) -> "ChainForward":
         """The same model with the velocities of the sensors' spheres."""
         signals = self.signals._replace(channels=None)
-        return Forward(self.rig, self.parameters, signals, self.filters, self.steps)
+        return ChainForward(self.rig, self.parameters, signals, self.filters, self.steps)
 
-    def coarser(self, steps: float) -> "Forward":
+    def coarser(self, steps: float) -> "ChainForward":
         """Larger steps, in usual ones, and fewer samples, for a search."""
-        signals, every = self.signals, self._every()
-        thinned = signals._replace(t=signals.t[::every], v=signals.v[::every])
-        return Forward(self.rig, self.parameters, thinned, self.filters, steps)
-
-    def _every(self) -> int:
         dt = self.signals.t[1] - self.signals.t[0]
-        return max(1, int(SEARCHED * self.time_scale / dt))
+        every = max(1, int(SEARCH_SAMPLING * self.time_scale / dt))
+        thinned = self.signals._replace(t=self.signals.t[::every], v=self.signals.v[::every])
+        return ChainForward(self.rig, self.parameters, thinned, self.filters, steps)
 
-    def _seen(
+    def misfits(self, theta: np.ndarray) -> dict[str, float]:
+        """rms misfit [m/s] to the signals at theta (p,), by their names."""
+        dt = self.signals.t[1] - self.signals.t[0]
+        residual = self.velocities(theta) - self.filters.of_data(self.signals.v, dt)
+        rms = np.sqrt(np.mean(residual**2, axis=0))
+        return dict(zip(self.signals.names, map(float, rms), strict=True))
+
+    def _march(
         self, theta: np.ndarray, sensitivities: bool, first: int | None
     ) -> tuple[np.ndarray, np.ndarray]:
+        """Velocities (k, m) [m/s] and derivatives (k, m, p), p = 0 without sensitivities."""
         t, rig = self.signals.t[:first], rig_at(self.rig, self.parameters, theta)
         channels = self.signals.channels
         duration = max(self.duration - (self.signals.t[-1] - t[-1]), 4 * self.dt)
@@ -96,28 +101,26 @@ class Forward:
             observed=channels.observed if channels else self.signals.spheres,
         )
         dt = t[1] - t[0]
+
+        # sensors: their signals, scaled to velocities
         if channels:
             free = self.parameters if sensitivities else ()
             at = np.clip(t - rig.trigger, 0.0, duration)
             v, _, dv = sensed(run, rig, channels, free, at)
             v, dv = with_gains(v, dv, channels, self.parameters, theta)
             return self.filters.of_data(v, dt), self.filters.of_data(dv, dt)
-        late = rig.trigger + self.filters.lag(dt)
-        when = _refined(t, self.filters.refinement(dt)) - late
-        v, a, dv = run.at(np.clip(when, 0.0, duration))
+
+        # velocities behind an instrument: finer times for its filter, later by its lag
+        lag = rig.trigger + self.filters.lag(dt)
+        at = refined(t, self.filters.refinement(dt)) - lag
+        v, a, dv = run.at(np.clip(at, 0.0, duration))
         for j, p in enumerate(self.parameters if sensitivities else ()):
-            if p.kind == "trigger":
-                dv[:, :, j] = -np.where((when > 0)[:, None], a, 0.0)
-        seen = self.filters.of_model(v, dt)
-        return seen, self.filters.of_model(dv, dt) if sensitivities else dv
-
-    def misfits(self, theta: np.ndarray) -> dict[str, float]:
-        """rms misfit [m/s] to the signals at theta (p,), by their names."""
-        dt = self.signals.t[1] - self.signals.t[0]
-        off = self.velocities(theta) - self.filters.of_data(self.signals.v, dt)
-        rms = np.sqrt(np.mean(off**2, axis=0))
-        return dict(zip(self.signals.names, map(float, rms), strict=True))
+            if p.kind == "trigger":  # dv/dt by a later start is -a, nothing before it
+                dv[:, :, j] = -np.where((at > 0)[:, None], a, 0.0)
+        v = self.filters.of_model(v, dt)
+        return v, self.filters.of_model(dv, dt) if sensitivities else dv
 
 
-def _refined(t: np.ndarray, fine: int) -> np.ndarray:
-    return t if fine == 1 else np.linspace(t[0], t[-1], fine * (len(t) - 1) + 1)
+def refined(t: np.ndarray, factor: int) -> np.ndarray:
+    """Equal times t (k,) [s] and factor - 1 more between any two of them."""
+    return t if factor == 1 else np.linspace(t[0], t[-1], factor * (len(t) - 1) + 1)

@@ -8,29 +8,29 @@ from numpy.typing import NDArray
 
 from dem.waves.arrivals import peaks
 
-HIGH = 0.3  # of the largest force: a wave
-PARTED = 0.1  # of the crest, between waves that do not overlap
-GONE = 0.02  # of the crest, after it
+HIGH = 0.3  # of the largest force: crests above it are waves
+PARTED = 0.1  # of the crest: a force that stays above it before the next wave belongs to both
+GONE = 0.02  # of the crest: a wave has passed when the force is below it
 
 
 class Impulse(NamedTuple):
     """Of the first wave."""
 
     impulse: float  # [N s]
-    end: float  # [s]
-    samples: int
+    end: float  # [s] when it has passed
+    samples: int  # from the start of the record to there
 
 
 def incident_impulse(t: NDArray[np.float64], force: NDArray[np.float64]) -> Impulse | None:
-    """From the start of a record (k,) to where its first wave has gone; None where there is none,
-    or where the next one comes before that."""
-    tops = peaks(force, HIGH * force.max(initial=0.0))
-    if not tops:
+    """Integral of a force (k,) [N] over t (k,) [s] from the start of a record to where its first
+    wave has passed; None without a wave, or where the next one comes before that."""
+    crests = peaks(force, HIGH * force.max(initial=0.0))
+    if not crests:
         return None
-    top = tops[0]
-    after = force[top : tops[1] if len(tops) > 1 else None]
-    gone = np.flatnonzero(after < GONE * force[top])
-    end = top + int(gone[0] if gone.size else after.argmin())
-    if force[end] > PARTED * force[top]:
+    crest = crests[0]
+    falling = force[crest : crests[1] if len(crests) > 1 else None]
+    passed = np.flatnonzero(falling < GONE * force[crest])
+    end = crest + int(passed[0] if passed.size else falling.argmin())
+    if force[end] > PARTED * force[crest]:
         return None
     return Impulse(float(np.trapezoid(force[: end + 1], t[: end + 1])), float(t[end]), end + 1)

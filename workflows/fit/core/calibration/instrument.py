@@ -12,7 +12,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 from dem import Chain, Wall, march_to_error
 from workflows.fit.core.calibration.signals import Filter
 
-MARCHED = 1e-8  # relative velocity error of the data's own march
+MARCHED = 1e-8  # relative velocity error of the march that makes the data
 OVERSAMPLED = 4  # samples of the march per sample of the instrument
 
 
@@ -49,8 +49,8 @@ def clean_signals(
     """The known rig marched for a duration [s] and filtered; spheres are counted from 1."""
     rate, observed = OVERSAMPLED * twin.sampling, [n - 1 for n in spheres]
     n = round(duration * rate)
-    found = march_to_error(chain, wall, v0, duration=n / rate, error=MARCHED, n_save=n)
-    return shown(found.trajectory.v[:, observed], v0[observed], twin, spheres)
+    run = march_to_error(chain, wall, v0, duration=n / rate, error=MARCHED, n_save=n)
+    return shown(run.trajectory.v[:, observed], v0[observed], twin, spheres)
 
 
 def shown(v: np.ndarray, v0: np.ndarray, twin: Twin, spheres: tuple[int, ...]) -> Clean:
@@ -59,26 +59,26 @@ def shown(v: np.ndarray, v0: np.ndarray, twin: Twin, spheres: tuple[int, ...]) -
     v = np.vstack([np.tile(v0, (round(twin.before * rate), 1)), v])
     sos = butter(4, twin.instrument, fs=rate, output="sos")
     v = sosfilt(sos, v, axis=0, zi=sosfilt_zi(sos)[:, :, None] * v[0])[0]
-    late = Filter(instrument=twin.instrument).lag(1.0 / rate)
-    return Clean(np.arange(len(v)) / rate + late, v, spheres)
+    lag = Filter(instrument=twin.instrument).lag(1.0 / rate)
+    return Clean(np.arange(len(v)) / rate + lag, v, spheres)
 
 
-def repeated(made: Clean, twin: Twin, run: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def repeated(clean: Clean, twin: Twin, run: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """Times (k,) [s] and velocities (repeats, k, m) [m/s] of one experiment, with jitter of the
     trigger and noise; `run` seeds both."""
     rng = np.random.default_rng([twin.seed, 1, run])
+
+    # the record ends four standard deviations of the trigger before the march does
     edge = int(np.ceil(4 * twin.jitter * twin.sampling * OVERSAMPLED)) if twin.repeats > 1 else 0
-    last = len(made.t) - 1 - edge
-    t = np.arange(0, int((made.t[last] - made.t[0]) * twin.sampling) + 1) / twin.sampling
+    last = len(clean.t) - 1 - edge
+    t = np.arange(0, int((clean.t[last] - clean.t[0]) * twin.sampling) + 1) / twin.sampling
     late = twin.jitter * rng.standard_normal(twin.repeats) if twin.repeats > 1 else np.zeros(1)
     late -= late.mean()
-    signals = [np.array([np.interp(t - s, made.t, x) for x in made.v.T]).T for s in late]
-    return t, np.array(signals) + _noise(rng, twin, len(t), made)
+    signals = [np.array([np.interp(t - s, clean.t, x) for x in clean.v.T]).T for s in late]
 
-
-def _noise(rng, twin: Twin, k: int, made: Clean) -> np.ndarray:
-    """White noise through the instrument's low-pass, (repeats, k, m), of the rms asked for."""
-    fine = rng.standard_normal((twin.repeats, OVERSAMPLED * k + 400, len(made.spheres)))
+    # white noise through the instrument's low-pass, without its first 400 samples, scaled to the
+    # rms that is wanted
+    white = rng.standard_normal((twin.repeats, OVERSAMPLED * len(t) + 400, len(clean.spheres)))
     sos = butter(4, twin.instrument, fs=OVERSAMPLED * twin.sampling, output="sos")
-    seen = sosfilt(sos, fine, axis=1)[:, 400:]
-    return twin.noise * (seen / seen.std())[:, ::OVERSAMPLED]
+    noise = sosfilt(sos, white, axis=1)[:, 400:]
+    return t, np.array(signals) + twin.noise * (noise / noise.std())[:, ::OVERSAMPLED]

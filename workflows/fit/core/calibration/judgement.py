@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflows.fit.core.calibration.calibration import Calibration
+from workflows.fit.core.calibration.calibration import CalibrationResult
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.search import decisive
 from workflows.fit.core.calibration.signals import Signals
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from workflows.fit.core.calibration.posterior import Posterior  # loads the sampler
 
 SHARES = (0.02275, 0.5, 0.97725)  # of the quantiles: two sigma of a Gaussian to either side
-DIFFERENT = 0.1  # of two sigma, by a quantile from the end of its bar
+DIFFERENT = 0.1  # of two sigma, between a quantile and the end of the bar: worth a sentence
 IDENTIFIED = 0.1  # two-sigma bar relative to the value, or to ten scales of one that may be 0
-WEAK = 0.5
-SUSPICIOUS = 1.05  # what noise alone reaches once in a thousand records
-GUESSED = 1.1  # the same for noise that is known from one record alone
-EXPLAINED = 1.5  # misfit over the noise of the mean
-TOLD = 3  # combinations that the data cannot tell apart
-MISSED = 3.0  # times what the fitted spheres leave: a sphere held out that is not predicted
-BLURRED = 0.2  # step error over the misfit that is worth a sentence
+WEAK = 0.5  # the same, up to which a parameter is weakly identified
+SUSPICIOUS = 1.05  # misfit over the noise that noise alone reaches once in a thousand records
+GUESSED = 1.1  # the same for noise that is estimated from one record
+EXPLAINED = 1.5  # misfit over the noise above which the model does not explain the data
+TOLD = 3  # combinations that the data cannot separate, named at most
+MISSED = 3.0  # misfit of a sphere held out, over that of the fitted ones, that is no prediction
+BLURRED = 0.2  # step error over the misfit: worth a sentence
 
 
 def identifiable(p: Parameter, value: float, bar: float) -> str:
@@ -34,7 +34,7 @@ def identifiable(p: Parameter, value: float, bar: float) -> str:
     return "yes" if share <= IDENTIFIED else "weakly" if share <= WEAK else "no"
 
 
-def combinations(fit: Calibration) -> list[str]:
+def combinations(fit: CalibrationResult) -> list[str]:
     """The three worst determined combinations, each with its bar in scales of the parameters."""
     return [
         f"{c.text(fit.parameters)}: two sigma {c.two_sigma:.2g} scales"
@@ -42,14 +42,34 @@ def combinations(fit: Calibration) -> list[str]:
     ]
 
 
-def remarks(fit: Calibration, noise: float | None, signals: Signals) -> Iterator[str]:
+def remarks(fit: CalibrationResult, noise: float | None, signals: Signals) -> Iterator[str]:
     """Sentences on the misfit beside the noise [m/s], and on what the data does not determine."""
     if signals.channels:
-        each = zip(signals.names, signals.channels.units, signals.channels.scale, strict=True)
-        told = ", ".join(f"{scale:.3g} {unit} of {name}" for name, unit, scale in each)
-        yield f"Signals are fitted as the velocities of their spheres: 1 m/s stands for {told}."
+        rows = zip(signals.names, signals.channels.units, signals.channels.scale, strict=True)
+        scales = ", ".join(f"{scale:.3g} {unit} of {name}" for name, unit, scale in rows)
+        yield f"Signals are fitted as the velocities of their spheres: 1 m/s stands for {scales}."
     yield from _on_misfit(fit, noise, signals.repeats)
-    yield from _on_combinations(fit)
+
+    # what the data does not determine, or determines least
+    directions = fit.uncertainty.combinations
+    undetermined = [c for c in directions if not c.two_sigma < 2.0]
+    for combination in undetermined[:TOLD]:
+        yield (
+            f"The data cannot separate: {combination.text(fit.parameters)} (two sigma "
+            f"{combination.two_sigma:.2g} of their scales)."
+        )
+    if len(undetermined) > TOLD:
+        yield (
+            f"Nor can it separate {len(undetermined) - TOLD} more of {len(directions)} "
+            "combinations; free fewer parameters or measure further spheres."
+        )
+    if directions and not undetermined:
+        worst = directions[0]
+        yield (
+            f"Least determined: {worst.text(fit.parameters)} (two sigma {worst.two_sigma:.2g} of "
+            "their scales); near the solution no parameter is left undetermined."
+        )
+
     for stage in fit.stages:
         if not stage.converged:
             yield f"Stage '{stage.name}' stopped after {stage.evaluations} runs, not converged."
@@ -57,54 +77,49 @@ def remarks(fit: Calibration, noise: float | None, signals: Signals) -> Iterator
         yield f"{fit.same_starts} of {fit.starts} starts found the misfit that is reported."
 
 
-def _on_combinations(fit: Calibration):
-    """What the data does not determine, or determines least."""
-    found = fit.uncertainty.combinations
-    unseen = [c for c in found if not c.two_sigma < 2.0]
-    for combination in unseen[:TOLD]:
-        yield (
-            f"The data cannot separate: {combination.text(fit.parameters)} (two sigma "
-            f"{combination.two_sigma:.2g} of their scales)."
-        )
-    if len(unseen) > TOLD:
-        yield (
-            f"Nor can it separate {len(unseen) - TOLD} more of {len(found)} combinations; free "
-            "fewer parameters or measure further spheres."
-        )
-    if found and not unseen:
-        yield (
-            f"Least determined: {found[0].text(fit.parameters)} (two sigma {found[0].two_sigma:.2g}"
-            " of their scales); near the solution no parameter is left undetermined."
-        )
-
-
-def _on_misfit(fit: Calibration, noise: float | None, repeats: int):
-    """What the misfit says beside the noise and beside the model's own error."""
-    total = float(np.sqrt(np.mean(fit.misfit**2)))
+def _on_misfit(fit: CalibrationResult, noise: float | None, repeats: int) -> Iterator[str]:
+    """What the misfit says beside the noise [m/s] and beside the model's own error."""
+    misfit = float(np.sqrt(np.mean(fit.misfit**2)))
+    source = "the repeats tell" if repeats > 1 else "the record tells between its waves"
+    of_mean = "noise of the mean" if repeats > 1 else "noise"
     if noise is None:
         yield (
             f"The noise cannot be estimated from one record of so many waves: whether "
-            f"{1e3 * total:.3g} mm/s is noise or a wrong chain remains open; measure repeats."
+            f"{1e3 * misfit:.3g} mm/s is noise or a wrong chain remains open; measure repeats."
+        )
+    elif misfit > EXPLAINED * noise:
+        yield (
+            f"The misfit of {1e3 * misfit:.3g} mm/s is {misfit / noise:.2g} times the {of_mean}, "
+            f"{1e3 * noise:.3g} mm/s: the model does not explain all of the data, and the bars "
+            "hold only for what it leaves as if it were noise."
+        )
+    elif misfit > (SUSPICIOUS if repeats > 1 else GUESSED) * noise:
+        yield (
+            f"The misfit is {misfit / noise:.3g} times the {of_mean}: contacts that no laser "
+            "stands between may be swapped, try more --starts or measure further spheres."
         )
     else:
-        yield _beside_noise(total, noise, repeats)
-        if not decisive(noise, np.abs(fit.data).max(), fit.parameters, fit.data):
-            yield (
-                "At this noise, or with so few spheres measured, a chain with swapped contacts "
-                "may leave hardly more, which the "
-                f"bars do not hold ({fit.same_starts} of {fit.starts} starts found this one): "
-                "measure more repeats or spheres, or hold a sphere out."
-            )
-    if fit.step_error > BLURRED * total:
+        yield (
+            f"The misfit is {misfit / noise:.3g} times the {of_mean} of which {source}: noise "
+            "alone leaves as much."
+        )
+    largest = np.abs(fit.data).max()
+    if noise is not None and not decisive(noise, largest, fit.parameters, fit.data):
+        yield (
+            "At this noise, or with so few spheres measured, a chain with swapped contacts may "
+            f"leave hardly more, which the bars do not hold ({fit.same_starts} of {fit.starts} "
+            "starts found this one): measure more repeats or spheres, or hold a sphere out."
+        )
+    if fit.step_error > BLURRED * misfit:
         yield (
             f"The model's own step error reaches {1e3 * fit.step_error:.2g} mm/s beside a misfit "
-            f"of {1e3 * total:.2g} mm/s: the bars do not hold it."
+            f"of {1e3 * misfit:.2g} mm/s: the bars do not hold it."
         )
 
 
-def on_held_out(left_out: dict[str, float], fit: Calibration):
+def on_held_out(left_out: dict[str, float], fit: CalibrationResult) -> Iterator[str]:
     """A sentence on each sphere that was not fitted and is missed by far more than those that were;
-    left_out [m/s] by the sphere's number."""
+    left_out: misfits [m/s] by the sphere's number."""
     fitted = float(np.sqrt(np.mean(fit.misfit**2)))
     for sphere, misfit in left_out.items():
         if misfit > MISSED * fitted:
@@ -115,58 +130,35 @@ def on_held_out(left_out: dict[str, float], fit: Calibration):
             )
 
 
-def _beside_noise(total: float, noise: float, repeats: int) -> str:
-    known = "the repeats tell" if repeats > 1 else "the record tells between its waves"
-    of_mean = "noise of the mean" if repeats > 1 else "noise"
-    if total > EXPLAINED * noise:
-        return (
-            f"The misfit of {1e3 * total:.3g} mm/s is {total / noise:.2g} times the {of_mean}, "
-            f"{1e3 * noise:.3g} mm/s: the model does not explain all of the data, and the bars "
-            "hold only for what it leaves as if it were noise."
-        )
-    if total > (SUSPICIOUS if repeats > 1 else GUESSED) * noise:
-        return (
-            f"The misfit is {total / noise:.3g} times the {of_mean}: contacts that no laser "
-            "stands between may be swapped, try more --starts or measure further spheres."
-        )
-    return (
-        f"The misfit is {total / noise:.3g} times the {of_mean} of which {known}: noise alone "
-        "leaves as much."
-    )
-
-
-def on_posterior(drawn: Posterior, fit: Calibration, *, seed: int, seconds: float) -> str:
+def on_posterior(posterior: Posterior, fit: CalibrationResult, *, seed: int, seconds: float) -> str:
     """How the samples of a posterior came about, and what they say beyond the bars."""
-    cost = f"{drawn.model_runs} model runs in {seconds:.1f} s, seed {seed}"
-    tau = float(drawn.autocorrelation.max())
-    if not (np.isfinite(tau) and drawn.long_enough):
+    cost = f"{posterior.model_runs} model runs in {seconds:.1f} s, seed {seed}"
+    tau = float(posterior.autocorrelation.max())
+    if not (np.isfinite(tau) and posterior.long_enough):
         times = f"of {tau:.3g} steps" if np.isfinite(tau) else "that cannot be told"
         return (
-            f"The posterior is not shown: {drawn.kept} steps of {drawn.walkers} walkers are too "
-            f"few for autocorrelation times {times} (50 of them are needed); {cost}. Free fewer "
-            "parameters, or those that the data determines."
+            f"The posterior is not shown: {posterior.kept} steps of {posterior.walkers} walkers "
+            f"are too few for autocorrelation times {times} (50 of them are needed); {cost}. Free "
+            "fewer parameters, or those that the data determines."
         )
-    different = _unlike(drawn, fit)
+
+    # parameters without a bar, or whose bar ends elsewhere than the samples do
+    low, _, high = posterior.quantiles(SHARES)
+    bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
+    off = np.maximum(np.abs(fit.value - bars - low), np.abs(fit.value + bars - high))
+    unlike = [
+        p.name
+        for p, bar, difference in zip(fit.parameters, bars, off, strict=True)
+        if not np.isfinite(bar) or difference > DIFFERENT * bar
+    ]
     verdict = (
-        f"differ from their bars by more than a tenth of two sigma: {', '.join(different)}"
-        if different
+        f"differ from their bars by more than a tenth of two sigma: {', '.join(unlike)}"
+        if unlike
         else "agree with the bars to a tenth of two sigma"
     )
     return (
-        f"Posterior, flat between the bounds: {drawn.effective:.0f} effective samples "
-        f"({drawn.walkers} walkers, {drawn.kept} steps, autocorrelation "
-        f"{tau:.3g} steps, {100 * drawn.acceptance:.0f} % accepted; {cost}); "
+        f"Posterior, flat between the bounds: {posterior.effective:.0f} effective samples "
+        f"({posterior.walkers} walkers, {posterior.kept} steps, autocorrelation "
+        f"{tau:.3g} steps, {100 * posterior.acceptance:.0f} % accepted; {cost}); "
         f"its quantiles {verdict}."
     )
-
-
-def _unlike(drawn: Posterior, fit: Calibration) -> list[str]:
-    """Parameters without a bar, or whose bar ends elsewhere than the samples do."""
-    low, _, high = drawn.quantiles(SHARES)
-    bars = np.where(fit.at_bound, np.inf, fit.uncertainty.two_sigma)
-    each = zip(fit.parameters, fit.value, bars, low, high, strict=True)
-    return [
-        p.name
-        for p, x, bar, least, most in each
-        if not np.isfinite(bar) or max(abs(x - bar - least), abs(x + bar - most)) > DIFFERENT * bar
-    ]

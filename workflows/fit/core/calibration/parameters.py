@@ -17,7 +17,7 @@ RATIOS = ("contact", "preload", "striker", "frequency", "mass", "gain")  # > 0, 
 
 
 class Parameter(NamedTuple):
-    """One number to be found; `scale` is a change of it that counts as large."""
+    """One number to be fitted; `scale` is a change of it that counts as large."""
 
     name: str
     kind: str  # contact, preload, dissipation, striker, trigger, frequency, mass, damping, gain
@@ -30,40 +30,47 @@ class Parameter(NamedTuple):
 
     @property
     def of_wall(self) -> bool:
+        """Whether it belongs to the wall, else to the chain or the record."""
         return self.kind in OF_WALL
 
     @property
     def relative(self) -> float:
-        """Its scale as a ratio, of one that is varied by factors."""
+        """Its scale over its start, for one that is varied by factors."""
         return self.scale / self.start
 
 
 def coordinates(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
     """z (p,): what a fit varies, in scales; logarithms of parameters that are varied by factors."""
-    pairs = zip(parameters, theta, strict=True)
-    return np.array([np.log(x) / p.relative if p.kind in RATIOS else x / p.scale for p, x in pairs])
+    return np.array([
+        np.log(x) / p.relative if p.kind in RATIOS else x / p.scale
+        for p, x in zip(parameters, theta, strict=True)
+    ])  # fmt: skip
 
 
 def values(parameters: Sequence[Parameter], z: np.ndarray) -> np.ndarray:
     """theta (p,) of coordinates z (p,)."""
-    pairs = zip(parameters, z, strict=True)
-    return np.array([np.exp(x * p.relative) if p.kind in RATIOS else x * p.scale for p, x in pairs])
+    return np.array([
+        np.exp(x * p.relative) if p.kind in RATIOS else x * p.scale
+        for p, x in zip(parameters, z, strict=True)
+    ])  # fmt: skip
 
 
 def slopes(parameters: Sequence[Parameter], theta: np.ndarray) -> np.ndarray:
     """(p,) derivative of theta by z."""
-    pairs = zip(parameters, theta, strict=True)
-    return np.array([x * p.relative if p.kind in RATIOS else p.scale for p, x in pairs])
+    return np.array([
+        x * p.relative if p.kind in RATIOS else p.scale
+        for p, x in zip(parameters, theta, strict=True)
+    ])  # fmt: skip
 
 
 class Rig(NamedTuple):
-    """What the parameters start from; damping (d, k): derivative of zeta by each damping ratio."""
+    """Chain, wall and impact that the parameters start from."""
 
     chain: Chain
     wall: Wall | None
-    v0: np.ndarray  # (n,) [m/s]
-    damping: np.ndarray | None = None
-    trigger: float = 0.0  # [s]
+    v0: np.ndarray  # (n,) [m/s] before the impact
+    damping: np.ndarray | None = None  # (d, k) derivative of the wall's zeta by each damping ratio
+    trigger: float = 0.0  # [s] first touch on the record's clock
 
 
 def rig_at(rig: Rig, parameters: tuple[Parameter, ...], theta: np.ndarray) -> Rig:

@@ -21,36 +21,45 @@ from typing import NamedTuple
 import numpy as np
 
 from dem import InvalidChain, NoEquilibrium
-from workflows.fit.core.calibration.calibration import Calibration
+from workflows.fit.core.calibration.calibration import CalibrationResult
 from workflows.fit.core.calibration.fitting import weights
-from workflows.fit.core.calibration.forward import Forward
+from workflows.fit.core.calibration.forward import ChainForward
 from workflows.fit.core.calibration.uncertainty import noise_along
 
-STEPS = 2.5  # of the model, in usual ones: only its change from the answer on is needed
-INDEPENDENT = 0.75  # share of the proposals that do not look at the walkers
-FREEDOM = 20.0  # degrees of freedom of these
-BLOCK = 100  # steps between two looks at the autocorrelation
-DISCARDED = 0.2  # of the steps: what the walkers started from
-ENOUGH = 50.0  # autocorrelation times in a chain that can be shown: emcee's advice
-RUNS = 150_000  # of the model, at most
+
+class Sampling(NamedTuple):
+    """Options of the sampler. `enough` is emcee's advice; the others have not been varied
+    systematically."""
+
+    steps: float = 2.5  # of the model, in usual ones: only its change from the answer on is needed
+    independent: float = 0.75  # share of the proposals that do not depend on the walkers
+    block: int = 100  # steps between two looks at the autocorrelation
+    discarded: float = 0.2  # share of the steps that still remember where the walkers started
+    enough: float = 50.0  # autocorrelation times in a chain that can be shown
+    runs: int = 150_000  # of the model, at most
+
+
+SAMPLING = Sampling()
+FREEDOM = 20.0  # degrees of freedom of the Student distribution: tails heavier than the Gaussian's
 
 
 class Posterior(NamedTuple):
     """Samples and how far to believe them; times are in steps of the walkers."""
 
-    samples: np.ndarray  # (walkers * kept, p)
+    samples: np.ndarray  # (walkers * kept, p) in SI units
     log_probability: np.ndarray  # (walkers * kept,) relative to the answer
     autocorrelation: np.ndarray  # (p,) integrated times
-    kept: int
-    discarded: int
+    kept: int  # steps of each walker among the samples
+    discarded: int  # steps of each walker before them
     walkers: int
-    acceptance: float
+    acceptance: float  # share of the proposals
     model_runs: int
+    enough: float = SAMPLING.enough  # autocorrelation times that a chain must have
 
     @property
     def long_enough(self) -> bool:
         """Whether every parameter's autocorrelation time goes often enough into the chain."""
-        return bool(np.all(ENOUGH * self.autocorrelation <= self.kept))
+        return bool(np.all(self.enough * self.autocorrelation <= self.kept))
 
     @property
     def effective(self) -> float:
@@ -58,71 +67,89 @@ class Posterior(NamedTuple):
         return self.walkers * self.kept / float(np.max(self.autocorrelation))
 
     def quantiles(self, shares: tuple[float, ...]) -> np.ndarray:
-        """(shares, p)"""
+        """(shares, p) values below which these shares of the samples lie."""
         return np.quantile(self.samples, shares, axis=0)
 
 
-class Target:
-    """The posterior of a fit; raises nothing where a run is impossible, its probability is 0."""
+class LogPosterior:
+    """The posterior of a fit around its answer; raises nothing where a run is impossible, its
+    probability is 0.
 
-    def __init__(self, forward: Forward, fit: Calibration) -> None:
-        self.forward, self.answer = forward.with_steps(STEPS), fit.value
+    `answer` (p,), `low` and `high` (p,) are parameters in SI units; `shape` (p, p) is a root of the
+    covariance there: theta = answer + shape y with y about standard normal.
+    """
+
+    def __init__(
+        self, forward: ChainForward, fit: CalibrationResult, steps: float = SAMPLING.steps
+    ) -> None:
+        self.forward, self.answer = forward.with_steps(steps), fit.value
         self.low, self.high = (
             np.array([getattr(p, end) for p in fit.parameters]) for end in ("low", "high")
         )
         self.weights = weights(forward.signals.spread)
+
+        # by longer steps: the model's own error at the answer is taken off
         residual = (fit.model - fit.data) * self.weights
-        self.offset = residual - self._seen(fit.value)
+        self.offset = residual - self._weighted_velocities(fit.value)
+
+        # J = U s V^T in scales; W = U (along) U^T + I / mean_noise
         scale = np.array([p.scale for p in fit.parameters])
         J = forward.velocities_and_sensitivities(fit.value)[1] * self.weights[:, None] * scale
         self.U, s, Vt = np.linalg.svd(J.reshape(residual.size, -1), full_matrices=False)
         noise = noise_along(self.U.reshape(*residual.shape, -1), residual)
         self.mean_noise = np.trace(noise) / len(scale)
         self.along = np.linalg.inv(noise) - np.eye(len(scale)) / self.mean_noise
-        self.shape = scale[:, None] * _square_root(Vt.T * s, noise, (self.high - self.low) / scale)
-        self.best = self._weighted(residual)
+        root = covariance_root(Vt.T * s, noise, (self.high - self.low) / scale)
+        self.shape = scale[:, None] * root
+        self.best = self._square(residual)
 
     def log_probability(self, theta: np.ndarray) -> float:
         """Relative to the answer, of theta (p,)."""
         if np.any(theta < self.low) or np.any(theta > self.high):
             return -np.inf
         try:
-            residual = self.offset + self._seen(theta)
+            residual = self.offset + self._weighted_velocities(theta)
         except (InvalidChain, NoEquilibrium):
             return -np.inf
-        return 0.5 * (self.best - self._weighted(residual))
+        return 0.5 * (self.best - self._square(residual))
 
-    def _seen(self, theta: np.ndarray) -> np.ndarray:
+    def _weighted_velocities(self, theta: np.ndarray) -> np.ndarray:
         return self.forward.velocities(theta) * self.weights
 
-    def _weighted(self, residual: np.ndarray) -> float:
+    def _square(self, residual: np.ndarray) -> float:
         """r^T W r"""
         along = residual.ravel() @ self.U
         return float(along @ self.along @ along + np.sum(residual**2) / self.mean_noise)
 
 
-def _square_root(by_scale: np.ndarray, noise: np.ndarray, reach: np.ndarray) -> np.ndarray:
+def covariance_root(by_scale: np.ndarray, noise: np.ndarray, width: np.ndarray) -> np.ndarray:
     """L (p, p) with covariance L L^T in scales, of a Gaussian as wide as the bounds' where the data
-    says nothing; by_scale (p, p) is V s of the Jacobian's U s V^T."""
-    precision = by_scale @ np.linalg.solve(noise, by_scale.T) + np.diag(12.0 / reach**2)
+    says nothing.
+
+    by_scale (p, p) is V s of the Jacobian's U s V^T, noise U^T R U; width (p,) of the bounds in
+    scales, whose uniform distribution has the variance width^2 / 12.
+    """
+    precision = by_scale @ np.linalg.solve(noise, by_scale.T) + np.diag(12.0 / width**2)
     values, vectors = np.linalg.eigh(precision)
     return vectors / np.sqrt(values)
 
 
-def posterior(forward: Forward, fit: Calibration, *, seed: int, most: int = RUNS) -> Posterior:
+def posterior(
+    forward: ChainForward, fit: CalibrationResult, *, seed: int, options: Sampling = SAMPLING
+) -> Posterior:
     """The posterior of a fit by the model `forward`, the same for the same seed.
 
-    Stops when the chain is long enough, or before it would take more than `most` model runs: then
-    `long_enough` is False and the samples are not to be believed. Needs emcee.
+    Stops when the chain is long enough, or before it would take more than `options.runs` of the
+    model: then `long_enough` is False and the samples are not to be believed. Needs emcee.
     """
-    target = Target(forward, fit)
+    target = LogPosterior(forward, fit, options.steps)
     return sampled(
         lambda y: target.log_probability(target.answer + target.shape @ y),
         target.answer,
         target.shape,
         (target.low, target.high),
         seed=seed,
-        most=most,
+        options=options,
     )
 
 
@@ -133,56 +160,60 @@ def sampled(
     bounds: tuple[np.ndarray, np.ndarray],
     *,
     seed: int,
-    most: int,
+    options: Sampling = SAMPLING,
 ) -> Posterior:
     """Samples of theta = answer + shape y, y (p,) about normal; log_probability takes y."""
     import emcee
 
     p, rng = len(answer), np.random.RandomState(seed)
     walkers = max(24, 2 * p + 2)
-    moves = [(emcee.moves.MHMove(_independent), INDEPENDENT)]
-    moves.append((emcee.moves.DEMove(), 1.0 - INDEPENDENT))
+    moves = [
+        (emcee.moves.MHMove(student_proposals), options.independent),
+        (emcee.moves.DEMove(), 1.0 - options.independent),
+    ]
     ensemble = emcee.EnsembleSampler(walkers, p, log_probability, moves=moves)
-    begin = _inside(answer + rng.standard_normal((walkers, p)) @ shape.T, bounds)
-    y = np.linalg.solve(shape, (begin - answer).T).T
+
+    # walkers start where the Gaussian of the bars says, reflected into the bounds
+    start = reflected(answer + rng.standard_normal((walkers, p)) @ shape.T, bounds)
+    y = np.linalg.solve(shape, (start - answer).T).T
     state = emcee.State(y, random_state=rng.get_state())
     while True:
-        state = ensemble.run_mcmc(state, BLOCK)
-        found = _so_far(emcee, ensemble, answer, shape)
-        if found.long_enough or found.model_runs + walkers * BLOCK > most:
-            return found
+        state = ensemble.run_mcmc(state, options.block)
+
+        # without the first steps; a parameter that never moves has no autocorrelation time
+        steps = ensemble.iteration
+        discarded = int(options.discarded * steps)
+        chain = answer + ensemble.get_chain(discard=discarded) @ shape.T
+        with np.errstate(invalid="ignore"):
+            tau = emcee.autocorr.integrated_time(chain, tol=0)
+        samples = Posterior(
+            chain.reshape(-1, p),
+            ensemble.get_log_prob(discard=discarded, flat=True),
+            np.where(np.isfinite(tau), np.maximum(tau, 1.0), np.inf),
+            steps - discarded,
+            discarded,
+            walkers,
+            float(ensemble.acceptance_fraction.mean()),
+            (steps + 1) * walkers,
+            options.enough,
+        )
+        if samples.long_enough or samples.model_runs + walkers * options.block > options.runs:
+            return samples
 
 
-def _independent(y: np.ndarray, rng) -> tuple[np.ndarray, np.ndarray]:
-    """Proposals (walkers, p) from Student's distribution, and log q(y) / q(proposal)."""
+def student_proposals(y: np.ndarray, rng: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
+    """Proposals (walkers, p) from Student's distribution of FREEDOM degrees of freedom, whatever
+    the walkers' y (walkers, p) are, and log q(y) / q(proposal) (walkers,)."""
     walkers, p = y.shape
     share = rng.chisquare(FREEDOM, walkers) / FREEDOM
-    other = rng.standard_normal((walkers, p)) / np.sqrt(share)[:, None]
-    tails = (np.log1p(np.sum(x**2, axis=1) / FREEDOM) for x in (other, y))
-    return other, 0.5 * (FREEDOM + p) * (next(tails) - next(tails))
+    proposal = rng.standard_normal((walkers, p)) / np.sqrt(share)[:, None]
+    tail_proposal, tail_y = (np.log1p(np.sum(x**2, axis=1) / FREEDOM) for x in (proposal, y))
+    return proposal, 0.5 * (FREEDOM + p) * (tail_proposal - tail_y)
 
 
-def _inside(theta: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """theta reflected at the bounds."""
+def reflected(theta: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """theta (.., p) reflected at the bounds (p,) as often as needed to lie between them."""
     low, high = bounds
     period = 2.0 * (high - low)
     along = np.mod(theta - low, period)
     return low + np.minimum(along, period - along)
-
-
-def _so_far(emcee, ensemble, answer: np.ndarray, shape: np.ndarray) -> Posterior:
-    steps = ensemble.iteration
-    discarded = int(DISCARDED * steps)
-    chain = answer + ensemble.get_chain(discard=discarded) @ shape.T
-    with np.errstate(invalid="ignore"):
-        tau = emcee.autocorr.integrated_time(chain, tol=0)
-    return Posterior(
-        chain.reshape(-1, len(answer)),
-        ensemble.get_log_prob(discard=discarded, flat=True),
-        np.where(np.isfinite(tau), np.maximum(tau, 1.0), np.inf),
-        steps - discarded,
-        discarded,
-        ensemble.nwalkers,
-        float(ensemble.acceptance_fraction.mean()),
-        (steps + 1) * ensemble.nwalkers,
-    )

@@ -4,14 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflows.fit.core.calibration.fitting import Fit
+from workflows.fit.core.calibration.fitting import WindowFit
 
-VALLEYS = 4  # of the misfit, tried with the rest of the wall free
-IMPOSSIBLE = 10.0  # misfit over the fastest sphere of a run that cannot be
+VALLEYS = 4  # minima of the misfit from which on the rest of the wall is fitted, at most
+IMPOSSIBLE = 10.0  # misfit over the fastest sphere that only an impossible run has
 
 
 class Scan(NamedTuple):
-    """Misfit [m/s] over one parameter, the others held."""
+    """Misfit [m/s] over one parameter, the others fixed."""
 
     name: str
     value: np.ndarray
@@ -19,23 +19,23 @@ class Scan(NamedTuple):
 
 
 def scanned(
-    fit: Fit, z: np.ndarray, low: float, high: float, points: int
+    fit: WindowFit, z: np.ndarray, low: float, high: float, points: int
 ) -> tuple[list[np.ndarray], Scan]:
-    """z with the frequencies [Hz] of the least misfits of all waves, the best first, and all
-    misfits, of those tried that a run is possible with."""
-    where = next(i for i, p in enumerate(fit.parameters) if p.kind == "frequency")
+    """z (p,) with the frequencies [Hz] of the least misfits of all waves, the best first, and the
+    misfits of all frequencies at which a run is possible."""
+    place = next(i for i, p in enumerate(fit.parameters) if p.kind == "frequency")
     everything = np.ones_like(fit.data, bool)
-    value = np.geomspace(low, high, points)
-    tried = np.tile(z, (points, 1))
-    tried[:, where] = np.log(value) / fit.parameters[where].relative
-    misfit = np.array([fit.misfit(one, everything) for one in tried])
+    frequencies = np.geomspace(low, high, points)
+    trials = np.tile(z, (points, 1))
+    trials[:, place] = np.log(frequencies) / fit.parameters[place].relative
+    misfit = np.array([fit.misfit(trial, everything) for trial in trials])
     possible = misfit < IMPOSSIBLE * fit.largest
-    found = Scan(fit.parameters[where].name, value[possible], misfit[possible])
-    return [tried[possible][i] for i in _minima(found.misfit)[:VALLEYS]], found
+    scan = Scan(fit.parameters[place].name, frequencies[possible], misfit[possible])
+    return [trials[possible][i] for i in local_minima(scan.misfit)[:VALLEYS]], scan
 
 
-def _minima(misfit: np.ndarray) -> np.ndarray:
-    """Indices of values below both neighbours, the least first."""
-    beside = np.concatenate([[np.inf], misfit, [np.inf]])
-    low = np.flatnonzero((misfit <= beside[:-2]) & (misfit <= beside[2:]))
-    return low[np.argsort(misfit[low])]
+def local_minima(misfit: np.ndarray) -> np.ndarray:
+    """Indices of values that neither neighbour is below, the least first."""
+    padded = np.concatenate([[np.inf], misfit, [np.inf]])
+    minima = np.flatnonzero((misfit <= padded[:-2]) & (misfit <= padded[2:]))
+    return minima[np.argsort(misfit[minima])]

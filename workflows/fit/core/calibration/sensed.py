@@ -21,7 +21,7 @@ from workflows.fit.core.calibration.parameters import Parameter, Rig
 
 class Channels(NamedTuple):
     """Sensors that a calibration fits. Their gains make velocities of the signals, so that all
-    count alike: `scale` takes them back. `group` names the unknown gain of each, or is None."""
+    count alike: `scale` takes them back. `groups` names the unknown gain of each, or is None."""
 
     sensors: tuple[Sensor, ...]
     scale: np.ndarray  # (m,) units of the signal for 1 m/s
@@ -30,14 +30,16 @@ class Channels(NamedTuple):
     groups: tuple[str | None, ...]
 
     def only(self, columns: Sequence[int]) -> "Channels":
-        """Some of them."""
-        parts = (tuple(part[c] for c in columns) for part in (self.sensors, *self[2:]))
-        sensors, labels, units, groups = parts
+        """These columns alone."""
+        sensors, labels, units, groups = (
+            tuple(field[c] for c in columns)
+            for field in (self.sensors, self.labels, self.units, self.groups)
+        )
         return Channels(sensors, self.scale[columns], labels, units, groups)
 
     @property
     def observed(self) -> range:
-        """Spheres that a run must record."""
+        """Spheres that a run must record: forces sum over all up to the last sensor's."""
         return range(max(sensor.sphere for sensor in self.sensors) + 1)
 
 
@@ -49,43 +51,60 @@ def require_summable(rig: Rig, channels: Channels) -> None:
 
 
 def sensed(
-    run: Sensitivities, rig: Rig, channels: Channels, parameters: Sequence[Parameter], at
+    run: Sensitivities,
+    rig: Rig,
+    channels: Channels,
+    parameters: Sequence[Parameter],
+    at: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Signals (k, m) at the times `at` (k,) [s] of a run that recorded the spheres `observed`,
-    their rates, and their derivatives (k, m, p)."""
-    own = channels.sensors
-    y = _quantities(run, run.v, run.a, rig, own)
-    shown, rate = (signals(own, run.t, y, at, order) for order in (0, 1))
+    their rates (k, m), and their derivatives (k, m, p) by the parameters."""
+    sensors = channels.sensors
+    quantities = _quantities(run, run.v, run.a, rig, sensors)
+    y, rate = (signals(sensors, run.t, quantities, at, order) for order in (0, 1))
     if not parameters:
-        return shown, rate, np.zeros((*shown.shape, 0))
-    slopes = signals(own, run.t, _quantities(run, run.dv, run.da, rig, own), at)
+        return y, rate, np.zeros((*y.shape, 0))
+    dy = signals(sensors, run.t, _quantities(run, run.dv, run.da, rig, sensors), at)
     for j, p in enumerate(parameters):
-        if p.kind == "trigger":
-            slopes[:, :, j] = -np.where((at > 0)[:, None], rate, 0.0)
-    return shown, rate, slopes
+        if p.kind == "trigger":  # a later start shows the signal later; before it nothing moves
+            dy[:, :, j] = -np.where((at > 0)[:, None], rate, 0.0)
+    return y, rate, dy
 
 
 def with_gains(
-    shown: np.ndarray, slopes: np.ndarray, channels: Channels, parameters, theta
+    y: np.ndarray,
+    dy: np.ndarray,
+    channels: Channels,
+    parameters: Sequence[Parameter],
+    theta: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Signals and derivatives with the gains that are among the parameters."""
-    gain, by_gain = np.ones(shown.shape[1]), []
+    """Signals (k, m) and derivatives (k, m, p) with the gains that are among the parameters; the
+    derivatives are empty (p = 0) for signals alone."""
+    gain = np.ones(y.shape[1])
+    dy_by_gain = {}
     for j, (p, value) in enumerate(zip(parameters, theta, strict=True)):
         if p.kind == "gain":
-            own = np.array([f"gain {group}" == p.name for group in channels.groups])
-            gain[own] = value / p.start
-            by_gain.append((j, own / p.start))
-    for j, share in by_gain if slopes.size else ():
-        slopes[:, :, j] = shown * share
-    fixed = np.array([p.kind == "gain" for p in parameters], bool)
-    return shown * gain, np.where(fixed, slopes, slopes * gain[:, None]) if slopes.size else slopes
+            has_gain = np.array([f"gain {group}" == p.name for group in channels.groups])
+            gain[has_gain] = value / p.start
+            dy_by_gain[j] = y * (has_gain / p.start)
+    if not dy.size:
+        return y * gain, dy
+    dy = dy * gain[:, None]
+    for j, slope in dy_by_gain.items():
+        dy[:, :, j] = slope
+    return y * gain, dy
 
 
-def _quantities(run, v, a, rig, sensors):
-    """(steps, m, ...) of velocities and accelerations (steps, n, ...) or their derivatives."""
+def _quantities(
+    run: Sensitivities, v: np.ndarray, a: np.ndarray, rig: Rig, sensors: Sequence[Sensor]
+) -> np.ndarray:
+    """What the sensors measure (steps, m, ...) of velocities and accelerations (steps, n, ...) or
+    of their derivatives."""
     h, n = run.t[1], v.shape[1]
+
+    # Newton's law summed from the striker on, and Hermite's quadrature of the velocities
     mass = rig.chain.mass[:n].reshape(-1, *[1] * (v.ndim - 2))
     force = np.cumsum(-mass * a, axis=1)
-    moved = 0.5 * h * (v[1:] + v[:-1]) + h**2 / 12 * (a[:-1] - a[1:])
-    x = np.concatenate([0.0 * v[:1], np.cumsum(moved, axis=0)])
+    steps = 0.5 * h * (v[1:] + v[:-1]) + h**2 / 12 * (a[:-1] - a[1:])
+    x = np.concatenate([0.0 * v[:1], np.cumsum(steps, axis=0)])
     return measured(sensors, run.t, x, v, force)

@@ -15,14 +15,16 @@ from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 from workflows.fit.core.calibration.sensed import Channels
 
 ORDER = 4  # of both filters, Butterworth
-DELAY = 1.0 / np.sin(np.pi / 8.0)  # of order 4, over its angular frequency
-ROUNDS = 6  # of aligning to the mean
-CHANGES = 200  # of a record: plateaus before and after a wave have no say in its place
-ALIKE = 0.9  # least correlation of a repeat with the mean of the others
-PEAK = 0.1  # of the largest velocity: a wave
-LEAST_QUIET = 20  # halves of a contact time scale without waves that tell of noise
-CALM = 0.05  # of the largest slope: none, noise included
-QUIET = 0.02  # of the largest acceleration: none
+DELAY = 1.0 / np.sin(np.pi / 8.0)  # at low frequency, times the angular cut-off, of order 4
+
+# chosen, not varied systematically
+ROUNDS = 6  # of aligning the repeats to their mean
+CHANGES = 200  # of a record over which changes are taken: plateaus do not count for its place
+ALIKE = 0.9  # correlation with the median of all below which a repeat is left out
+PEAK = 0.1  # of the largest velocity: a reflected wave has arrived
+QUIET = 0.02  # of the largest acceleration: a wave has passed
+CALM = 0.05  # of the largest slope: no wave, noise included
+LEAST_QUIET = 20  # half contact time scales without waves, from which noise is estimated at least
 
 
 class Signals(NamedTuple):
@@ -37,11 +39,11 @@ class Signals(NamedTuple):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the sensors, or the numbers of the spheres."""
+        """Names (m,) of the sensors, or the numbers of the spheres, counted from 1."""
         return self.channels.labels if self.channels else tuple(str(n + 1) for n in self.spheres)
 
     def only(self, columns) -> "Signals":
-        """Some of the spheres."""
+        """These columns alone."""
         chosen = tuple(self.spheres[c] for c in columns)
         channels = self.channels and self.channels.only(columns)
         return self._replace(
@@ -79,21 +81,22 @@ class Filter(NamedTuple):
         """v (k, ..) filtered along its first axis."""
         if self.band is None:
             return v
-        return sosfiltfilt(_low_pass(self.band, 1.0 / dt)[0], v, axis=0)
+        return sosfiltfilt(low_pass(self.band, 1.0 / dt)[0], v, axis=0)
 
     def of_model(self, v: np.ndarray, dt: float) -> np.ndarray:
         """v (k * refinement, ..) at refined times as the instrument and the filter show it."""
         fine = self.refinement(dt)
         if self.instrument is not None:
-            sos, start = _low_pass(self.instrument, fine / dt)
+            sos, start = low_pass(self.instrument, fine / dt)
             start = start.reshape(*start.shape, *[1] * (v.ndim - 1)) * v[0]
             v = sosfilt(sos, v, axis=0, zi=start)[0][::fine]
         return self.of_data(v, dt)
 
 
 @cache
-def _low_pass(cut: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Second-order sections and the state they rest in at 1, of a low-pass [Hz]."""
+def low_pass(cut: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Second-order sections of a low-pass [Hz], and their state at rest at a constant input of 1;
+    `rate` in samples per second."""
     sos = butter(ORDER, cut, fs=rate, output="sos")
     return sos, sosfilt_zi(sos)
 
@@ -104,62 +107,57 @@ def aligned(t: np.ndarray, v: np.ndarray, spheres: tuple[int, ...], move: bool =
     if n == 1:
         none = np.full(v.shape[2], np.nan)
         return Aligned(Signals(t, v[0], spheres, none), np.zeros(1), ())
+
+    # to a sample of the first repeat, then by least squares to the mean, which moves with them
     shift = np.zeros(n)
     if move:
-        shift = np.array([_coarse_shift(t, v[0], one) for one in v])
+        shift = np.array([shift_to_a_sample(t, v[0], repeat) for repeat in v])
         for _ in range(ROUNDS):
-            laid = _moved(t, v, shift)
-            shift = shift + _fine_shifts(t, laid)
-    correlation = _correlations(_moved(t, v, shift))
+            moved = shifted(t, v, shift)
+            mean = moved.mean(axis=0)
+            slope = np.gradient(mean, t, axis=0)
+            products = np.array([np.sum(slope * (repeat - mean)) for repeat in moved])
+            shift = shift - products / np.sum(slope**2)
+
+    # repeats unlike the median of all are left out, unless most are
+    moved = shifted(t, v, shift)
+    median = np.median(moved, axis=0).ravel()
+    correlation = np.array([np.corrcoef(repeat.ravel(), median)[0, 1] for repeat in moved])
     good = correlation >= ALIKE
     if good.sum() < max(2, n / 2):
         good = correlation > -2.0  # all but those that have none
     shift -= shift[good].mean()
-    laid = _moved(t, v, shift)
-    kept = laid[good]
-    spread = kept.std(axis=0, ddof=1)
+    moved = shifted(t, v, shift)[good]
+    spread = moved.std(axis=0, ddof=1)
     spread = np.sqrt((spread**2).mean(axis=0))
-    signals = Signals(t, kept.mean(axis=0), spheres, spread, len(kept))
+    signals = Signals(t, moved.mean(axis=0), spheres, spread, len(moved))
     return Aligned(signals, shift, tuple(int(i) for i in np.flatnonzero(~good)))
 
 
-def _coarse_shift(t: np.ndarray, reference: np.ndarray, v: np.ndarray) -> float:
-    """Lag of v (k, m) behind the reference [s], to a sample, by what both change within a while."""
+def shift_to_a_sample(t: np.ndarray, reference: np.ndarray, v: np.ndarray) -> float:
+    """Lag [s] of v (k, m) behind the reference (k, m), to a sample: where the cross-correlation of
+    their changes over k / CHANGES samples is largest."""
     q = max(1, len(t) // CHANGES)
     v, reference = v[q:] - v[:-q], reference[q:] - reference[:-q]
     k = len(v)
-    spectra = (np.fft.rfft(x, 2 * k, axis=0) for x in (v, reference))
-    product = next(spectra) * np.conj(next(spectra))
-    overlap = np.fft.irfft(product.sum(axis=1), 2 * k)
-    lag = int(overlap.argmax())
+    product = np.fft.rfft(v, 2 * k, axis=0) * np.conj(np.fft.rfft(reference, 2 * k, axis=0))
+    correlation = np.fft.irfft(product.sum(axis=1), 2 * k)
+    lag = int(correlation.argmax())
     return (lag - 2 * k if lag >= k else lag) * (t[1] - t[0])
 
 
-def _fine_shifts(t: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(r,) least-squares lag of each repeat behind the mean."""
-    mean = v.mean(axis=0)
-    slope = np.gradient(mean, t, axis=0)
-    return -np.array([np.sum(slope * (one - mean)) for one in v]) / np.sum(slope**2)
-
-
-def _moved(t: np.ndarray, v: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Repeats read at t + shift, held constant beyond their ends."""
+def shifted(t: np.ndarray, v: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """Repeats v (r, k, m) read at t + shift (r,) [s], held constant beyond their ends."""
     if not shift.any():
         return v
     at = [np.clip(t + s, t[0], t[-1]) for s in shift]
-    return np.array([CubicSpline(t, one, axis=0)(when) for one, when in zip(v, at, strict=True)])
-
-
-def _correlations(v: np.ndarray) -> np.ndarray:
-    """(r,) correlation of each repeat with the median of all."""
-    middle = np.median(v, axis=0).ravel()
-    return np.array([np.corrcoef(one.ravel(), middle)[0, 1] for one in v])
+    return np.array([CubicSpline(t, x, axis=0)(times) for x, times in zip(v, at, strict=True)])
 
 
 def lag_of(t: np.ndarray, v: np.ndarray, model: np.ndarray) -> float:
     """Lag [s] of the data v (k, m) behind the model (k, m), to a fraction of a sample."""
-    coarse = _coarse_shift(t, model, v)
-    late = _moved(t, model[None], np.array([-coarse]))[0]
+    coarse = shift_to_a_sample(t, model, v)
+    late = shifted(t, model[None], np.array([-coarse]))[0]
     slope = np.gradient(late, t, axis=0)
     return coarse - float(np.sum(slope * (v - late)) / np.sum(slope**2))
 
@@ -168,19 +166,21 @@ def noise_between_waves(t: np.ndarray, v: np.ndarray, time_scale: float) -> floa
     """rms [m/s] of the noise in velocities v (k, m), from where no wave passes; None where there
     are too few such samples. `time_scale` [s] is that of a contact.
 
-    A second difference over half of that time leaves noise that has forgotten itself meanwhile,
-    with six times its variance, and nothing of a steady motion.
+    A second difference v_i+q - 2 v_i + v_i-q over half of that time leaves noise that is no longer
+    correlated after q samples, with six times its variance, and nothing of a steady motion.
     """
     q = max(1, round(0.5 * time_scale / (t[1] - t[0])))
     if len(t) <= 8 * q:
         return None
-    apart = [_noise_parts(column, q) for column in v.T]
-    parts = np.concatenate(apart)
-    return float(np.sqrt(np.mean(parts**2) / 6.0)) if parts.size >= LEAST_QUIET * q else None
+    differences = np.concatenate([calm_second_differences(column, q) for column in v.T])
+    if differences.size < LEAST_QUIET * q:
+        return None
+    return float(np.sqrt(np.mean(differences**2) / 6.0))
 
 
-def _noise_parts(v: np.ndarray, q: int) -> np.ndarray:
-    """Second differences over q samples of v (k,) that lie within a calm of 6 q samples."""
+def calm_second_differences(v: np.ndarray, q: int) -> np.ndarray:
+    """Second differences over q samples of v (k,) in the middle of a calm of 6 q samples, along
+    which the running mean of 2 q samples changes by little."""
     smooth = np.convolve(v, np.ones(2 * q) / (2 * q), mode="same")
     smooth[:q], smooth[-q:] = v[: 2 * q].mean(), v[-2 * q :].mean()
     slope = np.abs(smooth[q:] - smooth[:-q])
@@ -193,22 +193,23 @@ def _noise_parts(v: np.ndarray, q: int) -> np.ndarray:
 def first_waves_end(t: np.ndarray, v: np.ndarray, pause: float) -> np.ndarray:
     """(m,) times [s] at which the first reflected wave has passed each sphere, by a model v (k, m).
 
-    It arrives when the velocity first turns away from the wall by a tenth of the largest, and has
-    passed when the acceleration has stayed below 2 % of the largest for `pause` [s].
+    It arrives when the velocity first turns away from the wall by PEAK of the largest, and has
+    passed when the acceleration has stayed below QUIET of the largest for `pause` [s]; the end of
+    the record where it does not.
     """
-    return np.array([_passed(t, column, pause) for column in v.T])
-
-
-def _passed(t: np.ndarray, v: np.ndarray, pause: float) -> float:
-    arrived = np.flatnonzero(v < -PEAK * np.abs(v).max())
-    if not arrived.size:
-        return float(t[-1])
-    acceleration = np.abs(np.gradient(v, t))
-    quiet = (acceleration < QUIET * acceleration.max()).astype(float)
+    ends = np.full(v.shape[1], float(t[-1]))
     width = max(1, round(pause / (t[1] - t[0])))
-    calm = np.convolve(quiet, np.ones(width), mode="valid") >= width - 0.5
-    rest = np.flatnonzero(calm[arrived[0] :])
-    return float(t[arrived[0] + rest[0]]) if rest.size else float(t[-1])
+    for i, column in enumerate(v.T):
+        arrived = np.flatnonzero(column < -PEAK * np.abs(column).max())
+        if not arrived.size:
+            continue
+        acceleration = np.abs(np.gradient(column, t))
+        quiet = (acceleration < QUIET * acceleration.max()).astype(float)
+        calm = np.convolve(quiet, np.ones(width), mode="valid") >= width - 0.5
+        passed = np.flatnonzero(calm[arrived[0] :])
+        if passed.size:
+            ends[i] = t[arrived[0] + passed[0]]
+    return ends
 
 
 def noise_of_mean(signals: Signals, filters: Filter, time_scale: float) -> float | None:

@@ -10,7 +10,7 @@ stands still; noise of a standard deviation sigma before it makes that less,
     <e^2> <= D^2/12 (1 + 2 exp(-(2 pi sigma / D)^2 / 2))
 
 by the first term of B. Widrow and I. Kollar, Quantization Noise (2008), sec. 4.
-What records do not tell stays near c, the middle of its bounds or where a record's own number
+What records do not determine stays near c, the middle of its bounds or where a record's own number
 starts, with the standard deviation s of a number that lies anywhere between them.
 """
 
@@ -22,16 +22,16 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from workflows.fit.core.calibration.fitting import rms
-from workflows.fit.core.inspection.forward import IMPOSSIBLE, Forward, Shot, Unknowns
+from workflows.fit.core.inspection.forward import IMPOSSIBLE, Shot, StructureForward, Unknowns
 
-CONVERGED = 1e-9
-HUGE = 1e3  # residual of a run that cannot be, in noise
-LEAST_ROUNDING = 1e-3  # share of the noise's square: nothing below it is seen
-MARGIN = 1e-9  # of the bounds' distance, inside of them
+HUGE = 1e3  # residual over the noise that stands for a run that is impossible
+LEAST_ROUNDING = 1e-3  # share of the noise's square below which exp(..) has long vanished
+MARGIN = 1e-9  # of the bounds' distance: least_squares must begin strictly inside
 
 
 class Fitted(NamedTuple):
-    """Where a fit ended; misfit is the rms of the residual over the noise."""
+    """Where a fit ended: theta (p,), rms of the residual over the noise, runs of the model, and
+    whether it converged before its largest number of runs."""
 
     theta: NDArray[np.float64]
     misfit: float
@@ -39,73 +39,79 @@ class Fitted(NamedTuple):
     converged: bool
 
 
-class Fit(NamedTuple):
+class RecordFit(NamedTuple):
     """Model and records; sensors of the same `gain` (m,) share one that follows, -1 is known."""
 
-    forward: Forward
+    forward: StructureForward
     unknowns: Unknowns
     shots: tuple[Shot, ...]
     gain: NDArray[np.int64]
 
     @property
     def data(self) -> NDArray[np.float64]:
-        """(S, k, m)"""
+        """Signals of the S records, (S, k, m), in the sensors' units."""
         return np.array([shot.y for shot in self.shots])
 
     @property
     def weight(self) -> NDArray[np.float64]:
-        """(S, 1, m) one over the noise."""
+        """(S, 1, m) one over the noise of each record and sensor."""
         return 1.0 / np.array([shot.noise for shot in self.shots])[:, None]
 
     @property
     def rounded(self) -> float:
-        """What rounding may add to the mean square of a residual over the noise, see above."""
-        share = [np.max((shot.rounding / shot.noise) ** 2) for shot in self.shots]
-        q = np.clip(max(share), LEAST_ROUNDING, 1.0)
+        """What rounding may add to the mean square of a residual over the noise, of the record that
+        shows most of it: 2 q exp(-pi^2/6 (1/q - 1)) with q the share of D^2/12 in the noise, whose
+        square is sigma^2 + D^2/12."""
+        shares = [np.max((shot.rounding / shot.noise) ** 2) for shot in self.shots]
+        q = np.clip(max(shares), LEAST_ROUNDING, 1.0)
         return float(2.0 * q * np.exp(-(np.pi**2) / 6.0 * (1.0 / q - 1.0)))
 
-    def of_shots(self, shots: Sequence[int], every: int = 1) -> "Fit":
-        """The same on some of the records, on every so many samples of them."""
-        kept = (self.shots[s] for s in shots)
-        thinned = tuple(one._replace(t=one.t[::every], y=one.y[::every]) for one in kept)
+    def of_shots(self, shots: Sequence[int], every: int = 1) -> "RecordFit":
+        """The same problem on these records, on every so many samples of them."""
+        chosen = (self.shots[s] for s in shots)
+        thinned = tuple(shot._replace(t=shot.t[::every], y=shot.y[::every]) for shot in chosen)
         return self._replace(unknowns=self.unknowns.only(shots), shots=thinned)
 
-    def until(self, n: int) -> "Fit":
-        """The same on the first n samples of the records."""
-        shots = tuple(one._replace(t=one.t[:n], y=one.y[:n]) for one in self.shots)
+    def until(self, n: int) -> "RecordFit":
+        """The same problem on the first n samples of the records."""
+        shots = tuple(shot._replace(t=shot.t[:n], y=shot.y[:n]) for shot in self.shots)
         return self._replace(shots=shots)
 
-    def gains(self, shown: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(m,) of signals (S, k, m) computed with the gains that the sensors say."""
-        model, data = shown * self.weight, self.data * self.weight
-        size, along = self._over_gains(model**2), self._over_gains(model * data)
-        return np.where(self.gain >= 0, along / np.maximum(size, 1e-300), 1.0)
+    def gains(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(m,) least-squares gains of signals (S, k, m) computed with the sensors' nominal ones;
+        1 where the gain is known."""
+        model, data = signals * self.weight, self.data * self.weight
+        size, product = self._over_gains(model**2), self._over_gains(model * data)
+        return np.where(self.gain >= 0, product / np.maximum(size, 1e-300), 1.0)
 
     def _over_gains(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(m, ...) sums of values (S, k, m, ...) over all that has a sensor's gain."""
+        """(m, ...) sums of values (S, k, m, ...) over all records, samples and sensors that have
+        the gain of each sensor."""
         return (self.gain[:, None] == self.gain) @ values.sum(axis=(0, 1))
 
     def residual(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(S k m,) over the noise; huge where no run is possible."""
+        """(S k m,) over the noise; HUGE where no run is possible."""
         try:
-            shown = self.forward.signals(self.unknowns, theta, self.shots)
+            signals = self.forward.signals(self.unknowns, theta, self.shots)
         except IMPOSSIBLE:
             return np.full(self.data.size, HUGE)
-        return self.off(shown).ravel()
+        return self.off(signals).ravel()
 
-    def off(self, shown: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(S, k, m) residual of signals computed, the gains following."""
-        return (self.gains(shown) * shown - self.data) * self.weight
+    def off(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(S, k, m) residual over the noise of computed signals (S, k, m), the gains following."""
+        return (self.gains(signals) * signals - self.data) * self.weight
 
     def jacobian(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(S k m, p) by theta in scales, the gains following."""
-        shown, slopes = self.forward.jacobian(self.unknowns, theta, self.shots)
-        moved = (self.gains(shown) * self.weight)[..., None] * slopes
-        model = shown * self.weight
+        """(S k m, p) derivatives of the residual by theta in scales, the gains following."""
+        signals, slopes = self.forward.jacobian(self.unknowns, theta, self.shots)
+        J = (self.gains(signals) * self.weight)[..., None] * slopes
+
+        # Kaufman: less what a change of the gain itself would undo, f <f, J> / <f, f>
+        model = signals * self.weight
         size = np.maximum(self._over_gains(model**2), 1e-300)
-        share = self._over_gains(model[..., None] * moved) / size[:, None]
+        share = self._over_gains(model[..., None] * J) / size[:, None]
         share[self.gain < 0] = 0.0
-        return (moved - model[..., None] * share).reshape(-1, moved.shape[-1])
+        return (J - model[..., None] * share).reshape(-1, J.shape[-1])
 
     def misfit(self, theta: NDArray[np.float64]) -> float:
         """rms of the residual over the noise."""
@@ -115,33 +121,37 @@ class Fit(NamedTuple):
         self,
         theta: NDArray[np.float64],
         most: int = 40,
-        tolerance: float = CONVERGED,
+        tolerance: float = 1e-9,
         about: NDArray[np.float64] | None = None,
     ) -> Fitted:
-        """The least misfit from theta (p,) on, over the numbers that the records take; what they
-        do not tell is drawn to `about` (p,) in place of the middle of the bounds."""
+        """The least misfit from theta (p,) on, over the numbers that the records depend on.
+
+        `most` runs of the model at most; ends where misfit or step fall by less than `tolerance`,
+        relative. What the records do not determine is drawn to `about` (p,) in place of the middle
+        of the bounds.
+        """
         scale, (low, high) = self.unknowns.scale, self.unknowns.ends()
         free = np.unique([*self.unknowns.of_system.ravel(), *self.unknowns.trigger])
         centre = (self.unknowns.centre if about is None else about) / scale
         pull = np.diag(self.unknowns.pull * scale)[:, free]
         margin = MARGIN * (high - low)
-        begin = np.clip(theta, low + margin, high - margin)
+        start = np.clip(theta, low + margin, high - margin)
 
-        def whole(part):
-            full = begin.copy()
-            full[free] = part * scale[free]
-            return full
+        def full(x):
+            """theta (p,) of the free numbers x in scales; the others stay."""
+            theta = start.copy()
+            theta[free] = x * scale[free]
+            return theta
 
-        def residual(part):
-            return np.concatenate([self.residual(whole(part)), pull @ (part - centre[free])])
+        def residual(x):
+            return np.concatenate([self.residual(full(x)), pull @ (x - centre[free])])
 
-        found = least_squares(
+        solution = least_squares(
             residual,
-            begin[free] / scale[free],
-            lambda part: np.vstack([self.jacobian(whole(part))[:, free], pull]),
+            start[free] / scale[free],
+            lambda x: np.vstack([self.jacobian(full(x))[:, free], pull]),
             bounds=(low[free] / scale[free], high[free] / scale[free]),
             xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=most,
         )  # fmt: skip
-        return Fitted(
-            whole(found.x), rms(found.fun[: self.data.size]), found.nfev, found.status > 0
-        )
+        misfit = rms(solution.fun[: self.data.size])
+        return Fitted(full(solution.x), misfit, solution.nfev, solution.status > 0)

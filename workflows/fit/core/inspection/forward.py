@@ -21,10 +21,11 @@ from dem import Chain, InvalidChain, NoEquilibrium, Trajectory, UnstableStep, Wa
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.inspection.information import UNIFORM
 
-IMPOSSIBLE = (CouplingError, InvalidChain, NoEquilibrium, UnstableStep)  # what numbers may make
+# what values of the numbers may be answered with: a run that is impossible, not an error
+IMPOSSIBLE = (CouplingError, InvalidChain, NoEquilibrium, UnstableStep)
 SHARED, OWN = "shared", "own"  # kinds of numbers: of all records, of each
-DIFFERENCE = 1e-5  # step of a derivative, in scales
-FEW = 10_000  # steps of several runs: threads would cost more than they save
+DIFFERENCE = 1e-5  # step of a difference quotient, in scales
+FEW_STEPS = 10_000  # of all runs together: below, threads would cost more than they save
 
 
 class System(NamedTuple):
@@ -53,7 +54,7 @@ class Unknowns(NamedTuple):
 
     @property
     def scale(self) -> NDArray[np.float64]:
-        """(p,) changes that count as large."""
+        """(p,) scale of each number: a change that counts as large."""
         return np.array([p.scale for p in self.parameters])
 
     def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -64,36 +65,40 @@ class Unknowns(NamedTuple):
 
     @property
     def centre(self) -> NDArray[np.float64]:
-        """(p,) where numbers are that no record tells: shared ones midway between bounds."""
-        middle = (0.5 * (p.low + p.high) if p.kind == SHARED else p.start for p in self.parameters)
-        return np.array(list(middle))
+        """(p,) where numbers are that no record determines: shared ones midway between bounds,
+        others where they start."""
+        return np.array(
+            [0.5 * (p.low + p.high) if p.kind == SHARED else p.start for p in self.parameters]
+        )
 
     @property
     def pull(self) -> NDArray[np.float64]:
-        """(p,) one over their standard deviation; 0 of triggers."""
+        """(p,) one over the standard deviation of a number anywhere between its bounds; 0 of
+        triggers."""
         bounded = np.array([p.kind in (SHARED, OWN) for p in self.parameters])
         low, high = self.ends()
         return bounded * np.sqrt(UNIFORM) / (high - low)
 
     def only(self, shots: Sequence[int]) -> "Unknowns":
-        """The same where only these records are looked at."""
+        """The same of these records alone; the numbers of others stay among the parameters."""
         return self._replace(of_system=self.of_system[shots], trigger=self.trigger[shots])
 
 
 def unknowns(
     shared: Sequence[Parameter], own: Sequence[Sequence[Parameter]], triggers: Sequence[Parameter]
 ) -> Unknowns:
-    """Of S records: numbers that all share, those of each, and its trigger."""
-    n, q = len(shared), len(own[0]) + 1
-    parameters = (*shared, *(p for o, t in zip(own, triggers, strict=True) for p in (*o, t)))
-    first = n + q * np.arange(len(triggers))
-    of_own = first[:, None] + np.arange(q - 1)
-    return Unknowns(
-        parameters, np.hstack([np.tile(np.arange(n), (len(first), 1)), of_own]), first + q - 1
-    )
+    """Of S records: numbers that all share, then those of each record and its trigger."""
+    n, q = len(shared), len(own[0]) + 1  # q numbers of a record, the trigger last
+    parameters = list(shared)
+    for of_record, trigger in zip(own, triggers, strict=True):
+        parameters += [*of_record, trigger]
+    first = n + q * np.arange(len(triggers))  # place of each record's first number
+    places = first[:, None] + np.arange(q - 1)
+    shared_places = np.tile(np.arange(n), (len(first), 1))
+    return Unknowns(tuple(parameters), np.hstack([shared_places, places]), first + q - 1)
 
 
-class Forward(NamedTuple):
+class StructureForward(NamedTuple):
     """The model of an inspection; `system` takes the values (q,) that a record has."""
 
     system: Callable[[NDArray[np.float64]], System]
@@ -101,89 +106,101 @@ class Forward(NamedTuple):
     dt: float  # [s]
     within: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] | None = None
 
-    def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "Forward":
+    def narrowed(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> "StructureForward":
         """The same with a system made for shared numbers between these ends, and no others."""
         system = self.within(low, high)
         return self._replace(system=system)
 
-    def with_steps(self, factor: float) -> "Forward":
+    def with_steps(self, factor: float) -> "StructureForward":
         """The same with steps so many times as long."""
         return self._replace(dt=factor * self.dt)
 
-    def shown(self, values: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def signals_of_run(
+        self, values: NDArray[np.float64], t: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """(k, m) of one run with values (q,) at the times t (k,) [s] since its first touch."""
-        return self._shown([self._run(self.system(values), t[-1])], t)[..., 0]
+        return self._sensed([self._run(self.system(values), t[-1])], t)[..., 0]
 
     def signals(
         self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[Shot]
     ) -> NDArray[np.float64]:
         """(S, k, m) at theta (p,), at the samples of the records."""
-        runs = self._runs([theta[row] for row in unknowns.of_system], _durations(unknowns, shots))
-        late = theta[unknowns.trigger]
+        runs = self._runs([theta[row] for row in unknowns.of_system], durations(unknowns, shots))
+        triggers = theta[unknowns.trigger]
         return np.array(
             [
-                self._shown([run], shot.t - s)[..., 0]
-                for run, shot, s in zip(runs, shots, late, strict=True)
+                self._sensed([run], shot.t - trigger)[..., 0]
+                for run, shot, trigger in zip(runs, shots, triggers, strict=True)
             ]
         )
 
     def jacobian(
         self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[Shot]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Signals (S, k, m) and their derivatives (S, k, m, p) by theta in scales."""
-        n_shots, q = unknowns.of_system.shape
-        step = self._steps(unknowns, theta)
-        rows = []
-        for own in unknowns.of_system:
-            moved = np.tile(theta[own], (q + 1, 1))
-            moved[np.arange(1, q + 1), np.arange(q)] += step[own]
-            rows += list(moved)
-        runs = self._runs(rows, np.repeat(_durations(unknowns, shots), q + 1))
-        found = np.zeros((n_shots, *shots[0].y.shape, len(theta)))
-        base = np.zeros(found.shape[:-1])
-        for s, shot in enumerate(shots):
-            at, of_shot = shot.t - theta[unknowns.trigger[s]], runs[s * (q + 1) : (s + 1) * (q + 1)]
-            shown, own = self._shown(of_shot, at), unknowns.of_system[s]
-            base[s] = shown[..., 0]
-            found[s][..., own] = (shown[..., 1:] - shown[..., :1]) / step[own]
-            found[s, ..., unknowns.trigger[s]] = -self._shown(of_shot[:1], at, order=1)[..., 0]
-        return base, found * unknowns.scale
+        """Signals (S, k, m) and their derivatives (S, k, m, p) by theta in scales.
 
-    def _steps(self, unknowns, theta):
-        """(p,) of the differences, towards the inside of the bounds."""
+        Difference quotients of runs by the same steps of time; the trigger's follow from the time
+        derivative of the signals.
+        """
+        n_shots, q = unknowns.of_system.shape
+        step = self.difference_steps(unknowns, theta)
+
+        # q + 1 runs a record: as it is, and with each of its numbers a step further
+        values = []
+        for numbers in unknowns.of_system:
+            moved = np.tile(theta[numbers], (q + 1, 1))
+            moved[np.arange(1, q + 1), np.arange(q)] += step[numbers]
+            values += list(moved)
+        runs = self._runs(values, np.repeat(durations(unknowns, shots), q + 1))
+
+        slopes = np.zeros((n_shots, *shots[0].y.shape, len(theta)))
+        signals_at_theta = np.zeros(slopes.shape[:-1])
+        for s, shot in enumerate(shots):
+            at = shot.t - theta[unknowns.trigger[s]]
+            of_shot = runs[s * (q + 1) : (s + 1) * (q + 1)]
+            y, numbers = self._sensed(of_shot, at), unknowns.of_system[s]
+            signals_at_theta[s] = y[..., 0]
+            slopes[s][..., numbers] = (y[..., 1:] - y[..., :1]) / step[numbers]
+            slopes[s, ..., unknowns.trigger[s]] = -self._sensed(of_shot[:1], at, order=1)[..., 0]
+        return signals_at_theta, slopes * unknowns.scale
+
+    def difference_steps(
+        self, unknowns: Unknowns, theta: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(p,) steps of the difference quotients, towards the inside of the bounds."""
         _, high = unknowns.ends()
         step = DIFFERENCE * unknowns.scale
         return np.where(theta + step > high, -step, step)
 
-    def _runs(self, values, durations) -> list[Trajectory]:
-        systems = [self.system(one) for one in values]
-        if sum(durations) < FEW * self.dt:
-            return list(map(self._run, systems, durations))
+    def _runs(self, values, lengths) -> list[Trajectory]:
+        systems = [self.system(v) for v in values]
+        if sum(lengths) < FEW_STEPS * self.dt:
+            return list(map(self._run, systems, lengths))
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            return list(pool.map(self._run, systems, durations))
+            return list(pool.map(self._run, systems, lengths))
 
     def _run(self, system: System, duration: float) -> Trajectory:
         n = int(np.ceil(duration / self.dt))
         return march(*system, duration=n * self.dt, dt=self.dt, n_save=n)
 
-    def _shown(
+    def _sensed(
         self, runs: Sequence[Trajectory], at: NDArray[np.float64], order: int = 0
     ) -> NDArray[np.float64]:
-        """(k, m, len(runs)) of runs as long as one another, or its time derivatives; outside of
-        them signals stand still."""
+        """(k, m, len(runs)) signals of runs as long as one another at the times `at` (k,) [s], or
+        their time derivatives; outside of the runs signals stand still."""
         t = runs[0].t
-        each = [measured(self.sensors, t, run.x, run.v, run.contact_force) for run in runs]
-        within = np.clip(at, 0.0, t[-1])
-        found = signals(self.sensors, t, np.stack(each, axis=-1), within, order)
+        quantities = [measured(self.sensors, t, run.x, run.v, run.contact_force) for run in runs]
+        inside = np.clip(at, 0.0, t[-1])
+        y = signals(self.sensors, t, np.stack(quantities, axis=-1), inside, order)
         if order:
-            found[within != at] = 0.0
-        return found
+            y[inside != at] = 0.0
+        return y
 
 
-def _durations(unknowns: Unknowns, shots: Sequence[Shot]) -> NDArray[np.float64]:
+def durations(unknowns: Unknowns, shots: Sequence[Shot]) -> NDArray[np.float64]:
     """(S,) [s] that a run must last, whatever its trigger is found to be."""
-    first = np.array([unknowns.parameters[i].low for i in unknowns.trigger])
-    found = np.array([shot.t[-1] for shot in shots]) - first
-    if (found <= 0.0).any():
+    earliest = np.array([unknowns.parameters[i].low for i in unknowns.trigger])
+    lengths = np.array([shot.t[-1] for shot in shots]) - earliest
+    if (lengths <= 0.0).any():
         raise CouplingError("a record ends before the first touch; check its trigger.")
-    return found
+    return lengths

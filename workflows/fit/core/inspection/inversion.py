@@ -1,9 +1,9 @@
-"""Numbers of a structure from records of its waves, with what the records do not tell.
+"""Numbers of a structure from records of its waves, with what the records do not determine.
 
 Bars hold noise that is correlated from sample to sample, see
 `workflows.fit.core.calibration.uncertainty`; gains that nobody knows count among the numbers there.
-What the records do not tell lies anywhere between its bounds: a number that has run into one keeps
-its bar, and lengthens those of others.
+What the records do not determine lies anywhere between its bounds: a number that has run into one
+has a bar all the same, and lengthens those of others.
 """
 
 from collections.abc import Sequence
@@ -16,22 +16,30 @@ from coupling.errors import CouplingError
 from workflows.fit.core.calibration.fitting import rms
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.uncertainty import Uncertainty, uncertainty
-from workflows.fit.core.inspection.fitting import Fit
+from workflows.fit.core.inspection.fitting import RecordFit
 from workflows.fit.core.inspection.information import bounds_information
 from workflows.fit.core.inspection.profile import stretched
-from workflows.fit.core.inspection.search import Searched, searched
+from workflows.fit.core.inspection.search import SearchResult, searched
 
 GAIN_SCALE = 0.1  # of a gain: a change that counts as large
-AT_BOUND = 1e-6  # of the bounds' distance
-PARTS = 50  # of a record, in which what is left must be noise
-KNOWN = 1.15  # of the noise's square: its rms is known to some per cent
-DEVIATIONS = 5.0  # of what noise leaves
-RIVAL = 16.0  # squares of the noise: answers that records do not tell apart
-REFINED = 0.5  # steps of the run that tells the error of the answer's
+AT_BOUND = 1e-6  # of the bounds' distance: numbers nearer to a bound lie at it
 
 
-class Part(NamedTuple):
-    """What is left in a part of a record."""
+class ResidualTest(NamedTuple):
+    """When a residual may be noise, and answers may not be told apart. None of these numbers has
+    been varied systematically."""
+
+    parts: int = 50  # of a record, in each of which the residual must be noise
+    noise_square: float = 1.15  # mean square over the noise's, whose rms is known to some per cent
+    deviations: float = 5.0  # standard deviations of the mean square of noise
+    rival: float = 16.0  # squares of the noise by which an answer may leave more and be a rival
+
+
+NOISE_TEST = ResidualTest()
+
+
+class RecordPart(NamedTuple):
+    """The residual in a part of a record."""
 
     record: int  # counted from 0
     begin: float  # [s]
@@ -40,22 +48,22 @@ class Part(NamedTuple):
 
 
 class Inversion(NamedTuple):
-    """What was found; gains follow the numbers in `parameters` and `value`."""
+    """The numbers of least misfit; gains follow the numbers in `parameters` and `value`."""
 
     parameters: tuple[Parameter, ...]  # (p,)
-    value: NDArray[np.float64]  # (p,)
+    value: NDArray[np.float64]  # (p,) in SI units
     at_bound: NDArray[np.bool_]  # (p,)
     uncertainty: Uncertainty
-    gains: NDArray[np.float64]  # (m,)
-    model: NDArray[np.float64]  # (S, k, m) with what was found
+    gains: NDArray[np.float64]  # (m,) factors on the sensors' nominal gains
+    model: NDArray[np.float64]  # (S, k, m) signals at `value`
     misfit: NDArray[np.float64]  # (S, m) rms of the residual over the noise
     slopes: NDArray[np.float64]  # (S, k, m, p) by the numbers in scales, over the noise
     memory: float  # variance of the residual over that of its differences: 1 of white noise
-    parts: tuple[Part, ...]  # of all records
+    parts: tuple[RecordPart, ...]  # of all records
     step_error: float  # largest change of the model with half the step, over the noise
-    search: Searched
+    search: SearchResult
     rounded: float = 0.0  # what rounding may add to the mean square, over the noise's
-    stretch: float = 1.0  # largest, of a bar by the profile of the misfit
+    stretch: float = 1.0  # largest factor on a bar by the profile of the misfit
 
     @property
     def whole_misfit(self) -> float:
@@ -64,33 +72,39 @@ class Inversion(NamedTuple):
 
     @property
     def explained(self) -> bool:
-        """Whether all that is left, and what is left in every part of a record, may be noise."""
-        worst = max(part.misfit for part in self.parts)
-        n = self.model.size
-        return self._noise(self.whole_misfit, n) and self._noise(worst, n // len(self.parts))
+        """Whether the residual as a whole, and in every part of a record, may be noise.
 
-    def _noise(self, misfit: float, n: int) -> bool:
-        deviation = np.sqrt(2.0 * max(self.memory, 1.0) / max(n, 1))
-        return misfit**2 <= KNOWN + self.rounded + DEVIATIONS * deviation
+        The mean square of n samples may exceed 1 by what the noise is uncertain, by what rounding
+        adds, and by standard deviations sqrt(2 c / n) of the mean, c the memory of the residual.
+        """
+        n = self.model.size
+        worst = max(part.misfit for part in self.parts)
+        for misfit, samples in ((self.whole_misfit, n), (worst, n // len(self.parts))):
+            deviation = np.sqrt(2.0 * max(self.memory, 1.0) / max(samples, 1))
+            limit = NOISE_TEST.noise_square + self.rounded + NOISE_TEST.deviations * deviation
+            if not misfit**2 <= limit:
+                return False
+        return True
 
     def rivals(self, others: Sequence["Inversion"], n_shared: int) -> tuple["Inversion", ...]:
-        """Those of other answers, farther off than their bars, that leave as little."""
-        found: list[Inversion] = []
+        """Other answers that leave as little, farther off than their bars from this one and from
+        each other."""
+        rivals: list[Inversion] = []
         for other in others:
             excess = self.model.size * (other.whole_misfit**2 / self.whole_misfit**2 - 1.0)
-            near = excess <= RIVAL * max(self.memory, 1.0)
-            if near and all(other.apart(one, n_shared) for one in (self, *found)):
-                found.append(other)
-        return tuple(found)
+            as_small = excess <= NOISE_TEST.rival * max(self.memory, 1.0)
+            if as_small and all(other.differs_from(a, n_shared) for a in (self, *rivals)):
+                rivals.append(other)
+        return tuple(rivals)
 
-    def apart(self, other: "Inversion", n_shared: int) -> bool:
-        """Whether a number of the structure differs by more than the bars hold."""
+    def differs_from(self, other: "Inversion", n_shared: int) -> bool:
+        """Whether a number of the structure differs by more than its bar here."""
         bars = self.uncertainty.two_sigma
         return bool((np.abs(self.value - other.value) > bars)[:n_shared].any())
 
 
 def inverted(
-    fit: Fit,
+    fit: RecordFit,
     *,
     n_shared: int,
     starts: int = 6,
@@ -98,85 +112,104 @@ def inverted(
     gains: Sequence[str] = (),
     begin: NDArray[np.float64] | None = None,
 ) -> Inversion:
-    """The numbers that leave the least, of up to so many starts, or from `begin` (p,) on.
+    """The numbers of least misfit: by a search with so many candidates, or from `begin` (p,) on.
 
-    `gains` names those that follow. Raises CouplingError where nothing can be computed.
+    `gains` names the unknown gains. Raises CouplingError where nothing can be computed.
     """
     if fit.data.size <= len(fit.unknowns.parameters):
         raise CouplingError(
             f"{fit.data.size} samples do not determine {len(fit.unknowns.parameters)} numbers."
         )
     if begin is None:
-        return _answer(fit, searched(fit, n_shared=n_shared, starts=starts, seed=seed), gains)
-    return _answer(fit, Searched((fit.solved(begin),), 1, fit.forward), gains)
-
-
-def profiled(fit: Fit, found: Inversion, n_shared: int) -> Inversion:
-    """The same with bars of the structure's numbers as long as the misfit says."""
-    theta = found.value[: len(fit.unknowns.parameters)]
-    bars, stretch = stretched(fit, theta, fit.jacobian(theta), found.uncertainty, n_shared)
-    return found._replace(uncertainty=bars, stretch=stretch)
-
-
-def _answer(fit: Fit, search: Searched, names: Sequence[str]) -> Inversion:
+        search = searched(fit, n_shared=n_shared, starts=starts, seed=seed)
+    else:
+        search = SearchResult((fit.solved(begin),), 1, fit.forward)
     fit = fit._replace(forward=search.forward)
     theta = search.fitted.theta
-    shown, slopes = fit.forward.jacobian(fit.unknowns, theta, fit.shots)
-    gains = fit.gains(shown)
-    of_gains = [_gain(name, gains[fit.gain == i][0]) for i, name in enumerate(names)]
+    signals, by_theta = fit.forward.jacobian(fit.unknowns, theta, fit.shots)
+
+    # the gains that followed theta count as numbers of their own from here on
+    factors = fit.gains(signals)
+    of_gains = []
+    for i, name in enumerate(gains):
+        gain = float(factors[fit.gain == i][0])
+        scale = GAIN_SCALE * abs(gain) or 1.0
+        of_gains.append(Parameter(name, "gain", gain, 0.0, np.inf, scale))
     parameters = (*fit.unknowns.parameters, *of_gains)
     value = np.array([*theta, *(p.start for p in of_gains)])
-    of_sensor = GAIN_SCALE * (fit.gain[:, None] == np.arange(len(names)))
-    by_gains = (gains * shown)[..., None] * of_sensor
-    whole = np.concatenate([gains[:, None] * slopes, by_gains], axis=-1)
-    whole *= fit.weight[..., None]
-    residual = (gains * shown - fit.data) * fit.weight
-    finer = fit.forward.with_steps(REFINED).signals(fit.unknowns, theta, fit.shots)
-    return Inversion(
-        parameters, value, _at_bound(parameters, value),
-        uncertainty(
-            parameters, _columns(residual), _columns(whole) / scales(parameters),
-            np.zeros(len(parameters), bool), bounds_information(parameters),
-        ),
-        gains, gains * shown, np.sqrt(np.mean(residual**2, axis=1)), whole, _memory(residual),
-        _parts(fit, residual), float(np.abs(gains * (finer - shown) * fit.weight).max()), search,
-        fit.rounded,
+
+    # residual and Jacobian by theta and gains, over the noise
+    of_sensor = GAIN_SCALE * (fit.gain[:, None] == np.arange(len(gains)))
+    by_gains = (factors * signals)[..., None] * of_sensor
+    slopes = np.concatenate([factors[:, None] * by_theta, by_gains], axis=-1)
+    slopes *= fit.weight[..., None]
+    residual = (factors * signals - fit.data) * fit.weight
+
+    # a bar of what no record determines is that of a number anywhere between its bounds
+    bars = uncertainty(
+        parameters, sensors_side_by_side(residual),
+        sensors_side_by_side(slopes) / scales(parameters), np.zeros(len(parameters), bool),
+        bounds_information(parameters),
     )  # fmt: skip
+
+    # half the step: the change is the error of the model that the bars do not hold
+    finer = fit.forward.with_steps(0.5).signals(fit.unknowns, theta, fit.shots)
+    return Inversion(
+        parameters=parameters,
+        value=value,
+        at_bound=at_bound(parameters, value),
+        uncertainty=bars,
+        gains=factors,
+        model=factors * signals,
+        misfit=np.sqrt(np.mean(residual**2, axis=1)),
+        slopes=slopes,
+        memory=memory(residual),
+        parts=residual_parts(fit, residual),
+        step_error=float(np.abs(factors * (finer - signals) * fit.weight).max()),
+        search=search,
+        rounded=fit.rounded,
+    )
+
+
+def profiled(fit: RecordFit, inversion: Inversion, n_shared: int) -> Inversion:
+    """The same with bars of the structure's numbers as long as the profile of the misfit says."""
+    theta = inversion.value[: len(fit.unknowns.parameters)]
+    bars, stretch = stretched(fit, theta, fit.jacobian(theta), inversion.uncertainty, n_shared)
+    return inversion._replace(uncertainty=bars, stretch=stretch)
 
 
 def scales(parameters: Sequence[Parameter]) -> NDArray[np.float64]:
-    """(p,)"""
+    """Scale of each parameter, (p,)."""
     return np.array([p.scale for p in parameters])
 
 
-def _gain(name: str, found: float) -> Parameter:
-    """A gain that nobody knew as a number that was found."""
-    return Parameter(name, "gain", float(found), 0.0, np.inf, GAIN_SCALE * abs(found) or 1.0)
-
-
-def _columns(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(k, S m, ...) of values (S, k, m, ...)."""
+def sensors_side_by_side(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(k, S m, ...) of values (S, k, m, ...): every sensor of every record is a column."""
     moved = np.moveaxis(values, 0, 1)
     return moved.reshape(moved.shape[0], -1, *values.shape[3:])
 
 
-def _at_bound(parameters, value) -> NDArray[np.bool_]:
+def at_bound(parameters: Sequence[Parameter], value: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(p,) whether each value (p,) lies at one of its bounds; never where a bound is infinite."""
     low, high = (np.array([getattr(p, end) for p in parameters]) for end in ("low", "high"))
-    near = AT_BOUND * (high - low)
-    return np.isfinite(near) & ((value - low <= near) | (high - value <= near))
+    margin = AT_BOUND * (high - low)
+    return np.isfinite(margin) & ((value - low <= margin) | (high - value <= margin))
 
 
-def _parts(fit: Fit, residual: NDArray[np.float64]) -> tuple[Part, ...]:
-    """What is left of each record, from first to last, in parts of equal lengths."""
-    cuts = np.array_split(np.arange(residual.shape[1]), min(PARTS, residual.shape[1]))
+def residual_parts(fit: RecordFit, residual: NDArray[np.float64]) -> tuple[RecordPart, ...]:
+    """The residual (S, k, m) of each record in parts of equal lengths, from first to last."""
+    n_parts = min(NOISE_TEST.parts, residual.shape[1])
+    cuts = np.array_split(np.arange(residual.shape[1]), n_parts)
     return tuple(
-        Part(s, float(shot.t[cut[0]]), float(shot.t[cut[-1]]), rms(residual[s, cut]))
+        RecordPart(s, float(shot.t[cut[0]]), float(shot.t[cut[-1]]), rms(residual[s, cut]))
         for s, shot in enumerate(fit.shots)
         for cut in cuts
     )
 
 
-def _memory(residual: NDArray[np.float64]) -> float:
-    """J. von Neumann, Ann. Math. Stat. 12 (1941) 367."""
+def memory(residual: NDArray[np.float64]) -> float:
+    """Variance of a residual (S, k, m) over half the variance of its differences: 1 of white noise,
+    more where the residual goes on from sample to sample. J. von Neumann, Ann. Math. Stat. 12
+    (1941) 367."""
     steps = rms(np.diff(residual, axis=1)) ** 2 / 2.0
     return rms(residual) ** 2 / steps if steps > 0 else np.inf

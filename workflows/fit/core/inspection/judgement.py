@@ -1,38 +1,38 @@
-"""How far to believe what an inspection found: what the records tell, and what they do not."""
+"""How far to believe an inspection: what the records determine, and what they do not."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from workflows.fit.core.inspection.fitting import Fit
+from workflows.fit.core.inspection.fitting import RecordFit
 from workflows.fit.core.inspection.information import bars_over_time, bounds_information, felt_from
 from workflows.fit.core.inspection.inversion import Inversion, scales
 from workflows.fit.core.parametric_wall import ParametricWall
 
-TOLD = 0.1  # two-sigma bar over the bounds' distance: a number that the records tell
-BARELY = 0.5  # the same: one that they tell weakly
-COLOURED = 1.3  # memory of a residual that is not white
-STRETCHED = 1.05  # of a bar, worth a sentence
-ALIKE = 0.9  # correlation worth a sentence
-SETTLED = 0.05  # of a bar: what another wall at the answer may move
+TOLD = 0.1  # two-sigma bar over the bounds' distance up to which the records determine a number
+BARELY = 0.5  # the same, up to which they determine it weakly
+COLOURED = 1.3  # memory of a residual that is not white: worth a sentence
+STRETCHED = 1.05  # factor on a bar by the profile of the misfit: worth a sentence
+ALIKE = 0.9  # correlation of two numbers: worth a sentence
+SETTLED = 0.05  # of a bar: what a further wall computed at the answer may move
 AT_BOUND = "at its bound"
 UNEXPLAINED = "not explained"
-INSTANTS = 60  # record lengths for which bars are told
+INSTANTS = 60  # record lengths for which bars are computed
 
 
 def told_of(inversion: Inversion) -> list[str]:
     """Of each number "yes", "weakly", "no" or "at its bound", by its bar beside its bounds."""
     width = np.array([p.high - p.low for p in inversion.parameters])
-    share = inversion.uncertainty.two_sigma / width
-    return [
-        AT_BOUND if held and one < BARELY else _told(one)
-        for one, held in zip(share, inversion.at_bound, strict=True)
-    ]
-
-
-def _told(share: float) -> str:
-    return "yes" if share <= TOLD else "weakly" if share <= BARELY else "no"
+    verdicts = []
+    for share, at_bound in zip(
+        inversion.uncertainty.two_sigma / width, inversion.at_bound, strict=True
+    ):
+        if at_bound and share < BARELY:
+            verdicts.append(AT_BOUND)
+        else:
+            verdicts.append("yes" if share <= TOLD else "weakly" if share <= BARELY else "no")
+    return verdicts
 
 
 class Judged(NamedTuple):
@@ -40,8 +40,8 @@ class Judged(NamedTuple):
 
     inversion: Inversion
     rivals: tuple[Inversion, ...]
-    fit: Fit
-    n_shared: int  # numbers of all records, the first ones
+    fit: RecordFit
+    n_shared: int  # numbers of the structure, the first ones
     noise_known: bool
     between: ParametricWall | None
     moved: float | None  # bars by which the last computed wall moved it
@@ -56,17 +56,19 @@ class Judged(NamedTuple):
 
     @property
     def told(self) -> list[str]:
-        """What the records tell of each number: nothing where the model does not explain them."""
-        silent = [UNEXPLAINED] * len(self.inversion.parameters)
-        return told_of(self.inversion) if self.explained else silent
+        """Verdict on each number: "not explained" for all where the model does not explain the
+        records, for then a short bar means nothing."""
+        if self.explained:
+            return told_of(self.inversion)
+        return [UNEXPLAINED] * len(self.inversion.parameters)
 
     @property
     def rival_numbers(self) -> list[dict[str, float]]:
-        """The numbers of all records in each other answer."""
+        """The numbers of the structure in each rival answer."""
         n = self.n_shared
         return [
-            {p.name: float(x) for p, x in zip(one.parameters[:n], one.value[:n], strict=True)}
-            for one in self.rivals
+            {p.name: float(x) for p, x in zip(r.parameters[:n], r.value[:n], strict=True)}
+            for r in self.rivals
         ]
 
     def bars_by_length(self) -> tuple[np.ndarray, np.ndarray]:
@@ -79,30 +81,35 @@ class Judged(NamedTuple):
 
     @property
     def _touch(self) -> float:
-        """[s] on the first record's clock."""
+        """First touch [s] on the first record's clock."""
         return self.inversion.value[self.fit.unknowns.trigger[0]]
 
     def remarks(self) -> Iterator[str]:
-        """What there is to be said, in sentences."""
+        """Sentences on the misfit, on rival answers, on the numbers and on the wall."""
         yield from self._on_misfit()
-        yield from self._on_rivals()
+        for rival in self.rival_numbers:
+            values = ", ".join(f"{name} = {value:.6g}" for name, value in rival.items())
+            yield (
+                f"THE RECORDS CANNOT TELL THIS ANSWER FROM ANOTHER: {values} leaves as little. "
+                "Bars are of the one alone; narrow --bounds by what is known, or record for longer."
+            )
         yield from self._on_numbers()
         yield from self._on_wall()
 
     def _on_misfit(self) -> Iterator[str]:
         """What the residual says of the model."""
         inversion = self.inversion
-        whole = inversion.whole_misfit
+        misfit = inversion.whole_misfit
         if not self.noise_known:
             yield (
                 "The records do not tell their noise, 1 % of the largest signal is taken: whether "
-                f"{whole:.3g} times of it is noise or a wrong model remains open; measure repeats."
+                f"{misfit:.3g} times of it is noise or a wrong model remains open; measure repeats."
             )
         elif not inversion.explained:
             worst = max(inversion.parts, key=lambda part: part.misfit)
             yield (
-                f"THE MODEL DOES NOT EXPLAIN THE RECORDS: it leaves {whole:.3g} times their noise, "
-                f"and {worst.misfit:.3g} times from {1e3 * worst.begin:.3g} to "
+                f"THE MODEL DOES NOT EXPLAIN THE RECORDS: it leaves {misfit:.3g} times their "
+                f"noise, and {worst.misfit:.3g} times from {1e3 * worst.begin:.3g} to "
                 f"{1e3 * worst.end:.3g} ms of {self.records[worst.record]}. The structure is "
                 "another than the scene says, a number that is off was not among those to find, "
                 "or the search has missed it (give more --starts or narrower --bounds); do not "
@@ -114,65 +121,54 @@ class Judged(NamedTuple):
                 f"{inversion.memory:.3g} times that of its differences): the bars count with that."
             )
 
-    def _on_rivals(self) -> Iterator[str]:
-        for rival in self.rival_numbers:
-            told = ", ".join(f"{name} = {value:.6g}" for name, value in rival.items())
-            yield (
-                f"THE RECORDS CANNOT TELL THIS ANSWER FROM ANOTHER: {told} leaves as little. Bars "
-                "are of the one alone; narrow --bounds by what is known, or record for longer."
-            )
-
     def _on_numbers(self) -> Iterator[str]:
-        """What the records do not tell, or only together."""
+        """What the records do not determine, or only together with another number."""
         inversion, n = self.inversion, self.n_shared
-        names, told = [p.name for p in inversion.parameters], told_of(inversion)
-        silent = [i for i in range(n) if told[i] == "no"]
-        for i in silent:
-            yield self._why_silent(i)
-        for name, value, one in zip(names, inversion.value, told, strict=True):
-            if one == AT_BOUND:
-                yield f"{name} lies at its bound {value:.4g} or beyond: {_wider(name)}."
-        if not silent:
-            yield from self._alike(names[:n])
+        names = [p.name for p in inversion.parameters]
+        verdicts = told_of(inversion)
+        undetermined = [i for i in range(n) if verdicts[i] == "no"]
+
+        for i in undetermined:
+            # were it determined if all others were known? then others do the same to the waves
+            t = self.fit.shots[0].t
+            length = 1e3 * (t[-1] - self._touch)
+            width = np.array([p.high - p.low for p in inversion.parameters])
+            felt = felt_from(inversion.slopes, width / scales(inversion.parameters), TOLD)
+            opening = f"The records do not tell {names[i]}: its bar is as long as its bounds"
+            if felt[i] < len(t):
+                yield (
+                    f"{opening}. Waves feel it from {1e3 * (t[felt[i]] - self._touch):.3g} ms on, "
+                    "but other numbers do the same to them: find fewer, or record for longer than "
+                    f"{length:.3g} ms."
+                )
+            else:
+                yield (
+                    f"{opening}, and were all else known, no wave within their {length:.3g} ms "
+                    "would tell it: the first wave that a structure sends back hardly feels its "
+                    "far ends, nor a load along it. Record later waves as well."
+                )
+        for name, value, verdict in zip(names, inversion.value, verdicts, strict=True):
+            if verdict == AT_BOUND:
+                of_record = ", record" in name
+                remedy = "say with --each where it starts" if of_record else "widen --bounds"
+                yield f"{name} lies at its bound {value:.4g} or beyond: {remedy}."
+        for i in range(n) if not undetermined else ():
+            for j in range(i):
+                r = float(inversion.uncertainty.correlation[i, j])
+                if abs(r) > ALIKE:
+                    way = "together" if r > 0 else "one up and one down"
+                    yield (
+                        f"{names[j]} and {names[i]} move {way} at almost no cost (correlation "
+                        f"{r:.2f}): each alone is known far worse than the two of them."
+                    )
         if inversion.stretch > STRETCHED:
             yield (
                 "The misfit rises more slowly than a parabola: bars are up to "
                 f"{inversion.stretch:.2g} times as long as its curvature says."
             )
-        if silent or "weakly" in told[:n]:
+        if undetermined or "weakly" in verdicts[:n]:
             worst = inversion.uncertainty.combinations[0]
             yield f"Least told by the records: {worst.text(inversion.parameters)}."
-
-    def _alike(self, names: list[str]) -> Iterator[str]:
-        for i, one in enumerate(names):
-            for j, other in enumerate(names[:i]):
-                r = float(self.inversion.uncertainty.correlation[i, j])
-                if abs(r) > ALIKE:
-                    way = "together" if r > 0 else "one up and one down"
-                    yield (
-                        f"{other} and {one} move {way} at almost no cost (correlation {r:.2f}): "
-                        "each alone is known far worse than the two of them."
-                    )
-
-    def _why_silent(self, i: int) -> str:
-        """A number that the records do not tell: whether any wave in them has felt it."""
-        inversion, t = self.inversion, self.fit.shots[0].t
-        parameters = inversion.parameters
-        width = np.array([p.high - p.low for p in parameters]) / scales(parameters)
-        felt = felt_from(inversion.slopes, width, TOLD)[i]
-        length = 1e3 * (t[-1] - self._touch)
-        said = f"The records do not tell {parameters[i].name}: its bar is as long as its bounds"
-        if felt < len(t):
-            return (
-                f"{said}. Waves feel it from {1e3 * (t[felt] - self._touch):.3g} ms on, but other "
-                "numbers do the same to them: find fewer, or record for longer than "
-                f"{length:.3g} ms."
-            )
-        return (
-            f"{said}, and were all else known, no wave within their {length:.3g} ms would tell it: "
-            "the first wave that a structure sends back hardly feels its far ends, nor a load "
-            "along it. Record later waves as well."
-        )
 
     def _on_wall(self) -> Iterator[str]:
         """How far the interpolation and the step of the model may be believed."""
@@ -200,7 +196,3 @@ class Judged(NamedTuple):
                 "The step of the model is seen in the signals by up to "
                 f"{self.inversion.step_error:.2g} times the noise: the bars do not hold it."
             )
-
-
-def _wider(name: str) -> str:
-    return "say with --each where it starts" if ", record" in name else "widen --bounds"

@@ -1,16 +1,16 @@
-"""The way of an inspection to its answer, around the local minima that waves have.
+"""The search of an inspection for the valleys of its misfit, around the local minima of waves.
 
-Structures are drawn all over the bounds and run against the beginning of one record, up to the
-first wave that has felt them; the nearest are candidates. The record is then looked at farther and
-farther: candidates that do not meet what is new are fitted anew, those that are left far behind are
-dropped, and what the waves so far leave open is filled up again with draws from it,
+Structures are drawn all over the bounds and compared with the beginning of one record, up to the
+first wave that has felt them; the nearest are the candidates. The window then grows along the
+record: candidates that do not explain its new samples are fitted again, those that fall far behind
+are dropped, and the set is filled up again with draws from what the window leaves open,
 
-    theta ~ N(theta_best, WIDER^2 (J^T J + B)^-1),   B of the bounds,
+    theta ~ N(theta_best, wider^2 (J^T J + B)^-1),   B of the bounds,
 
 so that no valley of the later waves is missed for want of a candidate in it. A window in which even
-the best is lost has grown too fast: it is tried again shorter, from more draws. A wall between
-computed ones is computed anew between narrower bounds as soon as candidates leave the most of the
-old ones. What is left at the end of the record is taken on to all records.
+the best candidate is lost has grown too fast: it is tried again shorter, from more draws. A wall
+between computed ones is computed anew between narrower bounds as soon as the candidates leave most
+of the old ones. The candidates that are left at the end of the record are fitted to all records.
 """
 
 from collections.abc import Sequence
@@ -23,42 +23,67 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from workflows.fit.core.calibration.fitting import rms
-from workflows.fit.core.inspection.fitting import HUGE, Fit, Fitted
-from workflows.fit.core.inspection.forward import IMPOSSIBLE, Forward
+from workflows.fit.core.inspection.fitting import HUGE, Fitted, RecordFit
+from workflows.fit.core.inspection.forward import IMPOSSIBLE, StructureForward
 
 MISFIT = attrgetter("misfit")
-RISE = 0.3  # of the largest signal: the first wave has come
-COARSE = 2.0  # steps of the search, in those of the answer
-PER_NUMBER = 5  # log2 of structures drawn: doubled for each number of the structure but the first
-MOST_DRAWN = 8  # log2
-SAMPLES = 1500  # of a record that a search looks at
-ROUGH = 1e-3  # share of its misfit that a further step of a candidate must gain
-FINE = 1e-5  # the same, of what is taken for a valley's ground
-STEPS, LAST_STEPS = 6, 30  # of a candidate in a window, in the last
-FELT = 30.0  # by which draws differ, over the noise, where waves have felt the structure
-GROWTH = 1.12  # of the window
-MET = 1.06  # squares over the noise's of what a candidate meets, and three deviations of them
-FINEST = 0.01  # growth of a window
-MANY = 8  # times as many draws for a window in which the best was lost
-PATIENCE = 8  # such windows on the way along a record
-BEHIND = 0.3, 200.0  # of the best sum of squares, and besides: what drops a candidate
-WIDER = 1.5  # draws, in standard deviations
-ALIKE, SPREAD = 0.005, 0.02  # of the bounds: two candidates that are one, that are apart
-NARROWER = 0.05  # volume between bounds over the old one, at which walls are computed anew
-REACH = 4.0  # of narrower bounds, standard deviations
-NARROWINGS = 3  # at most
-LEAST_WIDTH = 0.01  # of narrower bounds, in those given
-TRIES = 3  # times that a record is followed
-ENDS = 3  # candidates taken on to all records
-HOPELESS = 1.5  # misfit over the best: an end that no better wall would make an answer
+RISE = 0.3  # of the largest signal: the level at which a first wave has arrived
 
 
-class Searched(NamedTuple):
-    """The valleys that are left, the best first, and the model they were found with."""
+class CandidateSearch(NamedTuple):
+    """Options of the search. What no comment says otherwise of has not been varied systematically.
+    Misfits and residuals are over the noise."""
+
+    # the first draws
+    log2_draws: int = 5  # Sobol points for one number of the structure, doubled for each further
+    most_log2_draws: int = 8  # largest such power: 256 runs of the model
+    felt: float = 30.0  # spread of the draws' signals from which on a wave has felt the structure
+
+    # the record that is followed
+    samples: int = 1500  # a longer record is thinned to about as many
+    step_factor: float = 2.0  # time step of the search over that of the answer
+    tries: int = 3  # records followed until what is found explains all of them
+
+    # windows
+    growth: float = 1.12  # length of a window, from the first touch on, over the last one's
+    finest_growth: float = 0.01  # share of a window below which it is not made shorter again
+    patience: int = 8  # windows tried again shorter, along one record
+    more_draws: int = 8  # times as many draws for a window in which the best candidate was lost
+    wider: float = 1.5  # standard deviation of the draws over that of the covariance
+
+    # fits of a candidate to a window
+    steps: int = 6  # Gauss-Newton steps, but in the last window
+    last_steps: int = 30  # the same in the last one
+    rough: float = 1e-3  # relative fall of the misfit below which such a fit ends
+    fine: float = 1e-5  # the same for the bottom of a valley: in the last window and of all records
+
+    # which candidates are kept
+    noise_square: float = 1.06  # mean square of a residual that is noise, whose rms is known to 3 %
+    behind: float = 0.3  # excess over the best sum of squares at which a candidate is dropped ...
+    behind_squares: float = 200.0  # ... in addition to so many squares of the noise
+    same: float = 0.005  # distance, in widths of the bounds, below which two candidates are one
+    spread_out: float = 0.02  # the same, to thin a crowd that is not to be all of one valley
+
+    # walls computed anew between narrower bounds
+    narrowings: int = 3  # at most
+    narrower: float = 0.05  # volume between the new bounds over that between the old ones
+    reach: float = 4.0  # standard deviations that the new bounds leave to the candidates
+    least_width: float = 0.01  # of the new bounds over the given ones
+
+    # the end
+    ends: int = 3  # candidates fitted to all records
+    hopeless: float = 1.5  # misfit over the best of an end that no better wall would make an answer
+
+
+USUAL = CandidateSearch()
+
+
+class SearchResult(NamedTuple):
+    """The valleys that are left, the best first, and the model that they were found with."""
 
     ends: tuple[Fitted, ...]
-    starts: int  # candidates
-    forward: Forward
+    starts: int  # candidates that were followed
+    forward: StructureForward
 
     @property
     def fitted(self) -> Fitted:
@@ -73,208 +98,240 @@ def rise(t: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     return float(np.interp(RISE, share[i - 1 : i + 1], t[i - 1 : i + 1]))
 
 
-def with_triggers(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """theta with triggers at which the first waves of model and records rise together."""
+def with_triggers(fit: RecordFit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """theta (p,) with triggers at which the first waves of model and records rise together."""
     low, high = fit.unknowns.ends()
-    shown = fit.forward.signals(fit.unknowns, theta, fit.shots)
-    found = theta.copy()
-    for shot, model, i in zip(fit.shots, shown, fit.unknowns.trigger, strict=True):
-        late = rise(shot.t, shot.y) - rise(shot.t, model)
-        found[i] = np.clip(theta[i] + late, low[i], high[i])
-    return found
+    signals = fit.forward.signals(fit.unknowns, theta, fit.shots)
+    theta_new = theta.copy()
+    for shot, model, i in zip(fit.shots, signals, fit.unknowns.trigger, strict=True):
+        lag = rise(shot.t, shot.y) - rise(shot.t, model)
+        theta_new[i] = np.clip(theta[i] + lag, low[i], high[i])
+    return theta_new
 
 
-def searched(fit: Fit, *, n_shared: int, starts: int, seed: int) -> Searched:
-    """Where so many candidates end; a single one begins where the numbers start.
+def searched(
+    fit: RecordFit, *, n_shared: int, starts: int, seed: int, options: CandidateSearch = USUAL
+) -> SearchResult:
+    """Where `starts` candidates end; a single one begins where the numbers start.
 
-    They follow the loudest record, and the next, or others the same, where what they find does not
-    meet all records.
+    The first n_shared numbers of theta are those of the structure. The loudest record is followed
+    first, and the next one, or the same from other draws, where the result does not explain all
+    records.
     """
     rng = np.random.default_rng(seed)
-    loudest = np.argsort([-np.abs(shot.y).max() for shot in fit.shots], kind="stable")
-    tries, found = TRIES if starts > 1 else 1, []
+    by_loudness = np.argsort([-np.abs(shot.y).max() for shot in fit.shots], kind="stable")
+    tries = options.tries if starts > 1 else 1
+    results: list[SearchResult] = []
     for i in range(tries):
-        record, last = int(loudest[i % len(loudest)]), i == tries - 1
-        one = _followed(fit, record, n_shared, starts, rng, to_the_end=last and not found)
-        if one is None:
+        record, last_try = int(by_loudness[i % len(by_loudness)]), i == tries - 1
+        result = along_record(
+            fit, record, n_shared, starts, rng, options, to_the_end=last_try and not results
+        )
+        if result is None:
             continue
-        found.append(one)
-        if _meets(fit._replace(forward=one.forward), one.fitted.theta):
+        results.append(result)
+        if _explains(fit._replace(forward=result.forward), result.fitted.theta, 0, options):
             break
-    return min(found, key=lambda one: one.fitted.misfit)
+    return min(results, key=lambda result: result.fitted.misfit)
 
 
-def _followed(
-    fit: Fit, record: int, n_shared: int, starts: int, rng, *, to_the_end: bool
-) -> Searched | None:
-    """Candidates along one record; None where they lose it before its end."""
-    one = _of_one(fit, record)
-    thetas, n = _nearest(one, n_shared, starts, rng)
-    touch, end = _touch(one), one.data.shape[1]
-    met, follows, narrowings = 0, False, NARROWINGS if fit.forward.within else 0
-    kept, spread, lost = [], None, 0
-    box = [ends[:n_shared] for ends in one.unknowns.ends()]
-    while True:
-        tried = _kept(one.until(n), met, thetas, n_shared, starts, n == end)
-        meets = _meets(one.until(n), tried[0].theta, met)
-        if follows and not meets and n - met > max(1, FINEST * (n - touch)) and lost < PATIENCE:
-            thetas = _filled(one, kept, spread, MANY * starts, rng)
-            n, lost = met + (n - met) // 2, lost + 1
-            continue
-        if follows and not meets and not to_the_end and n < end:
-            return None
-        if n == end:
-            return Searched(_ends(fit, tried, n_shared), starts, fit.forward)
-        kept, follows = tried, meets
-        spread = _spread(one.until(n), kept[0].theta)
-        inner = _inner(one, kept, spread, n_shared)
-        if narrowings and _volume(inner) < NARROWER * _volume(box):
-            box, narrowings = inner, narrowings - 1
-            fit = fit._replace(forward=fit.forward.narrowed(*box))
-            one = _of_one(fit, record)
-        thetas = _filled(one, kept, spread, starts, rng)
-        met, n = n, min(end, touch + int(np.ceil(GROWTH * (n - touch))))
-
-
-def _of_one(fit: Fit, record: int) -> Fit:
-    """One record, thinned, by long steps."""
-    every = max(1, len(fit.shots[0].t) // SAMPLES)
-    return fit.of_shots([record], every)._replace(forward=fit.forward.with_steps(COARSE))
-
-
-def _touch(one: Fit) -> int:
-    """Samples of the record before the first touch."""
+def along_record(
+    fit: RecordFit,
+    record: int,
+    n_shared: int,
+    starts: int,
+    rng: np.random.Generator,
+    options: CandidateSearch = USUAL,
+    *,
+    to_the_end: bool,
+) -> SearchResult | None:
+    """Candidates followed along one record in growing windows, then fitted to all records; None
+    where they lose the record before its end, unless they are to go on `to_the_end`."""
+    one = _one_record(fit, record, options)
+    n_samples = one.data.shape[1]
     trigger = one.unknowns.parameters[one.unknowns.trigger[0]].start
-    return int(np.searchsorted(one.shots[0].t, trigger))
+    touch = int(np.searchsorted(one.shots[0].t, trigger))  # samples before the first touch
+    low, high = (end[:n_shared] for end in one.unknowns.ends())
 
-
-def _nearest(one: Fit, n_shared: int, starts: int, rng) -> tuple[list[NDArray[np.float64]], int]:
-    """The draws nearest to the beginning of the record, and its samples."""
-    first = np.array([p.start for p in one.unknowns.parameters])
-    drawn, models = [], []
-    for theta in _drawn(one, first, n_shared, rng) if starts > 1 else first[None]:
+    # structures all over their bounds, all else as it starts; the start itself is the first
+    start = np.array([p.start for p in one.unknowns.parameters])
+    draws = start[None]
+    if starts > 1:
+        power = min(options.log2_draws + n_shared - 1, options.most_log2_draws)
+        unit = qmc.Sobol(n_shared, rng=rng).random_base2(power)
+        draws = np.tile(start, (len(unit) + 1, 1))
+        draws[1:, :n_shared] = low + (high - low) * unit
+    possible, models = [], []
+    for theta in draws:
         with suppress(*IMPOSSIBLE):
             models.append(one.forward.signals(one.unknowns, theta, one.shots))
-            drawn.append(theta)
-    shown = one.gains(models[0]) * np.array(models) * one.weight
-    felt = np.cumsum(shown.var(axis=0).sum(axis=(0, 2))) > FELT**2
+            possible.append(theta)
+
+    # the first window ends where the draws differ: before, no wave has felt the structure
+    weighted = one.gains(models[0]) * np.array(models) * one.weight
+    felt = np.cumsum(weighted.var(axis=0).sum(axis=(0, 2))) > options.felt**2
     n = int(felt.argmax()) + 1 if felt.any() else len(felt)
-    window = one.until(n)
-    off = [np.sum(window.off(model[:, :n]) ** 2) for model in models]
-    return [drawn[i] for i in np.argsort(off, kind="stable")[:starts]], n
+    first_window = one.until(n)
+    squares = [np.sum(first_window.off(model[:, :n]) ** 2) for model in models]
+    thetas = [possible[i] for i in np.argsort(squares, kind="stable")[:starts]]
+
+    candidates: list[Fitted] = []
+    root, box = None, (low, high)
+    n_explained, on_track = 0, False  # samples of the last window, and whether it was explained
+    retries, narrowings = 0, options.narrowings if fit.forward.within else 0
+    while True:
+        window, is_last = one.until(n), n == n_samples
+
+        # candidates that explain the window need no fit, unless it is the last one
+        explaining, others = [], []
+        for theta in thetas:
+            residual = window.residual(theta).reshape(window.data.shape)
+            explains = not is_last and is_noise(residual, n_explained, window.rounded, options)
+            (explaining if explains else others).append(Fitted(theta, rms(residual), 1, explains))
+
+        # of the others the nearest are fitted; of a crowd those that are apart from each other,
+        # so that they are not all of one valley
+        others.sort(key=MISFIT)
+        if len(thetas) > starts:
+            others = distinct(window, others, n_shared, options.spread_out)[:starts]
+        else:
+            others = others[: starts // 2 + 1]
+        refitted = [_refitted(window, candidate, is_last, options) for candidate in others]
+        ends = sorted([*explaining, *refitted], key=MISFIT)
+        if ends[0].converged:
+            ends[0] = _refitted(window, ends[0], is_last, options)
+        besides = options.behind_squares / window.data.size
+        largest = np.sqrt((1.0 + options.behind) * ends[0].misfit ** 2 + besides)
+        ends = distinct(window, [end for end in ends if end.misfit <= largest], n_shared)
+        explained = _explains(window, ends[0].theta, n_explained, options)
+
+        # even the best was lost: half of the new samples, from more draws of the last window
+        too_long = n - n_explained > max(1, options.finest_growth * (n - touch))
+        if on_track and not explained and too_long and retries < options.patience:
+            thetas = with_draws(one, candidates, root, options.more_draws * starts, rng, options)
+            n, retries = n_explained + (n - n_explained) // 2, retries + 1
+            continue
+        if on_track and not explained and not to_the_end and not is_last:
+            return None
+        if is_last:
+            break
+
+        # what the window leaves open, and walls between narrower bounds where it is little
+        candidates, on_track = ends, explained
+        root = posterior_root(window, candidates[0].theta)
+        inner = narrower_bounds(one, candidates, root, n_shared, options)
+        volume, volume_now = (float(np.prod(b[1] - b[0])) for b in (inner, box))
+        if narrowings and volume < options.narrower * volume_now:
+            box, narrowings = inner, narrowings - 1
+            fit = fit._replace(forward=fit.forward.narrowed(*box))
+            one = _one_record(fit, record, options)
+        thetas = with_draws(one, candidates, root, starts, rng, options)
+        n_explained, n = n, min(n_samples, touch + int(np.ceil(options.growth * (n - touch))))
+
+    # the best candidates to all records, with the triggers that the others need
+    begins = [with_triggers(fit, end.theta) for end in ends[: options.ends]]
+    ends = sorted((fit.solved(theta, tolerance=options.fine) for theta in begins), key=MISFIT)
+    hopeful = [end for end in ends if end.misfit <= options.hopeless * ends[0].misfit]
+    return SearchResult(tuple(distinct(fit, hopeful, n_shared)), starts, fit.forward)
 
 
-def _kept(
-    window: Fit, met: int, thetas: Sequence, n_shared: int, starts: int, last: bool
-) -> list[Fitted]:
-    """Candidates of the window that are not far behind nor one another's double, best first.
-
-    The nearest of those that do not meet the window and what is new in it are fitted anew; of a
-    crowd those that are apart, so that they are not all of one valley.
-    """
-    ends: dict[bool, list[Fitted]] = {True: [], False: []}
-    for theta in thetas:
-        left = _left(window, theta)
-        meets = not last and _noise(left, met, window.rounded)
-        ends[meets].append(Fitted(theta, rms(left), 1, meets))
-    crowd = len(thetas) > starts
-    near = sorted(ends[False], key=MISFIT)
-    near = _distinct(window, near, n_shared, SPREAD)[:starts] if crowd else near[: starts // 2 + 1]
-    found = sorted([*ends[True], *(_anew(window, end, last) for end in near)], key=MISFIT)
-    if found[0].converged:
-        found[0] = _anew(window, found[0], last)
-    share, besides = BEHIND
-    most = np.sqrt((1.0 + share) * found[0].misfit ** 2 + besides / window.data.size)
-    return _distinct(window, [end for end in found if end.misfit <= most], n_shared)
+def _one_record(fit: RecordFit, record: int, options: CandidateSearch) -> RecordFit:
+    """One record, thinned, and the model by longer time steps."""
+    every = max(1, len(fit.shots[0].t) // options.samples)
+    forward = fit.forward.with_steps(options.step_factor)
+    return fit.of_shots([record], every)._replace(forward=forward)
 
 
-def _anew(window: Fit, end: Fitted, last: bool) -> Fitted:
-    """A candidate fitted to the window, to its ground where that is the last."""
-    most, tolerance = (LAST_STEPS, FINE) if last else (STEPS, ROUGH)
+def _refitted(window: RecordFit, end: Fitted, is_last: bool, options: CandidateSearch) -> Fitted:
+    """A candidate fitted to the window, to the bottom of its valley where that is the last; as it
+    was where its model cannot run."""
+    steps = options.last_steps if is_last else options.steps
+    tolerance = options.fine if is_last else options.rough
     with suppress(*IMPOSSIBLE):
         if end.misfit < HUGE:
-            return window.solved(end.theta, most=most, tolerance=tolerance, about=end.theta)
+            return window.solved(end.theta, most=steps, tolerance=tolerance, about=end.theta)
     return end
 
 
-def _distinct(
-    fit: Fit, ends: Sequence[Fitted], n_shared: int, least: float = ALIKE
+def distinct(
+    fit: RecordFit, ends: Sequence[Fitted], n_shared: int, distance: float = USUAL.same
 ) -> list[Fitted]:
-    """Those that are no double of one before, by their least distance in widths of the bounds."""
+    """Those that are no double of one before them: farther off than the distance, in widths of the
+    bounds, in at least one number of the structure."""
     low, high = fit.unknowns.ends()
-    found: list[Fitted] = []
+    chosen: list[Fitted] = []
     for end in ends:
-        apart = [np.abs((end.theta - one.theta) / (high - low))[:n_shared].max() for one in found]
-        if min(apart, default=1.0) > least:
-            found.append(end)
-    return found
+        apart = [np.abs((end.theta - c.theta) / (high - low))[:n_shared].max() for c in chosen]
+        if min(apart, default=1.0) > distance:
+            chosen.append(end)
+    return chosen
 
 
-def _left(fit: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(S, k, m) residual."""
-    return fit.residual(theta).reshape(fit.data.shape)
+def _explains(
+    fit: RecordFit, theta: NDArray[np.float64], n_explained: int, options: CandidateSearch
+) -> bool:
+    """Whether what theta (p,) leaves is noise."""
+    residual = fit.residual(theta).reshape(fit.data.shape)
+    return is_noise(residual, n_explained, fit.rounded, options)
 
 
-def _meets(fit: Fit, theta: NDArray[np.float64], met: int = 0) -> bool:
-    """Whether what theta leaves is noise."""
-    return _noise(_left(fit, theta), met, fit.rounded)
+def is_noise(
+    residual: NDArray[np.float64],
+    n_explained: int,
+    rounded: float = 0.0,
+    options: CandidateSearch = USUAL,
+) -> bool:
+    """Whether a residual (S, k, m), and its samples after the first n_explained, are noise.
 
-
-def _noise(left: NDArray[np.float64], met: int, rounded: float = 0.0) -> bool:
-    """Whether the whole and what is new in it are noise, whose rms is known to a few per cent."""
+    Mean squares may exceed 1 by what the rms of the noise is uncertain, by what rounding may add,
+    and by three standard deviations sqrt(2 / n) of the mean of n squares.
+    """
     return all(
-        np.mean(part**2) <= MET + rounded + 3.0 * np.sqrt(2.0 / part.size)
-        for part in (left, left[:, met:])
+        np.mean(r**2) <= options.noise_square + rounded + 3.0 * np.sqrt(2.0 / r.size)
+        for r in (residual, residual[:, n_explained:])
     )
 
 
-def _spread(window: Fit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(p, p) that makes of normal numbers what the window leaves open, 0 of other records'."""
+def posterior_root(window: RecordFit, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """L (p, p) with covariance L L^T = (J^T J + B)^-1 of theta (p,) by the samples of a window and
+    by the bounds; rows of numbers of other records are 0."""
     J, B = window.jacobian(theta), (window.unknowns.pull * window.unknowns.scale) ** 2
     values, vectors = np.linalg.eigh(J.T @ J + np.diag(np.maximum(B, 1e-12)))
-    looked_at = J.any(axis=0) | np.isin(np.arange(len(B)), window.unknowns.of_system)
-    return looked_at[:, None] * vectors / np.sqrt(values) * window.unknowns.scale[:, None]
+    concerned = J.any(axis=0) | np.isin(np.arange(len(B)), window.unknowns.of_system)
+    return concerned[:, None] * vectors / np.sqrt(values) * window.unknowns.scale[:, None]
 
 
-def _inner(one: Fit, kept: Sequence[Fitted], spread, n_shared: int):
-    """Ends (p_shared,) of bounds that hold the candidates and what is left open."""
-    low, high = (end[:n_shared] for end in one.unknowns.ends())
-    there = np.array([end.theta[:n_shared] for end in kept])
-    reach = REACH * np.linalg.norm(spread[:n_shared], axis=1)
-    reach = np.maximum(reach, 0.5 * LEAST_WIDTH * (high - low))
-    ends = (there - reach).min(axis=0), (there + reach).max(axis=0)
-    return np.maximum(low, ends[0]), np.minimum(high, ends[1])
+def narrower_bounds(
+    fit: RecordFit,
+    candidates: Sequence[Fitted],
+    root: NDArray[np.float64],
+    n_shared: int,
+    options: CandidateSearch = USUAL,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper bounds (n_shared,) that hold the candidates and what is left open around
+    them; root (p, p) is that of the covariance."""
+    low, high = (end[:n_shared] for end in fit.unknowns.ends())
+    thetas = np.array([end.theta[:n_shared] for end in candidates])
+    reach = options.reach * np.linalg.norm(root[:n_shared], axis=1)
+    reach = np.maximum(reach, 0.5 * options.least_width * (high - low))
+    lower, upper = (thetas - reach).min(axis=0), (thetas + reach).max(axis=0)
+    return np.maximum(low, lower), np.minimum(high, upper)
 
 
-def _volume(box) -> float:
-    low, high = box
-    return float(np.prod(high - low))
-
-
-def _filled(one: Fit, kept: Sequence[Fitted], spread, starts: int, rng) -> list:
-    """The candidates, and draws of what is left open until they are as many as the starts."""
-    thetas = [end.theta for end in kept]
-    low, high = one.unknowns.ends()
-    for i in range(4 * (starts - len(kept))):
-        theta = thetas[i % len(kept)] + WIDER * spread @ rng.standard_normal(len(spread))
-        if ((theta >= low) & (theta <= high)).all() and len(thetas) < starts:
+def with_draws(
+    fit: RecordFit,
+    candidates: Sequence[Fitted],
+    root: NDArray[np.float64],
+    count: int,
+    rng: np.random.Generator,
+    options: CandidateSearch = USUAL,
+) -> list[NDArray[np.float64]]:
+    """theta (p,) of the candidates, and draws around them in turn until they are `count`; draws
+    beyond the bounds are thrown away, at most four times as many as are wanted are made."""
+    thetas = [end.theta for end in candidates]
+    low, high = fit.unknowns.ends()
+    for i in range(4 * (count - len(candidates))):
+        theta = thetas[i % len(candidates)] + options.wider * root @ rng.standard_normal(len(root))
+        if ((theta >= low) & (theta <= high)).all() and len(thetas) < count:
             thetas.append(theta)
     return thetas
-
-
-def _ends(fit: Fit, kept: Sequence[Fitted], n_shared: int) -> tuple[Fitted, ...]:
-    """The best candidates taken on to all records, with the triggers that the others need."""
-    begins = (with_triggers(fit, end.theta) for end in kept[:ENDS])
-    ends = sorted((fit.solved(theta, tolerance=FINE) for theta in begins), key=MISFIT)
-    near = [end for end in ends if end.misfit <= HOPELESS * ends[0].misfit]
-    return tuple(_distinct(fit, near, n_shared))
-
-
-def _drawn(fit: Fit, first, n_shared: int, rng) -> NDArray[np.float64]:
-    """(n, p) numbers of the structure all over their bounds, the others as they start."""
-    low, high = (end[:n_shared] for end in fit.unknowns.ends())
-    power = min(PER_NUMBER + n_shared - 1, MOST_DRAWN)
-    unit = qmc.Sobol(n_shared, rng=rng).random_base2(power)
-    found = np.tile(first, (len(unit) + 1, 1))
-    found[1:, :n_shared] = low + (high - low) * unit
-    return found

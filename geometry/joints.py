@@ -1,0 +1,226 @@
+"""What the words of an assembly pick: faces, touching pairs, and the places of its joints.
+
+A joint sits where a bolt goes through holes of two bodies about one axis, at points of the plane
+in which two bodies touch, where a shank of one sits in a bore of another, or at holes that the
+ground holds. At each place it holds one named face of either body: under a washer, the bolt's
+share of the common face, the length in common of a thread, or the wall of a hole.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations, product
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from geometry.assembly import InvalidGeometry
+from geometry.holes import LIMITS, bores, concentric, crossed, engaged
+from geometry.imprint import Disc, Patch, Share, ThreadBand
+from geometry.selectors import Selected, bodies_named, faces, touches
+from geometry.solids import Body, Vector
+from geometry.touching import TouchingPair
+
+UNKNOWN_WASHER = 1e-3  # m, the radius by which bolts without a washer of their own are kept apart
+
+
+class JointWords(NamedTuple):
+    """A joint as its table gives it."""
+
+    name: str  # of its places, numbered from 1
+    key: str  # that messages call it by
+    first: str  # body, with * bodies; of a joint to the ground faces
+    second: str | None  # None is the ground
+    at: Literal["holes", "thread"] | Sequence[Sequence[float]] = "holes"  # or points [m]
+    washer: float | None = None  # m, radius; None: the larger diameter of the two holes
+    shares: tuple[int, ...] = ()  # sides that hold the bolt's share of the common face, if any
+
+
+class Words(NamedTuple):
+    """All that a scene picks of its bodies, as text; see `geometry.selectors`."""
+
+    bodies: Sequence[str] = ()  # patterns that some body must fit
+    groups: Mapping[str, str] = {}  # patterns of bodies by the key that messages call them by
+    faces: Mapping[str, str] = {}  # selectors by the name of the face
+    struck: str | None = None  # selector
+    ties: Sequence[str] = ()  # "a|b"
+    joints: Sequence[JointWords] = ()
+
+
+class JointPlace(NamedTuple):
+    """A joint at one of its places."""
+
+    joint: str  # name of the joint
+    bodies: tuple[str, ...]  # the first and the second; the first alone is held to the ground
+    faces: tuple[str, ...]  # "body:face" of either
+    centre: Vector  # (3,) [m]
+    axis: Vector  # (3,) of the bolt or hole
+    # of either side the face on the partner over whose footprint it is held, None is its own face
+    over: tuple[str | None, ...] = (None, None)
+
+
+class Picked(NamedTuple):
+    """What the words pick."""
+
+    groups: dict[str, list[str]]  # bodies by the key of their pattern
+    faces: dict[str, Selected]  # those of the words, and those that joints hold as they are
+    patches: dict[str, Patch]  # what joints hold of a face, to be imprinted
+    struck: Selected | None
+    tied: dict[str, TouchingPair]  # by the pair's name "a|b"
+    jointed: dict[str, str]  # the joint's name by the pair's, of threads both ways round
+    joints: list[JointPlace]
+
+
+def picked(
+    words: Words, bodies: Mapping[str, Body], touching: Sequence[TouchingPair], gap: float
+) -> Picked:
+    """All that the words pick; to call in the bodies' ``with model(...)``.
+
+    Raises InvalidGeometry for words that pick nothing or leave a choice, with what there is.
+    """
+    for pattern in words.bodies:
+        bodies_named(pattern, bodies)
+    groups = {}
+    for key, pattern in words.groups.items():
+        try:
+            groups[key] = bodies_named(pattern, bodies)
+        except InvalidGeometry as error:
+            raise InvalidGeometry(f"{key}: {error}") from None
+    tied = {touch.name: touch for tie in words.ties for touch in touches(tie, bodies, touching)}
+    named = {name: faces(selector, bodies) for name, selector in words.faces.items()}
+    struck = faces(words.struck, bodies) if words.struck else None
+    result = Picked(groups, named, {}, struck, tied, {}, [])
+
+    # names of faces and joints are numbered by kind: bolts, then threads, then holes to the ground
+    for joint in words.joints:
+        if joint.second is not None and joint.at != "thread":
+            _place_bolts(joint, result, bodies, touching, gap)
+    n_threads = 0
+    for joint in words.joints:
+        if joint.second is not None and joint.at == "thread":
+            n_threads = _place_threads(joint, result, bodies, n_threads)
+    for joint in words.joints:
+        if joint.second is not None:
+            continue
+        selected = faces(joint.first, bodies)
+        walls = [b for b in bores(bodies[selected.body]) if set(b.tags) <= set(selected.tags)]
+        for i, bore in enumerate(walls, start=1):
+            name, body = f"{joint.name}-{i}", selected.body
+            result.faces[name] = Selected(body, bore.tags)
+            centre = bore.ends.mean(axis=0)
+            result.joints.append(
+                JointPlace(joint.name, (body,), (f"{body}:{name}",), centre, bore.axis)
+            )
+    return result
+
+
+def _place_bolts(
+    joint: JointWords,
+    result: Picked,
+    bodies: Mapping[str, Body],
+    touching: Sequence[TouchingPair],
+    gap: float,
+) -> None:
+    """Adds the bolts of a joint between two bodies, and what each holds on both faces."""
+    between = f"{joint.first}|{joint.second}"
+    pairs = touches(between, bodies, touching)
+    result.jointed.update({touch.name: joint.name for touch in pairs})
+
+    places = []
+    for touch in pairs:
+        if joint.at == "holes":
+            places += concentric(touch, bodies, gap)
+            continue
+        bolts = crossed(touch, bodies, joint.at)
+        if not bolts:
+            raise InvalidGeometry(
+                f'{joint.key} has points, but "{touch.name}" touch on no plane; tie them.'
+            )
+        radius = UNKNOWN_WASHER if joint.washer is None else joint.washer
+        for i, j in combinations(range(len(bolts)), 2):
+            distance = np.linalg.norm(bolts[i].centre - bolts[j].centre)
+            if distance < 2 * radius * (1 - 1e-9):
+                raise InvalidGeometry(
+                    f"points {i + 1} and {j + 1} of {joint.key}.at are {distance:.4g} m apart, "
+                    f"where washers need {2 * radius:g} m; name each bolt once, or take a smaller "
+                    "washer."
+                )
+        places += bolts
+    if not places:
+        raise InvalidGeometry(
+            f'{joint.key} finds no hole through both of "{between}"; give at = [[x, y, z], ...] '
+            "and washer."
+        )
+
+    first, second = (bodies_named(side, bodies) for side in (joint.first, joint.second))
+    for i, place in enumerate(places, start=1):
+        # the joint's first body first, z from it to the second
+        sides, axis = list(zip(place.bodies, place.faces, strict=True)), place.axis
+        if not (place.bodies[0] in first and place.bodies[1] in second):
+            sides, axis = sides[::-1], -axis
+        on = [Selected(body, (tag,)) for body, tag in sides]
+        names = [f"{joint.name}-{i}-{body}" for body, _ in sides]
+        in_mesh = [f"{body}:{name}" for (body, _), name in zip(sides, names, strict=True)]
+        over: list[str | None] = [None, None]
+        if not joint.shares:
+            radius = joint.washer or max(place.diameters)
+            for name, selected in zip(names, on, strict=True):
+                result.patches[name] = Disc(selected, place.centre, place.axis, radius)
+        else:
+            # nearer to this bolt than to the others of the face; a side on which it is not drawn
+            # is held over the footprint of the one on which it is
+            others = [p.centre for p in places if p.faces == place.faces and p is not place]
+            contacts = (c for touch in pairs for c in touch.contacts)
+            regions = next(c.regions for c in contacts if c.faces == place.faces)
+            for side in joint.shares:
+                result.patches[names[side]] = Share(on[side], regions, place.centre, others)
+            for side in {0, 1} - set(joint.shares):
+                result.faces[names[side]] = on[side]
+                over[side] = in_mesh[joint.shares[0]]
+        pair = tuple(body for body, _ in sides)
+        result.joints.append(
+            JointPlace(joint.name, pair, tuple(in_mesh), place.centre, axis, tuple(over))
+        )
+
+
+def _place_threads(
+    joint: JointWords, result: Picked, bodies: Mapping[str, Body], n_before: int
+) -> int:
+    """Adds the threads of a joint, numbered on from those before; how many there are now."""
+    firsts, seconds = (bodies_named(side, bodies) for side in (joint.first, joint.second))
+    pairs = {frozenset(pair): pair for pair in product(firsts, seconds) if len({*pair}) == 2}
+    threads = []
+    for pair in pairs.values():
+        in_pair = engaged(*(bodies[name] for name in pair))
+        if len(in_pair) > 1:
+            places = " and ".join(f"{np.round(t.centre, 6).tolist()} m" for t in in_pair)
+            raise InvalidGeometry(
+                f'{joint.key}.at = "thread": "{"|".join(pair)}" have {len(in_pair)} cylinders in '
+                f"common, at {places}, and a thread is one; make the other one wider than its "
+                "shank, or draw it as a body of its own."
+            )
+        threads += in_pair
+    if not threads:
+        sizes = [
+            f'"{name}" has a {what} of {1e3 * cylinder.diameter:.4g} mm'
+            for name in dict.fromkeys([*firsts, *seconds])
+            for what, hollow in (("shank", False), ("bore", True))
+            for cylinder in bores(bodies[name], hollow=hollow)
+        ]
+        raise InvalidGeometry(
+            f'{joint.key}.at = "thread" finds no shank of one of "{joint.first}|{joint.second}" in '
+            f"a bore of the other, on one axis, up to {100 * LIMITS.thread:g} % of the bore's "
+            f"radius apart: {', '.join(sizes[:6]) or 'neither has a cylinder'}; move them onto "
+            "each other, or give at = [[x, y, z], ...] and washer."
+        )
+
+    for i, thread in enumerate(threads, start=n_before + 1):
+        names = [f"{joint.name}-{i}-{body}" for body in thread.bodies]
+        for name, body, tags in zip(names, thread.bodies, thread.tags, strict=True):
+            on = Selected(body, tags)
+            result.patches[name] = ThreadBand(on, thread.centre, thread.axis, thread.length)
+        in_mesh = tuple(f"{b}:{n}" for b, n in zip(thread.bodies, names, strict=True))
+        result.joints.append(
+            JointPlace(joint.name, thread.bodies, in_mesh, thread.centre, thread.axis)
+        )
+        for a, b in (thread.bodies, thread.bodies[::-1]):
+            result.jointed[f"{a}|{b}"] = joint.name
+    return n_before + len(threads)
