@@ -161,14 +161,14 @@ def marched() -> int:
     from workflows.sweep.cases import base_of
     from workflows.sweep.design import grid
     from workflows.sweep.march import rows
-    from workflows.sweep.models import Prepared
+    from workflows.sweep.models import SharedWall
     from workflows.sweep.tasks import CHUNK, sharings
 
     base = base_of("rig-rigid", ())
     cases = grid((f"striker.velocity=0.1:1:{CHUNK}",), base.number)
     for sharing in sharings(base, cases, list(range(CHUNK)), False):
         for task in sharing.tasks:
-            rows(task.checked, Prepared(), task.signals)
+            rows(task.checked, SharedWall(), task.signals)
     return memory()
 
 

@@ -30,7 +30,7 @@ from workflows.stages.impact import impact
 from workflows.sweep.cases import Base, base_of, checked, groups
 from workflows.sweep.core.design import Design
 from workflows.sweep.march import observed, rows
-from workflows.sweep.models import Prepared
+from workflows.sweep.models import SharedWall
 
 # Smallest and largest value of each key [SI]; of a population a part of that range.
 RANGES = {
@@ -142,7 +142,7 @@ def sweep_trial(name: str, values: dict, error: float | None = None) -> Trial:
     ratios, refused, in_vain, costs = [], 0, 0, []
     for group in groups(base, design, range(design.n_cases)):
         cases = checked(base, group)
-        for done in rows(cases, Prepared(), True):
+        for done in rows(cases, SharedWall(), True):
             if done.signals is None:
                 refused += len(done.cases)
                 continue

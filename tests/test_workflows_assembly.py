@@ -228,7 +228,7 @@ def test_what_a_component_adds_is_told_by_the_names_of_the_rows():
             ("full-tie + support + plate", [55.0] * 4),
         )
     ]
-    found = thesis_tables.added(thesis_tables.Table(rows=rows))
+    found = thesis_tables.added(thesis_tables.ThesisTable(rows=rows))
     assert found["full-tie"].components == ("support", "plate")
     np.testing.assert_allclose(found["full-tie"].ours[0], [10.0, 0.0, -50.0, np.nan], rtol=1e-12)
     np.testing.assert_allclose(found["screw-tie"].ours, [[-25.0] * 4], rtol=1e-12)

@@ -122,10 +122,10 @@ def test_completion_knows_scenes_keys_studies_and_stages():
 
 
 @pytest.mark.parametrize(
-    ("line", "found"),
+    ("line", "result"),
     [("run rig-1", "rig-1dof"), ("impact rig-1dof --set wall.freq", "wall.frequency=")],
 )
-def test_a_shell_completes(line, found, monkeypatch):
+def test_a_shell_completes(line, result, monkeypatch):
     words = f"beadwave {line}"
     for name, value in (
         ("_BEADWAVE_COMPLETE", "complete_bash"), ("COMP_WORDS", words),
@@ -135,7 +135,7 @@ def test_a_shell_completes(line, found, monkeypatch):
     done = subprocess.run(
         [Path(sys.executable).parent / "beadwave"], capture_output=True, text=True, check=False
     )
-    assert done.stdout.split() == [found]
+    assert done.stdout.split() == [result]
 
 
 def test_doctor_tells_what_is_missing_and_what_that_costs(beadwave, monkeypatch):
@@ -146,11 +146,11 @@ def test_doctor_tells_what_is_missing_and_what_that_costs(beadwave, monkeypatch)
 
     monkeypatch.setattr(doctor, "version", absent)
     monkeypatch.setattr(doctor, "PROGRAMS", {"no-such-program": ("debian-package", "less")})
-    found = json.loads(beadwave("doctor", "--json")[1])
-    missing = {name: (costs, remedy) for name, costs, remedy in found["missing"]}
+    result = json.loads(beadwave("doctor", "--json")[1])
+    missing = {name: (costs, remedy) for name, costs, remedy in result["missing"]}
     assert missing["h5py"][1] == "./install.sh h5" and ".h5" in missing["h5py"][0]
     assert missing["no-such-program"] == ("less", "apt-get install debian-package")
-    assert found["cores"] > 0 and found["cache"].endswith("cache")
+    assert result["cores"] > 0 and result["cache"].endswith("cache")
     out = beadwave("doctor")[1]
     assert "missing: h5py: reduced models cannot be read from or written to .h5" in out
 
@@ -186,7 +186,7 @@ def test_a_slow_machine_raises_what_is_expected_of_the_next_stage(monkeypatch):
     with known.measured("mesh"):  # 3 s where it is quiet
         pass
     assert known.expected("modes") == 48.0
-    assert known.told("modes") == "modes is running, about 48 s on a first run"
+    assert known.in_words("modes") == "modes is running, about 48 s on a first run"
 
 
 def test_bars_fill_with_the_time_that_was_expected():

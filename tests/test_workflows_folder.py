@@ -25,7 +25,7 @@ from workflows.report.finding import Finding
 from workflows.report.report import CAPTIONS
 from workflows.run.run import FILES, IMPACT_FILES
 from workflows.scene import InvalidScene
-from workflows.structure.hammer import HammerTest
+from workflows.structure.hammer import IdentifiedTest
 
 SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
 
@@ -554,7 +554,9 @@ def test_no_command_replaces_what_it_reads(arguments, monkeypatch, capsys):
     monkeypatch.setattr(
         "workflows.structure.hammer.applied", lambda chosen, *_: (chosen, {1: 50.0})
     )
-    monkeypatch.setattr("workflows.structure.hammer.hammer_test", lambda *_: HammerTest(None, None))
+    monkeypatch.setattr(
+        "workflows.structure.hammer.hammer_test", lambda *_: IdentifiedTest(None, None)
+    )
     Path("d").mkdir()
     own = "rig-1dof" if arguments[0] == "twin" else "rig-rom"
     for name in ("mine.toml", "mine.npz", "mine.step", "mine.csv", "mine.uff", "d/scene.toml",

@@ -127,7 +127,9 @@ def test_each_point_states_its_own_error_of_the_mesh(thin):
     assert stated.max() > 3 * stated.min() > 0
 
 
-def test_large_errors_are_said_of_the_row_and_on_the_terminal(thin, tmp_path, monkeypatch, capsys):
+def test_large_errors_are_reported_in_the_row_and_on_the_terminal(
+    thin, tmp_path, monkeypatch, capsys
+):
     limit = 0.01  # the mesh's error is above it at the four points of the middle
     monkeypatch.setattr(scan, "LARGE_ERROR", limit)
     monkeypatch.setattr(result, "LARGE_ERROR", limit)
@@ -150,10 +152,10 @@ def test_a_point_without_a_second_mesh_says_that_its_error_is_not_known(tmp_path
         raise ValueError("its elements cannot be made larger.")
 
     monkeypatch.setattr(face.StruckFace, "second", none)
-    found = beadwave.scan(BLOCK, grid="2x1", out=tmp_path / "out")
-    assert np.isnan(found.columns["error_mesh"]).all() and found.counts() == {"done": 2}
-    assert all("cannot be made larger" in message for message in found.columns["message"])
-    assert any("not known at 2 of 2 points" in note for note in found.notes)
+    result = beadwave.scan(BLOCK, grid="2x1", out=tmp_path / "out")
+    assert np.isnan(result.columns["error_mesh"]).all() and result.counts() == {"done": 2}
+    assert all("cannot be made larger" in message for message in result.columns["message"])
+    assert any("not known at 2 of 2 points" in note for note in result.notes)
 
 
 OTHER = "sphere 5 is blank: not that of the points around"
@@ -170,25 +172,25 @@ def test_a_later_wave_that_is_picked_is_blank(tmp_path, monkeypatch, scanned):
         return table
 
     monkeypatch.setattr(scan, "measured", later)
-    found = beadwave.scan(BLOCK, grid="5x4", out=tmp_path / "out")
+    result = beadwave.scan(BLOCK, grid="5x4", out=tmp_path / "out")
     for name in ("reflected_s", "reflected_m_s", "tof_s", "arr"):
-        values, whole = (one.columns[f"sphere_5_{name}"] for one in (found, scanned))
+        values, whole = (one.columns[f"sphere_5_{name}"] for one in (result, scanned))
         assert np.flatnonzero(np.isnan(values)).tolist() == list(planted)
         others = np.delete(np.arange(20), planted)
         assert np.isfinite(whole).all() and np.array_equal(values[others], whole[others])
-    assert np.isfinite(found.columns["sphere_5_incident_s"]).all()
-    messages = found.columns["message"]
+    assert np.isfinite(result.columns["sphere_5_incident_s"]).all()
+    messages = result.columns["message"]
     assert [case for case in range(20) if OTHER in messages[case]] == list(planted)
-    assert any("sphere 5 is left blank at 2 of 20 points" in note for note in found.notes)
-    assert not scanned.notes and len(found.plot("sphere_5_tof_s").png) > 1000
+    assert any("sphere 5 is left blank at 2 of 20 points" in note for note in result.notes)
+    assert not scanned.notes and len(result.plot("sphere_5_tof_s").png) > 1000
 
 
 def test_mirrored_points_are_equal(scanned):
     for name in ("sphere_5_arr", "sphere_5_tof_s", "wall_peak_force_N"):
-        found = scanned.columns[name].reshape(5, 4)
-        assert np.abs(found / found[::-1] - 1.0).max() < 1e-8
-        assert np.abs(found / found[:, ::-1] - 1.0).max() < 1e-8
-        assert np.ptp(found) > 1e-5 * np.abs(found).max()
+        result = scanned.columns[name].reshape(5, 4)
+        assert np.abs(result / result[::-1] - 1.0).max() < 1e-8
+        assert np.abs(result / result[:, ::-1] - 1.0).max() < 1e-8
+        assert np.ptp(result) > 1e-5 * np.abs(result).max()
 
 
 def test_the_map_shows_the_face(scanned):
@@ -204,15 +206,15 @@ def test_the_map_shows_the_face(scanned):
 def test_points_in_a_hole_are_rows_that_say_so(tmp_path):
     plate = {"plate": DRILLED, "holes": {"diameter": 0.012, "at": [[0.0, 0.0]]}, "seed": 0.01}
     scene = BLOCK | {"bodies": {"block": plate}}
-    found = beadwave.scan(scene, grid="3x3", out=tmp_path / "out")
-    assert found.counts() == {"done": 8, "refused": 1}
-    assert found.columns["status"][4] == "refused"
-    assert "leaves the face" in found.columns["message"][4]
-    assert np.isnan(found.columns["wall_peak_force_N"][4])
-    assert len(found.plot("sphere_5_arr").png) > 1000
+    result = beadwave.scan(scene, grid="3x3", out=tmp_path / "out")
+    assert result.counts() == {"done": 8, "refused": 1}
+    assert result.columns["status"][4] == "refused"
+    assert "leaves the face" in result.columns["message"][4]
+    assert np.isnan(result.columns["wall_peak_force_N"][4])
+    assert len(result.plot("sphere_5_arr").png) > 1000
 
 
-def test_a_scan_that_is_there_is_kept(scanned, monkeypatch):
+def test_a_finished_scan_is_not_computed_again(scanned, monkeypatch):
     told = []
     beadwave.scan(BLOCK, grid="5x4", out=scanned.folder, signals=True)  # keeps the outline
     monkeypatch.setattr(face.stages, "model", None)  # costs no assembly
@@ -259,9 +261,9 @@ def test_a_scan_is_computed_anew_once_its_mesh_is_another(tmp_path, monkeypatch)
         scanned(stop)
     assert marched == [0] and list(tmp_path.glob("out/part-*"))
     meshed(tmp_path / "block.inp", 0.004)
-    found = scanned()
-    assert marched == [0, 1] and "a file that it was made of changed" in found.notes[0]
-    change = found.columns["wall_peak_force_N"] / old.columns["wall_peak_force_N"] - 1.0
+    result = scanned()
+    assert marched == [0, 1] and "a file that it was made of changed" in result.notes[0]
+    change = result.columns["wall_peak_force_N"] / old.columns["wall_peak_force_N"] - 1.0
     assert np.abs(change).max() > 0.1 and not list(tmp_path.glob("out/part-*"))
 
 
@@ -292,25 +294,27 @@ def test_a_killed_scan_goes_on_with_the_points_that_are_missing(tmp_path, scanne
     )
     monkeypatch.setattr(face, "modes", lambda *of: solved.append(of) or modes(*of))
     told = []
-    found = beadwave.scan(
+    result = beadwave.scan(
         BLOCK, grid="5x4", out=out, signals=True, told=lambda *n: told.append(n)
     )  # fmt: skip
     assert told[0] == (12, 20) and told[-1] == (20, 20) and marched == list(range(12, 20))
-    assert found.counts() == {"done": 20} and not list(out.glob("part-*"))
+    assert result.counts() == {"done": 20} and not list(out.glob("part-*"))
     assert len(solved) == 1  # modes of the second mesh alone
     assert reduced == [8, 8]  # the missing points, on either mesh
-    time = max(one.columns["error_time"].max() for one in (found, scanned))  # steps of parts differ
+    time = max(
+        one.columns["error_time"].max() for one in (result, scanned)
+    )  # steps of parts differ
     for name, allowed in (
         ("sphere_5_tof_s", time),
         ("wall_peak_force_N", time),
         ("error_mesh", 0.05),
     ):
-        assert np.abs(found.columns[name] / scanned.columns[name] - 1.0).max() < allowed
-    reduction = (one.columns["error_reduction"] for one in (found, scanned))
+        assert np.abs(result.columns[name] / scanned.columns[name] - 1.0).max() < allowed
+    reduction = (one.columns["error_reduction"] for one in (result, scanned))
     assert np.abs(np.subtract(*reduction)).max() < 2 * time
-    v, whole = (one.signals()["v"].to_numpy() for one in (found, scanned))
+    v, whole = (one.signals()["v"].to_numpy() for one in (result, scanned))
     # steps depend on the points beside one, and each of both runs is within its error of 0.2 m/s
-    stated = found.columns["error_time"] + scanned.columns["error_time"]
+    stated = result.columns["error_time"] + scanned.columns["error_time"]
     assert (np.abs(v - whole).max(axis=(1, 2)) < 0.2 * stated).all()
 
 
@@ -319,8 +323,8 @@ def test_points_are_mirrored_to_the_last_digit():
     struck = SimpleNamespace(
         patch=SimpleNamespace(radius=0.002), outline=lambda: Outline(("y", "z"), *ends, None)
     )
-    found = Grid(7, 4).design(struck)
-    y, z = (np.array(values).reshape(7, 4) for values in found.columns.values())
+    result = Grid(7, 4).design(struck)
+    y, z = (np.array(values).reshape(7, 4) for values in result.columns.values())
     assert np.array_equal(y, -y[::-1]) and np.array_equal(z, -z[:, ::-1])
     assert y.max() == pytest.approx(0.048) and z.max() == pytest.approx(0.018)
 
@@ -345,7 +349,7 @@ def test_points_are_mirrored_to_the_last_digit():
         ("rig-rom", {"joints.head.cx": 10.0, "joints.head.kx": 1e7}, {}, "dashpots"),
     ],
 )
-def test_scans_that_cannot_be_are_refused(tmp_path, scene, changes, options, says):
+def test_impossible_scans_are_refused(tmp_path, scene, changes, options, says):
     with pytest.raises(InvalidScene, match=says):
         beadwave.scan(scene, changes, out=tmp_path / "out", **options)
 

@@ -37,7 +37,7 @@ def test_a_resolved_scene_reads_back_as_itself(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", built_in())
-def test_a_built_in_scene_says_where_its_numbers_come_from(name):
+def test_a_built_in_scene_names_the_sources_of_its_numbers(name):
     for line in built_in()[name].splitlines():
         key, equals, value = line.partition("=")
         if equals and any(c.isdigit() for c in value.split("#")[0]) and key.strip() in SOURCED:
@@ -54,8 +54,8 @@ def test_fewer_spheres_than_are_watched_are_refused_with_what_works():
     with pytest.raises(InvalidScene) as refused:
         scene("rig-rigid", ("chain.count=9",))
     change = re.search(r'--set (output\.spheres)="(.*?)"', str(refused.value))
-    found = scene("rig-rigid", ("chain.count=9", f"{change[1]}={change[2]}"))
-    assert found.output.spheres == (1, 4, 9)
+    result = scene("rig-rigid", ("chain.count=9", f"{change[1]}={change[2]}"))
+    assert result.output.spheres == (1, 4, 9)
 
 
 SOURCED = {"count", "radius", "density", "young", "poisson", "velocity", "frequency", "mass"} | {
@@ -64,9 +64,9 @@ SOURCED = {"count", "radius", "density", "young", "poisson", "velocity", "freque
 
 
 def test_an_absent_table_is_an_absent_part():
-    found = resolved(MINIMAL, "minimal")
-    assert found.wall is None and found.assembly is None and found.preload is None
-    assert found.time.error == 1e-4
+    result = resolved(MINIMAL, "minimal")
+    assert result.wall is None and result.assembly is None and result.preload is None
+    assert result.time.error == 1e-4
 
 
 def test_a_setting_changes_one_value():
@@ -142,7 +142,7 @@ def test_a_refusal_names_the_key_the_value_and_what_is_allowed(change):
     ("change", "words"),
     [("preload.force=3", "preload.force = 3"), ("contact.coefficient=0.5", "0.5 at the wall")],
 )
-def test_what_a_dashpot_cannot_carry_is_refused(change, words):
+def test_steady_forces_on_a_dashpot_wall_are_refused(change, words):
     plate = "wall={kind='dashpot', plate_thickness=5e-3}"
     with pytest.raises(InvalidScene, match=words):
         scene("rig-rigid", (plate, change))
@@ -150,9 +150,9 @@ def test_what_a_dashpot_cannot_carry_is_refused(change, words):
 
 def test_a_plate_is_the_dashpot_of_its_material_and_thickness():
     """Zener's 8 sqrt(D rho h): steel, 5 mm, by hand D = 210e9 * 1.25e-7 / (12 * 0.91) = 2403.8."""
-    found = scene("rig-rigid", ("wall.kind=dashpot", "wall.plate_thickness=5e-3"))
-    assert found.wall.density == 7850.0
-    assert 1 / wall(found).mobility == pytest.approx(8 * (2403.85 * 39.25) ** 0.5, rel=1e-5)
+    result = scene("rig-rigid", ("wall.kind=dashpot", "wall.plate_thickness=5e-3"))
+    assert result.wall.density == 7850.0
+    assert 1 / wall(result).mobility == pytest.approx(8 * (2403.85 * 39.25) ** 0.5, rel=1e-5)
     bare = scene("rig-rigid", ("wall={kind='dashpot', coefficient=2457.0}",))
     assert 1 / wall(bare).mobility == pytest.approx(2457.0)
 
@@ -233,16 +233,16 @@ def test_dimensions_that_cannot_be_built_are_refused():
 
 
 def test_a_rigid_joint_direction_is_infinite():
-    found = scene("rig-rom", ("assembly.constraint=wires", "joints.head.kz=2e7"))
-    assert found.joints.head.kz == 2e7
-    assert math.isinf(found.joints.head.kx)
-    assert resolved(_tables(found), "again") == found
+    result = scene("rig-rom", ("assembly.constraint=wires", "joints.head.kz=2e7"))
+    assert result.joints.head.kz == 2e7
+    assert math.isinf(result.joints.head.kx)
+    assert resolved(_tables(result), "again") == result
 
 
-def _tables(found):
+def _tables(result):
     import tomllib
 
-    return tomllib.loads(toml(found))
+    return tomllib.loads(toml(result))
 
 
 RAYLEIGH = ("damping.kind=rayleigh", "damping.frequency=[51, 8425]", "damping.ratio=[0.8, 0.0053]")
@@ -280,11 +280,11 @@ def test_an_assembly_softer_than_rubber_is_refused(key):
 
 @pytest.mark.parametrize("changes", [(), ("assembly.block.young=70e9", "assembly.poisson=0.2")])
 def test_the_chain_touches_the_material_that_the_block_is_meshed_with(changes):
-    found = scene("rig-rom", changes)
-    block = material(found.assembly, "block")
-    assert flat(found) == (block.young, block.poisson)
+    result = scene("rig-rom", changes)
+    block = material(result.assembly, "block")
+    assert flat(result) == (block.young, block.poisson)
     same = scene("rig-rom", (*changes, f"wall.young={block.young}"))
-    assert flat(same) == flat(found)
+    assert flat(same) == flat(result)
 
 
 @pytest.mark.parametrize(

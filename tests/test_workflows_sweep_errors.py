@@ -35,21 +35,21 @@ def test_an_outlier_of_a_table_states_its_own_error(tmp_path):
     lines[16] = "2.2 mm"  # not one of 16 rows spread over 30
     path = tmp_path / "cases.csv"
     path.write_text("chain.radius\n" + "\n".join(lines) + "\n")
-    found = beadwave.sweep("rig-rigid", cases=Cases(table=path), out="out", signals=True)
-    assert set(found.counts()) == {"done"}
-    stated, v = found.columns["error_time"], found.signals()["v"].values
+    result = beadwave.sweep("rig-rigid", cases=Cases(table=path), out="out", signals=True)
+    assert set(result.counts()) == {"done"}
+    stated, v = result.columns["error_time"], result.signals()["v"].values
     assert (stated <= 1e-4).all() and len(np.unique(stated)) > 25
     for i in (0, 16, 29):
-        case, dt = found.design.case(i), found.columns["dt_s"][i]
+        case, dt = result.design.case(i), result.columns["dt_s"][i]
         assert true_error("rig-rigid", case, v[i], dt, [0, 3, 13]) <= stated[i]
-    assert found.columns["dt_s"][16] < 0.4 * found.columns["dt_s"][17]
+    assert result.columns["dt_s"][16] < 0.4 * result.columns["dt_s"][17]
 
 
 def test_a_case_whose_run_is_refused_is_refused_in_a_sweep():
     over = {"striker.velocity": "0.25,9", "chain.radius": "1.9mm,13mm"}
-    found = beadwave.sweep("rig-1dof", cases=over, out="out")
-    status, message = found.columns["status"].tolist(), found.columns["message"].tolist()
-    each = [found.design.case(i) for i in range(found.design.n_cases)]
+    result = beadwave.sweep("rig-1dof", cases=over, out="out")
+    status, message = result.columns["status"].tolist(), result.columns["message"].tolist()
+    each = [result.design.case(i) for i in range(result.design.n_cases)]
     chaotic = [
         case["striker.velocity"] == 9.0 and str(case["chain.radius"]) in ("1.9mm", "0.0019")
         for case in each

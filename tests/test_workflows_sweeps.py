@@ -76,17 +76,17 @@ def number(key, text):
 
 
 def test_a_grid_has_every_combination_the_last_key_fastest():
-    found = grid(("a.b=1:3:3", "c.d=2,5", "e.f=1:100:3:log"), number)
-    assert found.n_cases == 18 and found.keys == ("a.b", "c.d", "e.f")
-    assert found.case(0) == {"a.b": 1.0, "c.d": 2, "e.f": 1.0}
-    assert found.columns["e.f"][:4] == pytest.approx((1.0, 10.0, 100.0, 1.0))
-    assert found.columns["c.d"][2:7] == (2, 5, 5, 5, 2)
-    assert len({tuple(found.case(i).values()) for i in range(18)}) == 18
+    result = grid(("a.b=1:3:3", "c.d=2,5", "e.f=1:100:3:log"), number)
+    assert result.n_cases == 18 and result.keys == ("a.b", "c.d", "e.f")
+    assert result.case(0) == {"a.b": 1.0, "c.d": 2, "e.f": 1.0}
+    assert result.columns["e.f"][:4] == pytest.approx((1.0, 10.0, 100.0, 1.0))
+    assert result.columns["c.d"][2:7] == (2, 5, 5, 5, 2)
+    assert len({tuple(result.case(i).values()) for i in range(18)}) == 18
 
 
 def test_whole_numbers_stay_whole():
-    found = grid(("chain.count=15:17:3", "a.b=1:2:3", "c.d=1.0:3.0:3"), number)
-    kinds = {key: {type(value) for value in values} for key, values in found.columns.items()}
+    result = grid(("chain.count=15:17:3", "a.b=1:2:3", "c.d=1.0:3.0:3"), number)
+    kinds = {key: {type(value) for value in values} for key, values in result.columns.items()}
     assert kinds == {"chain.count": {int}, "a.b": {float}, "c.d": {float}}
     steps = grid(("chain.count=5:404:400",), number)  # steps of 1 that linspace does not round to
     assert steps.columns["chain.count"] == tuple(range(5, 405))
@@ -99,28 +99,28 @@ def test_a_pipe_is_no_table(tmp_path):
 
 
 def test_words_and_lists_are_values_too():
-    found = grid(("wall.kind=rigid, half-space", "x.y=[1, 2], [3]"), number)
-    assert found.columns["wall.kind"] == ("rigid", "rigid", "half-space", "half-space")
-    assert found.columns["x.y"] == ([1, 2], [3], [1, 2], [3])
+    result = grid(("wall.kind=rigid, half-space", "x.y=[1, 2], [3]"), number)
+    assert result.columns["wall.kind"] == ("rigid", "rigid", "half-space", "half-space")
+    assert result.columns["x.y"] == ([1, 2], [3], [1, 2], [3])
 
 
 def test_units_are_read_by_the_key():
     base = base_of("rig-rigid", ())
-    found = grid(("chain.radius=5mm:15mm:3",), base.number)
-    assert found.columns["chain.radius"] == pytest.approx((0.005, 0.01, 0.015))
+    result = grid(("chain.radius=5mm:15mm:3",), base.number)
+    assert result.columns["chain.radius"] == pytest.approx((0.005, 0.01, 0.015))
 
 
 def test_a_latin_hypercube_has_one_value_in_each_slice():
-    found = sampled(("a.b=1:5", "c.d=1:1000:log"), "lhs:40", 3, number)
-    slices = (np.array(found.columns["a.b"]) - 1.0) / 4.0 * 40
+    result = sampled(("a.b=1:5", "c.d=1:1000:log"), "lhs:40", 3, number)
+    slices = (np.array(result.columns["a.b"]) - 1.0) / 4.0 * 40
     assert sorted(slices.astype(int)) == list(range(40))
-    powers = np.log10(found.columns["c.d"]) / 3 * 40
+    powers = np.log10(result.columns["c.d"]) / 3 * 40
     assert sorted(powers.astype(int)) == list(range(40))
 
 
 def test_a_sobol_design_swaps_one_column_at_a_time():
-    found = sampled(("a.b=0:1", "c.d=0:1", "e.f=0:1"), "sobol:8", 0, number)
-    A, B, *mixed = np.array(list(found.columns.values())).T.reshape(5, 8, 3)
+    result = sampled(("a.b=0:1", "c.d=0:1", "e.f=0:1"), "sobol:8", 0, number)
+    A, B, *mixed = np.array(list(result.columns.values())).T.reshape(5, 8, 3)
     for j, one in enumerate(mixed):
         assert np.array_equal(one[:, j], B[:, j])
         assert np.array_equal(np.delete(one, j, 1), np.delete(A, j, 1))
@@ -215,24 +215,24 @@ CELLS = {
 def test_a_cell_that_is_no_value_of_its_key_refuses_its_row_alone(key, cell):
     sound, cell = {"chain.count": 5, "chain.radius": 0.0127}[key], CELLS[cell]
     Path("cases.csv").write_text(f"{key},contact.coefficient\n{sound},0\n{cell},0\n{sound},0\n")
-    found = beadwave.sweep("rig-rigid", SHORT, cases=Cases(table="cases.csv"), out="out")
-    assert found.columns["status"].tolist() == ["done", "refused", "done"]
-    assert key in found.columns["message"][1] and found.columns["message"][1].count("\n") == 0
+    result = beadwave.sweep("rig-rigid", SHORT, cases=Cases(table="cases.csv"), out="out")
+    assert result.columns["status"].tolist() == ["done", "refused", "done"]
+    assert key in result.columns["message"][1] and result.columns["message"][1].count("\n") == 0
     assert len(beadwave.load_sweep("out").columns[key]) == 3
 
 
 def test_whole_numbers_above_those_of_a_float_are_rows_beside_fractions():
     over = {"chain.young": "2.5e11,9007199254740993,210000000000"}
-    found = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
-    assert found.columns["status"].tolist() == ["done", "refused", "done"]
-    assert found.columns["chain.young"].tolist() == [2.5e11, 2.0**53, 2.1e11]
+    result = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
+    assert result.columns["status"].tolist() == ["done", "refused", "done"]
+    assert result.columns["chain.young"].tolist() == [2.5e11, 2.0**53, 2.1e11]
 
 
 def test_cases_that_are_all_alike_are_rows_each():
     Path("cases.csv").write_text("chain.count,wall.kind\n5,rigid\n6,rigid\n5,rigid\n")
-    found = beadwave.sweep("rig-rigid", SHORT, cases=Cases(table="cases.csv"), out="out")
-    force = found.columns["wall_peak_force_N"]
-    assert found.counts() == {"done": 3} and force[0] == force[2] != force[1]
+    result = beadwave.sweep("rig-rigid", SHORT, cases=Cases(table="cases.csv"), out="out")
+    force = result.columns["wall_peak_force_N"]
+    assert result.counts() == {"done": 3} and force[0] == force[2] != force[1]
 
 
 @pytest.mark.parametrize(
@@ -244,10 +244,10 @@ def test_cases_that_are_all_alike_are_rows_each():
     ],
     ids=str,
 )
-def test_cases_that_differ_in_what_matters_to_none_are_rows_each(over):
+def test_cases_that_differ_in_an_ignored_key_are_a_row_each(over):
     changes = SHORT | {"preload.force": 0.0}
-    found = beadwave.sweep("rig-rigid", changes, cases=over, out="out")
-    assert found.counts() == {"done": found.design.n_cases}
+    result = beadwave.sweep("rig-rigid", changes, cases=over, out="out")
+    assert result.counts() == {"done": result.design.n_cases}
 
 
 @pytest.mark.parametrize("digits", [30, 5000])
@@ -284,12 +284,12 @@ def test_a_change_that_the_cases_would_undo_is_refused(changes, over):
     assert not Path("sweeps").exists()
 
 
-def test_a_change_of_what_varies_is_of_the_scene_alone():
+def test_a_change_of_a_swept_key_holds_for_the_scene_alone():
     """A wall of another kind needs values, also where they vary."""
     wall = {"kind": "1dof", "mass": 9.0, "frequency": 200.0, "damping_ratio": 0.1}
     over = {"wall.mass": "1,2", "wall.frequency": [300.0]}
-    found = beadwave.sweep("rig-rigid", SHORT | {"wall": wall}, cases=over, out="out")
-    assert found.counts() == {"done": 2} and found.notes == tuple(
+    result = beadwave.sweep("rig-rigid", SHORT | {"wall": wall}, cases=over, out="out")
+    assert result.counts() == {"done": 2} and result.notes == tuple(
         f"--set {key} is of the scene alone: the cases vary it" for key in over
     )
 
@@ -299,9 +299,9 @@ def test_the_kind_of_a_wall_drops_none_of_its_keys_that_vary():
         "wall.young,wall.poisson,wall.kind\n70 GPa,0.3,half-space\n400 GPa,0.3,half-space\n"
     )
     cases = Cases(table="cases.csv")
-    found = beadwave.sweep("rig-rom", SHORT, cases=cases, out="out")
-    force = found.columns["wall_peak_force_N"]
-    assert found.counts() == {"done": 2} and force[1] > 1.01 * force[0]
+    result = beadwave.sweep("rig-rom", SHORT, cases=cases, out="out")
+    force = result.columns["wall_peak_force_N"]
+    assert result.counts() == {"done": 2} and force[1] > 1.01 * force[0]
 
 
 # --- each case right ---------------------------------------------------------------------------
@@ -324,36 +324,36 @@ PARTS = {
 def test_cases_side_by_side_are_the_runs_alone(part):
     scene, changes, over = PARTS[part]
     over = {"striker.velocity": "0.2,0.4", **over}
-    found = beadwave.sweep(scene, SHORT | changes, cases=over, out="out", signals=True)
-    assert set(found.counts()) == {"done"}
-    signals = found.signals()
-    for i in range(found.design.n_cases):
-        case = found.design.case(i)
+    result = beadwave.sweep(scene, SHORT | changes, cases=over, out="out", signals=True)
+    assert set(result.counts()) == {"done"}
+    signals = result.signals()
+    for i in range(result.design.n_cases):
+        case = result.design.case(i)
         alone = beadwave.impact(scene, SHORT | changes | case)
         speed = case["striker.velocity"]
         seen = alone.arrays["v"][:, [0, 3]]
         assert np.abs(signals["v"].values[i] - seen).max() < 2e-4 * speed
         waves = alone.summary.waves["4"]
         if waves.tof_s:
-            assert found.columns["sphere_4_tof_s"][i] == pytest.approx(waves.tof_s, rel=2e-3)
-            assert found.columns["sphere_4_arr"][i] == pytest.approx(waves.arr, rel=2e-3)
+            assert result.columns["sphere_4_tof_s"][i] == pytest.approx(waves.tof_s, rel=2e-3)
+            assert result.columns["sphere_4_arr"][i] == pytest.approx(waves.arr, rel=2e-3)
         if part != "free":
             peak = alone.summary.peak_wall_force_N
-            assert found.columns["wall_peak_force_N"][i] == pytest.approx(peak, rel=2e-3)
-        assert found.columns["error_time"][i] < 1e-4
-        assert found.columns["energy_error"][i] < 1e-3
+            assert result.columns["wall_peak_force_N"][i] == pytest.approx(peak, rel=2e-3)
+        assert result.columns["error_time"][i] < 1e-4
+        assert result.columns["energy_error"][i] < 1e-3
 
 
-def test_keys_that_change_the_chain_make_groups(monkeypatch):
+def test_other_numbers_of_spheres_are_other_groups(monkeypatch):
     over = {"chain.count": "5,6", "wall.kind": "rigid,half-space", "striker.velocity": "0.2,0.3"}
     calls = []
     monkeypatch.setattr(sweeping, "rows", lambda *a: calls.append(a[0].group.cases) or original(*a))
-    found = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
+    result = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
     assert sorted(calls) == [(0, 1), (2, 3), (4, 5), (6, 7)]
-    assert (found.columns["wall_peak_force_N"] > 0).all()
-    alone = beadwave.impact("rig-rigid", SHORT | found.design.case(7))
+    assert (result.columns["wall_peak_force_N"] > 0).all()
+    alone = beadwave.impact("rig-rigid", SHORT | result.design.case(7))
     peak = alone.summary.peak_wall_force_N
-    assert found.columns["wall_peak_force_N"][7] == pytest.approx(peak, rel=1e-3)
+    assert result.columns["wall_peak_force_N"][7] == pytest.approx(peak, rel=1e-3)
 
 
 original = sweeping.rows
@@ -361,16 +361,16 @@ original = sweeping.rows
 
 def test_a_case_that_is_refused_or_fails_is_a_row():
     over = {"wall.mass": "-1,1", "preload.force": "0,1,1e9"}
-    found = beadwave.sweep("rig-1dof", SHORT, cases=over, out="out")
-    status = found.columns["status"].tolist()
+    result = beadwave.sweep("rig-1dof", SHORT, cases=over, out="out")
+    status = result.columns["status"].tolist()
     assert status[:3] == ["refused"] * 3 and status[3:5] == ["done"] * 2
     assert status[5] != "done"
-    message = found.columns["message"].tolist()
+    message = result.columns["message"].tolist()
     assert "wall.mass = -1 must be greater than 0" in message[0] and message[3] == ""
-    assert np.isnan(found.columns["sphere_4_arr"][:3]).all()
+    assert np.isnan(result.columns["sphere_4_arr"][:3]).all()
 
 
-def test_failing_cases_leave_those_beside_them(monkeypatch):
+def test_a_failing_case_does_not_spoil_the_cases_of_its_march(monkeypatch):
     own = dem.march_batch
 
     def march(chains, **options):
@@ -379,10 +379,10 @@ def test_failing_cases_leave_those_beside_them(monkeypatch):
         return own(chains, **options)
 
     monkeypatch.setattr(dem, "march_batch", march)
-    found = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1:0.7:7"}, out="out")
-    assert found.columns["status"].tolist() == ["done"] * 5 + ["failed"] * 2
-    assert found.columns["message"][5] == "too fast to march"
-    assert np.isnan(found.columns["wall_peak_force_N"][5:]).all()
+    result = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1:0.7:7"}, out="out")
+    assert result.columns["status"].tolist() == ["done"] * 5 + ["failed"] * 2
+    assert result.columns["message"][5] == "too fast to march"
+    assert np.isnan(result.columns["wall_peak_force_N"][5:]).all()
 
 
 # --- what cases share --------------------------------------------------------------------------
@@ -399,27 +399,27 @@ def counted(monkeypatch):
 def test_cases_share_their_reduced_model(counted):
     over = {"wall.cutoff": "5e3,2e4", "striker.velocity": "0.1,0.2"}
     Path("two.toml").write_text(TWO)
-    found = beadwave.sweep("two.toml", cases=over, out="out")
-    assert len(counted) == 1 and set(found.counts()) == {"done"}
-    alone = beadwave.impact("two.toml", found.design.case(3)).summary
-    got = found.columns["wall_peak_force_N"][3]
+    result = beadwave.sweep("two.toml", cases=over, out="out")
+    assert len(counted) == 1 and set(result.counts()) == {"done"}
+    alone = beadwave.impact("two.toml", result.design.case(3)).summary
+    got = result.columns["wall_peak_force_N"][3]
     assert got == pytest.approx(alone.peak_wall_force_N, rel=1e-3)
-    assert found.columns["error_reduction"][0] > 0 and found.columns["error_mesh"][0] > 0
+    assert result.columns["error_reduction"][0] > 0 and result.columns["error_mesh"][0] > 0
 
 
 def test_springs_of_joints_share_one_reduced_model(counted):
     over = {"joints.bolt.kz": "1e6:1e9:7:log"}
     Path("two.toml").write_text(TWO)
-    found = beadwave.sweep("two.toml", cases=over, out="out")
+    result = beadwave.sweep("two.toml", cases=over, out="out")
     assert len(counted) == 1 and counted[0].springs == ("bolt.kz",)
-    peaks = found.columns["wall_peak_force_N"]
+    peaks = result.columns["wall_peak_force_N"]
     assert len(np.unique(peaks)) == 7
     for i in (0, 6):
-        alone = beadwave.impact("two.toml", found.design.case(i)).summary
-        stated = found.columns["error_reduction"][i] + alone.error_estimate.reduction
+        alone = beadwave.impact("two.toml", result.design.case(i)).summary
+        stated = result.columns["error_reduction"][i] + alone.error_estimate.reduction
         assert abs(peaks[i] / alone.peak_wall_force_N - 1.0) < 2 * stated < 1e-3
         waves = alone.waves["5"]
-        assert found.columns["sphere_5_arr"][i] == pytest.approx(waves.arr, rel=2 * stated)
+        assert result.columns["sphere_5_arr"][i] == pytest.approx(waves.arr, rel=2 * stated)
 
 
 def test_a_rigid_direction_has_a_model_of_its_own(counted):
@@ -447,18 +447,18 @@ def test_a_sweep_that_was_stopped_goes_on(monkeypatch):
     monkeypatch.setattr(
         sweeping, "rows", lambda *a: computed.extend(a[0].group.cases) or original(*a)
     )
-    found = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
+    result = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
     assert sorted(computed) == list(range(8, 20))
     for name, values in whole.columns.items():
         if name not in ("seconds", "status", "message"):
-            np.testing.assert_allclose(found.columns[name], values, 1e-13, 1e-15, err_msg=name)
+            np.testing.assert_allclose(result.columns[name], values, 1e-13, 1e-15, err_msg=name)
     assert not list(Path("out").glob("part-*"))
     computed.clear()
     again = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
     assert computed == [] and again.design.n_cases == 20
 
 
-def test_failed_cases_stay_until_they_are_asked_again(monkeypatch):
+def test_failed_cases_stay_until_again_recomputes_them(monkeypatch):
     own, marched, over = dem.march_batch, [], {"striker.velocity": "0.1:0.7:7"}
 
     def march(chains, **options):
@@ -482,12 +482,12 @@ def test_failed_cases_stay_until_they_are_asked_again(monkeypatch):
     assert kept.counts() == {"done": 5, "failed": 2} and marched == []
     assert kept.notes == ("2 cases failed before and are kept so; --again computes them again",)
     before = kept.signals()["v"].to_numpy()
-    found = swept(again=True)
-    assert found.counts() == {"done": 7} and found.notes == () and min(marched) > 0.5
-    assert np.array_equal(found.columns["wall_peak_s"][:5], kept.columns["wall_peak_s"][:5])
-    v = found.signals()["v"].to_numpy()
+    result = swept(again=True)
+    assert result.counts() == {"done": 7} and result.notes == () and min(marched) > 0.5
+    assert np.array_equal(result.columns["wall_peak_s"][:5], kept.columns["wall_peak_s"][:5])
+    v = result.signals()["v"].to_numpy()
     assert np.array_equal(v[:5], before[:5]) and np.abs(v).max(axis=(1, 2)) == pytest.approx(
-        found.columns["striker.velocity"], rel=1e-6
+        result.columns["striker.velocity"], rel=1e-6
     )
     assert not list(Path("out").glob("part-*"))
     assert swept(again=True).counts() == {"done": 7} and marched == []
@@ -511,10 +511,10 @@ def test_a_stopped_sweep_goes_on_with_failed_cases_where_asked(monkeypatch):
         older.setattr(dem, "march_batch", march)
         beadwave.sweep("rig-rigid", SHORT, cases=over, out="out", told=stop)
     cases = Cases(over, again=True)
-    found = beadwave.sweep(
+    result = beadwave.sweep(
         "rig-rigid", SHORT, cases=cases, out="out", told=lambda done, n: seen.append(done)
     )
-    assert seen[0] == 2 and found.counts() == {"done": 6}
+    assert seen[0] == 2 and result.counts() == {"done": 6}
 
 
 def test_other_cases_or_another_scene_are_computed_anew(monkeypatch):
@@ -540,13 +540,13 @@ def test_other_cases_of_a_scene_get_a_folder_of_their_own():
 
 
 @pytest.mark.parametrize("command", ["sweep", "run", "impact"])
-def test_what_takes_the_place_of_a_sweep_says_so(command):
+def test_a_note_says_that_a_table_was_replaced(command):
     swept = {"striker.velocity": "0.1,0.2"}
     assert beadwave.sweep("rig-rigid", SHORT, cases=swept, out="out").notes == ()
     assert beadwave.sweep("rig-rigid", SHORT, cases=swept, out="out").notes == ()
     more = {"cases": {"preload.force": "1,2"}} if command == "sweep" else {}
-    found = getattr(beadwave, command)("rig-rigid", SHORT, **more, out="out")
-    assert found.notes == ("replaced: what an earlier run of rig-rigid left in out",)
+    result = getattr(beadwave, command)("rig-rigid", SHORT, **more, out="out")
+    assert result.notes == ("replaced: what an earlier run of rig-rigid left in out",)
 
 
 def test_a_case_counts_as_done_once_its_signals_are_there(monkeypatch):
@@ -562,8 +562,8 @@ def test_a_case_counts_as_done_once_its_signals_are_there(monkeypatch):
     with monkeypatch.context() as disk, pytest.raises(OSError, match="no space"):
         disk.setattr(RunFolder, "writing", full)
         beadwave.sweep("rig-rigid", SHORT, cases=over, out="out", signals=True)
-    found = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out", signals=True)
-    assert np.abs(found.signals()["v"].values).max(axis=(1, 2)) == pytest.approx([0.1, 0.2])
+    result = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out", signals=True)
+    assert np.abs(result.signals()["v"].values).max(axis=(1, 2)) == pytest.approx([0.1, 0.2])
 
 
 def test_a_sweep_that_is_stopped_keeps_the_finished_one_and_its_own_cases(monkeypatch):
@@ -580,25 +580,25 @@ def test_a_sweep_that_is_stopped_keeps_the_finished_one_and_its_own_cases(monkey
     marker = Path("out", ".beadwave")
     assert left.pop(marker).startswith(finished.pop(marker)) and left == finished and parts
     monkeypatch.setattr("workflows.sweep.sweep.rows", None)
-    found = beadwave.sweep("rig-rigid", SHORT, cases=new, out="out")
-    assert found.counts() == {"done": 2} and not list(Path("out").glob("part-*"))
+    result = beadwave.sweep("rig-rigid", SHORT, cases=new, out="out")
+    assert result.counts() == {"done": 2} and not list(Path("out").glob("part-*"))
     assert beadwave.load_sweep("out").columns["striker.velocity"].tolist() == [0.3, 0.4]
 
 
 def test_cases_side_by_side_need_no_observed_sphere():
     over, none = {"striker.velocity": [0.1, 0.2]}, SHORT | {"output.spheres": []}
     assert beadwave.sweep("free-chain", none, cases=over, out="free").counts() == {"done": 2}
-    found = beadwave.sweep("rig-rigid", none, cases=over, out="out", signals=True)
-    assert found.counts() == {"done": 2} and found.signals()["v"].sizes["sphere"] == 0
+    result = beadwave.sweep("rig-rigid", none, cases=over, out="out", signals=True)
+    assert result.counts() == {"done": 2} and result.signals()["v"].sizes["sphere"] == 0
     seen = beadwave.sweep("rig-rigid", SHORT, cases=over, out="seen").columns
-    peaks = found.columns["wall_peak_force_N"] / seen["wall_peak_force_N"]
+    peaks = result.columns["wall_peak_force_N"] / seen["wall_peak_force_N"]
     assert np.abs(peaks - 1.0).max() < 1e-4  # errors of both
 
 
 def test_springs_with_units_have_models_of_their_own(counted):
     Path("two.toml").write_text(TWO)
-    found = beadwave.sweep("two.toml", cases={"joints.bolt.kz": ["1e7 N/m"]}, out="out")
-    assert found.counts() == {"done": 1} and [one.springs for one in counted] == [()]
+    result = beadwave.sweep("two.toml", cases={"joints.bolt.kz": ["1e7 N/m"]}, out="out")
+    assert result.counts() == {"done": 1} and [one.springs for one in counted] == [()]
 
 
 # --- rows of the files that are there ----------------------------------------------------------
@@ -641,9 +641,9 @@ def test_the_files_of_cases_are_those_of_the_scene_and_those_of_every_value(tmp_
         "targets": ([{"hz": 3.0, "shape": "one.unv"}, {"hz": 5.0}],) * 3,
         "mesh.file": ("gone.msh",) * 3,
     }
-    found = inputs.files_of_cases(base_of(str(scene), ()), Design("table", columns))
+    result = inputs.files_of_cases(base_of(str(scene), ()), Design("table", columns))
     names = ["a.npz", "b.npz", "c.npz", "one.unv", "gone.msh"]
-    assert found == [tmp_path / name for name in names]
+    assert result == [tmp_path / name for name in names]
 
 
 @pytest.mark.parametrize("named_by", NAMED_BY)
@@ -681,9 +681,9 @@ def test_a_stopped_sweep_does_not_go_on_with_rows_of_a_file_that_is_another(monk
         beadwave.sweep("rig-1dof", changes, cases=over, out="out", told=stop)
     assert list(Path("out").glob("part-*"))
     wall_of("a.npz", 3e7)
-    found = beadwave.sweep("rig-1dof", changes, cases=over, out="out")
+    result = beadwave.sweep("rig-1dof", changes, cases=over, out="out")
     whole = beadwave.sweep("rig-1dof", changes, cases=over, out="whole")
-    force = found.columns["wall_peak_force_N"]
+    force = result.columns["wall_peak_force_N"]
     np.testing.assert_allclose(force, whole.columns["wall_peak_force_N"], 1e-13)
     assert not list(Path("out").glob("part-*"))
 
@@ -707,8 +707,8 @@ def test_a_file_that_changes_while_a_sweep_runs_ends_it_in_a_sentence(after, mon
     monkeypatch.setattr(
         sweeping, "rows", lambda *a: computed.extend(a[0].group.cases) or original(*a)
     )
-    found = beadwave.sweep("rig-1dof", changes, cases=over, out="out")
-    assert found.counts() == {"done": 6} and len(computed) == 6 - after
+    result = beadwave.sweep("rig-1dof", changes, cases=over, out="out")
+    assert result.counts() == {"done": 6} and len(computed) == 6 - after
 
 
 def test_a_table_is_computed_anew_by_another_program(monkeypatch):
@@ -747,12 +747,12 @@ def test_a_killed_sweep_loses_nothing_that_was_done():
     assert ended.returncode == -signal.SIGKILL, ended.stderr
     assert sorted(path.name for path in Path("out").glob("*.parquet"))
     seen = []
-    found = beadwave.sweep(
+    result = beadwave.sweep(
         "rig-rigid", SHORT, cases={"striker.velocity": "0.1:1:30"}, out="out",
         told=lambda done, n: seen.append(done),
     )  # fmt: skip
-    assert seen[0] == 10 and found.columns["case"].tolist() == list(range(30))
-    assert set(found.counts()) == {"done"}
+    assert seen[0] == 10 and result.columns["case"].tolist() == list(range(30))
+    assert set(result.counts()) == {"done"}
 
 
 # --- processes ---------------------------------------------------------------------------------
@@ -765,15 +765,15 @@ def test_processes_leave_the_same_table_though_one_is_killed(monkeypatch):
     base, killed = base_of("rig-rigid", changes), []
     cases = grid(tuple(f"{key}={values}" for key, values in over.items()), number)
     with engine(2) as run:
-        found = {}
+        result = {}
         for parts in run(tasks.sharings(base, cases, list(range(8)), False)):
             for part in parts:
-                found.update(zip(part.cases, part.columns["wall_peak_force_N"], strict=True))
+                result.update(zip(part.cases, part.columns["wall_peak_force_N"], strict=True))
             if not killed:
                 killed.append(_kill_a_worker())
     # to the last digits: memory that lies elsewhere may sum in another order
     expected = here.columns["wall_peak_force_N"]
-    np.testing.assert_allclose([found[i] for i in range(8)], expected, rtol=1e-13)
+    np.testing.assert_allclose([result[i] for i in range(8)], expected, rtol=1e-13)
 
 
 def _kill_a_worker():
@@ -790,19 +790,19 @@ def test_a_scheduler_that_ends_fails_no_case():
     from distributed import LocalCluster
 
     base = base_of("rig-rigid", SHORT | {"output.spheres": [1, 3]})
-    cases, found = grid(("chain.count=4,5,6,7,8,9,10,11",), number), []
+    cases, result = grid(("chain.count=4,5,6,7,8,9,10,11",), number), []
     other = LocalCluster(n_workers=1, processes=False, dashboard_address=None)
     with (
         pytest.raises(ValueError, match="goes on with the cases that are missing"),
         engine(other.scheduler_address) as run,
     ):
         for parts in run(tasks.sharings(base, cases, list(range(8)), False)):
-            found += [status for part in parts for status in part.columns["status"]]
+            result += [status for part in parts for status in part.columns["status"]]
             other.close()
-    assert found and set(found) == {"done"}
+    assert result and set(result) == {"done"}
 
 
-def test_a_scheduler_without_workers_is_told_and_waited_for(caplog):
+def test_a_scheduler_without_workers_is_warned_of_and_waited_for(caplog):
     from distributed import LocalCluster
 
     base, cases = base_of("rig-rigid", SHORT), grid(("chain.count=4,5",), number)
@@ -810,18 +810,18 @@ def test_a_scheduler_without_workers_is_told_and_waited_for(caplog):
         with engine(other.scheduler_address) as run:
             assert f"{other.scheduler_address} has no workers" in caplog.text
             other.scale(1)
-            found = [
+            result = [
                 part for parts in run(tasks.sharings(base, cases, [0, 1], False)) for part in parts
             ]
-    assert sorted(case for part in found for case in part.cases) == [0, 1]
+    assert sorted(case for part in result for case in part.cases) == [0, 1]
 
 
 def test_values_of_many_kinds_are_a_column_of_words():
     each = ["0.0", "[0.0, 0.0, 0.0, 0.0, 0.0]", "0.1"]
     cases = {"contact.coefficient": ",".join(each)}
-    found = beadwave.sweep("rig-rigid", SHORT, cases=cases, out="out")
-    assert found.columns["contact.coefficient"].tolist() == each
-    assert found.counts() == {"done": 3}
+    result = beadwave.sweep("rig-rigid", SHORT, cases=cases, out="out")
+    assert result.columns["contact.coefficient"].tolist() == each
+    assert result.counts() == {"done": 3}
 
 
 def test_no_process_at_all_is_refused():
@@ -875,7 +875,7 @@ def test_an_address_without_a_scheduler_is_refused_in_a_sentence(
         (("--workers=2", "--scheduler=tcp://127.0.0.1:1"), "give one of them"),
     ],
 )
-def test_processes_that_cannot_be_are_refused_in_a_sentence(words, says, capfd):
+def test_impossible_numbers_of_processes_are_refused_in_a_sentence(words, says, capfd):
     over = "--over=striker.velocity=0.3,0.4"
     assert command("sweep", "rig-rigid", over, "--out=out", *words) == 2
     said = capfd.readouterr().err
@@ -886,8 +886,8 @@ def test_processes_of_a_sweep_listen_to_this_machine_alone():
     own = psutil.Process()
     with engine(1):
         every = [own, *own.children(recursive=True)]
-        found = [c.laddr.ip for p in every for c in p.net_connections() if c.status == "LISTEN"]
-    assert len(found) >= 4 and set(found) == {"127.0.0.1"}
+        result = [c.laddr.ip for p in every for c in p.net_connections() if c.status == "LISTEN"]
+    assert len(result) >= 4 and set(result) == {"127.0.0.1"}
 
 
 # --- what outputs depend on --------------------------------------------------------------------
@@ -901,10 +901,10 @@ def test_sobol_indices_are_those_of_the_power_law():
         "chain.density": "5000:9000:log",
         "striker.velocity": "0.1:1:log",
     }
-    found = beadwave.sweep(
+    result = beadwave.sweep(
         "rig-half-space", {"time.duration": 4e-3}, cases=Cases(over, "sobol:128"), out="out"
     )
-    effects = found.effects("sphere_14_tof_s", logarithm=True)
+    effects = result.effects("sphere_14_tof_s", logarithm=True)
     share = (np.array([1.0, 0.4, -0.2]) * np.log([1.4, 1.8, 10.0])) ** 2
     share /= share.sum()
     both = (effects.first, effects.first_error), (effects.total, effects.total_error)
@@ -912,7 +912,7 @@ def test_sobol_indices_are_those_of_the_power_law():
         assert (np.abs(index - share) < 3 * error + 1e-3).all()
         assert (error < 0.15).all()
     assert effects.used == 128
-    text = found.text()
+    text = result.text()
     assert "first order" in text and "chain.radius" in text
 
 
@@ -938,16 +938,16 @@ def test_indices_are_those_of_ishigami(lost):
     cases are missing, so that the samples are no power of 2."""
     design, y = ishigami(1024)
     y[:lost] = np.nan
-    found = sobol_effects(design, y)
-    assert found.used == 1024 - lost
+    result = sobol_effects(design, y)
+    assert result.used == 1024 - lost
     for index, right in (
-        (found.first, (0.3139, 0.4424, 0.0)),
-        (found.total, (0.5576, 0.4424, 0.2437)),
+        (result.first, (0.3139, 0.4424, 0.0)),
+        (result.total, (0.5576, 0.4424, 0.2437)),
     ):
         assert np.abs(index - right).max() < 0.02
 
 
-def test_outputs_that_differ_by_less_than_a_run_is_off_have_no_indices():
+def test_outputs_within_the_error_of_a_run_have_no_sobol_indices():
     design, y = ishigami(64)
     share = (y - y.min()) / np.ptp(y)
     assert sobol_effects(design, 1.0 - 1.1e-5 * share).used == 64
@@ -957,21 +957,21 @@ def test_outputs_that_differ_by_less_than_a_run_is_off_have_no_indices():
 
 def test_standard_errors_are_the_spread_over_designs():
     """Of the first key's index over designs that differ in their random numbers alone."""
-    found, design = [], Design("sobol", {key: (0.0,) * 384 for key in ("k.a", "k.b")}, 96)
+    result, design = [], Design("sobol", {key: (0.0,) * 384 for key in ("k.a", "k.b")}, 96)
     for seed in range(60):
         A, B = np.random.default_rng(seed).random((2, 2, 96))
         y = [a + 2 * b * a for a, b in (A, B, (B[0], A[1]), (A[0], B[1]))]
-        found.append(sobol_effects(design, np.concatenate(y)))
+        result.append(sobol_effects(design, np.concatenate(y)))
     for index, error in (("first", "first_error"), ("total", "total_error")):
-        spread = np.std([getattr(one, index) for one in found], axis=0)
-        stated = np.mean([getattr(one, error) for one in found], axis=0)
+        spread = np.std([getattr(one, index) for one in result], axis=0)
+        stated = np.mean([getattr(one, error) for one in result], axis=0)
         assert ((0.6 < stated / spread) & (stated / spread < 1.7)).all()
 
 
 def test_indices_need_a_design_for_them():
-    found = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, out="out")
+    result = beadwave.sweep("rig-rigid", SHORT, cases={"striker.velocity": "0.1,0.2"}, out="out")
     with pytest.raises(InvalidScene, match="--sample sobol:n"):
-        found.effects("sphere_4_tof_s")
+        result.effects("sphere_4_tof_s")
 
 
 @pytest.mark.parametrize(
@@ -985,16 +985,16 @@ def test_indices_need_a_design_for_them():
          "lhs:20"),
     ],
 )  # fmt: skip
-def test_pictures_need_no_code(over, sample):
-    found = beadwave.sweep("rig-rigid", SHORT, cases=Cases(over, sample), out="out")
+def test_every_design_has_pictures_of_its_main_outputs(over, sample):
+    result = beadwave.sweep("rig-rigid", SHORT, cases=Cases(over, sample), out="out")
     names = {path.name for path in Path("out/figures").iterdir()}
     assert names == {"sphere_4_tof_s.png", "sphere_4_arr.png", "wall_peak_force_N.png"}
-    assert found.plot("energy_error", (next(iter(over)),)).png.startswith(b"\x89PNG")
+    assert result.plot("energy_error", (next(iter(over)),)).png.startswith(b"\x89PNG")
     with pytest.raises(InvalidScene, match="'sphere_4_tof' is not in the sweep"):
-        found.plot("sphere_4_tof")
+        result.plot("sphere_4_tof")
 
 
-def test_axes_are_logarithmic_where_values_lie_so():
+def test_axes_are_logarithmic_for_values_spaced_by_factors():
     for low, high in ((1, 50), (0.1, 1000)):
         assert _spacing(np.geomspace(low, high, 20)) == "x"
         assert _spacing(np.linspace(low, high, 20)) == ""
@@ -1010,8 +1010,8 @@ def test_numbers_on_a_terminal_tell_the_cases_apart():
     assert apart([1.0, 1.0 + 1e-9, 1.1]) == ["1", "1", "1.1"]  # beyond what is computed
     for few in (4, 60):
         over = {"wall.young": f"200e9:201e9:{few}"}
-        found = beadwave.sweep("rig-half-space", SHORT, cases=over, out=f"out-{few}")
-        heading, *lines = (line.split() for line in found.text().splitlines()[2:])
+        result = beadwave.sweep("rig-half-space", SHORT, cases=over, out=f"out-{few}")
+        heading, *lines = (line.split() for line in result.text().splitlines()[2:])
         shown = (
             [line[heading.index("sphere_4_tof_s")] for line in lines]
             if few == 4
@@ -1034,7 +1034,7 @@ def test_a_table_is_read_by_others(tmp_path):
         beadwave.load_sweep("out")
 
 
-def test_the_price_of_many_cases_is_that_of_some():
+def test_the_price_of_many_cases_comes_from_a_sample():
     cases = {"chain.count": "5:404:400", "striker.velocity": "0.1:1:500"}
     price = beadwave.sweep_price("rig-rigid", SHORT, cases=cases)
     assert (price.cases, price.walls, price.side_by_side) == (200_000, 400, 200_000)
@@ -1043,7 +1043,7 @@ def test_the_price_of_many_cases_is_that_of_some():
     assert some.refused == some.walls == some.side_by_side == 300
 
 
-def test_the_price_of_what_cannot_be_computed_is_its_sentence():
+def test_the_price_of_refused_cases_is_their_sentence():
     long = {"chain.count": "900000:1000000:5"}
     with pytest.raises(InvalidScene, match=r"all 5 cases are refused; .* allowed are 1e\+08"):
         beadwave.sweep_price("rig-rigid", cases=long)
@@ -1059,7 +1059,7 @@ def test_the_price_of_walls_that_fail_says_why(tmp_path):
     assert price.refused == 0 and "take a seed above" in price.notes[0]
 
 
-def test_the_price_is_told_before():
+def test_a_price_estimates_cases_walls_and_seconds():
     over = {"wall.kind": "rigid,half-space", "striker.velocity": "0.1:1:50"}
     price = beadwave.sweep_price("rig-rigid", SHORT, cases=over)
     assert price.cases == 100 and price.walls == 2 and price.side_by_side == 100
@@ -1079,8 +1079,8 @@ def test_the_price_says_which_laws_are_marched_chain_by_chain(law, said):
 def test_the_example_of_many_workers_measures_what_dask_spends(capfd):
     with WORKERS.light(3) as client:
         assert len(client.nthreads()) == 3
-        found = WORKERS.spent(client, 0.05, 12)
-    assert 0.05 / 3 <= found.clock < 2.0 and 0.0 < found.processor < 1.0
+        result = WORKERS.spent(client, 0.05, 12)
+    assert 0.05 / 3 <= result.clock < 2.0 and 0.0 < result.processor < 1.0
     assert capfd.readouterr() == ("", "")  # workers and scheduler end without a complaint
 
 

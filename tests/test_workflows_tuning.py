@@ -14,11 +14,11 @@ from workflows.stages.pipeline import pipeline_of
 from workflows.structure.api import tune
 from workflows.structure.mode_table import mode_table
 from workflows.structure.tuning import (
-    _from,
-    _targeted,
     _unit,
     freed,
     loosened,
+    retargeted,
+    started_from,
     targets,
     tuned,
     usual,
@@ -43,7 +43,7 @@ def silent(name):
     return nullcontext()
 
 
-def test_values_found_bear_a_unit_or_say_of_what_they_are_a_factor():
+def test_fitted_values_have_a_unit_or_name_the_value_that_they_multiply():
     names = ("head.ky", "joints.cover.krz", "block.young", "materials.steel.density")
     assert [*map(_unit, names)] == ["N/m", "N m/rad", "of the rest's", "of the scene's"]
 
@@ -78,7 +78,7 @@ def test_mac_is_the_same_in_tune_and_modes():
     assert report.mac == {str(row.hammer_mode): row.mac for row in rows if row.hammer_mode}
 
 
-def test_one_tangential_stiffness_tells_why_it_fails():
+def test_a_remark_explains_why_one_tangential_stiffness_misses_modes_2_and_3():
     free = ("head.ky", "head.kt")
     result, report = tuned(scene("rig-rom", COARSE), targets("1,2,3"), free, silent)
     assert result.joints.head.kx == result.joints.head.kz
@@ -104,7 +104,7 @@ def test_what_cannot_be_tuned_is_refused(name, free, sentence):
     ("parts", "free"),
     [("['block']", "head.ky"), ("['block', 'sheets']", "foot.ky")],
 )
-def test_a_joint_that_is_not_there_is_not_tuned(parts, free):
+def test_a_joint_of_an_absent_part_is_not_tuned(parts, free):
     with pytest.raises(InvalidScene, match=f"{free} cannot be tuned"):
         tuned(scene("rig-rom", (f"assembly.parts={parts}",)), targets("1"), (free,), silent)
 
@@ -123,14 +123,14 @@ def test_the_command_writes_a_scene_that_reads_back(tmp_path, monkeypatch, capsy
     assert written.name == "my-rig"  # a name has no blanks
 
 
-def test_a_block_of_its_own_keeps_what_is_not_tuned():
+def test_a_block_with_its_own_steel_keeps_the_values_that_are_not_tuned():
     rig = scene("rig-rom", ("assembly.block.poisson=0.28",))
     loose = loosened(rig, freed(("head.kz", "block.young")))
     assert loose.assembly.block.poisson == 0.28
     assert loose.assembly.block.density == rig.assembly.block.density
 
 
-def test_what_the_modes_do_not_see_stays_as_it_was():
+def test_a_stiffness_that_the_modes_do_not_determine_keeps_its_value():
     rig = scene("rig-rom", COARSE)
     result, report = tuned(rig, targets("2"), ("head.ky", "head.kt"), silent)
     assert report.stiffness.keys() == {"head.kt"} and result.joints.head.ky == rig.joints.head.ky
@@ -150,12 +150,12 @@ def test_where_nothing_is_determined_no_scene_is_written(
 
 
 @pytest.mark.parametrize("free", [[1], (None,), 5])
-def test_what_is_no_name_is_refused_in_a_sentence(free):
+def test_values_to_free_must_be_names(free):
     with pytest.raises(InvalidScene, match="must be names, as in"):
         tune("rig-rom", COARSE, match="1", free=free)
 
 
-def test_modes_that_a_kept_value_contradicts_are_told_what_would_meet_them():
+def test_a_remark_names_the_undetermined_stiffness_that_would_meet_a_mode():
     """Sheets at a rigid joint, of which the scene has a soft one: there is a least stiffness and
     no largest."""
     rigid = scene("rig-rom", (*COARSE, "joints.head.kz=inf"))
@@ -168,13 +168,13 @@ def test_modes_that_a_kept_value_contradicts_are_told_what_would_meet_them():
 
 def test_a_stiffness_starts_from_the_value_of_its_scene():
     rig = scene("rig-rom", COARSE)
-    ky, kx, young = (_from(rig, p) for p in freed(("head.ky", "head.kx", "block.young")))
+    ky, kx, young = (started_from(rig, p) for p in freed(("head.ky", "head.kx", "block.young")))
     assert ky.start == rig.joints.head.ky
     assert kx.start == freed(("head.kx",))[0].start  # rigid: no value to start from
     assert young.start * rig.assembly.young == pytest.approx(rig.assembly.block.young, rel=1e-15)
 
 
-def test_what_is_free_already_is_not_advised_to_be_freed():
+def test_no_remark_advises_to_free_a_stiffness_that_is_free():
     """Three springs cannot take mode 2 above mode 3."""
     free = ("head.ky", "head.kz", "head.kry")
     _, report = tuned(scene("rig-rom", COARSE), {2: 900.0, 3: 300.0}, free, silent)
@@ -203,4 +203,4 @@ def test_a_tuned_scene_is_judged_by_what_it_was_tuned_to():
         with pytest.raises(InvalidScene, match="modes 1 to 4, each once"):
             scene(result, {"targets": wrong})
     plate = scene("plate-on-bolts", {"targets": [{"hz": 900.0, "number": 1}]})
-    assert _targeted(plate, {1: 950.0}).measured_hz == (950.0,)
+    assert retargeted(plate, {1: 950.0}).measured_hz == (950.0,)

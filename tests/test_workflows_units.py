@@ -70,12 +70,12 @@ def test_a_unit_of_another_kind_is_refused(change, words):
 
 
 @pytest.mark.parametrize("text", ["", "m", "1", "1 m m", "9" * 5000 + " m", "1 /", "1 m/", "0x1 m"])
-def test_what_is_no_number_with_a_unit_is_no_length(text):
+def test_texts_without_a_number_and_a_unit_are_refused(text):
     with pytest.raises(NoSuchQuantity):
         in_si(text, LENGTH)
 
 
-def test_a_turn_per_second_is_no_hertz_and_every_kind_reads_its_own_units():
+def test_radians_per_second_are_no_hertz_and_every_kind_reads_its_own_units():
     with pytest.raises(NoSuchQuantity):
         in_si("1 rad/s", FREQUENCY)
     for kind in KINDS:
@@ -116,19 +116,19 @@ MEANT = ('unusual=["chain.radius"]', "chain.radius=12.7 m")
 
 
 def test_an_unusual_number_that_no_unit_makes_usual_is_meant_where_its_unit_stands_beside_it():
-    found = scene("rig-rigid", ("time.duration=1e12 s",))
-    assert found.time.duration == 1e12 and found.unusual == ("time.duration",)
+    result = scene("rig-rigid", ("time.duration=1e12 s",))
+    assert result.time.duration == 1e12 and result.unusual == ("time.duration",)
 
 
 def test_an_unusual_number_is_meant_where_its_key_is_listed():
     """A scene written out keeps that, until the value is another one."""
-    found = scene("rig-rigid", MEANT)
-    assert found.chain.radius == 12.7 and found.unusual == ("chain.radius",)
-    tables = tomllib.loads(toml(found))
-    assert tables["chain"]["radius"] == 12.7 and resolved(tables, "again") == found
+    result = scene("rig-rigid", MEANT)
+    assert result.chain.radius == 12.7 and result.unusual == ("chain.radius",)
+    tables = tomllib.loads(toml(result))
+    assert tables["chain"]["radius"] == 12.7 and resolved(tables, "again") == result
 
 
-def test_another_value_of_a_key_that_was_meant_is_judged_again(tmp_path):
+def test_a_new_value_of_a_key_listed_as_unusual_is_checked_again(tmp_path):
     path = tmp_path / "huge.toml"
     path.write_text(toml(scene("rig-rigid", MEANT)))
     assert scene(str(path)).chain.radius == 12.7
@@ -138,8 +138,8 @@ def test_another_value_of_a_key_that_was_meant_is_judged_again(tmp_path):
 
 @pytest.mark.parametrize("name", built_in())
 def test_every_number_of_a_built_in_scene_is_usual(name):
-    found = list(entries(scene(name)))
-    assert found and not any(entry.unusual for entry in found)
+    result = list(entries(scene(name)))
+    assert result and not any(entry.unusual for entry in result)
 
 
 def test_a_number_with_a_dimension_takes_its_unit():
@@ -148,8 +148,8 @@ def test_a_number_with_a_dimension_takes_its_unit():
     keys |= {entry.key for entry in entries(scene("rig-1dof"))}
     bare = {"count", "poisson", "ratio", "damping_ratio", "error", "modes", "samples", "spheres",
             "direction", "stiffness_factor", "coefficient"}  # fmt: skip
-    for found in (scene("rig-rom"), scene("rig-1dof")):
-        for key, value in _numbers(found.model_dump()):
+    for result in (scene("rig-rom"), scene("rig-1dof")):
+        for key, value in _numbers(result.model_dump()):
             assert (key in keys) != (key.split(".")[-1] in bare), (key, value)
 
 

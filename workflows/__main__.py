@@ -21,7 +21,7 @@ def main() -> None:
         command()
     except signals.Stopped as stopped:
         signals.ignore()
-        sys.exit(signals.told(stopped.number))
+        sys.exit(signals.print_end(stopped.number))
     finally:
         signals.ignore()
 

@@ -34,7 +34,15 @@ from workflows.commands.options import (
 from workflows.commands.signals import Stopped, stopped_by
 from workflows.commands.studies import accuracy, run_study, stability, verify
 from workflows.commands.sweeps import scan, sweep
-from workflows.commands.terminal import StageProgress, noted, printed, shown, told, warned, written
+from workflows.commands.terminal import (
+    StageProgress,
+    print_files,
+    print_lines,
+    print_notes,
+    print_report,
+    print_result,
+    print_summary,
+)
 
 INTERRUPTED = 130
 LONGEST = 200  # characters of a path in a sentence
@@ -78,12 +86,12 @@ def run(
     from workflows.run.api import run as run_stages
 
     with StageProgress(f"run {scene}", quiet=quiet) as progress:
-        done = run_stages(
+        result = run_stages(
             scene, changes or (), out=out, overwrite=overwrite, progress=progress.stage
         )
-    printed(done.summary, json, quiet, verbose)
-    warned(done.notes)
-    noted(f"written: {done.folder}/report.html", json=json, quiet=quiet)
+    print_summary(result.summary, json, quiet, verbose)
+    print_notes(result.notes)
+    print_lines(f"written: {result.folder}/report.html", json=json, quiet=quiet)
 
 
 def impact(
@@ -104,23 +112,23 @@ def impact(
     from workflows.run.api import impact as run_impact
 
     with StageProgress(f"impact {scene}", quiet=quiet) as progress:
-        done = run_impact(
+        result = run_impact(
             scene, changes or (), rom=rom, out=out, overwrite=overwrite, progress=progress.stage
         )
-    printed(done.summary, json, quiet, verbose)
-    warned(done.notes)
+    print_summary(result.summary, json, quiet, verbose)
+    print_notes(result.notes)
     if out:
-        noted(f"written: {out}/trajectory.npz", json=json, quiet=quiet)
+        print_lines(f"written: {out}/trajectory.npz", json=json, quiet=quiet)
 
 
 def scenes(json: json_of("{scenes: [{name, shows}]}") = False) -> None:
     """Built-in scenes, a line each."""
     from workflows.run.api import scenes as built_in
 
-    known = built_in()
-    rows = [{"name": name, "shows": line} for name, line in known.items()]
-    lines = "\n".join(f"{name:16}{line}" for name, line in known.items())
-    told({"scenes": rows}, lines, json)
+    titles = built_in()
+    rows = [{"name": name, "shows": line} for name, line in titles.items()]
+    lines = "\n".join(f"{name:16}{line}" for name, line in titles.items())
+    print_result({"scenes": rows}, lines, json)
 
 
 def scene(
@@ -133,7 +141,7 @@ def scene(
     from workflows.files.scene import checked_text, tables
 
     if json:
-        told(tables(name), "", json)
+        print_result(tables(name), "", json)
     else:
         print(checked_text(name).text, end="")
 
@@ -149,9 +157,9 @@ def report(
     from workflows.report.report import require_summary, write_report
 
     require_summary(folder)
-    with RunFolder(folder, overwrite=overwrite).held("report.html") as held:
-        page = write_report(held)
-    written([page], json, quiet)
+    with RunFolder(folder, overwrite=overwrite).held("report.html") as locked:
+        page = write_report(locked)
+    print_files([page], json, quiet)
 
 
 def film(
@@ -174,7 +182,7 @@ def film(
         files = draw(
             folder, out=out, pvd=pvd, seconds=seconds, overwrite=overwrite, progress=progress.stage
         )
-    written(files, json, quiet)
+    print_files(files, json, quiet)
 
 
 def doctor(
@@ -183,7 +191,7 @@ def doctor(
     """What is installed, what is missing, what that costs."""
     from workflows.installation.doctor import doctor as examine
 
-    shown(examine(), json)
+    print_report(examine(), json)
 
 
 COMMANDS = {
@@ -229,16 +237,17 @@ def main() -> None:
 def _require_values(words: list[str]) -> None:
     """Raise InvalidScene for an empty word: a shell's variable that is not set; a folder of no name
     would be this one."""
-    for before, word in pairwise(["beadwave", *words]):
+    for previous, word in pairwise(["beadwave", *words]):
         if not word or fullmatch("--[a-z-]+=", word):
             from workflows.scene import InvalidScene
 
             raise InvalidScene(
-                f"the word after {word or before} is empty; fill it or leave it out."
+                f"the word after {word or previous} is empty; fill it or leave it out."
             )
 
 
-def _status(command) -> int:
+def _status(command: Callable) -> int:
+    """Exit status of the command; a failure is one sentence on stderr."""
     try:
         _require_values(sys.argv[1:])
         status = command(standalone_mode=False) or 0  # typer turns Ctrl-C into a silent 130
@@ -249,55 +258,55 @@ def _status(command) -> int:
     except Exception as error:
         if number := stopped_by(error):
             raise Stopped(number) from error
-        return _told(error)
+        status, sentence = _failure(error)
+        print(f"beadwave: {sentence}", file=sys.stderr)
+        return status
 
     if status == INTERRUPTED:
-        return _failed(130, "interrupted; finished stages are kept, the same command goes on.")
+        sentence = "interrupted; finished stages are kept, the same command goes on."
+        print(f"beadwave: {sentence}", file=sys.stderr)
     return status
 
 
-def _told(error: Exception) -> int:
-    # typer keeps its own copy of click, so a usage error is told by what it can do
+def _failure(error: Exception) -> tuple[int, str]:
+    """Exit status and sentence of a command that failed; raises the error again for
+    BEADWAVE_DEBUG, unless it is bad input."""
+    # a usage error, with what was probably meant; typer keeps its own copy of click, so it is
+    # recognised by what it can do
     if hasattr(error, "format_message"):
-        return _failed(2, _usage(error))
+        message = (error.format_message() or "say which command").rstrip(".?!)")
+        word = message.split("'")[1] if message.startswith("No such command") else None
+        if word and "Did you mean" not in message:
+            from workflows.scene import nearest
+
+            return 2, f"{message}; {nearest(word, COMMANDS)}."
+        bracket = ")" if message.count("(") > message.count(")") else ""
+        return 2, f"{message}{bracket}."
+
+    # bad input
     from workflows.scene import InvalidScene
 
     if isinstance(error, InvalidScene):
-        return _failed(2, str(error))
+        return 2, str(error)
     if environ.get("BEADWAVE_DEBUG"):
         raise error
-    named_too_long = isinstance(error, OSError) and error.errno == ENAMETOOLONG
-    return _failed(2 if named_too_long else 1, _sentence(error))
 
-
-def _usage(error) -> str:
-    """What is wrong with the command line, and what was probably meant."""
-    said = (error.format_message() or "say which command").rstrip(".?!)")
-    word = said.split("'")[1] if said.startswith("No such command") else None
-    if word and "Did you mean" not in said:
-        from workflows.scene import nearest
-
-        return f"{said}; {nearest(word, COMMANDS)}."
-    return f"{said})." if said.count("(") > said.count(")") else f"{said}."
-
-
-def _sentence(error: Exception) -> str:
-    if isinstance(error, OSError) and error.errno in (ENOSPC, EDQUOT, EFBIG):
-        return f"{error.strerror}; make room, finished stages are kept, the same command goes on."
+    # what the machine refuses; a name that is too long is the user's
+    errno = error.errno if isinstance(error, OSError) else None
+    status = 2 if errno == ENAMETOOLONG else 1
+    if errno in (ENOSPC, EDQUOT, EFBIG):
+        remedy = "make room, finished stages are kept, the same command goes on."
+        return status, f"{error.strerror}; {remedy}"
     if isinstance(error, MemoryError):
-        return "this machine has too little memory for it; take a coarser mesh, less time or data."
+        remedy = "take a coarser mesh, less time or data."
+        return status, f"this machine has too little memory for it; {remedy}"
     if isinstance(error, OSError) and error.filename and error.strerror:
         name = f"{error.filename}"
-        shown = name if len(name) <= LONGEST else f"{name[:LONGEST]}..."
-        return f"{shown}: {error.strerror}; choose another place or mend it."
-    return f"{error}" if isinstance(error, ValueError) else _unexpected(error)
+        name = name if len(name) <= LONGEST else f"{name[:LONGEST]}..."
+        return status, f"{name}: {error.strerror}; choose another place or mend it."
 
-
-def _unexpected(error: Exception) -> str:
-    first = (str(error).splitlines() or [""])[0]
-    return f"{type(error).__name__}: {first} (BEADWAVE_DEBUG=1 shows where)"
-
-
-def _failed(status: int, sentence: str) -> int:
-    print(f"beadwave: {sentence}", file=sys.stderr)
-    return status
+    # what a computation refuses says why itself; anything else is a defect of the program
+    if isinstance(error, ValueError):
+        return status, f"{error}"
+    first_line = (str(error).splitlines() or [""])[0]
+    return status, f"{type(error).__name__}: {first_line} (BEADWAVE_DEBUG=1 shows where)"

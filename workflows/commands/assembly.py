@@ -1,4 +1,4 @@
-"""`beadwave modes`, `look`, `hammer`, `tune` and `reduce`: what an assembly is asked for."""
+"""`beadwave modes`, `look`, `hammer`, `tune` and `reduce`: the commands on an assembly."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,13 @@ from workflows.commands.options import (
     json_of,
     scene_names,
 )
-from workflows.commands.terminal import StageProgress, noted, shown, told, written
+from workflows.commands.terminal import (
+    StageProgress,
+    print_files,
+    print_lines,
+    print_report,
+    print_result,
+)
 
 
 def modes(
@@ -45,11 +51,11 @@ def modes(
     with StageProgress(f"modes {scene} {table}", quiet=quiet) as progress:
         given = {"changes": changes or (), "overwrite": overwrite, "progress": progress.stage}
         if inp or step:
-            written(api.export(scene, inp=inp, step=step, **given), json, quiet)
+            print_files(api.export(scene, inp=inp, step=step, **given), json, quiet)
             return
         given |= {"out": out}
-        found = api.thesis_table(table, scene, **given) if table else api.modes(scene, **given)
-    shown(found if table else found.table, json, quiet)
+        result = api.thesis_table(table, scene, **given) if table else api.modes(scene, **given)
+    print_report(result if table else result.table, json, quiet)
 
 
 def look(
@@ -70,11 +76,11 @@ def look(
     from workflows.structure.api import look as look_at
 
     with StageProgress(f"look {source}", quiet=quiet) as progress:
-        found = look_at(
+        result = look_at(
             source, changes or (), starter=starter, out=out, overwrite=overwrite,
             progress=progress.stage,
         )  # fmt: skip
-    shown(found.found, json, quiet)
+    print_report(result.found, json, quiet)
 
 
 def hammer(
@@ -113,12 +119,12 @@ def hammer(
         if synthetic:
             path = api.write_hammer_test(file, scene, overwrite=overwrite, **given)
             line = f"written: {path} (synthetic, not measured)"
-            told({"written": [str(path)]}, line, json, quiet)
+            print_result({"written": [str(path)]}, line, json, quiet)
             return
-        found = api.hammer(file, scene, out=out, overwrite=overwrite, **given)
-    shown(found.report, json, quiet)
+        result = api.hammer(file, scene, out=out, overwrite=overwrite, **given)
+    print_report(result.report, json, quiet)
     if out:
-        noted(f"written: {out}/figures/hammer.png", json=json, quiet=quiet)
+        print_lines(f"written: {out}/figures/hammer.png", json=json, quiet=quiet)
 
 
 def tune_joints(
@@ -150,15 +156,15 @@ def tune_joints(
     from workflows.structure import api
 
     with StageProgress(f"tune {scene}", quiet=quiet) as progress:
-        found = api.tune(
+        result = api.tune(
             scene, changes or (), match=match, free=() if free is None else free,
             hammer=hammer_file, out=out or api.USUAL, overwrite=overwrite,
             progress=progress.stage,
         )  # fmt: skip
-    shown(found.report, json, quiet)
-    for sentence in found.report.failures:
+    print_report(result.report, json, quiet)
+    for sentence in result.report.failures:
         raise ValueError(f"no scene is written: {sentence}")
-    noted(f"written: {found.file}", json=json, quiet=quiet)
+    print_lines(f"written: {result.file}", json=json, quiet=quiet)
 
 
 def reduce(
@@ -180,4 +186,4 @@ def reduce(
             scene, changes or (), out=out, matrices=matrices, overwrite=overwrite,
             progress=progress.stage,
         )  # fmt: skip
-    written([path for path in (out, matrices) if path], json, quiet)
+    print_files([path for path in (out, matrices) if path], json, quiet)

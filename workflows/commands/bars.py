@@ -6,11 +6,11 @@ from rich.progress_bar import ProgressBar
 from rich.text import Text
 
 WIDTH = 24  # characters of a bar
-NEARLY = 0.97  # of a bar that waits for its end
+FULLEST = 0.97  # of a bar whose stage still runs
 
 
 class _Bar(ProgressColumn):
-    """Elapsed over expected; a pulse where nothing is known of it."""
+    """Elapsed over expected; a pulse where no duration is known."""
 
     def render(self, task: Task) -> ProgressBar:
         expected, elapsed = task.fields["expected"], task.elapsed or 0.0
@@ -18,7 +18,7 @@ class _Bar(ProgressColumn):
             return ProgressBar(total=1, completed=1, width=WIDTH)
         if not expected or elapsed > expected:
             return ProgressBar(total=None, pulse=True, width=WIDTH)
-        return ProgressBar(total=expected, completed=min(elapsed, NEARLY * expected), width=WIDTH)
+        return ProgressBar(total=expected, completed=min(elapsed, FULLEST * expected), width=WIDTH)
 
 
 class _Time(ProgressColumn):
@@ -30,7 +30,7 @@ class _Time(ProgressColumn):
             return Text(f"{elapsed:.1f} s")
         if elapsed > expected:
             return Text(f"{elapsed:.0f} s, longer than foreseen")
-        share = 100 * min(elapsed / expected, NEARLY)
+        share = 100 * min(elapsed / expected, FULLEST)
         return Text(f"{share:2.0f} %, about {expected - elapsed:.0f} s left")
 
 

@@ -1,12 +1,12 @@
 """`beadwave calibrate` and `beadwave twin`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from workflows.commands.options import Changes, Overwrite, Quiet, json_of, scene_names
-from workflows.commands.terminal import StageProgress, noted
+from workflows.commands.terminal import StageProgress, print_lines
 
 Free = Annotated[
     str | None,
@@ -94,13 +94,14 @@ def calibrate(
     from workflows.fit.api import calibrate as fitted
 
     with StageProgress(f"calibrate {scene}", quiet=quiet) as progress:
-        found = fitted(
+        result = fitted(
             scene, data, changes or (), free=free, bounds=bounds, trigger=trigger, band=band,
             instrument=instrument, hold_out=_spheres(hold_out), two_stage=two_stage,
-            starts=_positive(starts), seed=_seed(seed), scan=_scan(scan), posterior=posterior,
-            out=out, overwrite=overwrite, progress=progress.stage,
+            starts=_within("--starts", starts, 1, 1000), seed=_within("--seed", seed, 0, 10**18),
+            scan=_scan(scan), posterior=posterior, out=out, overwrite=overwrite,
+            progress=progress.stage,
         )  # fmt: skip
-    _tell(found, out, json, quiet)
+    _print(result, out, json, quiet)
 
 
 def twin(
@@ -149,25 +150,25 @@ def twin(
     rig = {
         "scatter": scatter, "frequency": frequency, "noise": noise, "sampling": sampling,
         "instrument": instrument, "repeats": _within("--repeats", repeats, 1, 1000),
-        "jitter": jitter, "seed": _seed(seed),
+        "jitter": jitter, "seed": _within("--seed", seed, 0, 10**18),
     }  # fmt: skip
     watched = (("output.spheres", list(_spheres(spheres, "--spheres"))),) if spheres else ()
     with StageProgress(f"twin {scene}", quiet=quiet) as progress:
-        found = experiment(
+        result = experiment(
             scene or "rig-1dof", (*watched, *(changes or ())), rig=rig,
             runs=_within("--runs", runs, 0, 100_000), free=free, bounds=bounds, band=band,
-            hold_out=_spheres(hold_out), two_stage=two_stage, starts=_positive(starts),
-            scan=_scan(scan), posterior=posterior, out=out, overwrite=overwrite,
-            progress=progress.stage,
+            hold_out=_spheres(hold_out), two_stage=two_stage,
+            starts=_within("--starts", starts, 1, 1000), scan=_scan(scan), posterior=posterior,
+            out=out, overwrite=overwrite, progress=progress.stage,
         )  # fmt: skip
-    _tell(found, out, json, quiet)
+    _print(result, out, json, quiet)
 
 
-def _tell(found, out: Path | None, json: bool, quiet: bool) -> None:
+def _print(result: Any, out: Path | None, json: bool, quiet: bool) -> None:
     if json or not quiet:
-        print(found.report.model_dump_json(indent=1) if json else found)
+        print(result.report.model_dump_json(indent=1) if json else result)
     if out:
-        noted(f"written: {out}/scene.toml", json=json, quiet=quiet)
+        print_lines(f"written: {out}/scene.toml", json=json, quiet=quiet)
 
 
 def _spheres(text: str | None, option: str = "--hold-out") -> tuple[int, ...]:
@@ -177,18 +178,10 @@ def _spheres(text: str | None, option: str = "--hold-out") -> tuple[int, ...]:
         raise _invalid(f"{option} {text} must name spheres, as 4,14.") from None
 
 
-def _positive(starts: int) -> int:
-    return _within("--starts", starts, 1, 1000)
-
-
-def _seed(seed: int) -> int:
-    return _within("--seed", seed, 0, 10**18)
-
-
-def _within(option: str, value: int, least: int, most: int) -> int:
-    if not least <= value <= most:
-        shown = str(value) if abs(value) < 10**20 else "a number of more than 20 digits"
-        raise _invalid(f"{option} {shown} must be between {least} and {most}; change it.")
+def _within(option: str, value: int, low: int, high: int) -> int:
+    if not low <= value <= high:
+        text = str(value) if abs(value) < 10**20 else "a number of more than 20 digits"
+        raise _invalid(f"{option} {text} must be between {low} and {high}; change it.")
     return value
 
 

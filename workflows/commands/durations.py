@@ -1,4 +1,4 @@
-"""How long stages took, kept beside the results, so that the next run can say what is left."""
+"""Seconds that stages took, kept beside the cache, so that the next run can say what is left."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -7,7 +7,7 @@ from pathlib import Path
 from time import perf_counter
 
 NAME = "durations.json"
-NOTED = 1.0  # s that are worth a note
+SHORTEST = 1.0  # s of a stage that is recorded
 COMPILATION = {"compilation": 30.0}  # s on a quiet core of 2020, until a run has measured its own
 RIG = {
     "mesh": 3.0, "modes": 12.0, "reduction": 12.0, "second-mesh": 6.0, "full-response": 6.0,
@@ -21,50 +21,48 @@ class Durations:
 
     def __init__(self, command: str) -> None:
         self._command = command
-        self._first = COMPILATION | (RIG if command.rpartition(" ")[2] in RIGS else {})
-        self._foreseen = self._taken = 0.0  # s of the stages that this command has ended
+        self._defaults = COMPILATION | (RIG if command.rpartition(" ")[2] in RIGS else {})
+        self._foreseen = self._measured = 0.0  # s of the stages that this command has ended
 
     def expected(self, stage: str) -> float | None:
         """Seconds of the stage as the last time, more where those before took longer than then;
         None where nobody knows."""
-        known = self._known(stage)
-        return known and known * max(1.0, self._taken / max(self._foreseen, NOTED))
+        last = self._last(stage)
+        slower = max(1.0, self._measured / max(self._foreseen, SHORTEST))
+        return last and last * slower
 
-    def told(self, stage: str) -> str:
-        """The same in words, of a stage that is running."""
+    def in_words(self, stage: str) -> str:
+        """The same as a sentence on a stage that is running."""
         seconds = self.expected(stage)
         if not seconds:
             return f"{stage} is running"
-        when = "as the last time" if stage in self._own() else "on a first run"
+        when = "as the last time" if stage in self._recorded() else "on a first run"
         return f"{stage} is running, about {seconds:.0f} s {when}"
 
-    def _known(self, stage: str) -> float | None:
-        return self._own().get(stage) or self._first.get(stage)
+    def _last(self, stage: str) -> float | None:
+        return self._recorded().get(stage) or self._defaults.get(stage)
 
-    def _own(self) -> dict[str, float]:
-        return _noted().get(self._command, {})
+    def _recorded(self) -> dict[str, float]:
+        return _all_recorded().get(self._command, {})
 
     @contextmanager
     def measured(self, stage: str) -> Iterator[None]:
-        """Note how long it takes, where it ends well."""
-        known, started = self._known(stage), perf_counter()
+        """Record how long a stage takes, where it ends well."""
+        last, started = self._last(stage), perf_counter()
         yield
         seconds = perf_counter() - started
-        if known:
-            self._foreseen, self._taken = self._foreseen + known, self._taken + seconds
-        if seconds > NOTED and self._command:
-            self._note(stage, seconds)
-
-    def _note(self, stage: str, seconds: float) -> None:
-        if not _file().parent.is_dir():  # made by the cache, with its own mode, or not at all
+        if last:
+            self._foreseen, self._measured = self._foreseen + last, self._measured + seconds
+        # the folder is made by the cache, with its own mode, or not at all
+        if seconds <= SHORTEST or not self._command or not _file().parent.is_dir():
             return
-        noted = _noted()
-        noted.setdefault(self._command, {})[stage] = round(seconds, 1)
+        commands = _all_recorded()
+        commands.setdefault(self._command, {})[stage] = round(seconds, 1)
         with suppress(OSError):
             from workflows.files.whole_file import writing_file
 
-            with writing_file(_file()) as part:
-                part.write_text(dumps(noted), encoding="utf-8")
+            with writing_file(_file()) as path:
+                path.write_text(dumps(commands), encoding="utf-8")
 
 
 def _file() -> Path:
@@ -73,9 +71,10 @@ def _file() -> Path:
     return cache_folder() / NAME
 
 
-def _noted() -> dict[str, dict[str, float]]:
+def _all_recorded() -> dict[str, dict[str, float]]:
+    """Seconds by command and stage."""
     with suppress(OSError, ValueError):
-        found = loads(_file().read_text(encoding="utf-8"))
-        if isinstance(found, dict):
-            return found
+        commands = loads(_file().read_text(encoding="utf-8"))
+        if isinstance(commands, dict):
+            return commands
     return {}

@@ -14,7 +14,7 @@ from workflows.commands.options import (
     json_of,
     scene_names,
 )
-from workflows.commands.terminal import StageProgress, noted, shown, told
+from workflows.commands.terminal import StageProgress, print_lines, print_report, print_result
 
 Find = Annotated[
     str,
@@ -79,13 +79,13 @@ def inspect(
     from workflows.fit.api import inspect as inspected
 
     with StageProgress(f"inspect {scene}", quiet=quiet) as progress:
-        found = inspected(
+        result = inspected(
             scene, data, changes or (), find=find, bounds=bounds, each=each, starts=starts,
             seed=seed, out=out, overwrite=overwrite, progress=progress.stage,
         )  # fmt: skip
-    shown(found.report, json, quiet)
+    print_report(result.report, json, quiet)
     if out:
-        noted(f"written: {out}/scene.toml", json=json, quiet=quiet)
+        print_lines(f"written: {out}/scene.toml", json=json, quiet=quiet)
 
 
 def design(
@@ -109,8 +109,8 @@ def design(
     from workflows.report import finding
 
     with StageProgress(f"design {scene}", quiet=quiet) as progress:
-        found = designed(
+        result = designed(
             scene, changes or (), find=find, bounds=bounds, over=over or (), out=out,
             overwrite=overwrite, progress=progress.stage,
         )  # fmt: skip
-    told(finding.record(found), finding.text(found), json, quiet)
+    print_result(finding.record(result), finding.text(result), json, quiet)

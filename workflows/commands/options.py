@@ -19,9 +19,9 @@ def dotted_keys(ctx: typer.Context, incomplete: str) -> list[str]:
     from workflows.scene import InvalidScene
 
     # a line that ends in an option without its value leaves the words before it among the others
-    given = ctx.params.get("scene") or next((word for word in ctx.args if word[:1] != "-"), None)
+    scene = ctx.params.get("scene") or next((word for word in ctx.args if word[:1] != "-"), None)
     try:
-        return [f"{key}=" for key in keys(given) if key.startswith(incomplete)]
+        return [f"{key}=" for key in keys(scene) if key.startswith(incomplete)]
     except InvalidScene:
         return []
 

@@ -17,7 +17,7 @@ AGAIN = 0.5  # s until it is raised once more where a bare `except` of a library
 
 
 class Stopped(BaseException):
-    """Unwinds the program; `number` is the signal that asked for it."""
+    """Unwinds the program at the signal `number`."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -54,9 +54,9 @@ def ignore() -> None:
 def stopped_by(error: BaseException | None) -> int | None:
     """The signal behind an exception, also where a library made another one of it, or lost it in a
     callback from C and failed for want of what that should have done."""
-    asked = signal.getsignal(signal.SIGALRM)
-    if error is not None and isinstance(asked, Again):
-        return asked.number
+    handler = signal.getsignal(signal.SIGALRM)
+    if error is not None and isinstance(handler, Again):
+        return handler.number
     while error is not None:
         if isinstance(error, Stopped):
             return error.number
@@ -64,8 +64,8 @@ def stopped_by(error: BaseException | None) -> int | None:
     return None
 
 
-def told(number: int) -> int:
-    """Say so; the exit status."""
+def print_end(number: int) -> int:
+    """Print the sentence of a signal; its exit status."""
     line = f"beadwave: {WORDS[number]}; finished stages are kept, the same command goes on.\n"
     os.write(2, line.encode())
     return 128 + number
@@ -78,12 +78,12 @@ def _handle(handler) -> None:
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
-    os._exit(told(number))
+    os._exit(print_end(number))
 
 
 def _raise(number: int, frame: FrameType | None) -> None:
-    for each in WORDS:
-        signal.signal(each, signal.SIG_IGN)
+    for other in WORDS:
+        signal.signal(other, signal.SIG_IGN)
     again = Again(number)
     signal.signal(signal.SIGALRM, again)
     signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
@@ -91,6 +91,6 @@ def _raise(number: int, frame: FrameType | None) -> None:
 
 
 def _silent(unraisable) -> None:
-    """A Stopped that nobody can catch comes again; anything else is told as ever."""
+    """A Stopped that nobody can catch comes again; anything else is printed as usual."""
     if stopped_by(unraisable.exc_value) is None:
         sys.__unraisablehook__(unraisable)

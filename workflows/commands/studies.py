@@ -1,4 +1,4 @@
-"""`beadwave accuracy`, `stability`, `verify` and `study`: what is measured and made again."""
+"""`beadwave accuracy`, `stability`, `verify` and `study`: the commands on evidence."""
 
 from pathlib import Path
 from typing import Annotated
@@ -17,7 +17,7 @@ from workflows.commands.options import (
     stage_names,
     study_names,
 )
-from workflows.commands.terminal import StageProgress, noted, told
+from workflows.commands.terminal import StageProgress, print_lines, print_result
 
 
 def accuracy(
@@ -41,12 +41,12 @@ def accuracy(
     from workflows.report import finding
 
     with StageProgress(f"accuracy {scene}", quiet=quiet) as progress:
-        found = measured(
+        result = measured(
             scene, changes or (), stage=stage, out=out, overwrite=overwrite,
             progress=progress.stage,
         )  # fmt: skip
-    record = finding.record(found, machine=machine()._asdict())
-    told(record, finding.text(found), json, quiet)
+    record = finding.record(result, machine=machine()._asdict())
+    print_result(record, finding.text(result), json, quiet)
 
 
 CASES = (
@@ -61,7 +61,7 @@ def stability(
         list[str] | None,
         typer.Option(help=f"Only this case; may be repeated: {CASES}.", autocompletion=case_names),
     ] = None,
-    every: Annotated[
+    all_trials: Annotated[
         bool, typer.Option("--all", help="Print each trial; without it a line for each case.")
     ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for the table as CSV.")] = None,
@@ -75,8 +75,9 @@ def stability(
     from workflows.report import finding
 
     with StageProgress("stability", quiet=quiet) as progress:
-        found = judged(case or (), out=out, overwrite=overwrite, progress=progress.stage)
-    told(finding.record(found), finding.text(found if every else brief(found)), json, quiet)
+        result = judged(case or (), out=out, overwrite=overwrite, progress=progress.stage)
+    text = finding.text(result if all_trials else brief(result))
+    print_result(finding.record(result), text, json, quiet)
 
 
 def verify(
@@ -102,9 +103,9 @@ def verify(
     from workflows.report import finding
 
     with StageProgress("verify", quiet=quiet) as progress:
-        found = comparisons(group or (), out=out, overwrite=overwrite, progress=progress.stage)
-    told(finding.record(found), finding.text(found), json, quiet)
-    if sentence := wrong(found):
+        result = comparisons(group or (), out=out, overwrite=overwrite, progress=progress.stage)
+    print_result(finding.record(result), finding.text(result), json, quiet)
+    if sentence := wrong(result):
         raise ValueError(sentence)
 
 
@@ -134,16 +135,16 @@ def run_study(
 
     path = out or Path("studies")
     with StageProgress(f"study {name}", quiet=quiet) as progress:
-        found = study(
+        result = study(
             name, scene, changes or (), out=path, overwrite=overwrite, progress=progress.stage
         )
-    told(finding.record(found, study=name), finding.text(found), json, quiet)
-    noted(f"written: {path}/figures/{found.pictures[0].name}.png", json=json, quiet=quiet)
+    print_result(finding.record(result, study=name), finding.text(result), json, quiet)
+    print_lines(f"written: {path}/figures/{result.pictures[0].name}.png", json=json, quiet=quiet)
 
 
 def _list(folder: str, called: str, json: bool) -> None:
     from workflows.evidence import catalogue
 
-    known = catalogue.catalogue(folder).items()
-    rows = [{"name": name, "shows": entry.shows} for name, entry in known]
-    told({called: rows}, catalogue.listing(folder), json)
+    entries = catalogue.catalogue(folder).items()
+    rows = [{"name": name, "shows": entry.shows} for name, entry in entries]
+    print_result({called: rows}, catalogue.listing(folder), json)

@@ -13,7 +13,7 @@ from workflows.commands.options import (
     dotted_keys,
     json_of,
 )
-from workflows.commands.terminal import StageProgress, noted, told, warned
+from workflows.commands.terminal import StageProgress, print_lines, print_notes, print_result
 
 Over = Annotated[
     list[str] | None,
@@ -90,20 +90,26 @@ def sweep(
             f"--workers {workers} are processes of this machine, --scheduler {scheduler} has its "
             "own; give one of them."
         )
-    what = Cases(over or (), sample, cases, seed, again)
+    design = Cases(over or (), sample, cases, seed, again)
     if dry_run:
-        _tell_price(scene, changes, what, workers, quiet, json)
+        from workflows.report import tables
+        from workflows.sweep.api import sweep_price
+
+        with StageProgress(f"sweep {scene}", quiet=quiet) as progress, progress.stage("first case"):
+            price = sweep_price(scene, changes or (), cases=design, processes=workers)
+        text = "\n\n".join([tables.text(price.table()), *price.notes])
+        print_result(price._asdict(), text, json, quiet)
         return
 
     with StageProgress(f"sweep {scene}", quiet=quiet) as progress:
-        with progress.counted("cases") as done:
-            found = compute(
-                scene, changes or (), cases=what, out=out, on=scheduler or workers or 1,
-                signals=signals, overwrite=overwrite, told=done,
+        with progress.counted("cases") as counter:
+            result = compute(
+                scene, changes or (), cases=design, out=out, on=scheduler or workers or 1,
+                signals=signals, overwrite=overwrite, told=counter,
             )  # fmt: skip
-    told(found.record(), found.text(), json, quiet)
-    warned(found.notes)
-    noted(f"written: {found.folder}/cases.parquet", json=json, quiet=quiet)
+    print_result(result.record(), result.text(), json, quiet)
+    print_notes(result.notes)
+    print_lines(f"written: {result.folder}/cases.parquet", json=json, quiet=quiet)
 
 
 def scan(
@@ -128,35 +134,29 @@ def scan(
     from workflows.sweep.api import scan as compute
 
     with StageProgress(f"scan {scene}", quiet=quiet) as progress, progress.stage(f"{grid} points"):
-        found = compute(
+        result = compute(
             scene, changes or (), face=face, grid=grid, out=out, signals=signals,
             overwrite=overwrite,
         )  # fmt: skip
-    told(found.record(), found.text(), json, quiet)
-    warned(found.notes)
-    noted(f"written: {found.folder}/cases.parquet", json=json, quiet=quiet)
+    print_result(result.record(), result.text(), json, quiet)
+    print_notes(result.notes)
+    print_lines(f"written: {result.folder}/cases.parquet", json=json, quiet=quiet)
 
 
-def _tell_price(scene, changes, what, workers, quiet, json) -> None:
-    from workflows.report import tables
-    from workflows.sweep.api import sweep_price
-
-    with StageProgress(f"sweep {scene}", quiet=quiet) as progress, progress.stage("first case"):
-        found = sweep_price(scene, changes or (), cases=what, processes=workers)
-    told(found._asdict(), "\n\n".join([tables.text(found.table()), *found.notes]), json, quiet)
-
-
-def _show(folder, of, against, overwrite, quiet, json) -> None:
+def _show(
+    folder: Path, of: str | None, against: str | None, overwrite: bool, quiet: bool, json: bool
+) -> None:
+    """Print a finished sweep, or draw one of its outputs."""
     from workflows.files.run_folder import RunFolder
     from workflows.sweep.api import load_sweep
 
-    found = load_sweep(folder)
+    result = load_sweep(folder)
     if not (of or against):
-        told(found.record(), found.text(), json, quiet)
-        warned(found.notes)
+        print_result(result.record(), result.text(), json, quiet)
+        print_notes(result.notes)
         return
-    picture = found.plot(of, tuple(against.split(",")) if against else None)
+    picture = result.plot(of, tuple(against.split(",")) if against else None)
     name = picture.name + (f"_over_{against.replace(',', '_')}" if against else "")
-    with RunFolder(folder, overwrite=overwrite).held(f"figures/{name}.png") as held:
-        path = held.write(f"figures/{name}.png", picture.png)
-    told({"written": [str(path)]}, f"written: {path}", json, quiet)
+    with RunFolder(folder, overwrite=overwrite).held(f"figures/{name}.png") as locked:
+        path = locked.write(f"figures/{name}.png", picture.png)
+    print_result({"written": [str(path)]}, f"written: {path}", json, quiet)

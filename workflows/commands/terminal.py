@@ -1,4 +1,5 @@
-"""What a person sees while a command goes on and when it is done; a pipe gets the end only."""
+"""Progress of a command on the terminal, and the printing of its result; a pipe gets the result
+only."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from workflows.commands.durations import Durations
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 LABEL = 35  # characters of a label
 LINE = 80  # of a line
 UNBROKEN = "\u00a0"
-PATIENCE = 10.0  # s without a word where nobody watches a terminal
+PATIENCE = 10.0  # s without a word where stderr is no terminal
 
 
 class StageProgress:
@@ -29,7 +30,13 @@ class StageProgress:
     def __init__(self, command: str = "", *, quiet: bool = False) -> None:
         watched = sys.stderr.isatty()
         self._durations = Durations(command)
-        self._bars = _bars() if watched and not quiet else None
+        self._bars = None
+        if watched and not quiet:
+            from rich.console import Console
+
+            from workflows.commands.bars import progress
+
+            self._bars = progress(Console(file=sys.stderr))
         self._timer = None if watched or quiet else Timer(PATIENCE, self._tell)
         self._running: list[str] = []
 
@@ -66,36 +73,29 @@ class StageProgress:
         """Show work that says how many of its pieces are done, and of how many."""
         task = self._bars.add_task(name, total=None, expected=None) if self._bars else None
         self._running.append(name)
-        first: list[int] = []  # pieces that were done before
+        n_before: int | None = None  # pieces of an earlier run, which cost no time now
 
-        def told(done: int, n: int) -> None:
-            first[:] = first or [done]
-            fresh = done - first[0]
-            if self._bars and fresh:
+        def count(n_done: int, n: int) -> None:
+            nonlocal n_before
+            n_before = n_done if n_before is None else n_before
+            n_new = n_done - n_before
+            if self._bars and n_new:
                 elapsed = self._bars.tasks[task].elapsed or 0.0
-                left = elapsed * (n - done) / fresh
-                said = f"{name}: {done} of {n}"
-                self._bars.update(task, expected=elapsed + left, description=said)
+                expected = elapsed + elapsed * (n - n_done) / n_new
+                description = f"{name}: {n_done} of {n}"
+                self._bars.update(task, expected=expected, description=description)
 
-        yield told
+        yield count
         self._running.remove(name)
         if self._bars:
             self._bars.update(task, total=1, completed=1)
 
     def _tell(self) -> None:
-        told = self._durations.told(self._running[-1] if self._running else "the command")
-        print(f"beadwave: {told}; --quiet drops this line.", file=sys.stderr)
+        text = self._durations.in_words(self._running[-1] if self._running else "the command")
+        print(f"beadwave: {text}; --quiet drops this line.", file=sys.stderr)
 
 
-def _bars():
-    from rich.console import Console
-
-    from workflows.commands.bars import progress
-
-    return progress(Console(file=sys.stderr))
-
-
-def told(content: dict, text: str, json: bool, quiet: bool = False) -> None:
+def print_result(content: dict, text: str, json: bool, quiet: bool = False) -> None:
     """A result on stdout: JSON for machines, or lines for a person."""
     from json import dumps
 
@@ -103,57 +103,50 @@ def told(content: dict, text: str, json: bool, quiet: bool = False) -> None:
         print(dumps(content, indent=2, allow_nan=False) if json else text)
 
 
-def shown(found, json: bool, quiet: bool = False) -> None:
+def print_report(report: Any, json: bool, quiet: bool = False) -> None:
     """A report that knows both forms: its JSON, or its text."""
     if json or not quiet:
-        print(found.model_dump_json(indent=2) if json else found.text())
+        print(report.model_dump_json(indent=2) if json else report.text())
 
 
-def warned(notes: Iterable[str]) -> None:
+def print_notes(notes: Iterable[str]) -> None:
     """Sentences on stderr that a user is to see, whatever is printed."""
     for note in notes:
         print(note, file=sys.stderr)
 
 
-def noted(*lines: str, json: bool = False, quiet: bool = False) -> None:
+def print_lines(*lines: str, json: bool = False, quiet: bool = False) -> None:
     """Lines after a result, for a person alone."""
     for line in lines if not (json or quiet) else ():
         print(line)
 
 
-def written(paths: Iterable[Path], json: bool, quiet: bool = False) -> None:
-    """The files that a command has made."""
+def print_files(paths: Iterable[Path], json: bool, quiet: bool = False) -> None:
+    """The files that a command has written."""
     names = [str(path) for path in paths]
-    told({"written": names}, f"written: {', '.join(names)}", json, quiet)
+    print_result({"written": names}, f"written: {', '.join(names)}", json, quiet)
 
 
-def printed(summary: Summary, json: bool, quiet: bool = False, verbose: bool = False) -> None:
+def print_summary(summary: Summary, json: bool, quiet: bool = False, verbose: bool = False) -> None:
     """The summary on stdout: JSON for machines, lines for a person; warnings on stderr."""
     if json:
         print(summary.text(), end="")
         return
     if not quiet:
-        _print_lines(summary, verbose)
+        from textwrap import fill
+
+        from workflows.report.rows import details, headline
+
+        rows = list(headline(summary))
+        if verbose:
+            rows += details(summary)
+            sentences = (*summary.verdict, *summary.wall_modes_left_out[-1:])
+            rows += [("verdict", sentence) for sentence in sentences]
+            for stage in summary.stages:
+                cached = "  (kept)" if stage.cached else ""
+                rows.append((stage.name, f"{stage.seconds:.2f} s{cached}"))
+        for label, value in rows:
+            text = fill(f"{label:>{LABEL}}  {value}", LINE, subsequent_indent=" " * (LABEL + 2))
+            print(text.replace(UNBROKEN, " "))
     for warning in summary.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-
-
-def _print_lines(summary: Summary, verbose: bool) -> None:
-    from workflows.report.rows import details, headline
-
-    for label, value in (*headline(summary), *(details(summary) if verbose else ())):
-        print(_wrapped(label, value))
-    if not verbose:
-        return
-    for sentence in (*summary.verdict, *summary.wall_modes_left_out[-1:]):
-        print(_wrapped("verdict", sentence))
-    for stage in summary.stages:
-        kept = "  (kept)" if stage.cached else ""
-        print(_wrapped(stage.name, f"{stage.seconds:.2f} s{kept}"))
-
-
-def _wrapped(label: str, value: str) -> str:
-    from textwrap import fill
-
-    text = fill(f"{label:>{LABEL}}  {value}", LINE, subsequent_indent=" " * (LABEL + 2))
-    return text.replace(UNBROKEN, " ")

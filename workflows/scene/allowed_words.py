@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 
 def allowed_words(model: Any, path: Sequence[str | int]) -> str:
-    """Of the value at a path of keys below a table, as in "'a', 'b' or 'c'"; "" where it is none of
-    a few words."""
+    """The words that the value at a path of keys below a table may be, as in "'a', 'b' or 'c'"; ""
+    where it is none of a few words."""
     kinds = [model]
-    for part in path:
-        fields = (getattr(kind, "model_fields", {}).get(part) for kind in kinds)
+    for key in path:
+        fields = (getattr(kind, "model_fields", {}).get(key) for kind in kinds)
         kinds = [kind for field in fields if field for kind in _kinds(field.annotation)]
     literals = (kind for kind in kinds if get_origin(kind) is Literal)
     words = [repr(word) for literal in literals for word in get_args(literal)]
@@ -18,11 +18,11 @@ def allowed_words(model: Any, path: Sequence[str | int]) -> str:
 
 
 def _kinds(annotation: Any) -> Iterator[Any]:
-    """What a value of the annotation may be, one by one."""
+    """The types in an annotation, one by one."""
     if get_origin(annotation) is Annotated:
         yield from _kinds(get_args(annotation)[0])
     elif get_origin(annotation) in (Union, UnionType):
-        for one in get_args(annotation):
-            yield from _kinds(one)
+        for member in get_args(annotation):
+            yield from _kinds(member)
     else:
         yield annotation

@@ -8,7 +8,7 @@ from pydantic import Field, create_model
 from geometry import Assembly
 from workflows.scene.bodies import Compressible, Modulus
 from workflows.scene.quantities import of
-from workflows.scene.tables import Density, Table
+from workflows.scene.tables import Density, SceneTable
 from workflows.scene.units import LENGTH
 
 BODIES = ("block", "sheets", "sheets_support", "support", "plate")
@@ -16,15 +16,15 @@ Names = Annotated[tuple[Literal[BODIES], ...], Field(strict=False)]  # type: ign
 USUAL = 100.0  # times the dimension of the thesis' rig, or that part of it
 
 
-class Steel(Table):
-    """What a body is made of, where it differs from the assembly's material."""
+class Steel(SceneTable):
+    """The material of a body, where it differs from the assembly's."""
 
     young: Modulus | None = None  # [Pa]
     poisson: Compressible | None = None
     density: Density | None = None  # [kg/m^3]
 
 
-class _Constraint(Table):
+class _Constraint(SceneTable):
     young: Modulus = 210e9  # [Pa]
     poisson: Compressible = 0.3
     density: Density = 7850.0  # [kg/m^3]
@@ -37,23 +37,24 @@ class _Constraint(Table):
     fixing: Literal["flat", "corners", "bolted"] = "flat"
 
     def made_of(self, part: str) -> Steel:
-        """What a part is made of: the assembly's material where its own table says nothing."""
-        own = getattr(self, part) or Steel()
+        """The material of a part: the assembly's where its own table has no value."""
+        steel = getattr(self, part) or Steel()
         return Steel(
-            young=own.young or self.young,
-            poisson=self.poisson if own.poisson is None else own.poisson,
-            density=own.density or self.density,
+            young=steel.young or self.young,
+            poisson=self.poisson if steel.poisson is None else steel.poisson,
+            density=steel.density or self.density,
         )
 
 
 def _dimension(field):
     if field.name == "parts":
         return (Names, field.default)
-    several = isinstance(field.default, tuple)
-    size = max(map(abs, field.default)) if several else field.default
+    """Type and default of a dimension of the rig [m], usual within USUAL of the thesis' one."""
+    is_list = isinstance(field.default, tuple)
+    size = max(map(abs, field.default)) if is_list else field.default
     number = of(float, LENGTH, size / USUAL, size * USUAL)
-    each = Annotated[tuple[number, ...], Field(strict=False)]
-    return (each if several else number, field.default)
+    numbers = Annotated[tuple[number, ...], Field(strict=False)]
+    return (numbers if is_list else number, field.default)
 
 
 AssemblyTable = create_model(

@@ -1,11 +1,11 @@
-"""The words of a structure in one table: a beam or a plate of bending theory."""
+"""Tables of a structure that is one table: a beam or a plate of bending theory."""
 
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from workflows.scene.quantities import of
-from workflows.scene.tables import Density, Number, Positive, Spring, Table, TurnSpring
+from workflows.scene.tables import Density, Number, Positive, SceneTable, Spring, TurnSpring
 from workflows.scene.units import AREA, FORCE, IN_PLANE, LENGTH, PRESSURE, SECOND_MOMENT
 
 Modulus = of(Positive, PRESSURE, 1e6, 2e12)  # rubber to diamond
@@ -17,7 +17,7 @@ ForcePerWidth = of(Number, IN_PLANE, 0, 1e9)
 SECTIONS = {"width": "thickness", "diameter": None, "area": "second_moment"}
 
 
-class EndSprings(Table):
+class EndSprings(SceneTable):
     """Springs of a beam's end to the ground; inf is rigid."""
 
     shift: Spring  # [N/m] across the beam
@@ -35,7 +35,7 @@ EndOfBeam = Annotated[
 ]
 
 
-class Beam(Table):
+class Beam(SceneTable):
     """A straight Timoshenko beam, struck across.
 
     The section is width and thickness (along the chain), diameter with or without a bore, or area
@@ -60,7 +60,7 @@ class Beam(Table):
 
     @property
     def loads(self) -> dict[str, float]:
-        """What it bears before it is struck, by key."""
+        """Loads before the strike, by key."""
         return {"axial_force": self.axial_force}
 
     @property
@@ -79,9 +79,9 @@ class Beam(Table):
     def _one_section(self) -> "Beam":
         given = [key for key in SECTIONS if getattr(self, key) is not None]
         if len(given) != 1:
-            found = " and ".join(given) or "nothing"
+            keys = " and ".join(given) or "nothing"
             raise ValueError(
-                f"the section is told by {found}: give width and thickness, diameter, or area and "
+                f"the section is told by {keys}: give width and thickness, diameter, or area and "
                 "second_moment"
             )
         for key, partner in SECTIONS.items():
@@ -111,7 +111,7 @@ class Beam(Table):
 Edge = Literal["hinged", "clamped", "free"]
 
 
-class Plate(Table):
+class BendingPlateTable(SceneTable):
     """A rectangular Mindlin plate from x = 0 to length and y = 0 to width, struck on its face.
 
     Edges are left and right at the ends of its length, front and back at those of its width; a
@@ -136,7 +136,7 @@ class Plate(Table):
 
     @property
     def loads(self) -> dict[str, float]:
-        """What it bears before it is struck, by key."""
+        """Loads before the strike, by key."""
         return {"in_plane_x": self.in_plane_x, "in_plane_y": self.in_plane_y}
 
     @property
@@ -147,11 +147,11 @@ class Plate(Table):
     @property
     def floats(self) -> bool:
         """Whether the plate can move as a rigid body: one hinged edge lets it turn."""
-        held = [edge for edge in self.edges if edge != "free"]
-        return not held or held == ["hinged"]
+        supported = [edge for edge in self.edges if edge != "free"]
+        return not supported or supported == ["hinged"]
 
     @model_validator(mode="after")
-    def _struck_inside(self) -> "Plate":
+    def _struck_inside(self) -> "BendingPlateTable":
         h = self.thickness
         if 4 * h > min(self.length, self.width):
             raise ValueError(

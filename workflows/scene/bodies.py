@@ -1,4 +1,4 @@
-"""The words of any assembly: bodies, materials, what joins and holds them, the strike, its modes.
+"""Tables of any assembly: bodies, materials, joints, supports, the strike, measured modes.
 
 Faces are picked by the selectors of `geometry.selectors`, pairs of bodies by "a|b"; a * in a name
 stands for any letters.
@@ -21,9 +21,9 @@ from workflows.scene.tables import (
     Number,
     Point,
     Positive,
+    SceneTable,
     Seed,
     Spring,
-    Table,
     one_or_each,
 )
 from workflows.scene.units import FORCE, LENGTH, PRESSURE
@@ -43,9 +43,9 @@ Three = Annotated[tuple[Modulus, Modulus, Modulus], Field(strict=False)]
 
 
 def _plain_name(name: str) -> str:
-    """No part of a path, and no selector."""
-    told = set(name) & set(':|@#,"/\\') or not name.isprintable() or name != name.strip()
-    if told or not name or name.startswith("."):
+    """A name that is no part of a path and no selector."""
+    special = set(name) & set(':|@#,"/\\') or not name.isprintable() or name != name.strip()
+    if special or not name or name.startswith("."):
         raise ValueError(
             f'{name!r} must be free of : | @ # , " / and \\, without a blank at its ends or a dot '
             "at its start: rename it"
@@ -77,7 +77,7 @@ MaterialName = Annotated[str, AfterValidator(_material_name)]
 Pair = Annotated[str, AfterValidator(_pair)]
 
 
-class Solid(Table):
+class Solid(SceneTable):
     """A material. An orthotropic one has three moduli along its axes 1, 2, 3, the ratios 12, 13
     and 23, the shear moduli 12, 13 and 23, and `axes`: the direction of 1, and one beside it for 2.
     """
@@ -94,10 +94,11 @@ class Solid(Table):
         return not isinstance(self.young, tuple)
 
     @model_validator(mode="after")
-    def _whole(self) -> "Solid":
+    def _isotropic_or_orthotropic(self) -> "Solid":
         if self.is_isotropic and (self.shear or self.axes):
             raise ValueError("shear and axes belong to three moduli: drop them, or give three")
-        if not self.is_isotropic and not (_three(self.young) and _three(self.poisson)):
+        numbers = self.young, self.poisson
+        if not self.is_isotropic and not all(isinstance(x, tuple) and len(x) == 3 for x in numbers):
             raise ValueError("young and poisson must be one number or three, both alike: change it")
         if not self.is_isotropic and self.shear is None:
             raise ValueError("three moduli need shear = [G12, G13, G23] in Pa: add it")
@@ -106,25 +107,21 @@ class Solid(Table):
         return self
 
 
-def _three(value: Any) -> bool:
-    return isinstance(value, tuple) and len(value) == 3
-
-
-class Outline(Table):
+class PlateTable(SceneTable):
     """A plate: its outline in its own x-y plane, extruded along z."""
 
     outline: Annotated[tuple[Point, ...], Field(strict=False, min_length=3)]  # [m]
     thickness: Size  # [m]
 
 
-class Holes(Table):
+class Holes(SceneTable):
     """Round holes through a plate."""
 
     diameter: Size  # [m]
     at: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)]  # x, y in its plane [m]
 
 
-class Round(Table):
+class CylinderTable(SceneTable):
     """A cylinder along its own z, or with a `bore` a tube."""
 
     radius: Size  # [m]
@@ -132,14 +129,14 @@ class Round(Table):
     bore: of(Annotated[Number, Field(ge=0)], LENGTH, 1e-5, 50) = 0.0  # [m] radius
 
 
-class Body(Table):
+class BodyTable(SceneTable):
     """A body drawn here, or one of the file: what it is made of and how finely it is meshed."""
 
     material: str | None = None
     seed: Seed | None = None  # [m]
     box: Annotated[tuple[Size, Size, Size], Field(strict=False)] | None = None  # [m]
-    plate: Outline | None = None
-    cylinder: Round | None = None
+    plate: PlateTable | None = None
+    cylinder: CylinderTable | None = None
     holes: Holes | None = None
     at: Place3 | None = None  # [m]
     turn: Vector | None = None  # [degrees] about the global x, then y, then z
@@ -150,7 +147,7 @@ class Body(Table):
         return next((shape for shape in SHAPES if getattr(self, shape) is not None), None)
 
     @model_validator(mode="after")
-    def _one_shape(self) -> "Body":
+    def _one_shape(self) -> "BodyTable":
         given = [shape for shape in SHAPES if getattr(self, shape) is not None]
         if len(given) > 1:
             raise ValueError(f"{' and '.join(given)} exclude each other: keep one of them")
@@ -161,20 +158,20 @@ class Body(Table):
         return self
 
 
-def fitting(body: str, tables: Mapping[str, Body]) -> Iterator[Body]:
+def fitting(body: str, tables: Mapping[str, BodyTable]) -> Iterator[BodyTable]:
     """The tables whose names fit a body's, its very own first."""
     names = [name for name in tables if fnmatchcase(body, name)]
     yield from (tables[name] for name in sorted(names, key=lambda name: name != body))
 
 
-LOADS = {  # what a load must have, and what it may have besides
+LOADS = {  # keys that a kind of load needs, and keys that it may have besides
     ("on", "force"): ("direction",),
     ("body", "temperature"): (),
     ("on", "to", "tension"): ("stiffness",),
 }
 
 
-class StaticLoad(Table):
+class StaticLoad(SceneTable):
     """What the assembly bears before it is struck: a force on a face, a body that is warmer than it
     was made, by the expansion of its material, or a rod in tension between two faces.
 
@@ -197,8 +194,8 @@ class StaticLoad(Table):
         given = {key for key in type(self).model_fields if getattr(self, key) is not None} - {
             "name"
         }
-        if not any(set(must) <= given <= {*must, *may} for must, may in LOADS.items()):
-            kinds = ", ".join(" and ".join(must) for must in LOADS)
+        if not any(set(needed) <= given <= {*needed, *more} for needed, more in LOADS.items()):
+            kinds = ", ".join(" and ".join(needed) for needed in LOADS)
             raise ValueError(
                 f"has {', '.join(sorted(given)) or 'nothing'}; it needs one of {kinds}: give these "
                 "and no others"
@@ -210,7 +207,7 @@ class StaticLoad(Table):
         return self
 
 
-class Hold(Table):
+class Hold(SceneTable):
     """A face on the ground, in some directions: "z" is a roller."""
 
     on: str
@@ -226,7 +223,7 @@ EitherHold = Annotated[
 ]
 
 
-class General(Table):
+class General(SceneTable):
     """[assembly] of bodies: where they come from, what touching means, what holds them."""
 
     step: str | None = None  # a STEP file
@@ -247,7 +244,7 @@ class General(Table):
         return tuple(Hold(on=h) if isinstance(h, str) else h for h in self.held or ())
 
 
-class Meshing(Table):
+class Meshing(SceneTable):
     """Quadratic elements: hexahedra where a body is a box, an extruded outline or a tube, else
     tetrahedra; or "tet" for all. `scale` is a factor on all sizes of elements."""
 
@@ -255,7 +252,7 @@ class Meshing(Table):
     scale: Positive = 1.0
 
 
-class Tied(Table):
+class Tied(SceneTable):
     """Pairs of touching bodies that stay together where they touch."""
 
     between: Pair
@@ -295,11 +292,11 @@ class Bolts(JointStiffnesses):
     @property
     def partners(self) -> tuple[str, str]:
         """The two sides of `between`."""
-        one, other = (side.strip() for side in self.between.split("|"))
-        return one, other
+        first, second = (side.strip() for side in self.between.split("|"))
+        return first, second
 
 
-class Strike(Table):
+class Strike(SceneTable):
     """Where the last sphere touches: a plane face, and a point from its middle along the two global
     axes that span it; or a plane, a cylinder or a sphere, and the point of it that is nearest to
     [x, y, z]. "body@x,y,z" of a round face tells both."""
@@ -332,7 +329,7 @@ class Strike(Table):
         return self.seed or 2 * self.radius
 
 
-class Target(Table):
+class MeasuredMode(SceneTable):
     """A measured mode, told by a body's motion ("x", "x+ry", "strain"), by its number, or by a file
     of measured shapes (.uff), of which the modes of the assembly have the MAC."""
 
@@ -343,13 +340,13 @@ class Target(Table):
     shape: str | None = None
 
     @model_validator(mode="after")
-    def _told(self) -> "Target":
+    def _one_identity(self) -> "MeasuredMode":
         if (self.body is None) != (self.motion is None):
             raise ValueError("body and motion belong together: add the other")
-        if sum(told is not None for told in (self.body, self.number, self.shape)) != 1:
+        if sum(key is not None for key in (self.body, self.number, self.shape)) != 1:
             raise ValueError("needs body and motion, number or shape: give one of the three")
         return self
 
-    def beside(self, folder: Path) -> "Target":
+    def in_folder(self, folder: Path) -> "MeasuredMode":
         """The same with its file looked for in a folder."""
         return self.model_copy(update={"shape": str(folder / self.shape)}) if self.shape else self

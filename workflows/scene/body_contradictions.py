@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator
 from math import isinf
 
-from workflows.scene.bodies import GROUND, THREAD
+from workflows.scene.bodies import GROUND, THREAD, Bolts
 from workflows.scene.scene import Scene
 
 OF_BODIES = ("bodies", "materials", "ties", "strike", "loads")
@@ -12,13 +12,68 @@ OF_BODIES = ("bodies", "materials", "ties", "strike", "loads")
 
 def of_bodies(scene: Scene) -> Iterator[str]:
     """What speaks against an assembly of bodies."""
-    yield from _nothing_there(scene)
-    yield from _own_mesh(scene)
-    yield from _unknown_materials(scene)
-    yield from _unheld(scene)
-    yield from _unstruck(scene)
+    assembly, bodies = scene.assembly, scene.bodies or {}
+
+    # where bodies come from: drawn here, a STEP file, a mesh with named volumes
+    drawn = [name for name, body in bodies.items() if body.drawn]
+    if assembly.file is None:
+        if not drawn:
+            yield (
+                "the assembly has no bodies; give assembly.step or assembly.mesh, or "
+                "[bodies.NAME] with a box."
+            )
+        for name in bodies.keys() - set(drawn):
+            yield (
+                f"bodies.{name} has no shape and there is no assembly.step or mesh to take it "
+                "from; give it box, plate or cylinder."
+            )
+    if assembly.mesh is not None:
+        if assembly.step:
+            yield "assembly.step and assembly.mesh exclude each other; keep one of them."
+        for name, body in bodies.items():
+            if body.drawn or body.seed:
+                key = body.drawn or "seed"
+                yield (
+                    f"bodies.{name}.{key} is beside assembly.mesh, which has all elements; drop it."
+                )
+        if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
+            yield "[mesh] is beside assembly.mesh, which has all elements; drop it."
+
+    # what they are made of
+    materials = scene.materials or {}
+    named = {"assembly": assembly.material}
+    named |= {f"bodies.{name}": body.material for name, body in bodies.items()}
+    for key, name in named.items():
+        if name is not None and name not in materials:
+            names = ", ".join(materials) or "none"
+            yield f"{key}.material = {name!r} is not known, there is {names}; add it."
+    for name in bodies:
+        if scene.material_name(name) is None:
+            yield (
+                f"nothing says what {name} is made of; give bodies.{name}.material, or "
+                "assembly.material for all."
+            )
+    if assembly.file and assembly.material is None and not bodies:
+        yield "assembly.material is missing; name the material of the bodies in the file."
+
+    # what they stand on, and where they are struck
+    if assembly.held is None and scene.floats:
+        yield (
+            'assembly.held is missing; name the faces on the ground, as ["foot:-z"], or write '
+            "held = [] for an assembly that floats."
+        )
+    if scene.strike is None:
+        if scene.chain is not None and getattr(scene.wall, "kind", None) == "rom":
+            yield '[strike] is missing; say where the chain touches, on = "body:+x".'
+    elif assembly.file is None and scene.struck_body not in bodies:
+        yield f"strike.on = {scene.strike.on!r} names no body; there are {', '.join(bodies)}."
+
     yield from _joints(scene)
-    yield from _loads(scene)
+    for name, number in Counter(load.name for load in scene.loads or ()).items():
+        if number > 1:
+            yield f"loads has {number} tables named {name!r}; give each a name of its own."
+    if scene.loads and scene.floats:
+        yield "loads act on an assembly that floats; hold a face of it, or drop them."
     if scene.patch is not None:
         yield "[patch] belongs to the thesis' rig; write [strike] with on, at and radius."
 
@@ -27,28 +82,20 @@ def of_bending(scene: Scene) -> Iterator[str]:
     """What speaks against a beam or a plate."""
     if scene.bending is None:
         return
-    own = scene.struck_body
-    others = (
-        "assembly",
-        *(("plate",) if scene.beam else ()),
-        *OF_BODIES,
-        "joints",
-        "targets",
-        "table",
-        "mesh",
-        "patch",
-    )
+    body = scene.struck_body  # "beam" or "plate", as its table
+    others = ("assembly", *(("plate",) if scene.beam else ()), *OF_BODIES)
+    others += ("joints", "targets", "table", "mesh", "patch")
     for name in (name for name in others if getattr(scene, name) is not None):
-        yield f"[{name}] is beside [{own}], which is a structure of its own; drop one of them."
+        yield f"[{name}] is beside [{body}], which is a structure of its own; drop one of them."
     for key, value in scene.bending.loads.items():
         if value and scene.floats:
             yield (
-                f"{own}.{key} = {value:g} acts on a {own} that can move as a rigid body; set it to "
-                "0, or hold more of its edges."
+                f"{body}.{key} = {value:g} acts on a {body} that can move as a rigid body; set it "
+                "to 0, or hold more of its edges."
             )
     if scene.floats and scene.reduction.kind == "craig-bampton":
         yield (
-            f'reduction.kind = "craig-bampton" needs a {own} that is held; hold it, or take '
+            f'reduction.kind = "craig-bampton" needs a {body} that is held; hold it, or take '
             '"free-modes".'
         )
 
@@ -60,82 +107,19 @@ def of_the_rig(scene: Scene) -> Iterator[str]:
             f"[{name}] belongs to an assembly of bodies; give [assembly] held = [...] and bodies, "
             f"or drop it."
         )
-    known, told = range(1, len(scene.measured_hz) + 1), [t.number for t in scene.targets or ()]
-    if any(number not in known or told.count(number) > 1 for number in told):
+    modes = range(1, len(scene.measured_hz) + 1)
+    numbers = [target.number for target in scene.targets or ()]
+    if any(number not in modes or numbers.count(number) > 1 for number in numbers):
         yield (
-            f"[[targets]] of the rig are its modes {known[0]} to {known[-1]}, each once, as "
+            f"[[targets]] of the rig are its modes {modes[0]} to {modes[-1]}, each once, as "
             "number = 1 with hz; number the others so, or drop them."
         )
     if isinstance(scene.joints, tuple):
         yield "[[joints]] belong to an assembly of bodies; the rig has [joints.head] and foot."
 
 
-def _nothing_there(scene: Scene):
-    drawn = [name for name, body in (scene.bodies or {}).items() if body.drawn]
-    if scene.assembly.file is None:
-        if not drawn:
-            yield (
-                "the assembly has no bodies; give assembly.step or assembly.mesh, or "
-                "[bodies.NAME] with a box."
-            )
-        for name in (scene.bodies or {}).keys() - set(drawn):
-            yield (
-                f"bodies.{name} has no shape and there is no assembly.step or mesh to take it "
-                "from; give it box, plate or cylinder."
-            )
-
-
-def _own_mesh(scene: Scene):
-    """What a mesh that is there leaves no room for."""
-    if scene.assembly.mesh is None:
-        return
-    if scene.assembly.step:
-        yield "assembly.step and assembly.mesh exclude each other; keep one of them."
-    for name, body in (scene.bodies or {}).items():
-        if body.drawn or body.seed:
-            key = body.drawn or "seed"
-            yield f"bodies.{name}.{key} is beside assembly.mesh, which has all elements; drop it."
-    if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
-        yield "[mesh] is beside assembly.mesh, which has all elements; drop it."
-
-
-def _unknown_materials(scene: Scene):
-    known = scene.materials or {}
-    used = {f"bodies.{name}": body.material for name, body in (scene.bodies or {}).items()}
-    for key, name in {"assembly": scene.assembly.material, **used}.items():
-        if name is not None and name not in known:
-            there = ", ".join(known) or "none"
-            yield f"{key}.material = {name!r} is not known, there is {there}; add it."
-    for name in scene.bodies or {}:
-        if scene.material_name(name) is None:
-            yield (
-                f"nothing says what {name} is made of; give bodies.{name}.material, or "
-                "assembly.material for all."
-            )
-    if scene.assembly.file and scene.assembly.material is None and not scene.bodies:
-        yield "assembly.material is missing; name the material of the bodies in the file."
-
-
-def _unheld(scene: Scene):
-    if scene.assembly.held is None and scene.floats:
-        yield (
-            'assembly.held is missing; name the faces on the ground, as ["foot:-z"], or write '
-            "held = [] for an assembly that floats."
-        )
-
-
-def _unstruck(scene: Scene):
-    if scene.strike is None:
-        if scene.chain is not None and getattr(scene.wall, "kind", None) == "rom":
-            yield '[strike] is missing; say where the chain touches, on = "body:+x".'
-        return
-    body = scene.struck_body
-    if scene.assembly.file is None and body not in (scene.bodies or {}):
-        known = ", ".join(scene.bodies or {})
-        yield f"strike.on = {scene.strike.on!r} names no body; there are {known}."
-
-
-def _joints(scene: Scene):
+def _joints(scene: Scene) -> Iterator[str]:
+    """Names of joints, what each of them joins, and its dashpots."""
     if scene.joints is not None and not isinstance(scene.joints, tuple):
         yield "[joints.head] and foot belong to the thesis' rig; write [[joints]] with a name."
         return
@@ -154,10 +138,16 @@ def _joints(scene: Scene):
             yield (
                 f"joints.{joint.name} holds the walls of holes to the ground; drop at and washer."
             )
-        yield from _rigid_dashpots(joint)
+        for key, coefficient in joint.dashpots.items():
+            if isinf(getattr(joint, key)):
+                yield (
+                    f"joints.{joint.name}.c{key[1:]} = {coefficient} is beside {key} = inf, "
+                    f"which never moves; give joints.{joint.name}.{key}."
+                )
 
 
-def _thread(joint):
+def _thread(joint: Bolts) -> Iterator[str]:
+    """A thread joins a shank and a bore, over the length that both have."""
     if GROUND in joint.partners:
         yield (
             f'joints.{joint.name}.at = "thread" joins a shank and a bore, the ground has neither; '
@@ -173,20 +163,3 @@ def _thread(joint):
             f'joints.{joint.name}.sides = {list(joint.sides)} is beside at = "thread", whose sides '
             'both move by their mean; drop sides, or write ["mean", "mean"].'
         )
-
-
-def _loads(scene: Scene):
-    for name, number in Counter(load.name for load in scene.loads or ()).items():
-        if number > 1:
-            yield f"loads has {number} tables named {name!r}; give each a name of its own."
-    if scene.loads and scene.floats:
-        yield "loads act on an assembly that floats; hold a face of it, or drop them."
-
-
-def _rigid_dashpots(joint):
-    for key in joint.dashpots:
-        if isinf(getattr(joint, key)):
-            yield (
-                f"joints.{joint.name}.c{key[1:]} = {joint.dashpots[key]} is beside {key} = inf, "
-                f"which never moves; give joints.{joint.name}.{key}."
-            )

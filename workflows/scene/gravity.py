@@ -14,7 +14,7 @@ from workflows.scene.tables import (
     NonNegative,
     Positive,
     RomWall,
-    Table,
+    SceneTable,
     one_or_each,
 )
 from workflows.scene.units import ACCELERATION, FORCE, LENGTH, VELOCITY
@@ -22,10 +22,10 @@ from workflows.scene.units import ACCELERATION, FORCE, LENGTH, VELOCITY
 if TYPE_CHECKING:
     from workflows.scene.scene import Scene
 
-SAME = 1e-9  # of a velocity: that of the drop beside it
+SAME = 1e-9  # relative difference of a velocity and of that of the drop beside it
 
 
-class Gravity(Table):
+class Gravity(SceneTable):
     """Weight of the spheres; `inclination` of the chain from the horizontal, 90 stands on the wall,
     0 lies and has none along itself, -90 hangs below the wall."""
 
@@ -44,8 +44,8 @@ class Gravity(Table):
         return 0.0 if upright else self.acceleration * cos(radians(self.inclination))
 
 
-class Guides(Table):
-    """Friction of what guides the spheres, Coulomb's: a `coefficient` of the weight across the
+class Guides(SceneTable):
+    """Coulomb friction of the guides of the spheres: a `coefficient` of the weight across the
     chain, or a `force` on each sphere that slides. The chain starts from rest without it."""
 
     coefficient: Annotated[NonNegative, Field(le=10)] | None = None
@@ -58,7 +58,7 @@ class Guides(Table):
         return self
 
 
-class Striker(Table):
+class Striker(SceneTable):
     """The first sphere arrives with a `velocity`, or falls on the others from a height `drop` along
     the chain; they rest."""
 
@@ -74,7 +74,7 @@ class Striker(Table):
 
 
 def friction(scene: "Scene", mass: Any) -> Any:
-    """[N] that the guides hold spheres of this mass [kg] by, 0 without any."""
+    """Friction [N] of the guides on spheres of this mass [kg], 0 without guides."""
     if scene.guides is None:
         return 0.0 * mass
     if scene.guides.force is not None:
@@ -91,8 +91,10 @@ def fallen(scene: "Scene", source: str) -> Striker | None:
     drop, given = scene.striker.drop, scene.striker.velocity
     R, rho = (float(np.atleast_1d(x)[0]) for x in (scene.chain.radius, scene.chain.density))
     mass = 4 / 3 * pi * R**3 * rho
-    held = np.atleast_1d(friction(scene, mass))[0]
-    net = (scene.gravity.along if scene.gravity else 0.0) - held / mass
+
+    # v = sqrt(2 a h) with the weight along the chain less the friction of the guides
+    force = np.atleast_1d(friction(scene, mass))[0]
+    net = (scene.gravity.along if scene.gravity else 0.0) - force / mass
     if net <= 0:
         raise InvalidScene(
             f"{source}: striker.drop = {drop:g} m makes no fall, {net:.3g} m/s^2 act on the "

@@ -1,7 +1,7 @@
 """Memory that this process may still take: of the machine, of its control group, of its limits.
 
-A container's limit is in its control group and in no figure of the machine; what the group holds
-of files in its cache is given back when it is asked for.
+A container's limit is in its control group and in no figure of the machine; memory that the group
+uses for cached files is given back on demand.
 """
 
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from pathlib import Path
 from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
 
 GROUPS = Path("/sys/fs/cgroup")
-NAMES = {  # of a group's limit, of what it holds, and of the part of that which is cached files
+NAMES = {  # files of a group's limit and use, and the key of cached files in its memory.stat
     "": ("memory.max", "memory.current", "inactive_file"),
     "memory": ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
 }
@@ -40,17 +40,17 @@ def _of_groups(groups: Path = GROUPS, mine: Path = Path("/proc/self/cgroup")) ->
 
 
 def _left(folder: Path, limit: str, used: str, cached: str) -> Iterator[float]:
-    most, taken = _text(folder / limit).strip(), _text(folder / used).strip()
-    if most.isdigit() and taken.isdigit():
+    limit_text, used_text = _text(folder / limit).strip(), _text(folder / used).strip()
+    if limit_text.isdigit() and used_text.isdigit():
         stat = dict(line.split() for line in _text(folder / "memory.stat").splitlines())
-        yield float(most) - float(taken) + float(stat.get(cached, 0))
+        yield float(limit_text) - float(used_text) + float(stat.get(cached, 0))
 
 
 def _of_limits() -> Iterator[float]:
-    most, _ = getrlimit(RLIMIT_AS)
+    limit, _ = getrlimit(RLIMIT_AS)
     pages = _text(Path("/proc/self/statm")).split()
-    if most != RLIM_INFINITY and pages:
-        yield most - 4096.0 * int(pages[0])
+    if limit != RLIM_INFINITY and pages:
+        yield limit - 4096.0 * int(pages[0])
 
 
 def _text(path: Path) -> str:

@@ -4,35 +4,35 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from workflows.scene.bending import Beam, Plate
+from workflows.scene.bending import Beam, BendingPlateTable
 from workflows.scene.bodies import (
     GROUND,
-    Body,
     BodyName,
+    BodyTable,
     Bolts,
     General,
     MaterialName,
+    MeasuredMode,
     Solid,
     StaticLoad,
     Strike,
-    Target,
     Tied,
     fitting,
 )
 from workflows.scene.gravity import Gravity, Guides, Striker
 from workflows.scene.sensors import Output
 from workflows.scene.tables import (
-    Chain,
-    Contact,
+    ChainTable,
+    ContactTable,
     Damping,
     Joints,
     JointStiffnesses,
-    LeafSprings,
+    LeafSpringsTable,
     Patch,
     Preload,
     Reduction,
+    SceneTable,
     Standing,
-    Table,
     Time,
     Wall,
 )
@@ -46,7 +46,7 @@ EitherJoints = Annotated[
 ]
 
 
-class Scene(Table):
+class Scene(SceneTable):
     """A whole run; [assembly] and [mesh] are checked by what the assembly is, see `toml`.
 
     `unusual` names the keys whose values lie outside of their usual range and are meant.
@@ -54,24 +54,24 @@ class Scene(Table):
 
     name: Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=LONGEST_NAME)]
     unusual: Annotated[tuple[str, ...], Field(strict=False)] | None = None
-    chain: Chain | None = None
+    chain: ChainTable | None = None
     striker: Striker | None = None
-    contact: Contact | None = None
-    leaf_springs: LeafSprings | None = None
+    contact: ContactTable | None = None
+    leaf_springs: LeafSpringsTable | None = None
     gravity: Gravity | None = None
     guides: Guides | None = None
     preload: Preload | None = None
     wall: Wall | None = None
     beam: Beam | None = None
-    plate: Plate | None = None
+    plate: BendingPlateTable | None = None
     assembly: Any = None
     materials: dict[MaterialName, Solid] | None = None
-    bodies: dict[BodyName, Body] | None = None
+    bodies: dict[BodyName, BodyTable] | None = None
     ties: Annotated[tuple[Tied, ...], Several] | None = None
     joints: EitherJoints | None = None
     strike: Strike | None = None
     loads: Annotated[tuple[StaticLoad, ...], Several] | None = None
-    targets: Annotated[tuple[Target, ...], Several] | None = None
+    targets: Annotated[tuple[MeasuredMode, ...], Several] | None = None
     table: Standing | None = None
     mesh: Any = None
     patch: Patch | None = None
@@ -87,12 +87,12 @@ class Scene(Table):
 
     @property
     def is_general(self) -> bool:
-        """Whether the assembly is told by bodies, not by the dimensions of the thesis' rig."""
+        """Whether the assembly is made of bodies, not of the dimensions of the thesis' rig."""
         return isinstance(self.assembly, General)
 
     @property
-    def bending(self) -> Beam | Plate | None:
-        """The structure of bending theory, told in one table."""
+    def bending(self) -> Beam | BendingPlateTable | None:
+        """The structure of bending theory, one table."""
         return self.beam or self.plate
 
     @property
@@ -126,8 +126,8 @@ class Scene(Table):
             return ()
         if self.is_general:
             return tuple(target.hz for target in self.targets or ())
-        own = {target.number: target.hz for target in self.targets or ()}
-        return tuple(own.get(i, hz) for i, hz in enumerate(HAMMER_TEST_HZ, start=1))
+        listed = {target.number: target.hz for target in self.targets or ()}
+        return tuple(listed.get(i, hz) for i, hz in enumerate(HAMMER_TEST_HZ, start=1))
 
     @property
     def floats(self) -> bool:
@@ -147,22 +147,22 @@ class Scene(Table):
 
     @property
     def struck_material(self) -> Any:
-        """What it is made of."""
+        """Its material."""
         if self.bending is not None:
             return self.bending
         return self.made_of(self.struck_body)
 
     def made_of(self, body: str) -> Any:
-        """What a body is made of: the assembly's material where its own table says nothing."""
+        """The material of a body: the assembly's where its own table names none."""
         if not self.is_general:
             return self.assembly.made_of(body)
         return self.materials[self.material_name(body)]
 
     def seed_of(self, body: str) -> float | None:
-        """Element size of a body of the scene; None where nothing says it."""
+        """Element size of a body of the scene [m]; None where no table gives it."""
         return next((table.seed for table in fitting(body, self.bodies or {}) if table.seed), None)
 
     def material_name(self, body: str) -> str | None:
-        """The name of a body's material; None where nothing says it."""
-        own = (table.material for table in fitting(body, self.bodies or {}))
-        return next((name for name in own if name), self.assembly.material)
+        """The name of a body's material; None where no table gives it."""
+        names = (table.material for table in fitting(body, self.bodies or {}))
+        return next((name for name in names if name), self.assembly.material)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from workflows.scene.quantities import of
-from workflows.scene.tables import Count, Frequency, Number, Positive, Ratio, Table, si_of
+from workflows.scene.tables import Count, Frequency, Number, Positive, Ratio, SceneTable, si_of
 from workflows.scene.units import (
     DISPLACEMENT,
     FORCE,
@@ -26,7 +26,7 @@ KINDS = {
 NAME = r"[A-Za-z][\w -]*"
 
 
-class Sensor(Table):
+class SensorTable(SceneTable):
     """What one channel shows of a sphere: the mean of its two contact forces, its rate, a velocity
     or a displacement; forces and displacements count from the state at the start.
 
@@ -50,13 +50,13 @@ class Sensor(Table):
         if not isinstance(table, dict) or str(table.get("quantity", "force")) not in KINDS:
             return table
         quantity, gain = str(table.get("quantity", "force")), table.get("gain")
-        known = dict(table)
+        in_si = dict(table)
         if isinstance(gain, str) and not fullmatch(NAME, gain):
-            known["gain"] = si_of("gain", gain, GAINS[quantity])
+            in_si["gain"] = si_of("gain", gain, GAINS[quantity])
         if "range" in table:
             kind = KINDS[quantity] if gain is None else VOLTAGE
-            known["range"] = si_of("range", table["range"], kind)
-        return known
+            in_si["range"] = si_of("range", table["range"], kind)
+        return in_si
 
     @property
     def label(self) -> str:
@@ -69,7 +69,7 @@ class Sensor(Table):
         return (KINDS[self.quantity] if self.gain is None else VOLTAGE).unit
 
 
-class Instrument(Table):
+class Instrument(SceneTable):
     """What takes the signals of all sensors at once; `seed` draws the noise of computed records."""
 
     sampling: of(Positive, FREQUENCY, 1e3, 1e9) = 1e6  # [Hz]
@@ -77,10 +77,10 @@ class Instrument(Table):
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
 
 
-class Output(Table):
+class Output(SceneTable):
     """Spheres observed (1 = striker), how many instants are written, and what sensors show."""
 
     spheres: Annotated[tuple[Count, ...], Field(strict=False)] = ()
     samples: Annotated[int, Field(ge=2, le=1_000_000)] = 3001
-    sensors: Annotated[tuple[Sensor, ...], Field(strict=False, min_length=1)] | None = None
+    sensors: Annotated[tuple[SensorTable, ...], Field(strict=False, min_length=1)] | None = None
     instrument: Instrument | None = None

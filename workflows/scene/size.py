@@ -1,12 +1,12 @@
-"""Scenes whose run would not end or not fit into memory, told before anything is computed.
+"""Scenes whose run would not end or not fit into memory, refused before anything is computed.
 
 A run's peak memory, stage upon stage, of bodies of N_i unknowns, N = sum N_i (bytes):
 
     LIBRARIES + MATRICES N + FILL sum N_i^(4/3) + 8 N (VECTORS + boundary + modes)
 
-K and M of the parts and of the whole, and what is held while they are made; a factor with its
+K and M of the parts and of the assembly, and the arrays that they are made from; a factor with its
 fronts as nested dissection fills it in a solid; Lanczos vectors, constraint modes, mode shapes. The
-runs of tests/test_workflows_memory.py, 49 000 to a million unknowns, held from 0.8 times the sum to
+runs of tests/test_workflows_memory.py, 49 000 to a million unknowns, took from 0.8 times the sum to
 0.95 times it. Their time, from mesh to reduced model on one core,
 
     START + SOLVED N^(4/3)
@@ -14,6 +14,7 @@ runs of tests/test_workflows_memory.py, 49 000 to a million unknowns, held from 
 since most of it reads factors: from 0.8 to 1.1 times that of 39 000 and 49 000 unknowns.
 """
 
+from collections.abc import Iterator
 from importlib.util import find_spec
 from math import log, pi, prod
 
@@ -36,19 +37,24 @@ SEED_OF = {"block": "block_seed", "sheet": "seed"}  # of the other bodies the su
 GROWTH = 1.7  # of neighbouring elements away from the contact
 
 
-def too_large(scene: Scene):
+def too_large(scene: Scene) -> Iterator[str]:
     """Sentences on keys that ask for more than a machine holds."""
     if scene.chain:
         yield from _too_long(scene)
+    reduction = scene.reduction
     if scene.has_structure:
-        yield from _too_exact(scene)
+        if reduction.modes is not None and reduction.modes > MOST_MODES:
+            yield f"reduction.modes = {reduction.modes} must be up to {MOST_MODES}; lower it."
+        if reduction.error is not None and reduction.error < LEAST_ERROR:
+            yield (
+                f"reduction.error = {reduction.error:g} must be at least {LEAST_ERROR:g}; raise it."
+            )
     if scene.assembly is not None and not scene.is_general:
         yield from _too_fine(scene)
-        yield from _too_many_modes(scene)
-        yield from _too_large_mesh(scene)
 
 
-def _too_long(scene: Scene):
+def _too_long(scene: Scene) -> Iterator[str]:
+    """Steps and saved instants of the chain."""
     time, values = scene.time, scene.chain.count * scene.output.samples
     if time.dt is not None and time.duration > MOST_STEPS * time.dt:
         yield (
@@ -68,8 +74,62 @@ def _too_long(scene: Scene):
         )
 
 
+def _too_fine(scene: Scene) -> Iterator[str]:
+    """Elements, modes and memory of the thesis' rig, from its dimensions."""
+    a, mesh, reduction = scene.assembly, scene.mesh, scene.reduction
+    solids = (
+        (a.block_x, a.block_y, a.block_z),
+        (a.sheets_support_x, a.sheets_support_y, a.sheets_support_z),
+        (a.support_x, a.support_y, a.support_z),
+        (a.plate_x, a.plate_y, a.plate_z),
+    )
+    block, *below = (prod(sides) for sides in solids)  # [m^3]
+
+    # hexahedra of each seed alone; at the contact they grow by GROWTH from one to the next
+    length = a.head_overlap + a.sheet_free_length + a.foot_overlap
+    elements = {
+        "block_seed": block / mesh.block_seed**3,
+        "seed": 2 * length * a.sheet_width / mesh.seed**2,
+        "contact_seed": 4 * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), GROWTH)) ** 3,
+        "support_seed": sum(below) / mesh.support_seed**3,
+    }
+    for key, number in elements.items():
+        if number > MOST_ELEMENTS:
+            yield (
+                f"mesh.{key} = {getattr(mesh, key)} m makes {number:.1e} elements, allowed are "
+                f"{MOST_ELEMENTS:.0e}; take a larger one."
+            )
+
+    # modes of a solid below f: 4/3 pi V f^3 (1/c_L^3 + 2/c_T^3), the first term a tenth (Weyl)
+    c_T = (a.young / (2 * (1 + a.poisson)) / a.density) ** 0.5
+    highest = (MOST_MODES * c_T**3 / (4 / 3 * pi * 2.2 * sum((block, *below)))) ** (1 / 3)
+    for key in ("cutoff", "to_hz"):
+        hz = getattr(reduction, key)
+        if hz is not None and hz > highest:
+            yield (
+                f"reduction.{key} = {hz:g} Hz must be up to {highest:.3g} Hz, below which the "
+                f"assembly has some {MOST_MODES} modes; lower it."
+            )
+
+    if mesh.file is not None:
+        return
+    nodes = _nodes(scene)
+    needed, free = peak_memory(scene, nodes), free_memory()
+    if needed > free:
+        body = max(nodes, key=nodes.get).removesuffix("-y").removesuffix("+y")
+        seed = SEED_OF.get(body, "support_seed")
+        sides = [getattr(a, f"{body}_{axis}", None) for axis in "xyz"]
+        size = "" if None in sides else f" ({' x '.join(map(str, sides))} m)"
+        yield (
+            f"the mesh of [assembly] would have {3 * sum(nodes.values()):.2g} unknowns, most of "
+            f"them in the {body}{size} at mesh.{seed} = {getattr(mesh, seed)} m, and a run would "
+            f"take {_gigabytes(needed)} of memory, {_gigabytes(free)} are free; take larger "
+            "elements, or dimensions that fit."
+        )
+
+
 def _nodes(scene: Scene) -> dict[str, float]:
-    """Nodes that the mesh of ours will have, by body."""
+    """Nodes that the program's own mesh will have, by body."""
     from geometry.size import n_nodes
     from workflows.scene.assembly import assembly
 
@@ -89,25 +149,7 @@ def room_for_two(scene: Scene, nodes: dict[str, float] | None = None) -> bool:
     return 2 * peak_memory(scene, nodes or _nodes(scene)) < free_memory()
 
 
-def _too_large_mesh(scene: Scene):
-    a, mesh = scene.assembly, scene.mesh
-    if mesh.file is not None:
-        return
-    nodes = _nodes(scene)
-    needed, free = peak_memory(scene, nodes), free_memory()
-    if needed > free:
-        part = max(nodes, key=nodes.get).removesuffix("-y").removesuffix("+y")
-        seed = SEED_OF.get(part, "support_seed")
-        size = f"{getattr(mesh, seed)} m"
-        yield (
-            f"the mesh of [assembly] would have {3 * sum(nodes.values()):.2g} unknowns, most of "
-            f"them in the {part}{_size(a, part)} at mesh.{seed} = {size}, and a run would "
-            f"take {_gigabytes(needed)} of memory, {_gigabytes(free)} are free; take larger "
-            "elements, or dimensions that fit."
-        )
-
-
-def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]):
+def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]) -> Iterator[str]:
     """A sentence on a mesh that is there, by its name and the nodes of its bodies."""
     needed, free = peak_memory(scene, nodes), free_memory()
     if needed > free:
@@ -118,17 +160,16 @@ def too_large_mesh(scene: Scene, name: str, nodes: dict[str, float]):
         )
 
 
-def _size(a, part: str) -> str:
-    sides = [getattr(a, f"{part}_{axis}", None) for axis in "xyz"]
-    return "" if None in sides else f" ({' x '.join(map(str, sides))} m)"
-
-
 def peak_memory(scene: Scene, nodes: dict[str, float]) -> float:
     """Bytes that a run will hold at most, of bodies with so many nodes."""
     bodies = [3.0 * n for n in nodes.values()]
     n = sum(bodies)
     fill = FILL[find_spec("pypardiso") is not None] * sum(m ** (4 / 3) for m in bodies)
-    radius, seed = _patch(scene)
+    if scene.is_general:
+        strike = scene.strike
+        radius, seed = (0.0, 1.0) if strike is None else (strike.radius, strike.size)
+    else:
+        radius, seed = scene.patch.radius, scene.mesh.contact_seed
     across = log(1 + (GROWTH - 1) * radius / seed, GROWTH)  # elements of the patch
     boundary = 8 + 3 * pi * across**2
     vectors = VECTORS + boundary + (scene.reduction.modes or 40)
@@ -136,64 +177,9 @@ def peak_memory(scene: Scene, nodes: dict[str, float]) -> float:
 
 
 def foreseen_seconds(nodes: dict[str, float]) -> float:
-    """That mesh, modes and reduction take on one core, within a factor of 2."""
+    """Seconds of mesh, modes and reduction on one core, within a factor of 2."""
     return START + SOLVED * (3.0 * sum(nodes.values())) ** (4 / 3)
-
-
-def _patch(scene: Scene) -> tuple[float, float]:
-    """Radius of the contact's patch, and size of the elements there [m]."""
-    if not scene.is_general:
-        return scene.patch.radius, scene.mesh.contact_seed
-    return (0.0, 1.0) if scene.strike is None else (scene.strike.radius, scene.strike.size)
 
 
 def _gigabytes(n_bytes: float) -> str:
     return f"{n_bytes / 1e9:.3g} GB"
-
-
-def _solids(a) -> list[float]:
-    """Volumes [m^3] of the block and of what stands below it."""
-    sizes = [(a.block_x, a.block_y, a.block_z)]
-    sizes += [(a.sheets_support_x, a.sheets_support_y, a.sheets_support_z)]
-    sizes += [(a.support_x, a.support_y, a.support_z), (a.plate_x, a.plate_y, a.plate_z)]
-    return [prod(size) for size in sizes]
-
-
-def _too_many_modes(scene: Scene):
-    a, table = scene.assembly, scene.reduction
-    # modes of a solid below f: 4/3 pi V f^3 (1/c_L^3 + 2/c_T^3), the first term a tenth (Weyl)
-    c_T = (a.young / (2 * (1 + a.poisson)) / a.density) ** 0.5
-    highest = (MOST_MODES * c_T**3 / (4 / 3 * pi * 2.2 * sum(_solids(a)))) ** (1 / 3)
-    for key in ("cutoff", "to_hz"):
-        asked = getattr(table, key)
-        if asked is not None and asked > highest:
-            yield (
-                f"reduction.{key} = {asked:g} Hz must be up to {highest:.3g} Hz, below which the "
-                f"assembly has some {MOST_MODES} modes; lower it."
-            )
-
-
-def _too_exact(scene: Scene):
-    table = scene.reduction
-    if table.modes is not None and table.modes > MOST_MODES:
-        yield f"reduction.modes = {table.modes} must be up to {MOST_MODES}; lower it."
-    if table.error is not None and table.error < LEAST_ERROR:
-        yield f"reduction.error = {table.error:g} must be at least {LEAST_ERROR:g}; raise it."
-
-
-def _too_fine(scene: Scene):
-    a, mesh = scene.assembly, scene.mesh
-    length = a.head_overlap + a.sheet_free_length + a.foot_overlap
-    block, *below = _solids(a)
-    elements = {
-        "block_seed": block / mesh.block_seed**3,
-        "seed": 2 * length * a.sheet_width / mesh.seed**2,
-        "contact_seed": 4 * (1 + log(max(1, mesh.block_seed / mesh.contact_seed), GROWTH)) ** 3,
-        "support_seed": sum(below) / mesh.support_seed**3,
-    }
-    for key, number in elements.items():
-        if number > MOST_ELEMENTS:
-            yield (
-                f"mesh.{key} = {getattr(mesh, key)} m makes {number:.1e} elements, allowed are "
-                f"{MOST_ELEMENTS:.0e}; take a larger one."
-            )

@@ -1,8 +1,13 @@
-"""What a scene may hold: one pydantic model per table, every key with its unit and limits.
+"""The tables of a scene: one pydantic model each, every key with its type, unit and default.
 
-An absent table is an absent part. Nothing here loads a solver.
+An absent table is an absent part. To add a key, add a field to its table, here or in the file of
+bodies, beams and plates, sensors, or gravity: `of(number, KIND, low, high)` reads a text with a
+unit and gives the usual range, a default makes the key optional. `--set`, units, sweeps and the
+TOML of a scene follow from the field. Keys that replace each other stand in `toml.INSTEAD`, rules
+between tables in `contradictions`. Nothing here loads a solver.
 """
 
+from collections.abc import Iterable
 from difflib import get_close_matches
 from math import isfinite
 from typing import Annotated, Any, Literal, Self
@@ -44,13 +49,14 @@ class InvalidScene(ValueError):
     """One sentence: the key, the value found, the value allowed, what to do."""
 
 
-def nearest(word: str, known) -> str:
-    """A hint at the known word that was probably meant, or the known words."""
-    close = get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f"the nearest known is {close[0]!r}" if close else f"known are {', '.join(known)}"
+def nearest(word: str, words: Iterable[str]) -> str:
+    """A hint at the word of these that is most like this one, or at all of them."""
+    names = list(words)
+    close = get_close_matches(word, names, n=1, cutoff=0.6)
+    return f"the nearest known is {close[0]!r}" if close else f"known are {', '.join(names)}"
 
 
-class Table(BaseModel):
+class SceneTable(BaseModel):
     """A table that takes its own keys and nothing else."""
 
     model_config = ConfigDict(
@@ -60,27 +66,24 @@ class Table(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, table: Any) -> Any:
-        unknown = [key for key in table if key not in cls.model_fields] if _is_table(table) else []
-        if unknown:
-            raise ValueError(f"unknown key {unknown[0]!r}, {nearest(unknown[0], cls.model_fields)}")
+        for key in table if isinstance(table, dict) else ():
+            if key not in cls.model_fields:
+                raise ValueError(f"unknown key {key!r}, {nearest(key, cls.model_fields)}")
         return table
 
     def but(self, **values: Any) -> Self:
-        """The same with other values, unchecked; a dict changes keys of the table that is there."""
-        return self.model_copy(update={name: self._new(name, x) for name, x in values.items()})
-
-    def _new(self, name: str, value: Any) -> Any:
-        old = getattr(self, name)
-        return old.but(**value) if isinstance(value, dict) and isinstance(old, Table) else value
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict)
+        """The same with other values, unchecked; a dict changes keys of the present table."""
+        update = {}
+        for name, value in values.items():
+            present = getattr(self, name)
+            nested = isinstance(value, dict) and isinstance(present, SceneTable)
+            update[name] = present.but(**value) if nested else value
+        return self.model_copy(update=update)
 
 
 def _exactly_one(table: Any, *keys: str, default: float) -> Any:
     """The table with the first key at its default where none is given; two are refused."""
-    if not _is_table(table):
+    if not isinstance(table, dict):
         return table
     given = [key for key in keys if table.get(key) is not None]
     if len(given) > 1:
@@ -94,20 +97,20 @@ def _shape(value: Any) -> str:
 
 def one_or_each(number) -> Any:
     """A number for all, or a list with one number for each."""
-    each = Annotated[tuple[number, ...], Field(strict=False, min_length=1), Tag("list")]
-    return Annotated[Annotated[number, Tag("number")] | each, Discriminator(_shape)]
+    numbers = Annotated[tuple[number, ...], Field(strict=False, min_length=1), Tag("list")]
+    return Annotated[Annotated[number, Tag("number")] | numbers, Discriminator(_shape)]
 
 
 def _representable(value: float) -> float:
     """Products and powers of numbers of this size stay finite."""
-    if value and isfinite(value) and not LEAST <= abs(value) <= MOST:
+    if value and isfinite(value) and not SMALLEST <= abs(value) <= LARGEST:
         raise ValueError(
-            f"{value:g} must be 0 or between {LEAST:g} and {MOST:g} in size: change it"
+            f"{value:g} must be 0 or between {SMALLEST:g} and {LARGEST:g} in size: change it"
         )
     return value
 
 
-LEAST, MOST = 1e-18, 1e18
+SMALLEST, LARGEST = 1e-18, 1e18  # of any number of a scene
 Number = Annotated[float, AfterValidator(_representable)]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
@@ -131,7 +134,7 @@ TurnDashpot = of(NonNegative, TURN_DASHPOT)
 Seed = of(Positive, LENGTH, 1e-6, 0.25)
 
 
-class Chain(Table):
+class ChainTable(SceneTable):
     """Spheres in a row, the striker first: scalars, or one value per sphere."""
 
     count: Count
@@ -150,7 +153,7 @@ def si_of(key: str, value: Any, kind: Kind) -> Any:
         raise ValueError(f"{key}: {error}") from None
 
 
-class Contact(Table):
+class ContactTable(SceneTable):
     """The law between neighbours, and at the wall.
 
     "thornton" is Hertz' law until the pressure in a contact's middle reaches `yield_pressure`,
@@ -167,15 +170,16 @@ class Contact(Table):
     @classmethod
     def _coefficient(cls, table: Any) -> Any:
         """Its unit is that of the dissipation: s/m of Hunt and Crossley's, N s/m of a dashpot."""
-        if not _is_table(table) or "coefficient" not in table:
+        if not isinstance(table, dict) or "coefficient" not in table:
             return table
         kind = DASHPOT if str(table.get("dissipation")).startswith("linear") else SLOWNESS
-        given = table["coefficient"]
-        read = [si_of("coefficient", x, kind) for x in given] if isinstance(given, list) else None
-        return {**table, "coefficient": read or si_of("coefficient", given, kind)}
+        value = table["coefficient"]
+        if isinstance(value, list):
+            return {**table, "coefficient": [si_of("coefficient", x, kind) for x in value]}
+        return {**table, "coefficient": si_of("coefficient", value, kind)}
 
     @model_validator(mode="after")
-    def _yields_or_not(self) -> "Contact":
+    def _yields_or_not(self) -> "ContactTable":
         if self.law == "thornton" and self.yield_pressure is None:
             raise ValueError('law = "thornton" needs yield_pressure in Pa: add it')
         if self.law == "hertz" and self.yield_pressure is not None:
@@ -183,31 +187,31 @@ class Contact(Table):
         return self
 
 
-class LeafSprings(Table):
+class LeafSpringsTable(SceneTable):
     """A spring from each sphere to the ground; `offset` moves its anchor towards the wall."""
 
     stiffness: one_or_each(of(NonNegative, STIFFNESS)) = 0.0  # [N/m]
     offset: one_or_each(of(Number, LENGTH, 0, 0.1)) = 0.0  # [m]
 
 
-class Preload(Table):
+class Preload(SceneTable):
     """A steady force on the last sphere, towards the wall, by an arm that moves with the sphere."""
 
     force: of(NonNegative, FORCE, 0, 1e6) = 0.0  # [N]
     mass: of(NonNegative, MASS, 0, 50) = 0.0  # [kg] of the arm
 
 
-class RigidWall(Table):
+class RigidWall(SceneTable):
     kind: Literal["rigid"]
 
 
-class HalfSpaceWall(Table):
+class HalfSpaceWall(SceneTable):
     kind: Literal["half-space"]
     young: Young = 210e9  # [Pa]
     poisson: Poisson = 0.3
 
 
-class OneDofWall(Table):
+class OneDofWall(SceneTable):
     """A mass on a spring and a dashpot; young and poisson are those of the surface struck."""
 
     kind: Literal["1dof"]
@@ -218,7 +222,7 @@ class OneDofWall(Table):
     poisson: Poisson = 0.3
 
 
-class DashpotWall(Table):
+class DashpotWall(SceneTable):
     """A wall whose velocity is the force over `coefficient`, as an infinite thin plate (Zener).
 
     Of a plate, `plate_thickness` h makes the coefficient 8 sqrt(D density h), with the bending
@@ -235,24 +239,20 @@ class DashpotWall(Table):
     @model_validator(mode="before")
     @classmethod
     def _one_measure(cls, table: Any) -> Any:
-        return _of_a_plate(table)
+        """A plate's, with the density of steel unless it has its own, or a bare coefficient's."""
+        if not isinstance(table, dict):
+            return table
+        plate, bare = (table.get(key) is not None for key in ("plate_thickness", "coefficient"))
+        if plate and bare:
+            raise ValueError("coefficient and plate_thickness exclude each other: keep one of them")
+        if not plate and not bare:
+            raise ValueError("needs coefficient in N s/m, or plate_thickness in m: add one of them")
+        if bare and table.get("density") is not None:
+            raise ValueError("density belongs to plate_thickness, not to coefficient: drop it")
+        return {"density": 7850.0, **table} if plate else table
 
 
-def _of_a_plate(table: Any) -> Any:
-    """The table of a dashpot: a plate's, with its density, or that of a bare coefficient."""
-    if not _is_table(table):
-        return table
-    plate, bare = (table.get(key) is not None for key in ("plate_thickness", "coefficient"))
-    if plate and bare:
-        raise ValueError("coefficient and plate_thickness exclude each other: keep one of them")
-    if not plate and not bare:
-        raise ValueError("needs coefficient in N s/m, or plate_thickness in m: add one of them")
-    if bare and table.get("density") is not None:
-        raise ValueError("density belongs to plate_thickness, not to coefficient: drop it")
-    return {"density": 7850.0, **table} if plate else table
-
-
-class RomWall(Table):
+class RomWall(SceneTable):
     """A reduced model: of [assembly], or from a file.
 
     Modes above `cutoff` answer statically; without it, those that the reduction cannot trust.
@@ -282,7 +282,7 @@ Wall = Annotated[
 ]
 
 
-class JointStiffnesses(Table):
+class JointStiffnesses(SceneTable):
     """Along x, y, z [N/m] and about them [N m/rad]; inf is a rigid direction.
 
     cx to crz are dashpots beside the springs [N s/m], [N m s/rad]; a rigid direction takes none.
@@ -304,20 +304,19 @@ class JointStiffnesses(Table):
     @property
     def dashpots(self) -> dict[str, float]:
         """Coefficients that are not zero, by the spring beside them."""
-        found = {
-            f"k{axis}": getattr(self, f"c{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")
-        }
-        return {key: value for key, value in found.items() if value}
+        axes = ("x", "y", "z", "rx", "ry", "rz")
+        coefficients = {f"k{axis}": getattr(self, f"c{axis}") for axis in axes}
+        return {key: value for key, value in coefficients.items() if value}
 
 
-class Joints(Table):
+class Joints(SceneTable):
     """Sheets on the block (head) and on their support (foot)."""
 
     head: JointStiffnesses = JointStiffnesses()
     foot: JointStiffnesses = JointStiffnesses()
 
 
-class Mesh(Table):
+class Mesh(SceneTable):
     """Quadratic elements; `seed` is their size in the sheets, `contact_seed` at the patch."""
 
     element: Literal["hex", "tet"] = "hex"
@@ -328,14 +327,14 @@ class Mesh(Table):
     file: str | None = None  # a mesh of one's own, with the names of ours
 
 
-class Standing(Table):
+class Standing(SceneTable):
     """A table below, swaying along x and y; `frequency` with the assembly on it."""
 
     frequency: Frequency  # [Hz]
     mass: of(Positive, MASS, 1e-3, 1e6)  # [kg] of the table alone
 
 
-class Patch(Table):
+class Patch(SceneTable):
     """Where the last sphere touches the block's +x face, and how the face is averaged there.
 
     `nodes` takes the mean of the nodes nearest to these points in place of a pressure. "thesis"
@@ -349,7 +348,7 @@ class Patch(Table):
     nodes: Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | None = None  # y, z [m]
 
 
-class Reduction(Table):
+class Reduction(SceneTable):
     """Modes kept: a number, all below `cutoff`, or as many as an `error` asks for.
 
     `error` is that of the receptance at the contact, relative rms up to `to_hz`, else 20 kHz.
@@ -370,14 +369,14 @@ class Reduction(Table):
         return _exactly_one(table, "modes", "cutoff", "error", default=40)
 
 
-class ModalDamping(Table):
+class ModalDampingTable(SceneTable):
     """A ratio for all modes, or one for each of the hammer test: others take the nearest one's."""
 
     kind: Literal["modal"]
     ratio: one_or_each(Ratio) = 0.0
 
 
-class RayleighDamping(Table):
+class RayleighDampingTable(SceneTable):
     """C = alpha M + beta K, by its coefficients or by the ratios of two frequencies."""
 
     kind: Literal["rayleigh"]
@@ -387,7 +386,7 @@ class RayleighDamping(Table):
     ratio: Annotated[tuple[Ratio, Ratio], Field(strict=False)] | None = None
 
     @model_validator(mode="after")
-    def _one_way(self) -> "RayleighDamping":
+    def _one_way(self) -> "RayleighDampingTable":
         if (self.frequency is None) != (self.ratio is None):
             raise ValueError("frequency and ratio belong together, two values each: add the other")
         if self.frequency and (self.alpha or self.beta):
@@ -395,14 +394,14 @@ class RayleighDamping(Table):
         return self
 
 
-class NoDamping(Table):
+class NoDamping(SceneTable):
     kind: Literal["none"] = "none"
 
 
-Damping = Annotated[ModalDamping | RayleighDamping | NoDamping, Discriminator("kind")]
+Damping = Annotated[ModalDampingTable | RayleighDampingTable | NoDamping, Discriminator("kind")]
 
 
-class Time(Table):
+class Time(SceneTable):
     """How long, and the error asked for; `dt` replaces the error.
 
     The velocities are held to `error` until `horizon`. After tens of impacts spheres move

@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Iterable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import tomli_w
 from pydantic import BaseModel, ValidationError
 
 from workflows.scene import (
-    Contact,
+    ContactTable,
     InvalidScene,
     Joints,
     Mesh,
@@ -48,26 +47,83 @@ INSTEAD = {
 
 
 def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scene:
-    """The tables as a checked scene with every default of the parts it has."""
+    """The tables as a checked scene with every default of the parts it has; files that it names are
+    looked for in `folder`. Raises InvalidScene, in one sentence that begins with the source."""
     if not tables:
         raise InvalidScene(f"{source} is empty; a scene needs at least [chain] or [assembly].")
     tables = {"name": Path(source).stem, **tables}
-    checked = _validated(Scene, tables, source)
-    _require_usual(checked, tables, source, (), checked.unusual)
-    filled = checked.model_copy(update=_defaults(checked, tables, source, folder))
-    filled = filled.model_copy(update={"unusual": unusual_keys(entries(filled)) or None})
-    for sentence in contradictions(filled):
+
+    # the tables one by one, then numbers that are allowed and unlikely; [assembly] and [mesh] come
+    # later, as their keys depend on what the assembly is
+    scene = _validated(Scene, tables, source)
+    _require_usual(scene, tables, source, (), scene.unusual)
+
+    # tables that the parts of the scene need and that it left out, at their defaults
+    added: dict[str, Any] = {}
+    if scene.chain:
+        added |= {"contact": ContactTable(), "time": Time(), "output": Output()}
+    if scene.has_structure:
+        kind = "craig-bampton" if scene.assembly is not None else "free-modes"
+        added |= {"reduction": Reduction(kind=kind)}
+    if scene.has_structure or isinstance(scene.wall, RomWall):
+        added |= {"damping": NoDamping()}
+    added = {name: table for name, table in added.items() if getattr(scene, name) is None}
+    if scene.chain:
+        added["striker"] = fallen(scene, source)
+    if scene.assembly is not None:
+        added |= _structure(scene, tables, source)
+
+    # paths of files, from the folder of the scene
+    if isinstance(scene.wall, RomWall) and scene.wall.file:
+        added["wall"] = scene.wall.model_copy(update={"file": str(folder / scene.wall.file)})
+    for name, key in (("mesh", "file"), ("assembly", "step"), ("assembly", "mesh")):
+        if file := getattr(added.get(name), key, None):
+            added[name] = added[name].model_copy(update={key: str(folder / file)})
+    if any(target.shape for target in scene.targets or ()):
+        added["targets"] = tuple(target.in_folder(folder) for target in scene.targets)
+
+    complete = scene.model_copy(update=added)
+    complete = complete.model_copy(update={"unusual": unusual_keys(entries(complete)) or None})
+    for sentence in contradictions(complete):
         raise InvalidScene(f"{source}: {sentence}")
-    return filled
+    return complete
+
+
+def _structure(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, Any]:
+    """[assembly] and [mesh] of bodies, or of the thesis' rig with its defaults."""
+
+    def read(model: type[BaseModel], key: str) -> Any:
+        table = _validated(model, tables.get(key, {}), source, (key,))
+        _require_usual(table, tables.get(key, {}), source, (key,), scene.unusual)
+        return table
+
+    if isinstance(scene.assembly, dict) and (scene.bodies or GENERAL & scene.assembly.keys()):
+        return {"assembly": read(General, "assembly"), "mesh": read(Meshing, "mesh")}
+
+    # geometry loads its mesher on import: only a scene with such an assembly pays for that
+    from workflows.scene.assembly import AssemblyTable, assembly
+
+    rig = read(AssemblyTable, "assembly")
+    try:
+        assembly(rig)
+    except ValueError as error:
+        raise InvalidScene(f"{source}: assembly: {error}") from None
+    added = {"assembly": rig, "mesh": read(Mesh, "mesh")}
+    if scene.patch is None:
+        added["patch"] = Patch()
+    if rig.constraint == "wires" and scene.joints is None:
+        added["joints"] = Joints()
+    return added
 
 
 def toml(scene: Scene) -> str:
     """The scene as TOML; reading it back gives the same scene."""
-    told = scene.model_copy(update={"unusual": unusual_keys(entries(scene)) or None})
-    return tomli_w.dumps(told.model_dump(mode="python", exclude_none=True))
+    complete = scene.model_copy(update={"unusual": unusual_keys(entries(scene)) or None})
+    return tomli_w.dumps(complete.model_dump(mode="python", exclude_none=True))
 
 
 def parsed(text: str, source: str) -> dict[str, Any]:
+    """Tables of a text; raises InvalidScene where it is not TOML."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -80,16 +136,22 @@ def parsed(text: str, source: str) -> dict[str, Any]:
 
 def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]:
     """The tables with values set by their dotted keys; raises InvalidScene for what is no key."""
-    # what is said to be meant is said of the values that other changes bring
+    # `unusual` last: it refers to the final values
     for key, value in sorted(map(_pair, changes), key=lambda pair: pair[0] == "unusual"):
         path = key.split(".")
         if not all(path):
             raise InvalidScene(f"the key {key!r} is not dotted words; write chain.count.")
-        tables = _judged_again(_with(tables, path, value, key), key)
+        tables = _with(tables, path, value, key)
+
+        # a key that was listed as unusual was so with the value before this change
+        unusual = tables.get("unusual")
+        if isinstance(unusual, list):
+            tables = {**tables, "unusual": [name for name in unusual if name != key]}
     return tables
 
 
 def _pair(change: Change) -> tuple[str, Any]:
+    """Key and value of "key=value" or of a pair."""
     if isinstance(change, tuple):
         return change
     key, equals, text = change.partition("=")
@@ -103,8 +165,8 @@ def undoes(later: str, earlier: str) -> bool:
     key in it, or a key in whose stead it stands."""
     first, second = later.split("."), earlier.split(".")
     shorter = min(len(first), len(second))
-    beside = first[:-1] == second[:-1] and second[-1] in INSTEAD.get(later, ())
-    return beside or first[:shorter] == second[:shorter]
+    excludes = first[:-1] == second[:-1] and second[-1] in INSTEAD.get(later, ())
+    return excludes or first[:shorter] == second[:shorter]
 
 
 def keys_set(changes: Iterable[Change]) -> tuple[str, ...]:
@@ -114,71 +176,79 @@ def keys_set(changes: Iterable[Change]) -> tuple[str, ...]:
 
 def _leaves(key: str, value: Any) -> list[str]:
     """The dotted keys that a value of a key holds: of a table, and of a list of tables."""
-    tables = value if isinstance(value, dict) else _called(value)
+    tables = value if isinstance(value, dict) else _by_name(value)
     if not tables:
         return [key]
     return [leaf for name, below in tables.items() for leaf in _leaves(f"{key}.{name}", below)]
 
 
-def _judged_again(tables: dict[str, Any], key: str) -> dict[str, Any]:
-    """What was meant was the value before this change."""
-    meant = tables.get("unusual")
-    if not isinstance(meant, list):
-        return tables
-    return {**tables, "unusual": [name for name in meant if name != key]}
-
-
 def value_of(text: str) -> Any:
     """A TOML value; a bare word is a string."""
     try:
-        found = tomllib.loads(f"value = {text}")
+        document = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
         return text
-    return found["value"] if len(found) == 1 else text  # more lines are more than a value
+    return document["value"] if len(document) == 1 else text  # more lines are more than a value
 
 
 def _with(table: dict[str, Any], path: list[str], value: Any, key: str) -> dict[str, Any]:
-    """A copy of the table with the value at the path; what it replaces is dropped."""
+    """A copy of the table with the value at the path; values that exclude the new one are dropped,
+    all others of its table where it is another kind."""
     first, *rest = path
     if not rest:
-        switched = first == "kind" and key != "reduction.kind" and table.get("kind") != value
-        replaced = (
-            {} if switched else {k: v for k, v in table.items() if k not in INSTEAD.get(key, ())}
-        )
-        return {**replaced, first: value}
+        other_kind = first == "kind" and key != "reduction.kind" and table.get("kind") != value
+        excluded = table.keys() if other_kind else INSTEAD.get(key, ())
+        return {**{name: x for name, x in table.items() if name not in excluded}, first: value}
+
+    # a table in a list, by its name
     below = table.get(first, {})
-    if (named := _called(below).get(rest[0])) and len(rest) > 1:
-        with_value = _with(named, rest[1:], value, key)
-        return {**table, first: [with_value if one is named else one for one in below]}
-    if not isinstance(below, dict):
-        raise InvalidScene(f"--set {key}: {_no_keys(first, below)}")
-    return {**table, first: _with(below, rest, value, key)}
+    by_name = _by_name(below)
+    if len(rest) > 1 and (row := by_name.get(rest[0])):
+        new_row = _with(row, rest[1:], value, key)
+        return {**table, first: [new_row if old is row else old for old in below]}
+    if isinstance(below, dict):
+        return {**table, first: _with(below, rest, value, key)}
+    if by_name:
+        names = list(by_name)
+        reason = f"{first} is a list of {', '.join(names)}; write {first}.{names[0]} and a key."
+    else:
+        reason = f"{first} = {_shown(below)} is a value and has no keys below it."
+    raise InvalidScene(f"--set {key}: {reason}")
 
 
-def _no_keys(name: str, value: Any) -> str:
-    """Why a value that is no table has none of the name that was asked for."""
-    if known := list(_called(value)):
-        return f"{name} is a list of {', '.join(known)}; write {name}.{known[0]} and a key."
-    return f"{name} = {_shown(value)} is a value and has no keys below it."
-
-
-def _called(value: Any) -> dict[str, dict[str, Any]]:
+def _by_name(value: Any) -> dict[str, dict[str, Any]]:
     """The tables of a list by their names, those that bear none by their number from 1."""
     tables = [t for t in value if isinstance(t, dict)] if isinstance(value, list) else []
     return {str(t.get("name", i)): t for i, t in enumerate(tables, start=1)}
 
 
-def _validated(model: type[BaseModel], tables: dict[str, Any], source: str, prefix=()):
+def _validated(
+    model: type[BaseModel], tables: dict[str, Any], source: str, prefix: tuple[str, ...] = ()
+) -> Any:
+    """The model of the tables, whose keys stand below `prefix`; raises InvalidScene with the first
+    error as a sentence."""
     try:
         return model.model_validate(tables)
     except ValidationError as error:
-        first = _told(error.errors())
-        words = allowed_words(model, first["loc"])
-        raise InvalidScene(f"{source}: {_sentence(first, tables, prefix, words)}") from None
+        errors = error.errors()
+
+    # where a list is none of the words allowed, the error in the list says more
+    first = errors[0]
+    if first["type"] == "literal_error" and isinstance(first["input"], list | tuple):
+        place = first["loc"][:-1]
+        first = next((e for e in errors[1:] if e["loc"][: len(place)] == place), first)
+    words = allowed_words(model, first["loc"])
+    raise InvalidScene(f"{source}: {_sentence(first, tables, prefix, words)}")
 
 
-def _require_usual(table: BaseModel, written: dict[str, Any], source: str, prefix, meant) -> None:
-    for sentence in implausible(entries(table, written, prefix), meant or ()):
+def _require_usual(
+    table: BaseModel,
+    written: dict[str, Any],
+    source: str,
+    prefix: tuple[str, ...],
+    intended: tuple[str, ...] | None,
+) -> None:
+    for sentence in implausible(entries(table, written, prefix), intended or ()):
         raise InvalidScene(f"{source}: {sentence}")
 
 
@@ -194,32 +264,34 @@ SENTENCES = {
     "string_pattern_mismatch": "{key} = {shown} must be letters, digits, '.', '-' and '_', the "
     "first a letter, a digit or '_'; change it.",
     "string_too_long": "{key} = {shown} must have at most {max_length} characters; give another.",
-    "model_type": "{key} = {found!r} must be a table; write [{key}] with keys below it.",
+    "model_type": "{key} = {value!r} must be a table; write [{key}] with keys below it.",
 }
 SENTENCES["model_attributes_type"] = SENTENCES["model_type"]
-
-
-def _told(errors: list[Any]) -> Any:
-    """The first of the errors; where a list is none of the words allowed, what is wrong with it."""
-    first, *others = errors
-    if first["type"] != "literal_error" or not isinstance(first["input"], list | tuple):
-        return first
-    place = first["loc"][:-1]
-    return next((e for e in others if e["loc"][: len(place)] == place), first)
 
 
 def _sentence(
     error: dict[str, Any], tables: dict[str, Any], prefix: tuple[str, ...], words: str
 ) -> str:
-    found, type_ = error["input"], error["type"]
-    type_ = "empty" if type_ == "too_short" and not found else type_
-    n = len(found) if isinstance(found, list | tuple) else 0
+    """The sentence of an error of pydantic, with the key as the user wrote it."""
+    value, type_ = error["input"], error["type"]
+    type_ = "empty" if type_ == "too_short" and not value else type_
+    n = len(value) if isinstance(value, list | tuple) else 0
+
+    # the location in the user's tables, without the branches of unions that pydantic adds
+    key, table = list(prefix), tables
+    for part in error["loc"]:
+        in_table = isinstance(table, dict) and part in table
+        in_list = isinstance(table, list | tuple) and isinstance(part, int) and part < len(table)
+        if in_table or in_list:
+            key, table = [*key, str(part)], table[part]
+    if type_ == "missing":
+        key.append(str(error["loc"][-1]))
     return SENTENCES.get(type_, "{key} = {shown} {allowed}; change it.").format(
-        key=repr(".".join((*prefix, *_key(error, tables))))[1:-1] or "the scene",
-        found=found,
-        shown=_shown(found),
+        key=repr(".".join(key))[1:-1] or "the scene",
+        value=value,
+        shown=_shown(value),
         words=words or "it",
-        kind=found.get("kind") if isinstance(found, dict) else None,
+        kind=value.get("kind") if isinstance(value, dict) else None,
         count=f"{n} value{'s' * (n != 1)}",
         allowed=error["msg"].replace("Input should", "must", 1),
         **error.get("ctx", {}),
@@ -229,72 +301,3 @@ def _sentence(
 def _shown(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _key(error: dict[str, Any], tables: Any) -> list[str]:
-    """The location in the user's tables, without the branches of unions that pydantic adds."""
-    key, at = [], tables
-    for part in error["loc"]:
-        if isinstance(at, dict) and part in at:
-            key, at = [*key, str(part)], at[part]
-        elif isinstance(at, list | tuple) and isinstance(part, int) and part < len(at):
-            key, at = [*key, str(part)], at[part]
-    return [*key, str(error["loc"][-1])] if error["type"] == "missing" else key
-
-
-def _defaults(scene: Scene, tables: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
-    """The tables that the scene's parts need and that it left out, at their defaults."""
-    filled: dict[str, Any] = {}
-    if scene.chain:
-        filled |= {"contact": Contact(), "time": Time(), "output": Output()}
-    if scene.has_structure:
-        kind = "craig-bampton" if scene.assembly is not None else "free-modes"
-        filled |= {"reduction": Reduction(kind=kind)}
-    if scene.has_structure or isinstance(scene.wall, RomWall):
-        filled |= {"damping": NoDamping()}
-    filled = {name: table for name, table in filled.items() if getattr(scene, name) is None}
-    if scene.chain:
-        filled["striker"] = fallen(scene, source)
-    if scene.assembly is not None:
-        filled |= _structure(scene, tables, source)
-    if isinstance(scene.wall, RomWall) and scene.wall.file:
-        path = str(folder / scene.wall.file)
-        filled["wall"] = scene.wall.model_copy(update={"file": path})
-    for table, key in (("mesh", "file"), ("assembly", "step"), ("assembly", "mesh")):
-        if named := getattr(filled.get(table), key, None):
-            filled[table] = filled[table].model_copy(update={key: str(folder / named)})
-    if any(target.shape for target in scene.targets or ()):
-        filled["targets"] = tuple(target.beside(folder) for target in scene.targets)
-    return filled
-
-
-def _structure(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, Any]:
-    """[assembly] and [mesh] of bodies, or of the thesis' rig with its defaults."""
-    general = isinstance(scene.assembly, dict) and (scene.bodies or GENERAL & scene.assembly.keys())
-    read = partial(_part, tables=tables, source=source, meant=scene.unusual)
-    if general:
-        return {"assembly": read(General, "assembly"), "mesh": read(Meshing, "mesh")}
-    found = {"assembly": _assembly(tables, source, scene.unusual), "mesh": read(Mesh, "mesh")}
-    if scene.patch is None:
-        found["patch"] = Patch()
-    if found["assembly"].constraint == "wires" and scene.joints is None:
-        found["joints"] = Joints()
-    return found
-
-
-def _part(model: type[BaseModel], key: str, *, tables: dict[str, Any], source: str, meant):
-    table = _validated(model, tables.get(key, {}), source, (key,))
-    _require_usual(table, tables.get(key, {}), source, (key,), meant)
-    return table
-
-
-def _assembly(tables: dict[str, Any], source: str, unusual: tuple[str, ...] | None):
-    # geometry loads its mesher on import: only a scene with an assembly pays for that
-    from workflows.scene.assembly import AssemblyTable, assembly
-
-    table = _part(AssemblyTable, "assembly", tables=tables, source=source, meant=unusual)
-    try:
-        assembly(table)
-    except ValueError as error:
-        raise InvalidScene(f"{source}: assembly: {error}") from None
-    return table

@@ -8,7 +8,7 @@ import coupling
 import dem
 from dem import spheres
 from workflows.scene import (
-    Contact,
+    ContactTable,
     DashpotWall,
     InvalidScene,
     OneDofWall,
@@ -124,7 +124,7 @@ def chain(scene: Scene) -> dem.Chain:
     return row._replace(yield_overlap=overlap)
 
 
-def dissipation(contact: Contact) -> dict[str, Any]:
+def dissipation(contact: ContactTable) -> dict[str, Any]:
     """The law and its coefficients; a coefficient of zero is no law, and costs nothing."""
     gamma = np.asarray(contact.coefficient)
     if contact.dissipation == "none" or not np.any(gamma):

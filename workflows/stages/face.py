@@ -16,7 +16,7 @@ from fem.trace import OffFace
 from rom import floating
 from rom.factorisation import Pencil, symmetric
 from rom.lanczos import EigenPairs, modes_below
-from workflows.scene import InvalidScene, ModalDamping, Scene
+from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.stages import assembly as stages
 from workflows.stages.assembly import solid, struck
 from workflows.stages.chain import Start, start
@@ -144,7 +144,7 @@ class StruckFace:
 
     def _damping(self) -> Damping | None:
         table, hz = self.scene.damping, None
-        if isinstance(table, ModalDamping) and isinstance(table.ratio, tuple):
+        if isinstance(table, ModalDampingTable) and isinstance(table.ratio, tuple):
             hz = tuple(self.pipeline("modes").paired_hz.values())
         return damping_law(table, hz or HAMMER_TEST_HZ)
 

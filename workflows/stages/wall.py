@@ -8,7 +8,7 @@ import dem
 import rom
 from coupling import wall as reduced_walls
 from workflows.files.wall import measured
-from workflows.scene import Damping, ModalDamping, RayleighDamping, Scene
+from workflows.scene import Damping, ModalDampingTable, RayleighDampingTable, Scene
 from workflows.thesis import HAMMER_TEST_HZ
 
 
@@ -30,13 +30,13 @@ def damping(table: Damping, reduced: rom.ReducedModel) -> coupling.Damping | Non
 def damping_law(table: Damping, hammer_modes_hz: Sequence[float]) -> coupling.Damping | None:
     """The same for hammer-test modes at these frequencies [Hz]."""
     match table:
-        case RayleighDamping(frequency=(f1, f2), ratio=(zeta1, zeta2)):
+        case RayleighDampingTable(frequency=(f1, f2), ratio=(zeta1, zeta2)):
             return coupling.rayleigh(f1, zeta1, f2, zeta2)
-        case RayleighDamping(alpha=alpha, beta=beta):
+        case RayleighDampingTable(alpha=alpha, beta=beta):
             return coupling.RayleighDamping(alpha, beta)
-        case ModalDamping(ratio=float(ratio)):
+        case ModalDampingTable(ratio=float(ratio)):
             return coupling.ModalDamping(ratio)
-        case ModalDamping(ratio=ratio):
+        case ModalDampingTable(ratio=ratio):
             return coupling.ModalDamping(ratio, hammer_modes_hz, "nearest")
     return None
 

@@ -32,22 +32,22 @@ if TYPE_CHECKING:
     from workflows.structure.hammer import HammerReport
     from workflows.structure.look import Look, Seen
     from workflows.structure.mode_table import ModeTable
-    from workflows.structure.thesis_tables import Table
+    from workflows.structure.thesis_tables import ThesisTable
     from workflows.structure.tuning import TuningReport
 
 
 @dataclass(frozen=True, repr=False)
 class Looked:
-    """What an assembly is made of: `found.bodies`, `found.touching`, `found.holes`, ..."""
+    """An assembly at a glance: `found.bodies`, `found.touching`, `found.holes`, ..."""
 
     found: Look
     seen: Seen
 
     def plot(self) -> Picture:
         """The bodies, a colour and a name each."""
-        from workflows.structure.look import picture
+        from workflows.stages.pictures import picture_of
 
-        return picture(self.seen)
+        return picture_of(self.seen.meshes)
 
     def __repr__(self) -> str:
         return self.found.text()
@@ -70,22 +70,22 @@ def look(
     from workflows.structure import look as looking
 
     path = Path(source) if isinstance(source, str | Path) else None
-    is_file = path is not None and path.suffix.lower() in looking.ENDINGS
-    chosen = looking.of_file(path) if is_file else load_scene(source, changes)
-    if starter and not is_file:
+    is_step = path is not None and path.suffix.lower() in looking.ENDINGS
+    scene = looking.of_file(path) if is_step else load_scene(source, changes)
+    if starter and not is_step:
         raise InvalidScene(f"--scene starts a scene of a STEP file; {source} is a scene already.")
     inputs = (path,) if path else ()
-    written = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
-    file = OutputFile(starter, "--scene", **written) if starter else None
+    options = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
+    file = OutputFile(starter, "--scene", **options) if starter else None
     folder = picture_folder(out, inputs, overwrite, "assembly")
     with progress("look"):
-        seen = looking.look(with_assembly(chosen), str(source) if path else chosen.name)
-        found = Looked(seen.look, seen)
+        glance = looking.look(with_assembly(scene), str(source) if path else scene.name)
+        result = Looked(glance.look, glance)
         if folder:
-            write_pictures(folder, (found.plot(),))
+            write_pictures(folder, (result.plot(),))
     if file:
-        looking.write_starter(file, seen, path)
-    return found
+        looking.write_starter(file, glance, path)
+    return result
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,10 +143,10 @@ def modes(
     from workflows.structure.mode_table import mode_table
 
     pipeline = pipeline_of(chosen, progress)
-    found = Modes(chosen, mode_table(pipeline), pipeline)
+    result = Modes(chosen, mode_table(pipeline), pipeline)
     if folder:
-        write_pictures(folder, (found.plot(),))
-    return found
+        write_pictures(folder, (result.plot(),))
+    return result
 
 
 TABLES = ("5.2", "5.3")  # of the thesis, that can be computed again
@@ -160,21 +160,21 @@ def thesis_table(
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
-) -> Table:
+) -> ThesisTable:
     """Table 5.2 (models of ties) or 5.3 (tuned joints) of the thesis computed again, beside its
     numbers (`beadwave modes --table`); `out` gets the picture of 5.2, what each part changes."""
     if table not in TABLES:
         raise InvalidScene(f"--table {table} is not known; known are {' and '.join(TABLES)}.")
     chosen = with_assembly(load_scene(scene, changes))
-    pictured = out if table == "5.2" else None
-    inputs = files_read(chosen, scene)
-    folder = picture_folder(pictured, inputs, overwrite, "component_effects")
     from workflows.structure.thesis_tables import effects, table_52, table_53
 
-    found = {"5.2": table_52, "5.3": table_53}[table](chosen, progress)
+    if table == "5.3":
+        return table_53(chosen, progress)
+    folder = picture_folder(out, files_read(chosen, scene), overwrite, "component_effects")
+    result = table_52(chosen, progress)
     if folder:
-        write_pictures(folder, (effects(found),))
-    return found
+        write_pictures(folder, (effects(result),))
+    return result
 
 
 def export(
@@ -204,7 +204,7 @@ USUAL = Path("NAME-tuned.toml")
 
 @dataclass(frozen=True, repr=False)
 class Tuned:
-    """The scene with the joints found, its report, and the file it was written to, if any."""
+    """The scene with fitted joints, its report, and the file it was written to, if any."""
 
     scene: Scene
     report: TuningReport
@@ -243,9 +243,13 @@ def tune(
     measured_hz = with_targets(chosen).measured_hz
     from workflows.structure.tuning import targets, tuned, write_scene
 
-    wanted_text = _matched(match)
-    every = ",".join(map(str, range(1, len(measured_hz) + 1)))
-    wanted = targets(every if wanted_text is None else wanted_text, measured_hz)
+    # which modes: as `--match` takes them, "1,3,4" or "1=51.2,3=905"
+    if isinstance(match, Mapping):
+        match = ",".join(f"{n}={hz!r}" for n, hz in match.items())
+    elif match is not None and not isinstance(match, str):
+        match = ",".join(map(str, match))
+    all_modes = ",".join(map(str, range(1, len(measured_hz) + 1)))
+    wanted = targets(all_modes if match is None else match, measured_hz)
     if hammer:
         from workflows.files.shapes import has_shapes
         from workflows.stages.pipeline import pipeline_of
@@ -254,38 +258,29 @@ def tune(
         test = hammer_test(Path(hammer), wanted)
         if chosen.is_general and has_shapes(Path(hammer)):
             test = recognised(test, pipeline_of(chosen, progress), wanted)
-        chosen, wanted = applied(chosen, test.report, wanted_text)
+        chosen, wanted = applied(chosen, test.report, match)
+
+    # where to, before the fit: a file that cannot be written is refused at once
     path = f"{chosen.name}-tuned.toml" if out is USUAL else out
-    read = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
-    written = {"inputs": read, "ending": ".toml", "overwrite": overwrite}
-    file = OutputFile(path, **written) if path else None
-    result, report = tuned(chosen, wanted, _names(free), progress)
-    if file is None or report.failures:
-        return Tuned(result, report, None)
-    result = result.model_copy(update={"name": _scene_name(file.path)})
-    write_scene(result, file, report)
-    return Tuned(result, report, file.path)
+    inputs = (*files_read(chosen, scene), *((Path(hammer),) if hammer else ()))
+    options = {"inputs": inputs, "ending": ".toml", "overwrite": overwrite}
+    file = OutputFile(path, **options) if path else None
 
-
-def _matched(match: str | Iterable[int] | Mapping[int, float] | None) -> str | None:
-    if match is None or isinstance(match, str):
-        return match
-    if isinstance(match, Mapping):
-        return ",".join(f"{n}={hz!r}" for n, hz in match.items())
-    return ",".join(map(str, match))
-
-
-def _names(free: str | Iterable[str]) -> tuple[str, ...]:
+    # what may vary
     names = tuple(free.split(",")) if isinstance(free, str) else free
     if not isinstance(names, Iterable) or not all(isinstance(name, str) for name in names):
         raise InvalidScene(
             f'free = {free!r} must be names, as in ["joints.NAME.kz", "materials.NAME.young"].'
         )
-    return tuple(name.strip() for name in names)
+    result, report = tuned(chosen, wanted, tuple(name.strip() for name in names), progress)
+    if file is None or report.failures:
+        return Tuned(result, report, None)
 
-
-def _scene_name(path: Path) -> str:
-    return sub(r"[^\w.-]", "-", path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
+    # a scene is named after its file
+    name = sub(r"[^\w.-]", "-", file.path.stem).lstrip(".-")[:LONGEST_NAME] or "tuned"
+    result = result.model_copy(update={"name": name})
+    write_scene(result, file, report)
+    return Tuned(result, report, file.path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -296,7 +291,7 @@ class HammerTest:
     picture: Picture
 
     def plot(self) -> Picture:
-        """Responses over frequency with the resonances found."""
+        """Responses over frequency with the identified resonances."""
         return self.picture
 
     def __repr__(self) -> str:
@@ -330,14 +325,14 @@ def hammer(
 
     with progress("identification"):
         wanted = dict(enumerate(chosen.measured_hz, start=1))
-        found = hammer_test(path, wanted)
+        test = hammer_test(path, wanted)
     if chosen.is_general and has_shapes(path):
-        found = recognised(found, pipeline_of(chosen, progress), wanted)
+        test = recognised(test, pipeline_of(chosen, progress), wanted)
     with progress("picture"):
-        drawn = HammerTest(found.report, picture(found))
+        result = HammerTest(test.report, picture(test))
     if folder:
-        write_pictures(folder, (drawn.plot(),))
-    return drawn
+        write_pictures(folder, (result.plot(),))
+    return result
 
 
 def write_hammer_test(
@@ -354,12 +349,12 @@ def write_hammer_test(
     chosen = with_assembly(load_scene(scene, changes))
     from workflows.files.hammer import synthetic_file, write_synthetic
 
-    written = synthetic_file(Path(file), overwrite)
+    synthetic = synthetic_file(Path(file), overwrite)
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.hammer import virtual_test
 
-    write_synthetic(written, virtual_test(pipeline_of(chosen, progress)))
-    return written.path
+    write_synthetic(synthetic, virtual_test(pipeline_of(chosen, progress)))
+    return synthetic.path
 
 
 @dataclass(frozen=True, repr=False)
@@ -374,11 +369,14 @@ class Reduced:
         self, path: str | Path, matrices: str | Path | None = None, *, overwrite: bool = False
     ) -> list[Path]:
         """Write .npz, .mat or .h5, and to `matrices` (.mat, .npz) the full K, M and w."""
-        files = _files(path, matrices, files_read(self.scene), overwrite)
+        files = output_files(
+            {"--out": path, "--matrices": matrices},
+            inputs=files_read(self.scene), overwrite=overwrite,
+        )  # fmt: skip
         from workflows.structure.export import write_reduced
 
-        write_reduced(self.pipeline, *files)
-        return [file.path for file in files]
+        write_reduced(self.pipeline, *files.values())
+        return [file.path for file in files.values()]
 
     def plot(self) -> Picture:
         """The receptance at the contact, and solutions of the full model."""
@@ -386,12 +384,6 @@ class Reduced:
 
     def __repr__(self) -> str:
         return f"{self.scene.name}: {self.model.kind}, {len(self.model.w)} coordinates"
-
-
-def _files(out, matrices, inputs: tuple[Path, ...], overwrite: bool) -> list[OutputFile]:
-    """Where both go; raises InvalidScene where one cannot."""
-    given = {"--out": out, "--matrices": matrices}
-    return list(output_files(given, inputs=inputs, overwrite=overwrite).values())
 
 
 def reduce(
@@ -410,17 +402,21 @@ def reduce(
     InvalidScene for bad input, ValueError where a computation fails.
     """
     chosen = with_structure(load_scene(scene, changes))
-    files = _files(out, matrices, files_read(chosen, scene), overwrite) if out else []
+    files: Iterable[OutputFile] = ()
+    if out:
+        targets = {"--out": out, "--matrices": matrices}
+        inputs = files_read(chosen, scene)
+        files = output_files(targets, inputs=inputs, overwrite=overwrite).values()
     from workflows.stages.pipeline import pipeline_of
     from workflows.structure.export import require_formats, write_reduced
 
     if files:
         require_formats(*files)
     pipeline = pipeline_of(chosen, progress)
-    found = Reduced(chosen, pipeline("reduction"), pipeline)
+    result = Reduced(chosen, pipeline("reduction"), pipeline)
     if files:
         write_reduced(pipeline, *files)
-    return found
+    return result
 
 
 def reduce_matrices(
@@ -447,6 +443,6 @@ def reduce_matrices(
     import fem
     import rom
 
-    asked = rom.Selection(n_modes=modes)
-    found = rom.free_modes(K, M, w, asked, C=C, factorise=fem.factorised)
-    return found._replace(contact=rom.Contact(half_space, young=young, poisson=poisson))
+    selection = rom.Selection(n_modes=modes)
+    reduced = rom.free_modes(K, M, w, selection, C=C, factorise=fem.factorised)
+    return reduced._replace(contact=rom.Contact(half_space, young=young, poisson=poisson))

@@ -4,7 +4,7 @@ import rom
 from fem.abaqus import input_deck
 from workflows.files.output_file import OutputFile
 from workflows.files.wall import require_reader
-from workflows.scene import InvalidScene, Scene
+from workflows.scene import InvalidScene
 from workflows.stages import bodies
 from workflows.stages.assembly import dashpots
 from workflows.stages.pipeline import Pipeline
@@ -22,33 +22,31 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
     if inp:
         model = pipeline("model")
         struck = not scene.is_general or scene.strike is not None
-        w, made_of = pipeline("contact").w if struck else None, pipeline("mesh").materials
-        text = input_deck(model, made_of, w=w, C=dashpots(scene, model))
-        with inp.writing() as part:
-            part.write_text(text, encoding="utf-8")
+        w, materials = pipeline("contact").w if struck else None, pipeline("mesh").materials
+        text = input_deck(model, materials, w=w, C=dashpots(scene, model))
+        with inp.writing() as path:
+            path.write_text(text, encoding="utf-8")
     if step:
         from geometry.cad import write_step
 
-        with step.writing() as part:
-            write_step(_shapes(scene), part)
-
-
-def _shapes(scene: Scene) -> dict:
-    if scene.is_general and scene.assembly.file:
-        raise InvalidScene(f"{scene.name} has its geometry from {scene.assembly.file}; copy that.")
-    return bodies.shapes(scene)
+        if scene.is_general and scene.assembly.file:
+            raise InvalidScene(
+                f"{scene.name} has its geometry from {scene.assembly.file}; copy that."
+            )
+        with step.writing() as path:
+            write_step(bodies.shapes(scene), path)
 
 
 def write_reduced(pipeline: Pipeline, out: OutputFile, matrices: OutputFile | None = None) -> None:
-    """Write the reduced model, and to `matrices` the model it is made of; raises InvalidScene for
-    an unknown ending."""
+    """Write the reduced model, and to `matrices` the full model; raises InvalidScene for an unknown
+    ending."""
     require_formats(out, matrices)
     reduced = pipeline("reduction")
-    with out.writing() as part:
-        save(part, reduced, pipeline.scene.damping)
+    with out.writing() as path:
+        save(path, reduced, pipeline.scene.damping)
     if matrices:
-        with matrices.writing() as part:
-            rom.save_full(part, full_matrices(pipeline))
+        with matrices.writing() as path:
+            rom.save_full(path, full_matrices(pipeline))
 
 
 def require_formats(out: OutputFile, matrices: OutputFile | None = None) -> None:
@@ -64,8 +62,8 @@ def full_matrices(pipeline: Pipeline) -> dict:
     """K, M, w and where there are dashpots C of the joined and held model on its free unknowns:
     T_mesh gives the mesh's displacements, x, y, z of node 1, then of node 2, ... of mesh_points."""
     model, C = pipeline("model"), dashpots(pipeline.scene, pipeline("model"))
-    drawn = pipeline.scene.bending is not None
-    points = model.drawn.p.T if drawn else model.structure.points
-    found = {"K": model.K, "M": model.M, "w": pipeline("contact").w}
-    found |= {"T_mesh": model.T, "mesh_points": points}
-    return found if C is None else found | {"C": C}
+    bends = pipeline.scene.bending is not None
+    points = model.drawn.p.T if bends else model.structure.points
+    matrices = {"K": model.K, "M": model.M, "w": pipeline("contact").w}
+    matrices |= {"T_mesh": model.T, "mesh_points": points}
+    return matrices if C is None else matrices | {"C": C}

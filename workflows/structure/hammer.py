@@ -11,13 +11,13 @@ import coupling
 import fem
 from fem.hammer_files import SYNTHETIC, Responses
 from fem.hammer_test import accelerances, corner_readings, nearest_modes, with_noise
-from fem.identification import MeasuredMode, measured_modes
+from fem.identification import measured_modes
 from workflows.files.hammer import responses
 from workflows.files.run_folder import Picture
 from workflows.report import plots
 from workflows.report.plots import Line, Panel
 from workflows.report.tables import aligned_text
-from workflows.scene import InvalidScene, ModalDamping, Scene
+from workflows.scene import InvalidScene, ModalDampingTable, Scene
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.targets import shape
 from workflows.stages.wall import damping_law
@@ -29,7 +29,7 @@ VIRTUAL_NOISE = 2e-3  # of the rms response
 
 
 class HammerRow(BaseModel):
-    """One measured resonance, and the mode of the rig it was taken for."""
+    """One measured resonance, and the mode of the scene that it is paired with."""
 
     frequency_hz: float
     zeta_half_power: float | None
@@ -50,147 +50,148 @@ class HammerReport(BaseModel):
 
     @property
     def targets(self) -> dict[int, float]:
-        """Frequencies of the rig's modes [Hz], for `tune`."""
+        """Measured frequencies of the scene's modes by number [Hz], for `tune`."""
         return {row.mode: row.frequency_hz for row in self.rows if row.mode}
 
     @property
     def damping(self) -> dict[int, float]:
         """Their damping ratios, the fit's where there is one."""
-        found = {r.mode: r.zeta_fit or r.zeta_half_power for r in self.rows if r.mode}
-        return {mode: zeta for mode, zeta in found.items() if zeta}
+        ratios = {r.mode: r.zeta_fit or r.zeta_half_power for r in self.rows if r.mode}
+        return {mode: zeta for mode, zeta in ratios.items() if zeta}
 
     def text(self) -> str:
         """Aligned lines with remarks."""
         head = ("Hz", "half-power", "fit", "mode", "computed Hz", "MAC", "")
-        table = [(*_cells(row), "; ".join(row.remarks)) for row in self.rows]
-        if not any(row.mac for row in self.rows):  # no points: a shape is not known
+        table = []
+        for row in self.rows:
+            zetas = (f"{100 * z:.3f} %" if z else None for z in (row.zeta_half_power, row.zeta_fit))
+            by_shape = (None, None)
+            if row.mac is not None:
+                by_shape = f"{row.computed_hz:.2f}", f"{row.mac:.2f}"
+            remarks = "; ".join(row.remarks)
+            table.append((f"{row.frequency_hz:.2f}", *zetas, row.mode, *by_shape, remarks))
+
+        # responses without points have no shapes
+        if not any(row.mac for row in self.rows):
             head, table = (*head[:4], ""), [(*cells[:4], cells[-1]) for cells in table]
         lines = [self.title, aligned_text(head, table)]
         return "\n".join(lines if self.n_targets else [*lines, "", NO_TARGETS])
 
 
-def _cells(row: HammerRow) -> tuple:
-    zetas = (f"{100 * z:.3f} %" if z else None for z in (row.zeta_half_power, row.zeta_fit))
-    like = (None, None) if row.mac is None else (f"{row.computed_hz:.2f}", f"{row.mac:.2f}")
-    return f"{row.frequency_hz:.2f}", *zetas, row.mode, *like
-
-
-class HammerTest(NamedTuple):
-    """What a file holds and what was found in it."""
+class IdentifiedTest(NamedTuple):
+    """Responses of a file, and the resonances that were identified."""
 
     report: HammerReport
     responses: Responses
 
 
-def hammer_test(path: Path, expected_hz: dict[int, float]) -> HammerTest:
-    """Read, identify and pair with modes expected near `expected_hz` {mode: Hz}."""
+def hammer_test(path: Path, expected_hz: dict[int, float]) -> IdentifiedTest:
+    """Read, identify and pair with modes expected near `expected_hz` {mode: Hz}; raises
+    InvalidScene where no resonance is identified."""
     test = responses(path)
     try:
-        found = measured_modes(test.frequency_hz, test.H)
+        resonances = measured_modes(test.frequency_hz, test.H)
     except ImportError as missing:
         raise InvalidScene(
             f"the fit needs {missing.name}; ./install.sh identify adds it."
         ) from None
     except ValueError as error:
         raise InvalidScene(f"{path}: {error}") from None
-    if not found:
+    if not resonances:
         raise InvalidScene(f"{path} has no peaks; give responses that reach a resonance.")
-    mode = nearest_modes([m.frequency_hz for m in found], expected_hz)
-    rows = [_row(m, mode.get(i)) for i, m in enumerate(found)]
-    n = len(expected_hz)
-    return HammerTest(HammerReport(file=str(path), title=test.title, n_targets=n, rows=rows), test)
+
+    paired = nearest_modes([resonance.frequency_hz for resonance in resonances], expected_hz)
+    rows = []
+    for i, resonance in enumerate(resonances):
+        half_power, fit = (None if np.isnan(z) else float(z) for z in resonance[1:3])
+        rows.append(
+            HammerRow(
+                frequency_hz=resonance.frequency_hz,
+                zeta_half_power=half_power,
+                zeta_fit=fit,
+                mode=paired.get(i),
+                remarks=list(resonance.remarks),
+            )
+        )
+    report = HammerReport(file=str(path), title=test.title, n_targets=len(expected_hz), rows=rows)
+    return IdentifiedTest(report, test)
 
 
-def recognised(test: HammerTest, pipeline: Pipeline, wanted: Collection[int]) -> HammerTest:
+def recognised(test: IdentifiedTest, pipeline: Pipeline, wanted: Collection[int]) -> IdentifiedTest:
     """The same, each resonance with the computed mode that its shape has the largest MAC with; the
     one most like a wanted target's mode has the target's number."""
     report, scene = test.report, pipeline.scene
     model, modes = pipeline("model"), pipeline("modes")
-    asked = [shape(scene, model, report.file, row.frequency_hz) for row in report.rows]
-    found = fem.pair(model, fem.Modes(modes.omega, modes.phi), asked)
-    like, best = found.character.argmax(axis=1), found.character.argmax(axis=0)
+    shapes = [shape(scene, model, report.file, row.frequency_hz) for row in report.rows]
+    pairing = fem.pair(model, fem.Modes(modes.omega, modes.phi), shapes)
+    mode_of, resonance_of = pairing.character.argmax(axis=1), pairing.character.argmax(axis=0)
     number = {j: n for n, j in enumerate(modes.index.tolist(), start=1) if n in wanted}
-    rows = [
-        row.model_copy(
-            update={
-                "mode": number.get(j) if i == best[j] and found.index[i] >= 0 else None,
-                "computed_hz": float(modes.omega[j] / (2 * np.pi)),
-                "mac": float(found.character[i, j]),
-            }
-        )
-        for i, (row, j) in enumerate(zip(report.rows, like.tolist(), strict=True))
-    ]
+    rows = []
+    for i, (row, j) in enumerate(zip(report.rows, mode_of.tolist(), strict=True)):
+        # two resonances may be like one mode: the one more like it has its number
+        is_mode = i == resonance_of[j] and pairing.index[i] >= 0
+        update = {
+            "mode": number.get(j) if is_mode else None,
+            "computed_hz": float(modes.omega[j] / (2 * np.pi)),
+            "mac": float(pairing.character[i, j]),
+        }
+        rows.append(row.model_copy(update=update))
     return test._replace(report=report.model_copy(update={"rows": rows}))
 
 
-def picture(test: HammerTest) -> Picture:
-    """The responses over frequency, resonances marked, those of the model's modes by number."""
+def picture(test: IdentifiedTest) -> Picture:
+    """The responses over frequency, a line at each resonance, those of the model's modes by
+    number."""
     f, H = test.responses.frequency_hz, test.responses.H
     positive = f > 0
     lines = [
         Line(f"response {i}", f[positive], np.abs(h[positive]), "-", width=0.9)
         for i, h in enumerate(H, start=1)
     ]
-    marked = [
-        Line(None, np.full(2, row.frequency_hz), _span(H), ":", "0.5", 0.8)
-        for row in test.report.rows
+    size = np.abs(H[H != 0])
+    span = np.array([size.min(), size.max()]) if size.size else np.array([1.0, 1.0])
+    resonances = [
+        Line(None, np.full(2, row.frequency_hz), span, ":", "0.5", 0.8) for row in test.report.rows
     ]
-    panel = Panel(test.report.title, "frequency [Hz]", "response", [*marked, *lines], "xy")
+    panel = Panel(test.report.title, "frequency [Hz]", "response", [*resonances, *lines], "xy")
     figure, (axis,) = plots.drawn([panel], size=(8, 4.2))
     for row in test.report.rows:
         axis.annotate(
-            f"{row.mode}" if row.mode else "", (row.frequency_hz, _span(H)[1]), (0, 2),
+            f"{row.mode}" if row.mode else "", (row.frequency_hz, span[1]), (0, 2),
             textcoords="offset points", ha="center", fontsize=8,
         )  # fmt: skip
     return Picture("hammer", plots.png(figure))
 
 
-def _span(H: np.ndarray) -> np.ndarray:
-    size = np.abs(H[H != 0])
-    return np.array([size.min(), size.max()]) if size.size else np.array([1.0, 1.0])
-
-
-def _row(found: MeasuredMode, mode: int | None) -> HammerRow:
-    half, fit = (None if np.isnan(z) else float(z) for z in found[1:3])
-    return HammerRow(
-        frequency_hz=found.frequency_hz,
-        zeta_half_power=half,
-        zeta_fit=fit,
-        mode=mode,
-        remarks=list(found.remarks),
-    )
-
-
 def applied(
     scene: Scene, report: HammerReport, match: str | None
 ) -> tuple[Scene, dict[int, float]]:
-    """The scene with the measured damping, and the measured frequencies to tune to."""
+    """The scene with the measured damping, where all its modes have one, and the measured
+    frequencies to tune to, {mode: Hz}; raises InvalidScene for modes without a resonance."""
     if not report.targets:
         raise InvalidScene(f"{report.file} has no resonance near the modes wanted; name others.")
     wanted = targets(match, scene.measured_hz) if match else {}
     missing = sorted(set(wanted) - set(report.targets))
     if missing:
         raise InvalidScene(f"{report.file} has no resonance near modes {missing}; leave them out.")
-    return damped(scene, report), report.targets
-
-
-def damped(scene: Scene, report: HammerReport) -> Scene:
-    """The scene with the damping ratios of the test on its measured modes."""
     ratios = [report.damping.get(i) for i in range(1, len(scene.measured_hz) + 1)]
-    if None in ratios:
-        return scene
-    return scene.but(damping=ModalDamping(kind="modal", ratio=tuple(ratios)))
+    if None not in ratios:
+        scene = scene.but(damping=ModalDampingTable(kind="modal", ratio=tuple(ratios)))
+    return scene, report.targets
 
 
 def virtual_test(pipeline: Pipeline) -> Responses:
-    """Accelerances at a corner of the body struck, hit askew there: computed, with noise."""
+    """Accelerances at a corner of the body struck, hit along (1, 1, 1) there: computed, with noise.
+
+    H_ij = sum_k phi_ik phi_jk (-omega^2) / (omega_k^2 - omega^2 + 2 i zeta_k omega_k omega)
+    """
     scene, modes = pipeline.scene, pipeline("modes")
     damping = damping_law(scene.damping, scene.measured_hz)
     if damping is None:
         raise InvalidScene("a virtual test needs damping; set damping.kind=modal with a ratio.")
     zeta = coupling.damping_ratios(damping, modes.omega)
-    read = corner_readings(pipeline("model"), scene.struck_body) @ modes.phi
-    hit = np.array([1.0, 1.0, 1.0]) / np.sqrt(3) @ read
-    H = accelerances(read, hit, modes.omega, zeta, VIRTUAL_LINES)
+    phi_corner = corner_readings(pipeline("model"), scene.struck_body) @ modes.phi
+    phi_hit = np.array([1.0, 1.0, 1.0]) / np.sqrt(3) @ phi_corner
+    H = accelerances(phi_corner, phi_hit, modes.omega, zeta, VIRTUAL_LINES)
     noisy = with_noise(H, VIRTUAL_NOISE, np.random.default_rng(0))
     return Responses(VIRTUAL_LINES, noisy, SYNTHETIC)

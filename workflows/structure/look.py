@@ -1,5 +1,6 @@
-"""What an assembly is made of: bodies, masses, where they touch, holes, and what its mesh holds."""
+"""An assembly at a glance: bodies, masses, touching pairs, holes, the size of its mesh."""
 
+from collections import Counter
 from json import dumps
 from os.path import relpath
 from pathlib import Path
@@ -10,14 +11,12 @@ from pydantic import BaseModel
 from skfem import Mesh
 
 from workflows.files.output_file import OutputFile
-from workflows.files.run_folder import Picture
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.size import foreseen_seconds, peak_memory
 from workflows.scene.toml import resolved
 from workflows.stages import assembly
 from workflows.stages.bodies import Drawing, drawing
-from workflows.stages.pictures import picture_of
 from workflows.stages.strike import around
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
@@ -53,7 +52,7 @@ class SeenHole(BaseModel):
 
 
 class Look(BaseModel):
-    """All that is there; `remarks` in sentences."""
+    """Bodies, touching pairs and holes, the cost of a run; `remarks` in sentences."""
 
     name: str
     unit: str | None
@@ -70,14 +69,32 @@ class Look(BaseModel):
         unit = f", lengths in {self.unit}" if self.unit else ""
         n = len(self.bodies)
         lines = [f"{self.name}: {n} bod{'y' if n == 1 else 'ies'}{unit}", ""]
+
         head = ("body", "sides [mm]", "mass [kg]", "dofs", "material")
-        lines += [aligned_text(head, map(_body_cells, self.bodies))]
+        cells = []
+        for body in self.bodies:
+            sides = " x ".join(f"{1e3 * side:.5g}" for side in body.sides_m)
+            mass = None if body.mass_kg is None else f"{body.mass_kg:.4g}"
+            cells.append((body.name, sides, mass, body.dofs, body.material))
+        lines += [aligned_text(head, cells)]
+
         if self.touching:
             head = ("touching", "area [mm^2]", "gap [mm]")
-            lines += ["", aligned_text(head, map(_pair_cells, self.touching))]
+            cells = [
+                (f'"{pair.between}"', f"{1e6 * pair.area_m2:.5g}", round(1e3 * pair.gap_m, 6))
+                for pair in self.touching
+            ]
+            lines += ["", aligned_text(head, cells)]
+
         if self.holes:
             head = ("holes", "diameter [mm]", "number", "axis")
-            lines += ["", aligned_text(head, map(_hole_cells, self.holes))]
+            cells = []
+            for hole in self.holes:
+                axis = ", ".join(f"{x:.3g}" for x in hole.axis)
+                diameter = f"{1e3 * hole.diameter_m:.5g}"
+                cells.append((f"{hole.body}:hole", diameter, hole.number, axis))
+            lines += ["", aligned_text(head, cells)]
+
         seconds = float(f"{self.seconds:.2g}")
         cost = (
             f"{self.dofs:,} dofs in all; modes and reduction take some {seconds:g} s of one core "
@@ -86,26 +103,12 @@ class Look(BaseModel):
         return "\n".join([*lines, "", cost, *self.remarks])
 
 
-def _body_cells(b: SeenBody) -> tuple:
-    sides = " x ".join(f"{1e3 * side:.5g}" for side in b.sides_m)
-    return b.name, sides, None if b.mass_kg is None else f"{b.mass_kg:.4g}", b.dofs, b.material
-
-
-def _pair_cells(pair: SeenPair) -> tuple:
-    return f'"{pair.between}"', f"{1e6 * pair.area_m2:.5g}", round(1e3 * pair.gap_m, 6)
-
-
-def _hole_cells(hole: SeenHole) -> tuple:
-    axis = ", ".join(f"{x:.3g}" for x in hole.axis)
-    return f"{hole.body}:hole", f"{1e3 * hole.diameter_m:.5g}", hole.number, axis
-
-
 class Seen(NamedTuple):
-    """What was found, its picture's maker, and a scene to start from."""
+    """The report, the meshes for a picture, and a scene to start from."""
 
     look: Look
-    meshes: dict
-    starter: str | None
+    meshes: dict[str, Mesh]
+    starter: str | None  # TOML; None where no plane face offers itself to the chain
 
 
 def of_file(path: Path) -> Scene:
@@ -116,125 +119,150 @@ def of_file(path: Path) -> Scene:
 
 
 def look(scene: Scene, source: str) -> Seen:
-    """Bodies, pairs and holes of a scene."""
-    with drawing(scene) as drawn:
-        holes, starter = _holes(drawn), _starter(drawn, Path(source))
-        meshes = _meshes(scene, drawn)
-    nodes = {name: float(m.nvertices + m.nedges) for name, m in meshes.items()}
-    seen = Look(
+    """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it."""
+    # bores and other findings of the CAD kernel, while its session is open
+    with drawing(scene) as geometry:
+        holes, starter, meshes = (
+            _holes(geometry),
+            _starter(geometry, Path(source)),
+            _meshes(scene, geometry),
+        )
+
+    # nodes of quadratic elements: corners and edges
+    nodes = {name: float(mesh.nvertices + mesh.nedges) for name, mesh in meshes.items()}
+    bodies = []
+    for name, body in geometry.bodies.items():
+        if scene.is_general:
+            material = scene.material_name(body.name)
+            solid = (scene.materials or {}).get(material)
+            density = solid.density if solid else None
+        else:
+            material = None
+            density = assembly.materials(scene.assembly, [body.name])[body.name].density
+        bodies.append(
+            SeenBody(
+                name=body.name,
+                # to a micrometre: the CAD kernel pads its boxes by a tenth of one
+                sides_m=tuple(np.round(body.upper - body.lower, 6).tolist()),
+                mass_kg=None if density is None else density * body.volume,
+                material=material,
+                dofs=int(3 * nodes[name]),
+            )
+        )
+    report = Look(
         name=source,
-        unit=drawn.unit,
-        bodies=[_body(scene, b, nodes[name]) for name, b in drawn.bodies.items()],
+        unit=geometry.unit,
+        bodies=bodies,
         touching=[
-            SeenPair(between=t.name, area_m2=t.area, gap_m=t.gap) for t in drawn.near.touching
+            SeenPair(between=pair.name, area_m2=pair.area, gap_m=pair.gap)
+            for pair in geometry.near.touching
         ],
         holes=holes,
         dofs=int(3 * sum(nodes.values())),
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes),
-        remarks=_remarks(drawn),
+        remarks=_remarks(geometry),
     )
-    return Seen(seen, meshes, starter)
+    return Seen(report, meshes, starter)
 
 
-def _meshes(scene: Scene, drawn: Drawing) -> dict[str, Mesh]:
-    """Of the bodies, as a run has them but for what is struck, held and bolted."""
-    if drawn.own:
-        return {name: skin.mesh for name, skin in drawn.own.skins.items()}
+def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:
+    """Meshes of the bodies, as a run has them but for what is struck, held and bolted."""
+    if geometry.own:
+        return {name: skin.mesh for name, skin in geometry.own.skins.items()}
     if not scene.is_general:
         return assembly.mesh(scene).meshes
     from geometry.body_mesh import body_meshes
     from geometry.sizes import Sizes, default_seeds
 
-    usual = default_seeds(drawn.bodies)
+    usual = default_seeds(geometry.bodies)
     seeds = {name: scene.mesh.scale * (scene.seed_of(name) or usual[name]) for name in usual}
     # with the outlines of partners on each other, where elements are as small as in a run
     return body_meshes(
-        drawn.bodies, drawn.near.touching, gap=scene.assembly.gap, sizes=Sizes(seeds),
+        geometry.bodies, geometry.near.touching, gap=scene.assembly.gap, sizes=Sizes(seeds),
         element=scene.mesh.element,
     )  # fmt: skip
 
 
-def picture(seen: Seen) -> Picture:
-    """The bodies, a colour and a name each."""
-    return picture_of(seen.meshes)
-
-
-def _body(scene: Scene, body, nodes: float) -> SeenBody:
-    if scene.is_general:
-        material = scene.material_name(body.name)
-        density = scene.materials[material].density if material in (scene.materials or {}) else None
-    else:
-        material, made_of = None, assembly.materials(scene.assembly, [body.name])
-        density = made_of[body.name].density
-    return SeenBody(
-        name=body.name,
-        # to a micrometre: the CAD kernel pads its boxes by a tenth of one
-        sides_m=tuple(np.round(body.upper - body.lower, 6).tolist()),
-        mass_kg=None if density is None else density * body.volume,
-        material=material,
-        dofs=int(3 * nodes),
-    )
-
-
-def _holes(drawn: Drawing) -> list[SeenHole]:
+def _holes(geometry: Drawing) -> list[SeenHole]:
+    """Bores of each body, equal ones counted."""
     from geometry.holes import bores
 
-    found: dict[tuple, int] = {}
-    for name, body in drawn.bodies.items():
+    counts: Counter[tuple] = Counter()
+    for name, body in geometry.bodies.items():
         for bore in bores(body):
             axis = np.abs(np.round(bore.axis, 6)) + 0.0
-            key = (name, round(bore.diameter, 9), tuple(axis.tolist()))
-            found[key] = found.get(key, 0) + 1
+            counts[name, round(bore.diameter, 9), tuple(axis.tolist())] += 1
     return [
         SeenHole(body=body, diameter_m=diameter, axis=axis, number=number)
-        for (body, diameter, axis), number in found.items()
+        for (body, diameter, axis), number in counts.items()
     ]
 
 
-def _remarks(drawn: Drawing) -> list[str]:
+def _remarks(geometry: Drawing) -> list[str]:
+    """Bodies that touch none, holes that no name picks, faces that miss each other, in
+    sentences."""
     from geometry.holes import cut_holes
 
-    free = drawn.near.free(drawn.bodies) if len(drawn.bodies) > 1 else ()
+    free = geometry.near.free(geometry.bodies) if len(geometry.bodies) > 1 else ()
     remarks = [f'"{name}" touches no other body.' for name in free]
-    for body in drawn.bodies.values():
+    for body in geometry.bodies.values():
         for hole in cut_holes(body):
             at = ",".join(f"{x:.4g}" for x in body.face(hole.tags[0]).centre.round(6) + 0.0)
             remarks.append(
                 f'"{body.name}" has a hole of {1e3 * hole.diameter:.5g} mm that an edge cuts, or a '
                 f"slot's end; {body.name}@{at} picks it, {body.name}:hole does not."
             )
-    return remarks + [miss.sentence for miss in drawn.near.misses]
+    return remarks + [miss.sentence for miss in geometry.near.misses]
 
 
-def _starter(drawn: Drawing, source: Path) -> str | None:
-    """TOML that runs; None where no plane face offers itself to the chain."""
-    faces = [(body, face) for body in drawn.bodies.values() for face in _upright(body)]
-    by_height = sorted(faces, key=_height, reverse=True)
-    struck = next((f for f in by_height if _is_bare(drawn, *f)), None)
-    if struck is None:
+def _starter(geometry: Drawing, source: Path) -> str | None:
+    """TOML that runs: held at the lowest face that looks down, struck on the highest bare one, if
+    possible on one that looks up. None where no plane face offers itself to the chain."""
+    # plane faces along an axis, each the outermost one of its body there and alone: only such a
+    # face has a word, "body:+z"
+    faces = []
+    for body in geometry.bodies.values():
+        flat = [f for f in body.faces if f.normal is not None and np.abs(f.normal).max() > 1 - 1e-6]
+        names = []
+        for face in flat:
+            axis = int(np.abs(face.normal).argmax())
+            names.append(f"{body.name}:{'+' if face.normal[axis] > 0 else '-'}{'xyz'[axis]}")
+        for face, name in zip(flat, names, strict=True):
+            if names.count(name) == 1:
+                faces.append((body, face, name))
+
+    faces.sort(key=lambda f: (bool(f[1].normal[2] > 0.5), float(f[1].centre[2])), reverse=True)
+    for body, face, name in faces:
+        # a patch fits into its middle, and no other body lies on it
+        points = around((face.lower + face.upper) / 2, face.normal, 2 * PATCH)
+        inside = all(body.distance(point, face.tag) < 1e-9 for point in points)
+        if inside and not geometry.near.over(body.name, points, geometry.bodies, PATCH):
+            struck = name
+            break
+    else:
         return None
-    below = [f for f in faces if f[1].normal[2] < -0.5]
-    held = [_word(*f) for f in sorted(below, key=lambda f: f[1].centre[2])][:1]
+    down = [(face.centre[2], name) for _, face, name in faces if face.normal[2] < -0.5]
     return STARTER.format(
         name=source.stem.replace(" ", "-"),
         source=source.absolute(),
-        held=dumps(held),
-        struck=_word(*struck),
+        held=dumps([name for _, name in sorted(down, key=lambda f: f[0])][:1]),
+        struck=struck,
         radius=PATCH,
     )
 
 
-def write_starter(file: OutputFile, seen: Seen, source: Path) -> None:
+def write_starter(file: OutputFile, glance: Seen, source: Path) -> None:
     """Write the scene to start from; raises InvalidScene where no face offers itself."""
-    if seen.starter is None:
+    if glance.starter is None:
         raise InvalidScene(
             f"{source} has no plane face across an axis that a patch of {PATCH} m fits into the "
             "middle of; write the scene by hand."
         )
-    with file.writing() as part:
-        near = relpath(source.absolute(), file.path.absolute().parent)
-        part.write_text(seen.starter.replace(str(source.absolute()), near), encoding="utf-8")
+    # the file by a path from the scene, so that both can be moved together
+    relative = relpath(source.absolute(), file.path.absolute().parent)
+    with file.writing() as path:
+        path.write_text(glance.starter.replace(str(source.absolute()), relative), encoding="utf-8")
 
 
 STARTER = """\
@@ -262,27 +290,3 @@ density = 7850.0               # kg/m^3
 on = "{struck}"
 radius = {radius}
 """
-
-
-def _upright(body) -> list:
-    """Plane faces along an axis, each the outermost one there and alone."""
-    flat = [f for f in body.faces if f.normal is not None and np.abs(f.normal).max() > 1 - 1e-6]
-    words = [_word(body, face) for face in flat]
-    return [face for face, word in zip(flat, words, strict=True) if words.count(word) == 1]
-
-
-def _word(body, face) -> str:
-    axis = int(np.abs(face.normal).argmax())
-    return f"{body.name}:{'+' if face.normal[axis] > 0 else '-'}{'xyz'[axis]}"
-
-
-def _height(found) -> tuple[bool, float]:
-    """Faces that look up come last, the highest at the end."""
-    return bool(found[1].normal[2] > 0.5), float(found[1].centre[2])
-
-
-def _is_bare(drawn: Drawing, body, face) -> bool:
-    """Whether a patch fits into its middle, where no other body lies on it."""
-    points = around((face.lower + face.upper) / 2, face.normal, 2 * PATCH)
-    whole = all(body.distance(point, face.tag) < 1e-9 for point in points)
-    return whole and not drawn.near.over(body.name, points, drawn.bodies, PATCH)

@@ -11,9 +11,6 @@ from workflows.stages.health import shape_names
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.warnings import overconstrained
 
-LEGIBLE = 0.05  # smallest MAC written into its cell
-
-
 READING = """\
 at contact: participation [kg^-1/2];  score: share of the mode's energy in the motion that
 identifies the measured mode;  MAC: with that mode of stiff joints"""
@@ -49,35 +46,53 @@ class ModeTable(BaseModel):
 
     def text(self) -> str:
         """Aligned lines."""
-        head = ("mode", "Hz", "at contact", "measured", "score", "MAC")
-        table = aligned_text(head, map(_cells, self.rows))
-        told = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
+        cells = []
+        for row in self.rows:
+            at_contact = None if row.participation is None else f"{row.participation:.4f}"
+            computed = (row.number, f"{row.frequency_hz:.2f}", at_contact)
+            if row.hammer_mode is None:
+                cells.append((*computed, "", "", ""))
+                continue
+            off = round(row.difference_percent, 1) + 0.0  # no minus zero
+            measured = f"{row.hammer_mode}: {row.hammer_hz:.5g} Hz ({off:+.1f} %)"
+            mac = None if row.mac is None else f"{row.mac:.2f}"
+            cells.append((*computed, measured, f"{row.score:.2f}", mac))
+        table = aligned_text(("mode", "Hz", "at contact", "measured", "score", "MAC"), cells)
+        legend = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
         shapes = ", ".join(f"{r.hammer_mode}: {r.shape}" for r in self.rows if r.shape)
-        return "\n".join([table, "", *filter(None, (shapes, told, load, *self.warnings))])
+        return "\n".join([table, "", *filter(None, (shapes, legend, load, *self.warnings))])
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:
-    """Modes beside the measured ones."""
+    """Computed modes, each with the measured one that it is paired with."""
     scene, modes, mac = pipeline.scene, pipeline("modes"), pipeline("mac")
     shape = dict(enumerate(shape_names(scene), start=1))
     struck = not scene.is_general or scene.strike is not None
     participation = np.abs(pipeline("contact").w @ modes.phi) if struck else [None] * len(mac)
-    tested = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
-    rows = [
-        _row(j, hz, participation[j], tested.get(j), scene.measured_hz, modes.score, mac[j])
-        for j, hz in enumerate(modes.omega / (2 * np.pi))
-    ]
+    measured = {int(j): i for i, j in enumerate(modes.index) if j >= 0}
+    rows = []
+    for j, hz in enumerate(modes.omega / (2 * np.pi)):
+        row = ModeRow(number=j + 1, frequency_hz=hz, participation=participation[j])
+        if j in measured:
+            i = measured[j]
+            row.hammer_mode, row.hammer_hz = i + 1, scene.measured_hz[i]
+            row.difference_percent = 100 * (hz / scene.measured_hz[i] - 1)
+            row.score = float(modes.score[i])
+            row.mac = None if np.isnan(mac[j][i]) else float(mac[j][i])
+            row.shape = shape.get(i + 1)
+        rows.append(row)
     return ModeTable(
         scene=scene.name,
-        rows=[row.model_copy(update={"shape": shape.get(row.hammer_mode)}) for row in rows],
+        rows=rows,
         load_factor=modes.load_factor,
         warnings=list(overconstrained(modes.overconstrained)),
     )
 
 
 def mac_picture(pipeline: Pipeline) -> Picture:
-    """The MAC matrix of the modes found with those of stiff joints."""
+    """The MAC matrix of the computed modes with those of stiff joints; values from 0.05 on stand in
+    their cells."""
     hz = pipeline("modes").omega / (2 * np.pi)
     mac = pipeline("mac")
     if not mac.shape[1]:
@@ -87,34 +102,6 @@ def mac_picture(pipeline: Pipeline) -> Picture:
     stiff = [f"mode {i}" for i in range(1, mac.shape[1] + 1)]
     figure, (axis,) = plots.subplots(1, 1, (5, 1.2 + 0.26 * len(mac)))
     names = [f"{f:.0f} Hz" for f in hz], stiff
-    plots.heat_map(axis, mac, names, "MAC", legible=LEGIBLE, limits=(0, 1))
+    plots.heat_map(axis, mac, names, "MAC", legible=0.05, limits=(0, 1))
     axis.set_xlabel("with stiff joints, on the body whose motion tells the mode")
     return Picture("mac", plots.png(figure))
-
-
-def _row(
-    j: int, hz: float, participation: float | None, tested: int | None, measured_hz, score, mac
-) -> ModeRow:
-    row = ModeRow(number=j + 1, frequency_hz=hz, participation=participation)
-    if tested is None:
-        return row
-    target = measured_hz[tested]
-    return row.model_copy(
-        update={
-            "hammer_mode": tested + 1,
-            "hammer_hz": target,
-            "difference_percent": 100 * (hz / target - 1),
-            "score": float(score[tested]),
-            "mac": None if np.isnan(mac[tested]) else float(mac[tested]),
-        }
-    )
-
-
-def _cells(row: ModeRow) -> tuple:
-    at_contact = None if row.participation is None else f"{row.participation:.4f}"
-    first = (row.number, f"{row.frequency_hz:.2f}", at_contact)
-    if row.hammer_mode is None:
-        return *first, "", "", ""
-    off = round(row.difference_percent, 1) + 0.0  # no minus zero
-    test = f"{row.hammer_mode}: {row.hammer_hz:.5g} Hz ({off:+.1f} %)"
-    return *first, test, f"{row.score:.2f}", None if row.mac is None else f"{row.mac:.2f}"

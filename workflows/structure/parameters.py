@@ -1,4 +1,4 @@
-"""What can be tuned of an assembly of bodies: stiffness of its joints, factors on materials."""
+"""Parameters of an assembly of bodies for `tune`: joint stiffnesses, factors on materials."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,13 +13,13 @@ MATERIAL = ("young", "density")
 
 
 def known(scene: Scene) -> list[str]:
-    """All names."""
+    """Names of all stiffnesses of joints and of all moduli and densities."""
     of_joints = [f"joints.{name}.{key}" for name in scene.springs for key in fem.DIRECTIONS]
     return of_joints + [f"materials.{name}.{key}" for name in scene.materials for key in MATERIAL]
 
 
 def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
-    """What the names stand for, from the values that the scene has; raises InvalidScene."""
+    """Parameters by name, started from the values that the scene has; raises InvalidScene."""
     if not names:
         raise InvalidScene(f"--free is missing; name what to vary of {', '.join(known(scene))}.")
     for name in names:
@@ -27,33 +27,38 @@ def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
             raise InvalidScene(f"--free {name} is not known, {nearest(name, known(scene))}.")
         if names.count(name) > 1:
             raise InvalidScene(f"--free {name} is named twice; drop one.")
-    return [_parameter(scene, name) for name in names]
+    parameters = []
+    for name in names:
+        table, entry, key = name.split(".")
+        if table == "materials":
+            if not scene.materials[entry].is_isotropic:
+                raise InvalidScene(
+                    f"--free {name} is of an orthotropic material, which is not tuned yet."
+                )
+            parameters.append(TuningParameter(name, (), *FACTOR, (), key, (1.0,)))
+            continue
+        start, lower, upper = TURN if key.startswith("kr") else SHIFT
+        value = scene_value(scene, name)
+        start = value if lower <= value <= upper else start
+        parameters.append(
+            TuningParameter(name, (f"{entry}.{key}",), start, lower, upper, before=(value,))
+        )
+    return parameters
 
 
-def _parameter(scene: Scene, name: str) -> TuningParameter:
-    table, _, spring = name.partition(".")
-    if table == "materials":
-        _require_one_modulus(scene, name)
-        return TuningParameter(name, (), *FACTOR, (), name.rpartition(".")[2], (1.0,))
-    start, lower, upper = TURN if ".kr" in name else SHIFT
-    value = now(scene, name)
-    start = value if lower <= value <= upper else start
-    return TuningParameter(name, (spring,), start, lower, upper, before=(value,))
+def on_bodies(
+    scene: Scene, parameters: Sequence[TuningParameter], bodies: Sequence[str]
+) -> list[TuningParameter]:
+    """The same, a material's factor with the bodies of this material."""
+    with_bodies = []
+    for p in parameters:
+        material = None if p.springs else p.name.split(".")[1]
+        of_it = tuple(b for b in bodies if material and scene.material_name(b) == material)
+        with_bodies.append(p._replace(bodies=of_it))
+    return with_bodies
 
 
-def _require_one_modulus(scene: Scene, name: str) -> None:
-    if not scene.materials[name.split(".")[1]].is_isotropic:
-        raise InvalidScene(f"--free {name} is of an orthotropic material, which is not tuned yet.")
-
-
-def on_bodies(scene: Scene, parameters: Sequence[TuningParameter], bodies: Sequence[str]):
-    """The same with the bodies that each material's factor is on."""
-    of = {p.name: p.name.split(".")[1] for p in parameters if not p.springs}
-    made = {name: tuple(b for b in bodies if scene.material_name(b) == m) for name, m in of.items()}
-    return [p._replace(bodies=made.get(p.name, ())) for p in parameters]
-
-
-def now(scene: Scene, name: str) -> float:
+def scene_value(scene: Scene, name: str) -> float:
     """The value that the scene has."""
     table, entry, key = name.split(".")
     return getattr((scene.springs if table == "joints" else scene.materials)[entry], key)
@@ -68,7 +73,7 @@ def with_values(scene: Scene, value: Mapping[str, float]) -> Scene:
         if table == "joints":
             joints[entry] = joints[entry].model_copy(update={key: float(x)})
         else:
-            update = {key: float(x) * now(scene, name)}
+            update = {key: float(x) * scene_value(scene, name)}
             materials[entry] = materials[entry].model_copy(update=update)
     update = {"joints": tuple(joints.values()) or None, "materials": materials}
     return scene.model_copy(update=update)

@@ -1,12 +1,12 @@
 """Joint stiffnesses fitted to chosen hammer-test modes: from a scene to a tuned scene.
 
 One reduction to some fifty shapes, then a fit in tenths of a second, then the full model with the
-stiffnesses found as a judge.
+fitted stiffnesses as a judge.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from time import perf_counter
-from typing import Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel
@@ -16,7 +16,7 @@ from fem.tuning import Tuning, TuningParameter, determined, tune
 from workflows.files.output_file import OutputFile
 from workflows.report.tables import aligned_text
 from workflows.scene import InvalidScene, Scene, nearest
-from workflows.scene.bodies import Target
+from workflows.scene.bodies import MeasuredMode
 from workflows.stages.pipeline import Pipeline, Progress, pipeline_of
 from workflows.structure import parameters as of_bodies
 from workflows.thesis import HAMMER_TEST_HZ
@@ -38,7 +38,7 @@ def _unit(name: str) -> str:
 
 
 class TuningReport(BaseModel):
-    """What was fitted, what came out, and how far to believe it."""
+    """A fit: the modes wanted and met, the fitted values, and how far to believe them."""
 
     scene: str
     match: dict[str, float]
@@ -55,114 +55,188 @@ class TuningReport(BaseModel):
 
     def text(self) -> str:
         """Aligned lines, then sentences."""
-        head = ("mode", "wanted", "fitted", "full model", "MAC")
-        modes = aligned_text(head, map(self._mode, self.modes_hz))
-        values = aligned_text(("value", "fitted", "", ""), map(self._value, self.stiffness))
+        modes = []
+        for i, fitted in self.modes_hz.items():
+            frequencies = self.match.get(i), fitted, self.full_order_hz.get(i)
+            hz = (None if x is None else f"{x:.2f}" for x in frequencies)
+            modes.append((i, *hz, f"{self.mac[i]:.2f}"))
+        values = []
+        for name, value in self.stiffness.items():
+            spread = self.deviation[name]
+            text = "not determined by these modes" if spread is None else f"+- {100 * spread:.2g} %"
+            values.append((name, f"{value:.5g}", _unit(name), text))
         cost = f"{self.evaluations} evaluations in {self.seconds:.2f} s"
-        return "\n".join([modes, "", values, "", cost, *self.remarks])
-
-    def _mode(self, i: str) -> tuple:
-        wanted, full = self.match.get(i), self.full_order_hz.get(i)
-        hz = (None if x is None else f"{x:.2f}" for x in (wanted, self.modes_hz[i], full))
-        return i, *hz, f"{self.mac[i]:.2f}"
-
-    def _value(self, name: str) -> tuple:
-        spread = self.deviation[name]
-        seen = "not determined by these modes" if spread is None else f"+- {100 * spread:.2g} %"
-        return name, f"{self.stiffness[name]:.5g}", _unit(name), seen
+        head = ("mode", "wanted", "fitted", "full model", "MAC")
+        return "\n".join(
+            [
+                aligned_text(head, modes), "", aligned_text(("value", "fitted", "", ""), values),
+                "", cost, *self.remarks,
+            ]
+        )  # fmt: skip
 
     @property
     def failures(self) -> list[str]:
         """A sentence on each mode that is missed by more than a fit of it may be."""
         return [
-            f"mode {n} of {self.match[n]:g} Hz is missed by {100 * off:+.3g} %, up to "
+            f"mode {n} of {self.match[n]:g} Hz is missed by {100 * error:+.3g} %, up to "
             f"{100 * LARGEST_MISS:g} % is a fit; free what moves this mode, or match others."
-            for n, off in _misses(self.modes_hz, self.match).items()
+            for n, error in _misses(self.modes_hz, self.match).items()
         ]
 
 
-def _misses(modes_hz, match) -> dict:
-    """Relative misses of the modes that are no fit, by number."""
-    missed = {n: modes_hz[n] / hz - 1 for n, hz in match.items()}
-    return {n: off for n, off in missed.items() if not abs(off) <= LARGEST_MISS}
+def _misses(modes_hz: Mapping[Any, float], match: Mapping[Any, float]) -> dict[Any, float]:
+    """Relative errors of the modes that are no fit, by number; a mode that is nan is none."""
+    errors = {n: modes_hz[n] / hz - 1 for n, hz in match.items()}
+    return {n: error for n, error in errors.items() if not abs(error) <= LARGEST_MISS}
 
 
 def tuned(
     scene: Scene, match: dict[int, float], free: tuple[str, ...], progress: Progress
 ) -> tuple[Scene, TuningReport]:
-    """The scene with fitted joints, and the report; raises InvalidScene for what has no joints."""
+    """The scene with fitted joints, and the report.
+
+    match  {mode: Hz} wanted;  free  names of what may vary, `usual` ones for the rig without any
+
+    Raises InvalidScene for what has no joints, and where the modes determine no parameter though
+    they are met.
+    """
     if scene.is_general:
-        freed_ones = of_bodies.freed(scene, free)
+        candidates = of_bodies.freed(scene, free)
     else:
-        freed_ones = _of_the_rig(scene, free or usual(match))
-    fit = _fitted(scene, freed_ones, match, progress)
-    result = _targeted(at_values(fit.loose, fit.found.parameters, fit.found.value), match)
+        if scene.assembly.constraint != "wires":
+            raise InvalidScene(
+                f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
+                "set assembly.constraint=wires."
+            )
+        candidates = [started_from(scene, p) for p in freed(free or usual(match))]
+        for p in candidates:
+            for joint in {spring.split(".")[0] for spring in p.springs}:
+                part = {"head": "sheets", "foot": "sheets_support"}[joint]
+                if part not in scene.assembly.parts:
+                    raise InvalidScene(
+                        f"{p.name} cannot be tuned: assembly.parts = {list(scene.assembly.parts)} "
+                        f"has no {part}; add it, or free something else."
+                    )
+
+    # a fit of all candidates, then again of those alone that the modes determine; the others stay
+    # as they were in the scene
+    parameters, of_all = candidates, None
+    while True:
+        loose = loosened(scene, parameters)
+        basis = pipeline_of(loose, progress)("tuning-basis")
+        if scene.is_general:
+            parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
+        started = perf_counter()
+        fit = tune(basis, parameters, match)
+        of_all = fit if of_all is None else of_all
+        missed = _misses(dict(enumerate(fit.modes_hz, start=1)), match)
+        subset = parameters if missed else determined(basis, parameters, match, fit)
+        seconds = perf_counter() - started
+        if len(subset) == len(parameters):
+            break
+        if not subset:
+            names = ", ".join(p.name for p in of_all.parameters)
+            raise InvalidScene(
+                f"{scene.name}: no value of --free {names} is determined by mode "
+                f"{', '.join(map(str, match))}, nothing is tuned; free what moves these modes, or "
+                "match others."
+            )
+        parameters = subset
+
+    # the full model with the fitted values is the judge of the projection
+    result = retargeted(at_values(loose, fit.parameters, fit.value), match)
     full = pipeline_of(result, progress)
-    fitted = {p.name for p in fit.found.parameters}
-    undetermined = [p for p in freed_ones if p.name not in fitted]
-    return result, _report(scene, match, fit, full, undetermined)
+    confirmed, mac = full("modes").paired_hz, shape_mac(full)
+
+    names = [p.name for p in fit.parameters]
+    undetermined = [p for p in candidates if p.name not in names]
+    unchanged = {key: value for p in undetermined for key, value in scene_values(scene, p)}
+    modes_hz = {str(i): float(hz) for i, hz in enumerate(fit.modes_hz, start=1)}
+    report = TuningReport(
+        scene=scene.name,
+        match={str(n): hz for n, hz in match.items()},
+        modes_hz=modes_hz,
+        full_order_hz=confirmed,
+        stiffness=dict(zip(names, map(float, fit.value), strict=True)),
+        deviation={
+            name: float(s) if np.isfinite(s) else None
+            for name, s in zip(names, fit.deviation, strict=True)
+        },
+        undetermined={key: "rigid" if np.isinf(x) else x for key, x in unchanged.items()},
+        mac=mac,
+        between_hz=[float(hz) for hz in fit.all_hz if not np.any(np.isclose(hz, fit.modes_hz))],
+        evaluations=fit.evaluations,
+        seconds=seconds,
+        remarks=_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, mac),
+    )
+    return result, report
 
 
-def _of_the_rig(scene: Scene, names: tuple[str, ...]) -> list[TuningParameter]:
-    if scene.assembly.constraint != "wires":
-        raise InvalidScene(
-            f"assembly.constraint = {scene.assembly.constraint!r} has no springs to tune; "
-            "set assembly.constraint=wires."
-        )
-    freed_ones = [_from(scene, p) for p in freed(names)]
-    _require_joints(scene, freed_ones)
-    return freed_ones
-
-
-class Fit(NamedTuple):
-    """A tuning of what its modes determine, the scene with springs to vary, the seconds."""
-
-    found: Tuning
-    loose: Scene
-    seconds: float
-    of_all: Tuning  # the fit of every parameter that the user freed
-
-
-def _fitted(
+def _remarks(
     scene: Scene,
-    parameters: Sequence[TuningParameter],
     match: dict[int, float],
-    progress: Progress,
-    of_all: Tuning | None = None,
-) -> Fit:
-    """The fit of those parameters that these modes determine; the others stay as they were in the
-    scene. Raises InvalidScene where the modes determine none and are met all the same."""
-    loose = loosened(scene, parameters)
-    basis = pipeline_of(loose, progress)("tuning-basis")
-    if scene.is_general:
-        parameters = of_bodies.on_bodies(scene, parameters, list(basis.forms))
-    started = perf_counter()
-    found = tune(basis, parameters, match)
-    of_all = of_all or found
-    missed = _misses(dict(enumerate(found.modes_hz, start=1)), match)
-    subset = parameters if missed else determined(basis, parameters, match, found)
-    if len(subset) == len(parameters):
-        return Fit(found, loose, perf_counter() - started, of_all)
-    if not subset:
-        names = ", ".join(p.name for p in of_all.parameters)
-        raise InvalidScene(
-            f"{scene.name}: no value of --free {names} is determined by mode "
-            f"{', '.join(map(str, match))}, nothing is tuned; free what moves these modes, or "
-            "match others."
+    fit: Tuning,
+    of_all: Tuning,
+    unchanged: dict[str, float],
+    candidates: Sequence[TuningParameter],
+    confirmed: dict[str, float],
+    mac: dict[str, float],
+) -> list[str]:
+    """How far to believe a fit, in sentences. `of_all` is the fit of all candidates, `unchanged`
+    are keys of the scene that the modes do not determine, with their values."""
+    names, remarks = [p.name for p in fit.parameters], []
+    modes = "mode " + ", ".join(map(str, match))
+    for key, x in unchanged.items():
+        value = "rigid" if np.isinf(x) else f"{x:g}"
+        remarks.append(f"{key} is not determined by {modes}: it stays {value}.")
+    if unchanged:
+        remarks.append(
+            f"The fit was repeated with what these modes determine: --free {','.join(names)}."
         )
-    return _fitted(scene, subset, match, progress, of_all)
 
+    # modes that are missed now and were met while all were free: of a joint much stiffer than its
+    # scene has it, the modes give a lower bound of the stiffness and no more
+    contradicted = [
+        f"mode {n}"
+        for n, hz in match.items()
+        if abs(fit.modes_hz[n - 1] / hz - 1) > DISAGREEMENT
+        and abs(of_all.modes_hz[n - 1] / hz - 1) < DISAGREEMENT / 2
+    ]
+    if contradicted:
+        values = [
+            f"{p.name} = {x:.3g} ({_unit(p.name)})"
+            for p, x in zip(of_all.parameters, of_all.value, strict=True)
+            if p.name not in names
+        ]
+        remarks.append(
+            f"{', '.join(contradicted)} would be met with {', '.join(values)}, which the modes do "
+            "not determine: set a value like this in the scene, inf for rigid, and tune again."
+        )
 
-def _require_joints(scene: Scene, parameters: list[TuningParameter]) -> None:
-    """Raises InvalidScene for a spring of a joint that the assembly's parts do not have."""
-    for p in parameters:
-        for joint in {spring.split(".")[0] for spring in p.springs}:
-            part = {"head": "sheets", "foot": "sheets_support"}[joint]
-            if part not in scene.assembly.parts:
-                raise InvalidScene(
-                    f"{p.name} cannot be tuned: assembly.parts = {list(scene.assembly.parts)} has "
-                    f"no {part}; add it, or free something else."
-                )
+    missed = {n: float(fit.modes_hz[n - 1]) / hz - 1 for n, hz in match.items()}
+    for n, error in missed.items():
+        if abs(error) > DISAGREEMENT:
+            remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
+    has_free_turn = {"head.kz", "head.kry"} <= {p.name for p in candidates}
+    conflict = not scene.is_general and {2, 3} <= match.keys() and not has_free_turn
+    if conflict and max(map(abs, missed.values())) > DISAGREEMENT:
+        remarks.append(
+            "Modes 2 and 3 both shear the joints along x: one stiffness for x and z that is soft "
+            "enough for mode 2 pulls mode 3 down with it. Free head.kz and head.kry instead."
+        )
+
+    for i, hz in confirmed.items():
+        if abs(fit.modes_hz[int(i) - 1] / hz - 1) > DISAGREEMENT:
+            remarks.append(
+                f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
+            )
+    for i, value in mac.items():
+        if value < 0.8:
+            remarks.append(
+                f"the shape of mode {i} has a MAC of {value:.2f} with that of stiff joints: a "
+                "frequency that matches is no proof of the joint."
+            )
+    return remarks
 
 
 def usual(match: dict[int, float]) -> tuple[str, ...]:
@@ -175,69 +249,68 @@ def targets(match: str, measured_hz: tuple[float, ...] = HAMMER_TEST_HZ) -> dict
     """The modes named in "1,3,4", or "1=51.2,3=905" with frequencies of one's own."""
     pairs = [item.partition("=") for item in match.split(",")]
     try:
-        found = {int(n): float(hz) if eq else measured_hz[int(n) - 1] for n, eq, hz in pairs}
+        wanted = {int(n): float(hz) if eq else measured_hz[int(n) - 1] for n, eq, hz in pairs}
     except (ValueError, IndexError):
-        found = {}
-    if len(found) < len(pairs) or not all(
-        1 <= n <= len(measured_hz) and 0 < hz < np.inf for n, hz in found.items()
+        wanted = {}
+    if len(wanted) < len(pairs) or not all(
+        1 <= n <= len(measured_hz) and 0 < hz < np.inf for n, hz in wanted.items()
     ):
         raise InvalidScene(
             f"--match {match} must name modes 1 to {len(measured_hz)}, each once, as in 1,3,4 or "
             "1=51.2,3=905 (Hz)."
         )
-    return found
+    return wanted
 
 
 def freed(names: tuple[str, ...]) -> list[TuningParameter]:
-    """What the names stand for; raises InvalidScene for a stiffness that two of them set."""
-    parameters, taken = [_parameter(name) for name in names], {}
+    """Parameters of the rig by name: "head.ky", "foot.kt" (both tangential directions) or
+    "block.young". Raises InvalidScene for other names and for a stiffness that two of them set."""
+    parameters = []
+    for name in names:
+        part, _, key = name.partition(".")
+        if part == "block" and key in ("young", "density"):
+            parameters.append(TuningParameter(name, (), *FACTOR, ("block",), key))
+            continue
+        directions = TANGENTIAL if key == "kt" else (key,)
+        if part not in JOINTS or not set(directions) <= set(fem.DIRECTIONS):
+            names_known = [f"{joint}.{key}" for joint in JOINTS for key in (*fem.DIRECTIONS, "kt")]
+            names_known += ["block.young", "block.density"]
+            raise InvalidScene(f"--free {name} is not known, {nearest(name, names_known)}.")
+        springs = tuple(f"{part}.{direction}" for direction in directions)
+        bounds = STARTS.get(key, of_bodies.TURN if key.startswith("kr") else SHIFT)
+        parameters.append(TuningParameter(name, springs, *bounds))
+
+    set_by: dict[str, str] = {}
     for name, p in zip(names, parameters, strict=True):
         for value in p.springs or (p.name,):
-            if value in taken:
-                raise InvalidScene(f"--free {taken[value]} and {name} set the same; drop one.")
-            taken[value] = name
+            if value in set_by:
+                raise InvalidScene(f"--free {set_by[value]} and {name} set the same; drop one.")
+            set_by[value] = name
     return parameters
 
 
-def _parameter(name: str) -> TuningParameter:
-    part, _, key = name.partition(".")
-    if part == "block" and key in ("young", "density"):
-        return TuningParameter(name, (), *FACTOR, ("block",), key)
-    directions = TANGENTIAL if key == "kt" else (key,)
-    if part not in JOINTS or not set(directions) <= set(fem.DIRECTIONS):
-        raise InvalidScene(f"--free {name} is not known, {nearest(name, _known())}.")
-    springs = tuple(f"{part}.{direction}" for direction in directions)
-    return TuningParameter(
-        name, springs, *STARTS.get(key, of_bodies.TURN if key.startswith("kr") else SHIFT)
-    )
-
-
-def _from(scene: Scene, p: TuningParameter) -> TuningParameter:
-    """The same, from the value that the scene has where that is one to start from."""
+def started_from(scene: Scene, p: TuningParameter) -> TuningParameter:
+    """The same, from the value that the scene has where that lies between the bounds."""
     scale = 1.0 if p.springs else getattr(scene.assembly, p.of)
-    before = tuple(value / scale for _, value in _now(scene, p))
+    before = tuple(value / scale for _, value in scene_values(scene, p))
     start = before[0] if p.lower <= before[0] <= p.upper else p.start
     return p._replace(start=start, before=before)
 
 
-def _now(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
+def scene_values(scene: Scene, p: TuningParameter) -> list[tuple[str, float]]:
     """Keys of the scene that the parameter sets, each with its value."""
     if scene.is_general:
-        return [(p.name, of_bodies.now(scene, p.name))]
+        return [(p.name, of_bodies.scene_value(scene, p.name))]
     if p.springs:
         keys = [spring.split(".") for spring in p.springs]
-        return [(f"{j}.{key}", getattr(scene.springs[j], key)) for j, key in keys]
-    own = getattr(scene.assembly.block, p.of, None)
-    return [(p.name, getattr(scene.assembly, p.of) if own is None else own)]
-
-
-def _known() -> list[str]:
-    of_joints = [f"{joint}.{key}" for joint in JOINTS for key in (*fem.DIRECTIONS, "kt")]
-    return [*of_joints, "block.young", "block.density"]
+        return [(f"{joint}.{key}", getattr(scene.springs[joint], key)) for joint, key in keys]
+    of_block = getattr(scene.assembly.block, p.of, None)
+    return [(p.name, getattr(scene.assembly, p.of) if of_block is None else of_block)]
 
 
 def loosened(scene: Scene, parameters: list[TuningParameter]) -> Scene:
-    """The scene with finite springs to vary, and of the block what is not to vary."""
+    """The scene with finite springs where they vary, and with a block that keeps only the values
+    that do not vary."""
     if scene.is_general:
         return at_values(scene, parameters, np.array([p.start for p in parameters]))
     varied = {p.of: None for p in parameters if not p.springs}
@@ -258,128 +331,30 @@ def at_values(scene: Scene, parameters: list[TuningParameter], value) -> Scene:
             joints.setdefault(joint, {})[key] = float(x)
         if not p.springs:
             steel[p.of] = float(x) * getattr(scene.assembly, p.of)
-    found = scene.but(joints=joints)
+    result = scene.but(joints=joints)
     if steel:
         from workflows.scene.assembly import Steel
 
-        found = found.but(assembly={"block": (scene.assembly.block or Steel()).but(**steel)})
-    return found
+        result = result.but(assembly={"block": (scene.assembly.block or Steel()).but(**steel)})
+    return result
 
 
-def _targeted(scene: Scene, match: dict[int, float]) -> Scene:
+def retargeted(scene: Scene, match: dict[int, float]) -> Scene:
     """The scene with the frequencies that it was tuned to among its targets."""
     if scene.is_general:
-        own = enumerate(scene.targets or (), start=1)
-        told = [t.but(hz=match.get(n, t.hz)) for n, t in own]
+        numbered = enumerate(scene.targets or (), start=1)
+        tables = [target.but(hz=match.get(n, target.hz)) for n, target in numbered]
     else:
-        hz = {t.number: t.hz for t in scene.targets or ()} | match
-        told = [Target(number=n, hz=hz[n]) for n in sorted(hz)]
-    return scene.but(targets=tuple(told))
-
-
-def _report(
-    scene, match, fit: Fit, full: Pipeline, undetermined: list[TuningParameter]
-) -> TuningReport:
-    found, confirmed = fit.found, full("modes").paired_hz
-    names = [p.name for p in found.parameters]
-    numbers = [str(i) for i in range(1, len(found.modes_hz) + 1)]
-    fitted, mac = dict(zip(numbers, map(float, found.modes_hz), strict=True)), shape_mac(full)
-    keeps = {key: value for p in undetermined for key, value in _now(scene, p)}
-    return TuningReport(
-        scene=scene.name,
-        match={str(n): hz for n, hz in match.items()},
-        modes_hz=fitted,
-        full_order_hz=confirmed,
-        stiffness=dict(zip(names, map(float, found.value), strict=True)),
-        deviation={
-            name: float(s) if np.isfinite(s) else None
-            for name, s in zip(names, found.deviation, strict=True)
-        },
-        undetermined={key: "rigid" if np.isinf(x) else x for key, x in keeps.items()},
-        mac=mac,
-        between_hz=[float(hz) for hz in found.all_hz if not np.any(np.isclose(hz, found.modes_hz))],
-        evaluations=found.evaluations,
-        seconds=fit.seconds,
-        remarks=[
-            *_undetermined(match, keeps, names),
-            *_contradicted(match, fit, names),
-            *_remarks(scene, match, fitted, confirmed, found, undetermined),
-            *_drifted(mac),
-        ],
-    )
-
-
-def _undetermined(match, keeps: dict[str, float], names: list[str]) -> list[str]:
-    if not keeps:
-        return []
-    modes = "mode " + ", ".join(map(str, match))
-    return [
-        *(
-            f"{key} is not determined by {modes}: it stays {'rigid' if np.isinf(x) else f'{x:g}'}."
-            for key, x in keeps.items()
-        ),
-        f"The fit was repeated with what these modes determine: --free {','.join(names)}.",
-    ]
-
-
-def _contradicted(match, fit: Fit, names: list[str]) -> list[str]:
-    """Modes that are missed with the values kept, and were met while these were free: of a joint
-    much stiffer than its scene has it, the modes tell a least stiffness and no more."""
-    missed = [
-        f"mode {n}"
-        for n, hz in match.items()
-        if abs(fit.found.modes_hz[n - 1] / hz - 1) > DISAGREEMENT
-        and abs(fit.of_all.modes_hz[n - 1] / hz - 1) < DISAGREEMENT / 2
-    ]
-    values = [
-        f"{p.name} = {x:.3g} ({_unit(p.name)})"
-        for p, x in zip(fit.of_all.parameters, fit.of_all.value, strict=True)
-        if p.name not in names
-    ]
-    if not missed:
-        return []
-    return [
-        f"{', '.join(missed)} would be met with {', '.join(values)}, which the modes do not "
-        "determine: set a value like this in the scene, inf for rigid, and tune again."
-    ]
-
-
-def _remarks(
-    scene, match, fitted, confirmed, found: Tuning, undetermined: list[TuningParameter]
-) -> list[str]:
-    remarks = []
-    missed = {n: fitted[str(n)] / hz - 1 for n, hz in match.items()}
-    for n, error in missed.items():
-        if abs(error) > DISAGREEMENT:
-            remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
-    names = {p.name for p in (*found.parameters, *undetermined)}
-    stiff = not scene.is_general and not {"head.kz", "head.kry"} <= names
-    if stiff and {2, 3} <= match.keys() and max(map(abs, missed.values())) > DISAGREEMENT:
-        remarks.append(
-            "Modes 2 and 3 both shear the joints along x: one stiffness for x and z that is soft "
-            "enough for mode 2 pulls mode 3 down with it. Free head.kz and head.kry instead."
-        )
-    for i, hz in confirmed.items():
-        if abs(fitted[i] / hz - 1) > DISAGREEMENT:
-            remarks.append(
-                f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
-            )
-    return remarks
+        hz = {target.number: target.hz for target in scene.targets or ()} | match
+        tables = [MeasuredMode(number=n, hz=hz[n]) for n in sorted(hz)]
+    return scene.but(targets=tuple(tables))
 
 
 def shape_mac(full: Pipeline) -> dict[str, float]:
-    """MAC of the modes found with those of stiff joints, as `beadwave modes` has it."""
+    """MAC of the computed modes with those of stiff joints by number, as `beadwave modes` has
+    it."""
     index, mac = full("modes").index, full("mac")
     return {str(j + 1): float(mac[i, j]) if i >= 0 else np.nan for j, i in enumerate(index)}
-
-
-def _drifted(mac: dict[str, float]) -> list[str]:
-    return [
-        f"the shape of mode {i} has a MAC of {share:.2f} with that of stiff joints: a frequency "
-        "that matches is no proof of the joint."
-        for i, share in mac.items()
-        if share < 0.8
-    ]
 
 
 def write_scene(scene: Scene, file: OutputFile, report: TuningReport) -> None:
@@ -388,5 +363,5 @@ def write_scene(scene: Scene, file: OutputFile, report: TuningReport) -> None:
 
     wanted = ", ".join(f"{n}: {hz:g} Hz" for n, hz in report.match.items())
     text = f"# Joints inferred from modes {wanted}; deviations assume 0.1 % in frequency.\n"
-    with file.writing() as part:
-        part.write_text(text + toml(scene), encoding="utf-8")
+    with file.writing() as path:
+        path.write_text(text + toml(scene), encoding="utf-8")

@@ -68,19 +68,30 @@ def sweep(
     from workflows.sweep.sweep import require_keys
     from workflows.sweep.sweep import sweep as compute
 
+    # which cases: the scene, the keys that vary, their values
     require_libraries(signals)
-    base, cases = base_of(scene, changes), _cases(cases)
+    base = base_of(scene, changes)
+    cases = cases if isinstance(cases, Cases) else Cases(cases)
     design = _design(base, cases)
     require_keys(base, design, signals)
-    set_too = require_free(design, base.given)
-    chosen = base.with_values({})
-    text = f"{toml(chosen)}\n# swept: {design.n_cases} cases, {design.digest}\n"
-    path, notes = place(out, SWEEPS, chosen.name, text)
-    read = (*files_read(chosen, scene), *([Path(cases.table)] if cases.table else []))
-    folder = RunFolder(path, inputs=read, overwrite=overwrite)
-    with folder.run(text, FILES) as folder, _engine(on) as engine:
-        notes += set_too + compute(
-            base, design, folder, engine, signals=signals, told=told, again=cases.again
+    notes_on_changes = require_free(design, base.given)
+
+    # where: a folder that belongs to these cases of this scene
+    scene_swept = base.with_values({})
+    text = f"{toml(scene_swept)}\n# swept: {design.n_cases} cases, {design.digest}\n"
+    path, notes = place(out, SWEEPS, scene_swept.name, text)
+    inputs = (*files_read(scene_swept, scene), *([Path(cases.table)] if cases.table else []))
+    folder = RunFolder(path, inputs=inputs, overwrite=overwrite)
+
+    # every case once, in this process or on a cluster, then pictures of the whole table
+    engine_or_none: Any = nullcontext()
+    if on != 1:
+        from workflows.sweep.cluster import engine as cluster
+
+        engine_or_none = cluster(on)
+    with folder.run(text, FILES) as folder, engine_or_none as engine:
+        notes += notes_on_changes + compute(
+            base, design, folder, engine, signals=signals, progress=told, again=cases.again
         )
         _draw(folder, design)
     return opened(path, notes)
@@ -90,12 +101,12 @@ def _draw(folder: RunFolder, design: Design) -> None:
     """Write the pictures of a table; raises InvalidScene where every case was refused."""
     from workflows.sweep.result import opened
 
-    found = opened(folder.find(FILES[0]).parent)
-    _require_one(design, found.counts().get("refused", 0), found.messages())
-    write_pictures(folder, found.pictures())
+    table = opened(folder.find(FILES[0]).parent)
+    _require_sound_case(design, table.counts().get("refused", 0), table.messages())
+    write_pictures(folder, table.pictures())
 
 
-def _require_one(design: Design, refused: int, messages: Iterable[str]) -> None:
+def _require_sound_case(design: Design, refused: int, messages: Iterable[str]) -> None:
     """Raise InvalidScene where every case was refused."""
     if refused == design.n_cases:
         raise InvalidScene(f"all {refused} cases are refused; {next(iter(messages))}")
@@ -132,14 +143,15 @@ def scan(
 
     require_libraries(signals)
     points, base = grid_of(grid), base_of(scene, changes)
-    chosen = struck_scene(base, face)
-    text = f"{toml(chosen)}\n# scanned: {points.rows}x{points.columns} points\n"
-    path, notes = place(out, SCANS, chosen.name, text)
-    folder = RunFolder(path, inputs=files_read(chosen, scene), overwrite=overwrite)
+    scene_scanned = struck_scene(base, face)
+    text = f"{toml(scene_scanned)}\n# scanned: {points.rows}x{points.columns} points\n"
+    path, notes = place(out, SCANS, scene_scanned.name, text)
+    inputs = files_read(scene_scanned, scene)
+    folder = RunFolder(path, inputs=inputs, overwrite=overwrite)
     with folder.run(text, FILES) as folder:
-        struck = StruckFace(chosen)
+        struck = StruckFace(scene_scanned)
         design = points.design(struck)
-        notes += compute(struck, design, folder, signals=signals, told=told)
+        notes += compute(struck, design, folder, signals=signals, progress=told)
         _draw(folder, design)
     return opened(path, notes)
 
@@ -159,13 +171,13 @@ def sweep_price(
     from workflows.sweep.sweep import require_keys
 
     base = base_of(scene, changes)
-    design = _design(base, _cases(cases))
+    design = _design(base, cases if isinstance(cases, Cases) else Cases(cases))
     require_keys(base, design, False)
     require_free(design, base.given)
     require_processes(processes or 1)
-    found = price(base, design, processes or 1)
-    _require_one(design, found.refused, found.notes)
-    return found
+    expected = price(base, design, processes or 1)
+    _require_sound_case(design, expected.refused, expected.notes)
+    return expected
 
 
 def load_sweep(folder: str | Path) -> Sweep:
@@ -175,16 +187,22 @@ def load_sweep(folder: str | Path) -> Sweep:
     return opened(folder)
 
 
-def _cases(cases: Cases | Mapping[str, Any]) -> Cases:
-    return cases if isinstance(cases, Cases) else Cases(cases)
-
-
 def _design(base: Base, cases: Cases) -> Design:
+    """The cases; raises InvalidScene."""
     from workflows.sweep import design
 
+    # values of a mapping as `--over` takes them; a text, start:stop:n for instance, as it is
     over = cases.over
     if isinstance(over, Mapping):
-        over = [f"{key}={_listed(values)}" for key, values in over.items()]
+        from json import dumps
+
+        lists = {
+            key: values if isinstance(values, str) else ",".join(
+                dumps(value.item() if hasattr(value, "item") else value) for value in values
+            )
+            for key, values in over.items()
+        }  # fmt: skip
+        over = [f"{key}={values}" for key, values in lists.items()]
     texts = (over,) if isinstance(over, str) else tuple(over)
     if cases.table is not None:
         if texts or cases.sample:
@@ -193,21 +211,3 @@ def _design(base: Base, cases: Cases) -> Design:
     if cases.sample:
         return design.sampled(texts, cases.sample, cases.seed, base.number)
     return design.grid(texts, base.number)
-
-
-def _listed(values: Any) -> str:
-    """Values as `--over` takes them; a text, start:stop:n for instance, as it is."""
-    if isinstance(values, str):
-        return values
-    from json import dumps
-
-    return ",".join(dumps(getattr(value, "item", lambda v=value: v)()) for value in values)
-
-
-def _engine(on: int | str) -> Any:
-    """Processes where a cluster or several are asked for; this one otherwise."""
-    if on == 1:
-        return nullcontext()
-    from workflows.sweep.cluster import engine
-
-    return engine(on)

@@ -1,6 +1,6 @@
 """The cases of a sweep by what they share: a wall, and whether their chains march side by side."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -35,12 +35,13 @@ class Base(NamedTuple):
         try:
             return float(text)
         except ValueError:
-            found: Any = self.with_values({key: text})
+            value: Any = self.with_values({key: text})
+        # down the scene that holds the text, which has read its unit
         for name in key.split("."):
-            found = found.get(name) if isinstance(found, dict) else getattr(found, name, None)
-        if isinstance(found, bool) or not isinstance(found, int | float):
+            value = value.get(name) if isinstance(value, dict) else getattr(value, name, None)
+        if isinstance(value, bool) or not isinstance(value, int | float):
             raise InvalidScene(f"{key}: {text!r} is no number; give numbers for a range.")
-        return float(found)
+        return float(value)
 
 
 def base_of(source: Source, changes: Changes) -> Base:
@@ -63,7 +64,7 @@ class Group(NamedTuple):
         return self.shared | {key: column[i] for key, column in self.columns.items()}
 
     def take(self, rows: list[int]) -> "Group":
-        """Some of its cases."""
+        """Its cases at these rows."""
         columns = {key: tuple(column[i] for i in rows) for key, column in self.columns.items()}
         return Group(self.shared, columns, tuple(self.cases[i] for i in rows))
 
@@ -72,31 +73,31 @@ def groups(base: Base, design: Design, missing: Sequence[int]) -> Iterator[Group
     """The missing cases of a design, grouped, in order of their first case."""
     if not missing:
         return
-    apart = [key for key in design.keys if not _side_by_side(key, design.columns[key])]
-    joint = [key for key in design.keys if key not in apart]
-    found: dict[str, Sequence[int]] = {} if apart else {"all": missing}
-    for i in missing if apart else ():
-        found.setdefault(repr([design.columns[key][i] for key in apart]), []).append(i)
-    # cases that are all alike differ in no key that chains side by side may differ in: one each
-    together = found.values() if joint else ([i] for cases in found.values() for i in cases)
+
+    # keys of one number per chain may differ within a march; all others split the cases
+    joint = [
+        key for key, values in design.columns.items()
+        if key in SIDE_BY_SIDE
+        and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
+    ]  # fmt: skip
+    splitting = [key for key in design.keys if key not in joint]
+    by_values: dict[str, Sequence[int]] = {} if splitting else {"all": missing}
+    for i in missing if splitting else ():
+        by_values.setdefault(repr([design.columns[key][i] for key in splitting]), []).append(i)
+
+    # without a joint key cases of a group would be the same chain many times: one group each
+    together = by_values.values() if joint else ([i] for cases in by_values.values() for i in cases)
     for cases in together:
-        shared = {key: design.columns[key][cases[0]] for key in apart}
-        columns = {key: _taken(design.columns[key], cases) for key in joint}
+        shared = {key: design.columns[key][cases[0]] for key in splitting}
+        columns = {key: design.columns[key] for key in joint}
+        if len(cases) < design.n_cases:
+            columns = {key: tuple(column[i] for i in cases) for key, column in columns.items()}
         yield Group(shared, columns, tuple(cases))
 
 
-def _taken(column: tuple[Any, ...], cases: Sequence[int]) -> tuple[Any, ...]:
-    return column if len(cases) == len(column) else tuple(column[i] for i in cases)
-
-
-def _side_by_side(key: str, values: tuple[Any, ...]) -> bool:
-    number = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
-    return key in SIDE_BY_SIDE and number
-
-
 @dataclass(frozen=True)
-class Checked:
-    """A group whose scenes are read; those that are refused are told by their sentences."""
+class CheckedGroup:
+    """A group whose scenes were read, with a sentence for each case that is refused."""
 
     base: Base
     group: Group
@@ -115,17 +116,16 @@ class Checked:
         n = len(self.group.cases)
         return self.group.take([i for i in range(n) if i not in self.refused])
 
-    def parts(self, size: int) -> Iterator["Checked"]:
+    def pieces(self, size: int) -> Iterator["CheckedGroup"]:
         """The same in pieces of up to `size` cases; the refused ones are in the first."""
         refused = sorted(self.refused)
         if refused:
-            apart = self.group.take(refused)
-            own = {i: self.refused[place] for i, place in enumerate(refused)}
-            yield Checked(self.base, apart, own)
+            sentences = {i: self.refused[place] for i, place in enumerate(refused)}
+            yield CheckedGroup(self.base, self.group.take(refused), sentences)
         sound = self.sound
         for first in range(0, len(sound.cases), size):
             places = list(range(first, min(first + size, len(sound.cases))))
-            yield Checked(self.base, sound.take(places), {})
+            yield CheckedGroup(self.base, sound.take(places), {})
 
     @property
     def joins(self) -> bool:
@@ -141,24 +141,23 @@ class Checked:
         )
 
 
-def checked(base: Base, group: Group) -> Checked:
+def checked(base: Base, group: Group) -> CheckedGroup:
     """The group with its refused cases.
 
     Ranges and usual sizes are intervals: where the smallest and the largest value of each key are
-    taken, so are those between. Where one is refused, each case is looked at.
+    accepted, so are those between. Where one is refused, the scene of each case is read.
     """
+
+    def refusals(places: Iterable[int]) -> Iterator[tuple[int, str]]:
+        for i in places:
+            try:
+                base.with_values(group.values(i))
+            except InvalidScene as reason:
+                yield i, str(reason)
+
     probes = {0, len(group.cases) - 1}
     for column in group.columns.values():
         probes |= {int(np.argmin(column)), int(np.argmax(column))}
-    if any(_refusal(base, group, i) for i in probes):
-        found = ((i, _refusal(base, group, i)) for i in range(len(group.cases)))
-        return Checked(base, group, {i: sentence for i, sentence in found if sentence})
-    return Checked(base, group, {})
-
-
-def _refusal(base: Base, group: Group, i: int) -> str | None:
-    try:
-        base.with_values(group.values(i))
-    except InvalidScene as reason:
-        return str(reason)
-    return None
+    if any(refusals(probes)):
+        return CheckedGroup(base, group, dict(refusals(range(len(group.cases)))))
+    return CheckedGroup(base, group, {})

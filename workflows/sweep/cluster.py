@@ -1,7 +1,7 @@
 """The same tasks on the processes of a Dask cluster: one of this machine, or one by its address.
 
-Dask sends what a lost worker held to another one; a task that ends several workers fails, and its
-cases are rows that say so.
+Dask sends the tasks of a lost worker to another one; a task that ends several workers fails, and
+its cases are rows with that message.
 """
 
 from asyncio import run as run_loop
@@ -9,6 +9,7 @@ from asyncio import wait_for
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from logging import getLogger
 from os import cpu_count
 from time import perf_counter
@@ -17,23 +18,23 @@ from typing import Any
 from workflows.scene import InvalidScene
 from workflows.sweep.core.rows import FAILED, Rows, without_result
 from workflows.sweep.march import rows
-from workflows.sweep.models import Prepared, models, prepared
+from workflows.sweep.models import SharedWall, models, shared_wall
 from workflows.sweep.tasks import Sharing, Task
 
 RETRIES = 2  # of a task whose worker ended
 HERE = "127.0.0.1"
 PATIENCE = "10s"  # to reach a scheduler
 MOST_A_CORE = 64  # processes, each a third of a gigabyte
-EVERY = 1.0  # s, that the workers are counted anew
+RECOUNT = 1.0  # s between counts of the workers: an answer is as long as the list of workers
 AHEAD = 4  # tasks for each thread that are handed over before the first is done
 
 
 def require_processes(where: int | str) -> None:
     """Raise InvalidScene for no process at all, and for more than this machine can start."""
-    most = MOST_A_CORE * (cpu_count() or 1)
-    if isinstance(where, int) and not 1 <= where <= most:
+    allowed = MOST_A_CORE * (cpu_count() or 1)
+    if isinstance(where, int) and not 1 <= where <= allowed:
         raise InvalidScene(
-            f"{where} processes; give 1 to {most} on this machine, or a scheduler's address."
+            f"{where} processes; give 1 to {allowed} on this machine, or a scheduler's address."
         )
 
 
@@ -60,10 +61,10 @@ def engine(where: int | str) -> Iterator[Callable]:
     dask.config.set({"distributed.scheduler.allowed-failures": RETRIES})
     if isinstance(where, int):
         # scheduler, workers and dashboard alone to this machine: who reaches them runs code here
-        own = LocalCluster(
+        cluster = LocalCluster(
             n_workers=where, threads_per_worker=1, host=HERE, dashboard_address=f"{HERE}:0"
         )
-        with own, Client(own) as client, _while_it_runs():
+        with cluster, Client(cluster) as client, _while_it_runs():
             yield on(client)
         return
     try:
@@ -105,7 +106,8 @@ def _while_it_runs() -> Iterator[None]:
 
 
 async def _answer(where: str) -> Any:
-    """What a scheduler says of itself; a client waits for ever for a port that is another's."""
+    """The identity of a scheduler; asked for first, since a client would wait for ever for a port
+    of another program that takes connections."""
     from dask.utils import parse_timedelta
     from distributed import rpc
 
@@ -113,53 +115,48 @@ async def _answer(where: str) -> Any:
         return await wait_for(scheduler.identity(), parse_timedelta(PATIENCE))
 
 
-def on(found: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
-    """What computes tasks with a client."""
+def on(client: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
+    """What computes tasks with a Dask client: models once, then walls, then rows, each a future
+    that the next one waits for."""
 
     def run(sharings: Iterator[Sharing]) -> Iterator[list[Rows]]:
         from distributed import as_completed
 
-        own: dict[str, Any] = {}
+        submit = partial(client.submit, pure=False, retries=RETRIES)
+        models_of: dict[str, Any] = {}
         running: dict[Any, Task] = {}
-        done = as_completed([])
-        most, asked = _handed_over(found), perf_counter()
-        for task, shared in _with_shared(found, sharings, own):
-            future = found.submit(_rows, task, shared, pure=False, retries=RETRIES)
-            running[future] = task
-            done.add(future)
-            while len(running) >= most:
-                yield _result(next(done), running)
-                if perf_counter() > asked + EVERY:  # an answer as long as the list of workers
-                    most, asked = _handed_over(found), perf_counter()
+        completed = as_completed([])
+        allowed, counted_at = _handed_over(client), perf_counter()
+        for sharing in sharings:
+            if sharing.key is not None and sharing.key not in models_of:
+                models_of[sharing.key] = submit(models, sharing.source)
+            shared = SharedWall()
+            if sharing.scene is not None:
+                model = models_of.get(sharing.key)
+                shared = submit(shared_wall, sharing.scene, sharing.source, model)
+            for task in sharing.tasks:
+                future = submit(_rows, task, shared)
+                running[future] = task
+                completed.add(future)
+                while len(running) >= allowed:
+                    yield _result(next(completed), running)
+                    if perf_counter() > counted_at + RECOUNT:
+                        allowed, counted_at = _handed_over(client), perf_counter()
         while running:
-            yield _result(next(done), running)
+            yield _result(next(completed), running)
 
     return run
 
 
-def _handed_over(found: Any) -> int:
-    """Tasks for the workers that there are by now; raises CancelledError without a scheduler."""
+def _handed_over(client: Any) -> int:
+    """Tasks to hand over to the present workers; raises CancelledError without a scheduler."""
     try:
-        return AHEAD * max(1, sum(found.nthreads().values()))
+        return AHEAD * max(1, sum(client.nthreads().values()))
     except OSError:
         raise CancelledError from None
 
 
-def _with_shared(found, sharings, own):
-    """Tasks, each with the future of what it shares with others."""
-    for sharing in sharings:
-        if sharing.key is not None and sharing.key not in own:
-            own[sharing.key] = found.submit(models, sharing.source, pure=False, retries=RETRIES)
-        shared = Prepared()
-        if sharing.scene is not None:
-            made = own.get(sharing.key)
-            what = (prepared, sharing.scene, sharing.source, made)
-            shared = found.submit(*what, pure=False, retries=RETRIES)
-        for task in sharing.tasks:
-            yield task, shared
-
-
-def _rows(task: Task, shared: Prepared) -> list[Rows]:
+def _rows(task: Task, shared: SharedWall) -> list[Rows]:
     return rows(task.checked, shared, task.signals)
 
 
@@ -171,7 +168,7 @@ def _result(future: Any, running: dict[Any, Task]) -> list[Rows]:
     except CancelledError:  # of an Exception in Dask: the scheduler is gone
         raise
     except Exception as reason:  # whatever a worker died of
-        said = f"its worker ended ({type(reason).__name__}): too little memory, or it was killed"
+        message = f"its worker ended ({type(reason).__name__}): too little memory, or it was killed"
         cases = task.checked.group.cases
         spheres = task.checked.base.with_values({}).output.spheres
-        return [without_result(spheres, cases, FAILED, [said] * len(cases))]
+        return [without_result(spheres, cases, FAILED, [message] * len(cases))]

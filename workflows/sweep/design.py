@@ -26,17 +26,72 @@ Number = Callable[[str, str], float]  # of a key and a text, which may have a un
 def grid(over: Iterable[str], number: Number) -> Design:
     """Every combination of the values of all axes, the last key varying fastest.
 
+    Each text of `over` is one axis: "key=start:stop:n", "key=start:stop:n:log" or "key=a,b,c".
     Raises InvalidScene for an axis that cannot be read and for more cases than a table holds.
     """
-    axes = _distinct([_grid_axis(text, number) for text in over])
+    axes = []
+    for text in over:
+        key, values = _split(text, FORMS)
+        fields = values.split(":")
+        if len(fields) == 1:
+            axes.append(Axis(key, _list_values(values)))
+            continue
+        if len(fields) not in (3, 4) or fields[3:] not in ([], ["log"]):
+            raise InvalidScene(f"--over {text} must be {FORMS}, or {RANGE} beside --sample.")
+        low, high = (number(key, field.strip()) for field in fields[:2])
+        n = counted(fields[2], MOST_CASES)
+        if n is None:
+            raise InvalidScene(
+                f"--over {text}: {fields[2].strip()!r} must be a number of values up to "
+                f"{MOST_CASES}."
+            )
+        if n == 1:
+            raise InvalidScene(f"--over {text} has one value; take --set {key}={fields[0]}.")
+        axis = _sound(Axis(key, (), low, high, bool(fields[3:])), text)
+
+        # the ends are the given numbers, not what linspace rounds them to
+        spaced = axis.at(np.linspace(0.0, 1.0, n))
+        spaced[[0, -1]] = low, high
+
+        # keys that count want integers: whole ends, whole steps, all below 2^53, where a float
+        # tells neighbouring integers apart
+        integer_ends = all(field.strip().lstrip("-").isdecimal() for field in fields[:2])
+        exact = max(abs(low), abs(high)) < 2**53
+        if integer_ends and exact and np.allclose(spaced, np.round(spaced), 1e-12, 0.0):
+            spaced = np.round(spaced).astype(int)
+        axes.append(axis._replace(values=tuple(spaced.tolist())))
+    _require_distinct(axes)
     _require_number(prod(len(axis.values) for axis in axes))
     return combined(axes)
 
 
 def sampled(over: Iterable[str], sample: str, seed: int, number: Number) -> Design:
-    """Latin hypercube ("lhs:n"), or a Sobol design ("sobol:n"); raises InvalidScene."""
-    kind, n = _sample(sample)
-    axes = _distinct([_range_axis(text, number) for text in over])
+    """Latin hypercube ("lhs:n"), or a Sobol design ("sobol:n"), of ranges "key=low:high" or
+    "key=low:high:log"; raises InvalidScene."""
+    kind, _, digits = sample.partition(":")
+    n = counted(digits, MOST_CASES) or 0
+    if kind not in SAMPLES or n < 2:
+        raise InvalidScene(
+            f"--sample {sample} must be lhs:n or sobol:n with n between 2 and {MOST_CASES}."
+        )
+    if kind == "sobol" and n.bit_count() != 1:
+        above = 1 << n.bit_length()
+        raise InvalidScene(
+            f"--sample {sample}: Sobol sequences are balanced at powers of 2; take {above // 2} or "
+            f"{above}."
+        )
+
+    axes = []
+    for text in over:
+        key, values = _split(text, RANGE)
+        fields = values.split(":")
+        if len(fields) not in (2, 3) or fields[2:] not in ([], ["log"]):
+            raise InvalidScene(f"--over {text} beside --sample must be {RANGE}.")
+        low, high = (number(key, field.strip()) for field in fields[:2])
+        axes.append(_sound(Axis(key, (), low, high, bool(fields[2:])), text))
+    _require_distinct(axes)
+
+    # Saltelli's scheme: A, B and one mixed matrix per key
     _require_number(n * (len(axes) + 2 if kind == "sobol" else 1))
     return (sobol if kind == "sobol" else latin_hypercube)(axes, n, seed)
 
@@ -59,7 +114,7 @@ def table(path: Path) -> Design:
         _require_key(key, f"--cases {path}")
     if len(set(keys)) < len(keys):
         raise InvalidScene(f"--cases {path} names a key twice; name each once.")
-    _require_apart(keys, f"--cases {path}")
+    _require_independent(keys, f"--cases {path}")
     for i, line in enumerate(lines[1:], start=2):
         if len(line) != len(keys):
             raise InvalidScene(
@@ -68,87 +123,40 @@ def table(path: Path) -> Design:
             )
     _require_number(len(lines) - 1)
     rows = ([_value(cell.strip()) for cell in line] for line in lines[1:])
-    return Design("table", _columns(keys, rows))
-
-
-def _columns(keys: list[str], rows: Iterable[Iterable[Any]]) -> dict[str, tuple[Any, ...]]:
-    return dict(zip(keys, zip(*rows, strict=True), strict=True))
-
-
-def _distinct(axes: list[Axis]) -> list[Axis]:
-    keys = [axis.key for axis in axes]
-    if not axes:
-        raise InvalidScene(f"a sweep needs keys to vary; write --over key={FORMS}, or --cases.")
-    if twice := next((key for key in keys if keys.count(key) > 1), None):
-        raise InvalidScene(f"--over names {twice} twice; give all its values at once.")
-    _require_apart(keys, "--over")
-    return axes
-
-
-def _require_apart(keys: list[str], where: str) -> None:
-    """Raise InvalidScene for two keys of which one undoes the other."""
-    for one, other in combinations(keys, 2):
-        if undoes(one, other) or undoes(other, one):
-            raise InvalidScene(
-                f"{where} varies both {one} and {other}, of which one undoes the other; vary one "
-                "of them."
-            )
+    return Design("table", dict(zip(keys, zip(*rows, strict=True), strict=True)))
 
 
 def require_free(design: Design, given: Iterable[str]) -> tuple[str, ...]:
-    """What to know of changes to keys that vary, in sentences: such a change is the value of the
-    scene, which may need one. Raises InvalidScene for a change that the cases undo beside it."""
-    for key, one in product(design.keys, given):
-        if key != one and undoes(key, one):
-            raise InvalidScene(f"{key} varies, which undoes --set {one}; drop one of them.")
+    """Notes, in sentences, on the changes (`given`, dotted keys of --set) to keys that vary: such
+    a change holds for the scene alone, which may need a value there. Raises InvalidScene for a
+    change that the values of the cases would undo."""
+    for key, changed_key in product(design.keys, given):
+        if key != changed_key and undoes(key, changed_key):
+            raise InvalidScene(f"{key} varies, which undoes --set {changed_key}; drop one of them.")
     both = (key for key in design.keys if key in given)
     return tuple(f"--set {key} is of the scene alone: the cases vary it" for key in both)
 
 
+def counted(text: str, largest: int) -> int | None:
+    """The whole number from 1 to `largest` that a text is; None for any other text."""
+    digits = text.strip()
+    # digits are counted first: Python refuses to read thousands of them
+    if not digits.isdecimal() or len(digits) > len(str(largest)):
+        return None
+    return int(digits) if 1 <= int(digits) <= largest else None
+
+
 def _split(text: str, form: str) -> tuple[str, str]:
-    key, equals, values = (part.strip() for part in text.partition("="))
+    """Key and values of "key=values"; raises InvalidScene, which shows the form."""
+    key, equals, values = (field.strip() for field in text.partition("="))
     if not equals or not values:
         raise InvalidScene(f"--over {text!r} is not key=values; write key={form}.")
     _require_key(key, "--over")
     return key, values
 
 
-def _require_key(key: str, where: str) -> None:
-    if not all(key.split(".")):
-        raise InvalidScene(f"{where} {key!r} is no dotted key; write chain.young, for example.")
-
-
-def _grid_axis(text: str, number: Number) -> Axis:
-    key, values = _split(text, FORMS)
-    parts = values.split(":")
-    if len(parts) == 1:
-        return Axis(key, _listed(values))
-    if len(parts) not in (3, 4) or parts[3:] not in ([], ["log"]):
-        raise InvalidScene(f"--over {text} must be {FORMS}, or {RANGE} beside --sample.")
-    low, high = (number(key, part.strip()) for part in parts[:2])
-    n = _whole(parts[2], text)
-    if n == 1:
-        raise InvalidScene(f"--over {text} has one value; take --set {key}={parts[0]}.")
-    axis = _checked(Axis(key, (), low, high, bool(parts[3:])), text)
-    spaced = axis.at(np.linspace(0.0, 1.0, n))
-    spaced[[0, -1]] = low, high  # as they are given, not as they are rounded
-    whole = all(part.strip().lstrip("-").isdecimal() for part in parts[:2])
-    exact = max(abs(low), abs(high)) < 2**53  # whole numbers that a float tells apart
-    if whole and exact and np.allclose(spaced, np.round(spaced), 1e-12, 0.0):  # of keys that count
-        spaced = np.round(spaced).astype(int)
-    return axis._replace(values=tuple(spaced.tolist()))
-
-
-def _range_axis(text: str, number: Number) -> Axis:
-    key, values = _split(text, RANGE)
-    parts = values.split(":")
-    if len(parts) not in (2, 3) or parts[2:] not in ([], ["log"]):
-        raise InvalidScene(f"--over {text} beside --sample must be {RANGE}.")
-    low, high = (number(key, part.strip()) for part in parts[:2])
-    return _checked(Axis(key, (), low, high, bool(parts[2:])), text)
-
-
-def _checked(axis: Axis, text: str) -> Axis:
+def _sound(axis: Axis, text: str) -> Axis:
+    """The axis; raises InvalidScene where no values lie between its ends."""
     if not isfinite(axis.high - axis.low) or axis.low == axis.high:
         raise InvalidScene(f"--over {text} must run between two finite numbers that differ.")
     if axis.logarithmic and min(axis.low, axis.high) <= 0.0:
@@ -156,15 +164,46 @@ def _checked(axis: Axis, text: str) -> Axis:
     return axis
 
 
-def _listed(text: str) -> tuple[Any, ...]:
-    """Values of a list: TOML values, or bare words."""
+def _require_distinct(axes: list[Axis]) -> None:
+    """Raise InvalidScene for no axis at all, and for axes that vary the same thing."""
+    keys = [axis.key for axis in axes]
+    if not axes:
+        raise InvalidScene(f"a sweep needs keys to vary; write --over key={FORMS}, or --cases.")
+    if twice := next((key for key in keys if keys.count(key) > 1), None):
+        raise InvalidScene(f"--over names {twice} twice; give all its values at once.")
+    _require_independent(keys, "--over")
+
+
+def _require_independent(keys: list[str], where: str) -> None:
+    """Raise InvalidScene for two keys of which one undoes the other."""
+    for first, second in combinations(keys, 2):
+        if undoes(first, second) or undoes(second, first):
+            raise InvalidScene(
+                f"{where} varies both {first} and {second}, of which one undoes the other; vary "
+                "one of them."
+            )
+
+
+def _require_key(key: str, where: str) -> None:
+    if not all(key.split(".")):
+        raise InvalidScene(f"{where} {key!r} is no dotted key; write chain.young, for example.")
+
+
+def _require_number(n: int) -> None:
+    if n > MOST_CASES:
+        raise InvalidScene(f"the sweep has {n} cases, a table holds {MOST_CASES}; take fewer.")
+
+
+def _list_values(text: str) -> tuple[Any, ...]:
+    """Values of the list "a,b,c": TOML values, or bare words."""
     try:
-        lines = loads(f"values = [{text}]")
+        document = loads(f"values = [{text}]")
     except (ValueError, RecursionError):
-        lines = {}
-    if len(lines) == 1:  # more lines are more than a list
-        return tuple(_in_column(value, text) for value in lines["values"])
-    return tuple(_value(part.strip()) for part in text.split(","))
+        document = {}
+    # a text with line breaks and further keys is TOML, but no list
+    if len(document) == 1:
+        return tuple(_in_column(value, text) for value in document["values"])
+    return tuple(_value(word.strip()) for word in text.split(","))
 
 
 def _value(text: str) -> Any:
@@ -179,42 +218,3 @@ def _in_column(value: Any, text: str) -> Any:
         value = float(str(value))
     overflows = isinstance(value, float) and isinf(value) and "inf" not in text.lower()
     return text if overflows else value
-
-
-def counted(text: str, most: int) -> int | None:
-    """The whole number from 1 to `most` that a text is; None for any other text."""
-    digits = text.strip()
-    # digits are counted first: Python refuses to read thousands of them
-    if not digits.isdecimal() or len(digits) > len(str(most)):
-        return None
-    return int(digits) if 1 <= int(digits) <= most else None
-
-
-def _whole(text: str, where: str) -> int:
-    n = counted(text, MOST_CASES)
-    if n is None:
-        raise InvalidScene(
-            f"--over {where}: {text.strip()!r} must be a number of values up to {MOST_CASES}."
-        )
-    return n
-
-
-def _sample(text: str) -> tuple[str, int]:
-    kind, _, number = text.partition(":")
-    n = counted(number, MOST_CASES) or 0
-    if kind not in SAMPLES or n < 2:
-        raise InvalidScene(
-            f"--sample {text} must be lhs:n or sobol:n with n between 2 and {MOST_CASES}."
-        )
-    if kind == "sobol" and n.bit_count() != 1:
-        above = 1 << n.bit_length()
-        raise InvalidScene(
-            f"--sample {text}: Sobol sequences are balanced at powers of 2; take {above // 2} or "
-            f"{above}."
-        )
-    return kind, n
-
-
-def _require_number(n: int) -> None:
-    if n > MOST_CASES:
-        raise InvalidScene(f"the sweep has {n} cases, a table holds {MOST_CASES}; take fewer.")

@@ -1,4 +1,4 @@
-"""What the rows of a table depend on beside scene and cases: the files that these name, and us."""
+"""What the rows of a table depend on beside scene and cases: files that these name, the program."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -20,17 +20,17 @@ class Inputs:
         # stamps first: a file that changes while it is read has another one afterwards
         self._stamps = {path: _stamp(path) for path in files}
         self._contents = {path: content(path) for path in self._stamps}
-        contents = {str(path): known for path, known in self._contents.items()}
+        contents = {str(path): read for path, read in self._contents.items()}
         self.key = digest([contents, *program(module, *every_stage())])
 
-    def require_unchanged(self, *, whole: bool = False) -> None:
-        """Raise ValueError for a file that is another by now; `whole` reads also those whose
+    def require_unchanged(self, *, by_content: bool = False) -> None:
+        """Raise ValueError for a file that is another by now; `by_content` reads also those whose
         size and times are the same."""
-        for path, known in self._contents.items():
+        for path, first_content in self._contents.items():
             stamp = _stamp(path)
-            if stamp == self._stamps[path] and not whole:
+            if stamp == self._stamps[path] and not by_content:
                 continue
-            if content(path) != known:
+            if content(path) != first_content:
                 raise ValueError(
                     f"{path} changed while its cases were computed; put the file back to go on "
                     "with the rows that are there, or repeat the command to compute all anew."
@@ -39,7 +39,7 @@ class Inputs:
 
 
 def files_of_cases(base: Base, design: Design) -> list[Path]:
-    """Those that the scene names and those that the values of its cases name, each once."""
+    """Files that the scene names and that the values of its cases name, each once."""
     folder = base.written.folder
     swept = (
         folder / name
@@ -52,7 +52,7 @@ def files_of_cases(base: Base, design: Design) -> list[Path]:
 
 
 def files_of_scene(scene: Scene) -> list[Path]:
-    """Those that its tables name, each once."""
+    """Files that its tables name, each once."""
     return list(dict.fromkeys(files_read(scene)))
 
 
@@ -62,8 +62,8 @@ def _named(value: Any, key: str) -> Iterator[str]:
         for name, below in value.items():
             yield from _named(below, name)
     elif isinstance(value, list):
-        for one in value:
-            yield from _named(one, key)
+        for item in value:
+            yield from _named(item, key)
     elif isinstance(value, str) and key in FILE_KEYS:
         yield value
 
@@ -71,7 +71,7 @@ def _named(value: Any, key: str) -> Iterator[str]:
 def _stamp(path: Path) -> Stamp | None:
     """Changes with nearly every change of a file: the change time cannot be set by hand."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    return found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino
+    return status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino

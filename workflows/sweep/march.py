@@ -9,37 +9,43 @@ import dem
 from workflows.scene import RomWall, Scene
 from workflows.stages.chain import on_surface, simple_wall, start, together
 from workflows.stages.impact import impact, require_start
-from workflows.sweep.cases import Checked, Group
+from workflows.sweep.cases import CheckedGroup, Group
 from workflows.sweep.core.rows import FAILED, REFUSED, Rows, measured, without_result
-from workflows.sweep.models import FAILURES, Prepared, sentence
+from workflows.sweep.models import FAILURES, SharedWall, sentence
 
 
-def rows(checked: Checked, shared: Prepared, signals: bool) -> list[Rows]:
+def rows(checked: CheckedGroup, shared: SharedWall, signals: bool) -> list[Rows]:
     """Rows of all cases of a group, in any order; a case that fails is a row with its sentence."""
-    found, group = [], checked.sound
+    scene, group = checked.scene, checked.sound
+    spheres = (scene or checked.base.with_values({})).output.spheres
+    finished = []
+
+    # cases whose scene was refused
     if checked.refused:
         places = sorted(checked.refused)
         cases = tuple(checked.group.cases[i] for i in places)
         sentences = [checked.refused[i] for i in places]
-        found.append(without_result(_spheres(checked), cases, REFUSED, sentences))
+        finished.append(without_result(spheres, cases, REFUSED, sentences))
     if not group.cases:
-        return found
+        return finished
+
+    # cases whose wall failed
     if shared.failure:
         sentences = [shared.failure] * len(group.cases)
-        return [*found, without_result(_spheres(checked), group.cases, FAILED, sentences)]
+        return [*finished, without_result(spheres, group.cases, FAILED, sentences)]
+
+    # cases that march; the batch takes walls of oscillators alone
     joins = checked.joins and not isinstance(shared.wall, coupling.CoupledWall)
     take = _side_by_side if joins and len(group.cases) > 1 else _one_by_one
-    return found + take(checked, group, shared, signals)
+    return finished + take(checked, group, shared, signals)
 
 
-def _spheres(checked: Checked) -> tuple[int, ...]:
-    scene = checked.scene
-    return scene.output.spheres if scene else checked.base.with_values({}).output.spheres
-
-
-def _side_by_side(checked: Checked, group: Group, shared: Prepared, signals: bool) -> list[Rows]:
-    """Cases in one march; where it fails, its halves."""
+def _side_by_side(
+    checked: CheckedGroup, group: Group, shared: SharedWall, signals: bool
+) -> list[Rows]:
+    """Cases in one march; where it fails as a whole, its halves, down to the case that fails."""
     scene, started = checked.scene, perf_counter()
+    spheres = scene.output.spheres
     columns = {key: np.array(values, float) for key, values in group.columns.items()}
     try:
         chains = together(on_surface(scene, shared.surface), columns, shared.wall)
@@ -52,47 +58,78 @@ def _side_by_side(checked: Checked, group: Group, shared: Prepared, signals: boo
         )
     except FAILURES as reason:
         if len(group.cases) == 1:
-            return [without_result(_spheres(checked), group.cases, FAILED, [sentence(reason)])]
+            return [without_result(spheres, group.cases, FAILED, [sentence(reason)])]
         middle = len(group.cases) // 2
         halves = range(middle), range(middle, len(group.cases))
-        parts = (group.take(list(half)) for half in halves)
-        return [row for part in parts for row in _side_by_side(checked, part, shared, signals)]
-    seconds, done = (perf_counter() - started) / len(group.cases), []
+        groups = (group.take(list(half)) for half in halves)
+        return [row for half in groups for row in _side_by_side(checked, half, shared, signals)]
+    seconds, finished = (perf_counter() - started) / len(group.cases), []
+
+    # chains that the batch refuses: a run of such a case alone may be refused before its march
+    # already (no equilibrium, a chaotic chain), and then says so in other words
     if batch.refused:
-        places = sorted(batch.refused)
-        sentences = [_refusal(checked, group, i, shared, batch.refused[i]) for i in places]
+        places, sentences = sorted(batch.refused), []
+        for i in places:
+            try:
+                case = checked.base.with_values(group.values(i))
+                require_start(case)
+                at_rest = start(case, shared.surface)
+                wall = shared.wall if isinstance(case.wall, RomWall) else simple_wall(case)
+                verdict = coupling.verdict(at_rest.chain, wall, at_rest.velocity)
+            except FAILURES as reason:
+                sentences.append(sentence(reason))
+                continue
+            sentences.append(batch.refused[i] if verdict.possible else verdict.findings[0])
         cases = tuple(group.cases[i] for i in places)
-        done.append(without_result(_spheres(checked), cases, FAILED, sentences))
-        rest = [i for i in range(len(group.cases)) if i not in batch.refused]
-        if not rest:
-            return done
-        group, batch = group.take(rest), taken(batch, rest)
-    run = {
-        "energy_error": batch.energy_error, "error_time": batch.error_estimate,
-        "error_reduction": shared.error_reduction, "error_mesh": shared.error_mesh,
-        "dt_s": batch.dt, "steps": batch.n_steps, "seconds": seconds,
-    }  # fmt: skip
-    table = measured(scene.output.spheres, batch.t, batch.v, batch.wall_force, **run)
-    return [*done, Rows(group.cases, table, saved(scene, batch) if signals else None)]
+        finished.append(without_result(spheres, cases, FAILED, sentences))
+        marched = [i for i in range(len(group.cases)) if i not in batch.refused]
+        if not marched:
+            return finished
+        group, batch = group.take(marched), taken(batch, marched)
+
+    table = measured(
+        spheres, batch.t, batch.v, batch.wall_force,
+        energy_error=batch.energy_error, error_time=batch.error_estimate,
+        error_reduction=shared.error_reduction, error_mesh=shared.error_mesh,
+        dt_s=batch.dt, steps=batch.n_steps, seconds=seconds,
+    )  # fmt: skip
+    return [*finished, Rows(group.cases, table, saved(scene, batch) if signals else None)]
+
+
+def _one_by_one(
+    checked: CheckedGroup, group: Group, shared: SharedWall, signals: bool
+) -> list[Rows]:
+    """Cases that no batch takes, each as a run of it alone."""
+    finished = []
+    for i, number in enumerate(group.cases):
+        started = perf_counter()
+        try:
+            scene = checked.base.with_values(group.values(i))
+            require_start(scene)
+            wall = shared.wall if isinstance(scene.wall, RomWall) else simple_wall(scene)
+            run = impact(scene, start(scene, shared.surface), wall).trajectory
+        except FAILURES as reason:
+            spheres = checked.scene.output.spheres
+            finished.append(without_result(spheres, (number,), FAILED, [sentence(reason)]))
+            continue
+        v = run.v[None][:, :, [sphere - 1 for sphere in scene.output.spheres]]
+        force = run.contact_force[None, :, -1] if scene.wall else np.zeros((1, len(run.t)))
+        table = measured(
+            scene.output.spheres, run.t, v, force,
+            energy_error=run.energy_error,
+            error_time=np.nan if run.error_estimate is None else run.error_estimate,
+            error_reduction=shared.error_reduction, error_mesh=shared.error_mesh,
+            dt_s=run.dt, steps=run.n_steps, seconds=perf_counter() - started,
+        )  # fmt: skip
+        series = {"t": run.t, "v": v, "wall_force": force} if signals else None
+        finished.append(Rows((number,), table, series))
+    return finished
 
 
 def taken(batch: dem.Batch, rows: list[int]) -> dem.Batch:
-    """Some chains of a batch."""
+    """The chains of a batch at these rows."""
     names = ("v", "wall_force", "energy_error", "dt", "n_steps", "error_estimate")
     return batch._replace(refused={}, **{name: getattr(batch, name)[rows] for name in names})
-
-
-def _refusal(checked: Checked, group: Group, i: int, shared: Prepared, reason: str) -> str:
-    """Why a run of the i-th case is refused: before its march, if it is then already."""
-    try:
-        scene = checked.base.with_values(group.values(i))
-        require_start(scene)
-        begun = start(scene, shared.surface)
-        leant_on = shared.wall if isinstance(scene.wall, RomWall) else simple_wall(scene)
-        judged = coupling.verdict(begun.chain, leant_on, begun.velocity)
-    except FAILURES as earlier:
-        return sentence(earlier)
-    return reason if judged.possible else judged.findings[0]
 
 
 def observed(scene: Scene) -> list[int]:
@@ -104,31 +141,3 @@ def saved(scene: Scene, batch: dem.Batch) -> dict[str, np.ndarray]:
     """Signals of a batch: velocities of the spheres that the scene names, and the wall's force."""
     v = batch.v[:, :, : len(scene.output.spheres)]
     return {"t": batch.t, "v": v, "wall_force": batch.wall_force}
-
-
-def _one_by_one(checked: Checked, group: Group, shared: Prepared, signals: bool) -> list[Rows]:
-    return [_alone(checked, group, i, shared, signals) for i in range(len(group.cases))]
-
-
-def _alone(checked: Checked, group: Group, i: int, shared: Prepared, signals: bool) -> Rows:
-    started, cases = perf_counter(), (group.cases[i],)
-    try:
-        scene = checked.base.with_values(group.values(i))
-        require_start(scene)
-        leant_on = shared.wall if isinstance(scene.wall, RomWall) else simple_wall(scene)
-        run = impact(scene, start(scene, shared.surface), leant_on).trajectory
-    except FAILURES as reason:
-        return without_result(_spheres(checked), cases, FAILED, [sentence(reason)])
-    v = run.v[None][:, :, [sphere - 1 for sphere in scene.output.spheres]]
-    force = run.contact_force[None, :, -1] if scene.wall else np.zeros((1, len(run.t)))
-    table = measured(
-        scene.output.spheres, run.t, v, force,
-        energy_error=run.energy_error, error_time=_number(run.error_estimate),
-        error_reduction=shared.error_reduction, error_mesh=shared.error_mesh,
-        dt_s=run.dt, steps=run.n_steps, seconds=perf_counter() - started,
-    )  # fmt: skip
-    return Rows(cases, table, {"t": run.t, "v": v, "wall_force": force} if signals else None)
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value

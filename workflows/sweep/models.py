@@ -50,9 +50,9 @@ class Models(NamedTuple):
     errors: tuple[float, float] | None = None  # where springs vary: those of the source
 
 
-class Prepared(NamedTuple):
+class SharedWall(NamedTuple):
     """What the cases of a group share: the wall, if a reduced model makes it, and errors of that
-    model; or why there is none."""
+    model, in parts of the striker's speed; or why there is none."""
 
     wall: dem.Wall | coupling.CoupledWall | None = None
     error_reduction: float = float("nan")
@@ -77,55 +77,59 @@ def models(source: Source) -> Models | str:
     """The models, from the cache where they are kept; a sentence where they fail."""
     pipeline, (reduction, second) = source.pipeline, source.stages
     try:
-        found = Models(pipeline(reduction), _second(pipeline, second))
+        first = pipeline(reduction)
+        try:
+            # None for a mesh that no other one tells the error of
+            on_other_mesh = pipeline(second)
+        except ValueError:
+            on_other_mesh = None
+        reduced = Models(first, on_other_mesh)
         if not source.springs:
-            return found
-        usual = Models(found.reduction.reduced, found.second)
-        return found._replace(errors=_errors(source.scene, wall(source.scene, usual[0]), usual))
+            return reduced
+        usual = Models(reduced.reduction.reduced, reduced.second)
+        errors = _errors(source.scene, wall(source.scene, usual.reduction), usual)
+        return reduced._replace(errors=errors)
     except FAILURES as reason:
         return sentence(reason)
 
 
-def _second(pipeline: Pipeline, stage: str) -> Any | None:
-    """None for a mesh that no other one tells the error of, or whose other one fails."""
-    try:
-        return pipeline(stage)
-    except ValueError:
-        return None
-
-
-def prepared(scene: Scene, source: Source, found: Models | str | None) -> Prepared:
-    """What the cases of a group share, whose first scene this is."""
-    if isinstance(found, str):
-        return Prepared(failure=found)
+def shared_wall(scene: Scene, source: Source, models: Models | str | None) -> SharedWall:
+    """What the cases of a group share, whose first scene this is; `models` are those of the
+    source, the sentence with which they failed, or None where no reduced model is computed."""
+    if isinstance(models, str):
+        return SharedWall(failure=models)
     if not isinstance(scene.wall, RomWall):
-        return Prepared()
+        return SharedWall()
     try:
-        if found is None:
-            return Prepared(wall(scene, None))
+        if models is None:
+            return SharedWall(wall(scene, None))
         if source.springs:
             springs = {name: scene.stiffness(name) for name in source.springs}
-            reduced, errors = found.reduction.with_stiffness(springs), found.errors
-            return Prepared(wall(scene, reduced), *errors, surface=reduced.contact)
-        own = wall(scene, found.reduction)
-        return Prepared(own, *_errors(scene, own, found), surface=found.reduction.contact)
+            reduced = models.reduction.with_stiffness(springs)
+            return SharedWall(wall(scene, reduced), *models.errors, surface=reduced.contact)
+        reduced_wall = wall(scene, models.reduction)
+        errors = _errors(scene, reduced_wall, models)
+        return SharedWall(reduced_wall, *errors, surface=models.reduction.contact)
     except FAILURES as reason:
-        return Prepared(failure=sentence(reason))
+        return SharedWall(failure=sentence(reason))
 
 
-def _errors(scene: Scene, own: Any, found: Models) -> tuple[float, float]:
-    """Of reduction and mesh in the waves of a scene."""
-    none = float("nan")
-    if isinstance(own, coupling.CoupledWall):
-        return none, none
+def _errors(
+    scene: Scene, reduced_wall: dem.Wall | coupling.CoupledWall, models: Models
+) -> tuple[float, float]:
+    """Errors of reduction and mesh in the waves of a scene, in parts of the striker's speed; nan
+    where they are not known."""
+    nan = float("nan")
+    if isinstance(reduced_wall, coupling.CoupledWall):
+        return nan, nan
     from workflows.stages.errors import mesh_error, reduction_error  # finite elements
 
-    begun = start(scene, found.reduction.contact)
-    run = impact(scene, begun, own)
-    of_reduction = reduction_error(scene, begun, found.reduction, run)
-    return of_reduction, none if found.second is None else mesh_error(
-        scene, begun, found.second, run
-    )
+    at_rest = start(scene, models.reduction.contact)
+    run = impact(scene, at_rest, reduced_wall)
+    of_reduction = reduction_error(scene, at_rest, models.reduction, run)
+    if models.second is None:
+        return of_reduction, nan
+    return of_reduction, mesh_error(scene, at_rest, models.second, run)
 
 
 def sentence(reason: Exception) -> str:

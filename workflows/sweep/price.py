@@ -1,25 +1,22 @@
-"""What a sweep will take, from its first cases."""
+"""Seconds and memory that a sweep will take, from its first cases."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from time import perf_counter
 from typing import NamedTuple, TypeVar
 
 from workflows.report.tables import Table
-from workflows.scene import DashpotWall, Scene
-from workflows.sweep.cases import Base, Group, groups
+from workflows.scene import DashpotWall
+from workflows.sweep.cases import Base, groups
 from workflows.sweep.core.design import Design
 from workflows.sweep.march import rows
-from workflows.sweep.models import is_kept, models, prepared
+from workflows.sweep.models import is_kept, models, shared_wall
 from workflows.sweep.sweep import AT_ONCE
-from workflows.sweep.tasks import CHUNK, Sharing, sharing
+from workflows.sweep.tasks import CHUNK, sharing
 
-TRIED = 64  # cases side by side that are timed, or one alone
-LOOKED = 100  # walls, and cases on a wall, that are looked at
+TIMED = 64  # cases side by side that are timed, or one alone
+SAMPLE = 100  # walls, and cases on a wall, that stand for all
+GB_PER_NUMBER = 8e-9
 Item = TypeVar("Item")
-SIZE = 8e-9  # GB of a number
-DEALT = (
-    "{} is marched chain by chain, dealt to the threads: seconds a case are those of such a march."
-)
 
 
 class Price(NamedTuple):
@@ -51,91 +48,79 @@ class Price(NamedTuple):
 def price(base: Base, design: Design, workers: int) -> Price:
     """Timed on the first cases and on the first reduced model that is missing, which are kept.
 
-    Of many walls, and of many cases on a wall, some are looked at and stand for the rest.
+    Of many walls, and of many cases on a wall, a sample stands for the rest.
     """
-    every = list(groups(base, design, range(design.n_cases)))
-    some = [sharing(base, design, _some(group), False) for group in spread(every)]
-    walls = [one for one in some if one.scene is not None]
-    sources = {one.key: one.source for one in walls if one.key is not None}
+    # walls of the sample, and shares of its cases that are refused and that march side by side
+    all_groups = list(groups(base, design, range(design.n_cases)))
+    sample = []
+    for group in spread(all_groups):
+        sample.append(sharing(base, design, group.take(spread(range(len(group.cases)))), False))
+    walls = [group for group in sample if group.scene is not None]
+    joining = [group for group in walls if group.tasks[-1].checked.joins]
+    n_sampled = sum(len(task.checked.group.cases) for group in sample for task in group.tasks)
+    refusals = [
+        message for group in sample for task in group.tasks
+        for message in task.checked.refused.values()
+    ]  # fmt: skip
+    n_refused = round(design.n_cases * len(refusals) / n_sampled)
+    n_joining = sum(len(task.checked.sound.cases) for group in joining for task in group.tasks)
+    n_side_by_side = round(design.n_cases * n_joining / n_sampled)
+
+    # reduced models: where most walls of the sample have their own, so do those beyond it
+    sources = {group.key: group.source for group in walls if group.key is not None}
     missing = [source for source in sources.values() if not is_kept(source)]
-    more = len(every) / len(some) if len(sources) > len(some) / 2 else 1.0  # others have models too
-    started = perf_counter()
-    first = models(missing[0]) if missing else None
-    seconds_model = perf_counter() - started if missing else 0.0
-    alone = _case(walls[0]) if walls else Measured()
-    refused, joined = (_in_all(design, some, share) for share in (_refused, _joined))
-    n_models, n_missing = round(more * len(sources)), round(more * len(missing))
-    run = alone.seconds * (design.n_cases - refused) + seconds_model * max(0, n_missing - 1)
-    said = [*_refusals(some)[:1], *([first] if isinstance(first, str) else alone.failures[:1])]
-    said += [DEALT.format(part) for part in _dealt(walls[0].scene)] if joined else []
+    scale = len(all_groups) / len(sample) if len(sources) > len(sample) / 2 else 1.0
+    n_models, n_missing = round(scale * len(sources)), round(scale * len(missing))
+    model, seconds_model = None, 0.0
+    if missing:
+        started = perf_counter()
+        model = models(missing[0])
+        seconds_model = perf_counter() - started
+    notes = [*refusals[:1], *([model] if isinstance(model, str) else [])]
+
+    # seconds a case, on the first wall
+    seconds_case, memory_GB = 0.0, 0.0
+    if walls:
+        first = walls[0]
+        reduced = models(first.source) if first.key is not None else None
+        shared, checked = shared_wall(first.scene, first.source, reduced), first.tasks[-1].checked
+        cases = next(checked.pieces(TIMED if checked.joins else 1))
+        rows(cases, shared, False)  # compiles
+        started = perf_counter()
+        timed_rows = rows(cases, shared, False)
+        seconds_case = (perf_counter() - started) / len(cases.group.cases)
+        failures = [said for piece in timed_rows for said in piece.columns["message"] if said]
+        notes += failures[:1] if not isinstance(model, str) else []
+
+        # three times the signals of all cases that march or wait to be stored at once
+        output, n_together = first.scene.output, 1
+        if checked.joins:
+            n_together = min(design.n_cases, (AT_ONCE + 1) * CHUNK)
+        per_case = output.samples * (len(output.spheres) + 1)
+        memory_GB = GB_PER_NUMBER * 3 * per_case * n_together
+
+    # parts of a scene that the lanes of `dem.batch` do not take
+    if n_side_by_side:
+        law, slow = walls[0].scene.contact.dissipation, []
+        if law.startswith("linear"):
+            slow.append(f'contact.dissipation = "{law}"')
+        if isinstance(walls[0].scene.wall, DashpotWall):
+            slow.append('wall.kind = "dashpot"')
+        notes += [
+            f"{key} is marched chain by chain, dealt to the threads: seconds a case are those of "
+            "such a march."
+            for key in slow
+        ]
+    seconds = seconds_case * (design.n_cases - n_refused) + seconds_model * max(0, n_missing - 1)
     return Price(
-        design.n_cases, refused, round(len(every) * len(walls) / len(some)), n_models, n_missing,
-        joined, alone.seconds, seconds_model, workers, run / workers,
-        _memory(walls[0], design.n_cases) if walls else 0.0, tuple(said),
+        design.n_cases, n_refused, round(len(all_groups) * len(walls) / len(sample)), n_models,
+        n_missing, n_side_by_side, seconds_case, seconds_model, workers, seconds / workers,
+        memory_GB, tuple(notes),
     )  # fmt: skip
 
 
-def spread(items: Sequence[Item], n: int = LOOKED) -> list[Item]:
+def spread(items: Sequence[Item], n: int = SAMPLE) -> list[Item]:
     """All of them, or `n` in equal distances, the first and the last among them."""
     if len(items) <= n:
         return list(items)
     return [items[i * (len(items) - 1) // (n - 1)] for i in range(n)]
-
-
-def _some(group: Group) -> Group:
-    return group.take(spread(range(len(group.cases))))
-
-
-def _refusals(some: list[Sharing]) -> list[str]:
-    return [told for one in some for task in one.tasks for told in task.checked.refused.values()]
-
-
-def _refused(one: Sharing) -> int:
-    return len(_refusals([one]))
-
-
-def _joined(one: Sharing) -> int:
-    return sum(len(task.checked.sound.cases) for task in one.tasks if _joins(one))
-
-
-def _in_all(design: Design, some: list[Sharing], count: Callable[[Sharing], int]) -> int:
-    """Cases of a kind in all, of as many as those that are looked at hold."""
-    looked = sum(len(task.checked.group.cases) for one in some for task in one.tasks)
-    return round(design.n_cases * sum(map(count, some)) / looked)
-
-
-def _joins(one: Sharing) -> bool:
-    return one.scene is not None and one.tasks[-1].checked.joins
-
-
-def _dealt(scene: Scene) -> list[str]:
-    """Parts of a scene that the lanes of `dem.batch` do not take."""
-    law = scene.contact.dissipation
-    found = [f'contact.dissipation = "{law}"'] if law.startswith("linear") else []
-    return found + ['wall.kind = "dashpot"'] * isinstance(scene.wall, DashpotWall)
-
-
-class Measured(NamedTuple):
-    """What the first cases take, and why they fail."""
-
-    seconds: float = 0.0
-    failures: tuple[str, ...] = ()
-
-
-def _case(one: Sharing) -> Measured:
-    found = models(one.source) if one.key is not None else None
-    shared, looked = prepared(one.scene, one.source, found), one.tasks[-1].checked
-    some = next(looked.parts(TRIED if looked.joins else 1))
-    rows(some, shared, False)  # compiles
-    started = perf_counter()
-    done = rows(some, shared, False)
-    seconds = (perf_counter() - started) / len(some.group.cases)
-    return Measured(
-        seconds, tuple(told for part in done for told in part.columns["message"] if told)
-    )
-
-
-def _memory(one: Sharing, n_cases: int) -> float:
-    scene = one.scene
-    per_case = scene.output.samples * (len(scene.output.spheres) + 1)
-    return SIZE * 3 * per_case * (min(n_cases, (AT_ONCE + 1) * CHUNK) if _joins(one) else 1)

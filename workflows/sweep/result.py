@@ -15,9 +15,8 @@ from workflows.report.tables import Table
 from workflows.scene import InvalidScene, nearest
 from workflows.scene.named_files import unfit
 from workflows.sweep.core.design import Design
-from workflows.sweep.core.effects import Effects, sobol_effects
+from workflows.sweep.core.effects import Effects, rank_correlations, sobol_effects
 from workflows.sweep.core.rows import DONE, LARGE_ERROR, TEXT, other_wave
-from workflows.sweep.effects import effects_table
 from workflows.sweep.store import ABOUT, SIGNALS, TABLE
 
 SHOWN = 40  # cases of a table on a terminal
@@ -30,20 +29,22 @@ Array = np.ndarray
 
 
 class Sweep:
-    """What a sweep found: a row a case.
+    """A row a case, what outputs depend on, and pictures.
 
     design    which cases there are
     columns   the table's columns by name, keys first; (n_cases,) arrays
     units     of keys, where they have one
     folder    where cases.parquet is
     face      of a scan: its name, axes and edges; None of other sweeps
-    notes     what the user is to know of the folder, in sentences
+    notes     notes for the user on folder and errors, in sentences
     """
 
     def __init__(self, folder: Path, table: Any, notes: tuple[str, ...] = ()) -> None:
         self.folder = folder
         about = loads(table.schema.metadata[ABOUT])
-        self.columns = {name: _array(table[name]) for name in table.column_names}
+        self.columns = {
+            name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names
+        }
         keys = {key: tuple(self.columns[key].tolist()) for key in about["keys"]}
         self.design = Design(about["kind"], keys, about["base"])
         self.units: dict[str, str] = about["units"]
@@ -53,10 +54,10 @@ class Sweep:
     @cached_property
     def outputs(self) -> tuple[str, ...]:
         """Columns with numbers that cases have."""
-        own = {"case", "seconds", *self.design.keys, *TEXT}
+        no_outputs = {"case", "seconds", *self.design.keys, *TEXT}
         return tuple(
             name for name, values in self.columns.items()
-            if name not in own and np.isfinite(values).any()
+            if name not in no_outputs and np.isfinite(values).any()
         )  # fmt: skip
 
     @property
@@ -96,21 +97,19 @@ class Sweep:
         name = output or next(iter(self.main), "")
         if self.face and keys is None:
             return face_map(name, self._output(name), self.columns, self.face)
-        chosen = keys or self.design.keys
-        for key in chosen:
-            _known(key, self.design.keys, "key")
-        keyed = {self._named(key): self.columns[key] for key in chosen}
-        return picture(name, self._output(name), keyed)
+        by_label = {}
+        for key in keys or self.design.keys:
+            _require_name(key, self.design.keys, "key")
+            label = f"{key} [{self.units[key]}]" if key in self.units else key
+            by_label[label] = self.columns[key]
+        return picture(name, self._output(name), by_label)
 
     def pictures(self) -> tuple[Picture, ...]:
         """Those of the main outputs."""
         return tuple(self.plot(name) for name in self.main)
 
-    def _named(self, key: str) -> str:
-        return f"{key} [{self.units[key]}]" if key in self.units else key
-
     def _output(self, name: str) -> Array:
-        _known(name, self.outputs, "output")
+        _require_name(name, self.outputs, "output")
         return self.columns[name]
 
     def counts(self) -> dict[str, int]:
@@ -124,72 +123,94 @@ class Sweep:
 
     def found(self) -> tuple[Table, ...]:
         """The table or, of many cases, the range of each output; and what outputs depend on."""
-        effects = effects_table(self.design, {name: self.columns[name] for name in self.main})
         first = self._cases() if self.design.n_cases <= SHOWN else self._ranges()
+        effects = self._effects()
         return (first,) if effects is None else (first, effects)
 
     def _cases(self) -> Table:
         names = (*self.design.keys, *self.main, "status")
         columns = [self.columns[name].tolist() for name in names]
-        shown = zip(*map(tables.apart, columns), strict=True)
-        return Table("cases", names, tuple(zip(*columns, strict=True)), (names, *shown))
+        texts = zip(*map(tables.apart, columns), strict=True)
+        return Table("cases", names, tuple(zip(*columns, strict=True)), (names, *texts))
 
     def _ranges(self) -> Table:
         rows = []
         for name in self.outputs:
-            there = self.columns[name][np.isfinite(self.columns[name])]
-            rows.append((name, *map(float, (there.min(), np.median(there), there.max()))))
+            y = self.columns[name][np.isfinite(self.columns[name])]
+            rows.append((name, float(y.min()), float(np.median(y)), float(y.max())))
         heading = "output", "smallest", "median", "largest"
-        shown = ((name, *tables.apart(values)) for name, *values in rows)
-        return Table("outputs", heading, tuple(rows), (heading, *shown))
+        texts = ((name, *tables.apart(values)) for name, *values in rows)
+        return Table("outputs", heading, tuple(rows), (heading, *texts))
+
+    def _effects(self) -> Table | None:
+        """Sobol's indices of the main outputs, or rank correlations of a Latin hypercube; None for
+        other designs and where no output has any."""
+        rows: list[tuple[Any, ...]] = []
+        if self.design.kind == "sobol":
+            heading: tuple[str, ...] = ("output", "key", "first order", "+-", "total", "+-  ")
+            for name in self.main:
+                try:
+                    effects = sobol_effects(self.design, self.columns[name])
+                except ValueError:
+                    continue
+                for i, key in enumerate(self.design.keys):
+                    first = float(effects.first[i]), float(effects.first_error[i])
+                    total = float(effects.total[i]), float(effects.total_error[i])
+                    rows.append((name, key, *first, *total))
+        elif self.design.kind == "lhs":
+            heading = ("output", "key", "rank correlation")
+            for name in self.main:
+                correlations = rank_correlations(self.design, self.columns[name])
+                rows += [(name, key, value) for key, value in correlations.items()]
+        return Table("effects", heading, tuple(rows)) if rows else None
 
     def text(self) -> str:
         """For a person."""
         counts = ", ".join(f"{n} {status}" for status, n in self.counts().items())
-        said = [f"{n} x {sentence}" for sentence, n in list(self.messages().items())[:5]]
-        shown = [tables.text(table) for table in self.found()]
-        return "\n\n".join([f"{self.design.n_cases} cases: {counts}", *shown, *said])
+        messages = [f"{n} x {sentence}" for sentence, n in list(self.messages().items())[:5]]
+        texts = [tables.text(table) for table in self.found()]
+        return "\n\n".join([f"{self.design.n_cases} cases: {counts}", *texts, *messages])
 
     def record(self) -> dict[str, Any]:
         """For machines: cases by status, and the tables."""
-        found = {table.name: tables.records(table) for table in self.found()}
+        records = {table.name: tables.records(table) for table in self.found()}
         about = {"cases": self.design.n_cases, "status": self.counts(), "folder": str(self.folder)}
-        return {**about, "done": self.counts().get(DONE, 0), **found}
+        return {**about, "done": self.counts().get(DONE, 0), **records}
 
 
 def _of_points(columns: dict[str, Array]) -> Iterator[str]:
-    """How many points of a scan have large errors, none of the mesh, or another reflected wave."""
-    done = columns["status"] == DONE
-    for of in ("reduction", "mesh"):
-        error = columns[f"error_{of}"][done]
+    """Sentences on the points of a scan with large errors, with none of the mesh, and with another
+    reflected wave than those around."""
+    has_result = columns["status"] == DONE
+    n = has_result.sum()
+    for source, cure in CURES.items():
+        error = columns[f"error_{source}"][has_result]
         large = error > LARGE_ERROR
         if large.any():
             yield (
-                f"The error of the {of} is above {100 * LARGE_ERROR:g} % of the striker's speed "
-                f"at {large.sum()} of {done.sum()} points, {100 * np.nanmax(error):.2g} % at the "
-                f"worst, see error_{of} in the table: {CURES[of]}."
+                f"The error of the {source} is above {100 * LARGE_ERROR:g} % of the striker's "
+                f"speed at {large.sum()} of {n} points, {100 * np.nanmax(error):.2g} % at the "
+                f"worst, see error_{source} in the table: {cure}."
             )
-    unknown = done & np.isnan(columns["error_mesh"])
+    unknown = has_result & np.isnan(columns["error_mesh"])
     if unknown.any():
         yield (
-            f"error_mesh is not known at {unknown.sum()} of {done.sum()} points; `message` in the "
-            "table says why."
+            f"error_mesh is not known at {unknown.sum()} of {n} points; `message` in the table "
+            "says why."
         )
-    blank = Counter(each for m in columns["message"].tolist() for each in m.split("; "))
-    for sphere in (name for name in columns if name.endswith("_reflected_s")):
-        n = blank[other_wave(int(sphere.split("_")[1]))]
-        if n:
+    messages = Counter(
+        text for joined in columns["message"].tolist() for text in joined.split("; ")
+    )
+    for name in (name for name in columns if name.endswith("_reflected_s")):
+        sphere = int(name.split("_")[1])
+        if n_blank := messages[other_wave(sphere)]:
             yield (
-                f"The reflected wave at sphere {sphere.split('_')[1]} is left blank at {n} of "
-                f"{done.sum()} points: it is not that of the points around, or cannot be told."
+                f"The reflected wave at sphere {sphere} is left blank at {n_blank} of {n} points: "
+                "it is not that of the points around, or cannot be told."
             )
 
 
-def _array(column: Any) -> Array:
-    return column.to_numpy(zero_copy_only=False)
-
-
-def _known(name: str, names: tuple[str, ...], what: str) -> None:
+def _require_name(name: str, names: tuple[str, ...], what: str) -> None:
     if name not in names:
         raise InvalidScene(f"{what} {name!r} is not in the sweep; {nearest(name, names)}.")
 
@@ -209,5 +230,5 @@ def opened(folder: str | Path, notes: tuple[str, ...] = ()) -> Sweep:
             f"{path} is read by {missing.name}, which is not installed; ./install.sh sweep."
         ) from None
     except (OSError, ValueError, KeyError, TypeError) as reason:
-        said = str(reason).splitlines()[0]
-        raise InvalidScene(f"{path} is no table of a sweep ({said}); sweep again.") from None
+        first_line = str(reason).splitlines()[0]
+        raise InvalidScene(f"{path} is no table of a sweep ({first_line}); sweep again.") from None

@@ -4,11 +4,11 @@ Every point has its own errors, measured as a run of it measures them (`workflow
 that of the reduction against a wall with more oscillators of the point beyond the common modes, by
 shorter steps; that of the mesh against the same point on a second mesh.
 
-Rows are kept PART by PART as they are marched. Once all are there, the reflected waves are made one
-wave over the face, see `workflows.sweep.core.continuity`.
+Rows are stored PART by PART as they are marched. Once all are stored, later reflected waves are
+blanked, so that one wave is left over the face, see `workflows.sweep.core.continuity`.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from itertools import product
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 
 import coupling
 import dem
-import fem
 from dem.waves.arrivals import arrivals
 from workflows.files.run_folder import RunFolder
 from workflows.scene import InvalidScene, RomWall, Scene
 from workflows.scene.toml import undoes
 from workflows.stages.chain import Start
 from workflows.stages.errors import MARGIN, SHORTER
-from workflows.stages.face import Outline, StruckFace, to_hz
+from workflows.stages.face import StruckFace, to_hz
 from workflows.stages.rig import STRUCK
 from workflows.sweep.cases import Base
 from workflows.sweep.core.continuity import same_wave
@@ -43,19 +42,28 @@ from workflows.sweep.inputs import Inputs, files_of_scene
 from workflows.sweep.march import observed, saved, taken
 from workflows.sweep.store import About, Store
 
-# Oscillators of a point beyond the common modes: with 1, 2, 3, 4 and 6 the velocities of spheres of
-# 6 mm that strike a 4 mm plate are off by up to 3e-3, 1e-3, 5e-4, 1e-4 and 8e-5; those before
-# `plate-on-bolts` by 2e-4 with any.
-BEYOND, FINER = 3, 5
-# Times the frequency that errors hold to, above which these are one. Without, blocks take 8 and
-# plates up to 4 times the steps; errors are 1.2 times as large, or below 2e-5.
-FAR = 4.0
-WIDTH_ERROR, WIDTH_SAMPLES = 1e-3, 2000  # of the march that the width of a wave is read from
 OF_REFLECTED = ("reflected_s", "reflected_m_s", "tof_s", "arr")
-PART = 200  # points side by side, whose rows are kept together
+PART = 200  # points side by side, whose rows are stored together: what a stopped scan loses
 MOST_POINTS = 10_000
 Array = NDArray[np.float64]
-Told = Callable[[int, int], None]  # points done, points in all
+Progress = Callable[[int, int], None]  # points done, points in all
+
+
+class ScanOptions(NamedTuple):
+    """Numbers of a scan that were chosen by trial."""
+
+    # oscillators of a point beyond the common modes: with 1, 2, 3, 4 and 6 the velocities of
+    # spheres of 6 mm that strike a 4 mm plate are off by up to 3e-3, 1e-3, 5e-4, 1e-4 and 8e-5;
+    # those before `plate-on-bolts` by 2e-4 with any
+    beyond: int = 3
+    finer: int = 5  # the same, of the wall that the error of the reduction is measured against
+    # times the frequency that errors hold to, above which these are one: without, blocks take 8 and
+    # plates up to 4 times the steps; errors are 1.2 times as large, or below 2e-5
+    far: float = 4.0
+    # of the march that the width of a wave is read from: a bound of the error of velocities, and
+    # samples; not varied
+    width_error: float = 1e-3
+    width_samples: int = 2000
 
 
 class Grid(NamedTuple):
@@ -75,16 +83,14 @@ class Grid(NamedTuple):
                 f"of radius = {radius:g} m takes {2 * radius:g}; take a smaller patch."
             )
         ends = np.stack([face.lower, face.upper]) + np.array([[radius], [-radius]])
-        across = (_even(*ends[:, i], n) for i, n in enumerate(self))
+        # mirrored about the middle to the last digit
+        across = []
+        for (low, high), n in zip(ends.T, self, strict=True):
+            share = (2.0 * np.arange(n) - (n - 1)) / max(n - 1, 1)
+            across.append((low + high) / 2 + share * (high - low) / 2)
         points = np.stack(np.meshgrid(*across, indexing="ij"), axis=-1).reshape(-1, 2)
         columns = zip(face.axes, points.T.tolist(), strict=True)
         return Design("face", {axis: tuple(values) for axis, values in columns})
-
-
-def _even(low: float, high: float, n: int) -> Array:
-    """n points, mirrored about the middle to the last digit."""
-    share = (2.0 * np.arange(n) - (n - 1)) / max(n - 1, 1)
-    return (low + high) / 2 + share * (high - low) / 2
 
 
 def grid(text: str) -> Grid:
@@ -94,13 +100,12 @@ def grid(text: str) -> Grid:
         raise InvalidScene(
             f"--grid {text!r} must be two whole numbers from 1 to {MOST_POINTS}, 20x20 for example."
         )
-    found = Grid(*counts)
-    if found.rows * found.columns > MOST_POINTS:
+    rows, columns = counts
+    if rows * columns > MOST_POINTS:
         raise InvalidScene(
-            f"--grid {text} has {found.rows * found.columns} points, allowed are {MOST_POINTS}; "
-            "take fewer."
+            f"--grid {text} has {rows * columns} points, allowed are {MOST_POINTS}; take fewer."
         )
-    return found
+    return Grid(rows, columns)
 
 
 def struck_scene(base: Base, face: str | None) -> Scene:
@@ -130,55 +135,102 @@ def struck_scene(base: Base, face: str | None) -> Scene:
 
 
 def scan(
-    face: StruckFace, design: Design, folder: RunFolder, *, signals: bool, told: Told
-) -> tuple[str, ...]:
-    """Fill the folder with the table of all points; one that is there already is kept. What the
-    user is to know, in sentences."""
+    face: StruckFace, design: Design, folder: RunFolder, *, signals: bool, progress: Progress,
+    options: ScanOptions = ScanOptions(),
+) -> tuple[str, ...]:  # fmt: skip
+    """Fill the folder with the table of all points and return notes for the user, in sentences;
+    rows of an earlier scan of these points stay."""
     scene, outline = face.scene, face.outline()
+    spheres = scene.output.spheres
     name = scene.strike.on if scene.is_general else face.name
-    about = About(dict.fromkeys(design.keys, "m"), {"name": name, **_plain(outline)})
+    plain = {"name": name, "axes": outline.axes, "edges": outline.edges.tolist()}
+    about = About(dict.fromkeys(design.keys, "m"), plain)
     store = Store(folder, design, scene, signals, Inputs(files_of_scene(scene), __name__), about)
     notes = store.notes()
-    if store.whole():
+    if store.finished():
         store.keep()
-        told(design.n_cases, design.n_cases)
+        progress(design.n_cases, design.n_cases)
         return notes
     missing = np.array(store.missing(), int)
-    told(design.n_cases - len(missing), design.n_cases)
+    progress(design.n_cases - len(missing), design.n_cases)
+
+    # a patch at every missing point; those that leave the face are rows with their sentence
     points = np.array(list(design.columns.values())).T
     placed = face.placed(points[missing])
     patches = {int(missing[i]): patch for i, patch in placed.patches.items()}
-    refused = {int(missing[i]): sentence for i, sentence in placed.refused.items()}
-    if refused:
-        _refuse(store, scene, REFUSED, refused)
+    if placed.refused:
+        cases = tuple(int(missing[i]) for i in placed.refused)
+        store.add(without_result(spheres, cases, REFUSED, list(placed.refused.values())))
+
     if patches:
-        _march_points(face, points, patches, store, signals, told)
-    told(design.n_cases, design.n_cases)
-    store.finish(_one_wave(face, points, store))
+        # all walls at once: they share the modes of the structure
+        march, cases = _March(scene, face.begun), np.array(list(patches))
+        walls = face.walls(list(patches.values()), options.finer)
+        wall = walls.all(options.beyond, options.far * to_hz(scene))
+        finer = walls.all(options.finer)
+        impossible = march.impossible(wall)
+        if impossible:
+            failed = tuple(cases[list(impossible)].tolist())
+            store.add(without_result(spheres, failed, FAILED, list(impossible.values())))
+        possible = np.delete(np.arange(len(cases)), list(impossible))
+        second = _on_second_mesh(face, march, points[cases], options)
+
+    for first in range(0, len(possible) if patches else 0, PART):
+        part, started = possible[first : first + PART], perf_counter()
+        batch = march(_some(wall, part))
+        if batch.refused:
+            failed = tuple(cases[part[list(batch.refused)]].tolist())
+            store.add(without_result(spheres, failed, FAILED, list(batch.refused.values())))
+            marched = [i for i in range(len(part)) if i not in batch.refused]
+            part, batch = part[marched], taken(batch, marched)
+        if not len(part):
+            continue
+
+        # the error of the reduction by a wall of more oscillators and shorter steps, that of the
+        # mesh by the wall of the same point on the second mesh
+        dt = np.broadcast_to(batch.dt, len(part))
+        v_finer = march.by_steps(_some(finer, part), dt / SHORTER)
+        error_reduction = MARGIN * march.difference(v_finer, batch.v)
+        error_mesh = np.full(len(part), np.nan)
+        on_second = np.flatnonzero(second.row[part] >= 0)
+        if len(on_second):
+            v = march.by_steps(_some(second.wall, second.row[part[on_second]]), dt[on_second])
+            error_mesh[on_second] = second.left * march.difference(v, batch.v[on_second])
+
+        messages = [
+            "; ".join([*large_errors(of_reduction, of_mesh), *second.without.get(case, ())])
+            for of_reduction, of_mesh, case in zip(
+                error_reduction, error_mesh, part.tolist(), strict=True
+            )
+        ]
+        table = measured(
+            spheres, batch.t, batch.v, batch.wall_force,
+            energy_error=batch.energy_error,
+            error_time=np.nan if batch.error_estimate is None else batch.error_estimate,
+            error_reduction=error_reduction, error_mesh=error_mesh, dt_s=batch.dt,
+            steps=batch.n_steps, seconds=(perf_counter() - started) / len(part), message=messages,
+        )  # fmt: skip
+        series = saved(scene, batch) if signals else None
+        store.add(Rows(tuple(cases[part].tolist()), table, series))
+        progress(len(points) - len(possible) + first + len(part), len(points))
+
+    progress(design.n_cases, design.n_cases)
+    store.finish(_one_reflected_wave(face, points, store, options))
     return notes
 
 
-def _refuse(store: Store, scene: Scene, status: str, sentences: dict[int, str]) -> None:
-    cases = tuple(sentences)
-    store.add(without_result(scene.output.spheres, cases, status, list(sentences.values())))
-
-
-def _plain(outline: Outline) -> dict[str, Any]:
-    return {"axes": outline.axes, "edges": outline.edges.tolist()}
-
-
 class _March(NamedTuple):
-    """Marches of one scene's chain behind many walls, and what is wanted of them."""
+    """Marches of one scene's chain behind many walls."""
 
     scene: Scene
-    begun: Start
+    at_rest: Start
 
     def __call__(self, wall: dem.Wall, dt: float | None = None) -> dem.Batch:
         """Behind walls of arrays (m, k), by steps of dt [s], else to the scene's error."""
         time = self.scene.time
         dt = time.dt if dt is None else dt
         return dem.march_batch(
-            dem.Chains(self.begun.chain, wall, self.begun.velocity),
+            dem.Chains(self.at_rest.chain, wall, self.at_rest.velocity),
             duration=time.duration, dt=dt, error=time.error if dt is None else None,
             observed=observed(self.scene), n_save=self.scene.output.samples - 1,
         )  # fmt: skip
@@ -192,69 +244,20 @@ class _March(NamedTuple):
             v[alike] = self(_some(wall, alike), float(step)).v
         return v
 
-    def apart(self, one: Array, other: Array) -> Array:
+    def difference(self, v: Array, reference: Array) -> Array:
         """Largest difference of velocities (m, k, spheres) over the largest initial speed, (m,)."""
-        return np.abs(one - other).max(axis=(-2, -1)) / np.abs(self.begun.velocity).max()
+        return np.abs(v - reference).max(axis=(-2, -1)) / np.abs(self.at_rest.velocity).max()
 
-    def impossible(self, wall: dem.Wall) -> dict[int, str]:
+    def impossible(self, walls: dem.Wall) -> dict[int, str]:
         """Walls of arrays (m, k) that the chain cannot be marched behind, and why."""
-        judged = [
-            coupling.verdict(self.begun.chain, _one(wall, i), self.begun.velocity)
-            for i in range(len(wall.phi))
-        ]
-        return {i: one.findings[0] for i, one in enumerate(judged) if not one.possible}
-
-
-def _march_points(
-    face: StruckFace, points: Array, patches: dict[int, fem.ContactPatch], store: Store,
-    signals: bool, told: Told,
-) -> None:  # fmt: skip
-    """Add the rows of the points that patches lie at."""
-    march, cases = _March(face.scene, face.begun), np.array(list(patches))
-    walls = face.walls(list(patches.values()), FINER)
-    far_hz = FAR * to_hz(face.scene)
-    wall, finer = walls.all(BEYOND, far_hz), walls.all(FINER)
-    bad = march.impossible(wall)
-    if bad:
-        _refuse(store, face.scene, FAILED, {int(cases[i]): says for i, says in bad.items()})
-    good = np.delete(np.arange(len(cases)), list(bad))
-    second = _on_second_mesh(face, march, points[cases])
-    for first in range(0, len(good), PART):
-        part, started = good[first : first + PART], perf_counter()
-        batch = march(_some(wall, part))
-        if batch.refused:
-            _refuse(
-                store, face.scene, FAILED,
-                {int(cases[part[i]]): says for i, says in batch.refused.items()},
-            )  # fmt: skip
-            met = [i for i in range(len(part)) if i not in batch.refused]
-            part, batch = part[met], taken(batch, met)
-        if not len(part):
-            continue
-        dt = np.broadcast_to(batch.dt, len(part))
-        of_finer = march.by_steps(_some(finer, part), dt / SHORTER)
-        errors = {
-            "error_reduction": MARGIN * march.apart(of_finer, batch.v),
-            "error_mesh": np.full(len(part), np.nan),
-        }
-        there = np.flatnonzero(second.row[part] >= 0)
-        if len(there):
-            other = march.by_steps(_some(second.wall, second.row[part[there]]), dt[there])
-            errors["error_mesh"][there] = second.left * march.apart(other, batch.v[there])
-        messages = [
-            "; ".join([*large_errors(errors, i), *second.without.get(case, ())])
-            for i, case in enumerate(part.tolist())
-        ]
-        seconds = (perf_counter() - started) / len(part)
-        estimate = np.nan if batch.error_estimate is None else batch.error_estimate
-        table = measured(
-            march.scene.output.spheres, batch.t, batch.v, batch.wall_force,
-            energy_error=batch.energy_error, error_time=estimate, **errors, dt_s=batch.dt,
-            steps=batch.n_steps, seconds=seconds, message=messages,
-        )  # fmt: skip
-        kept = saved(march.scene, batch) if signals else None
-        store.add(Rows(tuple(cases[part].tolist()), table, kept))
-        told(len(points) - len(good) + first + len(part), len(points))
+        reasons = {}
+        for i in range(len(walls.phi)):
+            wall = _some(walls, i)
+            wall = wall._replace(residual_compliance=float(wall.residual_compliance))
+            verdict = coupling.verdict(self.at_rest.chain, wall, self.at_rest.velocity)
+            if not verdict.possible:
+                reasons[i] = verdict.findings[0]
+        return reasons
 
 
 class _SecondMesh(NamedTuple):
@@ -262,7 +265,7 @@ class _SecondMesh(NamedTuple):
 
     wall     of the points that have one there
     row      (p,) of each point in the wall's arrays, -1 for one that has none
-    left     how much of the difference to it is the error of the scan's own mesh
+    left     share of the difference to it that is the error of the scan's own mesh
     without  why points have none
     """
 
@@ -272,82 +275,82 @@ class _SecondMesh(NamedTuple):
     without: dict[int, tuple[str]]
 
 
-def _on_second_mesh(face: StruckFace, march: _March, points: Array) -> _SecondMesh:
+def _on_second_mesh(
+    face: StruckFace, march: _March, points: Array, options: ScanOptions
+) -> _SecondMesh:
     """Walls at points (p, 2) of the face on another mesh."""
     row = np.full(len(points), -1)
     try:
         second, left = face.second()
     except ValueError as reason:
-        says = (f"error_mesh is not known: {reason}",)
-        return _SecondMesh(None, row, np.nan, dict.fromkeys(range(len(points)), says))
+        message = (f"error_mesh is not known: {reason}",)
+        return _SecondMesh(None, row, np.nan, dict.fromkeys(range(len(points)), message))
     placed = second.placed(points)
     without = placed.refused
     wall = None
     if placed.patches:
-        walls = second.walls(list(placed.patches.values()), BEYOND)
-        wall = walls.all(BEYOND, FAR * to_hz(face.scene))
-        bad, at = march.impossible(wall), np.array(list(placed.patches))
-        without = without | {int(at[i]): says for i, says in bad.items()}
+        walls = second.walls(list(placed.patches.values()), options.beyond)
+        wall = walls.all(options.beyond, options.far * to_hz(face.scene))
+        impossible, at = march.impossible(wall), np.array(list(placed.patches))
+        without = without | {int(at[i]): reason for i, reason in impossible.items()}
         row[at] = np.arange(len(at))
-        row[at[list(bad)]] = -1
-    sentences = {i: (f"error_mesh is not known: {says}",) for i, says in without.items()}
-    return _SecondMesh(wall, row, left, sentences)
+        row[at[list(impossible)]] = -1
+    messages = {i: (f"error_mesh is not known: {reason}",) for i, reason in without.items()}
+    return _SecondMesh(wall, row, left, messages)
 
 
-def large_errors(errors: Mapping[str, Array], i: int) -> Iterator[str]:
-    """Of a row, in percent of the striker's speed."""
-    for name, values in errors.items():
-        if values[i] > LARGE_ERROR:
-            of = name.removeprefix("error_")
-            yield f"the error of the {of} is {100 * values[i]:.2g} % of the striker's speed"
+def large_errors(of_reduction: float, of_mesh: float) -> Iterator[str]:
+    """Sentences of a row on its large errors, in percent of the striker's speed."""
+    for source, error in (("reduction", of_reduction), ("mesh", of_mesh)):
+        if error > LARGE_ERROR:
+            yield f"the error of the {source} is {100 * error:.2g} % of the striker's speed"
 
 
-def _some(wall: dem.Wall, rows: Array) -> dem.Wall:
-    """Walls of arrays (p, k) at some of the points."""
-    return dem.Wall(*(part[rows] for part in wall[:4]), wall.mobility)
+def _some(wall: dem.Wall, rows: Array | int) -> dem.Wall:
+    """Walls of arrays (p, k) at these rows."""
+    return dem.Wall(*(array[rows] for array in wall[:4]), wall.mobility)
 
 
-def _one(wall: dem.Wall, i: int) -> dem.Wall:
-    part = _some(wall, i)
-    return part._replace(residual_compliance=float(part.residual_compliance))
-
-
-def _one_wave(face: StruckFace, points: Array, store: Store) -> dict[str, Any]:
+def _one_reflected_wave(
+    face: StruckFace, points: Array, store: Store, options: ScanOptions
+) -> dict[str, Any]:
     """Columns (n_cases,) of the table in which each sphere has the same reflected wave at all
     points, or none, and the messages of points that have none for that."""
     spheres = face.scene.output.spheres
     names = {sphere: [f"sphere_{sphere}_{name}" for name in OF_REFLECTED] for sphere in spheres}
-    read = store.rows("case", "message", *(name for each in names.values() for name in each))
-    order = np.argsort(read.pop("case"))
-    columns = {name: values[order] for name, values in read.items()}
+    rows = store.rows("case", "message", *(name for group in names.values() for name in group))
+    order = np.argsort(rows.pop("case"))
+    columns = {name: values[order] for name, values in rows.items()}
+
+    # counted along the grid, not in metres: neighbours are a step apart in both directions
     steps = np.column_stack([np.unique(axis, return_inverse=True)[1] for axis in points.T])
-    widths = _incident_widths(face)
-    for sphere, own in names.items():
-        time = columns[own[0]]
-        other = np.isfinite(time) & ~same_wave(steps, time, widths[sphere])
-        for name in own:
-            columns[name] = np.where(other, np.nan, columns[name])
-        says = other_wave(sphere)
+    widths = _incident_widths(face, options)
+    for sphere, of_wave in names.items():
+        time = columns[of_wave[0]]
+        blank = np.isfinite(time) & ~same_wave(steps, time, widths[sphere])
+        for name in of_wave:
+            columns[name] = np.where(blank, np.nan, columns[name])
+        reason = other_wave(sphere)
         columns["message"] = [
-            "; ".join(filter(None, (message, says if blank else "")))
-            for message, blank in zip(columns["message"], other, strict=True)
+            "; ".join(filter(None, (message, reason if is_blank else "")))
+            for message, is_blank in zip(columns["message"], blank, strict=True)
         ]
     return columns
 
 
-def _incident_widths(face: StruckFace) -> dict[int, float]:
+def _incident_widths(face: StruckFace, options: ScanOptions) -> dict[int, float]:
     """Full width at half maximum [s] of the first wave at each sphere, before a rigid wall: the
-    incident one knows of no wall."""
-    scene, begun = face.scene, face.begun
+    incident wave does not depend on the wall."""
+    scene, at_rest = face.scene, face.begun
     run = dem.march_to_error(
-        begun.chain, dem.rigid_wall(), begun.velocity, duration=scene.time.duration,
-        error=WIDTH_ERROR, n_save=WIDTH_SAMPLES,
+        at_rest.chain, dem.rigid_wall(), at_rest.velocity, duration=scene.time.duration,
+        error=options.width_error, n_save=options.width_samples,
     ).trajectory  # fmt: skip
     # the striker has no incident wave: its width is that at the next sphere
     widths, width = {}, np.inf
     for sphere in range(scene.chain.count, 0, -1):
         waves = arrivals(run.t, run.v[:, sphere - 1])
-        found = (wave.width for wave in waves if wave.peak_velocity > 0)
-        width = next((own for own in found if np.isfinite(own)), width)
+        of_incident = (wave.width for wave in waves if wave.peak_velocity > 0)
+        width = next((value for value in of_incident if np.isfinite(value)), width)
         widths[sphere] = width
     return widths

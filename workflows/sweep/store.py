@@ -21,7 +21,7 @@ ABOUT = b"beadwave"  # in the table's metadata: what it is a table of
 
 
 def require_libraries(signals: bool) -> None:
-    """Raise InvalidScene where what writes the tables is not installed."""
+    """Raise InvalidScene where a library that writes the tables is not installed."""
     try:
         import pyarrow  # noqa: F401
 
@@ -35,15 +35,15 @@ def require_libraries(signals: bool) -> None:
 
 
 class About(NamedTuple):
-    """What a table says of itself beside its design: units of keys that no scene has, and the face
-    whose points its cases are."""
+    """Metadata of a table beside its design: units of keys that no scene has, and the face whose
+    points its cases are (name, axes, edges)."""
 
     units: dict[str, str]
     face: dict[str, Any] | None = None
 
 
-ALONE = About({})
-NOTHING: Mapping[str, Any] = MappingProxyType({})
+NO_UNITS = About({})
+NO_COLUMNS: Mapping[str, Any] = MappingProxyType({})
 
 
 class Store:
@@ -51,7 +51,7 @@ class Store:
 
     def __init__(
         self, folder: RunFolder, design: Design, scene: Scene, signals: bool, inputs: Inputs,
-        about: About = ALONE,
+        about: About = NO_UNITS,
     ) -> None:  # fmt: skip
         self._folder = folder
         self._inputs = inputs
@@ -70,66 +70,62 @@ class Store:
     @property
     def parts(self) -> list[Path]:
         """Files of rows that are complete, of this design and scene alone."""
-        found = self._folder.base.path.glob(f"{self._prefix}*.parquet")
-        return [path for path in found if self._folder.base.ours(self._name(path))]
+        paths = self._folder.base.path.glob(f"{self._prefix}*.parquet")
+        return [path for path in paths if self._folder.base.ours(self._name(path))]
 
-    def whole(self) -> bool:
-        """Whether the table of this design, scene and content of files is there."""
-        there = self._folder.base
-        kept = there.ours(SIGNALS) or not self._signals
-        return self._key_there() == self._key and kept
+    def finished(self) -> bool:
+        """Whether the folder has the whole table of this design, scene and content of files."""
+        has_signals = self._folder.base.ours(SIGNALS) or not self._signals
+        return self._key_of_table() == self._key and has_signals
 
     def notes(self) -> tuple[str, ...]:
         """A sentence where a table of the same scene and cases does not hold any more."""
-        there = self._folder.base
-        if self._key_there() in (None, self._key) or not there.ours("scene.toml"):
+        base = self._folder.base
+        if self._key_of_table() in (None, self._key) or not base.ours("scene.toml"):
             return ()
-        if (there.path / "scene.toml").read_text(encoding="utf-8") != self._scene_toml:
+        if (base.path / "scene.toml").read_text(encoding="utf-8") != self._scene_toml:
             return ()
-        said = "since a file that it was made of changed, or the program did"
-        return (f"replaced: the table in {there.path}, {said}",)
+        reason = "since a file that it was made of changed, or the program did"
+        return (f"replaced: the table in {base.path}, {reason}",)
 
-    def _key_there(self) -> str | None:
-        """The key of the table that is there."""
+    def _key_of_table(self) -> str | None:
+        """The key in the metadata of the table in the folder; None without a table of ours."""
         import pyarrow.parquet as pq
 
-        there = self._folder.base
-        if not there.ours(TABLE):
+        base = self._folder.base
+        if not base.ours(TABLE):
             return None
-        return loads((pq.read_schema(there.path / TABLE).metadata or {}).get(ABOUT, b"{}")).get(
-            "key"
-        )
+        metadata = pq.read_schema(base.path / TABLE).metadata or {}
+        return loads(metadata.get(ABOUT, b"{}")).get("key")
 
     def failed(self) -> int:
-        """Cases whose rows are there and say that they failed."""
+        """Cases with a row that says that they failed."""
         import pyarrow.parquet as pq
 
-        paths = [self._folder.base.path / TABLE] if self.whole() else self.parts
-        found = (pq.read_table(path, columns=["status"])["status"] for path in paths)
-        return sum(statuses.to_pylist().count(FAILED) for statuses in found)
+        paths = [self._folder.base.path / TABLE] if self.finished() else self.parts
+        columns = (pq.read_table(path, columns=["status"])["status"] for path in paths)
+        return sum(statuses.to_pylist().count(FAILED) for statuses in columns)
 
     def reopen(self) -> None:
         """Make the cases without a result missing; the others of the table are a part again."""
         import pyarrow.parquet as pq
 
-        if not self.parts and self.whole():
-            self._split()
+        # rows with a result of a finished table become a part, their signals first: a case counts
+        # as done by its row
+        base = self._folder.base
+        if not self.parts and self.finished():
+            rows = pq.read_table(base.path / TABLE, filters=[("status", "==", DONE)])
+            cases = rows["case"].to_numpy()
+            if self._signals:
+                with base.writing(f"{self._prefix}kept.npz") as path:
+                    np.savez(path, cases=cases, **_read_signals(base.path / SIGNALS, cases))
+            with base.writing(f"{self._prefix}kept.parquet") as path:
+                pq.write_table(rows, path)
+
+        # parts without any result go
         read = {path: pq.read_table(path, columns=["status"])["status"] for path in self.parts}
-        without = [path for path, said in read.items() if DONE not in said.to_pylist()]
-        self._folder.base.clear(self._name(path) for path in without)
-
-    def _split(self) -> None:
-        """Write what is done of the table as a part, its signals first."""
-        import pyarrow.parquet as pq
-
-        there = self._folder.base
-        done = pq.read_table(there.path / TABLE, filters=[("status", "==", DONE)])
-        cases = done["case"].to_numpy()
-        if self._signals:
-            with there.writing(f"{self._prefix}kept.npz") as path:
-                np.savez(path, cases=cases, **_read_signals(there.path / SIGNALS, cases))
-        with there.writing(f"{self._prefix}kept.parquet") as path:
-            pq.write_table(done, path)
+        without = [path for path, status in read.items() if DONE not in status.to_pylist()]
+        base.clear(self._name(path) for path in without)
 
     def keep(self) -> None:
         """Leave the table of an earlier sweep of this design as it is."""
@@ -137,25 +133,25 @@ class Store:
 
     def missing(self) -> list[int]:
         """Cases without a row in the parts."""
-        there = np.zeros(self._design.n_cases, bool)
-        there[self.rows("case")["case"]] = True
-        return np.flatnonzero(~there).tolist()
+        has_row = np.zeros(self._design.n_cases, bool)
+        has_row[self.rows("case")["case"]] = True
+        return np.flatnonzero(~has_row).tolist()
 
     def rows(self, *names: str) -> dict[str, np.ndarray]:
         """Columns of all rows in the parts."""
         import pyarrow.parquet as pq
 
-        parts = [pq.read_table(part, columns=list(names)) for part in self.parts]
+        tables = [pq.read_table(path, columns=list(names)) for path in self.parts]
+        if not tables:
+            return {name: np.zeros(0, int) for name in names}
         return {
-            name: np.concatenate([part[name].to_numpy() for part in parts])
-            if parts
-            else np.zeros(0, int)
-            for name in names
+            name: np.concatenate([table[name].to_numpy() for table in tables]) for name in names
         }
 
     def add(self, rows: Rows) -> None:
-        """Write rows; they are there complete or not at all. Raises ValueError where a file that
-        they were made of changed."""
+        """Write rows as a part, complete or not at all. Raises ValueError where a file that they
+        were made of changed."""
+        import pyarrow as pa
         import pyarrow.parquet as pq
 
         self._inputs.require_unchanged()
@@ -163,64 +159,58 @@ class Store:
         if rows.signals:  # first: a case counts as done by its row
             with self._folder.base.writing(f"{name}.npz") as path:
                 np.savez(path, cases=rows.cases, **rows.signals)
+
+        # keys as numbers, or as text where one value of the whole design is none
+        columns: dict[str, Any] = {"case": pa.array(rows.cases, pa.int64())}
+        for key, values in self._design.columns.items():
+            cells, kinds = [values[i] for i in rows.cases], self._kinds[key]
+            if kinds <= {int, float}:
+                # Arrow makes no float of an integer above 2^53
+                number = float if float in kinds else int
+                columns[key] = pa.array([number(cell) for cell in cells])
+                continue
+            columns[key] = pa.array(
+                [cell if isinstance(cell, str) else dumps(cell, default=str) for cell in cells]
+            )
+        for column, values in rows.columns.items():
+            columns[column] = pa.array(values, pa.string() if column in TEXT else pa.float64())
         with self._folder.base.writing(f"{name}.parquet") as path:
-            pq.write_table(self._arrow(rows), path)
+            pq.write_table(pa.table(columns), path)
 
-    def _arrow(self, rows: Rows) -> Any:
-        import pyarrow as pa
-
-        keys = {
-            key: _typed([values[i] for i in rows.cases], self._kinds[key])
-            for key, values in self._design.columns.items()
-        }
-        found = {
-            name: pa.array(values, pa.string() if name in TEXT else pa.float64())
-            for name, values in rows.columns.items()
-        }
-        return pa.table({"case": pa.array(rows.cases, pa.int64()), **keys, **found})
-
-    def finish(self, columns: Mapping[str, Any] = NOTHING) -> None:
+    def finish(self, columns: Mapping[str, Any] = NO_COLUMNS) -> None:
         """The whole table, in order of the cases, as cases.parquet, with these values (n_cases,) in
         `columns` in place of the parts'; the parts go with the run. Raises ValueError where a file
         that they were made of changed."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        self._inputs.require_unchanged(whole=True)
-        parts = [*self.parts, *self._signal_parts()]
-        tables = [pq.read_table(part) for part in self.parts]
-        whole = pa.concat_tables(tables, promote_options="permissive").sort_by("case")
+        self._inputs.require_unchanged(by_content=True)
+        base, design = self._folder.base, self._design
+        signal_parts = [
+            path for path in base.path.glob(f"{self._prefix}*.npz") if base.ours(self._name(path))
+        ]
+        parts = [*self.parts, *signal_parts]
+        tables = [pq.read_table(path) for path in self.parts]
+        table = pa.concat_tables(tables, promote_options="permissive").sort_by("case")
         for name, values in columns.items():
-            whole = whole.set_column(whole.column_names.index(name), name, pa.array(values))
-        whole = whole.replace_schema_metadata({ABOUT: dumps(self._about())})
+            table = table.set_column(table.column_names.index(name), name, pa.array(values))
+
+        # the table says what it is a table of: `Sweep` and the next sweep read it
+        about = {
+            "kind": design.kind, "keys": design.keys, "base": design.base, "key": self._key,
+            "units": self._units, "face": self._face,
+        }  # fmt: skip
+        table = table.replace_schema_metadata({ABOUT: dumps(about)})
         with self._folder.writing(TABLE) as path:
-            pq.write_table(whole, path)
-        if kept := self._signal_parts():
+            pq.write_table(table, path)
+        if signal_parts:
             with self._folder.writing(SIGNALS) as path:
-                _write_signals(path, kept, whole, self._spheres)
-        self._folder.base.leave(self._name(part) for part in parts)
-
-    def _about(self) -> dict[str, Any]:
-        design = self._design
-        about = {"kind": design.kind, "keys": design.keys, "base": design.base}
-        return about | {"key": self._key, "units": self._units, "face": self._face}
-
-    def _signal_parts(self) -> list[Path]:
-        found = self._folder.base.path.glob(f"{self._prefix}*.npz")
-        return [path for path in found if self._folder.base.ours(self._name(path))]
+                _write_signals(path, signal_parts, table, self._spheres)
+        base.leave(self._name(part) for part in parts)
 
     def _name(self, path: Path) -> str:
+        """Path of a file below the folder, as its marker has it."""
         return path.relative_to(self._folder.base.path).as_posix()
-
-
-def _typed(values: list[Any], kinds: set[type]) -> Any:
-    """Numbers as they are, a column of anything else as text."""
-    import pyarrow as pa
-
-    if kinds <= {int, float}:
-        number = float if float in kinds else int  # Arrow takes no whole number above 2^53 for one
-        return pa.array([number(value) for value in values])
-    return pa.array([v if isinstance(v, str) else dumps(v, default=str) for v in values])
 
 
 def _write_signals(path: Path, parts: list[Path], table: Any, spheres: tuple[int, ...]) -> None:
@@ -229,35 +219,33 @@ def _write_signals(path: Path, parts: list[Path], table: Any, spheres: tuple[int
 
     with np.load(parts[0]) as first:
         t = first["t"]
+    variables = [
+        ("time", "time", t, "s", "time since the striker starts"),
+        ("sphere", "sphere", np.array(spheres), "1", "counted from the striker"),
+    ]
+    for key in table.column_names:
+        values = table[key].to_numpy()
+        if (key != "status" and values.dtype.kind == "f") or key == "case":
+            variables.append((key, "case", values, "", "see the table of cases"))
     with h5netcdf.File(path, "w") as file:
         file.dimensions = {"case": table.num_rows, "time": t.size, "sphere": len(spheres)}
-        _variable(file, "time", ("time",), t, "s", "time since the striker starts")
-        _variable(file, "sphere", ("sphere",), np.array(spheres), "1", "counted from the striker")
-        for key in table.column_names:
-            values = table[key].to_numpy()
-            if (key != "status" and values.dtype.kind == "f") or key == "case":
-                _variable(file, key, ("case",), values, "", "see the table of cases")
+        for name, axis, values, unit, long_name in variables:
+            variable = file.create_variable(name, (axis,), values.dtype, data=values)
+            variable.attrs.update(units=unit, long_name=long_name)
         v = file.create_variable("v", ("case", "time", "sphere"), np.float32)
         force = file.create_variable("wall_force", ("case", "time"), np.float32)
         v.attrs.update(units="m/s", long_name="velocity towards the wall")
         force.attrs.update(units="N", long_name="contact force at the wall")
         for part in parts:
-            with np.load(part) as one:
-                for i, case in enumerate(one["cases"]):
-                    v[case], force[case] = one["v"][i], one["wall_force"][i]
+            with np.load(part) as arrays:
+                for i, case in enumerate(arrays["cases"]):
+                    v[case], force[case] = arrays["v"][i], arrays["wall_force"][i]
 
 
 def _read_signals(path: Path, cases: np.ndarray) -> dict[str, np.ndarray]:
-    """Of these cases, as a part has them."""
+    """Signals of these cases, as a part has them."""
     import h5netcdf
 
     with h5netcdf.File(path, "r") as file:
-        own = {name: file[name][:][cases] for name in ("v", "wall_force")}
-        return {"t": file["time"][:], **own}
-
-
-def _variable(
-    file: Any, name: str, axes: tuple[str, ...], values: np.ndarray, unit: str, says: str
-):
-    found = file.create_variable(name, axes, values.dtype, data=values)
-    found.attrs.update(units=unit, long_name=says)
+        series = {name: file[name][:][cases] for name in ("v", "wall_force")}
+        return {"t": file["time"][:], **series}

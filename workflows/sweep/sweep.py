@@ -1,25 +1,34 @@
-"""A sweep from its design to its table: what is shared once, every missing case once."""
+"""A sweep from its design to its table: what is shared once, every missing case once.
+
+design    which cases there are                           (`sweep.design`, `sweep.core.design`)
+groups    cases that differ only in numbers of the chain  (`sweep.cases`)
+models    reduced models and walls that groups share      (`sweep.models`, `sweep.tasks`)
+march     of the cases of a group, side by side or alone  (`sweep.march`)
+rows      waves, forces and errors of each case           (`sweep.core.rows`)
+store     rows on disk as they come, one table at the end (`sweep.store`)
+"""
 
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any
 
 from workflows.files.run_folder import RunFolder
-from workflows.scene import InvalidScene, Scene
+from workflows.scene import InvalidScene
 from workflows.sweep.cases import Base
 from workflows.sweep.core.design import Design
 from workflows.sweep.core.rows import Rows
 from workflows.sweep.inputs import Inputs, files_of_cases
 from workflows.sweep.march import rows
-from workflows.sweep.models import Prepared, models, prepared
+from workflows.sweep.models import Models, SharedWall, models, shared_wall
 from workflows.sweep.store import Store
-from workflows.sweep.tasks import Sharing, Task, sharings
+from workflows.sweep.tasks import Sharing, sharings
 
-AT_ONCE = 2  # tasks of cases side by side
+AT_ONCE = (
+    2  # tasks of cases side by side: as the table and the search for a step keep one core busy
+)
 FIXED = ("name", "output.", "unusual")  # keys that the table's columns depend on
 Engine = Callable[[Iterator[Sharing]], Iterator[list[Rows]]]
-Told = Callable[[int, int], None]  # cases done, cases in all
+Progress = Callable[[int, int], None]  # cases done, cases in all
 
 
 def require_keys(base: Base, design: Design, signals: bool) -> None:
@@ -41,70 +50,65 @@ def require_keys(base: Base, design: Design, signals: bool) -> None:
 
 def sweep(
     base: Base, design: Design, folder: RunFolder, engine: Engine | None, *, signals: bool,
-    told: Told, again: bool,
+    progress: Progress, again: bool,
 ) -> tuple[str, ...]:  # fmt: skip
-    """Fill the folder with the table of all cases; those whose rows are there are not computed
-    again, unless asked for and without a result. What the user is to know, in sentences."""
-    inputs = Inputs(files_of_cases(base, design), __name__)
-    store = Store(folder, design, _typical(base, design), signals, inputs)
+    """Fill the folder with the table of all cases and return notes for the user, in sentences.
+
+    Cases whose rows are there are not computed again, unless `again` asks for those without a
+    result. `engine` computes tasks, by default in this process.
+    """
+    # units of the keys are those of the first case, or of the scene where that case is refused
+    try:
+        typical = base.with_values(design.case(0))
+    except InvalidScene:
+        typical = base.with_values({})
+    store = Store(folder, design, typical, signals, Inputs(files_of_cases(base, design), __name__))
     notes = store.notes()
+
+    # a finished table stays as it is, and rows of a stopped sweep count
     if again:
         store.reopen()
-    elif store.whole():
+    elif n_failed := store.failed():
+        notes += (f"{n_failed} cases failed before and are kept so; --again computes them again",)
+    if not again and store.finished():
         store.keep()
-        told(design.n_cases, design.n_cases)
-        return _failed_before(store.failed())
-    if not again:
-        notes += _failed_before(store.failed())
+        progress(design.n_cases, design.n_cases)
+        return notes
     missing = store.missing()
-    done = design.n_cases - len(missing)
-    told(done, design.n_cases)
+    n_done = design.n_cases - len(missing)
+    progress(n_done, design.n_cases)
+
+    # cases are grouped and checked as they are reached: a design may have millions
     tasks = sharings(base, design, missing, signals)
-    for found in (engine or _here)(tasks):
-        for part in found:
-            store.add(part)
-            done += len(part.cases)
-        told(done, design.n_cases)
+    for rows_of_task in (engine or _in_this_process)(tasks):
+        for piece in rows_of_task:
+            store.add(piece)
+            n_done += len(piece.cases)
+        progress(n_done, design.n_cases)
     store.finish()
     return notes
 
 
-def _failed_before(n: int) -> tuple[str, ...]:
-    said = f"{n} cases failed before and are kept so; --again computes them again"
-    return (said,) if n else ()
-
-
-def _typical(base: Base, design: Design) -> Scene:
-    """The scene of the first case, or the one that is swept where that case is refused."""
-    try:
-        return base.with_values(design.case(0))
-    except InvalidScene:
-        return base.with_values({})
-
-
-def _here(work: Iterator[Sharing]) -> Iterator[list[Rows]]:
-    """Rows task by task in this process; of cases side by side two tasks at a time, as the table
-    and the search for a step keep one core busy."""
+def _in_this_process(groups: Iterator[Sharing]) -> Iterator[list[Rows]]:
+    """Rows task by task; of cases side by side AT_ONCE tasks march at a time, and what comes out
+    lags behind by as many."""
     running: deque[Future[list[Rows]]] = deque()
+    latest: dict[str, Models | str] = {}
     with ThreadPoolExecutor(AT_ONCE) as pool:
-        for task, shared in _with_shared(work):
-            what = task.checked, shared, task.signals
-            if task.checked.scene is None or not task.checked.joins:
-                yield rows(*what)
-                continue
-            running.append(pool.submit(rows, *what))
-            if len(running) > AT_ONCE:
-                yield running.popleft().result()
+        for group in groups:
+            # groups of one key follow each other: only the latest models stay in memory
+            if group.key is not None and group.key not in latest:
+                latest = {group.key: models(group.source)}
+            shared = SharedWall()
+            if group.scene:
+                shared = shared_wall(group.scene, group.source, latest.get(group.key))
+
+            for task in group.tasks:
+                if task.checked.scene is None or not task.checked.joins:
+                    yield rows(task.checked, shared, task.signals)
+                    continue
+                running.append(pool.submit(rows, task.checked, shared, task.signals))
+                if len(running) > AT_ONCE:
+                    yield running.popleft().result()
         while running:
             yield running.popleft().result()
-
-
-def _with_shared(work: Iterator[Sharing]) -> Iterator[tuple[Task, Prepared]]:
-    """Tasks with what they share; models of scenes that share them are there once."""
-    kept: dict[str, Any] = {}
-    for one in work:
-        if one.key is not None and one.key not in kept:
-            kept = {one.key: models(one.source)}
-        shared = prepared(one.scene, one.source, kept.get(one.key)) if one.scene else Prepared()
-        for task in one.tasks:
-            yield task, shared

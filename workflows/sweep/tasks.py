@@ -5,7 +5,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from workflows.scene import InvalidScene, Scene
-from workflows.sweep.cases import Base, Checked, Group, checked, groups
+from workflows.sweep.cases import Base, CheckedGroup, Group, checked, groups
 from workflows.sweep.core.design import Design
 from workflows.sweep.models import Source, models_key
 
@@ -17,7 +17,7 @@ SPRINGS = ("kx", "ky", "kz", "krx", "kry", "krz")
 class Task(NamedTuple):
     """Cases computed together."""
 
-    checked: Checked
+    checked: CheckedGroup
     signals: bool
 
 
@@ -37,33 +37,37 @@ def sharings(base: Base, design: Design, cases: list[int], signals: bool) -> Ite
 
 def sharing(base: Base, design: Design, group: Group, signals: bool) -> Sharing:
     """The tasks of a group of cases."""
-    looked = checked(base, group)
-    scene = looked.scene
-    source = scene and source_of(looked, design)
-    size = CHUNK if scene and looked.joins else ALONE
-    tasks = [Task(part, signals) for part in looked.parts(size)]
-    return Sharing(scene, source, source and models_key(source), tasks)
+    scenes = checked(base, group)
+    size = CHUNK if scenes.scene and scenes.joins else ALONE
+    tasks = [Task(piece, signals) for piece in scenes.pieces(size)]
+    if scenes.scene is None:
+        return Sharing(None, None, None, tasks)
+    source = source_of(scenes, design)
+    return Sharing(scenes.scene, source, models_key(source), tasks)
 
 
-def source_of(looked: Checked, design: Design) -> Source:
-    """The scene whose reduced models serve the group: its own or, where springs of joints vary,
-    that with the springs of the scene that is swept."""
-    own, values = looked.scene, looked.group.values(0)
-    keys = [key for key in values if _is_spring(key, own)]
-    if not keys or own.reduction.kind != "craig-bampton":
-        return Source(own)
+def source_of(checked_group: CheckedGroup, design: Design) -> Source:
+    """The scene whose reduced models serve the group: its first one or, where springs of joints
+    vary, that with the springs of the scene that is swept, as K(k) = K0 + sum k_j b_j b_j^T is
+    reduced once for all k."""
+    scene, values = checked_group.scene, checked_group.group.values(0)
+    keys = []
+    for key in values:
+        joint, _, direction = key.removeprefix("joints.").rpartition(".")
+        if key.startswith("joints.") and joint in scene.springs and direction in SPRINGS:
+            keys.append(key)
+    if not keys or scene.reduction.kind != "craig-bampton":
+        return Source(scene)
     try:
-        usual = looked.base.with_values({k: v for k, v in values.items() if k not in keys})
+        other_values = {key: value for key, value in values.items() if key not in keys}
+        usual = checked_group.base.with_values(other_values)
     except InvalidScene:
-        return Source(own)
+        return Source(scene)
+
+    # springs that are text, infinite or nan need a model each
     springs = tuple(key.removeprefix("joints.") for key in keys)
-    every = [k for key in keys for k in design.columns[key]]
-    every += [usual.stiffness(spring) for spring in springs]
-    if all(isinstance(k, int | float) and isfinite(k) for k in every):
+    stiffness = [k for key in keys for k in design.columns[key]]
+    stiffness += [usual.stiffness(spring) for spring in springs]
+    if all(isinstance(k, int | float) and isfinite(k) for k in stiffness):
         return Source(usual, springs)
-    return Source(own)
-
-
-def _is_spring(key: str, scene: Scene) -> bool:
-    joint, _, direction = key.removeprefix("joints.").rpartition(".")
-    return key.startswith("joints.") and joint in scene.springs and direction in SPRINGS
+    return Source(scene)

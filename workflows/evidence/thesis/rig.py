@@ -20,7 +20,7 @@ from workflows.files.run_folder import Picture
 from workflows.report.finding import Finding
 from workflows.report.plots import panels
 from workflows.report.tables import Table
-from workflows.scene import HalfSpaceWall, LeafSprings, Preload, Scene
+from workflows.scene import HalfSpaceWall, LeafSpringsTable, Preload, Scene
 from workflows.stages.chain import chain, contact_radius, start
 from workflows.stages.pipeline import Progress
 
@@ -222,12 +222,12 @@ def _pressed(scene: Scene, stiffness: float, press: float) -> Scene:
     """Leaf springs that press with `press` [N] each; none where they press with nothing."""
     if not press:
         return scene.but(leaf_springs=None)
-    return scene.but(leaf_springs=LeafSprings(stiffness=stiffness, offset=press / stiffness))
+    return scene.but(leaf_springs=LeafSpringsTable(stiffness=stiffness, offset=press / stiffness))
 
 
 def _leaf_springs(scene: Scene, usual: float) -> tuple[float, float]:
     """Largest stiffness [N/m], `usual` for none, and press [N] of the scene's leaf springs."""
-    leaf = scene.leaf_springs or LeafSprings()
+    leaf = scene.leaf_springs or LeafSpringsTable()
     stiffness = np.asarray(leaf.stiffness)
     return float(stiffness.max()) or usual, float(np.max(stiffness * np.asarray(leaf.offset)))
 

@@ -8,7 +8,15 @@ import numpy as np
 import coupling
 import dem
 from workflows.fit.core.calibration.parameters import RATIOS, Parameter, Rig
-from workflows.scene import InvalidScene, ModalDamping, OneDofWall, Preload, RomWall, Scene, nearest
+from workflows.scene import (
+    InvalidScene,
+    ModalDampingTable,
+    OneDofWall,
+    Preload,
+    RomWall,
+    Scene,
+    nearest,
+)
 from workflows.stages.chain import chain, initial_velocity
 
 
@@ -67,7 +75,7 @@ def rig(scene: Scene, wall: dem.Wall | None, trigger: float) -> Rig:
     damping = None
     if isinstance(scene.wall, OneDofWall):
         damping = np.ones((1, 1))
-    elif isinstance(scene.wall, RomWall) and isinstance(scene.damping, ModalDamping):
+    elif isinstance(scene.wall, RomWall) and isinstance(scene.damping, ModalDampingTable):
         from workflows.thesis import HAMMER_TEST_HZ
 
         if np.ndim(scene.damping.ratio) == 0:
@@ -155,7 +163,7 @@ def _named(scene: Scene, name: str, trigger: float) -> list[Parameter]:
     if isinstance(wall, OneDofWall) and name == "wall.damping":
         return [Parameter(name, "damping", float(wall.damping_ratio) or RATIO_START, *RATIO)]
     if isinstance(wall, RomWall) and name == "wall.damping":
-        if not isinstance(scene.damping, ModalDamping):
+        if not isinstance(scene.damping, ModalDampingTable):
             raise InvalidScene(
                 f"--free {name} needs modal damping, found damping.kind = {scene.damping.kind!r}; "
                 "set damping.kind=modal."

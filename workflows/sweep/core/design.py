@@ -46,7 +46,8 @@ class Axis(NamedTuple):
     logarithmic: bool = False
 
     def at(self, unit: np.ndarray) -> np.ndarray:
-        """Values for places (n,) between 0 and 1 in the range."""
+        """Values (n,) in the range for numbers (n,) between 0 and 1: low + (high - low) x, or
+        low (high / low)^x."""
         if self.logarithmic:
             return self.low * (self.high / self.low) ** unit
         return self.low + (self.high - self.low) * unit
@@ -54,12 +55,13 @@ class Axis(NamedTuple):
 
 def combined(axes: Sequence[Axis]) -> Design:
     """Every combination of the values of all axes, the last key varying fastest."""
-    lengths = [len(axis.values) for axis in axes]
-    columns, before = {}, 1
-    for axis, n in zip(axes, lengths, strict=True):
-        each = prod(lengths) // (before * n)
-        columns[axis.key] = tuple(v for v in axis.values for _ in range(each)) * before
-        before *= n
+    n_cases = prod(len(axis.values) for axis in axes)
+    columns, cycles = {}, 1
+    for axis in axes:
+        # a value stands `repeats` times in a row, all values go round `cycles` times
+        repeats = n_cases // (cycles * len(axis.values))
+        columns[axis.key] = tuple(v for v in axis.values for _ in range(repeats)) * cycles
+        cycles *= len(axis.values)
     return Design("grid", columns)
 
 

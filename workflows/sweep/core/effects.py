@@ -10,8 +10,8 @@ import numpy as np
 
 from workflows.sweep.core.design import Design
 
-RESAMPLES = 400
-FEWEST = 16  # base samples of which indices are made
+RESAMPLES = 400  # of the bootstrap: its standard errors are known to 1 / sqrt(2 * 400), 3.5 %
+FEWEST = 16  # samples with a value that indices and rank correlations need
 ALIKE = 1e-5  # of the largest value: outputs that differ by less differ by their own errors
 Array = np.ndarray
 
@@ -35,39 +35,41 @@ def sobol_effects(design: Design, y: Array) -> Effects:
     n, d = design.base, len(design.keys)
     if design.kind != "sobol":
         raise ValueError("Sobol indices need a sweep with --sample sobol:n; make one.")
-    parts = np.asarray(y, float).reshape(d + 2, n)
-    whole = np.isfinite(parts).all(axis=0)
-    used = int(whole.sum())
-    values = parts[:, whole]
+    outputs = np.asarray(y, float).reshape(d + 2, n)
+    complete = np.isfinite(outputs).all(axis=0)
+    used = int(complete.sum())
+    values = outputs[:, complete]
     if used < FEWEST or np.ptp(values) <= ALIKE * np.abs(values).max():
         raise ValueError(
             f"{used} of {n} samples have a value in all of their {d + 2} cases, and indices need "
             f"{FEWEST} whose values differ by more than {ALIKE:g} of the largest; take more "
             "samples or another output."
         )
+
+    # standard errors by bootstrap: base samples drawn with replacement
     draws = np.random.default_rng(0).integers(used, size=(RESAMPLES, used))
-    resampled = np.stack([_indices(values[:, drawn]) for drawn in draws])
+    resampled = np.stack([_indices(values[:, draw]) for draw in draws])
     return Effects(*_indices(values), *resampled.std(axis=0, ddof=1), used)
 
 
-def _indices(parts: Array) -> Array:
+def _indices(outputs: Array) -> Array:
     """First-order and total (2, d) of the outputs (d + 2, n) of A, B and each A_B: table 2 of
     Saltelli, rows (b) and (f). scipy's sobol_indices wants a power of two of samples, which cases
     that are missing leave none, and its standard errors change from call to call."""
-    A, B, *mixed = parts - parts[:2].mean()
+    A, B, *mixed = outputs - outputs[:2].mean()
     AB, variance = np.array(mixed), np.var([A, B])
     return np.stack([np.mean(B * (AB - A), axis=1), np.mean((A - AB) ** 2, axis=1) / 2]) / variance
 
 
 def rank_correlations(design: Design, y: Array) -> dict[str, float]:
-    """Spearman's of y (n_cases,) with each key; none where too few cases have a value, or all the
-    same."""
+    """Spearman's rank correlation of y (n_cases,) with each key; empty where too few cases have a
+    value, or all the same."""
     from scipy.stats import spearmanr
 
-    there = np.isfinite(y)
-    if there.sum() < FEWEST or np.ptp(y[there]) == 0.0:
+    finite = np.isfinite(y)
+    if finite.sum() < FEWEST or np.ptp(y[finite]) == 0.0:
         return {}
     return {
-        key: float(spearmanr(np.array(values)[there], y[there]).statistic)
+        key: float(spearmanr(np.array(values)[finite], y[finite]).statistic)
         for key, values in design.columns.items()
     }

@@ -1,4 +1,4 @@
-"""What a case leaves in the table: its waves at the watched spheres, the wall's force, errors."""
+"""A case's row of the table: its waves at the watched spheres, the wall's force, errors."""
 
 from typing import Any, NamedTuple
 
@@ -13,12 +13,12 @@ RUN = (
 )  # fmt: skip
 TEXT = ("status", "message")
 OF_SPHERE = ("incident_s", "incident_m_s", "reflected_s", "reflected_m_s", "tof_s", "arr")
-LARGE_ERROR = 0.05  # of the velocities over the striker's, that a row and the terminal warn of
+LARGE_ERROR = 0.05  # of velocities, in parts of the striker's; a row and the terminal warn of it
 Array = np.ndarray
 
 
 class Rows(NamedTuple):
-    """Rows of cases, and where they were asked for their signals."""
+    """Rows of cases, with their signals where these are wanted."""
 
     cases: tuple[int, ...]
     columns: dict[str, list[Any]]
@@ -40,19 +40,20 @@ def measured(
 ) -> dict[str, list[Any]]:
     """Columns of cases with velocities v (m, k, len(spheres)) [m/s] and wall_force (m, k) [N] at
     times t (k,) [s]; `run` has a number for all, or one each, of the other columns."""
-    m, found = len(v), {}
+    m, columns = len(v), {}
     for j, sphere in enumerate(spheres):
         waves = passages(t, v[:, :, j])
+        # time of flight and amplitude ratio of the reflected over the incident wave
         tof, arr = waves[:, 2] - waves[:, 0], np.abs(waves[:, 3] / waves[:, 1])
         for name, values in zip(OF_SPHERE, (*waves.T, tof, arr), strict=True):
-            found[f"sphere_{sphere}_{name}"] = values.tolist()
-    found["wall_peak_force_N"] = wall_force.max(axis=1).tolist()
-    found["wall_peak_s"] = t[wall_force.argmax(axis=1)].tolist()
+            columns[f"sphere_{sphere}_{name}"] = values.tolist()
+    columns["wall_peak_force_N"] = wall_force.max(axis=1).tolist()
+    columns["wall_peak_s"] = t[wall_force.argmax(axis=1)].tolist()
     run = {"status": DONE, "message": "", "error_reduction": np.nan, "error_mesh": np.nan} | run
     for name, value in run.items():
-        each = value.tolist() if isinstance(value, np.ndarray) else value
-        found[name] = list(each) if isinstance(each, list | tuple) else [each] * m
-    return {name: found[name] for name in names(spheres)}
+        value = value.tolist() if isinstance(value, np.ndarray) else value
+        columns[name] = list(value) if isinstance(value, list | tuple) else [value] * m
+    return {name: columns[name] for name in names(spheres)}
 
 
 def without_result(
