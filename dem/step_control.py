@@ -329,20 +329,23 @@ def _richardson(coarse, fine, pairs, method, highest_order, observed, speed, sea
 
     # e = |v_h - v_H| / ((H/h)^p - 1); where forces jump, two marches are alike by chance more
     # often, and the difference before counts too
-    leading = difference
-    if highest_order <= search.jump_order and previous is None:
+    leading, jumps = difference, highest_order <= search.jump_order
+    if jumps and previous is None:
         leading = search.first_jump * difference
-    elif highest_order <= search.jump_order:
+    elif jumps:
         leading = max(difference, previous.difference * coarse.dt / previous.coarse_dt)
     estimate = leading / ((coarse.dt / fine.dt) ** order - 1.0)
 
     # a ledger that closes to rounding, and no better for shorter steps, beside velocities that
     # differ by far more: the motion amplifies rounding, which no step lessens, and two marches are
-    # alike by chance. Implicit schemes close it to rounding at any step, which says nothing
+    # alike by chance. Implicit schemes close it to rounding at any step, which says nothing. Where
+    # forces jump a ledger may close so while the velocities still converge, by their low order:
+    # differences that fall by more than rounding scatters are not made of it
     rounding = search.rounding_walk * EPSILON * np.sqrt(fine.n_steps * method.evaluations)
     stays = 0.5 * coarse.energy_error < fine.energy_error <= rounding
     far = rounding < difference / search.amplification
-    amplified = bool(method.kind != "implicit" and stays and far)
+    falls = jumps and bool(pairs) and search.chance * difference < pairs[-1].difference
+    amplified = bool(method.kind != "implicit" and stays and far and not falls)
     if amplified:
         estimate = search.chance * max([difference, *(pair.difference for pair in pairs[-1:])])
     return difference, estimate, amplified

@@ -47,9 +47,14 @@ def checkout(tmp_path):
 def started(checkout, fails="nothing fails", hangs="nothing hangs"):
     environment = os.environ | {"FAILS": fails, "HANGS": hangs, "TMPDIR": str(checkout / "tmp")}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    return subprocess.Popen(
-        [checkout / ".ci" / "run"], env=environment, start_new_session=True, **pipes
-    )
+    # bash cannot trap a signal that was ignored when it began, as SIGHUP is beneath nohup
+    inherited = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    try:
+        return subprocess.Popen(
+            [checkout / ".ci" / "run"], env=environment, start_new_session=True, **pipes
+        )
+    finally:
+        signal.signal(signal.SIGHUP, inherited)
 
 
 def test_every_step_and_job_runs_and_says_how_long_it_took(checkout):
@@ -100,6 +105,7 @@ def test_what_still_runs_ends_with_the_script(number, hangs, checkout):
     calls = checkout / "calls"
     with started(checkout, hangs=hangs) as process:
         while not calls.exists() or hangs not in calls.read_text():
+            assert process.poll() is None
             sleep(0.02)
         process.send_signal(number)
         process.communicate(timeout=60)  # until nothing writes to the pipe
