@@ -31,7 +31,7 @@ class Identification(NamedTuple):
     disagree: float = 0.15  # relative difference of the two damping ratios worth a sentence
 
 
-class MeasuredMode(NamedTuple):
+class Resonance(NamedTuple):
     """One resonance by both methods; nan where a method has no result."""
 
     frequency_hz: float  # by the fit, else of the peak
@@ -57,7 +57,7 @@ def measured_modes(
     *,
     prominence: float = 1.5,
     options: Identification = Identification(),
-) -> list[MeasuredMode]:
+) -> list[Resonance]:
     """Resonances of responses H (n_responses, k) at evenly spaced frequencies (k,), lowest first.
 
     A peak counts from `prominence` (a factor) above its surroundings on. Raises ValueError for
@@ -123,7 +123,7 @@ def measured_modes(
         elif abs(zeta - zeta_fit) > options.disagree * zeta_fit:
             remarks.append(f"half-power {zeta:.3g} and fit {zeta_fit:.3g} disagree on the damping")
         frequency = f_peak if np.isnan(f_fit) else f_fit
-        resonances.append(MeasuredMode(frequency, zeta, zeta_fit, tuple(remarks)))
+        resonances.append(Resonance(frequency, zeta, zeta_fit, tuple(remarks)))
     return resonances
 
 

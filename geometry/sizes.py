@@ -12,7 +12,7 @@ from geometry.gmsh_session import EDGES_AROUND, mesh_options
 from geometry.solids import Body, Vector, parallel
 
 
-class Growth(NamedTuple):
+class ElementGrowth(NamedTuple):
     """How the element size follows from a body's shape, and how it grows away from fine places."""
 
     grading: float = 0.35  # growth of the element size per distance from a point or a circle
@@ -36,7 +36,7 @@ class Growth(NamedTuple):
     sampled: int = 200  # points of a line that distances are taken from
 
 
-GROWTH = Growth()
+GROWTH = ElementGrowth()
 
 
 class Fine(NamedTuple):

@@ -28,8 +28,8 @@ from workflows.stages.wall import damping_law
 from workflows.thesis import HAMMER_TEST_HZ
 
 
-class ScanOptions(NamedTuple):
-    """Of the patches and modes of a face that is struck at many points."""
+class FaceOptions(NamedTuple):
+    """Patches and modes of a face that is struck at many points."""
 
     # of a patch's quadrature, along the radius and around: the half-space takes what they leave
     n_radial: int = 8
@@ -39,7 +39,7 @@ class ScanOptions(NamedTuple):
     higher: float = 2.0
 
 
-SCAN = ScanOptions()
+SCAN = FaceOptions()
 AXES = "xyz"
 
 

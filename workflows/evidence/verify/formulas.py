@@ -24,7 +24,7 @@ AGAIN = 1.0 + 1e-9
 Array = NDArray[np.float64]
 
 
-class Motion(NamedTuple):
+class ReferenceMotion(NamedTuple):
     """A chain's motion at the instants of the call."""
 
     v: Array  # (k, n) [m/s]
@@ -134,7 +134,7 @@ def slope(d: float, A: float, limit: float, deepest: float) -> float:
     return 1.5 * (A * limit**0.5 if d >= top else A_flat * max(d - crater, 0.0) ** 0.5)
 
 
-def motion(chain: Chain, wall: Wall | None, v0: Array, t: Array, *, steps: int = 100) -> Motion:
+def motion(chain: Chain, wall: Wall | None, v0: Array, t: Array, *, steps: int = 100) -> ReferenceMotion:
     """Velocities and forces at t (k,), from rest in equilibrium with v0 (n,); `steps` at the least.
 
     Raises ValueError where the integrator gives up.
@@ -156,7 +156,7 @@ def motion(chain: Chain, wall: Wall | None, v0: Array, t: Array, *, steps: int =
         deepest = _deepest(equations, y, deepest, loading)
         for i, times in enumerate(phase.t_events):
             loading[i] ^= bool(times.size)
-    return Motion(np.array(states)[:, x.size : 2 * x.size], np.array(forces))
+    return ReferenceMotion(np.array(states)[:, x.size : 2 * x.size], np.array(forces))
 
 
 def _deepest(equations: Equations, y: Array, deepest: Array, loading: Array) -> Array:
