@@ -134,7 +134,9 @@ def slope(d: float, A: float, limit: float, deepest: float) -> float:
     return 1.5 * (A * limit**0.5 if d >= top else A_flat * max(d - crater, 0.0) ** 0.5)
 
 
-def motion(chain: Chain, wall: Wall | None, v0: Array, t: Array, *, steps: int = 100) -> ReferenceMotion:
+def motion(
+    chain: Chain, wall: Wall | None, v0: Array, t: Array, *, steps: int = 100
+) -> ReferenceMotion:
     """Velocities and forces at t (k,), from rest in equilibrium with v0 (n,); `steps` at the least.
 
     Raises ValueError where the integrator gives up.
