@@ -7,6 +7,10 @@ from pathlib import Path
 
 import pytest
 
+import dem
+import fem
+import geometry
+import rom
 from workflows.aliases import MOVED_MODULES, MOVED_PACKAGES, present_path
 
 ROOT = Path(__file__).parents[1]
@@ -30,6 +34,15 @@ def python(code: str, folder: Path, *options: str) -> subprocess.CompletedProces
 def test_every_former_path_leads_to_a_file(former):
     path = ROOT.joinpath(*present_path(former).split("."))
     assert path.with_suffix(".py").is_file() or (path / "__init__.py").is_file()
+
+
+@pytest.mark.parametrize("room", [dem, fem, geometry, rom])
+def test_former_names_of_a_room_give_those_of_today_with_a_warning(room):
+    for former, name in room.FORMER_NAMES.items():
+        with pytest.warns(DeprecationWarning, match=f"{room.__name__}.{former} is .*{name} now"):
+            assert getattr(room, former) is getattr(room, name)
+    with pytest.raises(AttributeError, match="no attribute 'Serch'"):
+        _ = room.Serch
 
 
 def test_modules_that_stay_have_no_other_path():
