@@ -9,7 +9,7 @@ from scipy.optimize import nnls
 from workflows.evidence.accuracy.row import AccuracyRow
 
 
-class CostGrowth(NamedTuple):
+class TimeGrowth(NamedTuple):
     """seconds = fixed + each * size, and the exponent with which seconds - fixed grows."""
 
     fixed: float  # [s]
@@ -17,7 +17,7 @@ class CostGrowth(NamedTuple):
     exponent: float
 
 
-def line(size: Iterable[float], seconds: Iterable[float]) -> CostGrowth:
+def line(size: Iterable[float], seconds: Iterable[float]) -> TimeGrowth:
     """The straight line nearest in relative error, through 0 or above; the exponent is of the sizes
     whose time stands clear of the fixed one, nan where fewer than two do."""
     size, seconds = np.array(list(size), float), np.array(list(seconds))
@@ -25,16 +25,16 @@ def line(size: Iterable[float], seconds: Iterable[float]) -> CostGrowth:
     fixed, each = nnls(terms, np.ones(size.size))[0]
     clear = seconds > 1.3 * fixed
     exponent = growth_exponent(size[clear], seconds[clear] - fixed) if clear.sum() > 1 else np.nan
-    return CostGrowth(float(fixed), float(each), exponent)
+    return TimeGrowth(float(fixed), float(each), exponent)
 
 
-def growth(rows: Iterable[AccuracyRow]) -> CostGrowth:
+def growth(rows: Iterable[AccuracyRow]) -> TimeGrowth:
     """Growth of the rows' seconds over their parameter."""
     rows = list(rows)
     return line([row.parameter for row in rows], [row.seconds for row in rows])
 
 
-def growths(rows: tuple[AccuracyRow, ...]) -> dict[str, CostGrowth]:
+def growths(rows: tuple[AccuracyRow, ...]) -> dict[str, TimeGrowth]:
     """Growth of each method's seconds over the parameter of its rows."""
     methods = dict.fromkeys(row.method for row in rows)
     return {name: growth(row for row in rows if row.method == name) for name in methods}

@@ -6,11 +6,12 @@ from workflows.report.plots import (
     COLOURS,
     Line,
     Panel,
+    correlation_map,
     drawn,
     frame,
-    heat_map,
     log_ticks,
     png,
+    residual_pairs,
     subplots,
 )
 from workflows.report.plots import legend as name_curves
@@ -36,10 +37,8 @@ def pictures(fit, t, report, posterior=None) -> dict[str, bytes]:
 
 def signals(t, fit, report, face: str) -> bytes:
     """Data, the model that it started from and the one found, two panels per signal."""
-    n = len(report.misfit_m_s)
-    shared = {"sharex": True, "height_ratios": [3, 1] * n}
-    figure, panels = subplots(2 * n, 1, (9, 1.2 + 2.3 * n), **shared)
-    for i, name in enumerate(report.misfit_m_s):
+    figure, panels = residual_pairs(len(report.misfit_m_s), 2.3)
+    for i, (name, (upper, lower)) in enumerate(zip(report.misfit_m_s, panels, strict=True)):
         # a sensor in its unit, a velocity in m/s beside a residual in mm/s
         words, residual_words = f"sphere {name}\nvelocity [m/s]", "residual\n[mm/s]"
         scale, residual_scale = 1.0, 1e3
@@ -48,7 +47,6 @@ def signals(t, fit, report, face: str) -> bytes:
             residual_scale = scale
             words, residual_words = f"{name}\n[{unit}]", f"residual\n[{unit}]"
 
-        upper, lower = panels[2 * i], panels[2 * i + 1]
         upper.plot(1e3 * t, scale * fit.data[:, i], color="0.55", linewidth=2.6, label="data")
         start = scale * fit.start[:, i]
         upper.plot(1e3 * t, start, "--", color=COLOURS[1], linewidth=1, label="start")
@@ -64,8 +62,8 @@ def signals(t, fit, report, face: str) -> bytes:
         lower.set_ylabel(residual_words)
         frame(upper)
         frame(lower)
-    name_curves(panels[0], "above")
-    panels[-1].set_xlabel("time [ms]")
+    name_curves(panels[0][0], "above")
+    lower.set_xlabel("time [ms]")
     return png(figure, face)
 
 
@@ -139,8 +137,7 @@ def correlation(fit, face: str) -> bytes:
     shares = {"width_ratios": (1, 2.2)}
     figure, (_, matrix) = drawn([panel], columns=2, size=(5, 5.4), **shares)
     matrix.set_axis_on()
-    r = fit.uncertainty.correlation
-    heat_map(matrix, r, (names, names), "correlation", cmap="RdBu_r", limits=(-1, 1))
+    correlation_map(matrix, fit.uncertainty.correlation, names)
     matrix.tick_params(labelsize=7)
     matrix.tick_params(axis="x", rotation=90)
     return png(figure, face)

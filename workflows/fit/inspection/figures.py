@@ -9,11 +9,12 @@ from workflows.report.plots import (
     COLOURS,
     Line,
     Panel,
+    correlation_map,
     drawn,
     frame,
-    heat_map,
     legend,
     png,
+    residual_pairs,
     subplots,
 )
 
@@ -33,10 +34,8 @@ def pictures(result: Inspected, report: InspectionReport) -> dict[str, bytes]:
 def signals(result: Inspected, report: InspectionReport, face: str) -> bytes:
     """Records and model, and the residual over the noise; two panels per record."""
     shots = result.fit.shots[:MOST_RECORDS]
-    n = len(shots)
-    figure, panels = subplots(2 * n, 1, (9, 1.2 + 2.1 * n), sharex=True, height_ratios=[3, 1] * n)
-    for s, shot in enumerate(shots):
-        upper, lower = panels[2 * s], panels[2 * s + 1]
+    figure, panels = residual_pairs(len(shots), 2.1)
+    for s, (shot, (upper, lower)) in enumerate(zip(shots, panels, strict=True)):
         for i, name in enumerate(report.sensors):
             largest = np.abs(shot.y[:, i]).max()
             upper.plot(1e3 * shot.t, shot.y[:, i] / largest, color="0.6", linewidth=2.2,
@@ -49,8 +48,8 @@ def signals(result: Inspected, report: InspectionReport, face: str) -> bytes:
         lower.set_ylabel("left\n/ noise")
         frame(upper)
         frame(lower)
-    legend(panels[0], "above")
-    panels[-1].set_xlabel("time of the record [ms]")
+    legend(panels[0][0], "above")
+    lower.set_xlabel("time of the record [ms]")
     return png(figure, face)
 
 
@@ -70,8 +69,7 @@ def numbers(report: InspectionReport, face: str) -> bytes:
     axis.set_xlabel("between its bounds, with two sigma")
     frame(axis)
     names = [row.name.split(".")[-1] for row in rows]
-    heat_map(matrix, np.array(report.correlation), (names, names), "correlation", cmap="RdBu_r",
-             limits=(-1, 1))  # fmt: skip
+    correlation_map(matrix, np.array(report.correlation), names)
     return png(figure, face)
 
 
