@@ -27,7 +27,7 @@ def on_surface(
 ) -> OnSurface:
     """The outside of all bodies at its points nearest to `points` (n, 3) [m].
 
-    The facet is that of the nearest point among n_samples x n_samples on every facet of the outside.
+    The facet is that of the nearest of n_samples x n_samples points on every facet of the outside.
     """
     # facets (m,) of the outside of each body and their corners (3, 4, m)
     outside = {}
