@@ -173,7 +173,8 @@ def contact_forces(
     damping = gamma * approach * (elastic if chain.dissipation == "hunt-crossley" else 1.0)
     damping = np.where(delta > 0, damping, 0.0)
 
-    # the contact gives way by 1 / (1 + s k) of the gap, and hands on as much of its damping
+    # the contact closes by 1 / (1 + s k) of the approach, and of its damping the same share reaches
+    # the wall: hence the square
     stiffness = hertz_stiffness(delta[-1], A[-1])
     damping[-1] /= (1 + s * stiffness) ** 2
     if chain.dissipation in CLIPPED:  # contacts do not pull
@@ -187,7 +188,7 @@ def with_coupled_error(
     """The trajectory of march_coupled at this error with the largest velocity difference to a
     march of half as many steps, over the largest initial speed: a cautious error_estimate.
     """
-    # the error of a step, and what stability allows of its length, chosen for half as many
+    # half as many steps: 32 = 2^5 times the error of a step, and twice the longest that is stable
     coarser = march_coupled(
         chain, wall, v0, duration=float(trajectory.t[-1]), error=32.0 * error,
         n_save=trajectory.t.size - 1, largest_step=2 * longest_step(wall),
@@ -207,7 +208,8 @@ def longest_step(wall: CoupledWall, stiffest: float = 100.0) -> float:
             f"fast as its fastest mode (allowed is {stiffest:g}); dampers that stiff hold their "
             "direction rigid: make it so, or lower their coefficients."
         )
-    # the order 8 method is stable along the negative axis to about 6, along the imaginary to 5
+    # the method of order 8 is stable to about 6 / decay and 5 / fastest; half and a fifth of these
+    # leave room where both act at once
     return 1 / max(fastest, decay / 3) if fastest > 0 else np.inf
 
 

@@ -86,12 +86,15 @@ class StepSearch(NamedTuple):
     ledger_ulps: float = 4.0  # of its largest entry that the sum of a ledger may be off by
     rounding_walk: float = 3.0  # times sqrt(evaluations) eps, of rounding in a ledger
     amplification: float = 1e5  # so many times rounding is a difference that the motion made of it
-    chance: float = 3.0  # times the larger of two differences that rounding makes
+    # by which two differences that rounding makes may differ: an estimate takes so many times the
+    # larger one, and a difference that falls by more is none of rounding
+    chance: float = 3.0
     rounding_excess: float = 30.0  # times the error that rounding may reach: it rarely all adds up
 
     # when to give up
-    patience: float = 1 / 6  # of the evaluations allowed, seconds: beyond, or where rounding is
-    # amplified, the search goes on only if it gets nearer
+    # share of the evaluations allowed, some seconds, after which, or once rounding is amplified,
+    # the search goes on only if it gets nearer
+    patience: float = 1 / 6
     slowest_order: float = 0.25  # order of the excess below which it gets no nearer
     damper_energy: float = 0.05  # of the energy, that two ways to damp may differ by
 
@@ -129,11 +132,16 @@ def march_to_error(
 
     The first march is compared with one of steps about four times as long, whose energy error sets
     its own step; where its ledger closes too little, a finer march is compared with the same. The
-    estimate divides their difference by what order 2.5 leaves (1.5 for contacts that yield), that
-    of marches less far apart by what order 1.5 does, of a third by what the observed order leaves,
-    up to 2 (1.5 before a dashpot; 1.25 for contacts that yield; 0.75 for the linear laws, whose
-    force does, where the last two differences count): all schemes here keep more, but not at every
-    step. Raises UnstableStep where the evaluations allowed do not suffice.
+    estimate divides the difference of two marches by (H/h)^p - 1, with an order p that is lower
+    than that of the schemes, which they do not keep at every step:
+
+        of a first pair far apart      2.5; 1.5 for contacts that yield
+        of a first pair close together 1.5
+        of three marches and more      the order observed, at most 2; 1.5 before a dashpot,
+                                       1.25 for contacts that yield, 0.75 for linear dampers
+
+    Linear dampers let forces jump: there the last two differences count. Raises UnstableStep where
+    the evaluations allowed do not suffice.
     """
     validate(chain, wall, v0)
     positive("error", error)
@@ -336,11 +344,11 @@ def _richardson(coarse, fine, pairs, method, highest_order, observed, speed, sea
         leading = max(difference, previous.difference * coarse.dt / previous.coarse_dt)
     estimate = leading / ((coarse.dt / fine.dt) ** order - 1.0)
 
-    # a ledger that closes to rounding, and no better for shorter steps, beside velocities that
-    # differ by far more: the motion amplifies rounding, which no step lessens, and two marches are
-    # alike by chance. Implicit schemes close it to rounding at any step, which says nothing. Where
-    # forces jump a ledger may close so while the velocities still converge, by their low order:
-    # differences that fall by more than rounding scatters are not made of it
+    # Where the motion amplifies rounding no shorter step helps, and two marches are alike by
+    # chance: the energy error stays at rounding while velocities differ by far more.
+    # Implicit schemes close the ledger to rounding at any step, which says nothing. Where forces
+    # jump the ledger may close so while velocities still converge, by their low order: there a
+    # difference that falls by more than chance is none of rounding
     rounding = search.rounding_walk * EPSILON * np.sqrt(fine.n_steps * method.evaluations)
     stays = 0.5 * coarse.energy_error < fine.energy_error <= rounding
     far = rounding < difference / search.amplification

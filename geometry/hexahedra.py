@@ -36,16 +36,19 @@ from geometry.sizes import Size, mesh_visible, size_at
 from geometry.solids import SAME, Body, Face, Vector, off_axis, parallel
 
 TRIANGLE, QUADRILATERAL = 2, 3  # gmsh's element types
-# gmsh's algorithms for triangles (frontal for quadrilaterals, frontal, Delaunay) and for joining
-# them (full-quad, by blossom, or simple and split), the best first; full-quad halves all lines and
-# gives up on one of a single element, which smaller elements avoid
+# gmsh's algorithms for triangles and for joining them to quadrilaterals, the best first; full-quad
+# halves all lines and gives up on one of a single element, which smaller elements avoid
 JOINED = (
-    {"Algorithm": 8, "RecombinationAlgorithm": 2},
+    {"Algorithm": 8, "RecombinationAlgorithm": 2},  # frontal for quadrilaterals, simple full-quad
     {"Algorithm": 8, "RecombinationAlgorithm": 2, "MeshSizeFactor": 0.7},
     {"Algorithm": 8, "RecombinationAlgorithm": 2, "MeshSizeFactor": 0.5},
-    {"Algorithm": 6, "RecombinationAlgorithm": 2},
-    {"Algorithm": 5, "RecombinationAlgorithm": 3},
-    {"RecombinationAlgorithm": 1, "SubdivisionAlgorithm": 1, "MeshSizeFactor": 2},
+    {"Algorithm": 6, "RecombinationAlgorithm": 2},  # frontal, simple full-quad
+    {"Algorithm": 5, "RecombinationAlgorithm": 3},  # Delaunay, full-quad by blossom
+    {
+        "RecombinationAlgorithm": 1,
+        "SubdivisionAlgorithm": 1,
+        "MeshSizeFactor": 2,
+    },  # by blossom, split
 )
 
 
@@ -155,7 +158,7 @@ def hexahedra(
 ) -> MeshHex | None:
     """The body in hexahedra with its boundaries, None where it is no extrusion.
 
-    The same boundaries as of tetrahedra; the regions are left for those.
+    The same boundaries as of tetrahedra; `wanted` stays as it is, for these.
     """
     # the lowest extrusion that can show all imprints, its base meshed
     for prism in prisms(body):
@@ -191,8 +194,8 @@ def hexahedra(
         lambda z: size_at(size, z + foot, prism.axis, np.add(foot, sharp)),
     )
 
-    # edges around the base belong to one quadrilateral; on each stands the side whose surface its
-    # ends are nearest to, of sides in one plane or on one cylinder the nearest face
+    # an edge of the rim belongs to one quadrilateral only. The side above it is the one whose
+    # surface holds its ends; of several in one plane or on one cylinder, the nearest face
     edges = np.sort(quads[:, [[0, 1], [1, 2], [2, 3], [3, 0]]].reshape(-1, 2))
     edges, count = np.unique(edges, axis=0, return_counts=True)
     rim = edges[count == 1]
@@ -327,7 +330,8 @@ def imprints(prism: Prism, wanted: Mapping[str, Sequence[Region]]) -> Imprints |
 
 
 def base_mesh(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh | None:
-    """The base meshed in quadrilaterals; None when gmsh leaves a triangle."""
+    """The base meshed in quadrilaterals; None where that leaves a triangle, an overlap or a sharp
+    corner."""
     return (
         _grid(prism, marks, size) or _ring(prism, marks, size) or _joined(prism, marks, size, gap)
     )
@@ -348,7 +352,7 @@ def spaced(stops: Sequence[float], size: Callable[[NDArray], NDArray]) -> NDArra
 
 
 def _grid(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
-    """Of a rectangle on which all imprints are rectangles along its sides."""
+    """Base mesh of a rectangle on which all imprints are rectangles along its sides."""
     normals = [face.normal for face in prism.sides]
     if len(prism.base) + len(prism.top) + len(normals) != 6 or any(n is None for n in normals):
         return None
@@ -409,7 +413,8 @@ def _structured(rows: int, columns: int) -> NDArray[np.int64]:
 
 
 def _ring(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
-    """Polar, from bore to outer radius; only where imprints cover a whole cap or part of a side."""
+    """Polar base mesh from bore to outer radius; only where imprints cover a whole cap or part of a
+    side."""
     if len(prism.base) + len(prism.top) != 2 or len(prism.sides) != 2:
         return None
     a, b = prism.sides
@@ -443,8 +448,8 @@ def _ring(prism: Prism, marks: Imprints, size: Size) -> BaseMesh | None:
 
 
 def _joined(prism: Prism, marks: Imprints, size: Size, gap: float) -> BaseMesh | None:
-    """By gmsh, of the base with all imprints fused into it: by the first of its algorithms that
-    leaves no triangle, no overlap and no sharp corner."""
+    """Base mesh by gmsh with all imprints fused into it: by the first of its algorithms that leaves
+    no triangle, no overlap and no sharp corner."""
     occ, mesh = gmsh.model.occ, gmsh.model.mesh
 
     # copies of caps and imprints, moved along the axis onto the base, and the feet of side patches

@@ -46,9 +46,9 @@ def craig_bampton(
 
     w (n,) may only load the boundary. One factorisation of K_ii, which a held boundary makes
     positive definite even where K floats, serves constraint modes and fixed-interface modes;
-    factorise(A) returns an object with .solve; with the factor of a K that is held nothing is
-    factorised. A cutoff and choice "lowest" speak of the
-    fixed-interface modes; "contact" takes what the free modes of that choice do inside.
+    factorise(A) returns an object with .solve. `factor`, that of a K that is held, replaces it. A
+    cutoff and the choice "lowest" are of the fixed-interface modes; "contact" chooses free modes by
+    the contact and keeps what they do inside as fixed-interface modes.
     Raises ReductionError with one sentence where the result would not be right.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
@@ -73,8 +73,8 @@ def craig_bampton(
         pairs = ritz_pairs(K, M, phi)
         reduced = projected(fixed, C, pairs)
 
-        # the error is no larger than that of the free modes with a residual vector: constraint
-        # modes and these hold every one of those vectors
+        # constraint modes and these span the free modes and their residual vector, whose error
+        # bounds this one
         n_static = static_shapes(modal(reduced).omega, pairs.omega.max(initial=0.0), to_hz)
         reduced = reduced._replace(error=stated, n_residual=n_static)
     else:

@@ -1,6 +1,6 @@
 """Results before and after a change that moves code and must not change numbers.
 
-    python tests/unchanged.py freeze before            # on the code as it was: hours less one
+    python tests/unchanged.py freeze before            # on the code as it was: an hour
     python tests/unchanged.py compare before runs fits # on the changed code, some groups or all
 
 Every command below runs in a folder of its own under the folder named, on the code that

@@ -139,7 +139,8 @@ def run_study(
             name, scene, changes or (), out=path, overwrite=overwrite, progress=progress.stage
         )
     print_result(finding.record(result, study=name), finding.text(result), json, quiet)
-    print_lines(f"written: {path}/figures/{result.pictures[0].name}.png", json=json, quiet=quiet)
+    for picture in result.pictures[:1]:
+        print_lines(f"written: {path}/figures/{picture.name}.png", json=json, quiet=quiet)
 
 
 def _list(folder: str, called: str, json: bool) -> None:

@@ -1,5 +1,7 @@
 """Results kept between runs: pickles in a folder of the user's own, each with its checksum.
 
+The key of a stage's result is `Pipeline.key` in `pipeline.py`.
+
 Who can write a pickle can run code in whoever reads it: a folder that belongs to somebody else, or
 that others may write into, is not read.
 """

@@ -10,6 +10,7 @@ from dem import spheres
 from workflows.scene import (
     ContactTable,
     DashpotWall,
+    HalfSpaceWall,
     InvalidScene,
     OneDofWall,
     RigidWall,
@@ -190,7 +191,9 @@ def simple_wall(scene: Scene) -> dem.Wall | None:
             return dem.plate_wall(scene.wall.young, scene.wall.poisson, density, thickness)
         case DashpotWall(coefficient=coefficient):
             return dem.dashpot_wall(coefficient)
-    return dem.rigid_wall()
+        case RigidWall() | HalfSpaceWall():
+            return dem.rigid_wall()
+    raise NotImplementedError(f"no wall is made of wall.kind = {scene.wall.kind!r} here")
 
 
 def contact_radius(scene: Scene, start: Start, force: float) -> float:

@@ -23,9 +23,9 @@ from workflows.sweep.models import Models, SharedWall, models, shared_wall
 from workflows.sweep.store import Store
 from workflows.sweep.tasks import Sharing, sharings
 
-AT_ONCE = (
-    2  # tasks of cases side by side: as the table and the search for a step keep one core busy
-)
+# tasks of cases side by side that march at a time: beside one, the table and the search for a step
+# keep a core busy
+AT_ONCE = 2
 FIXED = ("name", "output.", "unusual")  # keys that the table's columns depend on
 Engine = Callable[[Iterator[Sharing]], Iterator[list[Rows]]]
 Progress = Callable[[int, int], None]  # cases done, cases in all
@@ -79,8 +79,8 @@ def sweep(
     progress(n_done, design.n_cases)
 
     # cases are grouped and checked as they are reached: a design may have millions
-    tasks = sharings(base, design, missing, signals)
-    for rows_of_task in (engine or _in_this_process)(tasks):
+    groups = sharings(base, design, missing, signals)
+    for rows_of_task in (engine or _in_this_process)(groups):
         for piece in rows_of_task:
             store.add(piece)
             n_done += len(piece.cases)
@@ -90,8 +90,8 @@ def sweep(
 
 
 def _in_this_process(groups: Iterator[Sharing]) -> Iterator[list[Rows]]:
-    """Rows task by task; of cases side by side AT_ONCE tasks march at a time, and what comes out
-    lags behind by as many."""
+    """Rows task by task of groups that share a wall; those of cases side by side come AT_ONCE tasks
+    late, as so many march at a time."""
     running: deque[Future[list[Rows]]] = deque()
     latest: dict[str, Models | str] = {}
     with ThreadPoolExecutor(AT_ONCE) as pool:

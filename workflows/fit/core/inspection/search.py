@@ -5,7 +5,7 @@ first wave that has felt them; the nearest are the candidates. The window then g
 record: candidates that do not explain its new samples are fitted again, those that fall far behind
 are dropped, and the set is filled up again with draws from what the window leaves open,
 
-    theta ~ N(theta_best, wider^2 (J^T J + B)^-1),   B of the bounds,
+    theta ~ N(theta_best, wider^2 (J^T J + B)^-1),   B the precision that the bounds give,
 
 so that no valley of the later waves is missed for want of a candidate in it. A window in which even
 the best candidate is lost has grown too fast: it is tried again shorter, from more draws. A wall
@@ -31,13 +31,13 @@ RISE = 0.3  # of the largest signal: the level at which a first wave has arrived
 
 
 class CandidateSearch(NamedTuple):
-    """Options of the search. What no comment says otherwise of has not been varied systematically.
-    Misfits and residuals are over the noise."""
+    """Options of the search; none was varied systematically unless its comment says so. Misfits and
+    residuals are over the noise."""
 
     # the first draws
     log2_draws: int = 5  # Sobol points for one number of the structure, doubled for each further
     most_log2_draws: int = 8  # largest such power: 256 runs of the model
-    felt: float = 30.0  # spread of the draws' signals from which on a wave has felt the structure
+    felt: float = 30.0  # spread of the draws' signals above which a wave has felt the structure
 
     # the record that is followed
     samples: int = 1500  # a longer record is thinned to about as many
@@ -187,7 +187,9 @@ def along_record(
         for theta in thetas:
             residual = window.residual(theta).reshape(window.data.shape)
             explains = not is_last and is_noise(residual, n_explained, window.rounded, options)
-            (explaining if explains else others).append(Fitted(theta, rms(residual), 1, explains))
+            # one that explains the window counts as converged: it is not fitted
+            candidate = Fitted(theta, rms(residual), 1, explains)
+            (explaining if explains else others).append(candidate)
 
         # of the others the nearest are fitted; of a crowd those that are apart from each other,
         # so that they are not all of one valley
@@ -205,7 +207,8 @@ def along_record(
         ends = distinct(window, [end for end in ends if end.misfit <= largest], n_shared)
         explained = _explains(window, ends[0].theta, n_explained, options)
 
-        # even the best was lost: half of the new samples, from more draws of the last window
+        # the best does not explain the window: it has grown too fast. Take half of the new samples,
+        # and more draws from what the last window leaves open
         too_long = n - n_explained > max(1, options.finest_growth * (n - touch))
         if on_track and not explained and too_long and retries < options.patience:
             thetas = with_draws(
