@@ -63,10 +63,10 @@ class BatchSearch(NamedTuple):
 
     # first steps
     boldness: float = 0.055  # h over the stability interval at error 1e-4
-    longest: float = 0.15  # and at most
+    longest: float = 0.15  # h over the stability interval at most
     pilots: int = 16  # chains that correct the first steps before all are marched
-    pilot_share: float = 0.95  # of the pilots are to be within ...
-    pilot_error: float = 0.6  # ... so much of the error
+    pilot_share: float = 0.95  # of the pilots that are to keep pilot_error
+    pilot_error: float = 0.6  # estimate over the error asked for
     pilot_bounds: tuple[float, float] = (0.25, 3.0)  # times longer, by one round of pilots
     settled: tuple[float, float] = (0.6, 1.6)  # times longer: not worth another round
     chaotic: float = 1e-2  # difference beyond which a chain, if it keeps its energy, says nothing

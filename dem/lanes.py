@@ -69,11 +69,13 @@ def march_side_by_side(
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(march, pieces))
 
-    # from lanes to chains; the chains that fill up the last block go
+    # from lanes to chains, one after the other in memory; the chains that fill up the last block go
     count = chains.count
+    v = saved.v.transpose(0, 3, 1, 2).reshape(n * LANES, k, -1)
+    wall_force = saved.wall_force.transpose(0, 2, 1).reshape(n * LANES, k)
     return LaneRuns(
-        saved.v.transpose(0, 3, 1, 2).reshape(n * LANES, k, -1)[:count],
-        saved.wall_force.transpose(0, 2, 1).reshape(n * LANES, k)[:count],
+        np.ascontiguousarray(v[:count]),
+        np.ascontiguousarray(wall_force[:count]),
         saved.energy_error.ravel()[:count],
     )
 

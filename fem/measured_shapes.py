@@ -68,6 +68,8 @@ def measured_shape(sets: Sequence[dict], hz: float) -> MeasuredShape:
             "modes apart; measure more points"
         )
     values = np.array([r.value for r in readings])
+    if not (np.isfinite(values).all() and values.any()):  # the MAC would be 0 / 0
+        raise ValueError(f"the displacements at {hz:g} Hz are zero or no numbers")
     axes = np.array([r.axis for r in readings])
     directions = np.sign(axes)[:, None] * np.eye(3)[np.abs(axes) - 1]
     return MeasuredShape(np.array([points[r.node] for r in readings]), directions, values)

@@ -39,7 +39,8 @@ class KrylovOptions(NamedTuple):
     check: int = 5  # vectors between two looks at the bound, each an eigenproblem of H
     largest: int = 1000  # vectors: of a solid far more than any chain notices
     exhausted: float = 1e-10  # of a vector, what is new in it where the space holds all that moves
-    reach: float = 2.5  # times to_hz: what resonates beyond is a static shape, or would cost steps
+    # times to_hz: vectors that resonate above it serve as static shapes, as they would cost steps
+    reach: float = 2.5
 
 
 class Space(NamedTuple):

@@ -27,8 +27,9 @@ from rom.tall import eighths, gram, shares, squares, turned
 
 class FixedInterface(NamedTuple):
     """K and M (n, n), w (n,) at the contact, and the structure with its boundary held; psi (n, b)
-    are the constraint modes, 1 on the boundary. `clamped` solves with K_ii: what stands on the
-    boundary it does not read and returns as zero. `factor` is that of K, where there is one."""
+    are the constraint modes, 1 on the boundary. `clamped` solves with K_ii on vectors (n,):
+    it does not read their entries on the boundary and returns zeros there. `factor` is that of K,
+    where there is one."""
 
     K: sp.csc_array
     M: sp.csc_array

@@ -36,8 +36,9 @@ class Oscillators(NamedTuple):
     phi: np.ndarray  # (p, n) [kg^-1/2]; 0 where a contact moves nothing more
 
     def lumped(self, above_hz: float) -> "Oscillators":
-        """The same with those above above_hz [Hz], which would cost steps, as one of their static
-        response and moment of inertia; it stands first among them, the others do not move."""
+        """The same with one oscillator in place of all above above_hz [Hz], which would cost steps:
+        it has their static response and moment of inertia, and the place of the first of them; the
+        others have phi = 0."""
         omega, phi = self.omega.copy(), self.phi.copy()
         high = omega > 2 * np.pi * above_hz
         first, second = (np.where(high, phi**2 / omega**i, 0.0).sum(axis=1) for i in (2, 4))

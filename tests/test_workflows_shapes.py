@@ -186,6 +186,10 @@ def test_a_shape_is_tuned_to_by_the_command(known, capsys):
         (lambda p, s: [nodes(p[:3]), shape_55(s[0], 100.0)], "node 4 has no point"),
         (lambda p, s: [nodes(p[:1]), shape_55(s[0][:1], 100.0)], "2 measured displacements"),
         (lambda p, s: [nodes(p), shape_55(0 * s[0], 100.0)], "0 measured displacements"),
+        (
+            lambda p, s: [nodes(p), shape_55(0 * s[0], 100.0), shape_55(s[0], 200.0)],
+            "the displacements at 100 Hz are zero or no numbers",
+        ),
     ],
 )
 def test_files_without_the_shape_are_refused_in_a_sentence(known, sets, message):

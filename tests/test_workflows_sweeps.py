@@ -1077,9 +1077,9 @@ def test_the_price_says_which_laws_are_marched_chain_by_chain(law, said):
 
 
 def test_the_example_of_many_workers_measures_what_dask_spends(capfd):
-    with WORKERS.light(3) as client:
+    with WORKERS.waiting_workers(3) as client:
         assert len(client.nthreads()) == 3
-        result = WORKERS.spent(client, 0.05, 12)
+        result = WORKERS.seconds_of_a_task(client, 0.05, 12)
     assert 0.05 / 3 <= result.clock < 2.0 and 0.0 < result.processor < 1.0
     assert capfd.readouterr() == ("", "")  # workers and scheduler end without a complaint
 
@@ -1087,8 +1087,8 @@ def test_the_example_of_many_workers_measures_what_dask_spends(capfd):
 @pytest.mark.parametrize(
     ("words", "status", "says"),
     [
-        (["10", "ten"], 2, "'ten' is no number of workers; give 10 100, for example.\n"),
-        (["-3"], 2, "'-3' is no number of workers; give 10 100, for example.\n"),
+        (["10", "ten"], 2, "'ten' is not a number of workers; give 10 100, for example.\n"),
+        (["-3"], 2, "'-3' is not a number of workers; give 10 100, for example.\n"),
         (["10000000"], 1, "10000000 workers open 100000010 files, this system allows "),
     ],
 )
@@ -1105,6 +1105,6 @@ def test_the_example_measures_rates():
     rates = module_from_spec(spec)
     spec.loader.exec_module(rates)
     cores = os.sched_getaffinity(0)
-    assert 0.0 < rates.seconds_of("rig-rigid", 2, 1) < 60.0
+    assert 0.0 < rates.seconds_of_a_sweep("rig-rigid", 2, 1) < 60.0
     assert os.sched_getaffinity(0) == cores
     assert 0.0 < rates.seconds_of_a_task(2) < 1.0

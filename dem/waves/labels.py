@@ -24,8 +24,9 @@ class LabelOptions(NamedTuple):
     widest: float = 3.0  # over what a track's force says; a wider crest is that of several waves
     stays: float = 0.9  # of the crest, left behind by a wave that leaves its sphere moving
     hidden: int = 3  # contacts before its first pulse at which a track is still looked for
-    shared: float = 2.0  # times what a track's force says: what is taken out of overlapping waves
-    # beyond it is several large waves that cancel, a fit without meaning
+    # peak of a wave fitted among overlapping ones, over what the force along its track says: larger
+    # ones are waves that cancel each other, a fit without meaning
+    shared: float = 2.0
     single: float = 5.0  # the same of a wave that passes alone: beyond, the crest is another's
 
 

@@ -25,8 +25,8 @@ class Durations:
         self._foreseen = self._measured = 0.0  # s of the stages that this command has ended
 
     def expected(self, stage: str) -> float | None:
-        """Seconds of the stage as the last time, more where those before took longer than then;
-        None where nobody knows."""
+        """Seconds that the stage took the last time, times the factor by which the stages of this
+        command have been slower than then, if they were; None without a last time."""
         last = self._last(stage)
         slower = max(1.0, self._measured / max(self._foreseen, SHORTEST))
         return last and last * slower

@@ -52,8 +52,8 @@ def ignore() -> None:
 
 
 def stopped_by(error: BaseException | None) -> int | None:
-    """The signal behind an exception, also where a library made another one of it, or lost it in a
-    callback from C and failed for want of what that should have done."""
+    """The signal behind an exception: also where a library raised another exception from it, or
+    where it was lost in a callback from C and the library failed because of that."""
     handler = signal.getsignal(signal.SIGALRM)
     if error is not None and isinstance(handler, Again):
         return handler.number

@@ -38,7 +38,8 @@ def arrays(kind: str, path: Path, *names: str) -> dict[str, np.ndarray]:
 
 
 def through_child(kind: str, path: Path, load: Callable[[Path], Result], *names: str) -> Result:
-    """What `load` makes of the .npz that a reader's child left of a file; raises Unreadable."""
+    """What `load` reads from the .npz to which a child process has converted the file; raises
+    Unreadable."""
     seconds = START + path.stat().st_size / RATES.get(kind, RATE)
     endless = Unreadable(f"reading it does not end within {seconds:.0f} s")
     with TemporaryDirectory() as folder:

@@ -37,7 +37,7 @@ class OutputFile:
         self._require_free()
         with writing_file(self.path.resolve()) as draft:
             yield draft
-            # noted before the file appears; where the cache cannot be used the file is nobody's
+            # noted before the file appears; without a usable cache the file counts as the user's
             content = digest(draft)
             with suppress(OSError):
                 note, noted = _note_of(self.path), _noted(self.path)

@@ -97,8 +97,8 @@ def impact(pipeline: Pipeline, folder: RunFolder | None, *, origin: Origin = UNK
 
 
 def _write_given(folder: RunFolder, origin: Origin) -> None:
-    """The scene in the user's words, given.toml. scene.toml is what they amount to: a run of that
-    file leaves the words of the run before."""
+    """The scene in the user's words, as given.toml; scene.toml beside it has every default. A run
+    of that scene.toml keeps the given.toml of the run that wrote it."""
     given, scene = folder.base.path / "given.toml", folder.base.path / "scene.toml"
     words = origin.text.partition("\n")[2]
     of_this_scene = given.is_file() and scene.is_file() and scene.read_text("utf-8") == words

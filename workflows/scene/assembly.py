@@ -47,9 +47,9 @@ class _Constraint(SceneTable):
 
 
 def _dimension(field):
+    """Type and default of a dimension of the rig [m], usual within USUAL of the thesis' one."""
     if field.name == "parts":
         return (Names, field.default)
-    """Type and default of a dimension of the rig [m], usual within USUAL of the thesis' one."""
     is_list = isinstance(field.default, tuple)
     size = max(map(abs, field.default)) if is_list else field.default
     number = of(float, LENGTH, size / USUAL, size * USUAL)

@@ -330,8 +330,8 @@ class Strike(SceneTable):
 
 
 class MeasuredMode(SceneTable):
-    """A measured mode, told by a body's motion ("x", "x+ry", "strain"), by its number, or by a file
-    of measured shapes (.uff), of which the modes of the assembly have the MAC."""
+    """A measured mode and what identifies it: a body's motion ("x", "x+ry", "strain"), its number,
+    or a file of measured shapes (.uff), whose MAC with the modes of the assembly is computed."""
 
     hz: Frequency  # [Hz]
     body: str | None = None

@@ -262,7 +262,7 @@ def _of_sensors(scene: Scene) -> Iterator[str]:
             yield f"{key} is a second sensor of {sensor.label}; drop it."
         labels.add(sensor.label)
 
-        # sensors of one gain that is not known are of one quantity, that of the first
+        # sensors that share an unknown gain have to show one quantity, that of the first of them
         gain = sensor.gain
         if (
             isinstance(gain, str)

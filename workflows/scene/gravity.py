@@ -22,7 +22,7 @@ from workflows.scene.units import ACCELERATION, FORCE, LENGTH, VELOCITY
 if TYPE_CHECKING:
     from workflows.scene.scene import Scene
 
-SAME = 1e-9  # relative difference of a velocity and of that of the drop beside it
+SAME = 1e-9  # relative difference of a stated velocity to that of the stated drop
 
 
 class Gravity(SceneTable):

@@ -4,12 +4,12 @@ A unit is a product of symbols with powers; a sign / divides by the one symbol a
 voltages are dimensions of their own here: 60 rad/s is no frequency in Hz. Products are exact, "12.7
 mm" is the number 0.0127.
 
-This is a reader of units alone, by hand, as a library of units would read other scenes. pint 0.25.3
-was tried: an angle has no dimension there, so that it takes "60 rad/s" for 60 Hz, a factor of 2 pi,
-and "1 J" for a torque in N m/rad; "7.85 g/cm3" is unknown to it and "7.85 g/cm^3" becomes
-7849.999999999999; it reads "4 parsec", "Nm" (not as a newton metre) and "12 mm * 3", which are
-mistakes in a scene. Its import takes 0.5 s of a core and its table of units 0.4 s, this module
-0.03 s, in every command that meets one "8 mm".
+No library of units is used, as it would accept scenes that are wrong. pint 0.25.3 was tried: an
+angle has no dimension there, so that it takes "60 rad/s" for 60 Hz, a factor of 2 pi, and "1 J" for
+a torque in N m/rad; "7.85 g/cm3" is unknown to it and "7.85 g/cm^3" becomes 7849.999999999999; it
+reads "4 parsec", "Nm" (not as a newton metre) and "12 mm * 3", which are mistakes in a scene. Its
+import takes 0.5 s of a core and its table of units 0.4 s, this module 0.03 s, in every command that
+meets one "8 mm".
 """
 
 from fractions import Fraction

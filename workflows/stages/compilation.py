@@ -30,8 +30,8 @@ def compilation(scene: Scene) -> NDArray[np.float64]:
 
         K, M = 1e7 * np.array([[2.0, -1.0], [-1.0, 2.0]]), np.eye(2)
         reduced = rom.full_order(K, M, np.array([1.0, 0.0]))
-        # without a half-space there is no residual, and functions without one are others;
-        # 1e-9 m/N is about that of the block's patch
+        # a wall with a residual compliance calls other compiled functions than one without, and a
+        # half-space gives it one; 1e-9 m/N is about that of the block's patch
         contact = reduced.contact._replace(half_space=1e-9)
         wall = reduced_wall(scene, reduced._replace(contact=contact))
         surface = dem.Flat(210e9, 0.3)

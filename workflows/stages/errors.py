@@ -47,7 +47,8 @@ class SecondMeshChoice(NamedTuple):
 
     even_order: float = 1.0  # of the error of a mesh whose elements are parted evenly
     fewer: float = 1.5  # times the elements of a body in a mesh that is markedly coarser
-    # share of the elements, at most, in bodies whose mesh is hardly coarser
+    # largest share of all elements in bodies whose second mesh is hardly coarser, that still shows
+    # the error of the mesh
     unseen: float = 0.3
     small: float = 1.6e4  # unknowns of a finer mesh that takes a second
     afforded: float = 6e4  # and as many as take as long as a run

@@ -15,8 +15,8 @@ class PlateSizeRules(NamedTuple):
     """What a plate is made for; the study wall-thickness varies what follows at D/t = 4, where ARR
     is 0.316."""
 
-    # half periods in a contact of the waves that must not come back from an edge, and what the
-    # plate is larger than that: 1.5 times as wide, ARR changes by 1.5e-5
+    # waves of so many half periods in a contact must not come back from an edge; the plate is
+    # `margin` times as wide as these need. A plate 1.5 times as wide changes the ARR by 1.5e-5
     carried: float = 3.0
     margin: float = 1.25
     # half periods in a contact of the finest waves, and quadratic elements in a wavelength of

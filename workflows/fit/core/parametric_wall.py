@@ -50,8 +50,8 @@ class Computed(NamedTuple):
 
 
 def with_rest(wall: Wall, reduced: ReducedModel | None) -> Computed:
-    """The wall with an oscillator for the rest behind its modes, and their shapes; an oscillator
-    without a part in the contact where all modes are there."""
+    """The wall with one more oscillator for the modes that it leaves out, and the shapes of its
+    modes; where it leaves none out the oscillator has phi = 0."""
     modes = None if reduced is None else modal(reduced)
     n_modes = None if modes is None else int(np.isin(wall.omega, modes.omega).sum())
     if n_modes in (None, len(wall.omega)):

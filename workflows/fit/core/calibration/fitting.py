@@ -131,8 +131,8 @@ def three_cycles(contacts: list[int]) -> Iterator[tuple[int, int, int]]:
 
 
 def weights(spread: np.ndarray) -> np.ndarray:
-    """(m,) one over the noise of each sphere, relative to the rms; equal where it is unknown. None
-    counts as less noisy than a tenth of the noisiest."""
+    """Weight of each sphere (m,): one over its noise, relative to the rms; 1 where it is unknown.
+    No sphere counts as less noisy than a tenth of the noisiest."""
     if not np.all(np.isfinite(spread)) or spread.min(initial=np.inf) <= 0.0:
         return np.ones(len(spread))
     return np.sqrt(np.mean(spread**2)) / np.maximum(spread, 0.1 * spread.max())

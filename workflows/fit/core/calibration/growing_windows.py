@@ -64,12 +64,12 @@ class GrowingWindows:
         enough: float,
         *,
         prior: bool = False,
-        rounds: int = SWAPS.rounds,
+        rounds: int | None = None,
     ) -> tuple[Solution, int]:
         """The best of a fit and of those with contacts swapped, as long as that helps, and the
         model runs: two at a time, then cycles of three, then two again."""
         runs, cycles = 0, False
-        for _ in range(rounds):
+        for _ in range(self.swaps.rounds if rounds is None else rounds):
             if best.misfit <= enough or self.budget <= 0:
                 break
 

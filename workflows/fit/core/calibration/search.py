@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflows.fit.core.calibration.fitting import WindowFit, rms
-from workflows.fit.core.calibration.growing_windows import SWAPS, GrowingWindows
+from workflows.fit.core.calibration.growing_windows import GrowingWindows
 from workflows.fit.core.calibration.parameters import Parameter
 from workflows.fit.core.calibration.scan import Scan, scanned
 from workflows.fit.core.calibration.signals import first_waves_end
@@ -222,8 +222,8 @@ class CoarseToFine:
         """z (p,) with the chain of the first waves, and its misfit there [m/s]; z and 0 where the
         fit is not staged.
 
-        The little that the wall has to do with the first waves is let in where it is fitted anyhow,
-        and thrown away.
+        The wall hardly moves the first waves: where its parameters are fitted anyhow they move
+        along here, and the values that they take are thrown away.
         """
         if not self.options.staged:
             return z, 0.0
@@ -269,7 +269,7 @@ class CoarseToFine:
         enough = self.enough(self.coarse.data.size, self.tuning.ended)
 
         # two rigs that differ by a swap may both leave no more than noise: the least is meant
-        rounds = 1 if best.misfit <= enough else SWAPS.rounds
+        rounds = 1 if best.misfit <= enough else None
         best, _ = self.growing.swapped(best, self.every, everything, self.exact, rounds=rounds)
         if best.misfit > enough:
             ends = self._window_ends(0.5, t[-1, 0])

@@ -47,8 +47,8 @@ class Valley(NamedTuple):
     def rise(self, step: NDArray[np.float64], i: int) -> float:
         """Rise of the squares where number i has moved by a step (p,) and the others follow.
 
-        They begin where the step says, or where they were, and take one Gauss-Newton step with
-        number i fixed; the least of the four is the profile.
+        The others begin where the step puts them and where they were, and from both take one
+        Gauss-Newton step with number i fixed; the profile is the least of these four sums.
         """
         others = np.delete(np.eye(len(step)), i, axis=1)  # (p, p - 1) directions of the others
         J = np.vstack([self.J, np.diag(self._pull)])

@@ -204,7 +204,9 @@ def along_record(
             ends[0] = _refitted(window, ends[0], is_last, options)
         besides = options.behind_squares / window.data.size
         largest = np.sqrt((1.0 + options.behind) * ends[0].misfit ** 2 + besides)
-        ends = distinct(window, [end for end in ends if end.misfit <= largest], n_shared)
+        ends = distinct(
+            window, [end for end in ends if end.misfit <= largest], n_shared, options.same
+        )
         explained = _explains(window, ends[0].theta, n_explained, options)
 
         # the best does not explain the window: it has grown too fast. Take half of the new samples,
@@ -237,7 +239,7 @@ def along_record(
     begins = [with_triggers(fit, end.theta) for end in ends[: options.ends]]
     ends = sorted((fit.solved(theta, tolerance=options.fine) for theta in begins), key=MISFIT)
     hopeful = [end for end in ends if end.misfit <= options.hopeless * ends[0].misfit]
-    return SearchResult(tuple(distinct(fit, hopeful, n_shared)), starts, fit.forward)
+    return SearchResult(tuple(distinct(fit, hopeful, n_shared, options.same)), starts, fit.forward)
 
 
 def _one_record(fit: RecordFit, record: int, options: CandidateSearch) -> RecordFit:
@@ -259,7 +261,7 @@ def _refitted(window: RecordFit, end: Fitted, is_last: bool, options: CandidateS
 
 
 def distinct(
-    fit: RecordFit, ends: Sequence[Fitted], n_shared: int, distance: float = USUAL.same
+    fit: RecordFit, ends: Sequence[Fitted], n_shared: int, distance: float
 ) -> list[Fitted]:
     """Those that are no double of one before them: farther off than the distance, in widths of the
     bounds, in at least one number of the structure."""
