@@ -486,8 +486,8 @@ def test_candidates_within_a_share_of_the_bounds_are_one():
         return Fitted(SOUGHT.centre + np.append(shares * width, np.zeros(4)), 1.0, 1, True)
 
     ends = [at(0.0, 0.0), at(0.0049, -0.0049), at(0.0, 0.0051), at(0.0051, 0.0051)]
-    assert distinct(fit, ends, 2) == [ends[0], ends[2], ends[3]]
-    assert distinct(fit, ends, 1) == [ends[0], ends[3]]
+    assert distinct(fit, ends, 2, 0.005) == [ends[0], ends[2], ends[3]]
+    assert distinct(fit, ends, 1, 0.005) == [ends[0], ends[3]]
     assert distinct(fit, ends, 2, 0.02) == ends[:1]
 
 

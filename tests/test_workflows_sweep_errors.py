@@ -63,6 +63,6 @@ def test_a_case_whose_run_is_refused_is_refused_in_a_sweep():
 @pytest.mark.parametrize("i", [2, 4, 7])
 def test_random_rows_state_at_least_half_of_their_error(i):
     """Of the trial's populations: an outlier, a sample and walls."""
-    judged = TRIAL.judged(TRIAL.POPULATIONS[i], 16, np.random.default_rng([5, i]))
-    assert len(judged.ratios) + judged.refused == 16 and judged.in_vain == 0
-    assert judged.ratios.min() >= 0.5
+    trial = TRIAL.population_trial(TRIAL.POPULATIONS[i], 16, np.random.default_rng([5, i]))
+    assert len(trial.ratios) + trial.refused == 16 and trial.in_vain == 0
+    assert trial.ratios.min() >= 0.5
