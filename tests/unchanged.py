@@ -69,6 +69,7 @@ COMMANDS: dict[str, dict[str, str]] = {
 CHANGING = re.compile(
     r"second|elapsed|memory|bytes|date|time_of|version|machine|processor|folder|path|cache|written"
     r"|checksum|command|python|platform|commit|kept|computed_at"
+    r"|^stages$"  # in the order in which two processes happen to end them
 )
 TEXTS = {".toml", ".inp", ".md"}
 
