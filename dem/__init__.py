@@ -22,18 +22,7 @@ with the contact; `coupling.wall.wall_of` makes one of a reduced model.
 from warnings import warn
 
 from dem.batch import Batch, march_batch
-from dem.chain import (
-    RIGID,
-    Chain,
-    Flat,
-    State,
-    Wall,
-    dashpot_wall,
-    one_dof_wall,
-    plate_wall,
-    rigid_wall,
-    row_of_spheres,
-)
+from dem.chain import RIGID, Chain, Flat, State, row_of_spheres
 from dem.chains import Chains
 from dem.checks import InvalidChain
 from dem.schemes import SCHEMES, Scheme
@@ -42,6 +31,7 @@ from dem.statics import Equilibrium, NoEquilibrium, equilibrium
 from dem.step_control import Controlled, StepReport, StepSearch, march_to_error, with_step_error
 from dem.trajectory import Trajectory, march, require_march
 from dem.validity import Strain, outside, strain, yielding
+from dem.walls import Wall, dashpot_wall, one_dof_wall, plate_wall, rigid_wall
 
 __all__ = [
     "RIGID",

@@ -1,4 +1,4 @@
-"""The chain of spheres and the wall it leans on.
+"""The chain of spheres.
 
 Positions x are measured from the chain in which all neighbours just touch, velocities are positive
 towards the wall. Contact i has the overlap delta = x_i - x_{i+1}; the last one, at the wall,
@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.checks import above_0, arrays, require, scalar, spread, vector, whole
+from dem.checks import arrays, require, scalar, spread, vector, whole
 from dem.kernels import laws
 from dem.kernels.arguments import Array
 from dem.kernels.checks import weighted_square
 from dem.spheres import hertz_coefficient, mass
+from dem.walls import Wall, rigid_wall
 
 LAWS = {
     "none": laws.NONE,
@@ -72,20 +73,6 @@ class Chain(NamedTuple):
         none = np.zeros(self.mass.size)
         springs = (self.leaf_stiffness, self.leaf_anchor)
         return tuple(none if values is None else np.asarray(values, float) for values in springs)
-
-
-class Wall(NamedTuple):
-    """n_modes oscillators q'' + 2 zeta omega q' + omega^2 q = phi F in parallel, u_w = phi q.
-
-    No modes: immovable. `residual_compliance` is a massless spring in series with the last contact,
-    `mobility` a dashpot that gives way at  mobility * F  (Zener's infinite plate).
-    """
-
-    omega: Array  # (n_modes,) [rad/s]
-    zeta: Array  # (n_modes,)
-    phi: Array  # (n_modes,) [kg^-1/2] participation, mass-normalised
-    residual_compliance: float = 0.0  # [m/N], may be slightly negative
-    mobility: float = 0.0  # [m/(N s)]
 
 
 class State(NamedTuple):
@@ -171,38 +158,6 @@ def row_of_spheres(
     return chain
 
 
-def rigid_wall() -> Wall:
-    """A wall that does not move."""
-    return Wall(np.zeros(0), np.zeros(0), np.zeros(0))
-
-
-def one_dof_wall(frequency: ArrayLike, mass: ArrayLike, damping_ratio: ArrayLike = 0.0) -> Wall:
-    """One mass on a spring to the ground; frequency in Hz (0: a free mass). Raises InvalidChain.
-
-    Values (n_chains, 1) make the walls of a batch.
-    """
-    for name, value in (("frequency", frequency), ("damping_ratio", damping_ratio)):
-        vector(f"wall {name}", np.ravel(value), np.size(value), at_least=0.0)
-    vector("wall mass", np.ravel(mass), np.size(mass), positive=True)
-    omega = 2.0 * np.pi * np.atleast_1d(np.asarray(frequency, float))
-    zeta, phi = np.atleast_1d(np.asarray(damping_ratio, float)), np.atleast_1d(np.power(mass, -0.5))
-    return Wall(omega, zeta, phi)
-
-
-def dashpot_wall(coefficient: ArrayLike) -> Wall:
-    """A wall that resists with coefficient * velocity [N s/m]. Raises InvalidChain."""
-    vector("dashpot coefficient", np.ravel(coefficient), np.size(coefficient), positive=True)
-    return rigid_wall()._replace(mobility=1.0 / coefficient)
-
-
-def plate_wall(young: float, poisson: float, density: float, thickness: float) -> Wall:
-    """Infinite thin plate, a dashpot of 8 sqrt(D rho h) (Zener, Phys. Rev. 59 (1941) 669)."""
-    for name, value in (("young", young), ("density", density), ("thickness", thickness)):
-        above_0(f"plate {name}", value)
-    D = young * thickness**3 / (12.0 * (1.0 - poisson**2))
-    return dashpot_wall(8.0 * np.sqrt(D * density * thickness))
-
-
 def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
     """Raise InvalidChain with one sentence if anything is missing, not finite or out of range."""
     require(isinstance(chain, Chain), "the chain is none; give a dem.Chain")
@@ -267,14 +222,3 @@ def validate(chain: Chain, wall: Wall | None, v0: ArrayLike) -> None:
         f"a dashpot wall takes no damping at the last contact, found gamma = "
         f"{0.0 if chain.gamma is None else chain.gamma[-1]:g}; set it to 0",
     )
-
-
-def static_compliance(wall: Wall | None) -> float:
-    """Static compliance [m/N] of the wall behind the last contact; inf for a wall that drifts."""
-    if wall is None:
-        return 0.0
-    moving = wall.phi != 0.0
-    if wall.mobility > 0.0 or (wall.omega[moving] == 0.0).any():
-        return np.inf
-    modes = (wall.phi[moving] / wall.omega[moving]) ** 2
-    return float(modes.sum() + wall.residual_compliance)

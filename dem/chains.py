@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import PER_SPHERE, Chain, Wall, validate
+from dem.chain import PER_SPHERE, Chain, validate
 from dem.checks import InvalidChain
 from dem.kernels.arguments import Array
 from dem.statics import approach, static_state
+from dem.walls import Wall
 
 # fields that may differ from chain to chain: numbers of a chain and of a wall, arrays of a wall;
 # those of the spheres and contacts are PER_SPHERE

@@ -4,11 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import LAWS, Chain, Wall
+from dem.chain import LAWS, Chain
 from dem.checks import InvalidChain
 from dem.kernels.arguments import Array, Damping
 from dem.spheres import hertz_overlap
 from dem.statics import Equilibrium, static_state
+from dem.walls import Wall
 
 
 class PreparedChain(NamedTuple):

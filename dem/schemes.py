@@ -18,9 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import Chain, Wall
+from dem.chain import Chain
 from dem.checks import require
 from dem.kernels.arguments import Array, Correction
+from dem.walls import Wall
 
 
 class Scheme(NamedTuple):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import Chain, Wall, validate
+from dem.chain import Chain, validate
 from dem.checks import InvalidChain
 from dem.kernels.arguments import Array
 from dem.kernels.oscillators import oscillator_propagator
@@ -27,6 +27,7 @@ from dem.kernels.sensitivities import (
 from dem.spheres import hertz_overlap, hertz_stiffness, time_scale
 from dem.static_sensitivities import Directions, static_sensitivities
 from dem.statics import equilibrium
+from dem.walls import Wall
 
 SMOOTH = ("none", "hunt-crossley")  # dissipation laws with a derivative
 STEPS_PER_TIME_SCALE = 40.0  # of the stiffest contact: 1e-6 in the velocities of a chain of 17

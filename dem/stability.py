@@ -9,13 +9,14 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import Chain, Wall, validate
+from dem.chain import Chain, validate
 from dem.checks import InvalidChain
 from dem.kernels.checks import fastest_contact
 from dem.kernels.laws import HUNT_CROSSLEY
 from dem.prepared import PreparedChain, prepare
 from dem.schemes import SCHEMES, Scheme, named_scheme
 from dem.spheres import hertz_overlap, hertz_stiffness
+from dem.walls import Wall
 
 SLIDING = ("verlet", "leapfrog")  # explicit, and never back in time
 BACKWARD = 10.0  # rounding may grow by exp(BACKWARD) in a step back in time

@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dem.chain import Chain, Wall, static_compliance
+from dem.chain import Chain
 from dem.kernels.arguments import Array
 from dem.spheres import hertz_overlap, hertz_stiffness
 from dem.statics import Equilibrium
+from dem.walls import Wall, static_compliance
 
 
 class Directions(NamedTuple):

@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dem.chain import Chain, Wall, static_compliance, validate
+from dem.chain import Chain, validate
 from dem.kernels.arguments import Array
 from dem.kernels.equilibrium import Bearing, rest, static_residual
 from dem.spheres import hertz_overlap, hertz_stiffness
+from dem.walls import Wall, static_compliance
 
 
 class NoEquilibrium(ValueError):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dem.between import run_between
-from dem.chain import Chain, State, Wall, validate
+from dem.chain import Chain, State, validate
 from dem.checks import columns, positive, saves
 from dem.kernels.arguments import Array
 from dem.prepared import prepare
@@ -28,6 +28,7 @@ from dem.stability import (
     stability_interval,
 )
 from dem.trajectory import Trajectory, march, run, start
+from dem.walls import Wall
 
 EPSILON = float(np.finfo(float).eps)
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dem.chain import Chain, State, Wall, validate
+from dem.chain import Chain, State, validate
 from dem.checks import InvalidChain, positive, saves, vector
 from dem.kernels import oscillators
 from dem.kernels.arguments import (
@@ -24,6 +24,7 @@ from dem.kernels.laws import plastic_loss
 from dem.prepared import PreparedChain, prepare
 from dem.schemes import Scheme
 from dem.stability import UnstableStep, marching_scheme, refuse_step
+from dem.walls import Wall
 
 MOST_MODES = 500  # whose coordinates are saved: 6 MB of a run's usual 3000 instants
 

@@ -78,9 +78,8 @@ def doctor() -> Installation:
     """What is installed, what is missing and what that costs (`beadwave doctor`)."""
     from workflows.files.cache_folder import cache_folder
     from workflows.scene.memory import free_memory
-    from workflows.stages.cache import fault
-    from workflows.stages.pipeline import LIBRARIES as NEEDED
-    from workflows.stages.pipeline import library_versions
+    from workflows.stages.cache import LIBRARIES as NEEDED
+    from workflows.stages.cache import fault, library_versions
 
     # extras that are not installed, libraries that the loader does not find, programs
     missing = []

@@ -14,14 +14,10 @@ from workflows.report.summary import ErrorEstimate, StageTime, Summary
 from workflows.run.second_process import IMPACT, RUN, two_processes
 from workflows.scene.toml import toml
 from workflows.stages import warnings
+from workflows.stages.cache import LIBRARIES, library_versions
 from workflows.stages.chain import contact_radius
 from workflows.stages.impact import require_start
-from workflows.stages.pipeline import (
-    LIBRARIES,
-    Pipeline,
-    library_versions,
-    needs_structure,
-)
+from workflows.stages.pipeline import Pipeline, needs_structure
 from workflows.stages.waves import chain_contact, sphere_waves
 
 IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv")

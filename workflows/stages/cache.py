@@ -1,6 +1,8 @@
 """Results kept between runs: pickles in a folder of the user's own, each with its checksum.
 
-The key of a stage's result is `Pipeline.key` in `pipeline.py`.
+A result's key is the digest of its stage's name, of what the stage reads of the scene, of the keys
+of the results that it needs, and of the program: the sources that its module reaches, and versions
+(`Pipeline.key` puts them together).
 
 Who can write a pickle can run code in whoever reads it: a folder that belongs to somebody else, or
 that others may write into, is not read.
@@ -8,10 +10,13 @@ that others may write into, is not read.
 
 from contextlib import suppress
 from functools import cache
-from hashlib import file_digest
+from hashlib import file_digest, sha256
+from importlib.metadata import PackageNotFoundError, version
+from json import dumps
 from logging import ERROR, getLogger
 from os import W_OK, access, replace
 from pathlib import Path
+from typing import Any
 from warnings import filterwarnings
 
 from joblib import Memory, register_store_backend
@@ -19,7 +24,9 @@ from joblib import __version__ as joblib_version
 from joblib.memory import FileSystemStoreBackend
 
 from workflows.files.cache_folder import OWN, cache_folder, own_folders
+from workflows.stages.sources import fingerprint
 
+LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "gmsh")
 LIMIT = "8G"
 SUM = "output.sha256"
 
@@ -87,3 +94,26 @@ def fault() -> str | None:
 
 def _results() -> Path:
     return cache_folder() / f"joblib-{joblib_version}"
+
+
+def program(*modules: str) -> list[Any]:
+    """What computes, for a key: the sources that these modules reach, and versions."""
+    return [fingerprint(*modules), library_versions(("beadwave", *LIBRARIES))]
+
+
+def digest(inputs: Any) -> str:
+    """A key of all that JSON or a text can say of these inputs."""
+    return sha256(dumps(inputs, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def library_versions(names: tuple[str, ...]) -> dict[str, str]:
+    """Installed versions by distribution; those that are absent are left out."""
+    return {name: number for name in names if (number := _version(name))}
+
+
+@cache
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None

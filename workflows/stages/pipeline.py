@@ -10,12 +10,9 @@ elements alone.
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
-from functools import cache
 from hashlib import sha256
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from importlib.util import resolve_name
-from json import dumps
 from os import environ
 from pathlib import Path
 from time import perf_counter
@@ -24,10 +21,7 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.scene import RomWall, Scene
-from workflows.stages.cache import memory
-from workflows.stages.sources import fingerprint
-
-LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "gmsh")
+from workflows.stages.cache import digest, memory, program
 
 Progress = Callable[[str], AbstractContextManager]  # of the stage named, while it runs
 
@@ -316,30 +310,7 @@ def _result(name: str, key: str, pipeline: Pipeline) -> Any:
     return pipeline.compute(name)
 
 
-def program(*modules: str) -> list[Any]:
-    """What computes, for a key: the sources that these modules reach, and versions."""
-    return [fingerprint(*modules), library_versions(("beadwave", *LIBRARIES))]
-
-
 def every_stage() -> list[str]:
     """The modules of all stages that some scene has."""
     tables = (ASSEMBLY, BENDING, IMPACT)
     return sorted({stage.module for stages in tables for stage in stages.values()})
-
-
-def digest(inputs: Any) -> str:
-    """A key of all that JSON or a text can say of these inputs."""
-    return sha256(dumps(inputs, sort_keys=True, default=str).encode()).hexdigest()
-
-
-def library_versions(names: tuple[str, ...]) -> dict[str, str]:
-    """Installed versions by distribution; those that are absent are left out."""
-    return {name: number for name in names if (number := _version(name))}
-
-
-@cache
-def _version(name: str) -> str | None:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None

@@ -6,7 +6,8 @@ from typing import Any
 
 from workflows.files.scene import FILE_KEYS, files_read
 from workflows.scene import Scene
-from workflows.stages.pipeline import content, digest, every_stage, program
+from workflows.stages.cache import digest, program
+from workflows.stages.pipeline import content, every_stage
 from workflows.sweep.cases import Base
 from workflows.sweep.core.design import Design
 

@@ -11,7 +11,7 @@ import numpy as np
 from workflows.files.run_folder import RunFolder
 from workflows.scene import InvalidScene, Scene
 from workflows.scene.quantities import entries
-from workflows.stages.pipeline import digest
+from workflows.stages.cache import digest
 from workflows.sweep.core.design import Design
 from workflows.sweep.core.rows import DONE, FAILED, TEXT, Rows
 from workflows.sweep.inputs import Inputs

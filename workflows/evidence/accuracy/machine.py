@@ -6,7 +6,7 @@ from os import cpu_count
 from pathlib import Path
 from typing import NamedTuple
 
-from workflows.stages.pipeline import LIBRARIES, library_versions
+from workflows.stages.cache import LIBRARIES, library_versions
 
 
 class Machine(NamedTuple):

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling.march import impact
-from dem.chain import Chain, Wall
+from dem.chain import Chain
 from dem.spheres import time_scale
 from dem.trajectory import Trajectory
+from dem.walls import Wall
 from dem.waves import solitary
 from dem.waves.arrivals import crest, peaks
 from dem.waves.measures import CONTACT, ContactTime, contact_time, force_ratio

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupling.march import impact
-from dem.chain import Chain, Wall
+from dem.chain import Chain
 from dem.spheres import max_pressure, modulus_of_contact, radii_of_contacts, time_scale
 from dem.trajectory import Trajectory
+from dem.walls import Wall
 from dem.waves.labels import Label, labels
 from dem.waves.measures import WallContact, wall_contact
 from dem.waves.tracks import WaveTrack, wave_tracks
