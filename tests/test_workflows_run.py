@@ -13,6 +13,7 @@ import pytest
 
 from command_line import beadwave
 from workflows.files.scene import scene
+from workflows.stages import cache
 from workflows.stages import pipeline as stages
 from workflows.stages.sources import modules
 
@@ -369,10 +370,10 @@ def test_only_what_depends_on_a_change_is_redone(change, redone):
 
 def test_a_changed_source_redoes_the_stages_that_reach_it(monkeypatch):
     monkeypatch.setattr(
-        stages, "fingerprint", lambda module: "workflows.stages.reduction" in modules(module)
+        cache, "fingerprint", lambda module: "workflows.stages.reduction" in modules(module)
     )
     reaches_it = key("modes"), key("reduction")
-    monkeypatch.setattr(stages, "fingerprint", lambda module: False)
+    monkeypatch.setattr(cache, "fingerprint", lambda module: False)
     assert key("modes") == reaches_it[0]
     assert key("reduction") != reaches_it[1]
 
@@ -380,7 +381,7 @@ def test_a_changed_source_redoes_the_stages_that_reach_it(monkeypatch):
 def test_another_version_of_the_program_computes_anew(monkeypatch):
     seen = {key("modes")}
     for own in ("another", "1"):
-        monkeypatch.setattr(stages, "_version", {"beadwave": own}.get)
+        monkeypatch.setattr(cache, "_version", {"beadwave": own}.get)
         seen.add(key("modes"))
     assert len(seen) == 3
 

@@ -20,7 +20,7 @@ from beadwave import Cases, InvalidScene
 from command_line import beadwave as command
 from workflows.files.run_folder import RunFolder
 from workflows.report.tables import apart
-from workflows.stages import pipeline, sources
+from workflows.stages import cache, pipeline, sources
 from workflows.sweep import inputs, models, tasks
 from workflows.sweep import sweep as sweeping
 from workflows.sweep.cases import base_of
@@ -716,7 +716,7 @@ def test_a_table_is_computed_anew_by_another_program(monkeypatch):
     old = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
     for name in ("fingerprint", "library_versions"):
         with monkeypatch.context() as other:
-            other.setattr(pipeline, name, lambda *_: "of another program")
+            other.setattr(cache, name, lambda *_: "of another program")
             new = beadwave.sweep("rig-rigid", SHORT, cases=over, out="out")
         assert new.notes and (new.columns["seconds"] != old.columns["seconds"]).all()
 
