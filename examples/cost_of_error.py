@@ -100,11 +100,11 @@ def ideal_evaluations(problem: Problem, error: float) -> int:
     reference = marched(problem, run.dt / REFINEMENT, INSTANTS)
 
     longest_search = max(run.n_steps // INSTANTS, STEADY)
-    n, kept = 1, []  # steps between two instants; the last counts that kept the error
-    while len(kept) < STEADY and n <= longest_search:
-        kept = [*kept, n] if keeps_error(problem, INSTANTS * n, reference, error) else []
+    n, in_a_row = 1, []  # steps between two instants; the last counts that kept the error
+    while len(in_a_row) < STEADY and n <= longest_search:
+        in_a_row = [*in_a_row, n] if keeps_error(problem, INSTANTS * n, reference, error) else []
         n = max(n + 1, int(GROWTH * n))
-    n_steps = INSTANTS * (kept[0] if len(kept) == STEADY else longest_search)
+    n_steps = INSTANTS * (in_a_row[0] if len(in_a_row) == STEADY else longest_search)
     return n_steps * dem.SCHEMES[run.scheme].evaluations
 
 

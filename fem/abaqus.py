@@ -64,8 +64,8 @@ def input_deck(
     # empty rows of T are held; so is what stands on joint nodes and is not free
     fixed = np.flatnonzero(np.diff(T.indptr) == 0)
     of_joints = (3 * joint_nodes[:, None] + np.arange(3)).ravel()
-    held = [*fixed, *np.setdiff1d(of_joints, model.free)]
-    deck.boundary((dof // 3 + 1, dof % 3 + 1) for dof in held)
+    held_dofs = [*fixed, *np.setdiff1d(of_joints, model.free)]
+    deck.boundary((dof // 3 + 1, dof % 3 + 1) for dof in held_dofs)
 
     # all other rows of slaves: 0 = -u_slave + sum T u
     is_free = np.isin(np.arange(n), model.free)

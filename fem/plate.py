@@ -154,16 +154,16 @@ def mindlin_plate(
     K_G = block_diag([bent, csr_matrix((2 * bent.shape[0],) * 2)])
 
     # edges hold w, the turn along the edge and that across it
-    held = np.zeros((3, *(functions.basis.N for functions in along)), dtype=bool)
+    held_dofs = np.zeros((3, *(functions.basis.N for functions in along)), dtype=bool)
     for i, edge in enumerate(edges):
         axis, end = divmod(i, 2)
         node = along[axis].node(end * sheet[axis])
         w, tangential, normal = HELD[edge]
-        on_edge = held[:, node] if axis == 0 else held[:, :, node]
+        on_edge = held_dofs[:, node] if axis == 0 else held_dofs[:, :, node]
         on_edge[0] |= w
         on_edge[1 + axis] |= normal
         on_edge[2 - axis] |= tangential
-    free = np.flatnonzero(~held.ravel())
+    free = np.flatnonzero(~held_dofs.ravel())
     K, M, K_G = (csc_array(A.tocsc()[free][:, free]) for A in (K, M, K_G))
 
     factor = None

@@ -16,7 +16,7 @@ from coupling.wall import wall_from_reduced
 from dem.waves.arrivals import arrivals
 from workflows.files.scene import scene
 from workflows.stages.cache import memory
-from workflows.stages.chain import chain, initial_velocity
+from workflows.stages.chain import chain, initial_velocity, simple_wall
 from workflows.stages.pipeline import Pipeline
 from workflows.stages.rig import STRUCK
 
@@ -105,3 +105,8 @@ def test_energy_closes_over_tens_of_impacts(damping):
     assert trajectory.energy_error < 1e-6
     off = trajectory.energy_total - trajectory.energy_total[0]
     assert abs(off[-500:].mean()) < 1e-6 * trajectory.energy_kinetic[0]
+
+
+def test_a_wall_that_needs_more_than_its_scene_is_not_taken_for_a_rigid_one():
+    with pytest.raises(NotImplementedError, match=r"wall\.kind = 'rom'"):
+        simple_wall(scene("rig-rom", ()))

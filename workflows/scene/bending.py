@@ -5,7 +5,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from workflows.scene.quantities import of
-from workflows.scene.tables import Density, Number, Positive, SceneTable, Spring, TurnSpring
+from workflows.scene.tables import (
+    Density,
+    Number,
+    Positive,
+    SceneTable,
+    Spring,
+    TurnSpring,
+    text_or_table,
+)
 from workflows.scene.units import AREA, FORCE, IN_PLANE, LENGTH, PRESSURE, SECOND_MOMENT
 
 Modulus = of(Positive, PRESSURE, 1e6, 2e12)  # rubber to diamond
@@ -24,14 +32,10 @@ class EndSprings(SceneTable):
     turn: TurnSpring = 0.0  # [N m/rad]
 
 
-def _written(value: Any) -> str:
-    return "text" if isinstance(value, str) else "table"
-
-
 EndOfBeam = Annotated[
     Annotated[Literal["hinged", "clamped", "free"], Tag("text")]
     | Annotated[EndSprings, Tag("table")],
-    Discriminator(_written),
+    Discriminator(text_or_table),
 ]
 
 

@@ -25,6 +25,7 @@ from workflows.scene.tables import (
     Seed,
     Spring,
     one_or_each,
+    text_or_table,
 )
 from workflows.scene.units import FORCE, LENGTH, PRESSURE
 
@@ -214,12 +215,8 @@ class Hold(SceneTable):
     directions: Annotated[str, Field(pattern="^[xyz]{1,3}$")] = "xyz"
 
 
-def _written(value: Any) -> str:
-    return "text" if isinstance(value, str) else "table"
-
-
 EitherHold = Annotated[
-    Annotated[str, Tag("text")] | Annotated[Hold, Tag("table")], Discriminator(_written)
+    Annotated[str, Tag("text")] | Annotated[Hold, Tag("table")], Discriminator(text_or_table)
 ]
 
 

@@ -15,14 +15,14 @@ def of_bodies(scene: Scene) -> Iterator[str]:
     assembly, bodies = scene.assembly, scene.bodies or {}
 
     # where bodies come from: drawn here, a STEP file, a mesh with named volumes
-    drawn = [name for name, body in bodies.items() if body.drawn]
+    drawn_bodies = [name for name, body in bodies.items() if body.drawn]
     if assembly.file is None:
-        if not drawn:
+        if not drawn_bodies:
             yield (
                 "the assembly has no bodies; give assembly.step or assembly.mesh, or "
                 "[bodies.NAME] with a box."
             )
-        for name in bodies.keys() - set(drawn):
+        for name in bodies.keys() - set(drawn_bodies):
             yield (
                 f"bodies.{name} has no shape and there is no assembly.step or mesh to take it "
                 "from; give it box, plate or cylinder."

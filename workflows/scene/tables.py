@@ -91,6 +91,11 @@ def _exactly_one(table: Any, *keys: str, default: float) -> Any:
     return table if given else {**table, keys[0]: default}
 
 
+def text_or_table(value: Any) -> str:
+    """Tag of a value that is a name, or a table that says more."""
+    return "text" if isinstance(value, str) else "table"
+
+
 def _shape(value: Any) -> str:
     return "list" if isinstance(value, list | tuple) else "number"
 
