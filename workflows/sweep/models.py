@@ -21,6 +21,7 @@ FURTHER = {
         ".reduction:jointed",
         tables_of("reduction", "patch", "assembly"),
         ("model", "contact", "modes"),
+        means=("factor", "krylov-space"),
     )
 }
 
