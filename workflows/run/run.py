@@ -76,6 +76,8 @@ def run(
                 except NoPicture as missing:  # the run stands without them
                     unrendered = (str(missing),)
 
+            pipeline.release()
+
             # pictures of the chain
             if scene.chain:
                 write_pictures(folder, pipeline("figures"))
@@ -104,6 +106,7 @@ def impact(
     with folder.run(toml(scene), IMPACT_FILES) if folder else nullcontext() as folder:
         with two_processes(pipeline, IMPACT) if needs_structure(scene) else nullcontext():
             waves_known(summary_of(pipeline, origin=origin, with_errors=False))
+            pipeline.release()
             summary = summary_of(pipeline, origin=origin)
         if folder:
             _write_given(folder, origin)

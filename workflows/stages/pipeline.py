@@ -258,6 +258,13 @@ class Pipeline:
             if self._stages[name].passing and users <= self._results.keys():
                 self._results.pop(name, None)
 
+    def release(self) -> None:
+        """Drop what is so large that nothing holds it beside the next structure; a stage that needs
+        it after all computes it again."""
+        for name in list(self._results):
+            if self._stages[name].passing:
+                del self._results[name]
+
     def _timed(self, name: str) -> Any:
         """The result of a stage, with a report of the seconds that it took without those that it
         needs, here or in the second process."""
