@@ -1,12 +1,6 @@
-"""The cache of results between runs: pickles in a folder of the user's own, each with a checksum.
+"""The cache of results between runs: `key` of a result, and pickles in a folder of the user's own.
 
-The key of a result is a digest of
-
-    the name of its stage, and what the stage reads of the scene
-    the keys of the results that it needs
-    the program: sources that its module depends on (`sources`), and versions of libraries
-
-put together by `Pipeline.key`. Whoever can write a pickle can run code as the user who reads it: a
+Each pickle has a checksum. Whoever can write a pickle can run code as the user who reads it: a
 folder that belongs to somebody else, or that others can write, is not read.
 """
 
@@ -98,6 +92,16 @@ def fault() -> str | None:
 
 def _results() -> Path:
     return cache_folder() / f"joblib-{joblib_version}"
+
+
+def key(stage: str, reads: Any, needs: list[str], module: str) -> str:
+    """The key of a stage's result, which changes with everything that the result depends on:
+
+    the name of the stage, and what it reads of the scene
+    the keys of the results that it needs
+    the program: sources that its module depends on (`sources`), and versions of libraries
+    """
+    return digest([stage, reads, needs, *program(module)])
 
 
 def program(*modules: str) -> list[Any]:

@@ -1,8 +1,10 @@
 """Warnings of a run: scenes that can be run, but whose results are unreliable in part, or that were
 probably not meant so.
 
-Each function decides one warning and yields its sentences, none where there is nothing to say.
-`of_chain` is the list of those that every run asks.
+Each function decides one warning and yields its sentences, none where there is nothing to say. They
+are listed in `of_chain` (the impact and its waves) and `of_structure` (an assembly), which a run
+asks. What a room below finds out by itself comes here as sentences: `coupling.verdict`,
+`dem.validity`, `rom.health`, `rom.imported`.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ from workflows.stages.cache import fault
 from workflows.stages.chain import Start, contact_radius
 
 if TYPE_CHECKING:  # a run without a reduced model does not load finite elements
+    from fem.assembly_modes import AssemblyModes
     from fem.constraints import Overconstrained
+    from workflows.report.summary import ReductionHealth
 
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
@@ -68,6 +72,12 @@ def of_chain(
     yield from unequal_spheres(start)
     yield from overlapping_waves(waves)
     yield from short_record(scene, start, waves, run)
+
+
+def of_structure(modes: AssemblyModes, health: ReductionHealth) -> Iterator[str]:
+    """All warnings on an assembly and its reduced model."""
+    yield from health.findings
+    yield from overconstrained(modes.overconstrained)
 
 
 def long_contact(scene: Scene, start: Start, run: dem.Trajectory) -> Iterator[str]:
@@ -123,6 +133,11 @@ def large_model_error(name: str, error: float) -> Iterator[str]:
             f"The error of the {name} is about {100 * error:.0f} % of the striker's speed: "
             f"{CURES[name]}."
         )
+
+
+def unknown_model_error(name: str, reason: Exception) -> Iterator[str]:
+    """A reduction or a mesh without a second model to measure its error by."""
+    yield f"The error of the {name} could not be estimated: {reason}"
 
 
 def beyond_the_horizon(scene: Scene) -> Iterator[str]:
