@@ -1,4 +1,4 @@
-"""What a study leaves behind, tables, sentences and pictures: as text, as a record, as files."""
+"""The result of a study, tables, sentences and pictures: as text, as a record, as files."""
 
 from collections.abc import Iterable
 from itertools import chain
@@ -13,7 +13,7 @@ from workflows.scene import InvalidScene, nearest
 
 
 class Finding(NamedTuple):
-    """The first table is the study's own and bears its name; others stand beside it."""
+    """The result of a study; the first table has the study's name, others come after it."""
 
     tables: tuple[Table, ...]
     sentences: tuple[str, ...] = ()
@@ -76,7 +76,7 @@ def record(finding: Finding, **about: Any) -> dict[str, Any]:
 
 
 def files(name: str) -> tuple[str, str]:
-    """What a study leaves in any case."""
+    """Names of the two files that a study of this name always writes."""
     return f"{name}.csv", f"{name}.json"
 
 
