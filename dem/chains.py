@@ -80,7 +80,7 @@ class Chains:
 
     @property
     def free(self) -> bool:
-        """Whether there is no wall."""
+        """Whether the last sphere has no wall."""
         return self.wall is None
 
     @property

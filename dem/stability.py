@@ -23,7 +23,7 @@ BACKWARD = 10.0  # rounding may grow by exp(BACKWARD) in a step back in time
 
 
 class UnstableStep(ValueError):
-    """A step for which the march has no meaning."""
+    """A step so long that the march is unstable."""
 
 
 def marching_scheme(

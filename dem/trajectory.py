@@ -156,7 +156,7 @@ def run(
 
 
 class Marched(NamedTuple):
-    """What a march by equal steps leaves."""
+    """The result of a march by equal steps."""
 
     steps: Steps
     scheme: Scheme
@@ -205,7 +205,7 @@ def equal_steps(duration: float, dt: float, n_save: int) -> Steps:
 
 
 def trajectory(march: Marched, out: Saved, duration: float) -> Trajectory:
-    """What was saved of a march, at equal times."""
+    """The Trajectory of what a march saved at equally spaced times."""
     total, steps = out.energy[:, 10], march.steps
     scale = out.energy[0, 0] or np.abs(total).max() or 1.0
     n_save = total.size - 1

@@ -58,7 +58,7 @@ def percent(value: float, count: int = 0) -> str:
 
 
 def listed(values: Iterable, word: str = "and") -> str:
-    """a, b and c; `word` stands before the last."""
+    """Words as a list in a sentence, "a, b and c", with `word` before the last."""
     *first, last = map(str, values)
     return f"{', '.join(first)} {word} {last}" if first else last
 

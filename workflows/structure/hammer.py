@@ -41,7 +41,7 @@ class HammerRow(BaseModel):
 
 
 class HammerReport(BaseModel):
-    """All resonances of a test."""
+    """The resonances of a hammer test, each beside the mode that it is paired with."""
 
     file: str
     title: str
@@ -60,7 +60,7 @@ class HammerReport(BaseModel):
         return {mode: zeta for mode, zeta in ratios.items() if zeta}
 
     def text(self) -> str:
-        """Aligned lines with remarks."""
+        """A table of the resonances, and remarks on them."""
         head = ("Hz", "half-power", "fit", "mode", "computed Hz", "MAC", "")
         table = []
         for row in self.rows:

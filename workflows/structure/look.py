@@ -65,7 +65,7 @@ class Look(BaseModel):
     remarks: list[str]
 
     def text(self) -> str:
-        """Aligned lines."""
+        """Tables of bodies, touching pairs and holes, and remarks."""
         unit = f", lengths in {self.unit}" if self.unit else ""
         n = len(self.bodies)
         lines = [f"{self.name}: {n} bod{'y' if n == 1 else 'ies'}{unit}", ""]
@@ -185,7 +185,7 @@ def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:
 
 
 def _holes(geometry: Drawing) -> list[SeenHole]:
-    """Bores of each body, equal ones counted."""
+    """Holes of the bodies, equal ones of a body in one row with their number."""
     from geometry.holes import bores
 
     counts: Counter[tuple] = Counter()

@@ -61,7 +61,7 @@ def energy_drift(scheme: str, press: float, n_steps: int) -> Outcome:
 
 
 def time_reversal() -> Iterator[Trial]:
-    """There and back again."""
+    """A march forth, velocities reversed, and back: the start is met to rounding and drift."""
     oscillator = dem.one_dof_wall(900.0, 2.0)
     cases = {
         "free": (spheres_of(flat=None), None),

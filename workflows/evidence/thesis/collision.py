@@ -34,7 +34,7 @@ class CollisionRun(NamedTuple):
 
 
 class Collision(NamedTuple):
-    """What the first collision does to a chain."""
+    """The first collision of a chain with its wall."""
 
     arr: float  # (2.9) at the observed sphere, 0 where no wave comes back
     lost: float  # share of the striker's energy that the spheres have not when the contact ends
