@@ -120,7 +120,7 @@ def of_file(path: Path) -> Scene:
 
 def look(scene: Scene, source: str) -> Seen:
     """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it."""
-    # bores and other findings of the CAD kernel, while its session is open
+    # holes and remarks need the CAD kernel, whose session ends with the context
     with drawing(scene) as geometry:
         holes, starter, meshes = (
             _holes(geometry),
