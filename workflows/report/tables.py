@@ -27,16 +27,20 @@ class Table(NamedTuple):
         return tuple(row[self.columns.index(name)] for row in self.rows)
 
 
+def lines(table: Table) -> tuple[tuple, ...]:
+    """Headings and rows that are printed of a table, () for none."""
+    return (table.columns, *table.rows) if table.printed is None else table.printed
+
+
 def aligned_text(columns: tuple[str, ...], rows: Iterable[tuple]) -> str:
     """Rows that are only printed, as `text` prints a table."""
     return text(Table("", columns, tuple(rows)))
 
 
 def text(table: Table) -> str:
-    """Aligned columns, numbers in three digits and flush right, a dash for what does not exist."""
-    lines = (table.columns, *table.rows) if table.printed is None else table.printed
+    """Aligned columns, numbers in three digits and flush right, a dash for a missing value."""
     columns = []
-    for column in zip(*lines, strict=True):
+    for column in zip(*lines(table), strict=True):
         cells = [short(value) for value in column]
         width = max(map(len, cells))
         values = column[1:]  # below the heading

@@ -31,10 +31,11 @@ LARGEST_MISS = 0.05  # relative: three times what the thesis' own matches miss, 
 
 
 def _unit(name: str) -> str:
-    """Of a stiffness; of a material's value what it is a factor of."""
+    """Unit of a fitted value: of a stiffness by its direction, the last word of its name; of a
+    material's value, which is a factor, what it multiplies."""
     if name.endswith(of_bodies.MATERIAL):
         return "of the rest's" if name.startswith("block.") else "of the scene's"
-    return "N m/rad" if ".kr" in name else "N/m"
+    return "N m/rad" if name.rpartition(".")[2].startswith("kr") else "N/m"
 
 
 class TuningReport(BaseModel):

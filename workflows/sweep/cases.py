@@ -1,4 +1,4 @@
-"""The cases of a sweep by what they share: a wall, and whether their chains march side by side."""
+"""Cases of a sweep in groups that share a wall, and whether their chains march side by side."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

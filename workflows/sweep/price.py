@@ -1,4 +1,4 @@
-"""Seconds and memory that a sweep will take, from its first cases."""
+"""Estimate of the seconds and the memory that a sweep takes, by timing its first cases."""
 
 from collections.abc import Sequence
 from time import perf_counter

@@ -1,4 +1,4 @@
-"""A finished sweep: its table, what it says, and pictures of it."""
+"""A finished sweep: its table, effects of the keys, and pictures."""
 
 from collections import Counter
 from collections.abc import Iterator
