@@ -77,6 +77,7 @@ class Section(NamedTuple):
     shear_factor: float
     width: float  # [m] across
     thickness: float  # [m] along the chain
+    bulge: float = 1.0  # share of the bulge that counts; 0 reads and loads w itself
 
 
 class BeamEnd(NamedTuple):
@@ -143,15 +144,13 @@ def beam(
     *,
     axial_force: float = 0.0,
     coarser: float = 1.0,
-    bulge: float = 1.0,
     beside: BesideSolid | None = None,
     mesh: BeamMesh = BeamMesh(),
 ) -> Bending:
     """A beam of a length [m] struck at a position [m] from its first end.
 
     axial_force [N] is positive where it pulls; elements are `coarser` times as long as usual.
-    `bulge` is the share of the section's bulge that counts: 0 reads and loads w itself; `beside`
-    corrects the theory by what solids have otherwise.
+    `beside` corrects the theory by what solids have otherwise.
     Raises Buckled where the force presses more than the beam can bear.
     """
     clamped = [end == ENDS["clamped"] for end in ends]
@@ -164,7 +163,8 @@ def beam(
 
     # the strike is the mean of two places beside it; elements end there
     width, thickness = section.width, section.thickness
-    aside = np.sqrt(bulge * max(material.poisson, 0.0) * (2 * thickness**2 + width**2) / 12)
+    squares = (2 * thickness**2 + width**2) / 12
+    aside = np.sqrt(section.bulge * max(material.poisson, 0.0) * squares)
     aside = min(aside, position / 2, (length - position) / 2)
     struck = [position - aside, position + aside] if aside else [position]
     longest = coarser * wave_length(

@@ -196,8 +196,8 @@ def test_the_drawn_beam_moves_as_its_sections_do():
 
 
 def test_a_rectangle_has_the_shear_factor_of_its_width():
-    """5 (1 + nu) / (6 + 5 nu) of a narrow one; of a square that with which a wave of k h = 0.1 has the
-    frequency of three-dimensional elasticity within 3e-8; from 2.5 thicknesses on it stays."""
+    """5 (1 + nu) / (6 + 5 nu) of a narrow one; of a square that with which a wave of k h = 0.1 has
+    the frequency of three-dimensional elasticity within 3e-8; from 2.5 thicknesses on it stays."""
     nu = 0.3
     narrow = fem.rectangle(1e-3, 1e-2, nu).shear_factor
     assert abs(narrow / (5 * (1 + nu) / (6 + 5 * nu)) - 1) < 1e-5
