@@ -31,7 +31,7 @@ from workflows.files.child import while_open
 from workflows.scene.size import room_for_two
 from workflows.stages.pipeline import Pipeline, couples, pipeline_of
 
-IMPACT = ("compilation", "second-mesh")  # in the order in which the second process takes them
+IMPACT = ("compilation",)  # in the order in which the second process takes them
 RUN = (*IMPACT, "pictures")
 PAUSE = 0.05  # s between two looks at what the other process has
 

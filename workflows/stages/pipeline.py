@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.scene import RomWall, Scene
-from workflows.stages.cache import digest, memory, program
+from workflows.stages.cache import key, memory
 
 Progress = Callable[[str], AbstractContextManager]  # of the stage named, while it runs
 
@@ -141,6 +141,12 @@ ASSEMBLY = {
         means=("factor", "krylov-space"),
     ),
     "second-mesh": Stage(".errors:second_mesh", COARSE, ("mesh",)),
+    "missed-energy": Stage(
+        ".mesh_error:missed_energy",
+        tables_of("reduction", "patch", "strike"),
+        ("mesh", "model", "modes"),
+        means=("krylov-space",),
+    ),
     "full-response": Stage(
         ".response:full_response",
         tables_of(),
@@ -164,6 +170,12 @@ BENDING = ASSEMBLY | {
     "reduction": Stage(".bending:reduction", tables_of("reduction"), ("model",)),
     "full-response": Stage(".response:full_response", tables_of(), ("model", "contact")),
     "second-mesh": Stage(".bending:second_mesh", tables_of(*BENT, "reduction"), ()),
+    "other-theories": Stage(".bending:other_theories", tables_of(*BENT, "reduction"), ()),
+    "theory-error": Stage(
+        ".bending:theory_error",
+        lambda scene: [_marched(scene), tables_of("damping")(scene)],
+        ("start", "other-theories", "impact"),
+    ),
 }
 
 IMPACT = {
@@ -174,6 +186,11 @@ IMPACT = {
         ".errors:mesh_error",
         lambda scene: [_marched(scene), tables_of("damping")(scene)],
         ("start", "second-mesh", "impact"),
+    ),
+    "quantity-errors": Stage(
+        ".errors:quantity_errors",
+        lambda scene: [_marched(scene), tables_of("damping")(scene)],
+        ("start", "missed-energy", "reduction", "impact", "waves"),
     ),
     "waves": Stage(".waves:waves", _observed, ("start", "impact")),
     "figures": Stage(".figures:of_chain", _observed, ("impact", "waves")),
@@ -192,8 +209,15 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     wall = Stage(".chain:wall", _wall_reads, needs)
     structure = ASSEMBLY if scene.bending is None else BENDING
     impact = IMPACT
+    if scene.bending is None:
+        of_mesh = IMPACT["mesh-error"]._replace(
+            function=".errors:error_of_mesh", needs=("quantity-errors",)
+        )
+        impact = impact | {"mesh-error": of_mesh}
+    else:
+        impact = {name: stage for name, stage in impact.items() if name != "quantity-errors"}
     if needs and scene.is_general:
-        impact = IMPACT | {"start": IMPACT["start"]._replace(needs=("surface",))}
+        impact = impact | {"start": IMPACT["start"]._replace(needs=("surface",))}
     if not getattr(scene.wall, "prune", False):
         return {**structure, "wall": wall, **impact}
     walls = {
@@ -322,8 +346,8 @@ class Pipeline:
         """Changes with everything that the stage's result depends on."""
         if name not in self._keys:
             stage = self._stages[name]
-            inputs = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
-            self._keys[name] = digest([*inputs, *program(stage.module)])
+            needs = [self.key(need) for need in stage.needs]
+            self._keys[name] = key(name, stage.reads(self.scene), needs, stage.module)
         return self._keys[name]
 
 
