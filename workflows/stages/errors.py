@@ -182,7 +182,9 @@ def quantity_errors(
         # what a relative change of the record does to the number: of a time a part of the width of
         # the wave, of all else as much
         scale = width if unit == "s" else abs(value)
-        errors = [estimate * scale * speed / max(width_speed(numbers[0], name, speed), 1e-300)]
+        wave = name.rpartition(":")[0]
+        crest = abs(numbers[0][f"{wave}: peak_velocity_m_s"][0]) if wave else speed
+        errors = [estimate * scale * speed / crest]
         for first, second, a, b, margin in (
             (numbers[0], numbers[1], run, finer, MARGIN),
             (numbers[2], numbers[3], on_mesh, without, 1.0),
@@ -192,7 +194,7 @@ def quantity_errors(
             )
             at = slice(None, n)
             if sphere is not None:
-                time = numbers[0][name.rpartition(":")[0] + ": time_s"][0]
+                time = numbers[0][f"{wave}: time_s"][0]
                 at = np.abs(run.t - time) <= max(width, run.t[1])
             largest = float(np.abs(record_a[at]).max(initial=0.0)) or 1.0
             change = float(np.abs(record_b[at] - record_a[at]).max(initial=0.0)) / largest
@@ -202,14 +204,6 @@ def quantity_errors(
             errors.append(margin * (moved + options.floor * change * scale))
         rows.append(QuantityError(name, value, unit, *errors))
     return QuantityErrors(tuple(rows), of_mesh)
-
-
-def width_speed(
-    numbers: dict[str, tuple[float, str, float, int | None]], name: str, speed: float
-) -> float:
-    """Peak velocity [m/s] of the wave that a number is of, the striker's speed at the wall."""
-    peak = numbers.get(name.rpartition(":")[0] + ": peak_velocity_m_s")
-    return speed if peak is None else abs(peak[0])
 
 
 def _numbers(
@@ -225,7 +219,7 @@ def _numbers(
         numbers["contact_time_s"] = width, "s", width, None
     for sphere, labels in waves.labels.items():
         for label in labels:
-            wave, key = label.arrival, f"{sphere}: {label.name}"
+            wave, key = label.arrival, f"{sphere}: {label.name or 'unnamed'}"
             width = wave.width if np.isfinite(wave.width) else 0.0
             numbers[f"{key}: time_s"] = wave.time, "s", width, sphere
             numbers[f"{key}: peak_velocity_m_s"] = wave.peak_velocity, "m/s", width, sphere
