@@ -69,7 +69,10 @@ def missed_energy(
         element, points = (
             (ElementHexS2(), np.array(np.meshgrid(GAUSS, GAUSS, GAUSS)).reshape(3, -1))
             if isinstance(mesh, MeshHex)
-            else (ElementTetP2(), np.column_stack([np.full(3, INNER), INNER + (OUTER - INNER) * np.eye(3)]))
+            else (
+                ElementTetP2(),
+                np.column_stack([np.full(3, INNER), INNER + (OUTER - INNER) * np.eye(3)]),
+            )
         )
         C = np.array([[materials[body].elasticity[a + b] for b in VOIGT] for a in VOIGT])
 

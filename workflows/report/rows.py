@@ -10,7 +10,10 @@ ERRORS = {
         "reduction",
         ("reduction", "reduction-error", "full-response", "response", "modes", "contact"),
     ),
-    "mesh": ("mesh", ("mesh", "model", "second-mesh", "missed-energy", "quantity-errors", "mesh-error")),
+    "mesh": (
+        "mesh",
+        ("mesh", "model", "second-mesh", "missed-energy", "quantity-errors", "mesh-error"),
+    ),
     "theory": ("theory", ("other-theories", "theory-error")),
 }
 

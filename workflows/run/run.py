@@ -235,8 +235,11 @@ def summary_of(
                 value = health.static_compliance_m_per_N - health.half_space_compliance_m_per_N
                 number_errors.append(
                     NumberError(
-                        name="static_compliance_m_per_N", value=value, unit="m/N",
-                        mesh=missed.of_compliance, total=missed.of_compliance,
+                        name="static_compliance_m_per_N",
+                        value=value,
+                        unit="m/N",
+                        mesh=missed.of_compliance,
+                        total=missed.of_compliance,
                     )
                 )
         numbers |= {

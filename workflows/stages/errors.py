@@ -28,8 +28,8 @@ import dem
 import fem
 import geometry
 import rom
-from fem.assembly_modes import N_MODES
 from dem.waves.chain_waves import ChainWaves, chain_waves
+from fem.assembly_modes import N_MODES
 from workflows.scene import Scene
 from workflows.stages import assembly as stages
 from workflows.stages.chain import Start
@@ -168,10 +168,10 @@ def quantity_errors(
         for wall in missed.walls(reduction.contact)
     )
     at_wall, spheres = scene.wall is not None, scene.output.spheres
-    numbers = [_numbers(run, waves)]
+    numbers = [numbers_of(run, waves)]
     for other in (finer, on_mesh, without):
         others = chain_waves(other, start.chain, spheres, at_wall=at_wall)
-        numbers.append(_numbers(other, others))
+        numbers.append(numbers_of(other, others))
     n = max(1, int(np.searchsorted(run.t, scene.time.horizon, "right")))
     columns = observed(scene)
     of_mesh = float(np.abs((without.v - on_mesh.v)[:n, columns]).max()) / speed
@@ -206,7 +206,7 @@ def quantity_errors(
     return QuantityErrors(tuple(rows), of_mesh)
 
 
-def _numbers(
+def numbers_of(
     run: dem.Trajectory, waves: ChainWaves
 ) -> dict[str, tuple[float, str, float, int | None]]:
     """Value, unit, width of the wave [s] and sphere of each number, None of those at the wall."""

@@ -111,9 +111,7 @@ def missed_energy(
         n = min(len(modes.omega) + OPTIONS.krylov, model.K.shape[0] - 2)
         known = modes.omega[: N_MODES[0]], modes.phi[:, : N_MODES[0]]
         selected = rom.Selection(n_modes=n, choice="contact", to_hz=TO_HZ, modes=known)
-        reduced = rom.free_modes(
-            model.K, model.M, contact.w, selected, factorise=fem.factorised
-        )
+        reduced = rom.free_modes(model.K, model.M, contact.w, selected, factorise=fem.factorised)
         omega, phi = np.sqrt(np.diag(reduced.K)), reduced.T
         order = np.argsort(omega)
         omega, phi = omega[order], phi[:, order]

@@ -60,7 +60,9 @@ class ModeTable(BaseModel):
             measured = f"{row.hammer_mode}: {row.hammer_hz:.5g} Hz ({off:+.1f} %)"
             mac = None if row.mac is None else f"{row.mac:.2f}"
             cells.append((*computed, measured, f"{row.score:.2f}", mac))
-        table = aligned_text(("mode", "Hz", "mesh error", "at contact", "measured", "score", "MAC"), cells)
+        table = aligned_text(
+            ("mode", "Hz", "mesh error", "at contact", "measured", "score", "MAC"), cells
+        )
         legend = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
         shapes = ", ".join(f"{r.hammer_mode}: {r.shape}" for r in self.rows if r.shape)
