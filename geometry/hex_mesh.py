@@ -33,7 +33,9 @@ from geometry.naming import named
 
 
 class EdgeRefinement(NamedTuple):
-    """Elements at the edge of an imprint on a part below, where stresses are singular."""
+    """Elements at the edge of an imprint on a part below, where stresses are singular. With them,
+    and elements that match across interfaces, the mesh error of rig-rom fell from 4.4 to 0.7 % of
+    the striker's speed; other values are not on record."""
 
     # of the elements' size, of the first one. Of rig-rom with 60 mm in the parts below 1.5 mm and a
     # growth of 5 left an error of 1.1 % in the waves (38 000 unknowns), 2 mm and 6 left 1.6 %
@@ -111,7 +113,8 @@ def box_stops(
     contact_point: tuple[float, float] = (0.0, 0.0),
     glued: bool = False,
 ) -> list[list[Stop]]:
-    """What the grid of a box with elements of `size` must pass, along x, y and z."""
+    """Coordinates along x, y and z that grid lines of the box `name` must pass, with the element
+    sizes around them, for elements of `size` [m] elsewhere."""
     box = boxes(a)[name]
     contact: list[list[Stop]] = [[], [], []]  # where the box is struck
     edges: list[list[float]] = [[], [], []]  # where stresses are singular
@@ -140,7 +143,7 @@ def box_stops(
         centre = (box.upper[0], contact_point[0], a.block_z / 2 + contact_point[1])
         contact = [[refined(at, contact_seed)] for at in centre]
 
-    # from end to end in ascending order, of stops at one place the first
+    # ascending, from end to end; of several stops at one place the first, which has the finest size
     stops = []
     for i in range(3):
         lower, upper = float(box.lower[i]), float(box.upper[i])

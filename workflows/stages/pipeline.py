@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.scene import RomWall, Scene
-from workflows.stages.cache import digest, memory, program
+from workflows.stages.cache import key, memory
 
 Progress = Callable[[str], AbstractContextManager]  # of the stage named, while it runs
 
@@ -164,6 +164,12 @@ BENDING = ASSEMBLY | {
     "reduction": Stage(".bending:reduction", tables_of("reduction"), ("model",)),
     "full-response": Stage(".response:full_response", tables_of(), ("model", "contact")),
     "second-mesh": Stage(".bending:second_mesh", tables_of(*BENT, "reduction"), ()),
+    "other-theories": Stage(".bending:other_theories", tables_of(*BENT, "reduction"), ()),
+    "theory-error": Stage(
+        ".bending:theory_error",
+        lambda scene: [_marched(scene), tables_of("damping")(scene)],
+        ("start", "other-theories", "impact"),
+    ),
 }
 
 IMPACT = {
@@ -322,8 +328,8 @@ class Pipeline:
         """Changes with everything that the stage's result depends on."""
         if name not in self._keys:
             stage = self._stages[name]
-            inputs = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
-            self._keys[name] = digest([*inputs, *program(stage.module)])
+            needs = [self.key(need) for need in stage.needs]
+            self._keys[name] = key(name, stage.reads(self.scene), needs, stage.module)
         return self._keys[name]
 
 
