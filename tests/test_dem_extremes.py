@@ -60,6 +60,7 @@ def test_any_mass_on_a_spring_is_a_wall(frequency, ratio):
     assert run.energy_error < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zeta", [1.0, 30.0, 1e3])
 def test_modes_damped_beyond_critical(zeta):
     omega = 2 * np.pi * np.array([50.0, 1e3, 1e5])

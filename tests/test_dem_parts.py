@@ -434,6 +434,7 @@ def test_implicit_schemes_keep_energy_at_any_step(name, law):
         assert run.energy_error < 1e-12
 
 
+@pytest.mark.slow
 def test_implicit_scheme_finds_the_same_trajectory():
     chain = unit_chain(9, 1.5, dissipation="hunt-crossley", gamma=np.full(9, 0.05))
     wall = modal_wall(residual_compliance=0.1)

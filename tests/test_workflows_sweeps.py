@@ -297,6 +297,7 @@ def test_a_change_of_a_swept_key_holds_for_the_scene_alone():
     )
 
 
+@pytest.mark.slow
 def test_the_kind_of_a_wall_drops_none_of_its_keys_that_vary():
     Path("cases.csv").write_text(
         "wall.young,wall.poisson,wall.kind\n70 GPa,0.3,half-space\n400 GPa,0.3,half-space\n"
@@ -399,6 +400,7 @@ def counted(monkeypatch):
     return made
 
 
+@pytest.mark.slow
 def test_cases_share_their_reduced_model(counted):
     over = {"wall.cutoff": "5e3,2e4", "striker.velocity": "0.1,0.2"}
     Path("two.toml").write_text(TWO)
@@ -544,6 +546,7 @@ def test_other_cases_of_a_scene_get_a_folder_of_their_own():
     assert beadwave.sweep("rig-rigid", SHORT, cases=first).folder == one.folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["sweep", "run", "impact"])
 def test_a_note_says_that_a_table_was_replaced(command):
     swept = {"striker.velocity": "0.1,0.2"}
