@@ -1,13 +1,12 @@
 """Mutants of the numerical modules: small errors, one at a time, that the tests should notice.
 
-    python tests/mutants.py [ROOM|MODULE ...] [COUNT] [SEED] [--short]
+    python tests/mutants.py [ROOM|MODULE ...] [COUNT] [SEED]
 
 Draws COUNT mutants (20) of each room below, all alike likely, and runs the tests that call the
 changed function, the quickest first, up to the first that fails. The tests that a room names are
 run once without a mutant, to see what each of them calls and how long it takes. A mutant whose
 tests all pass has survived, unless EXPLAINED says why none can notice it. Prints each with its
-line, before and after, and the share that was noticed of all that are not explained. `--short`
-leaves out the tests that are marked slow, as `pytest` without a file does.
+line, before and after, and the share that was noticed of all that are not explained.
 Kernels are mutated as plain Python: the same errors, and nothing to compile.
 """
 
@@ -628,10 +627,10 @@ class Reach:
         ]
 
 
-def watched(room: Room, found: Path, marks: str) -> None:
+def watched(room: Room, found: Path) -> None:
     """Write what `Reach` finds in a room without a mutant."""
     reach = Reach(room.modules)
-    status = _pytest([f"tests/test_{name}.py" for name in room.tests] + ["-m", marks], reach)
+    status = _pytest([f"tests/test_{name}.py" for name in room.tests], reach)
     slow = [test for test, seconds in reach.seconds.items() if seconds > LONGEST]
     if slow and not status:  # the first time they may have compiled
         status = _pytest(slow, reach)
@@ -678,12 +677,12 @@ def drawn(modules: tuple[str, ...], count: int, chance: Random) -> list[Mutant]:
     return [mutant_of(*one) for one in chance.sample(every, min(count, len(every)))]
 
 
-def main(name: str, modules: tuple[str, ...], count: int, seed: int, marks: str) -> None:
-    """Draw, run and count in one room, with the tests of these marks."""
+def main(name: str, modules: tuple[str, ...], count: int, seed: int) -> None:
+    """Draw, run and count in one room."""
     room = ROOMS[name]
     with TemporaryDirectory() as folder:
         found = Path(folder, "reach.json")
-        if status(watched, room, found, marks):
+        if status(watched, room, found):
             sys.exit(f"the tests of {name} fail without a mutant; mend them first.")
         reach = json.loads(found.read_text())
     tally = Counter()
@@ -704,11 +703,10 @@ if __name__ == "__main__":
     os.environ.update(dict.fromkeys(one_thread, "1"))
     for library in LOADED:  # once, before the processes of the mutants are forked off
         import_module(library)
-    words = [word for word in sys.argv[1:] if word != "--short"]
-    marks = "not slow" if "--short" in sys.argv else ""
+    words = sys.argv[1:]
     numbers = [int(word) for word in words if word.isdigit()]
     asked = [word for word in words if not word.isdigit()]
     for name, room in ROOMS.items():
         modules = tuple(m for m in room.modules if m in asked or name in asked or not asked)
         if modules:
-            main(name, modules, *(numbers + [20, 1][len(numbers) :]), marks)
+            main(name, modules, *(numbers + [20, 1][len(numbers) :]))

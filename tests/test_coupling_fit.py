@@ -694,7 +694,6 @@ def a_model(parameters=None, filters=NO_FILTER, record=RECORD, rig=None):
     )
 
 
-@pytest.mark.slow
 def test_a_model_shows_the_march_from_its_trigger_on():
     model = a_model()
     at = rig_at(model.rig, model.parameters, model.start)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import mutants
+
 TESTS = Path(__file__).parent
 PROJECT = """[tool.pytest.ini_options]
 testpaths = ["tests"]
@@ -69,3 +71,10 @@ def test_one_process_is_enough_where_the_options_want_one(pytest_says, option):
 
 def test_a_choice_of_marks_is_kept(pytest_says):
     assert "1 passed, 1 deselected" in pytest_says("-n0", "-m", "slow")
+
+
+def test_the_short_run_has_every_test_that_the_mutants_are_noticed_by():
+    """What it leaves out is none of the share that `tests/mutants.py` measures."""
+    files = {TESTS / f"test_{name}.py" for room in mutants.ROOMS.values() for name in room.tests}
+    assert len(files) > 20
+    assert not [file.name for file in files if "mark.slow" in file.read_text(encoding="utf-8")]
