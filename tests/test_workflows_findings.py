@@ -1,7 +1,7 @@
 """What all studies share: modules of their folder, templates that say the numbers."""
 
 import sys
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +12,7 @@ from jinja2 import UndefinedError
 import beadwave
 import workflows.evidence
 from dem.waves.measures import exponent
-from workflows.evidence import catalogue, prose
+from workflows.evidence import catalogue, counted, prose
 from workflows.evidence.accuracy import batch, peers, runs, time, wall_modes
 from workflows.evidence.accuracy.row import AccuracyRow
 from workflows.evidence.prose import rendered
@@ -181,3 +181,21 @@ def test_what_takes_minutes_is_left_out_by_default_named_and_brought_by_thorough
     said = beadwave.accuracy().sentences[-1]
     assert said == "Left out: the stages long; --stage with the name runs one, --thorough all."
     assert len(beadwave.accuracy(thorough=True).sentences) == 0
+
+
+def test_from_the_second_piece_on_a_study_says_how_many_are_left_and_how_long(monkeypatch):
+    clock = iter((0.0, 10.0, 16.0))
+    monkeypatch.setattr(counted, "perf_counter", lambda: next(clock))
+    shown, worked = [], []
+
+    @contextmanager
+    def progress(name):
+        shown.append(name)
+        yield
+        worked.append(name)
+
+    for piece in counted.counted((1, 2, 3), progress, "{} mm".format):
+        assert len(shown) == piece == len(worked) + 1  # the stage runs while the piece is worked on
+    assert shown == worked == [
+        "1 mm", "2 mm (2 of 3, about 20 s left)", "3 mm (3 of 3, about 8 s left)",
+    ]  # fmt: skip
