@@ -46,6 +46,7 @@ def pipeline(*changes):
     return pipeline_of(scene("rig-rom", (*COARSE, *changes)), lambda name: nullcontext())
 
 
+@pytest.mark.slow
 def test_an_error_picks_the_modes_and_is_met_by_the_full_model():
     """Asked for 1e-3 to 8 kHz; the direct solution of the full model has the last word."""
     run = pipeline("reduction.kind=free-modes", "reduction.error=1e-3", "reduction.to_hz=8000.0")
@@ -121,6 +122,7 @@ def test_the_structure_under_a_node_is_that_under_a_patch():
     assert whole[0] - local[0] == pytest.approx(whole[1] - local[1], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_the_scheme_of_the_thesis_runs_with_a_warning_and_its_gain(tmp_path):
     thesis = scene("rig-rom", (*COARSE, "patch.weights=thesis"))
     summary = run(pipeline_of(thesis, lambda name: nullcontext()), RunFolder(tmp_path))
