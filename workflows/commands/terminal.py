@@ -57,11 +57,12 @@ class StageProgress:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Show a stage as running, then as done."""
-        expected = self._durations.expected(name)
+        key = name.partition(" (")[0]  # in brackets: how many are left, other each time
+        expected = self._durations.expected(key)
         task = self._bars.add_task(name, total=None, expected=expected) if self._bars else None
         self._running.append(name)
         try:
-            with self._durations.measured(name):
+            with self._durations.measured(key):
                 yield
         finally:
             self._running.remove(name)
