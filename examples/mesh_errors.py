@@ -337,9 +337,8 @@ def main(seed: int = 0, n: int = 20) -> None:
     for kind in (*dict.fromkeys(kind for kind, *_ in rows), "all"):
         r = np.array([s / t for name, _, s, t in rows if kind in (name, "all")])
         within = 100 * np.mean((r >= 1) & (r <= 4))
-        print(
-            f"{kind:20} {len(r):4d} {r.min():6.2f} {np.median(r):6.2f} {r.max():7.2f} {within:6.0f} %"
-        )
+        spread = f"{r.min():6.2f} {np.median(r):6.2f} {r.max():7.2f}"
+        print(f"{kind:20} {len(r):4d} {spread} {within:6.0f} %")
 
 
 if __name__ == "__main__":

@@ -29,8 +29,10 @@ from workflows.stages.reduction import TO_HZ
 class MeshErrorOptions(NamedTuple):
     """How the energy that a mesh misses is used."""
 
-    # times the energy found: recovered stresses fall short of singular ones
-    safety: float = 1.3
+    # times the energy found, which falls short of what singular stresses miss: with 1.3 the medians
+    # of stated over true errors of a box, a plate and an L profile were 2.7, 2.3 and 3.1 and the
+    # least 0.84
+    safety: float = 1.1
     patch: float = 3.0  # radii of the patch within which elements do not count
     pairs: float = 1e-3  # relative difference of frequencies of one mode, by two eigensolvers
     krylov: int = 20  # shapes beside the modes, of an assembly that floats
