@@ -130,15 +130,19 @@ def march_to_error(
 
     - Forces that jump: constants scatter down to nothing, and the first pair never suffices.
       (One pair: 2.7 % of the scenes below; two: 0.2 %.)
-    - Differences above `bounded`, and those of a march whose ledger closes to rounding, count in
-      full, without an order: velocities are bounded, and motion that amplifies rounding (beads that
-      rattle between others a hundred times as large) differs by as much at any step.
+    - Differences above `bounded` count in full, without an order: velocities are bounded. The
+      motion is sensitive, and constants scatter more: p is lower by one from there on.
+    - So do those of marches whose ledger closes to rounding, the larger one of two: motion that
+      amplifies rounding (beads that rattle between others a hundred times as large) differs by as
+      much at any step. Implicit schemes close it at any step, and forces that jump let it close
+      while velocities converge: neither says anything.
     - Implicit steps longer than the dampers' time: all may be wrong alike, as their ledger closes
       at any step. The work of the dampers is compared with that of "verlet", which moves them one
       by one, each exactly.
 
     Raises UnstableStep where no march is finite, where the evaluations allowed or rounding forbid
-    the error, and where a step 64 times as short has not halved it.
+    the error, where two ledgers in a row close to rounding, and where a step 64 times as short has
+    not halved it.
     """
     validate(chain, wall, v0)
     positive("error", error)
@@ -164,7 +168,7 @@ def march_to_error(
     thinned = -(-search.instants // n_save)  # instants compared over those saved
     n_compared = n_save * thinned
     pairs: list[MarchPair] = []
-    spent = 0.0
+    spent, sensitive = 0.0, False
     step_sought = f"error {error:g} over {duration:g} s is not reached"
 
     def attempt(step, n_save):
@@ -237,11 +241,15 @@ def march_to_error(
         h, H = fine.dt, coarse.dt
         difference = _velocity_difference(coarse, fine, observed, speed)
         walk = search.rounding_walk * EPSILON * (fine.n_steps * evaluations) ** 0.5
-        no_order = difference > search.bounded or (not implicit and fine.energy_error <= walk)
+        rounded = not implicit and not jumps and fine.energy_error <= walk
+        no_order = rounded or difference > search.bounded
+        if difference > search.bounded and not sensitive:
+            sensitive, order = True, max(order - 1.0, 1.0)
         alone = search.safety * difference / (1.0 if no_order else (H / h) ** order - 1.0)
         estimate = alone
-        if pairs and not no_order:
-            estimate = max(alone, pairs[-1].alone * (h / pairs[-1].dt) ** order)
+        if pairs:
+            fall = 1.0 if no_order else (h / pairs[-1].dt) ** order
+            estimate = max(alone, pairs[-1].alone * fall)
         velocity = estimate / error
 
         # energy error, over the one asked for or over what rounding leaves if that is more: of sums
@@ -265,8 +273,10 @@ def march_to_error(
         pairs.append(MarchPair(h, difference, fine.energy_error, estimate, alone, excess))
         if last and excess <= 1.0:
             break
-        longer = [pair for pair in pairs if pair.dt >= 64.0 * h]
-        if longer and excess > 0.5 * longer[-1].excess:
+        longer = [pair for pair in pairs if pair.dt >= 64.0 * h and excess > 0.5 * pair.excess]
+        if rounded and coarse.energy_error <= walk:
+            longer = pairs[-2:-1]
+        if longer:
             raise UnstableStep(
                 f"{step_sought}: dt = {h:.3g} s leaves {estimate:.3g} in velocity, "
                 f"{fine.energy_error:.3g} in energy, dt = {longer[-1].dt:.3g} s "
