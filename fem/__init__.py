@@ -21,8 +21,6 @@ u are the free displacements of a Model, u_mesh = model.T @ u, node after node x
 See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
 
-from warnings import warn
-
 from fem.anisotropic_half_space import indentation_modulus
 from fem.beam import ENDS, BeamEnd, Section, beam, rectangle, section, tube
 from fem.bending import Bending, Buckled
@@ -133,17 +131,3 @@ __all__ = [
     "target_mac",
     "tube",
 ]
-
-FORMER_NAMES = {"End": "BeamEnd", "Motion": "BodyMotion", "Table": "SwayingTable"}
-
-
-def __getattr__(name: str):
-    """What has another name now, by its former one, with a DeprecationWarning."""
-    if name not in FORMER_NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warn(
-        f"{__name__}.{name} is {__name__}.{FORMER_NAMES[name]} now.",
-        DeprecationWarning,
-        stacklevel=2,
-    )
-    return globals()[FORMER_NAMES[name]]

@@ -97,7 +97,7 @@ class Sheet(NamedTuple):
 
 
 class TooLarge(ValueError):
-    """A plate of more wave lengths than there is memory for."""
+    """A plate with more waves along its sides than there is memory for."""
 
 
 def mindlin_plate(

@@ -92,7 +92,8 @@ def tuning_basis(
     settings: BasisSettings = BasisSettings(),
 ) -> TuningBasis:
     """Project a model of finite springs; takes two solves for modes and one for attachments."""
-    is_turn = np.array([".kr" in name[-4:] for name in model.spring], dtype=bool)
+    # "joint.krx" and the like: the direction is the last word of a spring's name
+    is_turn = np.array([name.rpartition(".")[2].startswith("kr") for name in model.spring], bool)
     unit_stiffness = np.where(is_turn, settings.lever, 1.0)
 
     # modes at both ends of the range, and the static shape of every spring pulled alone

@@ -33,10 +33,12 @@ from geometry.naming import named
 
 
 class EdgeRefinement(NamedTuple):
-    """Elements at the edge of an imprint on a part below, where stresses are singular."""
+    """Elements at the edge of an imprint on a part below, where stresses are singular. With these,
+    and elements that match across interfaces, the mesh error of rig-rom fell from 4.4 to 0.7 % of
+    the striker's speed; other values are not on record."""
 
-    size: float = 1 / 16  # of the elements' size, of the first one
-    growth: float = 3.0  # of neighbouring elements away from it
+    size: float = 1 / 16  # size of the first element over that of the part's elements
+    growth: float = 3.0  # size of an element over that of its neighbour nearer to the edge
 
 
 EDGE = EdgeRefinement()
@@ -97,7 +99,8 @@ def box_stops(
     contact_point: tuple[float, float] = (0.0, 0.0),
     glued: bool = False,
 ) -> list[list[Stop]]:
-    """What the grid of a box with elements of `size` must pass, along x, y and z."""
+    """Coordinates along x, y and z that grid lines of the box `name` must pass, with the element
+    sizes around them, for elements of `size` [m] elsewhere."""
     box = boxes(a)[name]
     contact: list[list[Stop]] = [[], [], []]  # where the box is struck
     edges: list[list[float]] = [[], [], []]  # where stresses are singular
@@ -126,7 +129,7 @@ def box_stops(
         centre = (box.upper[0], contact_point[0], a.block_z / 2 + contact_point[1])
         contact = [[refined(at, contact_seed)] for at in centre]
 
-    # from end to end in ascending order, of stops at one place the first
+    # ascending, from end to end; of several stops at one place the first, which has the finest size
     stops = []
     for i in range(3):
         lower, upper = float(box.lower[i]), float(box.upper[i])

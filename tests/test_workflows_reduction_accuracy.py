@@ -108,3 +108,14 @@ def test_a_person_reads_one_table_and_not_its_rows_again():
         assert "leapfrog" in finding.text(both)
         assert "free-modes: velocities" not in finding.text(both)
         assert len(both.tables[0].rows) == 2
+
+
+def test_joined_tables_print_the_rows_of_each_that_prints_any():
+    """Rows of a table without lines of its own were left out beside one that has some."""
+    plain = Table("cases", ("case", "value"), (("plain", 1),))
+    worded = Table("cases", ("case", "value"), (("worded", 2),), (("case", "value"), ("lines", 2)))
+    silent = Table("cases", ("case", "value"), (("silent", 3),), ())
+    both = finding.merged([finding.Finding((table,)) for table in (plain, worded, silent)])
+    assert [row[0] for row in both.tables[0].printed] == ["case", "plain", "lines"]
+    assert [row[0] for row in both.tables[0].rows] == ["plain", "worded", "silent"]
+    assert finding.merged([finding.Finding((plain,))] * 2).tables[0].printed is None

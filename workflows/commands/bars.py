@@ -1,4 +1,4 @@
-"""Bars of stages on a terminal, filled by how long the stage took the last time."""
+"""Progress bars of stages on a terminal, filled by the time that a stage took in an earlier run."""
 
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn, Task, TextColumn

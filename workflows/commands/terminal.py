@@ -110,7 +110,7 @@ def print_report(report: Any, json: bool, quiet: bool = False) -> None:
 
 
 def print_notes(notes: Iterable[str]) -> None:
-    """Sentences on stderr that a user is to see, whatever is printed."""
+    """Sentences on stderr, with --json and --quiet too."""
     for note in notes:
         print(note, file=sys.stderr)
 

@@ -131,7 +131,7 @@ def summary_of(
                 errors[name] = pipeline(f"{name}-error")
                 doubts += warnings.large_model_error(name, errors[name])
             except ValueError as reason:  # the run stands without it
-                doubts.append(f"The error of the {name} could not be estimated: {reason}")
+                doubts += warnings.unknown_model_error(name, reason)
 
         # the march and its waves
         wall, waves, (run, verdict, *_) = pipeline("wall"), pipeline("waves"), pipeline("impact")
@@ -173,7 +173,7 @@ def summary_of(
             "load_factor": modes.load_factor,
             "reduction": health,
         }
-        sentences += [*health.findings, *warnings.overconstrained(modes.overconstrained)]
+        sentences += warnings.of_structure(modes, health)
     elif getattr(scene.wall, "file", None):
         from workflows.files.wall import measured
         from workflows.stages.health import reduction_health

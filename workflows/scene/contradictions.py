@@ -10,16 +10,18 @@ from workflows.scene.gravity import of_gravity
 from workflows.scene.named_files import unfit
 from workflows.scene.size import too_large
 
-LEAST_YIELD = 1e-6  # pressure over Young's modulus; lead has a thousandth
+LEAST_YIELD = 1e-6  # yield pressure over Young's modulus; that of lead is 1e-3
 SOFTEST = 1e6  # [Pa] Young's modulus of a body of finite elements
-MOST_DAMPED = 1e6  # [s/m] of Hunt and Crossley's law, whose spheres rebound below one
+MOST_DAMPED = 1e6  # [s/m] of Hunt and Crossley's law; below 1 s/m spheres still rebound
 MOST_SAMPLES = 1e6  # samples of an instrument
 PER_CONTACT = ("coefficient", "stiffness_factor", "yield_pressure")
 
 
 def contradictions(scene: Scene) -> Iterator[str]:
-    """What speaks against the scene, its defaults filled in; nothing for a good one. A reader is
-    shown the first sentence, so that a missing part comes before what follows from it."""
+    """Sentences on what contradicts itself in a scene with all defaults; none for a sound one.
+
+    Only the first one is shown, so that a missing part comes before what follows from it.
+    """
     yield from _missing_parts(scene)
     yield from of_bending(scene)
     if scene.is_general:
@@ -59,7 +61,7 @@ def _missing_parts(scene: Scene) -> Iterator[str]:
 
 
 def _other_surface(scene: Scene) -> Iterator[str]:
-    """A wall of the assembly takes the material of the body struck; its own must be the same."""
+    """A wall made of the assembly has the material of the body struck; a stated one must agree."""
     if not isinstance(scene.wall, RomWall) or scene.wall.file:
         return
     for key, unit in (("young", " Pa"), ("poisson", "")):

@@ -1,12 +1,12 @@
-"""The stages of a beam or a plate, by the doors of an assembly: model, modes, reduced model.
+"""The stages of a beam or a plate, with the names of an assembly's: model, modes, reduced model.
 
-What the mesh leaves of error in the waves is estimated by a finer one, e(h) - e(h / sqrt 2):
-elements of order 6 and 10 that are as long as the shortest wave converge too fast for a coarser one
-to say anything. Under the disc that strikes a plate Hertz' pressure ends like a square root, and
-leaves w hardly three derivatives, so that its mean over the disc is sure of order 4 alone. The
-errors stated of plates and beams are 1.0 to 1.4 times those against elements half as long. A
-coarser mesh would be no measure, since its error may be the smaller one; the finer one of a plate
-of many waves takes half as long again as the run's own.
+The mesh error is estimated by a finer mesh, from u(h) - u(h / sqrt 2) and the order 4. A coarser
+mesh would be no measure: elements of order 6 and 10 that are as long as the shortest wave are at
+the edge of convergence, and the coarser one may have the smaller error. The order is 4 and not
+that of the elements, since Hertz' pressure on the disc that strikes a plate ends like a square
+root, so that w has hardly three derivatives there. Stated errors of plates and beams are 1.0 to 1.4
+times those measured against elements half as long. The finer mesh of a plate of many waves takes
+half as long again as the run's own.
 """
 
 import numpy as np
@@ -18,14 +18,14 @@ from fem.mode_field import ModeField
 from workflows.scene import InvalidScene, Scene
 from workflows.stages.reduction import SecondModel, selection
 
-FINER = 2**-0.5  # times the elements' length, on the second mesh
-ORDER = 4.0  # of the mesh's error at least, see above
+FINER = 2**-0.5  # length of the second mesh's elements over those of the run's, see above
+ORDER = 4.0  # of the mesh error, at least, see above
 NO_TARGETS = np.empty(0, np.int64)
 
 
 def model(scene: Scene, coarser: float = 1.0) -> fem.Bending:
-    """The beam or plate; raises InvalidScene where its load buckles it, and for a plate of more
-    waves than there is memory for."""
+    """The beam or plate on elements `coarser` times as long; raises InvalidScene where its load
+    buckles it, and for a plate of more waves than there is memory for."""
     table = scene.beam if scene.plate is None else scene.plate
     made_of = fem.Material(table.young, table.poisson, table.density)
     try:
@@ -47,7 +47,7 @@ def model(scene: Scene, coarser: float = 1.0) -> fem.Bending:
 
 
 def section(table) -> fem.Section:
-    """The cross-section, with the shear factor of its shape or the one given."""
+    """The cross-section of a [beam] table, with the shear factor of its shape or the one given."""
     if table.width:
         shape = fem.rectangle(table.width, table.thickness, table.poisson)
     elif table.diameter:
@@ -58,7 +58,7 @@ def section(table) -> fem.Section:
 
 
 def modes(scene: Scene, model: fem.Bending) -> AssemblyModes:
-    """The lowest modes; there are no targets."""
+    """The lowest modes, at most 30, none of them paired: beams and plates have no targets."""
     n = model.K.shape[0]
     lowest = fem.modes(model.K, model.M, min(30, n - 2))  # those that a table of modes lists
     omega, phi = lowest.omega, lowest.phi
@@ -75,17 +75,18 @@ def modes(scene: Scene, model: fem.Bending) -> AssemblyModes:
 
 
 def contact(scene: Scene, model: fem.Bending) -> fem.ContactPatch:
-    """Where it is struck."""
+    """The contact where the beam or plate is struck."""
     return model.patch
 
 
 def mac(scene: Scene, modes: AssemblyModes) -> np.ndarray:
-    """(k, 0): there is nothing to compare with."""
+    """MAC (k, 0): there are no target shapes to compare k modes with."""
     return np.empty((len(modes.omega), 0))
 
 
 def reduction(scene: Scene, model: fem.Bending) -> rom.ReducedModel:
-    """The model in few coordinates at the contact, with the way back to its drawn surface."""
+    """The reduced model at the contact, with the matrix that recovers the drawn surface's
+    motion."""
     reduced, contact = _reduced(scene, model), contact_of(scene, model)
     mesh, n = model.drawn, len(model.drawn.p[0])
     T = (model.T @ reduced.T).astype(np.float32)
@@ -100,7 +101,8 @@ def reduction(scene: Scene, model: fem.Bending) -> rom.ReducedModel:
 
 
 def contact_of(scene: Scene, model: fem.Bending) -> rom.Contact:
-    """The material that is struck; a beam's section holds no half-space, a plate's disc does."""
+    """Material, place and half-space compliance of the contact; a beam has no half-space to take
+    out, since its section does not deform under the disc, a plate has."""
     made_of, spot = scene.struck_material, model.patch.spot
     return rom.Contact(
         half_space=model.half_space,
@@ -112,7 +114,8 @@ def contact_of(scene: Scene, model: fem.Bending) -> rom.Contact:
 
 
 def second_mesh(scene: Scene) -> SecondModel:
-    """The same on shorter elements."""
+    """The reduced model on elements `FINER` times as long, and the factor from its difference to
+    the run's model to the error of that, 1 / (1 - FINER^ORDER)."""
     second = model(scene, FINER)
     reduced = _reduced(scene, second)._replace(T=None, contact=contact_of(scene, second))
     return SecondModel(reduced, 1 / (1 - FINER**ORDER))

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from workflows.scene import RomWall, Scene
-from workflows.stages.cache import digest, memory, program
+from workflows.stages.cache import key, memory
 
 Progress = Callable[[str], AbstractContextManager]  # of the stage named, while it runs
 
@@ -294,8 +294,8 @@ class Pipeline:
         """Changes with everything that the stage's result depends on."""
         if name not in self._keys:
             stage = self._stages[name]
-            inputs = [name, stage.reads(self.scene), [self.key(need) for need in stage.needs]]
-            self._keys[name] = digest([*inputs, *program(stage.module)])
+            needs = [self.key(need) for need in stage.needs]
+            self._keys[name] = key(name, stage.reads(self.scene), needs, stage.module)
         return self._keys[name]
 
 

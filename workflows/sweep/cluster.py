@@ -1,4 +1,4 @@
-"""The same tasks on the processes of a Dask cluster: one of this machine, or one by its address.
+"""Tasks of a sweep on the processes of a Dask cluster: of this machine, or by an address.
 
 Dask sends the tasks of a lost worker to another one; a task that ends several workers fails, and
 its cases are rows with that message.
@@ -40,8 +40,8 @@ def require_processes(where: int | str) -> None:
 
 @contextmanager
 def engine(where: int | str) -> Iterator[Callable]:
-    """What computes tasks on so many processes of this machine, or on the cluster of a scheduler
-    at an address.
+    """A function that computes tasks on `where` processes of this machine, or on the cluster of a
+    scheduler at that address.
 
     Raises InvalidScene for numbers of processes that cannot be, where Dask is not installed, and
     where the scheduler does not answer.
@@ -116,8 +116,8 @@ async def _answer(where: str) -> Any:
 
 
 def on(client: Any) -> Callable[[Iterator[Sharing]], Iterator[list[Rows]]]:
-    """What computes tasks with a Dask client: models once, then walls, then rows, each a future
-    that the next one waits for."""
+    """A function that computes tasks with a Dask client: models once, then walls, then rows, each a
+    future that the next one waits for."""
 
     def run(sharings: Iterator[Sharing]) -> Iterator[list[Rows]]:
         from distributed import as_completed

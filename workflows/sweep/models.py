@@ -51,8 +51,8 @@ class Models(NamedTuple):
 
 
 class SharedWall(NamedTuple):
-    """What the cases of a group share: the wall, if a reduced model makes it, and errors of that
-    model, in parts of the striker's speed; or why there is none."""
+    """The reduced wall that the cases of a group share, and the errors of its model over the
+    striker's speed; or why there is none."""
 
     wall: dem.Wall | coupling.CoupledWall | None = None
     error_reduction: float = float("nan")
@@ -62,7 +62,7 @@ class SharedWall(NamedTuple):
 
 
 def models_key(source: Source) -> str | None:
-    """The same for sources that share their models; None where none is computed."""
+    """A key that is equal for sources with the same models; None where none is computed."""
     if not needs_structure(source.scene):
         return None
     return "".join(source.pipeline.key(stage) for stage in source.stages)

@@ -11,8 +11,8 @@ import numpy as np
 from workflows.sweep.core.design import Design
 
 RESAMPLES = 400  # of the bootstrap: its standard errors are known to 1 / sqrt(2 * 400), 3.5 %
-FEWEST = 16  # samples with a value that indices and rank correlations need
-ALIKE = 1e-5  # of the largest value: outputs that differ by less differ by their own errors
+FEWEST = 16  # samples with a value below which indices and rank correlations are not stated
+ALIKE = 1e-5  # range of an output over its largest value, below which it is the errors of the runs
 Array = np.ndarray
 
 
