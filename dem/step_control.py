@@ -83,8 +83,8 @@ class StepSearch(NamedTuple):
     # the next step aims so much below the errors, which scatter; costs are within a tenth
     velocity_margin: float = 1.5  # from 1 to 2
     energy_margin: float = 2.0  # from 1.6 to 3
-    # instants at least at which velocities are compared. Two marches are alike by chance where these
-    # are few: three of the four smooth scenes that were below had one or ten
+    # instants at least at which velocities are compared. Where they are few, two marches are alike
+    # by chance: three of the four smooth scenes that were below had one or ten
     instants: int = 100
     # difference, over the speed, up to which it grows with the error: velocities are bounded. With
     # no limit a beam struck again and again stated 4e-3 where 0.1 was true
@@ -132,10 +132,10 @@ def march_to_error(
       (One pair: 4 % of the scenes with linear dampers are below; two: 0.7 %.)
     - Differences above `bounded` count in full, without an order: velocities are bounded. The
       motion is sensitive, and constants scatter more: p is lower by one from there on.
-    - So do those of marches whose ledger closes to rounding, the larger one of two: motion that
-      amplifies rounding (beads that rattle between others a hundred times as large) differs by as
-      much at any step. Implicit schemes close it at any step, and forces that jump let it close
-      while velocities converge: neither says anything.
+    - Differences of marches whose ledger closes to rounding count in full as well, the larger one
+      of two: motion that amplifies rounding (beads that rattle between others a hundred times as
+      large) differs by as much at any step. Implicit schemes close the ledger at any step, and
+      where forces jump it may close while velocities converge: there this says nothing.
     - Implicit steps longer than the dampers' time: all may be wrong alike, as their ledger closes
       at any step. The work of the dampers is compared with that of "verlet", which moves them one
       by one, each exactly.
@@ -187,9 +187,9 @@ def march_to_error(
                     ", no march stayed finite (a negative residual compliance may be too large)"
                 )
             raise UnstableStep(
-                f"{target} is not reached within {allowed:.2g} evaluations{so_far}; the next march, "
-                f"with dt = {step:.3g} s, takes {ahead:.2g}: ask for a larger error, for less time, "
-                "or allow more evaluations"
+                f"{target} is not reached within {allowed:.2g} evaluations{so_far}; the next "
+                f"march, with dt = {step:.3g} s, takes {ahead:.2g}: ask for a larger error, for "
+                "less time, or allow more evaluations"
             )
         if EPSILON * ahead > search.rounding_excess * error:
             raise UnstableStep(lost_in_rounding(error, EPSILON * ahead, step))
@@ -224,9 +224,8 @@ def march_to_error(
     # its ledger sets the next step
     shorter = search.ratio
     if not implicit:
-        shorter = (search.energy_margin * coarse.energy_error / energy_error) ** (
-            1.0 / energy_order
-        )
+        excess = search.energy_margin * coarse.energy_error / energy_error
+        shorter = excess ** (1.0 / energy_order)
         shorter = min(max(shorter, 1.4), 1.5 * search.ratio)  # a pair of like steps says nothing
     step = coarse.dt / shorter
 
