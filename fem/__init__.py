@@ -22,7 +22,7 @@ See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
 
 from fem.anisotropic_half_space import indentation_modulus
-from fem.beam import ENDS, BeamEnd, Section, beam, rectangle, section, tube
+from fem.beam import ENDS, BeamEnd, BesideSolid, Section, beam, rectangle, section, tube
 from fem.bending import Bending, Buckled
 from fem.contact_patch import (
     ContactPatch,
@@ -52,7 +52,7 @@ from fem.mechanisms import Loose, loose_bodies
 from fem.mirror import mirrored
 from fem.model import Connections, Held, Model, SwayingTable, joined
 from fem.modes import Modes, held, modes
-from fem.plate import Sheet, TooLarge, mindlin_plate
+from fem.plate import PlateBesideSolid, Sheet, TooLarge, mindlin_plate
 from fem.prestress import FaceForce, Heat, Load, prestressed
 from fem.response import receptance
 from fem.rods import Rod
@@ -66,6 +66,7 @@ __all__ = [
     "ENDS",
     "BeamEnd",
     "Bending",
+    "BesideSolid",
     "BodyMotion",
     "Buckled",
     "Bushing",
@@ -85,6 +86,7 @@ __all__ = [
     "OnSurface",
     "Orthotropic",
     "Pairing",
+    "PlateBesideSolid",
     "RigidBody",
     "Rod",
     "Section",

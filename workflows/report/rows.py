@@ -11,6 +11,7 @@ ERRORS = {
         ("reduction", "reduction-error", "full-response", "response", "modes", "contact"),
     ),
     "mesh": ("mesh", ("mesh", "model", "second-mesh", "mesh-error")),
+    "theory": ("theory", ("other-theories", "theory-error")),
 }
 
 
