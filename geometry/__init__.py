@@ -15,8 +15,6 @@ nobody can build raise InvalidGeometry, with one sentence.
 0.06575
 """
 
-from warnings import warn
-
 from geometry.assembly import (
     PARTS,
     Assembly,
@@ -58,17 +56,3 @@ __all__ = [
     "thinned",
     "volume",
 ]
-
-FORMER_NAMES = {"Box": "Cuboid"}
-
-
-def __getattr__(name: str):
-    """What has another name now, by its former one, with a DeprecationWarning."""
-    if name not in FORMER_NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warn(
-        f"{__name__}.{name} is {__name__}.{FORMER_NAMES[name]} now.",
-        DeprecationWarning,
-        stacklevel=2,
-    )
-    return globals()[FORMER_NAMES[name]]

@@ -70,6 +70,7 @@ class Body(NamedTuple):
         return float(np.sqrt(6 * np.trace(self.inertia) / self.volume))
 
     def face(self, tag: int) -> Face:
+        """The face with a tag."""
         return next(face for face in self.faces if face.tag == tag)
 
 

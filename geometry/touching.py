@@ -48,14 +48,17 @@ class TouchingPair(NamedTuple):
 
     @property
     def name(self) -> str:
+        """Names of both bodies, "a|b"."""
         return "|".join(self.bodies)
 
     @property
     def area(self) -> float:
+        """Area in common [m^2]."""
         return sum(contact.area for contact in self.contacts)
 
     @property
     def gap(self) -> float:
+        """Largest mean distance of two faces that touch [m]."""
         return max(contact.gap for contact in self.contacts)
 
     def covers(self, body: str) -> Iterator[tuple[str, int]]:

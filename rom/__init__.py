@@ -19,8 +19,6 @@ patch on a half-space: it is still in K, and `coupling.wall.wall_of` takes it of
 '2.50e-07 m/N'
 """
 
-from warnings import warn
-
 from rom.craig_bampton import craig_bampton
 from rom.exchange import load_h5, load_mat, load_npz, save_full, save_h5, save_mat, save_npz
 from rom.factorisation import Factorise, ReductionError, Solver, superlu
@@ -90,17 +88,3 @@ __all__ = [
     "substructure",
     "superlu",
 ]
-
-FORMER_NAMES = {"Factor": "Solver"}
-
-
-def __getattr__(name: str):
-    """What has another name now, by its former one, with a DeprecationWarning."""
-    if name not in FORMER_NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warn(
-        f"{__name__}.{name} is {__name__}.{FORMER_NAMES[name]} now.",
-        DeprecationWarning,
-        stacklevel=2,
-    )
-    return globals()[FORMER_NAMES[name]]

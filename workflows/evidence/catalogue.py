@@ -1,4 +1,4 @@
-"""The studies, found in their folders: whatever returns what studies of that folder return.
+"""The studies, found in their folders by what their functions return.
 
 A module of `thesis` or `accuracy` has one public function of the scene that returns a `Finding`,
 a module of `stability` one public generator of trials for each case, one of `verify` a generator of
@@ -27,7 +27,7 @@ RETURNED = {
 
 
 class CatalogueEntry(NamedTuple):
-    """Where a study is, and what it shows."""
+    """A study: its module and function, and the line of its docstring in the listing."""
 
     module: str
     function: str

@@ -22,9 +22,7 @@ class Record(NamedTuple):
     v: NDArray[np.float64]  # (r, k, m) [m/s]
     spheres: tuple[int, ...]  # (m,) counted from 1, ascending
     title: str
-    channels: tuple[Any, ...] | None = (
-        None  # the quantities in v, in SI, if these are no velocities
-    )
+    channels: tuple[Any, ...] | None = None  # quantities in v, SI; None: velocities
 
 
 class Channel(NamedTuple):

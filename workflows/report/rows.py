@@ -1,4 +1,4 @@
-"""A summary's numbers as a person reads them: label, value with unit, what it is."""
+"""Rows of a summary for the terminal and the page: label, value with unit, meaning."""
 
 from workflows.report.numbers import GLUE, NONE, digits, grouped, percent, si
 from workflows.report.summary import ReductionHealth, SensorWaves, SphereWaves, Summary
@@ -11,11 +11,12 @@ ERRORS = {
         ("reduction", "reduction-error", "full-response", "response", "modes", "contact"),
     ),
     "mesh": ("mesh", ("mesh", "model", "second-mesh", "mesh-error")),
+    "theory": ("theory", ("other-theories", "theory-error")),
 }
 
 
 def headline(summary: Summary) -> list[tuple[str, str]]:
-    """What matters first: frequencies, arrivals, TOF, ARR, errors, seconds."""
+    """The main results: frequencies, arrivals, TOF, ARR, errors, seconds."""
     rows = [("scene", summary.scene)]
     if summary.modes_hz:
         rows.append(("measured modes, computed", measured_modes(summary)))
@@ -63,7 +64,7 @@ def measured_modes(summary: Summary) -> str:
 
 
 def arrivals(waves: SphereWaves) -> str:
-    """The waves that pass a sphere."""
+    """Times and peak velocities of the waves that pass a sphere."""
     passing = [
         f"{wave.name or 'unnamed'} {si(wave.time_s, 's')} ({si(wave.peak_velocity_m_s, 'm/s')})"
         for wave in waves.arrivals
@@ -72,7 +73,7 @@ def arrivals(waves: SphereWaves) -> str:
 
 
 def sensed(signal: SensorWaves) -> str:
-    """A sensor's signal in a line."""
+    """Largest value and waves of a sensor's signal, in a line."""
     parts = [f"up to {si(signal.largest, signal.unit)}"]
     if signal.tof_s is not None:
         parts += [f"TOF {si(signal.tof_s, 's')}", f"ARR {percent(signal.arr)}"]
@@ -86,7 +87,7 @@ def run_seconds(summary: Summary) -> float:
 
 
 def details(summary: Summary) -> list[tuple[str, str]]:
-    """All that the headline leaves out."""
+    """All rows that are not in the headline."""
     rows = [
         ("degrees of freedom", grouped(summary.dofs) if summary.dofs else ""),
         ("wall modes", str(summary.n_wall_modes) if summary.n_steps else ""),
@@ -100,7 +101,7 @@ def details(summary: Summary) -> list[tuple[str, str]]:
 
 
 def at_wall(summary: Summary) -> list[tuple[str, str, str]]:
-    """The collision in the measures of the literature: label, value, what it is."""
+    """The collision with the wall, by the quantities of the literature: label, value, meaning."""
     c = summary.wall_contact
     if c is None:
         return []

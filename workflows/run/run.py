@@ -126,7 +126,8 @@ def summary_of(
         errors = {"time": pipeline("impact").trajectory.error_estimate}
         doubts: list[str] = []
         estimated = structure and not isinstance(pipeline("wall"), CoupledWall)
-        for name in ("reduction", "mesh") if estimated else ():
+        models = ("reduction", "mesh", *(("theory",) if scene.bending else ()))
+        for name in models if estimated else ():
             try:
                 errors[name] = pipeline(f"{name}-error")
                 doubts += warnings.large_model_error(name, errors[name])

@@ -204,10 +204,14 @@ class Preload(SceneTable):
 
 
 class RigidWall(SceneTable):
+    """A wall that does not move and is not indented."""
+
     kind: Literal["rigid"]
 
 
 class HalfSpaceWall(SceneTable):
+    """A wall that is indented as a half-space of its material, and moves in no other way."""
+
     kind: Literal["half-space"]
     young: Young = 210e9  # [Pa]
     poisson: Poisson = 0.3
@@ -397,6 +401,8 @@ class RayleighDampingTable(SceneTable):
 
 
 class NoDamping(SceneTable):
+    """An undamped wall."""
+
     kind: Literal["none"] = "none"
 
 

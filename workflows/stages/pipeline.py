@@ -147,6 +147,12 @@ BENDING = ASSEMBLY | {
     "contact": Stage(".bending:contact", tables_of(), ("model",), kept=False, listed=False),
     "reduction": Stage(".bending:reduction", tables_of("reduction"), ("model",)),
     "second-mesh": Stage(".bending:second_mesh", tables_of(*BENT, "reduction"), ()),
+    "other-theories": Stage(".bending:other_theories", tables_of(*BENT, "reduction"), ()),
+    "theory-error": Stage(
+        ".bending:theory_error",
+        lambda scene: [_marched(scene), tables_of("damping")(scene)],
+        ("start", "other-theories", "impact"),
+    ),
 }
 
 IMPACT = {

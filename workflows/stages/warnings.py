@@ -36,6 +36,7 @@ if TYPE_CHECKING:  # a run without a reduced model does not load finite elements
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
     "mesh": "take smaller elements (the seeds of [mesh], or mesh.scale)",
+    "theory": "draw the beam or plate as a body, see solid-beam and solid-plate of `study`",
 }
 
 

@@ -39,7 +39,7 @@ def _unit(name: str) -> str:
 
 
 class TuningReport(BaseModel):
-    """A fit: the modes wanted and met, the fitted values, and how far to believe them."""
+    """A fit: frequencies wanted and met, fitted values with their deviations, remarks."""
 
     scene: str
     match: dict[str, float]
@@ -86,7 +86,8 @@ class TuningReport(BaseModel):
 
 
 def _misses(modes_hz: Mapping[Any, float], match: Mapping[Any, float]) -> dict[Any, float]:
-    """Relative errors of the modes that are no fit, by number; a mode that is nan is none."""
+    """Relative errors, by number, of modes missed by more than LARGEST_MISS; nan counts as
+    missed."""
     errors = {n: modes_hz[n] / hz - 1 for n, hz in match.items()}
     return {n: error for n, error in errors.items() if not abs(error) <= LARGEST_MISS}
 
@@ -183,8 +184,8 @@ def _remarks(
     confirmed: dict[str, float],
     mac: dict[str, float],
 ) -> list[str]:
-    """How far to believe a fit, in sentences. `of_all` is the fit of all candidates, `unchanged`
-    are keys of the scene that the modes do not determine, with their values."""
+    """Sentences on the reliability of a fit. `of_all` is the fit of all candidates; `unchanged` has
+    the scene's keys, with their values, that the modes do not determine."""
     names, remarks = [p.name for p in fit.parameters], []
     modes = "mode " + ", ".join(map(str, match))
     for key, x in unchanged.items():
@@ -291,7 +292,7 @@ def freed(names: tuple[str, ...]) -> list[TuningParameter]:
 
 
 def started_from(scene: Scene, p: TuningParameter) -> TuningParameter:
-    """The same, from the value that the scene has where that lies between the bounds."""
+    """The parameter with the scene's value as its start where that lies between the bounds."""
     scale = 1.0 if p.springs else getattr(scene.assembly, p.of)
     before = tuple(value / scale for _, value in scene_values(scene, p))
     start = before[0] if p.lower <= before[0] <= p.upper else p.start

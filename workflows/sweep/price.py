@@ -36,7 +36,7 @@ class Price(NamedTuple):
     notes: tuple[str, ...] = ()  # why cases are refused, or the first one fails
 
     def table(self) -> Table:
-        """For a person and for machines."""
+        """The price as a table of one row."""
         labels = (
             "cases", "refused", "walls", "reduced models", "reduced models to compute",
             "cases side by side", "seconds a case", "seconds a reduced model", "processes",

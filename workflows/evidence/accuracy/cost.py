@@ -20,7 +20,7 @@ class Cost(NamedTuple):
 
 
 def costed(call: Callable[[], Any]) -> tuple[Any, Cost]:
-    """What a call returns, and what it took."""
+    """The value of a call, its seconds and its peak memory."""
     with suppress(OSError):  # 5 resets the peak of the resident set, where Linux allows it
         Path("/proc/self/clear_refs").write_text("5")
     started = perf_counter()

@@ -80,12 +80,12 @@ class EdgeSeries(NamedTuple):
 
     @property
     def over_far(self) -> NDArray[np.float64]:
-        """ARR over that far away, or over what could just be seen, (k,)."""
+        """ARR (k,) over that at the largest distance, or over the faintest ARR that counts."""
         return self.arr / max(self.far, CollisionRun().faintest_arr)
 
     @property
     def remaining(self) -> NDArray[np.float64]:
-        """What is left of the edge's effect on ARR, (k,), 1 at the edge."""
+        """The edge's effect on ARR (k,) over that at the smallest distance."""
         return (self.arr - self.far) / (self.arr[0] - self.far)
 
     def reach(self, half_space: Collision) -> float:

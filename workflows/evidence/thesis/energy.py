@@ -44,7 +44,7 @@ SHARE = "energy [% of the striker's]"
 
 
 class EnergyOptions(NamedTuple):
-    """What the runs are like; not varied."""
+    """The runs and the large block; not varied."""
 
     duration: float = 3e-3  # [s]
     side: float = 0.3  # [m] of the large block

@@ -52,7 +52,7 @@ class WallThicknessOptions(NamedTuple):
 
 
 class PlateImpact(NamedTuple):
-    """One plate by one model."""
+    """The impact on one plate by one model of it."""
 
     ratio: float  # D/t
     restitution: float  # of one sphere
