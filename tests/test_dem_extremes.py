@@ -60,6 +60,7 @@ def test_any_mass_on_a_spring_is_a_wall(frequency, ratio):
     assert run.energy_error < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zeta", [1.0, 30.0, 1e3])
 def test_modes_damped_beyond_critical(zeta):
     omega = 2 * np.pi * np.array([50.0, 1e3, 1e5])
@@ -96,6 +97,7 @@ def test_any_preload(force):
         assert run.energy_error < 1e-6
 
 
+@pytest.mark.slow
 def test_fast_modes_do_not_pump_energy():
     wall = Wall(2 * np.pi * np.array([1e3, 1e7]), np.zeros(2), np.array([0.3, 300.0]))
     run = controlled(rig(), wall, speeds(), 5e-4)
@@ -162,7 +164,10 @@ def any_scene(seed):
     return chain, wall, speed * np.eye(n)[0], options
 
 
-@pytest.mark.parametrize("seed", range(72))
+# most of a scene's seconds compile its optional parts: the first five meet the commonest
+@pytest.mark.parametrize(
+    "seed", [*range(5), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(5, 72))]
+)
 def test_any_scene_is_marched_to_its_error_or_refused(seed):
     """Steps end at the saves, so that two marches once took the same step where one alone, or a
     shorter one than was wanted, led from a save to the next: a division by zero."""

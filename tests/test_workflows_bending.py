@@ -131,6 +131,7 @@ def test_a_key_of_few_words_that_is_missing_is_asked_for_with_them(key, says, tm
 SMALL = ("plate.length=0.16", "plate.width=0.12", "plate.at=[0.07, 0.05]", "reduction.modes=20")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "changes"), [("slender-beam", ()), ("plate", (*SMALL, *SHORT))])
 def test_the_stated_error_of_the_elements_is_that_against_finer_ones(name, changes):
     """Between 1 and 3 times it; frequencies and waves get better from mesh to mesh."""

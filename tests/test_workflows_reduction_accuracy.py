@@ -48,6 +48,7 @@ def error(printed, method, n):
     return row["error"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["free-modes", "craig-bampton"])
 @pytest.mark.parametrize("measure", ["receptance to 8 kHz", "velocities"])
 def test_modes_and_the_residual_bring_the_error_down(printed, kind, measure):
@@ -57,10 +58,12 @@ def test_modes_and_the_residual_bring_the_error_down(printed, kind, measure):
     assert many < 0.05 * modes_alone  # the static residual is not optional
 
 
+@pytest.mark.slow
 def test_free_modes_with_residual_answer_like_the_full_model(printed):
     assert error(printed, "free-modes + residual: receptance to 8 kHz", 30) < 1e-4
 
 
+@pytest.mark.slow
 def test_the_study_leaves_rows_and_a_picture(printed):
     summary, out = printed
     assert {row["study"] for row in summary["rows"]} == {"reduction"}
@@ -69,6 +72,7 @@ def test_the_study_leaves_rows_and_a_picture(printed):
     assert len((out / "accuracy.csv").read_text().splitlines()) == 1 + len(summary["rows"])
 
 
+@pytest.mark.slow
 def test_the_reference_is_the_full_model_to_its_bound(printed):
     """Said of the direct solutions beside it; a wrong mass or weight would show in percents."""
     (sentence,) = [s for s in printed[0]["findings"] if s.startswith("Errors are relative")]

@@ -157,6 +157,7 @@ def test_values_to_free_must_be_names(free):
         tune("rig-rom", COARSE, match="1", free=free)
 
 
+@pytest.mark.slow
 def test_a_remark_names_the_undetermined_stiffness_that_would_meet_a_mode():
     """Sheets at a rigid joint, of which the scene has a soft one: there is a least stiffness and
     no largest."""

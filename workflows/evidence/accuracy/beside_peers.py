@@ -52,6 +52,7 @@ from workflows.stages.pipeline import Progress
 from workflows.stages.reduction import boundary_of
 
 SCENE = "rig-rom"
+ALONE = True  # some thirty processes, and CalculiX: minutes
 RIGID, REDUCED = "chain, rigid wall", "chain, reduced wall"
 HEADING = ("work", "method", "setting", "error", "warm [s]", "cold [s]", "processor [s]",
            "processor, cold [s]", "memory [GB]")  # fmt: skip

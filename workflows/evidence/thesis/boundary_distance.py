@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import coupling
 import dem
 from coupling.plate import Plate, group_speed
+from workflows.evidence.counted import counted
 from workflows.evidence.prose import rendered
 from workflows.evidence.thesis import plate_sizes, plates
 from workflows.evidence.thesis.collision import Collision, CollisionRun
@@ -144,10 +145,9 @@ def boundary_distance(
         return EdgeSeries(ratio, plate, distance, collisions, options.close)
 
     series = []
-    for ratio in options.ratios:
-        with progress(f"plate, D/t = {ratio:g}"):
-            size = size_of(plates.steel(scene, diameter / ratio))
-            series.append(struck(ratio, size, options.diameters))
+    for ratio in counted(options.ratios, progress, "plate, D/t = {:g}".format):
+        size = size_of(plates.steel(scene, diameter / ratio))
+        series.append(struck(ratio, size, options.diameters))
 
     # one of them again with mesh and modes varied, at a few distances
     base = next(plate for plate in series if plate.ratio == checked)
