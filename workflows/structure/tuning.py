@@ -279,7 +279,7 @@ def worth_of_the_mesh(
     if worst is None:
         return []
     error, missed = mesh_percent[str(worst)], 100 * abs(modes_hz[str(worst)] / match[worst] - 1)
-    if error <= max(missed, 100 * DISAGREEMENT):
+    if error <= max(missed, 100 * TOLERANCES.disagreement):
         return []
     key = "mesh.scale" if scene.is_general else "mesh.seed and mesh.block_seed times"
     return [
