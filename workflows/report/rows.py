@@ -17,6 +17,11 @@ ERRORS = {
 
 def headline(summary: Summary) -> list[tuple[str, str]]:
     """The main results: frequencies, arrivals, TOF, ARR, errors, seconds."""
+    return results(summary) + errors_and_seconds(summary)
+
+
+def results(summary: Summary) -> list[tuple[str, str]]:
+    """Of the headline what is known before errors are: frequencies, arrivals, TOF, ARR."""
     rows = [("scene", summary.scene)]
     if summary.modes_hz:
         rows.append(("measured modes, computed", measured_modes(summary)))
@@ -30,7 +35,11 @@ def headline(summary: Summary) -> list[tuple[str, str]]:
             ("amplitude ratio ARR", percent(contact.arr_2_9)),
             ("peak force at the wall", si(summary.peak_wall_force_N, "N")),
         ]
+    return [(label, value) for label, value in rows if value not in ("", NONE)]
 
+
+def errors_and_seconds(summary: Summary) -> list[tuple[str, str]]:
+    """Of the headline what comes last."""
     # relative errors of the observed velocities, and how far the energy balance is from closing
     errors = []
     for label, (name, _) in ERRORS.items():
@@ -39,7 +48,7 @@ def headline(summary: Summary) -> list[tuple[str, str]]:
             errors.append(f"{label} {percent(value, 2)}")
     if summary.energy_error is not None:
         errors.append(f"energy balance {percent(summary.energy_error, 2)}")
-    rows.append(("errors", listed(errors)))
+    rows = [("errors", listed(errors))]
 
     # seconds of the run, and of the three longest stages
     spent = {stage.name: stage.seconds for stage in summary.stages if not stage.cached}

@@ -328,8 +328,8 @@ class Mesh(SceneTable):
     element: Literal["hex", "tet"] = "hex"
     seed: Seed = 6e-3  # [m]
     block_seed: Seed = 20e-3  # [m]
-    support_seed: Seed = 24e-3  # [m]
-    contact_seed: Seed = 4e-3  # [m]
+    support_seed: Seed = 60e-3  # [m]
+    contact_seed: Seed = 5e-3  # [m]
     file: str | None = None  # a mesh of one's own, with the names of ours
 
 

@@ -21,6 +21,7 @@ FURTHER = {
         ".reduction:jointed",
         tables_of("reduction", "patch", "assembly"),
         ("model", "contact", "modes"),
+        means=("factor", "krylov-space"),
     )
 }
 
@@ -78,6 +79,7 @@ def models(source: Source) -> Models | str:
     pipeline, (reduction, second) = source.pipeline, source.stages
     try:
         first = pipeline(reduction)
+        pipeline.release()
         try:
             # None for a mesh that no other one tells the error of
             on_other_mesh = pipeline(second)
