@@ -6,7 +6,7 @@ fitted stiffnesses as a judge.
 
 from collections.abc import Mapping, Sequence
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
@@ -26,8 +26,16 @@ SHIFT = of_bodies.SHIFT
 STARTS = {"ky": (1e6, *SHIFT[1:]), "kz": (3e7, *SHIFT[1:]), "kt": (1e8, *SHIFT[1:])}
 FACTOR = (1.0, 0.85, 1.15)  # of the block's modulus and density
 TANGENTIAL = ("kx", "kz")  # what "kt" stands for
-DISAGREEMENT = 1e-3  # of the full model and the projection, relative
-LARGEST_MISS = 0.05  # relative: three times what the thesis' own matches miss, table 5.3
+
+
+class FitTolerances(NamedTuple):
+    """Relative errors of frequencies by which a fit is judged; not varied."""
+
+    disagreement: float = 1e-3  # of the full model and the projection
+    largest_miss: float = 0.05  # of a fit: three times what the thesis' own matches miss, table 5.3
+
+
+TOLERANCES = FitTolerances()
 
 
 def _unit(name: str) -> str:
@@ -80,16 +88,17 @@ class TuningReport(BaseModel):
         """A sentence on each mode that is missed by more than a fit of it may be."""
         return [
             f"mode {n} of {self.match[n]:g} Hz is missed by {100 * error:+.3g} %, up to "
-            f"{100 * LARGEST_MISS:g} % is a fit; free what moves this mode, or match others."
+            f"{100 * TOLERANCES.largest_miss:g} % is a fit; free what moves this mode, or match "
+            "others."
             for n, error in _misses(self.modes_hz, self.match).items()
         ]
 
 
 def _misses(modes_hz: Mapping[Any, float], match: Mapping[Any, float]) -> dict[Any, float]:
-    """Relative errors, by number, of modes missed by more than LARGEST_MISS; nan counts as
-    missed."""
+    """Relative errors, by number, of modes missed by more than `largest_miss`; nan counts
+    as missed."""
     errors = {n: modes_hz[n] / hz - 1 for n, hz in match.items()}
-    return {n: error for n, error in errors.items() if not abs(error) <= LARGEST_MISS}
+    return {n: error for n, error in errors.items() if not abs(error) <= TOLERANCES.largest_miss}
 
 
 def tuned(
@@ -201,8 +210,8 @@ def _remarks(
     contradicted = [
         f"mode {n}"
         for n, hz in match.items()
-        if abs(fit.modes_hz[n - 1] / hz - 1) > DISAGREEMENT
-        and abs(of_all.modes_hz[n - 1] / hz - 1) < DISAGREEMENT / 2
+        if abs(fit.modes_hz[n - 1] / hz - 1) > TOLERANCES.disagreement
+        and abs(of_all.modes_hz[n - 1] / hz - 1) < TOLERANCES.disagreement / 2
     ]
     if contradicted:
         values = [
@@ -217,18 +226,18 @@ def _remarks(
 
     missed = {n: float(fit.modes_hz[n - 1]) / hz - 1 for n, hz in match.items()}
     for n, error in missed.items():
-        if abs(error) > DISAGREEMENT:
+        if abs(error) > TOLERANCES.disagreement:
             remarks.append(f"mode {n} is missed by {100 * error:+.1f} %.")
     has_free_turn = {"head.kz", "head.kry"} <= {p.name for p in candidates}
     conflict = not scene.is_general and {2, 3} <= match.keys() and not has_free_turn
-    if conflict and max(map(abs, missed.values())) > DISAGREEMENT:
+    if conflict and max(map(abs, missed.values())) > TOLERANCES.disagreement:
         remarks.append(
             "Modes 2 and 3 both shear the joints along x: one stiffness for x and z that is soft "
             "enough for mode 2 pulls mode 3 down with it. Free head.kz and head.kry instead."
         )
 
     for i, hz in confirmed.items():
-        if abs(fit.modes_hz[int(i) - 1] / hz - 1) > DISAGREEMENT:
+        if abs(fit.modes_hz[int(i) - 1] / hz - 1) > TOLERANCES.disagreement:
             remarks.append(
                 f"the full model has mode {i} at {hz:.2f} Hz: the projection is inaccurate."
             )
