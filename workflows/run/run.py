@@ -25,7 +25,7 @@ from workflows.stages.pipeline import Pipeline, needs_structure
 from workflows.stages.waves import chain_contact, sphere_waves
 
 if TYPE_CHECKING:  # loads the finite elements
-    from workflows.stages.errors import QuantityError
+    from workflows.stages.quantity_errors import QuantityError
 
 IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv")
 FILES = (

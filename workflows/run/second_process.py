@@ -76,12 +76,12 @@ class SecondProcess:
 def two_processes(pipeline: Pipeline, names: tuple[str, ...]) -> Iterator[None]:
     """A second process for these stages, where a core, memory and the cache allow for it.
 
-    BEADWAVE_PROCESSES=1 keeps a run to one process. One stage alone is not worth a second.
+    BEADWAVE_PROCESSES=1 keeps a run to one process. Pictures alone are not worth a second.
     """
     missing = tuple(name for name in names if _wanted(pipeline, name))
     cores = len(sched_getaffinity(0))
     allowed = environ.get("BEADWAVE_PROCESSES") != "1" and cores > 1 and pipeline.keeps
-    if len(missing) < 2 or not allowed or not _have_room(pipeline):
+    if missing in ((), ("pictures",)) or not allowed or not _have_room(pipeline):
         yield
         return
     # threads of MKL that wait for a core spin: each process gets its share

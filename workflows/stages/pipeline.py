@@ -188,7 +188,7 @@ IMPACT = {
         ("start", "second-mesh", "impact"),
     ),
     "quantity-errors": Stage(
-        ".errors:quantity_errors",
+        ".quantity_errors:quantity_errors",
         lambda scene: [_marched(scene), tables_of("damping")(scene)],
         ("start", "missed-energy", "reduction", "impact", "waves"),
     ),
@@ -211,7 +211,7 @@ def stages_of(scene: Scene) -> dict[str, Stage]:
     impact = IMPACT
     if scene.bending is None:
         of_mesh = IMPACT["mesh-error"]._replace(
-            function=".errors:error_of_mesh", needs=("quantity-errors",)
+            function=".quantity_errors:error_of_mesh", needs=("quantity-errors",)
         )
         impact = impact | {"mesh-error": of_mesh}
     else:
